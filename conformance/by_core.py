@@ -183,6 +183,9 @@ def reel_block(graph, stored, n_columns=3):
         "correction step": 0.0,
         "corrections": {},
     }
+    if layout.rests.runs:
+        runs = [list(run) for run in layout.rests.runs]
+        found |= {"rests": runs, "rest bits": layout.rests.bits}
     if layout.n_reused:
         found |= {"reused": layout.n_reused, "finer": float(layout.finer)}
     moves = read_corrections(stored, graph[1], n_columns)

@@ -90,6 +90,8 @@ typedef struct {
     float step, finer;
     double *values;  /* n_verts x n_modes */
     double *lengths; /* of the fields that are reused */
+    uint8_t *rests;  /* of each time; NULL if none rests */
+    int64_t rest_bits;
 } block;
 
 static hierarchy hierarchy_of(const stream *s, int64_t size) {
@@ -138,21 +140,50 @@ static int32_t *read_fields(bytes in, int64_t n_rows, int64_t n_columns, const i
     return values;
 }
 
-/* "Passes by times" of the page. */
-static int32_t *read_basis(bytes in, int64_t n_modes, int64_t width, int64_t n, FILE *out) {
+static uint8_t *read_rests(bytes *layout, int64_t n_frames, int64_t *rest_bits) {
+    uint8_t *rests = room(n_frames);
+    memset(rests, 0, (size_t)n_frames);
+    *rest_bits = varint(layout);
+    int64_t n_runs = varint(layout), end = 0;
+    for (int64_t i = 0; i < n_runs; i++) {
+        int64_t start = end + varint(layout);
+        end = start + varint(layout);
+        memset(rests + start, 1, (size_t)(end - start));
+    }
+    return rests;
+}
+
+/* "Passes by times" of the page: times of moving ones, in three levels, then those that rest. */
+static int32_t *read_basis(bytes in, int64_t n_modes, int64_t width, int64_t n,
+                           const uint8_t *rests, FILE *out) {
     int32_t *columns = room(4 * width * n), *near = room(4 * width * n * 6);
-    int64_t *near_starts = room(8 * (width * n + 1)), pass_starts[4] = {0}, n_passes = 0;
-    int64_t place = 0, count = 0;
-    const int64_t first[3] = {0, 2, 1}, apart[3] = {4, 4, 2}, d[3] = {2, 2, 1};
+    int32_t *times = room(4 * n), *resting = room(4 * n);
+    int64_t *near_starts = room(8 * (width * n + 1)), pass_starts[5] = {0}, n_passes = 0;
+    int64_t place = 0, count = 0, n_moving = 0, n_resting = 0;
+    const int64_t first[4] = {0, 2, 1, 0}, apart[4] = {4, 4, 2, 1}, d[3] = {2, 2, 1};
+    for (int64_t t = 0; t < n; t++) {
+        if (rests && rests[t]) {
+            resting[n_resting++] = (int32_t)t;
+        } else {
+            times[n_moving++] = (int32_t)t;
+        }
+    }
     near_starts[0] = 0;
-    for (int level = 0; level < 3; level++) {
+    for (int level = 0; level < (n_resting ? 4 : 3); level++) {
+        bool is_last = level == 3;
         for (int64_t own = 0; own < width; own++) {
-            for (int64_t t = first[level]; t < n; t += apart[level]) {
-                int64_t others[4] = {t - d[level], t + d[level], t - 2 * d[level],
-                                     t - 4 * d[level]};
-                for (int k = level ? 0 : 2; k < 4; k++) {
-                    if (others[k] >= 0 && others[k] < n) {
-                        near[count++] = (int32_t)(own * n + others[k]);
+            for (int64_t i = first[level]; i < (is_last ? n_resting : n_moving); i += apart[level]) {
+                int64_t t = is_last ? resting[i] : times[i];
+                for (int k = level ? 0 : 2; k < 4 && !is_last; k++) {
+                    const int64_t offsets[4] = {-1, 1, -2, -4};
+                    int64_t other = i + offsets[k] * d[level];
+                    if (other >= 0 && other < n_moving) {
+                        near[count++] = (int32_t)(own * n + times[other]);
+                    }
+                }
+                for (int64_t u = t - 1; u >= 0 && u >= t - 2 && is_last; u--) {
+                    if (rests[u]) {
+                        near[count++] = (int32_t)(own * n + u);
                     }
                 }
                 for (int64_t before = own < 2 ? 0 : own - 2; before < own; before++) {
@@ -361,8 +392,8 @@ static void write_frames(stream *s, const track *of, const hierarchy *h, const b
     int64_t decoded_type = of->coding == BY_MODES ? of->number_type : 8;
     double *basis = room(8 * width * n_frames * n_modes), *fields = room(8 * n_modes * n);
     size_t needed = reel_basis_memory(width, n_frames);
-    done(reel_basis(room(needed), needed, integers, n_modes, width, n_frames, b->lengths, b->n_reused,
-                    basis),
+    done(reel_basis(room(needed), needed, integers, n_modes, width, n_frames, b->rests,
+                    b->rest_bits, b->lengths, b->n_reused, basis),
          "basis");
     for (int64_t i = 0; i < n; i++) {
         for (int64_t mode = 0; mode < n_modes; mode++) {
@@ -423,18 +454,22 @@ static block read_block(stream *s, const track *of, const bytes *sections, int64
     }
     block b = {.n_frames = n_frames, .is_of_positions = sections[BLOCK].at != NULL};
     b.n_modes = varint(&head);
-    b.precision = *layout.at++;
+    uint8_t number = *layout.at++;
+    b.precision = number & ~16;
     b.reference = varint(&layout);
     take(&layout, &b.step, 4);
     b.size = varint(&layout);
     b.n_learned = varint(&layout);
+    if (number & 16) {
+        b.rests = read_rests(&layout, n_frames, &b.rest_bits);
+    }
     if (layout.at < layout.end) {
         b.n_reused = varint(&layout);
         take(&layout, &b.finer, 4);
     }
     int64_t n_own = b.n_modes - b.n_reused;
     hierarchy h = hierarchy_of(s, b.size);
-    int32_t *basis = read_basis(sections[BASIS], b.n_modes, of->n_coded, n_frames, out);
+    int32_t *basis = read_basis(sections[BASIS], b.n_modes, of->n_coded, n_frames, b.rests, out);
     int32_t *residuals = read_fields(sections[COEFFICIENTS], n_own, s->n_verts, h.columns,
                                      h.pass_starts, h.n_passes, h.near_starts, h.near, out);
     const block *key = b.reference ? before - b.reference : NULL;

@@ -50,7 +50,7 @@ def describe_block(block):
     """Counts and hashes of the integers of a block."""
     found = {}
     for name, value in block.items():
-        if isinstance(value, int):
+        if isinstance(value, int) or name == "rests":
             found[name] = value
         elif name in ("step", "finer") or (name == "correction step" and value):
             found[name] = value.hex()

@@ -48,11 +48,13 @@ from meshreel.connectivity.coder import encode_connectivity
 from meshreel.entropy.coder import encode_integers
 from meshreel.entropy.varint import write_varint
 from meshreel.geometry.fans import join_fans
+from meshreel.reel.agreed import payloads
 from meshreel.reel.agreed.blocks import write_field_block, write_track_block
 from meshreel.reel.agreed.expected import MovingSurface
 from meshreel.reel.agreed.fields import FieldBlock, Layout
 from meshreel.reel.agreed.graphs import item_graph
 from meshreel.reel.agreed.mesh import FieldMesh
+from meshreel.reel.agreed.timeline import Rests
 from meshreel.sequence import MeshSequence
 from meshreel.surface import PLAIN, Domain, Surface
 from meshreel.tracks import Track
@@ -363,6 +365,39 @@ def reused_fields():
         for number, (back, step, reused) in enumerate(kinds)
     ]
     blocks[4][2][1] = 0  # a field of length 0
+    return by_hand(faces, 42, blocks)
+
+
+@stream
+def rests():
+    """Times that rest: single ones, runs, up to the last; with few moving ones; reused fields."""
+    rng, faces = np.random.default_rng(15), grid(6, 7)
+    kinds = [
+        ((), 0, 0, 9),
+        (((1, 2), (4, 9), (11, 12)), 3, 0, 12),
+        (((1, 30),), 8, 3, 30),
+        (((2, 3), (5, 6)), 0, 0, 7),
+    ]
+    finer = np.float32(2.5)
+    blocks = [
+        random_block(
+            rng,
+            Layout(
+                np.float32(0.01),
+                9,
+                2,
+                number,
+                number % 2 == 0,
+                n_reused,
+                finer if n_reused else np.float32(0),
+                Rests(runs, bits),
+            ),
+            42,
+            5,
+            n_frames,
+        )
+        for number, (runs, bits, n_reused, n_frames) in enumerate(kinds)
+    ]
     return by_hand(faces, 42, blocks)
 
 
@@ -799,6 +834,15 @@ def with_long_name():
         return by_hand([[0, 1, 2]], 3, [block], name="n" * (MAX_NAME_BYTES + 1))
 
 
+def with_rests(payload):
+    """The worked example, whose second time rests, as these bytes say it."""
+    rests = Rests(((1, 2),))
+    layout = Layout(np.float32(0.5), 1, 0, rests=rests)
+    basis = np.array([[[3, 0], [0, -1], [0, 0]]])
+    with patch.object(payloads, "_write_rests", lambda _: bytes(payload)):
+        return by_hand([[0, 1, 2]], 3, [(layout, basis, np.array([[4, -1, 2]]), None)])
+
+
 REFUSED["long_name"] = with_long_name
 for reason, payload in {
     "short": bytes(7),
@@ -809,6 +853,14 @@ for reason, payload in {
     "no_number": np.float64(np.nan).tobytes(),
 }.items():
     REFUSED[f"promise_{reason}"] = partial(with_promise, payload)
+for reason, numbers in {
+    "first_time": [0, 1, 0, 1],
+    "no_time": [0, 1, 1, 0],
+    "behind_the_block": [0, 1, 1, 2],
+    "no_run": [0, 0],
+    "of_9_bits": [9, 1, 1, 1],
+}.items():
+    REFUSED[f"rests_{reason}"] = partial(with_rests, numbers)
 
 
 def main():

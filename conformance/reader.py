@@ -30,6 +30,8 @@ from conformance.timeline import (
     length_of,
     passes_by_times,
     read_corrections,
+    read_rests,
+    resting_times,
 )
 
 DEFAULT_MEMORY = Memory()
@@ -352,8 +354,9 @@ def read_reel_block(group, n_frames, placed, blocks, items, coding):
     # Fields have their vertices in the order in which they were decoded.
     lengths = [length_of(field.values()) / block["finer"] for field in reused]
     lengths += [None] * len(block["coefficients"])
+    rests, rest_bits = resting_times(block.get("rests", [])), block.get("rest bits", 0)
     bases = [
-        basis_vector(row, n_frames, length)
+        basis_vector(row, n_frames, length, rests, rest_bits)
         for row, length in zip(block["basis"], lengths, strict=True)
     ]
     corrections = block["correction step"], block["corrections"]
@@ -416,12 +419,14 @@ def read_integers(group, n_frames, n_columns, items):
     n_modes = head.varint()
     head.end()
     need(1 <= n_modes <= n_columns * n_frames)
-    precision = layout.byte()
+    layout_number = layout.byte()
+    precision = layout_number & ~16
     need(precision in (4, 8), "the fields have a layout that is not known")
     reference, step, size, n_learned = (
         *(layout.varint(), layout.number("f")),
         *(layout.varint(), layout.varint()),
     )
+    rest_bits, rests = read_rests(layout, n_frames) if layout_number & 16 else (0, [])
     n_reused, finer = 0, 0.0
     if reference and layout.position < len(layout.data):
         n_reused, finer = layout.varint(), layout.number("f")
@@ -432,6 +437,7 @@ def read_integers(group, n_frames, n_columns, items):
     if "CORRECTIONS" in group:
         corrections = read_corrections(group["CORRECTIONS"], n_columns, n_frames, items.n)
     passes = passes_of(items.resolutions(size))
+    times = passes_by_times(n_columns, n_frames, resting_times(rests))
     return {
         "frames": n_frames,
         "modes": n_modes,
@@ -440,8 +446,9 @@ def read_integers(group, n_frames, n_columns, items):
         "precision": precision,
         "stencil": size,
         "learned": n_learned,
+        **({"rests": rests, "rest bits": rest_bits} if rests else {}),
         **({"reused": n_reused, "finer": finer} if n_reused else {}),
-        "basis": read_fields(group["BASIS"], n_modes, passes_by_times(n_columns, n_frames)),
+        "basis": read_fields(group["BASIS"], n_modes, times),
         "coefficients": read_fields(group["COEFFICIENTS"], n_modes - n_reused, passes),
         "correction step": corrections[0],
         "corrections": corrections[1],

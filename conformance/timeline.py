@@ -14,23 +14,57 @@ def levels_of(n_frames):
     return [(d, times) for d, times in levels if times]
 
 
-def passes_by_times(n_columns, n_frames):
+def read_rests(layout, n_frames):
+    """The r of the integers of resting times, and the first time and the end of each run."""
+    r, n_runs, runs, end = layout.varint(), layout.varint(), [], 0
+    need(r <= 8 and n_runs >= 1)
+    for _ in range(n_runs):
+        gap, length = layout.varint(), layout.varint()
+        need(gap >= 1 and length >= 1 and end + gap + length <= n_frames)
+        runs.append([end + gap, end + gap + length])
+        end += gap + length
+    return r, runs
+
+
+def resting_times(runs):
+    return {t for start, end in runs for t in range(start, end)}
+
+
+def passes_by_times(n_columns, n_frames, rests=()):
     """Context neighbours of each time of each column of a track, column after column, by pass."""
-    passes = []
-    for d, times in levels_of(n_frames):
+    moving, passes = [t for t in range(n_frames) if t not in rests], []
+    for d, places in levels_of(len(moving)):
         passes.append({})
-        for c in range(n_columns):
-            for t in times:
-                around = [] if times[0] == 0 else [t - d, t + d]
-                around += [t - 2 * d, t - 4 * d]
-                near = [c * n_frames + u for u in around if 0 <= u < n_frames]
-                near += [before * n_frames + t for before in range(max(0, c - 2), c)]
-                passes[-1][c * n_frames + t] = near
-    return passes
+        for i in places:
+            around = [] if places[0] == 0 else [i - d, i + d]
+            around += [i - 2 * d, i - 4 * d]
+            passes[-1][moving[i]] = [moving[j] for j in around if 0 <= j < len(moving)]
+    if rests:
+        passes.append({t: [u for u in (t - 1, t - 2) if u in rests] for t in sorted(rests)})
+    return [in_columns(near_of, n_columns, n_frames) for near_of in passes]
 
 
-def values_at_times(coded):
+def in_columns(near_of, n_columns, n_frames):
+    """A pass of all columns, of the neighbours of each time in one of them."""
+    found = {}
+    for c in range(n_columns):
+        for t, around in near_of.items():
+            before = [other * n_frames + t for other in range(max(0, c - 2), c)]
+            found[c * n_frames + t] = [c * n_frames + u for u in around] + before
+    return found
+
+
+def values_at_times(coded, rests=(), r=0):
     """Values of one column from its integers."""
+    moving = values_at_moving([one for t, one in enumerate(coded) if t not in rests])
+    v, moving = [], iter(moving)
+    for t, one in enumerate(coded):
+        v.append(v[-1] + one / 2**r if t in rests else next(moving))
+    return v
+
+
+def values_at_moving(coded):
+    """Values of one column at the times that do not rest."""
     n_frames, v = len(coded), [0.0] * len(coded)
     for d, times in levels_of(n_frames):
         for t in times:
@@ -57,11 +91,11 @@ def predicted(a, b, c, e):
     return (b + c) / 2
 
 
-def basis_vector(coded, n_frames, length=None):
+def basis_vector(coded, n_frames, length=None, rests=(), r=0):
     """The C T_b numbers of a mode; divided by their length, if no other is given."""
     values = []
     for first in range(0, len(coded), n_frames):
-        values += values_at_times(coded[first : first + n_frames])
+        values += values_at_times(coded[first : first + n_frames], rests, r)
     length = length or length_of(values)
     return [one / length for one in values]
 

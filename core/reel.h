@@ -27,7 +27,7 @@
 extern "C" {
 #endif
 
-#define REEL_ABI 10 /* changes with every change of a function below */
+#define REEL_ABI 11 /* changes with every change of a function below */
 
 enum reel_code {
     REEL_OK = 0,
@@ -139,13 +139,17 @@ REEL_API int64_t reel_predict_prepare(const reel_mesh *mesh, const reel_fields *
 
    A track has n_columns numbers at each vertex and frame; positions have x, y and z. Basis vectors
    of length 1 (or 0): of each column n_frames times of n_modes numbers, from integers as they are
-   coded: of each mode all times of the first column, then of the next. Vectors of the first
+   coded: of each mode all times of the first column, then of the next. Times with rests[time] != 0,
+   none if `rests` is NULL and never the first, are predicted from the time before, and their
+   integers are divided by 2^rest_bits, 0..REEL_MAX_REST_BITS. Vectors of the first
    n_reused modes, whose fields are those of a key block, are divided by `lengths` instead: those of
    the first modes of `values`, n_verts x n_modes, by `finer`, as reel_lengths finds them. */
+#define REEL_MAX_REST_BITS 8
 REEL_API size_t reel_basis_memory(int64_t n_columns, int64_t n_frames);
 REEL_API int64_t reel_basis(void *memory, size_t memory_size, const int32_t *integers,
                             int64_t n_modes, int64_t n_columns, int64_t n_frames,
-                            const double *lengths, int64_t n_reused, double *basis);
+                            const uint8_t *rests, int64_t rest_bits, const double *lengths,
+                            int64_t n_reused, double *basis);
 REEL_API int64_t reel_lengths(const double *values, int64_t n_verts, int64_t n_modes,
                               int64_t n_reused, double finer, double *lengths);
 
@@ -154,7 +158,8 @@ REEL_API int64_t reel_lengths(const double *values, int64_t n_verts, int64_t n_m
 REEL_API size_t reel_basis_encode_memory(int64_t n_frames);
 REEL_API int64_t reel_basis_encode(void *memory, size_t memory_size, const double *wanted,
                                    int64_t n_modes, int64_t n_columns, int64_t n_frames,
-                                   double price, int32_t *integers);
+                                   const uint8_t *rests, int64_t rest_bits, double price,
+                                   int32_t *integers);
 
 /* Fields of a block as reel_frames multiplies them, for any number of calls: reel_packed_bytes of
    memory, aligned to 64 bytes. They are those of all vertices in their order, or if `order` is not

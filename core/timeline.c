@@ -1,7 +1,8 @@
 /* How the modes of a block move: basis vectors over time, from integers.
 
    docs/format.md, "Times". A time is predicted from known ones around it by the polynomial through
-   them. Values are multiples of 1/256, and exact as long as they stay below 2^44. */
+   them, and one that rests from the time before it. Values are multiples of 1/256, and exact as
+   long as they stay below 2^44. */
 
 #include "rounding.h"
 
@@ -43,8 +44,63 @@ static void decode_times(const int32_t *integers, int64_t n_frames, double *valu
     }
 }
 
+/* The times of a block by whether they rest. */
+typedef struct {
+    int64_t n_frames, n_moving;
+    int32_t *moving;       /* the times that do not rest, ascending */
+    const uint8_t *rests;  /* NULL if none does */
+    double unit;           /* what an integer of a resting time stands for */
+} timeline;
+
+static size_t timeline_room(int64_t n_frames) {
+    return reel_room((size_t)n_frames, sizeof(int32_t));
+}
+
+/* Lists the moving times; returns a failure, or 0. The first time cannot rest. */
+static int64_t find_timeline(reel_arena *arena, int64_t n_frames, const uint8_t *rests,
+                             int64_t rest_bits, timeline *found) {
+    *found = (timeline){.n_frames = n_frames, .rests = rests};
+    found->moving = reel_take(arena, (size_t)n_frames, sizeof *found->moving);
+    if (arena->failed) {
+        return reel_failure(REEL_NO_MEMORY, 0);
+    }
+    if (rests && (rest_bits < 0 || rest_bits > REEL_MAX_REST_BITS || (n_frames && rests[0]))) {
+        return reel_failure(REEL_INVALID, 0);
+    }
+    found->unit = rests ? 1.0 / (double)((int64_t)1 << rest_bits) : 1.0;
+    for (int64_t time = 0; time < n_frames; time++) {
+        if (!rests || !rests[time]) {
+            found->moving[found->n_moving++] = (int32_t)time;
+        }
+    }
+    return 0;
+}
+
+/* Spreads the values of moving times, which are the first ones, over all times. */
+static void spread(const timeline *times, double *values) {
+    for (int64_t i = times->n_moving - 1; i >= 0; i--) { /* moving[i] >= i: none is lost */
+        values[times->moving[i]] = values[i];
+    }
+}
+
+/* The values of a column at all times; `gathered` has space for n_frames integers. */
+static void decode_column(const int32_t *integers, const timeline *times, int32_t *gathered,
+                          double *values) {
+    for (int64_t i = 0; i < times->n_moving; i++) {
+        gathered[i] = integers[times->moving[i]];
+    }
+    decode_times(gathered, times->n_moving, values);
+    spread(times, values);
+    for (int64_t time = 1; times->rests && time < times->n_frames; time++) {
+        if (times->rests[time]) {
+            values[time] = values[time - 1] + integers[time] * times->unit;
+        }
+    }
+}
+
 size_t reel_basis_memory(int64_t n_columns, int64_t n_frames) {
-    return reel_room((size_t)n_columns * (size_t)n_frames, sizeof(double));
+    return reel_room((size_t)n_columns * (size_t)n_frames, sizeof(double)) +
+           timeline_room(n_frames) + reel_room((size_t)n_frames, sizeof(int32_t));
 }
 
 int64_t reel_lengths(const double *values, int64_t n_verts, int64_t n_modes, int64_t n_reused,
@@ -66,18 +122,21 @@ int64_t reel_lengths(const double *values, int64_t n_verts, int64_t n_modes, int
 }
 
 int64_t reel_basis(void *memory, size_t memory_size, const int32_t *integers, int64_t n_modes,
-                   int64_t n_columns, int64_t n_frames, const double *lengths, int64_t n_reused,
-                   double *basis) {
+                   int64_t n_columns, int64_t n_frames, const uint8_t *rests, int64_t rest_bits,
+                   const double *lengths, int64_t n_reused, double *basis) {
     reel_arena arena = reel_arena_of(memory, memory_size);
     int64_t length = n_columns * n_frames;
+    timeline times;
     double *values = reel_take(&arena, (size_t)length, sizeof *values);
-    if (arena.failed) {
-        return reel_failure(REEL_NO_MEMORY, 0);
+    int32_t *gathered = reel_take(&arena, (size_t)n_frames, sizeof *gathered);
+    int64_t failed = find_timeline(&arena, n_frames, rests, rest_bits, &times);
+    if (failed) {
+        return failed;
     }
     for (int64_t mode = 0; mode < n_modes; mode++) {
         double sum = 0.0;
         for (int64_t first = 0; first < length; first += n_frames) {
-            decode_times(integers + mode * length + first, n_frames, values + first);
+            decode_column(integers + mode * length + first, &times, gathered, values + first);
         }
         for (int64_t i = 0; i < length; i++) {
             sum += values[i] * values[i];
@@ -154,21 +213,71 @@ static bool encode_times(const double *wanted, int64_t n_frames, double price, d
     return true;
 }
 
+/* What the encoder needs for a column. */
+typedef struct {
+    double *wanted, *values, *scaled;
+    int32_t *integers;
+} column_work;
+
+/* A time that rests moves as the wanted one does, from what the last moving time became: its error
+   stays as it is instead of being corrected, which would be seen as motion. */
+static bool encode_rests(const double *wanted, const timeline *times, double price, double *values,
+                         int32_t *integers) {
+    double zone = price > 0.0 ? FIRST_DEAD_ZONE : REEL_NO_ZONE, error = 0.0;
+    for (int64_t time = 1; times->rests && time < times->n_frames; time++) {
+        if (!times->rests[time]) {
+            continue;
+        }
+        if (!times->rests[time - 1]) {
+            error = values[time - 1] - wanted[time - 1];
+        }
+        double move = wanted[time] + error - values[time - 1];
+        if (!quantize(move / times->unit, zone, price, &integers[time])) {
+            return false;
+        }
+        values[time] = values[time - 1] + integers[time] * times->unit;
+    }
+    return true;
+}
+
+static bool encode_column(const double *wanted, const timeline *times, double price,
+                          const column_work *work, int32_t *integers) {
+    for (int64_t i = 0; i < times->n_moving; i++) {
+        work->wanted[i] = wanted[times->moving[i]];
+    }
+    if (!encode_times(work->wanted, times->n_moving, price, work->values, work->scaled,
+                      work->integers)) {
+        return false;
+    }
+    for (int64_t i = 0; i < times->n_moving; i++) {
+        integers[times->moving[i]] = work->integers[i];
+    }
+    spread(times, work->values);
+    return encode_rests(wanted, times, price, work->values, integers);
+}
+
 size_t reel_basis_encode_memory(int64_t n_frames) {
-    return 2 * reel_room((size_t)n_frames, sizeof(double));
+    return 3 * reel_room((size_t)n_frames, sizeof(double)) +
+           reel_room((size_t)n_frames, sizeof(int32_t)) + timeline_room(n_frames);
 }
 
 int64_t reel_basis_encode(void *memory, size_t memory_size, const double *wanted, int64_t n_modes,
-                          int64_t n_columns, int64_t n_frames, double price, int32_t *integers) {
+                          int64_t n_columns, int64_t n_frames, const uint8_t *rests,
+                          int64_t rest_bits, double price, int32_t *integers) {
     reel_arena arena = reel_arena_of(memory, memory_size);
-    double *values = reel_take(&arena, (size_t)n_frames, sizeof *values);
-    double *scaled = reel_take(&arena, (size_t)n_frames, sizeof *scaled);
-    if (arena.failed) {
-        return reel_failure(REEL_NO_MEMORY, 0);
+    timeline times;
+    column_work work;
+    work.wanted = reel_take(&arena, (size_t)n_frames, sizeof *work.wanted);
+    work.values = reel_take(&arena, (size_t)n_frames, sizeof *work.values);
+    work.scaled = reel_take(&arena, (size_t)n_frames, sizeof *work.scaled);
+    work.integers = reel_take(&arena, (size_t)n_frames, sizeof *work.integers);
+    int64_t failed = find_timeline(&arena, n_frames, rests, rest_bits, &times);
+    if (failed) {
+        return failed;
     }
     for (int64_t row = 0; row < n_columns * n_modes; row++) {
-        if (!encode_times(wanted + row * n_frames, n_frames, price, values, scaled,
-                          integers + row * n_frames)) {
+        if (!encode_column(wanted + row * n_frames, &times, price, &work,
+                           integers + row * n_frames)) {
             return reel_failure(REEL_INVALID, (uint64_t)row);
         }
     }

@@ -3,6 +3,15 @@
 
 #include "fuzz.h"
 
+/* Which times rest: NULL, or any but the first. */
+static uint8_t *any_rests(int64_t n_frames) {
+    uint8_t *rests = fuzz_take(n_frames, sizeof *rests);
+    for (int64_t time = 0; time < n_frames; time++) {
+        rests[time] = time > 0 && fuzz_once_in(2);
+    }
+    return fuzz_once_in(2) ? rests : NULL;
+}
+
 static double *any_basis(int64_t n_modes, int64_t n_columns, int64_t n_frames) {
     int64_t n = n_columns * n_modes * n_frames;
     int32_t *integers = fuzz_take(n, sizeof *integers);
@@ -18,8 +27,10 @@ static double *any_basis(int64_t n_modes, int64_t n_columns, int64_t n_frames) {
     FUZZ_CLAIM(reel_lengths(values, n_verts, n_modes, n_reused, 4.0, lengths) == n_reused);
     size_t size = reel_basis_memory(n_columns, n_frames);
     double *basis = fuzz_take(n, sizeof *basis);
+    const uint8_t *rests = any_rests(n_frames);
+    int64_t rest_bits = fuzz_below(REEL_MAX_REST_BITS + 1);
     int64_t result = reel_basis(fuzz_take((int64_t)size, 1), size, integers, n_modes, n_columns,
-                                n_frames, lengths, n_reused, basis);
+                                n_frames, rests, rest_bits, lengths, n_reused, basis);
     FUZZ_CLAIM(result == n_modes);
     fuzz_note_doubles(basis, n);
     return basis;
@@ -102,8 +113,13 @@ void fuzz_basis_encode(void) {
     }
     size_t size = reel_basis_encode_memory(n_frames);
     int32_t *integers = fuzz_take(n, sizeof *integers);
+    uint8_t *rests = any_rests(n_frames);
+    if (rests && fuzz_once_in(20)) {
+        rests[0] = 1; /* is refused, and so are 9 bits */
+    }
     int64_t result = reel_basis_encode(fuzz_take((int64_t)size, 1), size, wanted, n_modes,
-                                       n_columns, n_frames, price, integers);
+                                       n_columns, n_frames, rests, fuzz_below(10), price,
+                                       integers);
     fuzz_claim_code(result);
     fuzz_note(integers, result < 0 ? 0 : n, sizeof *integers);
 }

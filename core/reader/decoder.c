@@ -31,10 +31,11 @@ static size_t larger(size_t one, size_t other) { return one > other ? one : othe
 
 static size_t basis_scratch(const reel_outline *outline, const reel_group *group) {
     int64_t n_frames = (int64_t)group->n_frames, n = COLUMNS * n_frames;
-    size_t fields = reel_fields_memory(n, 3, reel_time_neighbours(COLUMNS, n_frames));
+    int64_t n_near = reel_time_neighbours(COLUMNS, n_frames);
+    size_t fields = reel_fields_memory(n, REEL_TIME_PASSES, n_near);
     size_t vectors = reel_basis_memory(COLUMNS, n_frames);
     return reel_room((size_t)n * (size_t)group->n_modes, sizeof(int32_t)) +
-           reel_room((size_t)group->n_reused, sizeof(double)) +
+           reel_room((size_t)n_frames, 1) + reel_room((size_t)group->n_reused, sizeof(double)) +
            reel_view_room(outline->source, group->basis.length) +
            reel_time_order_room(COLUMNS, n_frames) + reel_room(larger(fields, vectors), 1);
 }
@@ -159,10 +160,16 @@ static int decode_basis(meshreel_decoder *own, const reel_group *group) {
     reel_coding_order order;
     int32_t *integers = reel_take(&scratch, (size_t)(COLUMNS * n_frames * n_modes),
                                   sizeof *integers);
-    if (!reel_find_time_order(&scratch, COLUMNS, n_frames, &order)) {
+    uint8_t *rests = reel_take(&scratch, (size_t)n_frames, 1);
+    int failed = rests ? reel_read_rests(&own->file->source, group, rests) : MESHREEL_NO_MEMORY;
+    if (failed) {
+        return failed;
+    }
+    rests = group->n_rests ? rests : NULL;
+    if (!reel_find_time_order(&scratch, COLUMNS, n_frames, rests, &order)) {
         return MESHREEL_NO_MEMORY;
     }
-    int failed = decode_rows(own->file, group->basis, n_modes, &order, scratch, integers);
+    failed = decode_rows(own->file, group->basis, n_modes, &order, scratch, integers);
     int64_t n_reused = (int64_t)group->n_reused;
     size_t needed = reel_basis_memory(COLUMNS, n_frames);
     void *memory = reel_take(&scratch, needed, 1);
@@ -174,8 +181,8 @@ static int decode_basis(meshreel_decoder *own, const reel_group *group) {
         reel_lengths(own->key.values, (int64_t)own->file->outline.n_verts, own->key.n_modes,
                      n_reused, (double)group->finer, lengths);
     }
-    return reel_code_of(reel_basis(memory, needed, integers, n_modes, COLUMNS, n_frames, lengths,
-                                   n_reused, own->basis));
+    return reel_code_of(reel_basis(memory, needed, integers, n_modes, COLUMNS, n_frames, rests,
+                                   (int64_t)group->rest_bits, lengths, n_reused, own->basis));
 }
 
 static int decode_moves(meshreel_decoder *own, const reel_group *group) {

@@ -34,10 +34,12 @@ int64_t reel_find_field_mesh(reel_arena *arena, reel_arena scratch, const reel_n
                              int64_t stencil_size, const int32_t *sequence,
                              reel_field_mesh **found);
 
-/* The order in which the temporal basis of so many columns and frames is coded. */
+/* The order in which the temporal basis of a track with n_columns is coded, for times that
+   rest as reel_basis takes them. */
+#define REEL_TIME_PASSES 4 /* at most */
 size_t reel_time_order_room(int64_t n_columns, int64_t n_frames);
 int64_t reel_time_neighbours(int64_t n_columns, int64_t n_frames); /* at most */
 bool reel_find_time_order(reel_arena *arena, int64_t n_columns, int64_t n_frames,
-                          reel_coding_order *found);
+                          const uint8_t *rests, reel_coding_order *found);
 
 #endif

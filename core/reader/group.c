@@ -6,6 +6,7 @@
 #define N_IDS (REEL_ANCHOR_RESIDUALS + 1 - FIRST)
 #define MOST_LEARNED 255U
 #define MOST_STEP 1e6F
+#define WITH_RESTS 16 /* is added to the layout */
 
 /* The payload of each section of a block; has none where `at` is 0. */
 typedef struct {
@@ -93,8 +94,49 @@ static int read_reused(const meshreel_source *source, reel_stretch *left, reel_g
     return is_sound ? MESHREEL_OK : MESHREEL_CORRUPT;
 }
 
+/* The next run of resting times behind `end`, which becomes where it ends. */
+static int read_run(const meshreel_source *source, reel_stretch *left, uint64_t n_frames,
+                    uint64_t *start, uint64_t *end) {
+    uint64_t gap, length, *counts[] = {&gap, &length};
+    int failed = read_integers(source, left, counts, 2);
+    if (failed) {
+        return failed;
+    }
+    bool is_sound = gap && length && gap < n_frames - *end && length <= n_frames - *end - gap;
+    *start = *end + gap;
+    *end = *start + length;
+    return is_sound ? MESHREEL_OK : MESHREEL_CORRUPT;
+}
+
+static int find_rests(const meshreel_source *source, reel_stretch *left, reel_group *group) {
+    uint64_t *counts[] = {&group->rest_bits, &group->n_rests}, start, end = 0;
+    int failed = read_integers(source, left, counts, 2);
+    group->rests = *left;
+    for (uint64_t i = 0; !failed && i < group->n_rests; i++) {
+        failed = read_run(source, left, group->n_frames, &start, &end);
+    }
+    bool is_sound = group->n_rests >= 1 && group->rest_bits <= REEL_MAX_REST_BITS;
+    return failed ? failed : is_sound ? MESHREEL_OK : MESHREEL_CORRUPT;
+}
+
+int reel_read_rests(const meshreel_source *source, const reel_group *group, uint8_t *rests) {
+    reel_stretch left = group->rests;
+    uint64_t start, end = 0;
+    reel_zero(rests, (size_t)group->n_frames);
+    for (uint64_t i = 0; i < group->n_rests; i++) {
+        int failed = read_run(source, &left, group->n_frames, &start, &end);
+        if (failed) {
+            return failed;
+        }
+        for (uint64_t time = start; time < end; time++) {
+            rests[time] = 1;
+        }
+    }
+    return MESHREEL_OK;
+}
+
 static int read_layout(const meshreel_source *source, reel_stretch left, reel_group *group) {
-    uint8_t precision;
+    uint8_t layout;
     uint64_t *counts[] = {&group->stencil_size, &group->n_learned}, *reference = &group->reference;
     if (!left.at) {
         return MESHREEL_CORRUPT;
@@ -102,15 +144,18 @@ static int read_layout(const meshreel_source *source, reel_stretch left, reel_gr
     if (!left.length) {
         return MESHREEL_TRUNCATED;
     }
-    int failed = reel_read(source, left.at, &precision, 1);
-    if (failed || (precision != REEL_SUMS_4 && precision != REEL_SUMS_8)) {
+    int failed = reel_read(source, left.at, &layout, 1);
+    group->precision = layout & ~WITH_RESTS;
+    if (failed || (group->precision != REEL_SUMS_4 && group->precision != REEL_SUMS_8)) {
         return failed ? failed : MESHREEL_UNSUPPORTED;
     }
-    group->precision = precision;
     left = (reel_stretch){left.at + 1, left.length - 1};
     failed = read_integers(source, &left, &reference, 1);
     failed = failed ? failed : read_float(source, &left, &group->step);
     failed = failed ? failed : read_integers(source, &left, counts, 2);
+    if (!failed && layout & WITH_RESTS) {
+        failed = find_rests(source, &left, group);
+    }
     failed = failed ? failed : read_reused(source, &left, group);
     if (failed) {
         return failed;

@@ -108,6 +108,8 @@ for (const module of ["reel", "reel_plain"]) {
             layout.stencilSize,
             layout.nLearned,
             layout.nReused,
+            layout.rests,
+            layout.restBits,
           ],
           [
             block.frames,
@@ -117,6 +119,8 @@ for (const module of ["reel", "reel_plain"]) {
             block.stencil,
             block.learned,
             block.reused ?? 0,
+            block.rests ?? [],
+            block["rest bits"] ?? 0,
           ],
         );
         const coefficients = core.during((scope) => {
@@ -308,6 +312,7 @@ test("streams that break a rule of the format are refused", () => {
   for (const name of names) {
     const core = newCore(Core, "reel");
     const data = new Uint8Array(readFileSync(new URL(name, folder)));
-    assert.throws(() => new MemoryReel(core, data), { name: "CorruptStreamError" }, name);
+    const decode = () => new MemoryReel(core, data).decodeBlock(0);
+    assert.throws(decode, { name: "CorruptStreamError" }, name);
   }
 });

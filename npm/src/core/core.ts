@@ -10,7 +10,7 @@ import type { Functions, SharedFunctions } from "./functions.js";
 import { Heap, Scope } from "./heap.js";
 
 /** REEL_ABI of the `core/reel.h` that this package is written for. */
-const ABI = 10n;
+const ABI = 11n;
 
 const TRUNCATED = 2;
 const CORRUPT = 3;

@@ -52,6 +52,8 @@ export interface Functions extends SharedFunctions {
     nModes: Count,
     nColumns: Count,
     nFrames: Count,
+    rests: Address,
+    restBits: Count,
     lengths: Address,
     nReused: Count,
     basis: Address,

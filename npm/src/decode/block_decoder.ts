@@ -76,7 +76,7 @@ export class BlockDecoder {
         : null;
     const basis = core.during((scope) => {
       const data = blockPayload(stored, Section.BASIS);
-      const found = decodeBasis(core, scope, data, nModes, nColumns, nFrames, reused);
+      const found = decodeBasis(core, scope, data, nModes, nColumns, nFrames, layout, reused);
       return core.float64s(found, nColumns * nFrames * nModes).slice();
     });
     const moved = stored.sections.get(Section.CORRECTIONS);

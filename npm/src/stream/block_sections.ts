@@ -11,6 +11,9 @@ const DOUBLE = 8;
 const MAX_STENCIL = 16;
 const MAX_LEARNED = 255;
 const MAX_STEP = 1e6;
+/** Is added to the layout of blocks that have resting times. */
+const WITH_RESTS = 16;
+const MAX_REST_BITS = 8;
 
 /** How the fields of a block are predicted. */
 export interface Layout {
@@ -27,6 +30,10 @@ export interface Layout {
   readonly nReused: number;
   /** Steps of the vectors of these modes in one of a position; 0 where there are none. */
   readonly finer: number;
+  /** Times that are predicted from the one before: first and end of each run, ascending. */
+  readonly rests: readonly (readonly [number, number])[];
+  /** Integers of these times are divided by 2 to this power. */
+  readonly restBits: number;
 }
 
 /** A track in a block, as it is stored: the positions, or a further one. */
@@ -167,16 +174,18 @@ export function readLayout(payload: Uint8Array): Layout {
   const cutOff = "the layout of the fields is cut off";
   if (!payload.length) throw new TruncatedStreamError(cutOff);
   const reader = new ByteReader(payload);
-  const precision = reader.byte(cutOff);
+  const number = reader.byte(cutOff);
+  const precision = number & ~WITH_RESTS;
   if (precision !== SINGLE && precision !== DOUBLE) {
     throw new UnsupportedVersionError(
-      `the fields of the stream have layout ${precision}; this build reads ${SINGLE} and ` +
-        `${DOUBLE}; upgrade meshreel`,
+      `the fields of the stream have layout ${number}; this build reads ${SINGLE} and ${DOUBLE}, ` +
+        `and ${WITH_RESTS} more; upgrade meshreel`,
     );
   }
   const reference = reader.varint();
   const step = reader.float32(cutOff);
   const [stencilSize, nLearned] = [reader.varint(), reader.varint()];
+  const [rests, restBits] = number & WITH_RESTS ? readRests(reader) : [[], 0];
   let [nReused, finer] = [0, 0];
   if (reference && reader.left) {
     nReused = reader.varint();
@@ -192,5 +201,30 @@ export function readLayout(payload: Uint8Array): Layout {
         `modes; ${reader.left} bytes are left over`,
     );
   }
-  return { precision, reference, step, stencilSize, nLearned, nReused, finer };
+  return { precision, reference, step, stencilSize, nLearned, nReused, finer, rests, restBits };
+}
+
+/** Runs of resting times, and the bits of their steps. */
+function readRests(reader: ByteReader): [[number, number][], number] {
+  const [bits, nRuns] = [reader.varint(), reader.varint()];
+  const runs: [number, number][] = [];
+  let end = 0;
+  while (runs.length < nRuns) {
+    const [gap, length] = [reader.varint(), reader.varint()];
+    if (!gap || !length) {
+      throw new CorruptStreamError(
+        `a run of ${length} resting times follows ${gap} moving ones; both must be positive`,
+      );
+    }
+    const start = end + gap;
+    end = start + length;
+    runs.push([start, end]);
+  }
+  if (!nRuns || bits > MAX_REST_BITS) {
+    throw new CorruptStreamError(
+      `${nRuns} runs of resting times are announced, with ${bits} bits; at least 1 run and at ` +
+        `most ${MAX_REST_BITS} bits are allowed`,
+    );
+  }
+  return [runs, bits];
 }

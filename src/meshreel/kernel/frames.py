@@ -25,6 +25,11 @@ SINGLE, DOUBLE = 4, 8
 VERTICES_AT_ONCE = 1 << 12
 """Vertices whose fields a thread packs at once; a multiple of 64."""
 
+MAX_REST_BITS = 8
+"""REEL_MAX_REST_BITS of `core/reel.h`."""
+
+Flags = npt.NDArray[np.uint8]
+
 
 @dataclass(frozen=True)
 class Moves:
@@ -69,7 +74,12 @@ def lengths_of(values: Floats, n_modes: int, finer: float) -> Floats:
     return lengths
 
 
-def time_vectors(coded: Integers, lengths: Floats | None = None) -> Floats:
+def time_vectors(
+    coded: Integers,
+    lengths: Floats | None = None,
+    rests: Flags | None = None,
+    rest_bits: int = 0,
+) -> Floats:
     """Basis vectors of shape (C, T, K), each of length 1 (or 0).
 
     Parameters
@@ -78,6 +88,10 @@ def time_vectors(coded: Integers, lengths: Floats | None = None) -> Floats:
         As in the stream: the coarsest times are differences.
     lengths : float64 array of shape (n,), optional
         What the first n vectors are divided by instead of their own lengths.
+    rests : uint8 array of shape (T,), optional
+        1 for each time that is predicted from the one before; never the first.
+    rest_bits : int, default 0
+        Integers of these times are divided by 2 to this power, at most `MAX_REST_BITS`.
     """
     divisors = np.zeros(0) if lengths is None else lengths
     n_modes, n_columns, n_frames = coded.shape
@@ -92,6 +106,8 @@ def time_vectors(coded: Integers, lengths: Floats | None = None) -> Floats:
         n_modes,
         n_columns,
         n_frames,
+        rests,
+        rest_bits,
         divisors,
         len(divisors),
         basis,
@@ -100,7 +116,9 @@ def time_vectors(coded: Integers, lengths: Floats | None = None) -> Floats:
     return basis
 
 
-def encode_times(wanted: Floats, price: float) -> npt.NDArray[np.int32]:
+def encode_times(
+    wanted: Floats, price: float, rests: Flags | None = None, rest_bits: int = 0
+) -> npt.NDArray[np.int32]:
     """Integers of shape (K, C, T), as in the stream, of basis vectors near to wanted ones.
 
     Parameters
@@ -109,6 +127,8 @@ def encode_times(wanted: Floats, price: float) -> npt.NDArray[np.int32]:
         In steps.
     price : float
         Squared steps that a bit is worth; 0 rounds to the nearest.
+    rests, rest_bits
+        As of `time_vectors`.
 
     Raises
     ------
@@ -126,6 +146,8 @@ def encode_times(wanted: Floats, price: float) -> npt.NDArray[np.int32]:
         n_modes,
         n_columns,
         n_frames,
+        rests,
+        rest_bits,
         ctypes.c_double(price),
         integers,
         what="basis vectors",

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
 
-ABI = 10
+ABI = 11
 """REEL_ABI of the `core/reel.h` that the modules of this room are written for."""
 
 PLACE = "MESHREEL_CORE"

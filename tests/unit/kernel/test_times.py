@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 
 from meshreel.errors import InvalidInputError
-from meshreel.kernel.frames import encode_times, time_vectors
+from meshreel.kernel.frames import MAX_REST_BITS, encode_times, time_vectors
 
 FAIR_PRICE = 2.0 * np.log(2.0) / 12.0
 
@@ -60,3 +60,49 @@ def test_smooth_curves_need_no_integers_between_the_coarsest_times():
 def test_error_is_raised_when_an_integer_is_too_large(value):
     with pytest.raises(InvalidInputError, match="basis vectors cannot be coded"):
         encode_times(np.full((1, 3, 5), value), FAIR_PRICE)
+
+
+def flags(n_frames, *runs):
+    """1 at the times of some runs."""
+    found = np.zeros(n_frames, np.uint8)
+    for start, end in runs:
+        found[start:end] = 1
+    return found
+
+
+@pytest.mark.parametrize("price", [0.0, FAIR_PRICE])
+def test_equal_times_are_decoded_equal_when_they_rest(price):
+    wanted = curves(4, 60, 3.0, 2)
+    wanted[:, :, 21:33] = wanted[:, :, 20:21]
+    rests = flags(60, (21, 33))
+    coded = encode_times(wanted, price, rests, 3)
+    assert not coded[:, :, 21:33].any()
+    vectors = time_vectors(coded, None, rests, 3)
+    np.testing.assert_array_equal(vectors[:, 21:33], np.broadcast_to(vectors[:, 20:21], (3, 12, 4)))
+    without = time_vectors(encode_times(wanted, price))
+    assert np.ptp(without[:, 20:33], axis=1).max() > 0.0
+
+
+@pytest.mark.parametrize("bits", [0, 3, MAX_REST_BITS])
+def test_resting_times_move_as_wanted_within_their_step(bits):
+    wanted = curves(2, 40, 5.0, 3)
+    wanted[:, :, 11:30] = wanted[:, :, 10:11] + 0.02 * np.arange(1, 20)
+    rests = flags(40, (11, 30), (39, 40))
+    decoded = values_of(encode_times(wanted, 0.0, rests, bits), rests, bits)
+    error = decoded - wanted
+    drift = np.abs(error[:, :, 11:30] - error[:, :, 10:11]).max()
+    assert drift <= 0.5 / 2**bits + 1e-6
+
+
+def values_of(coded, rests, bits):
+    """Values in steps: a reused field of length 1 divides its vector by 1."""
+    return np.moveaxis(time_vectors(coded, np.ones(len(coded)), rests, bits), 2, 0)
+
+
+@pytest.mark.parametrize(("runs", "bits"), [([(0, 1)], 0), ([(1, 2)], MAX_REST_BITS + 1)])
+def test_rests_are_refused_when_no_stream_can_hold_them(runs, bits):
+    rests = flags(5, *runs)
+    with pytest.raises(InvalidInputError):
+        encode_times(np.zeros((1, 3, 5)), 0.0, rests, bits)
+    with pytest.raises(InvalidInputError):
+        time_vectors(np.zeros((1, 3, 5), np.int32), None, rests, bits)

@@ -134,7 +134,7 @@ def _write_fields(
 ) -> Iterator[tuple[Section, bytes]]:
     """The sections that all tracks have."""
     yield Section.FIELDS, payloads.write_layout(block.layout)
-    yield Section.BASIS, payloads.write_basis(block.basis)
+    yield Section.BASIS, payloads.write_basis(block.basis, block.layout.rests)
     if corrections is not None:
         yield Section.CORRECTIONS, payloads.write_corrections(corrections)
     yield Section.COEFFICIENTS, encode_fields(block.fields, mesh.coding_order)
@@ -186,11 +186,16 @@ def layout_of(stored: StoredBlock) -> Layout:
     Raises
     ------
     CorruptStreamError, UnsupportedVersionError
-        As `payloads.read_layout`; and if more modes are reused than there are.
+        As `payloads.read_layout`; and if more modes are reused than there are, or a time rests
+        that does not exist.
     """
     layout = payloads.read_layout(stored.payload(Section.FIELDS))
     if layout.n_reused > stored.n_modes:
         raise CorruptStreamError(f"{layout.n_reused} of {stored.n_modes} modes are reused")
+    if layout.rests.runs and layout.rests.runs[-1][1] > stored.n_frames:
+        raise CorruptStreamError(
+            f"times up to {layout.rests.runs[-1][1] - 1} rest in a block of {stored.n_frames}"
+        )
     return layout
 
 
@@ -226,7 +231,8 @@ def read_field_block(
 
     def beside() -> npt.NDArray[np.int32]:
         times = stored.payload(Section.BASIS)
-        basis = payloads.read_basis(times, n_modes, n_columns, n_frames, n_wanted)
+        shape = n_modes, n_columns, n_frames
+        basis = payloads.read_basis(times, *shape, n_wanted, layout.rests)
         if meanwhile is not None:
             meanwhile()
         return basis

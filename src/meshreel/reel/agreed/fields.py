@@ -13,6 +13,7 @@ import numpy.typing as npt
 from meshreel.kernel.frames import lengths_of, time_vectors
 from meshreel.kernel.predict import Prepared, decode_values, prepared_weights
 from meshreel.reel.agreed.mesh import FieldMesh
+from meshreel.reel.agreed.timeline import NO_REST, Rests
 from meshreel.runtime.profiling import staged
 
 Floats = npt.NDArray[np.float64]
@@ -43,6 +44,8 @@ class Layout:
         Modes, the first ones, whose fields are those of the key block.
     finer : float32
         Steps of the vectors of these modes in one of a position; 0 where there are none.
+    rests : Rests
+        Times that are predicted from the one before.
     """
 
     step: np.float32
@@ -52,6 +55,7 @@ class Layout:
     is_single: bool = False
     n_reused: int = 0
     finer: np.float32 = NONE_REUSED
+    rests: Rests = NO_REST
 
 
 @dataclass(frozen=True)
@@ -166,6 +170,8 @@ def decode_basis(
     Each vector has length 1 (or 0), but those of modes that a block of this layout reuses of its
     key do not: integers of all of them do the same harm where they are rounded.
     """
-    if layout is None or key is None or not layout.n_reused:
-        return time_vectors(coded)
-    return time_vectors(coded, lengths_of(key.values, layout.n_reused, float(layout.finer)))
+    rests = NO_REST if layout is None else layout.rests
+    lengths = None
+    if layout is not None and key is not None and layout.n_reused:
+        lengths = lengths_of(key.values, layout.n_reused, float(layout.finer))
+    return time_vectors(coded, lengths, rests.flags(coded.shape[2]), rests.bits)

@@ -11,9 +11,10 @@ from meshreel.entropy.coder import decode_integers, encode_integers
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
 from meshreel.kernel.fields import decode_fields, encode_fields
+from meshreel.kernel.frames import MAX_REST_BITS
 from meshreel.kernel.mesh import MAX_STENCIL
 from meshreel.reel.agreed.fields import Layout
-from meshreel.reel.agreed.timeline import time_order
+from meshreel.reel.agreed.timeline import NO_REST, Rests, time_order
 from meshreel.runtime.profiling import staged
 
 Integers = npt.NDArray[np.int64]
@@ -21,6 +22,9 @@ Integers = npt.NDArray[np.int64]
 
 SINGLE, DOUBLE = 4, 8
 """Layouts of the sections of `reel`, by the bytes of the numbers that frames are summed up in."""
+
+WITH_RESTS = 16
+"""Is added to the layout of blocks that have resting times."""
 
 INTEGER_BYTES = 8
 """Of a decoded integer of corrections: their vertex, frame and offsets."""
@@ -35,11 +39,14 @@ MAX_STEP = 1e6
 def write_layout(layout: Layout) -> bytes:
     """How the fields of `reel` are predicted; begins with the number of the layout."""
     parts = [
-        bytes([SINGLE if layout.is_single else DOUBLE]),
+        bytes(
+            [(SINGLE if layout.is_single else DOUBLE) | (WITH_RESTS if layout.rests.runs else 0)]
+        ),
         write_varint(layout.reference),
         struct.pack("<f", layout.step),
         write_varint(layout.stencil_size),
         write_varint(layout.n_learned),
+        _write_rests(layout.rests),
     ]
     if layout.n_reused:
         parts += [write_varint(layout.n_reused), struct.pack("<f", layout.finer)]
@@ -58,10 +65,11 @@ def read_layout(payload: bytes) -> Layout:
     """
     if not payload:
         raise TruncatedStreamError("the layout of the fields is cut off")
-    if payload[0] not in (SINGLE, DOUBLE):
+    precision = payload[0] & ~WITH_RESTS
+    if precision not in (SINGLE, DOUBLE):
         raise UnsupportedVersionError(
             f"the fields of the stream have layout {payload[0]}; this build reads {SINGLE} and "
-            f"{DOUBLE}; upgrade meshreel"
+            f"{DOUBLE}, and {WITH_RESTS} more; upgrade meshreel"
         )
     reference, position = read_varint(payload, 1)
     if len(payload) < position + 4:
@@ -69,7 +77,9 @@ def read_layout(payload: bytes) -> Layout:
     (step,) = struct.unpack_from("<f", payload, position)
     stencil_size, position = read_varint(payload, position + 4)
     n_learned, position = read_varint(payload, position)
-    n_reused, finer = 0, 0.0
+    rests, n_reused, finer = NO_REST, 0, 0.0
+    if payload[0] & WITH_RESTS:
+        rests, position = _read_rests(payload, position)
     if reference and position < len(payload):
         n_reused, position = read_varint(payload, position)
         if len(payload) < position + 4:
@@ -86,27 +96,65 @@ def read_layout(payload: bytes) -> Layout:
             f"fields with stencils of {stencil_size}, step {step} and weights that follow "
             f"{n_learned} modes; {len(payload) - position} bytes are left over"
         )
-    is_single = payload[0] == SINGLE
+    is_single = precision == SINGLE
     single = np.float32
     return Layout(
-        single(step), stencil_size, n_learned, reference, is_single, n_reused, single(finer)
+        single(step), stencil_size, n_learned, reference, is_single, n_reused, single(finer), rests
     )
 
 
+def _write_rests(rests: Rests) -> bytes:
+    """The resting times of a block; nothing if there are none."""
+    if not rests.runs:
+        return b""
+    parts, behind = [bytes([rests.bits]), write_varint(len(rests.runs))], 0
+    for start, end in rests.runs:
+        parts += [write_varint(start - behind), write_varint(end - start)]
+        behind = end
+    return b"".join(parts)
+
+
+def _read_rests(payload: bytes, position: int) -> tuple[Rests, int]:
+    """Undo `_write_rests`, and the position behind it."""
+    bits, position = read_varint(payload, position)
+    n_runs, position = read_varint(payload, position)
+    runs, behind = [], 0
+    for _ in range(n_runs):
+        gap, position = read_varint(payload, position)
+        length, position = read_varint(payload, position)
+        if not (gap and length):
+            raise CorruptStreamError(
+                f"a run of {length} resting times follows {gap} moving ones; both must be positive"
+            )
+        runs.append((behind + gap, behind + gap + length))
+        behind += gap + length
+    if not runs or bits > MAX_REST_BITS:
+        raise CorruptStreamError(
+            f"{n_runs} runs of resting times are announced, with {bits} bits; at least 1 run and "
+            f"at most {MAX_REST_BITS} bits are allowed"
+        )
+    return Rests(tuple(runs), bits), position
+
+
 @staged("temporal basis")
-def write_basis(coded: npt.NDArray[np.integer]) -> bytes:
+def write_basis(coded: npt.NDArray[np.integer], rests: Rests = NO_REST) -> bytes:
     """Bytes of residuals of the temporal basis, (K, C, T); the coarsest times are differences."""
     n_modes, n_columns, n_frames = coded.shape
     rows = coded.reshape(n_modes, n_columns * n_frames)
-    return encode_fields(rows, time_order(n_columns, n_frames))
+    return encode_fields(rows, time_order(n_columns, n_frames, rests))
 
 
 @staged("temporal basis")
 def read_basis(
-    payload: bytes, n_modes: int, n_columns: int, n_frames: int, n_wanted: int | None = None
+    payload: bytes,
+    n_modes: int,
+    n_columns: int,
+    n_frames: int,
+    n_wanted: int | None = None,
+    rests: Rests = NO_REST,
 ) -> npt.NDArray[np.int32]:
     """Undo `write_basis`; only the first `n_wanted` modes, where these are fewer."""
-    order = time_order(n_columns, n_frames)
+    order = time_order(n_columns, n_frames, rests)
     coded = decode_fields(payload, n_modes, n_columns * n_frames, order, n_wanted)
     return coded.reshape(len(coded), n_columns, n_frames)
 

@@ -1,9 +1,11 @@
 """In which order the times of the temporal basis are coded.
 
 Times that are multiples of 4 come first; then the times half-way between those known, and so on.
-The core predicts each from those known around it.
+The core predicts each from those known around it. Times that rest are left out of this order and
+follow at the end: each is predicted from the time before.
 """
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -12,6 +14,7 @@ import numpy.typing as npt
 from meshreel.kernel.fields import CodingOrder, Pass, order_of
 
 Integers = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.uint8]
 
 COARSEST = 4
 """Frames between the times that come first."""
@@ -21,38 +24,94 @@ COLUMNS_BEFORE = 2
 """Columns whose time is a context neighbour of the same time."""
 
 
+@dataclass(frozen=True)
+class Rests:
+    """Times of a block at which little or nothing moves.
+
+    Attributes
+    ----------
+    runs : tuple of (int, int)
+        The first time of each run and the one behind its last, ascending; there is at least one
+        moving time before each.
+    bits : int
+        Integers of resting times are divided by 2 to this power.
+    """
+
+    runs: tuple[tuple[int, int], ...] = ()
+    bits: int = 0
+
+    def flags(self, n_frames: int) -> Flags | None:
+        """1 for each time that rests, of shape (n_frames,); None if none does."""
+        if not self.runs:
+            return None
+        found = np.zeros(n_frames, np.uint8)
+        for start, end in self.runs:
+            found[start:end] = 1
+        return found
+
+
+NO_REST = Rests()
+
+
 @lru_cache(maxsize=8)
-def time_passes(n_columns: int, n_frames: int) -> tuple[Pass, ...]:
+def time_passes(n_columns: int, n_frames: int, rests: Rests = NO_REST) -> tuple[Pass, ...]:
     """The order in which residuals of a mode are coded, with the context neighbours of each.
 
     A column of the track comes after another, each over time: of positions x, y and z. A level of
-    times is a pass. Context neighbours are the times around, if they are known, the two before of
-    the level, and the time itself in the two columns before.
+    moving times is a pass, and so are all resting ones. Context neighbours are the times around, if
+    they are known, the two before of the level, and the time itself in the two columns before.
     """
+    flags = rests.flags(n_frames)
+    is_resting = np.zeros(n_frames, np.bool_) if flags is None else flags > 0
+    moving = np.flatnonzero(~is_resting)
     half = COARSEST // 2
     offsets = [-2 * half, -4 * half]
-    passes = [_pass(np.arange(0, n_frames, COARSEST), offsets, n_columns, n_frames)]
+    passes = [_pass(np.arange(0, len(moving), COARSEST), offsets, moving, n_columns, n_frames)]
     while half:
-        times = np.arange(half, n_frames, 2 * half)
+        places = np.arange(half, len(moving), 2 * half)
         offsets = [-half, half, -2 * half, -4 * half]
-        passes.append(_pass(times, offsets, n_columns, n_frames))
+        passes.append(_pass(places, offsets, moving, n_columns, n_frames))
         half //= 2
+    if rests.runs:
+        passes.append(_resting_pass(is_resting, n_columns, n_frames))
     return tuple(passes)
 
 
 @lru_cache(maxsize=8)
-def time_order(n_columns: int, n_frames: int) -> CodingOrder:
+def time_order(n_columns: int, n_frames: int, rests: Rests = NO_REST) -> CodingOrder:
     """The passes of `time_passes`, as the core takes them."""
-    return order_of(time_passes(n_columns, n_frames), n_columns * n_frames)
+    return order_of(time_passes(n_columns, n_frames, rests), n_columns * n_frames)
 
 
-def _pass(times: Integers, offsets: list[int], n_columns: int, n_frames: int) -> Pass:
-    """A pass of times of all columns; context neighbours lie at offsets, and in columns before."""
-    others = times[:, None] + offsets
-    exists = (others >= 0) & (others < n_frames)
+def _pass(
+    places: Integers, offsets: list[int], moving: Integers, n_columns: int, n_frames: int
+) -> Pass:
+    """A pass of some of the moving times, by their places among them, of all columns.
+
+    Context neighbours lie at offsets in places, and in columns before.
+    """
+    others = places[:, None] + offsets
+    exists = (others >= 0) & (others < len(moving))
+    neighbours = np.where(exists, moving[np.where(exists, others, 0)], -1)
+    return _pass_of_times(moving[places], neighbours, n_columns, n_frames)
+
+
+def _resting_pass(is_resting: npt.NDArray[np.bool_], n_columns: int, n_frames: int) -> Pass:
+    """The pass of the resting times; the two times before are context neighbours if they rest."""
+    times = np.flatnonzero(is_resting)
+    before = np.maximum(times[:, None] - [1, 2], 0)  # time 0 does not rest
+    return _pass_of_times(times, np.where(is_resting[before], before, -1), n_columns, n_frames)
+
+
+def _pass_of_times(times: Integers, neighbours: Integers, n_columns: int, n_frames: int) -> Pass:
+    """A pass of times of all columns.
+
+    Neighbours are times of the same column, -1 for none; those in the columns before are added.
+    """
+    exists = neighbours >= 0
     near = []
     for column in range(n_columns):
-        in_column = np.where(exists, others + n_frames * column, -1)
+        in_column = np.where(exists, neighbours + n_frames * column, -1)
         before = column + np.arange(-COLUMNS_BEFORE, 0)
         same_time = np.where(before >= 0, times[:, None] + n_frames * before, -1)
         near.append(np.hstack([in_column, same_time]))

@@ -19,7 +19,9 @@ from meshreel.reel.agreed.fields import (
     with_reused,
 )
 from meshreel.reel.agreed.mesh import FieldMesh
+from meshreel.reel.agreed.timeline import Rests
 from meshreel.reel.encoding.block_frames import CHUNK_VERTICES, LARGEST_INTEGER, BlockFrames
+from meshreel.reel.encoding.rest import find_rests, has_still_part
 from meshreel.reel.encoding.reuse import reuse_fields
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_background, in_threads
@@ -168,7 +170,8 @@ def analyse_fields(
         n_own = 0 if reused is None else len(reused.block.fields)
         if reused is not None and n_own <= FEW_OWN * key.values.shape[1]:
             return reused
-    basis = _quantized_basis(frames, float(step), choices)
+    basis, rests = _quantized_basis(frames, float(step), choices)
+    layout = replace(layout, rests=rests)
     hierarchy.result()
     prepared = mesh.prepared if key is None and is_trial else None
     alone = _with_basis(frames, basis, layout, mesh, choices, key, prepared)
@@ -190,7 +193,7 @@ def _with_basis(
     """The integers of a block whose basis is known, and which are `reused` of those of its key."""
     step = float(layout.step)
     if len(basis):
-        own_vectors = decode_basis(basis).reshape(-1, len(basis))
+        own_vectors = decode_basis(basis, replace(layout, n_reused=0)).reshape(-1, len(basis))
         wanted = _projected(own_vectors, left, mesh.order, step)
         residuals, own = _quantized_fields(wanted, layout, mesh, choices, key, prepared)
     else:
@@ -213,11 +216,11 @@ def _reusing(
     reused = reuse_fields(frames, key.values, mesh.number, step, float(finer), choices.price)
     if reused is None:
         return None
-    basis = _quantized_basis(reused.left, step, choices, may_be_none=True)
+    basis, _ = _quantized_basis(reused.left, step, choices, reused.rests, may_be_none=True)
     n_reused = len(reused.integers)
     if n_reused + len(basis) > frames.n_columns * frames.n_frames:
         return None
-    layout = replace(layout, n_reused=n_reused, finer=finer)
+    layout = replace(layout, n_reused=n_reused, finer=finer, rests=reused.rests)
     return _with_basis(reused.left, basis, layout, mesh, choices, key, None, reused.integers)
 
 
@@ -243,27 +246,37 @@ def _projected(
 
 @staged("temporal basis")
 def _quantized_basis(
-    frames: BlockFrames, step: float, choices: FieldChoices, *, may_be_none: bool = False
-) -> npt.NDArray[np.int32]:
+    frames: BlockFrames,
+    step: float,
+    choices: FieldChoices,
+    rests: Rests | None = None,
+    *,
+    may_be_none: bool = False,
+) -> tuple[npt.NDArray[np.int32], Rests]:
     """Residuals of the temporal basis, of shape (K, C, T), without modes that are all 0.
 
-    There is one at least, unless there may be none.
+    There is one at least, unless there may be none. With them the resting times, which are looked
+    for where they are not known.
     """
     least = choices.least_rms * step * float(np.sqrt(frames.n_verts))
-    strengths, vectors = frames.trajectories(least)
+    has_means = frames.taken is None and has_still_part(frames, step)
+    strengths, vectors = frames.trajectories(least, with_means=has_means)
     if may_be_none:
         vectors = vectors[:, strengths > least]
         strengths = strengths[strengths > least]
     strengths, vectors = strengths[: choices.n_modes], vectors[:, : choices.n_modes]
     # Decoded vectors are normalised, so that a coarser step needs no telling.
     scales = np.minimum(strengths / (choices.basis_step * step), LARGEST_INTEGER)
-    scaled = vectors * scales
     shape = (-1, frames.n_columns, frames.n_frames)
-    coded = encode_times(scaled.T.reshape(shape), choices.price)
+    wanted = (vectors * scales).T.reshape(shape)
+    if rests is None:
+        rests = find_rests(frames, wanted, step, choices.basis_step, choices.price)
+    flags = rests.flags(frames.n_frames)
+    coded = encode_times(wanted, choices.price, flags, rests.bits)
     does_something = np.asarray(coded.any(axis=(1, 2)))
     if not may_be_none:
         does_something[0] = True
-    return coded[does_something]
+    return coded[does_something], rests
 
 
 @staged("fields")

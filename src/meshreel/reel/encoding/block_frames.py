@@ -1,7 +1,8 @@
 """A block of frames as the encoder of `reel` takes it: coordinates, and their trajectories."""
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -23,6 +24,9 @@ LARGEST_INTEGER = 2.0**29
 
 CHUNK_VERTICES = 2048
 """Vertices whose fields are found at once."""
+
+SAMPLED = 1024
+"""At least this many vertices, or all, are searched for parts that rest."""
 
 SKETCHED = 64
 """Columns of a sketch by rows. What K modes from a sketch leave is larger by a share of about
@@ -49,7 +53,7 @@ class BlockFrames:
     frame: BoundingFrame
     order: npt.NDArray[np.int32] | None = None
     taken: tuple[Floats, Floats] | None = None
-    _found: tuple[float, Floats, Floats] | None = None
+    _found: dict[bool, tuple[float, Floats, Floats]] = field(default_factory=dict)
 
     @property
     def n_frames(self) -> int:
@@ -143,7 +147,7 @@ class BlockFrames:
     @property
     def is_analysed(self) -> bool:
         """Whether trajectories were found before."""
-        return self._found is not None
+        return bool(self._found)
 
     @cached_property
     def energy(self) -> float:
@@ -164,20 +168,67 @@ class BlockFrames:
             total += float(np.vdot(around, around))
         return total - float(sums @ sums) / self.n_verts
 
+    @cached_property
+    def sampled_motion(self) -> tuple[Floats, Floats]:
+        """How far some vertices move, in diagonals.
+
+        From each frame to the next, of shape (T - 1, n); and in all, between the extremes of their
+        coordinates, of shape (n,).
+        """
+        sample = self.vertices[:, :: max(1, self.n_verts // SAMPLED)] / np.float64(self.frame.scale)
+        steps = np.linalg.norm(np.diff(sample, axis=0), axis=2)
+        return steps, np.linalg.norm(np.ptp(sample, axis=0), axis=1)
+
     @staged("trajectories")
-    def trajectories(self, least: float) -> tuple[Floats, Floats]:
-        """Singular values above `least`, one at least, and basis vectors of shape (C T, K)."""
-        if self._found is None or self._found[0] > least:
-            self._found = (least, *self._trajectories(least))
-        _, strengths, vectors = self._found
+    def trajectories(self, least: float, *, with_means: bool = False) -> tuple[Floats, Floats]:
+        """Singular values above `least`, one at least, and basis vectors of shape (C T, K).
+
+        With means, these are modes by themselves: their vectors are constant in one column and 0 in
+        the others, and the fields of all other modes are 0 at vertices that never move.
+        """
+        found = self._found.get(with_means)
+        if found is None or found[0] > least:
+            find = self._trajectories_and_means if with_means else self._trajectories
+            self._found[with_means] = found = (least, *find(least))
+        _, strengths, vectors = found
         n_kept = max(1, int(np.sum(strengths > least)))
         return strengths[:n_kept], vectors[:, :n_kept]
 
-    def _trajectories(self, least: float) -> tuple[Floats, Floats]:
+    def _trajectories_and_means(self, least: float) -> tuple[Floats, Floats]:
+        squared = np.zeros(self.n_columns)
+        for piece in chunks(self.n_verts, CHUNK_VERTICES):
+            squared += np.square(self._by_column(self.coordinates(piece)).mean(axis=1)).sum(axis=1)
+        constant = np.full((self.n_frames, 1), 1.0 / math.sqrt(self.n_frames))
+        strengths, vectors = self._trajectories(least, self._less_means)
+        strengths = np.concatenate([np.sqrt(squared * self.n_frames), strengths])
+        vectors = np.hstack([np.kron(np.eye(self.n_columns), constant), vectors])
+        order = np.argsort(-strengths, kind="stable")
+        return strengths[order], vectors[:, order]
+
+    def _by_column(self, rows: Floats) -> Floats:
+        return rows.reshape(self.n_columns, self.n_frames, -1)
+
+    def _less_means(self, rows: Floats) -> Floats:
+        """Coordinates of shape (C T, n), of each column less their mean over time."""
+        by_column = self._by_column(rows)
+        return np.asarray((by_column - by_column.mean(axis=1, keepdims=True)).reshape(rows.shape))
+
+    def _trajectories(
+        self, least: float, of: Callable[[Floats], Floats] | None = None
+    ) -> tuple[Floats, Floats]:
+        """Of coordinates, or of what a linear function of columns makes of them."""
         if self._n_rows < self.n_verts:
             columns, n_columns = self._telling_columns
-            return weak_trajectories(columns, self._gram, n_columns, least)
+            if of is None:
+                return weak_trajectories(columns, self._gram, n_columns, least)
+
+            def changed(piece: slice) -> Floats:
+                return of(columns(piece))
+
+            gram = gram_of_rows(changed, self._n_rows, n_columns)
+            return weak_trajectories(changed, gram, n_columns, least)
         rows = self.coordinates(slice(0, self.n_verts))
+        rows = rows if of is None else of(rows)
 
         def frames(piece: slice) -> Floats:
             return np.asarray(rows.T[:, piece])

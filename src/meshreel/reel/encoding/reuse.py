@@ -6,7 +6,9 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.kernel.frames import encode_times, lengths_of, time_vectors
+from meshreel.reel.agreed.timeline import Rests
 from meshreel.reel.encoding.block_frames import CHUNK_VERTICES, LARGEST_INTEGER, BlockFrames
+from meshreel.reel.encoding.rest import find_rests
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_threads
 
@@ -22,11 +24,14 @@ class ReusedFields:
     ----------
     integers : int32 array of shape (R, C, T)
         Residuals of their vectors over time.
+    rests : Rests
+        The resting times of the block.
     left : BlockFrames
         What they leave of the frames.
     """
 
     integers: npt.NDArray[np.int32]
+    rests: Rests
     left: BlockFrames
 
 
@@ -62,16 +67,19 @@ def reuse_fields(
     scaled = wanted * lengths
     if not np.abs(scaled).max() < LARGEST_INTEGER:
         return None
-    shape = n_reused, frames.n_columns, frames.n_frames
-    integers = encode_times(scaled.T.reshape(shape), price)
+    scaled = scaled.T.reshape(n_reused, frames.n_columns, frames.n_frames)
+    rests = find_rests(frames, scaled, step, finer, price)
+    flags = rests.flags(frames.n_frames)
+    integers = encode_times(scaled, price, flags, rests.bits)
     does_something = np.flatnonzero(integers.any(axis=(1, 2)))
     if not len(does_something):
         return None
     n_reused = int(does_something[-1]) + 1
     integers = np.ascontiguousarray(integers[:n_reused])
-    vectors = time_vectors(integers, lengths[:n_reused]) * step
+    vectors = time_vectors(integers, lengths[:n_reused], flags, rests.bits) * step
     taken = vectors, np.ascontiguousarray(fields[:, :n_reused])
-    return ReusedFields(integers, BlockFrames(frames.vertices, frames.frame, frames.order, taken))
+    left = BlockFrames(frames.vertices, frames.frame, frames.order, taken)
+    return ReusedFields(integers, rests, left)
 
 
 def _nearest_vectors(frames: BlockFrames, fields: Floats) -> Floats:

@@ -1,4 +1,5 @@
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from meshreel.errors import CorruptStreamError, TruncatedStreamError, Unsupporte
 from meshreel.kernel.mesh import MAX_STENCIL
 from meshreel.reel.agreed import payloads
 from meshreel.reel.agreed.fields import Layout
+from meshreel.reel.agreed.timeline import Rests
 
 
 @pytest.mark.parametrize("n_columns", [1, 3, 7])
@@ -20,12 +22,31 @@ def test_times_come_back_when_written(n_columns, n_frames):
     np.testing.assert_array_equal(back, times)
 
 
+def test_times_come_back_when_some_rest():
+    times = np.random.default_rng(4).integers(-300, 300, (5, 3, 20))
+    rests = Rests(((3, 9), (19, 20)), 2)
+    back = payloads.read_basis(payloads.write_basis(times, rests), 5, 3, 20, rests=rests)
+    np.testing.assert_array_equal(back, times)
+
+
 def layout(step=0.25, size=10, n_learned=32, reference=0, is_single=False):
     return Layout(np.float32(step), size, n_learned, reference, is_single)
 
 
+RESTING = replace(layout(reference=1), rests=Rests(((1, 2), (300, 900)), 8))
+REUSED = replace(RESTING, n_reused=2, finer=np.float32(4.0))
+
+
 @pytest.mark.parametrize(
-    "known", [layout(), layout(n_learned=0), layout(size=1, reference=300), layout(is_single=True)]
+    "known",
+    [
+        layout(),
+        layout(n_learned=0),
+        layout(size=1, reference=300),
+        layout(is_single=True),
+        RESTING,
+        REUSED,
+    ],
 )
 def test_layout_comes_back_when_written(known):
     back = payloads.read_layout(payloads.write_layout(known))
@@ -44,8 +65,16 @@ def test_layout_is_refused_when_it_is_beyond_the_limits(step, size, n_learned):
         payloads.read_layout(payload)
 
 
-def test_layout_is_refused_when_bytes_are_missing_or_left_over():
-    payload = payloads.write_layout(layout())
+@pytest.mark.parametrize("rests", [Rests(((0, 1),)), Rests(((1, 1),)), Rests(((1, 2),), 9)])
+def test_layout_is_refused_when_it_has_rests_that_cannot_be(rests):
+    payload = payloads.write_layout(replace(layout(), rests=rests))
+    with pytest.raises(CorruptStreamError, match="resting times"):
+        payloads.read_layout(payload)
+
+
+@pytest.mark.parametrize("known", [layout(), replace(layout(), rests=RESTING.rests)])
+def test_layout_is_refused_when_bytes_are_missing_or_left_over(known):
+    payload = payloads.write_layout(known)
     for size in range(1, len(payload)):
         with pytest.raises(CorruptStreamError):
             payloads.read_layout(payload[:size])

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from meshreel.reel.agreed.timeline import time_passes
+from meshreel.reel.agreed.timeline import Rests, time_passes
 
 every_width = pytest.mark.parametrize("n_columns", [1, 2, 3, 6])
 every_length = pytest.mark.parametrize("n_frames", [1, 2, 3, 7, 8, 9, 16, 17, 31, 100])
@@ -31,3 +31,24 @@ def test_a_time_is_told_of_by_times_around_and_before_and_other_columns(n_column
             assert len(told) == len(wanted)
             assert set(told.tolist()) == wanted <= known
             known.add(column)
+
+
+RESTS = Rests(((1, 3), (6, 7), (9, 12)))
+
+
+def test_moving_times_are_coded_as_if_there_were_no_others():
+    moving = np.array([0, 3, 4, 5, 7, 8])
+    of_all, of_moving = time_passes(2, 12, RESTS)[:3], time_passes(2, 6)
+    for found, wanted in zip(of_all, of_moving, strict=True):
+        for name in ("columns", "indices"):
+            columns, times = np.divmod(getattr(wanted, name), 6)
+            np.testing.assert_array_equal(getattr(found, name), 12 * columns + moving[times])
+        np.testing.assert_array_equal(found.indptr, wanted.indptr)
+
+
+def test_resting_times_come_last_and_know_those_before_that_rest():
+    *_, last = time_passes(2, 12, RESTS)
+    np.testing.assert_array_equal(last.columns, [1, 2, 6, 9, 10, 11, 13, 14, 18, 21, 22, 23])
+    near = np.split(last.indices, last.indptr[1:-1])
+    assert [one.tolist() for one in near[:6]] == [[], [1], [], [], [9], [10, 9]]
+    assert [one.tolist() for one in near[6:]] == [[1], [13, 2], [6], [9], [21, 10], [22, 21, 11]]
