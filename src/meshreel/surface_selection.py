@@ -79,19 +79,21 @@ def listed_names(names: Names) -> list[str]:
 
 
 def differing_names(first: Surface, other: Surface) -> list[str]:
-    """Names of attributes and groups that differ between two surfaces."""
+    """Names of attributes and groups that differ between two surfaces, or "hard edges"."""
     given, found = (dict(_contents(one)) for one in (first, other))
     names = [name for name in {**given, **found} if given.get(name) != found.get(name)]
     return list(dict.fromkeys(name for _, name in names))
 
 
 def _contents(surface: Surface) -> Iterator[tuple[tuple[str, str], tuple[object, ...]]]:
-    """Type and name of each attribute and each kind of groups, with the content to compare."""
+    """Type and name of each attribute, each kind of groups and hard edges, with what to compare."""
     for one in surface.attributes:
         values = one.per_item()
         yield ("attribute", one.name), (one.domain, values.dtype, values.shape, values.tobytes())
     for groups in surface.groups:
         yield ("groups", groups.name), (groups.labels, groups.numbers.tobytes())
+    if surface.hard_edges is not None:
+        yield ("edges", "hard edges"), (surface.hard_edges.tobytes(),)
 
 
 def _names_of(attribute: Attribute) -> set[str]:

@@ -70,7 +70,7 @@ class MeshReading:
         is_flat = ~_flags(mesh.polygons, "use_smooth")
         sides = np.stack([corners, corners[next_corners(counts)]], axis=1)
         sharp = np.concatenate([ends, sides[np.repeat(is_flat, counts)]])
-        # Blender marks edges of a single face too, which part no faces.
+        # Blender marks edges of a single face too, where there is nothing to part.
         return remaining_edges(sharp, counts, corners) if len(sharp) else None
 
     def _color(self, mesh: Any, layer: Any) -> Attribute:

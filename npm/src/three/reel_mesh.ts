@@ -175,7 +175,10 @@ export class ReelMesh extends THREE.Mesh<
     return this.#stage?.isOnGpu ?? false;
   }
 
-  /** The vertex of the file that each vertex of the geometry is: there are more, at seams. */
+  /**
+   * The vertex of the file that each vertex of the geometry is: there are more, at seams and hard
+   * edges.
+   */
   get sources(): Uint32Array {
     return this.#setting.drawing.sources;
   }

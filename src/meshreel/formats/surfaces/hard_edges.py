@@ -21,7 +21,7 @@ from meshreel.geometry.hard_edges import (
 from meshreel.geometry.normals import face_normals
 from meshreel.surface import Surface
 
-SHARED_DEG = 1.0
+SHARED_DEG = 0.1
 """Normals of two faces at a vertex that are nearer than this are the same."""
 
 NEAR_DEG = 15.0
@@ -53,7 +53,8 @@ class HardEdges:
 def find_hard_edges(mesh: PolygonMesh, normals: npt.NDArray[np.floating]) -> HardEdges:
     """The hard edges that bring recomputed normals nearest to given ones, if smooth ones are not.
 
-    Tried are the edges across which normals differ at both ends, and those where they do at one.
+    Tried are the edges across which normals differ at both ends, those where they do at one, and
+    all if these are most: a finely faceted surface has faces that lie flat beside each other.
     Normals that point into the mesh as a whole are taken the other way round.
 
     Parameters
@@ -89,7 +90,11 @@ def _found(mesh: PolygonMesh, normals: npt.NDArray[np.floating]) -> HardEdges:
     shared = shared_edges(counts, corners)
     at_low, at_high = _differences(counts, corners, shared.of_side, units, is_known)
     best, edges = angles(None), None
-    for is_hard in (at_low & at_high, at_low | at_high):
+    both, either = at_low & at_high, at_low | at_high
+    tries = [both, either] if (either != both).any() else [both]
+    if either.mean() > 0.5 and not either.all():
+        tries.append(np.ones_like(either))
+    for is_hard in tries:
         if not is_hard.any():
             continue
         tried = shared.ends[is_hard].astype(np.int32)

@@ -14,7 +14,8 @@ from meshreel.formats.surfaces.hard_edges import (
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.geometry.fans import join_fans
 from meshreel.geometry.hard_edges import corner_normals
-from samples.meshes import cake, cake_normals, hard_box, hard_sheet, quad_sheet
+from meshreel.geometry.normals import face_normals
+from samples.meshes import cake, cake_normals, hard_box, hard_sheet, quad_sheet, waving_grid
 
 
 def polygons_of(sequence):
@@ -92,6 +93,13 @@ def test_far_normals_are_counted_when_they_do_not_follow_from_the_faces():
     found = find_hard_edges(polygons_of(box), bent)
     assert 0 < found.n_far <= 6
     assert found.n_corners == 24
+
+
+def test_all_edges_are_hard_when_a_fine_surface_is_faceted():
+    grid = waving_grid(1, 60, 60)
+    mesh = polygons_of(grid)
+    found = find_hard_edges(mesh, np.repeat(face_normals(grid[0], grid.faces), 3, axis=0))
+    assert len(found.edges) == found.n_shared
 
 
 def test_unknown_normals_part_no_faces():
