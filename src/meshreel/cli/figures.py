@@ -153,8 +153,20 @@ def quality_rows(quality: "Quality") -> dict[str, str]:
         "RMS error": f"{quality.rms_error_percent:.4f} % of the diagonal",
         "normals off by": f"{quality.normal_angle_mean_deg:.2f} degrees in the mean, "
         f"{quality.normal_angle_p95_deg:.2f} at the 95th percentile",
+        "motion at rest": rest_text(quality),
         **track_error_rows(quality.tracks),
     }
+
+
+def rest_text(quality: "Quality") -> str:
+    """Motion of decoded vertices where the original rests."""
+    if not quality.n_rest_pairs:
+        return "no vertex rests"
+    return (
+        f"{quality.rest_motion_median_percent:.4f} % of the model's size in the median, "
+        f"{quality.rest_motion_p99_percent:.4f} % at the 99th percentile, for "
+        f"{counted(quality.n_rest_pairs, 'pair')} of vertex and frame"
+    )
 
 
 def promise_text(stream: "StreamInfo") -> str:

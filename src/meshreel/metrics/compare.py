@@ -13,6 +13,7 @@ from meshreel.metrics.kg import kg_error_percent
 from meshreel.metrics.nmsve import nmsve_per_frame
 from meshreel.metrics.normals import normal_angles
 from meshreel.metrics.reference import bounding_box_reference
+from meshreel.metrics.rest_motion import rest_motion
 from meshreel.metrics.sted import sted
 from meshreel.metrics.track_errors import TrackErrors, errors_of_tracks
 from meshreel.runtime.progress import Progress, silent
@@ -36,6 +37,11 @@ class Quality:
     normal_angle_mean_deg, normal_angle_p95_deg : float
     n_degenerate_face_frames : int
         Faces without a normal, counted in each frame; the angles leave them out.
+    n_rest_pairs : int
+        Pairs of vertex and frame at which the original rests; see `metrics.rest_motion`.
+    rest_motion_median_percent, rest_motion_p99_percent : float
+        How far the decoded vertices of these pairs move from the frame before, in percent of the
+        mean diagonal of single frames: median and 99th percentile, 0 if nothing rests.
     n_frames, n_verts : int
     diagonal : float
         Diagonal of the bounding box of the whole original sequence, in model units.
@@ -53,6 +59,9 @@ class Quality:
     normal_angle_mean_deg: float
     normal_angle_p95_deg: float
     n_degenerate_face_frames: int
+    n_rest_pairs: int
+    rest_motion_median_percent: float
+    rest_motion_p99_percent: float
     n_frames: int
     n_verts: int
     diagonal: float
@@ -107,6 +116,7 @@ def compare(
     nmsve = nmsve_per_frame(vertices, vertices_hat, faces)
     progress("comparing", 0.7)
     angles = normal_angles(vertices, vertices_hat, faces)
+    at_rest = rest_motion(vertices, vertices_hat)
     progress("comparing", 1.0)
     return Quality(
         kg_error_percent=kg,
@@ -119,6 +129,9 @@ def compare(
         normal_angle_mean_deg=angles.mean_deg,
         normal_angle_p95_deg=angles.p95_deg,
         n_degenerate_face_frames=angles.n_degenerate_face_frames,
+        n_rest_pairs=at_rest.n_pairs,
+        rest_motion_median_percent=at_rest.median_percent,
+        rest_motion_p99_percent=at_rest.p99_percent,
         n_frames=original.n_frames,
         n_verts=original.n_verts,
         diagonal=bounding_box_reference(vertices).diagonal,

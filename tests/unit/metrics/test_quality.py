@@ -1,14 +1,17 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from meshreel.cli.figures import quality_rows
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.compare import compare
 from meshreel.metrics.displacement import displacement_errors_percent
 from meshreel.metrics.kg import kg_error_percent
 from meshreel.metrics.nmsve import nmsve_per_frame
 from meshreel.metrics.normals import normal_angles
+from meshreel.metrics.rest_motion import rest_motion
 from meshreel.metrics.sted import sted
 from meshreel.sequence import MeshSequence
 
@@ -25,7 +28,7 @@ def with_faces(sequence, faces):
 
 def test_compare_gathers_every_metric_when_sequences_match(pair, tube):
     quality, perceived, angles = compare(*pair), sted(*tube), normal_angles(*tube)
-    displacement = displacement_errors_percent(*tube[:2])
+    displacement, at_rest = displacement_errors_percent(*tube[:2]), rest_motion(*tube[:2])
     expected = {
         "kg_error_percent": kg_error_percent(*tube[:2]),
         "sted": perceived.sted,
@@ -38,6 +41,9 @@ def test_compare_gathers_every_metric_when_sequences_match(pair, tube):
         "normal_angle_mean_deg": angles.mean_deg,
         "normal_angle_p95_deg": angles.p95_deg,
         "n_degenerate_face_frames": 0,
+        "n_rest_pairs": at_rest.n_pairs,
+        "rest_motion_median_percent": at_rest.median_percent,
+        "rest_motion_p99_percent": at_rest.p99_percent,
         "n_frames": 9,
         "n_verts": 40,
         "tracks": {},
@@ -148,3 +154,12 @@ def test_compare_gives_finite_figures_when_a_mesh_is(kind, pair, rng):
     decoded = vertices + 1e-3 * rng.normal(size=vertices.shape)
     quality = compare(MeshSequence(vertices, faces), MeshSequence(decoded, faces))
     assert np.isfinite([*quality.nmsve, quality.sted, quality.kg_error_percent]).all()
+
+
+def test_rows_of_a_table_say_what_moves_at_rest(pair):
+    original, decoded = pair
+    resting = replace(compare(original, decoded), n_rest_pairs=1, rest_motion_median_percent=0.25)
+    assert quality_rows(resting)["motion at rest"].startswith("0.2500 % of the model's size")
+    assert "for 1 pair of vertex" in quality_rows(resting)["motion at rest"]
+    moving = replace(resting, n_rest_pairs=0)
+    assert quality_rows(moving)["motion at rest"] == "no vertex rests"
