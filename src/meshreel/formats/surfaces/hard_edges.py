@@ -92,7 +92,7 @@ def _found(mesh: PolygonMesh, normals: npt.NDArray[np.floating]) -> HardEdges:
     best, edges = angles(None), None
     both, either = at_low & at_high, at_low | at_high
     tries = [both, either] if (either != both).any() else [both]
-    if either.mean() > 0.5 and not either.all():
+    if 2 * either.sum() > len(either) and not either.all():
         tries.append(np.ones_like(either))
     for is_hard in tries:
         if not is_hard.any():

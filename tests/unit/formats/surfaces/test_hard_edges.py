@@ -138,3 +138,10 @@ def test_notes_are_one_sentence_when_several_meshes_are_told_of():
         "normals do not follow from the faces at 3 of 60 corners, where those computed are more "
         "than 15 degrees off",
     ]
+
+
+@pytest.mark.filterwarnings("error")
+def test_no_edge_is_hard_when_there_is_a_single_face():
+    mesh = PolygonMesh(np.eye(3), np.array([3]), np.array([0, 1, 2], np.int32))
+    found = find_hard_edges(mesh, np.ones((3, 3)))
+    assert (found.edges, found.n_shared, found.n_corners) == (None, 0, 3)
