@@ -11,6 +11,7 @@ import meshreel
 from meshreel.cli import console
 from meshreel.cli.app import app
 from meshreel.cli.progress_lines import progress_lines
+from samples.figures import coarse_figures
 from samples.meshes import waving_grid
 
 PAPER = "paper walk.npz --quick --methods pca-qp --out report"
@@ -48,7 +49,8 @@ def said(tmp_path, monkeypatch, capsys):
 
     def run(*words):
         capsys.readouterr()
-        app(list(words), prog_name="meshreel", standalone_mode=False)
+        with coarse_figures():
+            app(list(words), prog_name="meshreel", standalone_mode=False)
         return [*written.getvalue().splitlines(), *capsys.readouterr().err.splitlines()]
 
     return run

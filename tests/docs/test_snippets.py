@@ -14,6 +14,7 @@ import pytest
 from meshreel import flag
 from meshreel.cli import main
 from meshreel.rendering import films, stills
+from samples.figures import coarse_figures
 from samples.pages import PAGES, name_of, parts_of, snippets
 
 N_FRAMES = 60
@@ -100,4 +101,5 @@ def test_snippets_run_in_order(page, demo, tmp_path, monkeypatch):
     shutil.copytree(demo, tmp_path / demo.name)
     for snippet in snippets(page):
         if snippet.language in ("bash", "python") and not snippet.needs:
-            run_snippet(snippet, monkeypatch)
+            with coarse_figures():
+                run_snippet(snippet, monkeypatch)
