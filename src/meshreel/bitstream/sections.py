@@ -2,6 +2,7 @@
 
 import struct
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import BinaryIO
 
@@ -34,8 +35,16 @@ class StoredSection:
 
 def write_section(section: Section, payload: bytes) -> bytes:
     """The bytes of a section, checksum included."""
-    body = bytes([section]) + write_varint(len(payload)) + payload
-    return body + _CHECKSUM.pack(zlib.crc32(body))
+    return write_sections([(section, payload)])[0]
+
+
+def write_sections(sections: Sequence[tuple[Section, bytes]]) -> list[bytes]:
+    """The bytes of each section, checksums included."""
+    written = []
+    for section, payload in sections:
+        body = bytes([section]) + write_varint(len(payload)) + payload
+        written.append(body + _CHECKSUM.pack(zlib.crc32(body)))
+    return written
 
 
 @dataclass(frozen=True)

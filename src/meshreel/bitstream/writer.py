@@ -7,7 +7,7 @@ from typing import BinaryIO
 from meshreel.bitstream.header import Header, write_header
 from meshreel.bitstream.index import BlockPlace, write_index
 from meshreel.bitstream.layout import INDEX_POSITION, Section
-from meshreel.bitstream.sections import write_section
+from meshreel.bitstream.sections import write_sections
 
 Sections = Iterable[tuple[Section, bytes]]
 
@@ -31,7 +31,7 @@ class StreamWriter:
         self._file = file
         self._places: list[BlockPlace] = []
         self._position = 0
-        self._write(write_header(header) + b"".join(write_section(*one) for one in leading))
+        self._write(write_header(header) + b"".join(write_sections(list(leading))))
 
     @property
     def size_bytes(self) -> int:
@@ -48,21 +48,20 @@ class StreamWriter:
             BLOCK first and COEFFICIENTS last: a block whose last section is complete is complete.
             Each TRACK_BLOCK begins the sections of a further track.
         """
-        groups: list[list[bytes]] = [[]]
-        for section, payload in sections:
+        found = list(sections)
+        written, start, sizes = write_sections(found), self._position, [0]
+        for (section, _), data in zip(found, written, strict=True):
             if section is Section.TRACK_BLOCK:
-                groups.append([])
-            groups[-1].append(write_section(section, payload))
-        written, start = [b"".join(group) for group in groups], self._position
+                sizes.append(0)
+            sizes[-1] += len(data)
         self._write(b"".join(written))
         self._file.flush()
-        self._places.append(BlockPlace(n_frames, start, tuple(map(len, written))))
+        self._places.append(BlockPlace(n_frames, start, tuple(sizes)))
 
     def finish(self) -> None:
         """Write the index and the end marker; nothing may follow."""
-        index_position = self._position
-        self._write(write_section(Section.INDEX, write_index(self._places)))
-        self._write(write_section(Section.END, INDEX_POSITION.pack(index_position)))
+        index, position = write_index(self._places), INDEX_POSITION.pack(self._position)
+        self._write(b"".join(write_sections([(Section.INDEX, index), (Section.END, position)])))
         self._file.flush()
 
     def _write(self, data: bytes) -> None:

@@ -3,6 +3,7 @@
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 from meshreel.codec.byte_sizes import bytes_of
@@ -100,7 +101,7 @@ class EncoderConfig:
         elif self.unit is not None:
             raise InvalidInputError("unit= says what a length in max_error= means; give both")
 
-    @property
+    @cached_property
     def target(self) -> Target:
         """The target of `reel`: a rate, an error or a step."""
         return target_of(**{name: getattr(self, name) for name in _TARGETS})

@@ -55,7 +55,7 @@ class CodedMesh:
         order = self.order_kept.name.lower()
         return encode_connectivity(self.given_faces, self.n_verts, order=order)
 
-    @property
+    @cached_property
     def order_kept(self) -> Order:
         """The order that is kept."""
         return self.config.order_choice
@@ -228,7 +228,7 @@ class Source:
         """Centre and diagonal of the bounding box."""
         return bounding_frame(self.sequence.extent)
 
-    @property
+    @cached_property
     def block_frames(self) -> int:
         """Number of frames per block; the last block may have fewer."""
         return self.config.frames_in_block(

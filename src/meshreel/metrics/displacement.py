@@ -1,6 +1,7 @@
 """Distances between original and decoded vertices, against the size of the sequence."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from meshreel.metrics.frame_sums import FrameSums, sums_of_frames
@@ -38,11 +39,12 @@ class DisplacementSums:
         self._total = self._largest = 0.0
         self._n_positions = 0
 
-    def add(self, frame: FrameSums) -> None:
-        """Take in one more frame."""
-        self._total += frame.error
-        self._largest = max(self._largest, frame.largest)
-        self._n_positions += frame.n_verts
+    def add(self, frames: Sequence[FrameSums]) -> None:
+        """Add more frames."""
+        for frame in frames:
+            self._total += frame.error
+            self._largest = max(self._largest, frame.largest)
+            self._n_positions += frame.n_verts
 
     @property
     def errors(self) -> DisplacementErrors:
@@ -71,6 +73,5 @@ def displacement_errors_percent(original: Vertices, decoded: Vertices) -> Displa
     """
     reference = shared_reference(original, decoded)
     sums = DisplacementSums(reference.diagonal_scaled)
-    for frame in sums_of_frames(original, decoded, reference):
-        sums.add(frame)
+    sums.add(sums_of_frames(original, decoded, reference))
     return sums.errors

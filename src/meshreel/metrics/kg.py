@@ -1,6 +1,7 @@
 """KG error: the deviation of a whole sequence against its spread about the frame centres."""
 
 import math
+from collections.abc import Sequence
 
 from meshreel.metrics.frame_sums import FrameSums, sums_of_frames
 from meshreel.metrics.reference import relative, shared_reference
@@ -13,10 +14,11 @@ class KgSums:
     def __init__(self) -> None:
         self._error = self._spread = 0.0
 
-    def add(self, frame: FrameSums) -> None:
-        """Take in one more frame, all of the same reference."""
-        self._error += frame.error
-        self._spread += frame.spread
+    def add(self, frames: Sequence[FrameSums]) -> None:
+        """Add more frames, all of the same reference."""
+        for frame in frames:
+            self._error += frame.error
+            self._spread += frame.spread
 
     @property
     def percent(self) -> float:
@@ -48,6 +50,5 @@ def kg_error_percent(original: Vertices, decoded: Vertices) -> float:
     form for sequences in their "Compression of soft-body animation sequences", 2004.
     """
     sums = KgSums()
-    for frame in sums_of_frames(original, decoded, shared_reference(original, decoded)):
-        sums.add(frame)
+    sums.add(sums_of_frames(original, decoded, shared_reference(original, decoded)))
     return sums.percent

@@ -57,9 +57,9 @@ class ErrorSums:
             If the shapes differ.
         """
         require_same_shape(original, decoded)
-        for frame in sums_of_frames(original, decoded, self._reference):
-            self._kg.add(frame)
-            self._displacements.add(frame)
+        frames = sums_of_frames(original, decoded, self._reference)
+        self._kg.add(frames)
+        self._displacements.add(frames)
         self._n_frames += len(original)
 
     @property

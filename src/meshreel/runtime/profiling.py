@@ -135,6 +135,8 @@ def staged(name: str) -> Callable[[Callable[Arguments, Result]], Callable[Argume
     def decorate(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
         @wraps(function)
         def timed(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
+            if _OPEN.get() is None:  # nobody listens
+                return function(*args, **kwargs)
             with stage(name):
                 return function(*args, **kwargs)
 

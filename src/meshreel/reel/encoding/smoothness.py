@@ -5,8 +5,6 @@ among the facets of a scan is a dent in a cloth. So the step of a quality is fin
 are smoother than those on which qualities were judged. docs/codec.md, "What a quality means".
 """
 
-from collections.abc import Iterable
-
 import numpy as np
 import numpy.typing as npt
 
@@ -41,33 +39,35 @@ def sampled_frames(n_frames: int) -> list[int]:
 
 
 @staged("smoothness")
-def step_share(faces: Faces, n_verts: int, frames: Iterable[Vertices]) -> float:
+def step_share(faces: Faces, n_verts: int, frames: Vertices) -> float:
     """The step for a surface by the usual one of a quality, `LEAST_SHARE` to 1.
 
     Parameters
     ----------
     faces : int32 array of shape (M, 3)
     n_verts : int
-    frames : iterable of float arrays of shape (V, 3)
+    frames : float array of shape (T, V, 3)
     """
     twins = twin_sides(faces, n_verts)
     sides = np.flatnonzero(twins > np.arange(len(twins)))
     sides = sides[:: max(1, len(sides) // MOST_EDGES)]
-    turns = [_turns_deg(faces, sides, twins[sides], vertices) for vertices in frames]
-    found = np.concatenate(turns)
+    found = _turns_deg(faces, sides, twins[sides], frames)
     if not len(found):
         return 1.0
     share = (float(found.mean()) / USUAL_BEND_DEG) ** POWER
     return float(np.clip(share, LEAST_SHARE, 1.0))
 
 
-def _turns_deg(faces: Faces, sides: Integers, twins: Integers, vertices: Vertices) -> Floats:
+def _turns_deg(faces: Faces, sides: Integers, twins: Integers, frames: Vertices) -> Floats:
     """Angles between the normals on both sides of some edges, where both faces have an area."""
     corners = faces.reshape(-1)
     is_turned = corners[sides] == corners[twins]
     with np.errstate(over="ignore", invalid="ignore"):  # of huge coordinates, which do not count
-        first, second = (face_normals(vertices, faces[one // 3]) for one in (sides, twins))
-        cosines = np.einsum("ij,ij->i", first, second) * np.where(is_turned, -1.0, 1.0)
+        first, second = (
+            face_normals(frames, faces[one // 3]).reshape(-1, 3) for one in (sides, twins)
+        )
+        signs = np.tile(np.where(is_turned, -1.0, 1.0), len(frames))
+        cosines = np.einsum("ij,ij->i", first, second) * signs
         lengths = np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
         has_area = (lengths > 0) & np.isfinite(lengths)
     turns = np.clip(cosines[has_area] / lengths[has_area], -1.0, 1.0)

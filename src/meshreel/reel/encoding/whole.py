@@ -115,8 +115,8 @@ class WholeSequence:
         """The step for this surface by the usual one of a quality."""
         sequence, mesh = self._source.sequence, self._source.mesh
         numbers = sampled_frames(sequence.n_frames)
-        frames = (sequence.read(number, number + 1)[0] for number in numbers)
-        return step_share(mesh.given_faces, mesh.n_verts, frames)
+        frames = [sequence.read(number, number + 1) for number in numbers]
+        return step_share(mesh.given_faces, mesh.n_verts, np.concatenate(frames))
 
     @cached_property
     def rounding(self) -> float:

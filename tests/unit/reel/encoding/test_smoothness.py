@@ -18,11 +18,11 @@ def hinge(angle_deg):
 
 @pytest.mark.parametrize(("angle", "share"), [(0.0, 0.2), (4.0, 0.5**1.5), (8.0, 1.0), (90.0, 1.0)])
 def test_the_step_follows_the_turn_of_normals_when_a_surface_is_smooth(angle, share):
-    assert step_share(FACES, 4, [hinge(angle)]) == pytest.approx(share)
+    assert step_share(FACES, 4, hinge(angle)[None]) == pytest.approx(share)
 
 
 def test_the_step_follows_the_mean_of_turns_when_frames_differ():
-    share = step_share(FACES, 4, [hinge(1.0), hinge(1.0), hinge(7.0)])
+    share = step_share(FACES, 4, np.stack([hinge(1.0), hinge(1.0), hinge(7.0)]))
     assert share == pytest.approx((3 / 8) ** 1.5)
 
 
@@ -34,27 +34,27 @@ def test_edges_of_the_whole_surface_count_when_it_has_more_than_are_looked_at():
     vertices = np.tile(ribbon, (n_quads, 1, 1))
     vertices[:, 3, 0], vertices[:, 3, 2] = np.cos(turn), np.sin(turn)
     faces = (FACES + 4 * np.arange(n_quads, dtype=np.int32)[:, None, None]).reshape(-1, 3)
-    share = step_share(faces, 4 * n_quads, [vertices.reshape(-1, 3)])
+    share = step_share(faces, 4 * n_quads, vertices.reshape(1, -1, 3))
     assert share == pytest.approx(0.5**1.5, rel=0.01)
 
 
 def test_a_face_without_area_does_not_count_when_others_have_one():
     faces = np.array([[0, 1, 2], [2, 1, 3], [3, 1, 4]], np.int32)
     vertices = np.concatenate([hinge(4.0), hinge(4.0)[3:]])
-    assert step_share(faces, 5, [vertices]) == pytest.approx(0.5**1.5)
+    assert step_share(faces, 5, vertices[None]) == pytest.approx(0.5**1.5)
 
 
 def test_a_face_that_is_turned_over_does_not_count_as_a_crease():
     turned = np.array([[0, 1, 2], [1, 2, 3]], np.int32)
-    assert step_share(turned, 4, [hinge(4.0)]) == step_share(FACES, 4, [hinge(4.0)])
+    assert step_share(turned, 4, hinge(4.0)[None]) == step_share(FACES, 4, hinge(4.0)[None])
 
 
 def test_the_step_is_as_usual_when_there_is_no_turn_to_be_found():
     flat = np.zeros((4, 3))
-    assert step_share(FACES, 4, [flat]) == 1.0
-    assert step_share(FACES[:1], 4, [hinge(4.0)]) == 1.0
-    assert step_share(FACES, 4, [np.full((4, 3), 1e200)]) == 1.0
-    assert step_share(FACES, 4, [1e200 * hinge(4.0)]) == 1.0
+    assert step_share(FACES, 4, flat[None]) == 1.0
+    assert step_share(FACES[:1], 4, hinge(4.0)[None]) == 1.0
+    assert step_share(FACES, 4, np.full((1, 4, 3), 1e200)) == 1.0
+    assert step_share(FACES, 4, 1e200 * hinge(4.0)[None]) == 1.0
 
 
 @pytest.mark.parametrize("n_frames", [1, 2, 3, 4, 5, 300])
