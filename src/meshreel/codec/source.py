@@ -102,8 +102,9 @@ class CodedMesh:
 
     @cached_property
     def _surface_sections(self) -> list[tuple[Section, bytes]]:
-        kept = surface_in_order(self.surface, self.order_kept, self.order)
-        return list(surface_sections(kept, self.output_faces, self.config.uv_bits))
+        faces, order = self.output_faces, self.order
+        kept = surface_in_order(self.surface, self.order_kept, order)
+        return list(surface_sections(kept, faces, self.config.uv_bits))
 
     def header(
         self,
@@ -229,17 +230,21 @@ class Source:
         return bounding_frame(self.sequence.extent)
 
     @cached_property
+    def n_frames(self) -> int:
+        """Of the sequence."""
+        return self.sequence.n_frames
+
+    @cached_property
     def block_frames(self) -> int:
         """Number of frames per block; the last block may have fewer."""
-        return self.config.frames_in_block(
-            self.sequence.n_frames, self.sequence.n_verts, self.sequence.dtype.itemsize
-        )
+        number_bytes = self.sequence.dtype.itemsize
+        return self.config.frames_in_block(self.n_frames, self.mesh.n_verts, number_bytes)
 
     def pieces(self) -> Iterator[Piece]:
         """The range of frames of each block."""
-        n_frames, size = self.sequence.n_frames, self.block_frames
-        for start in range(0, n_frames, size):
-            yield Piece(self.sequence, start, min(start + size, n_frames), self.mesh.order)
+        size, order = self.block_frames, self.mesh.order
+        for start in range(0, self.n_frames, size):
+            yield Piece(self.sequence, start, min(start + size, self.n_frames), order)
 
     def blocks(self) -> Iterator[Vertices]:
         """Positions of each block, of shape (T_b, V, 3) in internal order."""
@@ -255,9 +260,11 @@ class Source:
         blocks : iterable of (int, sections)
             Number of frames and sections of each block.
         """
-        of_tracks = (track.leading for track in self.tracks)
+        of_tracks = [track.leading for track in self.tracks]
         opening = chain(self.mesh.leading_sections(), of_tracks, leading)
-        return whole_stream(self.header(), opening, self._with_tracks(blocks))
+        if self.tracks:
+            blocks = self._with_tracks(blocks)
+        return whole_stream(self.header, opening, blocks)
 
     def _with_tracks(
         self, blocks: Iterable[tuple[int, Sections]]
@@ -266,13 +273,14 @@ class Source:
         for number, (n_frames, sections) in enumerate(blocks):
             yield n_frames, chain(sections, *(track.blocks[number] for track in self.tracks))
 
+    @cached_property
     def header(self) -> Header:
         """The header of the stream."""
         sequence = self.sequence
         return self.mesh.header(
             self.frame,
             sequence.dtype,
-            n_frames=sequence.n_frames,
+            n_frames=self.n_frames,
             fps=sequence.fps,
             name=sequence.name,
         )

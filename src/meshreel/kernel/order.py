@@ -25,9 +25,9 @@ def opposite_sides(faces: AnyIntegers, n_verts: int) -> Integers:
     """
     n_faces = len(faces)
     _require_few(n_faces)
-    twins = np.empty(3 * n_faces, np.int32)
+    given, twins = _passed(faces), np.empty(3 * n_faces, np.int32)
     room = memory(size_of("reel_twins_memory", n_verts, n_faces))
-    call("reel_twins", room, len(room), _passed(faces), n_faces, n_verts, twins, what="faces")
+    call("reel_twins", room, len(room), given, n_faces, n_verts, twins, what="faces")
     return twins
 
 
@@ -59,18 +59,19 @@ def encode_order(
     n_verts, n_faces = len(sequence), len(faces)
     _require_few(n_faces)
     out = np.empty(BYTES_EACH * (n_verts + n_faces + 1), np.uint8)
+    given = _passed(faces), None if twins is None else _passed(twins)
+    # Copies: the core changes them.
+    orders = None if corners is None else _passed(corners).copy(), _passed(sequence).copy()
     room = memory(size_of("reel_order_memory", n_verts, n_faces))
     size = call(
         "reel_order_encode",
         room,
         len(room),
-        _passed(faces),
-        None if twins is None else _passed(twins),
+        *given,
         n_verts,
         n_faces,
         int(corners is not None),
-        None if corners is None else _passed(corners).copy(),
-        _passed(sequence).copy(),
+        *orders,
         out,
         len(out),
         what="orders",

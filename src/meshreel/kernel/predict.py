@@ -110,7 +110,7 @@ def prepared_weights(mesh: Hierarchy, n_learned: int, key: Floats | None = None)
         given = ctypes.byref(core_mesh), ctypes.byref(fields)
         call("reel_predict_prepare", *given, part.start, part.stop, what="fields")
 
-    in_threads(fill, [part for parts in stretches(mesh, _decoded_apart) for part in parts])
+    in_threads(fill, [part for parts in stretches(mesh, _decoded_apart()) for part in parts])
     return found
 
 
@@ -138,22 +138,23 @@ def encode_values(
     InvalidInputError
         If a residual is too large for a stream.
     """
-    residuals = np.empty((wanted.shape[1], mesh.n_verts), np.int32)
+    residuals = np.empty(wanted.shape[::-1], np.int32)
     given = np.ascontiguousarray(wanted)
     values = _run(mesh, residuals, n_learned, key, prepared, given, choice)
     return residuals, values
 
 
 def _mesh(mesh: Hierarchy) -> _Mesh:
+    smooth, (n_verts, stencil_size) = mesh.smooth, mesh.stencil.shape
     return _Mesh(
-        mesh.n_verts,
+        n_verts,
         len(mesh.smooth_starts),
-        mesh.stencil.shape[1],
+        stencil_size,
         _address(mesh.level_starts),
         _address(mesh.smooth_starts),
         _address(mesh.stencil),
         _address(mesh.hops),
-        _address(mesh.smooth),
+        _address(smooth),
     )
 
 
@@ -168,7 +169,7 @@ def _fields(
 ) -> _Fields:
     n_key = 0 if key is None else key.shape[1]
     arrays = map(_address, (residuals, values, key, prepared))
-    return _Fields(mesh.n_verts, n_modes, n_learned, n_key, *arrays)
+    return _Fields(len(mesh.order), n_modes, n_learned, n_key, *arrays)
 
 
 def _run(
@@ -200,7 +201,10 @@ def _run(
         call("reel_predict_encode", *given, part.start, part.stop, what="fields")
         return found
 
-    for parts in stretches(mesh, _decoded_apart if choice is None else _counted_apart):
+    for parts in stretches(mesh, _decoded_apart() if choice is None else _counted_apart):
+        if len(parts) == 1:
+            counts = run(parts[0])
+            continue
         results = [counts] * len(parts)
 
         def fill(number: int, parts: list[slice] = parts, found: list[Floats] = results) -> None:
@@ -241,7 +245,12 @@ def _counted_apart(_: int) -> int:
     return CHUNK_VERTICES
 
 
-def _decoded_apart(n_verts: int) -> int:
-    """Vertices in a part of a level of so many that is only decoded: some parts for each core."""
-    size = min(max(LEAST_VERTICES, n_verts // (4 * n_cores())), CHUNK_VERTICES)
-    return -(-size // BATCH_VERTICES) * BATCH_VERTICES
+def _decoded_apart() -> Callable[[int], int]:
+    """Vertices in a part of a level that is only decoded, by those in it: some parts a core."""
+    n_parts = 4 * n_cores()
+
+    def size_of_parts(n_verts: int) -> int:
+        size = min(max(LEAST_VERTICES, n_verts // n_parts), CHUNK_VERTICES)
+        return -(-size // BATCH_VERTICES) * BATCH_VERTICES
+
+    return size_of_parts

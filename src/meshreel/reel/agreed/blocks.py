@@ -37,16 +37,17 @@ def write_field_block(
     block: FieldBlock, mesh: FieldMesh, corrections: Corrections | None = None
 ) -> Iterator[tuple[Section, bytes]]:
     """The sections of the positions in a block of `reel`, which begin the block."""
-    yield Section.BLOCK, write_block(block.basis.shape[2], block.n_modes)
-    yield from _write_fields(block, mesh, corrections)
+    n_modes, _, n_frames = block.basis.shape
+    opening = Section.BLOCK, write_block(n_frames, n_modes)
+    yield from [opening, *_write_fields(block, mesh, corrections)]
 
 
 def write_track_block(
     block: FieldBlock, mesh: FieldMesh, corrections: Corrections | None = None
 ) -> Iterator[tuple[Section, bytes]]:
     """The sections of a further track in a block of `reel`."""
-    yield Section.TRACK_BLOCK, write_varint(block.n_modes)
-    yield from _write_fields(block, mesh, corrections)
+    opening = Section.TRACK_BLOCK, write_varint(block.n_modes)
+    yield from [opening, *_write_fields(block, mesh, corrections)]
 
 
 def write_exact_positions(vertices: Numbers, graph: Neighbours) -> list[tuple[Section, bytes]]:
@@ -131,13 +132,15 @@ def read_missing(
 
 def _write_fields(
     block: FieldBlock, mesh: FieldMesh, corrections: Corrections | None
-) -> Iterator[tuple[Section, bytes]]:
+) -> list[tuple[Section, bytes]]:
     """The sections that all tracks have."""
-    yield Section.FIELDS, payloads.write_layout(block.layout)
-    yield Section.BASIS, payloads.write_basis(block.basis, block.layout.rests)
+    found = [
+        (Section.FIELDS, payloads.write_layout(block.layout)),
+        (Section.BASIS, payloads.write_basis(block.basis, block.layout.rests)),
+    ]
     if corrections is not None:
-        yield Section.CORRECTIONS, payloads.write_corrections(corrections)
-    yield Section.COEFFICIENTS, encode_fields(block.fields, mesh.coding_order)
+        found.append((Section.CORRECTIONS, payloads.write_corrections(corrections)))
+    return [*found, (Section.COEFFICIENTS, encode_fields(block.fields, mesh.coding_order))]
 
 
 def read_corrections(

@@ -171,12 +171,13 @@ def write_corrections(corrections: Corrections) -> bytes:
     offsets[follows] -= corrections.offsets[np.flatnonzero(follows) - 1]
     columns = [np.diff(vertices, prepend=0), counts - 1, frame_steps, *offsets.T]
     tables = [0, 1, 2, *[3] * len(offsets.T)]
+    rows = [np.asarray(column, np.int64) for column in columns]
     return b"".join(
         [
             struct.pack("<f", corrections.step),
             write_varint(len(vertices)),
             write_varint(len(corrections.vertices)),
-            encode_integers([np.asarray(column, np.int64) for column in columns], tables),
+            encode_integers(rows, tables),
         ]
     )
 

@@ -4,6 +4,7 @@ The same for a sequence that is all there and for the first block of a live one:
 how large the model is, and which size or error a step leads to.
 """
 
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -79,7 +80,7 @@ def aimed(
         return max(material.finest_step, step), None
     if target.aim is Aim.MAX_ERROR:
         bound = promised_bound(target, material.diagonal, material.rounding, material.dtype)
-        step = least_cost(lambda step: material.size_bytes(step, bound), bound / STEPS_OF_BOUND)
+        step = least_cost(partial(material.size_bytes, bound=bound), bound / STEPS_OF_BOUND)
         return max(material.finest_step, step), bound
     return _step_within_limit(config, material, has_tracks), None
 

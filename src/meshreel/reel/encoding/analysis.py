@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.frame_products import JointFrames
-from meshreel.connectivity.permutation import inverse_permutation
 from meshreel.kernel.frames import encode_times
 from meshreel.kernel.predict import Choice, Prepared, encode_values
 from meshreel.reel.agreed.fields import (
@@ -192,15 +191,17 @@ def _with_basis(
 ) -> AnalysedFields:
     """The integers of a block whose basis is known, and which are `reused` of those of its key."""
     step = float(layout.step)
+    vectors = decode_basis(basis, replace(layout, n_reused=0))
     if len(basis):
-        own_vectors = decode_basis(basis, replace(layout, n_reused=0)).reshape(-1, len(basis))
-        wanted = _projected(own_vectors, left, mesh.order, step)
+        wanted = _projected(vectors.reshape(-1, len(basis)), left, mesh.number, step)
         residuals, own = _quantized_fields(wanted, layout, mesh, choices, key, prepared)
     else:
         wanted = np.empty((left.n_verts, 0))
         residuals, own = np.empty((0, left.n_verts), np.int32), KeyFields(wanted)
-    whole = basis if reused is None else np.concatenate([reused, basis])
-    vectors = decode_basis(whole, layout, key)
+    whole = basis
+    if reused is not None:
+        whole = np.concatenate([reused, basis])
+        vectors = decode_basis(whole, layout, key)
     values = with_reused(own.values, layout.n_reused, key)
     decoded = JointFrames(vectors, values, step, mesh.number, layout.is_single)
     return AnalysedFields(FieldBlock(layout, whole, residuals), decoded, own, wanted, left)
@@ -225,17 +226,14 @@ def _reusing(
 
 
 @staged("projection")
-def _projected(
-    vectors: Floats, frames: BlockFrames, order: npt.NDArray[np.int32], step: float
-) -> Floats:
+def _projected(vectors: Floats, frames: BlockFrames, places: Integers, step: float) -> Floats:
     """Fields of shape (V, K) whose product with the temporal basis is nearest to the frames.
 
-    In this order of vertices, and in steps.
+    In steps; `places` is the row of each vertex.
     """
     gram = vectors.T @ vectors  # rounding leaves the vectors not quite orthonormal
     inverse = np.linalg.pinv(gram, hermitian=True) @ vectors.T
     fields = np.empty((frames.n_verts, vectors.shape[1]))
-    places = inverse_permutation(order)
 
     def fill(piece: slice) -> None:
         fields[places[piece]] = (inverse @ frames.coordinates(piece)).T / step

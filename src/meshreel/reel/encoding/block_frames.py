@@ -47,6 +47,8 @@ class BlockFrames:
         Number of each vertex in the internal order; None: they are in it.
     taken : tuple of float64 arrays of shapes (C, T, R) and (V, R), or None
         Vectors and fields, in internal order, whose product is taken away from coordinates.
+    n_frames, n_verts, n_columns : int
+        T, V and C.
     """
 
     vertices: npt.NDArray[np.floating]
@@ -54,27 +56,28 @@ class BlockFrames:
     order: npt.NDArray[np.int32] | None = None
     taken: tuple[Floats, Floats] | None = None
     _found: dict[bool, tuple[float, Floats, Floats]] = field(default_factory=dict)
+    n_frames: int = field(init=False)
+    n_verts: int = field(init=False)
+    n_columns: int = field(init=False)
 
-    @property
-    def n_frames(self) -> int:
-        """T."""
-        return int(self.vertices.shape[0])
-
-    @property
-    def n_verts(self) -> int:
-        """V."""
-        return int(self.vertices.shape[1])
-
-    @property
-    def n_columns(self) -> int:
-        """C."""
-        return int(self.vertices.shape[2])
+    def __post_init__(self) -> None:
+        self.n_frames, self.n_verts, self.n_columns = map(int, self.vertices.shape)
 
     def coordinates(self, piece: slice, frames: slice = slice(None)) -> Floats:
-        """Coordinates of some vertices, in internal order: of shape (C T, n), x before y and z."""
-        if self._is_small and frames == slice(None):
+        """Coordinates of some vertices, in internal order: of shape (C T, n), x before y and z.
+
+        Those of all frames may be kept for others, and must not be changed; of some frames they are
+        a copy.
+        """
+        if not self._is_small:
+            return self._rows(piece, frames)
+        if frames == slice(None):
             return self._all[:, piece]
-        return self._rows(piece, frames)
+        if self.taken is not None:
+            return self._rows(piece, frames)
+        rows = self._all.reshape(self.n_columns, self.n_frames, -1)
+        chosen = np.array(rows[:, frames, piece])
+        return chosen.reshape(-1, chosen.shape[2])
 
     def _rows(self, piece: slice, frames: slice = slice(None)) -> Floats:
         placement = self.frame.placement

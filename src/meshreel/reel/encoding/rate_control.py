@@ -91,11 +91,12 @@ def least_cost(
     best, least = start, cost(start)
     tried = {start}
     for _ in range(n_trials - 1):
-        candidates = [step for step in (best / ratio, best * ratio) if step not in tried]
-        if not candidates:
+        step = best / ratio
+        if step in tried:
+            step = best * ratio
+        if step in tried:
             ratio = float(np.sqrt(ratio))
-            candidates = [best / ratio]
-        step = candidates[0]
+            step = best / ratio
         tried.add(step)
         found = cost(step)
         if found < least:

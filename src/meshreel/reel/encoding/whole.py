@@ -55,7 +55,8 @@ def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
     InvalidInputError
         If no stream meets the target.
     """
-    source = replace(source, tracks=coded_tracks(source, progress))
+    if source.bounds:
+        source = replace(source, tracks=coded_tracks(source, progress))
     sequence = WholeSequence(source, progress, engine)
     step, bound = aimed(source.config, sequence, has_tracks=bool(source.tracks))
     following = FollowingTracks(source, progress) if source.tracks else None
@@ -92,6 +93,7 @@ class WholeSequence:
 
     def __init__(self, source: Source, progress: Progress, engine: Engine | None) -> None:
         self._source = source
+        self._n_frames = source.n_frames
         self._target = source.config.target
         self._progress = progress
         self._engine = engine
@@ -114,7 +116,7 @@ class WholeSequence:
     def step_share(self) -> float:
         """The step for this surface by the usual one of a quality."""
         sequence, mesh = self._source.sequence, self._source.mesh
-        numbers = sampled_frames(sequence.n_frames)
+        numbers = sampled_frames(self._n_frames)
         frames = [sequence.read(number, number + 1) for number in numbers]
         return step_share(mesh.given_faces, mesh.n_verts, np.concatenate(frames))
 
@@ -147,7 +149,7 @@ class WholeSequence:
         if self._target.aim is Aim.SIZE:
             return float(size_bytes)
         sequence = self._source.sequence
-        return rate_bpvf(size_bytes, sequence.n_verts, sequence.n_frames)
+        return rate_bpvf(size_bytes, sequence.n_verts, self._n_frames)
 
     def step_for_tracks(
         self, following: FollowingTracks, step: float, bound: float | None
@@ -230,8 +232,8 @@ class WholeSequence:
 
     def _coded(self, coder: FieldBlockCoder) -> Iterator[tuple[int, Sections]]:
         """Frames and sections of each block."""
-        blocks = KeyedBlocks(coder)
-        for frames in self._blocks():
+        read, blocks = self._blocks(), KeyedBlocks(coder)
+        for frames in read:
             yield frames.block.n_frames, blocks.code(frames).sections
 
     def _coded_elsewhere(
@@ -265,7 +267,7 @@ class WholeSequence:
 
     @property
     def _is_cut(self) -> bool:
-        return self._source.block_frames < self._source.sequence.n_frames
+        return self._source.block_frames < self._n_frames
 
     @property
     def _is_one_try(self) -> bool:
@@ -278,7 +280,7 @@ class WholeSequence:
             return True
         if self._is_one_try:
             return False
-        kept_bytes = KEPT_BYTES * sequence.n_frames * sequence.n_verts
+        kept_bytes = KEPT_BYTES * self._n_frames * sequence.n_verts
         memory = self._source.config.memory_bytes
         return memory is None or kept_bytes <= memory / 2
 
@@ -313,6 +315,5 @@ class WholeSequence:
         """Tell the listener of frames coded; nothing is all done while another try may follow."""
         number = 1 + len(self._streams) + len(self._errors)
         stage = "encoding" if self._is_one_try else f"encoding, try {number}"
-        n_frames = self._source.sequence.n_frames
-        if self._is_one_try or n_done < n_frames:
-            self._progress(stage, Count(n_done, n_frames, "frames"))
+        if self._is_one_try or n_done < self._n_frames:
+            self._progress(stage, Count(n_done, self._n_frames, "frames"))
