@@ -11,7 +11,6 @@ from meshreel.codec.choices import Order
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.encoder import encode_with
 from meshreel.codec.inspect import info
-from meshreel.codec.options import all_options
 from meshreel.codec.solver_state import solver_state_note
 from meshreel.codec.surface.payloads import order_loss_note
 from meshreel.codec.surface.uv_errors import measure_uvs
@@ -78,8 +77,7 @@ class EncodeOptions:
 
     def as_dict(self) -> dict[str, Any]:
         """Those that are not the default, in plain types."""
-        values = {option: getattr(self.config, option.name) for option in all_options()}
-        chosen = {one.name: value for one, value in values.items() if value != one.default}
+        chosen = {one.name: getattr(self.config, one.name) for one in self.config.chosen}
         reading = {name: getattr(self.reading, name) for name in READ_OPTIONS}
         chosen |= {
             name: value for name, value in reading.items() if value != getattr(ReadOptions, name)

@@ -19,7 +19,7 @@ from meshreel.cli.write_options import (
     targets_option,
     textures_option,
 )
-from meshreel.codec.targets import UNIT
+from meshreel.codec.config import option_named
 
 
 @command
@@ -42,7 +42,7 @@ from meshreel.codec.targets import UNIT
 @memory_option
 @targets_option
 @gltf_error_option
-@encode_option(UNIT, GLTF_AND_TEXTURES)
+@encode_option(option_named("unit"), GLTF_AND_TEXTURES)
 @normals_option
 @layout_option
 @textures_option

@@ -7,10 +7,10 @@ from typing import Any, get_origin
 import click
 
 from meshreel.cli.completing import names_of
-from meshreel.cli.option_names import in_option_names
+from meshreel.cli.option_names import flag_of
 from meshreel.cli.parameters import Decorator, option
+from meshreel.codec.config import all_options
 from meshreel.codec.option import Option
-from meshreel.codec.options import all_options
 
 Encoding = dict[str, Any]
 """The options of encoding that a command was given, by their names in Python."""
@@ -43,12 +43,12 @@ def encode_options(**instead: Decorator) -> Decorator:
 
 def encode_option(row: Option, panel: str | None = None) -> Decorator:
     """The option of a row of the table, by default in the panel of its group."""
-    help_text = row.help
+    help_text = row.help_naming(flag_of)
     if row.names and not row.metavar:
         help_text = help_text.replace(".", f": {', '.join(row.names)}.", 1)
     if row.default_text:
         help_text += f" [default: {row.default_text}]"
-    kind = row.type if len(row.types) == 1 else str
+    kind = row.types[0] if len(row.types) == 1 else str
     return option(
         row.name,
         row.flag,
@@ -57,7 +57,7 @@ def encode_option(row: Option, panel: str | None = None) -> Decorator:
         default=row.default,
         range=row.range,
         unit=row.unit,
-        help=in_option_names(help_text),
+        help=help_text,
         show_default=not row.default_text,
         metavar=row.metavar or None,
         completion=names_of(row.names) if row.names else None,

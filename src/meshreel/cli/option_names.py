@@ -19,9 +19,9 @@ def in_option_names(message: str) -> str:
     "--object", 'order="drop"' becomes "--order drop", and "max_error" "--max-error".
     """
     message = _BOTH.sub(r"\1", message)
-    message = _CHOICE.sub(lambda found: f"{_option(found[1])} {found[2]}", message)
-    message = _KEYWORD.sub(lambda found: _option(found[1]), message)
-    return _names().sub(lambda found: _option(found[1]), message)
+    message = _CHOICE.sub(lambda found: f"{flag_of(found[1])} {found[2]}", message)
+    message = _KEYWORD.sub(lambda found: flag_of(found[1]), message)
+    return _names().sub(lambda found: flag_of(found[1]), message)
 
 
 def all_in_option_names(notes: Iterable[str]) -> list[str]:
@@ -29,14 +29,15 @@ def all_in_option_names(notes: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(map(in_option_names, notes)))
 
 
-def _option(keyword: str) -> str:
+def flag_of(keyword: str) -> str:
+    """The option of a keyword."""
     return _flags().get(keyword, f"--{keyword.replace('_', '-')}")
 
 
 @cache
 def _flags() -> dict[str, str]:
     """The options of encoding by their keywords, and `RENAMED`."""
-    from meshreel.codec.options import all_options
+    from meshreel.codec.config import all_options
 
     return {**RENAMED, **{option.name: option.flag for option in all_options()}}
 

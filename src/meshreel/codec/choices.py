@@ -1,6 +1,6 @@
-"""Choices that a stream is made with, whatever its method, and their codes in it."""
+"""Choices that a stream is made with; those that it states have codes in it."""
 
-from enum import IntEnum
+from enum import Enum, IntEnum
 from typing import TypeVar
 
 from meshreel.errors import UnsupportedVersionError
@@ -20,6 +20,20 @@ class Order(IntEnum):
     KEEP = 0
     VERTICES = 1
     DROP = 2
+
+
+class Tune(Enum):
+    """The error that bits are spent against."""
+
+    VISUAL = "visual"
+    GEOMETRY = "geometry"
+
+
+class Allocation(Enum):
+    """The allocation of a single number of bits to the rows of coefficients."""
+
+    ENERGY = "energy"
+    CONSTANT = "constant"
 
 
 CodedChoice = TypeVar("CodedChoice", bound=IntEnum)

@@ -1,26 +1,57 @@
-"""Options of encoding, checked."""
+"""Options of encoding: the fields of `EncoderConfig`, and their checks.
+
+`encode`, the command line, batches and the documentation take options, types, defaults and texts
+from these fields. An option is added as a field here; the methods that it is for read it.
+"""
 
 from bisect import bisect_right
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, replace
+from difflib import get_close_matches
+from functools import cache, cached_property
+from typing import Annotated, Any
 
 from meshreel.codec.byte_sizes import bytes_of
-from meshreel.codec.choices import Laplacian, Order
-from meshreel.codec.error_bounds import bound_of
-from meshreel.codec.methods import Method, method_named
-from meshreel.codec.option import Option
-from meshreel.codec.options import (
-    LOSSLESS_METHOD,
-    all_options,
-    check_names,
-    methods_taking,
-    options_of,
+from meshreel.codec.choices import Allocation, Laplacian, Order, Tune
+from meshreel.codec.error_bounds import METRES, bound_of
+from meshreel.codec.methods import METHOD_NAMES, Method, method_named
+from meshreel.codec.option import COUNT, Option, Range, options_of_fields
+from meshreel.codec.targets import (
+    ABOVE_ZERO,
+    DEFAULT_QUALITY,
+    DIAGONAL_OF_ALL,
+    GROUP,
+    QUALITIES,
+    Aim,
+    Target,
+    target_of,
 )
-from meshreel.codec.targets import Aim, Target, target_of
 from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
+
+DEFAULT_METHOD = "reel"
+LOSSLESS_METHOD = "lossless"
+DEFAULT_ORDER = "keep"
+
+REEL = ("reel",)
+BOUNDED = ("reel", "grid")
+PAPER = ("pca-qp", "pca", "pca-q", "v2v", "pca-qs", "blocks", "gft")
+OF_DELTAS = tuple(name for name in PAPER if name != "v2v")
+ROUNDING = tuple(name for name in METHOD_NAMES if name != LOSSLESS_METHOD)
+"""Methods that options are for."""
+
+PAPER_GROUP = "The paper's methods"
+
+EFFORT_RANGE = Range(1, 9, is_whole=True)
+DEFAULT_EFFORT = 5
+
+UV_BITS_RANGE = Range(4, 24, is_whole=True)
+"""A float32 of up to 1 holds every number of a grid of 24 bits."""
+
+BITS_RANGE = Range(2, 24, is_whole=True)
+DEFAULT_BITS, FINE_BITS = 9, 16
+DEFAULT_ENERGY, DEFAULT_ANCHORS, DEFAULT_ITERATIONS = 0.99995, 0.01, 4
+"""Of the paper's methods; the second number of bits is that of `pca`."""
 
 MAX_BLOCK_POSITIONS = 1 << 28
 """Positions that are coded together at most, where no number of frames is asked for."""
@@ -28,9 +59,7 @@ MAX_BLOCK_POSITIONS = 1 << 28
 
 @dataclass(frozen=True)
 class EncoderConfig:
-    """The options of `meshreel.encode`, checked: the rows of `codec.options.all_options`.
-
-    `python docs/option_texts.py --write` writes the fields.
+    """The options of `meshreel.encode`, checked.
 
     Raises
     ------
@@ -38,51 +67,297 @@ class EncoderConfig:
         If an option is out of range, or two exclude each other.
     """
 
-    method: str = "reel"
-    quality: float | None = None
-    max_error: float | str | None = None
-    unit: str | None = None
-    kg: float | None = None
-    sted: float | None = None
-    bpvf: float | None = None
-    size: float | str | None = None
-    step: float | None = None
-    lossless: bool = False
-    tune: str | None = None
-    effort: int | None = None
-    n_modes: int | None = None
-    uv_bits: int | None = None
-    order: str = "keep"
-    block_frames: int | None = None
-    memory: float | str | None = None
-    energy: float | None = None
-    bits: int | Sequence[int] | None = None
-    allocation: str = "energy"
-    anchors: float | Sequence[int] | None = None
-    choices: str | Mapping[str, object] | None = None
-    laplacian: str = "normalized"
-    n_iterations: int = 4
+    method: Annotated[
+        str,
+        Option(
+            "How to code.",
+            names=METHOD_NAMES,
+            methods=METHOD_NAMES,
+            more="`reel`: our own, several times smaller than the others, which are variants of "
+            "the paper. `pca-qp`: deltas on the eigen-trajectories of each axis, least squares "
+            "with anchors. `pca`, `pca-q`: without anchors, the first at 16 bits. `v2v`: vertices "
+            "instead of deltas. `pca-qs`: as `pca-qp`, decoded one frame after another. `blocks`: "
+            "eigen-trajectories of short blocks, tracked. `gft`: each frame's deltas on the low "
+            "frequencies of the graph. `lossless`: every bit comes back. `grid`: positions are "
+            "rounded to a grid that keeps max_error=, and coded as `lossless` does.",
+        ),
+    ] = DEFAULT_METHOD
+    _: KW_ONLY
+    quality: Annotated[
+        float | None,
+        Option(
+            f"{QUALITIES.words}; every 12 points halve the error, which is relative to the "
+            "model's size, the diagonal of a frame's bounding box, the mean of all frames, and "
+            "smaller on smooth surfaces.",
+            default_text=f"{DEFAULT_QUALITY:g}, if nothing else is asked for",
+            range=QUALITIES,
+            group=GROUP,
+            methods=REEL,
+        ),
+    ] = None
+    max_error: Annotated[
+        float | str | None,
+        Option(
+            "No vertex of any frame farther from the original than this. Promised. 0.1 or 0.1%: "
+            f"percent {DIAGONAL_OF_ALL}; 0.5u: model units; 0.5mm: a length, see {{unit}}.",
+            range=ABOVE_ZERO,
+            unit="in percent",
+            group=GROUP,
+            metavar="BOUND",
+            methods=BOUNDED,
+        ),
+    ] = None
+    unit: Annotated[
+        str | None,
+        Option(
+            "How long one unit of the model is, for a {max_error} that is a length.",
+            names=tuple(METRES),
+            group=GROUP,
+            metavar="|".join(METRES),
+            methods=BOUNDED,
+        ),
+    ] = None
+    kg: Annotated[
+        float | None,
+        Option(
+            "Smallest file of at most this KG error, a share of the shape's extent.",
+            range=ABOVE_ZERO,
+            unit="in percent",
+            group=GROUP,
+            metavar="PERCENT",
+            more="In percent.",
+            methods=REEL,
+        ),
+    ] = None
+    sted: Annotated[
+        float | None,
+        Option("Smallest file of at most this STED.", range=ABOVE_ZERO, group=GROUP, methods=REEL),
+    ] = None
+    bpvf: Annotated[
+        float | None,
+        Option(
+            "Best quality within so many bits for each vertex and frame.",
+            range=ABOVE_ZERO,
+            unit="in bits per vertex and frame",
+            group=GROUP,
+            more="The whole stream counts.",
+            methods=REEL,
+        ),
+    ] = None
+    size: Annotated[
+        float | str | None,
+        Option(
+            "Best quality within this size, as in 100kB, 1MiB or 100000 (bytes).",
+            range=ABOVE_ZERO,
+            unit="in bytes",
+            group=GROUP,
+            metavar="SIZE",
+            methods=REEL,
+        ),
+    ] = None
+    step: Annotated[
+        float | None,
+        Option(
+            "Step of rounding as it acts on a position, in diagonals of the bounding box of all "
+            "frames.",
+            range=Range(0, 1, is_open=True),
+            unit="in diagonals of the bounding box",
+            group=GROUP,
+            methods=REEL,
+        ),
+    ] = None
+    lossless: Annotated[
+        bool,
+        Option(
+            "Every number comes back bit for bit: positions and tracks. The order of vertices and "
+            "faces stays as well, unless {order} says otherwise.",
+            group=GROUP,
+            more='The same as method="lossless". `tracks` may still name bounds, or drop tracks.',
+            methods=("reel", LOSSLESS_METHOD),
+        ),
+    ] = False
+    tune: Annotated[
+        str | None,
+        Option(
+            "What bits are spent on. visual: how the surface looks; geometry: where vertices are.",
+            default_text="what the target needs, else visual",
+            names=tuple(tune.value for tune in Tune),
+            more="visual serves STED, geometry KG and the largest error.",
+            methods=REEL,
+        ),
+    ] = None
+    effort: Annotated[
+        int | None,
+        Option(
+            f"{EFFORT_RANGE.words}: time against size.",
+            default_text=str(DEFAULT_EFFORT),
+            range=EFFORT_RANGE,
+            methods=REEL,
+        ),
+    ] = None
+    n_modes: Annotated[
+        int | None,
+        Option(
+            "Modes to keep, 1 or more: of reel at most so many, else of each axis.",
+            range=COUNT,
+            flag="--modes",
+            more="Those of an axis are eigen-trajectories (the paper's k_l); at most as many as a "
+            "block has frames are used. Excludes `energy`. With `gft`, graph frequencies; default "
+            "5 % of the vertices.",
+            methods=ROUNDING,
+        ),
+    ] = None
+    uv_bits: Annotated[
+        int | None,
+        Option(
+            "Round texture coordinates to a grid of 2^N steps to the width of a texture, N of "
+            f"{UV_BITS_RANGE.words}; 12 is a texel of a 4096 texture. Default: exact.",
+            range=UV_BITS_RANGE,
+            metavar="N",
+            methods=ROUNDING,
+        ),
+    ] = None
+    order: Annotated[
+        str,
+        Option(
+            "What to keep of the order of vertices and faces. keep: both; vertices: of the "
+            "vertices; drop: neither, for the smallest file.",
+            names=tuple(order.name.lower() for order in Order),
+            methods=METHOD_NAMES,
+        ),
+    ] = DEFAULT_ORDER
+    block_frames: Annotated[
+        int | None,
+        Option(
+            "Frames coded together; fewer take less memory and more bytes. Default: all, as far "
+            "as memory allows; of more than 1024 and 8 million positions, up to 512 (blocks: 25).",
+            range=COUNT,
+            methods=METHOD_NAMES,
+        ),
+    ] = None
+    memory: Annotated[
+        float | str | None,
+        Option(
+            "Memory that encoding may take, as in 500MB or 1GiB; blocks of frames are cut to fit, "
+            "and frames stay in their files. Default: blocks of up to 268 million positions.",
+            range=ABOVE_ZERO,
+            unit="in bytes",
+            metavar="SIZE",
+            more="This program counts, too. Blocks of the default size take some 6 GB. Those of "
+            "`lossless` and `grid` are of up to 4 million positions, or 64 frames.",
+            methods=METHOD_NAMES,
+        ),
+    ] = None
+    energy: Annotated[
+        float | None,
+        Option(
+            "Share of the shape's energy to keep, up to 1; chooses the number of modes.",
+            default_text=str(DEFAULT_ENERGY),
+            range=Range(0, 1, is_open=True),
+            unit="a share of the energy",
+            group=PAPER_GROUP,
+            more="What is left out makes a KG error of sqrt(1 - energy), by default 0.7 %.",
+            methods=PAPER,
+        ),
+    ] = None
+    bits: Annotated[
+        int | Sequence[int] | None,
+        Option(
+            f"Bits of the largest coefficient, {BITS_RANGE.words}; or of each row, 0 to leave it "
+            "out.",
+            default_text=f"{DEFAULT_BITS}; pca: {FINE_BITS}",
+            range=BITS_RANGE,
+            group=PAPER_GROUP,
+            metavar="N[,N...]",
+            methods=PAPER,
+        ),
+    ] = None
+    allocation: Annotated[
+        str,
+        Option(
+            "How one number of bits is spread over the rows.",
+            names=tuple(allocation.value for allocation in Allocation),
+            group=PAPER_GROUP,
+            more="energy: all share the step of the largest, so that bits follow a row's energy; "
+            "constant: each takes that many bits of its own range.",
+            methods=PAPER,
+        ),
+    ] = Allocation.ENERGY.value
+    anchors: Annotated[
+        float | Sequence[int] | None,
+        Option(
+            "Share of the vertices sent as anchors, 0 to 1, where the method has them; or their "
+            "numbers.",
+            default_text=str(DEFAULT_ANCHORS),
+            range=Range(0, 1),
+            unit="a share of the vertices (0.01 = 1 %)",
+            group=PAPER_GROUP,
+            metavar="SHARE or N,N...",
+            more="Every connected component gets at least one: with 0 this is decoding by L alone "
+            "(Eq. 11).",
+            methods=PAPER,
+        ),
+    ] = None
+    choices: Annotated[
+        str | Mapping[str, object] | None,
+        Option(
+            "What the paper leaves open: values of anchor-values, anchor-set, anchor-seed, "
+            "anchor-bits, dictionary-bits, quantize, dictionary and rotation, separated by commas.",
+            group=PAPER_GROUP,
+            metavar="NAME=VALUE[,...]",
+            more='Such as `"anchor-values=coefficients,anchor-bits=16"`, or a mapping; '
+            "`meshreel.paper.PaperChoices` describes each.",
+            methods=PAPER,
+        ),
+    ] = None
+    laplacian: Annotated[
+        str,
+        Option(
+            "The matrix that makes deltas.",
+            names=tuple(laplacian.name.lower() for laplacian in Laplacian),
+            group=PAPER_GROUP,
+            more="normalized: I - D^-1 C (Eq. 3), which measured better; combinatorial: D - C "
+            "(Eq. 1); cotangent: I - D^-1 W with the cotangent weights of the first frame, which "
+            "is sent too.",
+            methods=OF_DELTAS,
+        ),
+    ] = Laplacian.NORMALIZED.name.lower()
+    n_iterations: Annotated[
+        int,
+        Option(
+            "Orthogonal iterations from block to block (blocks).",
+            range=COUNT,
+            group=PAPER_GROUP,
+            flag="--iterations",
+            methods=("blocks",),
+        ),
+    ] = DEFAULT_ITERATIONS
 
     def __post_init__(self) -> None:
         for option in all_options():
             option.check(getattr(self, option.name))
         self._read_texts()
-        chosen = [row for row in all_options() if getattr(self, row.name) != row.default]
+        chosen = self.chosen
         for option in chosen:
-            if self.method not in (methods := methods_taking(option)):
+            if self.method not in option.methods:
                 raise InvalidInputError(
                     f"method {self.method} does not take {option.name}=; leave it out, or choose "
-                    f"{' or '.join(methods)}"
+                    f"{' or '.join(option.methods)}"
                 )
         if self.lossless:
             self._become_lossless(chosen)
         object.__setattr__(self, "lossless", self.method == LOSSLESS_METHOD)
         self.method_row.check(self)
 
+    @property
+    def chosen(self) -> list[Option]:
+        """The options that are not the default."""
+        return [option for option in all_options() if getattr(self, option.name) != option.default]
+
     def _become_lossless(self, chosen: Sequence[Option]) -> None:
         """Make it the method that `lossless` asks for, unless another option is to change bits."""
-        taken = options_of(LOSSLESS_METHOD)
-        if idle := [f"{option.name}=" for option in chosen if option not in taken]:
+        idle = [f"{one.name}=" for one in chosen if LOSSLESS_METHOD not in one.methods]
+        if idle:
             have, them = ("has", "it") if len(idle) == 1 else ("have", "them")
             raise InvalidInputError(
                 f"lossless= keeps every bit, so that {' and '.join(idle)} {have} no effect; leave "
@@ -106,7 +381,7 @@ class EncoderConfig:
         """The target of `reel`: a rate, an error or a step."""
         return target_of(**{name: getattr(self, name) for name in _TARGETS})
 
-    @property
+    @cached_property
     def method_row(self) -> Method:
         """The method of this name."""
         return method_named(self.method)
@@ -170,6 +445,38 @@ class EncoderConfig:
 
 
 _TARGETS = tuple(aim.value for aim in Aim)
+
+
+@cache
+def all_options() -> tuple[Option, ...]:
+    """The fields of `EncoderConfig`."""
+    return options_of_fields(EncoderConfig)
+
+
+def option_named(name: str) -> Option:
+    """The option of this name, which must exist."""
+    return next(option for option in all_options() if option.name == name)
+
+
+def check_names(names: Iterable[str], known: Iterable[str]) -> None:
+    """Nothing if there are options of these names.
+
+    Parameters
+    ----------
+    names, known : iterable of str
+        What was given, and what there is.
+
+    Raises
+    ------
+    InvalidInputError
+        If one is not there; names the nearest that is, or all if none is near.
+    """
+    allowed = list(known)
+    for name in names:
+        if name not in allowed:
+            near = get_close_matches(name, allowed, 1)
+            advice = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(allowed)}"
+            raise InvalidInputError(f"option {name!r} is unknown; {advice}")
 
 
 def config_of(options: Mapping[str, Any]) -> EncoderConfig:

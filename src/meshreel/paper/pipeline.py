@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.config import EncoderConfig
+from meshreel.codec.choices import Allocation
+from meshreel.codec.config import FINE_BITS, EncoderConfig
 from meshreel.codec.frame_products import FramesOf, product_frames
 from meshreel.geometry.laplacian import delta_coordinates
 from meshreel.paper.mesh_model import MeshModel
-from meshreel.paper.options import DEFAULT_FREQUENCIES
 from meshreel.paper.quantization import (
     Steps,
     dequantize,
@@ -22,8 +22,6 @@ from meshreel.paper.settings import allocation_of, anchor_bits, bits_of, choices
 from meshreel.paper.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
 from meshreel.paper.subspace.rank import modes_for_energy
 from meshreel.paper.variants import (
-    FINE_BITS,
-    Allocation,
     Basis,
     Decoding,
     Signal,
@@ -36,6 +34,9 @@ from meshreel.subspace.pca import autocorrelation, eigen_trajectories
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
+
+DEFAULT_FREQUENCIES = 0.05
+"""Share of the graph frequencies that `gft` keeps."""
 
 MAX_RESPONSES = 1 << 26
 """Most numbers that the responses of all vertices to all anchors may be."""

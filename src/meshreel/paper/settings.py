@@ -2,13 +2,17 @@
 
 from collections.abc import Sequence
 
-from meshreel.codec.config import EncoderConfig
+from meshreel.codec.choices import Allocation
+from meshreel.codec.config import (
+    BITS_RANGE,
+    DEFAULT_ANCHORS,
+    DEFAULT_ENERGY,
+    FINE_BITS,
+    EncoderConfig,
+)
 from meshreel.errors import InvalidInputError
 from meshreel.paper.choices import PaperChoices, choices_of
-from meshreel.paper.options import BITS_RANGE, DEFAULT_ANCHORS, DEFAULT_ENERGY
 from meshreel.paper.variants import (
-    FINE_BITS,
-    Allocation,
     Basis,
     Decoding,
     Signal,

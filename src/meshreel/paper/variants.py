@@ -7,8 +7,8 @@ never the names.
 from dataclasses import dataclass
 from enum import Enum
 
-DEFAULT_BITS = 9
-FINE_BITS = 16
+from meshreel.codec.config import DEFAULT_BITS, FINE_BITS
+
 TRACKED_BLOCK_FRAMES = 25
 
 
@@ -84,13 +84,6 @@ VARIANTS = (
 
 METHODS = tuple(variant.name for variant in VARIANTS)
 """Names of the seven variants, as `meshreel.encode(method=)` takes them."""
-
-
-class Allocation(Enum):
-    """The allocation of a single number of bits to the rows of coefficients."""
-
-    ENERGY = "energy"
-    CONSTANT = "constant"
 
 
 def variant_named(name: str) -> Variant:

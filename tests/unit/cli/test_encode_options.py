@@ -11,8 +11,7 @@ import meshreel
 from meshreel.cli.app import app
 from meshreel.cli.commands import command_named
 from meshreel.cli.encode_options import encode_options
-from meshreel.codec.options import all_options
-from meshreel.codec.targets import UNIT
+from meshreel.codec.config import all_options
 from meshreel.errors import InvalidInputError
 from samples.meshes import waving_grid
 
@@ -96,7 +95,7 @@ def test_option_is_refused_when_it_is_no_number_of_its_range(flag, typed, messag
 
 
 def test_help_names_flags_in_place_of_keywords():
-    assert "--max-error that is a length" in params("encode")[UNIT.name].help
+    assert "--max-error that is a length" in params("encode")["unit"].help
 
 
 @pytest.mark.parametrize("command", ["encode", "convert"])

@@ -4,22 +4,26 @@ import inspect
 import math
 import subprocess
 import sys
-from dataclasses import fields
-from typing import Any, get_type_hints
+from dataclasses import dataclass, fields
+from typing import Annotated, Any, get_type_hints
 
 import pytest
 
 import meshreel
-from meshreel.codec.config import EncoderConfig, config_of
+from meshreel.codec.config import (
+    EFFORT_RANGE,
+    UV_BITS_RANGE,
+    EncoderConfig,
+    all_options,
+    check_names,
+    config_of,
+)
 from meshreel.codec.encoder import encode
 from meshreel.codec.methods import METHOD_NAMES
-from meshreel.codec.option import Option, Range
-from meshreel.codec.options import all_options, check_names, methods_taking, options_of
-from meshreel.codec.rounding_options import UV_BITS_RANGE
+from meshreel.codec.option import Option, Range, numpydoc, options_of_fields, takes_fields
 from meshreel.entropy.multiples import MAX_GRID_BITS
 from meshreel.errors import InvalidInputError
 from meshreel.reel.encoding.effort import EFFORTS
-from meshreel.reel.options import EFFORT_RANGE
 from samples.meshes import waving_grid
 
 OPTIONS = {option.name: option for option in all_options()}
@@ -66,7 +70,7 @@ def test_option_takes_its_default_and_says_what_it_is(name):
     option.check(option.default)
     assert option.help.endswith(".")
     assert option.default in option.names or not option.names or option.default is None
-    assert option.names or option.range or option.metavar or option.type is bool
+    assert option.names or option.range or option.metavar or option.annotation is bool
 
 
 @pytest.mark.parametrize("name", OPTIONS)
@@ -82,16 +86,17 @@ def test_option_is_refused_by_methods_that_do_not_take_it(method, name):
     option = OPTIONS[name]
     value = 0.5 if option.range is None else max(option.range.low, 1)
     given = next((one for one in option.names if one != option.default), value)
-    given = True if option.type is bool else given
-    if option in options_of(method) or name == "unit":
+    given = True if option.annotation is bool else given
+    if method in option.methods or name == "unit":
         return
-    expected = f"method {method} does not take {name}=; .* {' or '.join(methods_taking(option))}$"
+    expected = f"method {method} does not take {name}=; .* {' or '.join(option.methods)}$"
     with pytest.raises(InvalidInputError, match=expected):
         EncoderConfig(method, **{name: given})
 
 
 def test_every_option_is_taken_by_some_method():
-    assert all(methods_taking(option) for option in all_options())
+    assert all(set(option.methods) & set(METHOD_NAMES) for option in all_options())
+    assert all(set(option.methods) <= set(METHOD_NAMES) for option in all_options())
 
 
 @pytest.mark.parametrize("function", [encode, meshreel.encode])
@@ -143,16 +148,62 @@ def test_ranges_are_those_of_what_they_choose():
 def test_table_is_made_without_numerics():
     """The command line shows its help before it needs any."""
     code = (
-        "import sys; from meshreel.codec.options import all_options; all_options(); "
+        "import sys; from meshreel.codec.config import all_options; all_options(); "
         "print(*{'numpy', 'scipy', 'DracoPy'} & set(sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert (done.stdout.strip(), done.stderr) == ("", "")
 
 
-def test_option_makes_its_flag_from_its_name():
-    assert Option("block_frames", int, "").flag == "--block-frames"
-    assert Option("n_modes", int, "", flag="--modes").flag == "--modes"
+@dataclass(frozen=True)
+class Baking:
+    """Options of a function that is not of this package."""
+
+    heat: Annotated[float | None, Option("How hot, see {grill_mode}.", unit="in kelvin")] = None
+    grill_mode: Annotated[str, Option("Which.", names=("top", "all"), flag="--grill")] = "top"
+    silent: bool = False
+
+
+def test_fields_are_options_when_they_are_annotated_so():
+    heat, grill = options_of_fields(Baking)
+    assert (heat.name, heat.flag, heat.types, heat.default) == ("heat", "--heat", (float,), None)
+    assert (grill.name, grill.flag, grill.types, grill.default) == (
+        "grill_mode", "--grill", (str,), "top",
+    )  # fmt: skip
+    assert heat.help_naming("--{}".format) == "How hot, see --grill_mode."
+
+
+def test_function_takes_fields_as_keywords_and_describes_them():
+    @takes_fields(Baking)
+    def bake(cake: str, baking: Baking) -> tuple[str, Baking]:
+        """A cake.
+
+        Parameters
+        ----------
+        cake : str
+        options
+            Of baking.
+        silent : bool
+        """
+        return cake, baking
+
+    assert bake("torte", 450.0, grill_mode="all") == ("torte", Baking(450.0, "all"))
+    assert str(inspect.signature(bake)).startswith(
+        "(cake: str, heat: float | None = None, grill_mode: str = 'top', silent: bool = False)"
+    )
+    assert numpydoc(options_of_fields(Baking)[1]) == (
+        'grill_mode : {"top", "all"}, default "top"\n    Which.'
+    )
+    assert bake.__doc__.split("\n")[2:] == [
+        "Parameters",
+        "----------",
+        "cake : str",
+        "heat : float, optional",
+        "    How hot, see `grill_mode`.",
+        'grill_mode : {"top", "all"}, default "top"',
+        "    Which.",
+        "silent : bool",
+    ]
 
 
 @pytest.mark.parametrize("allowed", IN_WORDS, ids=repr)

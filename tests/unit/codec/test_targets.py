@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import meshreel
+from meshreel.codec.choices import Tune
 from meshreel.codec.targets import DEFAULT_QUALITY, Aim, Target, target_of
 from meshreel.connectivity.coder import encode_connectivity
 from meshreel.errors import InvalidInputError
@@ -20,7 +21,6 @@ from meshreel.reel.encoding.effort import (
     quality_step,
     tune_named,
 )
-from meshreel.reel.options import Tune
 from samples.costs import slow_but
 from samples.meshes import irregular_sequence, waving_grid
 

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from meshreel.codec.achieved import measure_stream
+from meshreel.codec.config import DEFAULT_ORDER
 from meshreel.codec.encoder import encode
-from meshreel.codec.options import DEFAULT_ORDER
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import WriteOptions
 

@@ -3,12 +3,12 @@
 import math
 from dataclasses import dataclass
 
-from meshreel.codec.config import EncoderConfig
+from meshreel.codec.choices import Tune
+from meshreel.codec.config import DEFAULT_EFFORT, EncoderConfig
 from meshreel.codec.targets import DEFAULT_QUALITY, Aim, Target
 from meshreel.errors import InvalidInputError
 from meshreel.reel.encoding.analysis import FieldChoices
 from meshreel.reel.encoding.block_frames import LARGEST_INTEGER
-from meshreel.reel.options import DEFAULT_EFFORT, Tune
 
 USUAL_STEP = 1e-4
 """Step of quality 80, in diagonals of the model's own bounding box, the mean of all frames.

@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.bitstream.layout import Section
-from meshreel.codec.choices import Order
+from meshreel.codec.choices import Order, Tune
+from meshreel.codec.config import DEFAULT_EFFORT
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.track_bounds import Measure, TrackBound
 from meshreel.codec.tracks import TURN_COLUMNS, Coding, TrackHeader, write_track
@@ -33,7 +34,6 @@ from meshreel.reel.encoding.track_residuals import (
     exact_residuals,
     residuals,
 )
-from meshreel.reel.options import DEFAULT_EFFORT, Tune
 from meshreel.sequence import Extent
 from meshreel.subspace.trajectories import BoundingFrame, bounding_frame
 from meshreel.surface import Domain

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.codec.config import DEFAULT_ITERATIONS
 from meshreel.counting import counted
 from meshreel.documents.parts import Picture
 from meshreel.evaluation.paper.figures.panels import (
@@ -20,7 +21,6 @@ from meshreel.evaluation.paper.figures.panels import (
 )
 from meshreel.geometry.laplacian import delta_coordinates, uniform_laplacian
 from meshreel.paper.choices import PaperChoices
-from meshreel.paper.options import N_ITERATIONS
 from meshreel.paper.payloads import write_curves
 from meshreel.paper.pipeline import CodedBlock, Quantized
 from meshreel.paper.quantization import step_for_all_rows
@@ -141,7 +141,7 @@ def whole_dictionaries(sequence: MeshSequence, block_frames: int) -> list[Quanti
         correlation = autocorrelation(to_matrices(vertices, frame))
         if found:
             before = np.swapaxes(found[-1].values, 1, 2)
-            tracked = advance_basis(correlation, before, N_ITERATIONS.default)
+            tracked = advance_basis(correlation, before, DEFAULT_ITERATIONS)
             basis = align_basis(ritz_vectors(correlation, tracked), before)
             steps = found[-1].steps
         else:

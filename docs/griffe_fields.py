@@ -1,0 +1,37 @@
+"""An extension of Griffe: functions that take fields as keywords are shown with those.
+
+mkdocstrings reads source, where `takes_fields` has not been applied yet.
+"""
+
+import inspect
+from importlib import import_module
+from typing import Any
+
+import griffe
+
+DECORATOR = "takes_fields"
+
+
+class FieldsExtension(griffe.Extension):
+    """Gives decorated functions the signature and the docstring that they have at run time."""
+
+    def on_function(self, *, func: griffe.Function, **_: Any) -> None:
+        """Replace the parameters of a function that has the decorator."""
+        if not any(str(one.value).startswith(f"{DECORATOR}(") for one in func.decorators):
+            return
+        found = getattr(import_module(func.module.path), func.name)
+        func.docstring = griffe.Docstring(found.__doc__, parent=func, lineno=func.lineno)
+        func.parameters = griffe.Parameters(
+            *(_parameter(one) for one in inspect.signature(found).parameters.values())
+        )
+
+
+def _parameter(one: inspect.Parameter) -> griffe.Parameter:
+    is_plain = one.default is None or isinstance(one.default, bool | int | float | str)
+    shown = repr(one.default) if is_plain else getattr(one.default, "__name__", "...")
+    return griffe.Parameter(
+        one.name,
+        annotation=inspect.formatannotation(one.annotation).replace("collections.abc.", ""),
+        kind=griffe.ParameterKind(one.kind.description),
+        default=None if one.default is one.empty else shown,
+    )
