@@ -28,6 +28,8 @@ MeshReelError     the base of all errors: InvalidInputError, FormatError, Corrup
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from meshreel import methods as _methods  # noqa: F401  registers the methods of coding
+
 if TYPE_CHECKING:
     from meshreel import paper as paper
     from meshreel.api import compare, decode, encode, info

@@ -3,6 +3,8 @@
 import ast
 import re
 import runpy
+import subprocess
+import sys
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -23,10 +25,45 @@ SHOWN = {"showing"}
 """May import `notebook`: sequences and files show themselves, once they are asked to."""
 
 
+NAMED = re.compile(r"meshreel\.([a-z_]+)(\.[a-z_.]*)?")
+"""Text that is the name of a module, or its beginning: what is imported by name at run time."""
+
+RUN = """
+import sys
+from importlib.abc import MetaPathFinder
+
+import numpy as np
+
+
+class Watch(MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        frame = sys._getframe(1)
+        while "importlib" in frame.f_code.co_filename:
+            frame = frame.f_back
+        if name.startswith("meshreel."):
+            print(frame.f_globals["__name__"], name)
+
+
+sys.meta_path.insert(0, Watch())
+import meshreel
+from meshreel.flag import simulate_flag
+
+sequence = simulate_flag(4, n_rows=5, n_columns=4)
+for method in ("reel", "lossless", "pca-qp"):
+    meshreel.decode(meshreel.encode(sequence, method))
+meshreel.info(meshreel.encode(sequence, max_error=1.0))
+"""
+
+
 def imported_rooms(source):
-    """Rooms of meshreel that a module's text imports, wherever in it."""
+    """Rooms of meshreel that a module's text imports, or names as modules, wherever in it."""
+    tree = ast.parse(source)
     rooms = set()
-    for node in statements(ast.parse(source)):
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            named = NAMED.fullmatch(node.value)
+            rooms |= {named[1]} & FLOOR_OF.keys() if named else set()
+    for node in statements(tree):
         names = []
         if isinstance(node, ast.ImportFrom) and node.module:
             names = [node.module]
@@ -114,7 +151,26 @@ def test_modules_have_no_import_cycle_when_sorted():
         ("geometry", "from meshreel.codec.encoder import encode"),
         ("subspace", "import meshreel.paper.quantization"),
         ("errors", "def f():\n    from meshreel.sequence import MeshSequence"),
+        ("codec", 'import_module("meshreel.paper.method")'),
+        ("codec", 'import_module(f"meshreel.paper.{name}")'),
+        ("codec", 'ROOMS = ("meshreel.reel",)\nimport_module(f"{ROOMS[0]}.options")'),
     ],
 )
 def test_forbidden_import_is_found_when_it_is_planted(room, line):
     assert forbidden(room, line)
+
+
+def test_modules_import_only_downwards_while_they_run():
+    """Imports by name count as well, also of names that are computed."""
+    done = subprocess.run(
+        [sys.executable, "-c", RUN], capture_output=True, text=True, timeout=120, check=True
+    )
+    pairs = [line.split() for line in done.stdout.splitlines()]
+    assert ["meshreel.methods", "meshreel.paper.method"] in pairs
+    rooms = {
+        (importer.split(".")[1], name.split(".")[1])
+        for importer, name in pairs
+        if importer.startswith("meshreel.")
+    }
+    upwards = {(one, other) for one, other in rooms if FLOOR_OF[other] >= FLOOR_OF[one]}
+    assert {(one, other) for one, other in upwards if one != other} == set()

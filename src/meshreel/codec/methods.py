@@ -1,15 +1,12 @@
-"""The methods of coding: what each offers, and where it lives.
+"""The methods of coding: their names, their numbers in a stream, and what each offers.
 
-A method is a room of its own (`reel`, `paper`) that codes blocks of frames and decodes them. It is
-imported when a stream or a user asks for it; nothing here, and nothing above, knows its insides.
+The packages above that code blocks of frames and decode them (`reel`, `paper`) are registered by
+`meshreel.methods`, and imported when a stream or a user asks for one of their methods.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from importlib import import_module
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Protocol
 
-from meshreel.codec.option import Option
 from meshreel.errors import InvalidInputError, UnsupportedVersionError
 
 if TYPE_CHECKING:
@@ -191,36 +188,29 @@ class Method(Protocol):
         """
 
 
-@dataclass(frozen=True)
-class _Home:
-    """The name and code of a method, and its room.
-
-    Of a room, `options.OPTIONS` maps the name to rows of options, and `method.METHODS` to the
-    method.
-    """
-
-    name: str
-    code: int
-    room: str
-
-
-_PAPER, _REEL = "meshreel.paper", "meshreel.reel"
-_HOMES = (
-    _Home("pca-qp", 0, _PAPER),
-    _Home("pca", 1, _PAPER),
-    _Home("pca-q", 2, _PAPER),
-    _Home("v2v", 3, _PAPER),
-    _Home("pca-qs", 4, _PAPER),
-    _Home("blocks", 5, _PAPER),
-    _Home("gft", 6, _PAPER),
-    _Home("reel", 7, _REEL),
-    _Home("lossless", 8, _REEL),
-    _Home("grid", 9, _REEL),
-)
-
-METHOD_NAMES = tuple(home.name for home in _HOMES)
-METHOD_CODES = {home.name: home.code for home in _HOMES}
+METHOD_CODES = {
+    "pca-qp": 0,
+    "pca": 1,
+    "pca-q": 2,
+    "v2v": 3,
+    "pca-qs": 4,
+    "blocks": 5,
+    "gft": 6,
+    "reel": 7,
+    "lossless": 8,
+    "grid": 9,
+}
 """Numbers of the methods in a stream, by name."""
+
+METHOD_NAMES = tuple(METHOD_CODES)
+
+Methods = Mapping[str, Method]
+_LOADERS: dict[str, Callable[[], Methods]] = {}
+
+
+def register(names: Iterable[str], load: Callable[[], Methods]) -> None:
+    """Let a function load methods, by name, when one of these names is first used."""
+    _LOADERS.update(dict.fromkeys(names, load))
 
 
 def method_named(name: str) -> Method:
@@ -231,10 +221,9 @@ def method_named(name: str) -> Method:
     InvalidInputError
         If there is none; says which there are.
     """
-    for home in _HOMES:
-        if home.name == name:
-            return _method_at(home)
-    raise InvalidInputError(f"method {name!r} is unknown; choose {', '.join(METHOD_NAMES)}")
+    if name not in METHOD_CODES:
+        raise InvalidInputError(f"method {name!r} is unknown; choose {', '.join(METHOD_NAMES)}")
+    return _LOADERS[name]()[name]
 
 
 def method_of_code(code: int) -> Method:
@@ -245,19 +234,7 @@ def method_of_code(code: int) -> Method:
     UnsupportedVersionError
         If this build does not know it.
     """
-    for home in _HOMES:
-        if home.code == code:
-            return _method_at(home)
+    for name, known in METHOD_CODES.items():
+        if code == known:
+            return method_named(name)
     raise UnsupportedVersionError(f"method {code} is unknown to this build; upgrade meshreel")
-
-
-def own_options(name: str) -> tuple[Option, ...]:
-    """The options that a method of `METHOD_NAMES` takes beside those that every method takes."""
-    room = next(home.room for home in _HOMES if home.name == name)
-    rows: tuple[Option, ...] = import_module(f"{room}.options").OPTIONS[name]
-    return rows
-
-
-def _method_at(home: _Home) -> Method:
-    method: Method = import_module(f"{home.room}.method").METHODS[home.name]
-    return method

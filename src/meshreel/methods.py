@@ -1,0 +1,19 @@
+"""Which package codes each method of `codec.methods`; it is imported when first used."""
+
+from meshreel.codec.methods import Methods, register
+
+
+def _reel() -> Methods:
+    from meshreel.reel.method import METHODS
+
+    return METHODS
+
+
+def _paper() -> Methods:
+    from meshreel.paper.method import METHODS
+
+    return METHODS
+
+
+register(("reel", "lossless", "grid"), _reel)
+register(("pca-qp", "pca", "pca-q", "v2v", "pca-qs", "blocks", "gft"), _paper)
