@@ -46,7 +46,8 @@ def _taking_files(
 
     @wraps(encode, assigned=("__doc__", "__name__", "__qualname__"))
     def encode_any(sequence: Any, *args: Options.args, **kwargs: Options.kwargs) -> bytes:
-        check_names(kwargs, signature.parameters)
+        if not kwargs.keys() <= signature.parameters.keys():
+            check_names(kwargs, signature.parameters)
         with at_hand(sequence) if _is_path(sequence) else nullcontext(sequence) as given:
             source = _source(given, kwargs.get("memory"))
             return encode(source, *args, **kwargs)

@@ -5,6 +5,7 @@ The packages above that code blocks of frames and decode them (`reel`, `paper`) 
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cache
 from typing import TYPE_CHECKING, Any, Protocol
 
 from meshreel.errors import InvalidInputError, UnsupportedVersionError
@@ -213,6 +214,7 @@ def register(names: Iterable[str], load: Callable[[], Methods]) -> None:
     _LOADERS.update(dict.fromkeys(names, load))
 
 
+@cache
 def method_named(name: str) -> Method:
     """The method of this name.
 

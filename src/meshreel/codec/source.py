@@ -235,10 +235,14 @@ class Source:
         return self.sequence.n_frames
 
     @cached_property
+    def dtype(self) -> np.dtype[np.floating]:
+        """Number type of the positions."""
+        return self.sequence.dtype
+
+    @cached_property
     def block_frames(self) -> int:
         """Number of frames per block; the last block may have fewer."""
-        number_bytes = self.sequence.dtype.itemsize
-        return self.config.frames_in_block(self.n_frames, self.mesh.n_verts, number_bytes)
+        return self.config.frames_in_block(self.n_frames, self.mesh.n_verts, self.dtype.itemsize)
 
     def pieces(self) -> Iterator[Piece]:
         """The range of frames of each block."""
@@ -279,7 +283,7 @@ class Source:
         sequence = self.sequence
         return self.mesh.header(
             self.frame,
-            sequence.dtype,
+            self.dtype,
             n_frames=self.n_frames,
             fps=sequence.fps,
             name=sequence.name,

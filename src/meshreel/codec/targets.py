@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from enum import Enum
+from functools import lru_cache
 
 from meshreel.codec.error_bounds import ErrorBound, bound_of
 from meshreel.codec.option import Range
@@ -55,6 +56,7 @@ class Target:
         return ErrorBound(self.value, self.is_length)
 
 
+@lru_cache(16)
 def target_of(**numbers: float | str | None) -> Target:
     """The one aim that has a number; the default quality where none has.
 

@@ -145,7 +145,7 @@ def encode_values(
 
 
 def _mesh(mesh: Hierarchy) -> _Mesh:
-    smooth, (n_verts, stencil_size) = mesh.smooth, mesh.stencil.shape
+    smooth, (n_verts, stencil_size) = mesh.coming_smooth.result(), mesh.stencil.shape
     return _Mesh(
         n_verts,
         len(mesh.smooth_starts),

@@ -7,13 +7,13 @@ import numpy.typing as npt
 from scipy.sparse import coo_array, csr_array
 
 from meshreel.geometry.connectivity import undirected_edges
+from meshreel.metrics.frame_sums import sum_of_squares
 from meshreel.metrics.reference import (
     Reference,
     bounding_box_reference,
     paired_frames,
     relative,
     shared_reference,
-    sum_of_squares,
 )
 from meshreel.sequence import Faces, Vertices
 

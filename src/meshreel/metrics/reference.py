@@ -109,14 +109,6 @@ def paired_frames(
         yield reference.apply(frame), displacement
 
 
-def sum_of_squares(vectors: Floats) -> float:
-    """Sum of the squares of an array of shape (N, A).
-
-    Not by BLAS, whose threads cost more than they save on one frame.
-    """
-    return float(np.einsum("na,na->", vectors, vectors))
-
-
 def relative(error: float, size: float) -> float:
     """``error / size``; 0 where there is no error, infinite where only the size is zero."""
     if error == 0:

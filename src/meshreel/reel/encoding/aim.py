@@ -153,7 +153,7 @@ def _remedy(config: EncoderConfig, has_tracks: bool) -> str:
     if not config.target.aim.is_budget:
         return "positions come back no nearer than their number type; allow more"
     ways = ["allow more"]
-    if Order[config.order.upper()] is not Order.DROP:
+    if config.order_choice is not Order.DROP:
         ways.append('leave the order out (order="drop")')
     if has_tracks:
         ways.append("drop tracks or allow larger errors of them")

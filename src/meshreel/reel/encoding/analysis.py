@@ -202,7 +202,7 @@ def _with_basis(
     if reused is not None:
         whole = np.concatenate([reused, basis])
         vectors = decode_basis(whole, layout, key)
-    values = with_reused(own.values, layout.n_reused, key)
+    values = own.values if reused is None else with_reused(own.values, layout.n_reused, key)
     decoded = JointFrames(vectors, values, step, mesh.number, layout.is_single)
     return AnalysedFields(FieldBlock(layout, whole, residuals), decoded, own, wanted, left)
 

@@ -49,6 +49,8 @@ class BlockFrames:
         Vectors and fields, in internal order, whose product is taken away from coordinates.
     n_frames, n_verts, n_columns : int
         T, V and C.
+    is_analysed : bool
+        Whether trajectories were found before.
     """
 
     vertices: npt.NDArray[np.floating]
@@ -59,6 +61,7 @@ class BlockFrames:
     n_frames: int = field(init=False)
     n_verts: int = field(init=False)
     n_columns: int = field(init=False)
+    is_analysed: bool = field(init=False, default=False)
 
     def __post_init__(self) -> None:
         self.n_frames, self.n_verts, self.n_columns = map(int, self.vertices.shape)
@@ -147,11 +150,6 @@ class BlockFrames:
     def _n_rows(self) -> int:
         return self.n_columns * self.n_frames
 
-    @property
-    def is_analysed(self) -> bool:
-        """Whether trajectories were found before."""
-        return bool(self._found)
-
     @cached_property
     def energy(self) -> float:
         """Sum of all squared coordinates."""
@@ -193,6 +191,7 @@ class BlockFrames:
         if found is None or found[0] > least:
             find = self._trajectories_and_means if with_means else self._trajectories
             self._found[with_means] = found = (least, *find(least))
+            self.is_analysed = True
         _, strengths, vectors = found
         n_kept = max(1, int(np.sum(strengths > least)))
         return strengths[:n_kept], vectors[:, :n_kept]

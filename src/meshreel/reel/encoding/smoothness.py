@@ -63,8 +63,9 @@ def _turns_deg(faces: Faces, sides: Integers, twins: Integers, frames: Vertices)
     corners = faces.reshape(-1)
     is_turned = corners[sides] == corners[twins]
     with np.errstate(over="ignore", invalid="ignore"):  # of huge coordinates, which do not count
-        normals = face_normals(frames, faces[np.concatenate([sides, twins]) // 3])
-        first, second = (one.reshape(-1, 3) for one in np.split(normals, 2, axis=1))
+        both = face_normals(frames, faces[np.concatenate([sides, twins]) // 3])
+        first, second = np.split(both, 2, axis=1)
+        first, second = first.reshape(-1, 3), second.reshape(-1, 3)
         signs = np.tile(np.where(is_turned, -1.0, 1.0), len(frames))
         cosines = np.einsum("ij,ij->i", first, second) * signs
         lengths = np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)

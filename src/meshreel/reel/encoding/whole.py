@@ -89,6 +89,11 @@ class WholeSequence:
     ----------
     source, progress, engine
         As `encode` takes them.
+
+    Attributes
+    ----------
+    finest_step : float
+        The finest step that it can be coded with.
     """
 
     def __init__(self, source: Source, progress: Progress, engine: Engine | None) -> None:
@@ -101,6 +106,7 @@ class WholeSequence:
         self._errors: dict[float, float] = {}
         self._best: tuple[float, list[tuple[int, Sections]]] | None = None
         self._coder = coder_of(source.mesh, source.frame)
+        self.finest_step = finest_step()
 
     @property
     def diagonal(self) -> float:
@@ -130,12 +136,7 @@ class WholeSequence:
     @property
     def dtype(self) -> np.dtype[np.floating]:
         """Number type of the positions."""
-        return self._source.sequence.dtype
-
-    @cached_property
-    def finest_step(self) -> float:
-        """The finest step that it can be coded with."""
-        return finest_step()
+        return self._source.dtype
 
     def size_bytes(self, step: float, bound: float) -> float:
         """Bytes of the stream with a step, corrected to keep a bound in diagonals."""
@@ -218,6 +219,7 @@ class WholeSequence:
     def _made(self, step: float, bound: float | None) -> bytes:
         self._tell(0)
         coder = self._coder.with_step(step, bound)
+        leading = list(coder.leading_sections())
         blocks: Iterator[tuple[int, Sections]]
         if self._best is not None and self._best[0] == step:
             blocks = iter(self._best[1])
@@ -228,7 +230,7 @@ class WholeSequence:
             blocks = self._coded(coder)
             if self._is_cut:  # integers of a block are found while those before become bytes
                 blocks = one_ahead(blocks)
-        return self._source.stream(coder.leading_sections(), self._told(blocks))
+        return self._source.stream(leading, self._told(blocks))
 
     def _coded(self, coder: FieldBlockCoder) -> Iterator[tuple[int, Sections]]:
         """Frames and sections of each block."""

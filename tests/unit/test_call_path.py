@@ -1,0 +1,30 @@
+"""A call goes through few files: a reader can follow it."""
+
+import importlib.util
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+import meshreel
+
+SCRIPT = Path(__file__).parents[2] / "bench" / "call_path.py"
+
+
+def file_changes(function):
+    spec = importlib.util.spec_from_file_location("call_path", SCRIPT)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.file_changes(function)
+
+
+@pytest.mark.parametrize(("options", "most"), [({}, 160), ({"max_error": 0.5}, 800)], ids=str)
+def test_encoding_changes_file_seldom(options, most):
+    sequence = meshreel.simulate_flag(30, n_rows=20, n_columns=20)
+    assert file_changes(partial(meshreel.encode, sequence, **options)).total() <= most
+
+
+def test_changes_are_counted_by_the_names_of_files():
+    found = file_changes(lambda: meshreel.flag.simulate_flag(2, n_rows=4, n_columns=4))
+    assert all(first != second for first, second in found)
+    assert any(second == "sequence.py" for _, second in found)
