@@ -265,7 +265,7 @@ class Source:
             Number of frames and sections of each block.
         """
         of_tracks = [track.leading for track in self.tracks]
-        opening = chain(self.mesh.leading_sections(), of_tracks, leading)
+        opening = [*self.mesh.leading_sections(), *of_tracks, *leading]
         if self.tracks:
             blocks = self._with_tracks(blocks)
         return whole_stream(self.header, opening, blocks)
