@@ -1,7 +1,9 @@
-"""Numbers with nouns in singular or plural: "1 frame", "2 frames"."""
+"""Numbers with nouns in singular or plural, "1 frame", "2 frames", and sizes in bytes."""
 
 PLURALS = {"vertex": "vertices", "mesh": "meshes", "entry": "entries"}
 """Plurals of nouns that do not just take an s."""
+
+SIZE_UNITS = ("B", "kB", "MB", "GB", "TB", "PB", "EB")
 
 
 def counted(number: int, noun: str) -> str:
@@ -27,3 +29,12 @@ def plural(noun: str) -> str:
     """The noun in the plural."""
     first, space, last = noun.rpartition(" ")
     return f"{first}{space}{PLURALS.get(last, f'{last}s')}"
+
+
+def size_text(size_bytes: float) -> str:
+    """A size in a readable unit: 1234567 gives '1.23 MB'."""
+    unit = 0
+    while size_bytes >= 999.5 and unit < len(SIZE_UNITS) - 1:
+        size_bytes /= 1000
+        unit += 1
+    return f"{size_bytes:.3g} {SIZE_UNITS[unit]}"

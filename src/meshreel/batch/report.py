@@ -14,8 +14,8 @@ from meshreel.batch.manifest import (
     summary_of,
 )
 from meshreel.batch.out_folder import OutFolder
-from meshreel.counting import counted
-from meshreel.documents.cells import NONE, significant, size_text
+from meshreel.counting import counted, size_text
+from meshreel.documents.cells import NONE, significant
 from meshreel.documents.html import to_html
 from meshreel.documents.parts import Bullets, Drawing, Heading, Paragraph, Part, Table
 from meshreel.errors import InvalidInputError

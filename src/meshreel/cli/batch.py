@@ -174,7 +174,7 @@ def _print_report(report: "BatchReport", out_dir: str) -> None:
 
 
 def _row(name: str, record: "Record") -> tuple[str, ...]:
-    from meshreel.documents.cells import size_text
+    from meshreel.counting import size_text
 
     return (
         name,

@@ -84,7 +84,7 @@ def export_command(
 
     from meshreel.cli.console import print_json, print_notes, print_table, progress_bar
     from meshreel.cli.player import coloring_of, opened_player
-    from meshreel.documents.cells import size_text
+    from meshreel.counting import size_text
     from meshreel.formats.file_errors import errors_naming
     from meshreel.formats.sources import files_of_source
     from meshreel.runtime.outputs.checks import check_ending, check_output_path

@@ -3,8 +3,7 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from meshreel.counting import counted
-from meshreel.documents.cells import size_text
+from meshreel.counting import counted, size_text
 
 if TYPE_CHECKING:
     from meshreel.cli.console import Cell

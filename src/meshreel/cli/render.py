@@ -303,7 +303,7 @@ def _check_together(
 
 def _print_drawn(figures: dict[str, Any]) -> None:
     from meshreel.cli.console import print_table
-    from meshreel.documents.cells import size_text
+    from meshreel.counting import size_text
 
     if "plotted_frames" in figures:
         rows = {"plot": counted(figures["plotted_frames"], "frame")}

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from meshreel.cli.figures import carried_rows, fps_text, mesh_text
-from meshreel.counting import counted
-from meshreel.documents.cells import size_text
+from meshreel.counting import counted, size_text
 
 if TYPE_CHECKING:
     from meshreel.cli.console import Cell

@@ -206,8 +206,7 @@ def written_figures(
 def print_written(figures: dict[str, Any]) -> None:
     """The same as `written_figures`, as rows of a table."""
     from meshreel.cli.console import print_table
-    from meshreel.counting import counted
-    from meshreel.documents.cells import size_text
+    from meshreel.counting import counted, size_text
     from meshreel.formats.registry import FRAME_FORMATS
 
     named = figures["outputs"]

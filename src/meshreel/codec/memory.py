@@ -7,6 +7,7 @@ limit before anything is allocated for it.
 from dataclasses import dataclass
 
 from meshreel.codec.byte_sizes import bytes_of
+from meshreel.counting import size_text
 from meshreel.errors import MemoryLimitError
 
 DEFAULT_MEMORY = "8GiB"
@@ -14,8 +15,6 @@ DEFAULT_MEMORY = "8GiB"
 
 BYTES_OF_VERTEX, BYTES_OF_FACE = 512, 128
 """Of a mesh while it is decoded: connectivity, order and the hierarchy of its vertices."""
-
-UNITS = ("bytes", "kB", "MB", "GB", "TB", "PB", "EB")
 
 
 @dataclass(frozen=True)
@@ -72,12 +71,3 @@ OWN_STREAM = 2.0**62
 """The limit of a stream that this process has encoded: none."""
 
 UNLIMITED = MemoryLimit(OWN_STREAM)
-
-
-def size_text(size_bytes: float) -> str:
-    """A size for messages, as in "1.3 GB"."""
-    unit = 0
-    while size_bytes >= 999.5 and unit < len(UNITS) - 1:
-        size_bytes /= 1000
-        unit += 1
-    return f"{size_bytes:.3g} {UNITS[unit]}"

@@ -25,12 +25,3 @@ def _without_exponent(text: str) -> str:
 def scientific(value: float | None) -> str:
     """Three significant digits with an exponent."""
     return NONE if value is None else f"{value:.2e}"
-
-
-def size_text(size_bytes: float) -> str:
-    """A size in a readable unit: 1234567 gives '1.23 MB'."""
-    for unit in ("B", "kB", "MB"):
-        if size_bytes < 999.5:
-            return f"{size_bytes:.3g} {unit}"
-        size_bytes /= 1000
-    return f"{size_bytes:.3g} GB"

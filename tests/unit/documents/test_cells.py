@@ -1,6 +1,6 @@
 import pytest
 
-from meshreel.documents.cells import number, scientific, significant, size_text
+from meshreel.documents.cells import number, scientific, significant
 
 
 @pytest.mark.parametrize(
@@ -10,15 +10,6 @@ from meshreel.documents.cells import number, scientific, significant, size_text
 )  # fmt: skip
 def test_figures_have_three_digits_and_no_exponent(value, text):
     assert significant(value) == text
-
-
-@pytest.mark.parametrize(
-    ("size_bytes", "text"),
-    [(0, "0 B"), (999, "999 B"), (1000, "1 kB"), (1234567, "1.23 MB"), (999_499, "999 kB"),
-     (999_500, "1 MB"), (5.6e9, "5.6 GB"), (7e12, "7e+03 GB")],
-)  # fmt: skip
-def test_sizes_have_the_unit_that_leaves_few_digits(size_bytes, text):
-    assert size_text(size_bytes) == text
 
 
 @pytest.mark.parametrize(
