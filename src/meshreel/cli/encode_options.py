@@ -1,4 +1,4 @@
-"""The options of encoding as options of commands, made from their table."""
+"""The options of encoding as options of commands, made from the fields of `EncoderConfig`."""
 
 from collections.abc import Callable, Sequence
 from functools import wraps
@@ -42,7 +42,7 @@ def encode_options(**instead: Decorator) -> Decorator:
 
 
 def encode_option(row: Option, panel: str | None = None) -> Decorator:
-    """The option of a row of the table, by default in the panel of its group."""
+    """An option of encoding as one of a command, by default in the panel of its group."""
     help_text = row.help_naming(flag_of)
     if row.names and not row.metavar:
         help_text = help_text.replace(".", f": {', '.join(row.names)}.", 1)
