@@ -122,7 +122,7 @@ SOURCE_FLAGS = ("-DREEL_INLINE=static inline",)
 SOURCE_HOT: Levels = {
     **dict.fromkeys(("coordinates.c", "exact_items.c", "fields.c"), ("-O3",)),
     **dict.fromkeys(
-        ("connectivity.c", "frames.c", "hierarchy.c", "predict.c", "smooth.c"), ("-O2",)
+        ("connectivity.c", "frames.c", "hierarchy.c", "order.c", "predict.c", "smooth.c"), ("-O2",)
     ),
 }
 # Loops over vectors: as small as can be they would go through memory.

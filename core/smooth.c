@@ -91,15 +91,15 @@ static void scatter_signs(uint16_t *signs, int32_t n) {
     }
 }
 
-/* Rows of neighbours, filled up. */
+/* Rows of neighbours, filled up: where the fields of each begin. */
 static void fill_rows(int32_t *near, const reel_graph *graph) {
     for (int32_t v = 0; v < graph->n; v++) {
         int32_t degree = reel_degree(graph, v), filled = (degree + TOGETHER - 1) & -TOGETHER;
         for (int32_t i = 0; i < degree; i++) {
-            near[i] = graph->near[graph->starts[v] + i];
+            near[i] = FIELDS * graph->near[graph->starts[v] + i];
         }
         for (int32_t i = degree; i < filled; i++) {
-            near[i] = graph->n;
+            near[i] = FIELDS * graph->n; /* below 2^31: places have REEL_PLACE_BITS */
         }
         near += filled;
     }

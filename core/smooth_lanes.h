@@ -31,8 +31,8 @@ TARGET static void NAMED(step)(const reel_smoother *own, const reel_graph *graph
             sums[part] = (VECTOR){0};
         }
         for (int32_t left = degree; left > 0; left -= TOGETHER, near += TOGETHER) {
-            for (int i = 0; i < TOGETHER; i++) {
-                const VECTOR *one = (const VECTOR *)(last + FIELDS * (size_t)near[i]);
+            REEL_UNROLLED for (int i = 0; i < TOGETHER; i++) {
+                const VECTOR *one = (const VECTOR *)(last + near[i]);
                 FOR_PARTS(part) {
                     sums[part] += one[part];
                 }

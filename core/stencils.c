@@ -4,6 +4,7 @@
    unlike each other, so that branches would be guessed wrongly: rows of neighbours are put side by
    side first, and what is new among them is listed without a branch. */
 
+#include "cpu.h"
 #include "stencils.h"
 
 #define REACH 3            /* how far a stencil reaches, in edges of its resolution */
@@ -36,6 +37,7 @@ reel_searcher reel_take_searcher(reel_arena *arena, size_t n, size_t n_near) {
         .ring = reel_take(arena, n + 1, sizeof(int32_t)),
         .next = reel_take(arena, n + 1, sizeof(int32_t)),
         .found = reel_take(arena, n + WIDE, sizeof(int32_t)),
+        .lanes = reel_widest(),
     };
 }
 
@@ -58,9 +60,10 @@ static void sort_rows(const reel_searcher *own, const reel_graph *graph, const u
     }
 }
 
-/* What `seen` has of a vertex that a search first meets in a ring, without paths. */
+/* What `seen` has of a vertex that a search first meets in a ring, without paths: more than of those
+   that no search has met since, less than of those that this one has met before. */
 REEL_INLINE uint64_t mark_of(int32_t search, int distance) {
-    return (uint64_t)(4 * search + distance) << 32;
+    return (uint64_t)(4 * search + REACH - distance) << 32;
 }
 
 REEL_INLINE int32_t paths_to(const reel_searcher *own, int32_t v) {
@@ -84,11 +87,11 @@ static int32_t list_new(const reel_searcher *own, uint64_t mark, crowd *all, int
     int32_t *next = own->next, count = all->count;
     for (int32_t i = 0; i < count; i++) {
         int32_t w = all->vertices[i];
-        uint64_t seen = marks[w], is_new = seen >> 34 != mark >> 34;
+        uint64_t seen = marks[w];
         next[n_next] = w; /* stays if it is new */
-        n_next += (int32_t)is_new;
-        seen ^= (seen ^ mark) & (0 - is_new);
-        uint64_t belongs = seen >> 32 == mark >> 32;
+        n_next += seen < mark;
+        seen = seen > mark ? seen : mark;
+        uint64_t belongs = (seen - mark) >> 32 == 0;
         marks[w] = seen + ((uint64_t)all->paths[i] & (0 - belongs));
     }
     all->count = 0;
@@ -139,17 +142,34 @@ static int32_t list_keys(const reel_searcher *own, const uint8_t *states, uint8_
 }
 
 /* Few numbers, all different, ascending: each is put where it belongs. */
-static void sort_few(int32_t *numbers, int32_t count, int32_t *sorted) {
-    *(numbers_8 *)&numbers[count] = INT32_MAX - (numbers_8){0};
-    for (int32_t i = 0; i < count; i += WIDE) {
-        numbers_8 some = *(const numbers_8 *)&numbers[i], ranks = {0};
-        for (int32_t j = 0; j < count; j++) {
-            ranks -= some > numbers[j];
-        }
-        for (int lane = 0; lane < WIDE; lane++) {
-            sorted[ranks[lane]] = some[lane];
-        }
+#define DEFINE_SORT(name, target)                                                                  \
+    target static void name(int32_t *numbers, int32_t count, int32_t *sorted) {                    \
+        *(numbers_8 *)&numbers[count] = INT32_MAX - (numbers_8){0};                                \
+        for (int32_t i = 0; i < count; i += WIDE) {                                                \
+            numbers_8 some = *(const numbers_8 *)&numbers[i], ranks = {0};                         \
+            for (int32_t j = 0; j < count; j++) {                                                  \
+                ranks -= some > numbers[j];                                                        \
+            }                                                                                      \
+            for (int lane = 0; lane < WIDE; lane++) {                                              \
+                sorted[ranks[lane]] = some[lane];                                                  \
+            }                                                                                      \
+        }                                                                                          \
     }
+
+DEFINE_SORT(sort_few, )
+#ifdef REEL_HAS_WIDE
+DEFINE_SORT(sort_few_wide, REEL_TARGET_4)
+#endif
+#undef DEFINE_SORT
+
+static void sort(const reel_searcher *own, int32_t count, int32_t *sorted) {
+#ifdef REEL_HAS_WIDE
+    if (own->lanes > 2) {
+        sort_few_wide(own->found, count, sorted);
+        return;
+    }
+#endif
+    sort_few(own->found, count, sorted);
 }
 
 /* The lowest of `count` numbers, all different, ascending: at most `room`. */
@@ -179,7 +199,7 @@ static void find_nearest(reel_searcher *own, const reel_graph *graph, const uint
                                : grow_ring(own, graph, search, distance, states[v], n_ring);
         int32_t count = list_keys(own, states, states[v], n_ring), room = size - n_found;
         if (count <= FEW) {
-            sort_few(own->found, count, sorted);
+            sort(own, count, sorted);
         } else {
             keep_lowest(own->found, count, sorted, room);
         }

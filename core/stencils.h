@@ -21,6 +21,7 @@ typedef struct {
     int32_t *ring;   /* what a search goes on from */
     int32_t *next;
     int32_t *found;  /* keys of what may be in a stencil */
+    int lanes;       /* doubles of the widest vectors */
 } reel_searcher;
 
 size_t reel_searcher_room(size_t n, size_t n_near);
