@@ -18,7 +18,8 @@ from typing import Any
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 COMPILE_CORE = "core/compile.py"
-HEADER = "core/reader/meshreel.h"
+HEADERS = ("meshreel.h", "meshreel_threads.hpp")
+"""Of `core/include`, for programs in C and C++."""
 # There is no such extra. pip names the requirement where it cannot be had, and so says what else
 # would do.
 COMPILER = "ziglang[or-install-gcc-or-clang]>=0.13"
@@ -38,7 +39,7 @@ class BuildHook(BuildHookInterface):
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Compile the core for a wheel, unless that of the checkout is current.
 
-        Its header for programs in C goes with it, but in a checkout stays where it is.
+        The headers for programs in C and C++ are packaged too; in a checkout they stay in place.
 
         Parameters
         ----------
@@ -63,7 +64,9 @@ class BuildHook(BuildHookInterface):
         except RuntimeError as error:
             self.app.abort(f"meshreel cannot be built: {error}")
         if version == "standard":
-            build_data["force_include"][str(root / HEADER)] = "meshreel/kernel/meshreel.h"
+            for name in HEADERS:
+                header = root / "core" / "include" / name
+                build_data["force_include"][str(header)] = f"meshreel/kernel/{name}"
         build_data["pure_python"] = False
         build_data["tag"] = f"py3-none-{target.tag if other else core['wheel_tag']()}"
 

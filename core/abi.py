@@ -1,4 +1,4 @@
-"""Prints what programs rely on that were compiled with `reader/meshreel.h`: `python core/abi.py`.
+"""Prints what programs rely on that were compiled with `include/meshreel.h`: `python core/abi.py`.
 
 Functions, the values of codes, and where the fields of structures lie are stored in
 `reader/abi.txt`; a test compares them. A line that changes or goes breaks programs: MESHREEL_ABI
@@ -14,7 +14,7 @@ from pathlib import Path
 
 import compile as core
 
-HEADER = core.READER / "meshreel.h"
+HEADER = core.INCLUDE / "meshreel.h"
 STORED = core.READER / "abi.txt"
 
 
@@ -29,19 +29,20 @@ def structures() -> dict[str, list[str]]:
     found = {}
     for name, body in re.findall(r"typedef struct (\w+) \{(.*?)\n\}", text, re.DOTALL):
         lines = [line for line in body.split(";") if line.strip()]
-        fields = [re.findall(r"\(\*(\w+)\)\(", line) or _names(line) for line in lines]
-        found[name] = [field for line in fields for field in line]
+        found[name] = [field for line in lines for field in _names(line)]
     return found
 
 
 def _names(declaration: str) -> list[str]:
-    """`int a, *b, c[3]` declares a, b and c."""
-    return [re.findall(r"(\w+)(?:\[\d+\])?$", part.strip())[0] for part in declaration.split(",")]
+    """`int a, *b, c[3]` declares a, b and c; `int (*f)(int a)` declares f."""
+    if function := re.search(r"\(\*(\w+)\)\(", declaration):
+        return [function[1]]
+    return [re.findall(r"(\w+)(?:\[\w+\])?$", part.strip())[0] for part in declaration.split(",")]
 
 
 def _program() -> str:
     """A program that tells values and places."""
-    codes = re.findall(r"^    (MESHREEL_\w+) = ", HEADER.read_text(), re.MULTILINE)
+    codes = re.findall(r"\b(MESHREEL_\w+) = ", HEADER.read_text())
     lines = [f'    printf("code {code} %d\\n", (int){code});' for code in codes]
     for name, fields in structures().items():
         lines.append(f'    printf("size {name} %zu\\n", sizeof({name}));')

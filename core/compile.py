@@ -22,6 +22,7 @@ from pathlib import Path
 
 CORE = Path(__file__).resolve().parent
 READER = CORE / "reader"
+INCLUDE = CORE / "include"
 KERNEL = CORE.parent / "src" / "meshreel" / "kernel"
 # gcc for Windows keeps wide vectors on stacks that it does not align for them.
 COMPILERS = () if sys.platform == "win32" else ("cc", "clang", "gcc")
@@ -191,8 +192,8 @@ TARGET = KERNEL / HERE.library
 
 
 def sources() -> list[Path]:
-    """The files of the core and of the reader that the library is made of."""
-    return sorted(file for folder in (CORE, READER) for file in folder.glob("*.[ch]"))
+    """The files of the core and of the decoder of files that the library is made of."""
+    return sorted(file for folder in (CORE, READER, INCLUDE) for file in folder.glob("*.[ch]"))
 
 
 def zig() -> list[str] | None:

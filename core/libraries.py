@@ -1,6 +1,6 @@
 """Makes an archive for each kind of machine of what programs in C link: `python core/libraries.py`.
 
-Each holds `meshreel.h`, the static and the shared library, and what CMake and pkg-config find them
+Each holds the headers, the static and the shared library, and what CMake and pkg-config find them
 by. Needs CMake, ninja, and the package `ziglang`, which compiles for all of them.
 """
 
@@ -28,6 +28,7 @@ LIBRARIES = {
 """The shared one and the static one."""
 ALWAYS = (
     "include/meshreel.h",
+    "include/meshreel_threads.hpp",
     "lib/cmake/meshreel/meshreel-config.cmake",
     "lib/cmake/meshreel/meshreel-targets.cmake",
     "lib/pkgconfig/meshreel.pc",

@@ -1,6 +1,6 @@
 /* The core of meshreel: what a .reel stream means. docs/format.md says it in words. It is called by
-   the package for Python and that for pages, which are of one version with it; programs that read
-   files in C or C++ have reader/meshreel.h, which stays as it is.
+   the package for Python and that for pages, which are of one version with it; programs that
+   decode files in C or C++ have include/meshreel.h, which stays as it is.
 
    Every function is pure: it reads and writes only the arrays that it is given, keeps nothing, and
    may run on several threads at once. Nothing is allocated: whoever calls gives `memory` of at

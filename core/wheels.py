@@ -24,7 +24,7 @@ from binaries import read_binary
 ROOT = core.CORE.parent
 CHECK = ROOT / "conformance" / "check.c"
 PAGE = {"meshreel/viewer/page/index.html", "meshreel/viewer/page/player.js"}
-HEADER = "meshreel/kernel/meshreel.h"
+HEADERS = {"meshreel/kernel/meshreel.h", "meshreel/kernel/meshreel_threads.hpp"}
 MACHINES = {
     "linux-x86_64": ("ELF", "x86_64"),
     "linux-aarch64": ("ELF", "aarch64"),
@@ -96,8 +96,8 @@ def faults(wheel: Path, target: str) -> list[str]:
         found.append("the page of the player is missing")
     if not any(name.endswith("/THIRD_PARTY_LICENSES.md") for name in names):
         found.append("the licences of what the page contains are missing")
-    if HEADER not in names:
-        found.append(f"{HEADER} is missing")
+    if lacking := HEADERS - set(names):
+        found.append(f"the headers {sorted(lacking)} are missing")
     if "Root-Is-Purelib: false" not in metadata:
         found.append("it claims to be for all machines")
     if (library.kind, library.machine) != MACHINES[target]:
@@ -150,7 +150,7 @@ def run_emulated(wheel: Path) -> bool:
             parts = [sources, [Path(archive.extract(library, work))]]
         programs = [Path(work, "here"), Path(work, "there")]
         for compiler, files, program in zip(compilers, parts, programs, strict=True):
-            command = [compiler, *core.FLAGS, f"-I{core.CORE}", CHECK, *files, "-o", program]
+            command = [compiler, *core.FLAGS, f"-I{core.INCLUDE}", CHECK, *files, "-o", program]
             subprocess.run([str(one) for one in command], check=True)
         emulator = ["qemu-aarch64", "-L", "/usr/aarch64-linux-gnu"]
         for stream in sorted(CHECK.with_name("streams").glob("*.reel")):

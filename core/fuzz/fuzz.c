@@ -95,6 +95,8 @@ void *fuzz_copy(const void *from, int64_t count, size_t item) {
     return found;
 }
 
+int fuzz_filling(void) { return fill; }
+
 fuzz_bytes fuzz_written(const uint8_t *out, int64_t size) {
     FUZZ_CLAIM(size >= 0);
     fuzz_note(out, size, 1);

@@ -32,6 +32,8 @@ double fuzz_float(void);
    may hold: anything, and in the repetition of a run something else. */
 void *fuzz_take(int64_t count, size_t item);
 void *fuzz_copy(const void *from, int64_t count, size_t item);
+/* The byte that this memory is filled with. */
+int fuzz_filling(void);
 
 typedef struct {
     uint8_t *bytes;
@@ -65,6 +67,11 @@ fuzz_mesh fuzz_any_mesh(int64_t most_verts);
 /* Gives the sides of a mesh other twins: any involution. */
 void fuzz_pair_sides(fuzz_mesh *mesh);
 int32_t *fuzz_permutation(int64_t n);
+
+/* ---- streams ---- */
+
+/* Decodes a file by meshreel.h in several ways, which have to agree. */
+void fuzz_read_stream(fuzz_bytes bytes);
 
 /* ---- targets ---- */
 

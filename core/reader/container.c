@@ -1,4 +1,4 @@
-/* The parts of a stream: docs/format.md, the header, the sections, and "Random access". */
+/* The container of a file: docs/format.md, the header, the sections, and "Random access". */
 
 #include "container.h"
 
@@ -7,11 +7,13 @@
 #define VERSION 3
 #define END_BYTES 14
 #define LAST_METHOD REEL_METHOD_GRID
-#define LARGEST 0x1.fffffffffffffp1023
+#define MOST_TRACKS ((uint32_t)1 << 20)
 
 static const uint8_t magic[8] = {0x89, 0x52, 0x45, 0x45, 0x4C, 0x0D, 0x0A, 0x1A};
 
-static bool is_finite(double number) { return number >= -LARGEST && number <= LARGEST; }
+static int corrupt(reel_call *call, uint64_t at, const char *message) {
+    return reel_fail(call, MESHREEL_CORRUPT, at, message);
+}
 
 /* ---- the header ---- */
 
@@ -27,48 +29,59 @@ static double double_at(const uint8_t *bytes) {
     return found;
 }
 
-static int check_numbers(const reel_outline *outline, uint32_t laplacian) {
-    bool is_sound = outline->n_verts && outline->n_faces &&
-                    (outline->number_bytes == 4 || outline->number_bytes == 8) &&
-                    is_finite(outline->fps) && outline->fps >= 0.0 &&
-                    is_finite(outline->placement[0]) && outline->placement[0] > 0.0;
+static int check_header(reel_call *call, const reel_outline *outline) {
+    if (!outline->n_verts || !outline->n_faces) {
+        return corrupt(call, 14, "the header announces no vertices or no faces");
+    }
+    if (!reel_is_finite(outline->fps) || outline->fps < 0.0) {
+        return corrupt(call, 22, "the frames per second are negative or not finite");
+    }
+    if (outline->number_bytes != 4 && outline->number_bytes != 8) {
+        return corrupt(call, 30, "the vertex type is neither 4 nor 8");
+    }
+    bool is_placed = reel_is_finite(outline->placement[0]) && outline->placement[0] > 0.0;
     for (int axis = 1; axis < 4; axis++) {
-        is_sound &= is_finite(outline->placement[axis]);
+        is_placed &= reel_is_finite(outline->placement[axis]);
     }
-    if (!is_sound) {
-        return MESHREEL_CORRUPT;
+    if (!is_placed) {
+        return corrupt(call, 34, "the origin is not finite, or the scale is not positive and finite");
     }
-    if (outline->n_verts > REEL_MOST_VERTS || outline->n_faces > REEL_MOST_VERTS ||
-        outline->method > LAST_METHOD || laplacian > 2 || outline->order > REEL_ORDER_DROPPED) {
-        return MESHREEL_UNSUPPORTED;
+    if (outline->n_verts > REEL_MOST_VERTS || outline->n_faces > REEL_MOST_VERTS) {
+        return reel_fail(call, MESHREEL_UNSUPPORTED, 14, "more than 2^26 vertices or faces");
     }
-    return outline->method < REEL_METHOD_REEL ? MESHREEL_METHOD : MESHREEL_OK;
+    if (outline->method > LAST_METHOD || outline->laplacian > 2 ||
+        outline->order > REEL_ORDER_DROPPED) {
+        return reel_fail(call, MESHREEL_UNSUPPORTED, 31,
+                         "a method, Laplacian or order of a newer version; update meshreel");
+    }
+    return MESHREEL_OK;
 }
 
-static int read_header(reel_outline *outline) {
-    const meshreel_source *source = outline->source;
-    uint8_t fixed[FIXED_BYTES];
-    size_t here = source->size < FIXED_BYTES ? (size_t)source->size : FIXED_BYTES;
-    int failed = reel_read(source, 0, fixed, here);
+static int read_header(reel_call *call, reel_pool *pool, reel_outline *outline) {
+    uint8_t fixed[FIXED_BYTES] = {0};
+    uint64_t size = call->source->size;
+    size_t here = size < FIXED_BYTES ? (size_t)size : FIXED_BYTES;
+    int failed = reel_read(call, 0, fixed, here);
     if (failed) {
         return failed;
     }
     if (!reel_same(fixed, magic, here < sizeof magic ? here : sizeof magic)) {
-        return MESHREEL_CORRUPT;
+        return corrupt(call, 0, "not a .reel stream");
     }
-    if (here < sizeof magic + 2) {
-        return MESHREEL_TRUNCATED;
-    }
-    if (fixed[8] != VERSION || fixed[9] != 0) {
-        return MESHREEL_UNSUPPORTED;
+    if (here >= sizeof magic + 2 && (fixed[8] != VERSION || fixed[9] != 0)) {
+        return reel_fail(call, MESHREEL_UNSUPPORTED, 8,
+                         "a format of another version than 3; update meshreel");
     }
     if (here < FIXED_BYTES) {
-        return MESHREEL_TRUNCATED;
+        return reel_fail(call, MESHREEL_TRUNCATED, size, "the file ends inside its header");
     }
-    uint64_t name = fixed[66] | (uint64_t)fixed[67] << 8;
-    failed = reel_check(source, 0, FIXED_BYTES + name);
-    if (failed || name > MOST_NAME) {
-        return failed ? failed : MESHREEL_CORRUPT;
+    size_t name = (size_t)(fixed[66] | fixed[67] << 8);
+    failed = reel_check(call, 0, FIXED_BYTES + name);
+    if (failed) {
+        return failed;
+    }
+    if (name > MOST_NAME) {
+        return corrupt(call, 66, "the name has more than 4096 bytes");
     }
     outline->announced = uint32_at(fixed + 10);
     outline->n_verts = uint32_at(fixed + 14);
@@ -76,55 +89,112 @@ static int read_header(reel_outline *outline) {
     outline->fps = double_at(fixed + 22);
     outline->number_bytes = fixed[30];
     outline->method = fixed[31];
+    outline->laplacian = fixed[32];
     outline->order = fixed[33];
     for (int axis = 0; axis < 3; axis++) {
         outline->placement[1 + axis] = double_at(fixed + 34 + 8 * axis);
     }
     outline->placement[0] = double_at(fixed + 58);
-    outline->leading = FIXED_BYTES + name + 4;
-    return check_numbers(outline, fixed[32]);
+    outline->header_end = FIXED_BYTES + name + 4;
+    reel_stretch left = {FIXED_BYTES, name};
+    failed = reel_take_text_of(call, pool, &left, name, &outline->name);
+    return failed ? failed : check_header(call, outline);
 }
 
-/* ---- sections before the first block ---- */
+/* ---- leading sections ---- */
 
-static int read_double(const reel_outline *outline, const reel_section *section, double *found) {
-    if (section->payload.length != sizeof *found) {
-        return MESHREEL_CORRUPT;
+/* Room for one more item of an array that grows in a pool. */
+static int grow(reel_call *call, reel_pool *pool, void **items, uint64_t count, uint64_t *room,
+                size_t item) {
+    if (count < *room) {
+        return MESHREEL_OK;
     }
-    int failed = reel_read(outline->source, section->payload.at, found, sizeof *found);
-    return failed ? failed : is_finite(*found) ? MESHREEL_OK : MESHREEL_CORRUPT;
-}
-
-static int note_leading(reel_outline *outline, const reel_section *section) {
-    if (section->id == REEL_CONNECTIVITY) {
-        outline->connectivity = section->payload;
-        outline->n_connectivity++;
-    } else if (section->id == REEL_ORDER) {
-        outline->vertex_order = section->payload;
-        outline->n_order++;
-    } else if (section->id == REEL_TRACK) {
-        outline->n_tracks++;
-    } else if (section->id == REEL_START) {
-        return read_double(outline, section, &outline->start_s);
-    } else if (section->id == REEL_PROMISE) {
-        int failed = read_double(outline, section, &outline->promise);
-        return failed ? failed : outline->promise > 0.0 ? MESHREEL_OK : MESHREEL_CORRUPT;
+    uint64_t larger = *room ? 2 * *room : 16;
+    void *moved = reel_keep(call, pool, larger, item);
+    if (!moved) {
+        return call->error.code;
     }
+    if (count) {
+        reel_copy(moved, *items, (size_t)count * item);
+    }
+    *items = moved;
+    *room = larger;
     return MESHREEL_OK;
 }
 
-static void forget_leading(reel_outline *outline) {
-    outline->n_connectivity = outline->n_order = 0;
-    outline->n_tracks = 1;
-    outline->start_s = outline->promise = 0.0;
+static int read_double(reel_call *call, const reel_section *section, double *found) {
+    reel_stretch left = section->payload;
+    if (left.length != sizeof *found) {
+        return corrupt(call, section->at, "the start or the promised error has not 8 bytes");
+    }
+    int failed = reel_take_bytes(call, &left, found, sizeof *found);
+    if (!failed && !reel_is_finite(*found)) {
+        return corrupt(call, section->payload.at, "the start or the promised error is not finite");
+    }
+    return failed;
 }
 
-static int read_leading(reel_outline *outline, uint64_t end) {
-    for (uint64_t at = outline->leading; at < end;) {
+static int read_polygons(reel_call *call, const reel_section *section, reel_outline *outline) {
+    reel_stretch left = section->payload;
+    int failed = reel_take_varint(call, &left, &outline->n_polygons);
+    if (!failed && outline->n_polygons > outline->n_faces) {
+        return corrupt(call, section->payload.at, "there are more polygons than triangles");
+    }
+    outline->n_corners = outline->n_faces + 2 * outline->n_polygons;
+    return failed;
+}
+
+static int note_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
+                        const reel_section *section) {
+    uint64_t room = outline->leading_room;
+    void *items = outline->leading;
+    int failed = grow(call, pool, &items, outline->n_leading, &room, sizeof *outline->leading);
+    if (failed) {
+        return failed;
+    }
+    outline->leading = items;
+    outline->leading_room = (uint32_t)room;
+    outline->leading[outline->n_leading++] = (reel_leading){section->id, section->payload};
+    if (section->id == REEL_TRACK && ++outline->n_tracks > MOST_TRACKS) {
+        return reel_fail(call, MESHREEL_UNSUPPORTED, section->at, "more than 2^20 tracks");
+    }
+    if (section->id == REEL_START) {
+        return read_double(call, section, &outline->start_s);
+    }
+    if (section->id == REEL_PROMISE) {
+        failed = read_double(call, section, &outline->promise);
+        return failed || outline->promise > 0.0
+                   ? failed
+                   : corrupt(call, section->payload.at, "the promised error is not positive");
+    }
+    return section->id == REEL_POLYGONS ? read_polygons(call, section, outline) : MESHREEL_OK;
+}
+
+static void forget(reel_outline *outline) {
+    outline->n_leading = 0;
+    outline->n_tracks = 1;
+    outline->start_s = outline->promise = 0.0;
+    outline->n_polygons = outline->n_faces;
+    outline->n_corners = 3 * outline->n_faces;
+    outline->n_blocks = outline->n_frames = 0;
+    outline->longest = 0;
+}
+
+static int read_leading(reel_call *call, reel_pool *pool, reel_outline *outline, uint64_t end) {
+    uint64_t begin = outline->header_end;
+    int failed = begin < end ? reel_announce(call, (reel_stretch){begin, end - begin}) : MESHREEL_OK;
+    if (failed) {
+        return failed;
+    }
+    for (uint64_t at = outline->header_end; at < end;) {
         reel_section section;
-        int failed = reel_section_at(outline->source, at, end, &section);
-        failed = failed ? failed : reel_section_check(outline->source, &section);
-        failed = failed ? failed : note_leading(outline, &section);
+        failed = reel_section_at(call, at, end, &section);
+        failed = failed ? failed : reel_section_check(call, &section);
+        if (!failed && reel_is_known(section.id)) {
+            bool is_of_block = section.id >= REEL_BLOCK && !(section.id & REEL_OPTIONAL);
+            failed = is_of_block ? corrupt(call, at, "a section of a block is before the first block")
+                                 : note_leading(call, pool, outline, &section);
+        }
         if (failed) {
             return failed;
         }
@@ -133,196 +203,255 @@ static int read_leading(reel_outline *outline, uint64_t end) {
     return MESHREEL_OK;
 }
 
-/* ---- blocks, by the index ---- */
+/* ---- blocks ---- */
 
-static int add_block(reel_outline *outline, uint64_t at, uint64_t size, uint64_t n_frames,
-                     reel_visit visit, void *own) {
-    if (!n_frames || !size || n_frames > outline->most_frames - outline->n_frames) {
-        return MESHREEL_CORRUPT;
+/* Adds a block, and makes room for the ends of its groups. */
+static int add_block(reel_call *call, reel_pool *pool, reel_outline *outline, uint64_t at,
+                     uint64_t n_frames, uint64_t **ends) {
+    uint64_t most = REEL_MOST_NUMBERS / outline->n_verts;
+    most = most < REEL_MOST_FRAMES ? most : REEL_MOST_FRAMES;
+    if (!n_frames) {
+        return corrupt(call, at, "a block has no frames");
     }
-    reel_place place = {at, size, (uint32_t)outline->n_frames, (uint32_t)n_frames};
-    int failed = visit(own, outline, &place);
-    outline->n_frames += n_frames;
+    if (n_frames > most - outline->n_frames) {
+        return reel_fail(call, MESHREEL_UNSUPPORTED, at,
+                         "more frames than this build reads for this number of vertices");
+    }
+    uint64_t room = outline->blocks_room, count = outline->n_blocks;
+    void *places = outline->places, *all = outline->ends;
+    int failed = grow(call, pool, &places, count, &room, sizeof *outline->places);
+    room = outline->blocks_room; /* both arrays grow together */
+    failed = failed ? failed
+                    : grow(call, pool, &all, count, &room, outline->n_tracks * sizeof **ends);
+    if (failed) {
+        return failed;
+    }
+    outline->places = places;
+    outline->ends = all;
+    outline->blocks_room = room;
+    outline->places[count] = (reel_place){at, (uint32_t)outline->n_frames, (uint32_t)n_frames};
+    *ends = outline->ends + count * outline->n_tracks;
     outline->n_blocks++;
-    return failed;
-}
-
-static int find_index(reel_outline *outline, uint64_t *first) {
-    const meshreel_source *source = outline->source;
-    uint64_t size = source->size, end_at = size < END_BYTES ? 0 : size - END_BYTES;
-    reel_section end, index;
-    int failed = reel_section_at(source, end_at > outline->leading ? end_at : outline->leading,
-                                 size, &end);
-    failed = failed ? failed : reel_section_check(source, &end);
-    if (failed || end.id != REEL_END || end.payload.length != sizeof outline->index_at) {
-        return failed ? failed : MESHREEL_CORRUPT;
-    }
-    failed = reel_read(source, end.payload.at, &outline->index_at, sizeof outline->index_at);
-    failed = failed ? failed : reel_section_at(source, outline->index_at, size, &index);
-    failed = failed ? failed : reel_section_check(source, &index);
-    if (failed || index.id != REEL_INDEX || outline->index_at < outline->leading) {
-        return failed ? failed : MESHREEL_CORRUPT;
-    }
-    outline->index = index.payload;
-    uint64_t at = index.payload.at;
-    failed = reel_varint(source, &at, index.payload.at + index.payload.length, first);
-    bool is_behind = *first >= outline->leading && *first <= outline->index_at;
-    return failed ? failed : is_behind ? MESHREEL_OK : MESHREEL_CORRUPT;
-}
-
-/* The sizes of the groups of a block; the positions are the first. */
-static int read_sizes(const reel_outline *outline, uint64_t *at, uint64_t end, uint64_t position,
-                      uint64_t *own, uint64_t *all) {
-    *all = 0;
-    for (uint32_t track = 0; track < outline->n_tracks; track++) {
-        uint64_t size;
-        int failed = reel_varint(outline->source, at, end, &size);
-        if (failed || !size || size > outline->index_at - position - *all) {
-            return failed ? failed : MESHREEL_CORRUPT;
-        }
-        *own = track ? *own : size;
-        *all += size;
-    }
+    outline->n_frames += n_frames;
+    outline->longest = outline->longest > n_frames ? outline->longest : (uint32_t)n_frames;
     return MESHREEL_OK;
 }
 
-static int walk_index(reel_outline *outline, reel_visit visit, void *own) {
-    const meshreel_source *source = outline->source;
-    uint64_t at = outline->index.at, end = at + outline->index.length, position, n_blocks;
-    int failed = reel_varint(source, &at, end, &position);
-    failed = failed ? failed : reel_varint(source, &at, end, &n_blocks);
-    outline->n_blocks = outline->n_frames = 0;
-    if (failed || position > outline->index_at) {
-        return failed ? failed : MESHREEL_CORRUPT;
-    }
-    for (uint64_t i = 0; i < n_blocks && !failed; i++) {
-        uint64_t n_frames, size = 0, all;
-        failed = reel_varint(source, &at, end, &n_frames);
-        failed = failed ? failed : read_sizes(outline, &at, end, position, &size, &all);
-        failed = failed ? failed : add_block(outline, position, size, n_frames, visit, own);
-        position += failed ? 0 : all;
-    }
-    bool is_whole = n_blocks && at == end && position == outline->index_at;
-    return failed ? failed : is_whole ? MESHREEL_OK : MESHREEL_CORRUPT;
+reel_stretch reel_group_bytes(const reel_outline *outline, uint64_t block, uint32_t track) {
+    const uint64_t *ends = outline->ends + block * outline->n_tracks;
+    uint64_t begin = track ? ends[track - 1] : outline->places[block].at;
+    return (reel_stretch){begin, ends[track] - begin};
 }
 
-/* ---- blocks, section by section ---- */
+/* ---- by the index ---- */
+
+static int find_index(reel_call *call, const reel_outline *outline, reel_section *index,
+                      uint64_t *first) {
+    uint64_t size = call->source->size, end_at = size < END_BYTES ? 0 : size - END_BYTES, at;
+    reel_section end;
+    int failed = reel_section_at(call, end_at > outline->header_end ? end_at : outline->header_end,
+                                 size, &end);
+    failed = failed ? failed : reel_section_check(call, &end);
+    if (failed) {
+        return failed;
+    }
+    if (end.id != REEL_END || end.payload.length != sizeof at) {
+        return corrupt(call, end_at, "the end of the file does not lead to an index");
+    }
+    failed = reel_read(call, end.payload.at, &at, sizeof at);
+    failed = failed ? failed : reel_section_at(call, at, size, index);
+    failed = failed ? failed : reel_section_check(call, index);
+    if (failed) {
+        return failed;
+    }
+    if (index->id != REEL_INDEX || at < outline->header_end) {
+        return corrupt(call, at, "there is no index where the end of the file says");
+    }
+    reel_stretch left = index->payload;
+    failed = reel_take_varint(call, &left, first);
+    bool is_behind = *first >= outline->header_end && *first <= at;
+    return failed || is_behind ? failed : corrupt(call, at, "the index lists blocks in the header");
+}
+
+static int read_index(reel_call *call, reel_pool *pool, reel_outline *outline,
+                      const reel_section *index) {
+    reel_stretch left = index->payload;
+    uint64_t at, n_blocks, n_frames, *ends;
+    int failed = reel_take_varint(call, &left, &at);
+    failed = failed ? failed : reel_take_varint(call, &left, &n_blocks);
+    for (uint64_t i = 0; !failed && i < n_blocks; i++) {
+        failed = reel_take_varint(call, &left, &n_frames);
+        failed = failed ? failed : add_block(call, pool, outline, at, n_frames, &ends);
+        for (uint32_t track = 0; !failed && track < outline->n_tracks; track++) {
+            uint64_t size;
+            failed = reel_take_varint(call, &left, &size);
+            if (!failed && (!size || size > index->at - at)) {
+                return corrupt(call, left.at, "the index lists blocks that are not in the file");
+            }
+            at += failed ? 0 : size;
+            ends[track] = at;
+        }
+    }
+    bool is_whole = failed || (n_blocks && !left.length && at == index->at);
+    return is_whole ? failed : corrupt(call, index->at, "the index does not list all blocks");
+}
+
+/* ---- section by section ---- */
 
 typedef struct {
+    reel_call *call;
+    reel_pool *pool;
     reel_outline *outline;
-    reel_visit visit;
-    void *own;
-    bool is_open; /* is a block? */
-    uint64_t begin, behind, n_frames;
+    uint64_t *ends; /* of the block that is open, or NULL */
     uint32_t n_groups, last;
+    uint64_t index_at; /* the byte at which INDEX begins, or 0 */
 } scan;
 
-static int close_block(scan *s, uint64_t end) {
-    s->is_open = false;
-    if (s->n_groups != s->outline->n_tracks) {
-        return MESHREEL_CORRUPT;
-    }
-    uint64_t behind = s->n_groups > 1 ? s->behind : end;
-    return add_block(s->outline, s->begin, behind - s->begin, s->n_frames, s->visit, s->own);
+static int open_block(scan *s, const reel_section *section) {
+    reel_stretch left = section->payload;
+    uint64_t n_frames;
+    int failed = reel_take_varint(s->call, &left, &n_frames);
+    s->n_groups = 1;
+    return failed ? failed
+                  : add_block(s->call, s->pool, s->outline, section->at, n_frames, &s->ends);
 }
 
-static int open_block(scan *s, const reel_section *section) {
-    uint64_t at = section->payload.at, end = at + section->payload.length;
-    int failed = reel_varint(s->outline->source, &at, end, &s->n_frames);
-    if (failed || !s->n_frames) {
-        return failed ? failed : MESHREEL_CORRUPT;
+static int close_block(scan *s, uint64_t end) {
+    uint64_t *ends = s->ends;
+    s->ends = NULL;
+    ends[s->n_groups - 1] = end;
+    return s->n_groups == s->outline->n_tracks
+               ? MESHREEL_OK
+               : corrupt(s->call, end, "a block has not as many groups as there are tracks");
+}
+
+/* The block that is open is not complete. */
+static void drop_block(scan *s) {
+    if (s->ends) {
+        s->outline->n_frames -= s->outline->places[--s->outline->n_blocks].n_frames;
     }
-    s->is_open = true;
-    s->begin = section->at;
-    s->n_groups = 1;
-    return MESHREEL_OK;
+}
+
+/* The end of the file leads to its index, if there is one. It is here because what it leads to is no
+   index, or contradicts the blocks: a file without an index is sound. */
+static int check_end(scan *s, const reel_section *section) {
+    return !s->index_at && !section->payload.length
+               ? MESHREEL_OK
+               : corrupt(s->call, section->at, "the index contradicts the blocks");
 }
 
 static int note_section(scan *s, const reel_section *section) {
     uint32_t id = section->id;
     s->last = id;
+    s->index_at = id == REEL_INDEX ? section->at : s->index_at;
     if (id == REEL_BLOCK || id == REEL_INDEX || id == REEL_END) {
-        int failed = s->is_open ? close_block(s, section->at) : MESHREEL_OK;
+        int failed = s->ends ? close_block(s, section->at) : MESHREEL_OK;
+        failed = failed || id != REEL_END ? failed : check_end(s, section);
         return failed || id != REEL_BLOCK ? failed : open_block(s, section);
     }
-    if (!s->is_open) {
-        bool is_of_block = id >= REEL_BLOCK && !(id & REEL_OPTIONAL);
-        return is_of_block ? MESHREEL_CORRUPT : note_leading(s->outline, section);
+    if (s->ends) {
+        if (id == REEL_TRACK_BLOCK) {
+            if (s->n_groups == s->outline->n_tracks) {
+                return corrupt(s->call, section->at, "a block has more groups than there are tracks");
+            }
+            s->ends[s->n_groups++ - 1] = section->at;
+        }
+        return MESHREEL_OK;
     }
-    if (id == REEL_TRACK_BLOCK && s->n_groups++ == 1) {
-        s->behind = section->at;
+    bool is_of_block = id >= REEL_BLOCK && !(id & REEL_OPTIONAL);
+    if (is_of_block) {
+        return corrupt(s->call, section->at, "a section of a block is outside of blocks");
     }
-    return MESHREEL_OK;
+    return s->outline->n_blocks ? corrupt(s->call, section->at, "a section is behind the blocks")
+                                : note_leading(s->call, s->pool, s->outline, section);
 }
 
-/* Up to the end marker, or up to what is damaged: then `is_whole` is false. */
-static int walk_sections(reel_outline *outline, reel_visit visit, void *own) {
-    scan s = {.outline = outline, .visit = visit, .own = own, .last = REEL_OPTIONAL};
-    uint64_t at = outline->leading;
+/* Up to END, or up to what is damaged: then `is_whole` is false. */
+static int read_sections(reel_call *call, reel_pool *pool, reel_outline *outline) {
+    scan s = {.call = call, .pool = pool, .outline = outline, .last = REEL_OPTIONAL};
+    uint64_t at = outline->header_end;
     int failed = MESHREEL_OK;
-    outline->n_blocks = outline->n_frames = 0;
-    outline->is_whole = true;
-    while (s.last != REEL_END) {
+    while (!failed && s.last != REEL_END) {
         reel_section section;
-        failed = reel_section_at(outline->source, at, outline->source->size, &section);
-        failed = failed ? failed : reel_section_check(outline->source, &section);
+        failed = reel_section_at(call, at, call->source->size, &section);
+        failed = failed ? failed : reel_section_check(call, &section);
         if (!failed && reel_is_known(section.id)) {
             failed = note_section(&s, &section);
         }
-        if (failed) {
-            break;
-        }
-        at = section.end;
+        at = failed ? at : section.end;
     }
-    if (failed != MESHREEL_OK && failed != MESHREEL_TRUNCATED && failed != MESHREEL_CORRUPT) {
+    if (failed && failed != MESHREEL_TRUNCATED && failed != MESHREEL_CORRUPT) {
         return failed;
     }
-    outline->is_whole = failed == MESHREEL_OK;
-    bool is_complete = s.is_open && s.n_groups == outline->n_tracks &&
+    outline->is_whole = !failed;
+    outline->damage = failed ? call->error : (meshreel_error){0};
+    outline->end = at;
+    bool is_complete = s.ends && s.n_groups == outline->n_tracks &&
                        (s.last == REEL_COEFFICIENTS || s.last == REEL_VALUES);
-    if (failed && is_complete) {
-        return close_block(&s, at);
+    if (is_complete) {
+        close_block(&s, at);
+    } else if (s.ends) {
+        outline->end = outline->places[outline->n_blocks - 1].at;
+        drop_block(&s);
     }
     return outline->n_blocks ? MESHREEL_OK : failed;
 }
 
 /* ---- the whole ---- */
 
-static int check_frames(const reel_outline *outline) {
+static int check_frames(reel_call *call, const reel_outline *outline) {
+    if (!outline->n_blocks) {
+        return corrupt(call, outline->header_end, "the file holds no block of frames");
+    }
     bool is_other = outline->announced && outline->announced != outline->n_frames;
-    return !outline->n_blocks || (outline->is_whole && is_other) ? MESHREEL_CORRUPT : MESHREEL_OK;
+    return outline->is_whole && is_other
+               ? corrupt(call, 10, "the blocks do not hold as many frames as the header announces")
+               : MESHREEL_OK;
 }
 
-int reel_walk_blocks(reel_outline *outline, reel_visit visit, void *own) {
-    if (outline->has_index) {
-        return walk_index(outline, visit, own);
-    }
-    forget_leading(outline);
-    return walk_sections(outline, visit, own);
-}
-
-int reel_find_parts(const meshreel_source *source, reel_outline *outline, reel_visit visit,
-                    void (*restart)(void *own), void *own) {
-    *outline = (reel_outline){.source = source, .is_whole = true, .has_index = true};
-    forget_leading(outline);
-    if (source->size > REEL_MOST_BYTES) {
-        return MESHREEL_UNSUPPORTED;
-    }
+static int read_indexed(reel_call *call, reel_pool *pool, reel_outline *outline) {
+    reel_section index;
     uint64_t first;
-    int failed = read_header(outline);
+    int failed = find_index(call, outline, &index, &first);
+    failed = failed ? failed : read_leading(call, pool, outline, first);
+    failed = failed ? failed : read_index(call, pool, outline, &index);
+    outline->is_whole = true;
+    outline->end = call->source->size;
+    return failed ? failed : check_frames(call, outline);
+}
+
+int reel_read_outline(reel_call *call, reel_pool *pool, reel_outline *outline) {
+    *outline = (reel_outline){0};
+    if (call->source->size > REEL_MOST_BYTES) {
+        return reel_fail(call, MESHREEL_UNSUPPORTED, 0, "more than 2^40 bytes");
+    }
+    int failed = read_header(call, pool, outline);
     if (failed) {
         return failed;
     }
-    uint64_t most = REEL_MOST_NUMBERS / outline->n_verts;
-    outline->most_frames = most < REEL_MOST_FRAMES ? most : REEL_MOST_FRAMES;
-    failed = find_index(outline, &first);
-    failed = failed ? failed : read_leading(outline, first);
-    failed = failed ? failed : walk_index(outline, visit, own);
-    failed = failed ? failed : check_frames(outline);
-    if (failed == MESHREEL_TRUNCATED || failed == MESHREEL_CORRUPT) {
-        restart(own);
-        outline->has_index = false;
-        failed = reel_walk_blocks(outline, visit, own);
+    forget(outline);
+    failed = read_indexed(call, pool, outline);
+    if (failed != MESHREEL_TRUNCATED && failed != MESHREEL_CORRUPT) {
+        return failed;
     }
-    return failed ? failed : check_frames(outline);
+    forget(outline);
+    outline->blocks_room = 0; /* the ends of groups are as many as tracks, which may be others now */
+    failed = read_sections(call, pool, outline);
+    return failed ? failed : check_frames(call, outline);
+}
+
+int reel_only_section(reel_call *call, const reel_outline *outline, uint32_t id,
+                      reel_stretch *payload) {
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < outline->n_leading; i++) {
+        if (outline->leading[i].id == id) {
+            *payload = outline->leading[i].payload;
+            count++;
+        }
+    }
+    return count == 1 ? MESHREEL_OK
+                      : corrupt(call, outline->header_end,
+                                id == REEL_CONNECTIVITY
+                                    ? "there is not exactly one section CONNECTIVITY"
+                                    : "there is not exactly one section ORDER");
 }

@@ -1,4 +1,4 @@
-/* The parts of a stream: what its header and its leading sections say, and where its blocks lie. */
+/* The container: what the header and the leading sections of a file say, and where blocks lie. */
 
 #ifndef REEL_CONTAINER_H
 #define REEL_CONTAINER_H
@@ -11,39 +11,48 @@
 enum reel_method_number { REEL_METHOD_REEL = 7, REEL_METHOD_LOSSLESS = 8, REEL_METHOD_GRID = 9 };
 enum reel_kept_order { REEL_ORDER_KEPT = 0, REEL_ORDER_OF_VERTICES = 1, REEL_ORDER_DROPPED = 2 };
 
-/* Where the positions of a block lie. */
+/* A section before the first block. */
 typedef struct {
-    uint64_t at, size; /* of their group */
+    uint32_t id;
+    reel_stretch payload;
+} reel_leading;
+
+/* A block: its frames. Its bytes, track by track, end at ends[block n_tracks + track]; those of the
+   first track begin at `at`. */
+typedef struct {
+    uint64_t at;
     uint32_t first, n_frames;
 } reel_place;
 
 typedef struct {
-    const meshreel_source *source;
-    uint64_t announced; /* frames, by the header; 0 where they were not known */
+    meshreel_text name;
+    uint64_t announced; /* frames, by the header; 0: not known */
     uint64_t n_verts, n_faces;
     double fps, start_s, promise;
     double placement[4]; /* scale, and origin of x, y and z */
-    uint32_t number_bytes, method, order;
-    uint64_t leading; /* the byte behind the header */
-    reel_stretch connectivity, vertex_order;
-    uint32_t n_connectivity, n_order; /* sections of these ids */
-    uint32_t n_tracks;                /* with the positions */
-    bool has_index, is_whole;
-    uint64_t index_at;   /* the byte at which the section INDEX begins */
-    reel_stretch index;
-    uint64_t n_blocks, n_frames;
-    uint64_t most_frames; /* that this build reads */
+    uint32_t number_bytes, method, laplacian, order;
+    uint64_t header_end;
+    reel_leading *leading; /* known ones */
+    uint32_t n_leading, leading_room;
+    uint32_t n_tracks; /* with the positions */
+    reel_place *places;
+    uint64_t *ends;
+    uint64_t n_blocks, blocks_room, n_frames;
+    uint32_t longest;  /* frames of a block */
+    uint64_t end;      /* the byte behind what is complete */
+    bool is_whole;
+    meshreel_error damage; /* why it is not */
+    uint64_t n_polygons, n_corners;
 } reel_outline;
 
-/* Is told of each block; returns a code, and anything but MESHREEL_OK ends the walk. */
-typedef int (*reel_visit)(void *own, const reel_outline *outline, const reel_place *place);
+/* Parses a file into memory of `pool`. */
+int reel_read_outline(reel_call *call, reel_pool *pool, reel_outline *outline);
 
-/* Finds the parts of a stream, and tells of its blocks. Where the index is damaged `restart` is
-   called, and the blocks are told of again, as they are found section by section. */
-int reel_find_parts(const meshreel_source *source, reel_outline *outline, reel_visit visit,
-                    void (*restart)(void *own), void *own);
+/* The only leading section of an id. */
+int reel_only_section(reel_call *call, const reel_outline *outline, uint32_t id,
+                      reel_stretch *payload);
 
-/* Tells of the blocks again. */
-int reel_walk_blocks(reel_outline *outline, reel_visit visit, void *own);
+/* The bytes of a track in a block. */
+reel_stretch reel_group_bytes(const reel_outline *outline, uint64_t block, uint32_t track);
 
 #endif

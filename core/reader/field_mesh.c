@@ -1,23 +1,55 @@
-/* In which order fields are coded over the mesh: docs/format.md, "Passes by vertices". */
+/* In which order fields are coded: docs/format.md, "Passes by vertices" and "Passes by times". */
 
 #include "field_mesh.h"
 
 #define SMOOTH_ROW (REEL_SMOOTH_FIELDS * sizeof(float))
 
-size_t reel_field_mesh_room(int64_t n_verts, int64_t stencil_size) {
-    size_t n = (size_t)n_verts, size = (size_t)stencil_size;
-    return reel_room(1, sizeof(reel_field_mesh)) + 2 * reel_room(n, sizeof(int32_t)) +
-           reel_room(n + 1, sizeof(int64_t)) + reel_room(n * REEL_NEIGHBOURS, sizeof(int32_t)) +
-           reel_room(REEL_MAX_LEVELS + 1, sizeof(int64_t)) +
-           reel_room(REEL_MAX_LEVELS + 1, sizeof(int32_t)) +
-           reel_room(REEL_MAX_LEVELS, sizeof(int64_t)) + reel_room(n * size, sizeof(int32_t)) +
-           reel_room(n * size, 1) + reel_room(REEL_SMOOTH_ROWS * n, SMOOTH_ROW);
-}
+struct reel_hierarchy_job {
+    reel_field_mesh *own;
+    int32_t *order, *level_starts, *resolutions, *stencil;
+    int64_t *smooth_starts;
+    uint8_t *hops;
+    float *smooth;
+    void *memory;
+    size_t needed;
+    int64_t result;
+};
 
-size_t reel_field_mesh_scratch(int64_t n_verts, int64_t n_near) {
-    return reel_room((size_t)n_verts, sizeof(int32_t)) +
-           reel_room(REEL_MAX_LEVELS, sizeof(int32_t)) +
-           reel_room(reel_hierarchy_memory(n_verts, n_near), 1);
+int reel_prepare_hierarchy(reel_call *call, reel_pool *pool, const reel_graph *graph,
+                           int64_t stencil_size, reel_hierarchy_job **found) {
+    uint64_t n = graph->n_items;
+    reel_hierarchy_job *job = reel_scratch(call, 1, sizeof *job);
+    reel_field_mesh *own = reel_keep(call, pool, 1, sizeof *own);
+    if (!job || !own) {
+        return call->error.code;
+    }
+    *found = job;
+    *job = (reel_hierarchy_job){.own = own};
+    *own = (reel_field_mesh){.graph = graph};
+    reel_coding_order *order = &own->order;
+    order->n_columns = (int64_t)n;
+    order->columns = reel_keep(call, pool, n, sizeof *order->columns);
+    order->near_starts = reel_keep(call, pool, n + 1, sizeof *order->near_starts);
+    order->near = reel_keep(call, pool, n * REEL_NEIGHBOURS, sizeof *order->near);
+    order->pass_starts = reel_keep(call, pool, REEL_MAX_LEVELS + 1, sizeof *order->pass_starts);
+    own->places = reel_keep(call, pool, n, sizeof *own->places);
+    job->level_starts = reel_keep(call, pool, REEL_MAX_LEVELS + 1, sizeof *job->level_starts);
+    job->smooth_starts = reel_keep(call, pool, REEL_MAX_LEVELS, sizeof *job->smooth_starts);
+    job->stencil = reel_keep(call, pool, n * (uint64_t)stencil_size, sizeof *job->stencil);
+    job->hops = reel_keep(call, pool, n * (uint64_t)stencil_size, 1);
+    job->smooth = reel_keep(call, pool, REEL_SMOOTH_ROWS * n, SMOOTH_ROW);
+    job->order = reel_scratch(call, n, sizeof *job->order);
+    job->resolutions = reel_scratch(call, REEL_MAX_LEVELS, sizeof *job->resolutions);
+    job->needed = reel_hierarchy_memory((int64_t)n, graph->starts[n]);
+    job->memory = reel_scratch(call, job->needed, 1);
+    own->mesh = (reel_mesh){.n_verts = (int64_t)n, .stencil_size = stencil_size,
+                            .level_starts = job->level_starts,
+                            .smooth_starts = job->smooth_starts, .stencil = job->stencil,
+                            .hops = job->hops, .smooth = job->smooth};
+    bool has_all = order->columns && order->near_starts && order->near && order->pass_starts &&
+                   own->places && job->level_starts && job->smooth_starts && job->stencil &&
+                   job->hops && job->smooth && job->order && job->resolutions && job->memory;
+    return has_all ? MESHREEL_OK : call->error.code;
 }
 
 /* A pass ends with each resolution. */
@@ -32,8 +64,8 @@ static void find_passes(reel_coding_order *order, const int32_t *level_starts,
     }
 }
 
-/* Moves the rows of context neighbours, filled up with -1, to one another. */
-static void join_rows(reel_coding_order *order) {
+/* Packs the rows of context neighbors, which -1 fills up. */
+static void pack_rows(reel_coding_order *order) {
     int64_t count = 0;
     for (int64_t i = 0; i < order->n_columns; i++) {
         const int32_t *row = order->near + i * REEL_NEIGHBOURS;
@@ -46,49 +78,123 @@ static void join_rows(reel_coding_order *order) {
     order->near_starts[order->n_columns] = count;
 }
 
-int64_t reel_find_field_mesh(reel_arena *arena, reel_arena scratch, const reel_neighbours *graph,
-                             int64_t stencil_size, const int32_t *sequence,
-                             reel_field_mesh **found) {
-    size_t n = (size_t)graph->n_verts, size = (size_t)stencil_size;
-    reel_field_mesh *own = *found = reel_take(arena, 1, sizeof *own);
-    int32_t *columns = reel_take(arena, n, sizeof *columns);
-    int32_t *rows = reel_take(arena, n, sizeof *rows);
-    int64_t *near_starts = reel_take(arena, n + 1, sizeof *near_starts);
-    int32_t *near = reel_take(arena, n * REEL_NEIGHBOURS, sizeof *near);
-    int64_t *pass_starts = reel_take(arena, REEL_MAX_LEVELS + 1, sizeof *pass_starts);
-    int32_t *level_starts = reel_take(arena, REEL_MAX_LEVELS + 1, sizeof *level_starts);
-    int64_t *smooth_starts = reel_take(arena, REEL_MAX_LEVELS, sizeof *smooth_starts);
-    int32_t *stencil = reel_take(arena, n * size, sizeof *stencil);
-    uint8_t *hops = reel_take(arena, n * size, 1);
-    float *smooth = reel_take(arena, REEL_SMOOTH_ROWS * n, SMOOTH_ROW);
-    int32_t *order = reel_take(&scratch, n, sizeof *order);
-    int32_t *resolutions = reel_take(&scratch, REEL_MAX_LEVELS, sizeof *resolutions);
-    size_t needed = reel_hierarchy_memory(graph->n_verts, graph->starts[n]);
-    void *memory = reel_take(&scratch, needed, 1);
-    if (arena->failed || scratch.failed) {
-        return reel_failure(REEL_NO_MEMORY, 0);
+void reel_find_hierarchy(reel_hierarchy_job *job) {
+    reel_field_mesh *own = job->own;
+    const reel_graph *graph = own->graph;
+    int64_t n = graph->n_items;
+    job->result = reel_hierarchy(job->memory, job->needed, graph->starts, graph->near, n,
+                                 own->mesh.stencil_size, job->order, job->level_starts,
+                                 job->resolutions, job->smooth_starts, job->stencil, job->hops,
+                                 own->order.near, job->smooth);
+    if (job->result < 0) {
+        return;
     }
-    int64_t n_levels = reel_hierarchy(memory, needed, graph->starts, graph->near, graph->n_verts,
-                                      stencil_size, order, level_starts, resolutions,
-                                      smooth_starts, stencil, hops, near, smooth);
-    if (n_levels < 0) {
-        return n_levels;
+    own->mesh.n_levels = job->result;
+    find_passes(&own->order, job->level_starts, job->resolutions, job->result);
+    pack_rows(&own->order);
+    for (int64_t place = 0; place < n; place++) {
+        own->places[job->order[place]] = (int32_t)place;
     }
-    own->mesh = (reel_mesh){graph->n_verts, n_levels, stencil_size, level_starts, smooth_starts,
-                            stencil, hops, smooth};
-    own->order = (reel_coding_order){.n_columns = graph->n_verts, .columns = columns, .near = near,
-                                     .pass_starts = pass_starts, .near_starts = near_starts};
-    find_passes(&own->order, level_starts, resolutions, n_levels);
-    join_rows(&own->order);
-    own->rows = rows;
-    for (size_t place = 0; place < n; place++) { /* `columns` has its own numbers behind this */
-        columns[order[place]] = (int32_t)place;
+}
+
+int reel_finish_hierarchy(reel_call *call, const reel_hierarchy_job *job,
+                          const reel_field_mesh **found) {
+    *found = job->own;
+    return reel_fail_core(call, job->result, 0, "the hierarchy of the mesh is too large");
+}
+
+/* ---- times ---- */
+
+#define N_LEVELS 3
+#define MOST_PASSES 4
+#define MOST_NEAR 6
+#define COLUMNS_BEFORE 2
+
+/* The first time of a level, how far its times are apart, and the distance of known ones. */
+static const int64_t first_of[N_LEVELS] = {0, 2, 1}, apart_of[N_LEVELS] = {4, 4, 2},
+                     known_of[N_LEVELS] = {2, 2, 1};
+
+/* Adds a time of a column, with these of its column and the columns before as context neighbors;
+   -1 is none. */
+static void add_time(reel_coding_order *order, int64_t n_frames, int64_t column, int64_t time,
+                     const int64_t *near, int n_near) {
+    int64_t place = order->pass_starts[order->n_passes]++, count = order->near_starts[place];
+    order->columns[place] = (int32_t)(column * n_frames + time);
+    for (int k = 0; k < n_near; k++) {
+        if (near[k] >= 0) {
+            order->near[count++] = (int32_t)(column * n_frames + near[k]);
+        }
     }
-    for (size_t v = 0; v < n; v++) {
-        rows[v] = columns[sequence[v]];
+    for (int64_t before = column - COLUMNS_BEFORE; before < column; before++) {
+        if (before >= 0) {
+            order->near[count++] = (int32_t)(before * n_frames + time);
+        }
     }
-    for (size_t i = 0; i < n; i++) {
-        columns[i] = (int32_t)i;
+    order->near_starts[place + 1] = count;
+}
+
+static void begin_pass(reel_coding_order *order) {
+    order->pass_starts[order->n_passes + 1] = order->pass_starts[order->n_passes];
+    order->n_passes++;
+}
+
+/* A level of the moving times, whose places among them are far apart. */
+static void add_level(reel_coding_order *order, int level, int64_t n_columns, int64_t n_frames,
+                      const int32_t *moving, int64_t n_moving) {
+    int64_t known = known_of[level];
+    for (int64_t column = 0; column < n_columns; column++) {
+        for (int64_t i = first_of[level]; i < n_moving; i += apart_of[level]) {
+            const int64_t places[] = {i - known, i + known, i - 2 * known, i - 4 * known};
+            int64_t near[4];
+            for (int k = 0; k < 4; k++) { /* on the first level none beside it are known */
+                bool is_known = (level || k >= 2) && places[k] >= 0 && places[k] < n_moving;
+                near[k] = is_known ? moving[places[k]] : -1;
+            }
+            add_time(order, n_frames, column, moving[i], near, 4);
+        }
     }
-    return 0;
+}
+
+static void add_resting(reel_coding_order *order, int64_t n_columns, int64_t n_frames,
+                        const uint8_t *rests) {
+    for (int64_t column = 0; column < n_columns; column++) {
+        for (int64_t time = 1; time < n_frames; time++) {
+            const int64_t near[] = {rests[time - 1] ? time - 1 : -1,
+                                    time > 1 && rests[time - 2] ? time - 2 : -1};
+            if (rests[time]) {
+                add_time(order, n_frames, column, time, near, 2);
+            }
+        }
+    }
+}
+
+int reel_find_time_order(reel_call *call, int64_t n_columns, int64_t n_frames, const uint8_t *rests,
+                         reel_coding_order *found) {
+    uint64_t n = (uint64_t)(n_columns * n_frames);
+    found->columns = reel_scratch(call, n, sizeof *found->columns);
+    found->near_starts = reel_scratch(call, n + 1, sizeof *found->near_starts);
+    found->pass_starts = reel_scratch(call, MOST_PASSES + 1, sizeof *found->pass_starts);
+    found->near = reel_scratch(call, n * MOST_NEAR, sizeof *found->near);
+    int32_t *moving = reel_scratch(call, (uint64_t)n_frames, sizeof *moving);
+    if (!found->columns || !found->near_starts || !found->pass_starts || !found->near || !moving) {
+        return call->error.code;
+    }
+    int64_t n_moving = 0;
+    for (int64_t time = 0; time < n_frames; time++) {
+        if (!rests || !rests[time]) {
+            moving[n_moving++] = (int32_t)time;
+        }
+    }
+    found->n_columns = (int64_t)n;
+    found->n_passes = 0;
+    found->pass_starts[0] = found->near_starts[0] = 0;
+    for (int level = 0; level < N_LEVELS; level++) {
+        begin_pass(found);
+        add_level(found, level, n_columns, n_frames, moving, n_moving);
+    }
+    if (rests) {
+        begin_pass(found);
+        add_resting(found, n_columns, n_frames, rests);
+    }
+    return MESHREEL_OK;
 }

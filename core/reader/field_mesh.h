@@ -1,9 +1,9 @@
-/* The hierarchy of a mesh for a size of stencils, and the order in which its fields are coded. */
+/* The hierarchy of a graph, and the orders in which fields and temporal bases are coded. */
 
 #ifndef REEL_READER_FIELD_MESH_H
 #define REEL_READER_FIELD_MESH_H
 
-#include "../base.h"
+#include "mesh.h"
 
 /* The order in which the columns of fields are coded, as reel_fields_decode takes it. */
 typedef struct {
@@ -15,31 +15,22 @@ typedef struct {
 typedef struct {
     reel_mesh mesh;
     reel_coding_order order;
-    int32_t *rows; /* the place in coding order of each vertex that goes out */
+    const reel_graph *graph;
+    int32_t *places; /* in coding order, of each item */
 } reel_field_mesh;
 
-/* The vertices next to each vertex, as of reel_adjacency. */
-typedef struct {
-    int64_t n_verts;
-    const int32_t *starts, *near;
-} reel_neighbours;
+/* Finds the hierarchy of a graph, in memory that is prepared before: then it may run on another
+   thread. */
+typedef struct reel_hierarchy_job reel_hierarchy_job;
+int reel_prepare_hierarchy(reel_call *call, reel_pool *pool, const reel_graph *graph,
+                           int64_t stencil_size, reel_hierarchy_job **job);
+void reel_find_hierarchy(reel_hierarchy_job *job);
+int reel_finish_hierarchy(reel_call *call, const reel_hierarchy_job *job,
+                          const reel_field_mesh **found);
 
-/* Room that a hierarchy takes for good, and room that is needed to find it. */
-size_t reel_field_mesh_room(int64_t n_verts, int64_t stencil_size);
-size_t reel_field_mesh_scratch(int64_t n_verts, int64_t n_near);
-
-/* Finds it; NULL where memory is too little. `sequence` is the internal number of each vertex that
-   goes out. Returns a failure of the core, or 0. */
-int64_t reel_find_field_mesh(reel_arena *arena, reel_arena scratch, const reel_neighbours *graph,
-                             int64_t stencil_size, const int32_t *sequence,
-                             reel_field_mesh **found);
-
-/* The order in which the temporal basis of a track with n_columns is coded, for times that
-   rest as reel_basis takes them. */
-#define REEL_TIME_PASSES 4 /* at most */
-size_t reel_time_order_room(int64_t n_columns, int64_t n_frames);
-int64_t reel_time_neighbours(int64_t n_columns, int64_t n_frames); /* at most */
-bool reel_find_time_order(reel_arena *arena, int64_t n_columns, int64_t n_frames,
-                          const uint8_t *rests, reel_coding_order *found);
+/* The order in which the temporal basis of a track is coded, in scratch memory, for times that rest
+   as reel_basis takes them. */
+int reel_find_time_order(reel_call *call, int64_t n_columns, int64_t n_frames, const uint8_t *rests,
+                         reel_coding_order *found);
 
 #endif

@@ -1,231 +1,276 @@
-/* Opens a stream: its parts, its triangles, and what its blocks share. */
+/* Opens a file, and decodes what its blocks share. */
 
 #include "file.h"
-#include "triangles.h"
 
-#if SIZE_MAX < UINT64_MAX || __BYTE_ORDER__ != __ORDER_LITTLE_ENDIAN__
-#error "meshreel.h is for machines of 64 bits whose low bytes come first"
+#include "group.h"
+#include "surface.h"
+
+#if __BYTE_ORDER__ != __ORDER_LITTLE_ENDIAN__
+#error "the core is for machines whose low bytes come first"
 #endif
-
-static const char *const words[] = {
-    [MESHREEL_OK] = "all went well",
-    [MESHREEL_NO_MEMORY] = "the memory is smaller than meshreel_inspect states; give as much as that",
-    [MESHREEL_TRUNCATED] = "the file ends too early; get it again",
-    [MESHREEL_CORRUPT] = "the file is damaged, or no .reel file; get it again",
-    [MESHREEL_INVALID] = "an argument is out of its range: a frame that does not exist, or a null pointer",
-    [MESHREEL_UNSUPPORTED] =
-        "the file needs a newer build, or is larger than this one reads; update meshreel",
-    [MESHREEL_METHOD] =
-        "the file was encoded by a method of the paper, which the command `meshreel decode` decodes",
-    [MESHREEL_UNREADABLE] = "the function that reads the file has failed",
-    [MESHREEL_RANGE] = "positions are beyond the numbers of float; use meshreel_decode_doubles",
-};
-
-const char *meshreel_words(int code) {
-    bool is_known = code >= 0 && (size_t)code < sizeof words / sizeof *words;
-    return is_known ? words[code] : "there is no such code";
-}
 
 uint32_t meshreel_abi(void) { return MESHREEL_ABI; }
 
-/* ---- memory ---- */
-
-static int32_t smallest_stencil(uint32_t stencils) { return stencils ? __builtin_ctz(stencils) : 0; }
-
-/* Neighbours are kept where values are exact. */
-static bool keeps_neighbours(const reel_outline *outline) {
-    return outline->method != REEL_METHOD_REEL;
-}
-
-static size_t neighbours_room(const reel_outline *outline) {
-    return reel_room((size_t)outline->n_verts + 1, sizeof(int32_t)) +
-           reel_room(6 * (size_t)outline->n_faces, sizeof(int32_t));
-}
-
-static size_t graph_scratch(const reel_outline *outline) {
-    int64_t n_verts = (int64_t)outline->n_verts, n_faces = (int64_t)outline->n_faces;
-    size_t joining = reel_room(reel_adjacency_memory(n_verts, n_faces), 1);
-    if (keeps_neighbours(outline)) {
-        return joining;
+static int invalid(meshreel_error *error, const char *message) {
+    if (error) {
+        *error = (meshreel_error){.code = MESHREEL_INVALID, .offset = REEL_UNKNOWN,
+                                  .message = message};
     }
-    size_t ranking = reel_field_mesh_scratch(n_verts, 6 * n_faces);
-    return neighbours_room(outline) + (joining > ranking ? joining : ranking);
-}
-
-static size_t file_room(const reel_outline *outline, const reel_needs *needs) {
-    size_t n_verts = (size_t)outline->n_verts, n_faces = (size_t)outline->n_faces;
-    size_t kept = REEL_SLACK + reel_room(1, sizeof(meshreel_file)) +
-                  reel_room((size_t)outline->n_blocks, sizeof(reel_place)) +
-                  reel_room(3 * n_faces, sizeof(uint32_t)) + 2 * reel_room(n_verts, sizeof(int32_t)) +
-                  (keeps_neighbours(outline) ? neighbours_room(outline) : 0);
-    for (uint32_t left = needs->stencils; left; left &= left - 1) {
-        kept += reel_field_mesh_room((int64_t)n_verts, smallest_stencil(left));
-    }
-    size_t triangles = reel_triangles_scratch(outline), graph = graph_scratch(outline);
-    return kept + reel_room(3 * n_faces, sizeof(int32_t)) + (triangles > graph ? triangles : graph);
-}
-
-/* ---- what a file says of itself ---- */
-
-static int add_block(void *own, const reel_outline *outline, const reel_place *place) {
-    reel_needs *needs = own;
-    reel_group group;
-    int failed = reel_read_group(outline, place, false, &group);
-    if (!failed) {
-        reel_add_needs(needs, outline, &group);
-    }
-    needs->longest = needs->longest > place->n_frames ? needs->longest : place->n_frames;
-    return failed == MESHREEL_UNREADABLE ? failed : MESHREEL_OK; /* a damaged block fails by itself */
-}
-
-static void forget_blocks(void *own) { *(reel_needs *)own = (reel_needs){0}; }
-
-static int inspect(const meshreel_source *source, reel_outline *outline, reel_needs *needs,
-                   meshreel_info *info) {
-    if (!source->bytes && !source->read) {
-        return MESHREEL_INVALID;
-    }
-    forget_blocks(needs);
-    int failed = reel_find_parts(source, outline, add_block, forget_blocks, needs);
-    if (failed) {
-        return failed;
-    }
-    *info = (meshreel_info){
-        .file_bytes = file_room(outline, needs),
-        .decoder_bytes = reel_decoder_room(needs, outline->n_verts),
-        .fps = outline->fps,
-        .start_s = outline->start_s,
-        .promise_percent = outline->promise,
-        .centre = {outline->placement[1], outline->placement[2], outline->placement[3]},
-        .diagonal = outline->placement[0],
-        .n_frames = (uint32_t)outline->n_frames,
-        .n_verts = (uint32_t)outline->n_verts,
-        .n_triangles = (uint32_t)outline->n_faces,
-        .n_blocks = (uint32_t)outline->n_blocks,
-        .longest_block = needs->longest,
-        .n_tracks = outline->n_tracks - 1,
-        .number_bytes = outline->number_bytes,
-        .method = outline->method,
-        .order = outline->order,
-        .is_whole = outline->is_whole,
-    };
-    return MESHREEL_OK;
-}
-
-int meshreel_inspect(const meshreel_source *source, meshreel_info *info) {
-    reel_outline outline;
-    reel_needs needs;
-    return source && info ? inspect(source, &outline, &needs, info) : MESHREEL_INVALID;
+    return MESHREEL_INVALID;
 }
 
 /* ---- opening ---- */
 
-typedef struct {
-    reel_place *places;
-    uint64_t count, most;
-} place_list;
+static void fill_info(meshreel_file *file) {
+    const reel_outline *outline = &file->outline;
+    file->info = (meshreel_info){
+        .name = outline->name,
+        .fps = outline->fps,
+        .start_s = outline->start_s,
+        .promise_percent = outline->promise,
+        .center = {outline->placement[1], outline->placement[2], outline->placement[3]},
+        .diagonal = outline->placement[0],
+        .size = outline->end,
+        .n_frames = (uint32_t)outline->n_frames,
+        .n_verts = (uint32_t)outline->n_verts,
+        .n_triangles = (uint32_t)outline->n_faces,
+        .n_faces = (uint32_t)outline->n_polygons,
+        .n_corners = (uint32_t)outline->n_corners,
+        .n_blocks = (uint32_t)outline->n_blocks,
+        .longest_block = outline->longest,
+        .n_tracks = outline->n_tracks,
+        .number_bytes = outline->number_bytes,
+        .method = outline->method,
+        .laplacian = outline->laplacian,
+        .order = outline->order,
+        .is_whole = outline->is_whole,
+        .damage = outline->damage,
+    };
+}
 
-static int list_place(void *own, const reel_outline *outline, const reel_place *place) {
-    place_list *list = own;
-    (void)outline;
-    if (list->count == list->most) {
-        return MESHREEL_CORRUPT; /* the source has changed */
+static int parse(reel_call *call, meshreel_file *file) {
+    int failed = reel_read_outline(call, &file->pool, &file->outline);
+    if (!failed && reel_is_of_paper(file) && file->outline.n_tracks > 1) {
+        failed = reel_fail(call, MESHREEL_CORRUPT, file->outline.header_end,
+                           "a method of the paper has no tracks, and one is announced");
     }
-    list->places[list->count++] = *place;
+    failed = failed ? failed
+                    : reel_read_tracks(call, &file->pool, &file->outline, &file->tracks);
+    if (!failed) {
+        fill_info(file);
+    }
+    return failed;
+}
+
+int meshreel_open(const meshreel_source *source, const meshreel_host *host, meshreel_file **file,
+                  meshreel_error *error) {
+    if (!source || !host || !file || (!source->bytes && !source->read) || !host->allocate ||
+        !host->release) {
+        return invalid(error, "a pointer to a source, a host, a file or a callback is NULL");
+    }
+    *file = NULL;
+    reel_pool first = {NULL, 0};
+    reel_call call = reel_begin_call(source, host, 0);
+    meshreel_file *own = reel_keep(&call, &first, 1, sizeof *own);
+    if (!own) {
+        return reel_end_call(&call, call.error.code, error);
+    }
+    *own = (meshreel_file){.source = *source, .host = *host, .pool = first};
+    int failed = parse(&call, own);
+    reel_end_call(&call, failed, error);
+    if (failed) {
+        meshreel_close(own);
+        return failed;
+    }
+    *file = own;
     return MESHREEL_OK;
 }
 
-static int list_places(meshreel_file *file, reel_arena *arena) {
-    place_list list = {.most = file->outline.n_blocks};
-    list.places = file->places = reel_take(arena, (size_t)list.most, sizeof *list.places);
-    if (arena->failed) {
-        return MESHREEL_NO_MEMORY;
+void meshreel_close(meshreel_file *file) {
+    if (file) {
+        reel_pool pool = file->pool; /* holds the file itself */
+        meshreel_host host = file->host;
+        reel_release(&host, &pool);
     }
-    int failed = reel_walk_blocks(&file->outline, list_place, &list);
-    return failed ? failed : list.count == list.most ? MESHREEL_OK : MESHREEL_CORRUPT;
-}
-
-/* The neighbours of internal vertices, in an arena. */
-static int find_neighbours(const reel_outline *outline, reel_arena *arena, reel_arena scratch,
-                           const int32_t *faces, reel_neighbours *found) {
-    int64_t n_verts = (int64_t)outline->n_verts, n_faces = (int64_t)outline->n_faces;
-    int32_t *starts = reel_take(arena, (size_t)n_verts + 1, sizeof *starts);
-    int32_t *near = reel_take(arena, 6 * (size_t)n_faces, sizeof *near);
-    size_t needed = reel_adjacency_memory(n_verts, n_faces);
-    void *memory = reel_take(&scratch, needed, 1);
-    if (arena->failed || scratch.failed) {
-        return MESHREEL_NO_MEMORY;
-    }
-    *found = (reel_neighbours){n_verts, starts, near};
-    return reel_code_of(reel_adjacency(memory, needed, faces, n_faces, n_verts, starts, near));
-}
-
-static int find_meshes(meshreel_file *file, reel_arena *arena, reel_arena scratch,
-                       const int32_t *faces) {
-    reel_neighbours graph;
-    reel_arena inner = scratch;
-    inner.used += neighbours_room(&file->outline); /* behind the neighbours */
-    int failed = inner.used > inner.size
-                     ? MESHREEL_NO_MEMORY
-                     : find_neighbours(&file->outline, &scratch, inner, faces, &graph);
-    for (uint32_t left = file->needs.stencils; left && !failed; left &= left - 1) {
-        int32_t size = smallest_stencil(left);
-        reel_field_mesh *found;
-        failed = reel_code_of(
-            reel_find_field_mesh(arena, scratch, &graph, size, file->sequence, &found));
-        file->meshes[size] = found;
-    }
-    return failed;
-}
-
-static int decode_mesh(meshreel_file *file, reel_arena *arena) {
-    const reel_outline *outline = &file->outline;
-    size_t n_verts = (size_t)outline->n_verts, n_faces = (size_t)outline->n_faces;
-    file->triangles = reel_take(arena, 3 * n_faces, sizeof *file->triangles);
-    file->sequence = reel_take(arena, n_verts, sizeof *file->sequence);
-    file->outward = reel_take(arena, n_verts, sizeof *file->outward);
-    size_t kept = keeps_neighbours(outline) ? neighbours_room(outline) : 0;
-    for (uint32_t left = file->needs.stencils; left; left &= left - 1) {
-        kept += reel_field_mesh_room((int64_t)n_verts, smallest_stencil(left));
-    }
-    if (arena->failed || kept > arena->size - arena->used) {
-        return MESHREEL_NO_MEMORY;
-    }
-    reel_arena scratch = *arena; /* behind what is kept */
-    scratch.used += kept;
-    int32_t *faces = reel_take(&scratch, 3 * n_faces, sizeof *faces);
-    if (scratch.failed) {
-        return MESHREEL_NO_MEMORY;
-    }
-    int failed = reel_decode_triangles(outline, scratch, faces, file->sequence, file->outward,
-                                       file->triangles);
-    if (failed) {
-        return failed;
-    }
-    return keeps_neighbours(outline)
-               ? find_neighbours(outline, arena, scratch, faces, &file->neighbours)
-               : find_meshes(file, arena, scratch, faces);
-}
-
-int meshreel_open(const meshreel_source *source, void *memory, size_t size,
-                  const meshreel_file **file) {
-    if (!source || !memory || !file) {
-        return MESHREEL_INVALID;
-    }
-    reel_arena arena = reel_aligned_arena(memory, size);
-    meshreel_file *own = reel_take(&arena, 1, sizeof *own);
-    if (!own) {
-        return MESHREEL_NO_MEMORY;
-    }
-    *own = (meshreel_file){.source = *source};
-    int failed = inspect(&own->source, &own->outline, &own->needs, &own->info);
-    failed = failed ? failed : size < own->info.file_bytes ? MESHREEL_NO_MEMORY : MESHREEL_OK;
-    failed = failed ? failed : list_places(own, &arena);
-    failed = failed ? failed : decode_mesh(own, &arena);
-    *file = failed ? NULL : own;
-    return failed;
 }
 
 const meshreel_info *meshreel_info_of(const meshreel_file *file) { return &file->info; }
 
-const uint32_t *meshreel_triangles(const meshreel_file *file) { return file->triangles; }
+/* ---- the layout ---- */
+
+int meshreel_section_at(const meshreel_file *file, uint64_t offset, int check,
+                        meshreel_section *section, meshreel_error *error) {
+    if (!file || !section) {
+        return invalid(error, "a pointer to a file or a section is NULL");
+    }
+    uint64_t at = offset ? offset : file->outline.header_end;
+    if (at < file->outline.header_end || at >= file->outline.end) {
+        return invalid(error, "there is no section at this byte");
+    }
+    reel_call call = reel_begin_call(&file->source, &file->host, 0);
+    reel_section found;
+    int failed = reel_section_at(&call, at, file->outline.end, &found);
+    if (!failed && check) {
+        failed = reel_section_check(&call, &found);
+    }
+    if (!failed) {
+        *section = (meshreel_section){found.id, reel_is_known(found.id), at, found.end - at,
+                                      found.payload.at, found.payload.length};
+    }
+    return reel_end_call(&call, failed, error);
+}
+
+int meshreel_block_of(const meshreel_file *file, uint32_t number, uint32_t track,
+                      meshreel_block *block) {
+    if (!file || !block || number >= file->info.n_blocks || track >= file->info.n_tracks) {
+        return MESHREEL_INVALID;
+    }
+    const reel_place *place = &file->outline.places[number];
+    reel_stretch bytes = reel_group_bytes(&file->outline, number, track);
+    *block = (meshreel_block){place->first, place->n_frames, bytes.at, bytes.length};
+    return MESHREEL_OK;
+}
+
+int meshreel_group_of(const meshreel_file *file, uint32_t number, uint32_t track, int check,
+                      meshreel_group *group, meshreel_error *error) {
+    if (!file || !group || number >= file->info.n_blocks || track >= file->info.n_tracks) {
+        return invalid(error, "there is no such block or track, or a pointer is NULL");
+    }
+    reel_call call = reel_begin_call(&file->source, &file->host, 0);
+    reel_group found;
+    int failed = reel_is_of_paper(file)
+                     ? reel_read_paper_group(&call, &file->outline, number, check != 0, &found)
+                     : reel_read_group(&call, &file->outline, &file->tracks[track], track, number,
+                                       check != 0, &found);
+    *group = (meshreel_group){.key_block = number, .n_modes = (uint32_t)found.n_modes,
+                              .n_corrections = found.n_moves, .step = (double)found.step};
+    if (!failed && found.reference > number) {
+        failed = reel_fail(&call, MESHREEL_CORRUPT, REEL_UNKNOWN,
+                           "a block refers to one before the first");
+    }
+    group->key_block -= failed ? 0 : (uint32_t)found.reference;
+    return reel_end_call(&call, failed, error);
+}
+
+uint32_t meshreel_block_of_frame(const meshreel_file *file, uint32_t frame) {
+    uint32_t first = 0, end = file->info.n_blocks;
+    while (end - first > 1) {
+        uint32_t middle = first + (end - first) / 2;
+        if (file->outline.places[middle].first <= frame) {
+            first = middle;
+        } else {
+            end = middle;
+        }
+    }
+    return first;
+}
+
+int meshreel_track_of(const meshreel_file *file, uint32_t number, meshreel_track *track) {
+    if (!file || !track || number >= file->info.n_tracks) {
+        return MESHREEL_INVALID;
+    }
+    *track = file->tracks[number].shown;
+    return MESHREEL_OK;
+}
+
+/* ---- the mesh ---- */
+
+/* Stencils of the positions of the first block; 0 where they are not needed, or the block is
+   damaged, which is found when it is loaded. */
+static int first_stencil(reel_call *call, const meshreel_file *file, int64_t *size) {
+    const reel_outline *outline = &file->outline;
+    *size = 0;
+    if (outline->method != REEL_METHOD_REEL) {
+        return MESHREEL_OK;
+    }
+    reel_group group;
+    int failed = reel_read_group(call, outline, file->tracks, 0, 0, false, &group);
+    *size = failed ? 0 : (int64_t)group.stencil_size;
+    return failed == MESHREEL_UNREADABLE ? failed : MESHREEL_OK;
+}
+
+typedef struct {
+    reel_order_job *order;
+    reel_hierarchy_job *hierarchy;
+} mesh_jobs;
+
+static void run_mesh_job(void *shared, uint32_t i) {
+    mesh_jobs *jobs = shared;
+    if (i) {
+        reel_decode_order(jobs->order);
+    } else if (jobs->hierarchy) {
+        reel_find_hierarchy(jobs->hierarchy);
+    }
+}
+
+static int read_mesh(reel_call *call, meshreel_file *file, reel_pool *pool) {
+    const reel_outline *outline = &file->outline;
+    reel_mesh_data *mesh = &file->mesh;
+    mesh_jobs jobs = {NULL, NULL};
+    int64_t stencil = 0;
+    int failed = reel_read_connectivity(call, pool, outline, mesh);
+    failed = failed ? failed : reel_read_face_sizes(call, pool, outline, &file->face_sizes);
+    failed = failed ? failed : reel_prepare_order(call, pool, outline, mesh, &jobs.order);
+    failed = failed ? failed : first_stencil(call, file, &stencil);
+    if (!failed && stencil) {
+        failed = reel_prepare_hierarchy(call, pool, &mesh->graph, stencil, &jobs.hierarchy);
+    }
+    if (failed) {
+        return failed;
+    }
+    reel_run(call, run_mesh_job, &jobs, 2);
+    failed = reel_finish_order(call, jobs.order);
+    if (!failed && jobs.hierarchy) {
+        failed = reel_finish_hierarchy(call, jobs.hierarchy, &file->field_mesh);
+    }
+    return failed;
+}
+
+int meshreel_read_mesh(meshreel_file *file, meshreel_error *error) {
+    if (!file) {
+        return invalid(error, "a pointer to a file is NULL");
+    }
+    reel_call call = reel_begin_call(&file->source, &file->host, file->pool.held);
+    reel_pool pool = {NULL, 0};
+    int failed = file->has_mesh ? MESHREEL_OK : read_mesh(&call, file, &pool);
+    if (failed) {
+        reel_release(&file->host, &pool);
+        file->field_mesh = NULL;
+    } else {
+        reel_append(&file->pool, &pool);
+        file->has_mesh = true;
+    }
+    return reel_end_call(&call, failed, error);
+}
+
+const uint32_t *meshreel_triangles(const meshreel_file *file) {
+    return file->has_mesh ? file->mesh.triangles : NULL;
+}
+
+const int32_t *meshreel_stored_triangles(const meshreel_file *file,
+                                         const int32_t **stored_vertices) {
+    *stored_vertices = file->has_mesh ? file->mesh.sequence : NULL;
+    return file->has_mesh ? file->mesh.internal_faces : NULL;
+}
+
+int meshreel_read_surface(meshreel_file *file, meshreel_error *error) {
+    int failed = meshreel_read_mesh(file, error);
+    if (failed || file->has_surface) {
+        return failed;
+    }
+    reel_call call = reel_begin_call(&file->source, &file->host, file->pool.held);
+    reel_pool pool = {NULL, 0};
+    failed = reel_read_surface(&call, &pool, &file->outline, file->mesh.triangles,
+                               file->face_sizes, &file->surface);
+    if (failed) {
+        reel_release(&file->host, &pool);
+    } else {
+        reel_append(&file->pool, &pool);
+        file->has_surface = true;
+    }
+    return reel_end_call(&call, failed, error);
+}
+
+const meshreel_surface *meshreel_surface_of(const meshreel_file *file) {
+    return file->has_surface ? &file->surface : NULL;
+}

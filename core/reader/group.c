@@ -1,4 +1,5 @@
-/* The positions of a block as they are stored: docs/format.md, BLOCK, FIELDS, CORRECTIONS, VALUES. */
+/* A track of a block as it is stored: docs/format.md, BLOCK, TRACK_BLOCK, FIELDS, CORRECTIONS,
+   VALUES, MISSING. */
 
 #include "group.h"
 
@@ -7,220 +8,346 @@
 #define MOST_LEARNED 255U
 #define MOST_STEP 1e6F
 #define WITH_RESTS 16 /* is added to the layout */
+#define MOST_TIMES ((uint64_t)INT32_MAX)
 
-/* The payload of each section of a block; has none where `at` is 0. */
+/* The payload of each section of a group; `at` is 0 if it is missing. */
 typedef struct {
     reel_stretch of[N_IDS];
 } payloads;
 
 static const reel_stretch *payload(const payloads *all, uint32_t id) { return &all->of[id - FIRST]; }
 
-static int find_payloads(const reel_outline *outline, const reel_place *place, bool is_checked,
+static int corrupt(reel_call *call, uint64_t at, const char *message) {
+    return reel_fail(call, MESHREEL_CORRUPT, at, message);
+}
+
+static int find_payloads(reel_call *call, reel_stretch bytes, uint32_t first, bool is_checked,
                          payloads *all) {
-    uint64_t end = place->at + place->size;
+    uint64_t end = bytes.at + bytes.length;
+    bool is_begun = false;
     reel_zero(all, sizeof *all);
-    for (uint64_t at = place->at; at < end;) {
+    int announced = is_checked ? reel_announce(call, bytes) : MESHREEL_OK;
+    if (announced) {
+        return announced;
+    }
+    for (uint64_t at = bytes.at; at < end;) {
         reel_section section;
-        int failed = reel_section_at(outline->source, at, end, &section);
+        int failed = reel_section_at(call, at, end, &section);
         if (!failed && is_checked) {
-            failed = reel_section_check(outline->source, &section);
-        }
-        bool is_known = !failed && reel_is_known(section.id);
-        if (is_known && (section.id == REEL_BLOCK) != !all->of[0].at) {
-            return MESHREEL_CORRUPT;
-        }
-        if (is_known && section.id >= FIRST && !(section.id & REEL_OPTIONAL)) {
-            reel_stretch *own = &all->of[section.id - FIRST];
-            failed = own->at ? MESHREEL_CORRUPT : MESHREEL_OK;
-            *own = section.payload;
+            failed = reel_section_check(call, &section);
         }
         if (failed) {
             return failed;
+        }
+        bool is_known = reel_is_known(section.id);
+        if (is_known && (section.id == first) == is_begun) {
+            return corrupt(call, at, "a block does not begin with its one section BLOCK or TRACK_BLOCK");
+        }
+        is_begun |= is_known;
+        if (is_known && section.id >= FIRST && !(section.id & REEL_OPTIONAL)) {
+            reel_stretch *own = &all->of[section.id - FIRST];
+            if (own->at) {
+                return corrupt(call, at, "a block has a section twice");
+            }
+            *own = section.payload;
         }
         at = section.end;
     }
-    return all->of[0].at ? MESHREEL_OK : MESHREEL_CORRUPT;
+    return is_begun ? MESHREEL_OK : corrupt(call, bytes.at, "a block has no sections");
 }
 
-/* Integers of variable length that are left of a payload. */
-static int read_integers(const meshreel_source *source, reel_stretch *left, uint64_t **found,
-                         int count) {
-    uint64_t end = left->at + left->length, at = left->at;
-    for (int i = 0; i < count; i++) {
-        int failed = reel_varint(source, &at, end, found[i]);
-        if (failed) {
-            return failed;
-        }
-    }
-    *left = (reel_stretch){at, end - at};
-    return MESHREEL_OK;
-}
-
-static int read_float(const meshreel_source *source, reel_stretch *left, float *found) {
-    if (left->length < sizeof *found) {
-        return MESHREEL_TRUNCATED;
-    }
-    int failed = reel_read(source, left->at, found, sizeof *found);
-    *left = (reel_stretch){left->at + sizeof *found, left->length - sizeof *found};
-    return failed;
-}
-
-static int read_counts(const reel_outline *outline, reel_stretch left, const reel_place *place,
-                       reel_group *group) {
-    uint64_t *counts[] = {&group->n_frames, &group->n_modes};
-    int failed = read_integers(outline->source, &left, counts, 2);
+static int read_counts(reel_call *call, const payloads *all, uint32_t number,
+                       const reel_track *track, uint64_t n_frames, reel_group *group) {
+    reel_stretch left = *payload(all, number ? REEL_TRACK_BLOCK : REEL_BLOCK);
+    uint64_t at = left.at;
+    group->n_frames = n_frames;
+    int failed = number ? MESHREEL_OK : reel_take_varint(call, &left, &group->n_frames);
+    failed = failed ? failed : reel_take_varint(call, &left, &group->n_modes);
     if (failed) {
         return failed;
     }
-    bool has_modes = outline->method == REEL_METHOD_REEL;
-    uint64_t least = has_modes ? 1 : 0, most = has_modes ? 3 * (uint64_t)place->n_frames : 0;
-    bool is_sound = !left.length && group->n_frames == place->n_frames &&
-                    group->n_modes >= least && group->n_modes <= most;
-    return is_sound ? MESHREEL_OK : MESHREEL_CORRUPT;
+    bool is_exact = track->shown.coding == REEL_EXACT || track->shown.is_exact;
+    uint64_t least = is_exact ? 0 : 1, most = is_exact ? 0 : track->n_coded * n_frames;
+    if (left.length || group->n_frames != n_frames) {
+        return corrupt(call, at, "a block has another number of frames than the index says");
+    }
+    if (most > MOST_TIMES) {
+        return reel_fail(call, MESHREEL_UNSUPPORTED, at, "a block has more than 2^31 times");
+    }
+    return group->n_modes >= least && group->n_modes <= most
+               ? MESHREEL_OK
+               : corrupt(call, at, "a block has no modes, or more than it can have");
 }
 
-static int read_reused(const meshreel_source *source, reel_stretch *left, reel_group *group) {
-    uint64_t *count = &group->n_reused;
+static int read_reused(reel_call *call, reel_stretch *left, reel_group *group) {
     if (!group->reference || !left->length) {
         return MESHREEL_OK;
     }
-    int failed = read_integers(source, left, &count, 1);
-    failed = failed ? failed : read_float(source, left, &group->finer);
-    if (failed) {
-        return failed;
-    }
+    uint64_t at = left->at;
+    int failed = reel_take_varint(call, left, &group->n_reused);
+    failed = failed ? failed : reel_take_bytes(call, left, &group->finer, sizeof group->finer);
     bool is_sound = group->n_reused >= 1 && group->n_reused <= group->n_modes &&
                     group->finer > 0.0F && group->finer < MOST_STEP;
-    return is_sound ? MESHREEL_OK : MESHREEL_CORRUPT;
+    return failed || is_sound ? failed
+                              : corrupt(call, at, "fields are reused that there cannot be");
 }
 
 /* The next run of resting times behind `end`, which becomes where it ends. */
-static int read_run(const meshreel_source *source, reel_stretch *left, uint64_t n_frames,
-                    uint64_t *start, uint64_t *end) {
-    uint64_t gap, length, *counts[] = {&gap, &length};
-    int failed = read_integers(source, left, counts, 2);
+static int read_run(reel_call *call, reel_stretch *left, uint64_t n_frames, uint64_t *start,
+                    uint64_t *end) {
+    uint64_t gap, length, at = left->at;
+    int failed = reel_take_varint(call, left, &gap);
+    failed = failed ? failed : reel_take_varint(call, left, &length);
     if (failed) {
         return failed;
     }
-    bool is_sound = gap && length && gap < n_frames - *end && length <= n_frames - *end - gap;
+    if (!gap || !length || gap >= n_frames - *end || length > n_frames - *end - gap) {
+        return corrupt(call, at, "a run of resting times is not in its block");
+    }
     *start = *end + gap;
     *end = *start + length;
-    return is_sound ? MESHREEL_OK : MESHREEL_CORRUPT;
-}
-
-static int find_rests(const meshreel_source *source, reel_stretch *left, reel_group *group) {
-    uint64_t *counts[] = {&group->rest_bits, &group->n_rests}, start, end = 0;
-    int failed = read_integers(source, left, counts, 2);
-    group->rests = *left;
-    for (uint64_t i = 0; !failed && i < group->n_rests; i++) {
-        failed = read_run(source, left, group->n_frames, &start, &end);
-    }
-    bool is_sound = group->n_rests >= 1 && group->rest_bits <= REEL_MAX_REST_BITS;
-    return failed ? failed : is_sound ? MESHREEL_OK : MESHREEL_CORRUPT;
-}
-
-int reel_read_rests(const meshreel_source *source, const reel_group *group, uint8_t *rests) {
-    reel_stretch left = group->rests;
-    uint64_t start, end = 0;
-    reel_zero(rests, (size_t)group->n_frames);
-    for (uint64_t i = 0; i < group->n_rests; i++) {
-        int failed = read_run(source, &left, group->n_frames, &start, &end);
-        if (failed) {
-            return failed;
-        }
-        for (uint64_t time = start; time < end; time++) {
-            rests[time] = 1;
-        }
-    }
     return MESHREEL_OK;
 }
 
-static int read_layout(const meshreel_source *source, reel_stretch left, reel_group *group) {
+static int find_rests(reel_call *call, reel_stretch *left, reel_group *group) {
+    uint64_t start, end = 0, at = left->at;
+    int failed = reel_take_varint(call, left, &group->rest_bits);
+    failed = failed ? failed : reel_take_varint(call, left, &group->n_rests);
+    group->rests = *left;
+    for (uint64_t i = 0; !failed && i < group->n_rests; i++) {
+        failed = read_run(call, left, group->n_frames, &start, &end);
+    }
+    bool is_sound = group->n_rests >= 1 && group->rest_bits <= REEL_MAX_REST_BITS;
+    return failed || is_sound ? failed
+                              : corrupt(call, at, "resting times have no runs, or too many bits");
+}
+
+int reel_read_rests(reel_call *call, const reel_group *group, uint8_t **rests) {
+    reel_stretch left = group->rests;
+    uint64_t start, end = 0;
+    *rests = NULL;
+    if (!group->n_rests) {
+        return MESHREEL_OK;
+    }
+    *rests = reel_scratch(call, group->n_frames, 1);
+    int failed = *rests ? MESHREEL_OK : call->error.code;
+    if (!failed) {
+        reel_zero(*rests, (size_t)group->n_frames);
+    }
+    for (uint64_t i = 0; i < group->n_rests && !failed; i++) {
+        failed = read_run(call, &left, group->n_frames, &start, &end);
+        for (uint64_t time = start; time < end && !failed; time++) {
+            (*rests)[time] = 1;
+        }
+    }
+    return failed;
+}
+
+static int read_fields(reel_call *call, reel_stretch left, reel_group *group) {
     uint8_t layout;
-    uint64_t *counts[] = {&group->stencil_size, &group->n_learned}, *reference = &group->reference;
+    uint64_t at = left.at;
     if (!left.at) {
-        return MESHREEL_CORRUPT;
+        return corrupt(call, REEL_UNKNOWN, "a block has no section FIELDS");
     }
-    if (!left.length) {
-        return MESHREEL_TRUNCATED;
-    }
-    int failed = reel_read(source, left.at, &layout, 1);
-    group->precision = layout & ~WITH_RESTS;
-    if (failed || (group->precision != REEL_SUMS_4 && group->precision != REEL_SUMS_8)) {
-        return failed ? failed : MESHREEL_UNSUPPORTED;
-    }
-    left = (reel_stretch){left.at + 1, left.length - 1};
-    failed = read_integers(source, &left, &reference, 1);
-    failed = failed ? failed : read_float(source, &left, &group->step);
-    failed = failed ? failed : read_integers(source, &left, counts, 2);
-    if (!failed && layout & WITH_RESTS) {
-        failed = find_rests(source, &left, group);
-    }
-    failed = failed ? failed : read_reused(source, &left, group);
+    int failed = reel_take_bytes(call, &left, &layout, 1);
     if (failed) {
         return failed;
     }
+    group->precision = layout & ~WITH_RESTS;
+    if (group->precision != REEL_SUMS_4 && group->precision != REEL_SUMS_8) {
+        return reel_fail(call, MESHREEL_UNSUPPORTED, at,
+                         "fields have a layout of a newer version; update meshreel");
+    }
+    failed = reel_take_varint(call, &left, &group->reference);
+    failed = failed ? failed : reel_take_bytes(call, &left, &group->step, sizeof group->step);
+    failed = failed ? failed : reel_take_varint(call, &left, &group->stencil_size);
+    failed = failed ? failed : reel_take_varint(call, &left, &group->n_learned);
+    if (!failed && layout & WITH_RESTS) {
+        failed = find_rests(call, &left, group);
+    }
+    failed = failed ? failed : read_reused(call, &left, group);
     bool is_sound = !left.length && group->stencil_size >= 1 &&
                     group->stencil_size <= REEL_MAX_STENCIL && group->n_learned <= MOST_LEARNED &&
                     group->step > 0.0F && group->step < MOST_STEP;
-    return is_sound ? MESHREEL_OK : MESHREEL_CORRUPT;
+    return failed || is_sound ? failed
+                              : corrupt(call, at, "a number of a section FIELDS is out of range");
 }
 
-/* Whether a payload is there, and its integers are few enough for their sizes not to overflow. */
-static bool is_usable(const reel_stretch *coded, uint64_t count) {
-    return coded->at && count <= REEL_MOST_NUMBERS;
-}
-
-static int read_moves(const reel_outline *outline, reel_stretch left, reel_group *group) {
-    uint64_t *counts[] = {&group->n_moved, &group->n_moves}, n_verts = outline->n_verts;
+static int read_corrections(reel_call *call, reel_stretch left, reel_group *group) {
+    uint64_t at = left.at;
     if (!left.at) {
         return MESHREEL_OK;
     }
-    int failed = read_float(outline->source, &left, &group->moved_by);
-    failed = failed ? failed : read_integers(outline->source, &left, counts, 2);
+    int failed = reel_take_bytes(call, &left, &group->moved_by, sizeof group->moved_by);
+    failed = failed ? failed : reel_take_varint(call, &left, &group->n_moved);
+    failed = failed ? failed : reel_take_varint(call, &left, &group->n_moves);
+    bool is_sound = group->n_moved <= group->n_moves && group->moved_by > 0.0F &&
+                    group->moved_by < MOST_STEP;
+    group->moves = left;
+    return failed || is_sound ? failed
+                              : corrupt(call, at, "corrections have a step or counts that cannot be");
+}
+
+static int read_values(reel_call *call, bool is_grid, reel_stretch left, reel_group *group) {
+    if (!left.at) {
+        return corrupt(call, REEL_UNKNOWN, "a block has no section VALUES");
+    }
+    uint64_t at = left.at;
+    int failed = is_grid ? reel_take_bytes(call, &left, &group->grid, sizeof group->grid)
+                         : MESHREEL_OK;
+    group->values = left;
+    bool is_sound = group->grid >= 0.0 && group->grid <= 1.0;
+    return failed || is_sound ? failed
+                              : corrupt(call, at, "the step of a grid is at most 1 diagonal, or 0");
+}
+
+int reel_read_group(reel_call *call, const reel_outline *outline, const reel_track *track,
+                    uint32_t number, uint64_t block, bool is_checked, reel_group *group) {
+    payloads all;
+    reel_stretch bytes = reel_group_bytes(outline, block, number);
+    *group = (reel_group){0};
+    int failed = find_payloads(call, bytes, number ? REEL_TRACK_BLOCK : REEL_BLOCK, is_checked, &all);
+    failed = failed ? failed : read_counts(call, &all, number, track,
+                                           outline->places[block].n_frames, group);
     if (failed) {
         return failed;
     }
-    bool is_sound = group->n_moved <= n_verts && group->n_moved <= group->n_moves &&
-                    group->n_moves <= group->n_frames * n_verts && group->moved_by > 0.0F &&
-                    group->moved_by < MOST_STEP;
-    group->moves = left;
-    bool has_all = is_sound && is_usable(&left, 2 * group->n_moved + 4 * group->n_moves);
-    return has_all ? MESHREEL_OK : MESHREEL_CORRUPT;
-}
-
-static int read_values(const reel_outline *outline, reel_stretch left, reel_group *group) {
-    if (!left.at) {
-        return MESHREEL_CORRUPT;
+    if (track->shown.is_exact || track->shown.coding == REEL_EXACT) {
+        bool is_grid = !number && outline->method == REEL_METHOD_GRID;
+        return read_values(call, is_grid, *payload(&all, REEL_VALUES), group);
     }
-    group->values = left;
-    if (outline->method != REEL_METHOD_GRID) {
-        return MESHREEL_OK;
-    }
-    if (left.length < sizeof group->grid) {
-        return MESHREEL_TRUNCATED;
-    }
-    int failed = reel_read(outline->source, left.at, &group->grid, sizeof group->grid);
-    group->values = (reel_stretch){left.at + sizeof group->grid, left.length - sizeof group->grid};
-    bool is_sound = group->grid >= 0.0 && group->grid <= 1.0;
-    return failed ? failed : is_sound ? MESHREEL_OK : MESHREEL_CORRUPT;
-}
-
-int reel_read_group(const reel_outline *outline, const reel_place *place, bool is_checked,
-                    reel_group *group) {
-    payloads all;
-    *group = (reel_group){0};
-    int failed = find_payloads(outline, place, is_checked, &all);
-    failed = failed ? failed : read_counts(outline, *payload(&all, REEL_BLOCK), place, group);
-    if (failed || outline->method != REEL_METHOD_REEL) {
-        return failed ? failed : read_values(outline, *payload(&all, REEL_VALUES), group);
-    }
-    failed = read_layout(outline->source, *payload(&all, REEL_FIELDS), group);
-    failed = failed ? failed : read_moves(outline, *payload(&all, REEL_CORRECTIONS), group);
+    failed = read_fields(call, *payload(&all, REEL_FIELDS), group);
+    failed = failed ? failed : read_corrections(call, *payload(&all, REEL_CORRECTIONS), group);
     group->basis = *payload(&all, REEL_BASIS);
     group->coefficients = *payload(&all, REEL_COEFFICIENTS);
-    bool has_all = is_usable(&group->basis, 3 * group->n_frames * group->n_modes) &&
-                   is_usable(&group->coefficients,
-                              outline->n_verts * (group->n_modes - group->n_reused));
-    return failed ? failed : has_all ? MESHREEL_OK : MESHREEL_CORRUPT;
+    group->missing = number ? *payload(&all, REEL_MISSING) : (reel_stretch){0, 0};
+    bool has_all = failed || (group->basis.at && group->coefficients.at);
+    return has_all ? failed : corrupt(call, bytes.at, "a block has no BASIS or COEFFICIENTS");
+}
+
+int reel_read_paper_group(reel_call *call, const reel_outline *outline, uint64_t block,
+                          bool is_checked, reel_group *group) {
+    payloads all;
+    *group = (reel_group){0};
+    int failed = find_payloads(call, reel_group_bytes(outline, block, 0), REEL_BLOCK, is_checked,
+                               &all);
+    reel_stretch left = *payload(&all, REEL_BLOCK);
+    failed = failed ? failed : reel_take_varint(call, &left, &group->n_frames);
+    return failed ? failed : reel_take_varint(call, &left, &group->n_modes);
+}
+
+/* ---- corrections ---- */
+
+#define N_TABLES 4
+#define MOST_ROWS (3 + 256)
+
+/* The rows of integers, as they are coded. */
+typedef struct {
+    int64_t n, all;
+    uint32_t n_columns;
+    const int32_t *items, *counts, *frames, *offsets; /* offsets: n_columns rows */
+} coded_moves;
+
+static int read_rows(reel_call *call, const reel_group *group, uint32_t n_columns,
+                     coded_moves *found) {
+    int64_t n = (int64_t)group->n_moved, all = (int64_t)group->n_moves;
+    int64_t lengths[MOST_ROWS] = {n, n, all};
+    int32_t tables[MOST_ROWS] = {0, 1, 2}, *values;
+    for (uint32_t i = 0; i < n_columns; i++) {
+        lengths[3 + i] = all;
+        tables[3 + i] = 3;
+    }
+    int failed = reel_decode_rows(call, group->moves, lengths, tables, 3 + (int64_t)n_columns,
+                                  N_TABLES, &values);
+    *found = (coded_moves){n, all, n_columns, values, values + n, values + 2 * n,
+                           values + 2 * n + all};
+    return failed;
+}
+
+/* Whether items and frames exist and ascend, and counts add up. Notes where the corrections of each
+   run begin, the run of each item that goes out, and how many corrections each frame has. */
+static bool find_runs(const coded_moves *coded, const int32_t *inverse, int64_t n_items,
+                      int64_t n_frames, int64_t *begins, int32_t *run_of, int64_t *starts) {
+    int64_t next = 0, item = 0;
+    for (int64_t i = 0; i < n_items; i++) {
+        run_of[i] = -1;
+    }
+    for (int64_t i = 0; i < coded->n; i++) {
+        item += coded->items[i];
+        if (item < 0 || item >= n_items || (i && coded->items[i] <= 0) || coded->counts[i] < 0 ||
+            coded->counts[i] >= coded->all - next) {
+            return false;
+        }
+        begins[i] = next;
+        run_of[inverse ? inverse[item] : item] = (int32_t)i;
+        int64_t end = next + coded->counts[i] + 1, frame = 0;
+        for (int64_t first = next; next < end; next++) {
+            frame += coded->frames[next];
+            if (frame < 0 || frame >= n_frames || (next > first && coded->frames[next] <= 0)) {
+                return false;
+            }
+            starts[frame + 1]++;
+        }
+    }
+    begins[coded->n] = next;
+    return next == coded->all;
+}
+
+/* Puts the corrections of a run at the next places of their frames. */
+static void place_run(const coded_moves *coded, int64_t begin, int64_t end, int32_t item,
+                      double step, int64_t *offsets, int64_t *next, const reel_moves *found) {
+    int64_t frame = 0;
+    uint32_t n_columns = coded->n_columns;
+    for (int64_t i = begin; i < end; i++) {
+        bool follows = i > begin && coded->frames[i] == 1;
+        frame += coded->frames[i];
+        int64_t place = next[frame]++;
+        found->items[place] = item;
+        for (uint32_t column = 0; column < n_columns; column++) {
+            int32_t offset = coded->offsets[column * coded->all + i];
+            offsets[column] = (follows ? offsets[column] : 0) + offset;
+            found->moves[n_columns * place + column] = (double)offsets[column] * step;
+        }
+    }
+}
+
+int reel_read_moves(reel_call *call, reel_pool *pool, const reel_group *group, uint32_t n_columns,
+                    uint64_t n_items, const int32_t *inverse, reel_moves *found) {
+    coded_moves coded;
+    *found = (reel_moves){NULL, NULL, NULL};
+    if (!group->moves.at) {
+        return MESHREEL_OK;
+    }
+    const reel_chunk *mark = call->scratch.last;
+    int failed = read_rows(call, group, n_columns, &coded);
+    uint64_t n_frames = group->n_frames;
+    int64_t *starts = found->starts = reel_keep(call, pool, n_frames + 1, sizeof *starts);
+    found->items = reel_keep(call, pool, group->n_moves, sizeof *found->items);
+    found->moves = reel_keep(call, pool, group->n_moves, n_columns * sizeof *found->moves);
+    int64_t *begins = reel_scratch(call, group->n_moved + 1, sizeof *begins);
+    int32_t *run_of = reel_scratch(call, n_items, sizeof *run_of);
+    if (failed || !starts || !found->items || !found->moves || !begins || !run_of) {
+        return call->error.code;
+    }
+    reel_zero(starts, (n_frames + 1) * sizeof *starts);
+    if (!find_runs(&coded, inverse, (int64_t)n_items, (int64_t)n_frames, begins, run_of, starts)) {
+        return corrupt(call, group->moves.at,
+                       "a correction is of a value that does not exist, or out of order");
+    }
+    for (uint64_t t = 0; t < n_frames; t++) {
+        starts[t + 1] += starts[t];
+    }
+    for (uint64_t i = 0; i < n_items; i++) { /* ascending in each frame */
+        if (run_of[i] >= 0) {
+            int64_t offsets[256];
+            place_run(&coded, begins[run_of[i]], begins[run_of[i] + 1], (int32_t)i,
+                      (double)group->moved_by, offsets, starts, found);
+        }
+    }
+    for (uint64_t t = n_frames; t > 0; t--) { /* each has moved to where the next begins */
+        starts[t] = starts[t - 1];
+    }
+    starts[0] = 0;
+    reel_drop_scratch(call, mark);
+    return MESHREEL_OK;
 }

@@ -1,13 +1,13 @@
-/* The positions of a block as they are stored. */
+/* A track of a block as it is stored. */
 
 #ifndef REEL_GROUP_H
 #define REEL_GROUP_H
 
-#include "container.h"
+#include "tracks.h"
 
 typedef struct {
     uint64_t n_frames, n_modes;
-    /* How fields are predicted, of `reel`. */
+    /* How fields are predicted. */
     uint64_t precision, reference, stencil_size, n_learned;
     float step;
     /* Modes whose fields are those of the key block, and how much finer their vectors are. */
@@ -17,21 +17,38 @@ typedef struct {
     uint64_t n_rests, rest_bits;
     reel_stretch rests;
     reel_stretch basis, coefficients;
-    /* Corrections: their step, how many vertices have some, how many there are; and the integers. */
+    /* Corrections: their step, how many items have some, how many there are; and the integers. */
     float moved_by;
     uint64_t n_moved, n_moves;
     reel_stretch moves;
-    /* Of `lossless` and `grid`: the step, 0 without a grid; and the values. */
+    /* Exact values: the step of a grid of positions, 0 without one; and the bits. */
     double grid;
-    reel_stretch values;
+    reel_stretch values, missing;
 } reel_group;
 
-/* Reads what the sections of a block say of themselves; their bytes are checked where `is_checked`
-   says so. What it finds is within the limits of the format. */
-int reel_read_group(const reel_outline *outline, const reel_place *place, bool is_checked,
-                    reel_group *group);
+/* Reads what the sections of track `number` of a block say of themselves, and where `is_checked`
+   says so compares their checksums. Corrections may be more than there are values. */
+int reel_read_group(reel_call *call, const reel_outline *outline, const reel_track *track,
+                    uint32_t number, uint64_t block, bool is_checked, reel_group *group);
 
-/* Sets a byte for each of its frames, 1 where the time rests. Returns a code. */
-int reel_read_rests(const meshreel_source *source, const reel_group *group, uint8_t *rests);
+/* Finds which of the frames of a block rest: a byte for each, 1 where one does, in scratch memory;
+   NULL where none rests. */
+int reel_read_rests(reel_call *call, const reel_group *group, uint8_t **rests);
+
+/* The same of a method of the paper, whose number of modes alone is read. */
+int reel_read_paper_group(reel_call *call, const reel_outline *outline, uint64_t block,
+                          bool is_checked, reel_group *group);
+
+/* Corrections by frame: those of frame t are starts[t]..starts[t + 1] - 1, each of an item as it
+   goes out, ascending, with n_columns numbers of `moves` in diagonals. */
+typedef struct {
+    int64_t *starts;
+    int32_t *items;
+    double *moves;
+} reel_moves;
+
+/* Reads them to memory of `pool`. `inverse` is the number of each item as it goes out, or NULL. */
+int reel_read_moves(reel_call *call, reel_pool *pool, const reel_group *group, uint32_t n_columns,
+                    uint64_t n_items, const int32_t *inverse, reel_moves *found);
 
 #endif

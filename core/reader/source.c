@@ -1,42 +1,60 @@
-/* Bytes of a stream, wherever they are: docs/format.md, the sections. */
+/* Bytes of a file, wherever they are: docs/format.md, the sections. */
 
 #include "source.h"
 
 #define MOST_VARINT 9
-#define PIECE 1024
+#define PIECE 4096
+#define LARGEST 0x1.fffffffffffffp1023
 
-int reel_code_of(int64_t result) {
-    int code = result < 0 ? (int)(-result & 0xFF) : MESHREEL_OK;
-    return code == REEL_INVALID ? MESHREEL_CORRUPT : code; /* all that is given follows from bytes */
+bool reel_is_finite(double number) { return number >= -LARGEST && number <= LARGEST; }
+
+static int truncated(reel_call *call, uint64_t at) {
+    return reel_fail(call, MESHREEL_TRUNCATED, at, "the file ends too early; get it again");
 }
 
-int reel_read(const meshreel_source *source, uint64_t at, void *to, size_t size) {
+int reel_read(reel_call *call, uint64_t at, void *to, size_t size) {
+    const meshreel_source *source = call->source;
     if (at > source->size || size > source->size - at) {
-        return MESHREEL_TRUNCATED;
+        return truncated(call, source->size);
+    }
+    if (!size) {
+        return MESHREEL_OK;
     }
     if (source->bytes) {
         reel_copy(to, (const uint8_t *)source->bytes + at, size);
         return MESHREEL_OK;
     }
-    return source->read(source->user, at, to, size) ? MESHREEL_UNREADABLE : MESHREEL_OK;
+    if (source->read(source->user, at, to, size)) {
+        reel_fail(call, MESHREEL_UNREADABLE, at, "the function that reads the file failed");
+        call->error.size = size;
+        return MESHREEL_UNREADABLE;
+    }
+    return MESHREEL_OK;
 }
 
-size_t reel_view_room(const meshreel_source *source, uint64_t length) {
-    return source->bytes ? 0 : reel_room((size_t)length, 1);
+int reel_announce(reel_call *call, reel_stretch stretch) {
+    const meshreel_source *source = call->source;
+    if (source->bytes || !source->announce ||
+        !source->announce(source->user, stretch.at, stretch.length)) {
+        return MESHREEL_OK;
+    }
+    reel_fail(call, MESHREEL_UNREADABLE, stretch.at, "the function that announces a range failed");
+    call->error.size = stretch.length;
+    return MESHREEL_UNREADABLE;
 }
 
-int reel_view(const meshreel_source *source, reel_stretch stretch, reel_arena *arena,
-              const uint8_t **found) {
+int reel_view(reel_call *call, reel_stretch stretch, const uint8_t **found) {
+    const meshreel_source *source = call->source;
+    if (stretch.at > source->size || stretch.length > source->size - stretch.at) {
+        return truncated(call, source->size);
+    }
     if (source->bytes) {
-        if (stretch.at > source->size || stretch.length > source->size - stretch.at) {
-            return MESHREEL_TRUNCATED;
-        }
         *found = (const uint8_t *)source->bytes + stretch.at;
         return MESHREEL_OK;
     }
-    uint8_t *copy = reel_take(arena, (size_t)stretch.length, 1);
+    uint8_t *copy = reel_scratch(call, stretch.length, 1);
     *found = copy;
-    return copy ? reel_read(source, stretch.at, copy, (size_t)stretch.length) : MESHREEL_NO_MEMORY;
+    return copy ? reel_read(call, stretch.at, copy, (size_t)stretch.length) : call->error.code;
 }
 
 /* CRC-32 of half a byte. */
@@ -55,58 +73,145 @@ static uint32_t checksum(uint32_t sum, const uint8_t *bytes, size_t size) {
     return sum;
 }
 
-int reel_check(const meshreel_source *source, uint64_t at, uint64_t length) {
+int reel_check(reel_call *call, uint64_t at, uint64_t length) {
     uint8_t piece[PIECE];
-    uint32_t sum = ~0U, said;
+    uint32_t sum = ~0U, stored;
     for (uint64_t done = 0; done < length;) {
         size_t size = length - done < PIECE ? (size_t)(length - done) : PIECE;
-        int failed = reel_read(source, at + done, piece, size);
+        int failed = reel_read(call, at + done, piece, size);
         if (failed) {
             return failed;
         }
         sum = checksum(sum, piece, size);
         done += size;
     }
-    int failed = reel_read(source, at + length, &said, sizeof said);
+    int failed = reel_read(call, at + length, &stored, sizeof stored);
     if (failed) {
         return failed;
     }
-    return said == ~sum ? MESHREEL_OK : MESHREEL_CORRUPT;
+    return stored == ~sum
+               ? MESHREEL_OK
+               : reel_fail(call, MESHREEL_CORRUPT, at, "a checksum does not match; get the file again");
 }
 
-bool reel_ends(const uint8_t *bytes, uint64_t length) { return !length || bytes[length - 1]; }
+int reel_take_bytes(reel_call *call, reel_stretch *left, void *to, size_t size) {
+    if (left->length < size) {
+        return reel_fail(call, MESHREEL_TRUNCATED, left->at, "a section ends inside a number");
+    }
+    int failed = reel_read(call, left->at, to, size);
+    *left = (reel_stretch){left->at + size, left->length - size};
+    return failed;
+}
 
-int reel_varint(const meshreel_source *source, uint64_t *at, uint64_t end, uint64_t *value) {
+int reel_take_varint(reel_call *call, reel_stretch *left, uint64_t *value) {
     uint8_t bytes[MOST_VARINT];
-    size_t size = *at < end && end - *at < MOST_VARINT ? (size_t)(end - *at) : MOST_VARINT;
-    int failed = *at < end ? reel_read(source, *at, bytes, size) : MESHREEL_TRUNCATED;
+    size_t size = left->length < MOST_VARINT ? (size_t)left->length : MOST_VARINT;
+    int failed = reel_read(call, left->at, bytes, size);
     *value = 0;
     for (size_t i = 0; i < size && !failed; i++) {
         *value |= (uint64_t)(bytes[i] & 0x7FU) << (7 * i);
         if (bytes[i] < 0x80U) {
-            *at += i + 1;
+            *left = (reel_stretch){left->at + i + 1, left->length - i - 1};
             return MESHREEL_OK;
         }
     }
     if (failed) {
         return failed;
     }
-    return size < MOST_VARINT ? MESHREEL_TRUNCATED : MESHREEL_CORRUPT;
+    return size < MOST_VARINT
+               ? reel_fail(call, MESHREEL_TRUNCATED, left->at, "a section ends inside an integer")
+               : reel_fail(call, MESHREEL_CORRUPT, left->at, "an integer has more than 9 bytes");
 }
 
-int reel_section_at(const meshreel_source *source, uint64_t at, uint64_t limit,
-                    reel_section *found) {
-    uint8_t id;
-    uint64_t place = at + 1, length;
-    int failed = at < limit ? reel_read(source, at, &id, 1) : MESHREEL_TRUNCATED;
-    failed = failed ? failed : reel_varint(source, &place, limit, &length);
+/* Bytes of the UTF-8 character at the front of `bytes`, or 0 where there is none. */
+static size_t character(const uint8_t *bytes, size_t size) {
+    uint8_t first = bytes[0];
+    size_t length = first < 0x80 ? 1 : first < 0xC2 ? 0 : first < 0xE0 ? 2 : first < 0xF0 ? 3
+                  : first < 0xF5 ? 4 : 0;
+    if (length > size) {
+        return 0;
+    }
+    for (size_t i = 1; i < length; i++) {
+        if ((bytes[i] & 0xC0U) != 0x80U) {
+            return 0;
+        }
+    }
+    bool is_overlong = (first == 0xE0 && bytes[1] < 0xA0) || (first == 0xF0 && bytes[1] < 0x90);
+    bool is_surrogate = first == 0xED && bytes[1] > 0x9F;
+    bool is_beyond = first == 0xF4 && bytes[1] > 0x8F;
+    return is_overlong || is_surrogate || is_beyond ? 0 : length;
+}
+
+int reel_take_text(reel_call *call, reel_pool *pool, reel_stretch *left, meshreel_text *text) {
+    uint64_t size;
+    int failed = reel_take_varint(call, left, &size);
+    return failed ? failed : reel_take_text_of(call, pool, left, size, text);
+}
+
+int reel_take_text_of(reel_call *call, reel_pool *pool, reel_stretch *left, uint64_t size,
+                      meshreel_text *text) {
+    if (size > left->length) {
+        return reel_fail(call, MESHREEL_TRUNCATED, left->at, "a section ends inside a text");
+    }
+    char *bytes = reel_keep(call, pool, size, 1);
+    uint64_t at = left->at;
+    int failed = bytes ? reel_take_bytes(call, left, bytes, (size_t)size) : call->error.code;
+    *text = (meshreel_text){bytes, (size_t)size};
+    for (size_t i = 0; i < size && !failed;) {
+        size_t length = character((const uint8_t *)bytes + i, (size_t)size - i);
+        failed = length ? MESHREEL_OK
+                        : reel_fail(call, MESHREEL_CORRUPT, at + i, "a text is not UTF-8");
+        i += length;
+    }
+    return failed;
+}
+
+bool reel_ends(const uint8_t *bytes, uint64_t length) { return !length || bytes[length - 1]; }
+
+int reel_decode_rows(reel_call *call, reel_stretch coded, const int64_t *lengths,
+                     const int32_t *tables, int64_t n_rows, int64_t n_tables, int32_t **values) {
+    uint64_t count = 0;
+    for (int64_t i = 0; i < n_rows; i++) {
+        count += (uint64_t)lengths[i];
+    }
+    size_t needed = reel_integers_memory(n_tables);
+    *values = reel_scratch(call, count, sizeof **values);
+    const reel_chunk *mark = call->scratch.last;
+    void *memory = reel_scratch(call, needed, 1);
+    const uint8_t *bytes;
+    if (!*values || !memory) {
+        return call->error.code;
+    }
+    int failed = reel_view(call, coded, &bytes);
     if (failed) {
         return failed;
     }
-    if (limit - place < 4 || length > limit - place - 4) {
-        return MESHREEL_TRUNCATED;
+    if (!reel_ends(bytes, coded.length)) {
+        return reel_fail(call, MESHREEL_CORRUPT, coded.at + coded.length - 1,
+                         "integers end with a byte of 0");
     }
-    *found = (reel_section){id, at, {place, length}, place + length + 4};
+    int64_t result = reel_integers_decode(memory, needed, bytes, (size_t)coded.length, lengths,
+                                          tables, n_rows, n_tables, *values);
+    reel_drop_scratch(call, mark);
+    return reel_fail_core(call, result, coded.at, "integers are damaged");
+}
+
+int reel_section_at(reel_call *call, uint64_t at, uint64_t limit, reel_section *found) {
+    uint8_t id;
+    if (at >= limit) {
+        return truncated(call, at);
+    }
+    reel_stretch left = {at, limit - at};
+    uint64_t length;
+    int failed = reel_take_bytes(call, &left, &id, 1);
+    failed = failed ? failed : reel_take_varint(call, &left, &length);
+    if (failed) {
+        return failed;
+    }
+    if (left.length < 4 || length > left.length - 4) {
+        return reel_fail(call, MESHREEL_TRUNCATED, at, "the file ends inside a section; get it again");
+    }
+    *found = (reel_section){id, at, {left.at, length}, left.at + length + 4};
     return MESHREEL_OK;
 }
 
@@ -116,12 +221,14 @@ bool reel_is_known(uint32_t id) {
     return id <= last && !is_gap;
 }
 
-int reel_section_check(const meshreel_source *source, const reel_section *section) {
+int reel_section_check(reel_call *call, const reel_section *section) {
     uint64_t length = section->payload.at + section->payload.length - section->at;
-    int failed = reel_check(source, section->at, length);
+    int failed = reel_check(call, section->at, length);
     if (failed) {
         return failed;
     }
     bool is_needed = !(section->id & REEL_OPTIONAL) && !reel_is_known(section->id);
-    return is_needed ? MESHREEL_UNSUPPORTED : MESHREEL_OK;
+    return is_needed ? reel_fail(call, MESHREEL_UNSUPPORTED, section->at,
+                                 "a section is of a newer version; update meshreel")
+                     : MESHREEL_OK;
 }

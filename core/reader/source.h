@@ -1,12 +1,11 @@
-/* Bytes of a stream, wherever they are: stretches, numbers and sections of it, each checked. */
+/* Bytes of a file: ranges, numbers, texts and sections, each checked. */
 
 #ifndef REEL_SOURCE_H
 #define REEL_SOURCE_H
 
-#include "../base.h"
-#include "meshreel.h"
+#include "call.h"
 
-#define REEL_MOST_BYTES ((uint64_t)1 << 40) /* of a stream; so that no product of sizes overflows */
+#define REEL_MOST_BYTES ((uint64_t)1 << 40) /* of a file; so that no product of sizes overflows */
 #define REEL_MOST_NUMBERS ((uint64_t)1 << 48) /* of a block, for the same reason */
 #define REEL_OPTIONAL 0x80U
 
@@ -26,12 +25,18 @@ enum reel_section_id {
     REEL_ANCHOR_RESIDUALS = 26,
     REEL_PROMISE = 129,
     REEL_INDEX = 130,
+    REEL_POLYGONS = 131,
+    REEL_ATTRIBUTE = 132,
+    REEL_GROUPS = 133,
+    REEL_PARTS = 134,
     REEL_START = 135,
+    REEL_MATERIAL = 136,
+    REEL_IMAGE = 137,
     REEL_TRACK = 138,
     REEL_HARD_EDGES = 139
 };
 
-/* Bytes of a stream, and the section that they are the payload of. */
+/* Bytes of a file that are still to be read. */
 typedef struct {
     uint64_t at, length;
 } reel_stretch;
@@ -39,38 +44,49 @@ typedef struct {
 typedef struct {
     uint32_t id;
     uint64_t at;          /* the byte at which it begins */
-    reel_stretch payload; /* its checksum is behind it */
-    uint64_t end;         /* the byte behind it */
+    reel_stretch payload; /* its checksum follows */
+    uint64_t end;         /* the byte behind the checksum */
 } reel_section;
 
-/* What a result of the core is to a caller of the reader. */
-int reel_code_of(int64_t result);
+/* Copies bytes of the file; MESHREEL_TRUNCATED where it ends before. */
+int reel_read(reel_call *call, uint64_t at, void *to, size_t size);
 
-/* Copies bytes of a stream; MESHREEL_TRUNCATED where it ends before. */
-int reel_read(const meshreel_source *source, uint64_t at, void *to, size_t size);
+/* Tells the host that a range is going to be read. */
+int reel_announce(reel_call *call, reel_stretch stretch);
 
-/* Bytes of a stream: where they are in memory, or a copy in the arena. `reel_view_room` is what they
-   take of it. */
-int reel_view(const meshreel_source *source, reel_stretch stretch, reel_arena *arena,
-              const uint8_t **found);
-size_t reel_view_room(const meshreel_source *source, uint64_t length);
+/* Bytes of the file: where they are in memory, or a copy in scratch memory. */
+int reel_view(reel_call *call, reel_stretch stretch, const uint8_t **found);
 
-/* CRC-32 of bytes of a stream, and whether it stands behind them. */
-int reel_check(const meshreel_source *source, uint64_t at, uint64_t length);
+/* Whether the CRC-32 of bytes of the file is behind them. */
+int reel_check(reel_call *call, uint64_t at, uint64_t length);
 
-/* Whether bits end as they should: nothing, or a byte that is not 0. */
+/* Takes numbers from the front of a stretch. */
+int reel_take_bytes(reel_call *call, reel_stretch *left, void *to, size_t size);
+int reel_take_varint(reel_call *call, reel_stretch *left, uint64_t *value);
+
+/* Takes a text, which is UTF-8, from the front of a stretch, to memory of `pool`: its length and its
+   bytes; or bytes of a given length. */
+int reel_take_text(reel_call *call, reel_pool *pool, reel_stretch *left, meshreel_text *text);
+int reel_take_text_of(reel_call *call, reel_pool *pool, reel_stretch *left, uint64_t size,
+                      meshreel_text *text);
+
+/* Decodes rows of integers that fill a stretch to its end, "Integers" in docs/format.md, into
+   scratch memory. Row i has lengths[i] integers and uses table tables[i] of n_tables. */
+int reel_decode_rows(reel_call *call, reel_stretch coded, const int64_t *lengths,
+                     const int32_t *tables, int64_t n_rows, int64_t n_tables, int32_t **values);
+
+/* The section at a byte of the file, which ends before `limit`. */
+int reel_section_at(reel_call *call, uint64_t at, uint64_t limit, reel_section *found);
+
+/* Whether its checksum fits, and it is known or optional. */
+int reel_section_check(reel_call *call, const reel_section *section);
+
+/* Whether this build knows sections of this id; others may be optional. */
+bool reel_is_known(uint32_t id);
+
+/* Whether a bit stream ends as it should: with a byte that is not 0, or empty. */
 bool reel_ends(const uint8_t *bytes, uint64_t length);
 
-/* An integer of variable length before byte `end`; `at` is moved behind it. */
-int reel_varint(const meshreel_source *source, uint64_t *at, uint64_t end, uint64_t *value);
-
-/* The section at a byte of a stream, which ends before `limit`: where it lies; and whether it is
-   sound, and known or optional. */
-int reel_section_at(const meshreel_source *source, uint64_t at, uint64_t limit,
-                    reel_section *found);
-int reel_section_check(const meshreel_source *source, const reel_section *section);
-
-/* Whether this build knows sections of this id; others are optional. */
-bool reel_is_known(uint32_t id);
+bool reel_is_finite(double number);
 
 #endif

@@ -7,11 +7,19 @@
 enum { SIZE = 640 };
 static float *positions, *normals;
 
-static void need(int code) {
+static void need(int code, const meshreel_error *error) {
     if (code != MESHREEL_OK) {
-        fprintf(stderr, "%s\n", meshreel_words(code));
+        fprintf(stderr, "%s\n", error->message);
         exit(1);
     }
+}
+static void *allocate(void *user, size_t size) {
+    (void)user;
+    return aligned_alloc(64, (size + 63) / 64 * 64);
+}
+static void release(void *user, void *memory, size_t size) {
+    (void)user, (void)size;
+    free(memory);
 }
 static float depth(const uint32_t *t) {
     return positions[3 * t[0] + 2] + positions[3 * t[1] + 2] + positions[3 * t[2] + 2];
@@ -23,13 +31,16 @@ static int farthest_first(const void *one, const void *other) {
 int main(int count, char **words) {
     size_t size = 0, corners = sizeof(uint32_t[3]);
     void *bytes = count > 1 ? SDL_LoadFile(words[1], &size) : NULL;
-    meshreel_source source = {bytes, size, NULL, NULL};
-    meshreel_info info;
-    const meshreel_file *file;
+    meshreel_source source = {.bytes = bytes, .size = size};
+    meshreel_host host = {.allocate = allocate, .release = release};
+    meshreel_layout floats = {.type = MESHREEL_FLOAT32}; /* of files of doubles, too */
+    meshreel_error error;
+    meshreel_file *file;
     meshreel_decoder *decoder;
-    need(meshreel_inspect(&source, &info)); /* says how much memory the others need */
-    need(meshreel_open(&source, malloc(info.file_bytes), info.file_bytes, &file));
-    need(meshreel_begin(file, malloc(info.decoder_bytes), info.decoder_bytes, &decoder));
+    need(meshreel_open(&source, &host, &file, &error), &error);
+    need(meshreel_read_mesh(file, &error), &error);
+    need(meshreel_begin(file, &decoder, &error), &error);
+    meshreel_info info = *meshreel_info_of(file);
     positions = malloc(info.n_verts * sizeof(float[3]));
     normals = malloc(info.n_verts * sizeof(float[3]));
     SDL_Vertex *drawn = calloc(info.n_verts, sizeof *drawn);
@@ -42,12 +53,12 @@ int main(int count, char **words) {
     long most = count > 2 ? atol(words[2]) : -1, shown = 0;
     for (SDL_Event event = {0}; event.type != SDL_QUIT && shown != most; shown++) {
         uint32_t frame = (uint32_t)(SDL_GetTicks() * fps / 1000) % info.n_frames;
-        need(meshreel_decode(decoder, frame, positions));
-        need(meshreel_normals(decoder, positions, normals));
+        need(meshreel_decode(decoder, 0, frame, 1, 0, &floats, positions, &error), &error);
+        need(meshreel_normals(decoder, MESHREEL_FLOAT32, positions, normals, &error), &error);
         for (uint32_t v = 0; v < info.n_verts; v++) { /* seen along z, and lit from there */
             const float *at = positions + 3 * v, light = SDL_fabsf(normals[3 * v + 2]);
-            drawn[v].position.x = (float)(SIZE / 2 + scale * (at[0] - info.centre[0]));
-            drawn[v].position.y = (float)(SIZE / 2 - scale * (at[1] - info.centre[1]));
+            drawn[v].position.x = (float)(SIZE / 2 + scale * (at[0] - info.center[0]));
+            drawn[v].position.y = (float)(SIZE / 2 - scale * (at[1] - info.center[1]));
             drawn[v].color = (SDL_Color){(Uint8)(255 * light), (Uint8)(200 * light), 90, 255};
         }
         qsort(triangles, info.n_triangles, corners, farthest_first);

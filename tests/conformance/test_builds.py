@@ -5,6 +5,7 @@ import importlib.util
 import json
 import os
 import shutil
+import struct
 import subprocess
 import sys
 from functools import cache
@@ -15,10 +16,7 @@ import pytest
 
 from conformance.check import wanted
 from conformance.make import FOLDER, STREAMS
-from meshreel.bitstream.reader import read_stream
-from meshreel.codec.open_stream import OpenStream
 from meshreel.kernel import library as kernel_library
-from meshreel.surface import Domain
 
 ROOT = Path(__file__).parents[2]
 LEAST_SHARE = 0.95
@@ -149,59 +147,50 @@ def test_streams_and_their_makers_run_nearly_all_lines_of_the_core(tmp_path, usu
     assert number_of_hostile_runs(library, "gcc", tmp_path) == usual_number
 
 
-def hash_of(numbers, kind):
-    """SHA-256 of numbers as little-endian ones of a kind."""
-    return hashlib.sha256(np.asarray(numbers).astype(kind).tobytes()).hexdigest()
+def arrays_of(decoded):
+    """The arrays that `check.c` wrote, each behind its size."""
+    found, begin = [], 0
+    while begin < len(decoded):
+        (size,) = struct.unpack_from("<Q", decoded, begin)
+        found.append(decoded[begin + 8 : begin + 8 + size])
+        begin += 8 + size
+    return found
 
 
-def differs(name, decoded):
-    """Whether what `check.c` wrote of a stream is not what is said of it."""
-    said, begin = wanted(name), 0
+def hash_of(data):
+    return hashlib.sha256(data).hexdigest()
 
-    def take(count, kind):
-        nonlocal begin
-        found = np.frombuffer(decoded, kind, count, begin)
-        begin += found.nbytes
-        return found
 
-    if hash_of(take(3 * said["faces"], "<i4"), "<i8") != said["hash of internal faces"]:
-        return True
-    if said["method"] not in ("reel", "lossless", "grid"):
-        return begin != len(decoded)
+def hash_of_integers(data, kind):
+    """SHA-256 of integers as little-endian int64, as they are described; None of no array."""
+    return hash_of(np.frombuffer(data, kind).astype("<i8").tobytes()) if data else None
 
-    def is_read(block, width):
-        """Whether the integers of a track in a block are as they should be."""
-        n_own = block["modes"] - block.get("reused", 0)
-        counts = {
-            "basis": block["modes"] * width * block["frames"],
-            "coefficients": n_own * said["vertices"],
-        }
-        return all(
-            hash_of(take(count, "<i4"), "<i8") == block[f"hash of {part}"]
-            for part, count in counts.items()
-        )
 
-    opened = OpenStream(read_stream((FOLDER / f"{name}.reel").read_bytes()))
-    floats = f"<f{said['vertex type']}"
-    n_coded = 0 if said["method"] in ("lossless", "grid") else 3
-    tracks = [(said["blocks"], 3, floats, said["hash of positions"], n_coded)]
-    for header, of in zip(opened.tracks, said.get("tracks", []), strict=True):
-        if header.domain is Domain.VERTEX:
-            kind, wanted_hash = header.dtype.str, of["hash of values"]
-            n_coded = 0 if header.is_exact else header.n_coded
-            tracks.append((of["blocks"], header.n_columns, kind, wanted_hash, n_coded))
-    found = [[] for _ in tracks]
-    for number in range(len(said["blocks"])):
-        for values, (blocks, width, kind, _, n_coded) in zip(found, tracks, strict=True):
-            block = blocks[number]
-            if n_coded and not is_read(block, n_coded):
-                return True
-            taken = take(width * block["frames"] * said["vertices"], kind)
-            values.append(taken.reshape(block["frames"], -1, width)[:, opened.order])
-    return begin != len(decoded) or any(
-        hash_of(np.concatenate(values), kind) != wanted_hash
-        for values, (_, _, kind, wanted_hash, _) in zip(found, tracks, strict=True)
-    )
+def decoded_hashes(said, decoded):
+    """Hashes of what `check.c` wrote of a stream, in the shape of `wanted_hashes`."""
+    arrays = iter(arrays_of(decoded))
+    found = {
+        "triangles": hash_of_integers(next(arrays), "<u4"),
+        "polygons": hash_of_integers(next(arrays), "<u4"),
+        "attributes": [
+            (hash_of(next(arrays)), hash_of_integers(next(arrays), "<i4"))
+            for _ in said["attributes"]
+        ],
+        "groups": [hash_of_integers(next(arrays), "<i4") for _ in said["groups"]],
+    }
+    return found | {"tracks": [hash_of(values) for values in arrays]}
+
+
+def wanted_hashes(said):
+    """Hashes of what a stream is said to hold."""
+    positions = [said["hash of positions"]] if "hash of positions" in said else []
+    return {
+        "triangles": said["hash of faces"],
+        "polygons": said["hash of polygons"],
+        "attributes": [(one["hash of values"], one["hash of rows"]) for one in said["attributes"]],
+        "groups": [one["hash of numbers"] for one in said["groups"]],
+        "tracks": positions + [one["hash of values"] for one in said.get("tracks", [])],
+    }
 
 
 ARM = "aarch64-linux-gnu-gcc"
@@ -210,15 +199,41 @@ QEMU = ["qemu-aarch64", "-L", "/usr/aarch64-linux-gnu"]
 
 # What gcc makes at -O3 here is called from Python above.
 @pytest.mark.parametrize(("level", "compiler", "runner"), [("-O0", "gcc", []), ("-O2", ARM, QEMU)])
-def test_streams_hold_the_same_when_the_core_alone_decodes_them(compiler, runner, level, tmp_path):
+def test_streams_hold_the_same_when_the_library_for_c_decodes_them(
+    compiler, runner, level, tmp_path
+):
     need_programs(compiler, *runner[:1])
-    core, check_c = ROOT / "core", ROOT / "conformance" / "check.c"
-    flags = [level, f"-I{core}", str(check_c), "-lm"]
+    flags = [level, f"-I{ROOT / 'core' / 'include'}", str(ROOT / "conformance" / "check.c")]
     program = compiled(tmp_path / "check", compiler, flags)
     failed = []
     for name in STREAMS:
         given = [str(FOLDER / f"{name}.reel"), str(tmp_path / "out")]
         subprocess.run([*runner, str(program), *given], check=True, timeout=TIME_LIMIT_S)
-        if differs(name, (tmp_path / "out").read_bytes()):
+        said = wanted(name)
+        if decoded_hashes(said, (tmp_path / "out").read_bytes()) != wanted_hashes(said):
             failed.append(name)
     assert failed == []
+
+
+def test_decoders_on_threads_do_not_race(tmp_path):
+    need_programs("gcc", "g++")
+    flags = [*compile_core().FLAGS[1:], "-O1", "-g", "-DREEL_INLINE=static inline"]
+    flags += ["-fsanitize=thread", "-pthread", f"-I{ROOT / 'core' / 'include'}"]
+    files = [str(file) for file in compile_core().sources() if file.suffix == ".c"]
+    reader = tmp_path / "reader"  # some files of both folders have the same name
+    reader.mkdir()
+    for folder in (tmp_path, reader):
+        own = [file for file in files if (Path(file).parent.name == "reader") == (folder == reader)]
+        command = ["gcc", "-std=c11", *flags, "-c", *own]
+        subprocess.run(command, check=True, cwd=folder, timeout=TIME_LIMIT_S)
+    objects = map(str, tmp_path.rglob("*.o"))
+    source = ROOT / "tests" / "samples" / "two_decoders.cpp"
+    program = tmp_path / "program"
+    command = ["g++", "-std=c++11", *flags, str(source), *objects, "-o", str(program)]
+    subprocess.run(command, check=True, timeout=TIME_LIMIT_S)
+    names = ("corners_in_rows", "key_blocks", "large_resolution", "predicted_tracks", "sphere")
+    given = [str(FOLDER / f"{name}.reel") for name in names]
+    done = subprocess.run(
+        [str(program), *given], capture_output=True, text=True, timeout=TIME_LIMIT_S
+    )
+    assert (done.returncode, done.stderr) == (0, "")

@@ -1,28 +1,511 @@
-"""The reader in C decodes what the package decodes, to the bit, and refuses what it refuses."""
+"""The decoder in C finds the bits that the package finds, and refuses what it refuses."""
 
+import ctypes
 import threading
 from io import BytesIO
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import meshreel
-from conformance.make import FOLDER, STREAMS
+from conformance.make import FOLDER, REFUSED_FOLDER, STREAMS
+from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import open_stream
-from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import MeshReelError
+from meshreel.kernel.library import library
 from meshreel.kernel.normals import surface_normals
 from samples import c_reader
-from samples.c_reader import Decoder, File, RefusalError, by_calls, in_memory, inspect
+from samples.c_reader import (
+    DAMAGED,
+    Code,
+    Decoder,
+    File,
+    Host,
+    Layout,
+    RefusalError,
+    by_calls,
+    in_memory,
+    kind_of,
+)
 from samples.costs import draws
+from samples.meshes import assert_same_surface
 
+ROOT = Path(__file__).parents[2]
 OF_THE_PAPER = [name for name in STREAMS if name.startswith("paper_")]
-OF_POSITIONS = [name for name in STREAMS if name not in OF_THE_PAPER]
+OF_OURS = [name for name in STREAMS if name not in OF_THE_PAPER]
+VARIED = (
+    "corners_in_rows",
+    "everything_quantised",
+    "exact_of_faces",
+    "grid_with_tracks",
+    "key_blocks",
+    "live_with_bound",
+    "missing_values",
+    "normals_of_polygons",
+    "predicted_from_exact_positions",
+    "reused_fields",
+)
+"""Streams that together have every kind of track, block and container."""
 
 
 def stored(name):
     return (FOLDER / f"{name}.reel").read_bytes()
+
+
+def decoded_all(file):
+    """Bits of all that a file holds: triangles, and values of each track."""
+    values = [file.values(number).tobytes() for number in range(file.info.n_tracks)]
+    return [file.triangles.tobytes(), *values]
+
+
+def everything_of(data, host, source=None):
+    """Decode all of a file, the surface too, and release it."""
+    with File(source or in_memory(data), host) as file:
+        file.read_surface()
+        return decoded_all(file)
+
+
+def refusal(act):
+    """The refusal of an act; None if it succeeds."""
+    try:
+        act()
+    except RefusalError as refused:
+        return refused
+    return None
+
+
+def code_of(act):
+    """The code that an act is refused with."""
+    refused = refusal(act)
+    return refused.code if refused else Code.OK
+
+
+def same(found, wanted):
+    """Whether two arrays have the same type, shape and bits."""
+    return (found.dtype, found.shape) == (wanted.dtype, wanted.shape) and (
+        found.tobytes() == np.ascontiguousarray(wanted).tobytes()
+    )
+
+
+# ---- the same bits ----
+
+
+@pytest.mark.every_case
+@pytest.mark.parametrize("name", OF_OURS)
+def test_positions_tracks_and_surface_are_those_of_the_package(name):
+    data = stored(name)
+    wanted = meshreel.decode(data)
+    with File(data) as file:
+        assert np.array_equal(file.triangles, wanted.faces)
+        assert same(file.values(), wanted.vertices)
+        assert [str(track.name) for track in file.tracks[1:]] == list(wanted.tracks)
+        for number, track in enumerate(wanted.tracks.values(), 1):
+            said = file.track(number)
+            assert (*kind_of(said), str(said.unit)) == (track.kind, track.domain, track.unit)
+            assert same(file.values(number), np.asarray(track.values)), said.name
+        assert_same_surface(file.surface(data), wanted.surface)
+
+
+@pytest.mark.parametrize("name", VARIED)
+def test_threads_and_sources_do_not_change_bits(name):
+    data = stored(name)
+    wanted = everything_of(data, Host())
+    assert everything_of(data, Host(n_threads=2)) == wanted
+    assert everything_of(data, Host(), by_calls(data)) == wanted
+
+
+@pytest.mark.parametrize("n_modes", [1, 8, 30])
+def test_previews_are_those_of_the_package(n_modes):
+    for name in ("key_blocks", "reused_fields", "corrections", "doubles", "max_error"):
+        data = stored(name)
+        wanted = meshreel.decode(data, n_modes=n_modes).vertices
+        with File(data) as file:
+            assert same(file.values(n_modes=n_modes), wanted), name
+
+
+def test_a_preview_does_not_change_what_is_decoded_after_it():
+    data = stored("key_blocks")
+    with File(data) as file, Decoder(file) as decoder:
+        wanted = decoder.frames()
+        preview = decoder.frames(n_modes=2)
+        assert not np.array_equal(preview, wanted)
+        assert same(decoder.frames(), wanted)
+        assert same(decoder.frames(n_modes=2), preview)
+
+
+@pytest.mark.parametrize("name", VARIED)
+def test_any_range_of_frames_of_any_track_is_a_part_of_the_whole(name):
+    rng = np.random.default_rng(3)
+    with File(stored(name)) as file, Decoder(file) as decoder:
+        n_frames, n_tracks = file.info.n_frames, file.info.n_tracks
+        wholes = [file.values(track) for track in range(n_tracks)]
+        for _ in range(20):
+            first, track = int(rng.integers(n_frames)), int(rng.integers(n_tracks))
+            count = int(rng.integers(n_frames - first + 1))
+            found = decoder.frames(track, first, count)
+            assert same(found, wholes[track][first : first + count]), (track, first, count)
+
+
+@pytest.mark.parametrize("name", ["doubles", "tracks_of_polygons", "corners_in_rows"])
+def test_values_go_to_where_strides_say_and_nothing_else_is_written(name):
+    with File(stored(name)) as file, Decoder(file) as decoder:
+        for number, track in enumerate(file.tracks):
+            wanted = file.values(number)
+            n_frames, n_items, width = wanted.shape
+            room = np.full((n_frames, n_items + 1, width + 2), 7, wanted.dtype)
+            size = room.itemsize
+            layout = Layout(
+                value_stride=(width + 2) * size, frame_stride=(n_items + 1) * (width + 2) * size
+            )
+            decoder.decode(room, number, 0, n_frames, layout=layout)
+            assert same(room[:, :n_items, :width], wanted), track.name
+            assert (room[:, n_items:] == 7).all()
+            assert (room[:, :, width:] == 7).all()
+
+
+@pytest.mark.parametrize("name", ["doubles", "lossless_doubles", "grid_doubles", "exact_f8"])
+def test_floats_of_doubles_are_the_doubles_rounded(name):
+    with File(stored(name)) as file, Decoder(file) as decoder:
+        for number, track in enumerate(file.tracks):
+            wanted = file.values(number)
+            if wanted.dtype != np.float64:
+                continue
+            assert same(decoder.frames(number, dtype=np.float32), wanted.astype(np.float32))
+            room = np.full((len(wanted), *wanted.shape[1:-1], track.n_columns + 1), 7, np.float32)
+            layout = Layout(type=c_reader.FLOAT32, value_stride=4 * (track.n_columns + 1))
+            decoder.decode(room, number, 0, len(wanted), layout=layout)
+            assert same(room[..., :-1], wanted.astype(np.float32))
+
+
+def test_doubles_beyond_float_are_refused_as_floats_only():
+    huge = np.array([[0.0, 0, 0], [1e300, 0, 0], [0, 1e300, 0]])
+    sequence = meshreel.MeshSequence(np.stack([huge, huge / 2]), [[0, 1, 2]])
+    with File(meshreel.encode(sequence, method="lossless")) as file, Decoder(file) as decoder:
+        assert code_of(lambda: decoder.frames(dtype=np.float32)) == Code.RANGE
+        assert np.array_equal(decoder.frames(), sequence.vertices)
+
+
+def test_normals_are_those_of_the_core():
+    for name in ("sphere", "doubles"):
+        with File(stored(name)) as file, Decoder(file) as decoder:
+            positions = decoder.frames(first=2, count=1)
+            wanted = surface_normals(positions, file.triangles.astype(np.int32))[0]
+            assert same(decoder.normals(positions[0]), wanted.astype(positions.dtype))
+
+
+# ---- what a file says of itself ----
+
+
+def test_structures_lie_as_the_header_says():
+    found = []
+    for name, structure in c_reader.STRUCTURES.items():
+        found.append(f"size meshreel_{name} {ctypes.sizeof(structure)}")
+        for field, _ in structure._fields_:
+            place = getattr(structure, field).offset
+            found.append(f"offset meshreel_{name}.{field} {place}")
+    wanted = (ROOT / "core" / "reader" / "abi.txt").read_text().splitlines()
+    assert sorted(found) == sorted(one for one in wanted if one.startswith(("size", "offset")))
+    codes = [f"code MESHREEL_{code.name} {code.value}" for code in Code]
+    assert set(codes) <= set(wanted)
+
+
+def test_a_file_says_of_itself_what_the_package_says():
+    for name in STREAMS:
+        data = stored(name)
+        stream = open_stream(BytesIO(data))
+        header, leading = stream.header, [one.id for one in stream.leading]
+        with File(data, mesh=False) as file:
+            said = file.info
+            assert (said.n_frames, said.n_verts) == (stream.n_frames, header.n_verts), name
+            assert (said.n_triangles, said.fps) == (header.n_faces, header.fps), name
+            assert (said.diagonal, tuple(said.center)) == (header.scale, header.origin), name
+            assert (said.n_blocks, said.n_tracks) == (
+                len(stream.places),
+                1 + leading.count(Section.TRACK),
+            )
+            assert (said.method, said.order) == (header.method, header.order), name
+            assert (said.laplacian, str(said.name)) == (header.laplacian, header.name), name
+            assert said.is_whole == stream.is_whole, name
+
+
+def test_sections_follow_one_another_to_the_end_of_the_file():
+    for name in ("everything", "paper_blocks", "live"):
+        data = stored(name)
+        with File(data, mesh=False) as file:
+            offset, found = 0, []
+            while refused_end(file, offset) is None:
+                section = file.section(offset)
+                assert data[section.offset] == section.id
+                assert section.payload + section.payload_size + 4 == section.offset + section.size
+                found.append(section.id)
+                offset = section.offset + section.size
+            assert offset == file.info.size <= len(data)
+            assert 1 in found  # CONNECTIVITY
+
+
+def refused_end(file, offset):
+    """The refusal of a section that is not there."""
+    refused = refusal(lambda: file.section(offset))
+    assert refused is None or refused.code == Code.INVALID
+    return refused
+
+
+def test_blocks_hold_all_frames_in_order_and_their_bytes_do_not_overlap():
+    for name in ("key_blocks", "corners_in_rows", "grid_with_tracks"):
+        with File(stored(name)) as file:
+            frame, at = 0, 0
+            for number in range(file.info.n_blocks):
+                for track in range(file.info.n_tracks):
+                    block = file.block(number, track)
+                    assert block.first_frame == frame
+                    assert block.offset == at or not at
+                    at = block.offset + block.size
+                for inside in (frame, frame + block.n_frames - 1):
+                    assert file.block_of_frame(inside) == number
+                frame += block.n_frames
+            assert frame == file.info.n_frames
+
+
+@pytest.mark.parametrize("check", [True, False])
+def test_a_block_tells_its_modes_and_its_key_block(check):
+    data = stored("reused_fields")
+    with File(data) as file:
+        groups = [file.group(number, check=check) for number in range(file.info.n_blocks)]
+    assert tuple(group.n_modes for group in groups) == meshreel.info(data).n_modes
+    assert all(0 < group.step < 1 for group in groups)
+    assert groups[0].key_block == 0
+    assert groups[-1].key_block < len(groups) - 1
+
+
+def test_methods_of_the_paper_have_triangles_but_no_decoder():
+    for name in OF_THE_PAPER:
+        data = stored(name)
+        with File(data) as file:
+            assert np.array_equal(file.triangles, meshreel.decode(data).faces), name
+            assert code_of(lambda file=file: Decoder(file)) == Code.METHOD, name
+
+
+# ---- arguments ----
+
+
+def test_arguments_out_of_range_are_refused_and_the_decoder_goes_on():
+    with File(stored("tracks")) as file, Decoder(file) as decoder:
+        n_frames, n_tracks = file.info.n_frames, file.info.n_tracks
+        before = decoder.frames()
+        calls = {
+            "frame": lambda: decoder.frames(0, n_frames, 1),
+            "count": lambda: decoder.frames(0, 1, n_frames),
+            "track": lambda: decoder.decode(before, n_tracks, 0, 1),
+            "block": lambda: decoder.load(0, file.info.n_blocks),
+            "preview of a track": lambda: decoder.frames(1, n_modes=3),
+            "type": lambda: decoder.decode(before, 0, 0, 1, layout=Layout(type=8)),
+            "stride": lambda: decoder.decode(before, 0, 0, 1, layout=Layout(value_stride=8)),
+            "odd stride": lambda: decoder.decode(before, 0, 0, 1, layout=Layout(value_stride=13)),
+            "alignment": lambda: decoder.decode(before.view(np.uint8).ravel()[1:], 0, 0, 1),
+            "alignment of normals": lambda: decoder.normals(misaligned(before[0])),
+            "section": lambda: file.section(3),
+            "track of file": lambda: file.track(n_tracks),
+            "block of file": lambda: file.block(file.info.n_blocks),
+        }
+        assert {name: code_of(act) for name, act in calls.items()} == dict.fromkeys(
+            calls, Code.INVALID
+        )
+        assert same(decoder.frames(), before)
+
+
+def misaligned(values):
+    """A copy of floats that does not begin at a multiple of their size."""
+    room = np.zeros(values.nbytes + 1, np.uint8)[1:]
+    found = room.view(values.dtype).reshape(values.shape)
+    found[...] = values
+    return found
+
+
+def test_null_pointers_are_refused():
+    for name in ("open", "read_mesh", "read_surface", "begin", "load", "decode", "normals"):
+        nothing = [None] * {"open": 3, "begin": 2, "decode": 7, "normals": 4, "load": 4}.get(
+            name, 1
+        )
+        assert code_of(lambda name=name, nothing=nothing: c_reader.call(name, *nothing)) == (
+            Code.INVALID
+        )
+    library().meshreel_close(None)
+    library().meshreel_end(None)
+
+
+def test_a_decoder_needs_the_mesh():
+    with File(stored("torus"), mesh=False) as file:
+        assert file.triangles is None
+        assert code_of(lambda: Decoder(file)) == Code.INVALID
+        file.read_mesh()
+        Decoder(file).close()
+
+
+# ---- memory ----
+
+
+@pytest.mark.parametrize("name", VARIED)
+def test_every_allocation_may_fail_and_nothing_leaks(name):
+    data = stored(name)
+    host = Host()
+    everything_of(data, host)
+    assert not host.held
+    for number in range(0, host.n_allocations, max(1, host.n_allocations // draws(600))):
+        failing = Host(fails_at=number)
+        refused = refusal(lambda failing=failing: everything_of(data, failing))
+        assert refused.code == Code.NO_MEMORY, number
+        assert refused.size > 0
+        assert not failing.held, number
+
+
+def test_a_call_that_ran_out_of_memory_succeeds_when_it_is_repeated():
+    data = stored("corners_in_rows")
+    with File(data) as file:
+        wanted = file.surface(data), decoded_all(file)
+    host = Host()
+    with File(data, host, mesh=False) as file:
+        assert until_it_succeeds(host, file.read_mesh) > 5
+        assert until_it_succeeds(host, file.read_surface) > 5
+        assert_same_surface(file.surface(data), wanted[0])
+        with Decoder(file) as decoder:
+            for track in range(file.info.n_tracks):
+                assert until_it_succeeds(host, lambda track=track: decoder.load(track, 0)) > 1
+        assert decoded_all(file) == wanted[1]
+    assert not host.held
+
+
+def until_it_succeeds(host, act):
+    """How often an act is refused, if each time one more allocation succeeds."""
+    for n_failures in range(10_000):
+        host.fails_at = host.n_allocations + n_failures
+        before = sum(host.held.values())
+        code = code_of(act)
+        if code == Code.OK:
+            host.fails_at = None
+            return n_failures
+        assert code == Code.NO_MEMORY
+        assert sum(host.held.values()) <= before + 2**22  # memory of earlier steps may be kept
+    raise AssertionError("it never succeeds")
+
+
+@pytest.mark.parametrize("name", ["key_blocks", "corners_in_rows", "lossless"])
+def test_a_limit_is_kept_and_what_would_be_needed_is_told(name):
+    data = stored(name)
+    host = Host()
+    wanted = everything_of(data, host)
+    limit = 1000
+    for _ in range(10_000):
+        limited = Host(limit=limit)
+        refused = refusal(lambda limited=limited: everything_of(data, limited))
+        assert not limited.held
+        assert limited.largest <= 2 * limit  # a file and one decoder
+        if refused is None:
+            break
+        assert refused.code == Code.LIMIT
+        assert refused.size > limit
+        limit = refused.size
+    assert everything_of(data, Host(limit=limit)) == wanted
+    assert limit <= host.largest
+
+
+def test_blocks_in_any_order_need_no_more_memory_than_in_order():
+    data = stored("key_blocks")
+    host = Host()
+    with File(data, host) as file, Decoder(file) as decoder:
+        decoder.frames()
+        largest = host.largest
+        for _ in range(3):
+            for block in np.random.default_rng(1).permutation(file.info.n_blocks):
+                decoder.load(0, int(block))
+        assert host.largest <= 1.5 * largest
+    assert not host.held
+
+
+# ---- reading ----
+
+
+@pytest.mark.parametrize("name", ["two_frames", "everything", "tracks_of_polygons"])
+def test_a_read_that_fails_can_be_repeated_wherever_it_fails(name):
+    data = stored(name)
+    with File(data) as file:
+        wanted = [file.triangles.tobytes(), *decoded_all(file)]
+    for piece in (len(data) // 3, 700):
+        here = set()  # numbers of pieces that were fetched
+        source = by_calls(
+            data,
+            lambda begin, end, here=here, piece=piece: all(
+                number in here for number in range(begin // piece, (end - 1) // piece + 1)
+            ),
+        )
+
+        def fetched(act, here=here, piece=piece):
+            """Repeat an act until all that it reads was fetched."""
+            while refused := refusal(act):
+                assert refused.code == Code.UNREADABLE
+                end = refused.offset + refused.size
+                assert end <= len(data)
+                new = set(range(refused.offset // piece, (end - 1) // piece + 1)) - here
+                assert new
+                here |= new
+
+        opened = []
+        fetched(lambda source=source, opened=opened: opened.append(File(source, mesh=False)))
+        with opened[0] as file:
+            fetched(file.read_mesh)
+            fetched(file.read_surface)
+            found = [file.triangles.tobytes(), file.triangles.tobytes()]
+            with Decoder(file) as decoder:
+                for track in range(file.info.n_tracks):
+                    for block in range(file.info.n_blocks):
+                        fetched(lambda track=track, block=block: decoder.load(track, block))
+                    fetched(lambda track=track: decoder.frames(track))
+                    found.append(decoder.frames(track).tobytes())
+            assert found == wanted
+
+
+def test_what_cannot_be_read_is_told_apart_from_damage():
+    data = stored("two_frames")
+    for place in range(len(data)):
+        source = by_calls(data, lambda begin, end, place=place: not begin <= place < end)
+        host = Host()
+        refused = refusal(lambda host=host, source=source: everything_of(data, host, source))
+        assert refused.code == Code.UNREADABLE, place
+        assert refused.offset <= place < refused.offset + refused.size
+        assert not host.held
+
+
+# ---- threads ----
+
+
+def test_decoders_of_a_file_work_on_threads_at_the_same_time():
+    data = stored("corners_in_rows")
+    with File(by_calls(data), Host(n_threads=2)) as file:
+        wanted, found = decoded_all(file), {}
+
+        def decode(number):
+            found[number] = decoded_all(file)
+
+        threads = [threading.Thread(target=decode, args=(number,)) for number in range(3)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    assert all(found[number] == wanted for number in range(3))
+
+
+# ---- damage ----
+
+
+@pytest.mark.every_case
+@pytest.mark.parametrize("path", sorted(REFUSED_FOLDER.glob("*.reel")), ids=lambda path: path.stem)
+def test_what_every_reader_refuses_is_refused(path):
+    host = Host()
+    refused = refusal(lambda: everything_of(path.read_bytes(), host))
+    assert refused.code in DAMAGED
+    assert refused.offset != c_reader.UNKNOWN_OFFSET
+    assert not host.held
 
 
 def read_leniently(data):
@@ -32,137 +515,6 @@ def read_leniently(data):
         return opened.faces, opened.read(0, len(opened))
     except MeshReelError:
         return None
-
-
-def refusal(act):
-    """The code that an act is refused with; OK if it is not."""
-    try:
-        act()
-    except RefusalError as refused:
-        return refused.code
-    return c_reader.OK
-
-
-def test_frames_are_the_same_bits_as_those_of_the_package():
-    rng = np.random.default_rng(5)
-    for name in OF_POSITIONS:
-        data = stored(name)
-        wanted = meshreel.decode(data)
-        file = File(in_memory(data), off=int(rng.integers(64)))
-        found = file.frames(rng.permutation(file.info.n_frames))
-        assert found.tobytes() == wanted.vertices.tobytes(), name
-        assert np.array_equal(file.triangles, wanted.faces), name
-
-
-def test_a_file_is_read_by_calls_as_it_is_in_memory():
-    for name in ("everything_quantised", "key_blocks", "live_with_bound", "grid", "order_shuffled"):
-        data = stored(name)
-        found, wanted = File(by_calls(data)), File(in_memory(data))
-        assert found.frames().tobytes() == wanted.frames().tobytes(), name
-        assert np.array_equal(found.triangles, wanted.triangles), name
-
-
-def test_a_file_says_of_itself_what_the_package_says():
-    for name in OF_POSITIONS:
-        data = stored(name)
-        said, opened = inspect(in_memory(data)), OpenStream(open_stream(BytesIO(data)))
-        stream, header = opened.stream, opened.stream.header
-        assert (said.n_frames, said.n_verts) == (stream.n_frames, header.n_verts), name
-        assert (said.n_triangles, said.fps) == (header.n_faces, header.fps), name
-        assert (said.diagonal, tuple(said.centre)) == (header.scale, header.origin), name
-        assert (said.n_blocks, said.n_tracks) == (len(stream.places), len(opened.tracks))
-        assert (said.method, said.order) == (header.method, header.order), name
-        assert said.start_s == opened.start_s, name
-        assert said.is_whole == stream.is_whole, name
-
-
-@pytest.mark.parametrize("name", [OF_THE_PAPER[0], OF_THE_PAPER[-1]])
-def test_methods_of_the_paper_are_refused_by_a_code_of_their_own(name):
-    assert refusal(lambda: inspect(in_memory(stored(name)))) == c_reader.METHOD
-    assert "meshreel decode" in c_reader.words(c_reader.METHOD)
-
-
-def test_less_memory_than_stated_is_refused():
-    source = in_memory(stored("max_error_in_blocks"))
-    file = File(source)
-    for given in (0, 1, 100, file.info.file_bytes // 2, file.info.file_bytes - 1):
-        assert refusal(lambda given=given: File(source, given)) == c_reader.NO_MEMORY
-    for given in (0, 1, 100, file.info.decoder_bytes - 1):
-        assert refusal(lambda given=given: Decoder(file, given)) == c_reader.NO_MEMORY
-
-
-def test_a_frame_that_does_not_exist_is_refused_and_the_decoder_goes_on():
-    file = File(in_memory(stored("key_blocks")))
-    decoder, n_frames = Decoder(file), file.info.n_frames
-    before = decoder.frame(3)
-    assert refusal(lambda: decoder.frame(n_frames)) == c_reader.INVALID
-    assert refusal(lambda: decoder.load(n_frames)) == c_reader.INVALID
-    assert refusal(lambda: file.block_of(n_frames)) == c_reader.INVALID
-    assert refusal(lambda: decoder.frame(0, np.float64)) == c_reader.INVALID
-    assert np.array_equal(decoder.frame(3), before)
-
-
-def test_blocks_hold_all_frames_one_after_another():
-    file = File(in_memory(stored("key_blocks")))
-    found, frame = [], 0
-    while frame < file.info.n_frames:
-        first, count = file.block_of(frame)
-        assert first == frame
-        assert file.block_of(first + count - 1) == (first, count)
-        found.append(count)
-        frame += count
-    assert len(found) == file.info.n_blocks > 1
-    assert max(found) == file.info.longest_block
-
-
-def test_floats_of_a_file_of_doubles_are_its_doubles_rounded():
-    for name in ("doubles", "lossless_doubles", "grid_doubles"):
-        file = File(in_memory(stored(name)))
-        decoder = Decoder(file)
-        assert np.array_equal(decoder.frame(1), decoder.frame(1, np.float64).astype(np.float32))
-
-
-def test_doubles_beyond_float_are_refused_as_floats_only():
-    huge = np.array([[0.0, 0, 0], [1e300, 0, 0], [0, 1e300, 0]])
-    sequence = meshreel.MeshSequence(np.stack([huge, huge / 2]), [[0, 1, 2]])
-    file = File(in_memory(meshreel.encode(sequence, method="lossless")))
-    decoder = Decoder(file)
-    assert refusal(lambda: decoder.frame(0)) == c_reader.RANGE
-    assert np.array_equal(decoder.frame(0, np.float64), huge)
-
-
-def test_normals_are_those_of_the_core():
-    file = File(in_memory(stored("sphere")))
-    decoder = Decoder(file)
-    positions = decoder.frame(2)
-    wanted = surface_normals(positions[None], file.triangles.astype(np.int32))[0]
-    assert np.array_equal(decoder.normals(positions), wanted.astype(np.float32))
-
-
-def test_decoders_of_a_file_work_on_threads_at_the_same_time():
-    file = File(by_calls(stored("key_blocks")))
-    wanted, found = file.frames(), {}
-
-    def decode(number):
-        order = np.random.default_rng(number).permutation(file.info.n_frames)
-        found[number] = file.frames(order)
-
-    threads = [threading.Thread(target=decode, args=(number,)) for number in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert all(np.array_equal(found[number], wanted) for number in range(4))
-
-
-def test_what_cannot_be_read_is_told_apart_from_damage():
-    data = stored("two_frames")
-    for place in range(len(data)):
-
-        def act(place=place):
-            File(by_calls(data, fails_at=place)).frames()
-
-        assert refusal(act) == c_reader.UNREADABLE, place
 
 
 @pytest.mark.parametrize("name", ["two_frames", "live_with_bound"])
@@ -182,13 +534,19 @@ def test_a_damaged_stream_is_refused_or_the_same_frames_as_for_the_package(name)
 
 
 def compare_leniently(data):
-    """The reader in C and the package make the same of bytes that may be damaged."""
+    """The decoder in C and the package make the same of bytes that may be damaged."""
     wanted = read_leniently(data)
-    code = refusal(lambda: File(in_memory(data)).frames())
+    host = Host()
     if wanted is None:
-        assert code in (c_reader.TRUNCATED, c_reader.CORRUPT, c_reader.UNSUPPORTED)
-        return
-    assert code == c_reader.OK
-    file = File(in_memory(data))
-    assert np.array_equal(file.triangles, wanted[0])
-    assert file.frames().tobytes() == wanted[1].tobytes()
+        assert code_of(lambda: read_positions(data, host)) in DAMAGED
+    else:
+        triangles, positions = read_positions(data, host)
+        assert np.array_equal(triangles, wanted[0])
+        assert positions.tobytes() == wanted[1].tobytes()
+    assert not host.held
+
+
+def read_positions(data, host):
+    """Triangles and positions of all frames."""
+    with File(data, host) as file:
+        return file.triangles, file.values()

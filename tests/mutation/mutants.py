@@ -9,7 +9,7 @@ from mutation.edits import Edit, c_edits, python_edits
 CORE, MODULES = "core", "modules"
 """What is no package of `src/meshreel`: the C core, and the modules beside the packages."""
 
-NOT_MUTATED = ("flag.py", "__main__.py", "meshreel.h")
+NOT_MUTATED = ("flag.py", "__main__.py")
 FEWEST = 6
 """Mutants of a package."""
 

@@ -1,67 +1,279 @@
-"""The reader in C, `core/reader/meshreel.h`, as a program would use it: by ctypes."""
+"""The decoder in C, `core/include/meshreel.h`, called by ctypes as a program would call it."""
 
 import ctypes
-from dataclasses import dataclass, field
+from concurrent.futures import ThreadPoolExecutor
+from ctypes import byref, c_char_p, c_double, c_int, c_int32, c_size_t, c_uint32, c_uint64, c_void_p
+from enum import IntEnum
 
 import numpy as np
 
+from meshreel.codec.surface.materials import ALPHA_MODES, CHANNELS, FILTERS, WRAPS
+from meshreel.codec.tracks import DOMAINS, KINDS, NUMBER_TYPES
 from meshreel.kernel.library import library
+from meshreel.materials import SLOTS, Image, Material, Texture
+from meshreel.surface import Attribute, FaceGroups, Kind, Part, Surface
 
-OK, NO_MEMORY, TRUNCATED, CORRUPT, INVALID, UNSUPPORTED, METHOD, UNREADABLE, RANGE = range(9)
-READ = ctypes.CFUNCTYPE(
-    ctypes.c_int, ctypes.c_void_p, ctypes.c_uint64, ctypes.c_void_p, ctypes.c_size_t
-)
-COUNTS = (
-    "n_frames", "n_verts", "n_triangles", "n_blocks", "longest_block", "n_tracks", "number_bytes",
-    "method", "order", "is_whole",
-)  # fmt: skip
+NONE = 2**32 - 1
+UNKNOWN_OFFSET = 2**64 - 1
+ALIGNMENT = 64
+
+
+class Code(IntEnum):
+    """`meshreel_code`."""
+
+    OK = 0
+    NO_MEMORY = 1
+    TRUNCATED = 2
+    CORRUPT = 3
+    INVALID = 4
+    UNSUPPORTED = 5
+    METHOD = 6
+    UNREADABLE = 7
+    RANGE = 8
+    LIMIT = 9
+
+
+DAMAGED = (Code.TRUNCATED, Code.CORRUPT, Code.UNSUPPORTED)
+FLOAT32 = 4
+
+READ = ctypes.CFUNCTYPE(c_int, c_void_p, c_uint64, c_void_p, c_size_t)
+ALLOCATE = ctypes.CFUNCTYPE(c_void_p, c_void_p, c_size_t)
+RELEASE = ctypes.CFUNCTYPE(None, c_void_p, c_void_p, c_size_t)
+TASK = ctypes.CFUNCTYPE(None, c_void_p, c_uint32)
+RUN = ctypes.CFUNCTYPE(None, c_void_p, c_void_p, c_void_p, c_uint32)
+
+
+def fields(**types):
+    """Fields of a structure; a name may hold several, separated by two underscores."""
+    return [(name, kind) for names, kind in types.items() for name in names.split("__")]
+
+
+class Text(ctypes.Structure):
+    """`meshreel_text`."""
+
+    _fields_ = fields(bytes=c_void_p, size=c_size_t)
+
+    def __str__(self):
+        return ctypes.string_at(self.bytes, self.size).decode() if self.size else ""
+
+
+class CError(ctypes.Structure):
+    """`meshreel_error`."""
+
+    _fields_ = fields(code=c_int32, reserved=c_uint32, offset__size=c_uint64, message=c_char_p)
 
 
 class Source(ctypes.Structure):
     """`meshreel_source`."""
 
-    _fields_ = (
-        ("bytes", ctypes.c_char_p),
-        ("size", ctypes.c_uint64),
-        ("read", READ),
-        ("user", ctypes.c_void_p),
-    )
+    _fields_ = fields(bytes=c_char_p, size=c_uint64, read=READ, user=c_void_p, announce=c_void_p)
+
+
+class CHost(ctypes.Structure):
+    """`meshreel_host`."""
+
+    _fields_ = fields(
+        user=c_void_p, allocate=ALLOCATE, release=RELEASE, run=RUN, n_threads__reserved=c_uint32,
+        memory_limit=c_uint64,
+    )  # fmt: skip
 
 
 class Info(ctypes.Structure):
     """`meshreel_info`."""
 
-    _fields_ = (
-        ("file_bytes", ctypes.c_uint64),
-        ("decoder_bytes", ctypes.c_uint64),
-        *((name, ctypes.c_double) for name in ("fps", "start_s", "promise_percent")),
-        ("centre", ctypes.c_double * 3),
-        ("diagonal", ctypes.c_double),
-        *((name, ctypes.c_uint32) for name in COUNTS),
-        ("reserved", ctypes.c_uint64 * 4),
+    _fields_ = fields(
+        name=Text, fps__start_s__promise_percent=c_double, center=c_double * 3, diagonal=c_double,
+        size=c_uint64, n_frames__n_verts__n_triangles__n_faces__n_corners=c_uint32,
+        n_blocks__longest_block__n_tracks__number_bytes__method__laplacian__order=c_uint32,
+        is_whole__reserved=c_uint32, damage=CError,
+    )  # fmt: skip
+
+
+class Section(ctypes.Structure):
+    """`meshreel_section`."""
+
+    _fields_ = fields(id__is_known=c_uint32, offset__size__payload__payload_size=c_uint64)
+
+
+class Block(ctypes.Structure):
+    """`meshreel_block`."""
+
+    _fields_ = fields(first_frame__n_frames=c_uint32, offset__size=c_uint64)
+
+
+class CAttribute(ctypes.Structure):
+    """`meshreel_attribute`."""
+
+    _fields_ = fields(
+        name=Text, kind__domain__type__width__n_rows__n_items__is_indexed__reserved=c_uint32,
+        values__rows=c_void_p,
+    )  # fmt: skip
+
+
+class CGroups(ctypes.Structure):
+    """`meshreel_groups`."""
+
+    _fields_ = fields(
+        name=Text, n_labels__reserved=c_uint32, labels=ctypes.POINTER(Text), of_faces=c_void_p
     )
 
 
+class CPart(ctypes.Structure):
+    """`meshreel_part`."""
+
+    _fields_ = fields(name=Text, n_verts__n_faces=c_uint32)
+
+
+class CTexture(ctypes.Structure):
+    """`meshreel_texture`."""
+
+    _fields_ = fields(
+        image__channels__wrap_u__wrap_v__magnified__shrunk=c_uint32, uv=Text, offset=c_double * 2,
+        rotation=c_double, scale=c_double * 2,
+    )  # fmt: skip
+
+
+class CMaterial(ctypes.Structure):
+    """`meshreel_material`."""
+
+    _fields_ = fields(
+        name=Text, alpha_mode__is_double_sided__is_unlit__reserved=c_uint32,
+        base_color=c_double * 4, metallic__roughness=c_double, emissive=c_double * 3,
+        normal_scale__occlusion_strength__alpha_cutoff=c_double, textures=CTexture * len(SLOTS),
+    )  # fmt: skip
+
+
+class CImage(ctypes.Structure):
+    """`meshreel_image`."""
+
+    _fields_ = fields(name__media_type=Text, offset__size=c_uint64)
+
+
+class CSurface(ctypes.Structure):
+    """`meshreel_surface`."""
+
+    _fields_ = fields(
+        face_sizes=c_void_p, attributes=ctypes.POINTER(CAttribute),
+        groups=ctypes.POINTER(CGroups), parts=ctypes.POINTER(CPart),
+        materials=ctypes.POINTER(CMaterial), images=ctypes.POINTER(CImage),
+        hard_edges=c_void_p,
+        n_attributes__n_groups__n_parts__n_materials__n_images__n_hard_edges=c_uint32,
+    )  # fmt: skip
+
+
+class Track(ctypes.Structure):
+    """`meshreel_track`."""
+
+    _fields_ = fields(
+        name__unit=Text, kind__domain__type__n_columns__n_items__coding=c_uint32,
+        is_exact__reserved=c_uint32, bound=c_double,
+    )  # fmt: skip
+
+    @property
+    def dtype(self):
+        """Number type of its values."""
+        return NUMBER_TYPES[self.type]
+
+
+class Group(ctypes.Structure):
+    """`meshreel_group`."""
+
+    _fields_ = fields(key_block__n_modes=c_uint32, n_corrections=c_uint64, step=c_double)
+
+
+class Layout(ctypes.Structure):
+    """`meshreel_layout`."""
+
+    _fields_ = fields(type__reserved=c_uint32, value_stride__frame_stride=c_size_t)
+
+
+STRUCTURES = {
+    "error": CError, "source": Source, "host": CHost, "text": Text, "info": Info,
+    "section": Section, "block": Block, "attribute": CAttribute, "groups": CGroups, "part": CPart,
+    "texture": CTexture, "material": CMaterial, "image": CImage, "surface": CSurface,
+    "track": Track, "group": Group, "layout": Layout,
+}  # fmt: skip
+"""By their names in the header, without `meshreel_`."""
+
+libc = ctypes.CDLL(None)
+libc.aligned_alloc.restype = c_void_p
+libc.aligned_alloc.argtypes = [c_size_t, c_size_t]
+libc.free.argtypes = [c_void_p]
+
+
 class RefusalError(Exception):
-    """What the reader answers but OK."""
+    """A call that did not succeed."""
 
-    def __init__(self, code):
-        super().__init__(f"{code}: {words(code)}")
+    def __init__(self, code, error=None):
+        message = error.message.decode() if error else ""
+        super().__init__(f"{Code(code).name}: {message}")
         self.code = code
-
-
-def words(code):
-    """What a code means."""
-    function = library().meshreel_words
-    function.restype = ctypes.c_char_p
-    return function(ctypes.c_int(code)).decode()
+        self.offset = error.offset if error else None
+        self.size = error.size if error else None
 
 
 def call(name, *arguments):
-    """Call a function that returns a code; raises `RefusalError`."""
-    code = library()[name](*arguments)
+    """Call a function that fills an error; raise `RefusalError` if it fails."""
+    error = CError()
+    code = library()["meshreel_" + name](*arguments, byref(error))
+    assert error.code == code
     if code:
-        raise RefusalError(code)
+        assert error.message
+        raise RefusalError(code, error)
+
+
+def returned(name, kind, *arguments):
+    """What a function returns that cannot fail."""
+    function = library()["meshreel_" + name]
+    function.restype = kind
+    return function(*arguments)
+
+
+def array_at(address, shape, dtype):
+    """A copy of numbers in C memory."""
+    dtype = np.dtype(dtype)
+    size = int(np.prod(shape)) * dtype.itemsize
+    data = ctypes.string_at(address, size) if size else b""
+    return np.frombuffer(data, dtype).reshape(shape)
+
+
+class Host:
+    """Memory and threads for the library, which count what is held.
+
+    Parameters
+    ----------
+    n_threads : int
+    limit : int
+        `memory_limit`.
+    fails_at : int, optional
+        The number of the allocation that returns NULL, from 0.
+    """
+
+    def __init__(self, n_threads=1, limit=0, fails_at=None):
+        self.held, self.n_allocations, self.largest = {}, 0, 0
+        self.fails_at = fails_at
+        self.pool = ThreadPoolExecutor(n_threads) if n_threads > 1 else None
+        run = RUN(self._run) if self.pool else RUN()
+        self.c = CHost(
+            None, ALLOCATE(self._allocate), RELEASE(self._release), run, n_threads, 0, limit
+        )
+
+    def _allocate(self, _, size):
+        self.n_allocations += 1
+        if self.n_allocations - 1 == self.fails_at:
+            return None
+        memory = libc.aligned_alloc(ALIGNMENT, -(-size // ALIGNMENT) * ALIGNMENT)
+        self.held[memory] = size
+        self.largest = max(self.largest, sum(self.held.values()))
+        return memory
+
+    def _release(self, _, memory, size):
+        assert self.held.pop(memory) == size
+        libc.free(memory)
+
+    def _run(self, _, task, shared, n_tasks):
+        one = TASK(task)
+        list(self.pool.map(lambda i: one(shared, i), range(n_tasks)))
 
 
 def in_memory(data):
@@ -69,12 +281,13 @@ def in_memory(data):
     return Source(data, len(data), READ(), None)
 
 
-def by_calls(data, fails_at=None):
-    """A source whose bytes are asked for; asking for byte `fails_at` fails."""
+def by_calls(data, allows=None):
+    """A source that reads through a callback; ranges that `allows(offset, end)` denies fail."""
 
     def read(_, offset, to, size):
+        assert size
         assert offset + size <= len(data)
-        if fails_at is not None and offset <= fails_at < offset + size:
+        if allows and not allows(offset, offset + size):
             return 1
         ctypes.memmove(to, data[offset : offset + size], size)
         return 0
@@ -82,88 +295,200 @@ def by_calls(data, fails_at=None):
     return Source(None, len(data), READ(read), None)
 
 
-def inspect(source):
-    """The `Info` of a source."""
-    info = Info()
-    call("meshreel_inspect", ctypes.byref(source), ctypes.byref(info))
-    return info
-
-
-@dataclass
-class Decoder:
-    """A decoder of an open file."""
-
-    file: "File"
-    given: int | None = None
-    memory: object = field(init=False)
-    at: ctypes.c_void_p = field(init=False, default_factory=ctypes.c_void_p)
-
-    def __post_init__(self):
-        size = self.file.info.decoder_bytes if self.given is None else self.given
-        self.memory = ctypes.create_string_buffer(size)
-        length = ctypes.c_size_t(size)
-        call("meshreel_begin", self.file.at, self.memory, length, ctypes.byref(self.at))
-
-    def load(self, frame):
-        """Load the block of a frame."""
-        call("meshreel_load", self.at, ctypes.c_uint32(frame))
-
-    def frame(self, number, dtype=np.float32):
-        """Positions of a frame, of shape (V, 3)."""
-        out = np.empty((self.file.info.n_verts, 3), dtype)
-        name = "meshreel_decode" if dtype == np.float32 else "meshreel_decode_doubles"
-        call(name, self.at, ctypes.c_uint32(number), ctypes.c_void_p(out.ctypes.data))
-        return out
-
-    def normals(self, positions):
-        """Normals at the vertices."""
-        out = np.empty_like(positions)
-        places = (ctypes.c_void_p(array.ctypes.data) for array in (positions, out))
-        call("meshreel_normals", self.at, *places)
-        return out
-
-
-@dataclass
 class File:
-    """An open file, in memory that begins `off` bytes behind a block of it."""
+    """An open file; its mesh is decoded unless `mesh` is false."""
 
-    source: Source
-    given: int | None = None
-    off: int = 0
-    info: Info = field(init=False)
-    memory: object = field(init=False)
-    at: ctypes.c_void_p = field(init=False, default_factory=ctypes.c_void_p)
+    def __init__(self, source, host=None, mesh=True):
+        self.source = in_memory(source) if isinstance(source, bytes) else source
+        self.host = host or Host()
+        self.at = c_void_p()
+        call("open", byref(self.source), byref(self.host.c), byref(self.at))
+        self.info = returned("info_of", ctypes.POINTER(Info), self.at).contents
+        try:
+            if mesh:
+                self.read_mesh()
+        except RefusalError:
+            self.close()
+            raise
 
-    def __post_init__(self):
-        self.info = inspect(self.source)
-        size = self.info.file_bytes if self.given is None else self.given
-        self.memory = ctypes.create_string_buffer(size + self.off)
-        begin = ctypes.c_void_p(ctypes.addressof(self.memory) + self.off)
-        length = ctypes.c_size_t(size)
-        call("meshreel_open", ctypes.byref(self.source), begin, length, ctypes.byref(self.at))
+    def __enter__(self):
+        return self
 
-    @property
-    def dtype(self):
-        """Number type of positions, as they came."""
-        return np.float32 if self.info.number_bytes == 4 else np.float64
+    def __exit__(self, *_):
+        self.close()
+
+    def close(self):
+        """Release it; its decoders must be closed."""
+        library().meshreel_close(self.at)
+        self.at = c_void_p()
+
+    def read_mesh(self):
+        """Decode triangles and the order of vertices."""
+        call("read_mesh", self.at)
 
     @property
     def triangles(self):
-        """Of shape (M, 3)."""
-        function = library().meshreel_triangles
-        function.restype = ctypes.POINTER(ctypes.c_uint32)
-        return np.ctypeslib.as_array(function(self.at), (self.info.n_triangles, 3)).copy()
+        """Of shape (M, 3), or None before the mesh is decoded."""
+        address = returned("triangles", c_void_p, self.at)
+        return array_at(address, (self.info.n_triangles, 3), np.uint32) if address else None
 
-    def block_of(self, frame):
-        """First frame and number of frames of the block of a frame."""
-        found = ctypes.c_uint32(), ctypes.c_uint32()
-        call("meshreel_block_of", self.at, ctypes.c_uint32(frame), *map(ctypes.byref, found))
-        return tuple(one.value for one in found)
+    def track(self, number):
+        """What is stored as track `number`."""
+        found = Track()
+        code = library().meshreel_track_of(self.at, c_uint32(number), byref(found))
+        if code:
+            raise RefusalError(code)
+        return found
 
-    def frames(self, order=None):
-        """All frames, of shape (T, V, 3), decoded in an order."""
-        decoder = Decoder(self)
-        out = np.empty((self.info.n_frames, self.info.n_verts, 3), self.dtype)
-        for number in range(len(out)) if order is None else order:
-            out[number] = decoder.frame(number, self.dtype)
+    @property
+    def tracks(self):
+        """All tracks, the positions first."""
+        return [self.track(number) for number in range(self.info.n_tracks)]
+
+    def block(self, number, track=0):
+        """Frames and bytes of a track in a block."""
+        found = Block()
+        arguments = self.at, c_uint32(number), c_uint32(track), byref(found)
+        code = library().meshreel_block_of(*arguments)
+        if code:
+            raise RefusalError(code)
+        return found
+
+    def group(self, number, track=0, check=True):
+        """What a block says of a track."""
+        found = Group()
+        numbers = c_uint32(number), c_uint32(track), c_int(check)
+        call("group_of", self.at, *numbers, byref(found))
+        return found
+
+    def block_of_frame(self, frame):
+        """Number of the block of a frame."""
+        return returned("block_of_frame", c_uint32, self.at, c_uint32(frame))
+
+    def section(self, offset, check=True):
+        """The section at a byte."""
+        found = Section()
+        call("section_at", self.at, c_uint64(offset), c_int(check), byref(found))
+        return found
+
+    def read_surface(self):
+        """Decode the surface."""
+        call("read_surface", self.at)
+
+    def surface(self, data):
+        """The surface as the package has it; images are cut from the bytes of the file."""
+        self.read_surface()
+        c = returned("surface_of", ctypes.POINTER(CSurface), self.at).contents
+        n_faces = self.info.n_faces
+        sizes = array_at(c.face_sizes, n_faces, np.uint32) if c.face_sizes else None
+        return Surface(
+            None if sizes is None else sizes.astype(np.int32),
+            tuple(attribute_of(c.attributes[i]) for i in range(c.n_attributes)),
+            tuple(groups_of(c.groups[i], n_faces) for i in range(c.n_groups)),
+            tuple(Part(str(c.parts[i].name), c.parts[i].n_verts, c.parts[i].n_faces)
+                  for i in range(c.n_parts)),
+            tuple(material_of(c.materials[i]) for i in range(c.n_materials)),
+            tuple(image_of(c.images[i], data) for i in range(c.n_images)),
+            array_at(c.hard_edges, (c.n_hard_edges, 2), np.int32) if c.n_hard_edges else None,
+        ).validated(self.info.n_verts, self.info.n_triangles)  # fmt: skip
+
+    def values(self, track=0, n_modes=0):
+        """All frames of a track, decoded at once by a decoder of their own."""
+        with Decoder(self) as decoder:
+            return decoder.frames(track, 0, self.info.n_frames, n_modes)
+
+
+def attribute_of(c):
+    """An attribute as the package has it."""
+    values = array_at(c.values, (c.n_rows, c.width), NUMBER_TYPES[c.type])
+    rows = array_at(c.rows, c.n_items, np.int32) if c.rows else None
+    if not c.is_indexed and rows is not None:
+        values, rows = values[rows], None
+    return Attribute(str(c.name), tuple(Kind)[c.kind], DOMAINS[c.domain], values, rows)
+
+
+def groups_of(c, n_faces):
+    """Groups as the package has them."""
+    labels = tuple(str(c.labels[i]) for i in range(c.n_labels))
+    return FaceGroups(str(c.name), labels, array_at(c.of_faces, n_faces, np.int32))
+
+
+def material_of(c):
+    """A material as the package has it."""
+    textures = {slot: texture_of(one) for slot, one in zip(SLOTS, c.textures, strict=True)}
+    return Material(
+        str(c.name), tuple(c.base_color), c.metallic, c.roughness, tuple(c.emissive),
+        c.normal_scale, c.occlusion_strength, ALPHA_MODES[c.alpha_mode], c.alpha_cutoff,
+        bool(c.is_double_sided), bool(c.is_unlit),
+    ).with_textures({slot: one for slot, one in textures.items() if one})  # fmt: skip
+
+
+def image_of(c, data):
+    """An image as the package has it, with its bytes from the file."""
+    return Image(str(c.name), str(c.media_type), data[c.offset : c.offset + c.size])
+
+
+def texture_of(c):
+    """A texture as the package has it, or None."""
+    if c.image == NONE:
+        return None
+    return Texture(
+        c.image, str(c.uv), "".join(CHANNELS[i] for i in range(4) if c.channels >> i & 1),
+        WRAPS[c.wrap_u], WRAPS[c.wrap_v], filter_of(c.magnified), filter_of(c.shrunk),
+        tuple(c.offset), c.rotation, tuple(c.scale),
+    )  # fmt: skip
+
+
+def filter_of(code):
+    """A filter as the package has it; 0 is any."""
+    return FILTERS[code - 1] if code else None
+
+
+class Decoder:
+    """A decoder of an open file."""
+
+    def __init__(self, file):
+        self.file, self.at = file, c_void_p()
+        call("begin", file.at, byref(self.at))
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    def close(self):
+        """Release it."""
+        library().meshreel_end(self.at)
+        self.at = c_void_p()
+
+    def load(self, track, block, n_modes=0):
+        """Load a track of a block."""
+        call("load", self.at, c_uint32(track), c_uint32(block), c_uint32(n_modes))
+
+    def decode(self, out, track, first, count, n_modes=0, layout=None):
+        """Decode frames to an array."""
+        where = byref(layout) if layout else None
+        numbers = (c_uint32(number) for number in (track, first, count, n_modes))
+        call("decode", self.at, *numbers, where, c_void_p(out.ctypes.data))
+
+    def frames(self, track=0, first=0, count=None, n_modes=0, dtype=None):
+        """Values of frames, of shape (count, N, C)."""
+        what = self.file.track(track)
+        count = self.file.info.n_frames - first if count is None else count
+        out = np.empty((count, what.n_items, what.n_columns), dtype or what.dtype)
+        layout = Layout(type=FLOAT32) if dtype == np.float32 else None
+        self.decode(out, track, first, count, n_modes, layout)
         return out
+
+    def normals(self, positions):
+        """Normals at the vertices of one frame."""
+        out = np.empty_like(positions)
+        places = (c_void_p(array.ctypes.data) for array in (positions, out))
+        call("normals", self.at, c_uint32(positions.itemsize), *places)
+        return out
+
+
+def kind_of(track):
+    """Kind and domain of a track as the package has them."""
+    return KINDS[track.kind], DOMAINS[track.domain]

@@ -3,14 +3,32 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-static void need(int code) {
+static void need(int code, const meshreel_error *error) {
     if (code != MESHREEL_OK) {
-        fprintf(stderr, "%s\n", meshreel_words(code));
+        fprintf(stderr, "%s\n", error->message);
         exit(1);
     }
 }
 
-/* Bytes of the file as they are asked for. */
+/* Memory aligned to 64 bytes; the address of the whole block is stored in front of it. */
+static void *allocate(void *user, size_t size) {
+    char *whole = (char *)malloc(size + 64 + sizeof(void *)), *aligned;
+    (void)user;
+    if (!whole) {
+        return NULL;
+    }
+    aligned = whole + sizeof(void *);
+    aligned += 63 - ((uintptr_t)aligned + 63) % 64;
+    ((void **)aligned)[-1] = whole;
+    return aligned;
+}
+
+static void release(void *user, void *memory, size_t size) {
+    (void)user;
+    (void)size;
+    free(((void **)memory)[-1]);
+}
+
 static int read_bytes(void *user, uint64_t offset, void *to, size_t size) {
     FILE *given = (FILE *)user;
     return fseek(given, (long)offset, SEEK_SET) || fread(to, 1, size, given) != size;
@@ -22,17 +40,23 @@ int main(int count, char **words) {
         fprintf(stderr, "usage: frames FILE > positions\n");
         return 1;
     }
-    meshreel_source source = {NULL, (uint64_t)ftell(given), read_bytes, given};
-    meshreel_info info;
-    const meshreel_file *file;
+    meshreel_source source = {NULL, (uint64_t)ftell(given), read_bytes, given, NULL};
+    meshreel_host host = {NULL, allocate, release, NULL, 0, 0, 0};
+    meshreel_layout floats = {MESHREEL_FLOAT32, 0, 0, 0}; /* of files of doubles, too */
+    meshreel_error error;
+    meshreel_file *file;
     meshreel_decoder *decoder;
-    need(meshreel_inspect(&source, &info));
-    need(meshreel_open(&source, malloc(info.file_bytes), info.file_bytes, &file));
-    need(meshreel_begin(file, malloc(info.decoder_bytes), info.decoder_bytes, &decoder));
-    float *positions = (float *)malloc(info.n_verts * sizeof(float[3]));
-    for (uint32_t frame = 0; frame < info.n_frames; frame++) {
-        need(meshreel_decode(decoder, frame, positions));
-        fwrite(positions, sizeof(float[3]), info.n_verts, stdout);
+    need(meshreel_open(&source, &host, &file, &error), &error);
+    need(meshreel_read_mesh(file, &error), &error);
+    need(meshreel_begin(file, &decoder, &error), &error);
+    const meshreel_info *info = meshreel_info_of(file);
+    float *positions = (float *)malloc(info->n_verts * sizeof(float[3]));
+    for (uint32_t frame = 0; frame < info->n_frames; frame++) {
+        need(meshreel_decode(decoder, 0, frame, 1, 0, &floats, positions, &error), &error);
+        fwrite(positions, sizeof(float[3]), info->n_verts, stdout);
     }
+    free(positions);
+    meshreel_end(decoder);
+    meshreel_close(file);
     return fclose(given);
 }

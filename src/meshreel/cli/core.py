@@ -1,4 +1,4 @@
-"""`meshreel core`: how programs in C and C++ find the library that reads streams."""
+"""`meshreel core`: how programs in C and C++ find the library that decodes files."""
 
 import click
 
@@ -13,7 +13,7 @@ def core_command(
     cflags: bool,
     libs: bool,
 ) -> None:
-    """Print how to compile and link programs in C or C++ that read .reel files.
+    """Print how to compile and link programs in C or C++ that decode .reel files.
 
     Examples:
 

@@ -9,7 +9,7 @@ from meshreel.kernel.library import NAME
 
 HEADER = "meshreel.h"
 _HERE = Path(__file__).parent
-_IN_CHECKOUT = _HERE.parents[2] / "core" / "reader"
+_IN_CHECKOUT = _HERE.parents[2] / "core" / "include"
 
 
 def compiler_flags() -> list[str]:

@@ -107,6 +107,39 @@ def test_a_program_finds_the_libraries_by_cmake(installed, wanted, tmp_path):
         assert run(tmp_path / program, STREAM) == wanted
 
 
+def threads_program(folder):
+    """The example in C++, which decodes on threads, built with the library of the package."""
+    need("c++")
+    program = folder / "program"
+    flags = run(sys.executable, "-m", "meshreel", "core", "--cflags", "--libs").decode().split()
+    strict = "-std=c++11", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-pthread"
+    run("c++", *strict, EXAMPLE / "threads" / "threads.cpp", *flags, "-o", program)
+    return program
+
+
+def test_a_program_in_cpp_decodes_on_threads(tmp_path):
+    program = threads_program(tmp_path)
+    shown = run(program, STREAM.with_name("corners_in_rows.reel")).decode().splitlines()
+    assert shown[0] == "29 triangles, 0 attributes"
+    assert shown[1] == "16 frames of 22 vertices"
+    assert shown[2] == "track wave: 59 values of 2 numbers"
+    assert len(shown) == 7
+    damaged = tmp_path / "damaged.reel"
+    damaged.write_bytes(STREAM.read_bytes()[:100])
+    failed = subprocess.run([program, damaged], capture_output=True, timeout=TIME_LIMIT_S)
+    assert (failed.returncode, failed.stdout) == (1, b"")
+    assert failed.stderr == b"a section is longer than the file\n"
+
+
+@pytest.mark.parametrize("installed", ["gcc"], indirect=True)
+def test_the_example_with_threads_is_built_by_cmake(installed, tmp_path):
+    need("g++")
+    given = f"-DCMAKE_PREFIX_PATH={installed[0]}", "-DCMAKE_CXX_COMPILER=g++"
+    run("cmake", "-S", EXAMPLE / "threads", "-B", tmp_path, *given)
+    run("cmake", "--build", tmp_path)
+    assert run(tmp_path / "threads", STREAM)
+
+
 def test_a_program_links_the_library_of_the_package_as_the_command_says(wanted, tmp_path):
     need("cc")
     program = tmp_path / "program"
@@ -130,7 +163,7 @@ def test_the_shared_library_offers_what_the_header_declares_and_needs_no_other(
     assert {name for name in library.exported if not name.startswith("_")} == set(functions())
     checks = {"__stack_chk_fail"}  # which some systems have compilers add
     assert library.imported <= MAY_IMPORT | checks
-    number = re.search(r"MESHREEL_ABI (\d+)", (CORE / "reader" / "meshreel.h").read_text())[1]
+    number = re.search(r"MESHREEL_ABI (\d+)", (CORE / "include" / "meshreel.h").read_text())[1]
     assert (prefix / "lib" / f"libmeshreel.so.{number}").exists()
 
 
@@ -173,17 +206,21 @@ def test_what_the_guide_shows_compiles(tmp_path):
     (shown,) = re.findall(r"^```c\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
     include, body = shown.split("\n", 1)
     given = "void *bytes, size_t size, uint32_t frame, float *positions, float *normals"
+    callbacks = (
+        "void *allocate(void *user, size_t size);\n"
+        "void release(void *user, void *memory, size_t size);\n"
+    )
     program = tmp_path / "shown.c"
-    program.write_text(f"{include}\n#include <stdlib.h>\nvoid play({given}) {{\n{body}}}\n")
+    program.write_text(f"{include}\n{callbacks}void play({given}) {{\n{body}}}\n")
     warnings = "-Wall", "-Wno-unused-variable", "-Werror"
-    run("cc", "-fsyntax-only", *warnings, f"-I{CORE / 'reader'}", program)
+    run("cc", "-fsyntax-only", *warnings, f"-I{CORE / 'include'}", program)
 
 
 def test_versions_and_flags_are_those_of_the_package(monkeypatch):
     monkeypatch.syspath_prepend(str(CORE))
     from compile import FLAGS
 
-    header = (CORE / "reader" / "meshreel.h").read_text()
+    header = (CORE / "include" / "meshreel.h").read_text()
     assert f'#define MESHREEL_VERSION "{meshreel.__version__}"' in header
     recipe = (CORE / "CMakeLists.txt").read_text()
     said_otherwise = {"-std=c11", "-fvisibility=hidden", "-DMESHREEL_BUILD"}

@@ -1,0 +1,348 @@
+/* Decodes whole files by meshreel.h: once with a host that gives all, and once with one that fails,
+   limits memory, and runs tasks in another order. What both find must be equal, and nothing may
+   leak. */
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "../include/meshreel.h"
+#include "fuzz.h"
+
+#define LIMIT ((uint64_t)1 << 22)
+#define MOST_BYTES ((uint64_t)1 << 18) /* of values that are decoded at once */
+#define MOST_RETRIES 2000
+
+/* ---- a host ---- */
+
+typedef struct {
+    fuzz_bytes bytes;
+    uint64_t held, limit;
+    int64_t fails_once_in; /* 0: never */
+} host_state;
+
+static bool fails(host_state *state) {
+    return state->fails_once_in && fuzz_once_in(state->fails_once_in);
+}
+
+static void *allocate(void *user, size_t size) {
+    host_state *state = user;
+    void *memory = NULL;
+    if (fails(state)) {
+        return NULL;
+    }
+    FUZZ_CLAIM(!posix_memalign(&memory, 64, size));
+    memset(memory, fuzz_filling(), size);
+    state->held += size;
+    FUZZ_CLAIM(state->held <= 2 * state->limit); /* of a file and a decoder */
+    return memory;
+}
+
+static void release(void *user, void *memory, size_t size) {
+    host_state *state = user;
+    FUZZ_CLAIM(size <= state->held);
+    state->held -= size;
+    free(memory);
+}
+
+static int read_bytes(void *user, uint64_t offset, void *to, size_t size) {
+    host_state *state = user;
+    FUZZ_CLAIM(size && offset <= state->bytes.size && size <= state->bytes.size - offset);
+    if (fails(state)) {
+        return 1;
+    }
+    memcpy(to, state->bytes.bytes + offset, size);
+    return 0;
+}
+
+/* The last task first. */
+static void run_backward(void *user, void (*task)(void *shared, uint32_t i), void *shared,
+                         uint32_t n_tasks) {
+    (void)user;
+    for (uint32_t i = n_tasks; i > 0; i--) {
+        task(shared, i - 1);
+    }
+}
+
+/* ---- calls ---- */
+
+/* A file that is read, and what is done with it next. */
+typedef struct {
+    host_state state;
+    meshreel_source source;
+    meshreel_host host;
+    meshreel_file *file;
+    meshreel_decoder *decoder;
+} reading;
+
+typedef struct {
+    enum { OPEN, MESH, SURFACE, BEGIN, LOAD, DECODE, NORMALS } act;
+    uint32_t track, first, count, n_modes;
+    const meshreel_layout *layout;
+    void *values;
+    const void *positions;
+} step;
+
+static int take_step(reading *r, const step *s, meshreel_error *error) {
+    switch (s->act) {
+    case OPEN:
+        return meshreel_open(&r->source, &r->host, &r->file, error);
+    case MESH:
+        return meshreel_read_mesh(r->file, error);
+    case SURFACE:
+        return meshreel_read_surface(r->file, error);
+    case BEGIN:
+        return meshreel_begin(r->file, &r->decoder, error);
+    case LOAD:
+        return meshreel_load(r->decoder, s->track, s->first, s->n_modes, error);
+    case DECODE:
+        return meshreel_decode(r->decoder, s->track, s->first, s->count, s->n_modes, s->layout,
+                               s->values, error);
+    default:
+        return meshreel_normals(r->decoder, MESHREEL_FLOAT32, s->positions, s->values, error);
+    }
+}
+
+/* Takes a step until neither memory nor reading fails; returns its code. */
+static int settle(reading *r, const step *s) {
+    for (int tries = 0;; tries++) {
+        meshreel_error error = {.code = -1};
+        int code = take_step(r, s, &error);
+        FUZZ_CLAIM(error.code == code && error.message);
+        bool may_pass = code == MESHREEL_NO_MEMORY || code == MESHREEL_UNREADABLE;
+        FUZZ_CLAIM(!may_pass || r->state.fails_once_in);
+        FUZZ_CLAIM(code != MESHREEL_INVALID && code >= 0 && code <= MESHREEL_LIMIT);
+        FUZZ_CLAIM(code != MESHREEL_RANGE || (s->layout && s->layout->type));
+        FUZZ_CLAIM(code != MESHREEL_LIMIT || error.size > r->state.limit);
+        FUZZ_CLAIM(code != MESHREEL_UNREADABLE || error.offset < r->state.bytes.size);
+        if (!may_pass) {
+            return code;
+        }
+        FUZZ_CLAIM(tries < MOST_RETRIES);
+        r->state.fails_once_in += tries % 2; /* less often, so that long steps end */
+    }
+}
+
+/* ---- what is found ---- */
+
+/* Notes numbers; processors differ in the bits of what is no number. */
+static void note_numbers(const void *numbers, uint64_t count, uint32_t type) {
+    for (uint64_t i = 0; i < count && type == MESHREEL_FLOAT32; i++) {
+        float one = ((const float *)numbers)[i];
+        one = one == one ? one : __builtin_nanf("");
+        fuzz_note(&one, 1, sizeof one);
+    }
+    if (type == MESHREEL_FLOAT64) {
+        fuzz_note_doubles(numbers, (int64_t)count);
+    } else if (type != MESHREEL_FLOAT32) {
+        fuzz_note(numbers, (int64_t)count, type & 15U);
+    }
+}
+
+static void claim_text(meshreel_text text) { fuzz_note(text.bytes, (int64_t)text.size, 1); }
+
+static void claim_attribute(const meshreel_attribute *one) {
+    claim_text(one->name);
+    note_numbers(one->values, (uint64_t)one->n_rows * one->width, one->type);
+    FUZZ_CLAIM(one->rows || one->n_rows == one->n_items);
+    for (uint32_t i = 0; one->rows && i < one->n_items; i++) {
+        FUZZ_CLAIM(one->rows[i] >= 0 && (uint32_t)one->rows[i] < one->n_rows);
+    }
+}
+
+static void claim_surface(const reading *r) {
+    const meshreel_surface *surface = meshreel_surface_of(r->file);
+    const meshreel_info *info = meshreel_info_of(r->file);
+    uint64_t n_corners = 0, n_verts = 0;
+    for (uint32_t i = 0; surface->face_sizes && i < info->n_faces; i++) {
+        FUZZ_CLAIM(surface->face_sizes[i] >= 3);
+        n_corners += surface->face_sizes[i];
+    }
+    FUZZ_CLAIM(!surface->face_sizes || n_corners == info->n_corners);
+    for (uint32_t i = 0; i < surface->n_attributes; i++) {
+        claim_attribute(&surface->attributes[i]);
+    }
+    for (uint32_t i = 0; i < surface->n_groups; i++) {
+        const meshreel_groups *groups = &surface->groups[i];
+        for (uint32_t k = 0; k < groups->n_labels; k++) {
+            claim_text(groups->labels[k]);
+        }
+        for (uint32_t k = 0; k < info->n_faces; k++) {
+            FUZZ_CLAIM(groups->of_faces[k] >= -1 &&
+                       groups->of_faces[k] < (int64_t)groups->n_labels);
+        }
+    }
+    for (uint32_t i = 0; i < surface->n_parts; i++) {
+        n_verts += surface->parts[i].n_verts;
+    }
+    FUZZ_CLAIM(!surface->n_parts || n_verts == info->n_verts);
+    for (uint32_t i = 0; i < surface->n_materials; i++) {
+        for (int slot = 0; slot < MESHREEL_SLOTS; slot++) {
+            uint32_t image = surface->materials[i].textures[slot].image;
+            FUZZ_CLAIM(image == MESHREEL_NONE || image < surface->n_images);
+        }
+    }
+    for (uint32_t i = 0; i < surface->n_images; i++) {
+        uint64_t end = surface->images[i].offset + surface->images[i].size;
+        FUZZ_CLAIM(end <= r->state.bytes.size);
+    }
+}
+
+static void claim_layout(const reading *r) {
+    const meshreel_info *info = meshreel_info_of(r->file);
+    meshreel_section section;
+    meshreel_error error;
+    uint32_t frame = 0;
+    for (uint64_t at = 0; !meshreel_section_at(r->file, at, 1, &section, &error);) {
+        at = section.offset + section.size;
+        FUZZ_CLAIM(at <= info->size);
+    }
+    for (uint32_t i = 0; i < info->n_blocks; i++) {
+        meshreel_block block;
+        FUZZ_CLAIM(meshreel_block_of(r->file, i, info->n_tracks - 1, &block) == MESHREEL_OK);
+        FUZZ_CLAIM(block.first_frame == frame && block.n_frames);
+        FUZZ_CLAIM(meshreel_block_of_frame(r->file, frame) == i);
+        frame += block.n_frames;
+    }
+    FUZZ_CLAIM(frame == info->n_frames);
+}
+
+/* ---- both hosts ---- */
+
+/* Takes a step with both files; returns its code. */
+static int take_both(reading *calm, reading *hostile, const step *calm_step,
+                     const step *hostile_step) {
+    int code = settle(calm, calm_step), other = settle(hostile, hostile_step);
+    bool is_limited = code == MESHREEL_LIMIT || other == MESHREEL_LIMIT;
+    FUZZ_CLAIM(code == other || is_limited);
+    fuzz_note(&code, 1, sizeof code);
+    return is_limited ? MESHREEL_LIMIT : code;
+}
+
+static int take_same(reading *calm, reading *hostile, const step *s) {
+    return take_both(calm, hostile, s, s);
+}
+
+/* A type and strides that are allowed. */
+static meshreel_layout any_layout(const meshreel_track *track) {
+    meshreel_layout layout = {0};
+    if (track->type == MESHREEL_FLOAT64 && fuzz_once_in(2)) {
+        layout.type = MESHREEL_FLOAT32;
+    }
+    size_t size = (layout.type ? layout.type : track->type) & 15U;
+    if (fuzz_once_in(2)) {
+        layout.value_stride = size * (track->n_columns + (size_t)fuzz_below(3));
+        layout.frame_stride = layout.value_stride * (track->n_items + (size_t)fuzz_below(3));
+    }
+    return layout;
+}
+
+/* Decodes some frames of a track by both, to memory that is filled alike. */
+static void decode_both(reading *calm, reading *hostile) {
+    const meshreel_info *info = meshreel_info_of(calm->file);
+    meshreel_track track;
+    step s = {.act = DECODE, .track = (uint32_t)fuzz_below(info->n_tracks)};
+    FUZZ_CLAIM(meshreel_track_of(calm->file, s.track, &track) == MESHREEL_OK);
+    meshreel_layout layout = any_layout(&track);
+    size_t size = (layout.type ? layout.type : track.type) & 15U;
+    uint64_t frame_bytes = layout.frame_stride ? layout.frame_stride
+                                               : size * track.n_columns * track.n_items;
+    s.first = (uint32_t)fuzz_below(info->n_frames);
+    uint64_t most = MOST_BYTES / frame_bytes, left = info->n_frames - s.first;
+    s.count = (uint32_t)fuzz_below((int64_t)(most < left ? most : left) + 1);
+    s.n_modes = !s.track && info->method == 7 && fuzz_once_in(3) ? 1 + (uint32_t)fuzz_below(20) : 0;
+    s.layout = fuzz_once_in(4) && !layout.type && !layout.frame_stride ? NULL : &layout;
+    step other = s;
+    s.values = fuzz_take((int64_t)(s.count * frame_bytes), 1);
+    other.values = fuzz_take((int64_t)(s.count * frame_bytes), 1);
+    if (take_both(calm, hostile, &s, &other) == MESHREEL_OK) {
+        FUZZ_CLAIM(!memcmp(s.values, other.values, s.count * frame_bytes));
+        if (!layout.value_stride) {
+            note_numbers(s.values, s.count * frame_bytes / size,
+                         layout.type ? layout.type : track.type);
+        }
+    }
+}
+
+static void find_normals(reading *calm, reading *hostile) {
+    const meshreel_info *info = meshreel_info_of(calm->file);
+    uint64_t count = 3 * (uint64_t)info->n_verts;
+    meshreel_layout floats = {.type = MESHREEL_FLOAT32};
+    float *positions = fuzz_take((int64_t)count, sizeof *positions);
+    float *normals = fuzz_take((int64_t)count, sizeof *normals);
+    step s = {.act = DECODE, .count = 1, .layout = &floats, .values = positions};
+    if (count * sizeof *normals < MOST_BYTES && !take_same(calm, hostile, &s)) {
+        s = (step){.act = NORMALS, .positions = positions, .values = normals};
+        if (!take_same(calm, hostile, &s)) {
+            note_numbers(normals, count, MESHREEL_FLOAT32);
+        }
+    }
+}
+
+static void decode_blocks(reading *calm, reading *hostile) {
+    const meshreel_info *info = meshreel_info_of(calm->file);
+    for (int i = 0; i < 10; i++) {
+        if (fuzz_once_in(4)) {
+            step s = {.act = LOAD, .track = (uint32_t)fuzz_below(info->n_tracks),
+                      .first = (uint32_t)fuzz_below(info->n_blocks)};
+            meshreel_group group;
+            if (!take_same(calm, hostile, &s)) {
+                FUZZ_CLAIM(meshreel_group_of(calm->file, s.first, s.track, 1, &group, NULL) ==
+                           MESHREEL_OK);
+                FUZZ_CLAIM(group.key_block <= s.first);
+            }
+        } else {
+            decode_both(calm, hostile);
+        }
+    }
+    find_normals(calm, hostile);
+}
+
+static void read_both(reading *calm, reading *hostile) {
+    if (take_same(calm, hostile, &(step){.act = OPEN})) {
+        return;
+    }
+    claim_layout(calm);
+    if (take_same(calm, hostile, &(step){.act = MESH})) {
+        return;
+    }
+    const meshreel_info *info = meshreel_info_of(calm->file);
+    const uint32_t *triangles = meshreel_triangles(calm->file);
+    for (uint64_t i = 0; i < 3 * (uint64_t)info->n_triangles; i++) {
+        FUZZ_CLAIM(triangles[i] < info->n_verts);
+    }
+    fuzz_note(triangles, 3 * (int64_t)info->n_triangles, sizeof *triangles);
+    if (!take_same(calm, hostile, &(step){.act = SURFACE})) {
+        claim_surface(calm);
+    }
+    if (!take_same(calm, hostile, &(step){.act = BEGIN})) {
+        decode_blocks(calm, hostile);
+    }
+}
+
+static void end_reading(reading *r) {
+    meshreel_end(r->decoder);
+    meshreel_close(r->file);
+    FUZZ_CLAIM(r->state.held == 0);
+}
+
+void fuzz_read_stream(fuzz_bytes bytes) {
+    reading calm = {.state = {.bytes = bytes, .limit = LIMIT},
+                    .source = {.bytes = bytes.bytes, .size = bytes.size}};
+    reading hostile = {.state = {.bytes = bytes, .limit = LIMIT},
+                       .source = {.read = read_bytes, .size = bytes.size}};
+    calm.host = hostile.host = (meshreel_host){.allocate = allocate, .release = release,
+                                               .memory_limit = LIMIT};
+    calm.host.user = &calm.state;
+    hostile.host.user = hostile.source.user = &hostile.state;
+    hostile.state.fails_once_in = fuzz_once_in(3) ? 2 + fuzz_below(60) : 0;
+    if (fuzz_once_in(3)) {
+        hostile.state.limit = hostile.host.memory_limit = (uint64_t)1 << (9 + fuzz_below(13));
+    }
+    if (fuzz_once_in(2)) {
+        hostile.host.run = run_backward;
+        hostile.host.n_threads = 1 + (uint32_t)fuzz_below(5);
+    }
+    read_both(&calm, &hostile);
+    end_reading(&calm);
+    end_reading(&hostile);
+}

@@ -1,0 +1,12 @@
+/* Attributes: values of vertices, faces or corners that do not change over time. */
+
+#ifndef REEL_ATTRIBUTES_H
+#define REEL_ATTRIBUTES_H
+
+#include "polygons.h"
+
+/* Decodes a section ATTRIBUTE to memory of `pool`. */
+int reel_read_attribute(reel_call *call, reel_pool *pool, const reel_faces *faces,
+                        reel_stretch payload, meshreel_attribute *found);
+
+#endif

@@ -1,0 +1,561 @@
+/* Loads a track of a block: docs/format.md, FIELDS to "Prediction", and VALUES. */
+
+#include "decoder.h"
+
+#define AT_REST 16 /* modes of a preview whose mean over the block is kept */
+#define LEAST_PART 512
+#define LARGEST_PART 16384
+#define PACKED_TOGETHER 64 /* values: parts begin at multiples of this */
+#define BATCH 16 /* vertices that the predictor takes at once */
+
+static int corrupt(reel_call *call, const meshreel_decoder *decoder, uint64_t block, uint32_t track,
+                   const char *message) {
+    return reel_fail(call, MESHREEL_CORRUPT,
+                     reel_group_bytes(&decoder->file->outline, block, track).at, message);
+}
+
+/* ---- items and hierarchies ---- */
+
+/* Whether the rows of two tracks are the same bytes. */
+static int have_same_rows(reel_call *call, const reel_track *one, const reel_track *other,
+                          bool *are) {
+    const uint8_t *these, *those;
+    *are = one->shown.domain == other->shown.domain && one->sharing == other->sharing &&
+           one->rows.length == other->rows.length;
+    if (!*are || !one->rows.length) {
+        return MESHREEL_OK;
+    }
+    const reel_chunk *mark = call->scratch.last;
+    int failed = reel_view(call, one->rows, &these);
+    failed = failed ? failed : reel_view(call, other->rows, &those);
+    *are = !failed && reel_same(these, those, (size_t)one->rows.length);
+    reel_drop_scratch(call, mark);
+    return failed;
+}
+
+/* Takes the items of a track on the same graph, if there is one whose items are known. */
+static int share_items(reel_call *call, meshreel_decoder *decoder, uint32_t number) {
+    const reel_track *tracks = decoder->file->tracks;
+    reel_held *held = &decoder->tracks[number];
+    int failed = MESHREEL_OK;
+    for (uint32_t i = 1; i < decoder->file->info.n_tracks && !held->has_items && !failed; i++) {
+        if (decoder->tracks[i].has_items) {
+            failed = have_same_rows(call, &tracks[i], &tracks[number], &held->has_items);
+            held->items = decoder->tracks[i].items;
+        }
+    }
+    return failed;
+}
+
+static int find_items(reel_call *call, meshreel_decoder *decoder, uint32_t number) {
+    const meshreel_file *file = decoder->file;
+    reel_held *held = &decoder->tracks[number];
+    int failed = held->has_items ? MESHREEL_OK : share_items(call, decoder, number);
+    if (failed || held->has_items) {
+        return failed;
+    }
+    reel_pool pool = {NULL, 0};
+    failed = reel_find_items(call, &pool, &file->outline, &file->mesh, file->face_sizes,
+                                 &file->tracks[number], &held->items);
+    if (failed) {
+        reel_release(&file->host, &pool);
+        return failed;
+    }
+    reel_append(&decoder->pool, &pool);
+    held->has_items = true;
+    return MESHREEL_OK;
+}
+
+/* A hierarchy that is here already: that of the file, or of a track on the same graph. */
+static const reel_field_mesh *known_mesh(const meshreel_decoder *decoder, const reel_graph *graph,
+                                         int64_t stencil_size) {
+    const reel_field_mesh *own = decoder->file->field_mesh;
+    for (uint32_t i = 0; i <= decoder->file->info.n_tracks; i++) {
+        if (own && own->graph->near == graph->near && own->mesh.stencil_size == stencil_size) {
+            return own;
+        }
+        own = i < decoder->file->info.n_tracks ? decoder->tracks[i].mesh : NULL;
+    }
+    return NULL;
+}
+
+static int find_mesh(reel_call *call, meshreel_decoder *decoder, reel_held *held,
+                     int64_t stencil_size) {
+    const reel_graph *graph = &held->items.graph;
+    held->mesh = known_mesh(decoder, graph, stencil_size);
+    if (held->mesh) {
+        return MESHREEL_OK;
+    }
+    reel_pool pool = {NULL, 0};
+    reel_hierarchy_job *job;
+    int failed = reel_prepare_hierarchy(call, &pool, graph, stencil_size, &job);
+    if (!failed) {
+        reel_find_hierarchy(job);
+        failed = reel_finish_hierarchy(call, job, &held->mesh);
+    }
+    if (failed) {
+        held->mesh = NULL;
+        reel_release(&decoder->file->host, &pool);
+        return failed;
+    }
+    reel_append(&decoder->pool, &pool);
+    return MESHREEL_OK;
+}
+
+/* What a block says of a track, whose items are known. */
+static int read_group(reel_call *call, const meshreel_decoder *decoder, uint32_t track,
+                      uint64_t block, reel_group *group) {
+    const reel_outline *outline = &decoder->file->outline;
+    uint64_t n_items = decoder->tracks[track].items.graph.n_items;
+    int failed = reel_read_group(call, outline, &decoder->file->tracks[track], track, block, true,
+                                 group);
+    bool fits = failed || (group->n_moved <= n_items &&
+                           group->n_moves <= group->n_frames * n_items);
+    return fits ? failed
+                : corrupt(call, decoder, block, track, "there are more corrections than values");
+}
+
+/* ---- fields ---- */
+
+/* Rows of integers that are coded over columns in an order. */
+typedef struct {
+    const reel_coding_order *order;
+    const uint8_t *bytes;
+    uint64_t at, size;
+    int64_t n_rows, n_wanted;
+    int32_t *values;
+    void *memory;
+    size_t needed;
+    int64_t result;
+} coded_fields;
+
+static int prepare_rows(reel_call *call, reel_stretch coded, const reel_coding_order *order,
+                        uint64_t n_rows, uint64_t n_wanted, coded_fields *found) {
+    *found = (coded_fields){.order = order, .at = coded.at, .size = coded.length,
+                            .n_rows = (int64_t)n_rows, .n_wanted = (int64_t)n_wanted};
+    found->needed = reel_fields_memory(order->n_columns, order->n_passes,
+                                       order->near_starts[order->n_columns]);
+    found->memory = reel_scratch(call, found->needed, 1);
+    bool is_small = n_wanted <= REEL_MOST_NUMBERS / (uint64_t)order->n_columns;
+    found->values = reel_scratch(call, is_small ? n_wanted * (uint64_t)order->n_columns
+                                                : REEL_MOST_NUMBERS, sizeof *found->values);
+    if (!found->memory || !found->values) {
+        return call->error.code;
+    }
+    int failed = reel_view(call, coded, &found->bytes);
+    if (failed || reel_ends(found->bytes, coded.length)) {
+        return failed;
+    }
+    return reel_fail(call, MESHREEL_CORRUPT, coded.at + coded.length - 1,
+                     "fields end with a byte of 0");
+}
+
+static void decode_rows(coded_fields *rows) {
+    const reel_coding_order *order = rows->order;
+    rows->result = reel_fields_decode(rows->memory, rows->needed, rows->bytes, (size_t)rows->size,
+                                      rows->n_rows, rows->n_wanted, order->n_columns,
+                                      order->columns, order->pass_starts, order->n_passes,
+                                      order->near_starts, order->near, rows->values);
+}
+
+/* What is decoded of a block at the same time. */
+typedef struct {
+    coded_fields fields, times;
+    reel_coding_order time_order;
+    void *basis_memory;
+    size_t basis_needed;
+    int64_t n_columns, n_frames, n_reused, rest_bits;
+    uint8_t *rests;
+    double *lengths, *basis; /* `basis` is NULL where only fields are wanted */
+    double finer;
+    const reel_block_fields *key;
+    const reel_mesh *mesh;
+    reel_fields predicted;
+    int64_t result;
+} block_job;
+
+static void decode_basis(block_job *job) {
+    decode_rows(&job->times);
+    if (job->times.result < 0) {
+        return;
+    }
+    if (job->n_reused > 0) {
+        reel_lengths(job->key->values, job->mesh->n_verts, (int64_t)job->key->n_modes,
+                     job->n_reused, job->finer, job->lengths);
+    }
+    job->result = reel_basis(job->basis_memory, job->basis_needed, job->times.values,
+                             job->times.n_wanted, job->n_columns, job->n_frames, job->rests,
+                             job->rest_bits, job->lengths, job->n_reused, job->basis);
+}
+
+static void run_block_job(void *shared, uint32_t i) {
+    block_job *job = shared;
+    if (!i) {
+        decode_rows(&job->fields);
+        return;
+    }
+    if (job->basis) {
+        decode_basis(job);
+    }
+    if (job->predicted.prepared) {
+        reel_predict_prepare(job->mesh, &job->predicted, 0, job->mesh->n_verts);
+    }
+}
+
+/* Parts of a level, or one part of several levels, that do not depend on each other. */
+typedef struct {
+    const reel_mesh *mesh;
+    reel_fields *fields;
+    int64_t first, end, part;
+} level_parts;
+
+static void predict_part(void *shared, uint32_t i) {
+    level_parts *parts = shared;
+    reel_fields fields = *parts->fields;
+    int64_t first = parts->first + i * parts->part, end = first + parts->part;
+    reel_predict_decode(parts->mesh, &fields, first, end < parts->end ? end : parts->end);
+}
+
+static void predict_parts(const reel_call *call, level_parts *parts) {
+    int64_t count = parts->end - parts->first;
+    if (count > 0) {
+        reel_run(call, predict_part, parts, (uint32_t)((count + parts->part - 1) / parts->part));
+    }
+}
+
+/* Predicts fields level by level, large levels on several threads. */
+static void predict(const reel_call *call, const reel_mesh *mesh, reel_fields *fields) {
+    int64_t n_threads = reel_threads(call), begun = 0;
+    for (int64_t level = 0; level < mesh->n_levels; level++) {
+        int64_t first = mesh->level_starts[level], end = mesh->level_starts[level + 1];
+        int64_t part = (end - first) / (4 * n_threads);
+        part = part < LEAST_PART ? LEAST_PART : part > LARGEST_PART ? LARGEST_PART : part;
+        part = (part + BATCH - 1) / BATCH * BATCH;
+        if (n_threads > 1 && end - first > part) {
+            predict_parts(call, &(level_parts){mesh, fields, begun, first, mesh->n_verts});
+            predict_parts(call, &(level_parts){mesh, fields, first, end, part});
+            begun = end;
+        }
+    }
+    predict_parts(call, &(level_parts){mesh, fields, begun, mesh->n_verts, mesh->n_verts});
+}
+
+/* Puts fields of a block behind the first ones of its key block, item by item. */
+static void join(const reel_block_fields *key, uint64_t n_reused, const double *own, uint64_t n_own,
+                 uint64_t n_items, double *values) {
+    for (uint64_t i = 0; i < n_items; i++) {
+        double *here = values + i * (n_reused + n_own);
+        reel_copy(here, key->values + i * key->n_modes, (size_t)n_reused * sizeof *here);
+        reel_copy(here + n_reused, own + i * n_own, (size_t)n_own * sizeof *here);
+    }
+}
+
+static int prepare_basis(reel_call *call, const reel_group *group, uint32_t n_columns,
+                         uint64_t n_modes, block_job *job) {
+    job->n_columns = n_columns;
+    job->n_frames = (int64_t)group->n_frames;
+    job->n_reused = (int64_t)group->n_reused;
+    job->finer = (double)group->finer;
+    job->rest_bits = (int64_t)group->rest_bits;
+    int failed = reel_read_rests(call, group, &job->rests);
+    failed = failed ? failed
+                    : reel_find_time_order(call, n_columns, job->n_frames, job->rests,
+                                           &job->time_order);
+    failed = failed ? failed
+                    : prepare_rows(call, group->basis, &job->time_order, group->n_modes, n_modes,
+                                   &job->times);
+    if (failed) {
+        return failed;
+    }
+    job->basis_needed = reel_basis_memory(n_columns, job->n_frames);
+    job->basis_memory = reel_scratch(call, job->basis_needed, 1);
+    job->lengths = reel_scratch(call, group->n_reused, sizeof *job->lengths);
+    return job->basis_memory && job->lengths ? MESHREEL_OK : call->error.code;
+}
+
+/* Decodes the fields of a block, of which n_modes are wanted, and its basis unless that is NULL. */
+static int decode_fields(reel_call *call, const reel_field_mesh *mesh, uint64_t block,
+                         const reel_group *group, uint32_t n_columns, uint64_t n_modes,
+                         const reel_block_fields *key, double *basis, reel_block_fields *found) {
+    uint64_t n_items = (uint64_t)mesh->mesh.n_verts, n_reused = group->n_reused;
+    uint64_t n_own = n_modes - n_reused;
+    block_job job = {.mesh = &mesh->mesh, .key = key, .basis = basis};
+    const reel_chunk *mark = call->scratch.last;
+    found->values = reel_keep(call, &found->pool, n_items * n_modes, sizeof *found->values);
+    double *own = n_reused ? reel_scratch(call, n_items * n_own, sizeof *own) : found->values;
+    if (!found->values || !own) {
+        return call->error.code;
+    }
+    int failed = prepare_rows(call, group->coefficients, &mesh->order, group->n_modes - n_reused,
+                              n_own, &job.fields);
+    if (!failed && basis) {
+        failed = prepare_basis(call, group, n_columns, n_modes, &job);
+    }
+    if (failed) {
+        return failed;
+    }
+    job.predicted = (reel_fields){.n_verts = (int64_t)n_items, .n_modes = (int64_t)n_own,
+                                  .n_learned = (int64_t)group->n_learned,
+                                  .residuals = job.fields.values, .values = own,
+                                  .n_key = key ? (int64_t)key->n_modes : 0,
+                                  .key = key ? key->values : NULL};
+    if (reel_threads(call) > 1 && n_own) {
+        size_t size = reel_predict_prepare_memory((int64_t)n_items, mesh->mesh.n_levels);
+        job.predicted.prepared = reel_scratch(call, size, 1);
+        if (!job.predicted.prepared) {
+            return call->error.code;
+        }
+    }
+    reel_run(call, run_block_job, &job, 2);
+    failed = reel_fail_core(call, job.fields.result, job.fields.at, "the fields are damaged");
+    failed = failed ? failed
+                    : reel_fail_core(call, job.times.result, job.times.at,
+                                     "the temporal basis is damaged");
+    failed = failed ? failed
+                    : reel_fail_core(call, job.result, job.times.at,
+                                     "the temporal basis is damaged");
+    if (failed) {
+        return failed;
+    }
+    if (n_own) {
+        predict(call, &mesh->mesh, &job.predicted);
+    }
+    if (n_reused) {
+        join(key, n_reused, own, n_own, n_items, found->values);
+    }
+    reel_drop_scratch(call, mark);
+    found->block = n_modes == group->n_modes ? block : REEL_NO_BLOCK;
+    found->reference = group->reference;
+    found->stencil_size = group->stencil_size;
+    found->n_modes = n_modes;
+    return MESHREEL_OK;
+}
+
+static void forget_fields(reel_call *call, reel_block_fields *fields) {
+    call->held -= fields->pool.held;
+    reel_release(call->host, &fields->pool);
+    *fields = (reel_block_fields){.block = REEL_NO_BLOCK};
+}
+
+/* Makes held->key the fields of the block that another one refers to. */
+static int find_key(reel_call *call, meshreel_decoder *decoder, uint32_t track, uint64_t block,
+                    const reel_group *group) {
+    reel_held *held = &decoder->tracks[track];
+    const reel_track *own = &decoder->file->tracks[track];
+    if (group->reference > block) {
+        return corrupt(call, decoder, block, track, "a block refers to one before the first");
+    }
+    uint64_t wanted = block - group->reference;
+    if (held->key.block != wanted && held->before.fields.block == wanted) {
+        reel_block_fields other = held->key;
+        held->key = held->before.fields;
+        held->before.fields = other;
+    }
+    if (held->key.block != wanted) {
+        reel_group of_key;
+        forget_fields(call, &held->key);
+        int failed = read_group(call, decoder, track, wanted, &of_key);
+        if (!failed && (of_key.reference || of_key.stencil_size != group->stencil_size)) {
+            failed = corrupt(call, decoder, block, track,
+                             "a block refers to one that is no key block, or has other stencils");
+        }
+        failed = failed ? failed
+                        : decode_fields(call, held->mesh, wanted, &of_key, own->n_coded,
+                                        of_key.n_modes, NULL, NULL, &held->key);
+        if (failed) {
+            forget_fields(call, &held->key);
+            return failed;
+        }
+    }
+    bool fits = !held->key.reference && held->key.stencil_size == group->stencil_size &&
+                group->n_reused <= held->key.n_modes;
+    return fits ? MESHREEL_OK
+                : corrupt(call, decoder, block, track,
+                          "a block refers to one that is no key block, or has fewer fields");
+}
+
+/* Of a preview: basis vectors behind the first ones stay at their mean. */
+static void rest(double *basis, int64_t n_columns, int64_t n_frames, int64_t n_modes,
+                 int64_t n_moving) {
+    for (int64_t column = 0; column < n_columns; column++) {
+        double *rows = basis + column * n_frames * n_modes;
+        for (int64_t mode = n_moving; mode < n_modes; mode++) {
+            double mean = 0.0;
+            for (int64_t t = 0; t < n_frames; t++) {
+                mean += rows[t * n_modes + mode];
+            }
+            mean /= (double)n_frames;
+            for (int64_t t = 0; t < n_frames; t++) {
+                rows[t * n_modes + mode] = mean;
+            }
+        }
+    }
+}
+
+/* ---- packed fields ---- */
+
+typedef struct {
+    const reel_held *held;
+    const int32_t *rows;
+    int64_t part;
+} pack_job;
+
+static void pack_part(void *shared, uint32_t i) {
+    const pack_job *job = shared;
+    const reel_held *held = job->held;
+    int64_t n_items = held->items.graph.n_items, n_modes = (int64_t)held->now.n_modes;
+    int64_t first = i * job->part, last = first + job->part;
+    reel_pack(held->now.fields.values, 1, n_modes, (double)held->now.group.step,
+              (int64_t)held->now.group.precision, job->rows, n_modes, n_items, first,
+              last < n_items ? last : n_items, held->now.packed);
+}
+
+/* Packs the fields once for all frames, in the order in which values go out. */
+static int pack_fields(reel_call *call, reel_held *held) {
+    uint32_t n_items = held->items.graph.n_items;
+    const reel_chunk *mark = call->scratch.last;
+    int32_t *rows = reel_scratch(call, n_items, sizeof *rows);
+    held->now.packed = reel_keep(call, &held->now.pool,
+                             reel_packed_bytes((int64_t)held->now.n_modes, n_items,
+                                               (int64_t)held->now.group.precision), 1);
+    if (!rows || !held->now.packed) {
+        return call->error.code;
+    }
+    for (uint32_t i = 0; i < n_items; i++) {
+        rows[i] = held->mesh->places[held->items.order ? held->items.order[i] : (int32_t)i];
+    }
+    int64_t part = n_items / reel_threads(call) / PACKED_TOGETHER * PACKED_TOGETHER;
+    pack_job job = {held, rows, part + PACKED_TOGETHER};
+    reel_run(call, pack_part, &job, (uint32_t)((n_items + job.part - 1) / job.part));
+    reel_drop_scratch(call, mark);
+    return MESHREEL_OK;
+}
+
+static int load_modes(reel_call *call, meshreel_decoder *decoder, uint32_t track, uint64_t block,
+                      uint64_t n_moving) {
+    reel_held *held = &decoder->tracks[track];
+    const reel_group *group = &held->now.group;
+    uint64_t n_modes = group->n_modes, n_wanted = n_moving > AT_REST ? n_moving : AT_REST;
+    uint32_t n_columns = decoder->file->tracks[track].n_coded;
+    if (n_moving && !group->reference && n_wanted < n_modes) {
+        n_modes = n_wanted;
+    }
+    int failed = find_mesh(call, decoder, held, (int64_t)group->stencil_size);
+    if (!failed && group->reference) {
+        failed = find_key(call, decoder, track, block, group);
+    }
+    if (failed) {
+        return failed;
+    }
+    held->now.n_modes = n_modes;
+    held->now.basis = reel_keep(call, &held->now.pool, n_columns * group->n_frames * n_modes,
+                            sizeof *held->now.basis);
+    if (!held->now.basis) {
+        return call->error.code;
+    }
+    failed = decode_fields(call, held->mesh, block, group, n_columns, n_modes,
+                           group->reference ? &held->key : NULL, held->now.basis, &held->now.fields);
+    failed = failed ? failed : pack_fields(call, held);
+    if (!failed && !n_moving) {
+        failed = reel_read_moves(call, &held->now.pool, group, n_columns, held->items.graph.n_items,
+                                 held->items.inverse, &held->now.moves);
+    }
+    if (!failed && n_moving) {
+        rest(held->now.basis, n_columns, (int64_t)group->n_frames, (int64_t)n_modes,
+             (int64_t)n_moving);
+    }
+    return failed;
+}
+
+/* ---- exact values ---- */
+
+/* Exact numbers on the graph of a track, to memory of `pool`. */
+static int decode_exact(reel_call *call, reel_pool *pool, reel_stretch coded,
+                        const reel_graph *graph, uint64_t n_frames, uint32_t n_columns,
+                        uint32_t size, enum reel_type type, void **found) {
+    int64_t frames = (int64_t)n_frames, columns = n_columns;
+    *found = reel_keep(call, pool, n_frames * graph->n_items, (uint64_t)n_columns * size);
+    const reel_chunk *mark = call->scratch.last;
+    size_t needed = reel_exact_memory(frames, graph->n_items, columns);
+    void *memory = reel_scratch(call, needed, 1);
+    const uint8_t *bytes;
+    if (!*found || !memory) {
+        return call->error.code;
+    }
+    int failed = reel_view(call, coded, &bytes);
+    if (failed) {
+        return failed;
+    }
+    int64_t result = reel_exact_decode(memory, needed, bytes, (size_t)coded.length, *found, frames,
+                                       graph->n_items, columns, size, type, graph->starts,
+                                       graph->near);
+    reel_drop_scratch(call, mark);
+    return reel_fail_core(call, result, coded.at, "exact values are damaged");
+}
+
+static int load_exact(reel_call *call, meshreel_decoder *decoder, uint32_t track) {
+    reel_held *held = &decoder->tracks[track];
+    const reel_track *own = &decoder->file->tracks[track];
+    const reel_group *group = &held->now.group;
+    uint32_t size = own->size;
+    enum reel_type type = own->is_float    ? REEL_FLOATS
+                          : own->is_signed ? REEL_SIGNED_INTEGERS
+                                           : REEL_UNSIGNED_INTEGERS;
+    if (own->difference) {
+        type = REEL_SIGNED_INTEGERS;
+    }
+    if (group->grid > 0.0) {
+        type = REEL_SIGNED_INTEGERS;
+        size = sizeof(int32_t);
+    }
+    return decode_exact(call, &held->now.pool, group->values, &held->items.graph, group->n_frames,
+                        own->n_coded, size, type, &held->now.exact);
+}
+
+/* ---- a block ---- */
+
+static void forget(reel_call *call, reel_loaded *loaded) {
+    call->held -= loaded->pool.held;
+    reel_release(call->host, &loaded->pool);
+    forget_fields(call, &loaded->fields);
+    *loaded = (reel_loaded){.block = REEL_NO_BLOCK, .fields = {.block = REEL_NO_BLOCK}};
+}
+
+int reel_load(reel_call *call, meshreel_decoder *decoder, uint32_t track, uint64_t block,
+              uint64_t n_moving) {
+    reel_held *held = &decoder->tracks[track];
+    const reel_track *own = &decoder->file->tracks[track];
+    if (held->now.block == block && held->now.n_moving == n_moving) {
+        return MESHREEL_OK;
+    }
+    reel_loaded other = held->before;
+    held->before = held->now;
+    held->now = other;
+    if (held->now.block == block && held->now.n_moving == n_moving) {
+        return MESHREEL_OK;
+    }
+    forget(call, &held->now);
+    call->held = reel_held_by(decoder) + call->scratch.held;
+    int failed = find_items(call, decoder, track);
+    failed = failed ? failed : read_group(call, decoder, track, block, &held->now.group);
+    if (failed) {
+        return failed;
+    }
+    bool has_modes = own->shown.coding != REEL_EXACT && !own->shown.is_exact;
+    failed = has_modes ? load_modes(call, decoder, track, block, n_moving)
+                       : load_exact(call, decoder, track);
+    if (!failed && held->now.group.missing.at) {
+        void *missing;
+        failed = decode_exact(call, &held->now.pool, held->now.group.missing, &held->items.graph,
+                              held->now.group.n_frames, own->shown.n_columns, 1,
+                              REEL_UNSIGNED_INTEGERS, &missing);
+        held->now.missing = missing;
+    }
+    if (failed) {
+        forget(call, &held->now);
+        return failed;
+    }
+    held->now.block = block;
+    held->now.n_moving = n_moving;
+    return MESHREEL_OK;
+}

@@ -1,0 +1,116 @@
+/* Memory, threads and failures of a call. */
+
+#include "call.h"
+
+#define DEFAULT_LIMIT ((uint64_t)8 << 30)
+
+struct reel_chunk {
+    reel_chunk *before;
+    uint64_t size; /* with this head */
+};
+
+_Static_assert(sizeof(reel_chunk) <= REEL_ALIGNMENT, "the head of a chunk keeps it aligned");
+
+reel_call reel_begin_call(const meshreel_source *source, const meshreel_host *host, uint64_t held) {
+    return (reel_call){.source = source, .host = host, .held = held};
+}
+
+int reel_end_call(reel_call *call, int failed, meshreel_error *error) {
+    reel_release(call->host, &call->scratch);
+    if (error) {
+        *error = failed ? call->error : (meshreel_error){.offset = REEL_UNKNOWN, .message = ""};
+    }
+    return failed;
+}
+
+int reel_fail(reel_call *call, int code, uint64_t offset, const char *message) {
+    call->error = (meshreel_error){.code = code, .offset = offset, .message = message};
+    return code;
+}
+
+int reel_fail_core(reel_call *call, int64_t result, uint64_t payload, const char *message) {
+    if (result >= 0) {
+        return MESHREEL_OK;
+    }
+    uint64_t code = (uint64_t)-result & 0xFFU, place = (uint64_t)-result >> 8;
+    if (code == REEL_NO_MEMORY) { /* the reader gave less than the core states */
+        return reel_fail(call, MESHREEL_INVALID, REEL_UNKNOWN, "internal error: too little memory");
+    }
+    return reel_fail(call, code == REEL_TRUNCATED ? MESHREEL_TRUNCATED : MESHREEL_CORRUPT,
+                     payload + place, message);
+}
+
+void *reel_keep(reel_call *call, reel_pool *pool, uint64_t count, uint64_t item) {
+    uint64_t limit = call->host->memory_limit ? call->host->memory_limit : DEFAULT_LIMIT;
+    limit = limit < SIZE_MAX / 2 ? limit : SIZE_MAX / 2;
+    bool fits = !item || count <= (UINT64_MAX >> 8) / item;
+    uint64_t payload = fits ? count * item : UINT64_MAX >> 8;
+    uint64_t size = payload + REEL_ALIGNMENT;
+#ifndef REEL_GUARDED /* where sanitizers see a step beyond the last byte */
+    size = (size + REEL_ALIGNMENT - 1) / REEL_ALIGNMENT * REEL_ALIGNMENT;
+#endif
+    if (call->held > limit || size > limit - call->held) {
+        reel_fail(call, MESHREEL_LIMIT, REEL_UNKNOWN, "decoding takes more memory than allowed");
+        call->error.size = call->held + size;
+        return NULL;
+    }
+    reel_chunk *chunk = call->host->allocate(call->host->user, (size_t)size);
+    if (!chunk) {
+        reel_fail(call, MESHREEL_NO_MEMORY, REEL_UNKNOWN, "the host has no more memory");
+        call->error.size = call->held + size;
+        return NULL;
+    }
+    *chunk = (reel_chunk){pool->last, size};
+    pool->last = chunk;
+    pool->held += size;
+    call->held += size;
+    return (uint8_t *)chunk + REEL_ALIGNMENT;
+}
+
+void *reel_scratch(reel_call *call, uint64_t count, uint64_t item) {
+    return reel_keep(call, &call->scratch, count, item);
+}
+
+static void release_last(const meshreel_host *host, reel_pool *pool) {
+    reel_chunk *chunk = pool->last;
+    uint64_t size = chunk->size;
+    pool->last = chunk->before;
+    pool->held -= size;
+    host->release(host->user, chunk, (size_t)size);
+}
+
+void reel_drop_scratch(reel_call *call, const reel_chunk *mark) {
+    uint64_t before = call->scratch.held;
+    while (call->scratch.last != mark) {
+        release_last(call->host, &call->scratch);
+    }
+    call->held -= before - call->scratch.held;
+}
+
+void reel_release(const meshreel_host *host, reel_pool *pool) {
+    while (pool->last) {
+        release_last(host, pool);
+    }
+}
+
+void reel_append(reel_pool *pool, reel_pool *more) {
+    reel_chunk **end = &more->last;
+    while (*end) {
+        end = &(*end)->before;
+    }
+    *end = pool->last;
+    pool->last = more->last;
+    pool->held += more->held;
+    *more = (reel_pool){NULL, 0};
+}
+
+void reel_run(const reel_call *call, void (*task)(void *shared, uint32_t i), void *shared,
+              uint32_t n_tasks) {
+    if (n_tasks > 1 && reel_threads(call) > 1) {
+        call->host->run(call->host->user, task, shared, n_tasks);
+        return;
+    }
+    for (uint32_t i = 0; i < n_tasks; i++) {
+        task(shared, i);
+    }
+}

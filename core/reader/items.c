@@ -1,0 +1,255 @@
+/* The graphs of faces, corners and rows, and corners that share values: docs/format.md, "Tracks". */
+
+#include "items.h"
+
+#include "polygons.h"
+
+/* Corners of polygons, which are numbered face after face: of each corner of a triangle; the
+   polygon of each triangle. */
+typedef struct {
+    int32_t *corners;  /* 3 n_faces */
+    int32_t *polygons; /* n_faces */
+    uint64_t n_polygons, n_corners;
+} fans;
+
+static int find_fans(reel_call *call, reel_pool *pool, const reel_outline *outline,
+                     const uint32_t *face_sizes, fans *found) {
+    *found = (fans){.n_polygons = outline->n_polygons, .n_corners = outline->n_corners};
+    found->corners = reel_scratch(call, 3 * outline->n_faces, sizeof *found->corners);
+    found->polygons = reel_keep(call, pool, outline->n_faces, sizeof *found->polygons);
+    if (!found->corners || !found->polygons) {
+        return call->error.code;
+    }
+    reel_find_fans(outline, face_sizes, found->corners);
+    uint64_t triangle = 0;
+    for (uint64_t polygon = 0; polygon < outline->n_polygons; polygon++) {
+        uint32_t size = face_sizes ? face_sizes[polygon] : 3;
+        for (uint32_t k = 2; k < size; k++) {
+            found->polygons[triangle++] = (int32_t)polygon;
+        }
+    }
+    return MESHREEL_OK;
+}
+
+/* ---- rows ---- */
+
+typedef struct {
+    int32_t *of_corners;
+    uint64_t n_rows;
+} corner_rows;
+
+/* Corners by internal vertex, ascending: those of v are listed[starts[v]..starts[v + 1]). */
+static int list_corners(reel_call *call, const int32_t *vertices, const int32_t *sequence,
+                        uint64_t n_corners, uint64_t n_verts, int32_t **starts,
+                        int32_t **listed) {
+    *starts = reel_scratch(call, n_verts + 2, sizeof **starts);
+    *listed = reel_scratch(call, n_corners, sizeof **listed);
+    if (!*starts || !*listed) {
+        return call->error.code;
+    }
+    int32_t *next = *starts + 1; /* behind the fill, next[v] is the end of v */
+    reel_zero(*starts, (n_verts + 2) * sizeof **starts);
+    for (uint64_t i = 0; i < n_corners; i++) {
+        next[sequence[vertices[i]] + 1]++;
+    }
+    for (uint64_t v = 0; v < n_verts; v++) {
+        next[v + 1] += next[v];
+    }
+    for (uint64_t i = 0; i < n_corners; i++) {
+        (*listed)[next[sequence[vertices[i]]]++] = (int32_t)i;
+    }
+    return MESHREEL_OK;
+}
+
+static int damaged_rows(reel_call *call, const reel_track *track, const char *message) {
+    return reel_fail(call, MESHREEL_CORRUPT, track->rows.at, message);
+}
+
+/* The rows of the corners of a vertex with several; returns how many codes it takes, or -1. */
+static int64_t place_rows(const int32_t *corners, int64_t n_corners, const int32_t *codes,
+                          int64_t n_codes, corner_rows *rows) {
+    if (n_corners - 1 > n_codes) {
+        return -1;
+    }
+    for (int64_t k = 1; k < n_corners; k++) {
+        int64_t code = codes[k - 1], back = code ? code : 1;
+        if (code < 0 || (code != 1 && back > k)) {
+            return -1;
+        }
+        rows->of_corners[corners[k]] = code == 1 ? (int32_t)rows->n_rows++
+                                                 : rows->of_corners[corners[k - back]];
+    }
+    return n_corners > 1 ? n_corners - 1 : 0;
+}
+
+static int read_rows(reel_call *call, reel_pool *pool, const reel_outline *outline,
+                     const reel_track *track, const int32_t *vertices, const int32_t *sequence,
+                     corner_rows *rows) {
+    uint64_t n_codes, n_verts = outline->n_verts, n_corners = outline->n_corners;
+    reel_stretch left = track->rows;
+    int32_t *starts, *listed, *has_seam;
+    int failed = reel_take_varint(call, &left, &n_codes);
+    if (!failed && n_codes > n_corners) {
+        return damaged_rows(call, track, "more corners have a row of their own than there are");
+    }
+    const int64_t lengths[] = {(int64_t)n_verts, (int64_t)n_codes};
+    const int32_t tables[] = {0, 1};
+    failed = failed ? failed : reel_decode_rows(call, left, lengths, tables, 2, 2, &has_seam);
+    failed = failed ? failed
+                    : list_corners(call, vertices, sequence, n_corners, n_verts, &starts, &listed);
+    rows->of_corners = reel_keep(call, pool, n_corners, sizeof *rows->of_corners);
+    rows->n_rows = n_verts;
+    if (failed || !rows->of_corners) {
+        return call->error.code; /* of the later failure, if there were two */
+    }
+    const int32_t *codes = has_seam + n_verts;
+    int64_t taken = 0;
+    for (uint64_t v = 0; v < n_verts; v++) {
+        const int32_t *corners = listed + starts[v];
+        int64_t count = starts[v + 1] - starts[v], used = 0;
+        if (has_seam[v] != 0 && has_seam[v] != 1) {
+            return damaged_rows(call, track, "a vertex has neither one row nor several");
+        }
+        for (int64_t k = 0; k < count; k++) {
+            rows->of_corners[corners[k]] = (int32_t)v;
+        }
+        if (has_seam[v]) {
+            used = place_rows(corners, count, codes + taken, (int64_t)n_codes - taken, rows);
+        }
+        if (used < 0) {
+            return damaged_rows(call, track, "a corner has a row that its vertex does not have");
+        }
+        taken += used;
+    }
+    return taken == (int64_t)n_codes
+               ? MESHREEL_OK
+               : damaged_rows(call, track, "there are fewer corners at seams than stated");
+}
+
+/* The vertex, as it goes out, of each row. */
+static int find_row_vertices(reel_call *call, reel_pool *pool, const corner_rows *rows,
+                             const reel_mesh_data *mesh, uint64_t n_verts, uint64_t n_corners,
+                             const int32_t *vertices, const int32_t **found) {
+    int32_t *own = reel_keep(call, pool, rows->n_rows, sizeof *own);
+    *found = own;
+    if (!own) {
+        return call->error.code;
+    }
+    reel_copy(own, mesh->outward, n_verts * sizeof *own);
+    for (uint64_t i = 0; i < n_corners; i++) {
+        own[rows->of_corners[i]] = vertices[i];
+    }
+    return MESHREEL_OK;
+}
+
+/* ---- graphs ---- */
+
+/* Pairs of items as faces, whose second corner is there twice. */
+typedef struct {
+    int32_t *faces;
+    uint64_t count;
+} pairs;
+
+static void add_pair(pairs *all, int32_t one, int32_t other) {
+    int32_t *face = all->faces + 3 * all->count++;
+    face[0] = one;
+    face[1] = face[2] = other;
+}
+
+static uint64_t side_after(uint64_t side) { return side % 3 == 2 ? side - 2 : side + 1; }
+
+/* Joins the corners at both ends of the edge that a side and its twin are of; where there are rows,
+   those that differ. */
+static void join_corners(pairs *all, const uint32_t *triangles, const fans *of, uint64_t side,
+                         uint64_t twin, const int32_t *rows) {
+    bool runs_back = triangles[side] == triangles[side_after(twin)];
+    uint64_t first = runs_back ? side_after(twin) : twin;
+    uint64_t second = runs_back ? twin : side_after(twin);
+    int32_t ends[2][2] = {{of->corners[side], of->corners[first]},
+                          {of->corners[side_after(side)], of->corners[second]}};
+    for (int k = 0; k < 2; k++) {
+        int32_t one = rows ? rows[ends[k][0]] : ends[k][0];
+        int32_t other = rows ? rows[ends[k][1]] : ends[k][1];
+        if (!rows || one != other) {
+            add_pair(all, one, other);
+        }
+    }
+}
+
+/* The graph of faces, of corners, or of the rows of corners. */
+static int find_graph(reel_call *call, reel_pool *pool, const reel_outline *outline,
+                      const reel_mesh_data *mesh, const fans *of, uint32_t domain,
+                      const int32_t *rows, uint64_t n_items, reel_graph *graph) {
+    uint64_t n_faces = outline->n_faces;
+    pairs all = {reel_scratch(call, 3 * 6 * n_faces, sizeof *all.faces), 0};
+    int32_t *twins;
+    if (!all.faces) {
+        return call->error.code;
+    }
+    int failed = reel_find_twins(call, (const int32_t *)mesh->triangles, n_faces, outline->n_verts,
+                                 &twins);
+    if (failed) {
+        return failed;
+    }
+    for (uint64_t side = 0; side < 3 * n_faces; side++) {
+        uint64_t twin = (uint64_t)twins[side];
+        if (domain == MESHREEL_CORNERS && !rows) {
+            add_pair(&all, of->corners[side], of->corners[side_after(side)]);
+        } else if (rows && side % 3 == 0) {
+            int32_t *face = all.faces + 3 * all.count++;
+            for (int k = 0; k < 3; k++) {
+                face[k] = rows[of->corners[side + (uint64_t)k]];
+            }
+        }
+        if (twin <= side) {
+            continue;
+        }
+        if (domain == MESHREEL_FACES) {
+            add_pair(&all, of->polygons[side / 3], of->polygons[twin / 3]);
+        } else {
+            join_corners(&all, mesh->triangles, of, side, twin, rows);
+        }
+    }
+    return reel_find_neighbors(call, pool, all.faces, all.count, (uint32_t)n_items, graph);
+}
+
+int reel_find_items(reel_call *call, reel_pool *pool, const reel_outline *outline,
+                    const reel_mesh_data *mesh, const uint32_t *face_sizes, const reel_track *track,
+                    reel_items *items) {
+    uint32_t domain = track->shown.domain;
+    *items = (reel_items){.graph = mesh->graph, .order = mesh->sequence, .inverse = mesh->outward};
+    if (domain == MESHREEL_VERTICES) {
+        return MESHREEL_OK;
+    }
+    fans of;
+    int32_t *vertices = NULL;
+    corner_rows rows = {NULL, 0};
+    int failed = find_fans(call, pool, outline, face_sizes, &of);
+    if (!failed && domain == MESHREEL_CORNERS) {
+        vertices = reel_keep(call, pool, of.n_corners, sizeof *vertices);
+        if (!vertices) {
+            return call->error.code;
+        }
+        reel_find_corner_vertices(outline, mesh->triangles, face_sizes, vertices);
+        items->vertex = vertices;
+        items->spread = track->sharing == REEL_OF_VERTICES ? vertices : NULL;
+    }
+    if (failed || track->sharing == REEL_OF_VERTICES) {
+        items->vertex = NULL;
+        return failed;
+    }
+    items->order = items->inverse = NULL;
+    items->polygon = of.polygons;
+    uint64_t n_items = domain == MESHREEL_FACES ? of.n_polygons : of.n_corners;
+    if (track->sharing == REEL_OF_ROWS) {
+        failed = read_rows(call, pool, outline, track, vertices, mesh->sequence, &rows);
+        failed = failed ? failed
+                        : find_row_vertices(call, pool, &rows, mesh, outline->n_verts,
+                                            of.n_corners, vertices, &items->vertex);
+        items->spread = rows.of_corners;
+        n_items = rows.n_rows;
+    }
+    return failed ? failed
+                  : find_graph(call, pool, outline, mesh, &of, domain, rows.of_corners, n_items,
+                               &items->graph);
+}

@@ -1,0 +1,167 @@
+/* The sections MATERIAL and IMAGE: docs/format.md. */
+
+#include "materials.h"
+
+#define MATERIAL_NUMBERS 12
+#define TEXTURE_NUMBERS 5
+#define DOUBLE_SIDED 4U
+#define UNLIT 8U
+#define MOST_FLAGS 15U
+#define LAST_ALPHA_MODE 2U
+#define LAST_WRAP 4U
+#define LAST_MAGNIFIED 2U
+#define LAST_SHRUNK 6U
+#define RGB 7U
+#define RGBA 15U
+
+static int corrupt(reel_call *call, uint64_t at, const char *message) {
+    return reel_fail(call, MESHREEL_CORRUPT, at, message);
+}
+
+/* Replaces those of `count` numbers that are not as by default. */
+static int read_numbers(reel_call *call, reel_stretch *left, unsigned count, double *numbers) {
+    uint64_t at = left->at, present;
+    int failed = reel_take_varint(call, left, &present);
+    if (!failed && present >> count) {
+        return corrupt(call, at, "a material sets numbers that are unknown");
+    }
+    for (unsigned i = 0; !failed && i < count; i++) {
+        if (present >> i & 1U) {
+            at = left->at;
+            failed = reel_take_bytes(call, left, &numbers[i], sizeof numbers[i]);
+            if (!failed && !reel_is_finite(numbers[i])) {
+                return corrupt(call, at, "a number of a material is not finite");
+            }
+        }
+    }
+    return failed;
+}
+
+/* ---- textures ---- */
+
+static bool fits_slot(unsigned slot, uint8_t channels) {
+    bool is_color = slot == MESHREEL_BASE_COLOR || slot == MESHREEL_NORMAL ||
+                    slot == MESHREEL_EMISSIVE;
+    bool is_one = channels && !(channels & (channels - 1U));
+    return is_color ? channels == RGB || channels == RGBA : is_one && channels < RGBA;
+}
+
+/* Channels, wrap modes and filters. */
+static int read_choices(reel_call *call, reel_stretch *left, unsigned slot,
+                        meshreel_texture *found) {
+    uint64_t at = left->at;
+    uint8_t bytes[3];
+    int failed = reel_take_bytes(call, left, bytes, sizeof bytes);
+    if (failed) {
+        return failed;
+    }
+    if (!fits_slot(slot, bytes[0])) {
+        return corrupt(call, at, "a texture uses channels that its slot does not allow");
+    }
+    found->channels = bytes[0];
+    found->wrap_u = bytes[1] & 15U;
+    found->wrap_v = bytes[1] >> 4;
+    found->magnified = bytes[2] & 15U;
+    found->shrunk = bytes[2] >> 4;
+    if (found->wrap_u > LAST_WRAP || found->wrap_v > LAST_WRAP) {
+        return corrupt(call, at + 1, "the wrap mode of a texture is unknown");
+    }
+    if (found->magnified > LAST_MAGNIFIED || found->shrunk > LAST_SHRUNK) {
+        return corrupt(call, at + 2, "the filter of a texture is unknown");
+    }
+    return MESHREEL_OK;
+}
+
+static int read_texture(reel_call *call, reel_pool *pool, reel_stretch *left, uint32_t n_images,
+                        unsigned slot, meshreel_texture *found) {
+    uint64_t at = left->at, image;
+    double numbers[TEXTURE_NUMBERS] = {0.0, 0.0, 0.0, 1.0, 1.0};
+    int failed = reel_take_varint(call, left, &image);
+    if (!failed && image >= n_images) {
+        return corrupt(call, at, "a texture shows an image that does not exist");
+    }
+    failed = failed ? failed : reel_take_text(call, pool, left, &found->uv);
+    failed = failed ? failed : read_choices(call, left, slot, found);
+    failed = failed ? failed : read_numbers(call, left, TEXTURE_NUMBERS, numbers);
+    if (failed) {
+        return failed;
+    }
+    found->image = (uint32_t)image;
+    reel_copy(found->offset, numbers, sizeof found->offset);
+    found->rotation = numbers[2];
+    reel_copy(found->scale, numbers + 3, sizeof found->scale);
+    return MESHREEL_OK;
+}
+
+static int read_textures(reel_call *call, reel_pool *pool, reel_stretch *left, uint32_t n_images,
+                         meshreel_material *found) {
+    uint64_t at = left->at;
+    uint8_t slots;
+    int failed = reel_take_bytes(call, left, &slots, 1);
+    if (!failed && slots >> MESHREEL_SLOTS) {
+        return corrupt(call, at, "a material has textures in unknown slots");
+    }
+    for (unsigned slot = 0; !failed && slot < MESHREEL_SLOTS; slot++) {
+        meshreel_texture *texture = &found->textures[slot];
+        *texture = (meshreel_texture){
+            .image = MESHREEL_NONE, .uv = {.bytes = ""}, .scale = {1.0, 1.0}};
+        if (slots >> slot & 1U) {
+            failed = read_texture(call, pool, left, n_images, slot, texture);
+        }
+    }
+    return failed;
+}
+
+/* ---- materials ---- */
+
+static int read_flags(reel_call *call, reel_stretch *left, meshreel_material *found) {
+    uint64_t at = left->at;
+    uint8_t flags;
+    int failed = reel_take_bytes(call, left, &flags, 1);
+    if (failed) {
+        return failed;
+    }
+    found->alpha_mode = flags & 3U;
+    found->is_double_sided = (flags & DOUBLE_SIDED) != 0;
+    found->is_unlit = (flags & UNLIT) != 0;
+    return flags <= MOST_FLAGS && found->alpha_mode <= LAST_ALPHA_MODE
+               ? MESHREEL_OK
+               : corrupt(call, at, "the flags or the alpha mode of a material are unknown");
+}
+
+static int read_looks(reel_call *call, reel_stretch *left, meshreel_material *found) {
+    double numbers[MATERIAL_NUMBERS] = {1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.5};
+    int failed = read_numbers(call, left, MATERIAL_NUMBERS, numbers);
+    reel_copy(found->base_color, numbers, sizeof found->base_color);
+    found->metallic = numbers[4];
+    found->roughness = numbers[5];
+    reel_copy(found->emissive, numbers + 6, sizeof found->emissive);
+    found->normal_scale = numbers[9];
+    found->occlusion_strength = numbers[10];
+    found->alpha_cutoff = numbers[11];
+    return failed;
+}
+
+int reel_read_material(reel_call *call, reel_pool *pool, reel_stretch payload, uint32_t n_images,
+                       meshreel_material *found) {
+    reel_stretch left = payload;
+    *found = (meshreel_material){0};
+    int failed = reel_take_text(call, pool, &left, &found->name);
+    failed = failed ? failed : read_flags(call, &left, found);
+    failed = failed ? failed : read_looks(call, &left, found);
+    failed = failed ? failed : read_textures(call, pool, &left, n_images, found);
+    return failed || !left.length ? failed
+                                  : corrupt(call, left.at, "bytes follow the last texture");
+}
+
+/* ---- images ---- */
+
+int reel_read_image(reel_call *call, reel_pool *pool, reel_stretch payload, meshreel_image *found) {
+    reel_stretch left = payload;
+    *found = (meshreel_image){0};
+    int failed = reel_take_text(call, pool, &left, &found->name);
+    failed = failed ? failed : reel_take_text(call, pool, &left, &found->media_type);
+    found->offset = left.at;
+    found->size = left.length;
+    return failed;
+}

@@ -1,0 +1,173 @@
+/* The triangles of a file, and the order of its vertices: docs/format.md, CONNECTIVITY and ORDER. */
+
+#include "mesh.h"
+
+#define VERTICES_ONLY 1
+#define VERTICES_AND_FACES 2
+
+int reel_find_neighbors(reel_call *call, reel_pool *pool, const int32_t *faces, uint64_t n_faces,
+                        uint32_t n_items, reel_graph *graph) {
+    int32_t *starts = reel_keep(call, pool, (uint64_t)n_items + 1, sizeof *starts);
+    int32_t *near = reel_keep(call, pool, 6 * n_faces, sizeof *near);
+    const reel_chunk *mark = call->scratch.last;
+    size_t needed = reel_adjacency_memory(n_items, (int64_t)n_faces);
+    void *memory = reel_scratch(call, needed, 1);
+    if (!starts || !near || !memory) {
+        return call->error.code;
+    }
+    int64_t result = reel_adjacency(memory, needed, faces, (int64_t)n_faces, n_items, starts, near);
+    reel_drop_scratch(call, mark);
+    *graph = (reel_graph){n_items, starts, near};
+    return reel_fail_core(call, result, 0, "a face has a vertex that does not exist");
+}
+
+int reel_find_twins(reel_call *call, const int32_t *faces, uint64_t n_faces, uint64_t n_verts,
+                    int32_t **twins) {
+    *twins = reel_scratch(call, 3 * n_faces, sizeof **twins);
+    const reel_chunk *mark = call->scratch.last;
+    size_t needed = reel_twins_memory((int64_t)n_verts, (int64_t)n_faces);
+    void *memory = reel_scratch(call, needed, 1);
+    if (!*twins || !memory) {
+        return call->error.code;
+    }
+    int64_t result = reel_twins(memory, needed, faces, (int64_t)n_faces, (int64_t)n_verts, *twins);
+    reel_drop_scratch(call, mark);
+    return reel_fail_core(call, result, 0, "a face has a vertex that does not exist");
+}
+
+int reel_read_connectivity(reel_call *call, reel_pool *pool, const reel_outline *outline,
+                           reel_mesh_data *mesh) {
+    int64_t n_verts = (int64_t)outline->n_verts, n_faces = (int64_t)outline->n_faces;
+    reel_stretch coded;
+    int failed = reel_only_section(call, outline, REEL_CONNECTIVITY, &coded);
+    if (failed) {
+        return failed;
+    }
+    mesh->internal_faces = reel_keep(call, pool, 3 * outline->n_faces, sizeof(int32_t));
+    const reel_chunk *mark = call->scratch.last;
+    size_t needed = reel_connectivity_decode_memory(n_verts, n_faces);
+    void *memory = reel_scratch(call, needed, 1);
+    const uint8_t *bytes;
+    if (!mesh->internal_faces || !memory) {
+        return call->error.code;
+    }
+    failed = reel_view(call, coded, &bytes);
+    if (failed) {
+        return failed;
+    }
+    int64_t result = reel_connectivity_decode(memory, needed, bytes, (size_t)coded.length, n_verts,
+                                              n_faces, mesh->internal_faces);
+    reel_drop_scratch(call, mark);
+    failed = reel_fail_core(call, result, coded.at, "the connectivity is damaged");
+    return failed ? failed
+                  : reel_find_neighbors(call, pool, mesh->internal_faces, outline->n_faces,
+                                        (uint32_t)outline->n_verts, &mesh->graph);
+}
+
+struct reel_order_job {
+    const reel_outline *outline;
+    reel_mesh_data *mesh;
+    const uint8_t *bytes; /* of the section, or NULL: the internal order goes out */
+    size_t size;
+    uint64_t at;
+    bool with_faces;
+    int32_t *twins, *corners;
+    void *twins_memory, *order_memory;
+    size_t twins_size, order_size;
+    int64_t result;
+};
+
+static int view_order(reel_call *call, const reel_outline *outline, reel_order_job *job) {
+    reel_stretch coded = {0, 0};
+    if (outline->order == REEL_ORDER_DROPPED) {
+        return MESHREEL_OK;
+    }
+    int failed = reel_only_section(call, outline, REEL_ORDER, &coded);
+    if (failed || !coded.length) {
+        return failed;
+    }
+    failed = reel_view(call, coded, &job->bytes);
+    if (failed) {
+        return failed;
+    }
+    job->size = (size_t)coded.length;
+    job->at = coded.at;
+    job->with_faces = job->bytes[0] == VERTICES_AND_FACES;
+    if (!job->with_faces && job->bytes[0] != VERTICES_ONLY) {
+        return reel_fail(call, MESHREEL_CORRUPT, coded.at, "the order begins with neither 1 nor 2");
+    }
+    return coded.length == 1 || job->bytes[coded.length - 1]
+               ? MESHREEL_OK
+               : reel_fail(call, MESHREEL_CORRUPT, coded.at + coded.length - 1,
+                           "the order ends with a byte of 0");
+}
+
+int reel_prepare_order(reel_call *call, reel_pool *pool, const reel_outline *outline,
+                       reel_mesh_data *mesh, reel_order_job **found) {
+    int64_t n_verts = (int64_t)outline->n_verts, n_faces = (int64_t)outline->n_faces;
+    reel_order_job *job = reel_scratch(call, 1, sizeof *job);
+    mesh->sequence = reel_keep(call, pool, outline->n_verts, sizeof(int32_t));
+    mesh->outward = reel_keep(call, pool, outline->n_verts, sizeof(int32_t));
+    mesh->triangles = reel_keep(call, pool, 3 * outline->n_faces, sizeof(uint32_t));
+    if (!job || !mesh->sequence || !mesh->outward || !mesh->triangles) {
+        return call->error.code;
+    }
+    *job = (reel_order_job){.outline = outline, .mesh = mesh};
+    *found = job;
+    int failed = view_order(call, outline, job);
+    if (failed || !job->bytes) {
+        return failed;
+    }
+    job->order_size = reel_order_memory(n_verts, n_faces);
+    job->order_memory = reel_scratch(call, job->order_size, 1);
+    if (job->with_faces) {
+        job->twins_size = reel_twins_memory(n_verts, n_faces);
+        job->twins_memory = reel_scratch(call, job->twins_size, 1);
+        job->twins = reel_scratch(call, 3 * outline->n_faces, sizeof *job->twins);
+        job->corners = reel_scratch(call, outline->n_faces, sizeof *job->corners);
+    }
+    bool has_all = job->order_memory && (!job->with_faces || (job->twins_memory && job->twins &&
+                                                              job->corners));
+    return has_all ? MESHREEL_OK : call->error.code;
+}
+
+/* The faces with the numbers of vertices that go out, by their first corners. */
+static void list_faces(int64_t n_faces, const int32_t *faces, const int32_t *outward,
+                       const int32_t *corners, uint32_t *triangles) {
+    for (int64_t i = 0; i < n_faces; i++) {
+        int64_t first = corners ? corners[i] : 3 * i, face = first / 3 * 3;
+        for (int64_t k = 0; k < 3; k++) {
+            int64_t corner = face + (first - face + k) % 3;
+            triangles[3 * i + k] = (uint32_t)outward[faces[corner]];
+        }
+    }
+}
+
+void reel_decode_order(reel_order_job *job) {
+    reel_mesh_data *mesh = job->mesh;
+    int64_t n_verts = (int64_t)job->outline->n_verts, n_faces = (int64_t)job->outline->n_faces;
+    const int32_t *faces = mesh->internal_faces;
+    for (int32_t v = 0; v < n_verts && !job->bytes; v++) {
+        mesh->sequence[v] = v;
+    }
+    if (job->with_faces) {
+        job->result =
+            reel_twins(job->twins_memory, job->twins_size, faces, n_faces, n_verts, job->twins);
+    }
+    if (job->bytes && job->result >= 0) {
+        job->result = reel_order_decode(job->order_memory, job->order_size, job->bytes + 1,
+                                        job->size - 1, faces, job->twins, n_verts, n_faces,
+                                        job->with_faces, job->corners, mesh->sequence);
+    }
+    if (job->result < 0) {
+        return;
+    }
+    for (int32_t v = 0; v < n_verts; v++) {
+        mesh->outward[mesh->sequence[v]] = v;
+    }
+    list_faces(n_faces, faces, mesh->outward, job->corners, mesh->triangles);
+}
+
+int reel_finish_order(reel_call *call, const reel_order_job *job) {
+    return reel_fail_core(call, job->result, job->at, "the order of vertices is damaged");
+}

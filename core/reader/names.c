@@ -1,0 +1,51 @@
+/* Names that must differ: found by sorting, as a file may have a million of them. */
+
+#include "names.h"
+
+/* Below 0, 0 or above 0: whether a text is before another, as bytes. */
+static int compare(const meshreel_text *one, const meshreel_text *other) {
+    size_t shorter = one->size < other->size ? one->size : other->size;
+    for (size_t i = 0; i < shorter; i++) {
+        uint8_t a = (uint8_t)one->bytes[i], b = (uint8_t)other->bytes[i];
+        if (a != b) {
+            return a < b ? -1 : 1;
+        }
+    }
+    return one->size < other->size ? -1 : one->size > other->size;
+}
+
+/* Merges from[start .. middle - 1] and from[middle .. end - 1], both sorted. */
+static void merge(const meshreel_text *from, uint64_t start, uint64_t middle, uint64_t end,
+                  meshreel_text *to) {
+    uint64_t one = start, other = middle;
+    for (uint64_t i = start; i < end; i++) {
+        bool takes_one =
+            other == end || (one < middle && compare(&from[one], &from[other]) <= 0);
+        to[i] = from[takes_one ? one++ : other++];
+    }
+}
+
+int reel_check_names(reel_call *call, meshreel_text *names, uint32_t count, uint64_t at,
+                     const char *message) {
+    const reel_chunk *mark = call->scratch.last;
+    meshreel_text *sorted = names, *merged = reel_scratch(call, count, sizeof *merged);
+    if (!merged) {
+        return call->error.code;
+    }
+    for (uint64_t run = 1; run < count; run *= 2) {
+        for (uint64_t start = 0; start < count; start += 2 * run) {
+            uint64_t middle = start + run < count ? start + run : count;
+            uint64_t end = middle + run < count ? middle + run : count;
+            merge(sorted, start, middle, end, merged);
+        }
+        meshreel_text *other = sorted;
+        sorted = merged;
+        merged = other;
+    }
+    bool differ = true;
+    for (uint32_t i = 1; i < count; i++) {
+        differ &= compare(&sorted[i - 1], &sorted[i]) != 0;
+    }
+    reel_drop_scratch(call, mark);
+    return differ ? MESHREEL_OK : reel_fail(call, MESHREEL_CORRUPT, at, message);
+}

@@ -1,0 +1,101 @@
+/* Faces and their corners: docs/format.md, POLYGONS. */
+
+#include "polygons.h"
+
+/* Finds the section POLYGONS, and how many there are; more than one are refused. */
+static int find_section(reel_call *call, const reel_outline *outline, reel_stretch *payload,
+                        uint32_t *n_found) {
+    *n_found = 0;
+    for (uint32_t i = 0; i < outline->n_leading; i++) {
+        if (outline->leading[i].id == REEL_POLYGONS) {
+            *payload = outline->leading[i].payload;
+            (*n_found)++;
+        }
+    }
+    return *n_found <= 1 ? MESHREEL_OK
+                         : reel_fail(call, MESHREEL_CORRUPT, payload->at,
+                                     "the file has more than one section POLYGONS");
+}
+
+/* Whether the corners above 3 of each face make as many triangles as there are. */
+static bool fits_triangles(const reel_outline *outline, const int32_t *above) {
+    int64_t left = (int64_t)(outline->n_faces - outline->n_polygons);
+    for (uint64_t i = 0; i < outline->n_polygons; i++) {
+        if (above[i] < 0 || above[i] > left) {
+            return false;
+        }
+        left -= above[i];
+    }
+    return left == 0;
+}
+
+int reel_read_face_sizes(reel_call *call, reel_pool *pool, const reel_outline *outline,
+                         const uint32_t **face_sizes) {
+    reel_stretch payload, left;
+    uint32_t n_found;
+    uint64_t n_polygons;
+    *face_sizes = NULL;
+    int failed = find_section(call, outline, &payload, &n_found);
+    if (failed || !n_found) {
+        return failed;
+    }
+    left = payload;
+    failed = reel_take_varint(call, &left, &n_polygons);
+    if (failed) {
+        return failed;
+    }
+    if (n_polygons != outline->n_polygons || n_polygons > outline->n_faces) {
+        return reel_fail(call, MESHREEL_CORRUPT, payload.at,
+                         "there are more polygons than triangles");
+    }
+    const reel_chunk *mark = call->scratch.last;
+    int64_t length = (int64_t)n_polygons;
+    int32_t table = 0, *above;
+    failed = reel_decode_rows(call, left, &length, &table, 1, 1, &above);
+    if (failed) {
+        return failed;
+    }
+    if (!fits_triangles(outline, above)) {
+        return reel_fail(call, MESHREEL_CORRUPT, payload.at,
+                         "the corners of polygons do not fit the number of triangles");
+    }
+    if (n_polygons < outline->n_faces) { /* else all are triangles */
+        uint32_t *sizes = reel_keep(call, pool, n_polygons, sizeof *sizes);
+        if (!sizes) {
+            return call->error.code;
+        }
+        for (uint64_t i = 0; i < n_polygons; i++) {
+            sizes[i] = 3U + (uint32_t)above[i];
+        }
+        *face_sizes = sizes;
+    }
+    reel_drop_scratch(call, mark);
+    return MESHREEL_OK;
+}
+
+void reel_find_fans(const reel_outline *outline, const uint32_t *face_sizes, int32_t *corners) {
+    int32_t first = 0;
+    for (uint64_t i = 0; i < outline->n_polygons; i++) {
+        int32_t size = face_sizes ? (int32_t)face_sizes[i] : 3;
+        for (int32_t k = 1; k < size - 1; k++) {
+            corners[0] = first;
+            corners[1] = first + k;
+            corners[2] = first + k + 1;
+            corners += 3;
+        }
+        first += size;
+    }
+}
+
+void reel_find_corner_vertices(const reel_outline *outline, const uint32_t *triangles,
+                               const uint32_t *face_sizes, int32_t *vertices) {
+    for (uint64_t i = 0; i < outline->n_polygons; i++) {
+        uint32_t size = face_sizes ? face_sizes[i] : 3;
+        *vertices++ = (int32_t)triangles[0];
+        *vertices++ = (int32_t)triangles[1];
+        for (uint32_t k = 2; k < size; k++) {
+            *vertices++ = (int32_t)triangles[2];
+            triangles += 3;
+        }
+    }
+}

@@ -1,0 +1,228 @@
+/* The sections of a surface: docs/format.md, "Attributes, groups, materials". */
+
+#include "surface.h"
+
+#include "attributes.h"
+#include "hard_edges.h"
+#include "materials.h"
+#include "names.h"
+
+#define LABEL_BYTES 1 /* at least, of its length */
+#define PART_BYTES 3
+#define MOST_ITEMS INT32_MAX
+
+static int corrupt(reel_call *call, uint64_t at, const char *message) {
+    return reel_fail(call, MESHREEL_CORRUPT, at, message);
+}
+
+/* Takes the number of items that follow, each of at least `bytes_each` bytes. */
+static int take_count(reel_call *call, reel_stretch *left, uint64_t bytes_each, uint32_t *count) {
+    uint64_t at = left->at, found;
+    int failed = reel_take_varint(call, left, &found);
+    if (failed) {
+        return failed;
+    }
+    if (found > left->length / bytes_each) {
+        return corrupt(call, at, "more labels or parts are announced than the section holds");
+    }
+    if (found > MOST_ITEMS) {
+        return reel_fail(call, MESHREEL_UNSUPPORTED, at, "more than 2^31 - 1 labels or parts");
+    }
+    *count = (uint32_t)found;
+    return MESHREEL_OK;
+}
+
+/* ---- groups ---- */
+
+static int read_labels(reel_call *call, reel_pool *pool, reel_stretch *left,
+                       meshreel_groups *found) {
+    int failed = take_count(call, left, LABEL_BYTES, &found->n_labels);
+    if (failed) {
+        return failed;
+    }
+    meshreel_text *labels = reel_keep(call, pool, found->n_labels, sizeof *labels);
+    failed = labels ? MESHREEL_OK : call->error.code;
+    for (uint32_t i = 0; !failed && i < found->n_labels; i++) {
+        failed = reel_take_text(call, pool, left, &labels[i]);
+    }
+    found->labels = labels;
+    return failed;
+}
+
+static int read_groups(reel_call *call, reel_pool *pool, uint64_t n_faces, reel_stretch payload,
+                       meshreel_groups *found) {
+    reel_stretch left = payload;
+    int64_t length = (int64_t)n_faces, label = 0;
+    int32_t table = 0, *differences;
+    *found = (meshreel_groups){0};
+    int failed = reel_take_text(call, pool, &left, &found->name);
+    failed = failed ? failed : read_labels(call, pool, &left, found);
+    failed = failed ? failed : reel_decode_rows(call, left, &length, &table, 1, 1, &differences);
+    if (failed) {
+        return failed;
+    }
+    int32_t *of_faces = reel_keep(call, pool, n_faces, sizeof *of_faces);
+    if (!of_faces) {
+        return call->error.code;
+    }
+    for (uint64_t i = 0; i < n_faces; i++) {
+        label += differences[i];
+        if (label < -1 || label >= found->n_labels) {
+            return corrupt(call, left.at, "a face is in a group that does not exist");
+        }
+        of_faces[i] = (int32_t)label;
+    }
+    found->of_faces = of_faces;
+    return MESHREEL_OK;
+}
+
+/* ---- parts ---- */
+
+static int read_part(reel_call *call, reel_pool *pool, reel_stretch *left, uint64_t *n_verts,
+                     uint64_t *n_faces, meshreel_part *found) {
+    uint64_t at = left->at, own_verts, own_faces;
+    int failed = reel_take_varint(call, left, &own_verts);
+    failed = failed ? failed : reel_take_varint(call, left, &own_faces);
+    failed = failed ? failed : reel_take_text(call, pool, left, &found->name);
+    if (failed) {
+        return failed;
+    }
+    if (own_verts > *n_verts || own_faces > *n_faces) {
+        return corrupt(call, at, "parts have more vertices or faces than the mesh");
+    }
+    found->n_verts = (uint32_t)own_verts;
+    found->n_faces = (uint32_t)own_faces;
+    *n_verts -= own_verts;
+    *n_faces -= own_faces;
+    return MESHREEL_OK;
+}
+
+static int read_parts(reel_call *call, reel_pool *pool, const reel_outline *outline,
+                      reel_stretch payload, meshreel_surface *surface) {
+    reel_stretch left = payload;
+    uint64_t n_verts = outline->n_verts, n_faces = outline->n_polygons;
+    int failed = take_count(call, &left, PART_BYTES, &surface->n_parts);
+    if (failed) {
+        return failed;
+    }
+    meshreel_part *parts = reel_keep(call, pool, surface->n_parts, sizeof *parts);
+    failed = parts ? MESHREEL_OK : call->error.code;
+    for (uint32_t i = 0; !failed && i < surface->n_parts; i++) {
+        failed = read_part(call, pool, &left, &n_verts, &n_faces, &parts[i]);
+    }
+    if (failed) {
+        return failed;
+    }
+    if (left.length) {
+        return corrupt(call, left.at, "bytes follow the last part");
+    }
+    if (surface->n_parts && (n_verts || n_faces)) {
+        return corrupt(call, payload.at, "parts have fewer vertices or faces than the mesh");
+    }
+    surface->parts = parts;
+    return MESHREEL_OK;
+}
+
+/* ---- all sections ---- */
+
+/* The arrays of a surface, as they are filled. */
+typedef struct {
+    meshreel_attribute *attributes;
+    meshreel_groups *groups;
+    meshreel_material *materials;
+    meshreel_image *images;
+} surface_arrays;
+
+static uint32_t count_sections(const reel_outline *outline, uint32_t id) {
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < outline->n_leading; i++) {
+        count += outline->leading[i].id == id;
+    }
+    return count;
+}
+
+static int keep_arrays(reel_call *call, reel_pool *pool, const reel_outline *outline,
+                       surface_arrays *arrays) {
+    uint64_t n_attributes = count_sections(outline, REEL_ATTRIBUTE);
+    uint64_t n_groups = count_sections(outline, REEL_GROUPS);
+    uint64_t n_materials = count_sections(outline, REEL_MATERIAL);
+    uint64_t n_images = count_sections(outline, REEL_IMAGE);
+    arrays->attributes = reel_keep(call, pool, n_attributes, sizeof *arrays->attributes);
+    arrays->groups = reel_keep(call, pool, n_groups, sizeof *arrays->groups);
+    arrays->materials = reel_keep(call, pool, n_materials, sizeof *arrays->materials);
+    arrays->images = reel_keep(call, pool, n_images, sizeof *arrays->images);
+    return arrays->attributes && arrays->groups && arrays->materials && arrays->images
+               ? MESHREEL_OK
+               : call->error.code;
+}
+
+static int read_section(reel_call *call, reel_pool *pool, const reel_faces *faces,
+                        const reel_leading *section, uint32_t n_images,
+                        const surface_arrays *arrays, meshreel_surface *surface) {
+    const reel_outline *outline = faces->outline;
+    reel_stretch payload = section->payload;
+    switch (section->id) {
+    case REEL_ATTRIBUTE:
+        return reel_read_attribute(call, pool, faces, payload,
+                                   &arrays->attributes[surface->n_attributes++]);
+    case REEL_GROUPS:
+        return read_groups(call, pool, outline->n_polygons, payload,
+                           &arrays->groups[surface->n_groups++]);
+    case REEL_PARTS:
+        return read_parts(call, pool, outline, payload, surface);
+    case REEL_HARD_EDGES:
+        return reel_read_hard_edges(call, pool, faces, payload, surface);
+    case REEL_MATERIAL:
+        return reel_read_material(call, pool, payload, n_images,
+                                  &arrays->materials[surface->n_materials++]);
+    case REEL_IMAGE:
+        return reel_read_image(call, pool, payload, &arrays->images[surface->n_images++]);
+    default:
+        return MESHREEL_OK;
+    }
+}
+
+static int check_materials(reel_call *call, const meshreel_material *materials, uint32_t count,
+                           uint64_t at) {
+    meshreel_text *names = reel_scratch(call, count, sizeof *names);
+    for (uint32_t i = 0; names && i < count; i++) {
+        names[i] = materials[i].name;
+    }
+    return names ? reel_check_names(call, names, count, at, "two materials have the same name")
+                 : call->error.code;
+}
+
+static int read_sections(reel_call *call, reel_pool *pool, const reel_faces *faces,
+                         const surface_arrays *arrays, meshreel_surface *surface) {
+    const reel_outline *outline = faces->outline;
+    uint32_t n_images = count_sections(outline, REEL_IMAGE);
+    uint64_t last_material = REEL_UNKNOWN;
+    int failed = MESHREEL_OK;
+    for (uint32_t i = 0; !failed && i < outline->n_leading; i++) {
+        const reel_leading *section = &outline->leading[i];
+        const reel_chunk *mark = call->scratch.last;
+        failed = read_section(call, pool, faces, section, n_images, arrays, surface);
+        last_material = section->id == REEL_MATERIAL ? section->payload.at : last_material;
+        reel_drop_scratch(call, mark);
+    }
+    return failed ? failed
+                  : check_materials(call, arrays->materials, surface->n_materials, last_material);
+}
+
+int reel_read_surface(reel_call *call, reel_pool *pool, const reel_outline *outline,
+                      const uint32_t *triangles, const uint32_t *face_sizes,
+                      meshreel_surface *surface) {
+    reel_faces faces = {.outline = outline, .triangles = triangles, .sizes = face_sizes};
+    surface_arrays arrays;
+    *surface = (meshreel_surface){.face_sizes = face_sizes};
+    if (count_sections(outline, REEL_PARTS) > 1 || count_sections(outline, REEL_HARD_EDGES) > 1) {
+        return corrupt(call, REEL_UNKNOWN, "the file has a section PARTS or HARD_EDGES twice");
+    }
+    int failed = keep_arrays(call, pool, outline, &arrays);
+    failed = failed ? failed : read_sections(call, pool, &faces, &arrays, surface);
+    surface->attributes = arrays.attributes;
+    surface->groups = arrays.groups;
+    surface->materials = arrays.materials;
+    surface->images = arrays.images;
+    return failed;
+}

@@ -1,0 +1,184 @@
+/* What a file says of its tracks: docs/format.md, "Tracks". */
+
+#include "tracks.h"
+
+#include "names.h"
+
+#define MOST_COLUMNS 256
+#define LAST_KIND MESHREEL_TRACK_SCALAR
+#define LAST_DOMAIN (MESHREEL_CORNERS + REEL_OF_ROWS)
+
+static int refuse(reel_call *call, const reel_leading *section, const char *message) {
+    return reel_fail(call, MESHREEL_CORRUPT, section->payload.at, message);
+}
+
+static bool has_type(reel_track *track, uint32_t code) {
+    uint32_t size = code & 15U, kind = code >> 4;
+    bool is_integer = (kind == 1 || kind == 2) && (size == 1 || size == 2 || size == 4 || size == 8);
+    track->size = size;
+    track->is_float = kind == 0;
+    track->is_signed = kind == 2;
+    return is_integer || (kind == 0 && (size == 4 || size == 8));
+}
+
+static bool fits_kind(uint32_t kind, uint64_t n_columns) {
+    switch (kind) {
+    case MESHREEL_TRACK_VECTOR:
+        return n_columns == 2 || n_columns == 3;
+    case MESHREEL_TRACK_VELOCITY:
+    case MESHREEL_TRACK_NORMAL:
+        return n_columns == 3;
+    case MESHREEL_TRACK_COLOR:
+        return n_columns == 3 || n_columns == 4;
+    case MESHREEL_TRACK_UV:
+        return n_columns == 2;
+    case MESHREEL_TRACK_SCALAR:
+        return n_columns == 1;
+    default:
+        return true;
+    }
+}
+
+/* Whether a predicted coding fits the kind and the domain of a track. */
+static bool fits_coding(const reel_track *track) {
+    const meshreel_track *shown = &track->shown;
+    if (shown->coding == REEL_TURNS) {
+        return shown->kind == MESHREEL_TRACK_NORMAL;
+    }
+    bool is_of_vertices =
+        shown->domain == MESHREEL_VERTICES || track->sharing == REEL_OF_VERTICES;
+    return !track->difference || (shown->kind == MESHREEL_TRACK_VELOCITY && is_of_vertices);
+}
+
+/* The numbers of a track: bound, scale, origins and rate, as its coding has them. */
+static int read_numbers(reel_call *call, reel_stretch *left, reel_track *track) {
+    meshreel_track *shown = &track->shown;
+    double numbers[2] = {0.0, 1.0};
+    int failed = MESHREEL_OK;
+    if (!shown->is_exact) {
+        failed = reel_take_bytes(call, left, numbers, sizeof numbers);
+    }
+    shown->bound = numbers[0];
+    track->placement[0] = numbers[1];
+    bool are_sound = reel_is_finite(numbers[0]) && numbers[0] >= 0.0 &&
+                     reel_is_finite(numbers[1]) && numbers[1] > 0.0;
+    for (uint32_t i = 0; i < track->n_coded && !failed; i++) {
+        double origin = 0.0;
+        if (shown->coding == REEL_MODES) {
+            failed = reel_take_bytes(call, left, &origin, sizeof origin);
+        }
+        track->placement[1 + i] = origin;
+        are_sound &= reel_is_finite(origin);
+    }
+    if (!failed && track->difference) {
+        failed = reel_take_bytes(call, left, &track->rate, sizeof track->rate);
+        are_sound &= reel_is_finite(track->rate);
+    }
+    if (failed || are_sound) {
+        return failed;
+    }
+    return reel_fail(call, MESHREEL_CORRUPT, left->at,
+                     "a track has a bound, scale, origin or rate that is out of range");
+}
+
+static int read_track(reel_call *call, reel_pool *pool, const reel_outline *outline,
+                      const reel_leading *section, reel_track *track) {
+    reel_stretch left = section->payload;
+    meshreel_track *shown = &track->shown;
+    uint8_t codes[4];
+    uint64_t n_columns;
+    int failed = reel_take_bytes(call, &left, codes, sizeof codes);
+    failed = failed ? failed : reel_take_text(call, pool, &left, &shown->name);
+    failed = failed ? failed : reel_take_text(call, pool, &left, &shown->unit);
+    failed = failed ? failed : reel_take_varint(call, &left, &n_columns);
+    if (failed) {
+        return failed;
+    }
+    if (codes[0] > LAST_KIND || codes[1] > LAST_DOMAIN || !has_type(track, codes[2]) ||
+        codes[3] > REEL_EXACT_FORWARD) {
+        return reel_fail(call, MESHREEL_UNSUPPORTED, section->payload.at,
+                         "a track of a newer version; update meshreel");
+    }
+    if (!n_columns || n_columns > MOST_COLUMNS || !fits_kind(codes[0], n_columns)) {
+        return refuse(call, section, "a track has more or fewer columns than its kind");
+    }
+    track->sharing = codes[1] > MESHREEL_CORNERS ? codes[1] - MESHREEL_CORNERS : REEL_EACH;
+    shown->kind = codes[0];
+    shown->domain = codes[1] - track->sharing;
+    shown->type = codes[2];
+    shown->coding = codes[3];
+    shown->n_columns = (uint32_t)n_columns;
+    shown->n_items = (uint32_t)(shown->domain == MESHREEL_VERTICES ? outline->n_verts
+                                : shown->domain == MESHREEL_FACES  ? outline->n_polygons
+                                                                   : outline->n_corners);
+    shown->is_exact = codes[3] == REEL_EXACT || codes[3] >= REEL_EXACT_BACKWARD;
+    track->difference = codes[3] >= REEL_EXACT_BACKWARD
+                            ? codes[3] - REEL_EXACT_BACKWARD + REEL_BACKWARD
+                        : codes[3] >= REEL_BACKWARD ? codes[3]
+                                                    : 0;
+    track->n_coded = shown->coding == REEL_TURNS ? 2 : (uint32_t)n_columns;
+    if (!fits_coding(track)) {
+        return refuse(call, section, "a track is predicted from positions as its kind cannot be");
+    }
+    if (!track->is_float && shown->coding != REEL_EXACT) {
+        return refuse(call, section, "a track of integers is not exact");
+    }
+    track->placement = reel_keep(call, pool, 1 + track->n_coded, sizeof(double));
+    failed = track->placement ? read_numbers(call, &left, track) : call->error.code;
+    if (!failed && left.length && track->sharing != REEL_OF_ROWS) {
+        return refuse(call, section, "bytes follow a track");
+    }
+    track->rows = left;
+    return failed;
+}
+
+static int read_positions(reel_call *call, reel_pool *pool, const reel_outline *outline,
+                          reel_track *track) {
+    bool has_modes = outline->method == REEL_METHOD_REEL;
+    track->shown = (meshreel_track){
+        .name = {"", 0}, .unit = {"", 0}, .kind = MESHREEL_TRACK_VECTOR,
+        .domain = MESHREEL_VERTICES, .type = outline->number_bytes, .n_columns = 3,
+        .n_items = (uint32_t)outline->n_verts, .coding = has_modes ? REEL_MODES : REEL_EXACT,
+        .is_exact = outline->method == REEL_METHOD_LOSSLESS,
+        .bound = outline->promise / 100.0 * outline->placement[0]};
+    track->n_coded = 3;
+    track->size = outline->number_bytes;
+    track->is_float = true;
+    track->placement = reel_keep(call, pool, 4, sizeof(double));
+    if (!track->placement) {
+        return call->error.code;
+    }
+    reel_copy(track->placement, outline->placement, sizeof outline->placement);
+    return MESHREEL_OK;
+}
+
+static int check_names(reel_call *call, const reel_track *tracks, uint32_t count, uint64_t at) {
+    meshreel_text *names = reel_scratch(call, count, sizeof *names);
+    for (uint32_t i = 0; names && i < count; i++) {
+        names[i] = tracks[i].shown.name;
+    }
+    return names ? reel_check_names(call, names, count, at, "two tracks have the same name")
+                 : call->error.code;
+}
+
+int reel_read_tracks(reel_call *call, reel_pool *pool, const reel_outline *outline,
+                     reel_track **tracks) {
+    reel_track *all = reel_keep(call, pool, outline->n_tracks, sizeof *all);
+    if (!all) {
+        return call->error.code;
+    }
+    reel_zero(all, outline->n_tracks * sizeof *all);
+    *tracks = all;
+    int failed = read_positions(call, pool, outline, all);
+    uint32_t count = 1;
+    uint64_t at = outline->header_end;
+    for (uint32_t i = 0; i < outline->n_leading && !failed; i++) {
+        const reel_leading *section = &outline->leading[i];
+        if (section->id != REEL_TRACK) {
+            continue;
+        }
+        failed = read_track(call, pool, outline, section, &all[count++]);
+        at = section->payload.at;
+    }
+    return failed ? failed : check_names(call, all + 1, count - 1, at);
+}
