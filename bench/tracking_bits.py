@@ -11,9 +11,7 @@ import numpy.typing as npt
 
 import meshreel
 from meshreel.bitstream.layout import Section
-from meshreel.bitstream.reader import read_stream
-from meshreel.codec.methods import method_named
-from meshreel.codec.stored_blocks import stored_blocks
+from meshreel.codec.open_stream import whole_stream
 from meshreel.evaluation.rate_distortion import bd_rate
 from meshreel.metrics.kg import kg_error_percent
 from meshreel.paper import pipeline
@@ -79,9 +77,9 @@ def point(sequence: meshreel.MeshSequence, options: dict[str, Any]) -> dict[str,
 
 def basis_bytes(data: bytes) -> list[int]:
     """Bytes of the section of the basis of each block."""
-    method = method_named(meshreel.info(data).method)
-    blocks = stored_blocks(read_stream(data), method)
-    return [len(block.payload(Section.BASIS)) for block in blocks]
+    opened = whole_stream(data)
+    groups = (dict(opened.group(number)) for number in range(opened.n_blocks))
+    return [len(group[Section.BASIS]) for group in groups]
 
 
 def measured_reel(
@@ -100,11 +98,15 @@ def measured_reel(
 
 def temporal_bases(data: bytes) -> list[Integers]:
     """Residuals of the temporal basis of each block of `reel`, of shape (K, 3, T)."""
-    blocks = stored_blocks(read_stream(data), method_named("reel"))
-    return [
-        read_basis(block.payload(Section.BASIS), block.n_modes, 3, block.n_frames).astype(np.int64)
-        for block in blocks
-    ]
+    opened, found = whole_stream(data), []
+    for number in range(opened.n_blocks):
+        basis, n_modes = (
+            dict(opened.group(number))[Section.BASIS],
+            opened.file.group(number).n_modes,
+        )
+        n_frames = opened.file.block(number).n_frames
+        found.append(read_basis(basis, n_modes, 3, n_frames).astype(np.int64))
+    return found
 
 
 def differences(blocks: list[Integers]) -> list[Integers]:

@@ -6,11 +6,10 @@ from conformance.container import Container, Header
 from conformance.reader import Reel
 from meshreel import decode
 from meshreel.bitstream.layout import Section
-from meshreel.bitstream.reader import read_stream
 from meshreel.codec.choices import Laplacian
 from meshreel.codec.methods import METHOD_NAMES
-from meshreel.codec.open_stream import OpenStream
-from meshreel.codec.stored_blocks import stored_block, stored_track_block
+from meshreel.codec.open_stream import whole_stream
+from meshreel.codec.stored_blocks import StoredBlock
 from meshreel.codec.surface.materials import (
     ALPHA_MODES,
     CHANNELS,
@@ -19,29 +18,27 @@ from meshreel.codec.surface.materials import (
     TEXTURE_NUMBERS,
     WRAPS,
 )  # fmt: skip
-from meshreel.codec.tracks import DOMAINS, KINDS
+from meshreel.codec.tracks import DOMAINS, KINDS, read_track
 from meshreel.entropy.exact import decode_exact
 from meshreel.materials import SLOTS
 from meshreel.paper.decoder import PaperBlockDecoder, stored_mesh, stored_shape
+from meshreel.paper.variants import variant_named
 from meshreel.reel.agreed.blocks import layout_of, read_corrections, read_field_block
 from meshreel.reel.agreed.items import items_of
 from meshreel.reel.agreed.mesh import FieldMesh
-from meshreel.reel.decoder import TrackDecoder
 
 LETTERS = {"u1": "B", "i4": "i", "f4": "f", "f8": "d"}
 
 
 def read_by_core(data):
     """A stream, decoded; as `conformance.reader.read`, so far as it is described."""
-    stream = read_stream(data)
-    opened, sequence = OpenStream(stream), decode(data)
+    opened, sequence = whole_stream(data), decode(data)
     blocks, anchors = read_blocks(opened)
     is_ours = opened.method.name in ("reel", "lossless", "grid")
-    starts = [one.payload for one in stream.leading if one.id is Section.START]
-    promises = [one.payload for one in stream.leading if one.id is Section.PROMISE]
+    starts, promises = (leading(opened, one) for one in (Section.START, Section.PROMISE))
     numbers = [np.frombuffer(one[0], "<f8").item() if one else None for one in (starts, promises)]
     return Reel(
-        container=Container(header_of(stream.header, opened.method.name), [], []),
+        container=Container(header_of(opened), [], []),
         internal_faces=opened.internal_faces.tolist(),
         faces=sequence.faces.tolist(),
         order=opened.order.tolist(),
@@ -80,37 +77,47 @@ class Floats:
         return Floats(self.numbers)
 
 
-def header_of(header, method):
+def leading(opened, section):
+    """Payloads of the leading sections of an id."""
+    return [opened.payload(one) for one in opened.leading if one.id == section]
+
+
+def header_of(opened):
+    info, method = opened.file.info, opened.method.name
+    announced = int.from_bytes(opened.file.bytes_at(10, 4), "little")
     assert method in METHOD_NAMES
     return Header(
-        n_frames=header.n_frames,
-        n_verts=header.n_verts,
-        n_faces=header.n_faces,
-        fps=header.fps,
-        vertex_type=int(header.vertex_type),
+        n_frames=announced,
+        n_verts=info.n_verts,
+        n_faces=info.n_triangles,
+        fps=info.fps,
+        vertex_type=info.number_bytes,
         method=method,
-        laplacian=header.laplacian,
-        order=header.order,
-        origin=header.origin,
-        scale=header.scale,
-        name=header.name,
+        laplacian=info.laplacian,
+        order=info.order,
+        origin=info.center,
+        scale=info.diagonal,
+        name=info.name,
     )
+
+
+def stored_group(opened, number, track=0):
+    """A track of a block, as it is stored."""
+    place, group = opened.file.block(number, track), opened.file.group(number, track)
+    sections = dict(opened.group(number, track))
+    return StoredBlock(place.first_frame, place.n_frames, group.n_modes, sections)
 
 
 def read_blocks(opened):
     """Integers of the blocks, and the anchors."""
-    stored = [
-        stored_block(opened.stream, opened.method, number)
-        for number in range(len(opened.stream.places))
-    ]
+    stored = [stored_group(opened, number) for number in range(opened.n_blocks)]
     if opened.method.name == "reel":
         graph = opened.internal_faces, opened.n_verts
         return [reel_block(graph, one) for one in stored], []
     if opened.method.name in ("lossless", "grid"):
         return [{"frames": one.n_frames, "modes": one.n_modes} for one in stored], []
-    decoder = opened.blocks()
-    assert isinstance(decoder, PaperBlockDecoder)
-    mesh = stored_mesh(opened, decoder._variant)
+    variant = variant_named(opened.method.name)
+    decoder, mesh = PaperBlockDecoder(opened, variant), stored_mesh(opened, variant)
     blocks = []
     for number, one in enumerate(stored):
         coded = decoder.coded(one, number)
@@ -137,21 +144,18 @@ def read_blocks(opened):
 
 def tracks_of(opened):
     """Of each further track what it is, its blocks, and its values."""
-    found = []
-    for number, header in enumerate(opened.tracks, start=1):
-        decoder, items = TrackDecoder(opened, number), items_of(opened, header)
-        blocks, values = [], []
-        for block in range(len(opened.stream.places)):
-            is_exact = header.is_exact
-            shape = items.most_items, header.n_coded
-            stored = stored_track_block(
-                opened.stream, block, number, shape, header.dtype.itemsize, is_exact=is_exact
-            )
+    found, headers = [], map(read_track, leading(opened, Section.TRACK))
+    for number, header in enumerate(headers, start=1):
+        items, blocks = items_of(opened, header), []
+        for block in range(opened.n_blocks):
+            stored = stored_group(opened, block, number)
             found_block = {"frames": stored.n_frames, "modes": 0}
-            if not is_exact:
+            if not header.is_exact:
                 found_block = reel_block(items.graph, stored, header.n_coded)
             blocks.append(found_block)
-            values.append(decoder.block(block))
+        track = opened.file.tracks[number]
+        values = np.empty((opened.n_frames, track.n_items, track.n_columns), track.dtype)
+        opened.frames().fill(values, 0, number)
         said = {
             "name": header.name,
             "unit": header.unit,
@@ -161,7 +165,7 @@ def tracks_of(opened):
             **({"rate": header.rate} if header.coding.has_rate else {}),
             "bound": header.bound,
         }
-        found.append((said, blocks, Floats(np.concatenate(values))))
+        found.append((said, blocks, Floats(values)))
     return found
 
 

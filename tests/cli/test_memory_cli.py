@@ -45,7 +45,7 @@ def test_a_stream_is_refused_by_every_command_that_decodes(stream, words):
 
 
 def test_a_stream_is_decoded_when_memory_allows_it(stream, tmp_path):
-    found = run("decode", stream, "-o", tmp_path / "waves.npz", "--memory", "14kB")
+    found = run("decode", stream, "-o", tmp_path / "waves.npz", "--memory", "2MB")
     assert found.exit_code == 0, found.output
     assert meshreel.load(tmp_path / "waves.npz").n_frames == 4
 

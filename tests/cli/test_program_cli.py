@@ -94,7 +94,7 @@ def test_program_imports_no_codec_when_it_describes_a_file_that_is_no_stream(fol
 
 def test_program_imports_nothing_to_decode_frames_with_when_it_describes_a_stream(folder):
     found = imported("info", folder / "walk.reel")
-    assert not {"scipy", "meshreel.reel.decoder", "meshreel.codec.encoder"} & found
+    assert not {"scipy", "meshreel.reel.encoding.whole", "meshreel.codec.encoder"} & found
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])

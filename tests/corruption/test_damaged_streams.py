@@ -115,7 +115,7 @@ def _mutate(payload, rng, *, keep_length=False):
 
 
 def test_empty_file_is_told_when_it_is_decoded():
-    with pytest.raises(TruncatedStreamError, match="0 bytes"):
+    with pytest.raises(TruncatedStreamError, match="ends inside its header"):
         decode(b"")
 
 
@@ -158,11 +158,11 @@ def referring_to(stream, number, reference, stencil_size=None):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ((2, 1), "refers to block 1, which refers to another itself"),
+        ((2, 1), "refers to one that is no key block"),
         ((2, 3), "refers to one before the first"),
         ((2, 2**60), "refers to one before the first"),
         ((0, 1), "refers to one before the first"),
-        ((1, 1, 3), "stencils of 3|bits are left over"),
+        ((1, 1, 3), "refers to one that is no key block"),
     ],
 )
 def test_a_reference_is_refused_when_it_leads_nowhere(changes, message):
@@ -180,7 +180,7 @@ def test_fields_are_refused_when_more_are_reused_than_there_are_modes(n_reused):
         if section is Section.FIELDS and read_layout(payload).n_reused:
             payload = write_layout(replace(read_layout(payload), n_reused=n_reused))
         parts.append((section, payload))
-    with pytest.raises(CorruptStreamError, match=f"{n_reused} of 5 modes are reused"):
+    with pytest.raises(CorruptStreamError, match="fields are reused that"):
         decode(raw_stream(stream.header, parts))
 
 
@@ -211,7 +211,7 @@ def test_corrections_are_refused_when_they_come_before_any_block():
     parts = parts_of(stream)
     (first, *_) = [part for part in parts if part[0] is Section.CORRECTIONS]
     data = raw_stream(stream.header, [first, *parts])
-    with pytest.raises(CorruptStreamError, match="CORRECTIONS is out of place"):
+    with pytest.raises(CorruptStreamError, match="a section of a block is outside of blocks"):
         decode(data)
 
 
@@ -241,7 +241,7 @@ def test_damaged_corrections_give_our_error_or_a_mesh_when_checksums_are_made_to
 def test_info_refuses_a_promise_when_it_is_none(payload):
     stream = read_stream(STREAMS["reel corrected"])
     data = raw_stream(stream.header, replaced(stream, Section.PROMISE, payload))
-    with pytest.raises(CorruptStreamError, match="promise"):
+    with pytest.raises(CorruptStreamError, match="promised error"):
         info(data)
 
 
@@ -250,7 +250,7 @@ def test_corrections_take_no_memory_when_their_number_is_a_lie():
     stream = read_stream(STREAMS["reel corrected"])
     lie = struct.pack("<f", 0.5) + write_varint(3) + write_varint(2**50)
     data = raw_stream(stream.header, replaced(stream, Section.CORRECTIONS, lie))
-    with pytest.raises(CorruptStreamError, match="are announced"):
+    with pytest.raises(CorruptStreamError, match="more corrections than values"):
         decode(data)
 
 
@@ -279,5 +279,5 @@ def test_damaged_materials_give_our_error_or_a_mesh_when_checksums_are_made_to_f
 def test_images_are_refused_when_a_material_shows_one_that_is_left_out():
     stream = read_stream(STREAMS["materials"])
     kept = [part for part in parts_of(stream) if part[0] is not Section.IMAGE]
-    with pytest.raises(CorruptStreamError, match="shows image 0; there are 0"):
+    with pytest.raises(CorruptStreamError, match="shows an image that does not exist"):
         decode(raw_stream(stream.header, kept))

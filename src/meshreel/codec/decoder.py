@@ -5,15 +5,17 @@ from threading import RLock
 
 import numpy as np
 
-from meshreel.bitstream.reader import read_stream
 from meshreel.codec.memory import memory_limit
-from meshreel.codec.open_stream import OpenStream
+from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.reel_track import tracks_of_stream
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.frame_choice import frame_range, start_of
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.sequence import MeshSequence
-from meshreel.tracks import Track, copied
+from meshreel.tracks import Track
+
+FRAMES_AT_ONCE = 256
+"""Frames that are decoded between two reports of progress."""
 
 
 def decode(
@@ -55,42 +57,43 @@ def decode(
     """
     limit = memory_limit(memory)
     progress("decoding connectivity", 0.0)
-    stream = read_stream(bytes(data))
-    header = stream.header
-    wanted = frame_range(frames, stream.n_frames)
-    opened = OpenStream(stream, limit)
+    opened = whole_stream(bytes(data), limit)
+    wanted = frame_range(frames, opened.n_frames)
     opened.require_mesh()
     opened.require_frames(wanted)
-    tracks_of = tracks_of_stream(opened, RLock())
+    reader = opened.frames(n_modes)
+    tracks_of = tracks_of_stream(opened, reader, RLock())
     opened.require_frames(wanted, sum(one.frame_bytes for one in tracks_of.values()) * len(wanted))
-    blocks = opened.blocks(n_modes)
-    vertices = np.empty((len(wanted), header.n_verts, 3), opened.dtype)
-    for number, (start, stop) in enumerate(pairwise(stream.starts)):
+    vertices = np.empty((len(wanted), opened.n_verts, 3), opened.dtype)
+    values = {
+        name: np.empty((len(wanted), *track.shape[1:]), track.dtype)
+        for name, track in tracks_of.items()
+    }
+    for block, (start, stop) in enumerate(pairwise(opened.starts)):
         first, last = max(start, wanted.start), min(stop, wanted.stop)
         if first < last:
-            before = first - wanted.start
-
-            def report(done: int, before: int = before) -> None:
-                progress("decoding", Count(before + done, len(wanted), "frames"))
-
-            found = vertices[before : last - wanted.start]
-            blocks.block(number).fill(found, first - start, report)
-            if n_modes is None and last - first == stop - start:
-                opened.keep_positions(number, found)
+            reader.load(block)
+        for begin in range(first, last, FRAMES_AT_ONCE):
+            progress("decoding", Count(begin - wanted.start, len(wanted), "frames"))
+            piece = slice(begin - wanted.start, min(begin + FRAMES_AT_ONCE, last) - wanted.start)
+            reader.fill(vertices[piece], begin)
+        for number, name in enumerate(values, start=1):  # while the block is held
+            if first < last:
+                reader.fill(values[name][first - wanted.start : last - wanted.start], first, number)
+    reader.close()
     progress("decoding", Count(len(wanted), len(wanted), "frames"))
-    tracks: dict[str, Track] = {}
-    for name, track in tracks_of.items():
-        progress("decoding tracks", Count(len(tracks), len(opened.tracks), "tracks"))
-        tracks[name] = copied(track, wanted)
     try:
         return MeshSequence(
             vertices,
             opened.faces,
-            header.fps,
-            header.name,
-            start_of(wanted, opened.start_s, header.fps),
+            opened.fps,
+            opened.name,
+            start_of(wanted, opened.start_s, opened.fps),
             opened.surface,
-            tracks,
+            {
+                name: Track(values[name], track.domain, track.kind, track.unit)
+                for name, track in tracks_of.items()
+            },
         )
     except InvalidInputError as error:
         raise CorruptStreamError(f"the stream decodes to an invalid mesh: {error}") from error

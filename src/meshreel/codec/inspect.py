@@ -6,25 +6,14 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from meshreel.bitstream.layout import Section
-from meshreel.bitstream.reader import BLOCK_SECTIONS, Stream, read_stream
-from meshreel.codec.memory import DEFAULT_LIMIT, UNLIMITED, MemoryLimit
-from meshreel.codec.open_stream import OpenStream
-from meshreel.codec.stored_blocks import read_block, stored_blocks
+from meshreel.codec.open_stream import SURFACE_SECTIONS, OpenStream, whole_stream
+from meshreel.codec.tracks import DOMAINS, KINDS
 from meshreel.surface_description import carried, described_images, described_materials
 from meshreel.tracks import TrackKind
 
 CONNECTIVITY = (Section.CONNECTIVITY, Section.ORDER)
 POSITIONS = (Section.ANCHOR_VERTICES, Section.SHAPE, Section.PROMISE)
 """Sections of the positions beside their blocks."""
-SURFACE = (
-    Section.POLYGONS,
-    Section.ATTRIBUTE,
-    Section.GROUPS,
-    Section.PARTS,
-    Section.HARD_EDGES,
-    Section.MATERIAL,
-    Section.IMAGE,
-)
 
 
 @dataclass(frozen=True)
@@ -43,7 +32,7 @@ class TrackInfo:
         Largest error of a value that is promised, in its unit; of normals in degrees. 0: none is
         promised, or it is exact.
     size_bytes : int
-        Of its groups in all blocks, and of what says which corners share values.
+        Of its groups in all blocks, and of its section TRACK.
     raw_size_bytes : int
         Of its values as they are decoded.
     """
@@ -189,54 +178,59 @@ def info(data: bytes) -> StreamInfo:
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
         If the bytes are not a whole stream that this build reads.
     """
-    return stream_info(read_stream(bytes(data)))
+    opened = whole_stream(bytes(data))
+    for _ in opened.file.sections():  # whose checksums are compared
+        pass
+    return stream_info(opened)
 
 
-def stream_info(stream: Stream, limit: MemoryLimit = DEFAULT_LIMIT) -> StreamInfo:
+def stream_info(opened: OpenStream, *, is_remote: bool = False) -> StreamInfo:
     """Contents of a stream, and its bytes by section.
 
-    All of it is read once; of a remote stream only the heads of its sections, and checksums of
-    blocks are not verified.
+    Parameters
+    ----------
+    opened : OpenStream
+    is_remote : bool, default False
+        Read the heads of sections and the shortest ones alone, and compare no checksums of blocks.
 
     Raises
     ------
     CorruptStreamError
         If a block is damaged.
     """
-    header = stream.header
-    opened = OpenStream(stream, limit)
-    sizes = _sizes_of_heads(stream) if stream.is_remote else _sizes(stream, opened)
+    file = opened.file
+    sizes = _sizes(opened, is_remote)
     surface = opened.surface
-    positions = stream.n_frames * header.n_verts * 3
+    positions = opened.n_frames * opened.n_verts * 3
     tracks = _tracks(opened)
     return StreamInfo(
-        n_frames=stream.n_frames,
-        n_verts=header.n_verts,
-        n_faces=header.n_faces,
-        fps=header.fps,
-        name=header.name,
+        n_frames=opened.n_frames,
+        n_verts=opened.n_verts,
+        n_faces=opened.n_faces,
+        fps=opened.fps,
+        name=opened.name,
         method=opened.method.name,
         laplacian=opened.laplacian.name.lower(),
         order=opened.order_kept.name.lower(),
-        vertex_type=header.vertex_type.name.lower(),
+        vertex_type=str(opened.dtype),
         n_modes=tuple(sizes.n_modes),
-        block_frames=tuple(place.n_frames for place in stream.places),
-        size_bytes=stream.size_bytes,
-        raw_size_bytes=positions * header.vertex_type
-        + header.n_faces * 12
+        block_frames=tuple(file.block(number).n_frames for number in range(opened.n_blocks)),
+        size_bytes=opened.size_bytes,
+        raw_size_bytes=positions * opened.dtype.itemsize
+        + opened.n_faces * 12
         + surface.size_bytes
         + sum(track.raw_size_bytes for track in tracks),
-        budget_bytes=_budget(stream, sizes),
-        part_bytes=_parts(stream, sizes, tracks),
+        budget_bytes=_budget(opened, sizes),
+        part_bytes=_parts(opened, sizes, tracks),
         block_bytes=tuple(sizes.block_bytes),
         max_error_percent=promised_percent(opened),
         is_lossless=opened.method.is_lossless,
-        is_whole=stream.is_whole,
+        is_whole=opened.is_whole,
         start_s=opened.start_s,
-        n_polygons=surface.n_faces(header.n_faces),
+        n_polygons=surface.n_faces(opened.n_faces),
         attributes=carried(surface),
         parts=tuple(part.name for part in surface.parts),
-        diagonal=header.scale,
+        diagonal=opened.frame.scale,
         materials=described_materials(surface),
         images=described_images(surface),
         tracks=tracks,
@@ -244,22 +238,23 @@ def stream_info(stream: Stream, limit: MemoryLimit = DEFAULT_LIMIT) -> StreamInf
 
 
 def _tracks(opened: OpenStream) -> tuple[TrackInfo, ...]:
-    stream, found = opened.stream, []
-    for number, track in enumerate(opened.tracks, start=1):
-        n_faces = stream.header.n_faces
-        n_items = opened.surface.n_items(track.domain, opened.n_verts, n_faces)
+    said = [one.size_bytes for one in opened.leading if one.id == Section.TRACK]
+    found = []
+    for number, (track, own_bytes) in enumerate(zip(opened.tracks, said, strict=True), start=1):
+        groups = (opened.file.block(block, number).size_bytes for block in range(opened.n_blocks))
+        value_bytes = track.n_columns * track.dtype.itemsize
         found.append(
             TrackInfo(
                 name=track.name,
-                kind=str(track.kind),
-                domain=str(track.domain),
+                kind=str(KINDS[track.kind]),
+                domain=str(DOMAINS[track.domain]),
                 unit=track.unit,
                 number_type=str(track.dtype),
                 n_columns=track.n_columns,
                 is_exact=track.is_exact,
                 bound=track.bound,
-                size_bytes=sum(place.sizes[number] for place in stream.places) + len(track.rows),
-                raw_size_bytes=stream.n_frames * n_items * track.n_columns * track.dtype.itemsize,
+                size_bytes=sum(groups) + own_bytes,
+                raw_size_bytes=opened.n_frames * track.n_items * value_bytes,
             )
         )
     return tuple(found)
@@ -279,56 +274,40 @@ class _Sizes:
     of_sections: Counter[Section]
 
 
-def _sizes(stream: Stream, opened: OpenStream) -> _Sizes:
-    """The sizes, from all bytes of the stream, whose checksums are verified."""
-    blocks = stored_blocks(stream, opened.method, UNLIMITED)  # none is decoded
-    of_sections: Counter[Section] = Counter()
-    for stored in stream.sections():
-        of_sections[stored.id] += stored.size_bytes
-    return _Sizes(
-        [block.n_modes for block in blocks],
-        [sum(len(payload) for payload in block.sections.values()) for block in blocks],
-        of_sections,
-    )
+def _sizes(opened: OpenStream, is_remote: bool) -> _Sizes:
+    """The sizes, from the heads of sections."""
+    file, of_sections = opened.file, Counter[Section]()
+    block_bytes = []
+    for one in file.sections(is_checked=False):
+        if one.is_known:
+            of_sections[Section(one.id)] += one.size_bytes
+    for number in range(opened.n_blocks):
+        place = file.block(number)
+        own = file.sections(place.offset, place.offset + place.size_bytes, is_checked=False)
+        block_bytes.append(sum(one.payload_bytes for one in own if one.is_known))
+    groups = (file.group(number, is_checked=not is_remote) for number in range(opened.n_blocks))
+    return _Sizes([group.n_modes for group in groups], block_bytes, of_sections)
 
 
-def _sizes_of_heads(stream: Stream) -> _Sizes:
-    """The sizes, from the heads of sections and their shortest ones."""
-    sizes = _Sizes([], [], Counter())
-    is_of_positions = False
-    for head in stream.heads():
-        if head.id is None:
-            continue
-        sizes.of_sections[head.id] += head.size_bytes
-        if head.id is Section.BLOCK:
-            sizes.n_modes.append(read_block(stream.payload(head))[1])
-            sizes.block_bytes.append(0)
-        if head.id in (Section.BLOCK, Section.TRACK_BLOCK):
-            is_of_positions = head.id is Section.BLOCK
-        if is_of_positions and head.id in BLOCK_SECTIONS:
-            sizes.block_bytes[-1] += head.payload_bytes
-    return sizes
-
-
-def _budget(stream: Stream, sizes: _Sizes) -> dict[str, int]:
+def _budget(opened: OpenStream, sizes: _Sizes) -> dict[str, int]:
     """Bytes by kind of section; framing is what is around them."""
     framing = (Section.BLOCK, Section.INDEX, Section.END)
-    budget = {"header": stream.header_size_bytes}
+    budget = {"header": next(opened.file.sections(is_checked=False)).offset}
     for section, size_bytes in sizes.of_sections.items():
         if section not in framing:
             budget[section.name.lower().replace("_", " ")] = size_bytes
-    budget["framing"] = stream.size_bytes - sum(budget.values())
+    budget["framing"] = opened.size_bytes - sum(budget.values())
     return budget
 
 
-def _parts(stream: Stream, sizes: _Sizes, tracks: Iterable[TrackInfo]) -> dict[str, int]:
+def _parts(opened: OpenStream, sizes: _Sizes, tracks: Iterable[TrackInfo]) -> dict[str, int]:
     """Bytes of the parts of a stream; the container has those of no other part."""
-    blocks = sum(place.sizes[0] for place in stream.places)
+    blocks = sum(opened.file.block(number).size_bytes for number in range(opened.n_blocks))
     parts = {
         "positions": blocks + sum(sizes.of_sections[one] for one in POSITIONS),
         "connectivity": sum(sizes.of_sections[one] for one in CONNECTIVITY),
-        "surface": sum(sizes.of_sections[one] for one in SURFACE),
+        "surface": sum(sizes.of_sections[one] for one in SURFACE_SECTIONS),
         **{f"track {track.name}": track.size_bytes for track in tracks},
     }
-    parts["container"] = stream.size_bytes - sum(parts.values())
+    parts["container"] = opened.size_bytes - sum(parts.values())
     return {name: size_bytes for name, size_bytes in parts.items() if size_bytes}

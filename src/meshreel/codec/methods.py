@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from meshreel.bitstream.layout import Section
     from meshreel.bitstream.writer import Sections
     from meshreel.codec.config import EncoderConfig
-    from meshreel.codec.decoded_block import FrameBlock
     from meshreel.codec.open_stream import OpenStream
     from meshreel.codec.source import CodedMesh, Source
     from meshreel.codec.track_bounds import TrackTargets
@@ -50,30 +49,25 @@ class BlockCoder(Protocol):
         """
 
 
-class BlockDecoder(Protocol):
-    """Decodes the blocks of a stream, in any order, and keeps what they share."""
+class FrameReader(Protocol):
+    """Decodes frames of a stream, in any order, and keeps what its blocks share."""
 
-    def block(self, number: int) -> "FrameBlock":
-        """A block of the stream, decoded.
+    def load(self, block: int, track: int = 0) -> None:
+        """Decode a block now, unless it is held; raises as `fill`."""
 
-        Raises
-        ------
-        CorruptStreamError
-            If it is damaged.
-        """
-
-
-class TrackBlockDecoder(Protocol):
-    """Decodes a track in the blocks of a stream, in any order."""
-
-    def block(self, number: int) -> "npt.NDArray[Any]":
-        """Values of shape (T_b, N, C) in a block, in the order in which vertices or faces go out.
+    def fill(self, out: "npt.NDArray[Any]", first: int, track: int = 0) -> None:
+        """Fill a contiguous array of shape (n, N, C) with frames of a track from `first` on.
 
         Raises
         ------
         CorruptStreamError
-            If it is damaged.
+            If a block is damaged.
+        MemoryLimitError
+            If a block takes more memory than allowed.
         """
+
+    def close(self) -> None:
+        """Release all that is held."""
 
 
 class Method(Protocol):
@@ -170,11 +164,8 @@ class Method(Protocol):
             How exact tracks are to come back.
         """
 
-    def track_decoder(self, opened: "OpenStream", track: int) -> TrackBlockDecoder:
-        """The decoder of a track beside the positions, from 1 on."""
-
-    def decoder(self, opened: "OpenStream", n_modes: int | None) -> BlockDecoder:
-        """The decoder of a stream's blocks.
+    def frames(self, opened: "OpenStream", n_modes: int | None) -> FrameReader:
+        """The decoder of a stream's frames.
 
         Parameters
         ----------

@@ -1,28 +1,38 @@
 """An open stream and the parts that its blocks share: mesh, order, surface, time."""
 
+from collections.abc import Iterator
 from functools import cached_property
+from typing import BinaryIO
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.bitstream.layout import Section
-from meshreel.bitstream.reader import Stream
 from meshreel.codec.choices import Laplacian, Order, choice_of_code
-from meshreel.codec.error_bounds import read_promise
 from meshreel.codec.memory import DEFAULT_LIMIT, MemoryLimit
-from meshreel.codec.methods import BlockDecoder, method_of_code
-from meshreel.codec.stored_blocks import StoredBlock, stored_block
-from meshreel.codec.surface.payloads import SURFACE_SECTIONS, read_start, read_surface
-from meshreel.codec.tracks import TrackHeader, read_track
-from meshreel.connectivity.coder import decode_connectivity, decode_order
-from meshreel.connectivity.permutation import inverse_permutation
+from meshreel.codec.methods import FrameReader, method_of_code
+from meshreel.codec.stored_blocks import StoredBlock, read_block
+from meshreel.codec.surface.decoded import decoded_surface
 from meshreel.errors import CorruptStreamError
+from meshreel.kernel.files import FileSection, FileTrack, OpenFile
 from meshreel.sequence import Faces
 from meshreel.subspace.trajectories import BoundingFrame
 from meshreel.surface import PLAIN, Surface
 
 Integers = npt.NDArray[np.int64]
-Vertices = npt.NDArray[np.floating]
+
+MODE_BYTES = 48
+"""Of a value of a mode of the paper, at a vertex or over time, while it is decoded: three axes."""
+
+SURFACE_SECTIONS = (
+    Section.POLYGONS,
+    Section.ATTRIBUTE,
+    Section.GROUPS,
+    Section.PARTS,
+    Section.MATERIAL,
+    Section.IMAGE,
+    Section.HARD_EDGES,
+)
 
 
 class OpenStream:
@@ -30,13 +40,13 @@ class OpenStream:
 
     Parameters
     ----------
-    stream : Stream
+    source : bytes or binary file that can seek
     limit : MemoryLimit, optional
         Of everything that is decoded at once: the mesh, a block, an array that is returned.
 
     Attributes
     ----------
-    stream : Stream
+    file : OpenFile
     limit : MemoryLimit
     method : Method
     laplacian : Laplacian
@@ -48,23 +58,30 @@ class OpenStream:
 
     Raises
     ------
-    CorruptStreamError
-        If its promise is not a positive number.
+    CorruptStreamError, TruncatedStreamError
+        If the header is damaged, or no block of frames is complete.
     UnsupportedVersionError
-        If this build does not know its method, Laplacian or order.
+        If a newer build is needed.
+    MemoryLimitError
+        If even the list of its parts takes more memory than allowed.
     """
 
-    def __init__(self, stream: Stream, limit: MemoryLimit = DEFAULT_LIMIT) -> None:
-        self.stream = stream
+    def __init__(self, source: bytes | BinaryIO, limit: MemoryLimit = DEFAULT_LIMIT) -> None:
+        self.file = OpenFile(source, limit.limit_bytes)
         self.limit = limit
-        self.method = method_of_code(stream.header.method)
-        self.laplacian = choice_of_code(Laplacian, stream.header.laplacian)
-        self.order_kept = choice_of_code(Order, stream.header.order)
-        self.promise_percent = _promise_of(stream)
-        self._positions: tuple[int, Vertices] | None = None
+        info = self.file.info
+        self.method = method_of_code(info.method)
+        self.laplacian = choice_of_code(Laplacian, info.laplacian)
+        self.order_kept = choice_of_code(Order, info.order)
+        self.promise_percent = info.promise_percent
+        self.n_frames, self.n_verts, self.n_faces = info.n_frames, info.n_verts, info.n_triangles
+        self.fps, self.name, self.start_s = info.fps, info.name, info.start_s
+        self.is_whole, self.size_bytes = info.is_whole, info.size_bytes
+        self.dtype: np.dtype[np.floating] = np.dtype(f"f{info.number_bytes}")
+        self.frame = BoundingFrame(info.center, info.diagonal)
 
-    def blocks(self, n_modes: int | None = None) -> BlockDecoder:
-        """The decoder of its blocks.
+    def frames(self, n_modes: int | None = None) -> FrameReader:
+        """The decoder of its frames.
 
         Parameters
         ----------
@@ -77,41 +94,21 @@ class OpenStream:
         InvalidInputError
             If `n_modes` is below 1, or not for this stream.
         """
-        return self.method.decoder(self, n_modes)
+        return self.method.frames(self, n_modes)
 
-    def stored(self, number: int) -> StoredBlock:
-        """A block as it is stored; raises as `stored_block`."""
-        return stored_block(self.stream, self.method, number, self.limit)
+    @property
+    def starts(self) -> list[int]:
+        """First frame of each complete block, and the number of all frames."""
+        return self.file.starts
 
-    def positions(self, number: int) -> Vertices:
-        """Positions of a block, of shape (T_b, V, 3), as they go out; those of the last are kept.
-
-        Raises
-        ------
-        CorruptStreamError
-            If the block is damaged.
-        MemoryLimitError
-            If it is larger than allowed.
-        """
-        if self._positions is None or self._positions[0] != number:
-            block = self._all_modes.block(number)
-            self.require_frames(range(block.start, block.stop))
-            found = np.empty((block.n_frames, self.n_verts, 3), self.dtype)
-            block.fill(found, 0)
-            if not np.isfinite(found).all():
-                raise CorruptStreamError(f"block {number} decodes to positions beyond all numbers")
-            self.keep_positions(number, found)
-        assert self._positions is not None
-        return self._positions[1]
-
-    def keep_positions(self, number: int, positions: Vertices) -> None:
-        """Keep the positions of a block that are decoded already, for `positions`."""
-        self._positions = number, positions
+    @property
+    def n_blocks(self) -> int:
+        """Number of complete blocks."""
+        return self.file.info.n_blocks
 
     def require_mesh(self) -> None:
         """Raise MemoryLimitError if decoding the mesh takes more than allowed."""
-        header = self.stream.header
-        self.limit.require_mesh(header.n_verts, header.n_faces)
+        self.limit.require_mesh(self.n_verts, self.n_faces)
 
     def require_frames(self, frames: range, more_bytes: int = 0) -> None:
         """Raise MemoryLimitError if positions of frames, and so much more, take more than allowed.
@@ -127,34 +124,17 @@ class OpenStream:
         what = f"frames {frames.start}:{frames.stop} of {self.n_verts} vertices{tracks}"
         self.limit.require(needed, what)
 
-    @cached_property
-    def _all_modes(self) -> BlockDecoder:
-        return self.blocks()
-
     @property
-    def n_verts(self) -> int:
-        """Number of vertices, V."""
-        return self.stream.header.n_verts
-
-    @cached_property
     def internal_faces(self) -> Faces:
         """Faces of shape (M, 3), in internal order; raises as `faces`."""
         self.require_mesh()
-        header, payload = self.stream.header, self.stream.only(Section.CONNECTIVITY)
-        return decode_connectivity(payload, header.n_verts, header.n_faces)
+        return self.file.stored_mesh[0]
 
     @cached_property
-    def _output_order(self) -> tuple[Integers, Faces]:
-        if self.order_kept is Order.DROP:
-            return np.arange(self.n_verts), self.internal_faces
-        payload = self.stream.only(Section.ORDER)
-        internal_to_given, faces = decode_order(payload, self.internal_faces, self.n_verts)
-        return inverse_permutation(internal_to_given), faces
-
-    @property
     def order(self) -> Integers:
         """Internal number of each output vertex; raises as `faces`."""
-        return self._output_order[0]
+        self.require_mesh()
+        return self.file.stored_mesh[1].astype(np.int64)
 
     @property
     def faces(self) -> Faces:
@@ -167,48 +147,114 @@ class OpenStream:
         MemoryLimitError
             If the mesh is larger than allowed.
         """
-        return self._output_order[1]
+        self.require_mesh()
+        return self.file.faces
+
+    @cached_property
+    def leading(self) -> tuple[FileSection, ...]:
+        """Known sections before the first block."""
+        found = self.file.sections(stop=self.file.block(0).offset, is_checked=False)
+        return tuple(one for one in found if one.is_known)
 
     @cached_property
     def surface(self) -> Surface:
-        """Polygons, attributes, groups, parts and materials of the mesh.
+        """Polygons, attributes, groups, hard edges, parts and materials of the mesh.
 
         Raises
         ------
         CorruptStreamError, TruncatedStreamError
             If it is damaged, or does not fit the faces.
+        MemoryLimitError
+            If it takes more memory than allowed.
         """
-        leading = self.stream.leading
-        sections = [(one.id, one.payload) for one in leading if one.id in SURFACE_SECTIONS]
-        if not sections:  # then the faces need not be decoded for it
-            return PLAIN
-        return read_surface(sections, self.faces, self.n_verts, self.limit)
-
-    @cached_property
-    def start_s(self) -> float:
-        """Time of the first frame, in seconds; raises as `surface`."""
-        starts = [one.payload for one in self.stream.leading if one.id is Section.START]
-        return read_start(starts[0]) if starts else 0.0
-
-    @cached_property
-    def tracks(self) -> tuple[TrackHeader, ...]:
-        """The tracks beside the positions; raises as `read_track`."""
-        leading = self.stream.leading
-        return tuple(read_track(one.payload) for one in leading if one.id is Section.TRACK)
+        if not any(one.id in SURFACE_SECTIONS for one in self.leading):
+            return PLAIN  # then the faces need not be decoded for it
+        self.require_mesh()
+        return decoded_surface(self.file)
 
     @property
-    def dtype(self) -> np.dtype[np.floating]:
-        """Number type of the output positions."""
-        return np.dtype(np.float32 if self.stream.header.vertex_type == 4 else np.float64)
+    def tracks(self) -> tuple[FileTrack, ...]:
+        """The tracks beside the positions."""
+        return self.file.tracks[1:]
 
-    @property
-    def frame(self) -> BoundingFrame:
-        """Centre and diagonal of the bounding box."""
-        return BoundingFrame(self.stream.header.origin, self.stream.header.scale)
+    def payload(self, section: FileSection) -> bytes:
+        """The payload of a section."""
+        return self.file.bytes_at(section.payload_offset, section.payload_bytes)
+
+    def only(self, section: Section) -> bytes:
+        """Payload of the only section of this id before the first block.
+
+        Raises
+        ------
+        CorruptStreamError
+            If there is none, or more than one.
+        """
+        found = [one for one in self.leading if one.id == section]
+        if len(found) != 1:
+            raise CorruptStreamError(
+                f"the stream has {len(found)} sections {section.name}; exactly 1 is allowed"
+            )
+        return self.payload(found[0])
+
+    def group(self, number: int, track: int = 0) -> Iterator[tuple[Section, bytes]]:
+        """Sections of a track in a block; their checksums are compared.
+
+        Raises
+        ------
+        CorruptStreamError
+            If one is damaged.
+        """
+        place = self.file.block(number, track)
+        for one in self.file.sections(place.offset, place.offset + place.size_bytes):
+            if one.is_known:
+                yield Section(one.id), self.payload(one)
+
+    def stored(self, number: int) -> StoredBlock:
+        """A block of a stream of the paper's methods, as it is stored.
+
+        Raises
+        ------
+        CorruptStreamError
+            If it is damaged, or has more or fewer modes than its method allows.
+        MemoryLimitError
+            If decoding it would take more than allowed.
+        """
+        place, found = self.file.block(number), list(self.group(number))
+        sections = dict(found)
+        if len(sections) < len(found):
+            raise CorruptStreamError(f"block {number} has a section twice")
+        n_frames, n_modes = read_block(sections.get(Section.BLOCK, b""))
+        if n_frames != place.n_frames or found[0][0] is not Section.BLOCK:
+            raise CorruptStreamError(
+                f"block {number} has {n_frames} frames; the index has {place.n_frames}"
+            )
+        most = self.method.most_modes(n_frames, self.n_verts)
+        if not 1 <= n_modes <= most:
+            raise CorruptStreamError(
+                f"a block of {n_frames} frames has {n_modes} modes; 1 to {most} are possible"
+            )
+        needed = MODE_BYTES * n_modes * (self.n_verts + 3 * n_frames)
+        needed += 3 * n_frames * self.n_verts * self.dtype.itemsize
+        what = f"block {number} of {n_frames} frames, {self.n_verts} vertices and {n_modes} modes"
+        self.limit.require(needed, what)
+        return StoredBlock(place.first_frame, n_frames, n_modes, sections, self.limit)
 
 
-def _promise_of(stream: Stream) -> float | None:
-    for stored in stream.leading:
-        if stored.id is Section.PROMISE:
-            return read_promise(stored.payload)
-    return None
+def whole_stream(data: bytes, limit: MemoryLimit = DEFAULT_LIMIT) -> OpenStream:
+    """A stream of which nothing is missing.
+
+    Raises
+    ------
+    CorruptStreamError, TruncatedStreamError
+        If its end is missing or damaged, or bytes follow it; and as `OpenStream`.
+    UnsupportedVersionError
+        If a newer build is needed.
+    """
+    opened = OpenStream(data, limit)
+    if opened.file.info.damage is not None:
+        raise opened.file.info.damage
+    if opened.size_bytes != len(data):
+        raise CorruptStreamError(
+            f"{len(data) - opened.size_bytes} bytes follow the end marker of the stream"
+        )
+    return opened

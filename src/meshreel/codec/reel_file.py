@@ -1,10 +1,6 @@
 """A `.reel` file whose frames are decoded on demand."""
 
-import os
-from collections import OrderedDict
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
-from contextvars import copy_context
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
@@ -13,25 +9,21 @@ from typing import BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.bitstream.reader import open_stream
-from meshreel.codec.decoded_block import FrameBlock
 from meshreel.codec.inspect import StreamInfo, promised_percent, stream_info
 from meshreel.codec.memory import memory_limit
-from meshreel.codec.methods import BlockDecoder
+from meshreel.codec.methods import FrameReader
 from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.reel_track import ReelTrack, tracks_of_stream
-from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.errors import InvalidInputError
 from meshreel.frame_choice import FrameChoice, chosen_frames, frame_range
 from meshreel.runtime.fork import ForkSafeLock
 from meshreel.sequence import Faces
 from meshreel.showing import notebook_html, show
 from meshreel.stores.positional_file import with_own_position
+from meshreel.stores.ranged_file import RangedFile
 from meshreel.surface import Surface
 
 Vertices = npt.NDArray[np.floating]
-
-N_KEPT_BLOCKS = 3
-"""Number of decoded blocks that are cached, so that seeking across a border costs nothing."""
 
 READ_AHEAD_BYTES, LEAST_TOGETHER = 1 << 23, 16
 """Size of the frames that an iteration decodes at a time, and how many there are at least: the
@@ -43,7 +35,7 @@ class ReelFile:
 
     Its length is the number of frames. ``reel[3]`` is the positions of a frame, of shape (V, 3); a
     slice, or a list of numbers, gives those of several; iterating gives all in turn in constant
-    memory, decoding the next block ahead. Several threads may share one, and so may
+    memory. Several threads may share one, and so may
     processes forked from the one that opened it.
 
     Parameters
@@ -89,29 +81,26 @@ class ReelFile:
     ) -> None:
         limit = memory_limit(memory)
         self._file = with_own_position(file)
-        stream = open_stream(self._file)
-        self._opened = OpenStream(stream, limit)
-        self._opened.require_mesh()
+        opened = self._opened = OpenStream(self._file, limit)
+        opened.require_mesh()
         self._n_modes = n_modes
         if n_modes is not None:  # which may not be for this stream: that is said now
-            _ = self._blocks
-        self._kept: OrderedDict[int, FrameBlock] = OrderedDict()
+            _ = self._frames
         self._lock = ForkSafeLock()
-        header = stream.header
-        self.n_frames, self.n_verts, self.n_faces = stream.n_frames, header.n_verts, header.n_faces
-        self.fps, self.name, self.is_whole = header.fps, header.name, stream.is_whole
-        self.dtype = self._opened.dtype
-        self.start_s, self.frame = self._opened.start_s, self._opened.frame
-        promised = promised_percent(self._opened) if n_modes is None else None
+        self.n_frames, self.n_verts, self.n_faces = opened.n_frames, opened.n_verts, opened.n_faces
+        self.fps, self.name, self.is_whole = opened.fps, opened.name, opened.is_whole
+        self.dtype = opened.dtype
+        self.start_s, self.frame = opened.start_s, opened.frame
+        promised = promised_percent(opened) if n_modes is None else None
         self.promised_error = None if promised is None else promised / 100 * self.frame.scale
-        self.starts = tuple(stream.starts)
-        self.method = self._opened.method.name
-        self.order = self._opened.order_kept.name.lower()
+        self.starts = tuple(opened.starts)
+        self.method = opened.method.name
+        self.order = opened.order_kept.name.lower()
 
     @cached_property
-    def _blocks(self) -> BlockDecoder:
-        """The decoder of its blocks, which a file that is only described does not need."""
-        return self._opened.blocks(self._n_modes)
+    def _frames(self) -> FrameReader:
+        """The decoder of its frames, which a file that is only described does not need."""
+        return self._opened.frames(self._n_modes)
 
     @property
     def faces(self) -> Faces:
@@ -127,14 +116,8 @@ class ReelFile:
 
     @cached_property
     def tracks(self) -> dict[str, ReelTrack]:
-        """Quantities that change over time, beside the positions, by their names.
-
-        Raises
-        ------
-        CorruptStreamError
-            If two have one name.
-        """
-        return tracks_of_stream(self._opened, self._lock)
+        """Quantities that change over time, beside the positions, by their names."""
+        return tracks_of_stream(self._opened, self._frames, self._lock)
 
     def track(self, name: str) -> ReelTrack:
         """A track of this name, of which nothing is decoded yet.
@@ -152,7 +135,7 @@ class ReelFile:
     def info(self) -> StreamInfo:
         """Contents of the file and bytes by section; no frame is decoded."""
         with self._lock:
-            return stream_info(self._opened.stream, self._opened.limit)
+            return stream_info(self._opened, is_remote=isinstance(self._file, RangedFile))
 
     def read(self, start: int, stop: int) -> Vertices:
         """Positions of frames start..stop - 1, of shape (stop - start, V, 3).
@@ -171,25 +154,14 @@ class ReelFile:
                 f"frames {start}:{stop} are not in the file; it has frames 0:{self.n_frames}"
             )
         self._opened.require_frames(range(start, stop))
-        if start < stop:
-            self.block(
-                self._number_of(start)
-            )  # raises for a damaged one before memory is allocated
+        if start < stop:  # raises for a damaged one before memory is allocated
+            self.load(self._number_of(start))
         frames = np.empty((stop - start, self.n_verts, 3), self.dtype)
-        position = start
-        while position < stop:
-            block = self.block(self._number_of(position))
-            end = min(stop, block.stop)
-            block.fill(frames[position - start : end - start], position - block.start)
-            position = end
-        if not np.isfinite(frames).all():
-            raise CorruptStreamError(
-                f"frames {start}:{stop} decode to positions that are not finite"
-            )
+        self._frames.fill(frames, start)
         return frames
 
-    def block(self, number: int) -> FrameBlock:
-        """A block of frames, decoded now or from the cache.
+    def load(self, number: int) -> None:
+        """Decode a block now, so that its frames come without delay.
 
         Parameters
         ----------
@@ -203,13 +175,7 @@ class ReelFile:
         MemoryLimitError
             If it takes more memory than allowed.
         """
-        with self._lock:
-            if number not in self._kept:
-                self._kept[number] = self._blocks.block(number)
-            self._kept.move_to_end(number)
-            while len(self._kept) > N_KEPT_BLOCKS:
-                self._kept.popitem(last=False)
-            return self._kept[number]
+        self._frames.load(number)
 
     def __len__(self) -> int:
         return self.n_frames
@@ -236,8 +202,6 @@ class ReelFile:
     def pieces(self, wanted: range | None = None) -> Iterator[tuple[int, Vertices]]:
         """Runs of frames: number of the first, and positions of shape (T_run, V, 3).
 
-        The next block is decoded while the frames of one are used.
-
         Parameters
         ----------
         wanted : range, optional
@@ -249,22 +213,10 @@ class ReelFile:
         n_together = max(LEAST_TOGETHER, READ_AHEAD_BYTES // frame_bytes)
         n_together = max(1, min(n_together, int(self._opened.limit.limit_bytes // frame_bytes)))
         first, last = self._number_of(frames.start), self._number_of(frames.stop - 1)
-        process = os.getpid()
-        with ThreadPoolExecutor(1, "meshreel-ahead") as ahead:
-            following = ahead.submit(copy_context().run, self.block, first)
-            for number in range(first, last + 1):
-                # A forked child that goes on with this iteration does not have the thread.
-                is_ahead = os.getpid() == process
-                if is_ahead:
-                    following.result()
-                if is_ahead and number < last:
-                    following = ahead.submit(copy_context().run, self.block, number + 1)
-                start, stop = (
-                    max(frames.start, starts[number]),
-                    min(frames.stop, starts[number + 1]),
-                )
-                for run in range(start, stop, n_together):
-                    yield run, self.read(run, min(run + n_together, stop))
+        for number in range(first, last + 1):
+            start, stop = max(frames.start, starts[number]), min(frames.stop, starts[number + 1])
+            for run in range(start, stop, n_together):
+                yield run, self.read(run, min(run + n_together, stop))
 
     def frame_range(self, chosen: slice | None) -> range:
         """The frames of a slice of consecutive frames; None is all.
@@ -290,12 +242,12 @@ class ReelFile:
             If the block is damaged.
         """
         with self._lock:
-            return self._opened.stored(number).n_modes
+            return self._opened.file.group(number).n_modes
 
     @property
     def size_bytes(self) -> int:
         """Size of the stream, without what may follow its last complete block."""
-        return self._opened.stream.size_bytes
+        return self._opened.size_bytes
 
     def stored(self, start: int, stop: int) -> bytes:
         """Bytes of the stream as they are stored, such as a server sends them."""
@@ -310,8 +262,9 @@ class ReelFile:
         return (Path(name),) if isinstance(name, str | Path) else ()
 
     def close(self) -> None:
-        """Close the file and empty the cache."""
-        self._kept.clear()
+        """Close the file and release what is decoded."""
+        if "_frames" in self.__dict__:
+            self._frames.close()
         self._file.close()
 
     def __enter__(self) -> "ReelFile":

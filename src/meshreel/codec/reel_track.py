@@ -1,26 +1,22 @@
 """A track of a `.reel` file whose values are decoded on demand."""
 
-from collections import OrderedDict
 from collections.abc import Iterator
 from contextlib import AbstractContextManager
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.methods import TrackBlockDecoder
+from meshreel.codec.methods import FrameReader
 from meshreel.codec.open_stream import OpenStream
+from meshreel.codec.tracks import DOMAINS, KINDS
 from meshreel.counting import counted
-from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.errors import InvalidInputError
 from meshreel.frame_choice import FrameChoice, chosen_frames
 from meshreel.surface import Domain
 from meshreel.tracks import TrackKind, described_track
 
 Values = npt.NDArray[Any]
-
-N_KEPT_BLOCKS = 2
-"""Decoded blocks that are kept, so that seeking across a border costs nothing."""
 
 
 class ReelTrack:
@@ -34,6 +30,8 @@ class ReelTrack:
     Parameters
     ----------
     opened : OpenStream
+    frames : FrameReader
+        Of the stream.
     number : int
         Of the track in the stream, from 1 on.
     lock : reentrant lock
@@ -54,38 +52,34 @@ class ReelTrack:
         None if nothing is promised.
     """
 
-    def __init__(self, opened: OpenStream, number: int, lock: AbstractContextManager[Any]) -> None:
-        self._opened = opened
+    def __init__(
+        self,
+        opened: OpenStream,
+        frames: FrameReader,
+        number: int,
+        lock: AbstractContextManager[Any],
+    ) -> None:
+        self._opened, self._frames = opened, frames
         self._number = number
         self._lock = lock
-        self._kept: OrderedDict[int, Values] = OrderedDict()
-        header = opened.tracks[number - 1]
-        self.name, self.unit, self.dtype = header.name, header.unit, header.dtype
-        self.kind: TrackKind = header.kind
-        self.domain: Domain = header.domain
-        self.is_exact = header.is_exact
-        self.promised_error = 0.0 if header.is_exact else header.bound or None
+        track = opened.file.tracks[number]
+        self.name, self.unit, self.dtype = track.name, track.unit, track.dtype
+        self.kind: TrackKind = KINDS[track.kind]
+        self.domain: Domain = DOMAINS[track.domain]
+        self.is_exact = track.is_exact
+        self.promised_error = 0.0 if track.is_exact else track.bound or None
 
     @property
     def shape(self) -> tuple[int, int, int]:
         """Frames, vertices or faces or corners, and numbers of each value: (T, N, C)."""
-        opened = self._opened
-        with self._lock:
-            n_items = opened.n_verts
-            if self.domain is not Domain.VERTEX:
-                n_faces = opened.stream.header.n_faces
-                n_items = opened.surface.n_items(self.domain, opened.n_verts, n_faces)
-        return opened.stream.n_frames, n_items, opened.tracks[self._number - 1].n_columns
+        track = self._opened.file.tracks[self._number]
+        return self._opened.n_frames, track.n_items, track.n_columns
 
     @property
     def frame_bytes(self) -> int:
         """Size of the values of a frame."""
         _, n_items, n_columns = self.shape
         return n_items * n_columns * self.dtype.itemsize
-
-    @cached_property
-    def _decoder(self) -> TrackBlockDecoder:
-        return self._opened.method.track_decoder(self._opened, self._number)
 
     def read(self, start: int, stop: int) -> Values:
         """Values of frames start..stop - 1, of shape (stop - start, N, C).
@@ -99,35 +93,23 @@ class ReelTrack:
         MemoryLimitError
             If the values of these frames, or of a block, take more memory than allowed.
         """
-        starts = self._opened.stream.starts
-        if not 0 <= start <= stop <= starts[-1]:
+        n_frames = self._opened.n_frames
+        if not 0 <= start <= stop <= n_frames:
             raise InvalidInputError(
-                f"frames {start}:{stop} are not in the file; it has frames 0:{starts[-1]}"
+                f"frames {start}:{stop} are not in the file; it has frames 0:{n_frames}"
             )
         self._opened.limit.require(
             (stop - start) * self.frame_bytes, f"frames {start}:{stop} of track {self.name!r}"
         )
-        first = int(np.searchsorted(starts, start, side="right")) - 1
-        parts = []
-        for number in range(first, len(starts) - 1):
-            begin, end = max(start, starts[number]), min(stop, starts[number + 1])
-            if begin < end:
-                parts.append(self._block(number)[begin - starts[number] : end - starts[number]])
-        if not parts:
-            return np.empty((0, *self.shape[1:]), self.dtype)
-        return parts[0] if len(parts) == 1 else np.concatenate(parts)
-
-    def _block(self, number: int) -> Values:
-        with self._lock:
-            if number not in self._kept:
-                self._kept[number] = self._decoder.block(number)
-            self._kept.move_to_end(number)
-            while len(self._kept) > N_KEPT_BLOCKS:
-                self._kept.popitem(last=False)
-            return self._kept[number]
+        if start < stop:  # raises for a damaged block before memory is allocated
+            with self._lock:
+                self._frames.load(self._opened.file.block_of_frame(start), self._number)
+        values = np.empty((stop - start, *self.shape[1:]), self.dtype)
+        self._frames.fill(values, start, self._number)
+        return values
 
     def __len__(self) -> int:
-        return self._opened.stream.n_frames
+        return self._opened.n_frames
 
     def __getitem__(self, chosen: FrameChoice) -> Values:
         """Values of a frame, of shape (N, C), or of several, of shape (T, N, C)."""
@@ -150,16 +132,12 @@ class ReelTrack:
         return f"<ReelTrack {self.name!r}: {described_track(self)}, {counted(len(self), 'frame')}>"
 
 
-def tracks_of_stream(opened: OpenStream, lock: AbstractContextManager[Any]) -> dict[str, ReelTrack]:
-    """The tracks of a stream by their names.
-
-    Raises
-    ------
-    CorruptStreamError
-        If two have one name.
-    """
-    numbers = range(1, len(opened.tracks) + 1)
-    found = {header.name: number for header, number in zip(opened.tracks, numbers, strict=True)}
-    if len(found) < len(opened.tracks):
-        raise CorruptStreamError("two tracks of the stream have one name")
-    return {name: ReelTrack(opened, number, lock) for name, number in found.items()}
+def tracks_of_stream(
+    opened: OpenStream, frames: FrameReader, lock: AbstractContextManager[Any]
+) -> dict[str, ReelTrack]:
+    """The tracks of a stream by their names; `frames` decodes them."""
+    numbers = range(1, len(opened.file.tracks))
+    return {
+        opened.file.tracks[number].name: ReelTrack(opened, frames, number, lock)
+        for number in numbers
+    }

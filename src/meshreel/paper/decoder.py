@@ -1,16 +1,17 @@
 """Decoder of the blocks of the paper's variants."""
 
+from collections import OrderedDict
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.bitstream.layout import Section
-from meshreel.bitstream.reader import read_stream
 from meshreel.codec.choices import Laplacian
 from meshreel.codec.decoded_block import DecodedBlock
-from meshreel.codec.open_stream import OpenStream
-from meshreel.codec.stored_blocks import StoredBlock, stored_blocks
+from meshreel.codec.open_stream import OpenStream, whole_stream
+from meshreel.codec.stored_blocks import StoredBlock
 from meshreel.entropy.coder import encode_integers
 from meshreel.entropy.exact import decode_exact
 from meshreel.errors import InvalidInputError
@@ -18,9 +19,13 @@ from meshreel.paper.blocks import Dictionaries, read_coded_block
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.payloads import read_anchor_vertices, read_curves
 from meshreel.paper.pipeline import CodedBlock, Quantized, synthesise
-from meshreel.paper.variants import METHODS, Variant
+from meshreel.paper.variants import METHODS, Variant, variant_named
+from meshreel.runtime.fork import ForkSafeLock
 
 Vertices = npt.NDArray[np.floating]
+
+N_KEPT_BLOCKS = 3
+"""Decoded blocks that are kept, so that seeking across a border costs nothing."""
 
 DENSE_BYTES = 16
 """Of an entry of a dense matrix and its eigenvectors."""
@@ -98,11 +103,52 @@ class PaperBlockDecoder:
         return decode_exact(stored.payload(Section.EXACT), shape, self._opened.dtype)
 
 
+class DecodedFrames:
+    """Frames of decoded blocks, of which some are kept; several threads may share one.
+
+    Parameters
+    ----------
+    decoder : PaperBlockDecoder
+    starts : list of int
+        First frame of each block, and the number of all frames.
+    """
+
+    def __init__(self, decoder: PaperBlockDecoder, starts: list[int]) -> None:
+        self._decoder, self._starts = decoder, starts
+        self._kept: OrderedDict[int, DecodedBlock] = OrderedDict()
+        self._lock = ForkSafeLock()
+
+    def load(self, block: int, track: int = 0) -> None:
+        """Decode a block now, unless it is kept; raises as `PaperBlockDecoder.block`."""
+        self._block(block)
+
+    def fill(self, out: Vertices, first: int, track: int = 0) -> None:
+        """Fill an array of shape (n, V, 3) with frames from `first` on; raises as `load`."""
+        stop = first + len(out)
+        for number, (begin, end) in enumerate(pairwise(self._starts)):
+            low, high = max(first, begin), min(stop, end)
+            if low < high:
+                self._block(number).fill(out[low - first : high - first], low - begin)
+
+    def close(self) -> None:
+        """Forget all blocks."""
+        self._kept.clear()
+
+    def _block(self, number: int) -> DecodedBlock:
+        with self._lock:
+            if number not in self._kept:
+                self._kept[number] = self._decoder.block(number)
+            self._kept.move_to_end(number)
+            while len(self._kept) > N_KEPT_BLOCKS:
+                self._kept.popitem(last=False)
+            return self._kept[number]
+
+
 def stored_mesh(opened: OpenStream, variant: Variant) -> MeshModel:
     """The mesh model of a stream: connectivity and anchors, in internal order."""
     anchors, shape = np.zeros(0, np.int64), None
     if variant.has_anchors:
-        payload = opened.stream.only(Section.ANCHOR_VERTICES)
+        payload = opened.only(Section.ANCHOR_VERTICES)
         anchors = read_anchor_vertices(payload, opened.n_verts)
     if opened.laplacian is Laplacian.COTANGENT:
         shape = stored_shape(opened).values[:, 0].T
@@ -112,13 +158,13 @@ def stored_mesh(opened: OpenStream, variant: Variant) -> MeshModel:
         anchors=anchors,
         laplacian_choice=opened.laplacian,
         shape=shape,
-        n_frames=opened.stream.n_frames,
+        n_frames=opened.n_frames,
     )
 
 
 def stored_shape(opened: OpenStream) -> Quantized:
     """The shape of (3, 1, V) that the cotangent weights of a stream are measured in."""
-    return read_curves(opened.stream.only(Section.SHAPE), 1, opened.n_verts)
+    return read_curves(opened.only(Section.SHAPE), 1, opened.n_verts)
 
 
 def open_paper_stream(data: bytes) -> tuple[OpenStream, PaperBlockDecoder]:
@@ -131,14 +177,13 @@ def open_paper_stream(data: bytes) -> tuple[OpenStream, PaperBlockDecoder]:
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
         If the bytes are not a whole stream that this build reads.
     """
-    opened = OpenStream(read_stream(data))
-    decoder = opened.blocks()
-    if not isinstance(decoder, PaperBlockDecoder):
+    opened = whole_stream(data)
+    if opened.method.name not in METHODS:
         raise InvalidInputError(
             f"the stream has method {opened.method.name}, not one of the paper's: "
             f"{', '.join(METHODS)}; encode the sequence with one of these, or use meshreel.decode"
         )
-    return opened, decoder
+    return opened, PaperBlockDecoder(opened, variant_named(opened.method.name))
 
 
 def coded_blocks(data: bytes) -> list[CodedBlock]:
@@ -150,8 +195,7 @@ def coded_blocks(data: bytes) -> list[CodedBlock]:
         As `open_paper_stream`.
     """
     opened, decoder = open_paper_stream(bytes(data))
-    stored = stored_blocks(opened.stream, opened.method)
-    return [decoder.coded(block, number) for number, block in enumerate(stored)]
+    return [decoder.coded(opened.stored(number), number) for number in range(opened.n_blocks)]
 
 
 def bits_per_row(data: bytes) -> list[npt.NDArray[np.float64]]:

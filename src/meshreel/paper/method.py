@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +14,7 @@ from meshreel.codec.source import CodedMesh, Source
 from meshreel.codec.track_bounds import TrackTargets
 from meshreel.errors import CorruptStreamError
 from meshreel.paper import settings
-from meshreel.paper.decoder import PaperBlockDecoder
+from meshreel.paper.decoder import DecodedFrames, PaperBlockDecoder
 from meshreel.paper.encoder import PaperBlockCoder
 from meshreel.paper.variants import VARIANTS, Basis, Variant
 from meshreel.runtime.engine.engine import Engine
@@ -97,27 +96,23 @@ class PaperMethod:
         """The coder of live frames, of which the first block is known; it has no tracks."""
         return PaperBlockCoder(mesh, frame, [first])
 
-    def track_decoder(self, opened: OpenStream, track: int) -> NoReturn:
-        """None: there are none.
-
-        Raises
-        ------
-        CorruptStreamError
-            Always.
-        """
-        raise CorruptStreamError(f"a stream of method {self.name} has no tracks; one is announced")
-
-    def decoder(self, opened: OpenStream, n_modes: int | None) -> PaperBlockDecoder:
-        """The decoder of a stream's blocks, which uses the first rows of coefficients only.
+    def frames(self, opened: OpenStream, n_modes: int | None) -> DecodedFrames:
+        """The decoder of a stream's frames, which uses the first rows of coefficients only.
 
         Raises
         ------
         InvalidInputError
             If `n_modes` is below 1.
+        CorruptStreamError
+            If the stream announces tracks, which these methods do not have.
         """
         if n_modes is not None:
             COUNT.check(n_modes, "n_modes")
-        return PaperBlockDecoder(opened, self.variant, n_modes)
+        if opened.file.info.n_tracks > 1:
+            raise CorruptStreamError(
+                f"a stream of method {self.name} has no tracks; one is announced"
+            )
+        return DecodedFrames(PaperBlockDecoder(opened, self.variant, n_modes), opened.starts)
 
 
 def _coded(

@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 
 from meshreel.codec.decoded_block import DecodedBlock
 from meshreel.codec.option import COUNT
-from meshreel.codec.stored_blocks import StoredBlock, stored_blocks
+from meshreel.codec.stored_blocks import StoredBlock
 from meshreel.connectivity.permutation import inverse_permutation
 from meshreel.counting import counted
 from meshreel.errors import CorruptStreamError, InvalidInputError
@@ -295,7 +295,7 @@ def read(data: bytes | bytearray | memoryview | str | os.PathLike[str]) -> Paper
         order=opened.order,
         mesh=decoder.mesh,
     )
-    stored = stored_blocks(opened.stream, opened.method)
+    stored = map(opened.stored, range(opened.n_blocks))
     with np.errstate(over="ignore", invalid="ignore"):  # `reconstruct` checks the positions
         blocks = tuple(_block(stream, decoder, one, number) for number, one in enumerate(stored))
     return replace(stream, blocks=blocks)

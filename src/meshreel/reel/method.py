@@ -6,7 +6,9 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig
+from meshreel.codec.frame_decoder import FrameDecoder
 from meshreel.codec.open_stream import OpenStream
+from meshreel.codec.option import COUNT
 from meshreel.codec.source import CodedMesh, Source
 from meshreel.codec.targets import Aim
 from meshreel.codec.track_bounds import TrackTargets
@@ -18,8 +20,7 @@ from meshreel.subspace.trajectories import BoundingFrame
 from meshreel.tracks import Track
 
 if TYPE_CHECKING:
-    from meshreel.codec.methods import BlockCoder, BlockDecoder
-    from meshreel.reel.decoder import TrackDecoder
+    from meshreel.codec.methods import BlockCoder
     from meshreel.reel.encoding.exact_positions import PositionCoder
 
 Vertices = npt.NDArray[np.floating]
@@ -135,17 +136,17 @@ class ReelMethod:
 
         return LiveCoder(mesh, frame, first, tracks, targets)
 
-    def track_decoder(self, opened: OpenStream, track: int) -> "TrackDecoder":
-        """The decoder of a track beside the positions, from 1 on."""
-        from meshreel.reel.decoder import TrackDecoder
+    def frames(self, opened: OpenStream, n_modes: int | None) -> FrameDecoder:
+        """The decoder of a stream's frames.
 
-        return TrackDecoder(opened, track)
-
-    def decoder(self, opened: OpenStream, n_modes: int | None) -> "BlockDecoder":
-        """The decoder of a stream's blocks; raises as `ReelBlockDecoder`."""
-        from meshreel.reel.decoder import ReelBlockDecoder
-
-        return ReelBlockDecoder(opened, n_modes)
+        Raises
+        ------
+        InvalidInputError
+            If `n_modes` is below 1.
+        """
+        if n_modes is not None:
+            COUNT.check(n_modes, "n_modes")
+        return FrameDecoder(opened.file, n_modes or 0)
 
 
 class LosslessMethod(ReelMethod):
@@ -202,25 +203,20 @@ class LosslessMethod(ReelMethod):
 
         return ExactPositionCoder(mesh.faces, mesh.n_verts)
 
-    def decoder(self, opened: OpenStream, n_modes: int | None) -> "BlockDecoder":
-        """The decoder of a stream's blocks.
+    def frames(self, opened: OpenStream, n_modes: int | None) -> FrameDecoder:
+        """The decoder of a stream's frames.
 
         Raises
         ------
         InvalidInputError
             If `n_modes` is given.
         """
-        from meshreel.reel.exact_decoder import ExactBlockDecoder
-
-        self._check_modes(n_modes)
-        return ExactBlockDecoder(opened)
-
-    def _check_modes(self, n_modes: int | None) -> None:
         if n_modes is not None:
             raise InvalidInputError(
                 f"a stream of method {self.name} has no modes, and every bit is decoded; leave "
                 "n_modes= out"
             )
+        return FrameDecoder(opened.file)
 
 
 class GridMethod(LosslessMethod):
@@ -255,13 +251,6 @@ class GridMethod(LosslessMethod):
         from meshreel.reel.encoding.grid_positions import grid_coder
 
         return grid_coder(mesh, frame, extent_of(first), first.dtype)
-
-    def decoder(self, opened: OpenStream, n_modes: int | None) -> "BlockDecoder":
-        """The decoder of a stream's blocks; raises as that of `lossless`."""
-        from meshreel.reel.exact_decoder import GridBlockDecoder
-
-        self._check_modes(n_modes)
-        return GridBlockDecoder(opened)
 
 
 METHODS = {method.name: method for method in (ReelMethod(), LosslessMethod(), GridMethod())}

@@ -7,9 +7,11 @@ from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
 from meshreel.errors import InvalidInputError
-from meshreel.reel.decoder import AT_REST
 from meshreel.sequence import MeshSequence
 from samples.meshes import irregular_sequence, kg_error_percent, waving_grid
+
+AT_REST = 16
+"""Modes whose means over a block are part of every preview."""
 
 SEQUENCES = {"grid": waving_grid(20, dtype=np.float64), "irregular": irregular_sequence(20)}
 

@@ -10,7 +10,7 @@ from meshreel.bitstream.reader import read_stream
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
-from meshreel.codec.reel_file import N_KEPT_BLOCKS, ReelFile
+from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
 from samples.meshes import irregular_sequence, waving_grid
 
@@ -58,24 +58,28 @@ def test_all_frames_come_in_order_when_it_is_iterated(reel, method):
 
 
 def test_facts_are_known_when_nothing_is_decoded(reel, method, monkeypatch):
-    monkeypatch.setattr(reel._blocks, "block", None)
+    monkeypatch.setattr(type(reel), "_frames", None)
     assert (len(reel), reel.n_frames) == (23, 23)
     assert (reel.fps, reel.name) == (WHOLE[method].fps, WHOLE[method].name)
     np.testing.assert_array_equal(reel.faces, WHOLE[method].faces)
     assert reel.info() == info(STREAMS[method])
 
 
-def test_only_blocks_that_are_needed_are_decoded_when_frames_are_asked_for(reel, monkeypatch):
-    decoded = []
-    block = reel._blocks.block
-    monkeypatch.setattr(
-        reel._blocks, "block", lambda number: decoded.append(number) or block(number)
-    )
-    _ = reel[9], reel[8], reel[10:14], reel[11]
-    assert decoded == [2, 3]
-    _ = reel[0], reel[4], reel[8], reel[12]
-    assert decoded == [2, 3, 0, 1, 3]
-    assert len(reel._kept) == N_KEPT_BLOCKS
+def test_only_blocks_that_are_needed_are_read_when_frames_are_asked_for():
+    class File(BytesIO):
+        def fetch(self, start, stop):
+            fetched.append(start)
+
+    fetched: list[int] = []
+    with ReelFile(File(encode(waving_grid(23), block_frames=4))) as reel:
+        _ = reel.faces
+        places = [reel._opened.file.block(number).offset for number in range(6)]
+        fetched.clear()
+        _ = reel[9], reel[8], reel[10:14], reel[11]
+        needed = [places[2], places[0], places[3]]  # the first is the key block of others
+        assert fetched == needed
+        _ = reel[8], reel[12]
+        assert fetched == needed
 
 
 def test_frames_up_to_the_cut_are_there_when_the_file_is_cut(method):
@@ -125,31 +129,6 @@ def test_a_file_is_closed_when_it_was_used_in_a_with_statement(tmp_path):
         reel[22]
 
 
-def test_modes_of_a_block_multiply_to_its_frames_when_it_has_some(reel, method):
-    assert reel.starts == (0, 4, 8, 12, 16, 20, 23)
-    block = reel.block(2)
-    assert (block.start, block.n_frames) == (8, 4)
-    if method in ("pca-qp", "pca-qs", "blocks", "gft"):  # anchors move apart from the modes
-        assert block.modes is None
-        return
-    matrices = block.modes.basis @ block.modes.coefficients
-    found = np.moveaxis(matrices, 0, 2) * reel.frame.scale + np.array(reel.frame.origin)
-    connected = np.unique(reel.faces[reel.faces[:, 0] != reel.faces[:, 1]])
-    assert_nearly_equal(found[:, connected], reel[8:12][:, connected])
-
-
-def test_corrections_of_a_block_are_apart_from_its_modes_when_an_error_was_promised():
-    data = encode(irregular_sequence(20), max_error=1.0)
-    with ReelFile(BytesIO(data)) as reel:
-        block = reel.block(0)
-        matrices = block.modes(slice(0, 20))
-        corrections = block.corrections
-        matrices[:, corrections.frames, corrections.vertices] += corrections.moves.T
-        found = np.moveaxis(matrices, 0, 2) * reel.frame.scale + np.array(reel.frame.origin)
-        assert len(corrections.frames) > 0
-        assert_nearly_equal(found, reel[:])
-
-
 @pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
 def test_order_is_what_it_was_encoded_with_when_it_is_asked_for(order):
     grid = waving_grid(2)
@@ -157,17 +136,6 @@ def test_order_is_what_it_was_encoded_with_when_it_is_asked_for(order):
     shuffled = meshreel.MeshSequence(grid.vertices, faces)
     with ReelFile(BytesIO(encode(shuffled, order=order))) as reel:
         assert reel.order == order
-
-
-def test_reading_raises_when_positions_are_not_finite(monkeypatch):
-    def fill(block, out, start):
-        out[:] = 0.0
-        out[-1, -1, -1] = np.inf
-
-    with ReelFile(BytesIO(encode(waving_grid(6), block_frames=3))) as reel:
-        monkeypatch.setattr(type(reel.block(0)), "fill", fill)
-        with pytest.raises(CorruptStreamError, match="frames 1:5 decode to positions that"):
-            reel.read(1, 5)
 
 
 @pytest.mark.parametrize("place", [0, 3, 6])

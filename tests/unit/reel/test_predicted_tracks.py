@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.bitstream.reader import read_stream
-from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.tracks import Coding, TrackHeader
 from meshreel.kernel.normals import surface_normals
@@ -16,6 +14,7 @@ from meshreel.reel.encoding import following_tracks, track_residuals
 from meshreel.surface import Domain
 from meshreel.tracks import Track
 from samples.meshes import quad_sheet
+from samples.streams import track_headers
 from samples.tracks import given_places
 
 RNG = np.random.default_rng(4)
@@ -44,7 +43,7 @@ def with_tracks(sheet, **tracks):
 
 
 def headers(data):
-    return {one.name: one for one in OpenStream(read_stream(data)).tracks}
+    return {one.name: one for one in track_headers(data)}
 
 
 def bytes_of(data):

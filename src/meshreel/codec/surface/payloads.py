@@ -354,6 +354,8 @@ def _read_parts(payload: bytes) -> list[Part]:
         n_faces, position = read_varint(payload, position)
         name, position = read_text(payload, position)
         parts.append(Part(name, n_verts, n_faces))
+    if position != len(payload):
+        raise CorruptStreamError(f"{len(payload) - position} bytes follow the last part")
     return parts
 
 

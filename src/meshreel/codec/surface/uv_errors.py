@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshreel.bitstream.reader import read_stream
-from meshreel.codec.choices import Order, choice_of_code
-from meshreel.codec.open_stream import OpenStream
+from meshreel.codec.choices import Order
+from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.surface.payloads import surface_in_order
 from meshreel.codec.surface.uv_grid import is_quantized
 from meshreel.connectivity.coder import encode_connectivity
@@ -44,8 +43,8 @@ def measure_uvs(sequence: FrameSource, data: bytes) -> UvErrors | None:
         The original of the stream, with all of its surface.
     data : bytes
     """
-    stream = read_stream(data)
-    order = choice_of_code(Order, stream.header.order)
+    opened = whole_stream(data)
+    order = opened.order_kept
     internal = np.arange(sequence.n_verts)
     if order is Order.DROP and sequence.surface.attributes:
         coded = encode_connectivity(sequence.faces, sequence.n_verts, order="drop")
@@ -53,7 +52,7 @@ def measure_uvs(sequence: FrameSource, data: bytes) -> UvErrors | None:
     kept = surface_in_order(sequence.surface, order, internal).attributes
     if not any(map(is_quantized, kept)):
         return None
-    pairs = zip(kept, OpenStream(stream).surface.attributes, strict=True)
+    pairs = zip(kept, opened.surface.attributes, strict=True)
     return UvErrors(max(_largest(one, one_hat) for one, one_hat in pairs if is_quantized(one)))
 
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 from io import BytesIO
 
 from meshreel.bitstream.layout import Section
-from meshreel.bitstream.reader import read_stream
 from meshreel.codec.achieved import measure_tracks
-from meshreel.codec.memory import OWN_STREAM
+from meshreel.codec.memory import OWN_STREAM, UNLIMITED
+from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.source import CodedTrack, Source
 from meshreel.codec.track_bounds import EXACT
@@ -67,11 +67,12 @@ class FollowingTracks:
         source, tracks = self._source, self._coded(data, MOST_TRIALS)
         if tracks != source.tracks:
             source = replace(source, tracks=tracks)
-            stream = read_stream(data)
-            leading = [(one.id, one.payload) for one in stream.leading if one.id is Section.PROMISE]
+            opened = whole_stream(data, UNLIMITED)
+            promises = (one for one in opened.leading if one.id == Section.PROMISE)
+            leading = [(Section.PROMISE, opened.payload(one)) for one in promises]
             blocks = (
-                (place.n_frames, stream.block(number).items())
-                for number, place in enumerate(stream.places)
+                (opened.file.block(number).n_frames, opened.group(number))
+                for number in range(opened.n_blocks)
             )
             data = source.stream(leading, blocks)
         _check_kept(source, data)

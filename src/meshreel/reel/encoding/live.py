@@ -13,7 +13,6 @@ from meshreel.bitstream.writer import Sections
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.track_bounds import TrackTargets
 from meshreel.reel.agreed.graphs import ItemGraph
-from meshreel.reel.decoder import WrittenBlocks
 from meshreel.reel.encoding.aim import aimed
 from meshreel.reel.encoding.block_coder import (
     FieldBlockCoder,
@@ -25,6 +24,7 @@ from meshreel.reel.encoding.block_coder import (
 from meshreel.reel.encoding.effort import finest_step
 from meshreel.reel.encoding.smoothness import sampled_frames, step_share
 from meshreel.reel.encoding.tracks import live_tracks
+from meshreel.reel.encoding.written import WrittenBlocks
 from meshreel.sequence import extent_of
 from meshreel.subspace.trajectories import BoundingFrame
 from meshreel.tracks import Track

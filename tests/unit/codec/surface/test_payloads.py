@@ -233,6 +233,7 @@ def test_size_target_counts_the_surface_when_it_is_met():
         (Section.GROUPS, b"\x01a\xff\xff\xff\x7f"),
         (Section.PARTS, b"\x02\x01\x01"),
         (Section.PARTS, b"\x01\x05\x05\x01a"),
+        (Section.PARTS, b"\x00\x00"),  # one byte too many
         (Section.MATERIAL, b""),
         (Section.MATERIAL, b"\x01a"),
         (Section.MATERIAL, b"\x01a\x00\x00"),
@@ -261,7 +262,7 @@ def test_stream_is_refused_when_face_sizes_come_twice():
     stream = read_stream(meshreel.encode(quad_sheet()))
     parts = parts_of(stream)
     sizes = next(part for part in parts if part[0] is Section.POLYGONS)
-    with pytest.raises(CorruptStreamError, match="more than once"):
+    with pytest.raises(CorruptStreamError, match="more than one section POLYGONS"):
         meshreel.decode(raw_stream(stream.header, [sizes, *parts]))
 
 
@@ -275,16 +276,16 @@ def damaged_material(payload):
 @pytest.mark.parametrize(
     ("texture", "message"),
     [
-        (b"\x00\x00\x00\x00\x00\x00", "has channels ''"),
-        (b"\x00\x00\x01\x00\x00\x00", "has channels 'r'"),
-        (b"\x00\x00\x10\x00\x00\x00", "flags 16"),
-        (b"\x00\x00\x07\x05\x00\x00", "a choice 5"),
-        (b"\x00\x00\x07\x50\x00\x00", "a choice 5"),
-        (b"\x00\x00\x07\x00\x03\x00", "must be one of nearest, linear"),
-        (b"\x00\x00\x07\x00\x70\x00", "a choice 7"),
-        (b"\x00\x00\x07\x00\x00\x20", "more than its 5 numbers"),
-        (b"\x01\x00\x07\x00\x00\x00", "shows image 1; there are 1"),
-        (b"\xff\xff\xff\xff\xff\xff\x7f\x00\x07\x00\x00\x00", "there are 1"),
+        (b"\x00\x00\x00\x00\x00\x00", "channels that its slot does not allow"),
+        (b"\x00\x00\x01\x00\x00\x00", "channels that its slot does not allow"),
+        (b"\x00\x00\x10\x00\x00\x00", "channels"),
+        (b"\x00\x00\x07\x05\x00\x00", "the wrap mode of a texture is unknown"),
+        (b"\x00\x00\x07\x50\x00\x00", "the wrap mode of a texture is unknown"),
+        (b"\x00\x00\x07\x00\x03\x00", "the filter of a texture"),
+        (b"\x00\x00\x07\x00\x70\x00", "the filter of a texture is unknown"),
+        (b"\x00\x00\x07\x00\x00\x20", "sets numbers that are unknown"),
+        (b"\x01\x00\x07\x00\x00\x00", "shows an image that does not exist"),
+        (b"\xff\xff\xff\xff\xff\xff\x7f\x00\x07\x00\x00\x00", "shows an image that does not exist"),
     ],
 )
 def test_a_texture_is_refused_when_it_cannot_be(texture, message):

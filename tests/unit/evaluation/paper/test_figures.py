@@ -6,9 +6,7 @@ from PIL import Image
 
 import meshreel
 from meshreel.bitstream.layout import Section
-from meshreel.bitstream.reader import read_stream
-from meshreel.codec.open_stream import OpenStream
-from meshreel.codec.stored_blocks import stored_blocks
+from meshreel.codec.open_stream import whole_stream
 from meshreel.evaluation.paper.figures.matrices import (
     averaged,
     draw_dictionaries,
@@ -118,10 +116,8 @@ def _tracked(sequence, n_modes, dictionary="difference"):
 
 def _stored_bits(data, n_modes):
     """Mean bits of an entry of the dictionaries after the first, from the bytes of a stream."""
-    opened = OpenStream(read_stream(data))
-    payloads = [
-        block.payload(Section.BASIS) for block in stored_blocks(opened.stream, opened.method)
-    ]
+    opened = whole_stream(data)
+    payloads = [opened.stored(number).payload(Section.BASIS) for number in range(opened.n_blocks)]
     sizes = [len(payload) - 1 for payload in payloads[1:]]  # without the byte that names the kind
     return 8 * sum(sizes) / (len(sizes) * 3 * n_modes * BLOCK_FRAMES)
 

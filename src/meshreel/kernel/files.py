@@ -1,0 +1,633 @@
+"""Binding of the core's decoder of `.reel` files, `core/include/meshreel.h`."""
+
+import ctypes
+import os
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache, cached_property
+from io import BytesIO
+from typing import Any, BinaryIO
+from weakref import finalize
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.counting import size_text
+from meshreel.errors import (
+    CorruptStreamError,
+    InvalidInputError,
+    MemoryLimitError,
+    TruncatedStreamError,
+    UnsupportedVersionError,
+)
+from meshreel.kernel.library import ALIGNMENT, library
+from meshreel.runtime.fork import ForkSafeLock
+from meshreel.runtime.profiling import staged
+from meshreel.runtime.threads import in_threads, n_cores
+
+(
+    OK,
+    NO_MEMORY,
+    TRUNCATED,
+    CORRUPT,
+    INVALID,
+    UNSUPPORTED,
+    METHOD,
+    UNREADABLE,
+    RANGE,
+    LIMIT,
+) = range(10)
+"""Codes of `meshreel_code`."""
+
+UNKNOWN_BYTE = 2**64 - 1
+NUMBER_TYPES: dict[int, np.dtype[Any]] = {
+    4: np.dtype(np.float32),
+    8: np.dtype(np.float64),
+    17: np.dtype(np.uint8),
+    18: np.dtype(np.uint16),
+    20: np.dtype(np.uint32),
+    24: np.dtype(np.uint64),
+    33: np.dtype(np.int8),
+    34: np.dtype(np.int16),
+    36: np.dtype(np.int32),
+    40: np.dtype(np.int64),
+}
+"""Of `meshreel_type`."""
+
+Integers = npt.NDArray[np.int32]
+
+_U32, _U64, _SIZE = ctypes.c_uint32, ctypes.c_uint64, ctypes.c_size_t
+_POINTER, _DOUBLE = ctypes.c_void_p, ctypes.c_double
+_READ = ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, _U64, _POINTER, _SIZE)
+_ANNOUNCE = ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, _U64, _U64)
+_ALLOCATE = ctypes.CFUNCTYPE(_POINTER, _POINTER, _SIZE)
+_RELEASE = ctypes.CFUNCTYPE(None, _POINTER, _POINTER, _SIZE)
+_TASK = ctypes.CFUNCTYPE(None, _POINTER, _U32)
+_RUN = ctypes.CFUNCTYPE(None, _POINTER, _POINTER, _POINTER, _U32)
+
+
+def _fields(kind: Any, names: str) -> list[tuple[str, Any]]:
+    return [(name, kind) for name in names.split()]
+
+
+class Text(ctypes.Structure):
+    """`meshreel_text`."""
+
+    _fields_ = [("bytes", _POINTER), ("size", _SIZE)]
+
+    def __str__(self) -> str:
+        return ctypes.string_at(self.bytes, self.size).decode() if self.size else ""
+
+
+class _Error(ctypes.Structure):
+    _fields_ = [
+        ("code", ctypes.c_int32),
+        ("reserved", _U32),
+        ("offset", _U64),
+        ("size", _U64),
+        ("message", ctypes.c_char_p),
+    ]
+
+
+class _Source(ctypes.Structure):
+    _fields_ = [
+        ("bytes", ctypes.c_char_p),
+        ("size", _U64),
+        ("read", _READ),
+        ("user", _POINTER),
+        ("announce", _ANNOUNCE),
+    ]
+
+
+class _Host(ctypes.Structure):
+    _fields_ = [
+        ("user", _POINTER),
+        ("allocate", _ALLOCATE),
+        ("release", _RELEASE),
+        ("run", _RUN),
+        ("n_threads", _U32),
+        ("reserved", _U32),
+        ("memory_limit", _U64),
+    ]
+
+
+class _Info(ctypes.Structure):
+    _fields_ = [
+        ("name", Text),
+        *_fields(_DOUBLE, "fps start_s promise_percent"),
+        ("center", _DOUBLE * 3),
+        ("diagonal", _DOUBLE),
+        ("size", _U64),
+        *_fields(
+            _U32,
+            "n_frames n_verts n_triangles n_faces n_corners n_blocks longest_block n_tracks "
+            "number_bytes method laplacian order is_whole reserved",
+        ),
+        ("damage", _Error),
+    ]
+
+
+class _Section(ctypes.Structure):
+    _fields_ = [
+        *_fields(_U32, "id is_known"),
+        *_fields(_U64, "offset size payload payload_size"),
+    ]
+
+
+class _Block(ctypes.Structure):
+    _fields_ = [*_fields(_U32, "first_frame n_frames"), *_fields(_U64, "offset size")]
+
+
+class _Group(ctypes.Structure):
+    _fields_ = [
+        *_fields(_U32, "key_block n_modes"),
+        ("n_corrections", _U64),
+        ("step", _DOUBLE),
+    ]
+
+
+class _Track(ctypes.Structure):
+    _fields_ = [
+        ("name", Text),
+        ("unit", Text),
+        *_fields(_U32, "kind domain type n_columns n_items coding is_exact reserved"),
+        ("bound", _DOUBLE),
+    ]
+
+
+@dataclass(frozen=True)
+class FileInfo:
+    """What the header and the index of a file say.
+
+    Attributes
+    ----------
+    name : str
+    fps, start_s : float
+    promise_percent : float or None
+        Bound of the displacement of vertices, in percent of the diagonal; None: none is promised.
+    center : tuple of 3 floats
+    diagonal : float
+        Of the bounding box of all frames, in model units.
+    size_bytes : int
+        Up to the end of the file, or of the last complete block.
+    n_frames, n_verts, n_triangles, n_faces, n_corners, n_blocks, n_tracks : int
+        The positions are among the tracks.
+    number_bytes, method, laplacian, order : int
+        As in the header.
+    is_whole : bool
+    damage : Exception or None
+        Why it is not whole.
+    """
+
+    name: str
+    fps: float
+    start_s: float
+    promise_percent: float | None
+    center: tuple[float, float, float]
+    diagonal: float
+    size_bytes: int
+    n_frames: int
+    n_verts: int
+    n_triangles: int
+    n_faces: int
+    n_corners: int
+    n_blocks: int
+    n_tracks: int
+    number_bytes: int
+    method: int
+    laplacian: int
+    order: int
+    is_whole: bool
+    damage: Exception | None
+
+
+@dataclass(frozen=True)
+class FileSection:
+    """A section of a file: its id, its bytes, and those of its payload."""
+
+    id: int
+    is_known: bool
+    offset: int
+    size_bytes: int
+    payload_offset: int
+    payload_bytes: int
+
+
+@dataclass(frozen=True)
+class FileBlock:
+    """The bytes of a track in a block of frames."""
+
+    first_frame: int
+    n_frames: int
+    offset: int
+    size_bytes: int
+
+
+@dataclass(frozen=True)
+class FileGroup:
+    """What a block says of a track.
+
+    Attributes
+    ----------
+    key_block : int
+        The block whose fields it refers to, or itself.
+    n_modes : int
+        0: values are stored exactly.
+    n_corrections : int
+    step : float
+        Quantization step of the fields, in diagonals.
+    """
+
+    key_block: int
+    n_modes: int
+    n_corrections: int
+    step: float
+
+
+@dataclass(frozen=True)
+class FileTrack:
+    """A quantity that changes over time; `core/include/meshreel.h` has the codes."""
+
+    name: str
+    unit: str
+    kind: int
+    domain: int
+    dtype: np.dtype[Any]
+    n_columns: int
+    n_items: int
+    coding: int
+    is_exact: bool
+    bound: float
+
+
+class _Memory:
+    """Memory that the core holds, by its address."""
+
+    def __init__(self) -> None:
+        self._held: dict[int, npt.NDArray[np.uint8]] = {}
+
+    @property
+    def held_bytes(self) -> int:
+        """Of all that is held."""
+        return sum(block.nbytes for block in self._held.values())
+
+    def allocate(self, _: int | None, size: int) -> int | None:
+        try:
+            block = np.empty(size + ALIGNMENT, np.uint8)
+        except MemoryError:
+            return None
+        address: int = block.ctypes.data
+        address += -address % ALIGNMENT
+        self._held[address] = block
+        return address
+
+    def release(self, _: int | None, address: int, __: int) -> None:
+        del self._held[address]
+
+
+class _Reader:
+    """The bytes of a file that can seek, as the core asks for them; threads may share it."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self._fetch: Callable[[int, int], None] | None = getattr(file, "fetch", None)
+        self._lock = ForkSafeLock()
+        self._failures: dict[int, BaseException] = {}
+
+    def bytes_at(self, offset: int, size: int) -> bytes:
+        """Bytes of the file, fewer at its end."""
+        with self._lock:
+            self._file.seek(offset)
+            return self._file.read(size)
+
+    def failure(self) -> BaseException | None:
+        """What the file raised last for this thread, which is forgotten."""
+        return self._failures.pop(threading.get_ident(), None)
+
+    def read(self, _: int | None, offset: int, to: int, size: int) -> int:
+        try:
+            data = self.bytes_at(offset, size)
+        except BaseException as error:  # raised again by the call of the core that failed
+            return self._fail(error)
+        if len(data) != size:
+            end = offset + len(data)
+            return self._fail(
+                TruncatedStreamError(f"the file ended at byte {end}; it was longer when opened")
+            )
+        ctypes.memmove(to, data, size)
+        return 0
+
+    def announce(self, _: int | None, offset: int, size: int) -> int:
+        try:
+            if self._fetch is not None:
+                with self._lock:
+                    self._fetch(offset, offset + size)
+        except BaseException as error:
+            return self._fail(error)
+        return 0
+
+    def _fail(self, error: BaseException) -> int:
+        self._failures[threading.get_ident()] = error
+        return 1
+
+
+def _run(_: int | None, task: int, shared: int | None, n_tasks: int) -> None:
+    work = _TASK(task)
+    in_threads(lambda number: work(shared, number), range(n_tasks))
+
+
+@cache
+def _function(name: str) -> Any:
+    function = library()[f"meshreel_{name}"]
+    if name in ("close", "end"):
+        function.restype = None
+    elif name in ("info_of", "triangles", "stored_triangles", "surface_of"):
+        function.restype = _POINTER
+    return function
+
+
+class ReelDecoder:
+    """Decodes frames of an open file; it holds a block of each track. One thread uses it at a time.
+
+    Parameters
+    ----------
+    file : OpenFile
+        Its mesh is decoded.
+    """
+
+    def __init__(self, file: "OpenFile") -> None:
+        file.read_mesh()
+        self._file = file
+        self._handle = _POINTER()
+        file.call("begin", file.handle, ctypes.byref(self._handle))
+        self._process = os.getpid()
+        self._close = finalize(self, _end, self._process, file, self._handle)
+
+    def load(self, track: int, block: int, n_modes: int = 0) -> None:
+        """Load a track of a block, unless it is held; raises as `OpenFile`."""
+        self._file.call("load", self._handle, _U32(track), _U32(block), _U32(n_modes))
+
+    def fill(self, out: npt.NDArray[Any], track: int, first: int, n_modes: int = 0) -> None:
+        """Fill a contiguous array of shape (n, N, C) with frames of a track from `first` on.
+
+        Raises
+        ------
+        CorruptStreamError, TruncatedStreamError
+            If a block is damaged.
+        MemoryLimitError
+            If a block takes more memory than allowed.
+        """
+        assert out.flags.c_contiguous
+        address = _POINTER(out.ctypes.data)
+        numbers = _U32(track), _U32(first), _U32(len(out)), _U32(n_modes)
+        self._file.call("decode", self._handle, *numbers, None, address)
+
+    def close(self) -> None:
+        """Release what the decoder holds."""
+        self._close()
+
+
+def _end(process: int, file: "OpenFile", handle: ctypes.c_void_p) -> None:
+    # Another thread of a process may have been decoding while this one was forked from it.
+    if process == os.getpid() and file.is_open:
+        _function("end")(handle)
+
+
+class OpenFile:
+    """A `.reel` file whose container was parsed; mesh and surface are decoded on demand.
+
+    Several threads may share it.
+
+    Parameters
+    ----------
+    source : bytes or binary file that can seek
+    limit_bytes : float
+        That the file, and each of its decoders, may hold.
+
+    Attributes
+    ----------
+    info : FileInfo
+
+    Raises
+    ------
+    CorruptStreamError, TruncatedStreamError
+        If the header is damaged, or no block of frames is complete.
+    UnsupportedVersionError
+        If a newer build is needed.
+    MemoryLimitError
+        If more memory would be held than allowed.
+    """
+
+    def __init__(self, source: bytes | BinaryIO, limit_bytes: float) -> None:
+        self._limit = limit_bytes
+        self._source = source = source.getvalue() if type(source) is BytesIO else source
+        self._memory = _Memory()
+        self._lock = ForkSafeLock()
+        self._reader = None if isinstance(source, bytes) else _Reader(source)
+        n_threads = n_cores()
+        self._host = _Host(
+            None,
+            _ALLOCATE(self._memory.allocate),
+            _RELEASE(self._memory.release),
+            _RUN(_run) if n_threads > 1 else _RUN(),
+            n_threads,
+            0,
+            int(min(limit_bytes, 2.0**62)),
+        )
+        self.handle = _POINTER()
+        self.is_open = False
+        self.call(
+            "open",
+            ctypes.byref(self._core_source()),
+            ctypes.byref(self._host),
+            ctypes.byref(self.handle),
+        )
+        self.is_open = True
+        self.info = self._info()
+
+    def _core_source(self) -> _Source:
+        if isinstance(self._source, bytes):
+            return _Source(self._source, len(self._source), _READ(), None, _ANNOUNCE())
+        assert self._reader is not None
+        size = self._source.seek(0, os.SEEK_END)
+        # Kept: the core copies their addresses.
+        self._callbacks = _READ(self._reader.read), _ANNOUNCE(self._reader.announce)
+        read, announce = self._callbacks
+        return _Source(None, size, read, None, announce)
+
+    def _info(self) -> FileInfo:
+        found = ctypes.cast(_function("info_of")(self.handle), ctypes.POINTER(_Info)).contents
+        damage = found.damage
+        numbers = "fps start_s diagonal n_frames n_verts n_triangles n_faces n_corners n_blocks"
+        codes = "n_tracks number_bytes method laplacian order"
+        return FileInfo(
+            name=str(found.name),
+            promise_percent=found.promise_percent or None,
+            center=tuple(found.center),
+            size_bytes=found.size,
+            is_whole=bool(found.is_whole),
+            damage=_stream_error(damage) if damage.code else None,
+            **{name: getattr(found, name) for name in f"{numbers} {codes}".split()},
+        )
+
+    @property
+    def held_bytes(self) -> int:
+        """Memory that the file and its decoders hold."""
+        return self._memory.held_bytes
+
+    def call(self, name: str, *arguments: Any) -> None:
+        """Call a function of the core that can fail; the last argument, the error, is added.
+
+        Raises
+        ------
+        MeshReelError
+            By its code; or what the file raised when it was read.
+        """
+        error = _Error()
+        code = _function(name)(*arguments, ctypes.byref(error))
+        if code == OK:
+            return
+        failure = None if self._reader is None else self._reader.failure()
+        if code == UNREADABLE and failure is not None:
+            raise failure
+        if code == LIMIT:
+            raise MemoryLimitError(
+                f"decoding would take {size_text(error.size)} of memory; it may take "
+                f"{size_text(self._limit)}; if you trust the stream, allow more with memory="
+            )
+        if code == NO_MEMORY:
+            raise MemoryError(f"decoding takes {error.size} bytes, which the system does not have")
+        raise _stream_error(error)
+
+    @staged("connectivity")
+    def read_mesh(self) -> None:
+        """Decode the triangles and the order of vertices; raises as the class."""
+        with self._lock:
+            self.call("read_mesh", self.handle)
+
+    @cached_property
+    def faces(self) -> Integers:
+        """Vertices of each triangle, of shape (M, 3); raises as the class."""
+        self.read_mesh()
+        found = array_at(_function("triangles")(self.handle), 3 * self.info.n_triangles, np.int32)
+        return found.reshape(-1, 3)
+
+    @cached_property
+    def stored_mesh(self) -> tuple[Integers, Integers]:
+        """Triangles of shape (M, 3) as they are stored, and the stored number of each vertex."""
+        self.read_mesh()
+        order = _POINTER()
+        faces = _function("stored_triangles")(self.handle, ctypes.byref(order))
+        return (
+            array_at(faces, 3 * self.info.n_triangles, np.int32).reshape(-1, 3),
+            array_at(order.value, self.info.n_verts, np.int32),
+        )
+
+    def surface_address(self) -> int:
+        """Decode the surface, and return the address of its `meshreel_surface`."""
+        with self._lock:
+            self.call("read_surface", self.handle)
+        return int(_function("surface_of")(self.handle))
+
+    @cached_property
+    def tracks(self) -> tuple[FileTrack, ...]:
+        """All tracks; the positions are the first."""
+        return tuple(self._track(number) for number in range(self.info.n_tracks))
+
+    def _track(self, number: int) -> FileTrack:
+        found = _Track()
+        _function("track_of")(self.handle, _U32(number), ctypes.byref(found))
+        return FileTrack(
+            str(found.name),
+            str(found.unit),
+            found.kind,
+            found.domain,
+            NUMBER_TYPES[found.type],
+            found.n_columns,
+            found.n_items,
+            found.coding,
+            bool(found.is_exact),
+            found.bound,
+        )
+
+    def block(self, number: int, track: int = 0) -> FileBlock:
+        """The bytes of a track in a block."""
+        found = _Block()
+        _function("block_of")(self.handle, _U32(number), _U32(track), ctypes.byref(found))
+        return FileBlock(found.first_frame, found.n_frames, found.offset, found.size)
+
+    def block_of_frame(self, frame: int) -> int:
+        """The block that holds a frame."""
+        return int(_function("block_of_frame")(self.handle, _U32(frame)))
+
+    @cached_property
+    def starts(self) -> list[int]:
+        """First frame of each block, and the number of all frames."""
+        blocks = map(self.block, range(self.info.n_blocks))
+        return [*(one.first_frame for one in blocks), self.info.n_frames]
+
+    def group(self, number: int, track: int = 0, *, is_checked: bool = True) -> FileGroup:
+        """What a block says of a track; its checksums are compared if `is_checked`."""
+        found = _Group()
+        self.call(
+            "group_of", self.handle, _U32(number), _U32(track), is_checked, ctypes.byref(found)
+        )
+        return FileGroup(found.key_block, found.n_modes, found.n_corrections, found.step)
+
+    def sections(
+        self, start: int = 0, stop: int | None = None, *, is_checked: bool = True
+    ) -> Iterator[FileSection]:
+        """Sections from a byte on, by default the first, up to another, by default the end.
+
+        Raises
+        ------
+        CorruptStreamError, TruncatedStreamError
+            If one is damaged.
+        """
+        offset, end = start, self.info.size_bytes if stop is None else stop
+        while offset < end:
+            found = _Section()
+            self.call("section_at", self.handle, _U64(offset), is_checked, ctypes.byref(found))
+            yield FileSection(
+                found.id,
+                bool(found.is_known),
+                found.offset,
+                found.size,
+                found.payload,
+                found.payload_size,
+            )
+            offset = found.offset + found.size
+
+    def bytes_at(self, offset: int, size: int) -> bytes:
+        """Bytes of the file."""
+        if self._reader is not None:
+            return self._reader.bytes_at(offset, size)
+        assert isinstance(self._source, bytes)
+        return self._source[offset : offset + size]
+
+    def close(self) -> None:
+        """Release what the file holds, after its decoders."""
+        if self.is_open:
+            self.is_open = False
+            _function("close")(self.handle)
+
+
+def _stream_error(error: _Error) -> Exception:
+    """The exception of a failure of the core."""
+    kinds: dict[int, type[Exception]] = {
+        TRUNCATED: TruncatedStreamError,
+        CORRUPT: CorruptStreamError,
+        UNSUPPORTED: UnsupportedVersionError,
+    }
+    message = error.message.decode()
+    place = "" if error.offset == UNKNOWN_BYTE else f" (byte {error.offset})"
+    return kinds.get(error.code, InvalidInputError)(f"{message}{place}")
+
+
+def array_at(address: int | None, count: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
+    """A copy of an array of the core."""
+    found = np.empty(count, dtype)
+    if count:
+        ctypes.memmove(found.ctypes.data, address or 0, found.nbytes)
+    return found
