@@ -98,7 +98,7 @@ const timeBytes = bytes("times");
 call("reel_integers_decode", [1], put(timeBytes), timeBytes.length,
   put(BigInt64Array.from([3n * k * t])), put(Int32Array.from([0])), 1n, 1n, times);
 const basis = take(24 * K * T);
-call("reel_basis", [3, T], times, k, 3n, t, 0, 0n, basis);
+call("reel_basis", [3, T], times, k, 3n, t, 0, 0n, 0, 0n, basis);
 
 const wanted = put(Int32Array.from({ length: T }, (_, i) => i));
 const placement = put(Float64Array.from(stream.placement));
