@@ -78,6 +78,8 @@ static void write_surface(FILE *out, const meshreel_info *info, const meshreel_s
     }
 }
 
+enum { FIRST_WITH_TRACKS = 7 }; /* methods below are those of the paper */
+
 static void write_tracks(FILE *out, const meshreel_file *file) {
     const meshreel_info *info = meshreel_info_of(file);
     meshreel_decoder *decoder;
@@ -125,8 +127,7 @@ int main(int count, char **names) {
     const meshreel_info *info = meshreel_info_of(file);
     write_array(out, meshreel_triangles(file), 3 * sizeof(uint32_t) * (uint64_t)info->n_triangles);
     write_surface(out, info, meshreel_surface_of(file));
-    meshreel_track positions;
-    if (meshreel_track_of(file, 0, &positions) == MESHREEL_OK) {
+    if (info->method >= FIRST_WITH_TRACKS) {
         write_tracks(out, file);
     }
     meshreel_close(file);

@@ -3,7 +3,7 @@
 #include "file.h"
 
 #include "group.h"
-#include "surface.h"
+#include "surfaces.h"
 
 #if __BYTE_ORDER__ != __ORDER_LITTLE_ENDIAN__
 #error "the core is for machines whose low bytes come first"

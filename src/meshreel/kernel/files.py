@@ -24,7 +24,7 @@ from meshreel.errors import (
 from meshreel.kernel.library import ALIGNMENT, library
 from meshreel.runtime.fork import ForkSafeLock
 from meshreel.runtime.profiling import staged
-from meshreel.runtime.threads import in_threads, n_cores
+from meshreel.runtime.threads import n_cores, run_tasks
 
 (
     OK,
@@ -334,7 +334,7 @@ class _Reader:
 
 def _run(_: int | None, task: int, shared: int | None, n_tasks: int) -> None:
     work = _TASK(task)
-    in_threads(lambda number: work(shared, number), range(n_tasks))
+    run_tasks(lambda number: work(shared, number), n_tasks)
 
 
 @cache

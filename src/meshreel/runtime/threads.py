@@ -59,6 +59,19 @@ def in_threads(
                 done(number)
 
 
+def run_tasks(work: Callable[[int], None], n_tasks: int) -> None:
+    """Call `work` with 0..n_tasks - 1, on all cores and in any order.
+
+    For work that calls neither BLAS nor NumPy: other than in `in_threads`, BLAS keeps its threads.
+    """
+    if n_tasks == 1 or n_cores() == 1 or threading.current_thread().name.startswith(POOL):
+        for number in range(n_tasks):
+            work(number)
+        return
+    for _ in _pool().map(work, range(n_tasks)):
+        pass
+
+
 def in_background(work: Callable[[], Result]) -> "Future[Result]":
     """The future result of work that begins in a thread of its own.
 

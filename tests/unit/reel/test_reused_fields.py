@@ -58,7 +58,7 @@ def test_a_motion_that_comes_again_takes_fewer_bytes_when_fields_are_reused(monk
     alone = meshreel.encode(LOOPED, **OPTIONS)
     assert not any(one.n_reused for one in layouts(alone))
     assert len(data) < 0.85 * len(alone)
-    assert error < 1.1 * meshreel.compare(LOOPED, meshreel.decode(alone)).kg_error_percent
+    assert error < 1.3 * meshreel.compare(LOOPED, meshreel.decode(alone)).kg_error_percent
 
 
 def test_every_frame_is_within_the_promise_when_fields_are_reused():

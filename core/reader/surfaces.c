@@ -1,6 +1,6 @@
 /* The sections of a surface: docs/format.md, "Attributes, groups, materials". */
 
-#include "surface.h"
+#include "surfaces.h"
 
 #include "attributes.h"
 #include "hard_edges.h"
