@@ -41,11 +41,21 @@ class Corrections:
         return np.asarray(self.offsets * float(self.step))
 
 
-def moves_by_frame(corrections: Corrections, n_frames: int) -> Moves:
-    """The corrections of each frame of a block of so many, by ascending vertices."""
-    order = np.lexsort((corrections.vertices, corrections.frames))
+def moves_by_frame(corrections: Corrections, n_frames: int, output: Integers) -> Moves:
+    """The corrections of each frame of a block, by ascending output vertices.
+
+    Parameters
+    ----------
+    corrections : Corrections
+    n_frames : int
+        Of the block.
+    output : integer array of shape (V,)
+        Output number of each internal vertex.
+    """
+    given = output[corrections.vertices]
+    order = np.lexsort((given, corrections.frames))
     starts = np.searchsorted(corrections.frames[order], np.arange(n_frames + 1))
-    vertices = corrections.vertices[order].astype(np.int32)
+    vertices = given[order].astype(np.int32)
     return Moves(starts.astype(np.int64), vertices, np.ascontiguousarray(corrections.moves[order]))
 
 

@@ -89,13 +89,6 @@ class JointFrames:
         """Pack the fields now, on all cores: threads that fill frames would each do it."""
         _ = self.packed
 
-    @cached_property
-    def product(self) -> ProductFrames:
-        """The same with the fields as coefficients of shape (1, K, V), in the order of vertices."""
-        fields = np.ascontiguousarray(self.values[self.order].T)
-        fields *= self.step
-        return ProductFrames(self.basis, fields[None])
-
     def fill(
         self,
         out: npt.NDArray[np.floating],

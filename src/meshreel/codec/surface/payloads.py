@@ -199,22 +199,6 @@ def write_start(start_s: float) -> bytes:
     return START.pack(start_s)
 
 
-def read_start(payload: bytes) -> float:
-    """The time of the first frame, in seconds, that `write_start` wrote.
-
-    Raises
-    ------
-    CorruptStreamError
-        If it is not one finite number.
-    """
-    if len(payload) != START.size:
-        raise CorruptStreamError(f"the start has {len(payload)} bytes; {START.size} are needed")
-    (start_s,) = START.unpack(payload)
-    if not np.isfinite(start_s):
-        raise CorruptStreamError(f"the start must be finite; got {start_s}")
-    return float(start_s)
-
-
 def _of_vertices(given: Attribute, internal_to_given: Integers) -> Attribute:
     if given.indices is not None:
         return replace(given, indices=given.indices[internal_to_given])

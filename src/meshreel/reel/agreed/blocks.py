@@ -1,6 +1,6 @@
 """Blocks of `reel` to sections and back."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import partial
@@ -14,17 +14,16 @@ from meshreel.codec.corrections import Corrections
 from meshreel.codec.stored_blocks import StoredBlock, write_block
 from meshreel.entropy.varint import write_varint
 from meshreel.errors import CorruptStreamError
-from meshreel.kernel.exact import decode_exact, encode_exact
+from meshreel.kernel.exact import encode_exact
 from meshreel.kernel.fields import decode_fields, encode_fields
 from meshreel.kernel.mesh import Neighbours
 from meshreel.kernel.predict import Prepared, prepared_weights
 from meshreel.reel.agreed import payloads
 from meshreel.reel.agreed.fields import FieldBlock, KeyFields, Layout, decoded_values
-from meshreel.reel.agreed.grid import NO_GRID, PositionGrid, read_step, write_step
+from meshreel.reel.agreed.grid import write_step
 from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.runtime.profiling import stage
 from meshreel.runtime.threads import in_background, n_cores
-from meshreel.subspace.trajectories import BoundingFrame
 
 Floats = npt.NDArray[np.float64]
 Numbers = npt.NDArray[Any]
@@ -78,27 +77,6 @@ def write_grid_positions(
     ]
 
 
-def read_grid_positions(
-    payload: bytes,
-    shape: tuple[int, int, int],
-    dtype: np.dtype[Any],
-    frame: BoundingFrame,
-    graph: Neighbours,
-) -> Numbers:
-    """Positions of shape (T_b, V, 3), of the payload VALUES that `write_grid_positions` wrote.
-
-    Raises
-    ------
-    CorruptStreamError
-        If it is damaged.
-    """
-    step, rest = read_step(payload)
-    if step == NO_GRID:
-        return decode_exact(rest, shape, dtype, graph)
-    numbers = decode_exact(rest, shape, np.int32, graph)
-    return PositionGrid(step, frame).positions(numbers, dtype)
-
-
 def write_exact_block(values: Numbers, graph: Neighbours) -> list[tuple[Section, bytes]]:
     """The sections of a further track whose values, of shape (T_b, N, C), come back as they are."""
     return [
@@ -107,27 +85,9 @@ def write_exact_block(values: Numbers, graph: Neighbours) -> list[tuple[Section,
     ]
 
 
-def read_exact_block(
-    stored: StoredBlock, shape: tuple[int, int], dtype: np.dtype[Any], graph: Neighbours
-) -> Numbers:
-    """The values of shape (T_b, N, C) of an exact track, or positions; `shape` is (N, C)."""
-    return decode_exact(stored.payload(Section.VALUES), (stored.n_frames, *shape), dtype, graph)
-
-
 def write_missing(is_missing: npt.NDArray[np.bool_], graph: Neighbours) -> tuple[Section, bytes]:
     """Which values, of shape (T_b, N, C), a block does not have."""
     return Section.MISSING, encode_exact(is_missing, graph)
-
-
-def read_missing(
-    stored: StoredBlock, shape: tuple[int, int], graph: Neighbours
-) -> npt.NDArray[np.bool_] | None:
-    """Undo `write_missing`; None where a block has all its values."""
-    if Section.MISSING not in stored.sections:
-        return None
-    payload = stored.payload(Section.MISSING)
-    found = decode_exact(payload, (stored.n_frames, *shape), np.dtype(np.bool_), graph)
-    return found.astype(np.bool_, copy=False)
 
 
 def _write_fields(
@@ -209,8 +169,6 @@ def read_field_block(
     key: KeyFields | None = None,
     *,
     n_columns: int = POSITION_COLUMNS,
-    n_wanted: int | None = None,
-    meanwhile: Callable[[], object] | None = None,
 ) -> ReadBlock:
     """A track in a block, whose two bit streams are read at the same time.
 
@@ -224,39 +182,15 @@ def read_field_block(
     key : KeyFields, optional
         Of the block that it refers to; only what its weights begin with needs it.
     n_columns : int
-    n_wanted : int, optional
-        Only the first so many modes, unless the block refers to another.
-    meanwhile : callable, optional
-        Called while the hierarchy is found.
     """
     n_modes, n_frames = stored.n_modes, stored.n_frames
-    n_wanted = None if layout.reference else n_wanted
-
-    def beside() -> npt.NDArray[np.int32]:
-        times = stored.payload(Section.BASIS)
-        shape = n_modes, n_columns, n_frames
-        basis = payloads.read_basis(times, *shape, n_wanted, layout.rests)
-        if meanwhile is not None:
-            meanwhile()
-        return basis
-
-    coming = in_background(beside)
-    return ReadBlock(layout, coming, *read_fields(stored, layout, mesh, key, n_wanted))
-
-
-def read_fields(
-    stored: StoredBlock,
-    layout: Layout,
-    mesh: FieldMesh,
-    key: KeyFields | None = None,
-    n_wanted: int | None = None,
-) -> tuple[npt.NDArray[np.int32], Future[Prepared | None] | None]:
-    """Fields of a track in a block and what their weights begin with, as of `ReadBlock`."""
+    times, coded = stored.payload(Section.BASIS), stored.payload(Section.COEFFICIENTS)
+    shape = n_modes, n_columns, n_frames
+    coming = in_background(lambda: payloads.read_basis(times, *shape, rests=layout.rests))
     order = mesh.coding_order
     weights = _begun_weights(mesh, layout, key)
-    coded = stored.payload(Section.COEFFICIENTS)
-    n_own = stored.n_modes - layout.n_reused
-    return decode_fields(coded, n_own, mesh.n_verts, order, n_wanted), weights
+    fields = decode_fields(coded, n_modes - layout.n_reused, mesh.n_verts, order)
+    return ReadBlock(layout, coming, fields, weights)
 
 
 def _begun_weights(

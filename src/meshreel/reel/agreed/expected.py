@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from meshreel.codec.tracks import Coding, TrackHeader
 from meshreel.geometry.fans import join_fans
-from meshreel.kernel.normals import surface_normals, turned
+from meshreel.kernel.normals import surface_normals
 from meshreel.sequence import Faces
 from meshreel.surface import Domain, Surface
 
@@ -123,23 +123,6 @@ def expected_values(
     near = positions[first : frames.stop + 1]
     inner = slice(frames.start - first, frames.stop - first)
     return header.rate * differences(header.coding.difference, near)[inner]
-
-
-def combined(header: TrackHeader, expected: Floats, coded: Floats, out: Values) -> None:
-    """Fill an array of shape (n, N, 3) with what is expected, changed by what is coded.
-
-    Parameters
-    ----------
-    header : TrackHeader
-    expected : float64 array of shape (n, N, 3)
-    coded : float64 array of shape (n, N, C)
-        Numbers that turn normals; what differences leave of velocities.
-    out : contiguous float array of shape (n, N, 3)
-    """
-    if header.coding is Coding.TURNS:
-        turned(expected, coded, out)
-    else:
-        out[...] = expected + coded
 
 
 def expected_places(header: TrackHeader, expected: Floats) -> Integers:

@@ -150,12 +150,11 @@ def read_basis(
     n_modes: int,
     n_columns: int,
     n_frames: int,
-    n_wanted: int | None = None,
     rests: Rests = NO_REST,
 ) -> npt.NDArray[np.int32]:
-    """Undo `write_basis`; only the first `n_wanted` modes, where these are fewer."""
+    """Undo `write_basis`."""
     order = time_order(n_columns, n_frames, rests)
-    coded = decode_fields(payload, n_modes, n_columns * n_frames, order, n_wanted)
+    coded = decode_fields(payload, n_modes, n_columns * n_frames, order)
     return coded.reshape(len(coded), n_columns, n_frames)
 
 

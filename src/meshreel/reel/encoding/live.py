@@ -12,7 +12,6 @@ from meshreel.bitstream.layout import Section
 from meshreel.bitstream.writer import Sections
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.track_bounds import TrackTargets
-from meshreel.reel.agreed.graphs import ItemGraph
 from meshreel.reel.encoding.aim import aimed
 from meshreel.reel.encoding.block_coder import (
     FieldBlockCoder,
@@ -135,8 +134,7 @@ class LiveCoder:
     def _written(self) -> WrittenBlocks:
         """The decoder of positions that are still to be written."""
         mesh = self._mesh
-        graph = ItemGraph(mesh.faces, mesh.n_verts)
-        return WrittenBlocks(graph, mesh.output_order, self._coder.frame, self._dtype)
+        return WrittenBlocks(self._coder.mesh, mesh.output_order, self._coder.frame, self._dtype)
 
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
         """The sections before the first block, behind those of the mesh."""
