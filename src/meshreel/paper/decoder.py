@@ -9,13 +9,13 @@ import numpy.typing as npt
 
 from meshreel.bitstream.layout import Section
 from meshreel.codec.choices import Laplacian
-from meshreel.codec.decoded_block import DecodedBlock
 from meshreel.codec.open_stream import OpenStream, whole_stream
 from meshreel.codec.stored_blocks import StoredBlock
 from meshreel.entropy.coder import encode_integers
 from meshreel.entropy.exact import decode_exact
 from meshreel.errors import InvalidInputError
 from meshreel.paper.blocks import Dictionaries, read_coded_block
+from meshreel.paper.decoded_block import DecodedBlock
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.payloads import read_anchor_vertices, read_curves
 from meshreel.paper.pipeline import CodedBlock, Quantized, synthesise

@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 
-from meshreel.codec.decoded_block import DecodedBlock
 from meshreel.codec.option import COUNT
 from meshreel.codec.stored_blocks import StoredBlock
 from meshreel.connectivity.permutation import inverse_permutation
 from meshreel.counting import counted
 from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.paper.decoded_block import DecodedBlock
 from meshreel.paper.decoder import PaperBlockDecoder, open_paper_stream
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import BlockValues, Quantized, synthesise
