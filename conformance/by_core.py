@@ -10,15 +10,9 @@ from meshreel.codec.choices import Laplacian
 from meshreel.codec.methods import METHOD_NAMES
 from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.stored_blocks import StoredBlock
-from meshreel.codec.surface.materials import (
-    ALPHA_MODES,
-    CHANNELS,
-    FILTERS,
-    MATERIAL_NUMBERS,
-    TEXTURE_NUMBERS,
-    WRAPS,
-)  # fmt: skip
-from meshreel.codec.tracks import DOMAINS, KINDS, read_track
+from meshreel.codec.surface.codes import ALPHA_MODES, CHANNELS, DOMAINS, FILTERS, WRAPS
+from meshreel.codec.surface.materials import MATERIAL_NUMBERS, TEXTURE_NUMBERS
+from meshreel.codec.tracks import KINDS, read_track
 from meshreel.entropy.exact import decode_exact
 from meshreel.materials import SLOTS
 from meshreel.paper.decoder import PaperBlockDecoder, stored_mesh, stored_shape

@@ -7,8 +7,9 @@ from enum import IntEnum
 
 import numpy as np
 
-from meshreel.codec.surface.materials import ALPHA_MODES, CHANNELS, FILTERS, WRAPS
-from meshreel.codec.tracks import DOMAINS, KINDS, NUMBER_TYPES
+from meshreel.codec.surface.codes import ALPHA_MODES, CHANNELS, DOMAINS, FILTERS, WRAPS
+from meshreel.codec.tracks import KINDS
+from meshreel.kernel.files import NUMBER_TYPES
 from meshreel.kernel.library import library
 from meshreel.materials import SLOTS, Image, Material, Texture
 from meshreel.surface import Attribute, FaceGroups, Kind, Part, Surface

@@ -45,6 +45,17 @@ class Section(IntEnum):
     HARD_EDGES = OPTIONAL | 11
 
 
+SURFACE_SECTIONS = (
+    Section.POLYGONS,
+    Section.ATTRIBUTE,
+    Section.GROUPS,
+    Section.PARTS,
+    Section.MATERIAL,
+    Section.IMAGE,
+    Section.HARD_EDGES,
+)
+
+
 class VertexType(IntEnum):
     """Number type of the positions, by its size in bytes."""
 

@@ -5,9 +5,10 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from meshreel.bitstream.layout import Section
-from meshreel.codec.open_stream import SURFACE_SECTIONS, OpenStream, whole_stream
-from meshreel.codec.tracks import DOMAINS, KINDS
+from meshreel.bitstream.layout import SURFACE_SECTIONS, Section
+from meshreel.codec.open_stream import OpenStream, whole_stream
+from meshreel.codec.surface.codes import DOMAINS
+from meshreel.codec.tracks import KINDS
 from meshreel.surface_description import carried, described_images, described_materials
 from meshreel.tracks import TrackKind
 

@@ -7,7 +7,7 @@ from typing import BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.bitstream.layout import Section
+from meshreel.bitstream.layout import SURFACE_SECTIONS, Section
 from meshreel.codec.choices import Laplacian, Order, choice_of_code
 from meshreel.codec.memory import DEFAULT_LIMIT, MemoryLimit
 from meshreel.codec.methods import FrameReader, method_of_code
@@ -23,16 +23,6 @@ Integers = npt.NDArray[np.int64]
 
 MODE_BYTES = 48
 """Of a value of a mode of the paper, at a vertex or over time, while it is decoded: three axes."""
-
-SURFACE_SECTIONS = (
-    Section.POLYGONS,
-    Section.ATTRIBUTE,
-    Section.GROUPS,
-    Section.PARTS,
-    Section.MATERIAL,
-    Section.IMAGE,
-    Section.HARD_EDGES,
-)
 
 
 class OpenStream:

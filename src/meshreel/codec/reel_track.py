@@ -9,7 +9,8 @@ import numpy.typing as npt
 
 from meshreel.codec.methods import FrameReader
 from meshreel.codec.open_stream import OpenStream
-from meshreel.codec.tracks import DOMAINS, KINDS
+from meshreel.codec.surface.codes import DOMAINS
+from meshreel.codec.tracks import KINDS
 from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
 from meshreel.frame_choice import FrameChoice, chosen_frames

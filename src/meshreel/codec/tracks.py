@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from meshreel.codec.surface.codes import DOMAINS
 from meshreel.codec.surface.texts import read_text, write_text
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
+from meshreel.kernel.files import NUMBER_TYPES
 from meshreel.surface import Domain
 from meshreel.tracks import COLUMNS_OF, MAX_COLUMNS, TrackKind
-from meshreel.tracks import NUMBER_TYPES as ALL_NUMBER_TYPES
 
 KINDS = (
     TrackKind.OTHER,
@@ -23,12 +24,9 @@ KINDS = (
     TrackKind.UV,
     TrackKind.SCALAR,
 )
-DOMAINS = (Domain.VERTEX, Domain.FACE, Domain.CORNER)
+"""In the order of their codes."""
+
 LAST_DOMAIN = len(DOMAINS) - 1
-NUMBER_TYPES = {
-    dtype.itemsize + {"f": 0, "u": 16, "i": 32}[dtype.kind]: dtype for dtype in ALL_NUMBER_TYPES
-}
-"""Choices by their codes."""
 
 
 class Sharing(IntEnum):

@@ -25,6 +25,7 @@ from meshreel.kernel.library import ALIGNMENT, library
 from meshreel.runtime.fork import ForkSafeLock
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import n_cores, run_tasks
+from meshreel.tracks import NUMBER_TYPES as ALL_NUMBER_TYPES
 
 (
     OK,
@@ -42,16 +43,7 @@ from meshreel.runtime.threads import n_cores, run_tasks
 
 UNKNOWN_BYTE = 2**64 - 1
 NUMBER_TYPES: dict[int, np.dtype[Any]] = {
-    4: np.dtype(np.float32),
-    8: np.dtype(np.float64),
-    17: np.dtype(np.uint8),
-    18: np.dtype(np.uint16),
-    20: np.dtype(np.uint32),
-    24: np.dtype(np.uint64),
-    33: np.dtype(np.int8),
-    34: np.dtype(np.int16),
-    36: np.dtype(np.int32),
-    40: np.dtype(np.int64),
+    dtype.itemsize + {"f": 0, "u": 16, "i": 32}[dtype.kind]: dtype for dtype in ALL_NUMBER_TYPES
 }
 """Of `meshreel_type`."""
 
@@ -67,7 +59,8 @@ _TASK = ctypes.CFUNCTYPE(None, _POINTER, _U32)
 _RUN = ctypes.CFUNCTYPE(None, _POINTER, _POINTER, _POINTER, _U32)
 
 
-def _fields(kind: Any, names: str) -> list[tuple[str, Any]]:
+def fields_of(kind: Any, names: str) -> list[tuple[str, Any]]:
+    """Fields of a structure that are of one type, for `ctypes`."""
     return [(name, kind) for name in names.split()]
 
 
@@ -115,11 +108,11 @@ class _Host(ctypes.Structure):
 class _Info(ctypes.Structure):
     _fields_ = [
         ("name", Text),
-        *_fields(_DOUBLE, "fps start_s promise_percent"),
+        *fields_of(_DOUBLE, "fps start_s promise_percent"),
         ("center", _DOUBLE * 3),
         ("diagonal", _DOUBLE),
         ("size", _U64),
-        *_fields(
+        *fields_of(
             _U32,
             "n_frames n_verts n_triangles n_faces n_corners n_blocks longest_block n_tracks "
             "number_bytes method laplacian order is_whole reserved",
@@ -130,18 +123,18 @@ class _Info(ctypes.Structure):
 
 class _Section(ctypes.Structure):
     _fields_ = [
-        *_fields(_U32, "id is_known"),
-        *_fields(_U64, "offset size payload payload_size"),
+        *fields_of(_U32, "id is_known"),
+        *fields_of(_U64, "offset size payload payload_size"),
     ]
 
 
 class _Block(ctypes.Structure):
-    _fields_ = [*_fields(_U32, "first_frame n_frames"), *_fields(_U64, "offset size")]
+    _fields_ = [*fields_of(_U32, "first_frame n_frames"), *fields_of(_U64, "offset size")]
 
 
 class _Group(ctypes.Structure):
     _fields_ = [
-        *_fields(_U32, "key_block n_modes"),
+        *fields_of(_U32, "key_block n_modes"),
         ("n_corrections", _U64),
         ("step", _DOUBLE),
     ]
@@ -151,7 +144,7 @@ class _Track(ctypes.Structure):
     _fields_ = [
         ("name", Text),
         ("unit", Text),
-        *_fields(_U32, "kind domain type n_columns n_items coding is_exact reserved"),
+        *fields_of(_U32, "kind domain type n_columns n_items coding is_exact reserved"),
         ("bound", _DOUBLE),
     ]
 

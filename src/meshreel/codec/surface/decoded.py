@@ -1,22 +1,17 @@
 """The surface of a file, from the structures of `core/include/meshreel.h`."""
 
 import ctypes
-from typing import Any
 
 import numpy as np
 
+from meshreel.codec.surface.codes import ALPHA_MODES, CHANNELS, DOMAINS, FILTERS, KINDS, WRAPS
 from meshreel.errors import CorruptStreamError, InvalidInputError
-from meshreel.kernel.files import NUMBER_TYPES, OpenFile, Text, array_at
-from meshreel.materials import SLOTS, AlphaMode, Filter, Image, Material, Texture, Wrap
-from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
-
-KINDS = (Kind.UV, Kind.COLOR, Kind.OTHER)
-DOMAINS = (Domain.VERTEX, Domain.FACE, Domain.CORNER)
-ALPHA_MODES, WRAPS, FILTERS = tuple(AlphaMode), tuple(Wrap), (None, *Filter)
-"""In the order of their codes."""
+from meshreel.kernel.files import NUMBER_TYPES, OpenFile, Text, array_at, fields_of
+from meshreel.materials import SLOTS, Image, Material, Texture
+from meshreel.surface import Attribute, FaceGroups, Part, Surface
 
 NO_IMAGE = 2**32 - 1
-CHANNELS = "rgba"
+FILTERS_OR_ANY = (None, *FILTERS)
 
 _U32, _U64, _POINTER, _DOUBLE = (
     ctypes.c_uint32,
@@ -26,34 +21,30 @@ _U32, _U64, _POINTER, _DOUBLE = (
 )
 
 
-def _fields(kind: Any, names: str) -> list[tuple[str, Any]]:
-    return [(name, kind) for name in names.split()]
-
-
 class _Attribute(ctypes.Structure):
     _fields_ = [
         ("name", Text),
-        *_fields(_U32, "kind domain type width n_rows n_items is_indexed reserved"),
-        *_fields(_POINTER, "values rows"),
+        *fields_of(_U32, "kind domain type width n_rows n_items is_indexed reserved"),
+        *fields_of(_POINTER, "values rows"),
     ]
 
 
 class _Groups(ctypes.Structure):
     _fields_ = [
         ("name", Text),
-        *_fields(_U32, "n_labels reserved"),
+        *fields_of(_U32, "n_labels reserved"),
         ("labels", ctypes.POINTER(Text)),
         ("of_faces", _POINTER),
     ]
 
 
 class _Part(ctypes.Structure):
-    _fields_ = [("name", Text), *_fields(_U32, "n_verts n_faces")]
+    _fields_ = [("name", Text), *fields_of(_U32, "n_verts n_faces")]
 
 
 class _Texture(ctypes.Structure):
     _fields_ = [
-        *_fields(_U32, "image channels wrap_u wrap_v magnified shrunk"),
+        *fields_of(_U32, "image channels wrap_u wrap_v magnified shrunk"),
         ("uv", Text),
         ("offset", _DOUBLE * 2),
         ("rotation", _DOUBLE),
@@ -64,17 +55,17 @@ class _Texture(ctypes.Structure):
 class _Material(ctypes.Structure):
     _fields_ = [
         ("name", Text),
-        *_fields(_U32, "alpha_mode is_double_sided is_unlit reserved"),
+        *fields_of(_U32, "alpha_mode is_double_sided is_unlit reserved"),
         ("base_color", _DOUBLE * 4),
-        *_fields(_DOUBLE, "metallic roughness"),
+        *fields_of(_DOUBLE, "metallic roughness"),
         ("emissive", _DOUBLE * 3),
-        *_fields(_DOUBLE, "normal_scale occlusion_strength alpha_cutoff"),
+        *fields_of(_DOUBLE, "normal_scale occlusion_strength alpha_cutoff"),
         ("textures", _Texture * len(SLOTS)),
     ]
 
 
 class _Image(ctypes.Structure):
-    _fields_ = [("name", Text), ("media_type", Text), *_fields(_U64, "offset size")]
+    _fields_ = [("name", Text), ("media_type", Text), *fields_of(_U64, "offset size")]
 
 
 class _Surface(ctypes.Structure):
@@ -86,7 +77,7 @@ class _Surface(ctypes.Structure):
         ("materials", ctypes.POINTER(_Material)),
         ("images", ctypes.POINTER(_Image)),
         ("hard_edges", _POINTER),
-        *_fields(_U32, "n_attributes n_groups n_parts n_materials n_images n_hard_edges"),
+        *fields_of(_U32, "n_attributes n_groups n_parts n_materials n_images n_hard_edges"),
     ]
 
 
@@ -168,8 +159,8 @@ def _texture(found: _Texture) -> Texture:
         "".join(letter for bit, letter in enumerate(CHANNELS) if found.channels >> bit & 1),
         WRAPS[found.wrap_u],
         WRAPS[found.wrap_v],
-        FILTERS[found.magnified],
-        FILTERS[found.shrunk],
+        FILTERS_OR_ANY[found.magnified],
+        FILTERS_OR_ANY[found.shrunk],
         tuple(found.offset),
         found.rotation,
         tuple(found.scale),

@@ -6,10 +6,11 @@ from dataclasses import replace
 from itertools import accumulate, pairwise
 from typing import Any, TypeVar
 
+from meshreel.codec.surface.codes import ALPHA_MODES, CHANNELS, FILTERS, WRAPS
 from meshreel.codec.surface.texts import read_text, write_text
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError
-from meshreel.materials import SLOTS, AlphaMode, Filter, Image, Material, Texture, Wrap
+from meshreel.materials import SLOTS, Image, Material, Texture
 
 MATERIAL_NUMBERS = {
     "base_color": 4,
@@ -23,11 +24,7 @@ MATERIAL_NUMBERS = {
 TEXTURE_NUMBERS = {"offset": 2, "rotation": 1, "scale": 2}
 """Fields of numbers in the order of the stream, with their sizes."""
 
-ALPHA_MODES, WRAPS, FILTERS = tuple(AlphaMode), tuple(Wrap), tuple(Filter)
-"""In the order of their codes."""
-
 DOUBLE_SIDED, UNLIT = 4, 8
-CHANNELS = "rgba"
 NUMBER = struct.Struct("<d")
 
 Look = TypeVar("Look", Material, Texture)

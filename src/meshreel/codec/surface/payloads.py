@@ -11,6 +11,7 @@ import numpy.typing as npt
 from meshreel.bitstream.layout import Section
 from meshreel.codec.choices import Order
 from meshreel.codec.memory import DEFAULT_LIMIT, MemoryLimit
+from meshreel.codec.surface.codes import DOMAINS, KINDS
 from meshreel.codec.surface.materials import (
     read_image,
     read_material,
@@ -33,17 +34,12 @@ from meshreel.surface import (
     Attribute,
     Domain,
     FaceGroups,
-    Kind,
     Part,
     Surface,
 )
 
 Integers = npt.NDArray[np.integer]
 Faces = npt.NDArray[np.int32]
-
-KINDS = (Kind.UV, Kind.COLOR, Kind.OTHER)
-DOMAINS = (Domain.VERTEX, Domain.FACE, Domain.CORNER)
-"""Choices in the order of their codes, as number types are in `VALUE_TYPES`."""
 
 EACH, INDEXED, SHARED = range(3)
 """Layouts of values: each item has its own row; the row of each is named; or it is named only to be
@@ -55,16 +51,6 @@ ROW_BYTES = 32
 START = struct.Struct("<d")
 
 Read = TypeVar("Read")
-
-SURFACE_SECTIONS = (
-    Section.POLYGONS,
-    Section.ATTRIBUTE,
-    Section.GROUPS,
-    Section.PARTS,
-    Section.MATERIAL,
-    Section.IMAGE,
-    Section.HARD_EDGES,
-)
 
 
 def surface_sections(

@@ -6,12 +6,11 @@ import pytest
 import meshreel
 from conformance.bits import DamagedError
 from conformance.surface import Polygons, read_hard_edges
-from meshreel.bitstream.layout import Section
+from meshreel.bitstream.layout import SURFACE_SECTIONS, Section
 from meshreel.bitstream.reader import read_stream
 from meshreel.codec.choices import Order
 from meshreel.codec.surface.materials import write_material
 from meshreel.codec.surface.payloads import (
-    SURFACE_SECTIONS,
     _read_groups,
     order_loss_note,
     read_surface,

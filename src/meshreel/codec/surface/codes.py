@@ -1,0 +1,14 @@
+"""Choices of surfaces in the order of their codes in a stream."""
+
+from meshreel.materials import AlphaMode, Filter, Wrap
+from meshreel.surface import Domain, Kind
+
+KINDS = (Kind.UV, Kind.COLOR, Kind.OTHER)
+DOMAINS = (Domain.VERTEX, Domain.FACE, Domain.CORNER)
+ALPHA_MODES, WRAPS = tuple(AlphaMode), tuple(Wrap)
+
+FILTERS = tuple(Filter)
+"""From 1 on; 0 is any filter."""
+
+CHANNELS = "rgba"
+"""By the bits of a mask."""
