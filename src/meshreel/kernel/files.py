@@ -21,11 +21,11 @@ from meshreel.errors import (
     TruncatedStreamError,
     UnsupportedVersionError,
 )
+from meshreel.kernel.exact import TYPES
 from meshreel.kernel.library import ALIGNMENT, library
 from meshreel.runtime.fork import ForkSafeLock
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import n_cores, run_tasks
-from meshreel.tracks import NUMBER_TYPES as ALL_NUMBER_TYPES
 
 (
     OK,
@@ -43,7 +43,7 @@ from meshreel.tracks import NUMBER_TYPES as ALL_NUMBER_TYPES
 
 UNKNOWN_BYTE = 2**64 - 1
 NUMBER_TYPES: dict[int, np.dtype[Any]] = {
-    dtype.itemsize + {"f": 0, "u": 16, "i": 32}[dtype.kind]: dtype for dtype in ALL_NUMBER_TYPES
+    dtype.itemsize + {"f": 0, "u": 16, "i": 32}[dtype.kind]: dtype for dtype in map(np.dtype, TYPES)
 }
 """Of `meshreel_type`."""
 
