@@ -40,7 +40,7 @@ from conformance.sources import (
 from meshreel.bitstream import header as header_module
 from meshreel.bitstream.header import Header
 from meshreel.bitstream.layout import MAX_NAME_BYTES, Section, VertexType
-from meshreel.bitstream.sections import write_section
+from meshreel.bitstream.sections import write_sections
 from meshreel.bitstream.writer import whole_stream
 from meshreel.codec.corrections import Corrections
 from meshreel.codec.tracks import Coding, TrackHeader, write_track
@@ -315,11 +315,11 @@ def no_index():
     """Blocks that no index lists, and a section that readers may skip."""
     data = meshreel.encode(moving(grid(5, 5), 6), block_frames=3, order="drop")
     (position,) = np.frombuffer(data[-12:-4], "<u8").tolist()
-    unknown = bytearray(write_section(Section.IMAGE, b"unknown"))
+    unknown = bytearray(write_sections([(Section.IMAGE, b"unknown")])[0])
     unknown[0] = 0xC0
     checked = bytes(unknown[:-4])
     unknown[-4:] = zlib.crc32(checked).to_bytes(4, "little")
-    return data[:position] + bytes(unknown) + write_section(Section.END, b"")
+    return data[:position] + bytes(unknown) + write_sections([(Section.END, b"")])[0]
 
 
 def stencils(sizes, faces, n_learned, seed):

@@ -12,8 +12,7 @@ import pytest
 import meshreel
 from conformance.make import FOLDER
 from meshreel.bitstream.layout import Section
-from meshreel.bitstream.reader import read_stream
-from samples.streams import parts_of, raw_stream
+from samples.streams import Stream, parts_of, raw_stream
 from samples.web_package import built_package, serving
 
 POLICY = "Content-Security-Policy"
@@ -204,7 +203,7 @@ def test_errors_have_their_types(new_page, sheet):
 
 
 def test_connectivity_that_is_not_sound_is_told_though_it_is_decoded_early(new_page, sheet):
-    stream = read_stream(sheet)
+    stream = Stream(sheet)
     sections = parts_of(stream)
     place = [number for number, _ in sections].index(Section.CONNECTIVITY)
     payload = sections[place][1]

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from meshreel.bitstream.layout import Section
-from meshreel.bitstream.reader import read_stream
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
@@ -19,7 +18,7 @@ from meshreel.reel.agreed.payloads import read_layout, write_layout
 from samples.costs import draws
 from samples.materials import dressed_sheet
 from samples.meshes import irregular_sequence, two_sheets, waving_grid
-from samples.streams import parts_of, raw_stream
+from samples.streams import Stream, parts_of, raw_stream
 
 ROOT = Path(__file__).parents[2]
 
@@ -76,7 +75,7 @@ def test_info_tells_too_when_bytes_are_flipped(name):
 @pytest.mark.parametrize("name", STREAMS)
 def test_hostile_payloads_give_our_error_or_a_mesh_when_checksums_are_made_to_fit(name):
     """An attacker can compute checksums: the layers behind them must stand by themselves."""
-    stream = read_stream(STREAMS[name])
+    stream = Stream(STREAMS[name])
     rng = np.random.default_rng(99)
     for _ in range(draws(400)):
         parts = [(section, bytearray(payload)) for section, payload in parts_of(stream)]
@@ -91,7 +90,7 @@ def test_hostile_payloads_give_our_error_or_a_mesh_when_checksums_are_made_to_fi
 
 @pytest.mark.parametrize("name", STREAMS)
 def test_hostile_headers_give_our_error_or_a_mesh_when_checksums_are_made_to_fit(name):
-    size = read_stream(STREAMS[name]).header_size_bytes
+    size = Stream(STREAMS[name]).header_size_bytes
     rng = np.random.default_rng(5)
     for _ in range(draws(400)):
         header = bytearray(STREAMS[name][: size - 4])
@@ -132,7 +131,7 @@ def replaced(stream, changed, other):
 
 def test_a_section_left_out_is_told_when_the_rest_is_whole():
     for name in ("irregular", "reel irregular", "lossless irregular", "on a grid irregular"):
-        stream = read_stream(STREAMS[name])
+        stream = Stream(STREAMS[name])
         for number, (section, _) in enumerate(parts_of(stream)):
             if section is Section.PROMISE:  # without it nothing is promised
                 continue
@@ -166,7 +165,7 @@ def referring_to(stream, number, reference, stencil_size=None):
     ],
 )
 def test_a_reference_is_refused_when_it_leads_nowhere(changes, message):
-    stream = read_stream(encode(waving_grid(9, 4, 5), step=0.003, block_frames=3))
+    stream = Stream(encode(waving_grid(9, 4, 5), step=0.003, block_frames=3))
     with pytest.raises(CorruptStreamError, match=message):
         decode(referring_to(stream, *changes))
 
@@ -174,7 +173,7 @@ def test_a_reference_is_refused_when_it_leads_nowhere(changes, message):
 @pytest.mark.parametrize("n_reused", [6, 2**40])
 def test_fields_are_refused_when_more_are_reused_than_there_are_modes(n_reused):
     data = (ROOT / "conformance" / "streams" / "reused_fields.reel").read_bytes()
-    stream = read_stream(data)
+    stream = Stream(data)
     parts = []
     for section, payload in parts_of(stream):
         if section is Section.FIELDS and read_layout(payload).n_reused:
@@ -185,13 +184,13 @@ def test_fields_are_refused_when_more_are_reused_than_there_are_modes(n_reused):
 
 
 def test_a_mesh_comes_out_when_a_block_no_longer_refers():
-    stream = read_stream(STREAMS["reel"])
+    stream = Stream(STREAMS["reel"])
     assert decode(referring_to(stream, 1, 0)).n_frames == 5
 
 
 def test_corrections_are_there_when_a_stream_is_damaged_that_has_some():
     """The tests above are about nothing else."""
-    stream = read_stream(STREAMS["reel corrected"])
+    stream = Stream(STREAMS["reel corrected"])
     found = [payload for section, payload in parts_of(stream) if section is Section.CORRECTIONS]
     assert len(found) == 2
     assert all(len(payload) > 12 for payload in found), [len(one) for one in found]
@@ -199,7 +198,7 @@ def test_corrections_are_there_when_a_stream_is_damaged_that_has_some():
 
 def test_a_mesh_comes_out_when_corrections_or_promise_are_left_out():
     """They are no part of the frames: an attacker may take them away, but breaks nothing."""
-    stream = read_stream(STREAMS["reel corrected"])
+    stream = Stream(STREAMS["reel corrected"])
     for number, (section, _) in enumerate(parts_of(stream)):
         if section in (Section.CORRECTIONS, Section.PROMISE):
             decoded = decode(without(stream, number))
@@ -207,7 +206,7 @@ def test_a_mesh_comes_out_when_corrections_or_promise_are_left_out():
 
 
 def test_corrections_are_refused_when_they_come_before_any_block():
-    stream = read_stream(STREAMS["reel corrected"])
+    stream = Stream(STREAMS["reel corrected"])
     parts = parts_of(stream)
     (first, *_) = [part for part in parts if part[0] is Section.CORRECTIONS]
     data = raw_stream(stream.header, [first, *parts])
@@ -218,7 +217,7 @@ def test_corrections_are_refused_when_they_come_before_any_block():
 @pytest.mark.slow
 def test_damaged_corrections_give_our_error_or_a_mesh_when_checksums_are_made_to_fit():
     """Aimed at this section alone: of the others there are many more bytes."""
-    stream = read_stream(STREAMS["reel corrected"])
+    stream = Stream(STREAMS["reel corrected"])
     parts = parts_of(stream)
     (first, *_) = [part for part in parts if part[0] is Section.CORRECTIONS]
     rng = np.random.default_rng(4)
@@ -239,7 +238,7 @@ def test_damaged_corrections_give_our_error_or_a_mesh_when_checksums_are_made_to
 
 @pytest.mark.parametrize("payload", [b"", b"\0" * 8, b"\xff" * 8, b"\0" * 9])
 def test_info_refuses_a_promise_when_it_is_none(payload):
-    stream = read_stream(STREAMS["reel corrected"])
+    stream = Stream(STREAMS["reel corrected"])
     data = raw_stream(stream.header, replaced(stream, Section.PROMISE, payload))
     with pytest.raises(CorruptStreamError, match="promised error"):
         info(data)
@@ -247,7 +246,7 @@ def test_info_refuses_a_promise_when_it_is_none(payload):
 
 def test_corrections_take_no_memory_when_their_number_is_a_lie():
     """Announced numbers are checked against the block before anything is allocated."""
-    stream = read_stream(STREAMS["reel corrected"])
+    stream = Stream(STREAMS["reel corrected"])
     lie = struct.pack("<f", 0.5) + write_varint(3) + write_varint(2**50)
     data = raw_stream(stream.header, replaced(stream, Section.CORRECTIONS, lie))
     with pytest.raises(CorruptStreamError, match="more corrections than values"):
@@ -257,7 +256,7 @@ def test_corrections_take_no_memory_when_their_number_is_a_lie():
 @pytest.mark.slow
 def test_damaged_materials_give_our_error_or_a_mesh_when_checksums_are_made_to_fit():
     """Aimed at this section alone: of the others there are many more bytes."""
-    stream = read_stream(STREAMS["materials"])
+    stream = Stream(STREAMS["materials"])
     parts = parts_of(stream)
     (first, *_) = [part for part in parts if part[0] is Section.MATERIAL]
     rng = np.random.default_rng(8)
@@ -277,7 +276,7 @@ def test_damaged_materials_give_our_error_or_a_mesh_when_checksums_are_made_to_f
 
 
 def test_images_are_refused_when_a_material_shows_one_that_is_left_out():
-    stream = read_stream(STREAMS["materials"])
+    stream = Stream(STREAMS["materials"])
     kept = [part for part in parts_of(stream) if part[0] is not Section.IMAGE]
     with pytest.raises(CorruptStreamError, match="shows an image that does not exist"):
         decode(raw_stream(stream.header, kept))

@@ -11,7 +11,6 @@ import meshreel
 from conformance import reader as plain
 from conformance.bits import DamagedError, Memory, TooLargeError
 from meshreel.bitstream.layout import Section
-from meshreel.bitstream.reader import read_stream
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.reel_file import ReelFile
@@ -21,7 +20,7 @@ from meshreel.surface import Attribute, Domain, Kind, Surface
 from meshreel.tracks import Track
 from samples.c_reader import Code, Decoder, File, Host, RefusalError
 from samples.meshes import irregular_sequence, waving_grid
-from samples.streams import parts_of, raw_stream
+from samples.streams import Stream, parts_of, raw_stream
 
 MANY = 2**40
 """Numbers that each stream below announces, at least."""
@@ -32,7 +31,7 @@ ALLOCATED_BYTES = 30e6
 
 def changed(data, change, **header):
     """The stream with other payloads, and another header."""
-    stream = read_stream(data)
+    stream = Stream(data)
     parts = [(section, change(section, payload)) for section, payload in parts_of(stream)]
     return raw_stream(replace(stream.header, **header), parts)
 
@@ -60,12 +59,12 @@ def with_modes_of_track(n_frames, n_modes):
     def change(section, payload):
         return write_varint(n_modes) if section is Section.TRACK_BLOCK else payload
 
-    return changed(with_counts(with_track(), n_frames, 1), change)
+    return with_counts(changed(with_track(), change), n_frames, 1)
 
 
 def with_corrections():
     data = encode(irregular_sequence(4), max_error=8.0, n_modes=2)
-    n_verts = read_stream(data).header.n_verts
+    n_verts = Stream(data).header.n_verts
     n_frames = 2**30
 
     def change(section, payload):
@@ -74,7 +73,7 @@ def with_corrections():
         return payload[:4] + write_varint(n_verts) + write_varint(n_frames * n_verts)
 
     # The frames themselves are within the limit of a block with two modes, and not decoded yet.
-    return changed(with_counts(data, n_frames, 2), change)
+    return with_counts(changed(data, change), n_frames, 2)
 
 
 def with_table():

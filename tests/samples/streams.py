@@ -1,34 +1,100 @@
-"""Streams put together from sections, sound or not, without an index."""
+"""Streams taken apart by the core, and put together from sections, sound or not."""
+
+from functools import cached_property
 
 import numpy as np
 
-from meshreel.bitstream.header import write_header
-from meshreel.bitstream.layout import Section
-from meshreel.bitstream.sections import write_section
+from conformance.reader import read_track
+from meshreel.bitstream.header import Header, write_header
+from meshreel.bitstream.layout import Section, VertexType
+from meshreel.bitstream.sections import write_sections
 from meshreel.codec.open_stream import whole_stream
-from meshreel.codec.tracks import read_track
+from meshreel.codec.surface.codes import DOMAINS
+from meshreel.codec.tracks import KINDS, Coding, Sharing, TrackHeader
+from meshreel.kernel.files import NUMBER_TYPES, OpenFile
+
+FRAMES_AT, FRAMES_BYTES = 10, 4
+"""Place of the number of frames in a header; 0 means that it was not known."""
 
 
 def raw_stream(header, sections):
     """The bytes of a header, these sections and an end marker."""
-    parts = [write_section(*section) for section in (*sections, (Section.END, b""))]
-    return write_header(header) + b"".join(parts)
+    return write_header(header) + b"".join(write_sections([*sections, (Section.END, b"")]))
 
 
 def parts_of(stream):
     """Sections of a stream as pairs of id and payload, without index and end."""
-    return [
-        (stored.id, stored.payload)
-        for stored in stream.sections()
-        if stored.id not in (Section.INDEX, Section.END)
-    ]
+    return [part for part in stream.sections if part[0] not in (Section.INDEX, Section.END)]
+
+
+class Stream:
+    """The parts of a stream, of which the end may be missing."""
+
+    def __init__(self, data):
+        self.file = OpenFile(data, float("inf"))
+
+    @property
+    def header(self):
+        info = self.file.info
+        n_frames = int.from_bytes(self.file.bytes_at(FRAMES_AT, FRAMES_BYTES), "little")
+        return Header(
+            n_frames, info.n_verts, info.n_triangles, info.fps, VertexType(info.number_bytes),
+            info.method, info.laplacian, info.order, info.center, info.diagonal, info.name,
+        )  # fmt: skip
+
+    @property
+    def header_size_bytes(self):
+        return next(self.file.sections()).offset
+
+    @cached_property
+    def sections(self):
+        """All known sections as pairs of id and payload."""
+        return self._between(0, None)
+
+    @cached_property
+    def groups(self):
+        """First byte, and byte after the last, of each track in each block."""
+        numbers = range(self.file.info.n_blocks), range(self.file.info.n_tracks)
+        found = [[self.file.block(number, track) for track in numbers[1]] for number in numbers[0]]
+        return [[(one.offset, one.offset + one.size_bytes) for one in block] for block in found]
+
+    def block(self, number, track=0):
+        """Payloads of a track in a block by their ids."""
+        return dict(self._between(*self.groups[number][track]))
+
+    def _between(self, start, stop):
+        return [
+            (Section(one.id), self.file.bytes_at(one.payload_offset, one.payload_bytes))
+            for one in self.file.sections(start, stop)
+            if one.is_known
+        ]
 
 
 def track_headers(data):
     """What a stream says of its tracks beside the positions."""
-    opened = whole_stream(data)
-    sections = (one for one in opened.leading if one.id == Section.TRACK)
-    return [read_track(opened.payload(one)) for one in sections]
+    payloads = [payload for section, payload in Stream(data).sections if section is Section.TRACK]
+    return [track_header(payload) for payload in payloads]
+
+
+def track_header(payload):
+    """What a section TRACK says, as the plain reader reads it."""
+    said, placed = read_track(payload)
+    sharing = Sharing(max(0, said["domain"] - len(DOMAINS) + 1))
+    coding = Coding(said["coding"])
+    return TrackHeader(
+        said["name"],
+        said["unit"],
+        KINDS[said["kind"]],
+        DOMAINS[said["domain"] - sharing],
+        NUMBER_TYPES[placed.number_type],
+        placed.scale,
+        (0.0,) * 3 if coding.is_predicted else placed.origin,
+        coding,
+        said["bound"],
+        said.get("rate", 0.0),
+        sharing,
+        said.get("rows", b""),
+    )
 
 
 def track_values(data):

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.bitstream.reader import read_stream
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
 from samples.meshes import irregular_sequence, waving_grid
+from samples.streams import Stream
 
 METHODS = ["reel", "blocks", "pca-qp", "gft"]
 OPTIONS = {"reel": {}, "blocks": {"n_modes": 2}, "pca-qp": {"n_modes": 3}, "gft": {"n_modes": 9}}
@@ -83,9 +83,8 @@ def test_only_blocks_that_are_needed_are_read_when_frames_are_asked_for():
 
 
 def test_frames_up_to_the_cut_are_there_when_the_file_is_cut(method):
-    places = read_stream(STREAMS[method]).places
-    for number in range(1, len(places)):
-        with ReelFile(BytesIO(STREAMS[method][: places[number].end - 1])) as reel:
+    for number, groups in enumerate(Stream(STREAMS[method]).groups[1:], start=1):
+        with ReelFile(BytesIO(STREAMS[method][: groups[-1][1] - 1])) as reel:
             assert not reel.is_whole
             assert len(reel) == 4 * number
             assert_nearly_equal(reel[:], WHOLE[method].vertices[: 4 * number])
@@ -106,7 +105,7 @@ def test_a_coarser_animation_comes_when_modes_are_limited():
 
 def test_damage_is_told_when_a_damaged_block_is_asked_for(method):
     data = bytearray(STREAMS[method])
-    data[read_stream(STREAMS[method]).places[2].end - 1] ^= 1
+    data[Stream(STREAMS[method]).groups[2][-1][1] - 1] ^= 1
     with ReelFile(BytesIO(bytes(data))) as reel:
         assert len(reel[:8]) == 8
         with pytest.raises(CorruptStreamError):

@@ -9,7 +9,6 @@ import pytest
 
 import meshreel
 from meshreel.bitstream.layout import Section
-from meshreel.bitstream.reader import open_stream, read_stream
 from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.tracks import Coding, Sharing, TrackHeader, read_track, write_track
@@ -24,7 +23,7 @@ from meshreel.surface import Domain
 from meshreel.tracks import MAX_COLUMNS, Track
 from samples.costs import draws
 from samples.meshes import waving_grid
-from samples.streams import parts_of, raw_stream, track_headers, track_values
+from samples.streams import Stream, parts_of, raw_stream, track_headers, track_values
 
 FOLDER = Path(__file__).parents[3] / "conformance" / "streams"
 NAMES = (
@@ -146,7 +145,7 @@ def test_a_still_track_is_its_origin_when_it_is_decoded():
 
 def test_positions_are_the_same_with_tracks():
     data = stored("tracks")
-    stream = read_stream(data)
+    stream = Stream(data)
     alone, is_position = [], True
     for section, payload in parts_of(stream):
         is_position = section is not Section.TRACK_BLOCK and (
@@ -161,34 +160,35 @@ def test_positions_are_the_same_with_tracks():
     assert [track.name for track in meshreel.info(data).tracks] == ["stress", "flow", "\u03c3"]
 
 
+def without_index(data):
+    stream = Stream(data)
+    return raw_stream(stream.header, parts_of(stream))
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_bytes_of_a_track_alone_are_read_when_the_index_is_there(name):
-    opened = open_stream(BytesIO(stored(name)))
+    groups = Stream(stored(name)).groups
     n_tracks = 1 + len(track_headers(stored(name)))
-    assert all(len(place.sizes) == n_tracks for place in opened.places)
-    for place in opened.places:
-        assert place.group(n_tracks - 1)[1] == place.end
-    assert opened.places == read_stream(stored(name)).places
+    assert all(len(block) == n_tracks for block in groups)
+    assert groups == Stream(without_index(stored(name))).groups
 
 
 def test_a_block_counts_only_when_all_its_tracks_are_there():
     data = stored("tracks")
-    place = read_stream(data).places[1]
-    for track in range(3):
-        _, end = place.group(track)
-        assert len(open_stream(BytesIO(data[:end])).places) == 1
-    assert len(open_stream(BytesIO(data[: place.end])).places) == 2
+    *ends, whole = [end for _, end in Stream(data).groups[1]]
+    assert [len(Stream(data[:end]).groups) for end in ends] == [1, 1, 1]
+    assert len(Stream(data[:whole]).groups) == 2
 
 
 def test_a_stream_is_refused_when_a_track_is_missing_in_a_block():
-    stream = read_stream(stored("tracks_of_triangles"))
+    stream = Stream(stored("tracks_of_triangles"))
     parts = parts_of(stream)
     last = max(number for number, one in enumerate(parts) if one[0] is Section.TRACK_BLOCK)
-    with pytest.raises(CorruptStreamError, match="has 2 tracks; the stream announces 3"):
-        read_stream(raw_stream(stream.header, parts[:last]))
-    track = next(one for one in parts if one[0] is Section.TRACK)
-    with pytest.raises(CorruptStreamError, match="has 3 tracks; the stream announces 4"):
-        read_stream(raw_stream(stream.header, [track, *parts]))
+    with pytest.raises(CorruptStreamError, match="has not as many groups as there are tracks"):
+        meshreel.decode(raw_stream(stream.header, parts[:last]))
+    track = Section.TRACK, write_track(replace(STRESS, name="one more"))
+    with pytest.raises(CorruptStreamError, match="has not as many groups as there are tracks"):
+        meshreel.decode(raw_stream(stream.header, [track, *parts]))
 
 
 def test_a_track_is_refused_when_a_block_of_it_is_larger_than_memory_allows():
@@ -204,7 +204,7 @@ def test_a_track_is_refused_when_a_block_of_it_is_larger_than_memory_allows():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_hostile_tracks_give_our_error_or_values_when_checksums_are_made_to_fit(name):
-    stream = read_stream(stored(name))
+    stream = Stream(stored(name))
     rng, n_decoded = np.random.default_rng(8), 0
     parts = parts_of(stream)
     first = next(number for number, one in enumerate(parts) if one[0] is Section.TRACK)
@@ -224,7 +224,7 @@ def test_hostile_tracks_give_our_error_or_values_when_checksums_are_made_to_fit(
 
 
 def test_hostile_rows_give_our_error_or_values_when_checksums_are_made_to_fit():
-    stream = read_stream(stored("corners_in_rows"))
+    stream = Stream(stored("corners_in_rows"))
     header = next(one for one in track_headers(stored("corners_in_rows")) if one.rows)
     rng, n_decoded = np.random.default_rng(9), 0
     parts = parts_of(stream)

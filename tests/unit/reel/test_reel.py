@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from meshreel.bitstream.layout import Section
-from meshreel.bitstream.reader import read_stream
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
@@ -22,7 +21,7 @@ from meshreel.reel.encoding.block_frames import BlockFrames
 from meshreel.sequence import MeshSequence
 from meshreel.subspace.trajectories import bounding_frame, to_matrices
 from samples.meshes import irregular_sequence, kg_error_percent, waving_grid
-from samples.streams import parts_of, raw_stream
+from samples.streams import Stream, parts_of, raw_stream
 
 STENCIL = FieldChoices(1.0).stencil_size
 
@@ -203,7 +202,7 @@ def test_bytes_are_the_same_when_encoded_twice():
 @pytest.mark.parametrize("number", [127, 3])
 def test_other_layouts_are_refused_when_another_build_wrote_them(number):
     first = bytes([number])
-    stream = read_stream(encode(waving_grid(), "reel"))
+    stream = Stream(encode(waving_grid(), "reel"))
     sections = [
         (section, first + payload[1:] if section is Section.FIELDS else payload)
         for section, payload in parts_of(stream)
@@ -218,7 +217,7 @@ def test_other_layouts_are_refused_when_another_build_wrote_them(number):
 def test_frames_are_summed_up_in_double_when_the_step_is_fine(step, is_single):
     sequence = waving_grid()
     data = encode(sequence, "reel", step=step)
-    assert read_layout(read_stream(data).block(0)[Section.FIELDS]).is_single is is_single
+    assert read_layout(Stream(data).block(0)[Section.FIELDS]).is_single is is_single
     error = np.abs(decode(data).vertices - sequence.vertices).max()
     assert error < 6 * step * np.linalg.norm(np.ptp(sequence.vertices, axis=(0, 1)))
 

@@ -8,13 +8,13 @@ import pytest
 
 import meshreel
 from meshreel.bitstream.layout import Section
-from meshreel.bitstream.reader import read_stream
 from meshreel.errors import CorruptStreamError, TruncatedStreamError
 from meshreel.reel.agreed.fields import Layout
 from meshreel.reel.agreed.payloads import read_layout, write_layout
 from meshreel.reel.encoding import analysis
 from meshreel.runtime.engine.engine import open_engine
 from samples.meshes import grid_faces
+from samples.streams import Stream
 
 N, SIDE = 60, 17
 PLACES = np.stack(np.meshgrid(*[np.linspace(0, 1, SIDE)] * 2), axis=-1).reshape(-1, 2)
@@ -41,10 +41,9 @@ OPTIONS = {"quality": 85, "block_frames": 12}
 
 def layouts(data):
     """How the fields of each block are predicted."""
-    stream = read_stream(data)
-    return [
-        read_layout(stream.block(number)[Section.FIELDS]) for number in range(len(stream.places))
-    ]
+    stream = Stream(data)
+    blocks = map(stream.block, range(len(stream.groups)))
+    return [read_layout(block[Section.FIELDS]) for block in blocks]
 
 
 @pytest.mark.slow

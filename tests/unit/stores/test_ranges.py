@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.bitstream.reader import open_stream
 from meshreel.stores.ranged_file import END_BYTES, LEAST_BYTES
 from samples.meshes import waving_grid
+from samples.streams import Stream
 
 N_FRAMES, BLOCK = 160, 8
 
@@ -32,32 +32,31 @@ def reel(web, reel_bytes):
 
 
 @pytest.fixture
-def places(web, reel):
-    with (web.folder / "walk.reel").open("rb") as file:
-        return open_stream(file).places
+def groups(reel_bytes):
+    return Stream(reel_bytes).groups
 
 
 def n_gets(web):
     return sum(method == "GET" for method, _, _ in web.requests)
 
 
-def test_opening_fetches_the_ends_only(web, reel, places):
+def test_opening_fetches_the_ends_only(web, reel, groups):
     with meshreel.open(reel) as opened:
         assert opened.n_frames == N_FRAMES
-    first = places[0].position
+    first = groups[0][0][0]
     for start, stop in web.ranges():
-        assert stop <= max(END_BYTES, first) or start >= places[-1].end - END_BYTES
+        assert stop <= max(END_BYTES, first) or start >= groups[-1][-1][1] - END_BYTES
     assert n_gets(web) <= 3
 
 
-def test_a_frame_fetches_its_block_with_one_request(web, reel, places):
+def test_a_frame_fetches_its_block_with_one_request(web, reel, groups):
     expected = meshreel.decode((web.folder / "walk.reel").read_bytes()).vertices[75]
     with meshreel.open(reel) as opened:
-        assert places[0].group(0)[1] < END_BYTES, "the key block came with the beginning"
+        assert groups[0][0][1] < END_BYTES, "the key block came with the beginning"
         web.forget()
         frame = opened[75]
         assert np.array_equal(frame, expected)
-        start, stop = places[75 // BLOCK].group(0)
+        start, stop = groups[75 // BLOCK][0]
         assert web.ranges() == [(start, stop)]
         assert n_gets(web) == 1
         assert web.sent_bytes == stop - start
@@ -66,17 +65,17 @@ def test_a_frame_fetches_its_block_with_one_request(web, reel, places):
         assert n_gets(web) == 0
 
 
-def test_a_value_of_a_track_fetches_its_group_and_that_of_the_key(web, reel, places):
+def test_a_value_of_a_track_fetches_its_group_and_that_of_the_key(web, reel, groups):
     expected = meshreel.decode((web.folder / "walk.reel").read_bytes()).tracks["heat"].values[75]
     with meshreel.open(reel) as opened:
         web.forget()
         assert np.array_equal(opened.track("heat")[75], expected)
     asked = set(web.ranges())
-    assert places[75 // BLOCK].group(1) in asked
-    assert asked <= {places[number].group(1) for number in (0, 75 // BLOCK)}
+    assert groups[75 // BLOCK][1] in asked
+    assert asked <= {groups[number][1] for number in (0, 75 // BLOCK)}
 
 
-def test_some_frames_are_decoded_from_their_blocks_only(web, reel, places):
+def test_some_frames_are_decoded_from_their_blocks_only(web, reel, groups):
     part = meshreel.decode(reel, frames=slice(150, 160))
     whole = meshreel.decode((web.folder / "walk.reel").read_bytes())
     assert np.array_equal(part.vertices, whole.vertices[150:160])
@@ -98,18 +97,18 @@ def test_info_is_that_of_the_file_from_a_few_of_its_bytes(web, reel):
     assert web.sent_bytes < size_bytes / 3
 
 
-def test_info_of_a_file_that_is_cut_off_is_that_of_its_complete_blocks(web, reel, places):
+def test_info_of_a_file_that_is_cut_off_is_that_of_its_complete_blocks(web, reel, groups):
     path = web.folder / "walk.reel"
-    path.write_bytes(path.read_bytes()[: places[3].end + 5])
+    path.write_bytes(path.read_bytes()[: groups[3][-1][1] + 5])
     found = meshreel.info(reel)
     assert not found.is_whole
     assert found.n_frames == 4 * BLOCK
 
 
-def test_a_damaged_block_is_found_when_it_is_asked_for(web, reel, places):
+def test_a_damaged_block_is_found_when_it_is_asked_for(web, reel, groups):
     path = web.folder / "walk.reel"
     data = bytearray(path.read_bytes())
-    data[places[5].position + places[5].sizes[0] // 2] ^= 255
+    data[sum(groups[5][0]) // 2] ^= 255
     path.write_bytes(data)
     with meshreel.open(reel) as opened:
         assert np.isfinite(opened[0]).all()

@@ -7,7 +7,6 @@ import meshreel
 from conformance.bits import DamagedError
 from conformance.surface import Polygons, read_hard_edges
 from meshreel.bitstream.layout import SURFACE_SECTIONS, Section
-from meshreel.bitstream.reader import read_stream
 from meshreel.codec.choices import Order
 from meshreel.codec.surface.materials import write_material
 from meshreel.codec.surface.payloads import (
@@ -40,7 +39,7 @@ from samples.meshes import (
     two_sheets,
     waving_grid,
 )
-from samples.streams import parts_of, raw_stream
+from samples.streams import Stream, parts_of, raw_stream
 
 
 @pytest.mark.parametrize("method", ["reel", "pca-qp"])
@@ -71,12 +70,12 @@ def test_values_come_back_bit_by_bit_when_of_any_type_and_domain(dtype, domain, 
 
 
 def test_stream_of_a_plain_mesh_has_no_further_sections():
-    sections = {section for section, _ in parts_of(read_stream(meshreel.encode(waving_grid())))}
+    sections = {section for section, _ in parts_of(Stream(meshreel.encode(waving_grid())))}
     assert not sections & {*SURFACE_SECTIONS, Section.START}
 
 
 def test_stream_of_a_surface_without_materials_has_no_sections_of_them():
-    sections = {section for section, _ in parts_of(read_stream(meshreel.encode(quad_sheet())))}
+    sections = {section for section, _ in parts_of(Stream(meshreel.encode(quad_sheet())))}
     assert not sections & {Section.MATERIAL, Section.IMAGE}
 
 
@@ -252,13 +251,13 @@ def test_size_target_counts_the_surface_when_it_is_met():
     ],
 )
 def test_damaged_sections_are_told_when_their_checksums_fit(section, payload):
-    stream = read_stream(meshreel.encode(waving_grid()))
+    stream = Stream(meshreel.encode(waving_grid()))
     with pytest.raises(meshreel.MeshReelError):
         meshreel.decode(raw_stream(stream.header, [(section, payload), *parts_of(stream)]))
 
 
 def test_stream_is_refused_when_face_sizes_come_twice():
-    stream = read_stream(meshreel.encode(quad_sheet()))
+    stream = Stream(meshreel.encode(quad_sheet()))
     parts = parts_of(stream)
     sizes = next(part for part in parts if part[0] is Section.POLYGONS)
     with pytest.raises(CorruptStreamError, match="more than one section POLYGONS"):
@@ -267,7 +266,7 @@ def test_stream_is_refused_when_face_sizes_come_twice():
 
 def damaged_material(payload):
     """A stream with an image, and a material of these bytes."""
-    stream = read_stream(meshreel.encode(waving_grid()))
+    stream = Stream(meshreel.encode(waving_grid()))
     sections = [(Section.MATERIAL, payload), (Section.IMAGE, b"\x00\x09image/png...")]
     return raw_stream(stream.header, [*sections, *parts_of(stream)])
 

@@ -5,11 +5,11 @@ import pytest
 
 import meshreel
 from meshreel.bitstream.layout import Section
-from meshreel.bitstream.reader import read_stream
 from meshreel.reel.agreed.payloads import read_layout
 from meshreel.reel.agreed.timeline import NO_REST
 from meshreel.reel.encoding import analysis
 from samples.meshes import waving_grid
+from samples.streams import Stream
 
 SIDE = 15
 
@@ -41,10 +41,9 @@ def half_still():
 
 
 def rests_of(data):
-    return [
-        read_layout(block[Section.FIELDS]).rests
-        for block in map(read_stream(data).block, range(len(read_stream(data).places)))
-    ]
+    stream = Stream(data)
+    blocks = map(stream.block, range(len(stream.groups)))
+    return [read_layout(block[Section.FIELDS]).rests for block in blocks]
 
 
 def steps_percent(vertices):
@@ -110,7 +109,7 @@ def test_rests_are_found_when_fields_are_reused():
     vertices[40:50] = vertices[40]
     sequence = meshreel.MeshSequence(vertices, faces)
     data = meshreel.encode(sequence, block_frames=30)
-    layout = read_layout(read_stream(data).block(1)[Section.FIELDS])
+    layout = read_layout(Stream(data).block(1)[Section.FIELDS])
     assert layout.n_reused > 0
     assert layout.rests.runs == ((11, 20),)
     decoded = meshreel.decode(data).vertices
