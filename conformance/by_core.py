@@ -9,26 +9,26 @@ from meshreel.bitstream.layout import Section
 from meshreel.codec.choices import Laplacian
 from meshreel.codec.methods import METHOD_NAMES
 from meshreel.codec.open_stream import whole_stream
-from meshreel.codec.stored_blocks import StoredBlock
-from meshreel.codec.surface.codes import ALPHA_MODES, CHANNELS, DOMAINS, FILTERS, WRAPS
+from meshreel.codec.surface.codes import ALPHA_MODES, CHANNELS, FILTERS, WRAPS
 from meshreel.codec.surface.materials import MATERIAL_NUMBERS, TEXTURE_NUMBERS
-from meshreel.codec.tracks import KINDS, read_track
 from meshreel.entropy.exact import decode_exact
 from meshreel.materials import SLOTS
 from meshreel.paper.decoder import PaperBlockDecoder, stored_mesh, stored_shape
 from meshreel.paper.variants import variant_named
-from meshreel.reel.agreed.blocks import layout_of, read_corrections, read_field_block
-from meshreel.reel.agreed.items import items_of
-from meshreel.reel.agreed.mesh import FieldMesh
+
+OF_GROUPS = ("frames", "modes", "reference", "step", "n corrections")
+"""What the core says of a track in a block."""
 
 LETTERS = {"u1": "B", "i4": "i", "f4": "f", "f8": "d"}
 
 
 def read_by_core(data):
-    """A stream, decoded; as `conformance.reader.read`, so far as it is described."""
+    """A stream, decoded; as `conformance.reader.read`, so far as the core gives it."""
     opened, sequence = whole_stream(data), decode(data)
-    blocks, anchors = read_blocks(opened)
     is_ours = opened.method.name in ("reel", "lossless", "grid")
+    blocks, anchors = [block_of(opened, number) for number in range(opened.n_blocks)], []
+    if not is_ours:
+        blocks, anchors = paper_blocks(opened)
     starts, promises = (leading(opened, one) for one in (Section.START, Section.PROMISE))
     numbers = [np.frombuffer(one[0], "<f8").item() if one else None for one in (starts, promises)]
     return Reel(
@@ -45,6 +45,23 @@ def read_by_core(data):
         positions=Floats(sequence.vertices) if is_ours else None,
         tracks=tracks_of(opened),
     )
+
+
+def given_by_core(said):
+    """The part of a description that the core gives: values, but not the integers behind them."""
+    if "hash of positions" not in said:
+        return said
+    tracks = [
+        {name: one for name, one in track.items() if name != "rate"} | of_groups(track)
+        for track in said.get("tracks", [])
+    ]
+    return said | of_groups(said) | ({"tracks": tracks} if tracks else {})
+
+
+def of_groups(said):
+    """The blocks of a description with what the core says of them."""
+    kept = [{name: one[name] for name in OF_GROUPS if name in one} for one in said["blocks"]]
+    return {"blocks": kept}
 
 
 def shape_of(opened):
@@ -95,27 +112,25 @@ def header_of(opened):
     )
 
 
-def stored_group(opened, number, track=0):
-    """A track of a block, as it is stored."""
+def block_of(opened, number, track=0):
+    """What the core says of a track in a block."""
     place, group = opened.file.block(number, track), opened.file.group(number, track)
-    sections = dict(opened.group(number, track))
-    return StoredBlock(place.first_frame, place.n_frames, group.n_modes, sections)
+    found = {"frames": place.n_frames, "modes": group.n_modes}
+    if group.n_modes:
+        found |= {"reference": number - group.key_block, "step": group.step}
+        found |= {"n corrections": group.n_corrections} if group.n_corrections else {}
+    return found
 
 
-def read_blocks(opened):
-    """Integers of the blocks, and the anchors."""
-    stored = [stored_group(opened, number) for number in range(opened.n_blocks)]
-    if opened.method.name == "reel":
-        graph = opened.internal_faces, opened.n_verts
-        return [reel_block(graph, one) for one in stored], []
-    if opened.method.name in ("lossless", "grid"):
-        return [{"frames": one.n_frames, "modes": one.n_modes} for one in stored], []
+def paper_blocks(opened):
+    """Integers of the blocks of the paper's methods, and the anchors."""
     variant = variant_named(opened.method.name)
     decoder, mesh = PaperBlockDecoder(opened, variant), stored_mesh(opened, variant)
     blocks = []
-    for number, one in enumerate(stored):
-        coded = decoder.coded(one, number)
-        block = {"frames": one.n_frames, "modes": one.n_modes}
+    for number in range(opened.n_blocks):
+        stored = opened.stored(number)
+        coded = decoder.coded(stored, number)
+        block = {"frames": stored.n_frames, "modes": stored.n_modes}
         anchors = coded.anchors
         parts = {
             "basis": coded.basis,
@@ -129,8 +144,8 @@ def read_blocks(opened):
                 block[name + " steps"] = part.steps.tolist()
                 block[plural] = part.integers.reshape(-1, part.integers.shape[-1]).tolist()
         if len(mesh.isolated):
-            shape = (one.n_frames, 3 * len(mesh.isolated))
-            exact = decode_exact(one.payload(Section.EXACT), shape, opened.dtype)
+            shape = (stored.n_frames, 3 * len(mesh.isolated))
+            exact = decode_exact(stored.payload(Section.EXACT), shape, opened.dtype)
             block["exact"] = [[exact.astype(exact.dtype.newbyteorder("<")).tobytes()]]
         blocks.append(block)
     return blocks, mesh.anchors.tolist()
@@ -138,59 +153,13 @@ def read_blocks(opened):
 
 def tracks_of(opened):
     """Of each further track what it is, its blocks, and its values."""
-    found, headers = [], map(read_track, leading(opened, Section.TRACK))
-    for number, header in enumerate(headers, start=1):
-        items, blocks = items_of(opened, header), []
-        for block in range(opened.n_blocks):
-            stored = stored_group(opened, block, number)
-            found_block = {"frames": stored.n_frames, "modes": 0}
-            if not header.is_exact:
-                found_block = reel_block(items.graph, stored, header.n_coded)
-            blocks.append(found_block)
-        track = opened.file.tracks[number]
+    found = []
+    for number, track in enumerate(opened.tracks, start=1):
+        blocks = [block_of(opened, block, number) for block in range(opened.n_blocks)]
         values = np.empty((opened.n_frames, track.n_items, track.n_columns), track.dtype)
         opened.frames().fill(values, 0, number)
-        said = {
-            "name": header.name,
-            "unit": header.unit,
-            "kind": KINDS.index(header.kind),
-            "domain": DOMAINS.index(header.domain),
-            "coding": int(header.coding),
-            **({"rate": header.rate} if header.coding.has_rate else {}),
-            "bound": header.bound,
-        }
-        found.append((said, blocks, Floats(values)))
-    return found
-
-
-def reel_block(graph, stored, n_columns=3):
-    """The integers of a track in a block of `reel`."""
-    layout = layout_of(stored)
-    mesh = FieldMesh(graph[0], graph[1], layout.stencil_size)
-    block = read_field_block(stored, layout, mesh, n_columns=n_columns)
-    found = {
-        "frames": stored.n_frames,
-        "modes": stored.n_modes,
-        "reference": layout.reference,
-        "step": float(layout.step),
-        "precision": 4 if layout.is_single else 8,
-        "stencil": layout.stencil_size,
-        "learned": layout.n_learned,
-        "basis": block.basis.reshape(stored.n_modes, -1).tolist(),
-        "coefficients": block.fields.tolist(),
-        "correction step": 0.0,
-        "corrections": {},
-    }
-    if layout.rests.runs:
-        runs = [list(run) for run in layout.rests.runs]
-        found |= {"rests": runs, "rest bits": layout.rests.bits}
-    if layout.n_reused:
-        found |= {"reused": layout.n_reused, "finer": float(layout.finer)}
-    moves = read_corrections(stored, graph[1], n_columns)
-    if moves is not None:
-        at = zip(moves.frames.tolist(), moves.vertices.tolist(), strict=True)
-        found["corrections"] = dict(zip(at, moves.offsets.tolist(), strict=True))
-        found["correction step"] = float(moves.step)
+        said = {name: getattr(track, name) for name in ("name", "unit", "kind", "domain", "coding")}
+        found.append((said | {"bound": track.bound}, blocks, Floats(values)))
     return found
 
 

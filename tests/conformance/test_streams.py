@@ -6,7 +6,7 @@ import pytest
 
 import meshreel
 from conformance.bits import DamagedError
-from conformance.by_core import read_by_core
+from conformance.by_core import given_by_core, read_by_core
 from conformance.check import differences
 from conformance.make import FOLDER, REFUSED, REFUSED_FOLDER, STREAMS
 from conformance.reader import read
@@ -45,7 +45,7 @@ def test_every_stream_is_stored_with_what_it_holds():
 @pytest.mark.every_case
 @pytest.mark.parametrize("name", STREAMS)
 def test_core_finds_what_is_said_of_a_stream(name):
-    assert differences(name, read_by_core) == []
+    assert differences(name, read_by_core, given_by_core) == []
 
 
 @pytest.mark.every_case

@@ -4,12 +4,7 @@ import struct
 import zlib
 from dataclasses import dataclass
 
-from meshreel.bitstream.layout import (
-    FORMAT_VERSION,
-    MAGIC,
-    MAX_NAME_BYTES,
-    VertexType,
-)
+from meshreel.bitstream.layout import FORMAT_VERSION, MAGIC, MAX_NAME_BYTES, VertexType
 
 _FIXED = struct.Struct("<8sHIIIdBBBB4dH")
 _CHECKSUM = struct.Struct("<I")

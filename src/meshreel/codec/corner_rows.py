@@ -9,9 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.entropy.coder import decode_integers, encode_integers
-from meshreel.entropy.varint import read_varint, write_varint
-from meshreel.errors import CorruptStreamError
+from meshreel.entropy.coder import encode_integers
+from meshreel.entropy.varint import write_varint
 
 Integers = npt.NDArray[np.int64]
 
@@ -71,40 +70,6 @@ def write_corner_rows(rows: CornerRows, vertices: Integers, n_verts: int) -> byt
     codes[by_row[1:][is_same]] = np.where(back == 1, AGAIN, back)
     stored = codes[(places > 0) & (has_seam[vertices[order]] > 0)]
     return write_varint(len(stored)) + encode_integers([has_seam, stored])
-
-
-def read_corner_rows(payload: bytes, vertices: Integers, n_verts: int) -> CornerRows:
-    """Undo `write_corner_rows`.
-
-    Raises
-    ------
-    CorruptStreamError, TruncatedStreamError
-        If the bytes are not the rows of corners of these vertices.
-    """
-    n_stored, position = read_varint(payload, 0)
-    if n_stored > len(vertices):
-        raise CorruptStreamError(f"{n_stored} of {len(vertices)} corners have a row of their own")
-    has_seam, stored = decode_integers(payload[position:], [n_verts, n_stored])
-    if ((has_seam < 0) | (has_seam > 1)).any():
-        raise CorruptStreamError("a vertex neither has a seam nor has none")
-    order, places = _by_vertex(vertices)
-    is_stored = (places > 0) & (has_seam[vertices[order]] > 0)
-    if int(is_stored.sum()) != n_stored:
-        raise CorruptStreamError("there are not as many corners at seams as announced")
-    codes = np.full(len(order), AGAIN, np.int64)
-    codes[is_stored] = stored
-    back = np.where(codes == AGAIN, 1, codes)
-    if ((codes < 0) | ((codes != NEW) & (places > 0) & (back > places))).any():
-        raise CorruptStreamError("a corner has the row of a corner that its vertex does not have")
-    is_new = (codes == NEW) & (places > 0)
-    numbers = np.arange(len(order))
-    source = np.where(is_new | (places == 0), numbers, numbers - back)
-    while (source[source] != source).any():
-        source = source[source]
-    found = np.where(is_new, n_verts - 1 + np.cumsum(is_new), vertices[order])[source]
-    of_corners = np.empty(len(order), np.int64)
-    of_corners[order] = found
-    return CornerRows(of_corners, n_verts + int(is_new.sum()))
 
 
 def _by_vertex(vertices: Integers) -> tuple[Integers, Integers]:

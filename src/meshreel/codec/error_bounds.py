@@ -4,7 +4,7 @@ import re
 import struct
 from dataclasses import dataclass
 
-from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.errors import InvalidInputError
 
 METRES = {
     "mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3, "in": 0.0254, "ft": 0.3048,
@@ -111,19 +111,3 @@ def _required_unit(unit: str | None, given: float | str) -> str:
 def write_promise(max_error_percent: float) -> bytes:
     """Payload of the section PROMISE: the error bound that the encoder has verified."""
     return struct.pack("<d", max_error_percent)
-
-
-def read_promise(payload: bytes) -> float:
-    """The error bound in percent that `write_promise` wrote.
-
-    Raises
-    ------
-    CorruptStreamError
-        If it is not a positive number.
-    """
-    if len(payload) != 8:
-        raise CorruptStreamError(f"a promise has 8 bytes; this one has {len(payload)}")
-    (max_error_percent,) = struct.unpack("<d", payload)
-    if not 0 < max_error_percent < float("inf"):
-        raise CorruptStreamError(f"a maximum error of {max_error_percent} is promised")
-    return float(max_error_percent)

@@ -1,6 +1,5 @@
 """Tracks beside the positions: what a stream says of each before its first block."""
 
-import struct
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
@@ -8,12 +7,11 @@ from typing import Any
 import numpy as np
 
 from meshreel.codec.surface.codes import DOMAINS
-from meshreel.codec.surface.texts import read_text, write_text
-from meshreel.entropy.varint import read_varint, write_varint
-from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
+from meshreel.codec.surface.texts import write_text
+from meshreel.entropy.varint import write_varint
 from meshreel.kernel.files import NUMBER_TYPES
 from meshreel.surface import Domain
-from meshreel.tracks import COLUMNS_OF, MAX_COLUMNS, TrackKind
+from meshreel.tracks import TrackKind
 
 KINDS = (
     TrackKind.OTHER,
@@ -25,8 +23,6 @@ KINDS = (
     TrackKind.SCALAR,
 )
 """In the order of their codes."""
-
-LAST_DOMAIN = len(DOMAINS) - 1
 
 
 class Sharing(IntEnum):
@@ -86,12 +82,6 @@ EXACT_DIFFERENCES = Coding.EXACT_BACKWARD, Coding.EXACT_CENTRAL, Coding.EXACT_FO
 
 TURN_COLUMNS = 2
 """Numbers that turn a normal of the surface to that of a track."""
-
-KINDS_PREDICTED = {
-    Coding.TURNS: (TrackKind.NORMAL,),
-    **dict.fromkeys((*DIFFERENCES, *EXACT_DIFFERENCES), (TrackKind.VELOCITY,)),
-}
-"""Kinds of the tracks that are predicted from positions."""
 
 
 @dataclass(frozen=True)
@@ -182,60 +172,3 @@ def write_track(track: TrackHeader) -> bytes:
     elif track.coding.has_rate:
         numbers = (track.rate,) if track.is_exact else (track.bound, track.scale, track.rate)
     return said + np.array(numbers, "<f8").tobytes() + track.rows
-
-
-def read_track(payload: bytes) -> TrackHeader:
-    """Undo `write_track`.
-
-    Raises
-    ------
-    CorruptStreamError, TruncatedStreamError
-        If it contradicts itself, or is cut off.
-    UnsupportedVersionError
-        If it is of a kind, domain, number type or coding that this build does not know.
-    """
-    if len(payload) < 4:
-        raise TruncatedStreamError("a track is cut off")
-    kind_code, domain_code, number_type, coding_code = payload[:4]
-    name, position = read_text(payload, 4)
-    unit, position = read_text(payload, position)
-    n_columns, position = read_varint(payload, position)
-    sharing = Sharing(min(max(0, domain_code - LAST_DOMAIN), max(Sharing)))
-    domain_code -= sharing
-    is_known = kind_code < len(KINDS) and domain_code < len(DOMAINS) and number_type in NUMBER_TYPES
-    if not is_known or coding_code >= len(Coding):
-        raise UnsupportedVersionError(
-            f"track {name!r} has kind {kind_code}, domain {payload[1]}, number type "
-            f"{number_type} and coding {coding_code}, one of which is unknown to this build; "
-            "upgrade meshreel"
-        )
-    if not 1 <= n_columns <= MAX_COLUMNS:
-        raise CorruptStreamError(
-            f"track {name!r} has {n_columns} columns; at most {MAX_COLUMNS} are allowed"
-        )
-    kind, domain, coding = KINDS[kind_code], DOMAINS[domain_code], Coding(coding_code)
-    if n_columns not in COLUMNS_OF[kind] or n_columns > MAX_COLUMNS:
-        raise CorruptStreamError(f"track {name!r} has {n_columns} columns; {kind} has not")
-    is_of_vertices = domain is Domain.VERTEX or sharing is Sharing.VERTICES
-    may_be = is_of_vertices or not coding.has_rate
-    if coding.is_predicted and not (kind in KINDS_PREDICTED[coding] and may_be):
-        raise CorruptStreamError(f"track {name!r} is predicted as no {kind} of each {domain} is")
-    dtype = NUMBER_TYPES[number_type]
-    n_numbers = {Coding.MODES: 2 + n_columns, Coding.EXACT: 0, Coding.TURNS: 2}.get(
-        coding, 1 if coding.is_exact else 3
-    )
-    end = position + 8 * n_numbers
-    rows = payload[end:] if sharing is Sharing.ROWS else b""
-    if len(payload) - len(rows) != end or (dtype.kind != "f" and n_numbers):
-        raise CorruptStreamError(
-            f"track {name!r} of type {dtype} has {len(payload) - position} bytes of numbers; "
-            f"{8 * n_numbers} are needed"
-        )
-    numbers = struct.unpack_from(f"<{n_numbers}d", payload, position)
-    bound, scale = (0.0, 1.0) if coding.is_exact else numbers[:2]
-    if not (np.isfinite([bound, scale, *numbers]).all() and scale > 0 and bound >= 0):
-        raise CorruptStreamError(f"track {name!r} has a bound, scale or number that cannot be")
-    origin = numbers[2:] if coding is Coding.MODES else (0.0,) * n_columns
-    what = name, unit, kind, domain, dtype, scale, tuple(origin), coding, bound
-    rate = numbers[-1] if coding.has_rate else 0.0
-    return TrackHeader(*what, rate=rate, sharing=sharing, rows=rows)

@@ -23,8 +23,6 @@ MAX_GRID_BITS = 24
 LARGEST = 1 << 29
 """Largest integer."""
 
-CODES = (*range(BY_SHORT + 1), *range(GRID, GRID + MAX_GRID_BITS + 1))
-
 
 def divisor(code: int) -> float:
     """By what integers are divided that are written with one of `CODES`."""

@@ -3,9 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.entropy.coder import decode_integers, encode_integers
-from meshreel.entropy.varint import read_varint, write_varint
-from meshreel.errors import CorruptStreamError
+from meshreel.entropy.coder import encode_integers
+from meshreel.entropy.varint import write_varint
 
 Integers = npt.NDArray[np.integer]
 
@@ -36,40 +35,6 @@ def encode_references(rows: npt.NDArray[np.integer], places: npt.NDArray[np.inte
     return write_varint(len(others)) + encode_integers(rows_of_integers)
 
 
-def decode_references(data: bytes, places: npt.NDArray[np.integer]) -> Integers:
-    """Rows that `encode_references` wrote; the caller checks their range.
-
-    Parameters
-    ----------
-    data : bytes
-    places : integer array of shape (N,)
-        The same that `encode_references` was given.
-
-    Raises
-    ------
-    CorruptStreamError, TruncatedStreamError
-        If the bytes are not references of this many items.
-    """
-    places = np.asarray(places, np.int64)
-    n_others, position = read_varint(data, 0)
-    if n_others > len(places):
-        raise CorruptStreamError(f"{n_others} of {len(places)} references have a number")
-    is_first = _last_of_place(places) < 0
-    n_first = int(is_first.sum())
-    lengths = [n_first, len(places) - n_first, n_others]
-    first_kinds, later_kinds, differences = decode_integers(data[position:], lengths)
-    kinds = np.empty(len(places), np.int64)
-    kinds[is_first], kinds[~is_first] = first_kinds, later_kinds
-    if len(kinds) and not AGAIN <= kinds.min() <= kinds.max() <= ELSE:
-        raise CorruptStreamError("a reference is of an unknown kind")
-    if int((kinds == ELSE).sum()) != n_others:
-        raise CorruptStreamError("there are not as many references with a number as announced")
-    rows = np.full(len(places), -1, np.int64)
-    rows[kinds == NEW] = np.arange(int((kinds == NEW).sum()))
-    rows[kinds == ELSE] = np.cumsum(differences)
-    return _repeated(rows, kinds == AGAIN, places)
-
-
 def _last_of_place(places: Integers) -> Integers:
     """Index of the last item before each at the same place; -1 if there is none."""
     order = np.argsort(places, kind="stable")
@@ -90,14 +55,3 @@ def _is_new(rows: Integers) -> npt.NDArray[np.bool_]:
     n_in_turn = len(named) if in_turn.all() else int(np.argmin(in_turn))
     is_new[first[:n_in_turn]] = True
     return is_new
-
-
-def _repeated(rows: Integers, is_again: npt.NDArray[np.bool_], places: Integers) -> Integers:
-    """Rows in which each repetition has the row of the last item of its place that is none."""
-    order = np.argsort(places, kind="stable")
-    source = np.maximum.accumulate(np.where(is_again[order], -1, np.arange(len(order))))
-    if ((source < 0) | (places[order[source]] != places[order])).any():
-        raise CorruptStreamError("a reference repeats the last of its place, which has none")
-    found = np.empty_like(rows)
-    found[order] = rows[order[source]]
-    return found

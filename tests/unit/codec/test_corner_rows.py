@@ -1,16 +1,21 @@
-"""Rows of corners that share values: numbered, written, read and refused."""
+"""Rows of corners that share values: numbered, written, and refused where they are damaged."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from meshreel.codec.corner_rows import (
-    numbered_rows,
-    read_corner_rows,
-    write_corner_rows,
-)
-from meshreel.entropy.coder import encode_integers
-from meshreel.entropy.varint import write_varint
-from meshreel.errors import CorruptStreamError, MeshReelError
+import meshreel
+from conformance.surface import CornerRows
+from meshreel.bitstream.layout import Section
+from meshreel.codec.corner_rows import numbered_rows, write_corner_rows
+from meshreel.codec.tracks import write_track
+from meshreel.entropy.coder import decode_integers, encode_integers
+from meshreel.entropy.varint import read_varint, write_varint
+from meshreel.errors import MeshReelError
+from meshreel.tracks import Track
+from samples.meshes import waving_grid
+from samples.streams import Stream, parts_of, raw_stream, track_header
 
 VERTICES = np.array([2, 0, 2, 0, 2, 3, 2])
 GROUPS = np.array([0, 1, 2, 1, 0, 3, 2])
@@ -32,10 +37,10 @@ def test_rows_come_back_when_written(seed):
         vertices * 9 + rng.integers(0, 1 + seed % 9, len(vertices)), return_inverse=True
     )
     rows = numbered_rows(groups, vertices, n_verts)
-    found = read_corner_rows(write_corner_rows(rows, vertices, n_verts), vertices, n_verts)
-    assert (found.of_corners.tolist(), found.n_rows) == (rows.of_corners.tolist(), rows.n_rows)
-    pairs = np.unique(np.stack([groups, found.of_corners]), axis=1)
-    assert pairs.shape[1] == groups.max() + 1 == len(set(found.of_corners.tolist()))
+    found = CornerRows(write_corner_rows(rows, vertices, n_verts), vertices.tolist(), n_verts)
+    assert (found.of_corners, found.n) == (rows.of_corners.tolist(), rows.n_rows)
+    pairs = np.unique(np.stack([groups, np.array(found.of_corners, np.int64)]), axis=1)
+    assert pairs.shape[1] == groups.max() + 1 == len(set(found.of_corners))
 
 
 def coded(flags, codes, n_stored=None):
@@ -44,41 +49,67 @@ def coded(flags, codes, n_stored=None):
 
 
 def test_codes_name_the_corner_that_has_the_row_before():
-    payload = coded([0, 0, 1, 0], [1, 2, 2])
-    found = read_corner_rows(payload, VERTICES, 4)
-    assert (found.of_corners.tolist(), found.n_rows) == (ROWS, 5)
-    assert write_corner_rows(numbered_rows(GROUPS, VERTICES, 4), VERTICES, 4) == payload
+    assert write_corner_rows(numbered_rows(GROUPS, VERTICES, 4), VERTICES, 4) == coded(
+        [0, 0, 1, 0], [1, 2, 2]
+    )
+
+
+def test_rows_are_few_bytes_when_a_vertex_has_very_many_corners():
+    vertices = np.zeros(40_000, np.int64)
+    rows = numbered_rows(np.arange(40_000) % 2, vertices, 1)
+    payload = write_corner_rows(rows, vertices, 1)
+    assert len(payload) < 100
+    assert CornerRows(payload, vertices.tolist(), 1).of_corners == rows.of_corners.tolist()
+
+
+@pytest.fixture(scope="module")
+def seam():
+    """A stream with a track of corners that has a seam: its parts, and the header of the track."""
+    grid = waving_grid(2, 3, 3)
+    is_right = grid.faces.max(axis=1) == grid.faces.max()
+    values = (grid.faces + 100.0 * is_right[:, None]).reshape(1, -1, 1).repeat(2, axis=0)
+    track = Track(values.astype(np.float32), "corner")
+    data = meshreel.encode(replace(grid, tracks={"x": track}), tracks={"x": "exact"})
+    np.testing.assert_array_equal(meshreel.decode(data).tracks["x"].values, track.values)
+    stream = Stream(data)
+    (payload,) = (payload for section, payload in parts_of(stream) if section is Section.TRACK)
+    return stream, track_header(payload)
+
+
+def other(numbers, place, number):
+    """The numbers with another one in a place."""
+    return [*numbers[:place], number, *numbers[place + 1 :]]
 
 
 @pytest.mark.parametrize(
-    ("payload", "reason"),
+    "damaged",
     [
-        (coded([0, 0, 1, 0], [2, 1, 1]), "a corner that its vertex does not have"),
-        (coded([0, 0, 1, 0], [1, 1, 4]), "a corner that its vertex does not have"),
-        (coded([0, 0, 1, 0], [1, -1, 1]), "a corner that its vertex does not have"),
-        (coded([0, 0, 2, 0], [1, 1, 1]), "neither has a seam nor has none"),
-        (coded([0, 0, -1, 0], [1, 1, 1]), "neither has a seam nor has none"),
-        (coded([0, 0, 1, 0], [1, 1]), "not as many corners at seams"),
-        (coded([1, 0, 1, 1], [1, 1, 1]), "not as many corners at seams"),
-        (coded([0, 0, 1, 0], [1, 1, 1], 8), "8 of 7 corners"),
-        (coded([0, 0, 1, 0], [1, 1, 1]) + 20 * b"\1", "behind|left|before|taken|damaged"),
-        (b"", "cut|ends|end"),
+        lambda flags, codes: coded(flags, other(codes, 0, 2)),
+        lambda flags, codes: coded(flags, other(codes, 0, -1)),
+        lambda flags, codes: coded(flags, other(codes, 0, 9)),
+        lambda flags, codes: coded(other(flags, flags.index(1), 2), codes),
+        lambda flags, codes: coded(other(flags, flags.index(0), -1), codes),
+        lambda flags, codes: coded(flags, codes[:-1]),
+        lambda flags, codes: coded([1] * len(flags), codes),
+        lambda flags, codes: coded(flags, codes, 1000),
+        lambda flags, codes: coded(flags, codes) + 20 * b"\1",
+        lambda flags, codes: coded(flags, codes) + b"\0",
+        lambda flags, codes: b"",
+    ],
+    ids=[
+        *("before the first", "negative", "beyond", "flag 2", "flag -1", "fewer codes"),
+        *("all flags", "too many", "longer", "a zero behind", "empty"),
     ],
 )
-def test_rows_are_refused_when_they_are_not_those_of_the_corners(payload, reason):
-    with pytest.raises(MeshReelError, match=reason):
-        read_corner_rows(payload, VERTICES, 4)
-
-
-def test_a_long_row_of_corners_is_read_when_a_vertex_has_all():
-    vertices = np.zeros(40_000, np.int64)
-    rows = numbered_rows(np.arange(40_000) % 2, vertices, 1)
-    found = read_corner_rows(write_corner_rows(rows, vertices, 1), vertices, 1)
-    assert found.of_corners.tolist() == rows.of_corners.tolist()
-
-
-def test_rows_are_refused_when_a_zero_is_at_their_end():
-    rows = numbered_rows(np.zeros(300, np.int64), np.zeros(300, np.int64), 1)
-    payload = write_corner_rows(rows, np.zeros(300, np.int64), 1)
-    with pytest.raises(CorruptStreamError, match="end before their section does"):
-        read_corner_rows(payload + b"\0", np.zeros(300, np.int64), 1)
+def test_rows_are_refused_when_they_are_not_those_of_the_corners(seam, damaged):
+    stream, header = seam
+    n_stored, position = read_varint(header.rows, 0)
+    numbers = decode_integers(header.rows[position:], [9, n_stored])
+    flags, codes = (one.tolist() for one in numbers)
+    assert coded(flags, codes) == header.rows
+    payload = write_track(replace(header, rows=damaged(flags, codes)))
+    parts = [
+        (section, payload if section is Section.TRACK else own) for section, own in parts_of(stream)
+    ]
+    with pytest.raises(MeshReelError):
+        meshreel.decode(raw_stream(stream.header, parts))

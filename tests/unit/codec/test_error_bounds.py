@@ -1,10 +1,9 @@
 """A largest error as people write it."""
 
-import numpy as np
 import pytest
 
-from meshreel.codec.error_bounds import ErrorBound, bound_of, read_promise, write_promise
-from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.codec.error_bounds import ErrorBound, bound_of
+from meshreel.errors import InvalidInputError
 
 
 @pytest.mark.parametrize("given", [0.1, "0.1", "0.1%", " .1 % ", "1e-1"])
@@ -65,20 +64,3 @@ def test_plain_form_means_the_same_when_it_is_read_again(given):
 def test_bound_is_refused_when_it_says_nothing_definite(given, unit, message):
     with pytest.raises(InvalidInputError, match=message):
         bound_of(given, unit)
-
-
-@pytest.mark.parametrize("percent", [1e-300, 0.1, 1 / 3, 5e9])
-def test_promise_comes_back_exactly_when_written(percent):
-    assert read_promise(write_promise(percent)) == percent
-
-
-@pytest.mark.parametrize("percent", [0.0, -0.1, np.nan, np.inf])
-def test_promise_is_refused_when_it_is_no_positive_number(percent):
-    with pytest.raises(CorruptStreamError, match="promised"):
-        read_promise(write_promise(percent))
-
-
-@pytest.mark.parametrize("size", [0, 7, 9])
-def test_promise_is_refused_when_its_length_is_wrong(size):
-    with pytest.raises(CorruptStreamError, match=f"this one has {size}"):
-        read_promise(bytes(size))

@@ -6,7 +6,6 @@ import pytest
 from meshreel.entropy.multiples import (
     BY_BYTE,
     BY_SHORT,
-    CODES,
     GRID,
     LARGEST,
     as_multiples,
@@ -39,7 +38,3 @@ def test_values_are_integers_by_the_coarsest_number(values, code, integers, dtyp
 @pytest.mark.parametrize("values", [[2.0**-25], [2.0 * LARGEST], [np.pi], [np.nan], [-0.0]])
 def test_values_are_left_alone_when_no_code_stands_for_their_number(values):
     assert list(as_multiples(np.array(values))) == []
-
-
-def test_codes_are_those_of_the_format():
-    assert (*range(12), *range(64, 89)) == CODES

@@ -1,42 +1,27 @@
-"""Sections of a surface, written and read."""
+"""Sections of a surface: polygons, attributes, groups, parts, hard edges."""
 
 import struct
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.bitstream.layout import Section
 from meshreel.codec.choices import Order
-from meshreel.codec.memory import DEFAULT_LIMIT, MemoryLimit
 from meshreel.codec.surface.codes import DOMAINS, KINDS
-from meshreel.codec.surface.materials import (
-    read_image,
-    read_material,
-    write_image,
-    write_material,
-)
+from meshreel.codec.surface.materials import write_image, write_material
 from meshreel.codec.surface.nearness import along_faces, distinct_rows, places_of
-from meshreel.codec.surface.texts import read_text, write_text
+from meshreel.codec.surface.texts import write_text
 from meshreel.codec.surface.uv_grid import is_quantized, uv_integers
-from meshreel.entropy.coder import decode_integers, encode_integers
-from meshreel.entropy.references import decode_references, encode_references
-from meshreel.entropy.tables import decode_table, encode_grid_table, encode_table
-from meshreel.entropy.varint import read_varint, write_varint
-from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
+from meshreel.entropy.coder import encode_integers
+from meshreel.entropy.references import encode_references
+from meshreel.entropy.tables import encode_grid_table, encode_table
+from meshreel.entropy.varint import write_varint
 from meshreel.geometry.fans import join_fans
 from meshreel.geometry.hard_edges import SharedEdges, hard_flags, shared_edges
-from meshreel.surface import (
-    MAX_NUMBERS,
-    VALUE_TYPES,
-    Attribute,
-    Domain,
-    FaceGroups,
-    Part,
-    Surface,
-)
+from meshreel.surface import VALUE_TYPES, Attribute, Domain, FaceGroups, Part, Surface
 
 Integers = npt.NDArray[np.integer]
 Faces = npt.NDArray[np.int32]
@@ -45,12 +30,7 @@ EACH, INDEXED, SHARED = range(3)
 """Layouts of values: each item has its own row; the row of each is named; or it is named only to be
 written, and each item has its own again when it is read."""
 
-ROW_BYTES = 32
-"""Of a row of a table while it is decoded: what it is expected from, beside its numbers."""
-
 START = struct.Struct("<d")
-
-Read = TypeVar("Read")
 
 
 def surface_sections(
@@ -86,59 +66,6 @@ def surface_sections(
         yield Section.MATERIAL, write_material(material)
     for image in surface.images:
         yield Section.IMAGE, write_image(image)
-
-
-def read_surface(
-    sections: Iterable[tuple[Section, bytes]],
-    faces: Faces,
-    n_verts: int,
-    limit: MemoryLimit = DEFAULT_LIMIT,
-) -> Surface:
-    """The surface that `surface_sections` wrote; sections of other kinds are ignored.
-
-    Raises
-    ------
-    CorruptStreamError, TruncatedStreamError
-        If a section is damaged, or does not fit the mesh.
-    MemoryLimitError
-        If the table of an attribute is larger than allowed.
-    """
-    surface, parts = Surface(), list[Part]()
-    stored = list(sections)
-    for once in (Section.POLYGONS, Section.PARTS, Section.HARD_EDGES):
-        if sum(section is once for section, _ in stored) > 1:
-            raise CorruptStreamError(f"the stream has section {once.name} more than once")
-    try:
-        for section, payload in stored:
-            if section is Section.POLYGONS:
-                surface = replace(surface, face_sizes=_read_sizes(payload, len(faces)))
-        surface = surface.validated(n_verts, len(faces))
-        for section, payload in stored:
-            if section is Section.ATTRIBUTE:
-                attribute = _read_attribute(payload, surface, faces, n_verts, limit)
-                surface = replace(surface, attributes=(*surface.attributes, attribute))
-            elif section is Section.GROUPS:
-                groups = _read_groups(payload, surface.n_faces(len(faces)))
-                surface = replace(surface, groups=(*surface.groups, groups))
-            elif section is Section.PARTS:
-                parts += _read_parts(payload)
-            elif section is Section.HARD_EDGES:
-                surface = replace(surface, hard_edges=_read_hard_edges(payload, surface, faces))
-        surface = replace(
-            surface,
-            parts=tuple(parts),
-            materials=_all_of(Section.MATERIAL, stored, read_material),
-            images=_all_of(Section.IMAGE, stored, read_image),
-        )
-        return surface.validated(n_verts, len(faces))
-    except InvalidInputError as error:
-        raise CorruptStreamError(f"the surface does not fit the mesh: {error}") from error
-
-
-def _all_of(
-    wanted: Section, stored: Sequence[tuple[Section, bytes]], read: Callable[[bytes], Read]
-) -> tuple[Read, ...]:
-    return tuple(read(payload) for section, payload in stored if section is wanted)
 
 
 def surface_in_order(surface: Surface, order: Order, internal_to_given: Integers) -> Surface:
@@ -191,16 +118,6 @@ def _of_vertices(given: Attribute, internal_to_given: Integers) -> Attribute:
     return replace(given, values=given.values[internal_to_given])
 
 
-def _read_sizes(payload: bytes, n_triangles: int) -> npt.NDArray[np.int32]:
-    n_faces, position = read_varint(payload, 0)
-    if n_faces > n_triangles:
-        raise CorruptStreamError(f"{n_faces} polygons are announced for {n_triangles} triangles")
-    (above,) = decode_integers(payload[position:], [n_faces])
-    if n_faces and not 0 <= above.min() <= above.max() <= n_triangles:
-        raise CorruptStreamError("a polygon has fewer than 3 corners, or too many")
-    return (above + 3).astype(np.int32)
-
-
 def _write_attribute(
     attribute: Attribute, surface: Surface, faces: Faces, uv_bits: int | None
 ) -> bytes:
@@ -237,74 +154,9 @@ def _write_values(
     return min(found, key=len)
 
 
-def _read_attribute(
-    payload: bytes, surface: Surface, faces: Faces, n_verts: int, limit: MemoryLimit
-) -> Attribute:
-    if len(payload) < 4:
-        raise TruncatedStreamError("an attribute ends inside its first four bytes")
-    kind, domain, number_type, width = payload[:4]
-    if not 1 <= width <= MAX_NUMBERS:
-        raise CorruptStreamError(f"values of {width} numbers; 1..{MAX_NUMBERS} are allowed")
-    if kind >= len(KINDS) or domain >= len(DOMAINS) or number_type >= len(VALUE_TYPES):
-        raise CorruptStreamError(
-            f"an attribute is of kind {kind}, domain {domain} and number type {number_type}, "
-            "one of which is unknown"
-        )
-    name, position = read_text(payload, 4)
-    layout, n_rows, rows, packed = _read_rows(
-        payload, position, DOMAINS[domain], surface, faces, n_verts
-    )
-    row_bytes = ROW_BYTES + width * VALUE_TYPES[number_type].itemsize
-    limit.require(n_rows * row_bytes, f"a table of {n_rows} values of attribute {name!r}")
-    along = along_faces(DOMAINS[domain], rows, surface, faces)
-    values = decode_table(packed, (n_rows, width), VALUE_TYPES[number_type], along)
-    if rows is None:
-        return Attribute(name, KINDS[kind], DOMAINS[domain], values)
-    if layout == SHARED:
-        return Attribute(name, KINDS[kind], DOMAINS[domain], values[rows])
-    return Attribute(name, KINDS[kind], DOMAINS[domain], values, rows.astype(np.int32))
-
-
-def _read_rows(
-    payload: bytes, position: int, domain: Domain, surface: Surface, faces: Faces, n_verts: int
-) -> tuple[int, int, Integers | None, bytes]:
-    """Layout, number of rows, the row of each item (None: its own), and what follows."""
-    if position >= len(payload) or payload[position] not in (EACH, INDEXED, SHARED):
-        raise CorruptStreamError("it is not known how the values of an attribute are laid out")
-    layout = payload[position]
-    n_rows, position = read_varint(payload, position + 1)
-    size_bytes, position = read_varint(payload, position)
-    coded, packed = payload[position : position + size_bytes], payload[position + size_bytes :]
-    n_items = surface.n_items(domain, n_verts, len(faces))
-    if layout == EACH:
-        if n_rows != n_items or coded:
-            raise CorruptStreamError(f"an attribute has {n_rows} values for {n_items} places")
-        return layout, n_rows, None, packed
-    rows = decode_references(coded, places_of(domain, surface, faces, n_items))
-    if len(rows) and not 0 <= rows.min() <= rows.max() < n_rows:
-        raise CorruptStreamError("an attribute refers to a value that does not exist")
-    return layout, n_rows, rows, packed
-
-
 def _write_groups(groups: FaceGroups) -> bytes:
     labels = write_varint(len(groups.labels)) + b"".join(map(write_text, groups.labels))
     return write_text(groups.name) + labels + encode_integers([np.diff(groups.numbers, prepend=0)])
-
-
-def _read_groups(payload: bytes, n_faces: int) -> FaceGroups:
-    name, position = read_text(payload, 0)
-    n_labels, position = read_varint(payload, position)
-    if n_labels > len(payload):
-        raise CorruptStreamError(f"{n_labels} labels are announced in {len(payload)} bytes")
-    labels = []
-    for _ in range(n_labels):
-        label, position = read_text(payload, position)
-        labels.append(label)
-    (differences,) = decode_integers(payload[position:], [n_faces])
-    numbers = np.cumsum(differences)
-    if n_faces and not -1 <= numbers.min() <= numbers.max() < n_labels:
-        raise CorruptStreamError(f"groups {name!r} refer to a group that does not exist")
-    return FaceGroups(name, tuple(labels), numbers.astype(np.int32))
 
 
 def _write_parts(parts: tuple[Part, ...]) -> bytes:
@@ -314,37 +166,10 @@ def _write_parts(parts: tuple[Part, ...]) -> bytes:
     )
 
 
-def _read_parts(payload: bytes) -> list[Part]:
-    n_parts, position = read_varint(payload, 0)
-    if n_parts > len(payload):
-        raise CorruptStreamError(f"{n_parts} parts are announced in {len(payload)} bytes")
-    parts = []
-    for _ in range(n_parts):
-        n_verts, position = read_varint(payload, position)
-        n_faces, position = read_varint(payload, position)
-        name, position = read_text(payload, position)
-        parts.append(Part(name, n_verts, n_faces))
-    if position != len(payload):
-        raise CorruptStreamError(f"{len(payload) - position} bytes follow the last part")
-    return parts
-
-
 def _write_hard_edges(surface: Surface, faces: Faces) -> bytes:
     edges = _shared_edges(surface, faces)
     numbers = np.flatnonzero(hard_flags(surface.hard_edges, edges))
     return write_varint(len(numbers)) + encode_integers([np.diff(numbers, prepend=-1) - 1])
-
-
-def _read_hard_edges(payload: bytes, surface: Surface, faces: Faces) -> npt.NDArray[np.int32]:
-    n_hard, position = read_varint(payload, 0)
-    ends = _shared_edges(surface, faces).ends
-    if not 1 <= n_hard <= len(ends):
-        raise CorruptStreamError(f"{n_hard} of {len(ends)} edges between faces are hard")
-    (between,) = decode_integers(payload[position:], [n_hard])
-    numbers = np.cumsum(between + 1) - 1
-    if between.min() < 0 or numbers[-1] >= len(ends):
-        raise CorruptStreamError("a hard edge is none of those between faces")
-    return np.asarray(ends[numbers], np.int32)
 
 
 def _shared_edges(surface: Surface, faces: Faces) -> SharedEdges:

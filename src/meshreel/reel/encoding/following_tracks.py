@@ -12,7 +12,7 @@ from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.source import CodedTrack, Source
 from meshreel.codec.track_bounds import EXACT
-from meshreel.codec.tracks import Coding, read_track
+from meshreel.codec.tracks import Coding
 from meshreel.errors import SolverError
 from meshreel.reel.encoding.shared_corners import SharedTrack
 from meshreel.reel.encoding.track_coders import exact_coder, track_coder
@@ -157,10 +157,10 @@ def _check_kept(source: Source, data: bytes) -> None:
         If one is not.
     """
     measured = measure_tracks(source.sequence, data, order=source.config.order)
-    for header in (read_track(track.leading[1]) for track in source.tracks):
-        found = measured[header.name].largest
-        if found > header.bound * (1.0 + SLACK):
+    for track in whole_stream(data).tracks:
+        found = measured[track.name].largest
+        if found > track.bound * (1.0 + SLACK):
             raise SolverError(
-                f"track {header.name!r} decodes to errors of up to {found:g}, and {header.bound:g} "
+                f"track {track.name!r} decodes to errors of up to {found:g}, and {track.bound:g} "
                 "was promised; nothing is written; please report this sequence"
             )

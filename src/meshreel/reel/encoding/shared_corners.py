@@ -15,8 +15,9 @@ from meshreel.codec.corner_rows import (
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.surface.nearness import distinct_rows
 from meshreel.codec.tracks import Sharing
+from meshreel.connectivity.permutation import inverse_permutation
+from meshreel.geometry.fans import join_fans
 from meshreel.reel.agreed.graphs import ItemGraph, row_graph
-from meshreel.reel.agreed.items import vertices_of_corners, vertices_of_rows
 from meshreel.surface import Domain
 from meshreel.tracks import DerivedTrack, TrackKind, TrackSource, track_blocks
 
@@ -77,7 +78,8 @@ def shared_track(track: TrackSource, mesh: CodedMesh) -> SharedTrack | None:
     """
     if track.domain is not Domain.CORNER or mesh.order_kept is not Order.KEEP:
         return None
-    vertices = vertices_of_corners(mesh.output_faces, mesh.surface)
+    sizes = mesh.surface.sizes(len(mesh.output_faces))
+    vertices = join_fans(sizes, mesh.output_faces).astype(np.int64)
     groups = equal_corners(track, vertices)
     rows = numbered_rows(groups, mesh.output_order[vertices], mesh.n_verts)
     if rows.n_rows >= len(vertices):
@@ -136,5 +138,22 @@ def _by_rows(
         row_graph(rows, mesh.output_faces, mesh.surface, mesh.n_verts),
         None,
         write_corner_rows(rows, mesh.output_order[vertices], mesh.n_verts),
-        vertices_of_rows(rows, vertices, mesh.output_order),
+        _vertices_of_rows(rows, vertices, mesh.output_order),
     )
+
+
+def _vertices_of_rows(rows: CornerRows, vertices: Integers, order: Integers) -> Integers:
+    """The vertex, as it goes out, of each row.
+
+    Parameters
+    ----------
+    rows : CornerRows
+    vertices : integer array of shape (N,)
+        Of corners, as they go out.
+    order : integer array of shape (V,)
+        Internal number of each vertex that goes out.
+    """
+    found = np.empty(rows.n_rows, np.int64)
+    found[: len(order)] = inverse_permutation(order)
+    found[rows.of_corners] = vertices
+    return found

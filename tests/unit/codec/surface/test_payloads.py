@@ -10,9 +10,7 @@ from meshreel.bitstream.layout import SURFACE_SECTIONS, Section
 from meshreel.codec.choices import Order
 from meshreel.codec.surface.materials import write_material
 from meshreel.codec.surface.payloads import (
-    _read_groups,
     order_loss_note,
-    read_surface,
     surface_in_order,
     surface_sections,
 )
@@ -143,25 +141,31 @@ def test_uvs_take_little_when_they_are_smooth_along_the_faces(is_shared, bits):
     ((_, payload),) = surface_sections(given.surface, given.faces, bits)
     # 930 different values of two numbers; a plain table takes 3 to 5 kB of 12 bits.
     assert len(payload) < {None: 3900, 12: 1100}[bits]
-    found = read_surface([(Section.ATTRIBUTE, payload)], given.faces, given.n_verts)
-    back, was = found.attributes[0], given.surface.attributes[0]
+    decoded = meshreel.decode(meshreel.encode(given, uv_bits=bits))
+    back, was = decoded.surface.attributes[0], given.surface.attributes[0]
     assert (back.indices is None) == (was.indices is None)
     scale = 1 if bits is None else 1 << bits
     exact = was.per_item() if bits is None else np.rint(was.per_item() * scale) / scale
     np.testing.assert_array_equal(back.per_item(), exact.astype(np.float32))
 
 
+def with_parts(stream, payloads):
+    """The bytes of a stream with other payloads of some sections."""
+    parts = [(section, payloads.get(section, own)) for section, own in parts_of(stream)]
+    return raw_stream(stream.header, parts)
+
+
 def test_reading_gives_our_error_or_a_surface_when_bytes_are_changed():
     rng = np.random.default_rng(8)
     for is_shared in (False, True):
-        given = sheet_with_uvs(6, is_shared=is_shared)
-        ((_, payload),) = surface_sections(given.surface, given.faces, None)
+        stream = Stream(meshreel.encode(sheet_with_uvs(6, is_shared=is_shared)))
+        payload = dict(parts_of(stream))[Section.ATTRIBUTE]
         for _ in range(draws(300)):
             broken = bytearray(payload)
             for place in rng.integers(0, len(broken), 1 + rng.integers(3)):
                 broken[place] ^= rng.integers(1, 256)
             try:
-                read_surface([(Section.ATTRIBUTE, bytes(broken))], given.faces, given.n_verts)
+                meshreel.decode(with_parts(stream, {Section.ATTRIBUTE: bytes(broken)}))
             except MeshReelError:
                 continue
 
@@ -304,13 +308,14 @@ def test_a_texture_is_read_when_it_is_as_the_format_says():
 def test_groups_are_refused_when_a_face_is_of_none_that_there_is(numbers, is_read):
     labels = write_varint(2) + write_text("a") + write_text("b")
     payload = write_text("material") + labels + encode_integers([np.diff(numbers, prepend=0)])
+    fan = meshreel.MeshSequence(np.eye(5, 3)[None], [[0, 1, 2], [0, 2, 3], [0, 3, 4]])
+    stream = Stream(meshreel.encode(fan))
+    data = raw_stream(stream.header, [(Section.GROUPS, payload), *parts_of(stream)])
     if is_read:
-        assert _read_groups(payload, 3).numbers.tolist() == numbers
+        assert meshreel.decode(data).surface.groups[0].numbers.tolist() == numbers
         return
-    with pytest.raises(
-        CorruptStreamError, match="groups 'material' refer to a group that does not"
-    ):
-        _read_groups(payload, 3)
+    with pytest.raises(CorruptStreamError, match="group"):
+        meshreel.decode(data)
 
 
 @pytest.mark.parametrize("order", ["vertices", "drop"])
@@ -365,15 +370,17 @@ def test_hard_edges_are_refused_by_both_readers_when_they_do_not_fit(payload):
     box = hard_box()
     sizes = Surface(box.surface.face_sizes)
     polygons = next(payload for _, payload in surface_sections(sizes, box.faces))
-    sections = [(Section.POLYGONS, polygons), (Section.HARD_EDGES, payload)]
+    stream = Stream(meshreel.encode(box))
+    assert dict(parts_of(stream))[Section.POLYGONS] == polygons
     with pytest.raises((CorruptStreamError, TruncatedStreamError)):
-        read_surface(sections, box.faces, box.n_verts)
+        meshreel.decode(with_parts(stream, {Section.HARD_EDGES: payload}))
     with pytest.raises(DamagedError):
         read_hard_edges(payload, Polygons(polygons, [tuple(one) for one in box.faces.tolist()]))
 
 
 def test_hard_edges_are_refused_when_there_are_two_sections():
-    box = hard_box()
-    sections = list(surface_sections(box.surface, box.faces))
-    with pytest.raises(CorruptStreamError, match="HARD_EDGES more than once"):
-        read_surface([*sections, sections[-1]], box.faces, box.n_verts)
+    stream = Stream(meshreel.encode(hard_box()))
+    parts = parts_of(stream)
+    edges = next(one for one in parts if one[0] is Section.HARD_EDGES)
+    with pytest.raises(CorruptStreamError, match="HARD_EDGES twice"):
+        meshreel.decode(raw_stream(stream.header, [edges, *parts]))
