@@ -212,8 +212,8 @@ REEL_API int64_t reel_normals(const void *positions, int64_t size, int64_t n_fra
 /* Normals turned by two numbers each, as 4 or 8 byte floats, those of length 0 stay; and the numbers
    that turn them to given ones, REEL_INVALID at the first that cannot be reached: where only one
    of both has a length, or near to the opposite. Returns `count`. docs/format.md, "Tracks". */
-REEL_API int64_t reel_turned(const double *normals, const double *turns, int64_t count,
-                             int64_t size, void *turned);
+int64_t reel_turned(const double *normals, const double *turns, int64_t count, int64_t size,
+                    void *turned);
 REEL_API int64_t reel_turns(const double *normals, const void *turned, int64_t size, int64_t count,
                             double *turns);
 

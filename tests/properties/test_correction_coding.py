@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshreel.codec.corrections import Corrections, corrected
+from meshreel.codec.corrections import Corrections
 from meshreel.errors import CorruptStreamError
 from meshreel.reel.agreed.payloads import read_corrections, write_corrections
 from samples.costs import draws
@@ -39,8 +39,6 @@ def assert_usable(found, n_frames, n_verts):
     assert found.vertices.shape == found.frames.shape == found.offsets.shape[:1]
     assert np.all((found.vertices >= 0) & (found.vertices < n_verts))
     assert np.all((found.frames >= 0) & (found.frames < n_frames))
-    frames_of = corrected(lambda frames: np.zeros((3, n_frames, n_verts))[:, frames], found, None)
-    assert frames_of(slice(None)).shape == (3, n_frames, n_verts)
 
 
 @settings(max_examples=draws(300))

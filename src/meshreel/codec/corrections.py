@@ -9,9 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.frame_products import FramesOf
 from meshreel.kernel.frames import Moves
-from meshreel.runtime.profiling import staged
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -57,30 +55,3 @@ def moves_by_frame(corrections: Corrections, n_frames: int, output: Integers) ->
     starts = np.searchsorted(corrections.frames[order], np.arange(n_frames + 1))
     vertices = given[order].astype(np.int32)
     return Moves(starts.astype(np.int64), vertices, np.ascontiguousarray(corrections.moves[order]))
-
-
-@staged("corrections")
-def corrected(frames_of: FramesOf, corrections: Corrections, order: Integers | None) -> FramesOf:
-    """A function that returns frames with their corrections.
-
-    Parameters
-    ----------
-    frames_of : callable
-        Returns coordinate matrices of shape (3, frames, V) of a range of frames.
-    corrections : Corrections
-    order : integer array of shape (V,), or None
-        Internal number of each vertex of `frames_of`; None if they are in internal order.
-    """
-    by_frame = np.argsort(corrections.frames, kind="stable")
-    frames, moves = corrections.frames[by_frame], corrections.moves[by_frame]
-    places = corrections.vertices if order is None else np.argsort(order)[corrections.vertices]
-    places = places[by_frame]
-
-    def corrected_frames_of(wanted: slice) -> Floats:
-        matrices = frames_of(wanted)
-        start = wanted.start or 0
-        rows = slice(*np.searchsorted(frames, (start, start + matrices.shape[1])))
-        matrices[:, frames[rows] - start, places[rows]] += moves[rows].T
-        return matrices
-
-    return corrected_frames_of

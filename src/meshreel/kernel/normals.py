@@ -52,21 +52,6 @@ def surface_normals(positions: Vertices, faces: Integers, items: Integers | None
     return found
 
 
-def turned(normals: Floats, turns: Floats, out: npt.NDArray[np.floating[Any]]) -> None:
-    """Fill an array with normals that are turned by two numbers each; those of length 0 stay.
-
-    The numbers are twice the tangent of half the angle, along two tangents of the normal:
-    `docs/format.md`, "Tracks".
-
-    Parameters
-    ----------
-    normals : contiguous float64 array of shape (..., 3)
-    turns : contiguous float64 array of shape (..., 2)
-    out : contiguous float32 or float64 array of shape (..., 3)
-    """
-    call("reel_turned", normals, turns, normals.size // 3, out.itemsize, out, what="normals")
-
-
 def turns_to(normals: Floats, wanted: Vertices) -> Floats:
     """The numbers of shape (..., 2) by which `turned` makes the wanted normals of others.
 

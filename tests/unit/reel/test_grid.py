@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 import meshreel
+from meshreel.bitstream.layout import Section
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
-from meshreel.reel.agreed.grid import PositionGrid, read_step, write_step
+from meshreel.reel.agreed.grid import PositionGrid, write_step
 from meshreel.runtime.engine.engine import open_engine
 from meshreel.subspace.trajectories import BoundingFrame
 from samples.meshes import irregular_sequence, waving_grid
+from samples.streams import Stream, parts_of, raw_stream
 
 DOUBLE = np.float64
 SEQUENCES = {
@@ -142,13 +144,23 @@ def test_there_are_no_modes_to_ask_for():
 
 @pytest.mark.parametrize("step", [-0.1, 1.5, np.nan, np.inf])
 def test_a_step_that_is_none_is_refused(step):
-    with pytest.raises(CorruptStreamError, match="the step of a grid is at most 1 diagonal, or 0"):
-        read_step(write_step(step) + b"rest")
+    with pytest.raises(CorruptStreamError):
+        meshreel.decode(with_values(lambda values: write_step(step) + values[8:]))
 
 
 def test_values_without_a_step_are_refused():
-    with pytest.raises(TruncatedStreamError, match="begin with 8 bytes; got 7"):
-        read_step(bytes(7))
+    with pytest.raises((CorruptStreamError, TruncatedStreamError)):
+        meshreel.decode(with_values(lambda values: values[:7]))
+
+
+def with_values(change):
+    """A stream on a grid with other payloads of its values."""
+    stream = Stream(meshreel.encode(waving_grid(2), "grid", max_error=0.1))
+    parts = [
+        (section, change(own) if section is Section.VALUES else own)
+        for section, own in parts_of(stream)
+    ]
+    return raw_stream(stream.header, parts)
 
 
 def test_places_beyond_the_number_type_are_refused():

@@ -143,9 +143,3 @@ def places_of(values: Values) -> Integers:
     """Floats of 4 or 8 bytes as signed integers of as many, which are in the same order."""
     bits = values.view(f"i{values.itemsize}")
     return np.asarray(bits ^ ((bits >> (8 * values.itemsize - 1)) & np.iinfo(bits.dtype).max))
-
-
-def values_at(places: Integers) -> Values:
-    """Undo `places_of`."""
-    bits = places ^ ((places >> (8 * places.itemsize - 1)) & np.iinfo(places.dtype).max)
-    return np.asarray(bits.view(f"f{places.itemsize}"))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.errors import CorruptStreamError, TruncatedStreamError
+from meshreel.errors import CorruptStreamError
 from meshreel.subspace.trajectories import BoundingFrame
 
 Vertices = npt.NDArray[np.floating]
@@ -60,19 +60,3 @@ class PositionGrid:
 def write_step(step: float) -> bytes:
     """The step of a grid, or `NO_GRID`, before the numbers."""
     return struct.pack("<d", step)
-
-
-def read_step(payload: bytes) -> tuple[float, bytes]:
-    """What `write_step` wrote, and the bytes behind it.
-
-    Raises
-    ------
-    CorruptStreamError
-        If it is none.
-    """
-    if len(payload) < 8:
-        raise TruncatedStreamError(f"values on a grid begin with 8 bytes; got {len(payload)}")
-    (step,) = struct.unpack_from("<d", payload)
-    if not 0.0 <= step <= 1.0:
-        raise CorruptStreamError(f"the step of a grid is at most 1 diagonal, or 0; got {step}")
-    return step, payload[8:]

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from meshreel.codec.corrections import Corrections, corrected
-from meshreel.codec.frame_products import product_frames
+from meshreel.codec.corrections import Corrections
 from meshreel.reel.agreed import payloads
 from meshreel.reel.encoding.corrections import (
     FLOOR,
@@ -73,9 +72,6 @@ def test_there_are_no_corrections_when_nothing_is_beyond_the_bound(size):
     corrections = find_corrections(errors, 0.6, 0.01)
     assert corrections.vertices.shape == corrections.frames.shape == (0,)
     assert corrections.offsets.shape == (0, 3)
-    matrices = some_errors(4, 5)
-    frames_of = corrected(lambda frames: matrices[:, frames].copy(), corrections, None)
-    np.testing.assert_array_equal(frames_of(slice(None)), matrices)
 
 
 def test_only_what_is_beyond_the_bound_is_corrected():
@@ -100,56 +96,6 @@ def test_steps_are_as_the_decoder_reads_them_when_corrections_are_found():
     assert corrections.step.dtype == np.float32
     back = payloads.read_corrections(payloads.write_corrections(corrections), 3, 7, 11)
     np.testing.assert_array_equal(back.moves, corrections.moves)
-
-
-def moved_slowly(matrices, corrections, order):
-    """Frames with their corrections, one after another; V of `matrices` in the order given."""
-    expected = matrices.copy()
-    places = {int(vertex): place for place, vertex in enumerate(order)}
-    for vertex, frame, move in zip(
-        corrections.vertices, corrections.frames, corrections.moves, strict=True
-    ):
-        expected[:, frame, places[int(vertex)]] += move
-    return expected
-
-
-@pytest.mark.parametrize("is_ordered", [False, True])
-@pytest.mark.parametrize(
-    "frames",
-    [slice(None), slice(0, 7), slice(0, 1), slice(2, 5), slice(6, 7), slice(3, None), slice(4)],
-    ids=str,
-)
-def test_frames_are_moved_where_they_belong_whatever_the_range(frames, is_ordered):
-    rng = np.random.default_rng(5)
-    order = rng.permutation(11) if is_ordered else np.arange(11)
-    corrections = find_corrections(some_errors(), 1.2, 0.0)
-    matrices = rng.normal(size=(3, 7, 11))
-    frames_of = corrected(
-        lambda wanted: matrices[:, wanted].copy(), corrections, order if is_ordered else None
-    )
-    expected = moved_slowly(matrices, corrections, order)[:, frames]
-    np.testing.assert_allclose(frames_of(frames), expected, rtol=0, atol=1e-12)
-
-
-def test_ranges_are_the_same_when_they_are_asked_for_in_any_order():
-    """Threads expand ranges as they come."""
-    basis, fields = some_errors(7, 2, seed=1), some_errors(2, 11, seed=2)[:1]
-    corrections = find_corrections(some_errors(), 1.2, 0.0)
-    frames_of = corrected(product_frames(basis, fields), corrections, None)
-    whole = frames_of(slice(None))
-    for start in (6, 0, 3, 0, 5):
-        part = frames_of(slice(start, start + 1))
-        np.testing.assert_allclose(part, whole[:, start : start + 1], atol=1e-12)
-
-
-def test_what_is_given_stays_as_it_is_when_frames_are_corrected():
-    basis, fields = some_errors(7, 2, seed=1), some_errors(2, 11, seed=2)[:1]
-    order = np.random.default_rng(3).permutation(11)
-    corrections = find_corrections(some_errors(), 1.2, 0.0)
-    before = [array.copy() for array in (basis, fields, order, corrections.offsets)]
-    corrected(product_frames(basis, fields), corrections, order)(slice(1, 6))
-    for array, copy in zip((basis, fields, order, corrections.offsets), before, strict=True):
-        np.testing.assert_array_equal(array, copy)
 
 
 def test_errors_stay_as_they_are_when_corrections_are_found():
