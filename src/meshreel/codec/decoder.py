@@ -1,7 +1,6 @@
 """Decoding of a stream to a mesh sequence."""
 
 from itertools import pairwise
-from threading import RLock
 
 import numpy as np
 
@@ -62,7 +61,7 @@ def decode(
     opened.require_mesh()
     opened.require_frames(wanted)
     reader = opened.frames(n_modes)
-    tracks_of = tracks_of_stream(opened, reader, RLock())
+    tracks_of = tracks_of_stream(opened, reader)
     opened.require_frames(wanted, sum(one.frame_bytes for one in tracks_of.values()) * len(wanted))
     vertices = np.empty((len(wanted), opened.n_verts, 3), opened.dtype)
     values = {

@@ -16,7 +16,6 @@ from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.reel_track import ReelTrack, tracks_of_stream
 from meshreel.errors import InvalidInputError
 from meshreel.frame_choice import FrameChoice, chosen_frames, frame_range
-from meshreel.runtime.fork import ForkSafeLock
 from meshreel.sequence import Faces
 from meshreel.showing import notebook_html, show
 from meshreel.stores.positional_file import with_own_position
@@ -86,7 +85,6 @@ class ReelFile:
         self._n_modes = n_modes
         if n_modes is not None:  # which may not be for this stream: that is said now
             _ = self._frames
-        self._lock = ForkSafeLock()
         self.n_frames, self.n_verts, self.n_faces = opened.n_frames, opened.n_verts, opened.n_faces
         self.fps, self.name, self.is_whole = opened.fps, opened.name, opened.is_whole
         self.dtype = opened.dtype
@@ -105,19 +103,17 @@ class ReelFile:
     @property
     def faces(self) -> Faces:
         """Vertex indices of each triangle, of shape (M, 3)."""
-        with self._lock:
-            return self._opened.faces
+        return self._opened.faces
 
     @property
     def surface(self) -> Surface:
         """Polygons, attributes, groups, parts and materials of the mesh."""
-        with self._lock:
-            return self._opened.surface
+        return self._opened.surface
 
     @cached_property
     def tracks(self) -> dict[str, ReelTrack]:
         """Quantities that change over time, beside the positions, by their names."""
-        return tracks_of_stream(self._opened, self._frames, self._lock)
+        return tracks_of_stream(self._opened, self._frames)
 
     def track(self, name: str) -> ReelTrack:
         """A track of this name, of which nothing is decoded yet.
@@ -134,8 +130,7 @@ class ReelFile:
 
     def info(self) -> StreamInfo:
         """Contents of the file and bytes by section; no frame is decoded."""
-        with self._lock:
-            return stream_info(self._opened, is_remote=isinstance(self._file, RangedFile))
+        return stream_info(self._opened, is_remote=isinstance(self._file, RangedFile))
 
     def read(self, start: int, stop: int) -> Vertices:
         """Positions of frames start..stop - 1, of shape (stop - start, V, 3).
@@ -241,8 +236,7 @@ class ReelFile:
         CorruptStreamError
             If the block is damaged.
         """
-        with self._lock:
-            return self._opened.file.group(number).n_modes
+        return self._opened.file.group(number).n_modes
 
     @property
     def size_bytes(self) -> int:
@@ -251,9 +245,7 @@ class ReelFile:
 
     def stored(self, start: int, stop: int) -> bytes:
         """Bytes of the stream as they are stored, such as a server sends them."""
-        with self._lock:
-            self._file.seek(start)
-            return self._file.read(max(0, min(stop, self.size_bytes) - start))
+        return self._opened.file.bytes_at(start, max(0, min(stop, self.size_bytes) - start))
 
     @property
     def files(self) -> tuple[Path, ...]:

@@ -1,7 +1,6 @@
 """A track of a `.reel` file whose values are decoded on demand."""
 
 from collections.abc import Iterator
-from contextlib import AbstractContextManager
 from typing import Any
 
 import numpy as np
@@ -35,8 +34,6 @@ class ReelTrack:
         Of the stream.
     number : int
         Of the track in the stream, from 1 on.
-    lock : reentrant lock
-        Held while the file is read.
 
     Attributes
     ----------
@@ -53,16 +50,9 @@ class ReelTrack:
         None if nothing is promised.
     """
 
-    def __init__(
-        self,
-        opened: OpenStream,
-        frames: FrameReader,
-        number: int,
-        lock: AbstractContextManager[Any],
-    ) -> None:
+    def __init__(self, opened: OpenStream, frames: FrameReader, number: int) -> None:
         self._opened, self._frames = opened, frames
         self._number = number
-        self._lock = lock
         track = opened.file.tracks[number]
         self.name, self.unit, self.dtype = track.name, track.unit, track.dtype
         self.kind: TrackKind = KINDS[track.kind]
@@ -103,8 +93,7 @@ class ReelTrack:
             (stop - start) * self.frame_bytes, f"frames {start}:{stop} of track {self.name!r}"
         )
         if start < stop:  # raises for a damaged block before memory is allocated
-            with self._lock:
-                self._frames.load(self._opened.file.block_of_frame(start), self._number)
+            self._frames.load(self._opened.file.block_of_frame(start), self._number)
         values = np.empty((stop - start, *self.shape[1:]), self.dtype)
         self._frames.fill(values, start, self._number)
         return values
@@ -133,12 +122,9 @@ class ReelTrack:
         return f"<ReelTrack {self.name!r}: {described_track(self)}, {counted(len(self), 'frame')}>"
 
 
-def tracks_of_stream(
-    opened: OpenStream, frames: FrameReader, lock: AbstractContextManager[Any]
-) -> dict[str, ReelTrack]:
+def tracks_of_stream(opened: OpenStream, frames: FrameReader) -> dict[str, ReelTrack]:
     """The tracks of a stream by their names; `frames` decodes them."""
-    numbers = range(1, len(opened.file.tracks))
     return {
-        opened.file.tracks[number].name: ReelTrack(opened, frames, number, lock)
-        for number in numbers
+        track.name: ReelTrack(opened, frames, number)
+        for number, track in enumerate(opened.tracks, start=1)
     }

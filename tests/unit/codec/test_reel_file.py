@@ -1,5 +1,7 @@
 """Frames of a file, one by one, in parts and in turn."""
 
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from io import BytesIO
 
 import numpy as np
@@ -141,3 +143,33 @@ def test_order_is_what_it_was_encoded_with_when_it_is_asked_for(order):
 def test_reading_gives_no_frames_when_none_are_asked_for(place):
     with ReelFile(BytesIO(encode(waving_grid(6), block_frames=3))) as reel:
         assert reel.read(place, place).shape == (0, 99, 3)
+
+
+class Paused(BytesIO):
+    """A file whose next seek, once it is armed, lets another thread read before it goes on."""
+
+    armed = False
+
+    def __init__(self, data):
+        super().__init__(data)
+        self.is_paused, self.may_go_on = threading.Event(), threading.Event()
+
+    def seek(self, *place):
+        found = super().seek(*place)
+        if self.armed:
+            self.armed = False
+            self.is_paused.set()
+            self.may_go_on.wait(0.2)  # a reader that waits for this one cannot say so
+        return found
+
+
+def test_stored_bytes_and_frames_are_right_when_threads_read_them_at_the_same_time(method):
+    file = Paused(STREAMS[method])
+    with ReelFile(file) as reel, ThreadPoolExecutor(2) as pool:
+        file.armed = True
+        frames = pool.submit(reel.read, 8, 12)
+        assert file.is_paused.wait(10)
+        stored = pool.submit(reel.stored, 5, 40)
+        stored.add_done_callback(lambda _: file.may_go_on.set())
+        assert stored.result() == STREAMS[method][5:40]
+        assert_nearly_equal(frames.result(), WHOLE[method].vertices[8:12])

@@ -209,8 +209,17 @@ def test_four_children_read_all_frames_when_they_inherit_an_open_file(path):
         assert [end_of(child, "a reader") for child in children] == [0, 0, 0, 0]
 
 
-def test_child_reads_an_inherited_file_when_another_thread_was_reading_it(path):
-    with meshreel.open(path) as reel, held_elsewhere(reel._lock):
+@pytest.mark.parametrize(
+    "lock_of",
+    [
+        lambda reel: reel._opened.file._reader._lock,
+        lambda reel: reel._opened.file._lock,
+        lambda reel: reel._frames._lock,
+    ],
+    ids=["reading", "the mesh", "frames"],
+)
+def test_child_reads_an_inherited_file_when_another_thread_was_reading_it(path, lock_of):
+    with meshreel.open(path) as reel, held_elsewhere(lock_of(reel)):
         assert_succeeds_in_child(lambda: np.testing.assert_array_equal(reel[:], FRAMES))
 
 
