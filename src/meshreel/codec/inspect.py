@@ -9,6 +9,7 @@ from meshreel.bitstream.layout import SURFACE_SECTIONS, Section
 from meshreel.codec.open_stream import OpenStream, whole_stream
 from meshreel.codec.surface.codes import DOMAINS
 from meshreel.codec.tracks import KINDS
+from meshreel.kernel.files import OpenFile
 from meshreel.surface_description import carried, described_images, described_materials
 from meshreel.tracks import TrackKind
 
@@ -179,10 +180,7 @@ def info(data: bytes) -> StreamInfo:
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
         If the bytes are not a whole stream that this build reads.
     """
-    opened = whole_stream(bytes(data))
-    for _ in opened.file.sections():  # whose checksums are compared
-        pass
-    return stream_info(opened)
+    return stream_info(whole_stream(bytes(data)))
 
 
 def stream_info(opened: OpenStream, *, is_remote: bool = False) -> StreamInfo:
@@ -192,18 +190,19 @@ def stream_info(opened: OpenStream, *, is_remote: bool = False) -> StreamInfo:
     ----------
     opened : OpenStream
     is_remote : bool, default False
-        Read the heads of sections and the shortest ones alone, and compare no checksums of blocks.
+        Read the heads of sections and the shortest ones alone, and compare no checksums.
 
     Raises
     ------
     CorruptStreamError
-        If a block is damaged.
+        If a section is damaged.
     """
     file = opened.file
-    sizes = _sizes(opened, is_remote)
+    sizes = _sizes(file, is_checked=not is_remote)
+    groups = (file.group(number, is_checked=False) for number in range(opened.n_blocks))
     surface = opened.surface
     positions = opened.n_frames * opened.n_verts * 3
-    tracks = _tracks(opened)
+    tracks = _tracks(opened, sizes.of_tracks)
     return StreamInfo(
         n_frames=opened.n_frames,
         n_verts=opened.n_verts,
@@ -214,14 +213,14 @@ def stream_info(opened: OpenStream, *, is_remote: bool = False) -> StreamInfo:
         laplacian=opened.laplacian.name.lower(),
         order=opened.order_kept.name.lower(),
         vertex_type=str(opened.dtype),
-        n_modes=tuple(sizes.n_modes),
-        block_frames=tuple(file.block(number).n_frames for number in range(opened.n_blocks)),
+        n_modes=tuple(group.n_modes for group in groups),
+        block_frames=tuple(place.n_frames for place in file.blocks),
         size_bytes=opened.size_bytes,
         raw_size_bytes=positions * opened.dtype.itemsize
         + opened.n_faces * 12
         + surface.size_bytes
         + sum(track.raw_size_bytes for track in tracks),
-        budget_bytes=_budget(opened, sizes),
+        budget_bytes=_budget(sizes, opened.size_bytes),
         part_bytes=_parts(opened, sizes, tracks),
         block_bytes=tuple(sizes.block_bytes),
         max_error_percent=promised_percent(opened),
@@ -238,10 +237,10 @@ def stream_info(opened: OpenStream, *, is_remote: bool = False) -> StreamInfo:
     )
 
 
-def _tracks(opened: OpenStream) -> tuple[TrackInfo, ...]:
-    said = [one.size_bytes for one in opened.leading if one.id == Section.TRACK]
+def _tracks(opened: OpenStream, section_bytes: list[int]) -> tuple[TrackInfo, ...]:
+    """The tracks beside the positions; `section_bytes` are those of their sections TRACK."""
     found = []
-    for number, (track, own_bytes) in enumerate(zip(opened.tracks, said, strict=True), start=1):
+    for number, track in enumerate(opened.tracks, start=1):
         groups = (opened.file.block(block, number).size_bytes for block in range(opened.n_blocks))
         value_bytes = track.n_columns * track.dtype.itemsize
         found.append(
@@ -254,7 +253,7 @@ def _tracks(opened: OpenStream) -> tuple[TrackInfo, ...]:
                 n_columns=track.n_columns,
                 is_exact=track.is_exact,
                 bound=track.bound,
-                size_bytes=sum(groups) + own_bytes,
+                size_bytes=sum(groups) + section_bytes[number - 1],
                 raw_size_bytes=opened.n_frames * track.n_items * value_bytes,
             )
         )
@@ -268,42 +267,58 @@ def promised_percent(opened: OpenStream) -> float | None:
 
 @dataclass
 class _Sizes:
-    """Modes and bytes of the positions of each block, and bytes of each kind of section."""
+    """Bytes of a stream.
 
-    n_modes: list[int]
-    block_bytes: list[int]
+    Attributes
+    ----------
+    header : int
+    of_sections : Counter of Section
+        Of each kind of section.
+    of_tracks : list of int
+        Of each section TRACK.
+    block_bytes : list of int
+        Of payloads of the positions of each block.
+    """
+
+    header: int
     of_sections: Counter[Section]
+    of_tracks: list[int]
+    block_bytes: list[int]
 
 
-def _sizes(opened: OpenStream, is_remote: bool) -> _Sizes:
-    """The sizes, from the heads of sections."""
-    file, of_sections = opened.file, Counter[Section]()
-    block_bytes = []
-    for one in file.sections(is_checked=False):
+def _sizes(file: OpenFile, *, is_checked: bool) -> _Sizes:
+    """The sizes, from a pass over the sections; their checksums are compared if `is_checked`."""
+    sizes = _Sizes(file.info.size_bytes, Counter(), [], [])
+    position_ends = [place.offset + place.size_bytes for place in file.blocks]
+    for one in file.sections(is_checked=is_checked):
+        sizes.header = min(sizes.header, one.offset)
         if one.is_known:
-            of_sections[Section(one.id)] += one.size_bytes
-    for number in range(opened.n_blocks):
-        place = file.block(number)
-        own = file.sections(place.offset, place.offset + place.size_bytes, is_checked=False)
-        block_bytes.append(sum(one.payload_bytes for one in own if one.is_known))
-    groups = (file.group(number, is_checked=not is_remote) for number in range(opened.n_blocks))
-    return _Sizes([group.n_modes for group in groups], block_bytes, of_sections)
+            section = Section(one.id)
+            sizes.of_sections[section] += one.size_bytes
+            if section is Section.TRACK:
+                sizes.of_tracks.append(one.size_bytes)
+            elif section is Section.BLOCK:
+                sizes.block_bytes.append(0)
+            number = len(sizes.block_bytes) - 1
+            if number >= 0 and one.offset < position_ends[number]:
+                sizes.block_bytes[number] += one.payload_bytes
+    return sizes
 
 
-def _budget(opened: OpenStream, sizes: _Sizes) -> dict[str, int]:
+def _budget(sizes: _Sizes, size_bytes: int) -> dict[str, int]:
     """Bytes by kind of section; framing is what is around them."""
     framing = (Section.BLOCK, Section.INDEX, Section.END)
-    budget = {"header": next(opened.file.sections(is_checked=False)).offset}
-    for section, size_bytes in sizes.of_sections.items():
+    budget = {"header": sizes.header}
+    for section, own_bytes in sizes.of_sections.items():
         if section not in framing:
-            budget[section.name.lower().replace("_", " ")] = size_bytes
-    budget["framing"] = opened.size_bytes - sum(budget.values())
+            budget[section.name.lower().replace("_", " ")] = own_bytes
+    budget["framing"] = size_bytes - sum(budget.values())
     return budget
 
 
 def _parts(opened: OpenStream, sizes: _Sizes, tracks: Iterable[TrackInfo]) -> dict[str, int]:
     """Bytes of the parts of a stream; the container has those of no other part."""
-    blocks = sum(opened.file.block(number).size_bytes for number in range(opened.n_blocks))
+    blocks = sum(place.size_bytes for place in opened.file.blocks)
     parts = {
         "positions": blocks + sum(sizes.of_sections[one] for one in POSITIONS),
         "connectivity": sum(sizes.of_sections[one] for one in CONNECTIVITY),

@@ -555,10 +555,14 @@ class OpenFile:
         return int(_function("block_of_frame")(self.handle, _U32(frame)))
 
     @cached_property
+    def blocks(self) -> tuple[FileBlock, ...]:
+        """The bytes of the positions in each block."""
+        return tuple(map(self.block, range(self.info.n_blocks)))
+
+    @cached_property
     def starts(self) -> list[int]:
         """First frame of each block, and the number of all frames."""
-        blocks = map(self.block, range(self.info.n_blocks))
-        return [*(one.first_frame for one in blocks), self.info.n_frames]
+        return [*(one.first_frame for one in self.blocks), self.info.n_frames]
 
     def group(self, number: int, track: int = 0, *, is_checked: bool = True) -> FileGroup:
         """What a block says of a track; its checksums are compared if `is_checked`."""

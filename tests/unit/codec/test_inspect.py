@@ -1,11 +1,16 @@
 """What a stream says of itself."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 
 import meshreel
+from meshreel.bitstream.layout import Section
+from meshreel.kernel.files import OpenFile
 from meshreel.surface import Attribute, Domain, Kind, Surface
 from samples.meshes import waving_grid
+from samples.streams import Stream
 
 GRID = waving_grid(9)
 
@@ -42,3 +47,29 @@ def test_sizes_of_sections_and_tracks_are_parts_of_the_whole():
     assert min(found.block_bytes) > 0
     of_tracks = sum(one.size_bytes for one in found.tracks)
     assert 0 < sum(found.block_bytes) < found.size_bytes - of_tracks
+
+
+def test_each_section_is_visited_once_and_leading_ones_again_for_the_surface(monkeypatch):
+    data = meshreel.encode(dressed(), block_frames=2)
+    sections = Stream(data).sections
+    n_leading = [section for section, _ in sections].index(Section.BLOCK)
+    calls, call = Counter(), OpenFile.call
+
+    def counted(self, name, *arguments):
+        calls[name] += 1
+        return call(self, name, *arguments)
+
+    monkeypatch.setattr(OpenFile, "call", counted)
+    meshreel.info(data)
+    assert calls["section_at"] == len(sections) + n_leading
+    assert calls["group_of"] == 5
+
+
+def test_damage_is_found_wherever_it_is_in_a_file(tmp_path):
+    data = bytearray(meshreel.encode(dressed(), block_frames=4))
+    start, stop = Stream(bytes(data)).groups[1][2]  # of the second track
+    data[(start + stop) // 2] ^= 1
+    path = tmp_path / "damaged.reel"
+    path.write_bytes(data)
+    with meshreel.open(path) as reel, pytest.raises(meshreel.CorruptStreamError):
+        reel.info()
