@@ -4,14 +4,15 @@ import numpy as np
 
 from conformance.container import Container, Header
 from conformance.reader import Reel
-from meshreel import decode
 from meshreel.bitstream.layout import Section
 from meshreel.codec.choices import Laplacian
+from meshreel.codec.decoder import decode
 from meshreel.codec.methods import METHOD_NAMES
 from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.surface.codes import ALPHA_MODES, CHANNELS, FILTERS, WRAPS
 from meshreel.codec.surface.materials import MATERIAL_NUMBERS, TEXTURE_NUMBERS
 from meshreel.entropy.exact import decode_exact
+from meshreel.kernel.files import OpenFile
 from meshreel.materials import SLOTS
 from meshreel.paper.decoder import PaperBlockDecoder, stored_mesh, stored_shape
 from meshreel.paper.variants import variant_named
@@ -22,9 +23,14 @@ OF_GROUPS = ("frames", "modes", "reference", "step", "n corrections")
 LETTERS = {"u1": "B", "i4": "i", "f4": "f", "f8": "d"}
 
 
-def read_by_core(data):
-    """A stream, decoded; as `conformance.reader.read`, so far as the core gives it."""
-    opened, sequence = whole_stream(data), decode(data)
+def read_all_by_core(data):
+    """The segments of a stream, decoded; as `conformance.reader.read_all`."""
+    return [read_by_core(data, number) for number in range(len(OpenFile(data, np.inf).segments))]
+
+
+def read_by_core(data, segment=None):
+    """A stream, or a segment, as `conformance.reader.read` decodes it, so far as the core does."""
+    opened, sequence = whole_stream(data, segment=segment), decode(data, segment=segment)
     is_ours = opened.method.name in ("reel", "lossless", "grid")
     blocks, anchors = [block_of(opened, number) for number in range(opened.n_blocks)], []
     if not is_ours:
@@ -49,6 +55,8 @@ def read_by_core(data):
 
 def given_by_core(said):
     """The part of a description that the core gives: values, but not the integers behind them."""
+    if "segments" in said:
+        return {"segments": list(map(given_by_core, said["segments"]))}
     if "hash of positions" not in said:
         return said
     tracks = [

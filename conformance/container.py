@@ -1,8 +1,10 @@
 """Header and sections: the bytes of a stream, cut up and checked."""
 
+import math
 import struct
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 from conformance.bits import need
 
@@ -13,6 +15,7 @@ NAMES = {
     2: "ORDER",
     3: "ANCHOR_VERTICES",
     4: "SHAPE",
+    5: "SEGMENT",
     16: "BLOCK",
     17: "BASIS",
     18: "ANCHORS",
@@ -42,7 +45,7 @@ MAGIC = b"\x89REEL\r\n\x1a"
 
 @dataclass
 class Header:
-    """The header, as it is stored."""
+    """The header as it is stored, or with the mesh of a further segment in place of the first."""
 
     n_frames: int
     n_verts: int
@@ -105,10 +108,36 @@ def read_header(payload):
     need(n_name_bytes <= MOST_NAME_BYTES, "the name is too long")
     name = payload.take(n_name_bytes).decode()
     check(payload, 0)
-    need(vertex_type in (4, 8) and laplacian < 3 and order < 3 and n_verts and n_faces)
-    return Header(
-        n_frames, n_verts, n_faces, fps, vertex_type, METHODS[method], laplacian, order, origin,
-        scale, name,
+    return checked(
+        Header(
+            n_frames, n_verts, n_faces, fps, vertex_type, METHODS[method], laplacian, order, origin,
+            scale, name,
+        )
+    )  # fmt: skip
+
+
+def checked(header):
+    """The header, whose fields are in range."""
+    need(header.vertex_type in (4, 8) and header.laplacian < 3 and header.order < 3)
+    need(header.n_verts and header.n_faces, "a mesh is empty")
+    need(all(math.isfinite(one) for one in (*header.origin, header.scale)) and header.scale > 0)
+    return header
+
+
+def header_of_segment(first, data):
+    """What the header is to a segment that begins with these bytes in SEGMENT."""
+    payload = Payload(data)
+    n_verts, n_faces = payload.number("I"), payload.number("I")
+    vertex_type, method, laplacian, order = (payload.byte() for _ in range(4))
+    origin, scale = first.origin, first.scale
+    if payload.position < len(data):
+        origin, scale = tuple(payload.number("d") for _ in range(3)), payload.number("d")
+    payload.end()
+    return checked(
+        replace(
+            first, n_verts=n_verts, n_faces=n_faces, vertex_type=vertex_type,
+            method=METHODS[method], laplacian=laplacian, order=order, origin=origin, scale=scale,
+        )
     )  # fmt: skip
 
 
@@ -135,11 +164,16 @@ def read_sections(payload):
 
 @dataclass
 class Container:
-    """A stream cut up: sections before the blocks; of each block a dict of them for each track."""
+    """A segment cut up: sections before the blocks; of each block a dict of them for each track.
+
+    `start` is the byte of its SEGMENT; `begins` are those of BLOCK and TRACK_BLOCK, of each block.
+    """
 
     header: Header
     leading: list
     blocks: list
+    start: int = 0
+    begins: list = field(default_factory=list)
 
     def all_of(self, name):
         return [payload for other, payload in self.leading if other == name]
@@ -155,19 +189,24 @@ IN_BLOCKS = (
 )
 
 
-def read_container(data):
-    """A whole stream, its index compared with its blocks."""
+def read_containers(data):
+    """The segments of a whole stream, its index compared with their blocks."""
     payload = Payload(data)
     container = Container(read_header(payload), [], [])
-    index, begins, end = (None, b""), [], None
+    containers, index, end = [container], (None, b""), None
     for start, name, section in read_sections(payload):
-        if name == "BLOCK":
-            container.blocks.append([])
-            begins.append([])
-        if name in ("BLOCK", "TRACK_BLOCK"):
+        need(end is None or name == "END", "a section is behind INDEX")
+        if name == "SEGMENT":
+            header = header_of_segment(containers[0].header, section)
+            container = Container(header, [], [], start)
+            containers.append(container)
+        elif name in ("BLOCK", "TRACK_BLOCK"):
+            if name == "BLOCK":
+                container.blocks.append([])
+                container.begins.append([])
             need(container.blocks and (name == "BLOCK") != bool(container.blocks[-1]))
             container.blocks[-1].append({name: section})
-            begins[-1].append(start)
+            container.begins[-1].append(start)
         elif name in IN_BLOCKS:
             need(container.blocks and name not in container.blocks[-1][-1], "out of place")
             container.blocks[-1][-1][name] = section
@@ -179,23 +218,43 @@ def read_container(data):
                 need(section == (b"" if index[0] is None else struct.pack("<Q", index[0])))
         else:
             need(not container.blocks, "a section stands behind the blocks")
+            need(name != "START" or len(containers) == 1, "a further segment has a start")
             container.leading.append((name, section))
-    check_blocks(container, index[1], begins, end)
+    lengths = [length for one in containers for length in lengths_of(one)]
+    need(containers[0].header.n_frames in (0, sum(lengths)), "frames are missing")
+    if index[1]:
+        check_index(containers, Payload(index[1]), end)
+    return containers
+
+
+def read_container(data):
+    """The segment of a stream that has one."""
+    (container,) = read_containers(data)
     return container
 
 
-def check_blocks(container, index, begins, end):
-    """Refuse blocks without all tracks, and an index that says otherwise than the blocks."""
+def lengths_of(container):
+    """Frames of each block of a segment; all its blocks have all tracks."""
     n_tracks = 1 + len(container.all_of("TRACK"))
+    need(container.blocks, "a segment has no block")
     need(all(len(block) == n_tracks for block in container.blocks), "a track is missing")
-    lengths = [Payload(block[0]["BLOCK"]).varint() for block in container.blocks]
-    need(container.header.n_frames in (0, sum(lengths)), "frames are missing")
-    if index:
-        places = Payload(index)
-        need(places.varint() == begins[0][0] and places.varint() == len(lengths))
-        starts = [*(start for block in begins for start in block), end]
-        for number, length in enumerate(lengths):
-            need(places.varint() == length)
-            for place in range(number * n_tracks, (number + 1) * n_tracks):
-                need(places.varint() == starts[place + 1] - starts[place])
-        places.end()
+    return [Payload(block[0]["BLOCK"]).varint() for block in container.blocks]
+
+
+def check_index(containers, places, end):
+    """Refuse an index that says otherwise than the segments and their blocks."""
+    ends = [*(container.start for container in containers[1:]), end]
+    for number, container in enumerate(containers):
+        first = container.begins[0][0]
+        if number:
+            header, n_tracks = container.header, len(container.blocks[0])
+            wanted = [header.n_verts, header.n_faces, n_tracks, first - container.start]
+        else:
+            wanted = [first]
+        wanted.append(len(container.blocks))
+        starts = [*container.begins, [ends[number]]]
+        for block, length in enumerate(lengths_of(container)):
+            edges = [*starts[block], starts[block + 1][0]]
+            wanted += [length, *(after - before for before, after in pairwise(edges))]
+        need(all(places.varint() == one for one in wanted), "the index contradicts the blocks")
+    places.end()

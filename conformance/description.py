@@ -5,6 +5,12 @@ import struct
 import sys
 
 
+def describe_all(reels):
+    """The description of a stream, by its segments."""
+    described = [describe(reel) for reel in reels]
+    return described[0] if len(described) == 1 else {"segments": described}
+
+
 def describe(reel):
     """The description of what `conformance.reader.read` gives, as plain values for JSON.
 

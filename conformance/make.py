@@ -1,8 +1,9 @@
 """Streams of every feature of the format, and what each holds.
 
 `python -m conformance.make` writes conformance/streams/NAME.reel and NAME.json for every name in
-`STREAMS` that is not there yet, and conformance/refused/NAME.reel for every name in `REFUSED`. What
-is there is never replaced, unless `--force` is given.
+`STREAMS` that is not there yet, and conformance/refused/NAME.reel for every name in `REFUSED`; the
+same of `conformance.segments` to conformance/segments. Existing files are replaced with `--force`
+only.
 """
 
 import argparse
@@ -18,8 +19,9 @@ from unittest.mock import patch
 import numpy as np
 
 import meshreel
-from conformance.by_core import read_by_core
-from conformance.description import describe
+from conformance import segments
+from conformance.description import describe_all
+from conformance.reader import read_all
 from conformance.sources import (
     book,
     faceted,
@@ -869,19 +871,35 @@ def main():
     parser.add_argument("--force", action="store_true", help="replace what is there")
     parser.add_argument("names", nargs="*", help="of streams; all, if none is given")
     given = parser.parse_args()
-    FOLDER.mkdir(exist_ok=True)
-    REFUSED_FOLDER.mkdir(exist_ok=True)
-    for name, make in REFUSED.items():
-        path = REFUSED_FOLDER / f"{name}.reel"
-        if not path.exists() or given.force:
+    if unknown := set(given.names) - {*STREAMS, *segments.STREAMS}:
+        parser.error(f"there are no streams {', '.join(sorted(unknown))}")
+    write_refused(REFUSED, REFUSED_FOLDER, given.force)
+    write_refused(segments.REFUSED, segments.REFUSED_FOLDER, given.force)
+    write_streams(STREAMS, FOLDER, given)
+    write_streams(segments.STREAMS, segments.FOLDER, given)
+
+
+def write_refused(streams, folder, is_forced):
+    """Write the streams that are missing, or all."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, make in streams.items():
+        path = folder / f"{name}.reel"
+        if not path.exists() or is_forced:
             path.write_bytes(make())
-    for name in given.names or STREAMS:
-        path = FOLDER / f"{name}.reel"
-        if path.exists() and not given.force:
+
+
+def write_streams(streams, folder, given):
+    """Write the chosen streams that are missing, and the descriptions of what they hold."""
+    folder.mkdir(exist_ok=True)
+    for name in streams:
+        path = folder / f"{name}.reel"
+        is_chosen = not given.names or name in given.names
+        if not is_chosen or (path.exists() and not given.force):
             continue
-        data = STREAMS[name]()
+        data = streams[name]()
         path.write_bytes(data)
-        described = json.dumps(describe(read_by_core(data)), indent=1, ensure_ascii=False)
+        found = describe_all(read_all(data))
+        described = json.dumps(found, indent=1, ensure_ascii=False)
         path.with_suffix(".json").write_text(described + "\n", "utf-8")
         print(f"{name}: {len(data)} bytes")
 

@@ -15,8 +15,8 @@ from pathlib import Path
 from conformance import paper, predicted
 from conformance.bits import Memory, need
 from conformance.connectivity import read_faces
-from conformance.container import Container, Payload, read_container
-from conformance.description import describe
+from conformance.container import Container, Payload, read_container, read_containers
+from conformance.description import describe_all
 from conformance.exact import read_exact
 from conformance.fields import read_fields
 from conformance.hierarchy import edges_of, passes_of, resolutions_of
@@ -39,7 +39,7 @@ DEFAULT_MEMORY = Memory()
 
 @dataclass
 class Reel:
-    """A stream, decoded.
+    """A segment, decoded.
 
     Attributes
     ----------
@@ -113,8 +113,13 @@ class Items:
         return self.found[size]
 
 
+def read_all(data, memory=DEFAULT_MEMORY):
+    """The segments of a stream, decoded; as `read`, of each."""
+    return [read_segment(container, memory) for container in read_containers(data)]
+
+
 def read(data, memory=DEFAULT_MEMORY):
-    """A stream, decoded.
+    """A stream of one segment, decoded.
 
     Parameters
     ----------
@@ -130,7 +135,11 @@ def read(data, memory=DEFAULT_MEMORY):
     TooLargeError
         If more memory is needed than allowed.
     """
-    container = read_container(data)
+    return read_segment(read_container(data), memory)
+
+
+def read_segment(container, memory):
+    """A segment, decoded."""
     header = container.header
     need_memory(container, memory)
     internal = read_faces(container.only("CONNECTIVITY"), header.n_verts, header.n_faces)
@@ -456,4 +465,4 @@ def read_integers(group, n_frames, n_columns, items):
 
 
 if __name__ == "__main__":
-    print(json.dumps(describe(read(Path(sys.argv[1]).read_bytes())), indent=1))
+    print(json.dumps(describe_all(read_all(Path(sys.argv[1]).read_bytes())), indent=1))

@@ -33,7 +33,7 @@ static void *allocate(void *user, size_t size) {
     FUZZ_CLAIM(!posix_memalign(&memory, 64, size));
     memset(memory, fuzz_filling(), size);
     state->held += size;
-    FUZZ_CLAIM(state->held <= 2 * state->limit); /* of a file and a decoder */
+    FUZZ_CLAIM(state->held <= 3 * state->limit); /* of a file, a segment of it and a decoder */
     return memory;
 }
 
@@ -70,12 +70,12 @@ typedef struct {
     host_state state;
     meshreel_source source;
     meshreel_host host;
-    meshreel_file *file;
+    meshreel_file *file, *whole; /* a segment, and the file that it is of, or NULL */
     meshreel_decoder *decoder;
 } reading;
 
 typedef struct {
-    enum { OPEN, MESH, SURFACE, BEGIN, LOAD, DECODE, NORMALS } act;
+    enum { OPEN, SEGMENT, MESH, SURFACE, BEGIN, LOAD, DECODE, NORMALS } act;
     uint32_t track, first, count, n_modes;
     const meshreel_layout *layout;
     void *values;
@@ -86,6 +86,8 @@ static int take_step(reading *r, const step *s, meshreel_error *error) {
     switch (s->act) {
     case OPEN:
         return meshreel_open(&r->source, &r->host, &r->file, error);
+    case SEGMENT:
+        return meshreel_open_segment(r->whole, s->first, &r->file, error);
     case MESH:
         return meshreel_read_mesh(r->file, error);
     case SURFACE:
@@ -297,9 +299,45 @@ static void decode_blocks(reading *calm, reading *hostile) {
     find_normals(calm, hostile);
 }
 
+static void claim_segments(const meshreel_file *whole) {
+    const meshreel_info *info = meshreel_info_of(whole);
+    uint64_t frame = 0, at = 0;
+    for (uint32_t i = 0; i < info->n_segments; i++) {
+        meshreel_segment segment;
+        FUZZ_CLAIM(meshreel_segment_of(whole, i, &segment) == MESHREEL_OK);
+        FUZZ_CLAIM(segment.first_frame == frame && segment.n_frames);
+        FUZZ_CLAIM(meshreel_segment_of_frame(whole, segment.first_frame) == i);
+        FUZZ_CLAIM(segment.n_verts && segment.n_triangles && segment.size);
+        FUZZ_CLAIM(segment.offset >= at && (!at || segment.offset == at));
+        frame += segment.n_frames;
+        at = segment.offset + segment.size;
+    }
+    FUZZ_CLAIM(frame == info->n_frames && at <= info->size);
+    FUZZ_CLAIM(meshreel_segment_of(whole, info->n_segments, NULL) == MESHREEL_INVALID);
+}
+
+/* Opens a segment by both. */
+static int open_any_segment(reading *calm, reading *hostile) {
+    uint32_t n_segments = meshreel_info_of(calm->file)->n_segments;
+    step s = {.act = SEGMENT, .first = (uint32_t)fuzz_below(n_segments)};
+    for (int i = 0; i < 2; i++) {
+        reading *r = i ? hostile : calm;
+        r->whole = r->file;
+        r->file = NULL;
+    }
+    return take_same(calm, hostile, &s);
+}
+
 static void read_both(reading *calm, reading *hostile) {
     if (take_same(calm, hostile, &(step){.act = OPEN})) {
         return;
+    }
+    claim_segments(calm->file);
+    if (meshreel_info_of(calm->file)->n_segments > 1) {
+        FUZZ_CLAIM(meshreel_read_mesh(calm->file, NULL) == MESHREEL_SEGMENTS);
+        if (open_any_segment(calm, hostile)) {
+            return;
+        }
     }
     claim_layout(calm);
     if (take_same(calm, hostile, &(step){.act = MESH})) {
@@ -321,6 +359,7 @@ static void read_both(reading *calm, reading *hostile) {
 
 static void end_reading(reading *r) {
     meshreel_end(r->decoder);
+    meshreel_close(r->whole);
     meshreel_close(r->file);
     FUZZ_CLAIM(r->state.held == 0);
 }

@@ -4,11 +4,12 @@
 
 #include "fuzz.h"
 
-#define ROOM (1 << 17)
+#define ROOM (1 << 18)
+#define MOST_SEGMENTS 4
 #define MOST_BLOCKS 4
 #define MOST_TRACKS 5
 
-enum { CONNECTIVITY = 1, ORDER = 2, BLOCK = 16, BASIS = 17, COEFFICIENTS = 19, FIELDS = 21 };
+enum { CONNECTIVITY = 1, ORDER = 2, SEGMENT = 5, BLOCK = 16, BASIS = 17, COEFFICIENTS = 19, FIELDS = 21 };
 enum { CORRECTIONS = 22, TRACK_BLOCK = 23, VALUES = 24, MISSING = 25, UNKNOWN = 192, INDEX = 130 };
 enum { POLYGONS = 131, ATTRIBUTE = 132, GROUPS = 133, PARTS = 134, START = 135, MATERIAL = 136 };
 enum { IMAGE = 137, TRACK = 138, REEL = 7, GRID = 9 };
@@ -475,46 +476,91 @@ static void put_block(stream *s, int64_t number, int64_t n_frames) {
     s->begins[number + 1] = s->size;
 }
 
-static void put_end(stream *s) {
+static void put_end(stream *s, const stream *index) {
     uint64_t at = s->size;
     size_t payload = s->size;
-    put_varint(s, s->begins[0]);
-    put_varint(s, (uint64_t)s->n_blocks);
-    for (int64_t i = 0; i < s->n_blocks; i++) {
-        size_t begin = s->begins[i];
-        put_varint(s, (uint64_t)s->n_frames[i]);
-        for (int k = 0; k < s->n_tracks; k++) {
-            put_varint(s, s->ends[i][k] - begin);
-            begin = s->ends[i][k];
-        }
-    }
+    put(s, index->bytes, index->size);
     end_section(s, INDEX, payload);
     payload = s->size;
     put(s, &at, sizeof at);
     end_section(s, 0, payload);
 }
 
+/* ---- segments ---- */
+
+static void choose_mesh(stream *s) {
+    s->mesh = fuzz_any_mesh(40);
+    if (!s->mesh.n_faces) { /* a stream has one at least */
+        s->mesh = (fuzz_mesh){3, 1, fuzz_copy((int32_t[3]){0, 1, 2}, 3, sizeof(int32_t)), NULL};
+    }
+    s->method = fuzz_once_in(40) ? (int)fuzz_below(11)
+                : fuzz_once_in(4) ? 8 + (int)fuzz_below(2) : REEL;
+    s->order = (int)fuzz_below(3);
+    s->n_tracks = 1 + (fuzz_once_in(2) ? 1 + (int)fuzz_below(MOST_TRACKS - 1) : 0);
+}
+
+static void put_segment(stream *s) {
+    const uint32_t counts[2] = {(uint32_t)s->mesh.n_verts, (uint32_t)s->mesh.n_faces};
+    size_t payload = s->size;
+    put(s, counts, sizeof counts);
+    put_byte(s, fuzz_once_in(3) ? 8 : 4);
+    put_byte(s, s->method);
+    put_byte(s, 0);
+    put_byte(s, s->order);
+    for (int i = fuzz_once_in(2) ? 4 : 0; i > 0; i--) {
+        put_double(s, 1.0 + (double)fuzz_below(7));
+    }
+    end_section(s, SEGMENT, payload);
+}
+
+/* What the index says of the segment that was written from `at` on; 0 for the first. */
+static void note_segment(stream *index, const stream *s, size_t at) {
+    uint64_t tracks = (uint64_t)s->n_tracks + fuzz_once_in(50);
+    if (at) {
+        put_varint(index, (uint64_t)s->mesh.n_verts);
+        put_varint(index, (uint64_t)s->mesh.n_faces + fuzz_once_in(50));
+        put_varint(index, tracks);
+    }
+    put_varint(index, s->begins[0] - at);
+    put_varint(index, (uint64_t)s->n_blocks);
+    for (int64_t i = 0; i < s->n_blocks; i++) {
+        size_t begin = s->begins[i];
+        put_varint(index, (uint64_t)s->n_frames[i]);
+        for (int k = 0; k < s->n_tracks; k++) {
+            put_varint(index, s->ends[i][k] - begin);
+            begin = s->ends[i][k];
+        }
+    }
+}
+
 static fuzz_bytes make_stream(void) {
-    stream s = {.bytes = fuzz_take(ROOM, 1), .mesh = fuzz_any_mesh(40), .n_tracks = 1};
-    if (!s.mesh.n_faces) { /* a stream has one at least */
-        s.mesh = (fuzz_mesh){3, 1, fuzz_copy((int32_t[3]){0, 1, 2}, 3, sizeof(int32_t)), NULL};
+    stream s = {.bytes = fuzz_take(ROOM, 1)}, index = {.bytes = fuzz_take(ROOM, 1)};
+    int64_t n_segments = fuzz_once_in(3) ? 1 + fuzz_below(MOST_SEGMENTS) : 1, announced = 0;
+    int64_t n_blocks[MOST_SEGMENTS], n_frames[MOST_SEGMENTS][MOST_BLOCKS];
+    for (int64_t k = 0; k < n_segments; k++) {
+        n_blocks[k] = 1 + fuzz_below(MOST_BLOCKS);
+        for (int64_t i = 0; i < n_blocks[k]; i++) {
+            n_frames[k][i] = 1 + fuzz_below(9);
+            announced += n_frames[k][i];
+        }
     }
-    s.method = fuzz_once_in(40) ? (int)fuzz_below(11) : fuzz_once_in(4) ? 8 + (int)fuzz_below(2) : REEL;
-    s.order = (int)fuzz_below(3);
-    s.n_tracks += fuzz_once_in(2) ? 1 + (int)fuzz_below(MOST_TRACKS - 1) : 0;
-    s.n_blocks = 1 + fuzz_below(MOST_BLOCKS);
-    int64_t n_frames[MOST_BLOCKS], announced = 0;
-    for (int64_t i = 0; i < s.n_blocks; i++) {
-        n_frames[i] = 1 + fuzz_below(9);
-        announced += n_frames[i];
-    }
-    put_header(&s, fuzz_once_in(2) ? 0 : announced);
-    put_leading(&s);
-    for (int64_t i = 0; i < s.n_blocks; i++) {
-        put_block(&s, i, n_frames[i]);
+    for (int64_t k = 0; k < n_segments; k++) {
+        size_t at = s.size;
+        choose_mesh(&s);
+        if (k) {
+            put_segment(&s);
+        } else {
+            put_header(&s, fuzz_once_in(2) ? 0 : announced);
+        }
+        put_leading(&s);
+        s.n_blocks = n_blocks[k];
+        for (int64_t i = 0; i < s.n_blocks; i++) {
+            put_block(&s, i, n_frames[k][i]);
+        }
+        note_segment(&index, &s, at);
     }
     if (!fuzz_once_in(5)) {
-        put_end(&s);
+        put_end(&s, &index);
     }
     return (fuzz_bytes){fuzz_copy(s.bytes, (int64_t)s.size, 1), s.size};
 }

@@ -7,6 +7,10 @@
    of frames of each track; one thread uses it at a time. Several decoders of one file may work on
    several threads at once.
 
+   A file holds one or more segments: animated meshes of constant connectivity, shown in order. Most
+   files have one. If a file has several, `meshreel_open_segment` opens one of them as a separate
+   `meshreel_file`, and functions that decode refuse the file itself.
+
    The library has no global state, opens no files and starts no threads. Memory and threads are the
    host's (`meshreel_host`). Bytes may be hostile: no input makes a function crash, hang, or hold
    more memory than `memory_limit`.
@@ -48,7 +52,8 @@ enum meshreel_code {
     MESHREEL_METHOD = 6,      /* a method of the paper, which only Python decodes */
     MESHREEL_UNREADABLE = 7,  /* `read` of the source failed */
     MESHREEL_RANGE = 8,       /* a number exceeds float; decode to doubles */
-    MESHREEL_LIMIT = 9        /* decoding would exceed `memory_limit` */
+    MESHREEL_LIMIT = 9,       /* decoding would exceed `memory_limit` */
+    MESHREEL_SEGMENTS = 10    /* the file has several segments: open one of them */
 };
 
 typedef struct meshreel_error {
@@ -100,15 +105,20 @@ typedef struct meshreel_text {
     size_t size;
 } meshreel_text;
 
+/* Of a file, or of a segment that is open as one. Of a file of several segments `promise_percent`
+   and all counts but `n_frames` are 0, and `center`, `diagonal` and the codes from `number_bytes` to
+   `order` are those of the first segment. */
 typedef struct meshreel_info {
     meshreel_text name;
     double fps;             /* frames per second; 0: not known */
     double start_s;         /* time of the first frame, in seconds */
     double promise_percent; /* bound of the displacement of any vertex, in percent of `diagonal`;
                                0: none */
-    double center[3];       /* of the bounding box of all frames, in model units */
+    double center[3];       /* of the bounding box of all frames, in model units; segments may share
+                               the box of all of them */
     double diagonal;        /* of that box; 1 where it is 0 */
-    uint64_t size;          /* bytes up to the end of the last complete block, or of the file */
+    uint64_t size;          /* bytes up to the end of the last complete block, or of the file; the
+                               same of a segment, counted from byte 0 of the file */
     uint32_t n_frames, n_verts, n_triangles;
     uint32_t n_faces;       /* polygons; n_triangles where all faces are triangles */
     uint32_t n_corners;     /* corners of all faces */
@@ -120,7 +130,7 @@ typedef struct meshreel_info {
     uint32_t laplacian;     /* of the paper's methods */
     uint32_t order;         /* kept: 0: of vertices and faces; 1: of vertices; 2: of neither */
     uint32_t is_whole;      /* 0: the end of the file is missing; all blocks here are complete */
-    uint32_t reserved;
+    uint32_t n_segments;    /* at least 1 */
     meshreel_error damage;  /* why it is not whole */
 } meshreel_info;
 
@@ -134,6 +144,28 @@ MESHREEL_API void meshreel_close(meshreel_file *file);
 
 MESHREEL_API const meshreel_info *meshreel_info_of(const meshreel_file *file);
 
+/* ---- Segments ---- */
+
+/* Frames are numbered through all segments of a file; in an open segment they begin at 0. */
+typedef struct meshreel_segment {
+    uint32_t first_frame; /* its number in the file */
+    uint32_t n_frames, n_verts, n_triangles;
+    uint64_t offset, size; /* of its bytes, without the header of the file */
+} meshreel_segment;
+
+/* Segment `number` of 0..n_segments-1. */
+MESHREEL_API int meshreel_segment_of(const meshreel_file *file, uint32_t number,
+                                     meshreel_segment *segment);
+
+/* The segment that holds a frame of 0..n_frames-1. */
+MESHREEL_API uint32_t meshreel_segment_of_frame(const meshreel_file *file, uint32_t frame);
+
+/* Open a segment as a separate file with one segment: all functions of this header but this one apply
+   to it, and its frames begin at 0. It uses the source and the host of `file`, which may be closed
+   before it. Works for files of one segment, too. */
+MESHREEL_API int meshreel_open_segment(const meshreel_file *file, uint32_t number,
+                                       meshreel_file **segment, meshreel_error *error);
+
 /* ---- Layout of the file ---- */
 
 typedef struct meshreel_section {
@@ -144,7 +176,8 @@ typedef struct meshreel_section {
 } meshreel_section;
 
 /* The section at a byte of the file: `offset` 0 is the first one, section->offset + section->size
-   the next. Checks its checksum where `check` is not 0. MESHREEL_INVALID behind the last one. */
+   the next. Of a segment that is open as a file these are its own sections. Checks its checksum
+   where `check` is not 0. MESHREEL_INVALID behind the last one. */
 MESHREEL_API int meshreel_section_at(const meshreel_file *file, uint64_t offset, int check,
                                      meshreel_section *section, meshreel_error *error);
 

@@ -3,6 +3,8 @@
 #include "container.h"
 
 #define FIXED_BYTES 68
+#define SEGMENT_BYTES 12
+#define PLACEMENT_BYTES 32
 #define MOST_NAME 4096
 #define VERSION 3
 #define END_BYTES 14
@@ -29,32 +31,51 @@ static double double_at(const uint8_t *bytes) {
     return found;
 }
 
-static int check_header(reel_call *call, const reel_outline *outline) {
-    if (!outline->n_verts || !outline->n_faces) {
-        return corrupt(call, 14, "the header announces no vertices or no faces");
+static int check_counts(reel_call *call, uint64_t n_verts, uint64_t n_faces, uint64_t at) {
+    if (!n_verts || !n_faces) {
+        return corrupt(call, at, "a mesh without vertices or faces is announced");
     }
-    if (!reel_is_finite(outline->fps) || outline->fps < 0.0) {
-        return corrupt(call, 22, "the frames per second are negative or not finite");
+    return n_verts > REEL_MOST_VERTS || n_faces > REEL_MOST_VERTS
+               ? reel_fail(call, MESHREEL_UNSUPPORTED, at, "more than 2^26 vertices or faces")
+               : MESHREEL_OK;
+}
+
+/* Vertices and faces; and vertex type, method, Laplacian and order. */
+static int set_mesh(reel_call *call, reel_outline *outline, const uint8_t *counts,
+                    uint64_t counts_at, const uint8_t *codes, uint64_t codes_at) {
+    outline->n_verts = uint32_at(counts);
+    outline->n_faces = uint32_at(counts + 4);
+    outline->number_bytes = codes[0];
+    outline->method = codes[1];
+    outline->laplacian = codes[2];
+    outline->order = codes[3];
+    int failed = check_counts(call, outline->n_verts, outline->n_faces, counts_at);
+    if (failed) {
+        return failed;
     }
     if (outline->number_bytes != 4 && outline->number_bytes != 8) {
-        return corrupt(call, 30, "the vertex type is neither 4 nor 8");
+        return corrupt(call, codes_at, "the vertex type is neither 4 nor 8");
     }
-    bool is_placed = reel_is_finite(outline->placement[0]) && outline->placement[0] > 0.0;
-    for (int axis = 1; axis < 4; axis++) {
-        is_placed &= reel_is_finite(outline->placement[axis]);
+    bool is_newer = outline->method > LAST_METHOD || outline->laplacian > 2 ||
+                    outline->order > REEL_ORDER_DROPPED;
+    return is_newer ? reel_fail(call, MESHREEL_UNSUPPORTED, codes_at + 1,
+                                "a method, Laplacian or order of a newer version; update meshreel")
+                    : MESHREEL_OK;
+}
+
+/* Origin and scale. */
+static int set_placement(reel_call *call, reel_outline *outline, const uint8_t *numbers,
+                         uint64_t at) {
+    bool is_placed = true;
+    for (int i = 0; i < 4; i++) { /* the scale comes last, and is kept first */
+        double number = double_at(numbers + 8 * i);
+        outline->placement[(i + 1) % 4] = number;
+        is_placed &= reel_is_finite(number);
     }
-    if (!is_placed) {
-        return corrupt(call, 34, "the origin is not finite, or the scale is not positive and finite");
-    }
-    if (outline->n_verts > REEL_MOST_VERTS || outline->n_faces > REEL_MOST_VERTS) {
-        return reel_fail(call, MESHREEL_UNSUPPORTED, 14, "more than 2^26 vertices or faces");
-    }
-    if (outline->method > LAST_METHOD || outline->laplacian > 2 ||
-        outline->order > REEL_ORDER_DROPPED) {
-        return reel_fail(call, MESHREEL_UNSUPPORTED, 31,
-                         "a method, Laplacian or order of a newer version; update meshreel");
-    }
-    return MESHREEL_OK;
+    return is_placed && outline->placement[0] > 0.0
+               ? MESHREEL_OK
+               : corrupt(call, at,
+                         "the origin is not finite, or the scale is not positive and finite");
 }
 
 static int read_header(reel_call *call, reel_pool *pool, reel_outline *outline) {
@@ -84,21 +105,17 @@ static int read_header(reel_call *call, reel_pool *pool, reel_outline *outline) 
         return corrupt(call, 66, "the name has more than 4096 bytes");
     }
     outline->announced = uint32_at(fixed + 10);
-    outline->n_verts = uint32_at(fixed + 14);
-    outline->n_faces = uint32_at(fixed + 18);
     outline->fps = double_at(fixed + 22);
-    outline->number_bytes = fixed[30];
-    outline->method = fixed[31];
-    outline->laplacian = fixed[32];
-    outline->order = fixed[33];
-    for (int axis = 0; axis < 3; axis++) {
-        outline->placement[1 + axis] = double_at(fixed + 34 + 8 * axis);
-    }
-    outline->placement[0] = double_at(fixed + 58);
-    outline->header_end = FIXED_BYTES + name + 4;
+    outline->begin = FIXED_BYTES + name + 4;
+    outline->is_first = true;
     reel_stretch left = {FIXED_BYTES, name};
     failed = reel_take_text_of(call, pool, &left, name, &outline->name);
-    return failed ? failed : check_header(call, outline);
+    failed = failed ? failed : set_mesh(call, outline, fixed + 14, 14, fixed + 30, 30);
+    failed = failed ? failed : set_placement(call, outline, fixed + 34, 34);
+    bool is_timed = reel_is_finite(outline->fps) && outline->fps >= 0.0;
+    return failed || is_timed
+               ? failed
+               : corrupt(call, 22, "the frames per second are negative or not finite");
 }
 
 /* ---- leading sections ---- */
@@ -158,6 +175,9 @@ static int note_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
     if (section->id == REEL_TRACK && ++outline->n_tracks > MOST_TRACKS) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, section->at, "more than 2^20 tracks");
     }
+    if (section->id == REEL_START && !outline->is_first) {
+        return corrupt(call, section->at, "a start is stored behind the first segment");
+    }
     if (section->id == REEL_START) {
         return read_double(call, section, &outline->start_s);
     }
@@ -170,30 +190,33 @@ static int note_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
     return section->id == REEL_POLYGONS ? read_polygons(call, section, outline) : MESHREEL_OK;
 }
 
+/* What the sections will say. */
 static void forget(reel_outline *outline) {
-    outline->n_leading = 0;
+    outline->n_leading = outline->leading_room = 0;
     outline->n_tracks = 1;
     outline->start_s = outline->promise = 0.0;
     outline->n_polygons = outline->n_faces;
     outline->n_corners = 3 * outline->n_faces;
     outline->n_blocks = outline->n_frames = 0;
+    outline->blocks_room = 0; /* the ends of groups are as many as tracks, which may be others */
     outline->longest = 0;
 }
 
-static int read_leading(reel_call *call, reel_pool *pool, reel_outline *outline, uint64_t end) {
-    uint64_t begin = outline->header_end;
+static int read_leading(reel_call *call, reel_pool *pool, reel_outline *outline, uint64_t begin,
+                        uint64_t end) {
     int failed = begin < end ? reel_announce(call, (reel_stretch){begin, end - begin}) : MESHREEL_OK;
     if (failed) {
         return failed;
     }
-    for (uint64_t at = outline->header_end; at < end;) {
+    for (uint64_t at = begin; at < end;) {
         reel_section section;
         failed = reel_section_at(call, at, end, &section);
         failed = failed ? failed : reel_section_check(call, &section);
         if (!failed && reel_is_known(section.id)) {
             bool is_of_block = section.id >= REEL_BLOCK && !(section.id & REEL_OPTIONAL);
             failed = is_of_block ? corrupt(call, at, "a section of a block is before the first block")
-                                 : note_leading(call, pool, outline, &section);
+                     : section.id == REEL_SEGMENT ? corrupt(call, at, "a segment is out of place")
+                     : note_leading(call, pool, outline, &section);
         }
         if (failed) {
             return failed;
@@ -205,21 +228,30 @@ static int read_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
 
 /* ---- blocks ---- */
 
-/* Adds a block, and makes room for the ends of its groups. */
-static int add_block(reel_call *call, reel_pool *pool, reel_outline *outline, uint64_t at,
-                     uint64_t n_frames, uint64_t **ends) {
-    uint64_t most = REEL_MOST_NUMBERS / outline->n_verts;
+/* Whether n_frames may follow n_before others of a segment. */
+static int check_block(reel_call *call, uint64_t at, uint64_t n_verts, uint64_t n_before,
+                       uint64_t n_frames) {
+    uint64_t most = REEL_MOST_NUMBERS / n_verts;
     most = most < REEL_MOST_FRAMES ? most : REEL_MOST_FRAMES;
     if (!n_frames) {
         return corrupt(call, at, "a block has no frames");
     }
-    if (n_frames > most - outline->n_frames) {
-        return reel_fail(call, MESHREEL_UNSUPPORTED, at,
-                         "more frames than this build reads for this number of vertices");
+    return n_frames > most - n_before
+               ? reel_fail(call, MESHREEL_UNSUPPORTED, at,
+                           "more frames than this build reads for this number of vertices")
+               : MESHREEL_OK;
+}
+
+/* Adds a block, and makes room for the ends of its groups. */
+static int add_block(reel_call *call, reel_pool *pool, reel_outline *outline, uint64_t at,
+                     uint64_t n_frames, uint64_t **ends) {
+    int failed = check_block(call, at, outline->n_verts, outline->n_frames, n_frames);
+    if (failed) {
+        return failed;
     }
     uint64_t room = outline->blocks_room, count = outline->n_blocks;
     void *places = outline->places, *all = outline->ends;
-    int failed = grow(call, pool, &places, count, &room, sizeof *outline->places);
+    failed = grow(call, pool, &places, count, &room, sizeof *outline->places);
     room = outline->blocks_room; /* both arrays grow together */
     failed = failed ? failed
                     : grow(call, pool, &all, count, &room, outline->n_tracks * sizeof **ends);
@@ -249,7 +281,7 @@ static int find_index(reel_call *call, const reel_outline *outline, reel_section
                       uint64_t *first) {
     uint64_t size = call->source->size, end_at = size < END_BYTES ? 0 : size - END_BYTES, at;
     reel_section end;
-    int failed = reel_section_at(call, end_at > outline->header_end ? end_at : outline->header_end,
+    int failed = reel_section_at(call, end_at > outline->begin ? end_at : outline->begin,
                                  size, &end);
     failed = failed ? failed : reel_section_check(call, &end);
     if (failed) {
@@ -264,36 +296,102 @@ static int find_index(reel_call *call, const reel_outline *outline, reel_section
     if (failed) {
         return failed;
     }
-    if (index->id != REEL_INDEX || at < outline->header_end) {
+    if (index->id != REEL_INDEX || at < outline->begin) {
         return corrupt(call, at, "there is no index where the end of the file says");
     }
     reel_stretch left = index->payload;
     failed = reel_take_varint(call, &left, first);
-    bool is_behind = *first >= outline->header_end && *first <= at;
+    bool is_behind = *first >= outline->begin && *first <= at;
     return failed || is_behind ? failed : corrupt(call, at, "the index lists blocks in the header");
 }
 
-static int read_index(reel_call *call, reel_pool *pool, reel_outline *outline,
-                      const reel_section *index) {
-    reel_stretch left = index->payload;
-    uint64_t at, n_blocks, n_frames, *ends;
-    int failed = reel_take_varint(call, &left, &at);
-    failed = failed ? failed : reel_take_varint(call, &left, &n_blocks);
+/* Takes what the index says of the blocks of a segment, which end before `limit`: to the outline of
+   the segment, if there is one, and in sum. */
+static int take_blocks(reel_call *call, reel_pool *pool, reel_outline *outline,
+                       reel_segment *segment, reel_stretch *left, uint64_t limit) {
+    uint64_t at = segment->first_block, n_blocks, n_frames, *ends = NULL;
+    segment->n_frames = 0;
+    int failed = reel_take_varint(call, left, &n_blocks);
+    if (!failed && !n_blocks) {
+        return corrupt(call, left->at, "the index lists a segment without blocks");
+    }
     for (uint64_t i = 0; !failed && i < n_blocks; i++) {
-        failed = reel_take_varint(call, &left, &n_frames);
-        failed = failed ? failed : add_block(call, pool, outline, at, n_frames, &ends);
-        for (uint32_t track = 0; !failed && track < outline->n_tracks; track++) {
+        failed = reel_take_varint(call, left, &n_frames);
+        if (!failed) {
+            failed = outline ? add_block(call, pool, outline, at, n_frames, &ends)
+                             : check_block(call, at, segment->n_verts, segment->n_frames, n_frames);
+        }
+        segment->n_frames += failed ? 0 : (uint32_t)n_frames;
+        for (uint32_t track = 0; !failed && track < segment->n_tracks; track++) {
             uint64_t size;
-            failed = reel_take_varint(call, &left, &size);
-            if (!failed && (!size || size > index->at - at)) {
-                return corrupt(call, left.at, "the index lists blocks that are not in the file");
+            failed = reel_take_varint(call, left, &size);
+            if (!failed && (!size || size > limit - at)) {
+                return corrupt(call, left->at, "the index lists blocks that are not in the file");
             }
             at += failed ? 0 : size;
-            ends[track] = at;
+            if (outline) {
+                ends[track] = at;
+            }
         }
     }
-    bool is_whole = failed || (n_blocks && !left.length && at == index->at);
-    return is_whole ? failed : corrupt(call, index->at, "the index does not list all blocks");
+    segment->end = at;
+    return failed;
+}
+
+/* Takes what the index says of a segment behind the first, before its blocks. */
+static int take_segment(reel_call *call, reel_stretch *left, uint64_t limit,
+                        reel_segment *segment) {
+    uint64_t at = left->at, n_tracks, size;
+    int failed = reel_take_varint(call, left, &segment->n_verts);
+    failed = failed ? failed : reel_take_varint(call, left, &segment->n_faces);
+    failed = failed ? failed : reel_take_varint(call, left, &n_tracks);
+    failed = failed ? failed : reel_take_varint(call, left, &size);
+    failed = failed ? failed : check_counts(call, segment->n_verts, segment->n_faces, at);
+    if (failed) {
+        return failed;
+    }
+    if (!n_tracks || n_tracks > MOST_TRACKS || size > limit - segment->at) {
+        return corrupt(call, at, "the index lists a segment that is not in the file");
+    }
+    segment->n_tracks = (uint32_t)n_tracks;
+    segment->first_block = segment->at + size;
+    return MESHREEL_OK;
+}
+
+static int add_segment(reel_call *call, reel_pool *pool, reel_segments *segments,
+                       reel_segment segment) {
+    if (segment.n_frames > REEL_MOST_FRAMES - segments->n_frames) {
+        return reel_fail(call, MESHREEL_UNSUPPORTED, segment.at, "more than 2^28 frames");
+    }
+    void *all = segments->all;
+    int failed = grow(call, pool, &all, segments->count, &segments->room, sizeof segment);
+    if (!failed) {
+        segments->all = all;
+        segment.first_frame = (uint32_t)segments->n_frames;
+        segments->all[segments->count++] = segment;
+        segments->n_frames += segment.n_frames;
+    }
+    return failed;
+}
+
+/* The first segment to `outline`, and all to `segments`. */
+static int read_index(reel_call *call, reel_pool *pool, reel_outline *outline,
+                      const reel_section *index, reel_segments *segments) {
+    reel_stretch left = index->payload;
+    reel_segment segment = {.at = outline->begin, .n_verts = outline->n_verts,
+                            .n_faces = outline->n_faces, .n_tracks = outline->n_tracks};
+    int failed = reel_take_varint(call, &left, &segment.first_block);
+    for (bool is_first = true; !failed && (is_first || left.length); is_first = false) {
+        failed = is_first ? MESHREEL_OK : take_segment(call, &left, index->at, &segment);
+        segment.blocks = left;
+        failed = failed ? failed : take_blocks(call, pool, is_first ? outline : NULL, &segment,
+                                               &left, index->at);
+        failed = failed ? failed : add_segment(call, pool, segments, segment);
+        segment.at = segment.end;
+    }
+    return failed || segment.end == index->at
+               ? failed
+               : corrupt(call, index->at, "the index does not list all blocks");
 }
 
 /* ---- section by section ---- */
@@ -317,12 +415,12 @@ static int open_block(scan *s, const reel_section *section) {
 }
 
 static int close_block(scan *s, uint64_t end) {
-    uint64_t *ends = s->ends;
+    if (s->n_groups != s->outline->n_tracks) {
+        return corrupt(s->call, end, "a block has not as many groups as there are tracks");
+    }
+    s->ends[s->n_groups - 1] = end;
     s->ends = NULL;
-    ends[s->n_groups - 1] = end;
-    return s->n_groups == s->outline->n_tracks
-               ? MESHREEL_OK
-               : corrupt(s->call, end, "a block has not as many groups as there are tracks");
+    return MESHREEL_OK;
 }
 
 /* The block that is open is not complete. */
@@ -340,13 +438,21 @@ static int check_end(scan *s, const reel_section *section) {
                : corrupt(s->call, section->at, "the index contradicts the blocks");
 }
 
+/* The next segment begins behind a block. */
+static int check_next(scan *s, const reel_section *section) {
+    return s->index_at || !s->outline->n_blocks
+               ? corrupt(s->call, section->at, "a segment is out of place")
+               : MESHREEL_OK;
+}
+
 static int note_section(scan *s, const reel_section *section) {
     uint32_t id = section->id;
     s->last = id;
     s->index_at = id == REEL_INDEX ? section->at : s->index_at;
-    if (id == REEL_BLOCK || id == REEL_INDEX || id == REEL_END) {
+    if (id == REEL_BLOCK || id == REEL_SEGMENT || id == REEL_INDEX || id == REEL_END) {
         int failed = s->ends ? close_block(s, section->at) : MESHREEL_OK;
         failed = failed || id != REEL_END ? failed : check_end(s, section);
+        failed = failed || id != REEL_SEGMENT ? failed : check_next(s, section);
         return failed || id != REEL_BLOCK ? failed : open_block(s, section);
     }
     if (s->ends) {
@@ -366,19 +472,25 @@ static int note_section(scan *s, const reel_section *section) {
                                 : note_leading(s->call, s->pool, s->outline, section);
 }
 
-/* Up to END, or up to what is damaged: then `is_whole` is false. */
-static int read_sections(reel_call *call, reel_pool *pool, reel_outline *outline) {
+/* Up to the next segment, whose section is noted, or to END; or up to what is damaged: then `is_whole`
+   is false. */
+static int read_sections(reel_call *call, reel_pool *pool, reel_outline *outline, uint64_t begin,
+                         reel_section *next) {
     scan s = {.call = call, .pool = pool, .outline = outline, .last = REEL_OPTIONAL};
-    uint64_t at = outline->header_end;
+    uint64_t at = begin;
     int failed = MESHREEL_OK;
-    while (!failed && s.last != REEL_END) {
+    next->id = REEL_END;
+    while (!failed && s.last != REEL_END && s.last != REEL_SEGMENT) {
         reel_section section;
         failed = reel_section_at(call, at, call->source->size, &section);
         failed = failed ? failed : reel_section_check(call, &section);
         if (!failed && reel_is_known(section.id)) {
             failed = note_section(&s, &section);
         }
-        at = failed ? at : section.end;
+        if (!failed && s.last == REEL_SEGMENT) {
+            *next = section;
+        }
+        at = failed || s.last == REEL_SEGMENT ? at : section.end;
     }
     if (failed && failed != MESHREEL_TRUNCATED && failed != MESHREEL_CORRUPT) {
         return failed;
@@ -394,34 +506,176 @@ static int read_sections(reel_call *call, reel_pool *pool, reel_outline *outline
         outline->end = outline->places[outline->n_blocks - 1].at;
         drop_block(&s);
     }
-    return outline->n_blocks ? MESHREEL_OK : failed;
+    if (outline->n_blocks) {
+        return MESHREEL_OK;
+    }
+    return failed ? failed : corrupt(call, outline->begin, "a segment has no block of frames");
+}
+
+static uint64_t end_of_blocks(const reel_outline *outline) {
+    return outline->ends[outline->n_blocks * outline->n_tracks - 1];
+}
+
+/* ---- segments ---- */
+
+/* The segment that begins with a section, as far as this section says. */
+static int begin_segment(reel_call *call, const reel_section *section, const reel_outline *file,
+                         reel_outline *outline) {
+    uint8_t mesh[SEGMENT_BYTES], placement[PLACEMENT_BYTES];
+    reel_stretch left = section->payload;
+    bool is_placed = left.length == SEGMENT_BYTES + PLACEMENT_BYTES;
+    *outline = (reel_outline){.fps = file->fps, .begin = section->at};
+    reel_copy(outline->placement, file->placement, sizeof outline->placement);
+    if (left.length != SEGMENT_BYTES && !is_placed) {
+        return corrupt(call, section->at, "the section SEGMENT has neither 12 nor 44 bytes");
+    }
+    int failed = reel_take_bytes(call, &left, mesh, sizeof mesh);
+    failed = failed ? failed : set_mesh(call, outline, mesh, section->payload.at, mesh + 8,
+                                        section->payload.at + 8);
+    if (!failed && is_placed) {
+        uint64_t at = left.at;
+        failed = reel_take_bytes(call, &left, placement, sizeof placement);
+        failed = failed ? failed : set_placement(call, outline, placement, at);
+    }
+    forget(outline);
+    return failed;
+}
+
+/* The section that segment behind the first begins with, which was listed or found before. */
+static int read_beginning(reel_call *call, const reel_outline *file, const reel_segment *segment,
+                          reel_section *section, reel_outline *outline) {
+    uint64_t limit = segment->first_block ? segment->first_block : segment->end;
+    int failed = reel_section_at(call, segment->at, limit, section);
+    failed = failed ? failed : reel_section_check(call, section);
+    if (!failed && section->id != REEL_SEGMENT) {
+        return corrupt(call, segment->at, "no segment begins where one should");
+    }
+    failed = failed ? failed : begin_segment(call, section, file, outline);
+    bool is_other = outline->n_verts != segment->n_verts || outline->n_faces != segment->n_faces;
+    return failed || !is_other
+               ? failed
+               : corrupt(call, segment->at, "the index contradicts the mesh of a segment");
+}
+
+static int parse_segment(reel_call *call, reel_pool *pool, const reel_segment *segment,
+                         uint64_t begin, reel_outline *outline) {
+    reel_section next;
+    if (!segment->first_block) {
+        return read_sections(call, pool, outline, begin, &next);
+    }
+    reel_segment found = *segment;
+    reel_stretch left = segment->blocks;
+    int failed = read_leading(call, pool, outline, begin, segment->first_block);
+    if (!failed && outline->n_tracks != segment->n_tracks) {
+        return corrupt(call, segment->at, "the index contradicts the tracks of a segment");
+    }
+    outline->is_whole = true;
+    return failed ? failed : take_blocks(call, pool, outline, &found, &left, segment->end);
+}
+
+int reel_read_segment(reel_call *call, reel_pool *pool, const reel_outline *file,
+                      const reel_segments *segments, uint32_t number, reel_outline *outline) {
+    const reel_segment *segment = &segments->all[number];
+    reel_section section = {.end = segment->at};
+    int failed = MESHREEL_OK;
+    if (number) {
+        failed = read_beginning(call, file, segment, &section, outline);
+    } else {
+        *outline = *file;
+        forget(outline);
+    }
+    failed = failed ? failed : parse_segment(call, pool, segment, section.end, outline);
+    if (failed) {
+        return failed;
+    }
+    char *name = reel_keep(call, pool, file->name.size, 1);
+    if (!name) {
+        return call->error.code;
+    }
+    reel_copy(name, file->name.bytes, file->name.size);
+    outline->name = (meshreel_text){name, file->name.size};
+    outline->end = end_of_blocks(outline);
+    outline->start_s = file->start_s;
+    if (file->fps > 0.0) {
+        outline->start_s += (double)segment->first_frame / file->fps;
+    }
+    return MESHREEL_OK;
 }
 
 /* ---- the whole ---- */
 
-static int check_frames(reel_call *call, const reel_outline *outline) {
-    if (!outline->n_blocks) {
-        return corrupt(call, outline->header_end, "the file holds no block of frames");
-    }
-    bool is_other = outline->announced && outline->announced != outline->n_frames;
+static int check_frames(reel_call *call, const reel_outline *outline,
+                        const reel_segments *segments) {
+    bool is_other = outline->announced && outline->announced != segments->n_frames;
     return outline->is_whole && is_other
                ? corrupt(call, 10, "the blocks do not hold as many frames as the header announces")
                : MESHREEL_OK;
 }
 
-static int read_indexed(reel_call *call, reel_pool *pool, reel_outline *outline) {
+static int read_indexed(reel_call *call, reel_pool *pool, reel_outline *outline,
+                        reel_segments *segments) {
     reel_section index;
     uint64_t first;
     int failed = find_index(call, outline, &index, &first);
-    failed = failed ? failed : read_leading(call, pool, outline, first);
-    failed = failed ? failed : read_index(call, pool, outline, &index);
+    failed = failed ? failed : read_leading(call, pool, outline, outline->begin, first);
+    failed = failed ? failed : read_index(call, pool, outline, &index, segments);
     outline->is_whole = true;
     outline->end = call->source->size;
-    return failed ? failed : check_frames(call, outline);
+    return failed ? failed : check_frames(call, outline, segments);
 }
 
-int reel_read_outline(reel_call *call, reel_pool *pool, reel_outline *outline) {
+static int add_scanned(reel_call *call, reel_pool *pool, const reel_outline *outline,
+                       reel_segments *segments) {
+    return add_segment(call, pool, segments,
+                       (reel_segment){.at = outline->begin,
+                                      .end = end_of_blocks(outline),
+                                      .n_verts = outline->n_verts,
+                                      .n_faces = outline->n_faces,
+                                      .n_frames = (uint32_t)outline->n_frames,
+                                      .n_tracks = outline->n_tracks});
+}
+
+/* The segment that begins with section `next`, which is replaced by what follows it. One that is
+   damaged, and has no complete block, is left out. */
+static int scan_segment(reel_call *call, reel_pool *pool, reel_outline *file, reel_section *next,
+                        reel_segments *segments) {
+    const reel_chunk *mark = call->scratch.last;
+    reel_outline outline;
+    uint64_t at = next->at;
+    int failed = begin_segment(call, next, file, &outline);
+    failed = failed ? failed
+                    : read_sections(call, &call->scratch, &outline, next->end, next);
+    if (failed == MESHREEL_TRUNCATED || failed == MESHREEL_CORRUPT) {
+        next->id = REEL_END;
+        file->is_whole = false;
+        file->end = at;
+        file->damage = call->error;
+        failed = MESHREEL_OK;
+    } else if (!failed) {
+        file->is_whole = outline.is_whole;
+        file->end = outline.end;
+        file->damage = outline.damage;
+        failed = add_scanned(call, pool, &outline, segments);
+    }
+    reel_drop_scratch(call, mark);
+    return failed;
+}
+
+static int read_scanned(reel_call *call, reel_pool *pool, reel_outline *outline,
+                        reel_segments *segments) {
+    reel_section next;
+    int failed = read_sections(call, pool, outline, outline->begin, &next);
+    failed = failed ? failed : add_scanned(call, pool, outline, segments);
+    while (!failed && next.id == REEL_SEGMENT) {
+        failed = scan_segment(call, pool, outline, &next, segments);
+    }
+    return failed ? failed : check_frames(call, outline, segments);
+}
+
+int reel_read_outline(reel_call *call, reel_pool *pool, reel_outline *outline,
+                      reel_segments *segments) {
     *outline = (reel_outline){0};
+    *segments = (reel_segments){0};
     if (call->source->size > REEL_MOST_BYTES) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, 0, "more than 2^40 bytes");
     }
@@ -430,14 +684,13 @@ int reel_read_outline(reel_call *call, reel_pool *pool, reel_outline *outline) {
         return failed;
     }
     forget(outline);
-    failed = read_indexed(call, pool, outline);
+    failed = read_indexed(call, pool, outline, segments);
     if (failed != MESHREEL_TRUNCATED && failed != MESHREEL_CORRUPT) {
         return failed;
     }
     forget(outline);
-    outline->blocks_room = 0; /* the ends of groups are as many as tracks, which may be others now */
-    failed = read_sections(call, pool, outline);
-    return failed ? failed : check_frames(call, outline);
+    *segments = (reel_segments){0};
+    return read_scanned(call, pool, outline, segments);
 }
 
 int reel_only_section(reel_call *call, const reel_outline *outline, uint32_t id,
@@ -450,7 +703,7 @@ int reel_only_section(reel_call *call, const reel_outline *outline, uint32_t id,
         }
     }
     return count == 1 ? MESHREEL_OK
-                      : corrupt(call, outline->header_end,
+                      : corrupt(call, outline->begin,
                                 id == REEL_CONNECTIVITY
                                     ? "there is not exactly one section CONNECTIVITY"
                                     : "there is not exactly one section ORDER");

@@ -17,6 +17,9 @@ int meshreel_begin(const meshreel_file *file, meshreel_decoder **decoder, meshre
         return invalid(error, "a pointer to a file or a decoder is NULL");
     }
     *decoder = NULL;
+    if (file->info.n_segments > 1) {
+        return reel_refuse_several(error);
+    }
     reel_call call = reel_begin_call(&file->source, &file->host, 0);
     if (reel_is_of_paper(file)) {
         return reel_end_call(&call, reel_fail(&call, MESHREEL_METHOD, 31,

@@ -27,47 +27,75 @@ static void fill_info(meshreel_file *file) {
         .name = outline->name,
         .fps = outline->fps,
         .start_s = outline->start_s,
-        .promise_percent = outline->promise,
         .center = {outline->placement[1], outline->placement[2], outline->placement[3]},
         .diagonal = outline->placement[0],
         .size = outline->end,
-        .n_frames = (uint32_t)outline->n_frames,
-        .n_verts = (uint32_t)outline->n_verts,
-        .n_triangles = (uint32_t)outline->n_faces,
-        .n_faces = (uint32_t)outline->n_polygons,
-        .n_corners = (uint32_t)outline->n_corners,
-        .n_blocks = (uint32_t)outline->n_blocks,
-        .longest_block = outline->longest,
-        .n_tracks = outline->n_tracks,
+        .n_frames = (uint32_t)file->segments.n_frames,
         .number_bytes = outline->number_bytes,
         .method = outline->method,
         .laplacian = outline->laplacian,
         .order = outline->order,
         .is_whole = outline->is_whole,
+        .n_segments = (uint32_t)file->segments.count,
         .damage = outline->damage,
     };
 }
 
+static void fill_info_of_mesh(meshreel_file *file) {
+    const reel_outline *outline = &file->outline;
+    meshreel_info *info = &file->info;
+    info->promise_percent = outline->promise;
+    info->n_verts = (uint32_t)outline->n_verts;
+    info->n_triangles = (uint32_t)outline->n_faces;
+    info->n_faces = (uint32_t)outline->n_polygons;
+    info->n_corners = (uint32_t)outline->n_corners;
+    info->n_blocks = (uint32_t)outline->n_blocks;
+    info->longest_block = outline->longest;
+    info->n_tracks = outline->n_tracks;
+}
+
 static int parse(reel_call *call, meshreel_file *file) {
-    int failed = reel_read_outline(call, &file->pool, &file->outline);
-    if (!failed && reel_is_of_paper(file) && file->outline.n_tracks > 1) {
-        failed = reel_fail(call, MESHREEL_CORRUPT, file->outline.header_end,
+    int failed = MESHREEL_OK;
+    if (reel_is_of_paper(file) && file->outline.n_tracks > 1) {
+        failed = reel_fail(call, MESHREEL_CORRUPT, file->outline.begin,
                            "a method of the paper has no tracks, and one is announced");
     }
     failed = failed ? failed
                     : reel_read_tracks(call, &file->pool, &file->outline, &file->tracks);
     if (!failed) {
         fill_info(file);
+        fill_info_of_mesh(file);
     }
     return failed;
 }
 
-int meshreel_open(const meshreel_source *source, const meshreel_host *host, meshreel_file **file,
-                  meshreel_error *error) {
-    if (!source || !host || !file || (!source->bytes && !source->read) || !host->allocate ||
-        !host->release) {
-        return invalid(error, "a pointer to a source, a host, a file or a callback is NULL");
+static int parse_whole(reel_call *call, meshreel_file *file) {
+    int failed = reel_read_outline(call, &file->pool, &file->outline, &file->segments);
+    if (failed || file->segments.count == 1) {
+        return failed ? failed : parse(call, file);
     }
+    fill_info(file);
+    return MESHREEL_OK;
+}
+
+static int parse_segment(reel_call *call, meshreel_file *file, const meshreel_file *whole,
+                         uint32_t number) {
+    int failed = reel_read_segment(call, &file->pool, &whole->outline, &whole->segments, number,
+                                   &file->outline);
+    reel_segment *own = failed ? NULL : reel_keep(call, &file->pool, 1, sizeof *own);
+    if (!own) {
+        return call->error.code;
+    }
+    *own = whole->segments.all[number];
+    file->segments = (reel_segments){.all = own, .count = 1, .n_frames = own->n_frames};
+    file->is_segment = true;
+    return parse(call, file);
+}
+
+/* Opens a file, or a segment of one. */
+static int open_file(const meshreel_source *source, const meshreel_host *host,
+                     const meshreel_file *whole, uint32_t number, meshreel_file **file,
+                     meshreel_error *error) {
     *file = NULL;
     reel_pool first = {NULL, 0};
     reel_call call = reel_begin_call(source, host, 0);
@@ -76,7 +104,7 @@ int meshreel_open(const meshreel_source *source, const meshreel_host *host, mesh
         return reel_end_call(&call, call.error.code, error);
     }
     *own = (meshreel_file){.source = *source, .host = *host, .pool = first};
-    int failed = parse(&call, own);
+    int failed = whole ? parse_segment(&call, own, whole, number) : parse_whole(&call, own);
     reel_end_call(&call, failed, error);
     if (failed) {
         meshreel_close(own);
@@ -84,6 +112,27 @@ int meshreel_open(const meshreel_source *source, const meshreel_host *host, mesh
     }
     *file = own;
     return MESHREEL_OK;
+}
+
+int meshreel_open(const meshreel_source *source, const meshreel_host *host, meshreel_file **file,
+                  meshreel_error *error) {
+    if (!source || !host || !file || (!source->bytes && !source->read) || !host->allocate ||
+        !host->release) {
+        return invalid(error, "a pointer to a source, a host, a file or a callback is NULL");
+    }
+    return open_file(source, host, NULL, 0, file, error);
+}
+
+int meshreel_open_segment(const meshreel_file *file, uint32_t number, meshreel_file **segment,
+                          meshreel_error *error) {
+    if (!file || !segment || number >= file->info.n_segments) {
+        return invalid(error, "there is no such segment, or a pointer is NULL");
+    }
+    if (file->is_segment) {
+        return invalid(error, "the file is a segment itself");
+    }
+    const meshreel_file *whole = file->info.n_segments > 1 ? file : NULL;
+    return open_file(&file->source, &file->host, whole, number, segment, error);
 }
 
 void meshreel_close(meshreel_file *file) {
@@ -96,6 +145,32 @@ void meshreel_close(meshreel_file *file) {
 
 const meshreel_info *meshreel_info_of(const meshreel_file *file) { return &file->info; }
 
+/* ---- segments ---- */
+
+int meshreel_segment_of(const meshreel_file *file, uint32_t number, meshreel_segment *segment) {
+    if (!file || !segment || number >= file->info.n_segments) {
+        return MESHREEL_INVALID;
+    }
+    const reel_segment *found = &file->segments.all[number];
+    *segment = (meshreel_segment){found->first_frame,       found->n_frames,
+                                  (uint32_t)found->n_verts, (uint32_t)found->n_faces,
+                                  found->at,                found->end - found->at};
+    return MESHREEL_OK;
+}
+
+uint32_t meshreel_segment_of_frame(const meshreel_file *file, uint32_t frame) {
+    uint32_t first = 0, end = file->info.n_segments;
+    while (end - first > 1) {
+        uint32_t middle = first + (end - first) / 2;
+        if (file->segments.all[middle].first_frame <= frame) {
+            first = middle;
+        } else {
+            end = middle;
+        }
+    }
+    return first;
+}
+
 /* ---- the layout ---- */
 
 int meshreel_section_at(const meshreel_file *file, uint64_t offset, int check,
@@ -103,8 +178,8 @@ int meshreel_section_at(const meshreel_file *file, uint64_t offset, int check,
     if (!file || !section) {
         return invalid(error, "a pointer to a file or a section is NULL");
     }
-    uint64_t at = offset ? offset : file->outline.header_end;
-    if (at < file->outline.header_end || at >= file->outline.end) {
+    uint64_t at = offset ? offset : file->outline.begin;
+    if (at < file->outline.begin || at >= file->outline.end) {
         return invalid(error, "there is no section at this byte");
     }
     reel_call call = reel_begin_call(&file->source, &file->host, 0);
@@ -175,6 +250,15 @@ int meshreel_track_of(const meshreel_file *file, uint32_t number, meshreel_track
 
 /* ---- the mesh ---- */
 
+int reel_refuse_several(meshreel_error *error) {
+    if (error) {
+        *error = (meshreel_error){.code = MESHREEL_SEGMENTS, .offset = REEL_UNKNOWN,
+                                  .message = "the file has several segments with different meshes; "
+                                             "open one of them"};
+    }
+    return MESHREEL_SEGMENTS;
+}
+
 /* Stencils of the positions of the first block; 0 where they are not needed, or the block is
    damaged, which is found when it is loaded. */
 static int first_stencil(reel_call *call, const meshreel_file *file, int64_t *size) {
@@ -229,6 +313,9 @@ static int read_mesh(reel_call *call, meshreel_file *file, reel_pool *pool) {
 int meshreel_read_mesh(meshreel_file *file, meshreel_error *error) {
     if (!file) {
         return invalid(error, "a pointer to a file is NULL");
+    }
+    if (file->info.n_segments > 1) {
+        return reel_refuse_several(error);
     }
     reel_call call = reel_begin_call(&file->source, &file->host, file->pool.held);
     reel_pool pool = {NULL, 0};

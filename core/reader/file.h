@@ -12,6 +12,8 @@ struct meshreel_file {
     reel_pool pool;
     meshreel_info info;
     reel_outline outline;
+    reel_segments segments;
+    bool is_segment; /* one of several of the source */
     reel_track *tracks;
     bool has_mesh, has_surface;
     reel_mesh_data mesh;
@@ -25,5 +27,8 @@ struct meshreel_file {
 REEL_INLINE bool reel_is_of_paper(const meshreel_file *file) {
     return file->outline.method < REEL_METHOD_REEL;
 }
+
+/* Refuses a call that is for one segment, of a file of several. */
+int reel_refuse_several(meshreel_error *error);
 
 #endif

@@ -14,6 +14,7 @@ enum reel_section_id {
     REEL_CONNECTIVITY = 1,
     REEL_ORDER = 2,
     REEL_SHAPE = 4,
+    REEL_SEGMENT = 5,
     REEL_BLOCK = 16,
     REEL_BASIS = 17,
     REEL_COEFFICIENTS = 19,

@@ -171,7 +171,7 @@ int reel_read_tracks(reel_call *call, reel_pool *pool, const reel_outline *outli
     *tracks = all;
     int failed = read_positions(call, pool, outline, all);
     uint32_t count = 1;
-    uint64_t at = outline->header_end;
+    uint64_t at = outline->begin;
     for (uint32_t i = 0; i < outline->n_leading && !failed; i++) {
         const reel_leading *section = &outline->leading[i];
         if (section->id != REEL_TRACK) {

@@ -6,10 +6,10 @@ import pytest
 
 import meshreel
 from conformance.bits import DamagedError
-from conformance.by_core import given_by_core, read_by_core
+from conformance.by_core import given_by_core, read_all_by_core
 from conformance.check import differences
 from conformance.make import FOLDER, REFUSED, REFUSED_FOLDER, STREAMS
-from conformance.reader import read
+from conformance.reader import read, read_all
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import CorruptStreamError
 from samples.c_reader import File, RefusalError
@@ -45,19 +45,19 @@ def test_every_stream_is_stored_with_what_it_holds():
 @pytest.mark.every_case
 @pytest.mark.parametrize("name", STREAMS)
 def test_core_finds_what_is_said_of_a_stream(name):
-    assert differences(name, read_by_core, given_by_core) == []
+    assert differences(name, read_all_by_core, given_by_core) == []
 
 
 @pytest.mark.every_case
 @pytest.mark.parametrize("name", QUICK)
 def test_plain_reader_finds_what_is_said_of_a_stream(name):
-    assert differences(name, read) == []
+    assert differences(name, read_all) == []
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(set(STREAMS) - set(QUICK)))
 def test_plain_reader_finds_what_is_said_of_a_stream_when_it_takes_longer(name):
-    assert differences(name, read) == []
+    assert differences(name, read_all) == []
 
 
 def test_every_refused_stream_is_stored():

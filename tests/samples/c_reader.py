@@ -32,6 +32,7 @@ class Code(IntEnum):
     UNREADABLE = 7
     RANGE = 8
     LIMIT = 9
+    SEGMENTS = 10
 
 
 DAMAGED = (Code.TRUNCATED, Code.CORRUPT, Code.UNSUPPORTED)
@@ -86,8 +87,14 @@ class Info(ctypes.Structure):
         name=Text, fps__start_s__promise_percent=c_double, center=c_double * 3, diagonal=c_double,
         size=c_uint64, n_frames__n_verts__n_triangles__n_faces__n_corners=c_uint32,
         n_blocks__longest_block__n_tracks__number_bytes__method__laplacian__order=c_uint32,
-        is_whole__reserved=c_uint32, damage=CError,
+        is_whole__n_segments=c_uint32, damage=CError,
     )  # fmt: skip
+
+
+class Segment(ctypes.Structure):
+    """`meshreel_segment`."""
+
+    _fields_ = fields(first_frame__n_frames__n_verts__n_triangles=c_uint32, offset__size=c_uint64)
 
 
 class Section(ctypes.Structure):
@@ -190,9 +197,9 @@ class Layout(ctypes.Structure):
 
 STRUCTURES = {
     "error": CError, "source": Source, "host": CHost, "text": Text, "info": Info,
-    "section": Section, "block": Block, "attribute": CAttribute, "groups": CGroups, "part": CPart,
-    "texture": CTexture, "material": CMaterial, "image": CImage, "surface": CSurface,
-    "track": Track, "group": Group, "layout": Layout,
+    "segment": Segment, "section": Section, "block": Block, "attribute": CAttribute,
+    "groups": CGroups, "part": CPart, "texture": CTexture, "material": CMaterial, "image": CImage,
+    "surface": CSurface, "track": Track, "group": Group, "layout": Layout,
 }  # fmt: skip
 """By their names in the header, without `meshreel_`."""
 
@@ -297,13 +304,16 @@ def by_calls(data, allows=None):
 
 
 class File:
-    """An open file; its mesh is decoded unless `mesh` is false."""
+    """An open file, or segment `number` of `whole`; its mesh is decoded unless `mesh` is false."""
 
-    def __init__(self, source, host=None, mesh=True):
+    def __init__(self, source, host=None, mesh=True, whole=None, number=0):
         self.source = in_memory(source) if isinstance(source, bytes) else source
         self.host = host or Host()
         self.at = c_void_p()
-        call("open", byref(self.source), byref(self.host.c), byref(self.at))
+        if whole:
+            call("open_segment", whole.at, c_uint32(number), byref(self.at))
+        else:
+            call("open", byref(self.source), byref(self.host.c), byref(self.at))
         self.info = returned("info_of", ctypes.POINTER(Info), self.at).contents
         try:
             if mesh:
@@ -322,6 +332,27 @@ class File:
         """Release it; its decoders must be closed."""
         library().meshreel_close(self.at)
         self.at = c_void_p()
+
+    def open_segment(self, number, mesh=True):
+        """A segment as a separate file."""
+        return File(self.source, self.host, mesh, whole=self, number=number)
+
+    def segment(self, number):
+        """Frames, mesh and bytes of a segment."""
+        found = Segment()
+        code = library().meshreel_segment_of(self.at, c_uint32(number), byref(found))
+        if code:
+            raise RefusalError(code)
+        return found
+
+    @property
+    def segments(self):
+        """All segments."""
+        return [self.segment(number) for number in range(self.info.n_segments)]
+
+    def segment_of_frame(self, frame):
+        """Number of the segment of a frame."""
+        return returned("segment_of_frame", c_uint32, self.at, c_uint32(frame))
 
     def read_mesh(self):
         """Decode triangles and the order of vertices."""

@@ -7,17 +7,20 @@ from dataclasses import dataclass
 from meshreel.bitstream.layout import FORMAT_VERSION, MAGIC, MAX_NAME_BYTES, VertexType
 
 _FIXED = struct.Struct("<8sHIIIdBBBB4dH")
+_SEGMENT = struct.Struct("<IIBBBB")
+_PLACEMENT = struct.Struct("<4d")
 _CHECKSUM = struct.Struct("<I")
 
 
 @dataclass(frozen=True)
 class Header:
-    """The header of a stream.
+    """The header of a stream; of its first segment, if it has several.
 
     Attributes
     ----------
     n_frames : int
-        0 if unknown when the header was written: then it is the sum over the blocks.
+        Of all segments. 0 if unknown when the header was written: then it is the sum over the
+        blocks.
     n_verts, n_faces : int
         At least 1 each.
     fps : float
@@ -72,3 +75,26 @@ def write_header(header: Header) -> bytes:
         len(name),
     )
     return fixed + name + _CHECKSUM.pack(zlib.crc32(fixed + name))
+
+
+def write_segment(header: Header, first: Header) -> bytes:
+    """Payload of the section SEGMENT: a header without what segments share.
+
+    Parameters
+    ----------
+    header : Header
+        Of the segment; its name, frames and frames per second are not stored.
+    first : Header
+        Of the stream. Origin and scale are stored if they differ from these.
+    """
+    payload = _SEGMENT.pack(
+        header.n_verts,
+        header.n_faces,
+        header.vertex_type,
+        header.method,
+        header.laplacian,
+        header.order,
+    )
+    if (header.origin, header.scale) == (first.origin, first.scale):
+        return payload
+    return payload + _PLACEMENT.pack(*header.origin, header.scale)

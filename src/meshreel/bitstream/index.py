@@ -25,10 +25,43 @@ class BlockPlace:
     sizes: tuple[int, ...]
 
 
-def write_index(places: Sequence[BlockPlace]) -> bytes:
-    """Payload of the section INDEX; blocks are consecutive, and the index follows the last."""
-    first = places[0].position if places else 0
-    numbers = [first, len(places)]
-    for place in places:
-        numbers += [place.n_frames, *place.sizes]
+@dataclass(frozen=True)
+class SegmentPlace:
+    """Position of a segment behind the first, and its blocks.
+
+    Attributes
+    ----------
+    n_verts, n_faces : int
+    position : int
+        Byte of the stream at which its section SEGMENT begins: the end of the segment before.
+    places : sequence of BlockPlace
+        At least 1.
+    """
+
+    n_verts: int
+    n_faces: int
+    position: int
+    places: Sequence[BlockPlace]
+
+
+def write_index(places: Sequence[BlockPlace], further: Sequence[SegmentPlace] = ()) -> bytes:
+    """Payload of the section INDEX; blocks are consecutive, and the index follows the last.
+
+    Parameters
+    ----------
+    places : sequence of BlockPlace
+        Of the first segment.
+    further : sequence of SegmentPlace
+        Segments behind it.
+    """
+    numbers = [places[0].position if places else 0, *_numbers_of(places)]
+    for segment in further:
+        first = segment.places[0]
+        numbers += [segment.n_verts, segment.n_faces, len(first.sizes)]
+        numbers += [first.position - segment.position, *_numbers_of(segment.places)]
     return b"".join(map(write_varint, numbers))
+
+
+def _numbers_of(places: Sequence[BlockPlace]) -> list[int]:
+    """How many blocks there are; and of each its frames, and the bytes of each track."""
+    return [len(places), *(number for one in places for number in (one.n_frames, *one.sizes))]

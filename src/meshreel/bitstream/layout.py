@@ -21,6 +21,7 @@ class Section(IntEnum):
     ORDER = 2
     ANCHOR_VERTICES = 3
     SHAPE = 4
+    SEGMENT = 5
     BLOCK = 16
     BASIS = 17
     ANCHORS = 18

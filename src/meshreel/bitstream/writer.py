@@ -4,8 +4,8 @@ from collections.abc import Iterable
 from io import BytesIO
 from typing import BinaryIO
 
-from meshreel.bitstream.header import Header, write_header
-from meshreel.bitstream.index import BlockPlace, write_index
+from meshreel.bitstream.header import Header, write_header, write_segment
+from meshreel.bitstream.index import BlockPlace, SegmentPlace, write_index
 from meshreel.bitstream.layout import INDEX_POSITION, Section
 from meshreel.bitstream.sections import write_sections
 
@@ -29,7 +29,10 @@ class StreamWriter:
 
     def __init__(self, file: BinaryIO, header: Header, leading: Sections) -> None:
         self._file = file
-        self._places: list[BlockPlace] = []
+        self._header = header
+        self._first: list[BlockPlace] = []
+        self._further: list[SegmentPlace] = []
+        self._places = self._first  # of the segment that is being written
         self._position = 0
         self._write(write_header(header) + b"".join(write_sections(list(leading))))
 
@@ -37,6 +40,23 @@ class StreamWriter:
     def size_bytes(self) -> int:
         """Bytes written so far."""
         return self._position
+
+    def begin_segment(self, header: Header, leading: Sections) -> None:
+        """Begin another mesh, whose frames follow those of the blocks written so far.
+
+        Parameters
+        ----------
+        header : Header
+            Its name, frames and frames per second are not stored: those of the stream apply.
+        leading : iterable of (Section, bytes)
+            The sections before its first block; no START.
+        """
+        assert self._places, "a segment has at least one block"
+        self._places = []
+        counts = header.n_verts, header.n_faces
+        self._further.append(SegmentPlace(*counts, self._position, self._places))
+        first = Section.SEGMENT, write_segment(header, self._header)
+        self._write(b"".join(write_sections([first, *leading])))
 
     def write_block(self, n_frames: int, sections: Sections) -> None:
         """Write a block; the file is flushed.
@@ -60,7 +80,8 @@ class StreamWriter:
 
     def finish(self) -> None:
         """Write the index and the end marker; nothing may follow."""
-        index, position = write_index(self._places), INDEX_POSITION.pack(self._position)
+        index = write_index(self._first, self._further)
+        position = INDEX_POSITION.pack(self._position)
         self._write(b"".join(write_sections([(Section.INDEX, index), (Section.END, position)])))
         self._file.flush()
 

@@ -22,6 +22,7 @@ def decode(
     *,
     frames: slice | None = None,
     n_modes: int | None = None,
+    segment: int | None = None,
     memory: float | str | None = None,
     progress: Progress = silent,
 ) -> MeshSequence:
@@ -39,6 +40,8 @@ def decode(
         of `reel` further modes, up to the 16th at least, are held at their mean over the block, and
         corrections are omitted. The paper's methods leave further rows of coefficients out (the
         paper's k_l). Streams of `lossless` and `grid` have no modes.
+    segment : int, optional
+        Number of a segment, from 0; needed if the stream has several.
     memory : float or str, optional
         The most that frames and tracks together, the mesh, or a block may take while they are
         decoded, as in "2GiB", or bytes. Default: 8 GiB.
@@ -48,7 +51,8 @@ def decode(
     Raises
     ------
     InvalidInputError
-        If `frames` names no frame or has a step, or `n_modes` is below 1 or not for this stream.
+        If `frames` names no frame or has a step, `n_modes` is below 1 or not for this stream, or
+        the stream has no such segment, or several and none is chosen.
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
         If the bytes are not a whole stream that this build reads.
     MemoryLimitError
@@ -56,7 +60,7 @@ def decode(
     """
     limit = memory_limit(memory)
     progress("decoding connectivity", 0.0)
-    opened = whole_stream(bytes(data), limit)
+    opened = whole_stream(bytes(data), limit, segment)
     wanted = frame_range(frames, opened.n_frames)
     opened.require_mesh()
     opened.require_frames(wanted)

@@ -13,7 +13,7 @@ from meshreel.codec.memory import DEFAULT_LIMIT, MemoryLimit
 from meshreel.codec.methods import FrameReader, method_of_code
 from meshreel.codec.stored_blocks import StoredBlock, read_block
 from meshreel.codec.surface.decoded import decoded_surface
-from meshreel.errors import CorruptStreamError
+from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.kernel.files import FileSection, FileTrack, OpenFile
 from meshreel.sequence import Faces
 from meshreel.subspace.trajectories import BoundingFrame
@@ -33,10 +33,16 @@ class OpenStream:
     source : bytes or binary file that can seek
     limit : MemoryLimit, optional
         Of everything that is decoded at once: the mesh, a block, an array that is returned.
+    segment : int, optional
+        Number of a segment, from 0; needed if the stream has several. All else is then of it alone.
 
     Attributes
     ----------
     file : OpenFile
+    offset : int
+        Byte at which it begins: 0, or that of a segment of several.
+    size_bytes : int
+        From there to the end of the stream or segment, or of the last complete block.
     limit : MemoryLimit
     method : Method
     laplacian : Laplacian
@@ -48,6 +54,8 @@ class OpenStream:
 
     Raises
     ------
+    InvalidInputError
+        If the stream has no such segment; or several, and none is chosen.
     CorruptStreamError, TruncatedStreamError
         If the header is damaged, or no block of frames is complete.
     UnsupportedVersionError
@@ -56,17 +64,28 @@ class OpenStream:
         If even the list of its parts takes more memory than allowed.
     """
 
-    def __init__(self, source: bytes | BinaryIO, limit: MemoryLimit = DEFAULT_LIMIT) -> None:
-        self.file = OpenFile(source, limit.limit_bytes)
+    def __init__(
+        self,
+        source: bytes | BinaryIO,
+        limit: MemoryLimit = DEFAULT_LIMIT,
+        segment: int | None = None,
+    ) -> None:
+        self.file = OpenFile(source, limit.limit_bytes, segment)
         self.limit = limit
-        info = self.file.info
+        info, segments = self.file.info, self.file.segments
+        if info.n_segments > 1:
+            raise InvalidInputError(
+                f"the stream has {len(segments)} segments with different meshes; choose one: "
+                f"segment=0 to segment={len(segments) - 1}"
+            )
+        self.offset = segments[segment].offset if segment and len(segments) > 1 else 0
         self.method = method_of_code(info.method)
         self.laplacian = choice_of_code(Laplacian, info.laplacian)
         self.order_kept = choice_of_code(Order, info.order)
         self.promise_percent = info.promise_percent
         self.n_frames, self.n_verts, self.n_faces = info.n_frames, info.n_verts, info.n_triangles
         self.fps, self.name, self.start_s = info.fps, info.name, info.start_s
-        self.is_whole, self.size_bytes = info.is_whole, info.size_bytes
+        self.is_whole, self.size_bytes = info.is_whole, info.size_bytes - self.offset
         self.dtype: np.dtype[np.floating] = np.dtype(f"f{info.number_bytes}")
         self.frame = BoundingFrame(info.center, info.diagonal)
 
@@ -230,21 +249,26 @@ class OpenStream:
         return StoredBlock(place.first_frame, n_frames, n_modes, sections, self.limit)
 
 
-def whole_stream(data: bytes, limit: MemoryLimit = DEFAULT_LIMIT) -> OpenStream:
-    """A stream of which nothing is missing.
+def whole_stream(
+    data: bytes, limit: MemoryLimit = DEFAULT_LIMIT, segment: int | None = None
+) -> OpenStream:
+    """A stream of which nothing is missing; or a segment of it.
 
     Raises
     ------
+    InvalidInputError
+        As `OpenStream`.
     CorruptStreamError, TruncatedStreamError
         If its end is missing or damaged, or bytes follow it; and as `OpenStream`.
     UnsupportedVersionError
         If a newer build is needed.
     """
-    opened = OpenStream(data, limit)
-    if opened.file.info.damage is not None:
-        raise opened.file.info.damage
-    if opened.size_bytes != len(data):
+    opened = OpenStream(data, limit, segment)
+    whole = opened.file.whole
+    if whole.damage is not None:
+        raise whole.damage
+    if whole.size_bytes != len(data):
         raise CorruptStreamError(
-            f"{len(data) - opened.size_bytes} bytes follow the end marker of the stream"
+            f"{len(data) - whole.size_bytes} bytes follow the end marker of the stream"
         )
     return opened

@@ -13,7 +13,7 @@ from weakref import finalize
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.counting import size_text
+from meshreel.counting import counted, size_text
 from meshreel.errors import (
     CorruptStreamError,
     InvalidInputError,
@@ -38,7 +38,8 @@ from meshreel.runtime.threads import n_cores, run_tasks
     UNREADABLE,
     RANGE,
     LIMIT,
-) = range(10)
+    SEGMENTS,
+) = range(11)
 """Codes of `meshreel_code`."""
 
 UNKNOWN_BYTE = 2**64 - 1
@@ -115,9 +116,16 @@ class _Info(ctypes.Structure):
         *fields_of(
             _U32,
             "n_frames n_verts n_triangles n_faces n_corners n_blocks longest_block n_tracks "
-            "number_bytes method laplacian order is_whole reserved",
+            "number_bytes method laplacian order is_whole n_segments",
         ),
         ("damage", _Error),
+    ]
+
+
+class _Segment(ctypes.Structure):
+    _fields_ = [
+        *fields_of(_U32, "first_frame n_frames n_verts n_triangles"),
+        *fields_of(_U64, "offset size"),
     ]
 
 
@@ -151,7 +159,7 @@ class _Track(ctypes.Structure):
 
 @dataclass(frozen=True)
 class FileInfo:
-    """What the header and the index of a file say.
+    """What the header and the index of a file, or of a segment, say.
 
     Attributes
     ----------
@@ -168,6 +176,8 @@ class FileInfo:
         The positions are among the tracks.
     number_bytes, method, laplacian, order : int
         As in the header.
+    n_segments : int
+        Of a file of several, `promise_percent` is None and all counts but `n_frames` are 0.
     is_whole : bool
     damage : Exception or None
         Why it is not whole.
@@ -191,8 +201,30 @@ class FileInfo:
     method: int
     laplacian: int
     order: int
+    n_segments: int
     is_whole: bool
     damage: Exception | None
+
+
+@dataclass(frozen=True)
+class FileSegment:
+    """A mesh of constant connectivity in a file, and its frames.
+
+    Attributes
+    ----------
+    first_frame : int
+        Its number in the file.
+    n_frames, n_verts, n_triangles : int
+    offset, size_bytes : int
+        Of its bytes, without the header of the file.
+    """
+
+    first_frame: int
+    n_frames: int
+    n_verts: int
+    n_triangles: int
+    offset: int
+    size_bytes: int
 
 
 @dataclass(frozen=True)
@@ -397,13 +429,22 @@ class OpenFile:
     source : bytes or binary file that can seek
     limit_bytes : float
         That the file, and each of its decoders, may hold.
+    segment : int, optional
+        Open this segment of the file: its frames begin at 0.
 
     Attributes
     ----------
     info : FileInfo
+        Of the segment that is open, or else of the file.
+    whole : FileInfo
+        Of the file.
+    segments : tuple of FileSegment
+        All that the file has.
 
     Raises
     ------
+    InvalidInputError
+        If the file has no such segment.
     CorruptStreamError, TruncatedStreamError
         If the header is damaged, or no block of frames is complete.
     UnsupportedVersionError
@@ -412,7 +453,9 @@ class OpenFile:
         If more memory would be held than allowed.
     """
 
-    def __init__(self, source: bytes | BinaryIO, limit_bytes: float) -> None:
+    def __init__(
+        self, source: bytes | BinaryIO, limit_bytes: float, segment: int | None = None
+    ) -> None:
         self._limit = limit_bytes
         self._source = source = source.getvalue() if type(source) is BytesIO else source
         self._memory = _Memory()
@@ -437,7 +480,34 @@ class OpenFile:
             ctypes.byref(self.handle),
         )
         self.is_open = True
+        self.info = self.whole = self._info()
+        self.segments = tuple(map(self._segment, range(self.info.n_segments)))
+        if segment is not None:
+            self._choose(segment)
+
+    def _choose(self, segment: int) -> None:
+        if not 0 <= segment < len(self.segments):
+            there = counted(len(self.segments), "segment")
+            raise InvalidInputError(
+                f"segment {segment} is not in the file; it has {there}, numbered from 0"
+            )
+        opened = _POINTER()
+        self.call("open_segment", self.handle, _U32(segment), ctypes.byref(opened))
+        _function("close")(self.handle)
+        self.handle = opened
         self.info = self._info()
+
+    def _segment(self, number: int) -> FileSegment:
+        found = _Segment()
+        _function("segment_of")(self.handle, _U32(number), ctypes.byref(found))
+        return FileSegment(
+            found.first_frame,
+            found.n_frames,
+            found.n_verts,
+            found.n_triangles,
+            found.offset,
+            found.size,
+        )
 
     def _core_source(self) -> _Source:
         if isinstance(self._source, bytes):
@@ -453,7 +523,7 @@ class OpenFile:
         found = ctypes.cast(_function("info_of")(self.handle), ctypes.POINTER(_Info)).contents
         damage = found.damage
         numbers = "fps start_s diagonal n_frames n_verts n_triangles n_faces n_corners n_blocks"
-        codes = "n_tracks number_bytes method laplacian order"
+        codes = "n_tracks number_bytes method laplacian order n_segments"
         return FileInfo(
             name=str(found.name),
             promise_percent=found.promise_percent or None,

@@ -1,0 +1,215 @@
+"""Streams of several segments, and streams that break a rule of segments alone.
+
+`python -m conformance.make` writes them to the folder conformance/segments.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache, partial
+from io import BytesIO
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+
+import meshreel
+from conformance.sources import moving, of_boxes, of_everything
+from meshreel.bitstream import header as header_module
+from meshreel.bitstream import writer as writer_module
+from meshreel.bitstream.header import write_header
+from meshreel.bitstream.layout import Section
+from meshreel.bitstream.sections import write_sections
+from meshreel.bitstream.writer import StreamWriter
+from meshreel.codec.joining import blocks_of, header_of, join_streams, leading_of
+from meshreel.codec.open_stream import whole_stream
+from meshreel.tracks import Track
+
+FOLDER = Path(__file__).with_name("segments")
+REFUSED_FOLDER = FOLDER / "refused"
+
+TETRAHEDRON = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]
+SIDES = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
+BOX = [part for a, b, c, d in SIDES for part in ((a, b, c), (a, c, d))]
+
+
+def with_heat(sequence):
+    """The sequence with a number that changes at each vertex."""
+    heat = np.linspace(0, 1, sequence.n_frames * sequence.n_verts, dtype=np.float32)
+    values = heat.reshape(sequence.n_frames, sequence.n_verts)
+    return replace(sequence, tracks={"heat": Track(values, unit="K")})
+
+
+@cache
+def meshes():
+    """A tetrahedron and a box, of other methods, number types, places, tracks and starts."""
+    timed = {"fps": 24.0, "start_s": 1.5}
+    tetrahedron = moving(TETRAHEDRON, 5, name="two meshes", **timed)
+    box = with_heat(moving(BOX, 4, dtype=np.float64, shape=(2.0, 7.0), **timed))
+    return (
+        meshreel.encode(tetrahedron, max_error=0.1, block_frames=2),
+        meshreel.encode(box, tracks={"heat": 0.01}, order="drop"),
+    )
+
+
+def one_frame_each():
+    """Meshes of one frame, of which some are the same."""
+    faces = (TETRAHEDRON, BOX, BOX, TETRAHEDRON, BOX[:6])
+    return [meshreel.encode(moving(one, 1, seed=i)) for i, one in enumerate(faces)]
+
+
+def of_many_kinds():
+    """A surface of all kinds, exact positions, hard edges, and a method of the paper."""
+    return (
+        meshreel.encode(of_everything(n_frames=2), order="vertices"),
+        meshreel.encode(moving(BOX, 3), lossless=True),
+        meshreel.encode(of_boxes()),
+        meshreel.encode(moving(BOX, 4), method="pca-qp"),
+    )
+
+
+def placed_alike():
+    """Segments that share origin and scale with the header."""
+    return [in_place_of_first(one, one_frame_each()[0]) for one in one_frame_each()]
+
+
+def in_place_of_first(stream, first):
+    """The stream with origin and scale of another, so that its numbers mean other positions."""
+    opened, wanted = whole_stream(stream), header_of(whole_stream(first))
+    header = replace(header_of(opened), origin=wanted.origin, scale=wanted.scale)
+    return written([(header, leading_of(opened), blocks_of(opened))])
+
+
+def written(segments, n_frames=None):
+    """A stream of segments, each a header, sections and blocks."""
+    (header, leading, blocks), *further = segments
+    file = BytesIO()
+    header = header if n_frames is None else replace(header, n_frames=n_frames)
+    writer = StreamWriter(file, header, leading)
+    for block in blocks:
+        writer.write_block(*block)
+    for header, leading, blocks in further:
+        writer.begin_segment(header, leading)
+        for block in blocks:
+            writer.write_block(*block)
+    writer.finish()
+    return file.getvalue()
+
+
+def parts():
+    """Header, sections and blocks of both `meshes`."""
+    return [
+        (header_of(one), list(leading_of(one)), list(blocks_of(one)))
+        for one in map(whole_stream, meshes())
+    ]
+
+
+def without_index(segments):
+    """A stream of segments, each a list of sections, that ends as one of a live writer."""
+    header, *_ = parts()[0]
+    sections = [*(one for segment in segments for one in segment), (Section.END, b"")]
+    return write_header(replace(header, n_frames=0)) + b"".join(write_sections(sections))
+
+
+def sections_of(number):
+    """All sections of a segment of `meshes`; the first of the second is SEGMENT."""
+    header, leading, blocks = parts()[number]
+    own = [one for one in leading if one[0] is not Section.START or not number]
+    first = header_module.write_segment(header, parts()[0][0])
+    return [
+        *([(Section.SEGMENT, first)] if number else []),
+        *own,
+        *(one for _, block in blocks for one in block),
+    ]
+
+
+STREAMS: dict[str, Callable[[], bytes]] = {
+    "two_meshes": lambda: join_streams(meshes()),
+    "one_frame_each": lambda: join_streams(one_frame_each()),
+    "placed_alike": lambda: join_streams(placed_alike()),
+    "many_kinds": lambda: join_streams(of_many_kinds()),
+    "two_meshes_no_index": lambda: without_index([sections_of(0), sections_of(1)]),
+}
+
+
+def with_section(change):
+    """`meshes`, whose SEGMENT has another payload."""
+    write = header_module.write_segment
+    with patch.object(writer_module, "write_segment", lambda *headers: change(write(*headers))):
+        return join_streams(meshes())
+
+
+def with_header(**changes):
+    """`meshes`, whose second header is changed in SEGMENT alone."""
+    write = header_module.write_segment
+    with patch.object(
+        writer_module, "write_segment", lambda one, first: write(replace(one, **changes), first)
+    ):
+        return join_streams(meshes())
+
+
+def with_index(change):
+    """`meshes`, whose index lists other blocks or segments."""
+    write = writer_module.write_index
+    with patch.object(
+        writer_module, "write_index", lambda places, further: write(places, change(further))
+    ):
+        return join_streams(meshes())
+
+
+def with_start():
+    """`meshes`, both with a start."""
+    return written(parts(), n_frames=9)
+
+
+def in_all(n_frames):
+    """`meshes`, with another number of frames in the header."""
+    first, (header, leading, blocks) = parts()
+    own = [one for one in leading if one[0] is not Section.START]
+    return written([first, (header, own, blocks)], n_frames)
+
+
+def with_blocks(further, change):
+    """Segments for an index, whose blocks are changed."""
+    return [replace(one, places=[change(block) for block in one.places]) for one in further]
+
+
+REFUSED: dict[str, Callable[[], bytes]] = {
+    "of_11_bytes": partial(with_section, lambda payload: payload[:11]),
+    "of_45_bytes": partial(with_section, lambda payload: payload + b"\0"),
+    "no_faces": partial(with_header, n_faces=0),
+    "no_vertices": partial(with_header, n_verts=0),
+    "vertex_type": partial(with_header, vertex_type=5),
+    "scale_zero": partial(with_header, scale=0.0),
+    "origin_infinite": partial(with_header, origin=(0.0, np.inf, 0.0)),
+    "start_of_the_second": with_start,
+    "frames_of_the_first_alone": lambda: in_all(5),
+    "index_of_other_vertices": partial(
+        with_index, lambda further: [replace(one, n_verts=9) for one in further]
+    ),
+    "index_of_other_faces": partial(
+        with_index, lambda further: [replace(one, n_faces=1) for one in further]
+    ),
+    "index_of_other_tracks": partial(
+        with_index,
+        lambda further: with_blocks(
+            further, lambda block: replace(block, sizes=(sum(block.sizes),))
+        ),
+    ),
+    "index_of_more_frames": partial(
+        with_index, lambda further: with_blocks(further, lambda block: replace(block, n_frames=5))
+    ),
+    "index_of_another_place": partial(
+        with_index, lambda further: [replace(one, position=one.position - 1) for one in further]
+    ),
+    "index_without_the_second": partial(with_index, lambda further: []),
+    "index_with_a_third": partial(with_index, lambda further: [*further, *further]),
+    "no_block": lambda: without_index([sections_of(0), sections_of(1)[:1], sections_of(1)]),
+    "no_block_of_the_first": lambda: without_index([sections_of(0)[:1], sections_of(1)]),
+    "no_block_of_the_last": lambda: without_index([sections_of(0), sections_of(1)[:2]]),
+    "no_tracks": lambda: without_index([sections_of(0), without_tracks(sections_of(1))]),
+}
+
+
+def without_tracks(sections):
+    """The sections without those before the blocks that announce tracks."""
+    return [one for one in sections if one[0] is not Section.TRACK]
