@@ -17,10 +17,6 @@ enum expected_from { NOTHING = 0, ROW_BEFORE = 1, ALONG_FACES = 2 };
 /* Forms of numbers: 0 to 9 are integers by a power of ten. */
 enum number_form { BY_BYTE = 10, BY_SHORT = 11, GRID = 64, FINEST_GRID = 88, AS_THEY_ARE = 255 };
 
-static int corrupt(reel_call *call, uint64_t at, const char *message) {
-    return reel_fail(call, MESHREEL_CORRUPT, at, message);
-}
-
 /* ---- type and layout ---- */
 
 static int read_type(reel_call *call, reel_stretch *left, meshreel_attribute *found) {
@@ -33,10 +29,10 @@ static int read_type(reel_call *call, reel_stretch *left, meshreel_attribute *fo
         return failed;
     }
     if (bytes[0] > MESHREEL_OTHER || bytes[1] > MESHREEL_CORNERS || bytes[2] > 3) {
-        return corrupt(call, at, "the kind, domain or number type of an attribute is unknown");
+        return reel_corrupt(call, at, "the kind, domain or number type of an attribute is unknown");
     }
     if (!bytes[3] || bytes[3] > MOST_WIDTH) {
-        return corrupt(call, at + 3, "values of an attribute have not 1 to 16 numbers");
+        return reel_corrupt(call, at + 3, "values of an attribute have not 1 to 16 numbers");
     }
     found->kind = bytes[0];
     found->domain = bytes[1];
@@ -74,10 +70,10 @@ static int read_layout(reel_call *call, reel_stretch *left, const meshreel_attri
         return failed;
     }
     if (layout->number > SHARED) {
-        return corrupt(call, at, "the layout of an attribute is unknown");
+        return reel_corrupt(call, at, "the layout of an attribute is unknown");
     }
     if (layout->number == EACH && (layout->n_rows != found->n_items || size)) {
-        return corrupt(call, at, "an attribute has not one row for each item");
+        return reel_corrupt(call, at, "an attribute has not one row for each item");
     }
     if (size > left->length) {
         return reel_fail(call, MESHREEL_TRUNCATED, left->at,
@@ -164,7 +160,7 @@ static int decode_codes(reel_call *call, reel_stretch coded, item_places *places
         return failed;
     }
     if (n_explicit > places->n_items) {
-        return corrupt(call, at, "an attribute has more explicit references than items");
+        return reel_corrupt(call, at, "an attribute has more explicit references than items");
     }
     uint64_t n_first = count_used(places);
     int64_t lengths[] = {(int64_t)n_first, (int64_t)(places->n_items - n_first),
@@ -224,7 +220,7 @@ static int read_rows(reel_call *call, reel_pool *pool, const reel_faces *faces, 
     }
     const char *message = follow_references(codes, &places, found->n_rows, rows);
     if (message) {
-        return corrupt(call, coded.at, message);
+        return reel_corrupt(call, coded.at, message);
     }
     found->rows = rows;
     reel_drop_scratch(call, mark);
@@ -325,8 +321,8 @@ static int decode_patterns(reel_call *call, reel_stretch coded, const meshreel_a
         return failed;
     }
     if (!reel_ends(bytes, coded.length)) {
-        return corrupt(call, coded.at + coded.length - 1,
-                       "the values of an attribute end with a byte of 0");
+        return reel_corrupt(call, coded.at + coded.length - 1,
+                            "the values of an attribute end with a byte of 0");
     }
     reel_zero(values, (size_t)found->n_rows * found->width * size);
     int64_t result = reel_patterns_decode(memory, needed, bytes, (size_t)coded.length, values,
@@ -363,10 +359,10 @@ static int check_form(reel_call *call, uint64_t at, const meshreel_attribute *fo
                       uint8_t way) {
     bool is_divided = form <= BY_SHORT || (form >= GRID && form <= FINEST_GRID);
     if (form != AS_THEY_ARE && !(is_divided && is_float(found))) {
-        return corrupt(call, at, "the form of the numbers of an attribute is unknown");
+        return reel_corrupt(call, at, "the form of the numbers of an attribute is unknown");
     }
     if (way > (found->domain == MESHREEL_FACES ? ROW_BEFORE : ALONG_FACES)) {
-        return corrupt(call, at + 1, "the way in which rows are expected is unknown");
+        return reel_corrupt(call, at + 1, "the way in which rows are expected is unknown");
     }
     return MESHREEL_OK;
 }

@@ -28,6 +28,18 @@ int reel_fail(reel_call *call, int code, uint64_t offset, const char *message) {
     return code;
 }
 
+int reel_corrupt(reel_call *call, uint64_t offset, const char *message) {
+    return reel_fail(call, MESHREEL_CORRUPT, offset, message);
+}
+
+int reel_invalid(meshreel_error *error, const char *message) {
+    if (error) {
+        *error = (meshreel_error){.code = MESHREEL_INVALID, .offset = REEL_UNKNOWN,
+                                  .message = message};
+    }
+    return MESHREEL_INVALID;
+}
+
 int reel_fail_core(reel_call *call, int64_t result, uint64_t payload, const char *message) {
     if (result >= 0) {
         return MESHREEL_OK;

@@ -33,8 +33,14 @@ int reel_end_call(reel_call *call, int failed, meshreel_error *error);
 /* Notes a failure, and returns its code. */
 int reel_fail(reel_call *call, int code, uint64_t offset, const char *message);
 
-/* The same for a result of the core that is below 0; MESHREEL_OK for others. The payload that it
-   decoded begins at `payload`. */
+/* The same for MESHREEL_CORRUPT. */
+int reel_corrupt(reel_call *call, uint64_t offset, const char *message);
+
+/* Notes MESHREEL_INVALID for a call that does not begin, and returns it. */
+int reel_invalid(meshreel_error *error, const char *message);
+
+/* The same as `reel_fail` for a result of the core that is below 0; MESHREEL_OK for others. The
+   payload that it decoded begins at `payload`. */
 int reel_fail_core(reel_call *call, int64_t result, uint64_t payload, const char *message);
 
 /* Memory for `count` items of `item` bytes, aligned to 64 bytes; NULL after a failure, which is

@@ -17,10 +17,6 @@ typedef struct {
 
 static const reel_stretch *payload(const payloads *all, uint32_t id) { return &all->of[id - FIRST]; }
 
-static int corrupt(reel_call *call, uint64_t at, const char *message) {
-    return reel_fail(call, MESHREEL_CORRUPT, at, message);
-}
-
 static int find_payloads(reel_call *call, reel_stretch bytes, uint32_t first, bool is_checked,
                          payloads *all) {
     uint64_t end = bytes.at + bytes.length;
@@ -41,19 +37,20 @@ static int find_payloads(reel_call *call, reel_stretch bytes, uint32_t first, bo
         }
         bool is_known = reel_is_known(section.id);
         if (is_known && (section.id == first) == is_begun) {
-            return corrupt(call, at, "a block does not begin with its one section BLOCK or TRACK_BLOCK");
+            return reel_corrupt(call, at,
+                                "a block does not begin with its one section BLOCK or TRACK_BLOCK");
         }
         is_begun |= is_known;
         if (is_known && section.id >= FIRST && !(section.id & REEL_OPTIONAL)) {
             reel_stretch *own = &all->of[section.id - FIRST];
             if (own->at) {
-                return corrupt(call, at, "a block has a section twice");
+                return reel_corrupt(call, at, "a block has a section twice");
             }
             *own = section.payload;
         }
         at = section.end;
     }
-    return is_begun ? MESHREEL_OK : corrupt(call, bytes.at, "a block has no sections");
+    return is_begun ? MESHREEL_OK : reel_corrupt(call, bytes.at, "a block has no sections");
 }
 
 static int read_counts(reel_call *call, const payloads *all, uint32_t number,
@@ -69,14 +66,14 @@ static int read_counts(reel_call *call, const payloads *all, uint32_t number,
     bool is_exact = track->shown.coding == REEL_EXACT || track->shown.is_exact;
     uint64_t least = is_exact ? 0 : 1, most = is_exact ? 0 : track->n_coded * n_frames;
     if (left.length || group->n_frames != n_frames) {
-        return corrupt(call, at, "a block has another number of frames than the index says");
+        return reel_corrupt(call, at, "a block has another number of frames than the index says");
     }
     if (most > MOST_TIMES) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, at, "a block has more than 2^31 times");
     }
     return group->n_modes >= least && group->n_modes <= most
                ? MESHREEL_OK
-               : corrupt(call, at, "a block has no modes, or more than it can have");
+               : reel_corrupt(call, at, "a block has no modes, or more than it can have");
 }
 
 static int read_reused(reel_call *call, reel_stretch *left, reel_group *group) {
@@ -89,7 +86,7 @@ static int read_reused(reel_call *call, reel_stretch *left, reel_group *group) {
     bool is_sound = group->n_reused >= 1 && group->n_reused <= group->n_modes &&
                     group->finer > 0.0F && group->finer < MOST_STEP;
     return failed || is_sound ? failed
-                              : corrupt(call, at, "fields are reused that there cannot be");
+                              : reel_corrupt(call, at, "fields are reused that there cannot be");
 }
 
 /* The next run of resting times behind `end`, which becomes where it ends. */
@@ -102,7 +99,7 @@ static int read_run(reel_call *call, reel_stretch *left, uint64_t n_frames, uint
         return failed;
     }
     if (!gap || !length || gap >= n_frames - *end || length > n_frames - *end - gap) {
-        return corrupt(call, at, "a run of resting times is not in its block");
+        return reel_corrupt(call, at, "a run of resting times is not in its block");
     }
     *start = *end + gap;
     *end = *start + length;
@@ -119,7 +116,8 @@ static int find_rests(reel_call *call, reel_stretch *left, reel_group *group) {
     }
     bool is_sound = group->n_rests >= 1 && group->rest_bits <= REEL_MAX_REST_BITS;
     return failed || is_sound ? failed
-                              : corrupt(call, at, "resting times have no runs, or too many bits");
+                              : reel_corrupt(call, at,
+                                             "resting times have no runs, or too many bits");
 }
 
 int reel_read_rests(reel_call *call, const reel_group *group, uint8_t **rests) {
@@ -147,7 +145,7 @@ static int read_fields(reel_call *call, reel_stretch left, reel_group *group) {
     uint8_t layout;
     uint64_t at = left.at;
     if (!left.at) {
-        return corrupt(call, REEL_UNKNOWN, "a block has no section FIELDS");
+        return reel_corrupt(call, REEL_UNKNOWN, "a block has no section FIELDS");
     }
     int failed = reel_take_bytes(call, &left, &layout, 1);
     if (failed) {
@@ -170,7 +168,8 @@ static int read_fields(reel_call *call, reel_stretch left, reel_group *group) {
                     group->stencil_size <= REEL_MAX_STENCIL && group->n_learned <= MOST_LEARNED &&
                     group->step > 0.0F && group->step < MOST_STEP;
     return failed || is_sound ? failed
-                              : corrupt(call, at, "a number of a section FIELDS is out of range");
+                              : reel_corrupt(call, at,
+                                             "a number of a section FIELDS is out of range");
 }
 
 static int read_corrections(reel_call *call, reel_stretch left, reel_group *group) {
@@ -185,12 +184,13 @@ static int read_corrections(reel_call *call, reel_stretch left, reel_group *grou
                     group->moved_by < MOST_STEP;
     group->moves = left;
     return failed || is_sound ? failed
-                              : corrupt(call, at, "corrections have a step or counts that cannot be");
+                              : reel_corrupt(call, at,
+                                             "corrections have a step or counts that cannot be");
 }
 
 static int read_values(reel_call *call, bool is_grid, reel_stretch left, reel_group *group) {
     if (!left.at) {
-        return corrupt(call, REEL_UNKNOWN, "a block has no section VALUES");
+        return reel_corrupt(call, REEL_UNKNOWN, "a block has no section VALUES");
     }
     uint64_t at = left.at;
     int failed = is_grid ? reel_take_bytes(call, &left, &group->grid, sizeof group->grid)
@@ -198,7 +198,8 @@ static int read_values(reel_call *call, bool is_grid, reel_stretch left, reel_gr
     group->values = left;
     bool is_sound = group->grid >= 0.0 && group->grid <= 1.0;
     return failed || is_sound ? failed
-                              : corrupt(call, at, "the step of a grid is at most 1 diagonal, or 0");
+                              : reel_corrupt(call, at,
+                                             "the step of a grid is at most 1 diagonal, or 0");
 }
 
 int reel_read_group(reel_call *call, const reel_outline *outline, const reel_track *track,
@@ -222,7 +223,7 @@ int reel_read_group(reel_call *call, const reel_outline *outline, const reel_tra
     group->coefficients = *payload(&all, REEL_COEFFICIENTS);
     group->missing = number ? *payload(&all, REEL_MISSING) : (reel_stretch){0, 0};
     bool has_all = failed || (group->basis.at && group->coefficients.at);
-    return has_all ? failed : corrupt(call, bytes.at, "a block has no BASIS or COEFFICIENTS");
+    return has_all ? failed : reel_corrupt(call, bytes.at, "a block has no BASIS or COEFFICIENTS");
 }
 
 int reel_read_paper_group(reel_call *call, const reel_outline *outline, uint64_t block,
@@ -331,8 +332,8 @@ int reel_read_moves(reel_call *call, reel_pool *pool, const reel_group *group, u
     }
     reel_zero(starts, (n_frames + 1) * sizeof *starts);
     if (!find_runs(&coded, inverse, (int64_t)n_items, (int64_t)n_frames, begins, run_of, starts)) {
-        return corrupt(call, group->moves.at,
-                       "a correction is of a value that does not exist, or out of order");
+        return reel_corrupt(call, group->moves.at,
+                            "a correction is of a value that does not exist, or out of order");
     }
     for (uint64_t t = 0; t < n_frames; t++) {
         starts[t + 1] += starts[t];

@@ -14,23 +14,19 @@
 #define RGB 7U
 #define RGBA 15U
 
-static int corrupt(reel_call *call, uint64_t at, const char *message) {
-    return reel_fail(call, MESHREEL_CORRUPT, at, message);
-}
-
 /* Replaces those of `count` numbers that are not as by default. */
 static int read_numbers(reel_call *call, reel_stretch *left, unsigned count, double *numbers) {
     uint64_t at = left->at, present;
     int failed = reel_take_varint(call, left, &present);
     if (!failed && present >> count) {
-        return corrupt(call, at, "a material sets numbers that are unknown");
+        return reel_corrupt(call, at, "a material sets numbers that are unknown");
     }
     for (unsigned i = 0; !failed && i < count; i++) {
         if (present >> i & 1U) {
             at = left->at;
             failed = reel_take_bytes(call, left, &numbers[i], sizeof numbers[i]);
             if (!failed && !reel_is_finite(numbers[i])) {
-                return corrupt(call, at, "a number of a material is not finite");
+                return reel_corrupt(call, at, "a number of a material is not finite");
             }
         }
     }
@@ -56,7 +52,7 @@ static int read_choices(reel_call *call, reel_stretch *left, unsigned slot,
         return failed;
     }
     if (!fits_slot(slot, bytes[0])) {
-        return corrupt(call, at, "a texture uses channels that its slot does not allow");
+        return reel_corrupt(call, at, "a texture uses channels that its slot does not allow");
     }
     found->channels = bytes[0];
     found->wrap_u = bytes[1] & 15U;
@@ -64,10 +60,10 @@ static int read_choices(reel_call *call, reel_stretch *left, unsigned slot,
     found->magnified = bytes[2] & 15U;
     found->shrunk = bytes[2] >> 4;
     if (found->wrap_u > LAST_WRAP || found->wrap_v > LAST_WRAP) {
-        return corrupt(call, at + 1, "the wrap mode of a texture is unknown");
+        return reel_corrupt(call, at + 1, "the wrap mode of a texture is unknown");
     }
     if (found->magnified > LAST_MAGNIFIED || found->shrunk > LAST_SHRUNK) {
-        return corrupt(call, at + 2, "the filter of a texture is unknown");
+        return reel_corrupt(call, at + 2, "the filter of a texture is unknown");
     }
     return MESHREEL_OK;
 }
@@ -78,7 +74,7 @@ static int read_texture(reel_call *call, reel_pool *pool, reel_stretch *left, ui
     double numbers[TEXTURE_NUMBERS] = {0.0, 0.0, 0.0, 1.0, 1.0};
     int failed = reel_take_varint(call, left, &image);
     if (!failed && image >= n_images) {
-        return corrupt(call, at, "a texture shows an image that does not exist");
+        return reel_corrupt(call, at, "a texture shows an image that does not exist");
     }
     failed = failed ? failed : reel_take_text(call, pool, left, &found->uv);
     failed = failed ? failed : read_choices(call, left, slot, found);
@@ -99,7 +95,7 @@ static int read_textures(reel_call *call, reel_pool *pool, reel_stretch *left, u
     uint8_t slots;
     int failed = reel_take_bytes(call, left, &slots, 1);
     if (!failed && slots >> MESHREEL_SLOTS) {
-        return corrupt(call, at, "a material has textures in unknown slots");
+        return reel_corrupt(call, at, "a material has textures in unknown slots");
     }
     for (unsigned slot = 0; !failed && slot < MESHREEL_SLOTS; slot++) {
         meshreel_texture *texture = &found->textures[slot];
@@ -126,7 +122,7 @@ static int read_flags(reel_call *call, reel_stretch *left, meshreel_material *fo
     found->is_unlit = (flags & UNLIT) != 0;
     return flags <= MOST_FLAGS && found->alpha_mode <= LAST_ALPHA_MODE
                ? MESHREEL_OK
-               : corrupt(call, at, "the flags or the alpha mode of a material are unknown");
+               : reel_corrupt(call, at, "the flags or the alpha mode of a material are unknown");
 }
 
 static int read_looks(reel_call *call, reel_stretch *left, meshreel_material *found) {
@@ -151,7 +147,7 @@ int reel_read_material(reel_call *call, reel_pool *pool, reel_stretch payload, u
     failed = failed ? failed : read_looks(call, &left, found);
     failed = failed ? failed : read_textures(call, pool, &left, n_images, found);
     return failed || !left.length ? failed
-                                  : corrupt(call, left.at, "bytes follow the last texture");
+                                  : reel_corrupt(call, left.at, "bytes follow the last texture");
 }
 
 /* ---- images ---- */

@@ -11,10 +11,6 @@
 #define PART_BYTES 3
 #define MOST_ITEMS INT32_MAX
 
-static int corrupt(reel_call *call, uint64_t at, const char *message) {
-    return reel_fail(call, MESHREEL_CORRUPT, at, message);
-}
-
 /* Takes the number of items that follow, each of at least `bytes_each` bytes. */
 static int take_count(reel_call *call, reel_stretch *left, uint64_t bytes_each, uint32_t *count) {
     uint64_t at = left->at, found;
@@ -23,7 +19,7 @@ static int take_count(reel_call *call, reel_stretch *left, uint64_t bytes_each, 
         return failed;
     }
     if (found > left->length / bytes_each) {
-        return corrupt(call, at, "more labels or parts are announced than the section holds");
+        return reel_corrupt(call, at, "more labels or parts are announced than the section holds");
     }
     if (found > MOST_ITEMS) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, at, "more than 2^31 - 1 labels or parts");
@@ -68,7 +64,7 @@ static int read_groups(reel_call *call, reel_pool *pool, uint64_t n_faces, reel_
     for (uint64_t i = 0; i < n_faces; i++) {
         label += differences[i];
         if (label < -1 || label >= found->n_labels) {
-            return corrupt(call, left.at, "a face is in a group that does not exist");
+            return reel_corrupt(call, left.at, "a face is in a group that does not exist");
         }
         of_faces[i] = (int32_t)label;
     }
@@ -88,7 +84,7 @@ static int read_part(reel_call *call, reel_pool *pool, reel_stretch *left, uint6
         return failed;
     }
     if (own_verts > *n_verts || own_faces > *n_faces) {
-        return corrupt(call, at, "parts have more vertices or faces than the mesh");
+        return reel_corrupt(call, at, "parts have more vertices or faces than the mesh");
     }
     found->n_verts = (uint32_t)own_verts;
     found->n_faces = (uint32_t)own_faces;
@@ -114,10 +110,10 @@ static int read_parts(reel_call *call, reel_pool *pool, const reel_outline *outl
         return failed;
     }
     if (left.length) {
-        return corrupt(call, left.at, "bytes follow the last part");
+        return reel_corrupt(call, left.at, "bytes follow the last part");
     }
     if (surface->n_parts && (n_verts || n_faces)) {
-        return corrupt(call, payload.at, "parts have fewer vertices or faces than the mesh");
+        return reel_corrupt(call, payload.at, "parts have fewer vertices or faces than the mesh");
     }
     surface->parts = parts;
     return MESHREEL_OK;
@@ -216,7 +212,7 @@ int reel_read_surface(reel_call *call, reel_pool *pool, const reel_outline *outl
     surface_arrays arrays;
     *surface = (meshreel_surface){.face_sizes = face_sizes};
     if (count_sections(outline, REEL_PARTS) > 1 || count_sections(outline, REEL_HARD_EDGES) > 1) {
-        return corrupt(call, REEL_UNKNOWN, "the file has a section PARTS or HARD_EDGES twice");
+        return reel_corrupt(call, REEL_UNKNOWN, "the file has a section PARTS or HARD_EDGES twice");
     }
     int failed = keep_arrays(call, pool, outline, &arrays);
     failed = failed ? failed : read_sections(call, pool, &faces, &arrays, surface);
