@@ -13,10 +13,6 @@
 
 static const uint8_t magic[8] = {0x89, 0x52, 0x45, 0x45, 0x4C, 0x0D, 0x0A, 0x1A};
 
-static int corrupt(reel_call *call, uint64_t at, const char *message) {
-    return reel_fail(call, MESHREEL_CORRUPT, at, message);
-}
-
 /* ---- the header ---- */
 
 static uint32_t uint32_at(const uint8_t *bytes) {
@@ -33,7 +29,7 @@ static double double_at(const uint8_t *bytes) {
 
 static int check_counts(reel_call *call, uint64_t n_verts, uint64_t n_faces, uint64_t at) {
     if (!n_verts || !n_faces) {
-        return corrupt(call, at, "a mesh without vertices or faces is announced");
+        return reel_corrupt(call, at, "a mesh without vertices or faces is announced");
     }
     return n_verts > REEL_MOST_VERTS || n_faces > REEL_MOST_VERTS
                ? reel_fail(call, MESHREEL_UNSUPPORTED, at, "more than 2^26 vertices or faces")
@@ -54,7 +50,7 @@ static int set_mesh(reel_call *call, reel_outline *outline, const uint8_t *count
         return failed;
     }
     if (outline->number_bytes != 4 && outline->number_bytes != 8) {
-        return corrupt(call, codes_at, "the vertex type is neither 4 nor 8");
+        return reel_corrupt(call, codes_at, "the vertex type is neither 4 nor 8");
     }
     bool is_newer = outline->method > LAST_METHOD || outline->laplacian > 2 ||
                     outline->order > REEL_ORDER_DROPPED;
@@ -74,8 +70,8 @@ static int set_placement(reel_call *call, reel_outline *outline, const uint8_t *
     }
     return is_placed && outline->placement[0] > 0.0
                ? MESHREEL_OK
-               : corrupt(call, at,
-                         "the origin is not finite, or the scale is not positive and finite");
+               : reel_corrupt(call, at,
+                              "the origin is not finite, or the scale is not positive and finite");
 }
 
 static int read_header(reel_call *call, reel_pool *pool, reel_outline *outline) {
@@ -87,7 +83,7 @@ static int read_header(reel_call *call, reel_pool *pool, reel_outline *outline) 
         return failed;
     }
     if (!reel_same(fixed, magic, here < sizeof magic ? here : sizeof magic)) {
-        return corrupt(call, 0, "not a .reel stream");
+        return reel_corrupt(call, 0, "not a .reel stream");
     }
     if (here >= sizeof magic + 2 && (fixed[8] != VERSION || fixed[9] != 0)) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, 8,
@@ -102,7 +98,7 @@ static int read_header(reel_call *call, reel_pool *pool, reel_outline *outline) 
         return failed;
     }
     if (name > MOST_NAME) {
-        return corrupt(call, 66, "the name has more than 4096 bytes");
+        return reel_corrupt(call, 66, "the name has more than 4096 bytes");
     }
     outline->announced = uint32_at(fixed + 10);
     outline->fps = double_at(fixed + 22);
@@ -115,7 +111,7 @@ static int read_header(reel_call *call, reel_pool *pool, reel_outline *outline) 
     bool is_timed = reel_is_finite(outline->fps) && outline->fps >= 0.0;
     return failed || is_timed
                ? failed
-               : corrupt(call, 22, "the frames per second are negative or not finite");
+               : reel_corrupt(call, 22, "the frames per second are negative or not finite");
 }
 
 /* ---- leading sections ---- */
@@ -142,11 +138,12 @@ static int grow(reel_call *call, reel_pool *pool, void **items, uint64_t count, 
 static int read_double(reel_call *call, const reel_section *section, double *found) {
     reel_stretch left = section->payload;
     if (left.length != sizeof *found) {
-        return corrupt(call, section->at, "the start or the promised error has not 8 bytes");
+        return reel_corrupt(call, section->at, "the start or the promised error has not 8 bytes");
     }
     int failed = reel_take_bytes(call, &left, found, sizeof *found);
     if (!failed && !reel_is_finite(*found)) {
-        return corrupt(call, section->payload.at, "the start or the promised error is not finite");
+        return reel_corrupt(call, section->payload.at,
+                            "the start or the promised error is not finite");
     }
     return failed;
 }
@@ -155,7 +152,7 @@ static int read_polygons(reel_call *call, const reel_section *section, reel_outl
     reel_stretch left = section->payload;
     int failed = reel_take_varint(call, &left, &outline->n_polygons);
     if (!failed && outline->n_polygons > outline->n_faces) {
-        return corrupt(call, section->payload.at, "there are more polygons than triangles");
+        return reel_corrupt(call, section->payload.at, "there are more polygons than triangles");
     }
     outline->n_corners = outline->n_faces + 2 * outline->n_polygons;
     return failed;
@@ -176,7 +173,7 @@ static int note_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
         return reel_fail(call, MESHREEL_UNSUPPORTED, section->at, "more than 2^20 tracks");
     }
     if (section->id == REEL_START && !outline->is_first) {
-        return corrupt(call, section->at, "a start is stored behind the first segment");
+        return reel_corrupt(call, section->at, "a start is stored behind the first segment");
     }
     if (section->id == REEL_START) {
         return read_double(call, section, &outline->start_s);
@@ -185,7 +182,7 @@ static int note_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
         failed = read_double(call, section, &outline->promise);
         return failed || outline->promise > 0.0
                    ? failed
-                   : corrupt(call, section->payload.at, "the promised error is not positive");
+                   : reel_corrupt(call, section->payload.at, "the promised error is not positive");
     }
     return section->id == REEL_POLYGONS ? read_polygons(call, section, outline) : MESHREEL_OK;
 }
@@ -214,9 +211,11 @@ static int read_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
         failed = failed ? failed : reel_section_check(call, &section);
         if (!failed && reel_is_known(section.id)) {
             bool is_of_block = section.id >= REEL_BLOCK && !(section.id & REEL_OPTIONAL);
-            failed = is_of_block ? corrupt(call, at, "a section of a block is before the first block")
-                     : section.id == REEL_SEGMENT ? corrupt(call, at, "a segment is out of place")
-                     : note_leading(call, pool, outline, &section);
+            failed = is_of_block
+                         ? reel_corrupt(call, at, "a section of a block is before the first block")
+                     : section.id == REEL_SEGMENT
+                         ? reel_corrupt(call, at, "a segment is out of place")
+                         : note_leading(call, pool, outline, &section);
         }
         if (failed) {
             return failed;
@@ -234,7 +233,7 @@ static int check_block(reel_call *call, uint64_t at, uint64_t n_verts, uint64_t 
     uint64_t most = REEL_MOST_NUMBERS / n_verts;
     most = most < REEL_MOST_FRAMES ? most : REEL_MOST_FRAMES;
     if (!n_frames) {
-        return corrupt(call, at, "a block has no frames");
+        return reel_corrupt(call, at, "a block has no frames");
     }
     return n_frames > most - n_before
                ? reel_fail(call, MESHREEL_UNSUPPORTED, at,
@@ -288,7 +287,7 @@ static int find_index(reel_call *call, const reel_outline *outline, reel_section
         return failed;
     }
     if (end.id != REEL_END || end.payload.length != sizeof at) {
-        return corrupt(call, end_at, "the end of the file does not lead to an index");
+        return reel_corrupt(call, end_at, "the end of the file does not lead to an index");
     }
     failed = reel_read(call, end.payload.at, &at, sizeof at);
     failed = failed ? failed : reel_section_at(call, at, size, index);
@@ -297,12 +296,13 @@ static int find_index(reel_call *call, const reel_outline *outline, reel_section
         return failed;
     }
     if (index->id != REEL_INDEX || at < outline->begin) {
-        return corrupt(call, at, "there is no index where the end of the file says");
+        return reel_corrupt(call, at, "there is no index where the end of the file says");
     }
     reel_stretch left = index->payload;
     failed = reel_take_varint(call, &left, first);
     bool is_behind = *first >= outline->begin && *first <= at;
-    return failed || is_behind ? failed : corrupt(call, at, "the index lists blocks in the header");
+    return failed || is_behind ? failed
+                               : reel_corrupt(call, at, "the index lists blocks in the header");
 }
 
 /* Takes what the index says of the blocks of a segment, which end before `limit`: to the outline of
@@ -313,7 +313,7 @@ static int take_blocks(reel_call *call, reel_pool *pool, reel_outline *outline,
     segment->n_frames = 0;
     int failed = reel_take_varint(call, left, &n_blocks);
     if (!failed && !n_blocks) {
-        return corrupt(call, left->at, "the index lists a segment without blocks");
+        return reel_corrupt(call, left->at, "the index lists a segment without blocks");
     }
     for (uint64_t i = 0; !failed && i < n_blocks; i++) {
         failed = reel_take_varint(call, left, &n_frames);
@@ -326,7 +326,8 @@ static int take_blocks(reel_call *call, reel_pool *pool, reel_outline *outline,
             uint64_t size;
             failed = reel_take_varint(call, left, &size);
             if (!failed && (!size || size > limit - at)) {
-                return corrupt(call, left->at, "the index lists blocks that are not in the file");
+                return reel_corrupt(call, left->at,
+                                    "the index lists blocks that are not in the file");
             }
             at += failed ? 0 : size;
             if (outline) {
@@ -351,7 +352,7 @@ static int take_segment(reel_call *call, reel_stretch *left, uint64_t limit,
         return failed;
     }
     if (!n_tracks || n_tracks > MOST_TRACKS || size > limit - segment->at) {
-        return corrupt(call, at, "the index lists a segment that is not in the file");
+        return reel_corrupt(call, at, "the index lists a segment that is not in the file");
     }
     segment->n_tracks = (uint32_t)n_tracks;
     segment->first_block = segment->at + size;
@@ -391,7 +392,7 @@ static int read_index(reel_call *call, reel_pool *pool, reel_outline *outline,
     }
     return failed || segment.end == index->at
                ? failed
-               : corrupt(call, index->at, "the index does not list all blocks");
+               : reel_corrupt(call, index->at, "the index does not list all blocks");
 }
 
 /* ---- section by section ---- */
@@ -416,7 +417,7 @@ static int open_block(scan *s, const reel_section *section) {
 
 static int close_block(scan *s, uint64_t end) {
     if (s->n_groups != s->outline->n_tracks) {
-        return corrupt(s->call, end, "a block has not as many groups as there are tracks");
+        return reel_corrupt(s->call, end, "a block has not as many groups as there are tracks");
     }
     s->ends[s->n_groups - 1] = end;
     s->ends = NULL;
@@ -435,13 +436,13 @@ static void drop_block(scan *s) {
 static int check_end(scan *s, const reel_section *section) {
     return !s->index_at && !section->payload.length
                ? MESHREEL_OK
-               : corrupt(s->call, section->at, "the index contradicts the blocks");
+               : reel_corrupt(s->call, section->at, "the index contradicts the blocks");
 }
 
 /* The next segment begins behind a block. */
 static int check_next(scan *s, const reel_section *section) {
     return s->index_at || !s->outline->n_blocks
-               ? corrupt(s->call, section->at, "a segment is out of place")
+               ? reel_corrupt(s->call, section->at, "a segment is out of place")
                : MESHREEL_OK;
 }
 
@@ -458,7 +459,8 @@ static int note_section(scan *s, const reel_section *section) {
     if (s->ends) {
         if (id == REEL_TRACK_BLOCK) {
             if (s->n_groups == s->outline->n_tracks) {
-                return corrupt(s->call, section->at, "a block has more groups than there are tracks");
+                return reel_corrupt(s->call, section->at,
+                                    "a block has more groups than there are tracks");
             }
             s->ends[s->n_groups++ - 1] = section->at;
         }
@@ -466,10 +468,11 @@ static int note_section(scan *s, const reel_section *section) {
     }
     bool is_of_block = id >= REEL_BLOCK && !(id & REEL_OPTIONAL);
     if (is_of_block) {
-        return corrupt(s->call, section->at, "a section of a block is outside of blocks");
+        return reel_corrupt(s->call, section->at, "a section of a block is outside of blocks");
     }
-    return s->outline->n_blocks ? corrupt(s->call, section->at, "a section is behind the blocks")
-                                : note_leading(s->call, s->pool, s->outline, section);
+    return s->outline->n_blocks
+               ? reel_corrupt(s->call, section->at, "a section is behind the blocks")
+               : note_leading(s->call, s->pool, s->outline, section);
 }
 
 /* Up to the next segment, whose section is noted, or to END; or up to what is damaged: then `is_whole`
@@ -509,7 +512,7 @@ static int read_sections(reel_call *call, reel_pool *pool, reel_outline *outline
     if (outline->n_blocks) {
         return MESHREEL_OK;
     }
-    return failed ? failed : corrupt(call, outline->begin, "a segment has no block of frames");
+    return failed ? failed : reel_corrupt(call, outline->begin, "a segment has no block of frames");
 }
 
 static uint64_t end_of_blocks(const reel_outline *outline) {
@@ -527,7 +530,7 @@ static int begin_segment(reel_call *call, const reel_section *section, const ree
     *outline = (reel_outline){.fps = file->fps, .begin = section->at};
     reel_copy(outline->placement, file->placement, sizeof outline->placement);
     if (left.length != SEGMENT_BYTES && !is_placed) {
-        return corrupt(call, section->at, "the section SEGMENT has neither 12 nor 44 bytes");
+        return reel_corrupt(call, section->at, "the section SEGMENT has neither 12 nor 44 bytes");
     }
     int failed = reel_take_bytes(call, &left, mesh, sizeof mesh);
     failed = failed ? failed : set_mesh(call, outline, mesh, section->payload.at, mesh + 8,
@@ -548,13 +551,13 @@ static int read_beginning(reel_call *call, const reel_outline *file, const reel_
     int failed = reel_section_at(call, segment->at, limit, section);
     failed = failed ? failed : reel_section_check(call, section);
     if (!failed && section->id != REEL_SEGMENT) {
-        return corrupt(call, segment->at, "no segment begins where one should");
+        return reel_corrupt(call, segment->at, "no segment begins where one should");
     }
     failed = failed ? failed : begin_segment(call, section, file, outline);
     bool is_other = outline->n_verts != segment->n_verts || outline->n_faces != segment->n_faces;
     return failed || !is_other
                ? failed
-               : corrupt(call, segment->at, "the index contradicts the mesh of a segment");
+               : reel_corrupt(call, segment->at, "the index contradicts the mesh of a segment");
 }
 
 static int parse_segment(reel_call *call, reel_pool *pool, const reel_segment *segment,
@@ -567,7 +570,7 @@ static int parse_segment(reel_call *call, reel_pool *pool, const reel_segment *s
     reel_stretch left = segment->blocks;
     int failed = read_leading(call, pool, outline, begin, segment->first_block);
     if (!failed && outline->n_tracks != segment->n_tracks) {
-        return corrupt(call, segment->at, "the index contradicts the tracks of a segment");
+        return reel_corrupt(call, segment->at, "the index contradicts the tracks of a segment");
     }
     outline->is_whole = true;
     return failed ? failed : take_blocks(call, pool, outline, &found, &left, segment->end);
@@ -608,7 +611,8 @@ static int check_frames(reel_call *call, const reel_outline *outline,
                         const reel_segments *segments) {
     bool is_other = outline->announced && outline->announced != segments->n_frames;
     return outline->is_whole && is_other
-               ? corrupt(call, 10, "the blocks do not hold as many frames as the header announces")
+               ? reel_corrupt(call, 10,
+                              "the blocks do not hold as many frames as the header announces")
                : MESHREEL_OK;
 }
 
@@ -703,7 +707,7 @@ int reel_only_section(reel_call *call, const reel_outline *outline, uint32_t id,
         }
     }
     return count == 1 ? MESHREEL_OK
-                      : corrupt(call, outline->begin,
+                      : reel_corrupt(call, outline->begin,
                                 id == REEL_CONNECTIVITY
                                     ? "there is not exactly one section CONNECTIVITY"
                                     : "there is not exactly one section ORDER");

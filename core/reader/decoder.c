@@ -4,17 +4,9 @@
 
 #define PIECE_BYTES ((uint64_t)16 << 20) /* of values that are converted or predicted together */
 
-static int invalid(meshreel_error *error, const char *message) {
-    if (error) {
-        *error = (meshreel_error){.code = MESHREEL_INVALID, .offset = REEL_UNKNOWN,
-                                  .message = message};
-    }
-    return MESHREEL_INVALID;
-}
-
 int meshreel_begin(const meshreel_file *file, meshreel_decoder **decoder, meshreel_error *error) {
     if (!file || !decoder) {
-        return invalid(error, "a pointer to a file or a decoder is NULL");
+        return reel_invalid(error, "a pointer to a file or a decoder is NULL");
     }
     *decoder = NULL;
     if (file->info.n_segments > 1) {
@@ -27,7 +19,7 @@ int meshreel_begin(const meshreel_file *file, meshreel_decoder **decoder, meshre
                              error);
     }
     if (!file->has_mesh) {
-        return invalid(error, "the mesh of the file was not read");
+        return reel_invalid(error, "the mesh of the file was not read");
     }
     reel_pool pool = {NULL, 0};
     meshreel_decoder *own = reel_keep(&call, &pool, 1, sizeof *own);
@@ -75,14 +67,15 @@ uint64_t reel_held_by(const meshreel_decoder *decoder) {
 static int check_track(const meshreel_decoder *decoder, uint32_t track, uint32_t n_modes,
                        meshreel_error *error) {
     if (!decoder) {
-        return invalid(error, "a pointer to a decoder is NULL");
+        return reel_invalid(error, "a pointer to a decoder is NULL");
     }
     if (track >= decoder->file->info.n_tracks) {
-        return invalid(error, "there is no such track");
+        return reel_invalid(error, "there is no such track");
     }
     bool may_rest = !track && decoder->file->outline.method == REEL_METHOD_REEL;
-    return n_modes && !may_rest ? invalid(error, "only positions of the method reel have previews")
-                                : MESHREEL_OK;
+    return n_modes && !may_rest
+               ? reel_invalid(error, "only positions of the method reel have previews")
+               : MESHREEL_OK;
 }
 
 int meshreel_load(meshreel_decoder *decoder, uint32_t track, uint32_t block, uint32_t n_modes,
@@ -92,7 +85,7 @@ int meshreel_load(meshreel_decoder *decoder, uint32_t track, uint32_t block, uin
         return failed;
     }
     if (block >= decoder->file->info.n_blocks) {
-        return invalid(error, "there is no such block");
+        return reel_invalid(error, "there is no such block");
     }
     reel_call call =
         reel_begin_call(&decoder->file->source, &decoder->file->host, reel_held_by(decoder));
@@ -117,7 +110,7 @@ static int find_target(const meshreel_decoder *decoder, uint32_t number,
     const meshreel_track *shown = &track->shown;
     uint32_t type = layout && layout->type ? layout->type : shown->type;
     if (type != shown->type && !(type == MESHREEL_FLOAT32 && shown->type == MESHREEL_FLOAT64)) {
-        return invalid(error, "a track goes out in its own type, or doubles as floats");
+        return reel_invalid(error, "a track goes out in its own type, or doubles as floats");
     }
     *found = (target){.n_places = shown->n_items, .n_columns = shown->n_columns,
                       .stored = track->size, .size = type == shown->type ? track->size : 4};
@@ -126,10 +119,10 @@ static int find_target(const meshreel_decoder *decoder, uint32_t number,
     size_t frame = found->value_stride * (size_t)found->n_places;
     found->frame_stride = layout && layout->frame_stride ? layout->frame_stride : frame;
     if (found->value_stride < value) {
-        return invalid(error, "values overlap: their stride is below their size");
+        return reel_invalid(error, "values overlap: their stride is below their size");
     }
     if (found->value_stride % found->size || found->frame_stride % found->size) {
-        return invalid(error, "a stride is no multiple of the size of a number");
+        return reel_invalid(error, "a stride is no multiple of the size of a number");
     }
     found->is_packed = found->value_stride == value && found->frame_stride == frame;
     return MESHREEL_OK;
@@ -197,10 +190,10 @@ int meshreel_decode(meshreel_decoder *decoder, uint32_t track, uint32_t first, u
     }
     const reel_outline *outline = &decoder->file->outline;
     if (first > outline->n_frames || count > outline->n_frames - first || (!values && count)) {
-        return invalid(error, "there are no such frames, or a pointer to values is NULL");
+        return reel_invalid(error, "there are no such frames, or a pointer to values is NULL");
     }
     if ((uintptr_t)values % to.size) {
-        return invalid(error, "values are not aligned to their number type");
+        return reel_invalid(error, "values are not aligned to their number type");
     }
     reel_call call =
         reel_begin_call(&decoder->file->source, &decoder->file->host, reel_held_by(decoder));
@@ -227,13 +220,13 @@ int meshreel_decode(meshreel_decoder *decoder, uint32_t track, uint32_t first, u
 int meshreel_normals(meshreel_decoder *decoder, uint32_t type, const void *positions,
                      void *normals, meshreel_error *error) {
     if (!decoder || !positions || !normals) {
-        return invalid(error, "a pointer to a decoder, positions or normals is NULL");
+        return reel_invalid(error, "a pointer to a decoder, positions or normals is NULL");
     }
     if (type != MESHREEL_FLOAT32 && type != MESHREEL_FLOAT64) {
-        return invalid(error, "normals are of floats or doubles");
+        return reel_invalid(error, "normals are of floats or doubles");
     }
     if ((uintptr_t)positions % type || (uintptr_t)normals % type) {
-        return invalid(error, "positions or normals are not aligned to their number type");
+        return reel_invalid(error, "positions or normals are not aligned to their number type");
     }
     const meshreel_file *file = decoder->file;
     int64_t n_verts = file->info.n_verts, n_faces = file->info.n_triangles;

@@ -11,14 +11,6 @@
 
 uint32_t meshreel_abi(void) { return MESHREEL_ABI; }
 
-static int invalid(meshreel_error *error, const char *message) {
-    if (error) {
-        *error = (meshreel_error){.code = MESHREEL_INVALID, .offset = REEL_UNKNOWN,
-                                  .message = message};
-    }
-    return MESHREEL_INVALID;
-}
-
 /* ---- opening ---- */
 
 static void fill_info(meshreel_file *file) {
@@ -118,7 +110,7 @@ int meshreel_open(const meshreel_source *source, const meshreel_host *host, mesh
                   meshreel_error *error) {
     if (!source || !host || !file || (!source->bytes && !source->read) || !host->allocate ||
         !host->release) {
-        return invalid(error, "a pointer to a source, a host, a file or a callback is NULL");
+        return reel_invalid(error, "a pointer to a source, a host, a file or a callback is NULL");
     }
     return open_file(source, host, NULL, 0, file, error);
 }
@@ -126,10 +118,10 @@ int meshreel_open(const meshreel_source *source, const meshreel_host *host, mesh
 int meshreel_open_segment(const meshreel_file *file, uint32_t number, meshreel_file **segment,
                           meshreel_error *error) {
     if (!file || !segment || number >= file->info.n_segments) {
-        return invalid(error, "there is no such segment, or a pointer is NULL");
+        return reel_invalid(error, "there is no such segment, or a pointer is NULL");
     }
     if (file->is_segment) {
-        return invalid(error, "the file is a segment itself");
+        return reel_invalid(error, "the file is a segment itself");
     }
     const meshreel_file *whole = file->info.n_segments > 1 ? file : NULL;
     return open_file(&file->source, &file->host, whole, number, segment, error);
@@ -176,11 +168,11 @@ uint32_t meshreel_segment_of_frame(const meshreel_file *file, uint32_t frame) {
 int meshreel_section_at(const meshreel_file *file, uint64_t offset, int check,
                         meshreel_section *section, meshreel_error *error) {
     if (!file || !section) {
-        return invalid(error, "a pointer to a file or a section is NULL");
+        return reel_invalid(error, "a pointer to a file or a section is NULL");
     }
     uint64_t at = offset ? offset : file->outline.begin;
     if (at < file->outline.begin || at >= file->outline.end) {
-        return invalid(error, "there is no section at this byte");
+        return reel_invalid(error, "there is no section at this byte");
     }
     reel_call call = reel_begin_call(&file->source, &file->host, 0);
     reel_section found;
@@ -209,7 +201,7 @@ int meshreel_block_of(const meshreel_file *file, uint32_t number, uint32_t track
 int meshreel_group_of(const meshreel_file *file, uint32_t number, uint32_t track, int check,
                       meshreel_group *group, meshreel_error *error) {
     if (!file || !group || number >= file->info.n_blocks || track >= file->info.n_tracks) {
-        return invalid(error, "there is no such block or track, or a pointer is NULL");
+        return reel_invalid(error, "there is no such block or track, or a pointer is NULL");
     }
     reel_call call = reel_begin_call(&file->source, &file->host, 0);
     reel_group found;
@@ -312,7 +304,7 @@ static int read_mesh(reel_call *call, meshreel_file *file, reel_pool *pool) {
 
 int meshreel_read_mesh(meshreel_file *file, meshreel_error *error) {
     if (!file) {
-        return invalid(error, "a pointer to a file is NULL");
+        return reel_invalid(error, "a pointer to a file is NULL");
     }
     if (file->info.n_segments > 1) {
         return reel_refuse_several(error);
