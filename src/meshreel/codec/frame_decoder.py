@@ -6,7 +6,7 @@ from typing import Any
 import numpy.typing as npt
 
 from meshreel.kernel.files import OpenFile, ReelDecoder
-from meshreel.runtime.fork import ForkSafeLock
+from meshreel.runtime.fork import fork_safe_lock
 from meshreel.runtime.profiling import staged
 
 Values = npt.NDArray[Any]
@@ -24,7 +24,7 @@ class FrameDecoder:
 
     def __init__(self, file: OpenFile, n_modes: int = 0) -> None:
         self._file, self._n_modes = file, n_modes
-        self._lock = ForkSafeLock()
+        self._lock = fork_safe_lock()
         self._process = os.getpid()
         self._opened: ReelDecoder | None = None
 

@@ -23,7 +23,7 @@ from meshreel.errors import (
 )
 from meshreel.kernel.exact import TYPES
 from meshreel.kernel.library import ALIGNMENT, library
-from meshreel.runtime.fork import ForkSafeLock
+from meshreel.runtime.fork import fork_safe_lock
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import n_cores, run_tasks
 
@@ -317,7 +317,7 @@ class _Reader:
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
         self._fetch: Callable[[int, int], None] | None = getattr(file, "fetch", None)
-        self._lock = ForkSafeLock()
+        self._lock = fork_safe_lock()
         self._failures: dict[int, BaseException] = {}
 
     def bytes_at(self, offset: int, size: int) -> bytes:
@@ -459,7 +459,7 @@ class OpenFile:
         self._limit = limit_bytes
         self._source = source = source.getvalue() if type(source) is BytesIO else source
         self._memory = _Memory()
-        self._lock = ForkSafeLock()
+        self._lock = fork_safe_lock()
         self._reader = None if isinstance(source, bytes) else _Reader(source)
         n_threads = n_cores()
         self._host = _Host(

@@ -20,7 +20,7 @@ from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.payloads import read_anchor_vertices, read_curves
 from meshreel.paper.pipeline import CodedBlock, Quantized, synthesise
 from meshreel.paper.variants import METHODS, Variant, variant_named
-from meshreel.runtime.fork import ForkSafeLock
+from meshreel.runtime.fork import fork_safe_lock
 
 Vertices = npt.NDArray[np.floating]
 
@@ -116,7 +116,7 @@ class DecodedFrames:
     def __init__(self, decoder: PaperBlockDecoder, starts: list[int]) -> None:
         self._decoder, self._starts = decoder, starts
         self._kept: OrderedDict[int, DecodedBlock] = OrderedDict()
-        self._lock = ForkSafeLock()
+        self._lock = fork_safe_lock()
 
     def load(self, block: int, track: int = 0) -> None:
         """Decode a block now, unless it is kept; raises as `PaperBlockDecoder.block`."""

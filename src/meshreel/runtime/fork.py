@@ -6,50 +6,34 @@ locked in the child, where no thread releases it.
 
 import os
 import sys
+from contextlib import AbstractContextManager
 from functools import cached_property
 from threading import RLock
-from types import TracebackType
 from typing import Any
 from weakref import WeakSet
 
+_LOCKS: WeakSet[Any] = WeakSet()
 
-class ForkSafeLock:
+
+def fork_safe_lock() -> AbstractContextManager[bool]:
     """A reentrant lock; a forked child inherits it unlocked, unless the forking thread holds it."""
-
-    def __init__(self) -> None:
-        self._lock = RLock()
-        _LOCKS.add(self)
-
-    def __enter__(self) -> None:
-        self._lock.acquire()
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._lock.release()
-
-    def unlock_in_child(self) -> None:
-        """Replace the lock if a thread of the parent holds it."""
-        self._lock = _usable(self._lock)
+    lock = RLock()
+    _LOCKS.add(lock)
+    return lock
 
 
-_LOCKS: WeakSet[ForkSafeLock] = WeakSet()
-
-
-def _usable(lock: Any) -> Any:
-    """Return the lock if this thread can acquire it, else a new one."""
+def _is_usable(lock: Any) -> bool:
+    """Whether this thread can acquire the lock."""
     if lock.acquire(blocking=False):
         lock.release()
-        return lock
-    return RLock()
+        return True
+    return False
 
 
 def _unlock_in_child() -> None:
     for lock in list(_LOCKS):
-        lock.unlock_in_child()
+        if not _is_usable(lock):
+            lock._at_fork_reinit()  # as the locks of the standard library are
     if sys.version_info < (3, 12):  # later versions of cached_property have no lock
         _unlock_cached_properties()
 
@@ -65,8 +49,11 @@ def _unlock_cached_properties() -> None:
     for module in modules:
         classes = [one for one in list(vars(module).values()) if isinstance(one, type)]
         for attribute in [one for owner in classes for one in list(vars(owner).values())]:
-            if isinstance(attribute, cached_property) and hasattr(attribute, "lock"):
-                attribute.lock = _usable(attribute.lock)
+            own = (
+                getattr(attribute, "lock", None) if isinstance(attribute, cached_property) else None
+            )
+            if own is not None and not _is_usable(own):
+                attribute.lock = RLock()
 
 
 if hasattr(os, "register_at_fork"):

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from functools import wraps
 from typing import ParamSpec, TypeVar
 
-from meshreel.runtime.fork import ForkSafeLock
+from meshreel.runtime.fork import fork_safe_lock
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
@@ -50,7 +50,7 @@ class Profile:
     """Seconds by stage, from `profiled`."""
 
     def __init__(self) -> None:
-        self._lock = ForkSafeLock()
+        self._lock = fork_safe_lock()
         self._thread = threading.get_ident()
         self._began_s = time.perf_counter()
         self._wall_s: float | None = None

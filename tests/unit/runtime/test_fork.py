@@ -24,7 +24,7 @@ from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.runtime.engine.engine import Engine
-from meshreel.runtime.fork import ForkSafeLock
+from meshreel.runtime.fork import fork_safe_lock
 from meshreel.runtime.profiling import Profile
 from meshreel.runtime.threads import in_background, in_threads, one_blas_thread
 from meshreel.stores.positional_file import with_own_position
@@ -254,7 +254,7 @@ def test_file_in_memory_is_read_as_it_is():
 
 
 def test_lock_is_free_in_a_child_when_another_thread_holds_it():
-    lock = ForkSafeLock()
+    lock = fork_safe_lock()
 
     def acquire():
         with lock, lock:
@@ -265,7 +265,7 @@ def test_lock_is_free_in_a_child_when_another_thread_holds_it():
 
 
 def test_lock_stays_held_in_a_child_when_the_forking_thread_holds_it():
-    lock = ForkSafeLock()
+    lock = fork_safe_lock()
 
     def release():
         lock.__exit__(None, None, None)

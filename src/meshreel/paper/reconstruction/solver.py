@@ -8,7 +8,7 @@ from scipy.sparse import csc_array, csr_array
 
 from meshreel.errors import SolverError
 from meshreel.paper.reconstruction.multifrontal import MultifrontalSolver
-from meshreel.runtime.fork import ForkSafeLock
+from meshreel.runtime.fork import fork_safe_lock
 
 Floats = npt.NDArray[np.float64]
 Solve = Callable[[Floats], Floats]
@@ -85,7 +85,7 @@ def _cholespy_solve(matrix: csc_array) -> Solve | None:
         MatrixType.CSC,
     )
 
-    lock = ForkSafeLock()  # CHOLMOD keeps its workspace with the factor
+    lock = fork_safe_lock()  # CHOLMOD keeps its workspace with the factor
 
     def solve(right: Floats) -> Floats:
         solution = np.zeros_like(right)
