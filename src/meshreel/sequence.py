@@ -143,10 +143,11 @@ class MeshSequence:
         object.__setattr__(self, "faces", read_only(validate_faces(self.faces, len(vertices[0]))))
         object.__setattr__(self, "fps", validate_fps(self.fps))
         object.__setattr__(self, "start_s", validate_start(self.start_s))
-        surface = self.surface.validated(len(vertices[0]), len(self.faces))
-        object.__setattr__(self, "surface", surface)
-        tracks = tracks_of(self.tracks, self.n_frames, self.n_verts, self.n_faces, surface)
-        object.__setattr__(self, "tracks", tracks)
+        (n_frames, n_verts, _), n_faces = vertices.shape, len(self.faces)
+        if self.surface is not PLAIN:
+            object.__setattr__(self, "surface", self.surface.validated(n_verts, n_faces))
+        tracks = self.tracks and tracks_of(self.tracks, n_frames, n_verts, n_faces, self.surface)
+        object.__setattr__(self, "tracks", dict(tracks or {}))
 
     @property
     def n_frames(self) -> int:

@@ -63,7 +63,6 @@ def decode(
     opened = whole_stream(bytes(data), limit, segment)
     wanted = frame_range(frames, opened.n_frames)
     opened.require_mesh()
-    opened.require_frames(wanted)
     reader = opened.frames(n_modes)
     tracks_of = tracks_of_stream(opened, reader)
     opened.require_frames(wanted, sum(one.frame_bytes for one in tracks_of.values()) * len(wanted))

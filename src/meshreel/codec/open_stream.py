@@ -14,7 +14,7 @@ from meshreel.codec.methods import FrameReader, method_of_code
 from meshreel.codec.stored_blocks import StoredBlock, read_block
 from meshreel.codec.surface.decoded import decoded_surface
 from meshreel.errors import CorruptStreamError, InvalidInputError
-from meshreel.kernel.files import FileSection, FileTrack, OpenFile
+from meshreel.kernel.files import FileSection, OpenFile
 from meshreel.sequence import Faces
 from meshreel.subspace.trajectories import BoundingFrame
 from meshreel.surface import PLAIN, Surface
@@ -51,6 +51,10 @@ class OpenStream:
         The order of vertices and faces that is kept.
     promise_percent : float or None
         Error bound that the stream promises, in percent of the diagonal; None if it has none.
+    starts : list of int
+        First frame of each complete block, and the number of all frames.
+    tracks : tuple of FileTrack
+        The tracks beside the positions.
 
     Raises
     ------
@@ -88,6 +92,7 @@ class OpenStream:
         self.is_whole, self.size_bytes = info.is_whole, info.size_bytes - self.offset
         self.dtype: np.dtype[np.floating] = np.dtype(f"f{info.number_bytes}")
         self.frame = BoundingFrame(info.center, info.diagonal)
+        self.starts, self.tracks = self.file.starts, self.file.tracks[1:]
 
     def frames(self, n_modes: int | None = None) -> FrameReader:
         """The decoder of its frames.
@@ -104,11 +109,6 @@ class OpenStream:
             If `n_modes` is below 1, or not for this stream.
         """
         return self.method.frames(self, n_modes)
-
-    @property
-    def starts(self) -> list[int]:
-        """First frame of each complete block, and the number of all frames."""
-        return self.file.starts
 
     @property
     def n_blocks(self) -> int:
@@ -136,13 +136,11 @@ class OpenStream:
     @property
     def internal_faces(self) -> Faces:
         """Faces of shape (M, 3), in internal order; raises as `faces`."""
-        self.require_mesh()
         return self.file.stored_mesh[0]
 
     @cached_property
     def order(self) -> Integers:
         """Internal number of each output vertex; raises as `faces`."""
-        self.require_mesh()
         return self.file.stored_mesh[1].astype(np.int64)
 
     @property
@@ -156,13 +154,12 @@ class OpenStream:
         MemoryLimitError
             If the mesh is larger than allowed.
         """
-        self.require_mesh()
         return self.file.faces
 
     @cached_property
     def leading(self) -> tuple[FileSection, ...]:
         """Known sections before the first block."""
-        found = self.file.sections(stop=self.file.block(0).offset, is_checked=False)
+        found = list(self.file.sections(stop=self.file.block(0).offset, is_checked=False))
         return tuple(one for one in found if one.is_known)
 
     @cached_property
@@ -178,13 +175,7 @@ class OpenStream:
         """
         if not any(one.id in SURFACE_SECTIONS for one in self.leading):
             return PLAIN  # then the faces need not be decoded for it
-        self.require_mesh()
         return decoded_surface(self.file)
-
-    @property
-    def tracks(self) -> tuple[FileTrack, ...]:
-        """The tracks beside the positions."""
-        return self.file.tracks[1:]
 
     def payload(self, section: FileSection) -> bytes:
         """The payload of a section."""

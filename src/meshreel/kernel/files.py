@@ -472,7 +472,7 @@ class OpenFile:
             int(min(limit_bytes, 2.0**62)),
         )
         self.handle = _POINTER()
-        self.is_open = False
+        self.is_open = self._has_mesh = False
         self.call(
             "open",
             ctypes.byref(self._core_source()),
@@ -568,11 +568,13 @@ class OpenFile:
         """Decode the triangles and the order of vertices; raises as the class."""
         with self._lock:
             self.call("read_mesh", self.handle)
+        self._has_mesh = True
 
     @cached_property
     def faces(self) -> Integers:
         """Vertices of each triangle, of shape (M, 3); raises as the class."""
-        self.read_mesh()
+        if not self._has_mesh:
+            self.read_mesh()
         found = array_at(_function("triangles")(self.handle), 3 * self.info.n_triangles, np.int32)
         return found.reshape(-1, 3)
 
