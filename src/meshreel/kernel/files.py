@@ -372,28 +372,35 @@ def _function(name: str) -> Any:
     return function
 
 
-class ReelDecoder:
-    """Decodes frames of an open file; it holds a block of each track. One thread uses it at a time.
+class FrameDecoder:
+    """Decodes frames of a file of `reel`, `lossless` or `grid`; it holds blocks of each track.
+
+    Several threads may share one. A forked child starts over: a thread of its parent may have been
+    using what is held.
 
     Parameters
     ----------
     file : OpenFile
-        Its mesh is decoded.
+    n_modes : int, default 0
+        Only the first so many modes of positions move; 0: all.
     """
 
-    def __init__(self, file: "OpenFile") -> None:
-        file.read_mesh()
-        self._file = file
+    def __init__(self, file: "OpenFile", n_modes: int = 0) -> None:
+        self._file, self._n_modes = file, n_modes
+        self._lock = fork_safe_lock()
+        self._process = 0  # that began the decoder of the core
         self._handle = _POINTER()
-        file.call("begin", file.handle, ctypes.byref(self._handle))
-        self._process = os.getpid()
-        self._close = finalize(self, _end, self._process, file, self._handle)
 
-    def load(self, track: int, block: int, n_modes: int = 0) -> None:
-        """Load a track of a block, unless it is held; raises as `OpenFile`."""
-        self._file.call("load", self._handle, _U32(track), _U32(block), _U32(n_modes))
+    @staged("fields")
+    def load(self, block: int, track: int = 0) -> None:
+        """Load a block, unless it is held; raises as `fill`."""
+        with self._lock:
+            self._begin()
+            n_modes = 0 if track else self._n_modes
+            self._file.call("load", self._handle, _U32(track), _U32(block), _U32(n_modes))
 
-    def fill(self, out: npt.NDArray[Any], track: int, first: int, n_modes: int = 0) -> None:
+    @staged("frames")
+    def fill(self, out: npt.NDArray[Any], first: int, track: int = 0) -> None:
         """Fill a contiguous array of shape (n, N, C) with frames of a track from `first` on.
 
         Raises
@@ -404,17 +411,31 @@ class ReelDecoder:
             If a block takes more memory than allowed.
         """
         assert out.flags.c_contiguous
-        address = _POINTER(out.ctypes.data)
-        numbers = _U32(track), _U32(first), _U32(len(out)), _U32(n_modes)
-        self._file.call("decode", self._handle, *numbers, None, address)
+        with self._lock:
+            self._begin()
+            n_modes = 0 if track else self._n_modes
+            numbers = _U32(track), _U32(first), _U32(len(out)), _U32(n_modes)
+            address = _POINTER(out.ctypes.data)
+            self._file.call("decode", self._handle, *numbers, None, address)
 
     def close(self) -> None:
-        """Release what the decoder holds."""
-        self._close()
+        """Release all that is held."""
+        with self._lock:
+            if self._process:
+                self._end()
+            self._process = 0
+
+    def _begin(self) -> None:
+        """Begin the decoder of the core, unless this process has."""
+        if self._process != os.getpid():
+            self._file.read_mesh()
+            self._handle = _POINTER()
+            self._file.call("begin", self._file.handle, ctypes.byref(self._handle))
+            self._process = os.getpid()
+            self._end = finalize(self, _end, self._process, self._file, self._handle)
 
 
 def _end(process: int, file: "OpenFile", handle: ctypes.c_void_p) -> None:
-    # Another thread of a process may have been decoding while this one was forked from it.
     if process == os.getpid() and file.is_open:
         _function("end")(handle)
 

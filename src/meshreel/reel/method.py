@@ -6,13 +6,13 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig
-from meshreel.codec.frame_decoder import FrameDecoder
 from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.option import COUNT
 from meshreel.codec.source import CodedMesh, Source
 from meshreel.codec.targets import Aim
 from meshreel.codec.track_bounds import TrackTargets
 from meshreel.errors import InvalidInputError
+from meshreel.kernel.files import FrameDecoder
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Progress
 from meshreel.sequence import extent_of
