@@ -18,10 +18,15 @@ def file_changes(function):
     return module.file_changes(function)
 
 
-@pytest.mark.parametrize(("options", "most"), [({}, 170), ({"max_error": 0.5}, 850)], ids=str)
+@pytest.mark.parametrize(("options", "most"), [({}, 165), ({"max_error": 0.5}, 800)], ids=str)
 def test_encoding_changes_file_seldom(options, most):
     sequence = meshreel.simulate_flag(30, n_rows=20, n_columns=20)
     assert file_changes(partial(meshreel.encode, sequence, **options)).total() <= most
+
+
+def test_decoding_changes_file_seldom():
+    data = meshreel.encode(meshreel.simulate_flag(30, n_rows=20, n_columns=20))
+    assert file_changes(partial(meshreel.decode, data)).total() <= 60
 
 
 def test_changes_are_counted_by_the_names_of_files():

@@ -8,7 +8,7 @@ from bisect import bisect_right
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 from difflib import get_close_matches
-from functools import cache
+from functools import cache, cached_property
 from typing import Annotated, Any
 
 from meshreel.codec.byte_sizes import bytes_of
@@ -376,7 +376,7 @@ class EncoderConfig:
         elif self.unit is not None:
             raise InvalidInputError("unit= says what a length in max_error= means; give both")
 
-    @property
+    @cached_property
     def target(self) -> Target:
         """The target of `reel`: a rate, an error or a step."""
         return target_of(**{name: getattr(self, name) for name in _TARGETS})

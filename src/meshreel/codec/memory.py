@@ -62,10 +62,10 @@ def memory_limit(memory: float | str | None) -> MemoryLimit:
     InvalidInputError
         If it is no size, or not above 0.
     """
-    return MemoryLimit(bytes_of(DEFAULT_MEMORY if memory is None else memory, "memory"))
+    return DEFAULT_LIMIT if memory is None else MemoryLimit(bytes_of(memory, "memory"))
 
 
-DEFAULT_LIMIT = memory_limit(None)
+DEFAULT_LIMIT = memory_limit(DEFAULT_MEMORY)
 
 OWN_STREAM = 2.0**62
 """The limit of a stream that this process has encoded: none."""

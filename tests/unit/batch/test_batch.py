@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+from dataclasses import asdict
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -326,7 +327,7 @@ def check_spread(folder, engine):
     engine.map_in_order = killing_one
     report = run_batch(plan_batch(folder / "in", folder / "out", LONG), engine)
     assert report.summary == "0 up to date, 1 encoded, 0 failed"
-    expected = meshreel.encode(meshreel.load(folder / "in" / "long.npz"), **vars(LONG.config))
+    expected = meshreel.encode(meshreel.load(folder / "in" / "long.npz"), **asdict(LONG.config))
     assert (folder / "out" / "long.reel").read_bytes() == expected
 
 

@@ -1,6 +1,7 @@
 """Targets that are written with their units: the same streams, and the promise kept."""
 
 import io
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -50,7 +51,7 @@ def test_every_vertex_is_within_a_length_when_frames_come_one_by_one():
 def test_options_are_plain_numbers_when_they_were_written_as_text():
     config = EncoderConfig(max_error="0.5mm", unit="cm", memory="1kB")
     assert (config.max_error, config.unit, config.memory) == ("0.05u", None, 1000.0)
-    assert EncoderConfig(**vars(config)) == config
+    assert EncoderConfig(**asdict(config)) == config
 
 
 def test_length_is_told_as_it_was_asked_for_when_it_cannot_be_promised():
