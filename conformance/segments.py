@@ -17,6 +17,7 @@ from conformance.sources import moving, of_boxes, of_everything
 from meshreel.bitstream import header as header_module
 from meshreel.bitstream import writer as writer_module
 from meshreel.bitstream.header import write_header
+from meshreel.bitstream.index import write_index
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.sections import write_sections
 from meshreel.bitstream.writer import StreamWriter
@@ -149,9 +150,8 @@ def with_header(**changes):
 
 def with_index(change):
     """`meshes`, whose index lists other blocks or segments."""
-    write = writer_module.write_index
     with patch.object(
-        writer_module, "write_index", lambda places, further: write(places, change(further))
+        writer_module, "write_index", lambda places, further: write_index(places, change(further))
     ):
         return join_streams(meshes())
 

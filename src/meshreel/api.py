@@ -20,6 +20,7 @@ from meshreel.formats.file_errors import errors_naming, os_errors_naming, refuse
 from meshreel.formats.load import load, open_for_encoding
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.reel.reading import open as open_reel
+from meshreel.formats.reel.reading import read_info
 from meshreel.formats.remote import at_hand
 from meshreel.formats.sources import AnyPath, Source
 from meshreel.frame_choice import start_of
@@ -66,10 +67,11 @@ def decode(
     *,
     frames: slice | None = None,
     n_modes: int | None = None,
+    segment: int | None = None,
     memory: float | str | None = None,
     progress: Progress = silent,
 ) -> MeshSequence:
-    """The sequence that a `.reel` stream holds.
+    """The sequence that a `.reel` stream holds, or a segment of it.
 
     Parameters
     ----------
@@ -82,6 +84,9 @@ def decode(
     n_modes : int, optional
         Stop after so many modes of each block: a coarser animation, sooner. Default: all. Streams
         of `reel` only; corrections are left out then. Of a `ReelFile`, `meshreel.open` takes it.
+    segment : int, optional
+        Number of a segment, from 0, as `info` lists them. Needed if the stream has several, whose
+        meshes differ. Of a `ReelFile`, `meshreel.open` takes it.
     memory : float or str, optional
         The most that frames and tracks together, the mesh, or a block may take while they are
         decoded, as in "2GiB", or bytes: a small file may hold a long animation in which little
@@ -93,38 +98,46 @@ def decode(
     Raises
     ------
     InvalidInputError
-        If there is no such file, `frames` names no frame or has a step, or `n_modes` is below 1 or
-        not for this stream.
+        If there is no such file or segment, there are several segments and none is chosen,
+        `frames` names no frame or has a step, or `n_modes` is below 1 or not for this stream.
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
         If it is not a whole stream that this build reads; the error names the file.
     MemoryLimitError
         If more memory would be needed; nothing was allocated for it.
     """
     if isinstance(data, ReelFile):
-        for name, value in (("n_modes", n_modes), ("memory", memory)):
+        chosen = {"n_modes": n_modes, "segment": segment, "memory": memory}
+        for name, value in chosen.items():
             if value is not None:
                 raise InvalidInputError(f"{name} of a ReelFile is chosen by meshreel.open")
         return _of_reel(data, frames)
     if frames is not None and is_remote(data):
-        with open_reel(data, n_modes=n_modes, memory=memory) as reel:
+        with open_reel(data, n_modes=n_modes, segment=segment, memory=memory) as reel:
             return _of_reel(reel, frames)
     return _with_stream(
         data,
         "decode",
         lambda stream: decoder.decode(
-            stream, frames=frames, n_modes=n_modes, memory=memory, progress=progress
+            stream,
+            frames=frames,
+            n_modes=n_modes,
+            segment=segment,
+            memory=memory,
+            progress=progress,
         ),
     )
 
 
-def info(data: Stream | AnyPath | ReelFile) -> StreamInfo:
-    """Contents of a `.reel` stream, and its bytes by section.
+def info(data: Stream | AnyPath | ReelFile, *, segment: int | None = None) -> StreamInfo:
+    """Contents of a `.reel` stream, its segments, and its bytes by section.
 
     Parameters
     ----------
     data : bytes, path, or ReelFile
         A whole stream, or the file that holds it, or its address: of a remote file only the index
         and the heads of sections are fetched, and checksums are not compared.
+    segment : int, optional
+        Describe this segment alone. Of a `ReelFile`, `meshreel.open` takes it.
 
     Raises
     ------
@@ -134,11 +147,12 @@ def info(data: Stream | AnyPath | ReelFile) -> StreamInfo:
         If it is not a whole stream that this build reads; the error names the file.
     """
     if isinstance(data, ReelFile):
+        if segment is not None:
+            raise InvalidInputError("segment of a ReelFile is chosen by meshreel.open")
         return data.info()
     if is_remote(data):
-        with open_reel(data) as reel:
-            return reel.info()
-    return _with_stream(data, "info", streams.info)
+        return read_info(data, segment)
+    return _with_stream(data, "info", lambda stream: streams.info(stream, segment))
 
 
 def compare(

@@ -6,7 +6,7 @@ from meshreel.cli.commands import command
 from meshreel.cli.completing import reel_files
 from meshreel.cli.encode_options import encode_option
 from meshreel.cli.parameters import argument, option
-from meshreel.cli.read_options import memory_option
+from meshreel.cli.read_options import memory_option, segment_option
 from meshreel.cli.write_options import (
     GLTF_AND_TEXTURES,
     force_option,
@@ -39,6 +39,7 @@ from meshreel.codec.config import option_named
     help="Only this number of leading modes move; further ones, up to the 16th at least, "
     "are held at their mean: a coarser animation, decoded faster. Default: all.",
 )
+@segment_option
 @memory_option
 @targets_option
 @gltf_error_option
@@ -55,6 +56,7 @@ def decode_command(
     frames: str | None,
     start_number: int | None,
     modes: int | None,
+    segment: int | None,
     memory: str | None,
     targets: int | None,
     max_error: str | None,
@@ -123,7 +125,7 @@ def decode_command(
         with (
             progress_bar() as progress,
             profiled() as times,
-            open(stream, n_modes=modes, memory=memory) as reel,
+            open(stream, n_modes=modes, segment=segment, memory=memory) as reel,
             errors_naming(source),
         ):
             wanted = chosen_frames(chosen, reel.n_frames, notes)

@@ -1,6 +1,6 @@
 """Figures of streams and of quality, as text for tables."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from meshreel.counting import counted, size_text
@@ -17,6 +17,10 @@ if TYPE_CHECKING:
 
 EVERY_BIT = "every position as it was, bit for bit"
 """What a lossless stream promises."""
+
+SEGMENT_HEADINGS = ("segment", "frames", "vertices", "faces", "size")
+MOST_SEGMENTS = 200
+"""Largest number of rows of the table of segments."""
 
 
 def size_figures(stream: "StreamInfo") -> dict[str, Any]:
@@ -105,7 +109,9 @@ def info_rows(stream: "StreamInfo") -> "dict[str, Cell]":
         "order": stream.order,
     }
     rows |= carried_rows(stream)
-    if len(stream.block_frames) > 1:
+    if len(stream.segments) > 1:
+        rows["segments"] = f"{len(stream.segments)}; the largest mesh is shown above"
+    elif len(stream.block_frames) > 1:
         rows["blocks"] = (
             f"{len(stream.block_frames)} of up to {counted(max(stream.block_frames), 'frame')}"
         )
@@ -122,6 +128,23 @@ def info_rows(stream: "StreamInfo") -> "dict[str, Cell]":
         rows["promised"] = EVERY_BIT
     elif stream.max_error_percent:
         rows["promised"] = f"no vertex is off by more than {promise_text(stream)}"
+    return rows
+
+
+def segment_columns(stream: "StreamInfo") -> list[Sequence[str]]:
+    """Rows of the table of segments, with columns as in `SEGMENT_HEADINGS`."""
+    rows: list[Sequence[str]] = [
+        (
+            str(number),
+            f"{one.first_frame} to {one.first_frame + one.n_frames - 1}",
+            str(one.n_verts),
+            str(one.n_faces),
+            size_text(one.size_bytes),
+        )
+        for number, one in enumerate(stream.segments[:MOST_SEGMENTS])
+    ]
+    if (more := len(stream.segments) - MOST_SEGMENTS) > 0:
+        rows.append((f"and {more} more (--json has all)", "", "", "", ""))
     return rows
 
 

@@ -8,7 +8,7 @@ import click
 from meshreel.cli.commands import command
 from meshreel.cli.completing import input_files
 from meshreel.cli.parameters import argument, option
-from meshreel.cli.read_options import MESHES, reading_options
+from meshreel.cli.read_options import MESHES, reading_options, segment_option
 
 if TYPE_CHECKING:
     from meshreel.formats.options import ReadOptions
@@ -26,15 +26,17 @@ if TYPE_CHECKING:
     "https://): of a .reel only its index and the heads of its sections are fetched.",
 )
 @reading_options("fps", *MESHES, "topology", "dataset", "memory")
+@segment_option
 @option("as_json", "--json", is_flag=True, help="Print the figures as JSON.")
 def info_command(
     inputs: tuple[str, ...],
     reading: "ReadOptions",
+    segment: int | None,
     as_json: bool,
 ) -> None:
     """Show the contents of a file: meshes, frames, extent and parts that are not read.
 
-    Of a .reel its header and its byte budget by section.
+    Of a .reel its header, its segments and its byte budget by section.
 
     Examples:
 
@@ -52,25 +54,30 @@ def info_command(
     if len(inputs) == 1 and holds_stream(inputs[0]):
         if replace(reading, memory=None) != ReadOptions():
             raise click.UsageError(
-                "a .reel holds one mesh and is read completely; leave the options of inputs out"
+                "the options of inputs are not for a .reel, which is read as it is; leave them out"
             )
-        _show_stream(inputs[0], reading.memory, as_json=as_json)
+        _show_stream(inputs[0], segment, reading.memory, as_json=as_json)
         return
+    if segment is not None:
+        raise click.UsageError("--segment is for a .reel; give one, or leave the option out")
     _show_source(given_source(inputs), reading, as_json=as_json)
 
 
-def _show_stream(path: str, memory: float | str | None, *, as_json: bool) -> None:
-    from meshreel.cli.console import print_bars, print_json, print_table
-    from meshreel.cli.figures import info_rows
-    from meshreel.formats.file_errors import errors_naming
-    from meshreel.formats.reel.reading import open
+def _show_stream(
+    path: str, segment: int | None, memory: float | str | None, *, as_json: bool
+) -> None:
+    from meshreel.cli.console import print_bars, print_columns, print_json, print_table
+    from meshreel.cli.figures import SEGMENT_HEADINGS, info_rows, segment_columns
+    from meshreel.formats.reel.reading import read_info
 
-    with open(path, memory=memory) as reel, errors_naming(path):
-        stream = reel.info()
+    stream = read_info(path, segment, memory)
     if as_json:
         print_json(stream.as_dict())
         return
     print_table(path, info_rows(stream))
+    if len(stream.segments) > 1:
+        print_columns("segments", SEGMENT_HEADINGS, segment_columns(stream))
+        click.echo("choose one with --segment")
     print_bars("bytes", stream.budget_bytes)
 
 

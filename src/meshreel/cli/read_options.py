@@ -19,6 +19,13 @@ memory_option = option(
     "[default: 8GiB]",
     panel=READING,
 )
+segment_option = option(
+    "--segment",
+    type=int,
+    metavar="NUMBER",
+    help="The segment of a .reel with several, from 0, as `meshreel info` lists them.",
+    panel=READING,
+)
 split_option = option(
     "--split",
     is_flag=True,

@@ -2,11 +2,12 @@
 
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from meshreel.bitstream.layout import SURFACE_SECTIONS, Section
-from meshreel.codec.open_stream import OpenStream, whole_stream
+from meshreel.codec.memory import DEFAULT_LIMIT, MemoryLimit
+from meshreel.codec.open_stream import OpenStream, whole_file
 from meshreel.codec.surface.codes import DOMAINS
 from meshreel.codec.tracks import KINDS
 from meshreel.kernel.files import OpenFile
@@ -64,8 +65,31 @@ class TrackInfo:
 
 
 @dataclass(frozen=True)
+class SegmentInfo:
+    """A segment: an animated mesh of constant connectivity.
+
+    Attributes
+    ----------
+    first_frame : int
+        Its number in the stream.
+    n_frames, n_verts, n_faces : int
+    size_bytes : int
+    """
+
+    first_frame: int
+    n_frames: int
+    n_verts: int
+    n_faces: int
+    size_bytes: int
+
+
+@dataclass(frozen=True)
 class StreamInfo:
-    """Header, modes and sizes of a stream.
+    """Header, modes and sizes of a stream, or of a segment of it.
+
+    Of a stream of several segments, frames and bytes are sums, and tuples are those of all
+    segments, in order; vertices, faces, polygons, diagonal and the promised error are the largest
+    of a segment.
 
     Attributes
     ----------
@@ -118,6 +142,8 @@ class StreamInfo:
         Descriptions of images, such as "0: 'shade', image/png, 92 bytes".
     tracks : tuple of TrackInfo
         Tracks beside the positions.
+    segments : tuple of SegmentInfo
+        At least one.
     """
 
     n_frames: int
@@ -147,6 +173,7 @@ class StreamInfo:
     materials: tuple[str, ...]
     images: tuple[str, ...]
     tracks: tuple[TrackInfo, ...]
+    segments: tuple[SegmentInfo, ...]
 
     @property
     def ratio(self) -> float:
@@ -156,13 +183,14 @@ class StreamInfo:
     @property
     def rate_bpvf(self) -> float:
         """Bits of the whole stream per vertex and frame."""
-        return 8 * self.size_bytes / (self.n_verts * self.n_frames)
+        return 8 * self.size_bytes / sum(one.n_verts * one.n_frames for one in self.segments)
 
     def __repr__(self) -> str:
         name = f" {self.name!r}" if self.name else ""
         cut = "" if self.is_whole else ", cut off"
+        several = f" in {len(self.segments)} segments" if len(self.segments) > 1 else ""
         return (
-            f"<StreamInfo{name}: {self.n_frames} frames, {self.n_verts} vertices, "
+            f"<StreamInfo{name}: {self.n_frames} frames{several}, {self.n_verts} vertices, "
             f"{self.n_faces} faces, {self.fps:g} fps, {self.vertex_type}; {self.method}, "
             f"{self.size_bytes} bytes, {self.ratio:.1f} x smaller, {self.rate_bpvf:.3g} bpvf{cut}>"
         )
@@ -172,15 +200,80 @@ class StreamInfo:
         return {**asdict(self), "ratio": self.ratio, "rate_bpvf": self.rate_bpvf}
 
 
-def info(data: bytes) -> StreamInfo:
+def info(data: bytes, segment: int | None = None) -> StreamInfo:
     """Contents of a `.reel` stream, and its bytes by section.
+
+    Parameters
+    ----------
+    data : bytes
+    segment : int, optional
+        Describe this segment alone.
 
     Raises
     ------
+    InvalidInputError
+        If there is no such segment.
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
         If the bytes are not a whole stream that this build reads.
     """
-    return stream_info(whole_stream(bytes(data)))
+    return file_info(whole_file(bytes(data)), segment)
+
+
+def file_info(
+    file: OpenFile,
+    segment: int | None = None,
+    limit: MemoryLimit = DEFAULT_LIMIT,
+    *,
+    is_remote: bool = False,
+) -> StreamInfo:
+    """Contents of a file, or of one of its segments; parameters and errors as of `stream_info`."""
+    if segment is not None or len(file.segments) == 1:
+        return stream_info(OpenStream(file, limit, segment), is_remote=is_remote)
+    found = []
+    for number in range(len(file.segments)):
+        opened = OpenStream(file, limit, number)
+        found.append(stream_info(opened, is_remote=is_remote))
+        opened.file.close()
+    return _together(file, found)
+
+
+def _together(file: OpenFile, found: list[StreamInfo]) -> StreamInfo:
+    """All segments of a file as one."""
+
+    def largest(name: str) -> Any:
+        return max(getattr(one, name) for one in found)
+
+    def joined(name: str) -> Any:
+        return tuple(item for one in found for item in getattr(one, name))
+
+    def named(name: str) -> Any:
+        return ", ".join(dict.fromkeys(getattr(one, name) for one in found))
+
+    budget, parts = Counter[str](), Counter[str]()
+    for one in found:
+        budget.update(one.budget_bytes)
+        parts.update(one.part_bytes)
+    size_bytes = file.info.size_bytes
+    around = size_bytes - sum(one.size_bytes for one in found)  # the index and the end
+    budget["framing"] += around
+    parts["container"] += around
+    promised = [one.max_error_percent for one in found if one.max_error_percent is not None]
+    return replace(
+        found[0],
+        n_frames=file.info.n_frames,
+        **{name: largest(name) for name in ("n_verts", "n_faces", "n_polygons", "diagonal")},
+        **{name: named(name) for name in ("method", "laplacian", "order", "vertex_type")},
+        **{name: joined(name) for name in ("n_modes", "block_frames", "block_bytes", "tracks")},
+        **{name: joined(name) for name in ("attributes", "parts", "materials", "images")},
+        size_bytes=size_bytes,
+        raw_size_bytes=sum(one.raw_size_bytes for one in found),
+        budget_bytes=dict(budget),
+        part_bytes=dict(parts),
+        max_error_percent=max(promised) if len(promised) == len(found) else None,
+        is_lossless=all(one.is_lossless for one in found),
+        is_whole=file.info.is_whole,
+        segments=joined("segments"),
+    )
 
 
 def stream_info(opened: OpenStream, *, is_remote: bool = False) -> StreamInfo:
@@ -234,6 +327,15 @@ def stream_info(opened: OpenStream, *, is_remote: bool = False) -> StreamInfo:
         materials=described_materials(surface),
         images=described_images(surface),
         tracks=tracks,
+        segments=(
+            SegmentInfo(
+                file.first_frame,
+                opened.n_frames,
+                opened.n_verts,
+                opened.n_faces,
+                opened.size_bytes,
+            ),
+        ),
     )
 
 
@@ -288,10 +390,10 @@ class _Sizes:
 
 def _sizes(file: OpenFile, *, is_checked: bool) -> _Sizes:
     """The sizes, from a pass over the sections; their checksums are compared if `is_checked`."""
-    sizes = _Sizes(file.info.size_bytes, Counter(), [], [])
+    sizes = _Sizes(file.info.size_bytes - file.offset, Counter(), [], [])
     position_ends = [place.offset + place.size_bytes for place in file.blocks]
     for one in file.sections(is_checked=is_checked):
-        sizes.header = min(sizes.header, one.offset)
+        sizes.header = min(sizes.header, one.offset - file.offset)
         if one.is_known:
             section = Section(one.id)
             sizes.of_sections[section] += one.size_bytes

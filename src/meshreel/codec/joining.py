@@ -1,5 +1,6 @@
-"""Joining of streams, each of one mesh, to a stream of several segments."""
+"""Joining of streams, each of one mesh, to a stream of several segments; and separating them."""
 
+import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from io import BytesIO
@@ -7,6 +8,7 @@ from io import BytesIO
 from meshreel.bitstream.header import Header
 from meshreel.bitstream.layout import Section, VertexType
 from meshreel.bitstream.writer import StreamWriter
+from meshreel.bitstream.writer import whole_stream as written_stream
 from meshreel.codec.open_stream import OpenStream, whole_stream
 from meshreel.errors import InvalidInputError
 
@@ -48,6 +50,20 @@ def join_streams(streams: Sequence[bytes]) -> bytes:
     return file.getvalue()
 
 
+def separate_stream(opened: OpenStream) -> bytes:
+    """A stream of this segment alone, which starts when it does; nothing is encoded again.
+
+    Raises
+    ------
+    CorruptStreamError
+        If a section is damaged.
+    """
+    leading = list(leading_of(opened))
+    if opened.start_s and Section.START not in dict(leading):
+        leading.append((Section.START, struct.pack("<d", opened.start_s)))
+    return written_stream(header_of(opened), leading, blocks_of(opened))
+
+
 def _write_blocks(writer: StreamWriter, opened: OpenStream) -> None:
     for n_frames, sections in blocks_of(opened):
         writer.write_block(n_frames, sections)
@@ -72,8 +88,9 @@ def header_of(opened: OpenStream) -> Header:
 
 
 def leading_of(opened: OpenStream) -> Iterator[tuple[Section, bytes]]:
-    """The known sections before the first block."""
-    return ((Section(one.id), opened.payload(one)) for one in opened.leading)
+    """The known sections before the first block that may stand in another segment."""
+    leading = (one for one in opened.leading if one.id != Section.SEGMENT)
+    return ((Section(one.id), opened.payload(one)) for one in leading)
 
 
 def blocks_of(opened: OpenStream) -> Iterator[tuple[int, list[tuple[Section, bytes]]]]:

@@ -30,7 +30,7 @@ class OpenStream:
 
     Parameters
     ----------
-    source : bytes or binary file that can seek
+    source : bytes, binary file that can seek, or OpenFile
     limit : MemoryLimit, optional
         Of everything that is decoded at once: the mesh, a block, an array that is returned.
     segment : int, optional
@@ -70,19 +70,20 @@ class OpenStream:
 
     def __init__(
         self,
-        source: bytes | BinaryIO,
+        source: bytes | BinaryIO | OpenFile,
         limit: MemoryLimit = DEFAULT_LIMIT,
         segment: int | None = None,
     ) -> None:
-        self.file = OpenFile(source, limit.limit_bytes, segment)
+        file = source if isinstance(source, OpenFile) else OpenFile(source, limit.limit_bytes)
+        self.file = file if segment is None else file.segment(segment)
         self.limit = limit
-        info, segments = self.file.info, self.file.segments
-        if info.n_segments > 1:
+        info, n_segments = self.file.info, self.file.info.n_segments
+        if n_segments > 1:
             raise InvalidInputError(
-                f"the stream has {len(segments)} segments with different meshes; choose one: "
-                f"segment=0 to segment={len(segments) - 1}"
+                f"there are {n_segments} segments with different meshes; choose one with segment=, "
+                f"0 to {n_segments - 1}"
             )
-        self.offset = segments[segment].offset if segment and len(segments) > 1 else 0
+        self.offset = self.file.offset
         self.method = method_of_code(info.method)
         self.laplacian = choice_of_code(Laplacian, info.laplacian)
         self.order_kept = choice_of_code(Order, info.order)
@@ -254,12 +255,24 @@ def whole_stream(
     UnsupportedVersionError
         If a newer build is needed.
     """
-    opened = OpenStream(data, limit, segment)
-    whole = opened.file.whole
-    if whole.damage is not None:
-        raise whole.damage
-    if whole.size_bytes != len(data):
+    return OpenStream(whole_file(data, limit), limit, segment)
+
+
+def whole_file(data: bytes, limit: MemoryLimit = DEFAULT_LIMIT) -> OpenFile:
+    """A stream of any number of segments, of which nothing is missing.
+
+    Raises
+    ------
+    CorruptStreamError, TruncatedStreamError
+        If its end is missing or damaged, or bytes follow it; and as `OpenFile`.
+    UnsupportedVersionError
+        If a newer build is needed.
+    """
+    file = OpenFile(data, limit.limit_bytes)
+    if file.info.damage is not None:
+        raise file.info.damage
+    if file.info.size_bytes != len(data):
         raise CorruptStreamError(
-            f"{len(data) - whole.size_bytes} bytes follow the end marker of the stream"
+            f"{len(data) - file.info.size_bytes} bytes follow the end marker of the stream"
         )
-    return opened
+    return file

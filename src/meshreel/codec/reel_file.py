@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.inspect import StreamInfo, promised_percent, stream_info
+from meshreel.codec.joining import separate_stream
 from meshreel.codec.memory import memory_limit
 from meshreel.codec.methods import FrameReader
 from meshreel.codec.open_stream import OpenStream
@@ -45,6 +46,8 @@ class ReelFile:
         As in `meshreel.open`.
     memory : float or str, optional
         As in `meshreel.open`.
+    segment : int, optional
+        As in `meshreel.open`; frames, and all else, are then of this segment.
 
     Attributes
     ----------
@@ -76,11 +79,15 @@ class ReelFile:
     """
 
     def __init__(
-        self, file: BinaryIO, n_modes: int | None = None, memory: float | str | None = None
+        self,
+        file: BinaryIO,
+        n_modes: int | None = None,
+        memory: float | str | None = None,
+        segment: int | None = None,
     ) -> None:
         limit = memory_limit(memory)
         self._file = with_own_position(file)
-        opened = self._opened = OpenStream(self._file, limit)
+        opened = self._opened = OpenStream(self._file, limit, segment)
         opened.require_mesh()
         self._n_modes = n_modes
         if n_modes is not None:  # which may not be for this stream: that is said now
@@ -238,13 +245,23 @@ class ReelFile:
         """
         return self._opened.file.group(number).n_modes
 
+    @cached_property
+    def _segment(self) -> bytes | None:
+        """A stream of the segment that is open, if the file has several."""
+        return separate_stream(self._opened) if len(self._opened.file.segments) > 1 else None
+
     @property
     def size_bytes(self) -> int:
         """Size of the stream, without what may follow its last complete block."""
-        return self._opened.size_bytes
+        return self._opened.size_bytes if self._segment is None else len(self._segment)
 
     def stored(self, start: int, stop: int) -> bytes:
-        """Bytes of the stream as they are stored, such as a server sends them."""
+        """Bytes of the stream as they are stored, such as a server sends them.
+
+        Those of a segment of several are a stream of this segment alone, which is kept in memory.
+        """
+        if self._segment is not None:
+            return self._segment[start:stop]
         return self._opened.file.bytes_at(start, max(0, min(stop, self.size_bytes) - start))
 
     @property

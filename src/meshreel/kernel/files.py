@@ -4,6 +4,7 @@ import ctypes
 import os
 import threading
 from collections.abc import Callable, Iterator
+from copy import copy
 from dataclasses import dataclass
 from functools import cache, cached_property
 from io import BytesIO
@@ -450,22 +451,19 @@ class OpenFile:
     source : bytes or binary file that can seek
     limit_bytes : float
         That the file, and each of its decoders, may hold.
-    segment : int, optional
-        Open this segment of the file: its frames begin at 0.
 
     Attributes
     ----------
     info : FileInfo
-        Of the segment that is open, or else of the file.
     whole : FileInfo
-        Of the file.
+        Of the file that a segment is part of; else as `info`.
     segments : tuple of FileSegment
-        All that the file has.
+        All of the file.
+    offset, first_frame : int
+        Byte and frame of the whole at which it begins: 0 but of a segment behind the first.
 
     Raises
     ------
-    InvalidInputError
-        If the file has no such segment.
     CorruptStreamError, TruncatedStreamError
         If the header is damaged, or no block of frames is complete.
     UnsupportedVersionError
@@ -474,9 +472,7 @@ class OpenFile:
         If more memory would be held than allowed.
     """
 
-    def __init__(
-        self, source: bytes | BinaryIO, limit_bytes: float, segment: int | None = None
-    ) -> None:
+    def __init__(self, source: bytes | BinaryIO, limit_bytes: float) -> None:
         self._limit = limit_bytes
         self._source = source = source.getvalue() if type(source) is BytesIO else source
         self._memory = _Memory()
@@ -503,20 +499,30 @@ class OpenFile:
         self.is_open = True
         self.info = self.whole = self._info()
         self.segments = tuple(map(self._segment, range(self.info.n_segments)))
-        if segment is not None:
-            self._choose(segment)
+        self.offset = self.first_frame = 0
 
-    def _choose(self, segment: int) -> None:
-        if not 0 <= segment < len(self.segments):
+    def segment(self, number: int) -> "OpenFile":
+        """A segment as a separate file, whose frames begin at 0; source and memory are shared.
+
+        Raises
+        ------
+        InvalidInputError
+            If the file has no such segment.
+        CorruptStreamError, TruncatedStreamError, UnsupportedVersionError, MemoryLimitError
+            As the class, of the segment.
+        """
+        if not 0 <= number < len(self.segments):
             there = counted(len(self.segments), "segment")
             raise InvalidInputError(
-                f"segment {segment} is not in the file; it has {there}, numbered from 0"
+                f"segment {number} is not in the file; it has {there}, numbered from 0"
             )
-        opened = _POINTER()
-        self.call("open_segment", self.handle, _U32(segment), ctypes.byref(opened))
-        _function("close")(self.handle)
-        self.handle = opened
-        self.info = self._info()
+        found = copy(self)
+        found.handle = _POINTER()
+        self.call("open_segment", self.handle, _U32(number), ctypes.byref(found.handle))
+        found.info = found._info()
+        found.offset = self.segments[number].offset if number else 0
+        found.first_frame = self.segments[number].first_frame
+        return found
 
     def _segment(self, number: int) -> FileSegment:
         found = _Segment()

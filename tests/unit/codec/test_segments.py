@@ -1,0 +1,127 @@
+"""Streams of several segments in the package: one is chosen, and none is taken for the whole."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.codec.joining import join_streams, separate_stream
+from meshreel.codec.open_stream import whole_stream
+from meshreel.errors import InvalidInputError, TruncatedStreamError
+from samples.commands import assert_fails, run, run_json
+from samples.meshes import waving_grid
+
+STREAMS = [
+    meshreel.encode(replace(one, start_s=2.0))
+    for one in (waving_grid(4, 5, 6), waving_grid(5, 7, 3), waving_grid(1, 2, 2))
+]
+DATA = join_streams(STREAMS)
+CHOOSE = "there are 3 segments with different meshes; choose one with segment=, 0 to 2"
+
+
+@pytest.fixture
+def path(tmp_path):
+    """A file of three segments."""
+    path = tmp_path / "three.reel"
+    path.write_bytes(DATA)
+    return path
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_a_chosen_segment_is_decoded_as_the_stream_that_was_joined(path, number):
+    wanted = meshreel.decode(STREAMS[number])
+    for given in (DATA, path):
+        found = meshreel.decode(given, segment=number)
+        assert np.array_equal(found.vertices, wanted.vertices)
+        assert np.array_equal(found.faces, wanted.faces)
+    with meshreel.open(path, segment=number) as reel:
+        assert np.array_equal(reel[:], wanted.vertices)
+        assert (reel.fps, reel.name, reel.is_whole) == (25.0, "grid", True)
+        assert reel.start_s == 2.0 + [0, 4, 9][number] / 25
+
+
+def test_several_segments_are_never_taken_for_one(path):
+    for act in (meshreel.decode, meshreel.open, meshreel.load):
+        with pytest.raises(InvalidInputError, match=CHOOSE) as refused:
+            act(path)
+        assert "three.reel" in str(refused.value)
+    with pytest.raises(InvalidInputError, match=CHOOSE):
+        meshreel.decode(DATA)
+    for number in (3, -1):
+        with pytest.raises(InvalidInputError, match="it has 3 segments, numbered from 0"):
+            meshreel.open(path, segment=number)
+
+
+def test_a_stream_of_one_segment_has_segment_0_alone():
+    assert np.array_equal(
+        meshreel.decode(STREAMS[0], segment=0).vertices, meshreel.decode(STREAMS[0]).vertices
+    )
+    with pytest.raises(InvalidInputError, match="it has 1 segment, numbered from 0"):
+        meshreel.decode(STREAMS[0], segment=1)
+
+
+def test_a_segment_of_an_open_file_is_chosen_when_it_is_opened(path):
+    with meshreel.open(path, segment=1) as reel:
+        for function in (meshreel.decode, meshreel.info):
+            with pytest.raises(InvalidInputError, match=r"chosen by meshreel\.open"):
+                function(reel, segment=1)
+
+
+def test_info_lists_segments_and_sums_their_bytes(path):
+    for given in (DATA, path):
+        info = meshreel.info(given)
+        assert [one.first_frame for one in info.segments] == [0, 4, 9]
+        assert [one.n_frames for one in info.segments] == [4, 5, 1]
+        assert [one.n_verts for one in info.segments] == [30, 21, 4]
+        assert (info.n_frames, info.n_verts, info.size_bytes) == (10, 30, len(DATA))
+        assert sum(info.budget_bytes.values()) == sum(info.part_bytes.values()) == len(DATA)
+        assert info.rate_bpvf == 8 * len(DATA) / (4 * 30 + 5 * 21 + 4)
+        assert "10 frames in 3 segments" in repr(info)
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_info_of_a_segment_is_of_its_own_bytes(path, number):
+    info, wanted = meshreel.info(path, segment=number), meshreel.info(STREAMS[number])
+    assert info.size_bytes == sum(info.budget_bytes.values()) == sum(info.part_bytes.values())
+    assert (info.n_modes, info.block_bytes) == (wanted.n_modes, wanted.block_bytes)
+    assert info.part_bytes["positions"] == wanted.part_bytes["positions"]
+    with meshreel.open(path, segment=number) as reel:
+        assert reel.info() == info
+
+
+def test_a_cut_off_file_has_its_complete_segments(path):
+    place = meshreel.info(DATA).segments[1]
+    path.write_bytes(DATA[: len(DATA) - place.size_bytes // 2])
+    with meshreel.open(path, segment=0) as reel:
+        assert np.array_equal(reel[:], meshreel.decode(STREAMS[0]).vertices)
+    with pytest.raises(TruncatedStreamError):
+        meshreel.decode(path, segment=0)
+
+
+def test_a_segment_becomes_a_stream_of_its_own():
+    for number, stream in enumerate(STREAMS):
+        found = separate_stream(whole_stream(DATA, segment=number))
+        assert np.array_equal(meshreel.decode(found).vertices, meshreel.decode(stream).vertices)
+        assert meshreel.info(found).start_s == 2.0 + [0, 4, 9][number] / 25
+    assert separate_stream(whole_stream(DATA, segment=0)) == STREAMS[0]
+
+
+def test_a_segment_is_served_as_a_stream_of_its_own(path):
+    with meshreel.open(path, segment=1) as reel:
+        served = reel.stored(0, reel.size_bytes)
+        assert np.array_equal(meshreel.decode(served).vertices, reel[:])
+        assert reel.stored(3, 40) == served[3:40]
+
+
+def test_commands_list_segments_and_take_one(path, tmp_path):
+    shown = run("info", path).stdout
+    for words in ("10 frames", "4 to 8", "9 to 9", "choose one with --segment"):
+        assert words in shown
+    assert len(run_json("info", path)["segments"]) == 3
+    assert run_json("info", path, "--segment", "1")["n_verts"] == 21
+    output = tmp_path / "out.npz"
+    assert_fails(run("decode", path, "-o", output), "choose one with --segment, 0 to 2")
+    assert run("decode", path, "-o", output, "--segment", "1").returncode == 0
+    assert meshreel.load(output).n_verts == 21
+    assert_fails(run("info", output, "--segment", "0"), "--segment is for a .reel")
