@@ -6,6 +6,7 @@ runs the first and the last, unless it is marked every_case, and of cases that a
 tenth. `pytest --all` does everything. A run that names files, folders or marks does all of these.
 """
 
+import gc
 import re
 import signal
 from pathlib import Path
@@ -77,6 +78,20 @@ def pytest_sessionstart(session):
         return
     named = "all tests" if config.option.is_all else "all tests that are named, slow ones too"
     reporter.write_line(f"meshreel: {MINUTE if _is_minute(config) else named}.")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """Spare the garbage collector what stays: it would go through all tests while they are found.
+
+    Collection takes three fifths of the time without it.
+    """
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 def pytest_ignore_collect(collection_path, config):
