@@ -27,16 +27,16 @@ def pytest_collection_modifyitems(config, items):
             item.add_marker(pytest.mark.flaky(reruns=1, only_rerun=".*"))
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def browser():
-    """A browser for all tests of a file; its event loop would be in the way of others."""
+    """A browser for all tests of this folder; its event loop would be in the way of others."""
     with driven_browser() as launched:
         yield launched
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def tabs(browser):
-    """Tabs for all tests of a file."""
+    """Tabs for all tests of this folder."""
     return Tabs(browser)
 
 
@@ -61,7 +61,7 @@ def new_page(tabs):
     assert tabs.give_back() == []
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def flag(tmp_path_factory):
     """A stream of three blocks with corrections, and what it was made of."""
     folder = tmp_path_factory.mktemp("flag")
@@ -72,27 +72,27 @@ def flag(tmp_path_factory):
     return folder
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def decoded(flag):
     """Frames of the stream, of shape (T, V, 3)."""
     return meshreel.decode((flag / "flag.reel").read_bytes()).vertices
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def url(browser, flag):
     """Where the stream plays."""
     with viewing(flag / "flag.reel") as (_, address):
         yield address
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def compared_url(browser, flag):
     """Where the stream plays beside its original."""
     with viewing(flag / "flag.reel", "--original", flag / "original.npz") as (_, address):
         yield address
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def exported(browser, flag):
     """The address of a page that holds the stream."""
     path = flag / "flag.html"
