@@ -19,7 +19,7 @@ from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import split_parts
 from meshreel.sequence import MeshSequence
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
-from samples.browser import FOLDER, browser, play
+from samples.browser import FOLDER, driven_browser, play
 from samples.glb import largest_error_percent, stream_of
 from samples.materials import look, png
 from samples.meshes import quad_sheet
@@ -28,9 +28,6 @@ from samples.vat_player import PLAYERS
 MODULES = FOLDER / "node_modules"
 
 needs_node = pytest.mark.skipif(not shutil.which("npm"), reason="needs Node.js (npm)")
-needs_browser = pytest.mark.skipif(
-    not (shutil.which("npm") and browser()), reason="needs Node.js (npm) and Chromium"
-)
 INSTALL = ("npm", "ci", "--no-audit", "--no-fund", "--fetch-retries=1")
 
 
@@ -43,6 +40,13 @@ def node_modules():
     if done.returncode:
         shutil.rmtree(MODULES, ignore_errors=True)
         pytest.skip(f"`npm ci` failed in {FOLDER}: {done.stderr.strip()[:200]}")
+
+
+@pytest.fixture(scope="module")
+def page():
+    """A page of one browser for all files."""
+    with driven_browser() as browser:
+        yield browser.new_page()
 
 
 def flag(n_frames=40):
@@ -122,15 +126,15 @@ def split_sources(sequence):
 
 
 @needs_node
-@pytest.mark.parametrize("case", CASES)
-def test_validator_has_nothing_to_say_when_a_file_is_written(tmp_path, case):
-    make, options = CASES[case]
-    paths = [tmp_path / "a.glb", tmp_path / "a.gltf"]
-    for path, write in zip(paths, (write_glb, write_gltf), strict=True):
-        write(path, stream_of(make()), WriteOptions(**options))
-    for report in reports_of(*paths):
+def test_validator_has_nothing_to_say_when_files_are_written(tmp_path):
+    paths = []
+    for case, (make, options) in CASES.items():
+        for write, ending in ((write_glb, "glb"), (write_gltf, "gltf")):
+            paths.append(tmp_path / f"{case}.{ending}")
+            write(paths[-1], stream_of(make()), WriteOptions(**options))
+    for path, report in zip(paths, reports_of(*paths), strict=True):
         messages = [one for one in report["issues"]["messages"] if not is_harmless(one)]
-        assert (messages, report["issues"]["truncated"]) == ([], False)
+        assert (messages, report["issues"]["truncated"]) == ([], False), path.name
 
 
 @needs_node
@@ -155,15 +159,15 @@ def is_harmless(message):
     return message["code"] == "UNUSED_OBJECT" and "TEXCOORD_" in message["pointer"]
 
 
-@needs_browser
+@needs_node
 @pytest.mark.parametrize("case", CASES)
-def test_browser_shows_the_frames_when_it_plays_the_file(tmp_path, case):
+def test_browser_shows_the_frames_when_it_plays_the_file(page, tmp_path, case):
     make, options = CASES[case]
     sequence, notes = make(), []
     write_glb(tmp_path / "a.glb", stream_of(sequence, notes), WriteOptions(**options))
     frames = sorted({0, sequence.n_frames // 3, sequence.n_frames - 1})
     times = [sequence.start_s + frame / sequence.fps for frame in frames]
-    positions, picture = play(tmp_path / "a.glb", times)
+    positions, picture = play(page, tmp_path / "a.glb", times)
     sources = split_sources(sequence)
     shown = replace(sequence, vertices=sequence.vertices[frames][:, sources], surface=Surface())
     error = largest_error_percent(shown, positions)
@@ -181,8 +185,7 @@ def achieved_percent(notes):
 
 @pytest.mark.real
 @needs_node
-@needs_browser
-def test_samba_is_valid_and_plays_within_a_tenth_of_a_percent(tmp_path):
+def test_samba_is_valid_and_plays_within_a_tenth_of_a_percent(page, tmp_path):
     folder = os.environ.get("MESHREEL_DATA")
     if not folder:
         pytest.skip("MESHREEL_DATA names no folder of real sequences")
@@ -191,6 +194,6 @@ def test_samba_is_valid_and_plays_within_a_tenth_of_a_percent(tmp_path):
     (report,) = reports_of(tmp_path / "samba.glb")
     assert report["issues"]["messages"] == []
     frames = [0, 50, 103, 174]
-    positions, _ = play(tmp_path / "samba.glb", [frame / 25 for frame in frames])
+    positions, _ = play(page, tmp_path / "samba.glb", [frame / 25 for frame in frames])
     distances = np.linalg.norm(positions - samba.vertices[frames], axis=2)
     assert distances.max() <= 0.001 * np.linalg.norm(samba.extent.high - samba.extent.low)

@@ -1,27 +1,17 @@
-"""Browsers without a screen: one that playwright drives, one that plays a glTF file."""
+"""A browser without a screen that playwright drives, and glTF files that it plays."""
 
 import shutil
-import subprocess
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from queue import Empty, Queue
-from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
 
 FOLDER = Path(__file__).parents[1] / "integration" / "gltf_in_browser"
-FLAGS = [
-    "--headless=new",
-    "--no-sandbox",
-    "--disable-dev-shm-usage",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--disable-gpu-compositing",
-]
 PATIENCE_S = 120
 
 DRIVEN = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -32,11 +22,6 @@ DRAWN_BY_SOFTWARE = (  # so that no graphics card is needed
     "--enable-unsafe-swiftshader",
     "--disable-gpu-compositing",  # which, drawn by software, costs more than what it saves
 )
-
-
-def browser():
-    """The path of a browser; None if there is none."""
-    return shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("chrome")
 
 
 @contextmanager
@@ -52,19 +37,11 @@ def driven_browser():
         launched.close()
 
 
-def play(file, times_s):
+def play(page, file, times_s):
     """Positions at each time, of shape (times, vertices, 3), and a PNG of the last."""
-    # The browser may still write into its profile while that is removed.
-    profiles = TemporaryDirectory(ignore_cleanup_errors=True)
-    with _server(file) as (address, posted), profiles as profile:
-        url = f"{address}/play.html?times={','.join(map(repr, map(float, times_s)))}"
-        command = [browser(), *FLAGS, f"--user-data-dir={profile}", url]
-        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        try:
-            answers = dict(_answers(posted))
-        finally:
-            process.terminate()
-            process.wait()
+    with _server(file) as (address, posted):
+        page.goto(f"{address}/play.html?times={','.join(map(repr, map(float, times_s)))}")
+        answers = dict(_answers(posted))
     positions = np.frombuffer(answers["/positions"], "<f8")
     return positions.reshape(len(times_s), -1, 3), answers["/picture"]
 
