@@ -16,6 +16,7 @@ class Stand {
   readonly scene = new THREE.Scene();
   readonly camera = new THREE.PerspectiveCamera(40, 4 / 3, 0.1, 100);
   readonly complaints: string[] = [];
+  private picture: Uint8Array | null = null; // of the last drawing, where somebody has asked
 
   constructor() {
     this.renderer.setSize(640, 480, false);
@@ -36,14 +37,18 @@ class Stand {
 
   draw(): void {
     this.renderer.render(this.scene, this.camera);
+    this.picture = null;
   }
 
   /** A colour of the picture, 0..255; x and y are 0..1, from the lower left. */
   pixel(x: number, y: number): number[] {
-    const gl = this.renderer.getContext();
-    const found = new Uint8Array(4);
-    gl.readPixels(Math.floor(x * 640), Math.floor(y * 480), 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, found);
-    return [...found.slice(0, 3)];
+    if (!this.picture) {
+      const gl = this.renderer.getContext();
+      this.picture = new Uint8Array(4 * 640 * 480);
+      gl.readPixels(0, 0, 640, 480, gl.RGBA, gl.UNSIGNED_BYTE, this.picture);
+    }
+    const at = 4 * (640 * Math.floor(y * 480) + Math.floor(x * 640));
+    return [...this.picture.slice(at, at + 3)];
   }
 
   /** Where a point of the scene is in the picture, 0..1 from the lower left. */
@@ -177,11 +182,11 @@ function middleColors(
       const one = values[itemOf(corner)];
       value += (one < low ? low : one > high ? high : one) / 3;
     }
-    ray.setFromCamera(new THREE.Vector2(...middle.clone().project(stand.camera)), stand.camera);
     const [[a, b], [c, d], [e, f]] = seen;
     const area = (640 * 480 * Math.abs((c - a) * (f - b) - (e - a) * (d - b))) / 2;
-    const isBehind = ray.intersectObject(mesh)[0]?.faceIndex !== triangle;
-    if (area < LEAST_AREA || isBehind) continue;
+    if (area < LEAST_AREA) continue;
+    ray.setFromCamera(new THREE.Vector2(...middle.clone().project(stand.camera)), stand.camera);
+    if (ray.intersectObject(mesh)[0]?.faceIndex !== triangle) continue; // it lies behind another
     found.push({ color: stand.pixel(...stand.project(middle.x, middle.y, middle.z)), value });
   }
   return found;
