@@ -217,7 +217,8 @@ def test_streams_hold_the_same_when_the_library_for_c_decodes_them(
 
 def test_decoders_on_threads_do_not_race(tmp_path):
     need_programs("gcc", "g++")
-    flags = [*compile_core().FLAGS[1:], "-O1", "-g", "-DREEL_INLINE=static inline"]
+    # Compiled in a third of the time that -O1 takes, and no access is optimized away.
+    flags = [*compile_core().FLAGS[1:], "-O0", "-g", "-DREEL_INLINE=static inline"]
     flags += ["-fsanitize=thread", "-pthread", f"-I{ROOT / 'core' / 'include'}"]
     files = [str(file) for file in compile_core().sources() if file.suffix == ".c"]
     reader = tmp_path / "reader"  # some files of both folders have the same name
