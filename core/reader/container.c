@@ -86,8 +86,11 @@ static int read_header(reel_call *call, reel_pool *pool, reel_outline *outline) 
         return reel_corrupt(call, 0, "not a .reel stream");
     }
     if (here >= sizeof magic + 2 && (fixed[8] != VERSION || fixed[9] != 0)) {
+        bool is_older = fixed[8] && fixed[8] < VERSION && !fixed[9];
         return reel_fail(call, MESHREEL_UNSUPPORTED, 8,
-                         "a format of another version than 3; update meshreel");
+                         is_older
+                             ? "a format from before the first release; encode the original again"
+                             : "a format of another version than 3; update meshreel");
     }
     if (here < FIXED_BYTES) {
         return reel_fail(call, MESHREEL_TRUNCATED, size, "the file ends inside its header");

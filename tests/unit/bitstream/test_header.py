@@ -51,9 +51,17 @@ def test_reading_raises_when_the_file_is_of_another_program():
         Stream(b"PK\x03\x04" + bytes(100))
 
 
-@pytest.mark.parametrize("version", [1, 2, 4])
-def test_reading_raises_when_the_version_is_another(version):
-    with pytest.raises(UnsupportedVersionError, match="another version than 3"):
+@pytest.mark.parametrize(
+    ("version", "remedy"),
+    [
+        (1, "before the first release; encode the original again"),
+        (2, "before the first release; encode the original again"),
+        (4, "another version than 3; update meshreel"),
+        (0, "another version than 3; update meshreel"),
+    ],
+)
+def test_reading_says_what_to_do_when_the_version_is_another(version, remedy):
+    with pytest.raises(UnsupportedVersionError, match=remedy):
         Stream(with_byte(8, version))
 
 
