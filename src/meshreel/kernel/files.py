@@ -293,11 +293,6 @@ class _Memory:
     def __init__(self) -> None:
         self._held: dict[int, npt.NDArray[np.uint8]] = {}
 
-    @property
-    def held_bytes(self) -> int:
-        """Of all that is held."""
-        return sum(block.nbytes for block in self._held.values())
-
     def allocate(self, _: int | None, size: int) -> int | None:
         try:
             block = np.empty(size + ALIGNMENT, np.uint8)
@@ -560,11 +555,6 @@ class OpenFile:
             damage=_stream_error(damage) if damage.code else None,
             **{name: getattr(found, name) for name in f"{numbers} {codes}".split()},
         )
-
-    @property
-    def held_bytes(self) -> int:
-        """Memory that the file and its decoders hold."""
-        return self._memory.held_bytes
 
     def call(self, name: str, *arguments: Any) -> None:
         """Call a function of the core that can fail; the last argument, the error, is added.

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.tracks import Coding, Sharing
 from meshreel.geometry.fans import join_fans
@@ -14,6 +13,7 @@ from meshreel.kernel.normals import surface_normals
 from meshreel.reel.encoding.shared_corners import equal_corners
 from meshreel.surface import Surface
 from meshreel.tracks import Track
+from samples.c_reader import Decoder, File, Host
 from samples.meshes import quad_sheet, waving_grid
 from samples.streams import track_headers
 
@@ -164,13 +164,11 @@ def test_the_hierarchy_is_held_once_when_tracks_have_the_same_rows():
     assert len({header.rows for header in track_headers(data)}) == 1
 
     def held_bytes(*names):
-        opened = whole_stream(data)
-        reader = opened.frames()
-        for name in names:
-            track = opened.tracks[list(tracks).index(name)]
-            values = np.empty((10, track.n_items, track.n_columns), track.dtype)
-            reader.fill(values, 0, 1 + list(tracks).index(name))
-        return opened.file.held_bytes
+        host = Host()
+        with File(data, host) as file, Decoder(file) as decoder:
+            for name in names:
+                decoder.frames(1 + list(tracks).index(name))
+            return sum(host.held.values())
 
     assert held_bytes("x", "y") - held_bytes("x") < (held_bytes("x") - held_bytes()) / 2
 
