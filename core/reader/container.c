@@ -294,6 +294,7 @@ static int find_index(reel_call *call, const reel_outline *outline, reel_section
     }
     failed = reel_read(call, end.payload.at, &at, sizeof at);
     failed = failed ? failed : reel_section_at(call, at, size, index);
+    failed = failed ? failed : reel_announce(call, (reel_stretch){at, size - at});
     failed = failed ? failed : reel_section_check(call, index);
     if (failed) {
         return failed;
@@ -551,7 +552,8 @@ static int begin_segment(reel_call *call, const reel_section *section, const ree
 static int read_beginning(reel_call *call, const reel_outline *file, const reel_segment *segment,
                           reel_section *section, reel_outline *outline) {
     uint64_t limit = segment->first_block ? segment->first_block : segment->end;
-    int failed = reel_section_at(call, segment->at, limit, section);
+    int failed = reel_announce(call, (reel_stretch){segment->at, limit - segment->at});
+    failed = failed ? failed : reel_section_at(call, segment->at, limit, section);
     failed = failed ? failed : reel_section_check(call, section);
     if (!failed && section->id != REEL_SEGMENT) {
         return reel_corrupt(call, segment->at, "no segment begins where one should");

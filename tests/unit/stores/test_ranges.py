@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import meshreel
+from meshreel.codec.joining import join_streams
 from meshreel.stores.ranged_file import END_BYTES, LEAST_BYTES
 from samples.meshes import waving_grid
 from samples.streams import Stream
@@ -154,3 +155,16 @@ def test_file_that_is_not_there_is_said(web, function):
 def test_server_that_is_not_there_is_said(web):
     with pytest.raises(meshreel.StoreError, match="cannot be reached"):
         meshreel.open("http://127.0.0.1:9/walk.reel")
+
+
+def test_a_segment_of_many_is_found_with_one_request_for_the_index(web):
+    sheet = waving_grid(1, 20, 20)
+    rng = np.random.default_rng(2)
+    vertices = sheet.vertices + rng.normal(0, 0.1, sheet.vertices.shape).astype(np.float32)
+    stream = meshreel.encode(meshreel.MeshSequence(vertices, sheet.faces), quality=70)
+    (web.folder / "many.reel").write_bytes(join_streams([stream] * 4000))
+    with meshreel.open(f"{web.address}/many.reel", segment=1234) as opened:
+        assert n_gets(web) <= 5  # of them one for the index, and one for the mesh of the segment
+        web.forget()
+        assert np.array_equal(opened[0], meshreel.decode(stream).vertices[0])
+        assert n_gets(web) <= 2
