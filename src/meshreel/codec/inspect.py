@@ -227,10 +227,10 @@ def file_info(
     is_remote: bool = False,
 ) -> StreamInfo:
     """Contents of a file, or of one of its segments; parameters and errors as of `stream_info`."""
-    if segment is not None or len(file.segments) == 1:
+    if segment is not None or file.info.n_segments == 1:
         return stream_info(OpenStream(file, limit, segment), is_remote=is_remote)
     found = []
-    for number in range(len(file.segments)):
+    for number in range(file.info.n_segments):
         opened = OpenStream(file, limit, number)
         found.append(stream_info(opened, is_remote=is_remote))
         opened.file.close()

@@ -76,12 +76,14 @@ class OpenStream:
     ) -> None:
         file = source if isinstance(source, OpenFile) else OpenFile(source, limit.limit_bytes)
         self.file = file if segment is None else file.segment(segment)
+        if self.file is not file is not source:
+            file.close()
         self.limit = limit
         info, n_segments = self.file.info, self.file.info.n_segments
         if n_segments > 1:
             raise InvalidInputError(
-                f"there are {n_segments} segments with different meshes; choose one with segment=, "
-                f"0 to {n_segments - 1}"
+                f"there are {n_segments} segments with different meshes, 0 to {n_segments - 1}; "
+                "decode one with segment="
             )
         self.offset = self.file.offset
         self.method = method_of_code(info.method)

@@ -248,7 +248,7 @@ class ReelFile:
     @cached_property
     def _segment(self) -> bytes | None:
         """A stream of the segment that is open, if the file has several."""
-        return separate_stream(self._opened) if len(self._opened.file.segments) > 1 else None
+        return separate_stream(self._opened) if self._opened.file.whole.n_segments > 1 else None
 
     @property
     def size_bytes(self) -> int:

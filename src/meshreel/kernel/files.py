@@ -452,8 +452,6 @@ class OpenFile:
     info : FileInfo
     whole : FileInfo
         Of the file that a segment is part of; else as `info`.
-    segments : tuple of FileSegment
-        All of the file.
     offset, first_frame : int
         Byte and frame of the whole at which it begins: 0 but of a segment behind the first.
 
@@ -493,7 +491,6 @@ class OpenFile:
         )
         self.is_open = True
         self.info = self.whole = self._info()
-        self.segments = tuple(map(self._segment, range(self.info.n_segments)))
         self.offset = self.first_frame = 0
 
     def segment(self, number: int) -> "OpenFile":
@@ -506,18 +503,23 @@ class OpenFile:
         CorruptStreamError, TruncatedStreamError, UnsupportedVersionError, MemoryLimitError
             As the class, of the segment.
         """
-        if not 0 <= number < len(self.segments):
-            there = counted(len(self.segments), "segment")
+        if not 0 <= number < self.whole.n_segments:
+            there = counted(self.whole.n_segments, "segment")
             raise InvalidInputError(
                 f"segment {number} is not in the file; it has {there}, numbered from 0"
             )
-        found = copy(self)
+        place, found = self._segment(number), copy(self)
         found.handle = _POINTER()
         self.call("open_segment", self.handle, _U32(number), ctypes.byref(found.handle))
         found.info = found._info()
-        found.offset = self.segments[number].offset if number else 0
-        found.first_frame = self.segments[number].first_frame
+        found.offset = place.offset if number else 0
+        found.first_frame = place.first_frame
         return found
+
+    @cached_property
+    def segments(self) -> tuple[FileSegment, ...]:
+        """All segments of a file."""
+        return tuple(map(self._segment, range(self.info.n_segments)))
 
     def _segment(self, number: int) -> FileSegment:
         found = _Segment()
