@@ -92,7 +92,7 @@ function drawnValues(stand: Stand, mesh: ReelMesh, name: "position" | "normal"):
 
 /** Normals of the faces around each vertex, plainly. */
 function trueNormals(positions: Float64Array, triangles: Uint32Array): THREE.Vector3[] {
-  const at = (vertex: number) => new THREE.Vector3().fromArray([...positions], 3 * vertex);
+  const at = (vertex: number) => new THREE.Vector3().fromArray(positions, 3 * vertex);
   const sums = Array.from({ length: positions.length / 3 }, () => new THREE.Vector3());
   for (let i = 0; i < triangles.length; i += 3) {
     const corners = [...triangles.slice(i, i + 3)];
