@@ -333,7 +333,9 @@ ALL = "[...document.querySelectorAll('reel-player')]"
 
 
 def test_players_of_one_file_share_a_worker_and_a_download(shown):
-    page = shown('<reel-player src="/flag.reel"></reel-player>', script=NETWORK + WORKERS)
+    body = '<reel-player src="/flag.reel"></reel-player>'
+    size = {"width": 1280, "height": 720}  # six players are seen at once
+    page = shown(body, script=NETWORK + WORKERS, **size)
     settled(page)
     page.evaluate("player.remove()")
     until(page, "window.workers === 0")

@@ -504,9 +504,9 @@ def test_the_wheel_scrolls_the_page_until_the_picture_is_chosen(shown, is_chosen
     settled(page)
     before = is_drawn(page)  # which has the page scroll to where all of the player is seen
     top = page.evaluate("scrollY")
-    page.mouse.move(640, 300)
+    page.mouse.move(320, 200)
     if is_chosen:
-        page.mouse.click(640, 300)
+        page.mouse.click(320, 200)
     page.mouse.wheel(0, 300)
     page.wait_for_timeout(500)
     assert (page.evaluate("scrollY") == top) == is_chosen

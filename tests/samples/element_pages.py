@@ -18,6 +18,8 @@ PAGE = """<!doctype html><html lang="en"><meta charset="utf-8"><title>A page</ti
 <script type="module" src="/dist/player.js"></script>
 <main><h1>A page</h1>{body}</main></html>"""
 PATIENCE_S = 60
+SMALL = {"width": 640, "height": 480}
+"""The size of pages, which Chromium draws in software."""
 
 
 @contextmanager
@@ -32,7 +34,7 @@ def showing(new_page, files, headers=POLICY):
         def show(body, **given):
             pages = {**files, "/page.html": PAGE.format(body=body).encode()}
             url, _ = servers.enter_context(serving(pages, headers))
-            page = new_page(f"{url}/page.html", is_shown=False, **given)
+            page = new_page(f"{url}/page.html", is_shown=False, **{**SMALL, **given})
             until(page, "customElements.get('reel-player')")
             page.evaluate("window.player = document.querySelector('reel-player')")
             return page
