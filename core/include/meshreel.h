@@ -380,6 +380,37 @@ MESHREEL_API int meshreel_decode(meshreel_decoder *decoder, uint32_t track, uint
                                  uint32_t count, uint32_t n_modes, const meshreel_layout *layout,
                                  void *values, meshreel_error *error);
 
+/* A track in a block as a sum of modes, for players that multiply on a graphics card. The number in
+   column c of item i at frame t of the block is
+
+       origin[c] + scale * (step * sum over k of values[rows[i] n_modes + k] *
+                            basis[(c n_frames + t) n_modes + k])
+
+   plus scale times its correction. Normals are not yet divided by their length. */
+typedef struct meshreel_modes {
+    uint32_t n_frames, n_modes, n_columns;
+    uint32_t n_items;       /* all of the track, or fewer that corners share */
+    uint32_t has_missing;   /* some numbers may be missing: those that `meshreel_decode` finds NaN */
+    uint32_t reserved;
+    double step, scale;
+    const double *origin;   /* n_columns */
+    const double *values;   /* n_items x n_modes, in steps */
+    const int32_t *rows;    /* n_items */
+    const double *basis;    /* n_columns x n_frames x n_modes */
+    const int32_t *shared;  /* the item of each of the track's items; NULL: its own */
+    /* Corrections of frame t are correction_starts[t] .. correction_starts[t + 1] - 1: items,
+       ascending, with n_columns numbers each. NULL: none. */
+    const int64_t *correction_starts;
+    const int32_t *corrected;
+    const double *corrections;
+} meshreel_modes;
+
+/* Load a track of a block, and find its modes; n_modes is 0 where it is no sum of modes: exact
+   values, and values that positions predict. The decoder owns them until it loads another block of
+   this track. */
+MESHREEL_API int meshreel_modes_of(meshreel_decoder *decoder, uint32_t track, uint32_t block,
+                                   meshreel_modes *modes, meshreel_error *error);
+
 /* Normals of vertices, of length 1, or 0 where undefined: the sum of the normals of the triangles
    around by their area. `positions` and `normals` are n_verts x 3 packed numbers of `type`,
    MESHREEL_FLOAT32 or MESHREEL_FLOAT64. */

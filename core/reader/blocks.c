@@ -347,9 +347,9 @@ static int find_key(reel_call *call, meshreel_decoder *decoder, uint32_t track, 
     }
     uint64_t wanted = block - group->reference;
     if (held->key.block != wanted && held->before.fields.block == wanted) {
-        reel_block_fields other = held->key;
+        forget_fields(call, &held->key);
         held->key = held->before.fields;
-        held->before.fields = other;
+        held->before.fields = (reel_block_fields){.block = REEL_NO_BLOCK};
     }
     if (held->key.block != wanted) {
         reel_group of_key;
@@ -394,10 +394,18 @@ static void rest(double *basis, int64_t n_columns, int64_t n_frames, int64_t n_m
 
 /* ---- packed fields ---- */
 
+const double *reel_held_fields(const reel_held *held) {
+    if (held->now.fields.values) {
+        return held->now.fields.values;
+    }
+    return held->key.block == held->now.block ? held->key.values : NULL;
+}
+
 typedef struct {
     const reel_held *held;
     const int32_t *rows;
     int64_t part;
+    uint8_t *packed;
 } pack_job;
 
 static void pack_part(void *shared, uint32_t i) {
@@ -405,29 +413,36 @@ static void pack_part(void *shared, uint32_t i) {
     const reel_held *held = job->held;
     int64_t n_items = held->items.graph.n_items, n_modes = (int64_t)held->now.n_modes;
     int64_t first = i * job->part, last = first + job->part;
-    reel_pack(held->now.fields.values, 1, n_modes, (double)held->now.group.step,
+    reel_pack(reel_held_fields(held), 1, n_modes, (double)held->now.group.step,
               (int64_t)held->now.group.precision, job->rows, n_modes, n_items, first,
-              last < n_items ? last : n_items, held->now.packed);
+              last < n_items ? last : n_items, job->packed);
 }
 
-/* Packs the fields once for all frames, in the order in which values go out. */
-static int pack_fields(reel_call *call, reel_held *held) {
+void reel_find_rows(const reel_held *held, int32_t *rows) {
+    for (uint32_t i = 0; i < held->items.graph.n_items; i++) {
+        rows[i] = held->mesh->places[held->items.order ? held->items.order[i] : (int32_t)i];
+    }
+}
+
+int reel_pack_fields(reel_call *call, reel_held *held) {
+    if (held->now.packed) {
+        return MESHREEL_OK;
+    }
     uint32_t n_items = held->items.graph.n_items;
     const reel_chunk *mark = call->scratch.last;
     int32_t *rows = reel_scratch(call, n_items, sizeof *rows);
-    held->now.packed = reel_keep(call, &held->now.pool,
-                             reel_packed_bytes((int64_t)held->now.n_modes, n_items,
-                                               (int64_t)held->now.group.precision), 1);
-    if (!rows || !held->now.packed) {
+    uint64_t size = reel_packed_bytes((int64_t)held->now.n_modes, n_items,
+                                      (int64_t)held->now.group.precision);
+    uint8_t *packed = rows ? reel_keep(call, &held->now.pool, size, 1) : NULL;
+    if (!packed) {
         return call->error.code;
     }
-    for (uint32_t i = 0; i < n_items; i++) {
-        rows[i] = held->mesh->places[held->items.order ? held->items.order[i] : (int32_t)i];
-    }
+    reel_find_rows(held, rows);
     int64_t part = n_items / reel_threads(call) / PACKED_TOGETHER * PACKED_TOGETHER;
-    pack_job job = {held, rows, part + PACKED_TOGETHER};
+    pack_job job = {held, rows, part + PACKED_TOGETHER, packed};
     reel_run(call, pack_part, &job, (uint32_t)((n_items + job.part - 1) / job.part));
     reel_drop_scratch(call, mark);
+    held->now.packed = packed;
     return MESHREEL_OK;
 }
 
@@ -455,7 +470,6 @@ static int load_modes(reel_call *call, meshreel_decoder *decoder, uint32_t track
     }
     failed = decode_fields(call, held->mesh, block, group, n_columns, n_modes,
                            group->reference ? &held->key : NULL, held->now.basis, &held->now.fields);
-    failed = failed ? failed : pack_fields(call, held);
     if (!failed && !n_moving) {
         failed = reel_read_moves(call, &held->now.pool, group, n_columns, held->items.graph.n_items,
                                  held->items.inverse, &held->now.moves);
@@ -512,6 +526,24 @@ static int load_exact(reel_call *call, meshreel_decoder *decoder, uint32_t track
                         own->n_coded, size, type, &held->now.exact);
 }
 
+/* Loads which values are missing: 1, or 0. */
+static int load_missing(reel_call *call, meshreel_decoder *decoder, uint32_t track) {
+    reel_loaded *now = &decoder->tracks[track].now;
+    const reel_graph *graph = &decoder->tracks[track].items.graph;
+    uint32_t n_columns = decoder->file->tracks[track].shown.n_columns;
+    void *found;
+    int failed = decode_exact(call, &now->pool, now->group.missing, graph, now->group.n_frames,
+                              n_columns, 1, REEL_UNSIGNED_INTEGERS, &found);
+    now->missing = found;
+    for (uint64_t i = 0; !failed && i < now->group.n_frames * graph->n_items * n_columns; i++) {
+        if (now->missing[i] > 1) {
+            failed = reel_fail(call, MESHREEL_CORRUPT, now->group.missing.at,
+                               "a value is neither missing nor there");
+        }
+    }
+    return failed;
+}
+
 /* ---- a block ---- */
 
 static void forget(reel_call *call, reel_loaded *loaded) {
@@ -521,17 +553,28 @@ static void forget(reel_call *call, reel_loaded *loaded) {
     *loaded = (reel_loaded){.block = REEL_NO_BLOCK, .fields = {.block = REEL_NO_BLOCK}};
 }
 
+/* Whether a block is held with its fields, which another block may have taken as its key. */
+static bool is_loaded(const reel_held *held, uint64_t block, uint64_t n_moving) {
+    const reel_loaded *now = &held->now;
+    return now->block == block && now->n_moving == n_moving &&
+           (!now->basis || now->packed || reel_held_fields(held));
+}
+
+void reel_forget(reel_call *call, meshreel_decoder *decoder, uint32_t track) {
+    forget(call, &decoder->tracks[track].now);
+}
+
 int reel_load(reel_call *call, meshreel_decoder *decoder, uint32_t track, uint64_t block,
               uint64_t n_moving) {
     reel_held *held = &decoder->tracks[track];
     const reel_track *own = &decoder->file->tracks[track];
-    if (held->now.block == block && held->now.n_moving == n_moving) {
+    if (is_loaded(held, block, n_moving)) {
         return MESHREEL_OK;
     }
     reel_loaded other = held->before;
     held->before = held->now;
     held->now = other;
-    if (held->now.block == block && held->now.n_moving == n_moving) {
+    if (is_loaded(held, block, n_moving)) {
         return MESHREEL_OK;
     }
     forget(call, &held->now);
@@ -542,14 +585,15 @@ int reel_load(reel_call *call, meshreel_decoder *decoder, uint32_t track, uint64
         return failed;
     }
     bool has_modes = own->shown.coding != REEL_EXACT && !own->shown.is_exact;
-    failed = has_modes ? load_modes(call, decoder, track, block, n_moving)
-                       : load_exact(call, decoder, track);
-    if (!failed && held->now.group.missing.at) {
-        void *missing;
-        failed = decode_exact(call, &held->now.pool, held->now.group.missing, &held->items.graph,
-                              held->now.group.n_frames, own->shown.n_columns, 1,
-                              REEL_UNSIGNED_INTEGERS, &missing);
-        held->now.missing = missing;
+    if (REEL_ONLY_POSITIONS && (track || !has_modes)) {
+        return reel_fail(call, MESHREEL_UNSUPPORTED, REEL_UNKNOWN,
+                         "this build decodes positions of the method reel alone");
+    }
+    failed = has_modes || REEL_ONLY_POSITIONS
+                 ? load_modes(call, decoder, track, block, n_moving)
+                 : load_exact(call, decoder, track);
+    if (!failed && !REEL_ONLY_POSITIONS && held->now.group.missing.at) {
+        failed = load_missing(call, decoder, track);
     }
     if (failed) {
         forget(call, &held->now);

@@ -7,6 +7,11 @@
 #include "../base.h"
 #include "../include/meshreel.h"
 
+/* 1: this build decodes positions of the method reel alone, as pages load it first. */
+#ifndef REEL_ONLY_POSITIONS
+#define REEL_ONLY_POSITIONS 0
+#endif
+
 #define REEL_UNKNOWN UINT64_MAX /* offset of a failure that belongs to no byte of the file */
 
 /* Memory from the host that is released together, last first. */

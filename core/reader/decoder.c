@@ -93,6 +93,53 @@ int meshreel_load(meshreel_decoder *decoder, uint32_t track, uint32_t block, uin
     return reel_end_call(&call, failed, error);
 }
 
+int meshreel_modes_of(meshreel_decoder *decoder, uint32_t track, uint32_t block,
+                      meshreel_modes *modes, meshreel_error *error) {
+    int failed = modes ? meshreel_load(decoder, track, block, 0, error)
+                       : reel_invalid(error, "a pointer to modes is NULL");
+    if (failed) {
+        return failed;
+    }
+    const reel_track *own = &decoder->file->tracks[track];
+    reel_held *held = &decoder->tracks[track];
+    reel_loaded *now = &held->now;
+    *modes = (meshreel_modes){.n_frames = (uint32_t)now->group.n_frames,
+                              .n_items = held->items.graph.n_items};
+    if (!now->basis || own->difference || own->shown.coding == REEL_TURNS) {
+        return MESHREEL_OK;
+    }
+    reel_call call =
+        reel_begin_call(&decoder->file->source, &decoder->file->host, reel_held_by(decoder));
+    if (!reel_held_fields(held)) { /* packed alone */
+        reel_forget(&call, decoder, track);
+        failed = reel_load(&call, decoder, track, block, 0);
+    }
+    if (!failed && !now->rows) {
+        int32_t *rows = reel_keep(&call, &now->pool, modes->n_items, sizeof *rows);
+        failed = rows ? MESHREEL_OK : call.error.code;
+        if (rows) {
+            reel_find_rows(held, rows);
+        }
+        now->rows = rows;
+    }
+    if (!failed) {
+        modes->n_modes = (uint32_t)now->n_modes;
+        modes->n_columns = own->n_coded;
+        modes->has_missing = now->missing != NULL;
+        modes->step = (double)now->group.step;
+        modes->scale = own->placement[0];
+        modes->origin = own->placement + 1;
+        modes->values = reel_held_fields(held);
+        modes->rows = now->rows;
+        modes->basis = now->basis;
+        modes->shared = held->items.spread;
+        modes->correction_starts = now->moves.starts;
+        modes->corrected = now->moves.items;
+        modes->corrections = now->moves.moves;
+    }
+    return reel_end_call(&call, failed, error);
+}
+
 /* ---- layouts ---- */
 
 /* Where values go, and what they are. */

@@ -25,7 +25,8 @@ typedef struct {
     reel_pool pool;      /* of what follows */
     uint64_t n_modes;    /* that were read */
     double *basis;       /* n_coded x n_frames x n_modes */
-    uint8_t *packed;     /* the fields, in the order in which values go out */
+    uint8_t *packed;     /* the fields, in the order in which values go out; NULL before products */
+    int32_t *rows;       /* of `fields`, of each item as it goes out; NULL before they are needed */
     reel_moves moves;
     void *exact;         /* n_frames x n_items x n_coded */
     uint8_t *missing;    /* likewise, or NULL */
@@ -50,9 +51,21 @@ struct meshreel_decoder {
 /* Bytes that a decoder holds. */
 uint64_t reel_held_by(const meshreel_decoder *decoder);
 
-/* Loads a track of a block, unless it is held. */
+/* Loads a track of a block, unless it is held: its modes, packed or not, or its exact values. */
 int reel_load(reel_call *call, meshreel_decoder *decoder, uint32_t track, uint64_t block,
               uint64_t n_moving);
+
+/* Lets the block of a track that is held go. */
+void reel_forget(reel_call *call, meshreel_decoder *decoder, uint32_t track);
+
+/* Fields of the block that is held: its own, or as those of the key block; NULL if they are gone. */
+const double *reel_held_fields(const reel_held *held);
+
+/* The row of these fields in which each item is. */
+void reel_find_rows(const reel_held *held, int32_t *rows);
+
+/* Packs them in the order in which values go out, unless they are. */
+int reel_pack_fields(reel_call *call, reel_held *held);
 
 /* Values of frames first..first+count-1 of the block that is held, as they are stored or predicted
    and before corners share them: count x n_values x n_columns numbers of the track's type, or of

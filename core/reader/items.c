@@ -218,7 +218,7 @@ int reel_find_items(reel_call *call, reel_pool *pool, const reel_outline *outlin
                     reel_items *items) {
     uint32_t domain = track->shown.domain;
     *items = (reel_items){.graph = mesh->graph, .order = mesh->sequence, .inverse = mesh->outward};
-    if (domain == MESHREEL_VERTICES) {
+    if (REEL_ONLY_POSITIONS || domain == MESHREEL_VERTICES) {
         return MESHREEL_OK;
     }
     fans of;

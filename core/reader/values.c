@@ -39,7 +39,7 @@ static void multiply_part(void *shared, uint32_t i) {
 }
 
 /* Products of modes of some frames, as 4 or 8 byte floats. */
-static int multiply(reel_call *call, const meshreel_decoder *decoder, const reel_held *held,
+static int multiply(reel_call *call, const meshreel_decoder *decoder, reel_held *held,
                     const reel_track *track, uint64_t first, uint64_t count, int64_t layout,
                     void *out) {
     uint32_t n_parts = reel_threads(call) < count ? reel_threads(call) : (uint32_t)count;
@@ -47,14 +47,14 @@ static int multiply(reel_call *call, const meshreel_decoder *decoder, const reel
                  .n_columns = track->n_coded, .first = (int64_t)first, .count = (int64_t)count,
                  .part = ((int64_t)count + n_parts - 1) / n_parts, .layout = layout, .out = out};
     int64_t together = p.part < MOST_TOGETHER ? p.part : MOST_TOGETHER;
-    int failed = MESHREEL_OK;
+    int failed = reel_pack_fields(call, held);
     p.frame_bytes = (size_t)held->items.graph.n_items * track->n_coded * (size_t)layout;
     p.needed = (reel_frames_memory(track->n_coded, (int64_t)held->now.n_modes, together) +
                 REEL_ALIGNMENT - 1) / REEL_ALIGNMENT * REEL_ALIGNMENT;
     p.memory = reel_scratch(call, n_parts, p.needed);
     p.wanted = reel_scratch(call, count, sizeof *p.wanted);
     p.results = reel_scratch(call, n_parts, sizeof *p.results);
-    if (!p.memory || !p.wanted || !p.results) {
+    if (failed || !p.memory || !p.wanted || !p.results) {
         return call->error.code;
     }
     for (uint64_t i = 0; i < count; i++) {
@@ -144,10 +144,10 @@ static bool are_finite(const void *numbers, uint32_t size, uint64_t count) {
 
 static int positions_of(reel_call *call, const meshreel_decoder *decoder, uint64_t first,
                         uint64_t count, uint32_t size, void *out) {
-    const reel_held *held = decoder->tracks;
+    reel_held *held = decoder->tracks;
     const reel_outline *outline = &decoder->file->outline;
     uint64_t n_items = held->items.graph.n_items;
-    if (outline->method == REEL_METHOD_REEL) {
+    if (REEL_ONLY_POSITIONS || outline->method == REEL_METHOD_REEL) {
         int failed = multiply(call, decoder, held, decoder->file->tracks, first, count, size, out);
         if (failed) {
             return failed;
@@ -255,7 +255,7 @@ static void put_exact(const reel_held *held, uint32_t size, uint64_t coded, doub
     put_place(out, size, i, (uint64_t)place_of(expected, size) + (uint64_t)more);
 }
 
-static int velocities_of(reel_call *call, meshreel_decoder *decoder, const reel_held *held,
+static int velocities_of(reel_call *call, meshreel_decoder *decoder, reel_held *held,
                          const reel_track *track, uint64_t first, uint64_t count, void *out) {
     around p;
     uint64_t n_items = held->items.graph.n_items, n = 3 * n_items;
@@ -316,7 +316,7 @@ static int32_t *summed_faces(reel_call *call, const meshreel_file *file) {
     return faces;
 }
 
-static int turned_normals(reel_call *call, meshreel_decoder *decoder, const reel_held *held,
+static int turned_normals(reel_call *call, meshreel_decoder *decoder, reel_held *held,
                           const reel_track *track, uint64_t first, uint64_t count, void *out) {
     const meshreel_file *file = decoder->file;
     uint64_t n_items = held->items.graph.n_items, n_verts = file->outline.n_verts;
@@ -379,10 +379,10 @@ static void place_missing(const reel_held *held, const reel_track *track, uint64
 int reel_values(reel_call *call, meshreel_decoder *decoder, uint32_t number, uint64_t first,
                 uint64_t count, uint32_t size, void *out) {
     const reel_track *track = &decoder->file->tracks[number];
-    const reel_held *held = &decoder->tracks[number];
+    reel_held *held = &decoder->tracks[number];
     uint64_t n_items = held->items.graph.n_items;
     int failed = MESHREEL_OK;
-    if (!number) {
+    if (REEL_ONLY_POSITIONS || !number) {
         return positions_of(call, decoder, first, count, size, out);
     }
     if (track->difference) {

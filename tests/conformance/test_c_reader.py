@@ -32,6 +32,9 @@ from samples.costs import draws
 from samples.meshes import assert_same_surface
 
 ROOT = Path(__file__).parents[2]
+NORMAL = 3
+"""`MESHREEL_TRACK_NORMAL`."""
+
 OF_THE_PAPER = [name for name in STREAMS if name.startswith("paper_")]
 OF_OURS = [name for name in STREAMS if name not in OF_THE_PAPER]
 VARIED = (
@@ -132,6 +135,32 @@ def test_a_preview_does_not_change_what_is_decoded_after_it():
         assert not np.array_equal(preview, wanted)
         assert same(decoder.frames(), wanted)
         assert same(decoder.frames(n_modes=2), preview)
+
+
+def test_modes_of_a_block_are_its_values_in_any_order_of_blocks():
+    rng = np.random.default_rng(6)
+    n_checked = 0
+    for name in OF_OURS:
+        with File(stored(name)) as file, Decoder(file) as decoder:
+            blocks = [file.block(number) for number in range(file.info.n_blocks)]
+            wanted = [file.values(number) for number in range(file.info.n_tracks)]
+            for first, second in rng.integers(len(blocks), size=(max(2, draws(12)), 2)):
+                for track, values in enumerate(wanted):
+                    decoder.load(track, int(first))
+                    decoder.load(track, int(second))
+                    found = decoder.values_of_modes(track, int(first))
+                    start, n_frames = blocks[first].first_frame, blocks[first].n_frames
+                    expected = values[start : start + n_frames]
+                    assert same(decoder.frames(track, start, n_frames), expected), name
+                    if found is None or file.track(track).kind == NORMAL:
+                        continue
+                    missing = np.isnan(expected)
+                    largest = np.abs(expected[~missing]).max(initial=0.0)
+                    off = np.abs(found - expected)[~missing].max(initial=0.0)
+                    rounding = np.finfo(expected.dtype).smallest_subnormal
+                    assert off <= 1e-6 * largest + rounding, (name, track, off)
+                    n_checked += 1
+    assert n_checked > 100
 
 
 @pytest.mark.parametrize("name", VARIED)

@@ -189,6 +189,16 @@ class Group(ctypes.Structure):
     _fields_ = fields(key_block__n_modes=c_uint32, n_corrections=c_uint64, step=c_double)
 
 
+class CModes(ctypes.Structure):
+    """`meshreel_modes`."""
+
+    _fields_ = fields(
+        n_frames__n_modes__n_columns__n_items__has_missing__reserved=c_uint32,
+        step__scale=c_double,
+        origin__values__rows__basis__shared__correction_starts__corrected__corrections=c_void_p,
+    )
+
+
 class Layout(ctypes.Structure):
     """`meshreel_layout`."""
 
@@ -199,7 +209,7 @@ STRUCTURES = {
     "error": CError, "source": Source, "host": CHost, "text": Text, "info": Info,
     "segment": Segment, "section": Section, "block": Block, "attribute": CAttribute,
     "groups": CGroups, "part": CPart, "texture": CTexture, "material": CMaterial, "image": CImage,
-    "surface": CSurface, "track": Track, "group": Group, "layout": Layout,
+    "surface": CSurface, "track": Track, "group": Group, "modes": CModes, "layout": Layout,
 }  # fmt: skip
 """By their names in the header, without `meshreel_`."""
 
@@ -497,6 +507,33 @@ class Decoder:
     def load(self, track, block, n_modes=0):
         """Load a track of a block."""
         call("load", self.at, c_uint32(track), c_uint32(block), c_uint32(n_modes))
+
+    def values_of_modes(self, track, block):
+        """Values of a block, of shape (T, N, C), by its modes; None where it has none."""
+        modes = CModes()
+        call("modes_of", self.at, c_uint32(track), c_uint32(block), byref(modes))
+        if not modes.n_modes:
+            return None
+        n_frames, n_items, n_columns = modes.n_frames, modes.n_items, modes.n_columns
+        values = array_at(modes.values, n_items * modes.n_modes, np.float64)
+        basis = array_at(modes.basis, n_columns * n_frames * modes.n_modes, np.float64)
+        rows = array_at(modes.rows, n_items, np.int32)
+        found = np.einsum(
+            "nk,ctk->tnc",
+            modes.step * values.reshape(n_items, -1)[rows],
+            basis.reshape(n_columns, n_frames, -1),
+        )
+        if modes.correction_starts:
+            starts = array_at(modes.correction_starts, n_frames + 1, np.int64)
+            items = array_at(modes.corrected, starts[-1], np.int32)
+            moves = array_at(modes.corrections, starts[-1] * n_columns, np.float64)
+            frames = np.repeat(np.arange(n_frames), np.diff(starts))
+            np.add.at(found, (frames, items), moves.reshape(-1, n_columns))
+        found = modes.scale * found + array_at(modes.origin, n_columns, np.float64)
+        if modes.shared:
+            n_places = self.file.track(track).n_items
+            found = found[:, array_at(modes.shared, n_places, np.int32)]
+        return found
 
     def decode(self, out, track, first, count, n_modes=0, layout=None):
         """Decode frames to an array."""
