@@ -40,43 +40,20 @@ SANITIZERS = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recove
 Levels = dict[str, tuple[str, ...]]
 NO_COMPILER = "no C compiler is here: install gcc or clang, set CC, or `pip install ziglang`"
 
-# What a reader of streams calls; of the WebAssembly module the only functions.
-DECODER = (
-    "reel_abi",
-    "reel_adjacency",
-    "reel_adjacency_memory",
-    "reel_basis",
-    "reel_basis_memory",
-    "reel_connectivity_decode",
-    "reel_connectivity_decode_memory",
-    "reel_expected_find",
-    "reel_expected_memory",
-    "reel_fields_decode",
-    "reel_fields_memory",
-    "reel_frames",
-    "reel_frames_memory",
-    "reel_hierarchy",
-    "reel_hierarchy_memory",
-    "reel_integers_decode",
-    "reel_integers_memory",
-    "reel_lengths",
-    "reel_order_decode",
-    "reel_order_memory",
-    "reel_pack",
-    "reel_packed_bytes",
-    "reel_patterns_decode",
-    "reel_patterns_memory",
-    "reel_predict_decode",
-    "reel_twins",
-    "reel_twins_memory",
-)
-# Of the module that is loaded beside it, where a stream has exact values.
-EXACT_DECODER = (
-    "reel_abi",
-    "reel_adjacency",
-    "reel_adjacency_memory",
-    "reel_exact_decode",
-    "reel_exact_memory",
+# Functions of `include/meshreel.h` and `reader/page.c` that the npm package calls.
+PAGE_FUNCTIONS = (
+    "meshreel_abi",
+    "meshreel_begin",
+    "meshreel_block_of",
+    "meshreel_decode",
+    "meshreel_info_of",
+    "meshreel_load",
+    "meshreel_modes_of",
+    "meshreel_read_surface",
+    "meshreel_surface_of",
+    "meshreel_track_of",
+    "meshreel_triangles",
+    "page_open",
 )
 
 
@@ -98,8 +75,6 @@ class Target:
         Flags of all files but those in `hot`; the last of several levels counts.
     hot : dict of str to tuple of str
         Flags of the files named, instead of `optimization`.
-    with_reader : bool
-        Whether the C interface of `core/reader` is part of the library.
     """
 
     library: str
@@ -108,7 +83,6 @@ class Target:
     tag: str = ""
     optimization: tuple[str, ...] = ()
     hot: Levels = field(default_factory=dict)
-    with_reader: bool = True
 
 
 ELF = ("-O3", "-fPIC", "-shared")
@@ -143,20 +117,13 @@ LEAN_WASM = (
     "-Wl,--strip-all",
     "-Wl,--export=__heap_base",
 )
-PLAIN_WASM = (*LEAN_WASM, *(f"-Wl,--export={name}" for name in DECODER))
-WASM = ("-msimd128", *PLAIN_WASM)
-EXACT_WASM = (*LEAN_WASM, *(f"-Wl,--export={name}" for name in EXACT_DECODER))
+WASM = (*LEAN_WASM, *(f"-Wl,--export={name}" for name in PAGE_FUNCTIONS))
 
 
-def wasm(library: str, flags: tuple[str, ...]) -> Target:
-    """A module for pages, as small as can be; pages read streams by themselves."""
+def wasm(library: str, *flags: str) -> Target:
+    """A module for pages, as small as can be."""
     return Target(
-        library,
-        flags,
-        "wasm32-freestanding",
-        optimization=SMALLEST,
-        hot=WASM_HOT,
-        with_reader=False,
+        library, (*flags, *WASM), "wasm32-freestanding", optimization=SMALLEST, hot=WASM_HOT
     )
 
 
@@ -176,9 +143,10 @@ TARGETS = {
     "macosx-arm64": Target("libreel.dylib", MACH_O, "aarch64-macos.11.0", "macosx_11_0_arm64"),
     "macosx-x86_64": Target("libreel.dylib", MACH_O, "x86_64-macos.11.0", "macosx_11_0_x86_64"),
     "win-amd64": Target("reel.dll", PE, "x86_64-windows-gnu", "win_amd64"),
-    "wasm": wasm("reel.wasm", WASM),
-    "wasm-plain": wasm("reel_plain.wasm", PLAIN_WASM),  # for engines without vectors
-    "wasm-exact": wasm("reel_exact.wasm", EXACT_WASM),  # decodes exact values, for all engines
+    # Positions of the method reel, and the surface: what a page needs for its first picture.
+    "wasm": wasm("reel.wasm", "-msimd128", "-DREEL_ONLY_POSITIONS=1"),
+    "wasm-whole": wasm("reel_whole.wasm", "-msimd128"),
+    "wasm-plain": wasm("reel_plain.wasm"),  # for engines without vectors
 }
 HERE = Target(
     *{"win32": ("reel.dll", PE), "darwin": ("libreel.dylib", ELF)}.get(
@@ -234,8 +202,6 @@ def commands(
     flags = [*FLAGS, *kind.flags, *(("-target", kind.triple) if target else SOURCE_FLAGS), *extra]
     compiled = [flag for flag in flags if not flag.startswith(("-Wl,", "-nostdlib", "-shared"))]
     files = [file for file in sources() if file.suffix == ".c"]
-    if not kind.with_reader:
-        files = [file for file in files if file.parent == CORE]
     objects = {file: f"{file.parent.name}_{file.stem}.o" for file in files}
     steps = [
         [

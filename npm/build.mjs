@@ -1,4 +1,4 @@
-// Builds dist/: the core as WebAssembly, bundles of the scripts with it inside, declarations.
+// Builds dist/: the C library as WebAssembly, bundles of the scripts with it inside, declarations.
 //
 // The core is compiled by core/compile.py, which needs Python with the package `ziglang`; PYTHON
 // names the interpreter.
@@ -26,8 +26,10 @@ function run(command, ...given) {
 /** The bytes of a module, compiled where a source is newer. */
 async function compiled(target, name) {
   const path = join(modules, name);
-  const sources = readdirSync(core).filter((file) => /\.([ch]|py)$/.test(file));
-  const isNewer = (file) => statSync(join(core, file)).mtimeMs > statSync(path).mtimeMs;
+  const sources = ["", "reader", "include"].flatMap((folder) =>
+    readdirSync(join(core, folder)).map((file) => join(core, folder, file)),
+  );
+  const isNewer = (file) => /\.([ch]|py)$/.test(file) && statSync(file).mtimeMs > statSync(path).mtimeMs;
   if (!existsSync(path) || sources.some(isNewer)) {
     mkdirSync(modules, { recursive: true });
     const python = process.env.PYTHON ?? "python3";
@@ -45,26 +47,19 @@ function deflated(bytes) {
   });
 }
 
-const [quick, plain, exact] = await Promise.all([
+const [quick, whole, plain] = await Promise.all([
   compiled("wasm", "reel.wasm"),
+  compiled("wasm-whole", "reel_whole.wasm"),
   compiled("wasm-plain", "reel_plain.wasm"),
-  compiled("wasm-exact", "reel_exact.wasm"),
 ]);
 
-/** Engines by the files of their functions: that of the positions, and that of further tracks. */
-const ENGINES = {
-  engine_function: { start: "start", name: "startEngine" },
-  track_engine_function: { start: "start_tracks", name: "startTrackEngine" },
-};
-
-/** An engine and all that it needs, inside one function: its text is the script of a worker. */
+/** The engine and all that it needs, inside one function: its text is the script of a worker. */
 const engineInside = {
   name: "engine inside",
   setup(bundler) {
-    bundler.onLoad({ filter: /[\\/](track_)?engine_function\.ts$/ }, async ({ path }) => {
-      const { start, name } = ENGINES[basename(path, ".ts")];
+    bundler.onLoad({ filter: /[\\/]engine_function\.ts$/ }, async () => {
       const { outputFiles } = await build({
-        entryPoints: [join(here, `src/engine/${start}.ts`)],
+        entryPoints: [join(here, "src/engine/start.ts")],
         bundle: true,
         minify: true,
         write: false,
@@ -74,7 +69,7 @@ const engineInside = {
         target: "es2020",
       });
       const script = outputFiles[0].text;
-      return { contents: `export function ${name}(port) {${script}engine.start(port);}` };
+      return { contents: `export function startEngine(port) {${script}engine.start(port);}` };
     });
   },
 };
@@ -119,7 +114,7 @@ const modulesInside = {
   // zopfli, which takes its time, deflates to 5 % less than zlib does.
   SIMD_MODULE: JSON.stringify(await deflated(quick)),
   PLAIN_MODULE: JSON.stringify(plain.toString("base64")),
-  EXACT_MODULE: JSON.stringify(exact.toString("base64")),
+  WHOLE_MODULE: JSON.stringify(await deflated(whole)),
 };
 const decoder = await build({
   ...common,
@@ -146,14 +141,14 @@ const three = await build({
   chunkNames: "three_[name]",
 });
 // For pages without a bundler: one script, with the decoder and what it takes of three.js inside.
-// The core for engines without vectors, which hardly any browser is, stays beside; so does what
-// decodes tracks and exact values.
+// The module for engines without vectors, which hardly any browser is, stays beside; so does that
+// which decodes tracks and exact values.
 const player = await build({
   ...common,
   entryPoints: ["src/player/index.ts"],
   outfile: join(dist, "player.js"),
-  // Cores that few need, the engine of tracks and files in Node are scripts of `meshreel`, too.
-  plugins: [engineInside, beside(/\/(plain_wasm|exact_wasm|track_engine_function|local_file)\.js$/)],
+  // Modules that few need and files in Node are scripts of `meshreel`, too.
+  plugins: [engineInside, beside(/\/(plain_wasm|whole_wasm|local_file)\.js$/)],
   define: modulesInside,
   legalComments: "eof", // the notices of three.js, whose licence follows
   footer: { js: `/* Contains three.js.\n\n${threeLicense.trim()}\n*/` },

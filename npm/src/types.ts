@@ -15,6 +15,9 @@ export interface ByteSource {
   close(): void;
 }
 
+/** Positions, x, y and z of each vertex, in the number type of the file. */
+export type Positions = Float32Array | Float64Array;
+
 /** Facts of a stream. */
 export interface ReelInfo {
   /** Positions are sums of modes; exact; or exact places of a grid. */
@@ -40,10 +43,7 @@ export interface ReelInfo {
   readonly blocks: readonly BlockInfo[];
 }
 
-/**
- * A track: a quantity of vertices, faces or corners that changes over time. What is of a newer build
- * is "unknown"; such a track is listed, and an error once it is asked for.
- */
+/** A track: a quantity of vertices, faces or corners that changes over time. */
 export interface TrackInfo {
   readonly name: string;
   /** Such as "Pa"; empty where the file does not say. */
@@ -55,10 +55,9 @@ export interface TrackInfo {
     | "normal"
     | "color"
     | "uv"
-    | "other"
-    | "unknown";
+    | "other";
   /** What values are of; faces are polygons, and corners are theirs. */
-  readonly domain: "vertex" | "face" | "corner" | "unknown";
+  readonly domain: "vertex" | "face" | "corner";
   /** Numbers of a value. */
   readonly nColumns: number;
   /** Vertices, faces or corners that have a value at each frame. */
@@ -66,7 +65,6 @@ export interface TrackInfo {
   readonly numberType:
     | "float32"
     | "float64"
-    | "unknown"
     /** Of tracks that are coded exactly. */
     | `${"u" | ""}int${8 | 16 | 32 | 64}`;
   /** Whether numbers are those of the original, bit for bit. */
@@ -76,7 +74,7 @@ export interface TrackInfo {
    * the track; of normals the angle in degrees; of colours that of each number. Null: none.
    */
   readonly promisedError: number | null;
-  /** In all blocks, with what says which corners share values. */
+  /** In all blocks. */
   readonly sizeBytes: number;
 }
 
@@ -154,7 +152,7 @@ export interface TrackFields extends BlockFields {
 /** A quantity that faces, corners or vertices have: texture coordinates, a colour. */
 export interface Attribute {
   readonly name: string;
-  readonly kind: "texcoord" | "color" | "other";
+  readonly kind: "uv" | "color" | "other";
   readonly domain: "vertex" | "face" | "corner";
   readonly width: number;
   /** Rows of `width` numbers, one for each vertex, face or corner. */

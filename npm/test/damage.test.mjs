@@ -1,56 +1,68 @@
-// Damaged and hostile bytes give an error of the package, or frames that are right; never a hang.
+// Damaged and hostile bytes give an error of the package, or values that are right; never a hang.
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { exactModule, loadInternals, newCore } from "./support/bundle.mjs";
-import { EXACTS, bytesOf, sha } from "./support/streams.mjs";
+import { engineOf, loadInternals } from "./support/bundle.mjs";
+import {
+  BLOCK,
+  COEFFICIENTS,
+  HARD_EDGES,
+  TRACK,
+  VALUES,
+  headerSize,
+  seal,
+  sealHeader,
+  sectionsOf,
+} from "./support/container.mjs";
+import { EXACTS, PLAYED, bytesOf, said, sha } from "./support/streams.mjs";
 
-const {
-  Core,
-  MemoryReel,
-  MeshReelError,
-  POSITIONS,
-  Section,
-  TrackEngine,
-  TruncatedStreamError,
-  crc32,
-  readHeader,
-  readStream,
-  sectionEnd,
-} = await loadInternals();
+const internals = await loadInternals();
+const { MemoryLimitError, MeshReelError, TruncatedStreamError } = internals;
+const { signal } = new AbortController();
 
 /** Small streams with every kind of section that is read. */
 const NAMES = ["example", "everything", "key_blocks", "max_error", "no_index", "named"];
-const core = newCore(Core);
+const WITH_TRACKS = PLAYED.filter((name) => said(name).tracks);
 
 /**
- * Hashes of all frames of a stream, up to the first error, and this error; null where there is none.
- * Whatever happens, an error is of the package and no memory stays in use.
+ * Hashes of all frames of a stream and of its tracks, null where one is damaged, and the last error.
+ * Whatever happens, an error is of the package and says something.
  */
-function decoded(bytes) {
+async function decoded(bytes, withTracks = false) {
   const frames = [];
-  let reel;
   let failure = null;
-  try {
-    reel = new MemoryReel(core, bytes);
-    assert.ok(reel.surface.triangles.length);
-    reel.info.blocks.forEach((_, number) => {
-      const block = reel.decodeBlock(number);
-      try {
-        for (let t = 0; t < block.nFrames; t++) frames.push(sha(reel.frameOf(block, t)));
-        assert.equal(reel.fieldsOf(block).nFrames, block.nFrames);
-      } finally {
-        block.close();
+  const attempt = async (work) => {
+    try {
+      return await work();
+    } catch (error) {
+      if (!(error instanceof MeshReelError)) throw error;
+      assert.match(error.message, /\w+ \w+/);
+      failure = error;
+      return null;
+    }
+  };
+  await attempt(async () => {
+    const engine = await engineOf(internals, bytes);
+    assert.ok(engine.surface.triangles.length);
+    const { nFrames, blocks, tracks } = engine.info;
+    for (let track = 0; track <= (withTracks ? tracks.length : 0); track++) {
+      for (let t = 0; t < nFrames; t++) {
+        const found = await attempt(() => engine.frame(track, t, signal));
+        if (found && !track) assert.ok(found.every(Number.isFinite));
+        frames.push(found && sha(found));
       }
-    });
-  } catch (error) {
-    if (!(error instanceof MeshReelError)) throw error;
-    assert.match(error.message, /\w+ \w+/);
-    failure = error;
-  }
-  reel?.close();
-  assert.equal(core.heap.usedBytes, 0);
+      for (const [number, block] of blocks.entries()) {
+        const fields = await attempt(() => engine.fields(track, number, [0], signal));
+        if (fields) assert.equal(fields.nFrames, block.nFrames);
+      }
+    }
+  });
   return { frames, failure };
+}
+
+/** Whether each frame is that which is wanted, or missing. */
+function areRight(frames, wanted) {
+  return frames.every((frame, i) => frame === null || frame === wanted[i]);
 }
 
 /** Numbers from 0 to n - 1, at most so many of them, evenly. */
@@ -59,191 +71,127 @@ function sample(n, most) {
   return Array.from({ length: count }, (_, i) => Math.floor((i * n) / count));
 }
 
-test("a flipped bit gives an error, or leaves frames as they are", () => {
-  for (const name of NAMES) {
-    const whole = bytesOf(name);
-    const wanted = decoded(whole).frames;
-    let nErrors = 0;
-    for (const place of sample(whole.length, 150)) {
-      const bytes = whole.slice();
-      bytes[place] ^= 1 << (place % 8);
-      const { frames, failure } = decoded(bytes);
-      assert.deepEqual(frames, wanted.slice(0, frames.length), `${name}, byte ${place}`);
-      nErrors += failure !== null || frames.length < wanted.length;
+test("a flipped bit gives an error, or leaves frames as they are", async () => {
+  for (const [names, nPlaces] of [[NAMES, 150], [EXACTS, 20]]) {
+    for (const name of names) {
+      const whole = bytesOf(name);
+      const wanted = (await decoded(whole)).frames;
+      assert.ok(!wanted.includes(null));
+      let nErrors = 0;
+      for (const place of sample(whole.length, nPlaces)) {
+        const bytes = whole.slice();
+        bytes[place] ^= 1 << (place % 8);
+        const { frames, failure } = await decoded(bytes);
+        assert.ok(areRight(frames, wanted), `${name}, byte ${place}`);
+        nErrors += failure !== null || frames.length < wanted.length;
+      }
+      assert.ok(nErrors > nPlaces / 3, `${name} is damaged without anything to say about it`);
     }
-    assert.ok(nErrors > 50, `${name} is damaged without anything to say about it`);
   }
 });
 
-test("a stream that is cut off gives its complete blocks, or an error", () => {
+test("a stream that is cut off gives its complete blocks, or an error", async () => {
   for (const name of ["key_blocks", "no_index", "everything"]) {
     const whole = bytesOf(name);
-    const wanted = decoded(whole).frames;
+    const wanted = (await decoded(whole)).frames;
     for (const length of [...sample(whole.length, 200), whole.length - 1]) {
-      const { frames, failure } = decoded(whole.subarray(0, length));
+      const { frames, failure } = await decoded(whole.subarray(0, length));
       assert.deepEqual(frames, wanted.slice(0, frames.length), `${name}, ${length} bytes`);
       assert.ok(failure || frames.length, `${name}, ${length} bytes`);
     }
-    assert.ok(decoded(whole.subarray(0, 20)).failure instanceof TruncatedStreamError);
+    assert.ok((await decoded(whole.subarray(0, 20))).failure instanceof TruncatedStreamError);
   }
 });
 
-/** Places of the payloads of a stream, with the section of each. */
-function payloadsOf(bytes) {
-  const found = [];
-  for (let position = readHeader(bytes).sizeBytes; position < bytes.length;) {
-    const end = sectionEnd({ bytes, start: 0 }, position, bytes.length);
-    let start = position + 1;
-    while (bytes[start] & 0x80) start++;
-    found.push({ id: bytes[position], position, start: start + 1, end });
-    position = end;
+/** Changes one to three bytes of a payload, and its checksum. */
+function damaged(whole, section, random) {
+  const bytes = whole.slice();
+  const { begin, end } = section;
+  for (let i = 0; i < 1 + Math.floor(3 * random()); i++) {
+    bytes[begin + Math.floor((end - 4 - begin) * random())] = Math.floor(256 * random());
   }
-  return found;
+  seal(bytes, section);
+  return bytes;
 }
 
-test("damage with right checksums gives an error of the package, or some frames", () => {
+test("damage with right checksums gives an error of the package, or some frames", async () => {
   const random = randomNumbers(7);
   const hostile = ["everything", "key_blocks", "max_error", "example", "handles", "not_manifold"];
   let [nErrors, nFrames] = [0, 0];
-  for (const name of hostile) {
-    const whole = bytesOf(name);
-    const payloads = payloadsOf(whole).filter(({ start, end }) => end - 4 > start);
-    assert.ok(payloads.some(({ id }) => id === Section.COEFFICIENTS));
-    for (let turn = 0; turn < 75; turn++) {
-      const bytes = whole.slice();
-      const { position, start, end } = payloads[turn % payloads.length];
-      const nDamaged = 1 + Math.floor(3 * random());
-      for (let i = 0; i < nDamaged; i++) {
-        bytes[start + Math.floor((end - 4 - start) * random())] = Math.floor(256 * random());
+  for (const [names, nTurns, ids] of [
+    [hostile, 75, null],
+    [EXACTS, 6, null],
+    [EXACTS, 6, [VALUES, BLOCK]],
+    [WITH_TRACKS, 20, [TRACK, VALUES, COEFFICIENTS]],
+  ]) {
+    for (const name of names) {
+      const whole = bytesOf(name);
+      const payloads = sectionsOf(whole).filter(({ payload }) => payload.length);
+      const of = ids ? payloads.filter(({ id }) => ids.includes(id)) : payloads;
+      for (let turn = 0; turn < nTurns; turn++) {
+        const bytes = damaged(whole, of[turn % of.length], random);
+        const { frames, failure } = await decoded(bytes, names === WITH_TRACKS);
+        nErrors += failure !== null;
+        nFrames += frames.filter((one) => one !== null).length;
       }
-      const sum = crc32(bytes.subarray(position, end - 4));
-      new DataView(bytes.buffer).setUint32(end - 4, sum, true);
-      const { frames, failure } = decoded(bytes);
-      nErrors += failure !== null;
-      nFrames += frames.length;
     }
   }
-  assert.ok(nErrors > 50 && nFrames > 50);
+  assert.ok(nErrors > 200 && nFrames > 1000, `${nErrors} errors, ${nFrames} frames`);
 });
 
-test("damaged hard edges give an error of the package, or edges of the mesh", () => {
+test("damaged hard edges give an error of the package, or edges of the mesh", async () => {
   const whole = bytesOf("hard_edges");
-  const { position, start, end } = payloadsOf(whole).find(({ id }) => id === Section.HARD_EDGES);
+  const section = sectionsOf(whole).find(({ id }) => id === HARD_EDGES);
   let nErrors = 0;
-  for (let place = start; place < end - 4; place++) {
-    for (let value = 0; value < 256; value += 3) {
+  for (let place = section.begin; place < section.end - 4; place++) {
+    for (let value = 0; value < 256; value += 5) {
       const bytes = whole.slice();
       bytes[place] = value;
-      const sum = crc32(bytes.subarray(position, end - 4));
-      new DataView(bytes.buffer).setUint32(end - 4, sum, true);
+      seal(bytes, section);
       try {
-        const { surface } = new MemoryReel(core, bytes);
-        const edges = Array.from(surface.hardEdges.keys()).filter((i) => i % 2 === 0);
-        for (const i of edges) assert.ok(surface.hardEdges[i] < surface.hardEdges[i + 1]);
-        assert.ok(surface.hardEdges.every((vertex) => vertex < 16));
+        const { hardEdges } = (await engineOf(internals, bytes)).surface;
+        const edges = Array.from(hardEdges.keys()).filter((i) => i % 2 === 0);
+        for (const i of edges) assert.ok(hardEdges[i] < hardEdges[i + 1]);
+        assert.ok(hardEdges.every((vertex) => vertex < 16));
       } catch (error) {
         if (!(error instanceof MeshReelError)) throw error;
         nErrors++;
       }
     }
   }
-  assert.ok(nErrors > 50, `${nErrors} errors`);
+  assert.ok(nErrors > 30, `${nErrors} errors`);
 });
 
-/**
- * Frames of a stream of exact positions, each by its hash or null where its block is damaged, and
- * the last error, which is of the package.
- */
-async function exactlyDecoded(bytes) {
-  const { signal } = new AbortController();
-  const read = async (from, to) => bytes.slice(from, to);
-  const frames = [];
-  let failure = null;
-  const attempt = async (work) => {
-    try {
-      return await work();
-    } catch (error) {
-      if (!(error instanceof MeshReelError)) throw error;
-      failure = error;
-      return null;
-    }
-  };
-  await attempt(async () => {
-    const { info } = new MemoryReel(core, bytes);
-    const engine = new TrackEngine(newCore(Core), read, readStream(bytes), async () => exactModule());
-    for (let t = 0; t < info.nFrames; t++) {
-      const found = await attempt(() => engine.values(POSITIONS, t, signal));
-      if (found) assert.ok(found.every(Number.isFinite));
-      frames.push(found && sha(found));
-    }
-    for (const [number, { nFrames }] of info.blocks.entries()) {
-      const fields = await attempt(() => engine.fields(POSITIONS, number, [0, 1, 2], signal));
-      if (fields) assert.equal(fields.nFrames, nFrames);
-    }
+test("sizes in the header that the bytes cannot hold are refused before memory is taken", async () => {
+  for (const place of [14, 18]) {
+    const announced = bytesOf("example").slice();
+    new DataView(announced.buffer).setUint32(place, 0x3ffffff, true);
+    sealHeader(announced);
+    const before = process.memoryUsage().arrayBuffers;
+    await assert.rejects(engineOf(internals, announced), MeshReelError);
+    assert.ok(process.memoryUsage().arrayBuffers < before + 2 ** 26);
+  }
+});
+
+test("what takes more memory than allowed is refused", async () => {
+  const bytes = bytesOf("geometry");
+  await assert.rejects(engineOf(internals, bytes, "reel", 10_000), (error) => {
+    assert.match(error.message, /^decoding takes \d+ bytes of memory; 10000 are allowed: open it with more `memory`$/);
+    return error instanceof MemoryLimitError;
   });
-  return { frames, failure };
-}
-
-test("a flipped bit in exact positions gives an error, or leaves frames as they are", async () => {
-  for (const name of EXACTS) {
-    const whole = bytesOf(name);
-    const wanted = (await exactlyDecoded(whole)).frames;
-    assert.ok(!wanted.includes(null));
-    let nErrors = 0;
-    for (const place of sample(whole.length, 20)) {
-      const bytes = whole.slice();
-      bytes[place] ^= 1 << (place % 8);
-      const { frames, failure } = await exactlyDecoded(bytes);
-      frames.forEach((one, t) => assert.ok(one === null || one === wanted[t], `${name}, ${place}`));
-      nErrors += failure !== null || frames.length < wanted.length;
-    }
-    assert.ok(nErrors > 5, `${name} is damaged without anything to say about it`);
-  }
 });
 
-test("damage in exact positions with right checksums gives an error of the package", async () => {
-  const random = randomNumbers(11);
-  let [nErrors, nFrames] = [0, 0];
-  for (const name of EXACTS) {
-    const whole = bytesOf(name);
-    const payloads = payloadsOf(whole).filter(({ start, end }) => end - 4 > start);
-    const values = payloads.filter(({ id }) => id === Section.VALUES || id === Section.BLOCK);
-    for (let turn = 0; turn < 12; turn++) {
-      const bytes = whole.slice();
-      const of = turn % 2 ? values : payloads;
-      const { position, start, end } = of[(turn >> 1) % of.length];
-      bytes[start + Math.floor((end - 4 - start) * random())] = Math.floor(256 * random());
-      const sum = crc32(bytes.subarray(position, end - 4));
-      new DataView(bytes.buffer).setUint32(end - 4, sum, true);
-      const { frames, failure } = await exactlyDecoded(bytes);
-      nErrors += failure !== null;
-      nFrames += frames.filter((one) => one !== null).length;
-    }
+test("a header that is changed in any bit, or cut anywhere, is refused", async () => {
+  const bytes = bytesOf("named");
+  const size = headerSize(bytes);
+  for (let bit = 0; bit < 8 * size; bit++) {
+    const changed = bytes.slice();
+    changed[bit >> 3] ^= 1 << (bit & 7);
+    await assert.rejects(engineOf(internals, changed), { name: /^(Corrupt|Truncated|Unsupp)/ });
   }
-  assert.ok(nErrors > 50 && nFrames > 50, `${nErrors} errors, ${nFrames} frames`);
-});
-
-test("sizes in the header that the bytes cannot hold are refused before memory is taken", () => {
-  const bytes = bytesOf("example");
-  const header = readHeader(bytes);
-  for (const place of [10, 14, 18]) {
-    const announced = bytes.slice();
-    const view = new DataView(announced.buffer);
-    view.setUint32(place, 0xffffffff, true);
-    view.setUint32(header.sizeBytes - 4, crc32(announced.subarray(0, header.sizeBytes - 4)), true);
-    const before = core.functions.memory.buffer.byteLength;
-    assert.throws(() => new MemoryReel(core, announced), MeshReelError);
-    assert.equal(core.functions.memory.buffer.byteLength, before);
+  for (let length = 0; length < size; length++) {
+    await assert.rejects(engineOf(internals, bytes.subarray(0, length)), TruncatedStreamError);
   }
-});
-
-test("bytes of other files are named as such", () => {
-  const file = new TextEncoder().encode("<html><body>not found</body></html>");
-  assert.throws(
-    () => new MemoryReel(core, file),
-    /not a \.reel stream: this is an HTML page; is the address right\?/,
-  );
-  assert.throws(() => new MemoryReel(core, new Uint8Array(0)), /the stream is empty \(0 bytes\)/);
 });
 
 /** Random numbers of 0..1, the same each time. */

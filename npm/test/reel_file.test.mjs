@@ -11,6 +11,7 @@ import {
   UnsupportedVersionError,
 } from "../dist/index.js";
 import { OTHERS, PLAYED, bytesOf, said, sha } from "./support/streams.mjs";
+import { largeTracks } from "./support/track_streams.mjs";
 
 /** Runs `work` with an open file, which is closed in any case. */
 async function withReel(from, work, options) {
@@ -64,7 +65,7 @@ function notedBlob(bytes) {
 const tick = () => new Promise((resolve) => setTimeout(resolve, 100));
 
 test("the next block is read when frames are asked for in order, and not before", async () => {
-  const { blob, starts } = notedBlob(bytesOf("blocks"));
+  const { blob, starts } = notedBlob(largeTracks(100_000));
   await withReel(blob, async (reel) => {
     const { blocks } = reel.info;
     starts.length = 0;

@@ -26,7 +26,7 @@ function atCorners(drawing, name) {
 
 test("vertices stay as they are when only they have values", () => {
   const uv = Float32Array.of(0, 0, 1, 0, 1, 1, 0, 1);
-  const drawing = drawingOf(surface({ attributes: [attribute("texcoord", "vertex", 2, uv)] }), 4);
+  const drawing = drawingOf(surface({ attributes: [attribute("uv", "vertex", 2, uv)] }), 4);
   assert.deepEqual([...drawing.sources], [0, 1, 2, 3]);
   assert.equal(drawing.index, TRIANGLES);
   assert.deepEqual(drawing.attributes, [{ name: "uv", width: 2, values: uv }]);
@@ -35,7 +35,7 @@ test("vertices stay as they are when only they have values", () => {
 
 test("a vertex is split where corners have different values, and only there", () => {
   const uv = Float32Array.of(0, 0, 1, 0, 1, 1, 0, 0, 0.5, 0.5, 0, 1);
-  const drawing = drawingOf(surface({ attributes: [attribute("texcoord", "corner", 2, uv)] }), 4);
+  const drawing = drawingOf(surface({ attributes: [attribute("uv", "corner", 2, uv)] }), 4);
   assert.deepEqual([...drawing.sources].sort(), [0, 1, 2, 2, 3]);
   assert.deepEqual([...drawing.index].map((i) => drawing.sources[i]), [...TRIANGLES]);
   assert.deepEqual(atCorners(drawing, "uv").flat(), [...uv]);
@@ -48,7 +48,7 @@ test("values of polygons and their corners reach the fans of triangles", () => {
       triangles: Uint32Array.of(0, 1, 2, 0, 2, 3, 3, 2, 4),
       faceSizes: Uint32Array.of(4, 3),
       attributes: [
-        attribute("texcoord", "corner", 2, corners),
+        attribute("uv", "corner", 2, corners),
         attribute("color", "face", 3, Uint8Array.of(255, 0, 0, 0, 255, 0)),
       ],
     }),
@@ -75,7 +75,7 @@ test("colours are turned from those of screens to light", () => {
 
 test("the first four sets of texture coordinates are those of three.js", () => {
   const uvs = ["a", "b", "c", "d", "e"].map((name) =>
-    attribute("texcoord", "vertex", 2, new Float32Array(8), name),
+    attribute("uv", "vertex", 2, new Float32Array(8), name),
   );
   const drawing = drawingOf(surface({ attributes: uvs }), 4);
   assert.deepEqual(drawing.uvNames, ["a", "b", "c", "d"]);
@@ -105,7 +105,7 @@ test("a vertex with many different values takes no more time than many vertices"
   const uv = Float32Array.from({ length: 6 * count }, (_, i) => i);
   const start = performance.now();
   const drawing = drawingOf(
-    surface({ triangles, attributes: [attribute("texcoord", "corner", 2, uv)] }),
+    surface({ triangles, attributes: [attribute("uv", "corner", 2, uv)] }),
     3,
   );
   assert.equal(drawing.sources.length, 3 * count);
@@ -205,7 +205,7 @@ test("faces share a normal around an edge that ends inside, and across edges tha
 
 test("hard edges, texture coordinates and split corners go together", () => {
   const uv = Float32Array.from({ length: 48 }, (_, i) => i % 7);
-  const given = { ...box(BOX_EDGES), attributes: [attribute("texcoord", "corner", 2, uv)] };
+  const given = { ...box(BOX_EDGES), attributes: [attribute("uv", "corner", 2, uv)] };
   const drawing = drawingOf(given, 8, "corner");
   assert.equal(drawing.sources.length, 24);
   assert.deepEqual(drawing.attributes.map(({ name }) => name), ["uv"]);

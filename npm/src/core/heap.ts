@@ -1,6 +1,4 @@
-// Linear memory of the core: parts are given out, and used again once they are given back.
-
-import { MeshReelError } from "../errors.js";
+// Linear memory of the library: it is given out in parts, and used again once they are released.
 
 const ALIGNMENT = 64;
 const PAGE = 65536;
@@ -14,9 +12,9 @@ interface Span {
 export class Heap {
   /** Ascending, with something between any two. */
   private readonly free: Span[] = [];
-  /** The end of each part that was taken, by its start. */
-  private readonly taken = new Map<number, number>();
   private end: number;
+  /** Bytes that are taken. */
+  usedBytes = 0;
 
   constructor(
     private readonly memory: WebAssembly.Memory,
@@ -25,58 +23,35 @@ export class Heap {
     this.end = aligned(start);
   }
 
-  /** Bytes that are taken now. */
-  get usedBytes(): number {
-    let sum = 0;
-    for (const [start, end] of this.taken) sum += end - start;
-    return sum;
-  }
-
   /**
-   * The address of so many bytes, not filled, aligned as the core asks for. Views of the memory are
-   * lost, since it may grow.
-   *
-   * @throws MeshReelError where there is no such memory.
+   * The address of so many bytes, not filled, aligned to 64; 0 where there is no such memory. Views
+   * of the memory are lost, since it may grow.
    */
   take(sizeBytes: number): number {
-    const size = aligned(Math.max(sizeBytes, 1));
+    const size = aligned(sizeBytes);
     const place = this.free.findIndex((span) => span.end - span.start >= size);
-    let start = this.end;
     if (place >= 0) {
       const span = this.free[place];
-      start = span.start;
+      const { start } = span;
       span.start += size;
       if (span.start === span.end) this.free.splice(place, 1);
-    } else {
-      const last = this.free.at(-1);
-      if (last?.end === this.end) start = last.start;
-      this.grow(start + size);
-      if (start < this.end) this.free.pop();
-      this.end = start + size;
+      this.usedBytes += size;
+      return start;
     }
-    this.taken.set(start, start + size);
+    const last = this.free.at(-1);
+    const start = last?.end === this.end ? last.start : this.end;
+    if (!this.grow(start + size)) return 0;
+    if (start < this.end) this.free.pop();
+    this.end = start + size;
+    this.usedBytes += size;
     return start;
   }
 
-  /** Gives back the part that begins at `start`. */
-  give(start: number): void {
-    const end = this.taken.get(start);
-    if (end === undefined) return;
-    this.taken.delete(start);
-    this.release({ start, end });
-  }
-
-  /** Keeps only the first bytes of a part. */
-  shrink(start: number, sizeBytes: number): void {
-    const end = this.taken.get(start);
-    const kept = start + aligned(Math.max(sizeBytes, 1));
-    if (end === undefined || kept >= end) return;
-    this.taken.set(start, kept);
-    this.release({ start: kept, end });
-  }
-
-  private release(span: Span): void {
-    const found = this.free.findIndex((other) => other.start > span.start);
+  /** Release a part, of the size that was taken. */
+  release(start: number, sizeBytes: number): void {
+    const span = { start, end: start + aligned(sizeBytes) };
+    this.usedBytes -= span.end - span.start;
+    const found = this.free.findIndex((other) => other.start > start);
     const place = found < 0 ? this.free.length : found;
     this.free.splice(place, 0, span);
     if (this.free[place + 1]?.start === span.end) {
@@ -89,49 +64,18 @@ export class Heap {
     }
   }
 
-  private grow(end: number): void {
+  private grow(end: number): boolean {
     const missing = Math.ceil((end - this.memory.buffer.byteLength) / PAGE);
-    if (missing <= 0) return;
+    if (missing <= 0) return true;
     try {
-      if (missing >= PAGE) throw new RangeError(); // beyond 32 bits
       this.memory.grow(missing);
+      return true;
     } catch {
-      const megabytes = Math.ceil((missing * PAGE) / 1e6);
-      throw new MeshReelError(`the stream needs ${megabytes} MB more memory than there are`);
+      return false;
     }
   }
 }
 
-/** Parts of a heap for one piece of work. */
-export class Scope {
-  private readonly starts: number[] = [];
-
-  constructor(
-    private readonly heap: Heap,
-    private readonly memory: WebAssembly.Memory,
-  ) {}
-
-  /** As `Heap.take`, until the work ends. */
-  take(sizeBytes: number): number {
-    const start = this.heap.take(sizeBytes);
-    this.starts.push(start);
-    return start;
-  }
-
-  /** The address of a copy of an array. */
-  put(array: ArrayBufferView): number {
-    const start = this.take(array.byteLength);
-    const bytes = new Uint8Array(array.buffer, array.byteOffset, array.byteLength);
-    new Uint8Array(this.memory.buffer).set(bytes, start);
-    return start;
-  }
-
-  /** Gives back all but the parts that are kept. */
-  close(kept: readonly number[] = []): void {
-    for (const start of this.starts) if (!kept.includes(start)) this.heap.give(start);
-  }
-}
-
 function aligned(size: number): number {
-  return Math.ceil(size / ALIGNMENT) * ALIGNMENT;
+  return Math.ceil(Math.max(size, 1) / ALIGNMENT) * ALIGNMENT;
 }

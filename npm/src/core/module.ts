@@ -1,4 +1,4 @@
-// The core as a WebAssembly module, from bytes that are part of the script.
+// The library as a WebAssembly module, from bytes that are part of a script.
 
 import { SIMD_WASM } from "./simd_wasm.js";
 
@@ -8,36 +8,45 @@ const PROBE = [
   253, 98, 11,
 ];
 
-let loading: Promise<WebAssembly.Module> | undefined;
+/** What a module decodes: positions of the method reel and surfaces, or everything. */
+export type Scope = "positions" | "whole";
+
+const loading = new Map<Scope, Promise<WebAssembly.Module>>();
 
 /**
- * The module of the core, compiled once for all that ask; it may be sent to workers.
+ * A module of the library, compiled once for all that ask; it may be sent to workers.
  *
  * With vectors where the engine has them. Engines that have none, or cannot inflate, load a plain
- * one: a second file beside this script, which decodes the same bits slower.
+ * one: a file beside this script, which decodes the same bits slower.
  *
  * @throws WebAssembly.CompileError where the content policy of the page forbids WebAssembly; it
  * has to allow `script-src 'wasm-unsafe-eval'`.
  */
-export function loadModule(): Promise<WebAssembly.Module> {
-  loading ??= compile().catch((error: unknown) => {
-    loading = undefined; // the file may come another time
-    // The bytes are ours, and sound: only a policy refuses them.
-    if (!(error instanceof WebAssembly.CompileError)) throw error;
-    throw new WebAssembly.CompileError(
-      "the Content-Security-Policy of this page forbids WebAssembly; add 'wasm-unsafe-eval' to its" +
-        ` script-src (${error.message})`,
-    );
-  });
-  return loading;
+export function loadModule(scope: Scope): Promise<WebAssembly.Module> {
+  const found = loading.get(scope) ?? compile(scope).catch((error: unknown) => refuse(scope, error));
+  loading.set(scope, found);
+  return found;
 }
 
-async function compile(): Promise<WebAssembly.Module> {
+function refuse(scope: Scope, error: unknown): never {
+  loading.delete(scope); // the file may come another time
+  // The bytes are ours, and sound: only a policy refuses them.
+  if (!(error instanceof WebAssembly.CompileError)) throw error;
+  throw new WebAssembly.CompileError(
+    "the Content-Security-Policy of this page forbids WebAssembly; add 'wasm-unsafe-eval' to its" +
+      ` script-src (${error.message})`,
+  );
+}
+
+async function compile(scope: Scope): Promise<WebAssembly.Module> {
   const isQuick =
     typeof DecompressionStream !== "undefined" && WebAssembly.validate(new Uint8Array(PROBE));
-  if (isQuick) return WebAssembly.compile(await inflated(fromBase64(SIMD_WASM)));
-  const { PLAIN_WASM } = await import("./plain_wasm.js");
-  return WebAssembly.compile(fromBase64(PLAIN_WASM));
+  if (!isQuick) {
+    const { PLAIN_WASM } = await import("./plain_wasm.js");
+    return WebAssembly.compile(fromBase64(PLAIN_WASM));
+  }
+  const packed = scope === "whole" ? (await import("./whole_wasm.js")).WHOLE_WASM : SIMD_WASM;
+  return WebAssembly.compile(await inflated(fromBase64(packed)));
 }
 
 function fromBase64(text: string): Uint8Array<ArrayBuffer> {

@@ -1,125 +1,249 @@
-// Decodes the positions of a stream whose bytes come when they are asked for.
+// Decodes a file whose bytes come when they are asked for.
 
-import type { Core } from "../core/core.js";
-import { BlockDecoder, POSITION_COLUMNS } from "../decode/block_decoder.js";
-import { fieldsOf } from "../decode/block_fields.js";
-import { type Connectivity, decodeConnectivity } from "../decode/connectivity.js";
-import type { DecodedBlock } from "../decode/decoded_block.js";
-import { frameOf, type Positions } from "../decode/frames.js";
-import { readInfo } from "../decode/info.js";
-import { Items } from "../decode/items.js";
-import { REEL } from "../decode/methods.js";
-import { readTracks } from "../decode/track_infos.js";
-import { type StoredBlock, readBlock } from "../stream/block_sections.js";
-import { Section } from "../stream/layout.js";
-import type { Stream } from "../stream/stream.js";
-import { readSurface } from "../surface/surface.js";
-import type { BlockFields, ReelInfo, Surface } from "../types.js";
-import { KeptBlocks } from "./kept_blocks.js";
-import { type Beginning, type Read, openStream } from "./opening.js";
+import { type File, readFile } from "../core/file.js";
+import { type Library, MissingBytes } from "../core/library.js";
+import { readModes } from "../core/modes.js";
+import { numbersAt, sizeOf } from "../core/numbers.js";
+import { readSurface } from "../core/surface.js";
+import { CorruptStreamError, SourceError } from "../errors.js";
+import { type Fields, fieldsOfModes, partOf, withMissing } from "../fields/of_modes.js";
+import { fieldsOfValues } from "../fields/of_values.js";
+import { type Piece, piecesOf } from "../fields/pieces.js";
+import type { ReelInfo, Surface, TrackFields, TrackValues } from "../types.js";
+import { foreignKind } from "./foreign.js";
+import { type Range, Ranges } from "./ranges.js";
 
-/** Sections before the first block that further tracks need. */
-const OF_TRACKS: readonly number[] = [
-  Section.CONNECTIVITY,
-  Section.ORDER,
-  Section.POLYGONS,
-  Section.TRACK,
-];
+/** The bytes `start` to `end - 1`, fewer where there are no more. */
+export type Read = (start: number, end: number, signal: AbortSignal) => Promise<Uint8Array>;
+
+/** What is read at first: of most files the connectivity is in it, of small ones everything. */
+const HEAD_BYTES = 65536;
+
+/** What is read from the end: of most files the index is in it. */
+const TAIL_BYTES = 4096;
+
+/** How a file is opened. */
+export interface Opening {
+  /** Bytes of the file, null if that is not known. */
+  readonly size: number | null;
+  /** Whether the end can be read before the rest. */
+  readonly hasRanges: boolean;
+  /** Bytes that decoding may take at once. */
+  readonly memory: number;
+  /** The one to open of a file of several segments. */
+  readonly segment: number | null;
+  /** What another engine of the same file has read. */
+  readonly ranges?: readonly Range[];
+}
+
+/** Number of the positions among tracks. */
+export const POSITIONS = 0;
 
 export class Engine {
   readonly info: ReelInfo;
-  readonly surface: Surface;
-  private readonly blocks: KeptBlocks<DecodedBlock>;
+  private readonly pieces: readonly Piece[];
+  private readonly decoder: number;
+  private lastTrack = POSITIONS;
+  private lastFrame = -1;
+  /** Whether the last frames were asked for in order. */
+  private isPlayed = false;
+  /** Whether the next block is on its way. */
+  private isAhead = false;
 
   private constructor(
-    private readonly core: Core,
+    private readonly library: Library,
     private readonly read: Read,
-    private readonly stream: Stream,
-    early: EarlyMesh | null,
+    private readonly file: File,
+    /** What was read to open the file. */
+    private readonly opened: Ranges,
+    readonly surface: Surface,
   ) {
-    const { header, leading, places, starts } = stream;
-    const info = readInfo(stream);
-    const isEarly = early?.end === places[0].position;
-    if (!isEarly) early?.mesh.close();
-    const mesh = isEarly ? early.mesh : new Items(core, decodeConnectivity(core, header, leading));
-    this.surface = readSurface(core, leading, mesh.graph.triangles, header.nVerts, stream.memory);
-    this.info = { ...info, tracks: readTracks(stream, this.surface.faceSizes) };
-    const decoder = new BlockDecoder(mesh, POSITION_COLUMNS, stream.memory);
-    this.blocks = new KeptBlocks(starts, async (number, signal) =>
-      decoder.prepare(await this.stored(number, signal), (key) => this.stored(key, signal)),
+    this.pieces = piecesOf(file);
+    this.decoder = library.addressOf((found, error) =>
+      library.functions.meshreel_begin(file.handle, found, error),
     );
+    const blocks = this.pieces.map(({ start, nFrames, sizeBytes }) => ({ start, nFrames, sizeBytes }));
+    this.info = { ...file.info, tracks: file.tracks.slice(1).map(({ info }) => info), blocks };
   }
 
   /**
-   * Reads what comes before the first block, and the index.
+   * Opens a file: reads what comes before the first block, and the index. Where that is missing or
+   * damaged, all is read.
    *
-   * @throws MeshReelError as `openStream` and the decoders.
+   * @throws MeshReelError as `Library.check`, or as reading does.
    */
   static async open(
-    core: Promise<Core>,
+    library: Library,
     read: Read,
-    size: number | null,
-    hasRanges: boolean,
+    { size, hasRanges, memory, segment, ranges = [] }: Opening,
     signal: AbortSignal,
-    memory: number,
   ): Promise<Engine> {
-    let early: EarlyMesh | null = null;
-    const begin = async (beginning: Beginning): Promise<void> => {
-      early = earlyMesh(await core, beginning);
+    const bytes = new Ranges(ranges);
+    const fetch = async (start: number, end: number): Promise<Uint8Array> => {
+      if (bytes.has(start, end)) return new Uint8Array();
+      const found = await read(start, end, signal);
+      bytes.add(start, found);
+      return found;
     };
-    const stream = await openStream(read, size, hasRanges, signal, memory, begin);
-    return new Engine(await core, read, stream, early);
+    const isLarge = size !== null && hasRanges && size > HEAD_BYTES;
+    const parts = isLarge
+      ? [fetch(0, HEAD_BYTES), fetch(size - TAIL_BYTES, size)]
+      : [fetch(0, size ?? Number.MAX_SAFE_INTEGER)];
+    const [head] = await Promise.all(parts);
+    const sizeBytes = isLarge ? size : head.length || (size ?? 0);
+    // First what lies before the first block is missing. Where more is, the index is damaged, and
+    // blocks are found section by section.
+    let nReads = 0;
+    const readMore: Read = (start, end, ending) =>
+      read(start, nReads++ ? sizeBytes : Math.min(end + TAIL_BYTES, sizeBytes), ending);
+    const attempt = <T>(work: () => T): Promise<T> =>
+      attempted(library, bytes, readMore, signal, work);
+    const handle = await attempt(() => openedFile(library, sizeBytes, memory, segment, head));
+    const file = readFile(library, handle);
+    const surface = await attempt(() => {
+      library.check((error) => library.functions.meshreel_read_surface(handle, error));
+      return readSurface(library, file);
+    });
+    const images = await Promise.all(
+      surface.images.map(async ({ start, end, ...named }) => {
+        await fetch(start, end);
+        const copy = new Uint8Array(end - start);
+        bytes.copy(start, copy);
+        return { ...named, bytes: copy };
+      }),
+    );
+    const isKept = isLarge || sizeBytes <= HEAD_BYTES;
+    return new Engine(library, read, file, isKept ? bytes : new Ranges(), { ...surface, images });
   }
 
-  /** Positions of a frame, which has to be there. */
-  async frame(number: number, signal: AbortSignal): Promise<Positions> {
-    return frameOf(this.core, this.stream.header, ...(await this.blocks.ofFrame(number, signal)));
+  /** What was read to open the file; nothing of a large file that came as a whole. */
+  ranges(): readonly Range[] {
+    return this.opened.list();
   }
 
-  /** A block, which has to be there, for shaders. */
-  async fields(block: number, signal: AbortSignal): Promise<BlockFields> {
-    return fieldsOf(this.core, this.stream.header.scale, await this.blocks.block(block, signal));
+  /** Values of a frame of a track, which have to be there; of shape (N, C). */
+  async frame(track: number, number: number, signal: AbortSignal): Promise<TrackValues> {
+    this.note(track, number, 1);
+    return this.attempt(signal, () => this.frames(track, number, 1)[0]);
   }
 
-  /** What further tracks are decoded with, as a copy. */
-  ofTracks(): Stream {
-    const leading = this.stream.leading
-      .filter(({ id }) => OF_TRACKS.includes(id))
-      .map((section) => ({ ...section, payload: section.payload.slice() }));
-    return { ...this.stream, leading };
+  /** Columns of a track in a piece, which have to be there, for shaders. */
+  async fields(
+    track: number,
+    piece: number,
+    columns: readonly number[],
+    signal: AbortSignal,
+  ): Promise<TrackFields> {
+    const { start, nFrames, block } = this.pieces[piece];
+    // Pages ask for the next block late, for the next part of one early.
+    if (nFrames < this.file.blocks[block].nFrames) this.note(track, start, nFrames);
+    const found = await this.attempt(signal, () => this.fieldsOf(track, piece, columns));
+    return { ...found, number: piece, start };
   }
 
-  /** Decodes what is likely to be asked for next. */
+  /**
+   * Loads the next block, where frames are asked for in order and are in the second half of one.
+   *
+   * What goes wrong is told when a frame of the block is asked for.
+   */
   async goAhead(): Promise<void> {
-    await this.blocks.goAhead();
+    const { blocks } = this.file;
+    const current = this.blockOf(this.lastFrame);
+    const { start, nFrames } = blocks[current];
+    const isNear = 2 * this.lastFrame >= 2 * start + nFrames;
+    if (!this.isPlayed || !isNear || this.isAhead || current + 1 >= blocks.length) return;
+    this.isAhead = true;
+    const { library, decoder, lastTrack } = this;
+    const load = (error: number): number =>
+      library.functions.meshreel_load(decoder, lastTrack, current + 1, 0, error);
+    await this.attempt(new AbortController().signal, () => library.check(load)).catch(() => {});
+    this.isAhead = false;
   }
 
-  private async stored(number: number, signal: AbortSignal): Promise<StoredBlock> {
-    const { places, starts } = this.stream;
-    const place = places[number];
-    const end = place.position + place.sizes[0];
-    const bytes = await this.read(place.position, end, signal);
-    return readBlock(bytes, place, number, starts[number]);
+  private fieldsOf(track: number, piece: number, columns: readonly number[]): Fields {
+    const { library, decoder, file } = this;
+    const { start, nFrames, block } = this.pieces[piece];
+    const { nItems, nColumns } = file.tracks[track].info;
+    const first = start - file.blocks[block].start;
+    const modes = readModes(library, decoder, track, block, nItems);
+    if (!modes) {
+      const origin = track === POSITIONS ? file.info.center : undefined;
+      return fieldsOfValues(this.frames(track, start, nFrames), nColumns, columns, origin);
+    }
+    const whole = fieldsOfModes(modes, columns);
+    const part = nFrames < whole.nFrames ? partOf(whole, first, nFrames) : whole;
+    if (!modes.hasMissing) return part;
+    const frames = this.frames(track, start, nFrames) as Float64Array[];
+    return withMissing(part, (t, item, c) => Number.isNaN(frames[t][item * nColumns + columns[c]]));
+  }
+
+  /** Values of frames that lie in one block. */
+  private frames(track: number, first: number, count: number): TrackValues[] {
+    const { library, decoder, file } = this;
+    const { type, info } = file.tracks[track];
+    const length = info.nItems * info.nColumns;
+    const frameBytes = length * sizeOf(type);
+    return library.during(count * frameBytes, (out) => {
+      library.check((error) =>
+        library.functions.meshreel_decode(decoder, track, first, count, 0, 0, out, error),
+      );
+      return Array.from({ length: count }, (_, t) =>
+        numbersAt(library.buffer, type, out + t * frameBytes, length),
+      );
+    });
+  }
+
+  private note(track: number, first: number, count: number): void {
+    this.isPlayed = track === this.lastTrack && first === this.lastFrame + 1;
+    this.lastTrack = track;
+    this.lastFrame = first + count - 1;
+  }
+
+  private blockOf(frame: number): number {
+    return Math.max(0, this.file.blocks.findLastIndex(({ start }) => start <= frame));
+  }
+
+  private attempt<T>(signal: AbortSignal, work: () => T): Promise<T> {
+    return attempted(this.library, new Ranges(this.opened.list()), this.read, signal, work);
   }
 }
 
-/** A mesh that was made ready while the end of its stream was on its way. */
-interface EarlyMesh {
-  readonly mesh: Items<Connectivity>;
-  /** Byte of the stream at which the first block begins. */
-  readonly end: number;
+/** What `work` returns, once all bytes that it needs have come. */
+async function attempted<T>(
+  library: Library,
+  bytes: Ranges,
+  read: Read,
+  signal: AbortSignal,
+  work: () => T,
+): Promise<T> {
+  for (;;) {
+    signal.throwIfAborted();
+    try {
+      return library.reading(bytes, work);
+    } catch (error) {
+      if (!(error instanceof MissingBytes)) throw error;
+      const [start, end] = bytes.missing(error.start, error.end) ?? [error.start, error.end];
+      const found = await read(start, end, signal);
+      if (found.length < end - start) {
+        throw new SourceError(`bytes ${start} to ${end} of the file did not come whole`);
+      }
+      bytes.add(start, found);
+    }
+  }
 }
 
-/** Decodes what leads to the blocks; null where that fails, which is told once all is here. */
-function earlyMesh(core: Core, { header, leading, end, layout }: Beginning): EarlyMesh | null {
-  if (header.method !== REEL) return null;
-  let mesh: Items<Connectivity> | null = null;
+/** The address of a file that the library opens; one of another kind has that in the error. */
+function openedFile(
+  library: Library,
+  size: number,
+  memory: number,
+  segment: number | null,
+  head: Uint8Array,
+): number {
   try {
-    mesh = new Items(core, decodeConnectivity(core, header, leading));
-    mesh.hierarchyOf(layout.stencilSize);
-    return { mesh, end };
-  } catch {
-    mesh?.close();
-    return null;
+    return library.open(size, memory, segment);
+  } catch (error) {
+    const kind = error instanceof CorruptStreamError && foreignKind(head);
+    throw kind ? new CorruptStreamError(`not a .reel stream: ${kind}`) : error;
   }
 }

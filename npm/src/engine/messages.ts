@@ -1,7 +1,8 @@
 // What a reel and its engines say to each other. They run in workers, or beside the reel.
 
-import type { Stream } from "../stream/stream.js";
-import type { BlockFields, ReelInfo, Surface, TrackFields, TrackValues } from "../types.js";
+import type { ReelInfo, Surface, TrackFields, TrackValues } from "../types.js";
+import type { Opening } from "./engine.js";
+import type { Range } from "./ranges.js";
 
 /** An error on its way: what is thrown on the other side has this name and these words. */
 export interface Failure {
@@ -10,27 +11,20 @@ export interface Failure {
 }
 
 /**
- * What engines are asked, by the name of the call, and what they answer. That of the positions opens
- * a file, and says what tracks are decoded with; that of the tracks is told so, and asked by the
- * number of a track. For frames and fields of positions without modes it is asked, too.
+ * What engines are asked, by the name of the call, and what they answer. Track 0 is the positions;
+ * `ranges` gives what was read to open the file, for another engine.
  */
 export interface Calls {
-  open: { size: number | null; hasRanges: boolean; memory: number };
-  frame: { number: number };
-  fields: { block: number };
-  ofTracks: object;
-  openTracks: Stream;
-  values: { track: number; number: number };
-  trackFields: { track: number; block: number; columns: readonly number[] };
+  open: Opening;
+  ranges: object;
+  frame: { track: number; number: number };
+  fields: { track: number; block: number; columns: readonly number[] };
 }
 export interface Answers {
   open: { info: ReelInfo; surface: Surface };
-  frame: Float32Array | Float64Array;
-  fields: BlockFields;
-  ofTracks: Stream;
-  openTracks: object;
-  values: TrackValues;
-  trackFields: TrackFields;
+  ranges: readonly Range[];
+  frame: TrackValues;
+  fields: TrackFields;
 }
 
 export type Question = {
@@ -38,7 +32,7 @@ export type Question = {
 }[keyof Calls];
 
 export type ToEngine =
-  /** The core, which comes before all questions. */
+  /** The library, which comes before all questions. */
   | { readonly module: WebAssembly.Module }
   | Question
   /** Nobody waits for the answer any more. */
@@ -47,16 +41,11 @@ export type ToEngine =
   | { readonly read: number; readonly bytes: Uint8Array }
   | { readonly read: number; readonly failure: Failure };
 
-/** Bytes that an engine asks for. */
-export type Wanted =
-  | { readonly start: number; readonly end: number }
-  /** The module that decodes exact values. */
-  | { readonly exact: true };
-
 export type FromEngine =
   | { readonly id: number; readonly answer: Answers[keyof Answers] }
   | { readonly id: number; readonly failure: Failure }
-  | ({ readonly read: number } & Wanted)
+  /** Bytes of the file that it asks for. */
+  | { readonly read: number; readonly start: number; readonly end: number }
   /** The bytes of this read are no longer needed. */
   | { readonly drop: number };
 

@@ -1,21 +1,16 @@
 // An engine at its end of a channel: answers one question after another.
 
-import { Core } from "../core/core.js";
-import type { BlockFields } from "../types.js";
-import { type Answers, failureOf, type Port, type Question, type ToEngine, type Wanted } from "./messages.js";
-import type { Read } from "./opening.js";
+import { Library } from "../core/library.js";
+import type { TrackFields } from "../types.js";
+import type { Read } from "./engine.js";
+import { type Answers, failureOf, type Port, type Question, type ToEngine } from "./messages.js";
 
-/**
- * Answers a question.
- *
- * @param readExact - Gives the bytes of the module that decodes exact values.
- */
+/** Answers a question. */
 export type AnswerTo = (
   question: Question,
-  core: Promise<Core>,
+  library: Promise<Library>,
   read: Read,
   signal: AbortSignal,
-  readExact: () => Promise<Uint8Array>,
 ) => Promise<Answers[keyof Answers]>;
 
 interface Waiting {
@@ -32,10 +27,10 @@ export function serve(port: Port, answerTo: AnswerTo, goAhead: () => void): void
   const reads = new Map<number, Waiting>();
   const aborts = new Map<number, AbortController>();
   let nReads = 0;
-  let core: Promise<Core>;
+  let library: Promise<Library>;
   let last: Promise<void> = Promise.resolve();
 
-  const ask = (what: Wanted, signal: AbortSignal): Promise<Uint8Array> =>
+  const read: Read = (start, end, signal) =>
     new Promise((resolve, reject) => {
       signal.throwIfAborted();
       const id = nReads++;
@@ -50,18 +45,14 @@ export function serve(port: Port, answerTo: AnswerTo, goAhead: () => void): void
         resolve: (bytes) => (settled(), resolve(bytes)),
         reject: (reason) => (settled(), reject(reason)),
       });
-      port.postMessage({ read: id, ...what }, []);
+      port.postMessage({ read: id, start, end }, []);
     });
 
   const work = async (question: Question, controller: AbortController): Promise<void> => {
     const { id } = question;
     try {
-      const { signal } = controller;
-      signal.throwIfAborted();
-      const read: Read = (start, end, ending) => ask({ start, end }, ending);
-      const answer = await answerTo(question, core, read, signal, () =>
-        ask({ exact: true }, signal),
-      );
+      controller.signal.throwIfAborted();
+      const answer = await answerTo(question, library, read, controller.signal);
       port.postMessage({ id, answer }, buffersOf(answer));
     } catch (error) {
       port.postMessage({ id, failure: failureOf(error) }, []);
@@ -73,8 +64,8 @@ export function serve(port: Port, answerTo: AnswerTo, goAhead: () => void): void
 
   port.onmessage = ({ data }: MessageEvent<ToEngine>) => {
     if ("module" in data) {
-      core = WebAssembly.instantiate(data.module).then((instance) => new Core(instance));
-      core.catch(() => {}); // opening says it
+      library = Library.start(data.module);
+      library.catch(() => {}); // opening says it
     } else if ("cancel" in data) {
       aborts.get(data.cancel)?.abort();
     } else if ("read" in data) {
@@ -94,6 +85,6 @@ export function serve(port: Port, answerTo: AnswerTo, goAhead: () => void): void
 function buffersOf(answer: Answers[keyof Answers]): Transferable[] {
   if (ArrayBuffer.isView(answer)) return [answer.buffer];
   if (!("fields" in answer)) return [];
-  const { fields, weights, correctionVertices, correctionOffsets } = answer as BlockFields;
+  const { fields, weights, correctionVertices, correctionOffsets } = answer as TrackFields;
   return [fields, weights, correctionVertices, correctionOffsets].map(({ buffer }) => buffer);
 }

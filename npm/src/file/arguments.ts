@@ -1,8 +1,7 @@
 // Arguments of calls, checked before an engine is asked.
 
-import type { Positions } from "../decode/frames.js";
 import { InvalidInputError } from "../errors.js";
-import type { TrackInfo, TrackValues } from "../types.js";
+import type { Positions, TrackInfo, TrackValues } from "../types.js";
 
 /** @throws InvalidInputError where there is no such number. */
 export function requireNumber(what: string, number: number, count: number): void {

@@ -1,15 +1,26 @@
 // A `.reel` that is open: its frames when they are asked for.
 
 import { loadModule } from "../core/module.js";
-import type { Positions } from "../decode/frames.js";
-import { DEFAULT_MEMORY } from "../decode/memory.js";
 import { CorruptStreamError, InvalidInputError } from "../errors.js";
 import { filled, requireFitting, requireNumber } from "./arguments.js";
 import { openSource, type SourceInput, type SourceOptions } from "../source/open.js";
-import type { BlockFields, ByteSource, OpenReel, ReelInfo, Surface } from "../types.js";
+import type {
+  BlockFields,
+  ByteSource,
+  OpenReel,
+  Positions,
+  ReelInfo,
+  Surface,
+} from "../types.js";
 import { startEngine } from "./engine_function.js";
 import { type CallOptions, ReelTrack } from "./reel_track.js";
 import { RemoteEngine } from "./remote_engine.js";
+
+/** Bytes that decoding may take at once where no limit is given: 2 GiB. */
+const DEFAULT_MEMORY = 2 ** 31;
+
+/** Columns of positions. */
+const COLUMNS = [0, 1, 2];
 
 /** How a file is opened. */
 export interface OpenOptions extends SourceOptions {
@@ -20,11 +31,15 @@ export interface OpenOptions extends SourceOptions {
    */
   worker?: boolean;
   /**
-   * Bytes that the mesh, a block or a table of an attribute may take while they are decoded: a small
-   * file may be made to exhaust memory. What needs more is refused before it is decoded, with a
-   * `MemoryLimitError`. Default: 2 GiB.
+   * Bytes that decoding may take at once: a small file may be made to exhaust memory. What needs more
+   * is refused with a `MemoryLimitError`. Default: 2 GiB.
    */
   memory?: number;
+  /**
+   * The segment to open of a file that has several, meshes of different connectivity that are shown
+   * in order; its frames begin at 0. Without it such a file is refused, with their number.
+   */
+  segment?: number;
 }
 
 /**
@@ -40,12 +55,12 @@ export interface OpenOptions extends SourceOptions {
  * reel.close();
  */
 export class ReelFile implements OpenReel {
-  private tracks: Promise<RemoteEngine> | null = null;
+  private whole: Promise<RemoteEngine> | null = null;
 
   private constructor(
     private readonly source: ByteSource,
     private readonly engine: RemoteEngine,
-    private readonly inWorker: boolean,
+    private readonly options: OpenOptions,
     /** Facts of the file. */
     readonly info: ReelInfo,
     /** What the mesh is beside its positions. */
@@ -68,15 +83,18 @@ export class ReelFile implements OpenReel {
    *   has to allow `script-src 'wasm-unsafe-eval'`.
    */
   static async open(from: SourceInput, options: OpenOptions = {}): Promise<ReelFile> {
+    const { worker: inWorker = true, memory = DEFAULT_MEMORY, segment = null } = options;
+    if (segment !== null && !(Number.isInteger(segment) && segment >= 0)) {
+      throw new InvalidInputError(`segment must be a number from 0 up; got ${segment}`);
+    }
     // All that decodes gets ready while bytes are on their way.
     const opening = openSource(from, options);
-    const { worker: inWorker = true, memory = DEFAULT_MEMORY } = options;
     const engine = new RemoteEngine(startEngine, opening, inWorker);
     try {
-      const [source] = await Promise.all([opening, engine.begin(loadModule())]);
+      const [source] = await Promise.all([opening, engine.begin(loadModule("positions"))]);
       const { size, hasRanges } = source;
-      const { info, surface } = await engine.ask("open", { size, hasRanges, memory }, options.signal);
-      return new ReelFile(source, engine, inWorker, info, surface);
+      const { info, surface } = await engine.ask("open", { size, hasRanges, memory, segment }, options.signal);
+      return new ReelFile(source, engine, options, info, surface);
     } catch (error) {
       engine.close(error);
       opening.then((source) => source.close()).catch(() => {});
@@ -97,13 +115,14 @@ export class ReelFile implements OpenReel {
     const { nFrames, nVerts, numberType } = this.info;
     requireNumber("frame", number, nFrames);
     requireFitting(into, numberType, 3 * nVerts);
-    return filled(into, await (await this.positions()).ask("frame", { number }, signal));
+    const engine = await this.positions();
+    return filled(into, (await engine.ask("frame", { track: 0, number }, signal)) as Positions);
   }
 
   /**
    * A track, whose values come when they are asked for.
    *
-   * What decodes tracks is a script and a worker of its own: it is loaded with the first values, and
+   * What decodes tracks is a module and a worker of its own: it is loaded with the first values, and
    * positions never wait for it. Only bytes of tracks that are asked for are read.
    *
    * @example
@@ -123,7 +142,7 @@ export class ReelFile implements OpenReel {
     if (new Set(tracks.map((one) => one.name)).size < tracks.length) {
       throw new CorruptStreamError("two tracks of the stream have one name");
     }
-    return new ReelTrack(this.info, number, () => this.trackEngine());
+    return new ReelTrack(this.info, number, () => this.wholeEngine());
   }
 
   /**
@@ -134,7 +153,8 @@ export class ReelFile implements OpenReel {
    */
   async fields(block: number, { signal }: CallOptions = {}): Promise<BlockFields> {
     requireNumber("block", block, this.info.blocks.length);
-    return (await this.positions()).ask("fields", { block }, signal);
+    const engine = await this.positions();
+    return engine.ask("fields", { track: 0, block, columns: COLUMNS }, signal);
   }
 
   /** Whether frames are decoded in a worker, and not on the thread that asks. */
@@ -146,32 +166,35 @@ export class ReelFile implements OpenReel {
   close(): void {
     const reason = new DOMException("The file was closed", "AbortError");
     this.engine.close(reason);
-    this.tracks?.then((engine) => engine.close(reason)).catch(() => {});
+    this.whole?.then((engine) => engine.close(reason)).catch(() => {});
     this.source.close();
   }
 
   /** What decodes positions. */
   private positions(): RemoteEngine | Promise<RemoteEngine> {
-    return this.info.method === "reel" ? this.engine : this.trackEngine();
+    return this.info.method === "reel" ? this.engine : this.wholeEngine();
   }
 
-  private trackEngine(): Promise<RemoteEngine> {
-    this.tracks ??= this.openTracks().catch((error: unknown) => {
-      this.tracks = null; // the script may come another time
+  /** What decodes everything. */
+  private wholeEngine(): Promise<RemoteEngine> {
+    this.whole ??= this.openWhole().catch((error: unknown) => {
+      this.whole = null; // the script may come another time
       throw error;
     });
-    return this.tracks;
+    return this.whole;
   }
 
-  private async openTracks(): Promise<RemoteEngine> {
-    const [{ startTrackEngine }, stream] = await Promise.all([
-      import("./track_engine_function.js"),
-      this.engine.ask("ofTracks", {}),
+  private async openWhole(): Promise<RemoteEngine> {
+    const { size, hasRanges } = this.source;
+    const { worker: inWorker = true, memory = DEFAULT_MEMORY, segment = null } = this.options;
+    const [module, ranges] = await Promise.all([
+      loadModule("whole"),
+      this.engine.ask("ranges", {}),
     ]);
-    const engine = new RemoteEngine(startTrackEngine, Promise.resolve(this.source), this.inWorker);
+    const engine = new RemoteEngine(startEngine, Promise.resolve(this.source), inWorker);
     try {
-      await engine.begin(loadModule());
-      await engine.ask("openTracks", stream);
+      await engine.begin(Promise.resolve(module));
+      await engine.ask("open", { size, hasRanges, memory, segment, ranges });
       return engine;
     } catch (error) {
       engine.close(error);

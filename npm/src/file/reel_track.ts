@@ -58,7 +58,7 @@ export class ReelTrack implements OpenTrack {
     requireNumber("frame", number, this.reel.nFrames);
     requireFitting(into, numberType, nItems * nColumns);
     const engine = await this.engine();
-    return filled(into, await engine.ask("values", { track: this.number, number }, signal));
+    return filled(into, await engine.ask("frame", { track: 1 + this.number, number }, signal));
   }
 
   /**
@@ -75,6 +75,6 @@ export class ReelTrack implements OpenTrack {
     for (const column of columns ?? []) requireNumber("column", column, nColumns);
     const engine = await this.engine();
     const wanted = columns ?? Array.from({ length: nColumns }, (_, column) => column);
-    return engine.ask("trackFields", { track: this.number, block, columns: wanted }, signal);
+    return engine.ask("fields", { track: 1 + this.number, block, columns: wanted }, signal);
   }
 }

@@ -9,7 +9,6 @@ import {
   type Port,
   type Question,
   type ToEngine,
-  type Wanted,
 } from "../engine/messages.js";
 import * as errors from "../errors.js";
 import type { ByteSource } from "../types.js";
@@ -56,7 +55,7 @@ export class RemoteEngine {
     return this.line.isWorker;
   }
 
-  /** Hands it the core: it gets ready. */
+  /** Hands it the library: it gets ready. */
   async begin(loading: Promise<WebAssembly.Module>): Promise<void> {
     this.module = await loading;
     if (!this.closed) this.say({ module: this.module });
@@ -135,15 +134,11 @@ export class RemoteEngine {
     }
   }
 
-  private async read(wanted: Wanted & { read: number }): Promise<void> {
-    const id = wanted.read;
+  private async read({ read: id, start, end }: Extract<FromEngine, { start: number }>): Promise<void> {
     const controller = new AbortController();
     this.reads.set(id, controller);
     try {
-      const bytes =
-        "exact" in wanted
-          ? (await import("../core/exact_wasm.js")).exactModule()
-          : await (await this.source).read(wanted.start, wanted.end, controller.signal);
+      const bytes = await (await this.source).read(start, end, controller.signal);
       if (!this.closed) this.say({ read: id, bytes }, [bytes.buffer]);
     } catch (error) {
       if (!this.closed) this.say({ read: id, failure: failureOf(error) });

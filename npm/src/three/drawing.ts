@@ -44,7 +44,7 @@ export function drawingOf(
   split: "face" | "corner" | null = null,
 ): Drawing {
   const corners = cornersOf(surface);
-  const uvs = surface.attributes.filter((one) => one.kind === "texcoord").slice(0, MOST_UVS);
+  const uvs = surface.attributes.filter((one) => one.kind === "uv").slice(0, MOST_UVS);
   const columns = uvs.map(uvColumn);
   const color = surface.attributes.find((one) => one.kind === "color");
   if (color) columns.push(colorColumn(color));

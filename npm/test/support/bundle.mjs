@@ -1,4 +1,4 @@
-// Modules of src/ for tests, and instances of the core.
+// Modules of src/ for tests, and instances of the library.
 
 import { build } from "esbuild";
 import { mkdtempSync, readFileSync, rmSync } from "node:fs";
@@ -24,13 +24,16 @@ export async function loadInternals() {
   }
 }
 
-/** The bytes of the module that decodes exact values. */
-export function exactModule() {
-  return readFileSync(join(PACKAGE, "wasm/reel_exact.wasm"));
+/** A new instance of a module that was built: "reel_whole" has vectors, "reel_plain" has none. */
+export function newLibrary(Library, name = "reel_whole") {
+  return Library.start(new WebAssembly.Module(readFileSync(join(PACKAGE, "wasm", `${name}.wasm`))));
 }
 
-/** A new instance of a module that was built: "reel" has vectors, "reel_plain" has none. */
-export function newCore(Core, name = "reel") {
-  const module = new WebAssembly.Module(readFileSync(join(PACKAGE, "wasm", `${name}.wasm`)));
-  return new Core(new WebAssembly.Instance(module));
+/** An engine of bytes in memory. */
+export async function engineOf({ Engine, Library }, bytes, name, memory = 2 ** 31, segment = null) {
+  const read = async (start, end) => bytes.slice(start, end);
+  const opening = { size: bytes.length, hasRanges: true, memory, segment };
+  const library = await newLibrary(Library, name);
+  const engine = await Engine.open(library, read, opening, new AbortController().signal);
+  return Object.assign(engine, { library });
 }

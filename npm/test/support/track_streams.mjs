@@ -1,19 +1,30 @@
 // Streams of conformance/ that have tracks, changed: large, or with another TRACK.
 
-import { loadInternals } from "./bundle.mjs";
+import {
+  BLOCK,
+  COEFFICIENTS,
+  END,
+  INDEX,
+  MISSING,
+  TRACK,
+  TRACK_BLOCK,
+  VALUES,
+  headerSize,
+  sectionBytes,
+  sectionsOf,
+  varint,
+} from "./container.mjs";
 import { bytesOf } from "./streams.mjs";
-
-const { Section, crc32, readHeader, readSection, readStream } = await loadInternals();
 
 /** A section that readers skip. */
 const UNKNOWN = 0xc0;
 
-/** A stream of three blocks and tracks whose groups are each far larger than what holds an index. */
-export function largeTracks() {
+/** A stream of three blocks and tracks whose groups are each larger by so many bytes. */
+export function largeTracks(padding = 20_000) {
   return rewritten(bytesOf("tracks"), (sections) =>
     sections.flatMap((one) => {
-      const isFirst = one.id === Section.BLOCK || one.id === Section.TRACK_BLOCK;
-      return isFirst ? [one, { id: UNKNOWN, payload: new Uint8Array(20_000) }] : [one];
+      const isFirst = one.id === BLOCK || one.id === TRACK_BLOCK;
+      return isFirst ? [one, { id: UNKNOWN, payload: new Uint8Array(padding) }] : [one];
     }),
   );
 }
@@ -24,13 +35,13 @@ export function withExactTrack() {
   let place = 0;
   const bytes = rewritten(bytesOf("tracks"), (sections) =>
     sections.flatMap(({ id, payload }) => {
-      if (id === Section.TRACK && ++nTracks === 3) {
+      if (id === TRACK && ++nTracks === 3) {
         return [{ id, payload: changed(payload, { coding: 1, exact: true }) }];
       }
-      place = id === Section.BLOCK ? 0 : place + (id === Section.TRACK_BLOCK);
+      place = id === BLOCK ? 0 : place + (id === TRACK_BLOCK);
       if (nTracks < 3 || place < 3) return [{ id, payload }];
-      if (id === Section.TRACK_BLOCK) return [{ id, payload: new Uint8Array(1) }];
-      return id === Section.COEFFICIENTS ? [{ id: Section.VALUES, payload }] : [];
+      if (id === TRACK_BLOCK) return [{ id, payload: new Uint8Array(1) }];
+      return id === COEFFICIENTS ? [{ id: VALUES, payload }] : [];
     }),
   );
   const end = new DataView(bytes.buffer, bytes.byteOffset + bytes.length - 12);
@@ -39,13 +50,13 @@ export function withExactTrack() {
 
 /** The stream "tracks" with a section MISSING, of bytes of 255, in a block of its first track. */
 export function withMissingValues() {
-  const nFlags = 42 * readStream(bytesOf("tracks")).places[0].nFrames;
+  const nFlags = 42 * sectionsOf(bytesOf("tracks")).find(({ id }) => id === BLOCK).payload[0];
   const payload = new Uint8Array(nFlags + 1).fill(255);
   let count = 0;
   return rewritten(bytesOf("tracks"), (sections) =>
     sections.flatMap((one) => {
-      const isFirst = one.id === Section.TRACK_BLOCK && count++ === 0;
-      return isFirst ? [one, { id: Section.MISSING, payload }] : [one];
+      const isFirst = one.id === TRACK_BLOCK && count++ === 0;
+      return isFirst ? [one, { id: MISSING, payload }] : [one];
     }),
   );
 }
@@ -60,7 +71,7 @@ export function withTrack(number, change) {
   let count = 0;
   return rewritten(bytesOf("tracks"), (sections) =>
     sections.map((one) => {
-      if (one.id !== Section.TRACK || count++ !== number) return one;
+      if (one.id !== TRACK || count++ !== number) return one;
       return { ...one, payload: changed(one.payload, change) };
     }),
   );
@@ -86,21 +97,15 @@ function changed(before, change) {
 
 /** A stream with other sections, and an index of these. */
 function rewritten(bytes, change) {
-  const start = readHeader(bytes).sizeBytes;
-  const sections = [];
-  for (let position = start; position < bytes.length;) {
-    const section = readSection({ bytes, start: 0 }, position, bytes.length);
-    sections.push(section);
-    position = section.end;
-  }
-  const isOfEnd = ({ id }) => id === Section.INDEX || id === Section.END;
+  const start = headerSize(bytes);
+  const isOfEnd = ({ id }) => id === INDEX || id === END;
   const parts = [bytes.slice(0, start)];
   const blocks = [];
   let position = start;
-  for (const { id, payload } of change(sections.filter((one) => !isOfEnd(one)))) {
-    if (id === Section.BLOCK) blocks.push({ position, nFrames: payload[0], sizes: [] });
-    if (id === Section.BLOCK || id === Section.TRACK_BLOCK) blocks.at(-1).sizes.push(0);
-    const written = sectionOf(id, payload);
+  for (const { id, payload } of change(sectionsOf(bytes).filter((one) => !isOfEnd(one)))) {
+    if (id === BLOCK) blocks.push({ position, nFrames: payload[0], sizes: [] });
+    if (id === BLOCK || id === TRACK_BLOCK) blocks.at(-1).sizes.push(0);
+    const written = sectionBytes(id, payload);
     parts.push(written);
     position += written.length;
     const sizes = blocks.at(-1)?.sizes;
@@ -110,19 +115,6 @@ function rewritten(bytes, change) {
   const index = [blocks[0].position, blocks.length, ...listed].flatMap(varint);
   const end = new Uint8Array(8);
   new DataView(end.buffer).setBigUint64(0, BigInt(position), true);
-  parts.push(sectionOf(Section.INDEX, Uint8Array.from(index)), sectionOf(Section.END, end));
+  parts.push(sectionBytes(INDEX, Uint8Array.from(index)), sectionBytes(END, end));
   return new Uint8Array(Buffer.concat(parts));
-}
-
-function sectionOf(id, payload) {
-  const head = Uint8Array.from([id, ...varint(payload.length), ...payload]);
-  const sum = new Uint8Array(4);
-  new DataView(sum.buffer).setUint32(0, crc32(head), true);
-  return Buffer.concat([head, sum]);
-}
-
-function varint(value) {
-  const bytes = [];
-  for (; value >= 128; value = Math.floor(value / 128)) bytes.push((value % 128) + 128);
-  return [...bytes, value];
 }

@@ -159,7 +159,7 @@ async function surfaceOf(): Promise<Surface> {
     triangles: Uint32Array.from(triangles),
     faceSizes: null,
     attributes: [
-      { name: "uv", kind: "texcoord", domain: "corner", width: 2, values: Float32Array.from(uv) },
+      { name: "uv", kind: "uv", domain: "corner", width: 2, values: Float32Array.from(uv) },
     ],
     groups: [{ name: "material", labels: ["board", "hem"], ofFace: Int32Array.from(materials) }],
     materials: [

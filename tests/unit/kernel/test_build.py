@@ -106,13 +106,11 @@ def test_a_library_is_current_until_a_source_is_newer(core, tmp_path):
     assert not core["is_current"](built)
 
 
-def test_the_decoder_has_no_function_that_encodes(core):
-    header = (COMPILE.parent / "reel.h").read_text()
-    names = (*core["DECODER"], *core["EXACT_DECODER"])
-    for name in names:
-        assert f" {name}(" in header, name
-    encoders = ("encode", "_encode_memory")
-    assert not [name for name in names if name.endswith(encoders)]
+def test_pages_call_functions_of_the_public_header_and_of_their_host(core):
+    declared = (COMPILE.parent / "include" / "meshreel.h").read_text()
+    declared += (COMPILE.parent / "reader" / "page.c").read_text()
+    for name in core["PAGE_FUNCTIONS"]:
+        assert f" {name}(" in declared or f"*{name}(" in declared, name
 
 
 def test_one_line_says_what_to_do_when_the_library_is_missing(monkeypatch, tmp_path):

@@ -1,0 +1,56 @@
+/* The host of the library in a page: memory that JavaScript gives out, and bytes that it has. A range
+   that is not there yet fails as MESHREEL_UNREADABLE; JavaScript fetches it, and calls again. */
+
+#include "call.h"
+
+#ifdef __wasm__
+
+#define IMPORT(name) __attribute__((import_module("page"), import_name(name)))
+
+/* Copies a range of the file; 0, or 1 where it is not there. */
+IMPORT("read") extern int page_read(double offset, void *to, size_t size);
+
+/* 0 where a range of the file is there, or 1. */
+IMPORT("announce") extern int page_announce(double offset, double size);
+
+IMPORT("allocate") extern void *page_allocate(size_t size);
+IMPORT("release") extern void page_release(void *memory, size_t size);
+
+static int read(void *user, uint64_t offset, void *to, size_t size) {
+    (void)user;
+    return page_read((double)offset, to, size);
+}
+
+static int announce(void *user, uint64_t offset, uint64_t size) {
+    (void)user;
+    return page_announce((double)offset, (double)size);
+}
+
+static void *allocate(void *user, size_t size) {
+    (void)user;
+    return page_allocate(size);
+}
+
+static void release(void *user, void *memory, size_t size) {
+    (void)user;
+    page_release(memory, size);
+}
+
+/* Open the file of the page, or one of its segments where `segment` is not below 0. */
+int page_open(double size, double memory_limit, int32_t segment, meshreel_file **file,
+              meshreel_error *error) {
+    meshreel_source source = {.size = (uint64_t)size, .read = read, .announce = announce};
+    meshreel_host host = {.allocate = allocate, .release = release,
+                          .memory_limit = (uint64_t)memory_limit};
+    meshreel_file *whole;
+    int failed = meshreel_open(&source, &host, &whole, error);
+    if (failed || segment < 0) {
+        *file = failed ? NULL : whole;
+        return failed;
+    }
+    failed = meshreel_open_segment(whole, (uint32_t)segment, file, error);
+    meshreel_close(whole);
+    return failed;
+}
+
+#endif

@@ -1,0 +1,141 @@
+// What an engine reads of a file, and the memory that it takes.
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { engineOf, loadInternals, newLibrary } from "./support/bundle.mjs";
+import { BLOCK, groupsOf, sectionBytes, sectionsOf } from "./support/container.mjs";
+import { bytesOf, said, sha } from "./support/streams.mjs";
+
+const internals = await loadInternals();
+const { Engine, Heap, Library, Ranges, SourceError } = internals;
+const { signal } = new AbortController();
+
+/** An engine of a file that is padded before its blocks, and what it reads. */
+async function notedEngine(name, { padding = 0, change = () => {} } = {}) {
+  const whole = bytesOf(name);
+  const first = sectionsOf(whole).find(({ id }) => id === BLOCK).position;
+  const skipped = sectionBytes(0xc0, new Uint8Array(padding));
+  const bytes = Uint8Array.from(Buffer.concat([whole.slice(0, first), skipped, whole.slice(first)]));
+  change(bytes);
+  const reads = [];
+  const read = async (start, end) => {
+    reads.push([start, end]);
+    return bytes.slice(start, end);
+  };
+  const opening = { size: bytes.length, hasRanges: true, memory: 2 ** 31, segment: null };
+  const engine = await Engine.open(await newLibrary(Library), read, opening, signal);
+  return { engine, reads, bytes };
+}
+
+async function hashOf(engine) {
+  const frames = [];
+  for (let t = 0; t < engine.info.nFrames; t++) frames.push(await engine.frame(0, t, signal));
+  return sha(...frames);
+}
+
+test("a small file is read once", async () => {
+  const bytes = bytesOf("key_blocks");
+  const { engine, reads } = await notedEngine("key_blocks");
+  assert.equal(await hashOf(engine), said("key_blocks")["hash of positions"]);
+  assert.equal(reads.length, 1);
+  assert.ok(reads[0][1] > bytes.length);
+});
+
+test("a file whose index does not fit it is read as a whole, once", async () => {
+  // The index has the places of blocks before they were moved.
+  const { engine, reads, bytes } = await notedEngine("key_blocks", { padding: 200_000 });
+  assert.equal(await hashOf(engine), said("key_blocks")["hash of positions"]);
+  const [head, tail, ...more] = reads;
+  assert.deepEqual([head, tail], [[0, 65536], [bytes.length - 4096, bytes.length]]);
+  assert.ok(more.length <= 2 && more.at(-1)[1] === bytes.length, String(more));
+});
+
+test("a file that is shorter than its source says is an error", async () => {
+  const bytes = new Uint8Array(200_000);
+  bytes.set(bytesOf("key_blocks"));
+  const read = async (start, end) => bytes.slice(start, Math.min(end, 70_000));
+  const opening = { size: bytes.length, hasRanges: true, memory: 2 ** 31, segment: null };
+  const open = Engine.open(await newLibrary(Library), read, opening, signal);
+  await assert.rejects(open, SourceError);
+});
+
+test("a block is decoded from its bytes and those of its key block alone", async () => {
+  const whole = bytesOf("key_blocks");
+  const groups = groupsOf(whole);
+  const wanted = await engineOf(internals, whole);
+  const { info } = wanted;
+  for (const number of groups.keys()) {
+    // Of other blocks, all bytes are wrong.
+    const { start } = info.blocks[number];
+    const isWhole = async (others) => {
+      const bytes = whole.slice();
+      groups.forEach(([[from, end]], i) => others.includes(i) && bytes.fill(0xff, from + 9, end));
+      const engine = await engineOf(internals, bytes).catch(() => null);
+      return engine?.frame(0, start, signal).catch(() => null);
+    };
+    const all = [...groups.keys()];
+    const needed = [];
+    for (const other of all) if (!(await isWhole([other]))) needed.push(other);
+    assert.ok(needed.includes(number) && needed.length <= 2, `${number}: ${needed}`);
+    const found = await isWhole(all.filter((one) => !needed.includes(one)));
+    assert.deepEqual(found, await wanted.frame(0, start, signal));
+  }
+});
+
+test("memory is used again", async () => {
+  const engine = await engineOf(internals, bytesOf("key_blocks"));
+  const { heap, functions } = engine.library;
+  const play = async () => {
+    await hashOf(engine);
+    for (const number of engine.info.blocks.keys()) await engine.fields(0, number, [0, 1, 2], signal);
+  };
+  await play();
+  const sizes = [functions.memory.buffer.byteLength, heap.usedBytes];
+  for (let turn = 0; turn < 10; turn++) await play();
+  assert.deepEqual([functions.memory.buffer.byteLength, heap.usedBytes], sizes);
+});
+
+test("parts of a heap do not overlap, and all of it is free in the end", () => {
+  const memory = new WebAssembly.Memory({ initial: 1 });
+  const heap = new Heap(memory, 100);
+  const parts = new Map();
+  let state = 1;
+  const random = (n) => (state = (Math.imul(state, 48271) >>> 0) % 2147483647) % n;
+  for (let turn = 0; turn < 3000; turn++) {
+    if (parts.size && random(2)) {
+      const start = [...parts.keys()][random(parts.size)];
+      heap.release(start, parts.get(start));
+      parts.delete(start);
+    } else {
+      const size = random(5000);
+      const start = heap.take(size);
+      assert.ok(start % 64 === 0 && start >= 100 && start + size <= memory.buffer.byteLength);
+      for (const [other, length] of parts) {
+        assert.ok(start + Math.max(size, 1) <= other || other + Math.max(length, 1) <= start);
+      }
+      parts.set(start, size);
+    }
+  }
+  for (const [start, size] of parts) heap.release(start, size);
+  assert.equal(heap.usedBytes, 0);
+  const size = memory.buffer.byteLength - 128;
+  assert.equal(heap.take(size), 128); // where the first part was: nothing is in between
+  assert.equal(memory.buffer.byteLength, size + 128);
+  assert.equal(heap.take(2 ** 33), 0);
+});
+
+test("ranges know what is missing of them, and copy what is here", () => {
+  const bytes = Uint8Array.from({ length: 100 }, (_, i) => i);
+  const ranges = new Ranges([{ start: 10, bytes: bytes.slice(10, 20) }]);
+  ranges.add(30, bytes.slice(30, 50));
+  ranges.add(18, bytes.slice(18, 25));
+  assert.deepEqual(ranges.missing(12, 40), [25, 30]);
+  assert.deepEqual(ranges.missing(5, 12), [5, 10]);
+  assert.deepEqual(ranges.missing(45, 60), [50, 60]);
+  assert.equal(ranges.missing(12, 25), null);
+  assert.equal(ranges.missing(60, 60), null);
+  const into = new Uint8Array(10);
+  assert.ok(ranges.copy(14, into));
+  assert.deepEqual(into, bytes.slice(14, 24));
+  assert.ok(!ranges.copy(20, into));
+});

@@ -1,0 +1,80 @@
+// The container of streams, for tests that take it apart: docs/format.md.
+
+export const END = 0;
+export const BLOCK = 16;
+export const COEFFICIENTS = 19;
+export const TRACK_BLOCK = 23;
+export const VALUES = 24;
+export const MISSING = 25;
+export const INDEX = 130;
+export const TRACK = 138;
+export const HARD_EDGES = 139;
+
+const TABLE = Uint32Array.from({ length: 256 }, (_, byte) => {
+  let sum = byte;
+  for (let i = 0; i < 8; i++) sum = sum & 1 ? (sum >>> 1) ^ 0xedb88320 : sum >>> 1;
+  return sum;
+});
+
+export function crc32(bytes) {
+  let sum = 0xffffffff;
+  for (const byte of bytes) sum = (sum >>> 8) ^ TABLE[(sum ^ byte) & 255];
+  return ~sum >>> 0;
+}
+
+export function headerSize(bytes) {
+  return 68 + bytes[66] + 256 * bytes[67] + 4;
+}
+
+/** All sections of a stream: where each begins and ends, and where its payload begins. */
+export function sectionsOf(bytes) {
+  const found = [];
+  for (let position = headerSize(bytes); position < bytes.length;) {
+    const [length, begin] = varintAt(bytes, position + 1);
+    const end = begin + length + 4;
+    found.push({ id: bytes[position], position, begin, end, payload: bytes.subarray(begin, end - 4) });
+    position = end;
+  }
+  return found;
+}
+
+/** Of each block, where each of its tracks begins and ends. */
+export function groupsOf(bytes) {
+  const blocks = [];
+  for (const { id, position, end } of sectionsOf(bytes)) {
+    if (id === BLOCK) blocks.push([]);
+    if (id === BLOCK || id === TRACK_BLOCK) blocks.at(-1).push([position, end]);
+    else if (id !== INDEX && id !== END && blocks.length) blocks.at(-1).at(-1)[1] = end;
+  }
+  return blocks;
+}
+
+/** Gives a section, whose bytes were changed in place, its checksum. */
+export function seal(bytes, { position, end }) {
+  const sum = crc32(bytes.subarray(position, end - 4));
+  new DataView(bytes.buffer, bytes.byteOffset).setUint32(end - 4, sum, true);
+}
+
+/** The same of the header. */
+export function sealHeader(bytes) {
+  const end = headerSize(bytes);
+  seal(bytes, { position: 0, end });
+}
+
+export function sectionBytes(id, payload) {
+  const bytes = Uint8Array.from([id, ...varint(payload.length), ...payload, 0, 0, 0, 0]);
+  seal(bytes, { position: 0, end: bytes.length });
+  return bytes;
+}
+
+export function varint(value) {
+  const bytes = [];
+  for (; value >= 128; value = Math.floor(value / 128)) bytes.push((value % 128) + 128);
+  return [...bytes, value];
+}
+
+function varintAt(bytes, position) {
+  let [value, scale] = [0, 1];
+  for (; bytes[position] >= 128; scale *= 128) value += (bytes[position++] - 128) * scale;
+  return [value + bytes[position] * scale, position + 1];
+}
