@@ -26,7 +26,7 @@ from meshreel.kernel.exact import TYPES
 from meshreel.kernel.library import ALIGNMENT, library
 from meshreel.runtime.fork import fork_safe_lock
 from meshreel.runtime.profiling import staged
-from meshreel.runtime.threads import n_cores, run_tasks
+from meshreel.runtime.threads import n_cores, run_core_tasks
 
 (
     OK,
@@ -57,7 +57,6 @@ _READ = ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, _U64, _POINTER, _SIZE)
 _ANNOUNCE = ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, _U64, _U64)
 _ALLOCATE = ctypes.CFUNCTYPE(_POINTER, _POINTER, _SIZE)
 _RELEASE = ctypes.CFUNCTYPE(None, _POINTER, _POINTER, _SIZE)
-_TASK = ctypes.CFUNCTYPE(None, _POINTER, _U32)
 _RUN = ctypes.CFUNCTYPE(None, _POINTER, _POINTER, _POINTER, _U32)
 
 
@@ -353,11 +352,6 @@ class _Reader:
         return 1
 
 
-def _run(_: int | None, task: int, shared: int | None, n_tasks: int) -> None:
-    work = _TASK(task)
-    run_tasks(lambda number: work(shared, number), n_tasks)
-
-
 @cache
 def _function(name: str) -> Any:
     function = library()[f"meshreel_{name}"]
@@ -476,7 +470,7 @@ class OpenFile:
             None,
             _ALLOCATE(self._memory.allocate),
             _RELEASE(self._memory.release),
-            _RUN(_run) if n_threads > 1 else _RUN(),
+            _RUN(run_core_tasks) if n_threads > 1 else _RUN(),
             n_threads,
             0,
             int(min(limit_bytes, 2.0**62)),

@@ -10,6 +10,7 @@ the cores busy, products become many times slower. Pieces in our threads with on
 are as fast where cores are free, and keep their speed where they are not.
 """
 
+import ctypes
 import os
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -59,16 +60,21 @@ def in_threads(
                 done(number)
 
 
-def run_tasks(work: Callable[[int], None], n_tasks: int) -> None:
-    """Call `work` with 0..n_tasks - 1, on all cores and in any order.
+CORE_TASK = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_uint32)
+"""A task of the core: its shared data, and its number."""
 
-    For work that calls neither BLAS nor NumPy: other than in `in_threads`, BLAS keeps its threads.
+
+def run_core_tasks(_: int | None, task: int, shared: int | None, n_tasks: int) -> None:
+    """Call tasks 0..n_tasks - 1 of the core on all cores, in any order: `run` of `meshreel_host`.
+
+    They call neither BLAS nor NumPy: other than in `in_threads`, BLAS keeps its threads.
     """
+    work = partial(CORE_TASK(task), shared)
     if n_tasks == 1 or n_cores() == 1 or threading.current_thread().name.startswith(POOL):
         for number in range(n_tasks):
             work(number)
         return
-    for _ in _pool().map(work, range(n_tasks)):
+    for _result in _pool().map(work, range(n_tasks)):
         pass
 
 
