@@ -438,6 +438,9 @@ static void drop_block(scan *s) {
 /* The end of the file leads to its index, if there is one. It is here because what it leads to is no
    index, or contradicts the blocks: a file without an index is sound. */
 static int check_end(scan *s, const reel_section *section) {
+    if (section->end < s->call->source->size) {
+        return reel_corrupt(s->call, section->end, "bytes follow the end of the file");
+    }
     return !s->index_at && !section->payload.length
                ? MESHREEL_OK
                : reel_corrupt(s->call, section->at, "the index contradicts the blocks");

@@ -537,6 +537,15 @@ def test_what_every_reader_refuses_is_refused(path):
     assert not host.held
 
 
+@pytest.mark.parametrize("name", ["no_index", "sphere"])
+def test_bytes_behind_the_end_of_a_file_are_named(name):
+    data = stored(name)
+    with File(data + b"more") as file:
+        assert not file.info.is_whole
+        assert file.info.damage.offset == len(data)
+        assert file.info.damage.message == b"bytes follow the end of the file"
+
+
 def read_leniently(data):
     """What the package reads of a file that may be damaged: triangles and positions, or None."""
     try:
