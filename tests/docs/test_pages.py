@@ -16,7 +16,7 @@ from meshreel.formats.registry import FRAME_FORMATS
 from samples.pages import PAGES, README, ROOT, name_of, parts_of, prose, snippets
 
 COMMANDS = {name: command_named(name) for name in NAMES}
-LANGUAGES = {"bash", "c", "cpp", "html", "css", "js", "python", "text", "tsx"}
+LANGUAGES = {"bash", "c", "cpp", "csharp", "html", "css", "js", "python", "text", "tsx"}
 OPEN = {"component"}
 """Parameters that take other values than those that the shell completes."""
 every_page = pytest.mark.parametrize("page", PAGES, ids=name_of)

@@ -1,0 +1,491 @@
+// Functions, structures and callbacks of core/include/meshreel.h, for Meshreel.cs. Names of structures and fields are
+// those of the header, which says what they mean; a test compares sizes and offsets with core/reader/abi.txt.
+#pragma warning disable 169, 649 // fields that the library alone reads or fills
+
+using System;
+using System.Collections.Generic;
+using System.IO;
+using System.Linq;
+using System.Runtime.InteropServices;
+using System.Text;
+using System.Threading;
+using System.Threading.Tasks;
+
+namespace Meshreel
+{
+    /// <summary>Unity's ahead-of-time compiler finds callbacks by an attribute of this name.</summary>
+    [AttributeUsage(AttributeTargets.Method)]
+    internal sealed class MonoPInvokeCallbackAttribute : Attribute
+    {
+        public MonoPInvokeCallbackAttribute(Type type) { }
+    }
+
+    internal static class Native
+    {
+#if (UNITY_IOS || UNITY_WEBGL) && !UNITY_EDITOR
+        private const string Library = "__Internal"; // linked into the program
+#else
+        private const string Library = "libmeshreel"; // libmeshreel.so, libmeshreel.dylib or libmeshreel.dll
+#endif
+        private const CallingConvention C = CallingConvention.Cdecl;
+        internal const uint Abi = 1;
+        internal const uint None = uint.MaxValue;
+
+        internal struct error { public int code; public uint reserved; public ulong offset, size; public IntPtr message; }
+
+        internal struct source
+        {
+            public IntPtr bytes;
+            public ulong size;
+            public IntPtr read, user, announce;
+        }
+
+        internal struct host
+        {
+            public IntPtr user, allocate, release, run;
+            public uint n_threads, reserved;
+            public ulong memory_limit;
+        }
+
+        internal struct text
+        {
+            public IntPtr bytes;
+            public UIntPtr size;
+
+            public override string ToString() => Encoding.UTF8.GetString(Copied<byte>(bytes, (long)size));
+        }
+
+        internal struct pair { public double x, y; }
+        internal struct triple { public double x, y, z; }
+        internal struct quadruple { public double x, y, z, w; }
+
+        internal struct info
+        {
+            public text name;
+            public double fps, start_s, promise_percent;
+            public triple center;
+            public double diagonal;
+            public ulong size;
+            public uint n_frames, n_verts, n_triangles, n_faces, n_corners, n_blocks, longest_block, n_tracks;
+            public uint number_bytes, method, laplacian, order, is_whole, n_segments;
+            public error damage;
+        }
+
+        internal struct segment { public uint first_frame, n_frames, n_verts, n_triangles; public ulong offset, size; }
+        internal struct block { public uint first_frame, n_frames; public ulong offset, size; }
+        internal struct group { public uint key_block, n_modes; public ulong n_corrections; public double step; }
+
+        internal struct attribute
+        {
+            public text name;
+            public uint kind, domain, type, width, n_rows, n_items, is_indexed, reserved;
+            public IntPtr values, rows;
+        }
+
+        internal struct groups { public text name; public uint n_labels, reserved; public IntPtr labels, of_faces; }
+        internal struct part { public text name; public uint n_verts, n_faces; }
+
+        internal struct texture
+        {
+            public uint image, channels, wrap_u, wrap_v, magnified, shrunk;
+            public text uv;
+            public pair offset;
+            public double rotation;
+            public pair scale;
+        }
+
+        internal struct slots { public texture base_color, metallic, roughness, normal, occlusion, emissive; }
+
+        internal struct material
+        {
+            public text name;
+            public uint alpha_mode, is_double_sided, is_unlit, reserved;
+            public quadruple base_color;
+            public double metallic, roughness;
+            public triple emissive;
+            public double normal_scale, occlusion_strength, alpha_cutoff;
+            public slots textures;
+        }
+
+        internal struct image { public text name, media_type; public ulong offset, size; }
+
+        internal struct surface
+        {
+            public IntPtr face_sizes, attributes, groups, parts, materials, images, hard_edges;
+            public uint n_attributes, n_groups, n_parts, n_materials, n_images, n_hard_edges;
+        }
+
+        internal struct track
+        {
+            public text name, unit;
+            public uint kind, domain, type, n_columns, n_items, coding, is_exact, reserved;
+            public double bound;
+        }
+
+        internal struct modes
+        {
+            public uint n_frames, n_modes, n_columns, n_items, has_missing, reserved;
+            public double step, scale;
+            public IntPtr origin, values, rows, basis, shared, correction_starts, corrected, corrections;
+        }
+
+        internal struct layout { public uint type, reserved; public UIntPtr value_stride, frame_stride; }
+
+        [DllImport(Library, CallingConvention = C)] internal static extern uint meshreel_abi();
+        [DllImport(Library, CallingConvention = C)] internal static extern int meshreel_open(
+            ref source source, ref host host, out IntPtr file, out error error);
+        [DllImport(Library, CallingConvention = C)] internal static extern void meshreel_close(IntPtr file);
+        [DllImport(Library, CallingConvention = C)] internal static extern IntPtr meshreel_info_of(FileHandle file);
+        [DllImport(Library, CallingConvention = C)] internal static extern int meshreel_segment_of(
+            FileHandle file, uint number, out segment segment);
+        [DllImport(Library, CallingConvention = C)] internal static extern uint meshreel_segment_of_frame(
+            FileHandle file, uint frame);
+        [DllImport(Library, CallingConvention = C)] internal static extern int meshreel_open_segment(
+            FileHandle file, uint number, out IntPtr segment, out error error);
+        [DllImport(Library, CallingConvention = C)] internal static extern int meshreel_block_of(
+            FileHandle file, uint number, uint track, out block block);
+        [DllImport(Library, CallingConvention = C)] internal static extern uint meshreel_block_of_frame(
+            FileHandle file, uint frame);
+        [DllImport(Library, CallingConvention = C)] internal static extern int meshreel_group_of(
+            FileHandle file, uint number, uint track, int check, out group group, out error error);
+        [DllImport(Library, CallingConvention = C)] internal static extern int meshreel_read_mesh(
+            FileHandle file, out error error);
+        [DllImport(Library, CallingConvention = C)] internal static extern IntPtr meshreel_triangles(FileHandle file);
+        [DllImport(Library, CallingConvention = C)] internal static extern int meshreel_read_surface(
+            FileHandle file, out error error);
+        [DllImport(Library, CallingConvention = C)] internal static extern IntPtr meshreel_surface_of(FileHandle file);
+        [DllImport(Library, CallingConvention = C)] internal static extern int meshreel_track_of(
+            FileHandle file, uint number, out track track);
+        [DllImport(Library, CallingConvention = C)] internal static extern int meshreel_begin(
+            FileHandle file, out IntPtr decoder, out error error);
+        [DllImport(Library, CallingConvention = C)] internal static extern void meshreel_end(IntPtr decoder);
+        [DllImport(Library, CallingConvention = C)] internal static extern int meshreel_load(
+            DecoderHandle decoder, uint track, uint block, uint n_modes, out error error);
+        [DllImport(Library, CallingConvention = C)] internal static extern int meshreel_decode(
+            DecoderHandle decoder, uint track, uint first, uint count, uint n_modes, ref layout layout, IntPtr values,
+            out error error);
+        [DllImport(Library, CallingConvention = C)] internal static extern int meshreel_modes_of(
+            DecoderHandle decoder, uint track, uint block, out modes modes, out error error);
+        [DllImport(Library, CallingConvention = C)] internal static extern int meshreel_normals(
+            DecoderHandle decoder, uint type, IntPtr positions, IntPtr normals, out error error);
+
+        /// <summary>Throw what a function reported, unless it succeeded.</summary>
+        internal static void Check(int code, ref error error)
+        {
+            if (code != 0)
+            {
+                throw Failure(ref error, (ReelCode)code == ReelCode.Unreadable ? Host.TakeFault() : null);
+            }
+        }
+
+        internal static ReelException Failure(ref error error, Exception cause)
+        {
+            long? offset = error.offset == ulong.MaxValue ? (long?)null : (long)error.offset;
+            string place = offset == null ? "" : " (byte " + offset + ")";
+            string message = Marshal.PtrToStringAnsi(error.message) + place;
+            return new ReelException((ReelCode)error.code, message, offset, (long)error.size, cause);
+        }
+
+        internal static T At<T>(IntPtr address) => (T)Marshal.PtrToStructure(address, typeof(T));
+
+        /// <summary>Make an object of each structure of an array in C.</summary>
+        internal static TResult[] Each<T, TResult>(IntPtr address, uint count, Func<T, TResult> make)
+        {
+            var made = new TResult[checked((int)count)];
+            int size = Marshal.SizeOf(typeof(T));
+            for (int i = 0; i < made.Length; i++)
+            {
+                made[i] = make(At<T>(new IntPtr(address.ToInt64() + (long)i * size)));
+            }
+            return made;
+        }
+
+        internal static readonly Dictionary<ReelType, Type> NumberTypes = new Dictionary<ReelType, Type>
+        {
+            { ReelType.Float32, typeof(float) }, { ReelType.Float64, typeof(double) }, { ReelType.UInt8, typeof(byte) },
+            { ReelType.UInt16, typeof(ushort) }, { ReelType.UInt32, typeof(uint) }, { ReelType.UInt64, typeof(ulong) },
+            { ReelType.Int8, typeof(sbyte) }, { ReelType.Int16, typeof(short) }, { ReelType.Int32, typeof(int) },
+            { ReelType.Int64, typeof(long) },
+        };
+
+        /// <summary>Copy an array of numbers; null of NULL.</summary>
+        internal static T[] Copied<T>(IntPtr address, long count)
+        {
+            return (T[])Copied(address, NumberTypes.First(number => number.Value == typeof(T)).Key, count);
+        }
+
+        internal static Array Copied(IntPtr address, ReelType type, long count)
+        {
+            if (address == IntPtr.Zero && count > 0)
+            {
+                return null;
+            }
+            var bytes = new byte[checked(count * ((int)type & 15))];
+            Array numbers = Array.CreateInstance(NumberTypes[type], count);
+            if (count > 0)
+            {
+                Marshal.Copy(address, bytes, 0, bytes.Length);
+                Buffer.BlockCopy(bytes, 0, numbers, 0, bytes.Length);
+            }
+            return numbers;
+        }
+    }
+
+    /// <summary>What the library takes from this program: bytes, memory and threads. Files and their segments share one,
+    /// which the last of them releases.</summary>
+    internal sealed class Host
+    {
+        [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
+        private delegate int ReadFunction(IntPtr user, ulong offset, IntPtr to, UIntPtr size);
+        [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
+        private delegate IntPtr AllocateFunction(IntPtr user, UIntPtr size);
+        [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
+        private delegate void ReleaseFunction(IntPtr user, IntPtr memory, UIntPtr size);
+        [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
+        private delegate void RunFunction(IntPtr user, IntPtr task, IntPtr shared, uint count);
+        [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
+        private delegate void TaskFunction(IntPtr shared, uint i);
+
+        // Static, so that they are never collected.
+        private static readonly ReadFunction ReadDelegate = Read;
+        private static readonly AllocateFunction AllocateDelegate = Allocate;
+        private static readonly ReleaseFunction ReleaseDelegate = Release;
+        private static readonly RunFunction RunDelegate = Run;
+
+        private const int Alignment = 64;
+        [ThreadStatic] private static Exception fault;
+
+        private readonly byte[] bytes;
+        private readonly Stream stream;
+        private readonly bool leaveOpen;
+        private readonly ReelOptions options;
+        private readonly byte[] piece;
+        private GCHandle self, pinned;
+        private int uses;
+
+        internal Host(byte[] bytes, Stream stream, bool leaveOpen, ReelOptions options)
+        {
+            this.bytes = bytes;
+            this.stream = stream;
+            this.leaveOpen = leaveOpen;
+            this.options = (options ?? new ReelOptions()).Copy();
+            piece = stream == null ? null : new byte[1 << 16];
+        }
+
+        /// <summary>The exception that `Read` of this thread ended with last.</summary>
+        internal static Exception TakeFault()
+        {
+            Exception found = fault;
+            fault = null;
+            return found;
+        }
+
+        internal int Open(out IntPtr file, out Native.error error)
+        {
+            var source = new Native.source
+            {
+                bytes = bytes == null ? IntPtr.Zero : pinned.AddrOfPinnedObject(),
+                size = (ulong)(bytes == null ? stream.Length : bytes.LongLength),
+                read = bytes == null ? Marshal.GetFunctionPointerForDelegate(ReadDelegate) : IntPtr.Zero,
+                user = GCHandle.ToIntPtr(self),
+            };
+            bool divides = options.Threads > 1;
+            var host = new Native.host
+            {
+                user = GCHandle.ToIntPtr(self),
+                allocate = Marshal.GetFunctionPointerForDelegate(AllocateDelegate),
+                release = Marshal.GetFunctionPointerForDelegate(ReleaseDelegate),
+                run = divides ? Marshal.GetFunctionPointerForDelegate(RunDelegate) : IntPtr.Zero,
+                n_threads = (uint)options.Threads,
+                memory_limit = (ulong)options.MemoryLimit,
+            };
+            return Native.meshreel_open(ref source, ref host, out file, out error);
+        }
+
+        internal void Retain()
+        {
+            if (Interlocked.Increment(ref uses) == 1)
+            {
+                self = GCHandle.Alloc(this);
+                pinned = bytes == null ? default(GCHandle) : GCHandle.Alloc(bytes, GCHandleType.Pinned);
+            }
+        }
+
+        internal void Release()
+        {
+            if (Interlocked.Decrement(ref uses) > 0)
+            {
+                return;
+            }
+            self.Free();
+            if (bytes != null)
+            {
+                pinned.Free();
+            }
+            else if (!leaveOpen)
+            {
+                stream.Dispose();
+            }
+        }
+
+        /// <summary>Copy bytes of the file, called on any thread.</summary>
+        internal void Read(long offset, long size, Action<byte[], int> take)
+        {
+            lock (piece ?? bytes)
+            {
+                if (bytes == null)
+                {
+                    stream.Position = offset;
+                }
+                while (size > 0)
+                {
+                    byte[] from = piece;
+                    int count = (int)Math.Min(size, 1 << 16);
+                    if (bytes != null)
+                    {
+                        from = new byte[count];
+                        Array.Copy(bytes, offset, from, 0, count);
+                        offset += count;
+                    }
+                    else if ((count = stream.Read(piece, 0, count)) == 0)
+                    {
+                        throw new EndOfStreamException("the stream ended " + size + " bytes too early");
+                    }
+                    take(from, count);
+                    size -= count;
+                }
+            }
+        }
+
+        [MonoPInvokeCallback(typeof(ReadFunction))]
+        private static int Read(IntPtr user, ulong offset, IntPtr to, UIntPtr size)
+        {
+            try
+            {
+                ((Host)GCHandle.FromIntPtr(user).Target).Read((long)offset, (long)size, (bytes, count) =>
+                {
+                    Marshal.Copy(bytes, 0, to, count);
+                    to = new IntPtr(to.ToInt64() + count);
+                });
+                return 0;
+            }
+            catch (Exception exception)
+            {
+                fault = exception; // must not cross the library; `Check` passes it on
+                return 1;
+            }
+        }
+
+        /// <summary>Memory aligned to 64 bytes; the address of the whole block is stored in front of it.</summary>
+        [MonoPInvokeCallback(typeof(AllocateFunction))]
+        private static IntPtr Allocate(IntPtr user, UIntPtr size)
+        {
+            try
+            {
+                long whole = Marshal.AllocHGlobal(new IntPtr(checked((long)size + Alignment + IntPtr.Size))).ToInt64();
+                var aligned = new IntPtr((whole + IntPtr.Size + Alignment - 1) / Alignment * Alignment);
+                Marshal.WriteIntPtr(aligned, -IntPtr.Size, new IntPtr(whole));
+                return aligned;
+            }
+            catch (Exception) // OutOfMemoryException, OverflowException: the library reports NoMemory
+            {
+                return IntPtr.Zero;
+            }
+        }
+
+        [MonoPInvokeCallback(typeof(ReleaseFunction))]
+        private static void Release(IntPtr user, IntPtr memory, UIntPtr size)
+        {
+            Marshal.FreeHGlobal(Marshal.ReadIntPtr(memory, -IntPtr.Size));
+        }
+
+        [MonoPInvokeCallback(typeof(RunFunction))]
+        private static void Run(IntPtr user, IntPtr task, IntPtr shared, uint count)
+        {
+            var function = (TaskFunction)Marshal.GetDelegateForFunctionPointer(task, typeof(TaskFunction));
+            long next = -1;
+            Action work = () =>
+            {
+                for (long i = Interlocked.Increment(ref next); i < count; i = Interlocked.Increment(ref next))
+                {
+                    function(shared, (uint)i);
+                }
+            };
+            try
+            {
+                int n = ((Host)GCHandle.FromIntPtr(user).Target).options.Threads;
+                Parallel.For(0, (int)Math.Min(n, count), new ParallelOptions { MaxDegreeOfParallelism = n }, i => work());
+            }
+            catch (Exception) // no more threads: this one does the rest
+            {
+            }
+            work();
+        }
+    }
+
+    /// <summary>A file in C; it is closed after its decoders, which hold references.</summary>
+    internal sealed class FileHandle : SafeHandle
+    {
+        internal readonly Host Host;
+
+        internal FileHandle(Host host) : base(IntPtr.Zero, true)
+        {
+            host.Retain();
+            Host = host;
+        }
+
+        public override bool IsInvalid => false; // releases the host, if nothing else
+
+        internal void Open()
+        {
+            Native.error error;
+            int code = Host.Open(out handle, out error);
+            Native.Check(code, ref error);
+        }
+
+        internal void OpenSegment(FileHandle file, uint number)
+        {
+            Native.error error;
+            int code = Native.meshreel_open_segment(file, number, out handle, out error);
+            Native.Check(code, ref error);
+        }
+
+        protected override bool ReleaseHandle()
+        {
+            Native.meshreel_close(handle);
+            Host.Release();
+            return true;
+        }
+    }
+
+    internal sealed class DecoderHandle : SafeHandle
+    {
+        private readonly FileHandle file;
+
+        internal DecoderHandle(FileHandle file) : base(IntPtr.Zero, true)
+        {
+            bool isHeld = false;
+            file.DangerousAddRef(ref isHeld);
+            this.file = file;
+        }
+
+        public override bool IsInvalid => false;
+
+        internal void Begin()
+        {
+            Native.error error;
+            int code = Native.meshreel_begin(file, out handle, out error);
+            Native.Check(code, ref error);
+        }
+
+        protected override bool ReleaseHandle()
+        {
+            if (file != null) // else the constructor failed
+            {
+                Native.meshreel_end(handle);
+                file.DangerousRelease();
+            }
+            return true;
+        }
+    }
+}

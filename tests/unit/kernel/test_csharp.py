@@ -1,0 +1,245 @@
+"""The binding for C#, `integrations/csharp`: compiled and run by Mono."""
+
+import hashlib
+import re
+import shutil
+import subprocess
+import sys
+from ctypes import POINTER, byref, c_uint32
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from meshreel.codec.surface.codes import ALPHA_MODES, CHANNELS, FILTERS, WRAPS
+from meshreel.kernel.library import NAME
+from meshreel.kernel.library import library as core
+from meshreel.materials import SLOTS
+from samples import c_reader
+from samples.c_reader import CModes, CSurface, Decoder, File, Layout, RefusalError
+
+ROOT = Path(__file__).parents[3]
+BINDING, TESTED = ROOT / "integrations" / "csharp", Path(__file__).parent / "csharp"
+LIBRARY = BINDING / "Native.cs", BINDING / "Meshreel.cs"
+STREAMS = sorted((ROOT / "conformance" / "streams").glob("*.reel"))
+SEGMENTS = sorted((ROOT / "conformance" / "segments").glob("*.reel"))
+EVERYTHING = ROOT / "conformance" / "streams" / "everything.reel"
+TRACKS = EVERYTHING.with_name("corners_in_rows.reel")
+TIME_LIMIT_S = 300
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(sys.platform == "win32", reason="tried where Mono finds .so or .dylib"),
+    pytest.mark.skipif(
+        shutil.which("mcs") is None or shutil.which("mono") is None,
+        reason="needs Mono (Debian: mono-mcs)",
+    ),
+]
+
+
+def run(*command, folder=None):
+    done = subprocess.run(
+        list(map(str, command)), capture_output=True, timeout=TIME_LIMIT_S, cwd=folder
+    )
+    assert done.returncode == 0, (done.stdout + done.stderr).decode()
+    return done.stdout.decode()
+
+
+def compiled(folder, name, *sources):
+    """A program of C# 7.2, beside the library that it loads."""
+    shutil.copy(core()._name, folder / ("libmeshreel" + Path(NAME).suffix))
+    program = folder / f"{name}.exe"
+    strict = "-langversion:7.2", "-warn:4", "-warnaserror"
+    run("mcs", *strict, f"-out:{program}", *LIBRARY, *sources)
+    return program
+
+
+@pytest.fixture(scope="module")
+def describe(tmp_path_factory):
+    """A program that prints what files hold."""
+    return compiled(tmp_path_factory.mktemp("describe"), "describe", TESTED / "Describe.cs")
+
+
+def hashed(numbers):
+    return "-" if numbers is None else hashlib.sha256(np.ascontiguousarray(numbers)).hexdigest()
+
+
+def described(path):
+    """What the program has to print of a file."""
+    try:
+        yield from whole_lines(path.read_bytes())
+    except RefusalError as error:
+        place = "" if error.offset == c_reader.UNKNOWN_OFFSET else error.offset
+        message = str(error).split(": ", 1)[1]
+        shown = f" (byte {place})" if place != "" else ""
+        yield f"failed {error.code} {place} {message}{shown}"
+
+
+def whole_lines(data):
+    with File(data, mesh=False) as file:
+        info = file.info
+        yield (
+            f"file {info.n_frames} frames, {info.n_segments} segments, {number(info.fps)} fps, "
+            f"start {number(info.start_s)}, whole {bool(info.is_whole)}"
+        )
+        for i, segment in enumerate(file.segments):
+            last = file.segment_of_frame(segment.first_frame + segment.n_frames - 1)
+            yield f"segment {i} {segment.first_frame} {segment.n_frames} {segment.offset} {last}"
+            with file.open_segment(i, mesh=False) as opened:
+                yield from mesh_lines(opened)
+                with Decoder(opened) as decoder:
+                    yield from frame_lines(opened, decoder)
+                yield from surface_lines(opened, data)
+
+
+def number(value):
+    """A number as C# prints it."""
+    return f"{value:.15g}"
+
+
+def mesh_lines(file):
+    info = file.info
+    counts = info.n_verts, info.n_triangles, info.n_faces, info.n_corners
+    yield f"mesh '{info.name}' " + " ".join(map(str, counts))
+    yield f"box {hashed(np.array([*info.center, info.diagonal, info.promise_percent]))}"
+    file.read_mesh()
+    yield f"triangles {hashed(file.triangles)}"
+
+
+def frame_lines(file, decoder):
+    info = file.info
+    for i, track in enumerate(file.tracks):
+        codes = f"{track.kind} {track.domain} {track.type} {hashed(np.array([track.bound]))}"
+        yield f"track '{track.name}' '{track.unit}' {codes} {bool(track.is_exact)}"
+        block = file.block(info.n_blocks - 1, i)
+        n_modes = file.group(info.n_blocks - 1, i, check=False).n_modes
+        frames = f"{block.first_frame} {block.n_frames} {block.offset} {block.size}"
+        yield f"block {frames} modes {n_modes}"
+        yield f"values {hashed(decoder.frames(i))}"
+        yield f"later {hashed(decoder.frames(i, info.n_frames // 2))}"
+    yield f"modes {hashed(modes_of(decoder))}"
+    yield f"preview {hashed(decoder.frames(n_modes=2, dtype=np.float32))}"
+    floats = decoder.frames(first=info.n_frames - 1, dtype=np.float32)
+    yield f"floats {hashed(floats)}"
+    yield f"normals {hashed(decoder.normals(floats[0]))}"
+    vertices = np.zeros((2, info.n_verts, 5), np.float32)
+    layout = Layout(type=c_reader.FLOAT32, value_stride=20)
+    decoder.decode(vertices.reshape(-1)[1:], 0, 0, min(2, info.n_frames), layout=layout)
+    yield f"strided {hashed(vertices)}"
+    if info.number_bytes == 8:
+        yield f"doubles {hashed(decoder.normals(decoder.frames(count=1)[0]))}"
+
+
+def modes_of(decoder):
+    """Numbers and arrays of the modes of a block, in the order of the header."""
+    found = CModes()
+    c_reader.call("modes_of", decoder.at, c_uint32(0), c_uint32(0), byref(found))
+    shape = found.n_frames, found.n_modes, found.n_columns, found.n_items
+    if not found.n_modes:
+        return np.array(shape, float)
+    n_frames, n_modes, n_columns, n_items = shape
+    starts = found.correction_starts
+    starts = c_reader.array_at(starts, n_frames + 1, np.int64) if starts else np.zeros(0)
+    n_corrections = int(starts[-1]) if len(starts) else 0
+    arrays = [
+        shape,
+        (found.step, found.scale),
+        c_reader.array_at(found.origin, n_columns, float),
+        c_reader.array_at(found.values, n_items * n_modes, float),
+        c_reader.array_at(found.rows, n_items, np.int32),
+        c_reader.array_at(found.basis, n_columns * n_frames * n_modes, float),
+        starts,
+        c_reader.array_at(found.corrected, n_corrections, np.int32),
+        c_reader.array_at(found.corrections, n_corrections * n_columns, float),
+    ]
+    return np.concatenate([np.asarray(array, float) for array in arrays])
+
+
+def surface_lines(file, data):
+    surface = file.surface(data)
+    c = c_reader.returned("surface_of", POINTER(CSurface), file.at).contents
+    edges = c_reader.array_at(c.hard_edges, 2 * c.n_hard_edges, np.int32)
+    yield f"faces {hashed(surface.face_sizes)} hard {hashed(edges)}"
+    names = {"uint8": "Byte", "int32": "Int32", "float32": "Single", "float64": "Double"}
+    for i, one in enumerate(surface.attributes):
+        code, values = c.attributes[i], one.values
+        stored = (values, one.indices) if code.is_indexed else (None, None)
+        each = values if one.indices is None else values[one.indices]
+        hashes = " ".join(map(hashed, [*stored, each.astype(float)]))
+        codes = f"{code.kind} {code.domain} {code.width}"
+        yield f"attribute '{one.name}' {codes} {names[values.dtype.name]} {hashes}"
+    for groups in surface.groups:
+        yield f"groups '{groups.name}' {'|'.join(groups.labels)} {hashed(groups.numbers)}"
+    for part in surface.parts:
+        yield f"part '{part.name}' {part.n_verts} {part.n_faces}"
+    for material in surface.materials:
+        yield from material_lines(material)
+    for image in surface.images:
+        yield f"image '{image.name}' {image.mime_type} {hashed(np.frombuffer(image.data, 'u1'))}"
+
+
+def material_lines(m):
+    numbers = [
+        *m.base_color, m.metallic, m.roughness, *m.emissive, m.normal_scale,
+        m.occlusion_strength, m.alpha_cutoff,
+    ]  # fmt: skip
+    codes = f"{ALPHA_MODES.index(m.alpha_mode)} {m.double_sided} {m.unlit}"
+    yield f"material '{m.name}' {codes} {hashed(np.array(numbers, float))}"
+    for slot in SLOTS:
+        t = m.textures.get(slot)
+        if t is None:
+            yield "no texture"
+            continue
+        channels = sum(1 << CHANNELS.index(channel) for channel in t.channels)
+        filters = [FILTERS.index(f) + 1 if f else 0 for f in (t.magnified, t.shrunk)]
+        numbers = [t.image, channels, WRAPS.index(t.wrap_u), WRAPS.index(t.wrap_v), *filters]
+        moved = hashed(np.array([*t.offset, t.rotation, *t.scale], float))
+        yield f"texture {' '.join(map(str, numbers))} '{t.uv}' {moved}"
+
+
+def test_structures_are_laid_out_as_in_c(describe):
+    stored = (ROOT / "core" / "reader" / "abi.txt").read_text().splitlines()
+    wanted = {line for line in stored if re.match(r"(size|offset) meshreel_(?!section\b)", line)}
+    assert set(run("mono", describe, "layouts").splitlines()) == wanted
+
+
+@pytest.mark.parametrize("way", ["bytes", "path", "threads"])
+def test_it_decodes_what_python_decodes(describe, way):
+    wanted = [line for path in STREAMS + SEGMENTS for line in described(path)]
+    assert run("mono", describe, way, *STREAMS, *SEGMENTS).splitlines() == wanted
+
+
+def test_what_is_damaged_is_refused_with_the_byte(describe, tmp_path):
+    data = EVERYTHING.read_bytes()
+    paths = []
+    for at in range(40, len(data), 211):
+        cut, changed = tmp_path / f"cut_{at}.reel", tmp_path / f"changed_{at}.reel"
+        cut.write_bytes(data[:at])
+        changed.write_bytes(data[:at] + bytes([data[at] ^ 16]) + data[at + 1 :])
+        paths += [cut, changed]
+    empty = tmp_path / "empty.reel"
+    empty.write_bytes(b"")
+    wanted = [line for path in [*paths, empty] for line in described(path)]
+    assert sum(line.startswith("failed") and "(byte " in line for line in wanted) > 40
+    for way in ("path", "bytes"):
+        assert run("mono", describe, way, *paths, empty).splitlines() == wanted
+
+
+def test_it_keeps_its_promises(tmp_path):
+    """Threads, streams that fail, memory, arguments that are wrong; the program says which."""
+    program = compiled(tmp_path, "promises", TESTED / "Promises.cs")
+    two_meshes = ROOT / "conformance" / "segments" / "two_meshes.reel"
+    integers = EVERYTHING.with_name("exact_i2.reel")
+    assert run("mono", program, EVERYTHING, two_meshes, integers) == "kept\n"
+
+
+def test_what_the_guide_shows_in_csharp_runs(tmp_path):
+    page = (ROOT / "docs" / "guides" / "engines.md").read_text(encoding="utf-8")
+    shown = re.findall(r"^```csharp\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
+    using, body = shown[0].split("\n\n", 1)
+    source = tmp_path / "Shown.cs"
+    vertex = "struct Vertex { public float X, Y, Z, NX, NY, NZ, U, V; }"
+    main = "static void Main(string[] words) { string path = words[0]; int frame = 1;"
+    source.write_text(f"{using}\n{vertex}\nstatic class Shown {{ {main}\n{body}}} }}\n")
+    lines = run("mono", compiled(tmp_path, "shown", source), TRACKS).splitlines()
+    sizes = {"wave": 118, "gaps": 118, "whole": 59, "normals": 177, "own": 59}
+    assert lines == [f"{name}: {size} numbers" for name, size in sizes.items()]
