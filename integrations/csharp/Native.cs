@@ -22,7 +22,7 @@ namespace Meshreel
 
     internal static class Native
     {
-#if (UNITY_IOS || UNITY_WEBGL) && !UNITY_EDITOR
+#if UNITY_IOS && !UNITY_EDITOR
         private const string Library = "__Internal"; // linked into the program
 #else
         private const string Library = "libmeshreel"; // libmeshreel.so, libmeshreel.dylib or libmeshreel.dll

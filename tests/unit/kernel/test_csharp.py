@@ -44,6 +44,9 @@ def run(*command, folder=None):
     return done.stdout.decode()
 
 
+UNITY = BINDING / "ReelPlayer.cs", TESTED / "UnityEngine.cs"
+
+
 def compiled(folder, name, *sources):
     """A program of C# 7.2, beside the library that it loads."""
     shutil.copy(core()._name, folder / ("libmeshreel" + Path(NAME).suffix))
@@ -243,3 +246,84 @@ def test_what_the_guide_shows_in_csharp_runs(tmp_path):
     lines = run("mono", compiled(tmp_path, "shown", source), TRACKS).splitlines()
     sizes = {"wave": 118, "gaps": 118, "whole": 59, "normals": 177, "own": 59}
     assert lines == [f"{name}: {size} numbers" for name, size in sizes.items()]
+
+
+def test_what_the_guide_shows_for_unity_compiles(tmp_path):
+    page = (ROOT / "docs" / "guides" / "engines.md").read_text(encoding="utf-8")
+    _, shown = re.findall(r"^```csharp\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
+    using, body = shown.split("\n\n", 1)
+    source = tmp_path / "Shown.cs"
+    main = "static void Main() { var gameObject = new GameObject();"
+    source.write_text(f"{using}\nstatic class Shown {{ {main}\n{body}}} }}\n")
+    compiled(tmp_path, "shown", *UNITY, source)
+
+
+@pytest.fixture(scope="module")
+def play(tmp_path_factory):
+    """A program that plays files with the component for Unity, and prints what is shown."""
+    folder = tmp_path_factory.mktemp("play")
+    return compiled(folder, "play", *UNITY, TESTED / "Play.cs")
+
+
+def shown_frames(path, mirrored=True):
+    """What the component has to show of each frame, corner by corner."""
+    data = path.read_bytes()
+    with File(data, mesh=False) as file:
+        for number, segment in enumerate(file.segments):
+            with file.open_segment(number) as opened, Decoder(opened) as decoder:
+                corners, items, uvs = shown_corners(opened, opened.surface(data), mirrored)
+                n_vertices = len(np.unique(np.column_stack([corners, items]), axis=0))
+                for t, positions in enumerate(decoder.frames(dtype=np.float32)):
+                    vectors = [positions, decoder.normals(positions)]
+                    side = np.array([-1 if mirrored else 1, 1, 1], np.float32)
+                    hashes = " ".join(hashed((one * side)[corners] + 0) for one in vectors)
+                    frame = segment.first_frame + t
+                    yield f"{frame} {number} {n_vertices} {hashes} {hashed(uvs)}"
+
+
+def shown_corners(file, surface, mirrored):
+    """Vertices, rows of texture coordinates, and these coordinates, of the drawn triangles."""
+    n_triangles, n_faces = file.info.n_triangles, file.info.n_faces
+    sizes = np.full(n_faces, 3) if surface.face_sizes is None else surface.face_sizes
+    starts = np.cumsum(sizes) - sizes
+    faces = np.repeat(np.arange(n_faces), sizes - 2)
+    second = (
+        starts[faces]
+        + 1
+        + np.arange(n_triangles)
+        - np.repeat(np.cumsum(sizes - 2) - sizes + 2, sizes - 2)
+    )
+    corners = np.stack([starts[faces], second, second + 1], axis=1)
+    groups = [one for one in surface.groups if one.name == "material"]
+    labels = groups[0].numbers[faces] if groups else np.zeros(n_triangles, int)
+    order = np.argsort(np.where(labels < 0, labels.max() + 1, labels), kind="stable")
+    turned = [0, 2, 1] if mirrored else [0, 1, 2]
+    corners, vertices = (one[order][:, turned].ravel() for one in (corners, file.triangles))
+    uv = next((one for one in surface.attributes if one.kind == "uv"), None)
+    if uv is None:
+        return vertices, vertices, None
+    items = {"vertex": vertices, "corner": corners}[uv.domain]
+    rows = items if uv.indices is None else uv.indices[items]
+    items = rows if uv.domain == "corner" else vertices
+    return vertices, items, uv.values[rows].astype(np.float32)
+
+
+@pytest.mark.parametrize("way", ["ahead", "direct", "backwards", "as it is"])
+@pytest.mark.parametrize(
+    "name", ["everything", "blocks", "attributes_of_vertices", "two_meshes", "one_frame_each"]
+)
+def test_the_component_for_unity_shows_every_frame(play, name, way):
+    (path,) = [path for path in STREAMS + SEGMENTS if path.stem == name]
+    frames = list(shown_frames(path, mirrored=way != "as it is"))
+    last = frames[0] if way == "backwards" else frames[-1]
+    played = frames[::-1] if way == "backwards" else frames
+    wanted = played + played[:2] + [frames[-1], frames[0], frames[-2], last]  # loops, and seeks
+    assert run("mono", play, way, path).splitlines() == wanted
+
+
+def test_the_component_for_unity_stops_at_damage(play, tmp_path):
+    damaged = tmp_path / "damaged.reel"
+    data = EVERYTHING.read_bytes()
+    damaged.write_bytes(data[:6200] + bytes([data[6200] ^ 1]) + data[6201:])
+    shown = run("mono", play, "ahead", damaged).splitlines()
+    assert shown == ["failed Corrupt, closed"]
