@@ -259,6 +259,7 @@ namespace Meshreel
         private readonly Stream stream;
         private readonly bool leaveOpen;
         private readonly ReelOptions options;
+        private readonly object turn = new object();
         private readonly byte[] piece;
         private GCHandle self, pinned;
         private int uses;
@@ -331,7 +332,7 @@ namespace Meshreel
         /// <summary>Copy bytes of the file, called on any thread.</summary>
         internal void Read(long offset, long size, Action<byte[], int> take)
         {
-            lock (piece ?? bytes)
+            lock (turn)
             {
                 if (bytes == null)
                 {
@@ -402,19 +403,33 @@ namespace Meshreel
         [MonoPInvokeCallback(typeof(RunFunction))]
         private static void Run(IntPtr user, IntPtr task, IntPtr shared, uint count)
         {
-            var function = (TaskFunction)Marshal.GetDelegateForFunctionPointer(task, typeof(TaskFunction));
+            try
+            {
+                var host = (Host)GCHandle.FromIntPtr(user).Target;
+                var function = (TaskFunction)Marshal.GetDelegateForFunctionPointer(task, typeof(TaskFunction));
+                Run(host.options.Threads, i => function(shared, i), count);
+            }
+            catch (Exception exception)
+            {
+                // It must not cross the library, which cannot go on without its tasks.
+                Environment.FailFast("meshreel cannot run tasks on threads", exception);
+            }
+        }
+
+        private static void Run(int threads, Action<uint> task, uint count)
+        {
             long next = -1;
             Action work = () =>
             {
                 for (long i = Interlocked.Increment(ref next); i < count; i = Interlocked.Increment(ref next))
                 {
-                    function(shared, (uint)i);
+                    task((uint)i);
                 }
             };
             try
             {
-                int n = ((Host)GCHandle.FromIntPtr(user).Target).options.Threads;
-                Parallel.For(0, (int)Math.Min(n, count), new ParallelOptions { MaxDegreeOfParallelism = n }, i => work());
+                var options = new ParallelOptions { MaxDegreeOfParallelism = threads };
+                Parallel.For(0, (int)Math.Min(threads, count), options, i => work());
             }
             catch (Exception) // no more threads: this one does the rest
             {
