@@ -119,7 +119,7 @@ static int read_header(reel_call *call, reel_pool *pool, reel_outline *outline) 
 
 /* ---- leading sections ---- */
 
-/* Room for one more item of an array that grows in a pool. */
+/* Makes space for one more item of an array that grows in a pool. */
 static int grow(reel_call *call, reel_pool *pool, void **items, uint64_t count, uint64_t *room,
                 size_t item) {
     if (count < *room) {

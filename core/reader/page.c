@@ -1,5 +1,5 @@
-/* The host of the library in a page: memory that JavaScript gives out, and bytes that it has. A range
-   that is not there yet fails as MESHREEL_UNREADABLE; JavaScript fetches it, and calls again. */
+/* The host of the library in a page. JavaScript allocates memory and fetches bytes: a range that it
+   has not fetched fails as MESHREEL_UNREADABLE, and it calls again with the range. */
 
 #include "call.h"
 
@@ -7,10 +7,10 @@
 
 #define IMPORT(name) __attribute__((import_module("page"), import_name(name)))
 
-/* Copies a range of the file; 0, or 1 where it is not there. */
+/* Copies a range of the file; 0, or 1 if it has not been fetched. */
 IMPORT("read") extern int page_read(double offset, void *to, size_t size);
 
-/* 0 where a range of the file is there, or 1. */
+/* 0 if a range of the file has been fetched, or 1. */
 IMPORT("announce") extern int page_announce(double offset, double size);
 
 IMPORT("allocate") extern void *page_allocate(size_t size);

@@ -26,7 +26,7 @@ const WITH_TRACKS = PLAYED.filter((name) => said(name).tracks);
 
 /**
  * Hashes of all frames of a stream and of its tracks, null where one is damaged, and the last error.
- * Whatever happens, an error is of the package and says something.
+ * All errors must be of the package and have a message.
  */
 async function decoded(bytes, withTracks = false) {
   const frames = [];

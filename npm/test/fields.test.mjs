@@ -109,7 +109,7 @@ test("each mode uses all of its integers", async () => {
   }
 });
 
-test("fields are the same whatever was decoded before", async () => {
+test("fields do not depend on what was decoded before", async () => {
   const fresh = () => engineOf(internals, bytesOf("key_blocks"));
   const { blocks } = (await fresh()).info;
   const wanted = [];

@@ -1,4 +1,4 @@
-// Linear memory of the library: it is given out in parts, and used again once they are released.
+// Allocation in the linear memory of the library.
 
 const ALIGNMENT = 64;
 const PAGE = 65536;
@@ -8,12 +8,12 @@ interface Span {
   end: number;
 }
 
-/** Parts of the memory from `start` on. The lowest free one that is large enough is taken first. */
+/** Memory starting at `start`, allocated first fit. */
 export class Heap {
-  /** Ascending, with something between any two. */
+  /** In ascending order; adjacent spans are merged. */
   private readonly free: Span[] = [];
   private end: number;
-  /** Bytes that are taken. */
+  /** Bytes allocated now. */
   usedBytes = 0;
 
   constructor(
@@ -24,8 +24,8 @@ export class Heap {
   }
 
   /**
-   * The address of so many bytes, not filled, aligned to 64; 0 where there is no such memory. Views
-   * of the memory are lost, since it may grow.
+   * Allocate memory, aligned to 64 bytes and not cleared; returns its address, or 0 if there is not
+   * enough. The memory may grow, which detaches views of it.
    */
   take(sizeBytes: number): number {
     const size = aligned(sizeBytes);
@@ -47,7 +47,7 @@ export class Heap {
     return start;
   }
 
-  /** Release a part, of the size that was taken. */
+  /** Release memory, of the size that was allocated. */
   release(start: number, sizeBytes: number): void {
     const span = { start, end: start + aligned(sizeBytes) };
     this.usedBytes -= span.end - span.start;

@@ -69,14 +69,14 @@ interface Functions {
   ): number;
 }
 
-/** Bytes of the file that are here. */
+/** Bytes of the file that have been fetched. */
 export interface Bytes {
-  /** Copy bytes from `start` on to all of `into`; false where some are not here. */
+  /** Fill `into` with the bytes from `start`; returns false if some have not been fetched. */
   copy(start: number, into: Uint8Array): boolean;
   has(start: number, end: number): boolean;
 }
 
-/** Bytes that have to be fetched before a call is repeated. */
+/** Thrown by a call that needs bytes: fetch them, and repeat it. */
 export class MissingBytes extends Error {
   constructor(
     readonly start: number,
@@ -121,7 +121,7 @@ export class Library {
     return this.functions.memory.buffer as ArrayBuffer;
   }
 
-  /** What `work` returns; calls in it read the file from `bytes`. */
+  /** Call `work`, whose calls of the library read the file from `bytes`; returns its result. */
   reading<Result>(bytes: Bytes, work: () => Result): Result {
     this.bytes = bytes;
     try {
@@ -131,7 +131,7 @@ export class Library {
     }
   }
 
-  /** What `work` returns, which gets the address of some memory for itself. */
+  /** Call `work` with the address of memory that is released afterwards; returns its result. */
   during<Result>(sizeBytes: number, work: (start: number) => Result): Result {
     const start = this.heap.take(sizeBytes);
     if (!start) throw tooLarge(sizeBytes);
@@ -150,7 +150,7 @@ export class Library {
     );
   }
 
-  /** The address that a function stores, as `check`. */
+  /** The address that a function stores; throws as `check`. */
   addressOf(call: (found: number, error: number) => number): number {
     return this.during(8, (found) => {
       this.check((error) => call(found, error));
@@ -161,7 +161,7 @@ export class Library {
   /**
    * Call a function that gets the address of a `meshreel_error` and returns a code.
    *
-   * @throws MissingBytes where bytes of the file have to be fetched.
+   * @throws MissingBytes if bytes of the file have to be fetched.
    * @throws MeshReelError of the class of the code.
    */
   check(call: (error: number) => number): void {

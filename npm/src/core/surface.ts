@@ -1,4 +1,4 @@
-// What a mesh is beside its positions, as the library decodes it.
+// The surface of a mesh, from the structures of the library.
 
 import type { Attribute, Image, Material, MaterialTexture, Surface } from "../types.js";
 import type { File } from "./file.js";
@@ -52,21 +52,19 @@ export function readSurface(library: Library, { handle, info, nPolygons }: File)
   };
 }
 
-/** An attribute with a row of its own for each vertex, face or corner. */
+/** An attribute with one row for each vertex, face or corner. */
 function readAttribute(found: Struct): Attribute {
   const name = found.text();
   const [kind, domain, type, width, nRows, nItems, , , values, rows] = found.uint32s(10);
   const table = numbersAt(found.buffer, type, values, nRows * width) as Float64Array;
-  const numbers = rows ? new NUMBER_TYPES[type][1](new ArrayBuffer(table.BYTES_PER_ELEMENT * nItems * width)) : table;
-  if (rows) {
-    new Int32Array(found.buffer, rows, nItems).forEach((row, i) => {
-      for (let k = 0; k < width; k++) numbers[i * width + k] = table[row * width + k];
-    });
-  }
-  return {
-    ...{ name, kind: KINDS[kind], domain: DOMAINS[domain], width },
-    values: numbers as Attribute["values"],
-  };
+  const said = { name, kind: KINDS[kind], domain: DOMAINS[domain], width };
+  if (!rows) return { ...said, values: table as Attribute["values"] };
+  const [, Numbers] = NUMBER_TYPES[type];
+  const expanded = new Numbers(new ArrayBuffer(table.BYTES_PER_ELEMENT * nItems * width));
+  new Int32Array(found.buffer, rows, nItems).forEach((row, i) => {
+    for (let k = 0; k < width; k++) expanded[i * width + k] = table[row * width + k];
+  });
+  return { ...said, values: expanded as Attribute["values"] };
 }
 
 function readMaterial(found: Struct): Material {

@@ -1,4 +1,4 @@
-// Decodes a file whose bytes come when they are asked for.
+// Decodes a file, fetching the bytes that it needs.
 
 import { type File, readFile } from "../core/file.js";
 import { type Library, MissingBytes } from "../core/library.js";
@@ -16,10 +16,10 @@ import { type Range, Ranges } from "./ranges.js";
 /** The bytes `start` to `end - 1`, fewer where there are no more. */
 export type Read = (start: number, end: number, signal: AbortSignal) => Promise<Uint8Array>;
 
-/** What is read at first: of most files the connectivity is in it, of small ones everything. */
+/** Bytes read first: they contain the connectivity of most files, and all of small ones. */
 const HEAD_BYTES = 65536;
 
-/** What is read from the end: of most files the index is in it. */
+/** Bytes read from the end: they contain the index of most files. */
 const TAIL_BYTES = 4096;
 
 /** How a file is opened. */
@@ -45,16 +45,16 @@ export class Engine {
   private readonly decoder: number;
   private lastTrack = POSITIONS;
   private lastFrame = -1;
-  /** Whether the last frames were asked for in order. */
+  /** Whether the last frames were requested in order. */
   private isPlayed = false;
-  /** Whether the next block is on its way. */
+  /** Whether the next block is being loaded. */
   private isAhead = false;
 
   private constructor(
     private readonly library: Library,
     private readonly read: Read,
     private readonly file: File,
-    /** What was read to open the file. */
+    /** Bytes read to open the file. */
     private readonly opened: Ranges,
     readonly surface: Surface,
   ) {
@@ -67,8 +67,8 @@ export class Engine {
   }
 
   /**
-   * Opens a file: reads what comes before the first block, and the index. Where that is missing or
-   * damaged, all is read.
+   * Open a file: read everything before the first block, and the index. If the index is missing or
+   * damaged, read the whole file.
    *
    * @throws MeshReelError as `Library.check`, or as reading does.
    */
@@ -91,8 +91,8 @@ export class Engine {
       : [fetch(0, size ?? Number.MAX_SAFE_INTEGER)];
     const [head] = await Promise.all(parts);
     const sizeBytes = isLarge ? size : head.length || (size ?? 0);
-    // First what lies before the first block is missing. Where more is, the index is damaged, and
-    // blocks are found section by section.
+    // The first range that is missing is the rest of the sections before the first block. A second
+    // one means that the index is damaged, and that blocks are found section by section.
     let nReads = 0;
     const readMore: Read = (start, end, ending) =>
       read(start, nReads++ ? sizeBytes : Math.min(end + TAIL_BYTES, sizeBytes), ending);
@@ -116,18 +116,18 @@ export class Engine {
     return new Engine(library, read, file, isKept ? bytes : new Ranges(), { ...surface, images });
   }
 
-  /** What was read to open the file; nothing of a large file that came as a whole. */
+  /** Bytes read to open the file; none of a large file that was read as a whole. */
   ranges(): readonly Range[] {
     return this.opened.list();
   }
 
-  /** Values of a frame of a track, which have to be there; of shape (N, C). */
+  /** Values of a frame of a track, of shape (N, C). Both must exist. */
   async frame(track: number, number: number, signal: AbortSignal): Promise<TrackValues> {
     this.note(track, number, 1);
     return this.attempt(signal, () => this.frames(track, number, 1)[0]);
   }
 
-  /** Columns of a track in a piece, which have to be there, for shaders. */
+  /** Columns of a track in a piece, for shaders. All must exist. */
   async fields(
     track: number,
     piece: number,
@@ -135,16 +135,15 @@ export class Engine {
     signal: AbortSignal,
   ): Promise<TrackFields> {
     const { start, nFrames, block } = this.pieces[piece];
-    // Pages ask for the next block late, for the next part of one early.
+    // Pages request the next block late, but the next part of a block early.
     if (nFrames < this.file.blocks[block].nFrames) this.note(track, start, nFrames);
     const found = await this.attempt(signal, () => this.fieldsOf(track, piece, columns));
     return { ...found, number: piece, start };
   }
 
   /**
-   * Loads the next block, where frames are asked for in order and are in the second half of one.
-   *
-   * What goes wrong is told when a frame of the block is asked for.
+   * Load the next block, if frames are requested in order and the last one is in the second half of
+   * its block. A failure is reported when a frame of that block is requested.
    */
   async goAhead(): Promise<void> {
     const { blocks } = this.file;
@@ -208,7 +207,7 @@ export class Engine {
   }
 }
 
-/** What `work` returns, once all bytes that it needs have come. */
+/** Call `work` until all bytes that it needs have been fetched; returns its result. */
 async function attempted<T>(
   library: Library,
   bytes: Ranges,
@@ -232,7 +231,7 @@ async function attempted<T>(
   }
 }
 
-/** The address of a file that the library opens; one of another kind has that in the error. */
+/** Open a file in the library; the error names the kind of a file that is no `.reel`. */
 function openedFile(
   library: Library,
   size: number,

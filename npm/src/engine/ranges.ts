@@ -1,4 +1,4 @@
-// Bytes of a file that are here.
+// Bytes of a file that have been fetched.
 
 import type { Bytes } from "../core/library.js";
 
@@ -21,7 +21,7 @@ export class Ranges implements Bytes {
     this.all.sort((one, other) => one.start - other.start);
   }
 
-  /** All of them, as they were added. */
+  /** All ranges. */
   list(): readonly Range[] {
     return this.all;
   }
@@ -30,7 +30,7 @@ export class Ranges implements Bytes {
     return this.missing(start, end) === null;
   }
 
-  /** The first byte from `start` on that is missing, and the end of what is; null: all are here. */
+  /** The first gap between `start` and `end`; null if there is none. */
   missing(start: number, end: number): readonly [start: number, end: number] | null {
     let at = start;
     for (const range of this.all) {

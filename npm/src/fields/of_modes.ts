@@ -18,11 +18,11 @@ const ALLOWED_ERROR = 0.9e-5;
 const FINER = 2 * LARGEST;
 
 /**
- * Modes as small integers. Each mode uses all of them. Modes whose rounding would show come twice:
- * behind all others there is a field of what rounding has left of them.
+ * Round modes to integers of 16 bits, each mode with its own step. A mode whose rounding would be
+ * visible has a second field, behind all others: its rounding residual.
  *
- * @param columns - Those that are wanted.
- * @throws CorruptStreamError where fields are beyond all numbers.
+ * @param columns - Columns to return.
+ * @throws CorruptStreamError if a field is not finite.
  */
 export function fieldsOfModes(modes: Modes, columns: readonly number[]): Fields {
   const { nFrames, nItems, nColumns, scale, starts, corrected, corrections } = modes;
@@ -59,7 +59,7 @@ function finestSteps({ nModes, values }: Modes): Float64Array {
   return largest.map((size) => size / LARGEST);
 }
 
-/** The modes that have to come twice, so that no vertex is moved by more than is allowed. */
+/** The modes that need a second field, so that rounding moves no vertex by more than is allowed. */
 function roughModes(steps: Float64Array, { nModes, nColumns, nFrames, basis, step }: Modes): number[] {
   const halves = steps.map((one) => (one * step) / 2);
   const found: number[] = [];

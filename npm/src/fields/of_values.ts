@@ -1,4 +1,4 @@
-// Numbers of some frames as small integers, for shaders: of tracks that are no sums of modes.
+// Values of some frames as small integers, for shaders: of tracks that are not sums of modes.
 
 import { InvalidInputError } from "../errors.js";
 import type { TrackValues } from "../types.js";
@@ -11,13 +11,13 @@ const LARGEST = 32767;
 const MAX_COLUMNS = 4;
 
 /**
- * Numbers as small integers: each column at each frame is a mode, and the last mode is 1 everywhere:
- * it carries the middle of each frame.
+ * Round values to integers of 16 bits: each column at each frame is a mode, and the last mode, 1
+ * everywhere, carries the middle of each frame.
  *
  * @param frames - Numbers of each frame, of shape (N, nColumns).
- * @param columns - Those that are wanted.
+ * @param columns - Columns to return.
  * @param origin - Of each of them, that small integers count from. Default: the middle of its range.
- * @throws InvalidInputError where more columns are wanted than are possible.
+ * @throws InvalidInputError for more than 4 columns.
  */
 export function fieldsOfValues(
   frames: readonly TrackValues[],
@@ -45,7 +45,7 @@ export function fieldsOfValues(
   const vertices: number[] = [];
   const offsets: number[] = [];
   for (let t = 0; t < nFrames; t++) {
-    const odd = new Map<number, number[]>(); // items with numbers that are not finite
+    const odd = new Map<number, number[]>(); // items with values that are not finite
     for (let c = 0; c < width; c++) {
       const mode = t * width + c;
       const middle = middleOf([numbers[t][c]]) ?? origins[c];

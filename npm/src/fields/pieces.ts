@@ -1,4 +1,4 @@
-// What is given to shaders at once: a block of a file, or a part of one whose frames are modes.
+// Pieces of a file for shaders: blocks, or parts of blocks whose frames are the modes.
 
 import type { File } from "../core/file.js";
 import type { BlockInfo } from "../types.js";
@@ -15,7 +15,7 @@ export interface Piece extends BlockInfo {
   readonly block: number;
 }
 
-/** The pieces of a file, in their order; `sizeBytes` of a part is its share of the block. */
+/** The pieces of a file, in order; `sizeBytes` of a part is its share of the block. */
 export function piecesOf({ info, blocks }: Pick<File, "info" | "blocks">): Piece[] {
   const few = Math.max(MIN_FRAMES, Math.floor(MAX_POSITIONS / info.nVerts));
   const most = info.method === "reel" ? Infinity : Math.min(MAX_FRAMES, few);

@@ -19,7 +19,7 @@ import { bytesOf } from "./streams.mjs";
 /** A section that readers skip. */
 const UNKNOWN = 0xc0;
 
-/** A stream of three blocks and tracks whose groups are each larger by so many bytes. */
+/** A stream of three blocks and tracks whose groups are each `padding` bytes larger. */
 export function largeTracks(padding = 20_000) {
   return rewritten(bytesOf("tracks"), (sections) =>
     sections.flatMap((one) => {

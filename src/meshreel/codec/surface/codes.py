@@ -8,7 +8,7 @@ DOMAINS = (Domain.VERTEX, Domain.FACE, Domain.CORNER)
 ALPHA_MODES, WRAPS = tuple(AlphaMode), tuple(Wrap)
 
 FILTERS = tuple(Filter)
-"""From 1 on; 0 is any filter."""
+"""Starting with 1; 0 is any filter."""
 
 CHANNELS = "rgba"
 """By the bits of a mask."""
