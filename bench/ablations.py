@@ -20,6 +20,7 @@ from unittest.mock import patch
 import numpy as np
 
 import meshreel
+import meshreel.reel.encoding.basis_coding as basis_coding
 import meshreel.reel.encoding.effort as effort
 from meshreel.evaluation.rate_distortion import bd_rate
 from meshreel.kernel.fields import CodingOrder, order_of, single_pass
@@ -83,6 +84,10 @@ VARIANTS: dict[str, list[Any]] = {
     "basis step 5 times that of the fields": [choices(basis_step=5.0)],
     "modes kept from 0.4 steps": [choices(least_rms=0.4)],
     "modes kept from 1 step": [choices(least_rms=1.0)],
+    "no cosines over time": [constant(basis_coding, "saves_bits", lambda *_: False)],
+    "cosines over time wherever nothing rests": [
+        constant(basis_coding, "saves_bits", lambda *_: True)
+    ],
     **{
         f"effort {number}": [choices(**vars(spent))]
         for number, spent in effort.EFFORTS.items()

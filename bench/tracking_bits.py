@@ -16,6 +16,7 @@ from meshreel.evaluation.rate_distortion import bd_rate
 from meshreel.metrics.kg import kg_error_percent
 from meshreel.paper import pipeline
 from meshreel.reel.agreed.payloads import read_basis, write_basis
+from meshreel.reel.encoding import basis_coding
 from meshreel.subspace.pca import eigen_trajectories
 from speed_tables import table
 
@@ -85,9 +86,13 @@ def basis_bytes(data: bytes) -> list[int]:
 def measured_reel(
     sequence: meshreel.MeshSequence, length: int, all_modes: list[int]
 ) -> dict[str, Any]:
-    """Bytes of the temporal bases and of the file, at default quality, cut and whole."""
-    data = meshreel.encode(sequence, block_frames=length, order="drop")
-    whole = meshreel.encode(sequence, order="drop")
+    """Bytes of the temporal bases, without cosines, and of the file, at default quality.
+
+    Cut and whole.
+    """
+    with patch.object(basis_coding, "saves_bits", lambda *_: False):
+        data = meshreel.encode(sequence, block_frames=length, order="drop")
+        whole = meshreel.encode(sequence, order="drop")
     return {
         "size_bytes": len(data),
         "basis_bytes": basis_bytes(data),

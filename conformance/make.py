@@ -404,6 +404,34 @@ def rests():
 
 
 @stream
+def cosines():
+    """Cosines over time: of one frame and more, reused fields, a track of two columns, large."""
+    rng, faces = np.random.default_rng(16), grid(6, 7)
+    kinds = [(0, 9, True), (0, 1, True), (3, 30, True), (0, 12, False), (5, 7, True)]
+    single = np.float32
+    blocks, of_track = [], []
+    for number, (n_reused, n_frames, has_cosines) in enumerate(kinds):
+        finer = single(2.5 if n_reused else 0)
+        layout = Layout(
+            single(0.01), 9, 2, number, number % 2 == 0, n_reused, finer, has_cosines=has_cosines
+        )
+        blocks.append(random_block(rng, layout, 42, min(5, 3 * n_frames), n_frames))
+        layout = Layout(single(0.02), 9, 1, has_cosines=not number % 2)
+        of_track.append(random_block(rng, layout, 42, 2, n_frames, n_columns=2))
+    blocks[2][1][:, :, :4] = rng.integers(-(2**31) + 1, 2**31, (5, 3, 4))
+    number_type = np.dtype(np.float32)
+    track = TrackHeader("flow", "", "vector", Domain.VERTEX, number_type, 1.0, (0.0, 0.5))
+    return by_hand(faces, 42, blocks, tracks=[(track, of_track)])
+
+
+@stream
+def cosines_of_1024_frames():
+    """Cosines over as many frames as there may be."""
+    rng, layout = np.random.default_rng(17), Layout(np.float32(0.01), 1, 0, has_cosines=True)
+    return by_hand([[0, 1, 2]], 3, [random_block(rng, layout, 3, 1, 1024)])
+
+
+@stream
 def large_residuals():
     """Integers up to the largest, and values that single precision does not hold."""
     rng = np.random.default_rng(5)
@@ -845,6 +873,15 @@ def with_rests(payload):
         return by_hand([[0, 1, 2]], 3, [(layout, basis, np.array([[4, -1, 2]]), None)])
 
 
+def with_cosines(n_frames, runs):
+    """One face with cosines over as many frames, at some of which it rests."""
+    layout = Layout(np.float32(0.5), 1, 0, rests=Rests(runs), has_cosines=True)
+    basis = np.zeros((1, 3, n_frames), np.int64)
+    return by_hand([[0, 1, 2]], 3, [(layout, basis, np.array([[4, -1, 2]]), None)])
+
+
+REFUSED["cosines_with_rests"] = partial(with_cosines, 3, ((1, 2),))
+REFUSED["cosines_of_1025_frames"] = partial(with_cosines, 1025, ())
 REFUSED["long_name"] = with_long_name
 for reason, payload in {
     "short": bytes(7),

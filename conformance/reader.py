@@ -28,6 +28,7 @@ from conformance.timeline import (
     basis_vector,
     frames_of,
     length_of,
+    pass_of_cosines,
     passes_by_times,
     read_corrections,
     read_rests,
@@ -364,8 +365,9 @@ def read_reel_block(group, n_frames, placed, blocks, items, coding):
     lengths = [length_of(field.values()) / block["finer"] for field in reused]
     lengths += [None] * len(block["coefficients"])
     rests, rest_bits = resting_times(block.get("rests", [])), block.get("rest bits", 0)
+    cosines = block.get("cosines", 0)
     bases = [
-        basis_vector(row, n_frames, length, rests, rest_bits)
+        basis_vector(row, n_frames, length, rests, rest_bits, cosines)
         for row, length in zip(block["basis"], lengths, strict=True)
     ]
     corrections = block["correction step"], block["corrections"]
@@ -429,13 +431,15 @@ def read_integers(group, n_frames, n_columns, items):
     head.end()
     need(1 <= n_modes <= n_columns * n_frames)
     layout_number = layout.byte()
-    precision = layout_number & ~16
+    precision, has_rests, cosines = layout_number & ~48, layout_number & 16, layout_number & 32
     need(precision in (4, 8), "the fields have a layout that is not known")
+    need(not (has_rests and cosines), "times rest in a block with cosines")
+    need(n_frames <= 1024 or not cosines, "a block with cosines is too long")
     reference, step, size, n_learned = (
         *(layout.varint(), layout.number("f")),
         *(layout.varint(), layout.varint()),
     )
-    rest_bits, rests = read_rests(layout, n_frames) if layout_number & 16 else (0, [])
+    rest_bits, rests = read_rests(layout, n_frames) if has_rests else (0, [])
     n_reused, finer = 0, 0.0
     if reference and layout.position < len(layout.data):
         n_reused, finer = layout.varint(), layout.number("f")
@@ -447,6 +451,7 @@ def read_integers(group, n_frames, n_columns, items):
         corrections = read_corrections(group["CORRECTIONS"], n_columns, n_frames, items.n)
     passes = passes_of(items.resolutions(size))
     times = passes_by_times(n_columns, n_frames, resting_times(rests))
+    times = pass_of_cosines(n_columns, n_frames) if cosines else times
     return {
         "frames": n_frames,
         "modes": n_modes,
@@ -456,6 +461,7 @@ def read_integers(group, n_frames, n_columns, items):
         "stencil": size,
         "learned": n_learned,
         **({"rests": rests, "rest bits": rest_bits} if rests else {}),
+        **({"cosines": 1} if cosines else {}),
         **({"reused": n_reused, "finer": finer} if n_reused else {}),
         "basis": read_fields(group["BASIS"], n_modes, times),
         "coefficients": read_fields(group["COEFFICIENTS"], n_modes - n_reused, passes),

@@ -1,4 +1,4 @@
-"""Temporal basis, corrections and frames of a track: "Times", "Corrections", "Frames"."""
+"""Temporal basis, corrections, frames of a track: "Times", "Cosines", "Corrections", "Frames"."""
 
 from array import array
 from math import sqrt
@@ -42,6 +42,12 @@ def passes_by_times(n_columns, n_frames, rests=()):
     if rests:
         passes.append({t: [u for u in (t - 1, t - 2) if u in rests] for t in sorted(rests)})
     return [in_columns(near_of, n_columns, n_frames) for near_of in passes]
+
+
+def pass_of_cosines(n_columns, n_frames):
+    """The single pass of coefficients, as `passes_by_times`."""
+    near_of = {k: [j for j in range(k - 1, k - 5, -1) if j >= 0] for k in range(n_frames)}
+    return [in_columns(near_of, n_columns, n_frames)]
 
 
 def in_columns(near_of, n_columns, n_frames):
@@ -91,11 +97,40 @@ def predicted(a, b, c, e):
     return (b + c) / 2
 
 
-def basis_vector(coded, n_frames, length=None, rests=(), r=0):
+def cosine(place, n_frames):
+    """c(i) of the page."""
+    if place > 2 * n_frames:
+        return cosine(4 * n_frames - place, n_frames)
+    if place > n_frames:
+        return -cosine(2 * n_frames - place, n_frames)
+    if place == n_frames:
+        return 0.0
+    angle = place * float.fromhex("0x1.921fb54442d18p+0") / n_frames
+    square, found = angle * angle, 1.0
+    for j in range(11, 0, -1):
+        found = 1 - found * square / (2 * j * (2 * j - 1))
+    return found
+
+
+def values_of_cosines(coded):
+    """Values of one column from its coefficients."""
+    n_frames = len(coded)
+    cosines = [cosine(place, n_frames) for place in range(4 * n_frames)]
+    even, odd = [coded[0] * sqrt(1 / n_frames)] * n_frames, [0.0] * n_frames
+    for k, one in enumerate(coded[1:], start=1):
+        sums = odd if k % 2 else even
+        for t in range(n_frames):
+            wave = sqrt(2 / n_frames) * cosines[(2 * t + 1) * k % (4 * n_frames)]
+            sums[t] += one * wave
+    return [one + other for one, other in zip(even, odd, strict=True)]
+
+
+def basis_vector(coded, n_frames, length=None, rests=(), r=0, has_cosines=False):
     """The C T_b numbers of a mode; divided by their length, if no other is given."""
     values = []
     for first in range(0, len(coded), n_frames):
-        values += values_at_times(coded[first : first + n_frames], rests, r)
+        column = coded[first : first + n_frames]
+        values += values_of_cosines(column) if has_cosines else values_at_times(column, rests, r)
     length = length or length_of(values)
     return [one / length for one in values]
 

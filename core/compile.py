@@ -95,7 +95,7 @@ PE = ("-O3", "-shared", "-s")
 # `bench/core_builds.py`.
 SOURCE_FLAGS = ("-DREEL_INLINE=static inline",)
 SOURCE_HOT: Levels = {
-    **dict.fromkeys(("coordinates.c", "exact_items.c", "fields.c"), ("-O3",)),
+    **dict.fromkeys(("coordinates.c", "exact_items.c", "fields.c", "timeline.c"), ("-O3",)),
     **dict.fromkeys(
         ("connectivity.c", "frames.c", "hierarchy.c", "order.c", "predict.c", "smooth.c"), ("-O2",)
     ),

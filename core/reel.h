@@ -150,6 +150,13 @@ REEL_API int64_t reel_basis(void *memory, size_t memory_size, const int32_t *int
                             int64_t n_modes, int64_t n_columns, int64_t n_frames,
                             const uint8_t *rests, int64_t rest_bits, const double *lengths,
                             int64_t n_reused, double *basis);
+/* The same from coefficients of a discrete cosine transform over time, of 1 to REEL_MAX_COSINES
+   frames: of each mode all frequencies of the first column, then of the next. */
+#define REEL_MAX_COSINES 1024
+REEL_API size_t reel_cosine_basis_memory(int64_t n_columns, int64_t n_frames);
+REEL_API int64_t reel_cosine_basis(void *memory, size_t memory_size, const int32_t *integers,
+                                   int64_t n_modes, int64_t n_columns, int64_t n_frames,
+                                   const double *lengths, int64_t n_reused, double *basis);
 REEL_API int64_t reel_lengths(const double *values, int64_t n_verts, int64_t n_modes,
                               int64_t n_reused, double finer, double *lengths);
 
@@ -160,6 +167,10 @@ REEL_API int64_t reel_basis_encode(void *memory, size_t memory_size, const doubl
                                    int64_t n_modes, int64_t n_columns, int64_t n_frames,
                                    const uint8_t *rests, int64_t rest_bits, double price,
                                    int32_t *integers);
+REEL_API size_t reel_cosines_encode_memory(int64_t n_frames);
+REEL_API int64_t reel_cosines_encode(void *memory, size_t memory_size, const double *wanted,
+                                     int64_t n_modes, int64_t n_columns, int64_t n_frames,
+                                     double price, int32_t *integers);
 
 /* Fields of a block as reel_frames multiplies them, for any number of calls: reel_packed_bytes of
    memory, aligned to 64 bytes. They are those of all vertices in their order, or if `order` is not

@@ -1,12 +1,17 @@
 /* How the modes of a block move: basis vectors over time, from integers.
 
-   docs/format.md, "Times". A time is predicted from known ones around it by the polynomial through
-   them, and one that rests from the time before it. Values are multiples of 1/256, and exact as
-   long as they stay below 2^44. */
+   docs/format.md, "Times" and "Cosines". A time is predicted from known ones around it by the
+   polynomial through them, and one that rests from the time before it. Values are multiples of
+   1/256, and exact as long as they stay below 2^44. Or integers are coefficients of a discrete
+   cosine transform over time, whose cosines are the same bits on every machine. */
 
 #include "rounding.h"
 
 #define COARSEST 4 /* frames between the times that come first */
+
+#define HALF_PI 0x1.921fb54442d18p+0
+#define N_TERMS 11 /* of the series of a cosine, behind the first: up to a right angle */
+#define LOWEST 4   /* coefficients that share a dead zone; then as many as all below them do */
 
 #define N_ROUNDS 2           /* in which a dead zone follows the counts that it makes */
 #define FIRST_DEAD_ZONE 0.6
@@ -121,6 +126,19 @@ int64_t reel_lengths(const double *values, int64_t n_verts, int64_t n_modes, int
     return n_reused;
 }
 
+/* Writes a basis vector, values divided by their length or by `size` where that is not NULL. */
+static void write_vector(const double *values, int64_t length, const double *size, double *vector,
+                         int64_t stride) {
+    double sum = 0.0;
+    for (int64_t i = 0; i < length; i++) {
+        sum += values[i] * values[i];
+    }
+    double divisor = size ? *size : sum > 0.0 ? __builtin_sqrt(sum) : 1.0;
+    for (int64_t i = 0; i < length; i++) {
+        vector[i * stride] = values[i] / divisor;
+    }
+}
+
 int64_t reel_basis(void *memory, size_t memory_size, const int32_t *integers, int64_t n_modes,
                    int64_t n_columns, int64_t n_frames, const uint8_t *rests, int64_t rest_bits,
                    const double *lengths, int64_t n_reused, double *basis) {
@@ -134,18 +152,135 @@ int64_t reel_basis(void *memory, size_t memory_size, const int32_t *integers, in
         return failed;
     }
     for (int64_t mode = 0; mode < n_modes; mode++) {
-        double sum = 0.0;
         for (int64_t first = 0; first < length; first += n_frames) {
             decode_column(integers + mode * length + first, &times, gathered, values + first);
         }
-        for (int64_t i = 0; i < length; i++) {
-            sum += values[i] * values[i];
+        write_vector(values, length, mode < n_reused ? lengths + mode : NULL, basis + mode,
+                     n_modes);
+    }
+    return n_modes;
+}
+
+/* What each coefficient of a discrete cosine transform is worth at the first n_times times: that of
+   frequency k at time t is waves[k frequency_stride + t time_stride]. `cosines` has space for 4
+   n_frames. */
+static void find_waves(int64_t n_frames, int64_t n_times, double *cosines,
+                       int64_t frequency_stride, int64_t time_stride, double *waves) {
+    int64_t turn = 4 * n_frames;
+    double mean = __builtin_sqrt(1.0 / (double)n_frames);
+    double scale = __builtin_sqrt(2.0 / (double)n_frames);
+    for (int64_t i = 0; i < n_frames; i++) {
+        double angle = (double)i * HALF_PI / (double)n_frames, square = angle * angle, found = 1.0;
+        for (int j = N_TERMS; j > 0; j--) {
+            found = 1.0 - found * square / (double)(2 * j * (2 * j - 1));
         }
-        double size = sum > 0.0 ? __builtin_sqrt(sum) : 1.0;
-        size = mode < n_reused ? lengths[mode] : size;
-        for (int64_t i = 0; i < length; i++) {
-            basis[i * n_modes + mode] = values[i] / size;
+        cosines[i] = found;
+    }
+    cosines[n_frames] = 0.0;
+    for (int64_t i = n_frames + 1; i < turn; i++) {
+        cosines[i] = i <= 2 * n_frames ? -cosines[2 * n_frames - i] : cosines[turn - i];
+    }
+    for (int64_t k = 0; k < n_frames; k++) {
+        for (int64_t t = 0, place = k; t < n_times; t++) {
+            waves[k * frequency_stride + t * time_stride] = k ? scale * cosines[place] : mean;
+            place += 2 * k;
+            place -= place >= turn ? turn : 0;
         }
+    }
+}
+
+/* Adds a multiple of a row to another; restrict, so that compilers use vectors. */
+REEL_INLINE void add_multiple(int64_t n, double factor, const double *restrict row,
+                              double *restrict sums) {
+    for (int64_t i = 0; i < n; i++) {
+        sums[i] += factor * row[i];
+    }
+}
+
+/* The same of two rows, one after the other, which halves the steps to memory. */
+REEL_INLINE void add_multiples(int64_t n, const double *factors, const double *restrict row,
+                               const double *restrict next, double *restrict sums) {
+    double factor = factors[0], next_factor = factors[1];
+    for (int64_t i = 0; i < n; i++) {
+        sums[i] = (sums[i] + factor * row[i]) + next_factor * next[i];
+    }
+}
+
+/* The first half of the sum of the waves of every other frequency, which repeats itself, or its
+   opposite, backwards. Coefficients that are 0 change nothing. */
+static void add_waves(const int32_t *coefficients, int64_t n_frames, int64_t first,
+                      const double *waves, double *sums) {
+    int64_t half = (n_frames + 1) / 2;
+    const double *waiting = NULL;
+    double factors[2] = {0.0, 0.0};
+    reel_zero(sums, (size_t)half * sizeof *sums);
+    for (int64_t k = first; k < n_frames; k += 2) {
+        const double *row = waves + k * half;
+        if (!coefficients[k]) {
+            continue;
+        }
+        factors[waiting != NULL] = coefficients[k];
+        if (waiting) {
+            add_multiples(half, factors, waiting, row, sums);
+        }
+        waiting = waiting ? NULL : row;
+    }
+    if (waiting) {
+        add_multiple(half, factors[0], waiting, sums);
+    }
+}
+
+/* The values of a column over time from its coefficients. `sums` has space for n_frames + 1. */
+static void decode_cosines(const int32_t *coefficients, int64_t n_frames, const double *waves,
+                           double *sums, double *values) {
+    int64_t half = (n_frames + 1) / 2;
+    double *even = sums, *odd = sums + half;
+    add_waves(coefficients, n_frames, 0, waves, even);
+    add_waves(coefficients, n_frames, 1, waves, odd);
+    for (int64_t t = 0; t < half; t++) {
+        values[t] = even[t] + odd[t];
+        values[n_frames - 1 - t] = even[t] - odd[t];
+    }
+}
+
+static bool may_have_cosines(int64_t n_frames) {
+    return n_frames >= 1 && n_frames <= REEL_MAX_COSINES;
+}
+
+/* Memory of the waves of a block, which none above the limit has. */
+static size_t waves_room(int64_t n_frames) {
+    size_t n = may_have_cosines(n_frames) ? (size_t)n_frames : 0;
+    return reel_room(4 * n, sizeof(double)) + reel_room(n * n, sizeof(double));
+}
+
+size_t reel_cosine_basis_memory(int64_t n_columns, int64_t n_frames) {
+    return reel_room((size_t)n_columns * (size_t)n_frames, sizeof(double)) +
+           reel_room((size_t)n_frames + 1, sizeof(double)) + waves_room(n_frames);
+}
+
+int64_t reel_cosine_basis(void *memory, size_t memory_size, const int32_t *integers,
+                          int64_t n_modes, int64_t n_columns, int64_t n_frames,
+                          const double *lengths, int64_t n_reused, double *basis) {
+    if (!may_have_cosines(n_frames)) {
+        return reel_failure(REEL_INVALID, 0);
+    }
+    reel_arena arena = reel_arena_of(memory, memory_size);
+    int64_t length = n_columns * n_frames, half = (n_frames + 1) / 2;
+    double *values = reel_take(&arena, (size_t)length, sizeof *values);
+    double *sums = reel_take(&arena, (size_t)n_frames + 1, sizeof *sums);
+    double *cosines = reel_take(&arena, 4 * (size_t)n_frames, sizeof *cosines);
+    double *waves = reel_take(&arena, (size_t)(n_frames * half), sizeof *waves);
+    if (arena.failed) {
+        return reel_failure(REEL_NO_MEMORY, 0);
+    }
+    find_waves(n_frames, half, cosines, half, 1, waves);
+    for (int64_t mode = 0; mode < n_modes; mode++) {
+        for (int64_t first = 0; first < length; first += n_frames) {
+            decode_cosines(integers + mode * length + first, n_frames, waves, sums,
+                           values + first);
+        }
+        write_vector(values, length, mode < n_reused ? lengths + mode : NULL, basis + mode,
+                     n_modes);
     }
     return n_modes;
 }
@@ -278,6 +413,51 @@ int64_t reel_basis_encode(void *memory, size_t memory_size, const double *wanted
     for (int64_t row = 0; row < n_columns * n_modes; row++) {
         if (!encode_column(wanted + row * n_frames, &times, price, &work,
                            integers + row * n_frames)) {
+            return reel_failure(REEL_INVALID, (uint64_t)row);
+        }
+    }
+    return n_modes;
+}
+
+/* Coefficients of a column, rounded: low frequencies, then octave by octave. */
+static bool round_coefficients(const double *coefficients, int64_t n, double price,
+                               int32_t *integers) {
+    for (int64_t first = 0, end = LOWEST; first < n; first = end, end *= 2) {
+        end = end < n ? end : n;
+        double zone = dead_zone(coefficients + first, end - first, price);
+        for (int64_t k = first; k < end; k++) {
+            if (!quantize(coefficients[k], zone, price, &integers[k])) {
+                return false;
+            }
+        }
+    }
+    return true;
+}
+
+size_t reel_cosines_encode_memory(int64_t n_frames) {
+    return reel_room((size_t)n_frames, sizeof(double)) + waves_room(n_frames);
+}
+
+int64_t reel_cosines_encode(void *memory, size_t memory_size, const double *wanted,
+                            int64_t n_modes, int64_t n_columns, int64_t n_frames, double price,
+                            int32_t *integers) {
+    if (!may_have_cosines(n_frames)) {
+        return reel_failure(REEL_INVALID, 0);
+    }
+    reel_arena arena = reel_arena_of(memory, memory_size);
+    double *found = reel_take(&arena, (size_t)n_frames, sizeof *found);
+    double *cosines = reel_take(&arena, 4 * (size_t)n_frames, sizeof *cosines);
+    double *waves = reel_take(&arena, (size_t)(n_frames * n_frames), sizeof *waves);
+    if (arena.failed) {
+        return reel_failure(REEL_NO_MEMORY, 0);
+    }
+    find_waves(n_frames, n_frames, cosines, 1, n_frames, waves);
+    for (int64_t row = 0; row < n_columns * n_modes; row++) {
+        reel_zero(found, (size_t)n_frames * sizeof *found);
+        for (int64_t t = 0; t < n_frames; t++) {
+            add_multiple(n_frames, wanted[row * n_frames + t], waves + t * n_frames, found);
+        }
+        if (!round_coefficients(found, n_frames, price, integers + row * n_frames)) {
             return reel_failure(REEL_INVALID, (uint64_t)row);
         }
     }

@@ -27,6 +27,14 @@ static double *any_basis(int64_t n_modes, int64_t n_columns, int64_t n_frames) {
     FUZZ_CLAIM(reel_lengths(values, n_verts, n_modes, n_reused, 4.0, lengths) == n_reused);
     size_t size = reel_basis_memory(n_columns, n_frames);
     double *basis = fuzz_take(n, sizeof *basis);
+    if (fuzz_once_in(3)) {
+        size = reel_cosine_basis_memory(n_columns, n_frames);
+        int64_t found = reel_cosine_basis(fuzz_take((int64_t)size, 1), size, integers, n_modes,
+                                          n_columns, n_frames, lengths, n_reused, basis);
+        FUZZ_CLAIM(found == n_modes);
+        fuzz_note_doubles(basis, n);
+        return basis;
+    }
     const uint8_t *rests = any_rests(n_frames);
     int64_t rest_bits = fuzz_below(REEL_MAX_REST_BITS + 1);
     int64_t result = reel_basis(fuzz_take((int64_t)size, 1), size, integers, n_modes, n_columns,
@@ -111,8 +119,16 @@ void fuzz_basis_encode(void) {
     for (int64_t i = 0; i < n; i++) {
         wanted[i] = fuzz_float();
     }
-    size_t size = reel_basis_encode_memory(n_frames);
     int32_t *integers = fuzz_take(n, sizeof *integers);
+    if (fuzz_once_in(3)) {
+        size_t needed = reel_cosines_encode_memory(n_frames);
+        int64_t found = reel_cosines_encode(fuzz_take((int64_t)needed, 1), needed, wanted, n_modes,
+                                            n_columns, n_frames, price, integers);
+        fuzz_claim_code(found);
+        fuzz_note(integers, found < 0 ? 0 : n, sizeof *integers);
+        return;
+    }
+    size_t size = reel_basis_encode_memory(n_frames);
     uint8_t *rests = any_rests(n_frames);
     if (rests && fuzz_once_in(20)) {
         rests[0] = 1; /* is refused, and so are 9 bits */

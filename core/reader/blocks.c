@@ -165,6 +165,7 @@ typedef struct {
     void *basis_memory;
     size_t basis_needed;
     int64_t n_columns, n_frames, n_reused, rest_bits;
+    bool has_cosines;
     uint8_t *rests;
     double *lengths, *basis; /* `basis` is NULL where only fields are wanted */
     double finer;
@@ -182,6 +183,12 @@ static void decode_basis(block_job *job) {
     if (job->n_reused > 0) {
         reel_lengths(job->key->values, job->mesh->n_verts, (int64_t)job->key->n_modes,
                      job->n_reused, job->finer, job->lengths);
+    }
+    if (job->has_cosines) {
+        job->result = reel_cosine_basis(job->basis_memory, job->basis_needed, job->times.values,
+                                        job->times.n_wanted, job->n_columns, job->n_frames,
+                                        job->lengths, job->n_reused, job->basis);
+        return;
     }
     job->result = reel_basis(job->basis_memory, job->basis_needed, job->times.values,
                              job->times.n_wanted, job->n_columns, job->n_frames, job->rests,
@@ -257,17 +264,19 @@ static int prepare_basis(reel_call *call, const reel_group *group, uint32_t n_co
     job->n_reused = (int64_t)group->n_reused;
     job->finer = (double)group->finer;
     job->rest_bits = (int64_t)group->rest_bits;
+    job->has_cosines = group->has_cosines;
     int failed = reel_read_rests(call, group, &job->rests);
     failed = failed ? failed
-                    : reel_find_time_order(call, n_columns, job->n_frames, job->rests,
-                                           &job->time_order);
+                    : reel_find_time_order(call, n_columns, job->n_frames, job->has_cosines,
+                                           job->rests, &job->time_order);
     failed = failed ? failed
                     : prepare_rows(call, group->basis, &job->time_order, group->n_modes, n_modes,
                                    &job->times);
     if (failed) {
         return failed;
     }
-    job->basis_needed = reel_basis_memory(n_columns, job->n_frames);
+    job->basis_needed = job->has_cosines ? reel_cosine_basis_memory(n_columns, job->n_frames)
+                                         : reel_basis_memory(n_columns, job->n_frames);
     job->basis_memory = reel_scratch(call, job->basis_needed, 1);
     job->lengths = reel_scratch(call, group->n_reused, sizeof *job->lengths);
     return job->basis_memory && job->lengths ? MESHREEL_OK : call->error.code;

@@ -168,8 +168,18 @@ static void add_resting(reel_coding_order *order, int64_t n_columns, int64_t n_f
     }
 }
 
-int reel_find_time_order(reel_call *call, int64_t n_columns, int64_t n_frames, const uint8_t *rests,
-                         reel_coding_order *found) {
+/* Frequencies in one pass; those below them are context neighbors. */
+static void add_frequencies(reel_coding_order *order, int64_t n_columns, int64_t n_frames) {
+    for (int64_t column = 0; column < n_columns; column++) {
+        for (int64_t k = 0; k < n_frames; k++) {
+            const int64_t near[] = {k - 1, k - 2, k - 3, k - 4};
+            add_time(order, n_frames, column, k, near, 4);
+        }
+    }
+}
+
+int reel_find_time_order(reel_call *call, int64_t n_columns, int64_t n_frames, bool has_cosines,
+                         const uint8_t *rests, reel_coding_order *found) {
     uint64_t n = (uint64_t)(n_columns * n_frames);
     found->columns = reel_scratch(call, n, sizeof *found->columns);
     found->near_starts = reel_scratch(call, n + 1, sizeof *found->near_starts);
@@ -188,6 +198,11 @@ int reel_find_time_order(reel_call *call, int64_t n_columns, int64_t n_frames, c
     found->n_columns = (int64_t)n;
     found->n_passes = 0;
     found->pass_starts[0] = found->near_starts[0] = 0;
+    if (has_cosines) {
+        begin_pass(found);
+        add_frequencies(found, n_columns, n_frames);
+        return MESHREEL_OK;
+    }
     for (int level = 0; level < N_LEVELS; level++) {
         begin_pass(found);
         add_level(found, level, n_columns, n_frames, moving, n_moving);

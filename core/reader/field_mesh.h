@@ -28,9 +28,9 @@ void reel_find_hierarchy(reel_hierarchy_job *job);
 int reel_finish_hierarchy(reel_call *call, const reel_hierarchy_job *job,
                           const reel_field_mesh **found);
 
-/* The order in which the temporal basis of a track is coded, in scratch memory, for times that rest
-   as reel_basis takes them. */
-int reel_find_time_order(reel_call *call, int64_t n_columns, int64_t n_frames, const uint8_t *rests,
-                         reel_coding_order *found);
+/* The order in which the temporal basis of a track is coded, in scratch memory: as coefficients of
+   a cosine transform, or else for times that rest as reel_basis takes them. */
+int reel_find_time_order(reel_call *call, int64_t n_columns, int64_t n_frames, bool has_cosines,
+                         const uint8_t *rests, reel_coding_order *found);
 
 #endif

@@ -7,7 +7,8 @@
 #define N_IDS (REEL_ANCHOR_RESIDUALS + 1 - FIRST)
 #define MOST_LEARNED 255U
 #define MOST_STEP 1e6F
-#define WITH_RESTS 16 /* is added to the layout */
+#define WITH_RESTS 16 /* these are added to the layout */
+#define WITH_COSINES 32
 #define MOST_TIMES ((uint64_t)INT32_MAX)
 
 /* The payload of each section of a group; `at` is 0 if it is missing. */
@@ -151,10 +152,14 @@ static int read_fields(reel_call *call, reel_stretch left, reel_group *group) {
     if (failed) {
         return failed;
     }
-    group->precision = layout & ~WITH_RESTS;
+    group->precision = layout & ~(WITH_RESTS | WITH_COSINES);
+    group->has_cosines = layout & WITH_COSINES;
     if (group->precision != REEL_SUMS_4 && group->precision != REEL_SUMS_8) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, at,
                          "fields have a layout of a newer version; update meshreel");
+    }
+    if (group->has_cosines && (layout & WITH_RESTS || group->n_frames > REEL_MAX_COSINES)) {
+        return reel_corrupt(call, at, "cosines over time are of a block that rests or is too long");
     }
     failed = reel_take_varint(call, &left, &group->reference);
     failed = failed ? failed : reel_take_bytes(call, &left, &group->step, sizeof group->step);

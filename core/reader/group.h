@@ -16,6 +16,7 @@ typedef struct {
     /* Runs of resting times: how many, their integers, and the bits of their steps. */
     uint64_t n_rests, rest_bits;
     reel_stretch rests;
+    bool has_cosines; /* BASIS holds coefficients of a cosine transform over time */
     reel_stretch basis, coefficients;
     /* Corrections: their step, how many items have some, how many there are; and the integers. */
     float moved_by;

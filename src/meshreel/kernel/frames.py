@@ -28,6 +28,9 @@ VERTICES_AT_ONCE = 1 << 12
 MAX_REST_BITS = 8
 """REEL_MAX_REST_BITS of `core/reel.h`."""
 
+MAX_COSINES = 1024
+"""REEL_MAX_COSINES of `core/reel.h`: most frames of a block with cosines over time."""
+
 Flags = npt.NDArray[np.uint8]
 
 
@@ -148,6 +151,72 @@ def encode_times(
         n_frames,
         rests,
         rest_bits,
+        ctypes.c_double(price),
+        integers,
+        what="basis vectors",
+    )
+    return integers
+
+
+def cosine_vectors(coded: Integers, lengths: Floats | None = None) -> Floats:
+    """Basis vectors of shape (C, T, K) as `time_vectors`, from coefficients of cosines over time.
+
+    Parameters
+    ----------
+    coded : integer array of shape (K, C, T)
+        Coefficients of an orthonormal discrete cosine transform (DCT-II), low frequencies first.
+    lengths
+        As of `time_vectors`.
+
+    Raises
+    ------
+    InvalidInputError
+        If there are more than `MAX_COSINES` frames, or none.
+    """
+    divisors = np.zeros(0) if lengths is None else lengths
+    n_modes, n_columns, n_frames = coded.shape
+    basis = np.empty((n_columns, n_frames, n_modes))
+    work = memory(size_of("reel_cosine_basis_memory", n_columns, n_frames))
+    call(
+        "reel_cosine_basis",
+        work,
+        len(work),
+        np.ascontiguousarray(coded, np.int32),
+        n_modes,
+        n_columns,
+        n_frames,
+        divisors,
+        len(divisors),
+        basis,
+        what="basis vectors",
+    )
+    return basis
+
+
+def encode_cosines(wanted: Floats, price: float) -> npt.NDArray[np.int32]:
+    """Coefficients of shape (K, C, T), as `cosine_vectors` takes them.
+
+    Parameters
+    ----------
+    wanted, price
+        As of `encode_times`.
+
+    Raises
+    ------
+    InvalidInputError
+        If a coefficient is too large for a stream, or there are more than `MAX_COSINES` frames.
+    """
+    n_modes, n_columns, n_frames = wanted.shape
+    integers = np.empty(wanted.shape, np.int32)
+    work = memory(size_of("reel_cosines_encode_memory", n_frames))
+    call(
+        "reel_cosines_encode",
+        work,
+        len(work),
+        np.ascontiguousarray(wanted),
+        n_modes,
+        n_columns,
+        n_frames,
         ctypes.c_double(price),
         integers,
         what="basis vectors",

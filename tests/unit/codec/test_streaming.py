@@ -36,7 +36,7 @@ def pushed(sequence, **options):
     ("method", "options"),
     [
         ("reel", {}),
-        ("reel", {"max_error": 0.4, "effort": 5}),
+        ("reel", {"max_error": 0.3, "effort": 5}),
         ("blocks", {"n_modes": 4}),
         ("pca-qp", {}),
     ],

@@ -6,7 +6,14 @@ import pytest
 from hypothesis import given
 
 from meshreel.errors import InvalidInputError
-from meshreel.kernel.frames import MAX_REST_BITS, encode_times, time_vectors
+from meshreel.kernel.frames import (
+    MAX_COSINES,
+    MAX_REST_BITS,
+    cosine_vectors,
+    encode_cosines,
+    encode_times,
+    time_vectors,
+)
 
 FAIR_PRICE = 2.0 * np.log(2.0) / 12.0
 
@@ -106,3 +113,56 @@ def test_rests_are_refused_when_no_stream_can_hold_them(runs, bits):
         encode_times(np.zeros((1, 3, 5)), 0.0, rests, bits)
     with pytest.raises(InvalidInputError):
         time_vectors(np.zeros((1, 3, 5), np.int32), None, rests, bits)
+
+
+def cosines(n_frames):
+    """The orthonormal DCT-II, of shape (frequencies, T)."""
+    found = np.cos(np.pi * np.outer(np.arange(n_frames), np.arange(n_frames) + 0.5) / n_frames)
+    found *= np.sqrt(2.0 / n_frames)
+    found[0] = np.sqrt(1.0 / n_frames)
+    return found
+
+
+every_count = pytest.mark.parametrize("n_frames", [1, 2, 3, 16, 47, MAX_COSINES])
+
+
+@every_count
+def test_coefficients_are_the_nearest_when_bits_are_worth_nothing(n_frames):
+    wanted = curves(2, n_frames, 100.0, 3)
+    found = encode_cosines(wanted, 0.0)
+    np.testing.assert_allclose(found, wanted @ cosines(n_frames).T, rtol=0, atol=0.5 + 1e-6)
+
+
+@every_count
+def test_vectors_are_sums_of_cosines(n_frames):
+    coded = np.random.default_rng(4).integers(-(2**31) + 1, 2**31, (2, 3, n_frames))
+    values = np.moveaxis(coded @ cosines(n_frames), 0, 2)
+    largest = np.abs(values).max()
+    found = cosine_vectors(coded, np.ones(2))
+    np.testing.assert_allclose(found, values, rtol=0, atol=1e-13 * largest * n_frames)
+    lengths = np.sqrt(np.square(cosine_vectors(coded)).sum(axis=(0, 1)))
+    np.testing.assert_allclose(lengths, 1.0, rtol=1e-12)
+
+
+def test_vectors_of_cosines_are_zero_when_all_coefficients_are():
+    assert not cosine_vectors(np.zeros((1, 3, 5), np.int32)).any()
+
+
+def test_coefficients_are_fewer_when_bits_have_a_price():
+    wanted = 0.6 * np.random.default_rng(5).normal(size=(3, 3, 200))
+    plain, by_rate = encode_cosines(wanted, 0.0), encode_cosines(wanted, FAIR_PRICE)
+    assert np.count_nonzero(by_rate) < 0.9 * np.count_nonzero(plain)
+
+
+@pytest.mark.parametrize("n_frames", [0, MAX_COSINES + 1])
+def test_cosines_are_refused_when_no_stream_can_hold_them(n_frames):
+    with pytest.raises(InvalidInputError):
+        encode_cosines(np.zeros((1, 3, n_frames)), 0.0)
+    with pytest.raises(InvalidInputError):
+        cosine_vectors(np.zeros((1, 3, n_frames), np.int32))
+
+
+@pytest.mark.parametrize("value", [1e12, np.inf, np.nan])
+def test_error_is_raised_when_a_coefficient_is_too_large(value):
+    with pytest.raises(InvalidInputError):
+        encode_cosines(np.full((1, 3, 5), value), FAIR_PRICE)

@@ -16,6 +16,7 @@ from meshreel.entropy.varint import write_varint
 from meshreel.errors import CorruptStreamError
 from meshreel.kernel.exact import encode_exact
 from meshreel.kernel.fields import decode_fields, encode_fields
+from meshreel.kernel.frames import MAX_COSINES
 from meshreel.kernel.mesh import Neighbours
 from meshreel.kernel.predict import Prepared, prepared_weights
 from meshreel.reel.agreed import payloads
@@ -94,10 +95,9 @@ def _write_fields(
     block: FieldBlock, mesh: FieldMesh, corrections: Corrections | None
 ) -> list[tuple[Section, bytes]]:
     """The sections that all tracks have."""
-    found = [
-        (Section.FIELDS, payloads.write_layout(block.layout)),
-        (Section.BASIS, payloads.write_basis(block.basis, block.layout.rests)),
-    ]
+    layout = block.layout
+    basis = payloads.write_basis(block.basis, layout.rests, has_cosines=layout.has_cosines)
+    found = [(Section.FIELDS, payloads.write_layout(layout)), (Section.BASIS, basis)]
     if corrections is not None:
         found.append((Section.CORRECTIONS, payloads.write_corrections(corrections)))
     return [*found, (Section.COEFFICIENTS, encode_fields(block.fields, mesh.coding_order))]
@@ -149,8 +149,8 @@ def layout_of(stored: StoredBlock) -> Layout:
     Raises
     ------
     CorruptStreamError, UnsupportedVersionError
-        As `payloads.read_layout`; and if more modes are reused than there are, or a time rests
-        that does not exist.
+        As `payloads.read_layout`; and if more modes are reused than there are, a time rests that
+        does not exist, or cosines have too many frames.
     """
     layout = payloads.read_layout(stored.payload(Section.FIELDS))
     if layout.n_reused > stored.n_modes:
@@ -158,6 +158,11 @@ def layout_of(stored: StoredBlock) -> Layout:
     if layout.rests.runs and layout.rests.runs[-1][1] > stored.n_frames:
         raise CorruptStreamError(
             f"times up to {layout.rests.runs[-1][1] - 1} rest in a block of {stored.n_frames}"
+        )
+    if layout.has_cosines and stored.n_frames > MAX_COSINES:
+        raise CorruptStreamError(
+            f"a block of {stored.n_frames} frames has cosines over time; at most {MAX_COSINES} "
+            "frames are allowed"
         )
     return layout
 
@@ -186,7 +191,11 @@ def read_field_block(
     n_modes, n_frames = stored.n_modes, stored.n_frames
     times, coded = stored.payload(Section.BASIS), stored.payload(Section.COEFFICIENTS)
     shape = n_modes, n_columns, n_frames
-    coming = in_background(lambda: payloads.read_basis(times, *shape, rests=layout.rests))
+    coming = in_background(
+        lambda: payloads.read_basis(
+            times, *shape, rests=layout.rests, has_cosines=layout.has_cosines
+        )
+    )
     order = mesh.coding_order
     weights = _begun_weights(mesh, layout, key)
     fields = decode_fields(coded, n_modes - layout.n_reused, mesh.n_verts, order)

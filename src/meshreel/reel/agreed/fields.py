@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.kernel.frames import lengths_of, time_vectors
+from meshreel.kernel.frames import cosine_vectors, lengths_of, time_vectors
 from meshreel.kernel.predict import Prepared, decode_values, prepared_weights
 from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.reel.agreed.timeline import NO_REST, Rests
@@ -45,7 +45,9 @@ class Layout:
     finer : float32
         Steps of the vectors of these modes in one of a position; 0 where there are none.
     rests : Rests
-        Times that are predicted from the one before.
+        Times that are predicted from the one before; none with cosines.
+    has_cosines : bool
+        The temporal basis is coded as coefficients of cosines over time, and not by times.
     """
 
     step: np.float32
@@ -56,6 +58,7 @@ class Layout:
     n_reused: int = 0
     finer: np.float32 = NONE_REUSED
     rests: Rests = NO_REST
+    has_cosines: bool = False
 
 
 @dataclass(frozen=True)
@@ -67,7 +70,7 @@ class FieldBlock:
     layout : Layout
     basis : int32 array of shape (K, C, T)
         C columns, of positions x, y and z. Residuals of the temporal basis, as they are coded:
-        the coarsest times are differences.
+        the coarsest times are differences. With cosines, their coefficients.
     fields : int32 array of shape (K - n_reused, V)
         Residuals of the fields, in coding order; not of those that are reused.
     """
@@ -174,4 +177,6 @@ def decode_basis(
     lengths = None
     if layout is not None and key is not None and layout.n_reused:
         lengths = lengths_of(key.values, layout.n_reused, float(layout.finer))
+    if layout is not None and layout.has_cosines:
+        return cosine_vectors(coded, lengths)
     return time_vectors(coded, lengths, rests.flags(coded.shape[2]), rests.bits)

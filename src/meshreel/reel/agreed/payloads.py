@@ -26,6 +26,9 @@ SINGLE, DOUBLE = 4, 8
 WITH_RESTS = 16
 """Is added to the layout of blocks that have resting times."""
 
+WITH_COSINES = 32
+"""Is added to the layout of blocks whose basis is coded as coefficients of cosines over time."""
+
 INTEGER_BYTES = 8
 """Of a decoded integer of corrections: their vertex, frame and offsets."""
 
@@ -38,10 +41,11 @@ MAX_STEP = 1e6
 
 def write_layout(layout: Layout) -> bytes:
     """How the fields of `reel` are predicted; begins with the number of the layout."""
+    number = SINGLE if layout.is_single else DOUBLE
+    number |= WITH_RESTS if layout.rests.runs else 0
+    number |= WITH_COSINES if layout.has_cosines else 0
     parts = [
-        bytes(
-            [(SINGLE if layout.is_single else DOUBLE) | (WITH_RESTS if layout.rests.runs else 0)]
-        ),
+        bytes([number]),
         write_varint(layout.reference),
         struct.pack("<f", layout.step),
         write_varint(layout.stencil_size),
@@ -65,11 +69,15 @@ def read_layout(payload: bytes) -> Layout:
     """
     if not payload:
         raise TruncatedStreamError("the layout of the fields is cut off")
-    precision = payload[0] & ~WITH_RESTS
+    precision = payload[0] & ~(WITH_RESTS | WITH_COSINES)
     if precision not in (SINGLE, DOUBLE):
         raise UnsupportedVersionError(
             f"the fields of the stream have layout {payload[0]}; this build reads {SINGLE} and "
-            f"{DOUBLE}, and {WITH_RESTS} more; upgrade meshreel"
+            f"{DOUBLE}, and {WITH_RESTS} or {WITH_COSINES} more; upgrade meshreel"
+        )
+    if payload[0] & WITH_RESTS and payload[0] & WITH_COSINES:
+        raise CorruptStreamError(
+            "a block has resting times and cosines over time; one excludes the other"
         )
     reference, position = read_varint(payload, 1)
     if len(payload) < position + 4:
@@ -99,7 +107,15 @@ def read_layout(payload: bytes) -> Layout:
     is_single = precision == SINGLE
     single = np.float32
     return Layout(
-        single(step), stencil_size, n_learned, reference, is_single, n_reused, single(finer), rests
+        single(step),
+        stencil_size,
+        n_learned,
+        reference,
+        is_single,
+        n_reused,
+        single(finer),
+        rests,
+        bool(payload[0] & WITH_COSINES),
     )
 
 
@@ -137,11 +153,13 @@ def _read_rests(payload: bytes, position: int) -> tuple[Rests, int]:
 
 
 @staged("temporal basis")
-def write_basis(coded: npt.NDArray[np.integer], rests: Rests = NO_REST) -> bytes:
-    """Bytes of residuals of the temporal basis, (K, C, T); the coarsest times are differences."""
+def write_basis(
+    coded: npt.NDArray[np.integer], rests: Rests = NO_REST, *, has_cosines: bool = False
+) -> bytes:
+    """Bytes of residuals of the temporal basis, (K, C, T), as in `FieldBlock`."""
     n_modes, n_columns, n_frames = coded.shape
     rows = coded.reshape(n_modes, n_columns * n_frames)
-    return encode_fields(rows, time_order(n_columns, n_frames, rests))
+    return encode_fields(rows, time_order(n_columns, n_frames, rests, has_cosines=has_cosines))
 
 
 @staged("temporal basis")
@@ -151,9 +169,11 @@ def read_basis(
     n_columns: int,
     n_frames: int,
     rests: Rests = NO_REST,
+    *,
+    has_cosines: bool = False,
 ) -> npt.NDArray[np.int32]:
     """Undo `write_basis`."""
-    order = time_order(n_columns, n_frames, rests)
+    order = time_order(n_columns, n_frames, rests, has_cosines=has_cosines)
     coded = decode_fields(payload, n_modes, n_columns * n_frames, order)
     return coded.reshape(len(coded), n_columns, n_frames)
 

@@ -2,7 +2,8 @@
 
 Times that are multiples of 4 come first; then the times half-way between those known, and so on.
 The core predicts each from those known around it. Times that rest are left out of this order and
-follow at the end: each is predicted from the time before.
+follow at the end: each is predicted from the time before. Coefficients of cosines over time are
+coded by frequency instead.
 """
 
 from dataclasses import dataclass
@@ -22,6 +23,9 @@ COARSEST = 4
 
 COLUMNS_BEFORE = 2
 """Columns whose time is a context neighbour of the same time."""
+
+FREQUENCIES_BEFORE = 4
+"""Lower frequencies that are context neighbours of one."""
 
 
 @dataclass(frozen=True)
@@ -77,10 +81,25 @@ def time_passes(n_columns: int, n_frames: int, rests: Rests = NO_REST) -> tuple[
     return tuple(passes)
 
 
+def frequency_pass(n_columns: int, n_frames: int) -> Pass:
+    """The order in which coefficients of a mode are coded, with the context neighbours of each.
+
+    A column of the track comes after another, each from the lowest frequency on.
+    """
+    frequencies = np.arange(n_frames)
+    before = frequencies[:, None] - np.arange(1, FREQUENCIES_BEFORE + 1)
+    return _pass_of_times(frequencies, np.maximum(before, -1), n_columns, n_frames)
+
+
 @lru_cache(maxsize=8)
-def time_order(n_columns: int, n_frames: int, rests: Rests = NO_REST) -> CodingOrder:
-    """The passes of `time_passes`, as the core takes them."""
-    return order_of(time_passes(n_columns, n_frames, rests), n_columns * n_frames)
+def time_order(
+    n_columns: int, n_frames: int, rests: Rests = NO_REST, *, has_cosines: bool = False
+) -> CodingOrder:
+    """The passes of `time_passes`, or that of frequencies, as the core takes them."""
+    passes: tuple[Pass, ...] = time_passes(n_columns, n_frames, rests)
+    if has_cosines:
+        passes = (frequency_pass(n_columns, n_frames),)
+    return order_of(passes, n_columns * n_frames)
 
 
 def _pass(

@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.frame_products import JointFrames
-from meshreel.kernel.frames import encode_times
 from meshreel.kernel.predict import Choice, Prepared, encode_values
 from meshreel.reel.agreed.fields import (
     FieldBlock,
@@ -18,9 +17,9 @@ from meshreel.reel.agreed.fields import (
     with_reused,
 )
 from meshreel.reel.agreed.mesh import FieldMesh
-from meshreel.reel.agreed.timeline import Rests
+from meshreel.reel.encoding.basis_coding import BasisCoding, choose_coding
 from meshreel.reel.encoding.block_frames import CHUNK_VERTICES, LARGEST_INTEGER, BlockFrames
-from meshreel.reel.encoding.rest import find_rests, has_still_part
+from meshreel.reel.encoding.rest import has_still_part
 from meshreel.reel.encoding.reuse import reuse_fields
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_background, in_threads
@@ -169,8 +168,8 @@ def analyse_fields(
         n_own = 0 if reused is None else len(reused.block.fields)
         if reused is not None and n_own <= FEW_OWN * key.values.shape[1]:
             return reused
-    basis, rests = _quantized_basis(frames, float(step), choices)
-    layout = replace(layout, rests=rests)
+    basis, coding = _quantized_basis(frames, float(step), choices)
+    layout = replace(layout, rests=coding.rests, has_cosines=coding.has_cosines)
     hierarchy.result()
     prepared = mesh.prepared if key is None and is_trial else None
     alone = _with_basis(frames, basis, layout, mesh, choices, key, prepared)
@@ -217,11 +216,13 @@ def _reusing(
     reused = reuse_fields(frames, key.values, mesh.number, step, float(finer), choices.price)
     if reused is None:
         return None
-    basis, _ = _quantized_basis(reused.left, step, choices, reused.rests, may_be_none=True)
+    coding = reused.coding
+    basis, _ = _quantized_basis(reused.left, step, choices, coding, may_be_none=True)
     n_reused = len(reused.integers)
     if n_reused + len(basis) > frames.n_columns * frames.n_frames:
         return None
-    layout = replace(layout, n_reused=n_reused, finer=finer, rests=reused.rests)
+    layout = replace(layout, n_reused=n_reused, finer=finer)
+    layout = replace(layout, rests=coding.rests, has_cosines=coding.has_cosines)
     return _with_basis(reused.left, basis, layout, mesh, choices, key, None, reused.integers)
 
 
@@ -247,14 +248,14 @@ def _quantized_basis(
     frames: BlockFrames,
     step: float,
     choices: FieldChoices,
-    rests: Rests | None = None,
+    coding: BasisCoding | None = None,
     *,
     may_be_none: bool = False,
-) -> tuple[npt.NDArray[np.int32], Rests]:
-    """Residuals of the temporal basis, of shape (K, C, T), without modes that are all 0.
+) -> tuple[npt.NDArray[np.int32], BasisCoding]:
+    """Integers of the temporal basis, of shape (K, C, T), without modes that are all 0.
 
-    There is one at least, unless there may be none. With them the resting times, which are looked
-    for where they are not known.
+    There is one at least, unless there may be none. With them their coding, which is chosen where
+    it is not given.
     """
     least = choices.least_rms * step * float(np.sqrt(frames.n_verts))
     has_means = frames.taken is None and has_still_part(frames, step)
@@ -267,14 +268,13 @@ def _quantized_basis(
     scales = np.minimum(strengths / (choices.basis_step * step), LARGEST_INTEGER)
     shape = (-1, frames.n_columns, frames.n_frames)
     wanted = (vectors * scales).T.reshape(shape)
-    if rests is None:
-        rests = find_rests(frames, wanted, step, choices.basis_step, choices.price)
-    flags = rests.flags(frames.n_frames)
-    coded = encode_times(wanted, choices.price, flags, rests.bits)
+    if coding is None:
+        coding = choose_coding(frames, wanted, step, choices.basis_step, choices.price)
+    coded = coding.encode(wanted, choices.price)
     does_something = np.asarray(coded.any(axis=(1, 2)))
     if not may_be_none:
         does_something[0] = True
-    return coded[does_something], rests
+    return coded[does_something], coding
 
 
 @staged("fields")

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.kernel.frames import encode_times, lengths_of, time_vectors
-from meshreel.reel.agreed.timeline import Rests
+from meshreel.kernel.frames import lengths_of
+from meshreel.reel.encoding.basis_coding import BasisCoding, choose_coding
 from meshreel.reel.encoding.block_frames import CHUNK_VERTICES, LARGEST_INTEGER, BlockFrames
-from meshreel.reel.encoding.rest import find_rests
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_threads
 
@@ -24,14 +23,14 @@ class ReusedFields:
     ----------
     integers : int32 array of shape (R, C, T)
         Residuals of their vectors over time.
-    rests : Rests
-        The resting times of the block.
+    coding : BasisCoding
+        Of the vectors of the block.
     left : BlockFrames
         What they leave of the frames.
     """
 
     integers: npt.NDArray[np.int32]
-    rests: Rests
+    coding: BasisCoding
     left: BlockFrames
 
 
@@ -68,18 +67,17 @@ def reuse_fields(
     if not np.abs(scaled).max() < LARGEST_INTEGER:
         return None
     scaled = scaled.T.reshape(n_reused, frames.n_columns, frames.n_frames)
-    rests = find_rests(frames, scaled, step, finer, price)
-    flags = rests.flags(frames.n_frames)
-    integers = encode_times(scaled, price, flags, rests.bits)
+    coding = choose_coding(frames, scaled, step, finer, price)
+    integers = coding.encode(scaled, price)
     does_something = np.flatnonzero(integers.any(axis=(1, 2)))
     if not len(does_something):
         return None
     n_reused = int(does_something[-1]) + 1
     integers = np.ascontiguousarray(integers[:n_reused])
-    vectors = time_vectors(integers, lengths[:n_reused], flags, rests.bits) * step
+    vectors = coding.vectors(integers, lengths[:n_reused]) * step
     taken = vectors, np.ascontiguousarray(fields[:, :n_reused])
     left = BlockFrames(frames.vertices, frames.frame, frames.order, taken)
-    return ReusedFields(integers, rests, left)
+    return ReusedFields(integers, coding, left)
 
 
 def _nearest_vectors(frames: BlockFrames, fields: Floats) -> Floats:

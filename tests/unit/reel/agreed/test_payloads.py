@@ -29,6 +29,12 @@ def test_times_come_back_when_some_rest():
     np.testing.assert_array_equal(back, times)
 
 
+def test_coefficients_come_back_when_written_as_cosines():
+    coded = np.random.default_rng(4).integers(-300, 300, (5, 3, 20))
+    payload = payloads.write_basis(coded, has_cosines=True)
+    np.testing.assert_array_equal(payloads.read_basis(payload, 5, 3, 20, has_cosines=True), coded)
+
+
 def layout(step=0.25, size=10, n_learned=32, reference=0, is_single=False):
     return Layout(np.float32(step), size, n_learned, reference, is_single)
 
@@ -46,6 +52,7 @@ REUSED = replace(RESTING, n_reused=2, finer=np.float32(4.0))
         layout(is_single=True),
         RESTING,
         REUSED,
+        replace(layout(is_single=True), has_cosines=True),
     ],
 )
 def test_layout_comes_back_when_written(known):
@@ -70,6 +77,11 @@ def test_layout_is_refused_when_it_has_rests_that_cannot_be(rests):
     payload = payloads.write_layout(replace(layout(), rests=rests))
     with pytest.raises(CorruptStreamError, match="resting times"):
         payloads.read_layout(payload)
+
+
+def test_layout_is_refused_when_times_rest_in_a_block_with_cosines():
+    with pytest.raises(CorruptStreamError, match="cosines"):
+        payloads.read_layout(payloads.write_layout(replace(RESTING, has_cosines=True)))
 
 
 @pytest.mark.parametrize("known", [layout(), replace(layout(), rests=RESTING.rests)])

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from meshreel.reel.agreed.timeline import Rests, time_passes
+from meshreel.reel.agreed.timeline import Rests, frequency_pass, time_passes
 
 every_width = pytest.mark.parametrize("n_columns", [1, 2, 3, 6])
 every_length = pytest.mark.parametrize("n_frames", [1, 2, 3, 7, 8, 9, 16, 17, 31, 100])
@@ -52,3 +52,17 @@ def test_resting_times_come_last_and_know_those_before_that_rest():
     near = np.split(last.indices, last.indptr[1:-1])
     assert [one.tolist() for one in near[:6]] == [[], [1], [], [], [9], [10, 9]]
     assert [one.tolist() for one in near[6:]] == [[1], [13, 2], [6], [9], [21, 10], [22, 21, 11]]
+
+
+@every_width
+@every_length
+def test_a_frequency_is_told_of_by_lower_ones_and_other_columns(n_columns, n_frames):
+    found = frequency_pass(n_columns, n_frames)
+    np.testing.assert_array_equal(found.columns, np.arange(n_columns * n_frames))
+    near = np.split(found.indices, found.indptr[1:-1])
+    for place, told in enumerate(near):
+        column, k = divmod(place, n_frames)
+        wanted = {column * n_frames + lower for lower in range(max(0, k - 4), k)}
+        wanted |= {other * n_frames + k for other in range(max(0, column - 2), column)}
+        assert len(told) == len(wanted)
+        assert set(told.tolist()) == wanted
