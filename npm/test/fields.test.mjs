@@ -16,9 +16,15 @@ const ALLOWED = 1e-5;
 /** Diagonals below this have no weights of single precision. */
 const SMALLEST = 2 ** -100;
 
-/** The largest distance of frames from what small integers make of them, in diagonals. */
-function largestError({ center, diagonal }, frames, fields) {
+/**
+ * The largest distance of frames from what small integers make of them: in diagonals, or in the
+ * largest coordinate of the block where that is more, as in streams of random numbers.
+ */
+function largestError({ center, diagonal: announced }, frames, fields) {
   const { nVerts, nModes } = fields;
+  const sizes = frames.map((frame) => frame.reduce((most, one) => Math.max(most, Math.abs(one)), 0));
+  const isFar = Math.max(...sizes) > 1000 * announced;
+  const diagonal = isFar ? Math.max(...sizes) : announced;
   let largest = 0;
   for (let t = 0; t < fields.nFrames; t++) {
     const wanted = frames[t];
