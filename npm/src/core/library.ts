@@ -105,9 +105,10 @@ export class Library {
   /** An instance of a module that `loadModule` gives. */
   static async start(module: WebAssembly.Module): Promise<Library> {
     let library: Library;
+    // Addresses come as signed integers.
     const page = {
       read: (start: number, to: number, size: number): number =>
-        Number(!library.bytes?.copy(start, new Uint8Array(library.buffer, to, size))),
+        Number(!library.bytes?.copy(start, new Uint8Array(library.buffer, to >>> 0, size >>> 0))),
       announce: (start: number, size: number): number =>
         Number(!library.bytes?.has(start, start + size)),
       allocate: (size: number): number => library.heap.take(size >>> 0),

@@ -91,11 +91,14 @@ export class Engine {
       : [fetch(0, size ?? Number.MAX_SAFE_INTEGER)];
     const [head] = await Promise.all(parts);
     const sizeBytes = isLarge ? size : head.length || (size ?? 0);
-    // The first range that is missing is the rest of the sections before the first block. A second
-    // one means that the index is damaged, and that blocks are found section by section.
-    let nReads = 0;
-    const readMore: Read = (start, end, ending) =>
-      read(start, nReads++ ? sizeBytes : Math.min(end + TAIL_BYTES, sizeBytes), ending);
+    // Each read goes twice as far ahead as the one before: without an index, blocks are found section
+    // by section, and few reads have to do.
+    let ahead = HEAD_BYTES;
+    const readMore: Read = (start, end, ending) => {
+      const found = read(start, Math.min(end + ahead, sizeBytes), ending);
+      ahead *= 2;
+      return found;
+    };
     const attempt = <T>(work: () => T): Promise<T> =>
       attempted(library, bytes, readMore, signal, work);
     const handle = await attempt(() => openedFile(library, sizeBytes, memory, segment, head));
@@ -104,13 +107,8 @@ export class Engine {
       library.check((error) => library.functions.meshreel_read_surface(handle, error));
       return readSurface(library, file);
     });
-    const images = await Promise.all(
-      surface.images.map(async ({ start, end, ...named }) => {
-        await fetch(start, end);
-        const copy = new Uint8Array(end - start);
-        bytes.copy(start, copy);
-        return { ...named, bytes: copy };
-      }),
+    const images = await attempt(() =>
+      surface.images.map(({ start, end, ...named }) => ({ ...named, bytes: bytes.slice(start, end) })),
     );
     const isKept = isLarge || sizeBytes <= HEAD_BYTES;
     return new Engine(library, read, file, isKept ? bytes : new Ranges(), { ...surface, images });

@@ -1,6 +1,6 @@
 // Bytes of a file that have been fetched.
 
-import type { Bytes } from "../core/library.js";
+import { type Bytes, MissingBytes } from "../core/library.js";
 
 /** Consecutive bytes of a file. */
 export interface Range {
@@ -40,6 +40,13 @@ export class Ranges implements Bytes {
       at = Math.max(at, behind);
     }
     return at >= end ? null : [at, end];
+  }
+
+  /** A copy of bytes. @throws MissingBytes if some have not been fetched. */
+  slice(start: number, end: number): Uint8Array {
+    const found = new Uint8Array(end - start);
+    if (!this.copy(start, found)) throw new MissingBytes(start, end);
+    return found;
   }
 
   copy(start: number, into: Uint8Array): boolean {
