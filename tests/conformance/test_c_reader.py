@@ -23,10 +23,11 @@ from samples.c_reader import (
     File,
     Host,
     Layout,
-    RefusalError,
     by_calls,
+    code_of,
     in_memory,
     kind_of,
+    refusal,
 )
 from samples.costs import draws
 from samples.meshes import assert_same_surface
@@ -67,21 +68,6 @@ def everything_of(data, host, source=None):
     with File(source or in_memory(data), host) as file:
         file.read_surface()
         return decoded_all(file)
-
-
-def refusal(act):
-    """The refusal of an act; None if it succeeds."""
-    try:
-        act()
-    except RefusalError as refused:
-        return refused
-    return None
-
-
-def code_of(act):
-    """The code that an act is refused with."""
-    refused = refusal(act)
-    return refused.code if refused else Code.OK
 
 
 def same(found, wanted):

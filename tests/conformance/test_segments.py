@@ -14,27 +14,23 @@ from meshreel.codec.decoder import decode
 from meshreel.codec.joining import header_of, join_streams
 from meshreel.codec.open_stream import whole_stream
 from meshreel.errors import CorruptStreamError, InvalidInputError
-from samples.c_reader import DAMAGED, Code, Decoder, File, Host, RefusalError, by_calls, in_memory
+from samples.c_reader import (
+    DAMAGED,
+    Code,
+    Decoder,
+    File,
+    Host,
+    by_calls,
+    code_of,
+    in_memory,
+    refusal,
+)
 
 REFUSED_FILES = sorted(REFUSED_FOLDER.glob("*.reel"))
 
 
 def stored(name):
     return (FOLDER / f"{name}.reel").read_bytes()
-
-
-def refusal(act):
-    """The refusal of an act; None if it succeeds."""
-    try:
-        act()
-    except RefusalError as refused:
-        return refused
-    return None
-
-
-def code_of(act):
-    refused = refusal(act)
-    return refused.code if refused else Code.OK
 
 
 def everything_of(data, host=None, source=None):

@@ -230,6 +230,21 @@ class RefusalError(Exception):
         self.size = error.size if error else None
 
 
+def refusal(act):
+    """The refusal of an act; None if it succeeds."""
+    try:
+        act()
+    except RefusalError as refused:
+        return refused
+    return None
+
+
+def code_of(act):
+    """The code that an act is refused with."""
+    refused = refusal(act)
+    return refused.code if refused else Code.OK
+
+
 def call(name, *arguments):
     """Call a function that fills an error; raise `RefusalError` if it fails."""
     error = CError()
