@@ -4,7 +4,7 @@
 
 #include "fuzz.h"
 
-#define ROOM (1 << 18)
+#define CAPACITY (1 << 18)
 #define MOST_SEGMENTS 4
 #define MOST_BLOCKS 4
 #define MOST_TRACKS 5
@@ -34,7 +34,7 @@ typedef struct {
 } stream;
 
 static void put(stream *s, const void *from, size_t size) {
-    FUZZ_CLAIM(size <= ROOM - s->size);
+    FUZZ_CLAIM(size <= CAPACITY - s->size);
     if (size) {
         memcpy(s->bytes + s->size, from, size);
         s->size += size;
@@ -534,7 +534,7 @@ static void note_segment(stream *index, const stream *s, size_t at) {
 }
 
 static fuzz_bytes make_stream(void) {
-    stream s = {.bytes = fuzz_take(ROOM, 1)}, index = {.bytes = fuzz_take(ROOM, 1)};
+    stream s = {.bytes = fuzz_take(CAPACITY, 1)}, index = {.bytes = fuzz_take(CAPACITY, 1)};
     int64_t n_segments = fuzz_once_in(3) ? 1 + fuzz_below(MOST_SEGMENTS) : 1, announced = 0;
     int64_t n_blocks[MOST_SEGMENTS], n_frames[MOST_SEGMENTS][MOST_BLOCKS];
     for (int64_t k = 0; k < n_segments; k++) {

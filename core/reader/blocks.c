@@ -546,8 +546,8 @@ static int load_missing(reel_call *call, meshreel_decoder *decoder, uint32_t tra
     now->missing = found;
     for (uint64_t i = 0; !failed && i < now->group.n_frames * graph->n_items * n_columns; i++) {
         if (now->missing[i] > 1) {
-            failed = reel_fail(call, MESHREEL_CORRUPT, now->group.missing.at,
-                               "a value is neither missing nor there");
+            failed = reel_corrupt(call, now->group.missing.at,
+                                  "a value is neither missing nor there");
         }
     }
     return failed;

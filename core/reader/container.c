@@ -244,7 +244,7 @@ static int check_block(reel_call *call, uint64_t at, uint64_t n_verts, uint64_t 
                : MESHREEL_OK;
 }
 
-/* Adds a block, and makes room for the ends of its groups. */
+/* Adds a block, and makes space for the ends of its groups. */
 static int add_block(reel_call *call, reel_pool *pool, reel_outline *outline, uint64_t at,
                      uint64_t n_frames, uint64_t **ends) {
     int failed = check_block(call, at, outline->n_verts, outline->n_frames, n_frames);

@@ -122,8 +122,8 @@ export class ReelFile implements OpenReel {
   /**
    * A track, whose values come when they are asked for.
    *
-   * What decodes tracks is a module and a worker of its own: it is loaded with the first values, and
-   * positions never wait for it. Only bytes of tracks that are asked for are read.
+   * A separate module and worker decode tracks; they are loaded with the first values, and positions
+   * never wait for them. Only bytes of requested tracks are read.
    *
    * @example
    * const stress = reel.track("stress");

@@ -88,7 +88,7 @@ def header_of(opened: OpenStream) -> Header:
 
 
 def leading_of(opened: OpenStream) -> Iterator[tuple[Section, bytes]]:
-    """The known sections before the first block that may stand in another segment."""
+    """The known sections before the first block that another segment may have."""
     leading = (one for one in opened.leading if one.id != Section.SEGMENT)
     return ((Section(one.id), opened.payload(one)) for one in leading)
 
