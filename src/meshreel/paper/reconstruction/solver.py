@@ -4,33 +4,25 @@ from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import csc_array, csr_array
+from scipy.sparse import csc_array
 
 from meshreel.errors import SolverError
-from meshreel.paper.reconstruction.multifrontal import MultifrontalSolver
 from meshreel.runtime.fork import fork_safe_lock
 
 Floats = npt.NDArray[np.float64]
 Solve = Callable[[Floats], Floats]
 
-MIN_MULTIFRONTAL = 8000
-"""Number of unknowns from which our own factorisation is faster (docs/codec.md)."""
-
 
 class CholeskySolver:
     """Factor of a sparse symmetric positive definite matrix, for any number of right-hand sides.
 
-    From `MIN_MULTIFRONTAL` unknowns on it is our own (`MultifrontalSolver`). Smaller matrices,
-    those with too many couplings, and nearly singular ones are factored by cholespy where it is
-    installed, else by SciPy's sparse LU, which gives the same result more slowly.
+    cholespy factors the matrix where it is installed, else SciPy's sparse LU, which gives the same
+    result more slowly.
 
     Parameters
     ----------
     matrix : csc_array of shape (V, V)
         Both triangles filled, float64.
-    graph : csr_array of shape (V, V), optional
-        Symmetric, with the same connected components and fewer entries: the mesh, where the
-        matrix couples neighbours of neighbours. Default: the matrix.
 
     Raises
     ------
@@ -38,12 +30,8 @@ class CholeskySolver:
         If the factorisation fails.
     """
 
-    def __init__(self, matrix: csc_array, graph: csr_array | None = None) -> None:
-        self._solve = (
-            _multifrontal_solve(matrix, csr_array(matrix) if graph is None else graph)
-            or _cholespy_solve(matrix)
-            or _splu_solve(matrix)
-        )
+    def __init__(self, matrix: csc_array) -> None:
+        self._solve = _cholespy_solve(matrix) or _splu_solve(matrix)
 
     def solve(self, right: Floats) -> Floats:
         """Solution of shape (V, K) for right-hand sides of shape (V, K).
@@ -62,29 +50,25 @@ class CholeskySolver:
         return solution
 
 
-def _multifrontal_solve(matrix: csc_array, graph: csr_array) -> Solve | None:
-    if matrix.shape[0] < MIN_MULTIFRONTAL:
-        return None
-    try:
-        return MultifrontalSolver(matrix, graph).solve
-    except SolverError:
-        return None
-
-
 def _cholespy_solve(matrix: csc_array) -> Solve | None:
     try:
         from cholespy import CholeskySolverD, MatrixType
     except ImportError:
         return None
     size = matrix.shape[0]
-    factor = CholeskySolverD(
-        size,
-        matrix.indptr.astype(np.int32),
-        matrix.indices.astype(np.int32),
-        matrix.data.astype(np.float64),
-        MatrixType.CSC,
-    )
-
+    try:
+        factor = CholeskySolverD(
+            size,
+            matrix.indptr.astype(np.int32),
+            matrix.indices.astype(np.int32),
+            matrix.data.astype(np.float64),
+            MatrixType.CSC,
+        )
+    except (RuntimeError, ValueError) as error:
+        raise SolverError(
+            f"the reconstruction system cannot be factored ({error}); more anchors make it better "
+            "conditioned"
+        ) from error
     lock = fork_safe_lock()  # CHOLMOD keeps its workspace with the factor
 
     def solve(right: Floats) -> Floats:

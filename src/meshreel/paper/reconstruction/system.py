@@ -38,7 +38,7 @@ class ReconstructionSystem:
         selected = np.zeros(laplacian.shape[0])
         selected[anchors] = 1.0
         matrix = csc_array(laplacian.T @ laplacian + diags_array(selected))
-        self._solver = CholeskySolver(matrix, graph=laplacian)
+        self._solver = CholeskySolver(matrix)
 
     def solve(self, deltas: Floats, anchor_values: Floats) -> Floats:
         """Values at all vertices, for every column at once.

@@ -2,24 +2,44 @@ import sys
 
 import numpy as np
 import pytest
-from scipy.sparse import csc_array
+from scipy.sparse import csc_array, diags_array
+from scipy.spatial import Delaunay
 
 from meshreel.errors import SolverError
-from meshreel.paper.reconstruction import solver as module
+from meshreel.geometry.connectivity import component_labels
+from meshreel.geometry.laplacian import uniform_laplacian
 from meshreel.paper.reconstruction.solver import CholeskySolver
-from samples.systems import irregular_faces, system_of
+from samples.meshes import grid_faces, octahedron_faces
+
+
+def irregular_faces(n_points=900):
+    """Random triangles with holes, a strip, small bodies, a hub, long edges, odd faces."""
+    rng = np.random.default_rng(3)
+    faces = Delaunay(rng.random((n_points, 2))).simplices
+    faces = faces[rng.random(len(faces)) > 0.2]
+    strip = grid_faces(2, 60) + n_points
+    bodies = [octahedron_faces() + n_points + 120 + 6 * k for k in range(20)]
+    hub = n_points + 240
+    ring = rng.choice(n_points, 60, replace=False)
+    spokes = np.stack([np.full(59, hub), ring[:-1], ring[1:]], axis=1)
+    odd = [[5, 5, 5], [7, 7, 9], [1, 2, 3], [1, 2, 3]]
+    long = rng.integers(0, n_points, (5, 3))
+    faces = np.concatenate([faces, strip, *bodies, spokes, odd, long])
+    return np.random.default_rng(4).permutation(hub + 3)[faces], hub + 3
+
+
+def system_of(faces, n_verts, *, normalized, share):
+    """The matrix of Eq. 12 with one anchor in each component and some more."""
+    laplacian = uniform_laplacian(faces, n_verts, normalized=normalized)
+    selected = np.random.default_rng(5).random(n_verts) < share
+    _, labels = component_labels(faces, n_verts)
+    selected[np.unique(labels, return_index=True)[1]] = True
+    return csc_array(laplacian.T @ laplacian + diags_array(selected.astype(float)))
 
 
 def spd_matrix():
     root = np.random.default_rng(4).normal(size=(20, 20))
     return root @ root.T + 20 * np.eye(20)
-
-
-class Failing:
-    """Stands for a factorisation that gives up."""
-
-    def __init__(self, matrix, graph):
-        raise SolverError("planted")
 
 
 def test_solution_solves_the_system_when_there_are_many_right_hand_sides():
@@ -36,27 +56,18 @@ def test_fallback_gives_the_same_when_cholespy_is_missing(monkeypatch):
     np.testing.assert_allclose(fallback, expected, atol=1e-12)
 
 
-@pytest.mark.parametrize("has_graph", [False, True])
 @pytest.mark.parametrize("normalized", [False, True])
-def test_large_systems_give_the_same_as_small_ones_would(monkeypatch, normalized, has_graph):
-    laplacian, matrix = system_of(*irregular_faces(), normalized=normalized)
-    right = matrix @ np.random.default_rng(5).normal(size=(matrix.shape[0], 40))
-    expected = CholeskySolver(matrix).solve(right)
-    monkeypatch.setattr(module, "MIN_MULTIFRONTAL", 0)
-    monkeypatch.setattr(module, "_cholespy_solve", None)
-    solution = CholeskySolver(matrix, laplacian if has_graph else None).solve(right)
-    np.testing.assert_allclose(solution, expected, rtol=0, atol=1e-8)
+@pytest.mark.parametrize("share", [0.0, 0.02])
+def test_solution_is_that_of_the_dense_matrix_when_the_mesh_is_irregular(normalized, share):
+    matrix = system_of(*irregular_faces(), normalized=normalized, share=share)
+    values = np.random.default_rng(6).normal(size=(matrix.shape[0], 70))
+    solution = CholeskySolver(matrix).solve(matrix @ values)
+    np.testing.assert_allclose(solution, values, rtol=0, atol=1e-8)
 
 
-def test_others_take_over_when_our_own_gives_up(monkeypatch):
-    laplacian, matrix = system_of(*irregular_faces())
-    right = matrix @ np.ones((matrix.shape[0], 1))
-    monkeypatch.setattr(module, "MIN_MULTIFRONTAL", 0)
-    monkeypatch.setattr(module, "MultifrontalSolver", Failing)
-    np.testing.assert_allclose(CholeskySolver(matrix, laplacian).solve(right), 1.0, atol=1e-8)
-
-
-def test_small_systems_do_not_ask_our_own(monkeypatch):
-    monkeypatch.setattr(module, "MultifrontalSolver", None)
-    solution = CholeskySolver(csc_array(spd_matrix())).solve(np.ones((20, 1)))
-    np.testing.assert_allclose(spd_matrix() @ solution, 1.0, atol=1e-12)
+@pytest.mark.parametrize("solver", ["cholespy", "splu"])
+def test_factorization_is_refused_when_the_matrix_is_singular(monkeypatch, solver):
+    if solver == "splu":
+        monkeypatch.setitem(sys.modules, "cholespy", None)
+    with pytest.raises(SolverError, match="cannot be factored"):
+        CholeskySolver(csc_array(np.ones((4, 4))))
