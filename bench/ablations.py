@@ -20,13 +20,13 @@ from unittest.mock import patch
 import numpy as np
 
 import meshreel
-import meshreel.reel.encoding.basis_coding as basis_coding
-import meshreel.reel.encoding.effort as effort
+import meshreel.codec.reel.encoding.basis_coding as basis_coding
+import meshreel.codec.reel.encoding.effort as effort
+from meshreel.codec.reel.encoding.block_coder import FieldBlockCoder
+from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.evaluation.rate_distortion import bd_rate
 from meshreel.kernel.fields import CodingOrder, order_of, single_pass
 from meshreel.kernel.mesh import Hierarchy
-from meshreel.reel.agreed.mesh import FieldMesh
-from meshreel.reel.encoding.block_coder import FieldBlockCoder
 
 QUALITIES = (30, 45, 60, 75)
 CODE = FieldBlockCoder.code

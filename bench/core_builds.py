@@ -16,8 +16,8 @@ from collections import defaultdict
 from pathlib import Path
 
 import meshreel
-from meshreel.flag import simulate_flag
 from meshreel.kernel import library
+from meshreel.model.flag import simulate_flag
 
 LEAST_MS = 5.0
 """Functions that take less in the first build are only part of the total."""

@@ -19,12 +19,12 @@ from scipy.sparse.csgraph import connected_components
 
 import meshreel
 from meshreel.codec.config import config_of
+from meshreel.codec.connectivity.triangles import twin_sides
+from meshreel.codec.reel.encoding.shared_corners import shared_track
+from meshreel.codec.reel.encoding.tracks import MOST_TRIALS, block_ranges, coded_track
 from meshreel.codec.source import Source
 from meshreel.codec.track_bounds import kept_bounds
-from meshreel.connectivity.triangles import twin_sides
-from meshreel.geometry.normals import face_normals
-from meshreel.reel.encoding.shared_corners import shared_track
-from meshreel.reel.encoding.tracks import MOST_TRIALS, block_ranges, coded_track
+from meshreel.model.geometry.normals import face_normals
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

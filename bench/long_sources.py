@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 import meshreel
-from meshreel.sequence import Extent, bounding_boxes, extent_of_boxes
-from meshreel.surface import PLAIN, Surface
-from meshreel.tracks import TrackSource
+from meshreel.model.sequence import Extent, bounding_boxes, extent_of_boxes
+from meshreel.model.surface import PLAIN, Surface
+from meshreel.model.tracks import TrackSource
 
 Floats = npt.NDArray[np.float64]
 Vertices = npt.NDArray[np.floating]

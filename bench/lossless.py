@@ -17,9 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 import meshreel
-from meshreel.geometry.normals import vertex_normals
 from meshreel.kernel.exact import decode_exact, encode_exact
 from meshreel.kernel.mesh import Neighbours, neighbours
+from meshreel.model.geometry.normals import vertex_normals
 
 Numbers = npt.NDArray[Any]
 Coder = tuple[Callable[[Numbers], Any], Callable[[Any], Any]]

@@ -19,11 +19,11 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import CenteredNorm
 
 import meshreel
-from meshreel.geometry.connectivity import undirected_edges
+from meshreel.codec.reel.normative.hierarchy import Resolution
+from meshreel.codec.reel.normative.mesh import FieldMesh
+from meshreel.codec.subspace.pca import joint_trajectories
 from meshreel.kernel.predict import Choice, encode_values
-from meshreel.reel.agreed.hierarchy import Resolution
-from meshreel.reel.agreed.mesh import FieldMesh
-from meshreel.subspace.pca import joint_trajectories
+from meshreel.model.geometry.connectivity import undirected_edges
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

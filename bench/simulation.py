@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 import meshreel
-from meshreel.counting import counted
+from meshreel.runtime.counting import counted
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "heat_on_a_sphere.py"
 BOUNDS: dict[str, float | str] = {"temperature": "0.1K", "velocity": "0.1%", "heat flow": "0.1%"}

@@ -9,7 +9,7 @@ import meshreel
 from meshreel.evaluation.codecs.peers.draco import LEVEL, Draco
 from meshreel.evaluation.codecs.peers.integer_deltas import pack_frames, unpack_frames
 from meshreel.evaluation.codecs.peers.protocol import Shape
-from meshreel.sequence import Vertices
+from meshreel.model.sequence import Vertices
 
 DRACO_BITS = 10
 DRACO = "Draco"

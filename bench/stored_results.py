@@ -26,17 +26,17 @@ from meshreel.evaluation.codecs.recorded import read_recorded
 from meshreel.evaluation.codecs.results import CodecResults
 from meshreel.evaluation.codecs.study import CodecStudy
 from meshreel.evaluation.folder import file_name
-from meshreel.evaluation.paper.decompositions import decompositions_run
-from meshreel.evaluation.paper.findings import findings
-from meshreel.evaluation.paper.results import PaperResults, summary
-from meshreel.evaluation.paper.settings import COEFFICIENTS, PRESETS
-from meshreel.evaluation.paper.study import PaperStudy
 from meshreel.evaluation.pipeline import Study, Subject, measure
 from meshreel.evaluation.rate_distortion import bd_rate
 from meshreel.evaluation.runs.machine import machine_facts
 from meshreel.evaluation.runs.run import result_of
 from meshreel.evaluation.runs.store import Store
-from meshreel.sequence import MeshSequence
+from meshreel.model.sequence import MeshSequence
+from meshreel.paper.study.decompositions import decompositions_run
+from meshreel.paper.study.findings import findings
+from meshreel.paper.study.results import PaperResults, summary
+from meshreel.paper.study.study import PaperStudy
+from meshreel.paper.sweeps import COEFFICIENTS, PRESETS
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "docs" / "results"

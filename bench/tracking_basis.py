@@ -11,9 +11,9 @@ from scipy.fft import idct
 from scipy.linalg import eigh, subspace_angles
 
 import meshreel
+from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories, fix_signs
+from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
 from meshreel.paper.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
-from meshreel.subspace.pca import autocorrelation, eigen_trajectories, fix_signs
-from meshreel.subspace.trajectories import bounding_frame, to_matrices
 from speed_tables import table
 from speed_timing import Patience, Tasks, timed_in_turn
 

@@ -10,14 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 import meshreel
-from meshreel.bitstream.layout import Section
+from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.open_stream import whole_stream
+from meshreel.codec.reel.encoding import basis_coding
+from meshreel.codec.reel.normative.payloads import read_basis, write_basis
+from meshreel.codec.subspace.pca import eigen_trajectories
 from meshreel.evaluation.rate_distortion import bd_rate
 from meshreel.metrics.kg import kg_error_percent
 from meshreel.paper import pipeline
-from meshreel.reel.agreed.payloads import read_basis, write_basis
-from meshreel.reel.encoding import basis_coding
-from meshreel.subspace.pca import eigen_trajectories
 from speed_tables import table
 
 Integers = npt.NDArray[np.int64]

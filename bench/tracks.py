@@ -21,7 +21,7 @@ from meshreel.evaluation.tracks.measure import Measured
 from meshreel.evaluation.tracks.peers import TRACK_PEERS
 from meshreel.evaluation.tracks.settings import level_of
 from meshreel.evaluation.tracks.study import TrackStudy, with_track_alone
-from meshreel.geometry.normals import vertex_normals
+from meshreel.model.geometry.normals import vertex_normals
 from meshreel.runtime.progress import silent
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "heat_on_a_sphere.py"

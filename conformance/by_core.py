@@ -4,16 +4,16 @@ import numpy as np
 
 from conformance.container import Container, Header
 from conformance.reader import Reel
-from meshreel.bitstream.layout import Section
+from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.choices import Laplacian
 from meshreel.codec.decoder import decode
+from meshreel.codec.entropy.exact import decode_exact
 from meshreel.codec.methods import METHOD_NAMES
 from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.surface.codes import ALPHA_MODES, CHANNELS, FILTERS, WRAPS
 from meshreel.codec.surface.materials import MATERIAL_NUMBERS, TEXTURE_NUMBERS
-from meshreel.entropy.exact import decode_exact
 from meshreel.kernel.files import OpenFile
-from meshreel.materials import SLOTS
+from meshreel.model.materials import SLOTS
 from meshreel.paper.decoder import PaperBlockDecoder, stored_mesh, stored_shape
 from meshreel.paper.variants import variant_named
 

@@ -39,27 +39,27 @@ from conformance.sources import (
     together,
     uneven,
 )
-from meshreel.bitstream import header as header_module
-from meshreel.bitstream.header import Header
-from meshreel.bitstream.layout import MAX_NAME_BYTES, Section, VertexType
-from meshreel.bitstream.sections import write_sections
-from meshreel.bitstream.writer import whole_stream
+from meshreel.codec.bitstream import header as header_module
+from meshreel.codec.bitstream.header import Header
+from meshreel.codec.bitstream.layout import MAX_NAME_BYTES, Section, VertexType
+from meshreel.codec.bitstream.sections import write_sections
+from meshreel.codec.bitstream.writer import whole_stream
+from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.corrections import Corrections
+from meshreel.codec.entropy.coder import encode_integers
+from meshreel.codec.entropy.varint import write_varint
+from meshreel.codec.reel.normative import payloads
+from meshreel.codec.reel.normative.blocks import write_field_block, write_track_block
+from meshreel.codec.reel.normative.expected import MovingSurface
+from meshreel.codec.reel.normative.fields import FieldBlock, Layout
+from meshreel.codec.reel.normative.graphs import item_graph
+from meshreel.codec.reel.normative.mesh import FieldMesh
+from meshreel.codec.reel.normative.timeline import Rests
 from meshreel.codec.tracks import Coding, TrackHeader, write_track
-from meshreel.connectivity.coder import encode_connectivity
-from meshreel.entropy.coder import encode_integers
-from meshreel.entropy.varint import write_varint
-from meshreel.geometry.fans import join_fans
-from meshreel.reel.agreed import payloads
-from meshreel.reel.agreed.blocks import write_field_block, write_track_block
-from meshreel.reel.agreed.expected import MovingSurface
-from meshreel.reel.agreed.fields import FieldBlock, Layout
-from meshreel.reel.agreed.graphs import item_graph
-from meshreel.reel.agreed.mesh import FieldMesh
-from meshreel.reel.agreed.timeline import Rests
-from meshreel.sequence import MeshSequence
-from meshreel.surface import PLAIN, Domain, Surface
-from meshreel.tracks import Track
+from meshreel.model.geometry.fans import join_fans
+from meshreel.model.sequence import MeshSequence
+from meshreel.model.surface import PLAIN, Domain, Surface
+from meshreel.model.tracks import Track
 
 FOLDER = Path(__file__).with_name("streams")
 REFUSED_FOLDER = Path(__file__).with_name("refused")

@@ -14,16 +14,16 @@ import numpy as np
 
 import meshreel
 from conformance.sources import moving, of_boxes, of_everything
-from meshreel.bitstream import header as header_module
-from meshreel.bitstream import writer as writer_module
-from meshreel.bitstream.header import write_header
-from meshreel.bitstream.index import write_index
-from meshreel.bitstream.layout import Section
-from meshreel.bitstream.sections import write_sections
-from meshreel.bitstream.writer import StreamWriter
+from meshreel.codec.bitstream import header as header_module
+from meshreel.codec.bitstream import writer as writer_module
+from meshreel.codec.bitstream.header import write_header
+from meshreel.codec.bitstream.index import write_index
+from meshreel.codec.bitstream.layout import Section
+from meshreel.codec.bitstream.sections import write_sections
+from meshreel.codec.bitstream.writer import StreamWriter
 from meshreel.codec.joining import blocks_of, header_of, join_streams, leading_of
 from meshreel.codec.open_stream import whole_stream
-from meshreel.tracks import Track
+from meshreel.model.tracks import Track
 
 FOLDER = Path(__file__).with_name("segments")
 REFUSED_FOLDER = FOLDER / "refused"

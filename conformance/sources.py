@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from meshreel.geometry.fans import triangulate_fans
-from meshreel.geometry.hard_edges import shared_edges
-from meshreel.materials import AlphaMode, Filter, Image, Material, Texture, Wrap
-from meshreel.sequence import MeshSequence
-from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
+from meshreel.model.geometry.fans import triangulate_fans
+from meshreel.model.geometry.hard_edges import shared_edges
+from meshreel.model.materials import AlphaMode, Filter, Image, Material, Texture, Wrap
+from meshreel.model.sequence import MeshSequence
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 
 
 def grid(rows, columns, *, closed=(False, False), turned=False):

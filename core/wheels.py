@@ -23,7 +23,7 @@ from binaries import read_binary
 
 ROOT = core.CORE.parent
 CHECK = ROOT / "conformance" / "check.c"
-PAGE = {"meshreel/viewer/page/index.html", "meshreel/viewer/page/player.js"}
+PAGE = {"meshreel/app/viewer/page/index.html", "meshreel/app/viewer/page/player.js"}
 HEADERS = {"meshreel/kernel/meshreel.h", "meshreel/kernel/meshreel_threads.hpp"}
 MACHINES = {
     "linux-x86_64": ("ELF", "x86_64"),

@@ -16,9 +16,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from meshreel.documents.cells import number, significant
-from meshreel.evaluation.paper.printed import printed_rates, printed_seconds
 from meshreel.evaluation.rate_distortion import bd_rate
+from meshreel.paper.study.printed import printed_rates, printed_seconds
+from meshreel.rendering.documents.cells import number, significant
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "docs" / "results"

@@ -23,9 +23,9 @@ from mkdocs.utils import get_relative_url
 from option_texts import options_tables
 
 import meshreel
-from meshreel.cli.commands import command_named
-from meshreel.cli.help_panels import shown_default
-from meshreel.cli.parameters import Option
+from meshreel.app.cli.commands import command_named
+from meshreel.app.cli.help_panels import shown_default
+from meshreel.app.cli.parameters import Option
 
 ROOT = Path(__file__).parents[1]
 OUTSIDE = {

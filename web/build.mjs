@@ -8,7 +8,7 @@ import { dirname, join } from "node:path";
 import { fileURLToPath } from "node:url";
 
 const here = dirname(fileURLToPath(import.meta.url));
-const folder = process.argv[2] ?? join(here, "../src/meshreel/viewer/page");
+const folder = process.argv[2] ?? join(here, "../src/meshreel/app/viewer/page");
 
 const common = {
   bundle: true,

@@ -48,15 +48,15 @@ if TYPE_CHECKING:
         UnsupportedVersionError,
         WorkerDiedError,
     )
-    from meshreel.flag import simulate_flag
     from meshreel.formats.load import load
     from meshreel.formats.reel.reading import open
     from meshreel.formats.save import save
-    from meshreel.geometry.hard_edges import corner_normals
-    from meshreel.materials import AlphaMode, Filter, Image, Material, Texture, Wrap
     from meshreel.metrics.compare import Quality
-    from meshreel.sequence import MeshSequence
-    from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
+    from meshreel.model.flag import simulate_flag
+    from meshreel.model.geometry.hard_edges import corner_normals
+    from meshreel.model.materials import AlphaMode, Filter, Image, Material, Texture, Wrap
+    from meshreel.model.sequence import MeshSequence
+    from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 
 __version__ = "0.1.0"
 
@@ -101,22 +101,28 @@ __all__ = [
     "simulate_flag",
 ]
 
+_SURFACE = ("Attribute", "Domain", "FaceGroups", "Kind", "Part", "Surface")
+_MATERIALS = ("AlphaMode", "Filter", "Image", "Material", "Texture", "Wrap")
 _HOMES = {
-    **dict.fromkeys(("Attribute", "Domain", "FaceGroups", "Kind", "Part", "Surface"), "surface"),
-    **dict.fromkeys(("AlphaMode", "Filter", "Image", "Material", "Texture", "Wrap"), "materials"),
+    **dict.fromkeys(
+        ("Attribute", "Domain", "FaceGroups", "Kind", "Part", "Surface"), "model.surface"
+    ),
+    **dict.fromkeys(
+        ("AlphaMode", "Filter", "Image", "Material", "Texture", "Wrap"), "model.materials"
+    ),
     **dict.fromkeys(("compare", "decode", "encode", "info"), "api"),
-    "corner_normals": "geometry.hard_edges",
+    "corner_normals": "model.geometry.hard_edges",
     "Encoder": "codec.streaming",
     "load": "formats.load",
-    "MeshSequence": "sequence",
+    "MeshSequence": "model.sequence",
     "open": "formats.reel.reading",
     "Quality": "metrics.compare",
     "ReelFile": "codec.reel_file",
     "save": "formats.save",
-    "simulate_flag": "flag",
+    "simulate_flag": "model.flag",
     "StreamInfo": "codec.inspect",
-    "Track": "tracks",
-    "TrackKind": "tracks",
+    "Track": "model.tracks",
+    "TrackKind": "model.tracks",
 }
 
 

@@ -23,12 +23,12 @@ from meshreel.formats.reel.reading import open as open_reel
 from meshreel.formats.reel.reading import read_info
 from meshreel.formats.remote import at_hand
 from meshreel.formats.sources import AnyPath, Source
-from meshreel.frame_choice import start_of
+from meshreel.model.frame_choice import start_of
+from meshreel.model.sequence import FrameSource, MeshSequence
+from meshreel.model.tracks import copied
 from meshreel.runtime.progress import Progress, silent
-from meshreel.sequence import FrameSource, MeshSequence
-from meshreel.stores.address import is_remote
-from meshreel.stores.transfer import read_whole
-from meshreel.tracks import copied
+from meshreel.runtime.stores.address import is_remote
+from meshreel.runtime.stores.transfer import read_whole
 
 if TYPE_CHECKING:
     from meshreel.metrics.compare import Quality

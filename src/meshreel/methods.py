@@ -4,7 +4,7 @@ from meshreel.codec.methods import Methods, register
 
 
 def _reel() -> Methods:
-    from meshreel.reel.method import METHODS
+    from meshreel.codec.reel.method import METHODS
 
     return METHODS
 

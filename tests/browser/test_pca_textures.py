@@ -20,7 +20,7 @@ from meshreel.formats.options import WriteOptions
 from meshreel.formats.save import save
 from meshreel.formats.vat.pca.texture import read_header, section_offsets, texel_places
 from meshreel.formats.vat.textures import read_texture
-from meshreel.geometry.normals import vertex_normals
+from meshreel.model.geometry.normals import vertex_normals
 from samples.web_package import PACKAGE, ROOT, built_package, serving
 
 pytest.importorskip("imagecodecs")

@@ -10,10 +10,10 @@ import pytest
 from PIL import Image
 
 import meshreel
+from meshreel.app.viewer.page import built_page
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.metrics.heat import heat_field
 from meshreel.rendering.colormap import HEAT
-from meshreel.viewer.page import built_page
 from samples.numbered_video import STEP, moving_sheet, numbered_video
 from samples.player_pages import (
     COMMAND,

@@ -10,9 +10,9 @@ import pytest
 from PIL import Image
 
 import meshreel
-from meshreel.materials import Image as FileImage
-from meshreel.materials import Material, Texture
-from meshreel.surface import FaceGroups
+from meshreel.model.materials import Image as FileImage
+from meshreel.model.materials import Material, Texture
+from meshreel.model.surface import FaceGroups
 from samples.element_pages import picture, settled, showing, text_of, until
 from samples.numbered_video import moving_sheet
 from samples.tabs import Tabs

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import meshreel
+from meshreel.app.viewer.page import built_page
 from meshreel.errors import InvalidInputError
+from meshreel.model.tracks import Track
 from meshreel.rendering.colormap import HEAT
-from meshreel.tracks import Track
-from meshreel.viewer.page import built_page
 from samples.player_pages import COMMAND, picture_of, show, values_of, viewing, wait_until
 
 AXE = Path(__file__).parents[2] / "web" / "node_modules" / "axe-core" / "axe.min.js"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.tracks import Track
+from meshreel.model.tracks import Track
 from samples.web_package import PACKAGE, built_package, serving
 
 PAGE = """<!doctype html><title>exact</title><link rel="icon" href="data:,">

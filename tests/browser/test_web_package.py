@@ -11,7 +11,7 @@ import pytest
 
 import meshreel
 from conformance.make import FOLDER
-from meshreel.bitstream.layout import Section
+from meshreel.codec.bitstream.layout import Section
 from samples.streams import Stream, parts_of, raw_stream
 from samples.web_package import built_package, serving
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.tracks import Track
+from meshreel.model.tracks import Track
 from samples.web_package import PACKAGE, built_package, serving
 
 N_ROWS, N_COLUMNS = 16, 18

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.surface import Kind
+from meshreel.model.surface import Kind
 from samples.commands import assert_fails, run, run_json
 from samples.meshes import two_sheets, waving_grid
 

@@ -14,7 +14,7 @@ from samples import commands
 from samples.commands import assert_fails
 from samples.meshes import waving_grid
 
-PROGRAM = [sys.executable, "-c", "from meshreel.cli import main; main()", "batch"]
+PROGRAM = [sys.executable, "-c", "from meshreel.app.cli import main; main()", "batch"]
 
 
 def run(*arguments, cwd=None):

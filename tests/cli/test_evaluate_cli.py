@@ -8,7 +8,7 @@ import pytest
 
 import meshreel
 from meshreel.evaluation.codecs.recorded import COLUMNS
-from meshreel.flag import simulate_flag
+from meshreel.model.flag import simulate_flag
 from samples import commands
 from samples.commands import assert_fails
 

@@ -9,8 +9,8 @@ import pytest
 from click.testing import CliRunner
 
 import meshreel
-from meshreel.cli.app import app
-from meshreel.cli.option_names import in_option_names
+from meshreel.app.cli.app import app
+from meshreel.app.cli.option_names import in_option_names
 from samples.meshes import waving_grid
 
 GRID = waving_grid(8)

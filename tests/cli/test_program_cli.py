@@ -7,8 +7,8 @@ import sys
 import pytest
 
 import meshreel
-from meshreel.cli import evaluate, paper
-from meshreel.cli.commands import COMMANDS
+from meshreel.app.cli import evaluate, paper
+from meshreel.app.cli.commands import COMMANDS
 from samples.commands import run
 from samples.meshes import waving_grid
 
@@ -49,7 +49,7 @@ def test_module_runs_the_program_when_python_is_told_to_run_it():
 def imported(*arguments):
     """The modules that the program has when it ends."""
     program = (
-        "import atexit, sys; from meshreel.cli import main; "
+        "import atexit, sys; from meshreel.app.cli import main; "
         "atexit.register(lambda: print(*sys.modules, file=sys.stderr)); main()"
     )
     done = subprocess.run(
@@ -69,8 +69,8 @@ REGISTRY = {"meshreel.methods", "meshreel.codec", "meshreel.codec.methods"}
 def test_program_imports_nothing_to_compute_with_when_its_version_is_asked_for():
     found = imported("--version")
     ours = {name for name in found if name.startswith("meshreel.")}
-    light = {"meshreel.errors", *REGISTRY}
-    assert {name for name in ours if not name.startswith("meshreel.cli")} == light
+    light = {"meshreel.errors", "meshreel.app", *REGISTRY}
+    assert {name for name in ours if not name.startswith("meshreel.app.cli")} == light
     assert not {*HEAVY, "rich"} & found
 
 
@@ -78,15 +78,16 @@ def test_program_imports_nothing_to_compute_with_when_its_version_is_asked_for()
 def test_program_imports_no_arrays_when_it_shows_help(words):
     found = imported(*words)
     assert not HEAVY & found
-    of_commands = {name for name in found if name.removeprefix("meshreel.cli.") in COMMANDS}
-    assert of_commands == {f"meshreel.cli.{name}" for name in words[:-1] or COMMANDS}
+    of_commands = {name for name in found if name.removeprefix("meshreel.app.cli.") in COMMANDS}
+    assert of_commands == {f"meshreel.app.cli.{name}" for name in words[:-1] or COMMANDS}
 
 
 @pytest.mark.slow
 def test_program_imports_no_codec_when_it_describes_a_file_that_is_no_stream(folder):
     found = imported("info", folder / "walk.npz")
-    codec = {name for name in found if name.startswith(("meshreel.codec", "meshreel.reel"))}
+    codec = {name for name in found if name.startswith("meshreel.codec")}
     light = {*REGISTRY, "meshreel.codec.option"}
+    light |= {"meshreel.codec.bitstream", "meshreel.codec.bitstream.layout"}
     light |= {"meshreel.codec.byte_sizes", "meshreel.codec.memory"}  # the limit that is an option
     assert codec <= light
     assert not {"scipy", "DracoPy"} & found
@@ -94,7 +95,7 @@ def test_program_imports_no_codec_when_it_describes_a_file_that_is_no_stream(fol
 
 def test_program_imports_nothing_to_decode_frames_with_when_it_describes_a_stream(folder):
     found = imported("info", folder / "walk.reel")
-    assert not {"scipy", "meshreel.reel.encoding.whole", "meshreel.codec.encoder"} & found
+    assert not {"scipy", "meshreel.codec.reel.encoding.whole", "meshreel.codec.encoder"} & found
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
@@ -133,8 +134,8 @@ def test_completion_offers_files_endings_and_names_when_they_are_begun(offered, 
 def test_names_in_help_are_those_of_the_evaluation():
     from meshreel.evaluation.codecs.peers.registry import PEER_NAMES
     from meshreel.evaluation.codecs.settings import CODED_METHODS, DEFAULT_METHODS
-    from meshreel.evaluation.paper.settings import METHOD_NAMES, PRESETS
     from meshreel.evaluation.tracks.peers import TRACK_PEER_NAMES
+    from meshreel.paper.sweeps import METHOD_NAMES, PRESETS
 
     assert evaluate.METHODS.split(", ") == [*CODED_METHODS]
     assert evaluate.DEFAULT.split(",") == [*DEFAULT_METHODS]

@@ -8,9 +8,9 @@ from contextlib import contextmanager
 import pytest
 
 import meshreel
-from meshreel.cli import console
-from meshreel.cli.app import app
-from meshreel.cli.progress_lines import progress_lines
+from meshreel.app.cli import console
+from meshreel.app.cli.app import app
+from meshreel.app.cli.progress_lines import progress_lines
 from samples.figures import coarse_figures
 from samples.meshes import waving_grid
 

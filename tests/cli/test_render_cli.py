@@ -5,8 +5,8 @@ import pytest
 from PIL import Image, ImageSequence
 
 import meshreel
+from meshreel.model.sequence import MeshSequence
 from meshreel.rendering.colormap import DIVERGING, HEAT
-from meshreel.sequence import MeshSequence
 from samples.commands import assert_fails, run, run_json
 from samples.meshes import waving_grid
 

@@ -22,8 +22,8 @@ from samples.meshes import waving_grid
 from samples.players import PAGE, carried, write_page
 
 WITH_PAGE = (
-    "import sys; from pathlib import Path; from meshreel.viewer import page; "
-    "page.FOLDER = Path(sys.argv.pop(1)); from meshreel.cli import main; main()"
+    "import sys; from pathlib import Path; from meshreel.app.viewer import page; "
+    "page.FOLDER = Path(sys.argv.pop(1)); from meshreel.app.cli import main; main()"
 )
 """The program, with another page than that of the package, which needs Node to be built."""
 
@@ -53,7 +53,7 @@ def command(page, *arguments):
 
 def run_with(page, *arguments):
     """What `meshreel ARGUMENTS` says, with this page."""
-    with patch("meshreel.viewer.page.FOLDER", page):
+    with patch("meshreel.app.viewer.page.FOLDER", page):
         return run(*arguments)
 
 

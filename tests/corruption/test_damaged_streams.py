@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meshreel.bitstream.layout import Section
+from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
+from meshreel.codec.entropy.varint import write_varint
 from meshreel.codec.inspect import info
-from meshreel.entropy.varint import write_varint
+from meshreel.codec.reel.normative.payloads import read_layout, write_layout
 from meshreel.errors import CorruptStreamError, MeshReelError, TruncatedStreamError
-from meshreel.reel.agreed.payloads import read_layout, write_layout
 from samples.costs import draws
 from samples.materials import dressed_sheet
 from samples.meshes import irregular_sequence, two_sheets, waving_grid

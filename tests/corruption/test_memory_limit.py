@@ -10,14 +10,14 @@ import pytest
 import meshreel
 from conformance import reader as plain
 from conformance.bits import DamagedError, Memory, TooLargeError
-from meshreel.bitstream.layout import Section
+from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
+from meshreel.codec.entropy.varint import read_varint, write_varint
 from meshreel.codec.reel_file import ReelFile
-from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, InvalidInputError, MemoryLimitError, MeshReelError
-from meshreel.surface import Attribute, Domain, Kind, Surface
-from meshreel.tracks import Track
+from meshreel.model.surface import Attribute, Domain, Kind, Surface
+from meshreel.model.tracks import Track
 from samples.c_reader import Code, Decoder, File, Host, RefusalError
 from samples.meshes import irregular_sequence, waving_grid
 from samples.streams import Stream, parts_of, raw_stream

@@ -7,10 +7,10 @@ import click
 import pytest
 
 import meshreel
-from meshreel.batch.discovery import WHOLE_SEQUENCES
-from meshreel.cli.batch import FRAMES, WHOLE
-from meshreel.cli.commands import COMMANDS as NAMES
-from meshreel.cli.commands import command_named
+from meshreel.app.batch.discovery import WHOLE_SEQUENCES
+from meshreel.app.cli.batch import FRAMES, WHOLE
+from meshreel.app.cli.commands import COMMANDS as NAMES
+from meshreel.app.cli.commands import command_named
 from meshreel.errors import InvalidInputError
 from meshreel.formats.registry import FRAME_FORMATS
 from samples.pages import PAGES, README, ROOT, name_of, parts_of, prose, snippets

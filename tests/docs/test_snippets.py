@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from meshreel import flag
-from meshreel.cli import main
+from meshreel.app.cli import main
+from meshreel.model import flag
 from meshreel.rendering import films, stills
 from samples.figures import coarse_figures
 from samples.pages import PAGES, name_of, parts_of, snippets

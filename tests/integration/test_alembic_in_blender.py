@@ -10,9 +10,9 @@ import pytest
 
 from meshreel.formats.load import load
 from meshreel.formats.save import save
-from meshreel.geometry.fans import join_fans, triangulate_fans
-from meshreel.sequence import MeshSequence
-from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Surface
+from meshreel.model.geometry.fans import join_fans, triangulate_fans
+from meshreel.model.sequence import MeshSequence
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 
 PYTHON = os.environ.get("MESHREEL_BPY_PYTHON", sys.executable)
 """A Python that has bpy: this one, or another whose Blender is to be tested."""

@@ -5,8 +5,8 @@ import pytest
 
 import meshreel
 from integration.blender_session import why_not
-from meshreel.geometry.fans import join_fans
-from meshreel.surface import Domain, Kind
+from meshreel.model.geometry.fans import join_fans
+from meshreel.model.surface import Domain, Kind
 
 if why_not():
     pytest.skip(why_not(), allow_module_level=True)

@@ -8,7 +8,7 @@ import pytest
 
 import meshreel
 from integration.blender_session import why_not
-from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 from samples.meshes import hard_box
 
 QUADS = np.array([[0, 1, 4, 3], [1, 2, 5, 4]])

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.flag import simulate_flag
 from meshreel.formats.gltf.seams import split_at_seams
 from meshreel.formats.gltf.write import write_glb, write_gltf
 from meshreel.formats.load import load
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import split_parts
-from meshreel.sequence import MeshSequence
-from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
+from meshreel.model.flag import simulate_flag
+from meshreel.model.sequence import MeshSequence
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 from samples.browser import FOLDER, driven_browser, play
 from samples.glb import largest_error_percent, stream_of
 from samples.materials import look, png

@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 import meshreel
-from meshreel.cli.app import app
+from meshreel.app.cli.app import app
 from samples.meshes import waving_grid
 
 GRID = waving_grid(12)

@@ -5,8 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from meshreel.codec.corrections import Corrections
+from meshreel.codec.reel.normative.payloads import read_corrections, write_corrections
 from meshreel.errors import CorruptStreamError
-from meshreel.reel.agreed.payloads import read_corrections, write_corrections
 from samples.costs import draws
 
 

@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshreel.entropy.coder import decode_integers, encode_integers
+from meshreel.codec.entropy.coder import decode_integers, encode_integers
 from meshreel.errors import MeshReelError
 from meshreel.kernel.integers import MAX_MAGNITUDE
 from samples.costs import draws

@@ -5,7 +5,7 @@ from hypothesis import HealthCheck, assume, event, example, given, settings
 from hypothesis import strategies as st
 
 from meshreel import InvalidInputError, MeshSequence, compare, decode, encode
-from meshreel.reel.encoding.corrections import FLOOR
+from meshreel.codec.reel.encoding.corrections import FLOOR
 from samples.costs import draws
 from samples.strategies import bodies, moving, odd_sequences
 

@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
-from meshreel.sequence import MeshSequence
+from meshreel.model.sequence import MeshSequence
 from samples.costs import draws
 
 

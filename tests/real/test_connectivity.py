@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meshreel.connectivity.coder import (
+from meshreel.codec.connectivity.coder import (
     decode_connectivity,
     decode_order,
     encode_connectivity,
 )
-from meshreel.connectivity.triangles import lowest_rotation, sorted_order
+from meshreel.codec.connectivity.triangles import lowest_rotation, sorted_order
 
 pytestmark = [
     pytest.mark.real,

@@ -8,7 +8,7 @@ import pytest
 
 from meshreel.formats.load import load, open_source
 from meshreel.formats.save import save
-from meshreel.sequence import MeshSequence
+from meshreel.model.sequence import MeshSequence
 
 pytestmark = pytest.mark.real
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.sequence import MeshSequence
+from meshreel.model.sequence import MeshSequence
 
 pytestmark = pytest.mark.real
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from meshreel.metrics.compare import compare
-from meshreel.sequence import MeshSequence
+from meshreel.model.sequence import MeshSequence
 
 pytestmark = pytest.mark.real
 

@@ -7,16 +7,16 @@ from pathlib import Path
 import pytest
 
 import meshreel
-from meshreel.evaluation.paper.count import paper_count
-from meshreel.evaluation.paper.measure import variant_run
-from meshreel.evaluation.paper.results import PaperResults
-from meshreel.evaluation.paper.settings import variants
-from meshreel.evaluation.paper.tables import rate_table
 from meshreel.evaluation.runs.run import result_of
 from meshreel.evaluation.runs.store import Store
 from meshreel.formats.load import load
 from meshreel.paper.anchors import choose_anchors
 from meshreel.paper.decoder import coded_blocks
+from meshreel.paper.study.count import paper_count
+from meshreel.paper.study.measure import variant_run
+from meshreel.paper.study.results import PaperResults
+from meshreel.paper.study.tables import rate_table
+from meshreel.paper.sweeps import variants
 
 pytestmark = [
     pytest.mark.real,

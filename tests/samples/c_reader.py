@@ -11,8 +11,8 @@ from meshreel.codec.surface.codes import ALPHA_MODES, CHANNELS, DOMAINS, FILTERS
 from meshreel.codec.tracks import KINDS
 from meshreel.kernel.files import NUMBER_TYPES
 from meshreel.kernel.library import library
-from meshreel.materials import SLOTS, Image, Material, Texture
-from meshreel.surface import Attribute, FaceGroups, Kind, Part, Surface
+from meshreel.model.materials import SLOTS, Image, Material, Texture
+from meshreel.model.surface import Attribute, FaceGroups, Kind, Part, Surface
 
 NONE = 2**32 - 1
 UNKNOWN_OFFSET = 2**64 - 1

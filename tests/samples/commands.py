@@ -8,7 +8,7 @@ from contextlib import ExitStack, chdir, redirect_stderr, redirect_stdout
 from pathlib import Path
 from unittest.mock import patch
 
-from meshreel.cli import main
+from meshreel.app.cli import main
 
 PROGRESS_LINE = re.compile(r"^meshreel: .* \((?:\d+:)+\d\d so far\)\n", re.MULTILINE)
 """What slow work says every few seconds, on a machine that is busy any work."""

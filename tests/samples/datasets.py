@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from meshreel.geometry.fans import triangulate_fans
-from meshreel.sequence import MeshSequence
-from meshreel.surface import PLAIN, Attribute, Domain, FaceGroups, Kind, Part, Surface
+from meshreel.model.geometry.fans import triangulate_fans
+from meshreel.model.sequence import MeshSequence
+from meshreel.model.surface import PLAIN, Attribute, Domain, FaceGroups, Kind, Part, Surface
 from samples.costs import draws
 
 COUNTS = np.array([4, 3, 5, 3], np.int32)

@@ -12,7 +12,7 @@ COARSE_PANEL_PX = 100
 def coarse_figures():
     """Draw figures coarsely; at the resolution of print they take most of a report's time."""
     matplotlib = pytest.importorskip("matplotlib.figure", reason="needs matplotlib")
-    from meshreel.evaluation.paper.figures import panels
+    from meshreel.paper.study.figures import panels
 
     save = matplotlib.Figure.savefig
     with pytest.MonkeyPatch.context() as patch:

@@ -13,10 +13,10 @@ import signal
 import sys
 from pathlib import Path
 
-from meshreel.batch.encode_input import EncodeOptions
-from meshreel.batch.manifest import MANIFEST_NAME
-from meshreel.batch.plan import plan_batch
-from meshreel.batch.run import run_batch
+from meshreel.app.batch.encode_input import EncodeOptions
+from meshreel.app.batch.manifest import MANIFEST_NAME
+from meshreel.app.batch.plan import plan_batch
+from meshreel.app.batch.run import run_batch
 from meshreel.codec.config import EncoderConfig
 from meshreel.runtime.engine.engine import Engine
 from samples.engines import InlineWorkers

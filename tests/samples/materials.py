@@ -4,7 +4,7 @@ import struct
 import zlib
 from dataclasses import replace
 
-from meshreel.materials import AlphaMode, Filter, Image, Material, Texture, Wrap
+from meshreel.model.materials import AlphaMode, Filter, Image, Material, Texture, Wrap
 from samples.meshes import quad_sheet, two_sheets
 
 

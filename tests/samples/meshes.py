@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from meshreel.geometry.fans import join_fans, triangulate_fans
-from meshreel.geometry.hard_edges import shared_edges
-from meshreel.sequence import MeshSequence
-from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
+from meshreel.model.geometry.fans import join_fans, triangulate_fans
+from meshreel.model.geometry.hard_edges import shared_edges
+from meshreel.model.sequence import MeshSequence
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 
 
 def grid_faces(rows, columns):

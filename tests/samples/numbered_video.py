@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meshreel.sequence import MeshSequence
-from meshreel.surface import Attribute, Domain, Kind, Surface
+from meshreel.model.sequence import MeshSequence
+from meshreel.model.surface import Attribute, Domain, Kind, Surface
 
 GUIDE = Path(__file__).parents[2] / "docs" / "guides" / "web.md"
 CELL = 16

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 import numpy as np
 from PIL import Image
 
-COMMAND = (sys.executable, "-c", "from meshreel.cli import main; main()")
+COMMAND = (sys.executable, "-c", "from meshreel.app.cli import main; main()")
 
 
 @contextmanager

@@ -6,12 +6,12 @@ import re
 from contextlib import contextmanager
 from io import BytesIO
 
+from meshreel.app.viewer.api import Api
+from meshreel.app.viewer.comparison import Comparison
+from meshreel.app.viewer.original import Original
+from meshreel.app.viewer.page import Page
 from meshreel.codec.encoder import encode
 from meshreel.codec.reel_file import ReelFile
-from meshreel.viewer.api import Api
-from meshreel.viewer.comparison import Comparison
-from meshreel.viewer.original import Original
-from meshreel.viewer.page import Page
 
 PAGE = Page(
     "<!doctype html><html><head><!--meshreel-data--><title>p</title></head>"

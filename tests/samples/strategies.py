@@ -3,7 +3,7 @@
 import numpy as np
 from hypothesis import strategies as st
 
-from meshreel.sequence import MeshSequence
+from meshreel.model.sequence import MeshSequence
 from samples.meshes import grid_faces, octahedron_faces
 
 SCALES = (1e-6, 1e-3, 1.0, 1e3, 1e6)

@@ -5,9 +5,9 @@ from functools import cached_property
 import numpy as np
 
 from conformance.reader import read_track
-from meshreel.bitstream.header import Header, write_header
-from meshreel.bitstream.layout import Section, VertexType
-from meshreel.bitstream.sections import write_sections
+from meshreel.codec.bitstream.header import Header, write_header
+from meshreel.codec.bitstream.layout import Section, VertexType
+from meshreel.codec.bitstream.sections import write_sections
 from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.surface.codes import DOMAINS
 from meshreel.codec.tracks import KINDS, Coding, Sharing, TrackHeader

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from meshreel.sequence import MeshSequence
-from meshreel.surface import Attribute, Domain, FaceGroups, Part, Surface
+from meshreel.model.sequence import MeshSequence
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Part, Surface
 
 CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)
 CUBE_SIZES = (4, 4, 4, 4, 3, 3, 4)

@@ -90,7 +90,7 @@ def ignores_ctrl_c(seconds):
 
 def encode_or_die(source, options, version):
     """As `encode_input`; an input kills its worker if its name says so."""
-    from meshreel.batch.encode_input import encode_input
+    from meshreel.app.batch.encode_input import encode_input
 
     path = Path(source)
     if path.stem == "deadly":

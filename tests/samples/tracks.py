@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from meshreel.surface import Domain
-from meshreel.tracks import Track, domain_sizes
+from meshreel.model.surface import Domain
+from meshreel.model.tracks import Track, domain_sizes
 from samples.meshes import quad_sheet
 
 

@@ -30,6 +30,6 @@ def test_decoding_changes_file_seldom():
 
 
 def test_changes_are_counted_by_the_names_of_files():
-    found = file_changes(lambda: meshreel.flag.simulate_flag(2, n_rows=4, n_columns=4))
+    found = file_changes(lambda: meshreel.simulate_flag(2, n_rows=4, n_columns=4))
     assert all(first != second for first, second in found)
-    assert any(second == "sequence.py" for _, second in found)
+    assert any(second == "model/sequence.py" for _, second in found)

@@ -1,4 +1,4 @@
-"""The house of `docs/house.md`: rooms import downwards only, and never their neighbours."""
+"""Modules import only what `docs/architecture.md` places below them."""
 
 import ast
 import re
@@ -13,20 +13,147 @@ import pytest
 import meshreel
 from samples.sources import statements
 
-ROOT = Path(meshreel.__file__).parent
-HOUSE = (Path(__file__).parents[2] / "docs" / "house.md").read_text(encoding="utf-8")
-FLOOR_OF = {
-    room: int(floor)
-    for floor, room in re.findall(r"^\| (\d+) \| `([a-z_]+)` \|", HOUSE, re.MULTILINE)
-}
-"""The table of `docs/house.md`; 0 is the lowest floor."""
+PACKAGE = Path(meshreel.__file__).parent
+DOCS = Path(__file__).parents[2] / "docs"
+PAGE = (DOCS / "architecture.md").read_text(encoding="utf-8")
+MODULES = re.findall(r"^\| (?:application|tools|codec|base) \| `([a-z_.]+)` \|", PAGE, re.MULTILINE)
+PARTS = re.findall(r"^\| `([a-z]+)` \| `([a-z_.]+)` \|", PAGE, re.MULTILINE)
 
-SHOWN = {"showing"}
-"""May import `notebook`: sequences and files show themselves, once they are asked to."""
+ABOVE_THEIR_MODULE = {"codec.reel", "app.cli", "app.notebook", "app.batch"}
+"""Parts that import the rest of their module; the rest imports other parts."""
+
+CALLED_LATE = ("model", "app.notebook")
+"""`model.showing` imports the notebook's views when it is called."""
+
+NAME = re.compile(r"meshreel\.([a-z_.]+)")
+"""A string that is the name of a module, or its beginning: an import by name."""
 
 
-NAMED = re.compile(r"meshreel\.([a-z_]+)(\.[a-z_.]*)?")
-"""Text that is the name of a module, or its beginning: what is imported by name at run time."""
+def ranks():
+    """Rank of each module and part; 0 is the lowest."""
+    order = []
+    for module in MODULES:
+        parts = [part for owner, part in PARTS if owner == module]
+        upper = [part for part in parts if part in ABOVE_THEIR_MODULE]
+        order += [*upper, module, *(part for part in parts if part not in upper)]
+    return {name: rank for rank, name in enumerate(reversed(order))}
+
+
+RANKS = ranks()
+
+
+def unit_of(name):
+    """The module or part of the tables that has a module, by its name below `meshreel`."""
+    words = name.split(".")
+    part = ".".join(words[:2])
+    return part if part in RANKS else words[0]
+
+
+def imported_units(source):
+    """Modules and parts that a module's text imports, or names in strings, anywhere in it."""
+    tree = ast.parse(source)
+    names = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            named = NAME.fullmatch(node.value)
+            names += [named[1]] if named and named[1].split(".")[0] in RANKS else []
+    for node in statements(tree):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            names += [node.module.removeprefix("meshreel.")] * node.module.startswith("meshreel.")
+        elif isinstance(node, ast.Import):
+            names += [
+                alias.name.removeprefix("meshreel.")
+                for alias in node.names
+                if alias.name.startswith("meshreel.")
+            ]
+    return {unit_of(name) for name in names}
+
+
+def forbidden(unit, source):
+    """Imports of a module of this unit that do not point downward."""
+    return {
+        other
+        for other in imported_units(source)
+        if other != unit and RANKS[other] > RANKS[unit] and (unit, other) != CALLED_LATE
+    }
+
+
+def name_of(path):
+    return ".".join(path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__")
+
+
+FILES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")
+
+
+@pytest.mark.parametrize("path", FILES, ids=name_of)
+def test_module_imports_point_downward(path):
+    assert forbidden(unit_of(name_of(path)), path.read_text(encoding="utf-8")) == set()
+
+
+def test_every_module_is_in_the_tables():
+    assert {name_of(path).split(".")[0] for path in FILES} == {
+        name.split(".")[0] for name in MODULES
+    }
+    parts = [name for name in RANKS if "." in name]
+    assert all((PACKAGE / part.replace(".", "/")).is_dir() for part in parts)
+
+
+def test_normative_code_imports_nothing_of_the_encoder():
+    nodes = [
+        node
+        for path in (PACKAGE / "codec/reel/normative").rglob("*.py")
+        for node in statements(ast.parse(path.read_text(encoding="utf-8")))
+    ]
+    names = [node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.module]
+    own = {name for name in names if name.startswith("meshreel.codec.reel")}
+    assert {name.split(".")[3] for name in own} == {"normative"}
+
+
+def test_picture_shows_the_table():
+    drawn = runpy.run_path(str(DOCS / "architecture_picture.py"))["picture"](PAGE)
+    assert drawn == (DOCS / "images" / "architecture.svg").read_text(encoding="utf-8")
+
+
+def run_time_statements(tree):
+    """Statements of a module without those for type checkers."""
+    tree.body = [
+        node
+        for node in tree.body
+        if not (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING")
+    ]
+    return statements(tree)
+
+
+def test_modules_have_no_import_cycle():
+    graph = {}
+    for path in FILES:
+        unit = unit_of(name_of(path))
+        graph[f"meshreel.{name_of(path)}"] = {
+            node.module
+            for node in run_time_statements(ast.parse(path.read_text(encoding="utf-8")))
+            if isinstance(node, ast.ImportFrom)
+            and (node.module or "").startswith("meshreel.")
+            and (unit, unit_of(node.module.removeprefix("meshreel."))) != CALLED_LATE
+        }
+    TopologicalSorter(graph).prepare()
+
+
+@pytest.mark.parametrize(
+    ("unit", "line"),
+    [
+        ("model", "from meshreel.codec.encoder import encode"),
+        ("codec", "import meshreel.paper.quantization"),
+        ("codec.entropy", "from meshreel.codec.encoder import encode"),
+        ("paper", "from meshreel.paper.study.tables import tables"),
+        ("errors", "def f():\n    from meshreel.model.sequence import MeshSequence"),
+        ("codec", 'import_module("meshreel.paper.method")'),
+        ("codec", 'import_module(f"meshreel.paper.{name}")'),
+        ("codec", 'PACKAGES = ("meshreel.codec.reel",)\nimport_module(f"{PACKAGES[0]}.options")'),
+    ],
+)
+def test_upward_import_is_found(unit, line):
+    assert forbidden(unit, line)
+
 
 RUN = """
 import sys
@@ -46,131 +173,26 @@ class Watch(MetaPathFinder):
 
 sys.meta_path.insert(0, Watch())
 import meshreel
-from meshreel.flag import simulate_flag
 
-sequence = simulate_flag(4, n_rows=5, n_columns=4)
+sequence = meshreel.simulate_flag(4, n_rows=5, n_columns=4)
 for method in ("reel", "lossless", "pca-qp"):
     meshreel.decode(meshreel.encode(sequence, method))
 meshreel.info(meshreel.encode(sequence, max_error=1.0))
 """
 
 
-def imported_rooms(source):
-    """Rooms of meshreel that a module's text imports, or names as modules, wherever in it."""
-    tree = ast.parse(source)
-    rooms = set()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str):
-            named = NAMED.fullmatch(node.value)
-            rooms |= {named[1]} & FLOOR_OF.keys() if named else set()
-    for node in statements(tree):
-        names = []
-        if isinstance(node, ast.ImportFrom) and node.module:
-            names = [node.module]
-        elif isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        rooms |= {name.split(".")[1] for name in names if name.startswith("meshreel.")}
-    return rooms
-
-
-def forbidden(room, source):
-    """Imports of a module in this room that do not go down."""
-    return {
-        other
-        for other in imported_rooms(source)
-        if other != room
-        and FLOOR_OF[other] >= FLOOR_OF[room]
-        and not (other == "notebook" and room in SHOWN)
-    }
-
-
-def room_of(path):
-    return path.relative_to(ROOT).parts[0].removesuffix(".py")
-
-
-MODULES = sorted(path for path in ROOT.rglob("*.py") if path != ROOT / "__init__.py")
-
-
-@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_module_imports_only_downwards(path):
-    assert forbidden(room_of(path), path.read_text(encoding="utf-8")) == set()
-
-
-def imported_modules(folder):
-    """Modules that those of a folder import."""
-    nodes = [
-        node
-        for path in (ROOT / folder).rglob("*.py")
-        for node in statements(ast.parse(path.read_text(encoding="utf-8")))
-    ]
-    return {node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.module}
-
-
-def test_agreed_mathematics_knows_neither_side_when_both_call_it():
-    found = {name for name in imported_modules("reel/agreed") if name.startswith("meshreel.reel")}
-    assert {name.split(".")[2] for name in found} == {"agreed"}
-
-
-def test_every_room_has_a_floor_when_the_package_is_listed():
-    assert {room_of(path) for path in MODULES} == set(FLOOR_OF)
-
-
-def run_statements(tree):
-    """Statements of a module but for what only type checkers see."""
-    tree.body = [
-        node
-        for node in tree.body
-        if not (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING")
-    ]
-    return statements(tree)
-
-
-def test_picture_of_the_house_is_that_of_its_table():
-    docs = Path(__file__).parents[2] / "docs"
-    drawn = runpy.run_path(str(docs / "house_picture.py"))["picture"](HOUSE)
-    assert drawn == (docs / "images" / "house.svg").read_text(encoding="utf-8")
-
-
-def test_modules_have_no_import_cycle_when_sorted():
-    graph = {}
-    for path in MODULES:
-        name = ".".join(path.relative_to(ROOT.parent).with_suffix("").parts)
-        graph[name] = {
-            node.module
-            for node in run_statements(ast.parse(path.read_text(encoding="utf-8")))
-            if isinstance(node, ast.ImportFrom)
-            and (node.module or "").startswith("meshreel.")
-            and not (node.module.startswith("meshreel.notebook.") and room_of(path) in SHOWN)
-        }
-    TopologicalSorter(graph).prepare()
-
-
-@pytest.mark.parametrize(
-    ("room", "line"),
-    [
-        ("geometry", "from meshreel.codec.encoder import encode"),
-        ("subspace", "import meshreel.paper.quantization"),
-        ("errors", "def f():\n    from meshreel.sequence import MeshSequence"),
-        ("codec", 'import_module("meshreel.paper.method")'),
-        ("codec", 'import_module(f"meshreel.paper.{name}")'),
-        ("codec", 'ROOMS = ("meshreel.reel",)\nimport_module(f"{ROOMS[0]}.options")'),
-    ],
-)
-def test_forbidden_import_is_found_when_it_is_planted(room, line):
-    assert forbidden(room, line)
-
-
-def test_modules_import_only_downwards_while_they_run():
-    """Imports by name count as well, also of names that are computed."""
+def test_imports_at_run_time_point_downward():
+    """Imports by computed names count as well."""
     done = subprocess.run(
         [sys.executable, "-c", RUN], capture_output=True, text=True, timeout=120, check=True
     )
     pairs = [line.split() for line in done.stdout.splitlines()]
     assert ["meshreel.methods", "meshreel.paper.method"] in pairs
-    rooms = {
-        (importer.split(".")[1], name.split(".")[1])
+    units = {
+        (unit_of(importer.removeprefix("meshreel.")), unit_of(name.removeprefix("meshreel.")))
         for importer, name in pairs
         if importer.startswith("meshreel.")
     }
-    upwards = {(one, other) for one, other in rooms if FLOOR_OF[other] >= FLOOR_OF[one]}
-    assert {(one, other) for one, other in upwards if one != other} == set()
+    upward = {(one, other) for one, other in units if RANKS[other] > RANKS[one]}
+    # A package is imported before its parts.
+    assert {pair for pair in upward if not pair[1].startswith(f"{pair[0]}.")} == set()

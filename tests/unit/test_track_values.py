@@ -5,8 +5,8 @@ import pytest
 
 import meshreel
 from meshreel.errors import InvalidInputError
-from meshreel.surface import Domain, Surface
-from meshreel.tracks import MAX_COLUMNS, TrackKind, TrackPart, value_range
+from meshreel.model.surface import Domain, Surface
+from meshreel.model.tracks import MAX_COLUMNS, TrackKind, TrackPart, value_range
 from samples.meshes import grid_faces
 
 QUADS = Surface(face_sizes=np.full(9, 4, np.int32))

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.scenes.parts import PartMesh
-from meshreel.surface import Attribute, Domain, FaceGroups, Kind
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind
 
 MAX_UV_MAPS = 8
 MATERIALS = "material"

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from meshreel.formats.surfaces.hard_edges import find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.geometry.hard_edges import next_corners, remaining_edges
-from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Surface
+from meshreel.model.geometry.hard_edges import next_corners, remaining_edges
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 
 from .mesh_building import MATERIALS
 

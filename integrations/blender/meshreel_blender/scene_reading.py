@@ -10,8 +10,8 @@ import numpy.typing as npt
 from meshreel.formats.scenes.merging import merged_mesh
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.geometry.fans import triangulate_fans
-from meshreel.surface import Surface
+from meshreel.model.geometry.fans import triangulate_fans
+from meshreel.model.surface import Surface
 
 from .mesh_reading import Matrix, mesh_reading
 

@@ -7,15 +7,15 @@ from io import BytesIO
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.memory import OWN_STREAM
 from meshreel.codec.reel_file import ReelFile
-from meshreel.connectivity.coder import encode_connectivity
 from meshreel.metrics.sted import sted
 from meshreel.metrics.streamed import streamed_errors
 from meshreel.metrics.track_errors import TrackErrors, errors_of_tracks
+from meshreel.model.sequence import FrameSource
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.progress import Count, Progress, silent
-from meshreel.sequence import FrameSource
 
 Vertices = npt.NDArray[np.floating]
 Integers = npt.NDArray[np.int64]

@@ -6,12 +6,12 @@ from typing import BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.bitstream.writer import Sections, StreamWriter
+from meshreel.codec.bitstream.writer import Sections, StreamWriter
 from meshreel.codec.source import CodedMesh
+from meshreel.codec.subspace.trajectories import bounding_frame
 from meshreel.codec.track_bounds import TrackTargets
-from meshreel.sequence import extent_of
-from meshreel.subspace.trajectories import bounding_frame
-from meshreel.tracks import Track
+from meshreel.model.sequence import extent_of
+from meshreel.model.tracks import Track
 
 Vertices = npt.NDArray[np.floating]
 

@@ -26,8 +26,8 @@ from meshreel.codec.targets import (
     Target,
     target_of,
 )
-from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
+from meshreel.runtime.counting import counted
 
 DEFAULT_METHOD = "reel"
 LOSSLESS_METHOD = "lossless"

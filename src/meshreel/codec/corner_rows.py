@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.entropy.coder import encode_integers
-from meshreel.entropy.varint import write_varint
+from meshreel.codec.entropy.coder import encode_integers
+from meshreel.codec.entropy.varint import write_varint
 
 Integers = npt.NDArray[np.int64]
 

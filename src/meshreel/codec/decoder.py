@@ -8,10 +8,10 @@ from meshreel.codec.memory import memory_limit
 from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.reel_track import tracks_of_stream
 from meshreel.errors import CorruptStreamError, InvalidInputError
-from meshreel.frame_choice import frame_range, start_of
+from meshreel.model.frame_choice import frame_range, start_of
+from meshreel.model.sequence import MeshSequence
+from meshreel.model.tracks import Track
 from meshreel.runtime.progress import Count, Progress, silent
-from meshreel.sequence import MeshSequence
-from meshreel.tracks import Track
 
 FRAMES_AT_ONCE = 256
 """Frames that are decoded between two reports of progress."""

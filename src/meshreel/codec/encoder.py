@@ -7,10 +7,10 @@ from meshreel.codec.option import takes_fields
 from meshreel.codec.source import Source
 from meshreel.codec.surface.uv_grid import check_uvs
 from meshreel.codec.track_bounds import TrackTargets, kept_bounds
+from meshreel.model.sequence import FrameSource
+from meshreel.model.surface_selection import ALL, Names, selected
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Progress, silent
-from meshreel.sequence import FrameSource
-from meshreel.surface_selection import ALL, Names, selected
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.codec.subspace.basis import expand
 from meshreel.kernel.frames import (
     Moves,
     PackedFields,
@@ -14,7 +15,6 @@ from meshreel.kernel.frames import (
     frame_columns,
     packed_fields,
 )
-from meshreel.subspace.basis import expand
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.integer]

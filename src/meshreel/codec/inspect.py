@@ -5,14 +5,14 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from meshreel.bitstream.layout import SURFACE_SECTIONS, Section
+from meshreel.codec.bitstream.layout import SURFACE_SECTIONS, Section
 from meshreel.codec.memory import DEFAULT_LIMIT, MemoryLimit
 from meshreel.codec.open_stream import OpenStream, whole_file
 from meshreel.codec.surface.codes import DOMAINS
 from meshreel.codec.tracks import KINDS
 from meshreel.kernel.files import OpenFile
-from meshreel.surface_description import carried, described_images, described_materials
-from meshreel.tracks import TrackKind
+from meshreel.model.surface_description import carried, described_images, described_materials
+from meshreel.model.tracks import TrackKind
 
 CONNECTIVITY = (Section.CONNECTIVITY, Section.ORDER)
 POSITIONS = (Section.ANCHOR_VERTICES, Section.SHAPE, Section.PROMISE)

@@ -7,8 +7,8 @@ limit before anything is allocated for it.
 from dataclasses import dataclass
 
 from meshreel.codec.byte_sizes import bytes_of
-from meshreel.counting import size_text
 from meshreel.errors import MemoryLimitError
+from meshreel.runtime.counting import size_text
 
 DEFAULT_MEMORY = "8GiB"
 """The limit where none is given; the same on every machine, so that a stream is too."""

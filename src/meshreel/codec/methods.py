@@ -14,16 +14,16 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
-    from meshreel.bitstream.layout import Section
-    from meshreel.bitstream.writer import Sections
+    from meshreel.codec.bitstream.layout import Section
+    from meshreel.codec.bitstream.writer import Sections
     from meshreel.codec.config import EncoderConfig
     from meshreel.codec.open_stream import OpenStream
     from meshreel.codec.source import CodedMesh, Source
+    from meshreel.codec.subspace.trajectories import BoundingFrame
     from meshreel.codec.track_bounds import TrackTargets
+    from meshreel.model.tracks import Track
     from meshreel.runtime.engine.engine import Engine
     from meshreel.runtime.progress import Progress
-    from meshreel.subspace.trajectories import BoundingFrame
-    from meshreel.tracks import Track
 
     Vertices = npt.NDArray[np.floating]
     BlockTracks = dict[str, Track]

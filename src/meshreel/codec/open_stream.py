@@ -7,17 +7,17 @@ from typing import BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.bitstream.layout import SURFACE_SECTIONS, Section
+from meshreel.codec.bitstream.layout import SURFACE_SECTIONS, Section
 from meshreel.codec.choices import Laplacian, Order, choice_of_code
 from meshreel.codec.memory import DEFAULT_LIMIT, MemoryLimit
 from meshreel.codec.methods import FrameReader, method_of_code
 from meshreel.codec.stored_blocks import StoredBlock, read_block
+from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.codec.surface.decoded import decoded_surface
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.kernel.files import FileSection, OpenFile
-from meshreel.sequence import Faces
-from meshreel.subspace.trajectories import BoundingFrame
-from meshreel.surface import PLAIN, Surface
+from meshreel.model.sequence import Faces
+from meshreel.model.surface import PLAIN, Surface
 
 Integers = npt.NDArray[np.int64]
 

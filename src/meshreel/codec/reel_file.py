@@ -16,12 +16,12 @@ from meshreel.codec.methods import FrameReader
 from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.reel_track import ReelTrack, tracks_of_stream
 from meshreel.errors import InvalidInputError
-from meshreel.frame_choice import FrameChoice, chosen_frames, frame_range
-from meshreel.sequence import Faces
-from meshreel.showing import notebook_html, show
-from meshreel.stores.positional_file import with_own_position
-from meshreel.stores.ranged_file import RangedFile
-from meshreel.surface import Surface
+from meshreel.model.frame_choice import FrameChoice, chosen_frames, frame_range
+from meshreel.model.sequence import Faces
+from meshreel.model.showing import notebook_html, show
+from meshreel.model.surface import Surface
+from meshreel.runtime.stores.positional_file import with_own_position
+from meshreel.runtime.stores.ranged_file import RangedFile
 
 Vertices = npt.NDArray[np.floating]
 

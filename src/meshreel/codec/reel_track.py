@@ -10,11 +10,11 @@ from meshreel.codec.methods import FrameReader
 from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.surface.codes import DOMAINS
 from meshreel.codec.tracks import KINDS
-from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
-from meshreel.frame_choice import FrameChoice, chosen_frames
-from meshreel.surface import Domain
-from meshreel.tracks import TrackKind, described_track
+from meshreel.model.frame_choice import FrameChoice, chosen_frames
+from meshreel.model.surface import Domain
+from meshreel.model.tracks import TrackKind, described_track
+from meshreel.runtime.counting import counted
 
 Values = npt.NDArray[Any]
 

@@ -9,21 +9,21 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.bitstream.header import Header
-from meshreel.bitstream.layout import Section, VertexType
-from meshreel.bitstream.writer import Sections, whole_stream
+from meshreel.codec.bitstream.header import Header
+from meshreel.codec.bitstream.layout import Section, VertexType
+from meshreel.codec.bitstream.writer import Sections, whole_stream
 from meshreel.codec.choices import Order
 from meshreel.codec.config import EncoderConfig
+from meshreel.codec.connectivity.coder import CodedConnectivity, encode_connectivity
+from meshreel.codec.connectivity.permutation import inverse_permutation
 from meshreel.codec.methods import METHOD_CODES
+from meshreel.codec.subspace.trajectories import BoundingFrame, bounding_frame
 from meshreel.codec.surface.payloads import surface_in_order, surface_sections, write_start
 from meshreel.codec.track_bounds import TrackBound
 from meshreel.codec.tracks import Coding
-from meshreel.connectivity.coder import CodedConnectivity, encode_connectivity
-from meshreel.connectivity.permutation import inverse_permutation
-from meshreel.sequence import Faces, FrameSource, MeshSequence
-from meshreel.subspace.trajectories import BoundingFrame, bounding_frame
-from meshreel.surface import PLAIN, Surface
-from meshreel.tracks import TrackSource
+from meshreel.model.sequence import Faces, FrameSource, MeshSequence
+from meshreel.model.surface import PLAIN, Surface
+from meshreel.model.tracks import TrackSource
 
 Vertices = npt.NDArray[np.floating]
 Integers = npt.NDArray[np.int64]

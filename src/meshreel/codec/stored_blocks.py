@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from meshreel.bitstream.layout import Section
+from meshreel.codec.bitstream.layout import Section
+from meshreel.codec.entropy.varint import read_varint, write_varint
 from meshreel.codec.memory import UNLIMITED, MemoryLimit
-from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError
 
 

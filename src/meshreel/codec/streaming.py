@@ -12,20 +12,20 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.bitstream.writer import Sections
+from meshreel.codec.bitstream.writer import Sections
 from meshreel.codec.block_writer import BlockWriter
 from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig, config_of
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.surface.uv_grid import check_uvs
 from meshreel.codec.track_bounds import TrackTargets, kept_bounds
-from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
+from meshreel.model.sequence import validate_faces, validate_fps, validate_start, validate_vertices
+from meshreel.model.surface import PLAIN, Surface
+from meshreel.model.tracks import Track, described_track, joined, tracks_of
+from meshreel.runtime.counting import counted
 from meshreel.runtime.outputs.atomic import os_errors_naming_output
 from meshreel.runtime.outputs.checks import check_ending, check_output_path
-from meshreel.sequence import validate_faces, validate_fps, validate_start, validate_vertices
-from meshreel.stores.address import refuse_address
-from meshreel.surface import PLAIN, Surface
-from meshreel.tracks import Track, described_track, joined, tracks_of
+from meshreel.runtime.stores.address import refuse_address
 
 Vertices = npt.NDArray[np.floating]
 

@@ -8,7 +8,7 @@ from enum import Enum
 
 from meshreel.codec.config import EncoderConfig
 from meshreel.errors import InvalidInputError
-from meshreel.tracks import TrackKind, TrackSource, named_track
+from meshreel.model.tracks import TrackKind, TrackSource, named_track
 
 TrackTargets = Mapping[str, float | str]
 """What is asked of tracks, by their names."""

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from meshreel.codec.entropy.varint import write_varint
 from meshreel.codec.surface.codes import DOMAINS
 from meshreel.codec.surface.texts import write_text
-from meshreel.entropy.varint import write_varint
 from meshreel.kernel.files import NUMBER_TYPES
-from meshreel.surface import Domain
-from meshreel.tracks import TrackKind
+from meshreel.model.surface import Domain
+from meshreel.model.tracks import TrackKind
 
 KINDS = (
     TrackKind.OTHER,

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from meshreel import __version__
 from meshreel.errors import InvalidInputError
+from meshreel.model.sequence import MeshSequence
 from meshreel.runtime.outputs.atomic import replace_when_done
-from meshreel.sequence import MeshSequence
 
 
 def claim_folder(folder: Path, program: str, command: str) -> None:

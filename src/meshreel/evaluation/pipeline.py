@@ -5,14 +5,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
-from meshreel.documents.parts import Document, Picture
 from meshreel.evaluation.folder import claim_folder, unique_names
 from meshreel.evaluation.report.publish import publish
 from meshreel.evaluation.runs.run import Run, run_all
 from meshreel.evaluation.runs.store import Result, Store
+from meshreel.model.sequence import MeshSequence
+from meshreel.rendering.documents.parts import Document, Picture
 from meshreel.rendering.plots import require_matplotlib
 from meshreel.runtime.progress import Count, Progress, silent
-from meshreel.sequence import MeshSequence
 
 
 class Results(Protocol):

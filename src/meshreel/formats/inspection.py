@@ -19,10 +19,10 @@ from meshreel.formats.scenes.scene_source import wanted_meshes
 from meshreel.formats.scenes.timing import frame_times
 from meshreel.formats.sources import Source, SourceFiles, find_files
 from meshreel.formats.supported_options import check_read_options
+from meshreel.model.sequence import FrameSource, bounding_boxes, validate_finite
+from meshreel.model.surface_description import carried, described_images, described_materials
+from meshreel.model.tracks import TrackSource, described_track
 from meshreel.runtime.progress import Count, Progress
-from meshreel.sequence import FrameSource, bounding_boxes, validate_finite
-from meshreel.surface_description import carried, described_images, described_materials
-from meshreel.tracks import TrackSource, described_track
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.scenes.scene_mesh import ReadMeshes
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.sequence import FrameSource, Vertices
-from meshreel.surface import Domain, Surface
+from meshreel.model.sequence import FrameSource, Vertices
+from meshreel.model.surface import Domain, Surface
 
 ReadOption = Literal[
     "object", "merge", "topology", "dataset", "skip_bad", "allow_outside", "animation"

@@ -15,10 +15,10 @@ from meshreel.formats.options import ReadOptions
 from meshreel.formats.remote import at_hand
 from meshreel.formats.sources import Source, SourceFiles, find_files
 from meshreel.formats.supported_options import check_read_options
+from meshreel.model.sequence import FrameSource, MeshSequence, validate_fps
+from meshreel.model.surface_selection import ALL, Names
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.progress import Progress, silent
-from meshreel.sequence import FrameSource, MeshSequence, validate_fps
-from meshreel.surface_selection import ALL, Names
 
 MAX_LOADED_BYTES = 1 << 30
 LOADED_SHARE = 1 / 10
@@ -155,7 +155,7 @@ def open_source(
     Returns
     -------
     FrameSource
-        `meshreel.sequence.positions_size_bytes` says what all its positions take in memory.
+        `meshreel.model.sequence.positions_size_bytes` says what all its positions take in memory.
 
     Raises
     ------

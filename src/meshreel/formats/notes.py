@@ -2,8 +2,8 @@
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
-from meshreel.counting import counted
-from meshreel.surface import Attribute, FaceGroups, Surface
+from meshreel.model.surface import Attribute, FaceGroups, Surface
+from meshreel.runtime.counting import counted
 
 LEFT_OUT = "left out: "
 """How a note begins that names something of the input that is in no output."""

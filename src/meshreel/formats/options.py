@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
+from meshreel.model.sequence import FrameSource
+from meshreel.model.surface_selection import ALL, Names
 from meshreel.runtime.progress import Progress, silent
-from meshreel.sequence import FrameSource
-from meshreel.surface_selection import ALL, Names
 
 if TYPE_CHECKING:
     from meshreel.codec.reel_file import ReelFile

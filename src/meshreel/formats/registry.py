@@ -19,7 +19,7 @@ from meshreel.formats.kinds import (
     WriteOption,
     scene_format,
 )
-from meshreel.surface import Domain
+from meshreel.model.surface import Domain
 
 COMPANION = ".obj"
 """Ending of the mesh that is written beside a point cache, and looked for there."""

@@ -2,7 +2,7 @@
 
 Readers and writers of formats take paths, and many of their libraries nothing else: inputs are
 downloaded into a temporary folder, and outputs uploaded from one when they are complete. Only a
-``.reel`` is read where it is, block by block: see `meshreel.stores.ranged_file`.
+``.reel`` is read where it is, block by block: see `meshreel.runtime.stores.ranged_file`.
 """
 
 import os
@@ -15,16 +15,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
-from meshreel.counting import counted
 from meshreel.errors import InvalidInputError, MeshReelError, StoreError
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.notes import listed
 from meshreel.formats.outputs import is_pattern
 from meshreel.formats.registry import FORMATS, FRAME_FORMATS
 from meshreel.formats.sources import AnyPath, Source, natural_order
-from meshreel.stores.address import folder_of, is_remote, name_of, plain
-from meshreel.stores.listing import files_below, files_in, matches
-from meshreel.stores.transfer import beside, check_outputs, download, exists, upload_all
+from meshreel.runtime.counting import counted
+from meshreel.runtime.stores.address import folder_of, is_remote, name_of, plain
+from meshreel.runtime.stores.listing import files_below, files_in, matches
+from meshreel.runtime.stores.transfer import beside, check_outputs, download, exists, upload_all
 
 _DOWNLOADED: dict[Path, str] = {}
 """Temporary folders with the address of a file that was downloaded there, while they last."""
@@ -147,7 +147,7 @@ def uploaded(output: AnyPath, *, overwrite: bool) -> Iterator[Output]:
     Raises
     ------
     InvalidInputError, StoreError
-        As `meshreel.stores.transfer.check_outputs`, before and after the block.
+        As `meshreel.runtime.stores.transfer.check_outputs`, before and after the block.
     """
     if not is_remote(output):
         yield Output(output, output)

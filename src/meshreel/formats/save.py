@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.counting import plural
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.kinds import NO_TRACKS, FolderFormat, FrameFormat, SequenceFormat
@@ -19,13 +18,14 @@ from meshreel.formats.registry import FRAME_FORMATS, output_format_of
 from meshreel.formats.remote import uploaded
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.surfaces.images import image_folder, image_names
-from meshreel.frame_choice import start_of
+from meshreel.model.frame_choice import start_of
+from meshreel.model.sequence import FrameSource, Vertices
+from meshreel.model.surface import PLAIN, Domain, Surface
+from meshreel.model.tracks import TrackPart, TrackSource
+from meshreel.runtime.counting import plural
 from meshreel.runtime.outputs.atomic import replace_all_when_done
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.progress import Progress, silent
-from meshreel.sequence import FrameSource, Vertices
-from meshreel.surface import PLAIN, Domain, Surface
-from meshreel.tracks import TrackPart, TrackSource
 
 if TYPE_CHECKING:
     from meshreel.codec.reel_file import ReelFile

@@ -12,7 +12,7 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.file_errors import refuse_pipe
 from meshreel.formats.kinds import FrameFormat, SequenceFormat
 from meshreel.formats.registry import FORMATS, FRAME_FORMATS, format_of
-from meshreel.stores.address import refuse_address
+from meshreel.runtime.stores.address import refuse_address
 
 AnyPath = str | os.PathLike[str]
 Source = AnyPath | Sequence[AnyPath]

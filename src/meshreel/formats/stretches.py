@@ -16,8 +16,8 @@ from meshreel.formats.scenes.scene_source import chosen_mesh, part_of, sequence_
 from meshreel.formats.sources import Source, SourceFiles, find_files
 from meshreel.formats.supported_options import check_read_options
 from meshreel.formats.surfaces.polygons import PolygonMesh
+from meshreel.model.sequence import FrameSource
 from meshreel.runtime.progress import Count
-from meshreel.sequence import FrameSource
 
 
 @dataclass(frozen=True)

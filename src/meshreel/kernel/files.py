@@ -14,7 +14,6 @@ from weakref import finalize
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.counting import counted, size_text
 from meshreel.errors import (
     CorruptStreamError,
     InvalidInputError,
@@ -24,6 +23,7 @@ from meshreel.errors import (
 )
 from meshreel.kernel.exact import TYPES
 from meshreel.kernel.library import ALIGNMENT, library
+from meshreel.runtime.counting import counted, size_text
 from meshreel.runtime.fork import fork_safe_lock
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import n_cores, run_core_tasks

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.metrics.reference import bounding_box_reference
-from meshreel.sequence import FrameSource
+from meshreel.model.sequence import FrameSource
 
 Floats = npt.NDArray[np.float64]
 

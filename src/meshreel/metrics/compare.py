@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.displacement import displacement_errors_percent
 from meshreel.metrics.kg import kg_error_percent
@@ -16,9 +15,10 @@ from meshreel.metrics.reference import bounding_box_reference
 from meshreel.metrics.rest_motion import rest_motion
 from meshreel.metrics.sted import sted
 from meshreel.metrics.track_errors import TrackErrors, errors_of_tracks
+from meshreel.model.sequence import Faces, FrameSource, MeshSequence
+from meshreel.model.tracks import described_track
+from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Progress, silent
-from meshreel.sequence import Faces, FrameSource, MeshSequence
-from meshreel.tracks import described_track
 
 Floats = npt.NDArray[np.float64]
 

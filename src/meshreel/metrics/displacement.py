@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from meshreel.metrics.frame_sums import FrameSums, sums_of_frames
 from meshreel.metrics.reference import relative, shared_reference
-from meshreel.sequence import Vertices
+from meshreel.model.sequence import Vertices
 
 
 @dataclass(frozen=True)

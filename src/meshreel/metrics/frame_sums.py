@@ -10,8 +10,8 @@ from functools import reduce
 import numpy as np
 
 from meshreel.metrics.reference import Floats, Reference
+from meshreel.model.sequence import Vertices
 from meshreel.runtime.threads import chunks, in_threads
-from meshreel.sequence import Vertices
 
 VERTICES_AT_ONCE = 1 << 15
 """Vertices whose arrays stay in the cache; fewer make threads wait for the interpreter."""

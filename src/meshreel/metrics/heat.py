@@ -7,12 +7,12 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import InvalidInputError
-from meshreel.geometry.connectivity import undirected_edges
 from meshreel.metrics.edge_neighbourhoods import EdgeNeighbourhoods
 from meshreel.metrics.normals import DEGENERATE_AREA, face_angles_deg
 from meshreel.metrics.reference import paired_frames, shared_reference
 from meshreel.metrics.sted import relative_edge_errors
-from meshreel.sequence import Faces
+from meshreel.model.geometry.connectivity import undirected_edges
+from meshreel.model.sequence import Faces
 
 Floats = npt.NDArray[np.float64]
 Frame = npt.NDArray[np.floating]

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from meshreel.metrics.frame_sums import FrameSums, sums_of_frames
 from meshreel.metrics.reference import relative, shared_reference
-from meshreel.sequence import Vertices
+from meshreel.model.sequence import Vertices
 
 
 class KgSums:

@@ -6,7 +6,6 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import coo_array, csr_array
 
-from meshreel.geometry.connectivity import undirected_edges
 from meshreel.metrics.frame_sums import sum_of_squares
 from meshreel.metrics.reference import (
     Reference,
@@ -15,7 +14,8 @@ from meshreel.metrics.reference import (
     relative,
     shared_reference,
 )
-from meshreel.sequence import Faces, Vertices
+from meshreel.model.geometry.connectivity import undirected_edges
+from meshreel.model.sequence import Faces, Vertices
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.geometry.normals import face_normals
 from meshreel.metrics.reference import paired_frames, shared_reference
-from meshreel.sequence import Faces, Vertices
+from meshreel.model.geometry.normals import face_normals
+from meshreel.model.sequence import Faces, Vertices
 
 Floats = npt.NDArray[np.float64]
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import InvalidInputError
-from meshreel.sequence import Vertices
+from meshreel.model.sequence import Vertices
 
 Floats = npt.NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshreel.metrics.reference import Floats, shared_reference
-from meshreel.sequence import Vertices
+from meshreel.model.sequence import Vertices
 
 REST_PERCENT = 0.001
 """Vertices rest where they move by less from one frame to the next, in percent of the mean

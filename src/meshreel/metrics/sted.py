@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.geometry.connectivity import undirected_edges
 from meshreel.metrics.diameter import diameter
 from meshreel.metrics.edge_neighbourhoods import EdgeNeighbourhoods
 from meshreel.metrics.reference import (
@@ -15,7 +14,8 @@ from meshreel.metrics.reference import (
     paired_frames,
     shared_reference,
 )
-from meshreel.sequence import Faces, Vertices
+from meshreel.model.geometry.connectivity import undirected_edges
+from meshreel.model.sequence import Faces, Vertices
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.surface import Domain
-from meshreel.tracks import TrackKind, TrackSource
+from meshreel.model.surface import Domain
+from meshreel.model.tracks import TrackKind, TrackSource
 
 Values = npt.NDArray[Any]
 Floats = npt.NDArray[np.float64]

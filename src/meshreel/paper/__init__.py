@@ -29,7 +29,15 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from meshreel.geometry.laplacian import (
+    from meshreel.codec.subspace.basis import expand, project
+    from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
+    from meshreel.codec.subspace.trajectories import (
+        BoundingFrame,
+        bounding_frame,
+        from_matrices,
+        to_matrices,
+    )
+    from meshreel.model.geometry.laplacian import (
         cotangent_laplacian,
         delta_coordinates,
         uniform_laplacian,
@@ -51,14 +59,6 @@ if TYPE_CHECKING:
         ritz_vectors,
     )
     from meshreel.paper.variants import METHODS
-    from meshreel.subspace.basis import expand, project
-    from meshreel.subspace.pca import autocorrelation, eigen_trajectories
-    from meshreel.subspace.trajectories import (
-        BoundingFrame,
-        bounding_frame,
-        from_matrices,
-        to_matrices,
-    )
 
 __all__ = [
     "METHODS",
@@ -95,13 +95,13 @@ _ITERATIONS = ("advance_basis", "align_basis", "ritz_vectors")
 _LAPLACIANS = ("cotangent_laplacian", "delta_coordinates", "uniform_laplacian")
 
 _HOMES = {
-    **dict.fromkeys(_LAPLACIANS, "geometry.laplacian"),
+    **dict.fromkeys(_LAPLACIANS, "model.geometry.laplacian"),
     **dict.fromkeys(_STEPS, "paper.quantization"),
-    **dict.fromkeys(_UNITS, "subspace.trajectories"),
+    **dict.fromkeys(_UNITS, "codec.subspace.trajectories"),
     **dict.fromkeys(_ITERATIONS, "paper.subspace.orthogonal_iteration"),
     **dict.fromkeys(("PaperBlock", "PaperStream", "read"), "paper.stream"),
-    **dict.fromkeys(("autocorrelation", "eigen_trajectories"), "subspace.pca"),
-    **dict.fromkeys(("expand", "project"), "subspace.basis"),
+    **dict.fromkeys(("autocorrelation", "eigen_trajectories"), "codec.subspace.pca"),
+    **dict.fromkeys(("expand", "project"), "codec.subspace.basis"),
     "METHODS": "paper.variants",
     "PaperChoices": "paper.choices",
     "ReconstructionSystem": "paper.reconstruction.system",

@@ -7,14 +7,14 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 
 from meshreel.errors import InvalidInputError
-from meshreel.geometry.connectivity import (
+from meshreel.model.geometry.connectivity import (
     adjacency_matrix,
     component_labels,
     isolated_vertices,
     neighbours_of,
 )
+from meshreel.model.sequence import Faces
 from meshreel.runtime.profiling import staged
-from meshreel.sequence import Faces
 
 Integers = npt.NDArray[np.int64]
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 
-from meshreel.bitstream.layout import Section
+from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.stored_blocks import StoredBlock, write_block
 from meshreel.errors import CorruptStreamError
 from meshreel.paper import payloads

@@ -6,9 +6,9 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.frame_products import FramesOf
+from meshreel.codec.subspace.trajectories import BoundingFrame, from_matrices
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_threads
-from meshreel.subspace.trajectories import BoundingFrame, from_matrices
 
 Vertices = npt.NDArray[np.floating]
 Integers = npt.NDArray[np.int64]

@@ -7,12 +7,12 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.bitstream.layout import Section
+from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.choices import Laplacian
+from meshreel.codec.entropy.coder import encode_integers
+from meshreel.codec.entropy.exact import decode_exact
 from meshreel.codec.open_stream import OpenStream, whole_stream
 from meshreel.codec.stored_blocks import StoredBlock
-from meshreel.entropy.coder import encode_integers
-from meshreel.entropy.exact import decode_exact
 from meshreel.errors import InvalidInputError
 from meshreel.paper.blocks import Dictionaries, read_coded_block
 from meshreel.paper.decoded_block import DecodedBlock

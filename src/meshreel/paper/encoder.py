@@ -7,13 +7,15 @@ from itertools import chain
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.bitstream.layout import Section
-from meshreel.bitstream.writer import Sections
+from meshreel.codec.bitstream.layout import Section
+from meshreel.codec.bitstream.writer import Sections
 from meshreel.codec.choices import Laplacian
 from meshreel.codec.config import EncoderConfig
+from meshreel.codec.connectivity.permutation import inverse_permutation
+from meshreel.codec.entropy.exact import encode_exact
 from meshreel.codec.source import CodedMesh
-from meshreel.connectivity.permutation import inverse_permutation
-from meshreel.entropy.exact import encode_exact
+from meshreel.codec.subspace.trajectories import BoundingFrame, to_matrices
+from meshreel.model.tracks import Track
 from meshreel.paper import payloads
 from meshreel.paper.anchors import check_anchors, choose_anchors
 from meshreel.paper.blocks import tracked_from, write_coded_block
@@ -22,8 +24,6 @@ from meshreel.paper.pipeline import Quantized, analyse, modes_needed
 from meshreel.paper.quantization import step_for_all_rows
 from meshreel.paper.settings import choices, chosen_anchors
 from meshreel.paper.variants import Basis, variant_named
-from meshreel.subspace.trajectories import BoundingFrame, to_matrices
-from meshreel.tracks import Track
 
 Vertices = npt.NDArray[np.floating]
 

@@ -8,12 +8,12 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 
 from meshreel.codec.choices import Laplacian
-from meshreel.geometry.connectivity import isolated_vertices
-from meshreel.geometry.laplacian import cotangent_laplacian, uniform_laplacian
+from meshreel.model.geometry.connectivity import isolated_vertices
+from meshreel.model.geometry.laplacian import cotangent_laplacian, uniform_laplacian
+from meshreel.model.sequence import Faces
 from meshreel.paper.reconstruction.system import ReconstructionSystem
 from meshreel.paper.subspace.graph_fourier import graph_fourier_basis
 from meshreel.runtime.profiling import staged
-from meshreel.sequence import Faces
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

@@ -6,21 +6,21 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.bitstream.writer import Sections
+from meshreel.codec.bitstream.writer import Sections
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.option import COUNT
 from meshreel.codec.source import CodedMesh, Source
+from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.codec.track_bounds import TrackTargets
 from meshreel.errors import CorruptStreamError
+from meshreel.model.tracks import Track
 from meshreel.paper import settings
 from meshreel.paper.decoder import DecodedFrames, PaperBlockDecoder
 from meshreel.paper.encoder import PaperBlockCoder
 from meshreel.paper.variants import VARIANTS, Basis, Variant
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress
-from meshreel.subspace.trajectories import BoundingFrame
-from meshreel.tracks import Track
 
 Vertices = npt.NDArray[np.floating]
 

@@ -3,8 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.entropy.coder import decode_integers, encode_integers
-from meshreel.entropy.varint import read_varint, write_varint
+from meshreel.codec.entropy.coder import decode_integers, encode_integers
+from meshreel.codec.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError
 from meshreel.paper.pipeline import Quantized
 from meshreel.paper.quantization import Steps

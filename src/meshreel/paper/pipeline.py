@@ -9,7 +9,9 @@ import numpy.typing as npt
 from meshreel.codec.choices import Allocation
 from meshreel.codec.config import FINE_BITS, EncoderConfig
 from meshreel.codec.frame_products import FramesOf, product_frames
-from meshreel.geometry.laplacian import delta_coordinates
+from meshreel.codec.subspace.basis import expand, project
+from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
+from meshreel.model.geometry.laplacian import delta_coordinates
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.quantization import (
     Steps,
@@ -29,8 +31,6 @@ from meshreel.paper.variants import (
     variant_named,
 )
 from meshreel.runtime.profiling import staged
-from meshreel.subspace.basis import expand, project
-from meshreel.subspace.pca import autocorrelation, eigen_trajectories
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

@@ -9,19 +9,19 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 
+from meshreel.codec.connectivity.permutation import inverse_permutation
 from meshreel.codec.option import COUNT
 from meshreel.codec.stored_blocks import StoredBlock
-from meshreel.connectivity.permutation import inverse_permutation
-from meshreel.counting import counted
+from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.model.sequence import Faces
 from meshreel.paper.decoded_block import DecodedBlock
 from meshreel.paper.decoder import PaperBlockDecoder, open_paper_stream
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import BlockValues, Quantized, synthesise
 from meshreel.paper.quantization import Steps
 from meshreel.paper.variants import Basis, variant_named
-from meshreel.sequence import Faces
-from meshreel.subspace.trajectories import BoundingFrame
+from meshreel.runtime.counting import counted
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.geometry.fans import fan_corners
-from meshreel.sequence import Faces
-from meshreel.surface import Domain, Surface
+from meshreel.model.geometry.fans import fan_corners
+from meshreel.model.sequence import Faces
+from meshreel.model.surface import Domain, Surface
 
 
 def colors_of_items(

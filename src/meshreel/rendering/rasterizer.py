@@ -6,12 +6,12 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import InvalidInputError
-from meshreel.geometry.hard_edges import RowNormals
+from meshreel.model.geometry.hard_edges import RowNormals
+from meshreel.model.sequence import validate_faces, validate_vertices
 from meshreel.rendering.camera import Camera
 from meshreel.rendering.painting import Color, Image, covered_box, painted, seen_surface
 from meshreel.rendering.shading import Singles
 from meshreel.rendering.visibility import nearness, visible_faces
-from meshreel.sequence import validate_faces, validate_vertices
 
 CLAY: Color = (188, 198, 214)
 PAPER: Color = (247, 248, 250)

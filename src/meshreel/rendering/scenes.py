@@ -7,10 +7,12 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import InvalidInputError
-from meshreel.geometry.hard_edges import RowNormals
 from meshreel.metrics.compare import require_comparable
 from meshreel.metrics.heat import HEATS, Field, heat_field
 from meshreel.metrics.reference import reference_of_box
+from meshreel.model.geometry.hard_edges import RowNormals
+from meshreel.model.sequence import FrameSource
+from meshreel.model.tracks import TrackSource, named_track
 from meshreel.rendering.camera import Camera
 from meshreel.rendering.colormap import colorize, round_up
 from meshreel.rendering.item_colors import colors_of_items
@@ -25,8 +27,6 @@ from meshreel.rendering.track_colors import (
     Values,
 )
 from meshreel.runtime.progress import Count, Progress, silent
-from meshreel.sequence import FrameSource
-from meshreel.tracks import TrackSource, named_track
 
 HEAT_PERCENTILE = 99.5
 """The colours of a heat map end at a round number above this percentile of all values shown."""

@@ -3,9 +3,9 @@
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.model.sequence import Faces
+from meshreel.model.surface import Kind, Surface
 from meshreel.rendering.item_colors import colors_of_items
-from meshreel.sequence import Faces
-from meshreel.surface import Kind, Surface
 
 
 def surface_colors(surface: Surface, faces: Faces) -> npt.NDArray[np.float32] | None:

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.track_errors import error_unit, value_errors
+from meshreel.model.tracks import TrackKind, TrackSource
 from meshreel.rendering.colormap import Image, check_colormap, colorize, short_number
-from meshreel.tracks import TrackKind, TrackSource
+from meshreel.runtime.counting import counted
 
 Values = npt.NDArray[Any]
 Floats = npt.NDArray[np.float64]

@@ -7,11 +7,11 @@ import numpy as np
 
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.compare import require_comparable
+from meshreel.model.sequence import FrameSource
+from meshreel.model.tracks import named_track
 from meshreel.rendering.plots import plot_over_time
 from meshreel.rendering.track_colors import TrackColors, TrackLook
 from meshreel.runtime.progress import Count, Progress, silent
-from meshreel.sequence import FrameSource
-from meshreel.tracks import named_track
 
 
 def plot_track(

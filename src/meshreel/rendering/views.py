@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import InvalidInputError
+from meshreel.model.sequence import Extent
 from meshreel.rendering.camera import Camera, Floats, fit_camera
-from meshreel.sequence import Extent
 
 NAMED_VIEWS = {"front": (0.0, 0.0), "side": (90.0, 0.0), "top": (0.0, 90.0)}
 """Azimuth and elevation in degrees."""

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.model.sequence import Faces
 from meshreel.rendering.camera import Camera, Floats
-from meshreel.sequence import Faces
 
 Integers = npt.NDArray[np.int64]
 

@@ -7,7 +7,7 @@ from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
 from meshreel.errors import InvalidInputError
-from meshreel.sequence import MeshSequence
+from meshreel.model.sequence import MeshSequence
 from samples.meshes import irregular_sequence, kg_error_percent, waving_grid
 
 AT_REST = 16

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.bitstream.layout import Section
+from meshreel.codec.bitstream.layout import Section
 from meshreel.kernel.files import OpenFile
-from meshreel.surface import Attribute, Domain, Kind, Surface
+from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from samples.meshes import waving_grid
 from samples.streams import Stream
 

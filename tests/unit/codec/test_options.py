@@ -19,11 +19,11 @@ from meshreel.codec.config import (
     config_of,
 )
 from meshreel.codec.encoder import encode
+from meshreel.codec.entropy.multiples import MAX_GRID_BITS
 from meshreel.codec.methods import METHOD_NAMES
 from meshreel.codec.option import Option, Range, numpydoc, options_of_fields, takes_fields
-from meshreel.entropy.multiples import MAX_GRID_BITS
+from meshreel.codec.reel.encoding.effort import EFFORTS
 from meshreel.errors import InvalidInputError
-from meshreel.reel.encoding.effort import EFFORTS
 from samples.meshes import waving_grid
 
 OPTIONS = {option.name: option for option in all_options()}

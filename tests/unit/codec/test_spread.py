@@ -7,11 +7,11 @@ import pytest
 
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.encoder import encode
+from meshreel.codec.reel.encoding.block_coder import coder_of
 from meshreel.codec.source import Source
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import open_source
 from meshreel.formats.save import save
-from meshreel.reel.encoding.block_coder import coder_of
 from meshreel.runtime.engine.engine import Engine, open_engine
 from samples.costs import slow_but
 from samples.engines import InlineWorkers

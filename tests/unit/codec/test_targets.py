@@ -9,18 +9,18 @@ import pytest
 
 import meshreel
 from meshreel.codec.choices import Tune
-from meshreel.codec.targets import DEFAULT_QUALITY, Aim, Target, target_of
-from meshreel.connectivity.coder import encode_connectivity
-from meshreel.errors import InvalidInputError
-from meshreel.kernel.mesh import MAX_STENCIL
-from meshreel.reel.agreed.payloads import MAX_LEARNED
-from meshreel.reel.encoding.effort import (
+from meshreel.codec.connectivity.coder import encode_connectivity
+from meshreel.codec.reel.encoding.effort import (
     EFFORTS,
     USUAL_STEP,
     choices_for,
     quality_step,
     tune_named,
 )
+from meshreel.codec.reel.normative.payloads import MAX_LEARNED
+from meshreel.codec.targets import DEFAULT_QUALITY, Aim, Target, target_of
+from meshreel.errors import InvalidInputError
+from meshreel.kernel.mesh import MAX_STENCIL
 from samples.costs import slow_but
 from samples.meshes import irregular_sequence, waving_grid
 

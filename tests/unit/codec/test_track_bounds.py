@@ -14,7 +14,7 @@ from meshreel.codec.track_bounds import (
     without_units,
 )
 from meshreel.errors import InvalidInputError
-from meshreel.tracks import Track
+from meshreel.model.tracks import Track
 
 PRESSURE = Track(np.zeros((1, 2)), unit="Pa")
 PLAIN = Track(np.zeros((1, 2)))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.bitstream.layout import Section
+from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.tracks import Coding, Sharing, TrackHeader, write_track
@@ -19,8 +19,8 @@ from meshreel.errors import (
     TruncatedStreamError,
     UnsupportedVersionError,
 )
-from meshreel.surface import Domain
-from meshreel.tracks import MAX_COLUMNS, Track
+from meshreel.model.surface import Domain
+from meshreel.model.tracks import MAX_COLUMNS, Track
 from samples.costs import draws
 from samples.meshes import waving_grid
 from samples.streams import Stream, parts_of, raw_stream, track_header, track_headers, track_values

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from meshreel.sequence import MeshSequence
+from meshreel.model.sequence import MeshSequence
 
 OCTAHEDRON = np.array(
     [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]]

@@ -7,7 +7,7 @@ import pytest
 
 from meshreel.formats.load import load
 from meshreel.formats.save import save
-from meshreel.surface import Kind
+from meshreel.model.surface import Kind
 from samples.surfaces import CUBE_SIZES, attribute, rich_cube
 
 trimesh = pytest.importorskip("trimesh")

@@ -9,7 +9,7 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load, open_source
 from meshreel.formats.save import save
-from meshreel.sequence import MeshSequence, positions_size_bytes
+from meshreel.model.sequence import MeshSequence, positions_size_bytes
 from samples.meshes import waving_grid
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n"

@@ -8,7 +8,7 @@ from meshreel.formats.options import WriteOptions
 from meshreel.formats.outputs import check_output
 from meshreel.formats.registry import FORMATS, is_written
 from meshreel.formats.save import save
-from meshreel.sequence import MeshSequence
+from meshreel.model.sequence import MeshSequence
 from samples.materials import dressed_sheet
 from samples.meshes import waving_grid
 

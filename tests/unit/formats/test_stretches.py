@@ -7,7 +7,7 @@ from meshreel.errors import InvalidInputError
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.save import save
 from meshreel.formats.stretches import find_stretches
-from meshreel.tracks import Track
+from meshreel.model.tracks import Track
 from samples.datasets import positions_of
 from samples.meshes import quad_sheet, waving_grid
 from samples.tracks import assert_same_tracks

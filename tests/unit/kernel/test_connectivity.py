@@ -5,7 +5,7 @@ import pytest
 
 from conformance.bits import DamagedError
 from conformance.connectivity import read_faces
-from meshreel.connectivity.triangles import lowest_rotation, sorted_order
+from meshreel.codec.connectivity.triangles import lowest_rotation, sorted_order
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.kernel.connectivity import MOST_ITEMS, decode_faces, encode_faces
 from samples.meshes import grid_faces, octahedron_faces

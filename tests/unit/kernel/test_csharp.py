@@ -14,7 +14,7 @@ import pytest
 from meshreel.codec.surface.codes import ALPHA_MODES, CHANNELS, FILTERS, WRAPS
 from meshreel.kernel.library import NAME
 from meshreel.kernel.library import library as core
-from meshreel.materials import SLOTS
+from meshreel.model.materials import SLOTS
 from samples import c_reader
 from samples.c_reader import CModes, CSurface, Decoder, File, Layout, RefusalError
 

@@ -3,7 +3,7 @@ import zlib
 import numpy as np
 import pytest
 
-from meshreel.entropy.coder import encode_integers
+from meshreel.codec.entropy.coder import encode_integers
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.kernel.fields import (
     MAX_MAGNITUDE,

@@ -7,7 +7,7 @@ from conformance.bits import BitStream, NamedBits, integers
 from conformance.order import FaceOrder, read_vertices
 from conformance.patterns import read_patterns
 from conformance.surface import AlongFaces
-from meshreel.connectivity.triangles import twin_sides
+from meshreel.codec.connectivity.triangles import twin_sides
 from meshreel.kernel.integers import encode_rows
 from meshreel.kernel.order import encode_order
 from meshreel.kernel.patterns import encode_patterns, expected_along

@@ -5,8 +5,8 @@ import pytest
 
 from conformance import predicted
 from meshreel.errors import InvalidInputError
-from meshreel.geometry.normals import vertex_normals
 from meshreel.kernel.normals import surface_normals, turns_to
+from meshreel.model.geometry.normals import vertex_normals
 from samples.meshes import waving_grid
 
 RNG = np.random.default_rng(21)

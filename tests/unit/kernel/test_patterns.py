@@ -4,8 +4,12 @@ import pytest
 from hypothesis import given
 from hypothesis.extra.numpy import arrays
 
-from meshreel.connectivity.triangles import twin_sides
-from meshreel.entropy.expected import nothing_expected, row_before_expected, same_step_expected
+from meshreel.codec.connectivity.triangles import twin_sides
+from meshreel.codec.entropy.expected import (
+    nothing_expected,
+    row_before_expected,
+    same_step_expected,
+)
 from meshreel.errors import MeshReelError
 from meshreel.kernel.patterns import Expected, decode_patterns, encode_patterns, expected_along
 

@@ -5,6 +5,7 @@ import pytest
 
 from conformance.hierarchy import resolutions_of
 from conformance.prediction import predict_fields
+from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.predict import (
     Choice,
@@ -12,7 +13,6 @@ from meshreel.kernel.predict import (
     encode_values,
     prepared_weights,
 )
-from meshreel.reel.agreed.mesh import FieldMesh
 from samples.meshes import irregular_sequence, waving_grid
 
 PLAIN = Choice(first_shaped=1 << 30, gain=0.0, price=0.0)

@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meshreel.cli.figures import quality_rows
+from meshreel.app.cli.figures import quality_rows
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.compare import compare
 from meshreel.metrics.displacement import displacement_errors_percent
@@ -13,7 +13,7 @@ from meshreel.metrics.nmsve import nmsve_per_frame
 from meshreel.metrics.normals import normal_angles
 from meshreel.metrics.rest_motion import rest_motion
 from meshreel.metrics.sted import sted
-from meshreel.sequence import MeshSequence
+from meshreel.model.sequence import MeshSequence
 
 
 @pytest.fixture

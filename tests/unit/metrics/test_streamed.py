@@ -10,7 +10,7 @@ from meshreel.formats.save import save
 from meshreel.metrics.displacement import displacement_errors_percent
 from meshreel.metrics.kg import kg_error_percent
 from meshreel.metrics.streamed import ErrorSums, StreamedErrors, streamed_errors
-from meshreel.sequence import Extent, MeshSequence, extent_of
+from meshreel.model.sequence import Extent, MeshSequence, extent_of
 
 FACES = np.array([[0, 1, 2]])
 

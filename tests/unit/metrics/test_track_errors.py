@@ -6,7 +6,7 @@ import pytest
 import meshreel
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.track_errors import errors_of_tracks, track_errors
-from meshreel.tracks import Track
+from meshreel.model.tracks import Track
 from samples.meshes import waving_grid
 
 

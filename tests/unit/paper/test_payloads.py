@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from meshreel.bitstream.layout import Section
+from meshreel.codec.bitstream.layout import Section
+from meshreel.codec.entropy.coder import decode_integers, encode_integers
+from meshreel.codec.entropy.varint import write_varint
 from meshreel.codec.stored_blocks import StoredBlock
-from meshreel.entropy.coder import decode_integers, encode_integers
-from meshreel.entropy.varint import write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError
 from meshreel.paper import payloads
 from meshreel.paper.blocks import _read_tracked_dictionary

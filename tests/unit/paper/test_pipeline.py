@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 
 from meshreel.codec.config import EncoderConfig
-from meshreel.geometry.connectivity import component_labels
+from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
+from meshreel.model.geometry.connectivity import component_labels
 from meshreel.paper.anchors import choose_anchors
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import analyse, synthesise
 from meshreel.paper.settings import chosen_anchors
 from meshreel.paper.variants import variant_named
-from meshreel.subspace.trajectories import bounding_frame, to_matrices
 from samples.meshes import irregular_sequence, waving_grid
 
 

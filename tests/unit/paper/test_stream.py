@@ -14,8 +14,8 @@ import pytest
 import meshreel
 import meshreel.paper
 from meshreel.errors import InvalidInputError, TruncatedStreamError
+from meshreel.model.sequence import MeshSequence
 from meshreel.paper import METHODS, read
-from meshreel.sequence import MeshSequence
 from samples.meshes import irregular_sequence, waving_grid
 
 GRID = waving_grid(9, 5, 6, np.float64)

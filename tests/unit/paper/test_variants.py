@@ -7,12 +7,12 @@ from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
 from meshreel.codec.methods import METHOD_NAMES
+from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
+from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
 from meshreel.errors import InvalidInputError
+from meshreel.model.sequence import MeshSequence
 from meshreel.paper import pipeline
 from meshreel.paper.decoder import bits_per_row, coded_blocks
-from meshreel.sequence import MeshSequence
-from meshreel.subspace.pca import autocorrelation, eigen_trajectories
-from meshreel.subspace.trajectories import bounding_frame, to_matrices
 from samples.meshes import irregular_sequence, kg_error_percent, waving_grid
 
 NAMES = list(METHOD_NAMES)

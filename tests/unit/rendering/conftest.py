@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from meshreel.sequence import MeshSequence
+from meshreel.model.sequence import MeshSequence
 from samples.meshes import waving_grid
 
 

@@ -6,12 +6,12 @@ import pytest
 from PIL import Image, ImageSequence
 
 from meshreel.errors import FormatError, InvalidInputError
+from meshreel.model.sequence import MeshSequence
 from meshreel.rendering import film_files
 from meshreel.rendering.film_files import require_ffmpeg, save_film, save_gif, save_mp4
 from meshreel.rendering.films import film
 from meshreel.rendering.scenes import Scene
 from meshreel.rendering.views import View
-from meshreel.sequence import MeshSequence
 
 
 def make_film(grid, fps=25.0, size=(160, 120), n_frames=12):

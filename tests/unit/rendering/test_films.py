@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
+from meshreel.model.sequence import MeshSequence
 from meshreel.rendering.films import UNKNOWN_FPS, film
 from meshreel.rendering.scenes import Moment, Scene
 from meshreel.rendering.views import View
-from meshreel.sequence import MeshSequence
 
 VIEW, SIZE = View(), (160, 120)
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.flag import simulate_flag
+from meshreel.model.flag import simulate_flag
 from meshreel.rendering.camera import fit_camera
 from meshreel.rendering.rasterizer import PAPER, render
 

@@ -6,15 +6,15 @@ import pytest
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.heat import HEATS, heat_field
 from meshreel.metrics.reference import bounding_box_reference
+from meshreel.model.sequence import MeshSequence
+from meshreel.model.surface import Domain
+from meshreel.model.tracks import Track
 from meshreel.rendering.camera import fit_camera
 from meshreel.rendering.rasterizer import CLAY, render
 from meshreel.rendering.scenes import NO_SCALES, Scene
 from meshreel.rendering.shots import scene_words
 from meshreel.rendering.track_colors import TrackLook
 from meshreel.rendering.views import View
-from meshreel.sequence import MeshSequence
-from meshreel.surface import Domain
-from meshreel.tracks import Track
 from samples.meshes import hard_box, quad_sheet, waving_grid
 
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
+from meshreel.model.sequence import MeshSequence
 from meshreel.rendering.scenes import Scene
 from meshreel.rendering.shots import frame_labels, spread_frames, telling_frames
 from meshreel.rendering.stills import still
 from meshreel.rendering.views import View
-from meshreel.sequence import MeshSequence
 
 FRONT = View("y", 0.0, 0.0)
 

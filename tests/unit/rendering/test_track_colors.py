@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
+from meshreel.model.tracks import Track
 from meshreel.rendering.colormap import DIVERGING, HEAT, NOT_A_NUMBER
 from meshreel.rendering.track_colors import FrameNumbers, TrackColors, TrackLook, parse_range
-from meshreel.tracks import Track
 
 
 def track_of(values, kind=None, unit="Pa"):

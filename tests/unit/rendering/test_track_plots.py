@@ -6,11 +6,11 @@ from matplotlib.colors import to_rgb
 from PIL import Image
 
 from meshreel.errors import InvalidInputError
+from meshreel.model.sequence import MeshSequence
+from meshreel.model.tracks import Track
 from meshreel.rendering import track_plots
 from meshreel.rendering.track_colors import TrackLook
 from meshreel.rendering.track_plots import plot_track
-from meshreel.sequence import MeshSequence
-from meshreel.tracks import Track
 
 
 def heated(grid, values, unit="K", **facts):

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
+from meshreel.model.sequence import Extent
 from meshreel.rendering.views import (
     NAMED_VIEWS,
     View,
@@ -10,7 +11,6 @@ from meshreel.rendering.views import (
     swept_points,
     turntable,
 )
-from meshreel.sequence import Extent
 
 CLOUD = np.random.default_rng(4).normal(size=(5, 40, 3)) * [1, 2, 0.5] + [10, -3, 4]
 

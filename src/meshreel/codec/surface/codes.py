@@ -1,7 +1,7 @@
 """Choices of surfaces in the order of their codes in a stream."""
 
-from meshreel.materials import AlphaMode, Filter, Wrap
-from meshreel.surface import Domain, Kind
+from meshreel.model.materials import AlphaMode, Filter, Wrap
+from meshreel.model.surface import Domain, Kind
 
 KINDS = (Kind.UV, Kind.COLOR, Kind.OTHER)
 DOMAINS = (Domain.VERTEX, Domain.FACE, Domain.CORNER)

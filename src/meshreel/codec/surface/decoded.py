@@ -7,8 +7,8 @@ import numpy as np
 from meshreel.codec.surface.codes import ALPHA_MODES, CHANNELS, DOMAINS, FILTERS, KINDS, WRAPS
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.kernel.files import NUMBER_TYPES, OpenFile, Text, array_at, fields_of
-from meshreel.materials import SLOTS, Image, Material, Texture
-from meshreel.surface import Attribute, FaceGroups, Part, Surface
+from meshreel.model.materials import SLOTS, Image, Material, Texture
+from meshreel.model.surface import Attribute, FaceGroups, Part, Surface
 
 NO_IMAGE = 2**32 - 1
 FILTERS_OR_ANY = (None, *FILTERS)

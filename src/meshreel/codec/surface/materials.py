@@ -2,10 +2,10 @@
 
 import struct
 
+from meshreel.codec.entropy.varint import write_varint
 from meshreel.codec.surface.codes import ALPHA_MODES, CHANNELS, FILTERS, WRAPS
 from meshreel.codec.surface.texts import write_text
-from meshreel.entropy.varint import write_varint
-from meshreel.materials import SLOTS, Image, Material, Texture
+from meshreel.model.materials import SLOTS, Image, Material, Texture
 
 MATERIAL_NUMBERS = {
     "base_color": 4,

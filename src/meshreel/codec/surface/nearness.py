@@ -3,11 +3,11 @@
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.connectivity.triangles import twin_sides
-from meshreel.entropy.tables import Along
-from meshreel.geometry.fans import fan_corners, join_fans
+from meshreel.codec.connectivity.triangles import twin_sides
+from meshreel.codec.entropy.tables import Along
 from meshreel.kernel.patterns import Expected, expected_along
-from meshreel.surface import Domain, Surface
+from meshreel.model.geometry.fans import fan_corners, join_fans
+from meshreel.model.surface import Domain, Surface
 
 Integers = npt.NDArray[np.integer]
 Faces = npt.NDArray[np.int32]

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshreel.codec.choices import Order
+from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.surface.payloads import surface_in_order
 from meshreel.codec.surface.uv_grid import is_quantized
-from meshreel.connectivity.coder import encode_connectivity
-from meshreel.sequence import FrameSource
-from meshreel.surface import Attribute
+from meshreel.model.sequence import FrameSource
+from meshreel.model.surface import Attribute
 
 TEXELS = 4096
 """Width of the texture in whose texels errors are given."""

@@ -8,9 +8,9 @@ quantising again changes nothing.
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.entropy.multiples import LARGEST
+from meshreel.codec.entropy.multiples import LARGEST
 from meshreel.errors import InvalidInputError
-from meshreel.surface import Attribute, Kind, Surface
+from meshreel.model.surface import Attribute, Kind, Surface
 
 Integers = npt.NDArray[np.int64]
 

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from functools import cached_property
 
-from meshreel.connectivity.coder import decode_connectivity, decode_order, encode_connectivity
+from meshreel.codec.connectivity.coder import decode_connectivity, decode_order, encode_connectivity
 from meshreel.evaluation.runs.timing import REPEATS, seconds_of, timed
-from meshreel.sequence import MeshSequence, Vertices
+from meshreel.model.sequence import MeshSequence, Vertices
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,13 +2,6 @@
 
 from collections.abc import Sequence
 
-from meshreel.documents.parts import (
-    Bullets,
-    Document,
-    Paragraph,
-    Part,
-    Picture,
-)
 from meshreel.evaluation.codecs.peers.protocol import Peer
 from meshreel.evaluation.codecs.results import CodecResults
 from meshreel.evaluation.codecs.tables import (
@@ -24,6 +17,13 @@ from meshreel.evaluation.pipeline import Measured
 from meshreel.evaluation.report.codecs import codecs_document
 from meshreel.evaluation.report.openings import sequence_opening
 from meshreel.evaluation.runs.store import done
+from meshreel.rendering.documents.parts import (
+    Bullets,
+    Document,
+    Paragraph,
+    Part,
+    Picture,
+)
 
 TITLE = "meshreel beside other codecs: rate, distortion, seconds"
 

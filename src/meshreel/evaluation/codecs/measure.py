@@ -17,8 +17,8 @@ from meshreel.metrics.displacement import displacement_errors_percent
 from meshreel.metrics.kg import kg_error_percent
 from meshreel.metrics.rate import rate_bpvf
 from meshreel.metrics.sted import sted
+from meshreel.model.sequence import MeshSequence, Vertices
 from meshreel.runtime.progress import Progress
-from meshreel.sequence import MeshSequence, Vertices
 
 METHOD, PEER = "method", "peer"
 

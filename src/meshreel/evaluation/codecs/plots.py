@@ -4,11 +4,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
-from meshreel.documents.parts import Picture
 from meshreel.evaluation.codecs.results import ERRORS, RECORDED, CodecResults, family
 from meshreel.evaluation.folder import file_name
 from meshreel.evaluation.plots.axes import draw_envelopes
 from meshreel.evaluation.rate_distortion import Point
+from meshreel.rendering.documents.parts import Picture
 from meshreel.rendering.plots import blank_figure, save_figure
 
 TITLES = {

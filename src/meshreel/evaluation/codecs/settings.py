@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from meshreel.codec.methods import METHOD_NAMES
-from meshreel.evaluation.paper.settings import Setting, sweep, variants
+from meshreel.paper.sweeps import Setting, sweep, variants
 
 CODED_METHODS = METHOD_NAMES
 DEFAULT_METHODS = ("reel", "pca-qp", "v2v")

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from meshreel.documents.parts import Document, Picture
 from meshreel.evaluation.codecs.arrangements import Arrangements
 from meshreel.evaluation.codecs.document import codec_document
 from meshreel.evaluation.codecs.measure import method_run, peer_run
@@ -18,8 +17,9 @@ from meshreel.evaluation.codecs.settings import DEFAULT_METHODS, method_sweep
 from meshreel.evaluation.pipeline import Measured, Subject
 from meshreel.evaluation.runs.run import Run
 from meshreel.evaluation.runs.store import Result
+from meshreel.model.sequence import MeshSequence
+from meshreel.rendering.documents.parts import Document, Picture
 from meshreel.runtime.progress import Progress
-from meshreel.sequence import MeshSequence
 
 
 @dataclass(frozen=True)

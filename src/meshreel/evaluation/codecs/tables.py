@@ -2,11 +2,11 @@
 
 from collections.abc import Iterable, Sequence
 
-from meshreel.documents.cells import NONE, significant
-from meshreel.documents.parts import Paragraph, Part, Table
 from meshreel.evaluation.codecs.results import ERRORS, RECORDED, CodecResults
 from meshreel.evaluation.rate_distortion import RateDifference, bd_rate, rate_at_error
 from meshreel.evaluation.runs.store import Result, done
+from meshreel.rendering.documents.cells import NONE, significant
+from meshreel.rendering.documents.parts import Paragraph, Part, Table
 
 KG_LEVELS = (0.5, 0.2, 0.1)  # percent
 STED_LEVELS = (0.05, 0.02, 0.01)

@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Protocol
 
-from meshreel.documents.parts import Bullets, Document, Heading, Part
 from meshreel.evaluation.report.openings import report_opening
+from meshreel.rendering.documents.parts import Bullets, Document, Heading, Part
 
 
 class Summarised(Protocol):

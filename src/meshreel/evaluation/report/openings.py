@@ -3,9 +3,9 @@
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from meshreel.counting import counted
-from meshreel.documents.parts import Code, Heading, Paragraph, Part
 from meshreel.evaluation.runs.machine import machines_text
+from meshreel.rendering.documents.parts import Code, Heading, Paragraph, Part
+from meshreel.runtime.counting import counted
 
 
 def report_opening(

@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from meshreel.documents.html import to_html
-from meshreel.documents.parts import (
+from meshreel.evaluation.folder import write_text
+from meshreel.rendering.documents.html import to_html
+from meshreel.rendering.documents.parts import (
     Bullets,
     Code,
     Document,
@@ -14,7 +15,6 @@ from meshreel.documents.parts import (
     Picture,
     Table,
 )
-from meshreel.evaluation.folder import write_text
 
 
 def publish(document: Document, out: Path) -> tuple[Path, Path]:

@@ -10,8 +10,8 @@ from typing import Any
 
 from meshreel import __version__
 from meshreel.evaluation.folder import file_name, write_text
+from meshreel.model.sequence import MeshSequence
 from meshreel.runtime.outputs.atomic import replace_when_done
-from meshreel.sequence import MeshSequence
 
 LAYOUT = 1
 """Of the JSON; results of another layout are computed again."""

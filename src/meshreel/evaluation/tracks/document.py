@@ -2,13 +2,6 @@
 
 from collections.abc import Sequence
 
-from meshreel.documents.parts import (
-    Bullets,
-    Document,
-    Paragraph,
-    Part,
-    Picture,
-)
 from meshreel.evaluation.pipeline import Measured
 from meshreel.evaluation.report.codecs import codecs_document
 from meshreel.evaluation.report.openings import sequence_opening
@@ -16,6 +9,13 @@ from meshreel.evaluation.runs.store import done
 from meshreel.evaluation.tracks.peers import TrackPeer
 from meshreel.evaluation.tracks.results import TrackResults
 from meshreel.evaluation.tracks.tables import refusals, runs_table, size_table
+from meshreel.rendering.documents.parts import (
+    Bullets,
+    Document,
+    Paragraph,
+    Part,
+    Picture,
+)
 
 TITLE = "A track beside compressors of arrays: rate, distortion, seconds"
 

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
 from meshreel.codec.memory import OWN_STREAM
 from meshreel.codec.reel_file import ReelFile
-from meshreel.connectivity.coder import encode_connectivity
 from meshreel.errors import InvalidInputError
 from meshreel.evaluation.codecs.peers.protocol import package_version
 from meshreel.evaluation.folder import file_name
@@ -24,10 +24,10 @@ from meshreel.evaluation.runs.timing import REPEATS, seconds_of, timed
 from meshreel.evaluation.tracks.peers import TrackPeer, Values
 from meshreel.evaluation.tracks.settings import Level
 from meshreel.metrics.track_errors import TrackErrors, track_errors
+from meshreel.model.sequence import MeshSequence
+from meshreel.model.surface import Domain
+from meshreel.model.tracks import Track, TrackKind
 from meshreel.runtime.progress import Progress
-from meshreel.sequence import MeshSequence
-from meshreel.surface import Domain
-from meshreel.tracks import Track, TrackKind
 
 OURS = "reel"
 

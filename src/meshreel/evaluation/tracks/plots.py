@@ -4,10 +4,10 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
-from meshreel.documents.parts import Picture
 from meshreel.evaluation.folder import file_name
 from meshreel.evaluation.plots.axes import draw_envelopes
 from meshreel.evaluation.tracks.results import TrackResults
+from meshreel.rendering.documents.parts import Picture
 from meshreel.rendering.plots import blank_figure, save_figure
 
 CAPTION = (

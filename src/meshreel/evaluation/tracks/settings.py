@@ -6,7 +6,7 @@ import numpy as np
 
 from meshreel.codec.track_bounds import DROP, EXACT, Measure, bound_of_track
 from meshreel.errors import InvalidInputError
-from meshreel.tracks import TrackKind, TrackSource, value_range
+from meshreel.model.tracks import TrackKind, TrackSource, value_range
 
 QUICK_PERCENT, PERCENT = (1.0, 0.1, 0.01), (3.0, 1.0, 0.3, 0.1, 0.03, 0.01)
 QUICK_DEG, DEG = (2.0, 0.5), (4.0, 2.0, 1.0, 0.5, 0.25, 0.1)

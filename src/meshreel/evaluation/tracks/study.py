@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from meshreel.documents.parts import Document, Picture
 from meshreel.evaluation.codecs.peers.protocol import is_available, why_missing
 from meshreel.evaluation.pipeline import Measured as MeasuredResults
 from meshreel.evaluation.pipeline import Subject
@@ -19,9 +18,10 @@ from meshreel.evaluation.tracks.plots import drawings
 from meshreel.evaluation.tracks.results import TrackResults
 from meshreel.evaluation.tracks.settings import Level, levels_of
 from meshreel.metrics.track_errors import error_unit
+from meshreel.model.sequence import MeshSequence
+from meshreel.model.tracks import Track, described_track, named_track
+from meshreel.rendering.documents.parts import Document, Picture
 from meshreel.runtime.progress import Progress
-from meshreel.sequence import MeshSequence
-from meshreel.tracks import Track, described_track, named_track
 
 
 @dataclass(frozen=True)

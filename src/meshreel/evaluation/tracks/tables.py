@@ -1,11 +1,11 @@
 """Tables of a track: bytes at equal largest error, and all runs."""
 
-from meshreel.documents.cells import NONE, significant
-from meshreel.documents.parts import Table
 from meshreel.evaluation.runs.store import done
 from meshreel.evaluation.tracks.measure import OURS
 from meshreel.evaluation.tracks.results import TrackResults
 from meshreel.evaluation.tracks.settings import EXACTLY
+from meshreel.rendering.documents.cells import NONE, significant
+from meshreel.rendering.documents.parts import Table
 
 
 def size_table(results: TrackResults) -> Table:

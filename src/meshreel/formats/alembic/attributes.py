@@ -12,7 +12,7 @@ from meshreel.formats.alembic.time_sampling import between
 from meshreel.formats.alembic.winding import turned_corners
 from meshreel.formats.notes import UNCHANGING, note_kinds, note_moving
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.surface import MAX_NUMBERS, Attribute, Domain, FaceGroups, Surface
+from meshreel.model.surface import MAX_NUMBERS, Attribute, Domain, FaceGroups, Surface
 
 NORMALS, VELOCITIES = "N", ".velocities"
 """Names of properties of a mesh."""

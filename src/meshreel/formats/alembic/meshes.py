@@ -37,9 +37,9 @@ from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh
 from meshreel.formats.scenes.timing import frame_times
 from meshreel.formats.surfaces.hard_edges import NormalNotes, find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
-from meshreel.sequence import Vertices
-from meshreel.surface import Surface
-from meshreel.tracks import TrackSource
+from meshreel.model.sequence import Vertices
+from meshreel.model.surface import Surface
+from meshreel.model.tracks import TrackSource
 
 POINTS, CORNERS, COUNTS = "P", ".faceIndices", ".faceCounts"
 

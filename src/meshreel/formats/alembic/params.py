@@ -9,7 +9,7 @@ import numpy.typing as npt
 from meshreel.formats.alembic.archive import Property
 from meshreel.formats.alembic.ogawa import damaged
 from meshreel.formats.alembic.time_sampling import Times, between
-from meshreel.surface import VALUE_TYPES, Domain, Kind
+from meshreel.model.surface import VALUE_TYPES, Domain, Kind
 
 DOMAINS = {"vtx": Domain.VERTEX, "var": Domain.VERTEX, "uni": Domain.FACE, "fvr": Domain.CORNER}
 """Domains by what the file calls them."""

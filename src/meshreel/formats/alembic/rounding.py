@@ -5,7 +5,7 @@ import numpy.typing as npt
 
 from meshreel.errors import InvalidInputError
 from meshreel.formats.text.decimal_text import Narrowing
-from meshreel.sequence import Vertices
+from meshreel.model.sequence import Vertices
 
 
 class Rounding:

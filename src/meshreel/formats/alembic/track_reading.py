@@ -20,8 +20,8 @@ from meshreel.formats.notes import note_kinds, note_left_out
 from meshreel.formats.scenes.merged_tracks import BLENDED
 from meshreel.formats.scenes.turned_values import Matrix, turned_normals, turned_vectors
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.surface import Domain, Kind
-from meshreel.tracks import NUMBER_TYPES, TrackKind, TrackSource
+from meshreel.model.surface import Domain, Kind
+from meshreel.model.tracks import NUMBER_TYPES, TrackKind, TrackSource
 
 Values = npt.NDArray[Any]
 

@@ -14,7 +14,7 @@ from meshreel.formats.alembic.archive import Property
 from meshreel.formats.alembic.ogawa import damaged
 from meshreel.formats.alembic.time_sampling import Times, between
 from meshreel.formats.text.decimal_text import Narrowing
-from meshreel.sequence import Vertices
+from meshreel.model.sequence import Vertices
 
 Matrix = npt.NDArray[np.float64]
 

@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.geometry.ragged import Integers
+from meshreel.model.geometry.ragged import Integers
 
 
 def turned_corners(counts: Integers) -> npt.NDArray[np.int64]:

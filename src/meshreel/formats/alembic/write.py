@@ -34,8 +34,8 @@ from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.notes import note_name
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts
-from meshreel.geometry.hard_edges import RowNormals
-from meshreel.tracks import TrackKind, TrackSource, Values
+from meshreel.model.geometry.hard_edges import RowNormals
+from meshreel.model.tracks import TrackKind, TrackSource, Values
 
 ASSUMED_FPS = 24.0
 

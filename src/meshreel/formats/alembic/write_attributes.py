@@ -11,8 +11,8 @@ from meshreel.formats.alembic.names import IN_TEXTS, clean, unused_name
 from meshreel.formats.alembic.winding import turned_corners
 from meshreel.formats.extras import ALEMBIC
 from meshreel.formats.notes import note_name
-from meshreel.geometry.ragged import Integers
-from meshreel.surface import Attribute, Domain, FaceGroups, Kind
+from meshreel.model.geometry.ragged import Integers
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind
 
 SCOPES = {
     Domain.VERTEX: "kVertexScope",

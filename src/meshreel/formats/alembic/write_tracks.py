@@ -22,8 +22,8 @@ from meshreel.formats.notes import (
     note_unwritten_units,
 )
 from meshreel.formats.scenes.parts import PartMesh
-from meshreel.surface import Domain
-from meshreel.tracks import TrackKind, TrackSource, value_range
+from meshreel.model.surface import Domain
+from meshreel.model.tracks import TrackKind, TrackSource, value_range
 
 Values = npt.NDArray[Any]
 

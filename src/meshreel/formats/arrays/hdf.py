@@ -46,7 +46,7 @@ from meshreel.formats.hdf.writing import HdfOutput, hdf_output
 from meshreel.formats.notes import note_kinds
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.registry import SEQUENCE_FORMATS
-from meshreel.sequence import FrameSource, Vertices
+from meshreel.model.sequence import FrameSource, Vertices
 
 POSITIONS = "vertices"
 CHUNK_BYTES = 1 << 16  # of frames that are so small that several share a chunk

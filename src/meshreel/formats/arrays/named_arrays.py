@@ -41,7 +41,7 @@ import numpy.typing as npt
 from meshreel.errors import FormatError
 from meshreel.formats.frames.array_frames import Description
 from meshreel.formats.options import ReadOptions
-from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 
 Array = npt.NDArray[Any]
 

@@ -16,8 +16,8 @@ from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.array_frames import Description
 from meshreel.formats.frames.stored_tracks import StoredTrack, Values, kind_said
 from meshreel.formats.notes import listed, note_left_out
-from meshreel.surface import Domain
-from meshreel.tracks import (
+from meshreel.model.surface import Domain
+from meshreel.model.tracks import (
     MAX_COLUMNS,
     NUMBER_TYPES,
     Track,

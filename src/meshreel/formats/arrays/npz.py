@@ -22,8 +22,8 @@ from meshreel.formats.arrays.position_layout import Layout, find_layout
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import ReadOptions, WriteOptions
-from meshreel.sequence import MeshSequence
-from meshreel.tracks import track_blocks
+from meshreel.model.sequence import MeshSequence
+from meshreel.model.tracks import track_blocks
 
 POSITIONS = "vertices"
 

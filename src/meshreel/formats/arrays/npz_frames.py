@@ -24,10 +24,10 @@ from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.frames.stored_frames import StoredFrames, changed_error
 from meshreel.formats.frames.survey import FrameSurvey
 from meshreel.formats.options import ReadOptions
+from meshreel.model.sequence import FrameSource, MeshSequence, validate_finite
+from meshreel.model.tracks import TrackSource
 from meshreel.runtime.progress import Count
 from meshreel.runtime.threads import chunks, in_threads, one_ahead
-from meshreel.sequence import FrameSource, MeshSequence, validate_finite
-from meshreel.tracks import TrackSource
 
 Numbers = npt.NDArray[Any]
 

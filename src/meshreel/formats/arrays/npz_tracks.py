@@ -19,7 +19,7 @@ from meshreel.formats.arrays.named_tracks import (
 )
 from meshreel.formats.arrays.npz_members import archive_errors, read_array_header
 from meshreel.formats.frames.array_frames import Description
-from meshreel.tracks import TrackSource
+from meshreel.model.tracks import TrackSource
 
 Array = npt.NDArray[Any]
 

@@ -24,7 +24,7 @@ from meshreel.formats.frames.array_frames import ArrayFrames, Description
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.scenes.timing import FrameTimes, frame_times
-from meshreel.sequence import FrameSource
+from meshreel.model.sequence import FrameSource
 
 HEADER = struct.Struct(">ii")
 TIME = np.dtype(">f4")

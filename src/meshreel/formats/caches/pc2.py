@@ -22,7 +22,7 @@ from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.frames.array_frames import ArrayFrames, Description
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import ReadOptions, WriteOptions
-from meshreel.sequence import FrameSource
+from meshreel.model.sequence import FrameSource
 
 SIGNATURE = b"POINTCACHE2\0"
 VERSION = 1

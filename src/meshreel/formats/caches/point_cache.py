@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from meshreel.counting import counted
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.file_errors import os_errors_naming
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.frames.stored_frames import changed_error
-from meshreel.sequence import Vertices
+from meshreel.model.sequence import Vertices
+from meshreel.runtime.counting import counted
 
 FRAME_RATE = 24.0  # of what has none, where a file needs one
 VERTEX_BYTES = 12

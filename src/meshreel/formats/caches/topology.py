@@ -5,15 +5,15 @@ from pathlib import Path
 
 import numpy as np
 
-from meshreel.counting import counted
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.file_errors import errors_naming, os_errors_naming, refuse_pipe
 from meshreel.formats.notes import note_kinds
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.registry import COMPANION, FRAME_FORMATS
-from meshreel.geometry.fans import triangulate_fans
-from meshreel.sequence import Faces
-from meshreel.surface import PLAIN, Surface
+from meshreel.model.geometry.fans import triangulate_fans
+from meshreel.model.sequence import Faces
+from meshreel.model.surface import PLAIN, Surface
+from meshreel.runtime.counting import counted
 
 
 def read_topology(cache: Path, n_verts: int, options: ReadOptions) -> tuple[Faces, Surface]:

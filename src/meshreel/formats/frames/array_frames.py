@@ -13,9 +13,9 @@ from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.stored_frames import StoredFrames, changed_error
 from meshreel.formats.frames.survey import FrameSurvey
 from meshreel.formats.options import ReadOptions
-from meshreel.sequence import Faces, FrameSource, MeshSequence, Vertices, validate_finite
-from meshreel.surface import PLAIN, Surface
-from meshreel.tracks import TrackSource, copied, size_bytes
+from meshreel.model.sequence import Faces, FrameSource, MeshSequence, Vertices, validate_finite
+from meshreel.model.surface import PLAIN, Surface
+from meshreel.model.tracks import TrackSource, copied, size_bytes
 
 BLOCK_BYTES = 1 << 24  # of positions that are read together
 

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.counting import plural
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.stored_tracks import StoredTrack, kind_said
 from meshreel.formats.notes import note_kinds, note_left_out
-from meshreel.surface import Domain
-from meshreel.tracks import MAX_COLUMNS, NUMBER_TYPES, TrackKind, default_kind
+from meshreel.model.surface import Domain
+from meshreel.model.tracks import MAX_COLUMNS, NUMBER_TYPES, TrackKind, default_kind
+from meshreel.runtime.counting import plural
 
 Values = npt.NDArray[Any]
 Key = tuple[Domain, str]

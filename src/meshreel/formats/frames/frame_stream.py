@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
-from meshreel.runtime.progress import Count, Progress, silent
-from meshreel.sequence import (
+from meshreel.model.sequence import (
     MeshSequence,
     Vertices,
     validate_faces,
@@ -20,8 +18,10 @@ from meshreel.sequence import (
     validate_start,
     validate_vertices,
 )
-from meshreel.surface import PLAIN, Surface
-from meshreel.tracks import TrackSource, Values, check_tracks, copied
+from meshreel.model.surface import PLAIN, Surface
+from meshreel.model.tracks import TrackSource, Values, check_tracks, copied
+from meshreel.runtime.counting import counted
+from meshreel.runtime.progress import Count, Progress, silent
 
 
 class FrameStream:

@@ -19,10 +19,10 @@ from meshreel.formats.frames.stored_tracks import StoredTrack
 from meshreel.formats.kinds import FrameFormat
 from meshreel.formats.notes import NORMALS_FAR, NORMALS_LEFT_OUT, note_frozen
 from meshreel.formats.surfaces.polygons import PolygonMesh
+from meshreel.model.sequence import Vertices, validate_finite
+from meshreel.model.surface import PLAIN, Domain, Surface
+from meshreel.model.surface_selection import differing_names
 from meshreel.runtime.progress import Count, Progress
-from meshreel.sequence import Vertices, validate_finite
-from meshreel.surface import PLAIN, Domain, Surface
-from meshreel.surface_selection import differing_names
 
 COMPARED_BYTES, LEAST_COMPARED = 1 << 24, 3
 """Bytes of files, and least number of frames, in which attributes are compared."""

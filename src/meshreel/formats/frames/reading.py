@@ -12,11 +12,11 @@ from meshreel.formats.frames.mesh_files import MeshFiles
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.frames.survey import FrameSurvey
 from meshreel.formats.surfaces.welding import Weld, weld_corners
-from meshreel.geometry.fans import triangulate_fans
+from meshreel.model.geometry.fans import triangulate_fans
+from meshreel.model.sequence import Faces, MeshSequence, Vertices
+from meshreel.model.surface import PLAIN, Surface
+from meshreel.model.tracks import copied_together
 from meshreel.runtime.progress import Progress
-from meshreel.sequence import Faces, MeshSequence, Vertices
-from meshreel.surface import PLAIN, Surface
-from meshreel.tracks import copied_together
 
 
 def read_frames(

@@ -5,9 +5,9 @@ from pathlib import Path
 
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.stored_frames import StoredFrames
-from meshreel.sequence import FrameSource, MeshSequence
-from meshreel.surface import Surface
-from meshreel.surface_selection import Names, selected
+from meshreel.model.sequence import FrameSource, MeshSequence
+from meshreel.model.surface import Surface
+from meshreel.model.surface_selection import Names, selected
 
 
 def with_attributes(sequence: FrameSource, names: Names, path: Path) -> FrameSource:
@@ -17,7 +17,7 @@ def with_attributes(sequence: FrameSource, names: Names, path: Path) -> FrameSou
     ----------
     sequence : MeshSequence or StoredFrames
     names : str or sequence of str
-        As `meshreel.surface_selection.selected` takes them.
+        As `meshreel.model.surface_selection.selected` takes them.
     path : Path
         Where it was read, for errors.
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from meshreel.errors import InvalidInputError
-from meshreel.sequence import (
+from meshreel.model.sequence import (
     Extent,
     Faces,
     Vertices,
@@ -16,8 +16,8 @@ from meshreel.sequence import (
     validate_fps,
     validate_start,
 )
-from meshreel.surface import PLAIN, Surface
-from meshreel.tracks import TrackSource, check_tracks
+from meshreel.model.surface import PLAIN, Surface
+from meshreel.model.tracks import TrackSource, check_tracks
 
 
 @dataclass(frozen=True, eq=False)

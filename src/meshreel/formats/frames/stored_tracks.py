@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import InvalidInputError
-from meshreel.surface import Domain
-from meshreel.tracks import TrackKind, check_kind
+from meshreel.model.surface import Domain
+from meshreel.model.tracks import TrackKind, check_kind
 
 Values = npt.NDArray[Any]
 
@@ -24,7 +24,7 @@ class StoredTrack:
     kind : TrackKind
     unit : str
     dtype : dtype
-        One of `meshreel.tracks.NUMBER_TYPES`, in native byte order.
+        One of `meshreel.model.tracks.NUMBER_TYPES`, in native byte order.
     shape : tuple of int
         Frames, places and numbers of each value: (T, N, C).
     read_range : function of a start and a stop

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from meshreel.formats.text.decimal_text import Narrowing
-from meshreel.sequence import Corners, Extent, Vertices, bounding_boxes, extent_of_boxes
+from meshreel.model.sequence import Corners, Extent, Vertices, bounding_boxes, extent_of_boxes
 
 
 class FrameSurvey:

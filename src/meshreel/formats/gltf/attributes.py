@@ -11,7 +11,7 @@ import numpy.typing as npt
 from meshreel.formats.gltf.accessors import Values
 from meshreel.formats.gltf.primitives import Block
 from meshreel.formats.surfaces.welding import weld_rows
-from meshreel.surface import Attribute, Domain, Kind
+from meshreel.model.surface import Attribute, Domain, Kind
 
 Rows = npt.NDArray[Any]
 NUMBERED = re.compile(r"(TEXCOORD|COLOR)_(\d{1,3})")

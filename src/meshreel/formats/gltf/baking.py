@@ -12,7 +12,7 @@ from meshreel.formats.gltf.interpolation import Floats
 from meshreel.formats.gltf.motion import Matrices, Motion
 from meshreel.formats.gltf.skinning import Skin, move
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
-from meshreel.surface import Surface
+from meshreel.model.surface import Surface
 
 POSE_BYTES = 1 << 24
 """Transforms of nodes are computed for as many frames at once as take about this much memory."""

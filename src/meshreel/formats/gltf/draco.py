@@ -5,13 +5,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.counting import counted
-from meshreel.entropy.varint import read_varint
+from meshreel.codec.entropy.varint import read_varint
 from meshreel.errors import FormatError, MeshReelError
 from meshreel.formats.extras import DRACO as LIBRARY
 from meshreel.formats.gltf.accessors import WIDTHS, Accessors, Values, declared_type
 from meshreel.formats.gltf.document import DRACO
 from meshreel.formats.gltf.json_object import JsonObject
+from meshreel.runtime.counting import counted
 
 HEAD = b"DRACO\x02\x02\x01"
 """Of a triangle mesh in the bitstream 2.2, the only one that glTF allows."""

@@ -24,8 +24,8 @@ from meshreel.formats.gltf.skinning import Influences, read_influences
 from meshreel.formats.surfaces.hard_edges import HardEdges, NormalNotes, find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.surfaces.welding import weld_rows
-from meshreel.sequence import Faces
-from meshreel.surface import Attribute, Domain, FaceGroups, Surface
+from meshreel.model.sequence import Faces
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Surface
 
 
 @dataclass(frozen=True, eq=False)

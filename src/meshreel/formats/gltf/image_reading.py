@@ -12,7 +12,7 @@ from meshreel.formats.gltf.buffers import Buffers
 from meshreel.formats.gltf.json_object import JsonObject
 from meshreel.formats.gltf.named_files import file_beside
 from meshreel.formats.surfaces.images import UNKNOWN, image_type
-from meshreel.materials import Image
+from meshreel.model.materials import Image
 
 DATA_URI = re.compile(r"data:([^,;]{0,100})(?:;[^,]{0,200})?;base64,", re.IGNORECASE)
 

@@ -15,8 +15,8 @@ from meshreel.formats.gltf.interpolation import Floats, unit
 from meshreel.formats.gltf.json_object import JsonObject
 from meshreel.formats.gltf.motion import Matrices, compose
 from meshreel.formats.notes import listed, note_left_out
-from meshreel.geometry.hard_edges import joined_edges
-from meshreel.surface import Attribute, Domain, Surface
+from meshreel.model.geometry.hard_edges import joined_edges
+from meshreel.model.surface import Attribute, Domain, Surface
 
 AT_REST = {"TRANSLATION": (0, 0, 0), "ROTATION": (0, 0, 0, 1), "SCALE": (1, 1, 1)}
 """Attributes that move instances, and what they are where they are not given."""

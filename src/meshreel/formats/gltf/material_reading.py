@@ -18,7 +18,7 @@ from meshreel.formats.gltf.specular_glossiness import (
     specular_glossiness,
 )
 from meshreel.formats.notes import GatheredNote, LookNotes, listed, note_left_out
-from meshreel.materials import UNSAID, Image, Material, Texture, used_by
+from meshreel.model.materials import UNSAID, Image, Material, Texture, used_by
 
 VARIANTS = "KHR_materials_variants"
 KEPT = {UNLIT, STRENGTH}

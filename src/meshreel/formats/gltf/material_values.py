@@ -11,7 +11,7 @@ from meshreel.formats.gltf.specular_glossiness import (
     specular_glossiness,
     to_metallic_roughness,
 )
-from meshreel.materials import AlphaMode, Filter, Material, Texture, Wrap
+from meshreel.model.materials import AlphaMode, Filter, Material, Texture, Wrap
 
 UNLIT, STRENGTH = "KHR_materials_unlit", "KHR_materials_emissive_strength"
 TRANSFORM = "KHR_texture_transform"

@@ -8,8 +8,8 @@ from meshreel.formats.gltf.material_reading import LIT_TEXTURES
 from meshreel.formats.gltf.material_values import ALPHA_CODES, STRENGTH, UNLIT
 from meshreel.formats.gltf.texture_writer import Textures, unless
 from meshreel.formats.notes import note_left_out
-from meshreel.materials import UNSAID, AlphaMode, Material, Texture
-from meshreel.surface import Surface
+from meshreel.model.materials import UNSAID, AlphaMode, Material, Texture
+from meshreel.model.surface import Surface
 
 
 class Materials:

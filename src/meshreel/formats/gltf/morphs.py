@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.codec.subspace.pca import joint_trajectories
 from meshreel.formats.gltf.quantized import (
     IntegerTargets,
     best_weights,
@@ -24,7 +25,6 @@ from meshreel.formats.gltf.quantized import (
     project,
 )
 from meshreel.runtime.threads import chunks, in_threads
-from meshreel.subspace.pca import joint_trajectories
 
 Floats = npt.NDArray[np.float32]
 

@@ -23,7 +23,7 @@ from meshreel.formats.gltf.placement import (
     place_still,
     ways,
 )
-from meshreel.sequence import Faces, Vertices
+from meshreel.model.sequence import Faces, Vertices
 
 MARGIN = 4e-7
 """The error that float32 may add, by the scale of the placement."""

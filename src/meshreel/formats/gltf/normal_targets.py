@@ -9,9 +9,9 @@ import numpy.typing as npt
 
 from meshreel.formats.gltf.morphs import Morphs, measure
 from meshreel.formats.gltf.quantized import BYTE, SHORT, IntegerTargets, project
-from meshreel.geometry.creases import creased_share
-from meshreel.geometry.normals import vertex_normals
-from meshreel.sequence import Faces, Vertices
+from meshreel.model.geometry.creases import creased_share
+from meshreel.model.geometry.normals import vertex_normals
+from meshreel.model.sequence import Faces, Vertices
 
 POSITIONS = (0.98, 0.9)
 """Shares of the bound that targets may use before normals scale them down, which rounds them; the

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from meshreel.errors import InvalidInputError
 from meshreel.formats.gltf.quantized import SHORT
-from meshreel.sequence import Vertices
+from meshreel.model.sequence import Vertices
 
 Floats = npt.NDArray[np.float64]
 

@@ -6,8 +6,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.codec.subspace.least_squares import solve_gram
 from meshreel.runtime.threads import chunks, in_threads
-from meshreel.subspace.least_squares import solve_gram
 
 Floats = npt.NDArray[np.float32]
 

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from meshreel.counting import counted
 from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.gltf.accessors import Accessors
 from meshreel.formats.gltf.animation import Channel
@@ -36,7 +35,8 @@ from meshreel.formats.notes import listed, note_kinds, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh
 from meshreel.formats.surfaces.hard_edges import NormalNotes
-from meshreel.sequence import validate_fps
+from meshreel.model.sequence import validate_fps
+from meshreel.runtime.counting import counted
 
 LIGHTS = "KHR_lights_punctual"
 

@@ -13,10 +13,10 @@ from meshreel.formats.gltf.node_tree import NodeTree, path_of
 from meshreel.formats.gltf.normal_targets import NormalChoice
 from meshreel.formats.gltf.seams import split_at_seams
 from meshreel.formats.scenes.parts import PartMesh, split_parts
-from meshreel.geometry.fans import triangulate_fans
-from meshreel.geometry.hard_edges import RowNormals
-from meshreel.sequence import MeshSequence
-from meshreel.surface import Surface
+from meshreel.model.geometry.fans import triangulate_fans
+from meshreel.model.geometry.hard_edges import RowNormals
+from meshreel.model.sequence import MeshSequence
+from meshreel.model.surface import Surface
 
 QUANTIZATION = "KHR_mesh_quantization"
 

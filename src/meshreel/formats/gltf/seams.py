@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.scenes.parts import PartMesh
-from meshreel.geometry.fans import fan_corners
-from meshreel.surface import Attribute, Domain, Kind, Surface
+from meshreel.model.geometry.fans import fan_corners
+from meshreel.model.surface import Attribute, Domain, Kind, Surface
 
 Rows = npt.NDArray[Any]
 Integers = npt.NDArray[np.int64]

@@ -7,8 +7,8 @@ from meshreel.formats.gltf.image_reading import PACKED
 from meshreel.formats.gltf.material_values import FILTER_CODES, TRANSFORM, WRAP_CODES
 from meshreel.formats.gltf.seams import texcoord_numbers
 from meshreel.formats.notes import note_left_out
-from meshreel.materials import Image, Texture, Wrap
-from meshreel.surface import Surface
+from meshreel.model.materials import Image, Texture, Wrap
+from meshreel.model.surface import Surface
 
 CORE = ("image/png", "image/jpeg")
 EXTENSION_OF = {mime_type: name for name, mime_type in PACKED.items()}

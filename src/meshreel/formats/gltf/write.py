@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.error_bounds import bound_of
-from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.gltf.container_writer import write_container
@@ -23,6 +22,7 @@ from meshreel.formats.gltf.scene_writer import Scene, make_scene
 from meshreel.formats.gltf.seams import describe_left_out
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.surfaces.polygons import describe_fans
+from meshreel.runtime.counting import counted
 
 DEFAULT_MAX_ERROR = 0.1
 """In percent of the diagonal: a pixel of a thousand, for a mesh that fills the picture."""

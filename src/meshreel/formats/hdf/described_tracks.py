@@ -3,7 +3,7 @@
 from typing import Any
 
 from meshreel.formats.hdf.reading import Dataset
-from meshreel.tracks import TrackSource
+from meshreel.model.tracks import TrackSource
 
 UNIT_NAMES = ("unit", "units")
 

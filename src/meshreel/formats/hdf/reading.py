@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.counting import counted
 from meshreel.errors import FormatError, MeshReelError
 from meshreel.formats.extras import HDF
+from meshreel.runtime.counting import counted
 
 MAX_RATIO = 1100  # deflate cannot do better than 1032 : 1
 MAX_LINKS = 64

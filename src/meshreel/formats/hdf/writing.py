@@ -12,8 +12,8 @@ from pathlib import Path
 from meshreel.formats.extras import HDF
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.hdf.reading import Node
-from meshreel.sequence import Vertices
-from meshreel.tracks import TrackSource, Values, track_blocks
+from meshreel.model.sequence import Vertices
+from meshreel.model.tracks import TrackSource, Values, track_blocks
 
 
 class PatientFile(io.RawIOBase):

@@ -17,8 +17,8 @@ import numpy.typing as npt
 from meshreel.errors import FormatError
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.text.token_lines import TokenLines, split_lines
-from meshreel.geometry.ragged import ragged_indices
-from meshreel.sequence import Vertices
+from meshreel.model.geometry.ragged import ragged_indices
+from meshreel.model.sequence import Vertices
 
 N_POSITION = 3
 FIRST_VERTEX = re.compile(rb"^[ \t]*v[ \t]([^\r\n#]*)", re.MULTILINE)

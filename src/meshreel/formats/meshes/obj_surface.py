@@ -23,8 +23,8 @@ from meshreel.formats.surfaces.hard_edges import (
     find_hard_edges,
 )
 from meshreel.formats.text.token_lines import TokenLines, split_lines
-from meshreel.geometry.ragged import ragged_indices
-from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
+from meshreel.model.geometry.ragged import ragged_indices
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 
 Int64s = npt.NDArray[np.int64]
 

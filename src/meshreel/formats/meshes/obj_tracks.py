@@ -14,8 +14,8 @@ from meshreel.formats.notes import (
     note_unwritten_tracks,
     note_unwritten_units,
 )
-from meshreel.surface import Attribute, Domain
-from meshreel.tracks import TrackKind, TrackSource
+from meshreel.model.surface import Attribute, Domain
+from meshreel.model.tracks import TrackKind, TrackSource
 
 Values = npt.NDArray[Any]
 

@@ -18,11 +18,11 @@ from meshreel.formats.meshes.obj_surface import STATEMENTS
 from meshreel.formats.meshes.obj_tracks import ObjTrack, held_tracks
 from meshreel.formats.notes import note_unwritten
 from meshreel.formats.text.decimal_text import face_rows, number_rows, vertex_rows
-from meshreel.geometry.fans import join_fans
-from meshreel.geometry.hard_edges import RowNormals, hard_flags, joined_labels, shared_edges
-from meshreel.sequence import Faces, Vertices
-from meshreel.surface import PLAIN, Attribute, Domain, FaceGroups, Kind, Surface
-from meshreel.tracks import TrackKind, TrackSource
+from meshreel.model.geometry.fans import join_fans
+from meshreel.model.geometry.hard_edges import RowNormals, hard_flags, joined_labels, shared_edges
+from meshreel.model.sequence import Faces, Vertices
+from meshreel.model.surface import PLAIN, Attribute, Domain, FaceGroups, Kind, Surface
+from meshreel.model.tracks import TrackKind, TrackSource
 
 Values = npt.NDArray[Any]
 

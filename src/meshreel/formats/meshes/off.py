@@ -15,12 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.counting import counted
 from meshreel.errors import FormatError
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.text.token_lines import TokenLines, split_lines
-from meshreel.geometry.ragged import ragged_indices
-from meshreel.sequence import Vertices
+from meshreel.model.geometry.ragged import ragged_indices
+from meshreel.model.sequence import Vertices
+from meshreel.runtime.counting import counted
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from meshreel.formats.meshes.off import corner_counts, read_off_header
 from meshreel.formats.notes import note_left_out, note_normals
 from meshreel.formats.text.token_lines import TokenLines, split_lines
-from meshreel.surface import Attribute, Domain, Kind, Surface
+from meshreel.model.surface import Attribute, Domain, Kind, Surface
 
 Int64s = npt.NDArray[np.int64]
 

@@ -8,9 +8,9 @@ from collections.abc import Callable
 
 from meshreel.formats.notes import note_unwritten
 from meshreel.formats.text.decimal_text import face_rows, number_rows, vertex_rows
-from meshreel.geometry.fans import join_fans
-from meshreel.sequence import Faces, Vertices
-from meshreel.surface import PLAIN, Attribute, Domain, Kind, Surface
+from meshreel.model.geometry.fans import join_fans
+from meshreel.model.sequence import Faces, Vertices
+from meshreel.model.surface import PLAIN, Attribute, Domain, Kind, Surface
 
 
 def off_encoder(

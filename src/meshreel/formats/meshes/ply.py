@@ -18,8 +18,8 @@ from meshreel.formats.meshes.ply_cells import BinaryCells
 from meshreel.formats.meshes.ply_header import PlyProperty
 from meshreel.formats.meshes.ply_tables import STRIPS, PlyTable, read_ply_tables
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
-from meshreel.geometry.ragged import Integers
-from meshreel.sequence import Vertices
+from meshreel.model.geometry.ragged import Integers
+from meshreel.model.sequence import Vertices
 
 INDEX_NAMES = ("vertex_indices", "vertex_index")
 

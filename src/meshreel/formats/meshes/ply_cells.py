@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.geometry.ragged import Integers
+from meshreel.model.geometry.ragged import Integers
 
 
 class PlyCells(Protocol):

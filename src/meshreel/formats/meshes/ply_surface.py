@@ -17,7 +17,7 @@ from meshreel.formats.meshes.ply import INDEX_NAMES, ply_mesh
 from meshreel.formats.meshes.ply_header import PlyProperty, read_ply_header
 from meshreel.formats.meshes.ply_tables import STRIPS, PlyTable, read_ply_tables
 from meshreel.formats.notes import note_kinds, note_normals
-from meshreel.surface import VALUE_TYPES, Attribute, Domain, Kind, Surface
+from meshreel.model.surface import VALUE_TYPES, Attribute, Domain, Kind, Surface
 
 COLOR_NAMES = ("red", "green", "blue", "alpha")
 UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))

@@ -11,7 +11,7 @@ from meshreel.formats.meshes.ply_cells import BinaryCells, PlyCells, WordCells
 from meshreel.formats.meshes.ply_header import PlyElement, PlyHeader, PlyProperty, read_ply_header
 from meshreel.formats.meshes.ply_layout import ElementLayout, list_values, locate_element
 from meshreel.formats.text.token_lines import split_lines
-from meshreel.geometry.ragged import Integers, ragged_indices
+from meshreel.model.geometry.ragged import Integers, ragged_indices
 
 STRIPS = "tristrips"
 """The element of triangle strips."""

@@ -23,8 +23,8 @@ from meshreel.formats.notes import (
     note_unwritten_tracks,
     note_unwritten_units,
 )
-from meshreel.surface import Attribute, Domain, Kind
-from meshreel.tracks import TrackKind, TrackSource, value_range
+from meshreel.model.surface import Attribute, Domain, Kind
+from meshreel.model.tracks import TrackKind, TrackSource, value_range
 
 Values = npt.NDArray[Any]
 

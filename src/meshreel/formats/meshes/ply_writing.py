@@ -15,11 +15,11 @@ from meshreel.formats.meshes.ply import INDEX_NAMES
 from meshreel.formats.meshes.ply_surface import COLOR_NAMES, CORNER_UV_NAME, UV_NAMES
 from meshreel.formats.meshes.ply_tracks import RESERVED, held_tracks
 from meshreel.formats.notes import note_unwritten
-from meshreel.geometry.fans import join_fans
-from meshreel.geometry.ragged import ragged_indices
-from meshreel.sequence import Faces, Vertices
-from meshreel.surface import PLAIN, Attribute, Domain, Kind, Surface
-from meshreel.tracks import TrackSource
+from meshreel.model.geometry.fans import join_fans
+from meshreel.model.geometry.ragged import ragged_indices
+from meshreel.model.sequence import Faces, Vertices
+from meshreel.model.surface import PLAIN, Attribute, Domain, Kind, Surface
+from meshreel.model.tracks import TrackSource
 
 TYPE_NAMES = {
     "<u1": "uchar", "<i1": "char", "<u2": "ushort", "<i2": "short", "<u4": "uint", "<i4": "int",

@@ -15,8 +15,8 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.notes import note_left_out, note_unwritten
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.text.token_lines import TokenLines, split_lines
-from meshreel.sequence import Faces, Vertices
-from meshreel.surface import PLAIN, Surface
+from meshreel.model.sequence import Faces, Vertices
+from meshreel.model.surface import PLAIN, Surface
 
 HEADER_BYTES = 80
 TRIANGLE = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])

@@ -13,9 +13,9 @@ from meshreel.codec.reel_file import ReelFile
 from meshreel.formats.file_errors import errors_naming, refuse_pipe
 from meshreel.formats.options import Origin, ReadOptions, origin_of
 from meshreel.kernel.files import OpenFile
-from meshreel.sequence import MeshSequence
-from meshreel.stores.address import is_remote, plain
-from meshreel.stores.ranged_file import open_ranged
+from meshreel.model.sequence import MeshSequence
+from meshreel.runtime.stores.address import is_remote, plain
+from meshreel.runtime.stores.ranged_file import open_ranged
 
 
 def open(

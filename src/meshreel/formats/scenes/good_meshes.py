@@ -10,8 +10,8 @@ from meshreel.errors import FormatError, MeshReelError
 from meshreel.formats.notes import listed, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh
+from meshreel.model.sequence import validate_finite
 from meshreel.runtime.progress import Count
-from meshreel.sequence import validate_finite
 
 MAX_NAMED = 8
 

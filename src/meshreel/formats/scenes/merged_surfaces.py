@@ -7,9 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.geometry.hard_edges import joined_edges
-from meshreel.materials import Image, Material, renumbered
-from meshreel.surface import Attribute, Domain, FaceGroups, Part, Surface
+from meshreel.model.geometry.hard_edges import joined_edges
+from meshreel.model.materials import Image, Material, renumbered
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Part, Surface
 
 Meaning = tuple[str, str, int]
 

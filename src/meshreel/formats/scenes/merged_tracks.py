@@ -10,8 +10,8 @@ from meshreel.formats.frames.stored_tracks import StoredTrack
 from meshreel.formats.notes import listed, note_left_out
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.timing import Neighbours
-from meshreel.surface import Domain
-from meshreel.tracks import TrackKind, TrackSource
+from meshreel.model.surface import Domain
+from meshreel.model.tracks import TrackKind, TrackSource
 
 Values = npt.NDArray[Any]
 

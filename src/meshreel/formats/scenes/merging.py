@@ -11,8 +11,8 @@ from meshreel.formats.scenes.merged_tracks import merged_tracks
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.timing import neighbours
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.surface import Surface
-from meshreel.tracks import TrackSource
+from meshreel.model.surface import Surface
+from meshreel.model.tracks import TrackSource
 
 
 def merged_mesh(meshes: Sequence[SceneMesh], name: str, notes: list[str]) -> SceneMesh:

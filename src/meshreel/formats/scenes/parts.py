@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.geometry.fans import join_fans
-from meshreel.sequence import Faces
-from meshreel.surface import Attribute, Domain, FaceGroups, Int32s, Part, Surface
+from meshreel.model.geometry.fans import join_fans
+from meshreel.model.sequence import Faces
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Int32s, Part, Surface
 
 
 @dataclass(frozen=True, eq=False)

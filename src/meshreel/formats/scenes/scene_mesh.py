@@ -11,8 +11,8 @@ import numpy.typing as npt
 from meshreel.errors import MeshReelError
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.surface import PLAIN, Surface
-from meshreel.tracks import TrackSource
+from meshreel.model.surface import PLAIN, Surface
+from meshreel.model.tracks import TrackSource
 
 
 def no_surface(frame: int) -> Surface:

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.stored_frames import StoredFrames
@@ -17,10 +16,11 @@ from meshreel.formats.scenes.merging import merged_mesh
 from meshreel.formats.scenes.scene_mesh import ReadMeshes, SceneMesh
 from meshreel.formats.scenes.timing import frame_times
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.geometry.fans import triangulate_fans
+from meshreel.model.geometry.fans import triangulate_fans
+from meshreel.model.sequence import FrameSource, MeshSequence, Vertices, validate_finite
+from meshreel.model.tracks import copied_together, size_bytes
+from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Count
-from meshreel.sequence import FrameSource, MeshSequence, Vertices, validate_finite
-from meshreel.tracks import copied_together, size_bytes
 
 
 def open_scene(read_meshes: ReadMeshes, path: Path, options: ReadOptions) -> FrameSource:

@@ -6,11 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.counting import counted
 from meshreel.formats.notes import NORMALS_FAR, NORMALS_LEFT_OUT
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.geometry.fans import triangulate_fans
-from meshreel.geometry.hard_edges import (
+from meshreel.model.geometry.fans import triangulate_fans
+from meshreel.model.geometry.hard_edges import (
     Floats,
     Int32s,
     corner_normals,
@@ -18,8 +17,9 @@ from meshreel.geometry.hard_edges import (
     remaining_edges,
     shared_edges,
 )
-from meshreel.geometry.normals import face_normals
-from meshreel.surface import Surface
+from meshreel.model.geometry.normals import face_normals
+from meshreel.model.surface import Surface
+from meshreel.runtime.counting import counted
 
 SHARED_DEG = 0.1
 """Normals of two faces at a vertex that are nearer than this are the same."""

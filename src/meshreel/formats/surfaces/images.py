@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 
-from meshreel.materials import Image
+from meshreel.model.materials import Image
 
 SIGNATURES = (
     (0, b"\x89PNG\r\n\x1a\n", "image/png"),

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.counting import counted
 from meshreel.errors import FormatError
-from meshreel.geometry.ragged import Integers
-from meshreel.sequence import Vertices
+from meshreel.model.geometry.ragged import Integers
+from meshreel.model.sequence import Vertices
+from meshreel.runtime.counting import counted
 
 
 @dataclass(frozen=True, eq=False)

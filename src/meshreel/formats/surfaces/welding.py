@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.counting import counted
-from meshreel.sequence import Faces, Vertices
+from meshreel.model.sequence import Faces, Vertices
+from meshreel.runtime.counting import counted
 
 Numbers = npt.NDArray[np.int64]
 

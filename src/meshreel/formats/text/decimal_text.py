@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.geometry.ragged import Integers
-from meshreel.sequence import Vertices, bounding_boxes
+from meshreel.model.geometry.ragged import Integers
+from meshreel.model.sequence import Vertices, bounding_boxes
 
 FLOAT32_TOLERANCE = 1e-6  # of the model's size; float32 itself keeps 6e-8 of the coordinate
 # Nine digits are off by up to 5e-9 of the coordinate: half the tolerance at this distance.

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from meshreel.errors import FormatError
 from meshreel.formats.text.decimal_words import decimal_values
 from meshreel.formats.text.integer_words import are_spaces, integer_values
-from meshreel.geometry.ragged import Integers
+from meshreel.model.geometry.ragged import Integers
 
 BLOCK_WORDS = 1 << 16  # words read at a time: more would only take more memory
 

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.surface import Attribute, Domain, FaceGroups, Surface
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Surface
 
 Mask = npt.NDArray[np.bool_]
 

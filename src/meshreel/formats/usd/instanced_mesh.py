@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.counting import counted
 from meshreel.errors import FormatError
 from meshreel.formats.notes import listed, note_left_out
 from meshreel.formats.scenes.turned_values import Values
@@ -24,8 +23,9 @@ from meshreel.formats.usd.quantities import Quantity
 from meshreel.formats.usd.sampling import Samples
 from meshreel.formats.usd.skinning import Skin
 from meshreel.formats.usd.transforms import placed_copies
-from meshreel.geometry.hard_edges import joined_edges
-from meshreel.surface import Attribute, Domain, Int32s, Surface
+from meshreel.model.geometry.hard_edges import joined_edges
+from meshreel.model.surface import Attribute, Domain, Int32s, Surface
+from meshreel.runtime.counting import counted
 
 MAX_FRAME_BYTES = 1 << 30
 """Of the positions and faces of all copies in one frame."""

@@ -10,7 +10,7 @@ from meshreel.formats.extras import USD
 from meshreel.formats.notes import LookNotes
 from meshreel.formats.usd.preview_surface import PreviewSurface
 from meshreel.formats.usd.stage_images import StageImages
-from meshreel.materials import Image, Material, used_by
+from meshreel.model.materials import Image, Material, used_by
 
 
 class StageMaterials:

@@ -6,8 +6,8 @@ from meshreel.formats.extras import USD
 from meshreel.formats.notes import LookNotes
 from meshreel.formats.usd.prim_names import different, prim_name
 from meshreel.formats.usd.texture_writing import TextureWriter
-from meshreel.materials import AlphaMode, Material
-from meshreel.surface import FaceGroups
+from meshreel.model.materials import AlphaMode, Material
+from meshreel.model.surface import FaceGroups
 
 
 class Materials:

@@ -23,9 +23,9 @@ from meshreel.formats.usd.sampling import Samples, distinct_codes
 from meshreel.formats.usd.skinning import Skin
 from meshreel.formats.usd.subsets import read_groups
 from meshreel.formats.usd.transforms import Matrix, Transforms, mirrors, placed
-from meshreel.geometry.hard_edges import remaining_edges
-from meshreel.sequence import Vertices
-from meshreel.surface import Domain, Int32s, Surface
+from meshreel.model.geometry.hard_edges import remaining_edges
+from meshreel.model.sequence import Vertices
+from meshreel.model.surface import Domain, Int32s, Surface
 
 NORMALS_NAME = "normals"
 """Of the quantity of normals."""

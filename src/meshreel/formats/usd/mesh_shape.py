@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.counting import counted
 from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.usd.holes import Mask, solid_faces
 from meshreel.formats.usd.sampling import attribute_codes
-from meshreel.sequence import Vertices
+from meshreel.model.sequence import Vertices
+from meshreel.runtime.counting import counted
 
 INFINITELY_SHARP = 10.0
 """Sharpness of a crease that subdivision does not round, in USD."""

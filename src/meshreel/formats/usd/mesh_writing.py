@@ -12,8 +12,8 @@ from meshreel.formats.usd.prim_names import different, prim_name
 from meshreel.formats.usd.primvars import MAIN_NAMES
 from meshreel.formats.usd.quantities import COMPUTED
 from meshreel.formats.usd.subsets import MATERIALS
-from meshreel.geometry.hard_edges import NormalRows, RowNormals
-from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Surface
+from meshreel.model.geometry.hard_edges import NormalRows, RowNormals
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 
 INTERPOLATIONS = {
     Domain.VERTEX: "vertex",

@@ -10,7 +10,7 @@ from meshreel.formats.notes import LookNotes
 from meshreel.formats.usd.shading_inputs import Source, numbers, source_of
 from meshreel.formats.usd.stage_images import StageImages
 from meshreel.formats.usd.texture_reading import FoundTexture, read_texture
-from meshreel.materials import AlphaMode, Material
+from meshreel.model.materials import AlphaMode, Material
 
 INPUTS = {
     "base_color": ("diffuseColor", (0.18, 0.18, 0.18)),

@@ -15,8 +15,8 @@ from meshreel.errors import FormatError
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.usd.revolution import Rings, revolved, revolved_faces, rims
 from meshreel.formats.usd.sampling import attribute_codes
-from meshreel.geometry.hard_edges import shared_edges
-from meshreel.sequence import Vertices
+from meshreel.model.geometry.hard_edges import shared_edges
+from meshreel.model.sequence import Vertices
 
 Sizes = dict[str, float]
 Points = npt.NDArray[np.float64]

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from meshreel.formats.extras import USD
 from meshreel.formats.notes import UNCHANGING, note_kinds
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.surface import MAX_NUMBERS, VALUE_TYPES, Attribute, Domain, Kind
+from meshreel.model.surface import MAX_NUMBERS, VALUE_TYPES, Attribute, Domain, Kind
 
 DOMAINS = {
     "vertex": Domain.VERTEX,

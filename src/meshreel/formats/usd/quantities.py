@@ -13,8 +13,8 @@ from meshreel.formats.frames.field_tracks import NORMALS
 from meshreel.formats.scenes.turned_values import Matrix, turned_normals, turned_vectors
 from meshreel.formats.usd.primvars import DERIVED, DOMAINS, primvar_kind
 from meshreel.formats.usd.sampling import Codes, attribute_codes
-from meshreel.surface import Domain, Kind
-from meshreel.tracks import NUMBER_TYPES, TrackKind
+from meshreel.model.surface import Domain, Kind
+from meshreel.model.tracks import NUMBER_TYPES, TrackKind
 
 Values = npt.NDArray[Any]
 

@@ -35,7 +35,7 @@ from meshreel.formats.usd.skinning import find_skins
 from meshreel.formats.usd.stage import codes_per_frame, open_stage
 from meshreel.formats.usd.track_reading import MeshTracks
 from meshreel.formats.usd.transforms import Transforms
-from meshreel.sequence import validate_fps
+from meshreel.model.sequence import validate_fps
 
 AnyMesh = StageMesh | InstancedMesh
 

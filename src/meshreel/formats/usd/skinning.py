@@ -11,7 +11,7 @@ from meshreel.formats.extras import USD
 from meshreel.formats.usd.instancers import all_prims
 from meshreel.formats.usd.sampling import attribute_codes
 from meshreel.formats.usd.transforms import Transforms
-from meshreel.sequence import Vertices
+from meshreel.model.sequence import Vertices
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
 from meshreel.formats.named_files import is_within, outside_error
 from meshreel.formats.surfaces.images import image_type
-from meshreel.materials import Image
+from meshreel.model.materials import Image
 
 
 class StageImages:

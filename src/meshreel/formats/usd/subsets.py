@@ -6,7 +6,7 @@ import numpy as np
 
 from meshreel.formats.extras import USD
 from meshreel.formats.usd.material_reading import MeshMaterials, label_of
-from meshreel.surface import FaceGroups, Int32s
+from meshreel.model.surface import FaceGroups, Int32s
 
 MATERIALS = "materialBind"
 """The family of subsets that materials are bound to."""

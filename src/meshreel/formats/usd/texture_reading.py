@@ -7,7 +7,7 @@ from typing import Any
 from meshreel.errors import FormatError
 from meshreel.formats.usd.shading_inputs import Source, numbers, source_of
 from meshreel.formats.usd.stage_images import StageImages
-from meshreel.materials import Texture, Wrap
+from meshreel.model.materials import Texture, Wrap
 
 WRAPS = {
     "repeat": Wrap.REPEAT,

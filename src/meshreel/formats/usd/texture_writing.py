@@ -8,7 +8,7 @@ from meshreel.formats.extras import USD
 from meshreel.formats.notes import LookNotes
 from meshreel.formats.usd.prim_names import prim_name
 from meshreel.formats.usd.texture_reading import UV_READER, WRAPS, upwards
-from meshreel.materials import AlphaMode, Image, Material, Texture
+from meshreel.model.materials import AlphaMode, Image, Material, Texture
 
 WRAP_TOKENS = {wrap: token for token, wrap in WRAPS.items()}
 PACKED = ("image/png", "image/jpeg", "image/x-exr", "image/avif")

@@ -24,8 +24,8 @@ from meshreel.formats.usd.quantities import (
     quantities,
 )
 from meshreel.formats.usd.sampling import TOLERANCE, Codes
-from meshreel.surface import Domain
-from meshreel.tracks import TrackSource
+from meshreel.model.surface import Domain
+from meshreel.model.tracks import TrackSource
 
 UNFIT = "primvars that do not fit their faces"
 COLOR, OPACITY = "displayColor", "displayOpacity"

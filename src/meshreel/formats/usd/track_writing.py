@@ -11,8 +11,8 @@ from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.usd.mesh_writing import INTERPOLATIONS, MeshWriter, named_attributes
 from meshreel.formats.usd.prim_names import different, prim_name
 from meshreel.formats.usd.quantities import TRACK_KIND, TRACK_NAME, UNIT
-from meshreel.surface import Domain
-from meshreel.tracks import TrackKind, TrackSource
+from meshreel.model.surface import Domain
+from meshreel.model.tracks import TrackKind, TrackSource
 
 Values = npt.NDArray[Any]
 

@@ -9,7 +9,7 @@ from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
 from meshreel.formats.text.decimal_text import Narrowing
 from meshreel.formats.usd.sampling import attribute_codes
-from meshreel.sequence import Vertices
+from meshreel.model.sequence import Vertices
 
 Matrix = npt.NDArray[np.float64]
 

@@ -27,8 +27,8 @@ from meshreel.formats.usd.prim_names import mesh_paths
 from meshreel.formats.usd.sampling import snapped
 from meshreel.formats.usd.texture_writing import TextureWriter
 from meshreel.formats.usd.track_writing import TrackWriter, part_tracks
-from meshreel.sequence import Corners
-from meshreel.tracks import TrackKind
+from meshreel.model.sequence import Corners
+from meshreel.model.tracks import TrackKind
 
 UNSAVED_BYTES = 1 << 25
 PACKED_FOLDER = "textures"

@@ -6,7 +6,6 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.error_bounds import bound_of
-from meshreel.counting import counted
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.gltf.error_budget import ErrorBudget, share_budget
 from meshreel.formats.gltf.placement import NOWHERE, check_range
@@ -16,7 +15,8 @@ from meshreel.formats.surfaces.polygons import describe_fans
 from meshreel.formats.vat.mesh import RestMesh
 from meshreel.formats.vat.motion import Motion, placement_for
 from meshreel.formats.vat.textures import TexelType
-from meshreel.sequence import MeshSequence
+from meshreel.model.sequence import MeshSequence
+from meshreel.runtime.counting import counted
 
 DEFAULT_MAX_ERROR = 0.1
 """In percent of the diagonal: a pixel of a thousand, for a mesh that fills the picture."""

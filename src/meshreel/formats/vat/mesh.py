@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.counting import counted
 from meshreel.formats.gltf.buffer_writer import BufferWriter, Json
 from meshreel.formats.gltf.container_writer import write_container
 from meshreel.formats.gltf.material_writer import Materials
@@ -19,8 +18,9 @@ from meshreel.formats.gltf.seams import Primitive, SplitVertices, split_at_seams
 from meshreel.formats.scenes.parts import PartMesh, split_parts
 from meshreel.formats.vat.axes import MeshSpace
 from meshreel.formats.vat.motion import UP
-from meshreel.sequence import Faces
-from meshreel.surface import Attribute, Domain, Kind, Surface
+from meshreel.model.sequence import Faces
+from meshreel.model.surface import Attribute, Domain, Kind, Surface
+from meshreel.runtime.counting import counted
 
 Doubles = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]

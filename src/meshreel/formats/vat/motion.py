@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.gltf.placement import NOWHERE, Placement
-from meshreel.geometry.normals import vertex_normals
-from meshreel.sequence import Faces, Vertices
+from meshreel.model.geometry.normals import vertex_normals
+from meshreel.model.sequence import Faces, Vertices
 
 UP = (0.0, 1.0, 0.0)
 """The normal of a vertex that has none, since no face at it has an area."""

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import WriteOptions
@@ -18,6 +17,7 @@ from meshreel.formats.vat.motion import Motion
 from meshreel.formats.vat.plain_layout import FileNames, PlainLayout
 from meshreel.formats.vat.playing import Played, play
 from meshreel.formats.vat.textures import TexelType, read_texture, write_texture
+from meshreel.runtime.counting import counted
 
 
 @dataclass(frozen=True, eq=False)

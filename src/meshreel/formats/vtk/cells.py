@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.counting import counted
 from meshreel.errors import FormatError
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
-from meshreel.geometry.ragged import ragged_indices
-from meshreel.sequence import Vertices
-from meshreel.surface import Domain
+from meshreel.model.geometry.ragged import ragged_indices
+from meshreel.model.sequence import Vertices
+from meshreel.model.surface import Domain
+from meshreel.runtime.counting import counted
 
 POLY_VERTEX, POLY_LINE, STRIP, POLYGON = 2, 4, 6, 7
 POINTS_AND_LINES = (0, 1, 2, 3, 4, 21, 35, 68, 75)

@@ -12,7 +12,7 @@ from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import COLOR_NAMES, NORMALS, UV_NAMES, Field
 from meshreel.formats.notes import note_kinds, note_normals
 from meshreel.formats.vtk.cells import CellSurface
-from meshreel.surface import MAX_NUMBERS, VALUE_TYPES, Attribute, Domain, Kind, Surface
+from meshreel.model.surface import MAX_NUMBERS, VALUE_TYPES, Attribute, Domain, Kind, Surface
 
 TEXTURE_COORDINATES = "TCoords"
 UNFIT = f"arrays of text, or of more than {MAX_NUMBERS} numbers"

@@ -19,8 +19,8 @@ from meshreel.formats.vtk.cells import POLY_LINE, POLY_VERTEX, POLYGON, STRIP, C
 from meshreel.formats.vtk.data_arrays import TEXTURE_COORDINATES, DataArray
 from meshreel.formats.vtk.legacy_words import LegacyWords
 from meshreel.formats.vtk.mesh import VtkMesh
-from meshreel.sequence import Vertices
-from meshreel.surface import Surface
+from meshreel.model.sequence import Vertices
+from meshreel.model.surface import Surface
 
 Int64s = npt.NDArray[np.int64]
 

@@ -19,8 +19,8 @@ from meshreel.formats.notes import listed, note_left_out
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.cells import Cells, CellSurface, find_surface
 from meshreel.formats.vtk.data_arrays import DataArray, surface_of_arrays
-from meshreel.sequence import Vertices
-from meshreel.surface import Domain, Surface
+from meshreel.model.sequence import Vertices
+from meshreel.model.surface import Domain, Surface
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,8 +28,8 @@ from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.vtkhdf_steps import VtkSteps
-from meshreel.surface import Surface
-from meshreel.tracks import TrackSource
+from meshreel.model.surface import Surface
+from meshreel.model.tracks import TrackSource
 
 ROOT = "VTKHDF"
 OWN = "meshreel"

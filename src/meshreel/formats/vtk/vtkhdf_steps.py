@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.counting import counted
 from meshreel.errors import FormatError
 from meshreel.formats.arrays.named_tracks import array_name
 from meshreel.formats.frames.field_tracks import Field, Key, add_field, field_tracks
@@ -37,7 +36,8 @@ from meshreel.formats.vtk.cells import (
 )
 from meshreel.formats.vtk.data_arrays import UNFIT, DataArray, surface_of_arrays
 from meshreel.formats.vtk.vtkhdf_cells import count_before, integers, read_cells
-from meshreel.surface import Domain, Surface
+from meshreel.model.surface import Domain, Surface
+from meshreel.runtime.counting import counted
 
 Int64s = npt.NDArray[np.int64]
 

@@ -17,9 +17,9 @@ from meshreel.formats.options import WriteOptions
 from meshreel.formats.vtk.data_arrays import TEXTURE_COORDINATES
 from meshreel.formats.vtk.vtkhdf import OWN, ROOT
 from meshreel.formats.vtk.vtkhdf_steps import PLACES, POLY_DATA_GROUPS
-from meshreel.geometry.fans import join_fans
-from meshreel.surface import Attribute, Kind
-from meshreel.tracks import TrackKind, TrackSource
+from meshreel.model.geometry.fans import join_fans
+from meshreel.model.surface import Attribute, Kind
+from meshreel.model.tracks import TrackKind, TrackSource
 
 VERSION = (2, 3)
 FRAME_RATE = 24.0  # of what has none

@@ -11,8 +11,8 @@ import numpy.typing as npt
 from meshreel.formats.frames.field_tracks import NORMALS
 from meshreel.formats.notes import listed, note_unwritten
 from meshreel.formats.vtk.data_arrays import TEXTURE_COORDINATES
-from meshreel.surface import Attribute, Domain, Kind, Surface
-from meshreel.tracks import TrackKind, TrackSource
+from meshreel.model.surface import Attribute, Domain, Kind, Surface
+from meshreel.model.tracks import TrackKind, TrackSource
 
 Values = npt.NDArray[Any]
 

@@ -7,7 +7,6 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.counting import counted
 from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import Field, Key, add_field, field_tracks
 from meshreel.formats.frames.stored_tracks import StoredTrack
@@ -18,8 +17,9 @@ from meshreel.formats.vtk.data_arrays import DataArray, surface_of_arrays
 from meshreel.formats.vtk.xdmf_cells import read_cells
 from meshreel.formats.vtk.xdmf_items import DataItems
 from meshreel.formats.vtk.xml_tree import local_name
-from meshreel.sequence import Vertices
-from meshreel.surface import Domain, Surface
+from meshreel.model.sequence import Vertices
+from meshreel.model.surface import Domain, Surface
+from meshreel.runtime.counting import counted
 
 CENTERS = {"node": Domain.VERTEX, "cell": Domain.FACE}
 TRACK_KIND, ATTRIBUTE_KIND, UNIT = "track_kind", "attribute_kind", "unit"

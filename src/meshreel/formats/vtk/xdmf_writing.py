@@ -18,8 +18,8 @@ from meshreel.formats.vtk.written_arrays import (
     xml_text,
 )
 from meshreel.formats.vtk.xdmf_grid import ATTRIBUTE_KIND, CENTERS, TRACK_KIND, UNIT
-from meshreel.geometry.fans import join_fans
-from meshreel.geometry.ragged import ragged_indices
+from meshreel.model.geometry.fans import join_fans
+from meshreel.model.geometry.ragged import ragged_indices
 
 NUMBER_TYPES = {"f": "Float", "i": "Int", "u": "UInt"}
 OF_A_BYTE = {"i": "Char", "u": "UChar"}

@@ -22,7 +22,7 @@ from meshreel.formats.vtk.data_arrays import TEXTURE_COORDINATES, DataArray
 from meshreel.formats.vtk.mesh import VtkMesh, joined
 from meshreel.formats.vtk.xml_arrays import UNPACKERS, ArrayCoding
 from meshreel.formats.vtk.xml_tree import parse_xml
-from meshreel.surface import Surface
+from meshreel.model.surface import Surface
 
 Int64s = npt.NDArray[np.int64]
 

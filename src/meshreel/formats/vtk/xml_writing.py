@@ -25,10 +25,10 @@ from meshreel.formats.vtk.written_arrays import (
 )
 from meshreel.formats.vtk.xml_arrays import NUMBERS
 from meshreel.formats.vtk.xml_file import ATTRIBUTE_KIND, TRACK_KIND, UNITS
-from meshreel.geometry.fans import join_fans
-from meshreel.sequence import Faces, Vertices
-from meshreel.surface import PLAIN, Domain, Surface
-from meshreel.tracks import TrackSource
+from meshreel.model.geometry.fans import join_fans
+from meshreel.model.sequence import Faces, Vertices
+from meshreel.model.surface import PLAIN, Domain, Surface
+from meshreel.model.tracks import TrackSource
 
 Values = npt.NDArray[Any]
 Encode = Callable[..., bytes]

@@ -5,9 +5,9 @@ import numpy.typing as npt
 from scipy.sparse import csc_array, csr_array, diags_array
 from scipy.sparse.linalg import eigsh
 
-from meshreel.counting import counted
+from meshreel.codec.subspace.pca import fix_signs
 from meshreel.errors import InvalidInputError
-from meshreel.subspace.pca import fix_signs
+from meshreel.runtime.counting import counted
 
 Floats = npt.NDArray[np.float64]
 

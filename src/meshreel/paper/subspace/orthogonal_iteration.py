@@ -4,8 +4,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
+from meshreel.codec.subspace.pca import RANK_TOLERANCE
 from meshreel.errors import InvalidInputError
-from meshreel.subspace.pca import RANK_TOLERANCE
 
 Floats = npt.NDArray[np.float64]
 

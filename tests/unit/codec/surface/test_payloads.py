@@ -6,8 +6,11 @@ import pytest
 import meshreel
 from conformance.bits import DamagedError
 from conformance.surface import Polygons, read_hard_edges
-from meshreel.bitstream.layout import SURFACE_SECTIONS, Section
+from meshreel.codec.bitstream.layout import SURFACE_SECTIONS, Section
 from meshreel.codec.choices import Order
+from meshreel.codec.connectivity.coder import encode_connectivity
+from meshreel.codec.entropy.coder import encode_integers
+from meshreel.codec.entropy.varint import write_varint
 from meshreel.codec.surface.materials import write_material
 from meshreel.codec.surface.payloads import (
     order_loss_note,
@@ -15,18 +18,15 @@ from meshreel.codec.surface.payloads import (
     surface_sections,
 )
 from meshreel.codec.surface.texts import write_text
-from meshreel.connectivity.coder import encode_connectivity
-from meshreel.entropy.coder import encode_integers
-from meshreel.entropy.varint import write_varint
 from meshreel.errors import (
     CorruptStreamError,
     InvalidInputError,
     MeshReelError,
     TruncatedStreamError,
 )
-from meshreel.geometry.hard_edges import shared_edges
-from meshreel.materials import Image, Material, Texture
-from meshreel.surface import Attribute, Domain, Kind, Surface
+from meshreel.model.geometry.hard_edges import shared_edges
+from meshreel.model.materials import Image, Material, Texture
+from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from samples.costs import draws
 from samples.materials import dressed_sheet, dressed_sheets
 from samples.meshes import (

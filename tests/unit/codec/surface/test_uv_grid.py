@@ -7,7 +7,7 @@ import pytest
 import meshreel
 from meshreel.codec.surface.uv_errors import measure_uvs
 from meshreel.errors import InvalidInputError
-from meshreel.surface import Attribute, Domain, Kind, Surface
+from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from samples.meshes import two_sheets, waving_grid
 
 

@@ -20,9 +20,9 @@ from meshreel.evaluation.codecs.peers.protocol import (
     why_missing,
 )
 from meshreel.evaluation.codecs.peers.registry import PEER_NAMES, peers_named
-from meshreel.flag import simulate_flag
 from meshreel.metrics.reference import bounding_box_reference
-from meshreel.sequence import MeshSequence
+from meshreel.model.flag import simulate_flag
+from meshreel.model.sequence import MeshSequence
 
 BOUND_BITS = {"draco", "meshopt", "pco"}
 LOSSLESS = {"blosc2", "npz"}

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 import meshreel
-from meshreel.connectivity.coder import encode_connectivity
+from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.evaluation.codecs.arrangements import Arrangements
 from meshreel.evaluation.codecs.measure import method_run, peer_run
 from meshreel.evaluation.codecs.peers.draco import Draco
@@ -24,8 +24,8 @@ from meshreel.evaluation.codecs.tables import bd_rate_parts, rate_table, refusal
 from meshreel.evaluation.pipeline import evaluate
 from meshreel.evaluation.runs.run import result_of
 from meshreel.evaluation.runs.store import Store
-from meshreel.flag import simulate_flag
-from meshreel.sequence import MeshSequence
+from meshreel.model.flag import simulate_flag
+from meshreel.model.sequence import MeshSequence
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
-from meshreel.documents.html import to_html
-from meshreel.documents.parts import Table
 from meshreel.evaluation.report.publish import to_markdown
+from meshreel.rendering.documents.html import to_html
+from meshreel.rendering.documents.parts import Table
 
 
 def test_tables_are_the_same_in_markdown_and_html(tmp_path):

@@ -1,7 +1,7 @@
 import json
 
 from meshreel.evaluation.runs.store import Store, finite, sequence_identity
-from meshreel.sequence import MeshSequence
+from meshreel.model.sequence import MeshSequence
 from samples.meshes import waving_grid
 
 

@@ -11,8 +11,8 @@ from alembic3d import Abc, AbcGeom
 
 from meshreel.formats.load import load, open_source
 from meshreel.formats.save import save
-from meshreel.surface import Domain
-from meshreel.tracks import Track, domain_sizes
+from meshreel.model.surface import Domain
+from meshreel.model.tracks import Track, domain_sizes
 from samples import alembic as sample
 from samples.meshes import quad_sheet, two_sheets
 from samples.tracks import assert_same_tracks, tracked_sheet

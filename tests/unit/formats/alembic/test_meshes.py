@@ -3,8 +3,8 @@ import pytest
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load, open_source
-from meshreel.geometry.fans import join_fans
-from meshreel.surface import Domain, Kind
+from meshreel.model.geometry.fans import join_fans
+from meshreel.model.surface import Domain, Kind
 from samples import alembic as sample
 
 MOVES = [sample.POINTS, sample.POINTS * 2, sample.POINTS * 4]

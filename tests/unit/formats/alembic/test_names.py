@@ -5,9 +5,9 @@ import pytest
 
 from meshreel.formats.load import load
 from meshreel.formats.save import save
-from meshreel.sequence import MeshSequence
-from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
-from meshreel.tracks import Track
+from meshreel.model.sequence import MeshSequence
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
+from meshreel.model.tracks import Track
 
 pytest.importorskip("alembic3d")
 

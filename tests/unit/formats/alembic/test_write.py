@@ -8,9 +8,9 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.extras import Extra
 from meshreel.formats.load import load, open_source
 from meshreel.formats.save import save
-from meshreel.geometry.fans import triangulate_fans
-from meshreel.sequence import MeshSequence
-from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
+from meshreel.model.geometry.fans import triangulate_fans
+from meshreel.model.sequence import MeshSequence
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 from samples.meshes import quad_sheet
 from samples.surfaces import two_cubes
 

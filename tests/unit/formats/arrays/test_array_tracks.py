@@ -10,8 +10,8 @@ from meshreel.errors import FormatError, InvalidInputError, MeshReelError
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load, open_source
 from meshreel.formats.save import save, save_part
-from meshreel.surface import Domain
-from meshreel.tracks import Track, TrackKind
+from meshreel.model.surface import Domain
+from meshreel.model.tracks import Track, TrackKind
 from samples.datasets import damaged_versions
 from samples.meshes import quad_sheet, waving_grid
 from samples.tracks import assert_same_tracks, tracked_sheet

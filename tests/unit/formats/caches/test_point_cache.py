@@ -9,8 +9,8 @@ from meshreel.errors import FormatError, InvalidInputError, MeshReelError
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load, open_source
 from meshreel.formats.save import save
-from meshreel.sequence import MeshSequence
-from meshreel.surface import PLAIN
+from meshreel.model.sequence import MeshSequence
+from meshreel.model.surface import PLAIN
 from samples.datasets import (
     assert_same_positions,
     damaged_versions,

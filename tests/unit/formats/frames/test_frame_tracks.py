@@ -10,8 +10,8 @@ from meshreel.formats.load import load, open_source
 from meshreel.formats.meshes.obj import obj_same_fields
 from meshreel.formats.meshes.obj_surface import parse_obj_fields
 from meshreel.formats.save import save
-from meshreel.surface import Attribute, Domain, Kind
-from meshreel.tracks import Track, domain_sizes
+from meshreel.model.surface import Attribute, Domain, Kind
+from meshreel.model.tracks import Track, domain_sizes
 from samples.meshes import quad_sheet, two_sheets
 from samples.tracks import assert_same_tracks
 

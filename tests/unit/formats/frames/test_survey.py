@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.formats.frames.survey import FrameSurvey
-from meshreel.sequence import extent_of
+from meshreel.model.sequence import extent_of
 
 
 def survey_of(*blocks, is_decimal=True):

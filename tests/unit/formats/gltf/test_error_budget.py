@@ -9,7 +9,7 @@ from meshreel.errors import InvalidInputError
 from meshreel.formats.gltf.error_budget import share_budget
 from meshreel.formats.options import Origin, WriteOptions
 from meshreel.formats.save import save, save_part
-from meshreel.sequence import MeshSequence
+from meshreel.model.sequence import MeshSequence
 from samples.glb import Glb, largest_error_percent
 
 PROMISE = 0.1

@@ -4,7 +4,7 @@ import pytest
 from meshreel.errors import FormatError
 from meshreel.formats.gltf.primitives import FAN, STRIP, TRIANGLES, cut_triangles
 from meshreel.formats.load import load
-from meshreel.surface import Domain, Kind
+from meshreel.model.surface import Domain, Kind
 from samples.gltf import SQUARE, SQUARE_FACES, TRIANGLE, Gltf, shifted
 
 SPLIT = [*SQUARE, SQUARE[0], SQUARE[2]]

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from meshreel.flag import simulate_flag
+from meshreel.codec.subspace.pca import joint_trajectories
 from meshreel.formats.gltf.morphs import fit_given_morphs, fit_morphs, measure
 from meshreel.formats.gltf.quantized import BYTE, SHORT
-from meshreel.subspace.pca import joint_trajectories
+from meshreel.model.flag import simulate_flag
 
 
 @pytest.fixture(scope="module")

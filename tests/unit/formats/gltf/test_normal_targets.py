@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from meshreel.flag import simulate_flag
 from meshreel.formats.gltf.moving_mesh import Wanted, fit_part
 from meshreel.formats.gltf.normal_targets import NormalChoice, _turning_targets, still_normals
-from meshreel.geometry.normals import vertex_normals
+from meshreel.model.flag import simulate_flag
+from meshreel.model.geometry.normals import vertex_normals
 from samples.meshes import octahedron_faces, waving_grid
 from samples.surfaces import rich_cube
 

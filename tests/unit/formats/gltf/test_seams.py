@@ -3,7 +3,7 @@ import pytest
 
 from meshreel.formats.gltf.seams import describe_left_out, split_at_seams
 from meshreel.formats.scenes.parts import PartMesh, split_parts
-from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Surface
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 
 QUADS = np.array([[0, 1, 2, 3], [1, 4, 5, 2]], np.int32)
 CORNERS = QUADS.ravel()

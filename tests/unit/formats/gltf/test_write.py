@@ -8,8 +8,8 @@ import pytest
 from meshreel.errors import InvalidInputError
 from meshreel.formats.gltf.write import write_glb, write_gltf
 from meshreel.formats.options import WriteOptions
-from meshreel.sequence import MeshSequence
-from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
+from meshreel.model.sequence import MeshSequence
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 from samples.glb import Glb, largest_error_percent, stream_of, written
 from samples.meshes import irregular_sequence, waving_grid
 from samples.surfaces import rich_cube

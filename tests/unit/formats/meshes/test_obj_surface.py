@@ -5,7 +5,7 @@ from meshreel.errors import FormatError
 from meshreel.formats.load import load
 from meshreel.formats.meshes.obj_surface import parse_obj_surface
 from meshreel.formats.save import save
-from meshreel.surface import Domain, Kind, Part, Surface
+from meshreel.model.surface import Domain, Kind, Part, Surface
 from samples.surfaces import attribute, described, groups, rich_cube, two_cubes
 
 SQUARE = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"

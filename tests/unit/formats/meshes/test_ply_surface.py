@@ -5,7 +5,7 @@ from meshreel.errors import FormatError
 from meshreel.formats.load import load
 from meshreel.formats.meshes.ply_surface import parse_ply_surface
 from meshreel.formats.save import save
-from meshreel.surface import Domain, Kind
+from meshreel.model.surface import Domain, Kind
 from samples.surfaces import attribute, described, groups, rich_cube, two_cubes
 
 

@@ -7,7 +7,7 @@ from meshreel.errors import FormatError, MeshReelError
 from meshreel.formats.load import load
 from meshreel.formats.registry import FRAME_FORMATS
 from meshreel.formats.save import save
-from meshreel.surface import Kind
+from meshreel.model.surface import Kind
 from samples.costs import draws
 from samples.surfaces import attribute, rich_cube, two_cubes
 

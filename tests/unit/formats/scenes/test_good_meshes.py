@@ -14,7 +14,7 @@ from meshreel.formats.scenes.good_meshes import good_meshes
 from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh
 from meshreel.formats.stretches import find_stretches
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.surface import Attribute, Domain, Kind, Surface
+from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from samples.meshes import two_sheets, waving_grid
 
 TRIANGLE = """point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]

@@ -7,7 +7,7 @@ from meshreel.formats.scenes.merging import merged_mesh
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.scene_source import sequence_of
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.tracks import Track, TrackPart
+from meshreel.model.tracks import Track, TrackPart
 
 POINTS = np.eye(3)
 

@@ -10,9 +10,9 @@ from meshreel.formats.scenes.parts import split_parts
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.scene_source import open_scene
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.geometry.fans import join_fans
-from meshreel.sequence import MeshSequence
-from meshreel.surface import Attribute, Domain, Kind, Part, Surface
+from meshreel.model.geometry.fans import join_fans
+from meshreel.model.sequence import MeshSequence
+from meshreel.model.surface import Attribute, Domain, Kind, Part, Surface
 from samples.materials import look
 from samples.meshes import assert_same_surface, quad_sheet, two_sheets
 

@@ -8,7 +8,7 @@ from meshreel.formats.inspection import inspect_source
 from meshreel.formats.load import load
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.stretches import find_stretches
-from meshreel.surface import Domain
+from meshreel.model.surface import Domain
 
 pytest.importorskip("pxr")
 

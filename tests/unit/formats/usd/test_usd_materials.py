@@ -12,7 +12,7 @@ import meshreel
 from meshreel.errors import InvalidInputError, MeshReelError
 from meshreel.formats.load import load
 from meshreel.formats.save import save
-from meshreel.materials import AlphaMode, Image, Material, Texture, Wrap
+from meshreel.model.materials import AlphaMode, Image, Material, Texture, Wrap
 from samples.costs import draws
 from samples.materials import dressed_sheet, dressed_sheets, jpeg, look, png
 

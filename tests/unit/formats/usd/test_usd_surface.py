@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meshreel.formats.load import load
-from meshreel.surface import Domain, Kind
+from meshreel.model.surface import Domain, Kind
 
 # Two quads side by side.
 MESH = """#usda 1.0

@@ -11,8 +11,8 @@ from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 import meshreel
 from meshreel.formats.load import load, open_source
 from meshreel.formats.save import save
-from meshreel.surface import Domain, Part
-from meshreel.tracks import Track, domain_sizes
+from meshreel.model.surface import Domain, Part
+from meshreel.model.tracks import Track, domain_sizes
 from samples.meshes import quad_sheet, two_sheets
 from samples.tracks import assert_same_tracks, tracked_sheet
 

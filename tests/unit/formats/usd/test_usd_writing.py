@@ -10,9 +10,9 @@ import meshreel
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load, open_source
 from meshreel.formats.save import save, save_frames
-from meshreel.geometry.fans import triangulate_fans
-from meshreel.sequence import MeshSequence
-from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
+from meshreel.model.geometry.fans import triangulate_fans
+from meshreel.model.sequence import MeshSequence
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 
 ENDINGS = ["usd", "usda", "usdc", "usdz"]
 # A quad, a triangle and a pentagon of nine vertices.

@@ -7,8 +7,8 @@ import meshreel
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.outputs import check_output
-from meshreel.sequence import MeshSequence
-from meshreel.tracks import Track
+from meshreel.model.sequence import MeshSequence
+from meshreel.model.tracks import Track
 from samples.meshes import waving_grid
 
 NAMES = {

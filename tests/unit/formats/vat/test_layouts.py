@@ -11,8 +11,8 @@ from meshreel.errors import InvalidInputError
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.vat.grid import fit_grid
 from meshreel.formats.vat.labs import coded_box
-from meshreel.geometry.normals import vertex_normals
-from meshreel.sequence import MeshSequence
+from meshreel.model.geometry.normals import vertex_normals
+from meshreel.model.sequence import MeshSequence
 from samples.meshes import irregular_sequence, quad_sheet, waving_grid
 from samples.vat_player import PLAYERS, read_glb
 

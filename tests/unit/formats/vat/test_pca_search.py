@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from meshreel.codec.subspace.pca import joint_trajectories
 from meshreel.formats.vat.pca.repair import Misses, repaired
 from meshreel.formats.vat.pca.search import _rounded, fit_fields, fit_mean
 from meshreel.runtime.progress import silent
-from meshreel.subspace.pca import joint_trajectories
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from meshreel.errors import InvalidInputError
 from meshreel.formats.load import load, open_source
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.stretches import find_stretches
-from meshreel.tracks import TrackKind
+from meshreel.model.tracks import TrackKind
 
 pytest.importorskip("vtkmodules")
 from vtkmodules.util.numpy_support import numpy_to_vtk

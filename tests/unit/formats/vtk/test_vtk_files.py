@@ -10,7 +10,7 @@ from meshreel.formats.options import ReadOptions
 from meshreel.formats.save import save
 from meshreel.formats.stretches import find_stretches
 from meshreel.formats.vtk.legacy import read_vtk_legacy
-from meshreel.surface import Domain, Kind
+from meshreel.model.surface import Domain, Kind
 from samples.datasets import damaged_versions, plain_sequence, positions_of
 
 pytest.importorskip("vtkmodules")

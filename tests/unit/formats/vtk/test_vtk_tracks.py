@@ -7,7 +7,7 @@ from meshreel.errors import FormatError
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load, open_source
 from meshreel.formats.save import save
-from meshreel.tracks import TrackKind
+from meshreel.model.tracks import TrackKind
 from samples.meshes import assert_same_surface
 from samples.tracks import assert_same_tracks, tracked_sheet
 

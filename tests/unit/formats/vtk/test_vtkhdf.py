@@ -7,7 +7,7 @@ from meshreel.errors import FormatError, InvalidInputError, MeshReelError
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load, open_source
 from meshreel.formats.save import save
-from meshreel.surface import PLAIN, Domain, Kind, Surface
+from meshreel.model.surface import PLAIN, Domain, Kind, Surface
 from samples.datasets import (
     CORNERS,
     COUNTS,

@@ -6,7 +6,7 @@ import pytest
 from meshreel.errors import FormatError, InvalidInputError, MeshReelError
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load, open_source
-from meshreel.surface import Domain, Kind
+from meshreel.model.surface import Domain, Kind
 from samples.datasets import CORNERS, COUNTS, N_VERTS, damaged_versions, positions_of
 
 POSITIONS = np.random.default_rng(0).standard_normal((5, N_VERTS, 3)).astype(np.float32)

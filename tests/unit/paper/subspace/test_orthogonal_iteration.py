@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories, fix_signs
 from meshreel.errors import InvalidInputError
 from meshreel.paper.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
-from meshreel.subspace.pca import autocorrelation, eigen_trajectories, fix_signs
 
 
 def coherent_frames(phase=0.0):

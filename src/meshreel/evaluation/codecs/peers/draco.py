@@ -9,7 +9,7 @@ import numpy.typing as npt
 from meshreel.errors import InvalidInputError
 from meshreel.evaluation.codecs.peers.integer_deltas import pack_frames, unpack_frames
 from meshreel.evaluation.codecs.peers.protocol import Shape
-from meshreel.sequence import MeshSequence, Vertices
+from meshreel.model.sequence import MeshSequence, Vertices
 
 LEVEL = 7
 Integers = npt.NDArray[np.int64]

@@ -9,7 +9,7 @@ from meshreel.errors import InvalidInputError
 from meshreel.evaluation.codecs.peers.arrays import sz3_array, sz3_bytes, zfp_array, zfp_bytes
 from meshreel.evaluation.codecs.peers.protocol import Shape, interleaved, planar
 from meshreel.metrics.reference import bounding_box_reference
-from meshreel.sequence import MeshSequence, Vertices
+from meshreel.model.sequence import MeshSequence, Vertices
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from meshreel.evaluation.codecs.peers.arrays import pcodec_array, pcodec_bytes
 from meshreel.evaluation.codecs.peers.protocol import Shape
-from meshreel.sequence import MeshSequence, Vertices
+from meshreel.model.sequence import MeshSequence, Vertices
 
 Words = npt.NDArray[np.uint16]
 HEAD = struct.Struct("<4d")  # origin and quantisation step

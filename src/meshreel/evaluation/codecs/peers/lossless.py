@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.evaluation.codecs.peers.protocol import Shape, interleaved, planar
-from meshreel.sequence import MeshSequence, Vertices
+from meshreel.model.sequence import MeshSequence, Vertices
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy.typing as npt
 
-from meshreel.sequence import MeshSequence, Vertices
+from meshreel.model.sequence import MeshSequence, Vertices
 
 Shape = tuple[int, int, int]
 

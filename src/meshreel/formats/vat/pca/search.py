@@ -19,6 +19,8 @@ Frames are displacements from the mesh at rest, of shape (T, 3 V); lengths have 
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.codec.subspace.least_squares import solve_gram
+from meshreel.codec.subspace.pca import Floats, gram_of_rows, leading_trajectories
 from meshreel.formats.gltf.quantized import project
 from meshreel.formats.vat.pca.digits import (
     MOST_DIGITS,
@@ -31,8 +33,6 @@ from meshreel.formats.vat.pca.digits import (
 from meshreel.formats.vat.pca.repair import Misses, repaired
 from meshreel.runtime.progress import Progress
 from meshreel.runtime.threads import chunks, in_threads
-from meshreel.subspace.least_squares import solve_gram
-from meshreel.subspace.pca import Floats, gram_of_rows, leading_trajectories
 
 Singles = npt.NDArray[np.float32]
 

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.gltf.normal_targets import NormalChoice, are_written
@@ -26,6 +25,7 @@ from meshreel.formats.vat.pca.texture import (
     texel_places,
 )
 from meshreel.formats.vat.textures import TexelType, read_texture, write_texture
+from meshreel.runtime.counting import counted
 
 Singles = npt.NDArray[np.float32]
 

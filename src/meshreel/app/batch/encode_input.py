@@ -1,0 +1,213 @@
+"""One input, encoded and measured by a worker."""
+
+import math
+import time
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from meshreel import __version__
+from meshreel.codec.achieved import measure_stream
+from meshreel.codec.choices import Order
+from meshreel.codec.config import EncoderConfig
+from meshreel.codec.encoder import encode_with
+from meshreel.codec.inspect import info
+from meshreel.codec.solver_state import solver_state_note
+from meshreel.codec.surface.payloads import order_loss_note
+from meshreel.codec.surface.uv_errors import measure_uvs
+from meshreel.codec.surface.uv_grid import has_uvs
+from meshreel.codec.track_bounds import without_units
+from meshreel.errors import InvalidInputError, WorkerDiedError
+from meshreel.formats.frames.selection import with_surface
+from meshreel.formats.load import open_for_encoding
+from meshreel.formats.notes import note_unknown_rate
+from meshreel.formats.options import ReadOptions
+from meshreel.formats.remote import at_hand
+from meshreel.formats.supported_options import supported_only
+from meshreel.model.sequence import FrameSource
+from meshreel.model.surface_selection import ALL, chosen, describe_missing, missing_names
+from meshreel.runtime.counting import counted
+from meshreel.runtime.engine.engine import Engine
+
+BLOCK_SHARES = (1.0, 1 / 4, 1 / 16)
+"""Of the frames of a block, those that are tried, one after the other, while memory runs out."""
+
+READ_OPTIONS = ("fps", "merge", "attributes", "skip_bad", "allow_outside", "animation")
+"""Fields of `ReadOptions` that the manifest names if they differ from the default."""
+
+
+@dataclass(frozen=True)
+class EncodeOptions:
+    """How every input of a batch is encoded.
+
+    Attributes
+    ----------
+    config : EncoderConfig
+    reading : ReadOptions
+        Where an input is of a format that an option has no effect on, it is left out; an input
+        that lacks a named attribute gets a note.
+    tracks : dict of str to str, or None
+        How exact tracks are to come back. An input that lacks one gets a note.
+    block_share : float
+        Of the frames that the config codes together, how many are; below 1 where memory ran out
+        before. Positions then stay in their files, and a note says so.
+    """
+
+    config: EncoderConfig
+    reading: ReadOptions = field(default_factory=ReadOptions)
+    tracks: dict[str, float | str] | None = None
+    block_share: float = 1.0
+
+    def smaller(self, error: BaseException) -> "EncodeOptions | None":
+        """The options with smaller blocks after an error; None if that is no help.
+
+        The death of a worker takes long, and happens no more often than it must: the smallest
+        blocks are next.
+        """
+        following = BLOCK_SHARES[BLOCK_SHARES.index(self.block_share) + 1 :]
+        if not following or not isinstance(error, MemoryError | WorkerDiedError):
+            return None
+        is_death = isinstance(error, WorkerDiedError)
+        return replace(self, block_share=following[-1 if is_death else 0])
+
+    @property
+    def are_cut(self) -> bool:
+        """Whether sequences are coded in blocks that do not depend on each other."""
+        is_cut = self.config.block_frames is not None or self.config.memory is not None
+        return is_cut and self.config.method_row.codes_blocks_apart
+
+    def as_dict(self) -> dict[str, Any]:
+        """Those that are not the default, in plain types."""
+        chosen = {one.name: getattr(self.config, one.name) for one in self.config.chosen}
+        reading = {name: getattr(self.reading, name) for name in READ_OPTIONS}
+        chosen |= {
+            name: value for name, value in reading.items() if value != getattr(ReadOptions, name)
+        }
+        return {**chosen, "tracks": self.tracks} if self.tracks else chosen
+
+
+@dataclass(frozen=True)
+class Encoded:
+    """A stream and its figures.
+
+    Attributes
+    ----------
+    data : bytes
+    figures : dict
+        The fields of a `Record` that are known once the input is done.
+    """
+
+    data: bytes
+    figures: dict[str, Any]
+
+
+def encode_input(
+    source: str, options: EncodeOptions, version: str, engine: Engine | None = None
+) -> Encoded:
+    """The stream of the sequence at a path or an address, measured.
+
+    It writes nothing: a worker that is stopped leaves nothing behind, and one on another machine
+    needs to see the inputs only. With an engine it is called where that is, and its workers code
+    blocks of frames.
+
+    Raises
+    ------
+    InvalidInputError
+        If this is another version of meshreel than that of the caller.
+    """
+    if version != __version__:
+        raise InvalidInputError(
+            f"the worker has meshreel {__version__} and the caller {version}; install the same"
+        )
+    began = time.perf_counter()
+    notes: list[str] = []
+    reading = replace(supported_only(options.reading, source), attributes=ALL, notes=notes)
+    with at_hand(source) as files:
+        opened = open_for_encoding(files, _memory(options), reading)
+        return _measured(opened, options, notes, began, engine)
+
+
+def _memory(options: EncodeOptions) -> float | None:
+    """Bytes that encoding may take; none of them for loaded frames, once memory ran out."""
+    return options.config.memory_bytes if options.block_share == 1 else 0.0
+
+
+def _measured(
+    opened: FrameSource,
+    options: EncodeOptions,
+    notes: list[str],
+    began: float,
+    engine: Engine | None,
+) -> Encoded:
+    """The stream of an opened input, and its figures."""
+    sequence, config = _suited(opened, options, notes)
+    tracks = _present(sequence, options, notes)
+    data = encode_with(config, sequence, tracks=tracks, engine=engine)
+    achieved = measure_stream(sequence, data, order=config.order, with_sted=config.sted is not None)
+    stream = info(data)
+    if lost := order_loss_note(sequence.surface, Order[stream.order.upper()]):
+        notes.append(lost)
+    if state := solver_state_note(stream.tracks, tracks):
+        notes.append(state)
+    note_unknown_rate(notes, sequence.n_frames, sequence.fps)
+    uv = None if config.uv_bits is None else measure_uvs(sequence, data)
+    figures = {
+        "seconds": round(time.perf_counter() - began, 3),
+        "raw_size_bytes": stream.raw_size_bytes,
+        "size_bytes": stream.size_bytes,
+        "ratio": stream.ratio,
+        "kg_error_percent": _finite(achieved.kg_error_percent),
+        "max_error_percent": _finite(achieved.max_error_percent),
+        "sted": _finite(achieved.sted),
+        "tracks": {
+            name: {"largest": _finite(one.largest), "rms": _finite(one.rms), "unit": one.unit}
+            for name, one in achieved.tracks.items()
+        },
+        "uv_error": None if uv is None else uv.largest,
+        "notes": notes,
+    }
+    return Encoded(data, figures)
+
+
+def _suited(
+    opened: FrameSource, options: EncodeOptions, notes: list[str]
+) -> tuple[FrameSource, EncoderConfig]:
+    """An input with the attributes to keep of it, and the options that apply to it."""
+    config = options.config
+    if missing := missing_names(opened.surface, options.reading.attributes):
+        notes.append(describe_missing(opened.surface, missing))
+    sequence = with_surface(opened, chosen(opened.surface, options.reading.attributes))
+    if config.uv_bits is not None and not has_uvs(sequence.surface):
+        notes.append("has no texture coordinates for uv_bits= to quantise")
+        config = replace(config, uv_bits=None)
+    if options.block_share < 1:
+        config = _with_smaller_blocks(config, sequence, options.block_share, notes)
+    return sequence, config
+
+
+def _with_smaller_blocks(
+    config: EncoderConfig, sequence: FrameSource, share: float, notes: list[str]
+) -> EncoderConfig:
+    number_bytes = sequence.dtype.itemsize
+    n_together = config.frames_in_block(sequence.n_frames, sequence.n_verts, number_bytes)
+    n_frames = max(1, int(share * n_together))
+    notes.append(
+        f"memory was too little for blocks of {counted(n_together, 'frame')}; coded in blocks of "
+        f"{n_frames}, which take more bytes"
+    )
+    return config.with_blocks_of(n_frames, sequence.n_verts, number_bytes)
+
+
+def _present(
+    sequence: FrameSource, options: EncodeOptions, notes: list[str]
+) -> dict[str, float | str]:
+    """What is asked of the tracks that the input has."""
+    asked = options.tracks or {}
+    if missing := [name for name in asked if name not in sequence.tracks]:
+        notes.append(f"has no track {', '.join(missing)}")
+    present = {name: bound for name, bound in asked.items() if name in sequence.tracks}
+    return without_units(sequence.tracks, present, notes)
+
+
+def _finite(error: float | None) -> float | None:
+    """The error as JSON can hold it: None where it is not finite."""
+    return float(error) if error is not None and math.isfinite(error) else None

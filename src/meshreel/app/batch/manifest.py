@@ -1,0 +1,189 @@
+"""The outcome of each input of a batch, on disk after each of them."""
+
+import json
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from meshreel import __version__
+from meshreel.app.batch.out_folder import OutFolder, out_folder
+from meshreel.errors import InvalidInputError
+
+MANIFEST_NAME = "manifest.json"
+MADE_BY = "meshreel batch"
+LAYOUT = 1
+"""Of the JSON."""
+
+DONE, FAILED, PENDING = "done", "failed", "pending"
+
+
+@dataclass(frozen=True)
+class Record:
+    """The outcome of one input.
+
+    Attributes
+    ----------
+    state : str
+        "done", "failed", or "pending": begun by a run that was stopped.
+    output : str
+        The stream, within the folder of outputs.
+    owns_output : bool
+        Whether a file that is there was made from this input: only then is it replaced unasked.
+    fingerprint : str
+        Of the input: names, sizes and times of change of its files.
+    options : dict
+        Those that are not the default.
+    version : str
+        Of meshreel.
+    error : str or None
+        Why it failed.
+    seconds : float or None
+        To read, encode and measure it. This and what follows is None unless it is done.
+    raw_size_bytes, size_bytes, ratio, kg_error_percent, max_error_percent, sted, tracks
+        As `meshreel encode --json` gives them.
+    uv_error : float or None
+        The largest difference of a texture coordinate, where 1 is the width of a texture; None if
+        they are exact.
+    notes : list of str
+        Changes made while reading, and parts of the input that are left out.
+    """
+
+    state: str
+    output: str
+    owns_output: bool
+    fingerprint: str
+    options: dict[str, Any]
+    version: str = __version__
+    error: str | None = None
+    seconds: float | None = None
+    raw_size_bytes: int | None = None
+    size_bytes: int | None = None
+    ratio: float | None = None
+    kg_error_percent: float | None = None
+    max_error_percent: float | None = None
+    sted: float | None = None
+    tracks: dict[str, Any] = field(default_factory=dict)
+    uv_error: float | None = None
+    notes: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Summary:
+    """All records in a few figures.
+
+    Attributes
+    ----------
+    done, failed, pending : int
+        Records in each state.
+    raw_size_bytes, size_bytes : int
+        Of all that are done.
+    ratio : float or None
+        The first divided by the second; None if none is done.
+    kg_error_percent, max_error_percent : float or None
+        The largest of those done.
+    """
+
+    done: int
+    failed: int
+    pending: int
+    raw_size_bytes: int
+    size_bytes: int
+    ratio: float | None
+    kg_error_percent: float | None
+    max_error_percent: float | None
+
+
+def summary_of(records: Iterable[Record]) -> Summary:
+    """The summary of records."""
+    listed = list(records)
+    states = Counter(record.state for record in listed)
+    done = [record for record in listed if record.state == DONE]
+    raw, size = (sum(sizes) for sizes in (
+        (record.raw_size_bytes or 0 for record in done), (record.size_bytes or 0 for record in done)
+    ))  # fmt: skip
+    return Summary(
+        states[DONE], states[FAILED], states[PENDING], raw, size, raw / size if size else None,
+        max((one.kg_error_percent or 0.0 for one in done), default=None),
+        max((one.max_error_percent or 0.0 for one in done), default=None),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """The records of a folder of outputs.
+
+    Attributes
+    ----------
+    folder : OutFolder
+    input_dir : str
+        Folder of the inputs as seen from that of the outputs.
+    records : dict of str to Record
+        By the name of the input; those of inputs that are gone are kept.
+    """
+
+    folder: OutFolder
+    input_dir: str
+    records: dict[str, Record]
+    _lines: dict[str, tuple[Record, str]] = field(default_factory=dict, repr=False)
+
+    def write(self) -> None:
+        """Write it, whole or not at all, over what was there."""
+        head = {
+            "made_by": MADE_BY,
+            "layout": LAYOUT,
+            "input_dir": self.input_dir,
+            "summary": asdict(summary_of(self.records.values())),
+        }
+        lines = ",\n".join(self._line(name, record) for name, record in self.records.items())
+        text = json.dumps(head, indent=1).removesuffix("\n}")
+        text = f'{text},\n "inputs": {{\n{lines}\n }}\n}}'
+        self.folder.write(MANIFEST_NAME, text.encode(), overwrite=True)
+
+    @property
+    def name(self) -> str:
+        """Its path or address."""
+        return self.folder.called(MANIFEST_NAME)
+
+    def _line(self, name: str, record: Record) -> str:
+        """A record as a line of JSON, made anew only when it has changed: most never do again."""
+        kept, line = self._lines.get(name, (None, ""))
+        if kept is not record:
+            line = f"  {json.dumps(name)}: {json.dumps(asdict(record))}"
+            self._lines[name] = record, line
+        return line
+
+
+def read_manifest(input_dir: Path | str, out_dir: Path | str, *, force: bool = False) -> Manifest:
+    """The manifest of a folder of outputs; without records where there is none yet.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is a file of its name that is something else, or it is of another folder of
+        inputs and not `force`.
+    StoreError
+        If a remote folder cannot be read.
+    """
+    folder = out_folder(out_dir)
+    seen_from_out = folder.seen_to(input_dir)
+    manifest = Manifest(folder, seen_from_out, {})
+    if not folder.has(MANIFEST_NAME):
+        return manifest
+    try:
+        facts = json.loads(folder.read(MANIFEST_NAME))
+        if (facts["made_by"], facts["layout"]) != (MADE_BY, LAYOUT):
+            raise ValueError
+        records = {str(name): Record(**record) for name, record in facts["inputs"].items()}
+    except (ValueError, TypeError, KeyError, AttributeError):
+        raise InvalidInputError(
+            f"{manifest.name} is not a manifest that this build of {MADE_BY} wrote; move it away, "
+            "or name another folder for the outputs"
+        ) from None
+    if facts.get("input_dir") != seen_from_out and not force:
+        raise InvalidInputError(
+            f"{manifest.name} is of the inputs in {facts.get('input_dir')}, seen from there, not "
+            f"of {input_dir}; name another folder for the outputs, or use --force"
+        )
+    return Manifest(folder, seen_from_out, records)

@@ -1,0 +1,156 @@
+"""The plan of a run: which inputs are to be encoded, and which are not."""
+
+from collections import defaultdict
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from meshreel.app.batch.animations import every_animation
+from meshreel.app.batch.discovery import BatchInput, find_inputs
+from meshreel.app.batch.encode_input import EncodeOptions
+from meshreel.app.batch.manifest import DONE, FAILED, PENDING, Manifest, Record, read_manifest
+from meshreel.app.batch.out_folder import OutFolder, out_folder
+from meshreel.app.batch.report import check_report
+from meshreel.formats.supported_options import check_supported
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The inputs of a run: up to date, refused, or to be encoded.
+
+    Attributes
+    ----------
+    input_dir : Path or str
+    folder : OutFolder
+        Of the outputs.
+    options : EncodeOptions
+    manifest : Manifest
+        Of earlier runs.
+    up_to_date : list of str
+        Names of inputs whose streams are there.
+    refused : dict of str to Record
+        Inputs that cannot be encoded, with the reason.
+    to_encode : dict of BatchInput to Record
+        The others, as "pending".
+    replaced : set of BatchInput
+        Those of them whose outputs are there already.
+    notes : list of str
+        Sentences on animations that are left out, or whose outputs have other names.
+    """
+
+    input_dir: Path | str
+    folder: OutFolder
+    options: EncodeOptions
+    manifest: Manifest
+    up_to_date: list[str]
+    refused: dict[str, Record]
+    to_encode: dict[BatchInput, Record]
+    replaced: set[BatchInput]
+    notes: list[str] = field(default_factory=list)
+
+    def options_of(self, one: BatchInput) -> EncodeOptions:
+        """How an input is encoded."""
+        reading = replace(self.options.reading, animation=one.animation)
+        return replace(self.options, reading=reading)
+
+
+def plan_batch(
+    input_dir: Path | str,
+    out_dir: Path | str,
+    options: EncodeOptions,
+    *,
+    force: bool = False,
+    all_animations: bool = False,
+) -> Plan:
+    """The plan of a run: inputs that are new, changed or failed before are to be encoded.
+
+    An input is up to date if its stream is there with the size it was written with, and neither
+    the files of the input nor the options have changed since.
+
+    Parameters
+    ----------
+    input_dir, out_dir : Path, or str of a remote folder
+        The second need not exist; nothing is written yet.
+    options : EncodeOptions
+    force : bool, default False
+        Encode everything, and replace outputs that are not this batch's.
+    all_animations : bool, default False
+        Whether each animation of a file that holds several is an input, as `every_animation` says;
+        remote files that may hold several are downloaded for that.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is nothing to encode, the folder of outputs belongs to something else, or an
+        option has no effect on any input.
+    """
+    out_folder(out_dir).check()
+    inputs = find_inputs(input_dir, but_not=out_dir)
+    check_supported([one.source for one in inputs], options.reading)
+    notes: list[str] = []
+    if all_animations:
+        inputs = every_animation(inputs, notes, allow_outside=options.reading.allow_outside)
+    manifest = read_manifest(input_dir, out_dir, force=force)
+    check_report(manifest.folder, force=force)
+    plan = Plan(input_dir, manifest.folder, options, manifest, [], {}, {}, set(), notes)
+    rivals = _rivals(inputs)
+    for one in inputs:
+        earlier = manifest.records.get(one.name)
+        record = Record(
+            PENDING, one.output, True, one.fingerprint(), plan.options_of(one).as_dict()
+        )
+        folder, is_there = plan.folder, plan.folder.has(one.output)
+        if one in rivals:
+            plan.refused[one.name] = _refused(record, earlier, rivals[one])
+        elif not force and _is_up_to_date(record, earlier, folder):
+            plan.up_to_date.append(one.name)
+        elif is_there and folder.is_one_of(one.output, one.files):
+            plan.refused[one.name] = _refused(record, earlier, _is_input(folder.called(one.output)))
+        elif is_there and not force and not _owns(earlier):
+            plan.refused[one.name] = _refused(record, earlier, _exists(folder.called(one.output)))
+        else:
+            plan.to_encode[one] = record
+            plan.replaced.update([one] if is_there else [])
+    return plan
+
+
+def _refused(record: Record, earlier: Record | None, reason: str) -> Record:
+    return Record(
+        FAILED, record.output, _owns(earlier), record.fingerprint, record.options, error=reason
+    )
+
+
+def _owns(earlier: Record | None) -> bool:
+    return earlier is not None and earlier.owns_output
+
+
+def _is_up_to_date(record: Record, earlier: Record | None, folder: OutFolder) -> bool:
+    if earlier is None or earlier.state != DONE:
+        return False
+    unchanged = (earlier.output, earlier.fingerprint, earlier.options) == (
+        record.output,
+        record.fingerprint,
+        record.options,
+    )
+    return unchanged and folder.size_bytes(record.output) == earlier.size_bytes
+
+
+def _exists(output: str) -> str:
+    return f"{output} exists and was not made of this input; it is kept unless --force is given"
+
+
+def _is_input(output: str) -> str:
+    return f"{output} is the input under another name, which is never replaced; remove the link"
+
+
+def _rivals(inputs: list[BatchInput]) -> dict[BatchInput, str]:
+    """Inputs that share an output, each with the reason to refuse it."""
+    of_output = defaultdict(list)
+    for one in inputs:
+        of_output[one.output].append(one)
+    return {
+        one: f"{' and '.join(other.name for other in group)} would both become {output}; "
+        "rename one of them"
+        for output, group in of_output.items()
+        if len(group) > 1
+        for one in group
+    }

@@ -1,0 +1,191 @@
+"""`meshreel batch`: a folder of sequences in, a folder of streams out."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from meshreel.app.cli.commands import command
+from meshreel.app.cli.encode_options import Encoding, encode_options
+from meshreel.app.cli.lines import print_error, print_line
+from meshreel.app.cli.parameters import argument, option
+from meshreel.app.cli.read_options import READING, reading_options
+from meshreel.app.cli.track_options import track_option, track_targets
+from meshreel.codec.option import COUNT
+
+if TYPE_CHECKING:
+    from meshreel.app.batch.manifest import Record
+    from meshreel.app.batch.plan import Plan
+    from meshreel.app.batch.run import BatchReport
+    from meshreel.formats.options import ReadOptions
+
+WHOLE = (
+    ".npz .abc .usd .usda .usdc .usdz .glb .gltf .pc2 .mdd .h5 .hdf5 .hdf .vtkhdf .pvd .xdmf .xmf"
+)
+FRAMES = ".obj .ply .off .stl .vtu .vtp .vtk"
+"""Inputs of `batch.discovery`, written out: help comes without importing every format."""
+
+WORKERS = "Where it runs (give one)"
+
+
+@command
+@argument(
+    "input_dir",
+    metavar="INPUT_DIR",
+    help=f"Every file under it that holds an animation ({WHOLE}) is a sequence, and every "
+    f"folder that holds frames ({FRAMES}). Or a remote folder (s3://, gs://), whose inputs "
+    "each worker downloads.",
+)
+@argument(
+    "out_dir",
+    metavar="OUT_DIR",
+    help="Gets a .reel for each, in the same sub-folders; made if missing. Or a remote folder.",
+)
+@option(
+    "--workers",
+    type=int,
+    range=COUNT,
+    help="Processes on this machine; fewer take less memory. Default: one for each core.",
+    panel=WORKERS,
+)
+@option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="A Dask scheduler, whose workers see INPUT_DIR at the same path or address (needs "
+    "[dask]).",
+    panel=WORKERS,
+)
+@encode_options()
+@track_option
+@reading_options("attributes", "fps", "merge", "skip_bad", "allow_outside")
+@option(
+    "--animations",
+    type=click.Choice(["first", "all"]),
+    default="first",
+    help="Of a glTF file that holds several, encode the first that moves a mesh, or all, each "
+    "into a separate file: man.glb with run and jump becomes man.run.reel and man.jump.reel.",
+    panel=READING,
+)
+@option(
+    "--force",
+    "-f",
+    is_flag=True,
+    help="Encode everything, and replace outputs that are in the way.",
+)
+@option("as_json", "--json", is_flag=True, help="Print what was done with each input as JSON.")
+def batch_command(
+    input_dir: str,
+    out_dir: str,
+    workers: int | None,
+    scheduler: str | None,
+    encoding: Encoding,
+    track: tuple[str, ...],
+    reading: "ReadOptions",
+    animations: str,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Compress every animated mesh under a folder, on all cores or on a Dask cluster.
+
+    OUT_DIR/manifest.json says what was done with each input, and at what size and error. A second
+    run encodes only what is new, changed or failed. An input that fails does not stop the others;
+    the exit code is then 1. With --block-frames or --memory, workers share long sequences by their
+    blocks where there are more workers than sequences (method reel); the bytes are the same.
+
+    Examples:
+
+    - `meshreel batch captures/ streams/`
+
+    - `meshreel batch captures/ streams/ --max-error 0.1 --workers 4`
+
+    - `meshreel batch captures/ streams/ --scheduler tcp://10.0.0.5:8786`
+
+    - `meshreel batch characters/ streams/ --animations all`
+
+    - `meshreel batch s3://captures s3://streams`
+    """
+    from meshreel.app.batch.encode_input import EncodeOptions
+    from meshreel.app.batch.plan import plan_batch
+    from meshreel.app.cli.console import print_json, print_notes
+    from meshreel.codec.config import EncoderConfig
+    from meshreel.model.surface_selection import listed_names
+
+    if workers is not None and scheduler is not None:
+        raise click.UsageError("--workers and --scheduler exclude each other; give one")
+    config = EncoderConfig(**encoding)
+    listed_names(reading.attributes)  # refused now, before any work
+    tracks = track_targets(track)
+    options = EncodeOptions(config, reading, tracks)
+    plan = plan_batch(
+        _folder(input_dir),
+        _folder(out_dir),
+        options,
+        force=force,
+        all_animations=animations == "all",
+    )
+    print_notes(plan.notes)
+    report = _run(plan, workers, scheduler)
+    print_notes([f"{name}: {note}" for name, one in report.encoded.items() for note in one.notes])
+    for name, record in report.failed.items():
+        print_error(f"{name}: {record.error or ''}")
+    if as_json:
+        print_json({"manifest": plan.manifest.name, "notes": plan.notes, **report.as_dict()})
+    else:
+        _print_report(report, out_dir)
+    if report.failed:
+        raise click.exceptions.Exit(1)
+
+
+def _run(plan: "Plan", workers: int | None, scheduler: str | None) -> "BatchReport":
+    from meshreel.app.batch.run import run_batch
+    from meshreel.app.cli.console import progress_bar
+    from meshreel.runtime.engine.engine import open_engine
+    from meshreel.runtime.threads import n_cores
+
+    if not plan.to_encode:
+        return run_batch(plan, None)
+    # No more than there are inputs, unless they work on one together: they share the cores.
+    n_workers = None if scheduler else workers or n_cores()
+    if n_workers and not plan.options.are_cut:
+        n_workers = min(n_workers, len(plan.to_encode))
+    try:
+        with progress_bar() as progress, open_engine(n_workers, scheduler=scheduler) as engine:
+            return run_batch(plan, engine, progress=progress)
+    except KeyboardInterrupt:
+        print_error("stopped; what was finished is kept, a rerun does the rest")
+        raise
+
+
+def _folder(given: str) -> Path | str:
+    """A path, or an address as it is."""
+    from meshreel.runtime.stores.address import is_remote
+
+    return given.rstrip("/") if is_remote(given) else Path(given)
+
+
+def _print_report(report: "BatchReport", out_dir: str) -> None:
+    from meshreel.app.cli.console import print_columns
+
+    if report.encoded:
+        headings = ("encoded", "raw", "file", "smaller", "KG error %", "largest error %", "s")
+        rows = [_row(name, record) for name, record in report.encoded.items()]
+        print_columns(out_dir, headings, rows)
+    print_line(report.summary)
+
+
+def _row(name: str, record: "Record") -> tuple[str, ...]:
+    from meshreel.runtime.counting import size_text
+
+    return (
+        name,
+        size_text(record.raw_size_bytes or 0),
+        size_text(record.size_bytes or 0),
+        _text(record.ratio, ".1f", " x"),
+        _text(record.kg_error_percent, ".4f"),
+        _text(record.max_error_percent, ".4f"),
+        _text(record.seconds, ".1f"),
+    )
+
+
+def _text(figure: float | None, form: str, unit: str = "") -> str:
+    return "-" if figure is None else f"{figure:{form}}{unit}"

@@ -1,0 +1,186 @@
+"""Output of the commands: progress on stderr, figures as tables or JSON on stdout.
+
+Control characters in text are escaped, and rich markup in it is not interpreted.
+"""
+
+import json
+import threading
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    SpinnerColumn,
+    TaskProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+)
+from rich.progress import Progress as Bar
+from rich.table import Table
+from rich.text import Text
+
+from meshreel.app.cli.lines import escaped
+from meshreel.app.cli.option_names import all_in_option_names, in_option_names
+from meshreel.app.cli.progress_lines import progress_lines
+from meshreel.app.cli.progress_words import PaceClock
+from meshreel.runtime.progress import Progress
+
+SHOW_AFTER_S = 1.0
+
+MIN_BAR, MAX_BAR = 8, 40
+"""Smallest and largest width of the longest bar in columns; without room there are no bars."""
+
+_BORDERS_AND_SHARE = "│  │  │ 100.0 % │  │"
+_EIGHTHS = " ▏▎▍▌▋▊▉█"
+
+Cell = str | list[str]
+"""Text of a cell of a table, or its lines."""
+
+
+@contextmanager
+def progress_bar() -> Iterator[Progress]:
+    """A progress callback that reports on stderr.
+
+    On a terminal it shows a bar after a second, with the stage, the elapsed time and, for counted
+    items, their number, their rate and the remaining time of the stage. Elsewhere it writes a plain
+    line now and then: see `progress_lines`.
+    """
+    console = Console(stderr=True)
+    with _bar(console) if console.is_terminal else progress_lines() as report:
+        yield report
+
+
+@contextmanager
+def _bar(console: Console) -> Iterator[Progress]:
+    bar = Bar(
+        SpinnerColumn(),
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TaskProgressColumn(),
+        TimeElapsedColumn(),
+        TextColumn("{task.fields[words]}", style="progress.remaining"),
+        console=console,
+        transient=True,
+    )
+    # Several stages reach 1 in turn; rich stops its clock when a total is reached.
+    task = bar.add_task("", total=1 + 1e-9, words="")
+    clock = PaceClock()
+    timer = threading.Timer(SHOW_AFTER_S, bar.start)
+    timer.daemon = True
+    timer.start()
+
+    def report(stage: str, fraction: float) -> None:
+        words = clock.words(fraction)
+        bar.update(task, description=escaped(stage), completed=float(fraction), words=words)
+
+    try:
+        yield report
+    finally:
+        timer.cancel()
+        timer.join()
+        bar.stop()
+
+
+def print_json(figures: Mapping[str, Any]) -> None:
+    """Print figures as JSON on stdout; numbers that are not finite become null.
+
+    Messages under "notes" and "error" name options of the command line.
+    """
+    print(json.dumps(_plain(figures), indent=2))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {
+            str(key): _worded(item) if key in ("notes", "error") else _plain(item)
+            for key, item in value.items()
+        }
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not abs(value) < float("inf"):
+        return None
+    return value
+
+
+def _worded(value: Any) -> Any:
+    if isinstance(value, str):
+        return in_option_names(value)
+    return all_in_option_names(value) if isinstance(value, list) else _plain(value)
+
+
+def print_table(title: str, rows: Mapping[str, str] | Mapping[str, Cell]) -> None:
+    """Print a table of names and values on stdout."""
+    table = Table(show_header=False)
+    table.add_column(no_wrap=True)
+    table.add_column(justify="right")
+    for name, value in rows.items():
+        table.add_row(_text(name), _text(value))
+    _print_titled(Console(), title, table)
+
+
+def print_columns(title: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """Print a table on stdout, with names in the first column and figures in the others."""
+    table = Table()
+    for number, heading in enumerate(headings):
+        table.add_column(heading, justify="right" if number else "left", overflow="fold")
+    for row in rows:
+        table.add_row(*map(_text, row))
+    _print_titled(Console(), title, table)
+
+
+def print_bars(title: str, sizes: Mapping[str, int]) -> None:
+    """Print sizes in bytes on stdout with shares and bars, within the width of the terminal."""
+    console = Console()
+    total = sum(sizes.values()) or 1
+    table = Table(show_header=False)
+    table.add_column(overflow="fold")
+    names = max(_text(name).cell_len for name in sizes)
+    texts = [f"{size} B" for size in sizes.values()]
+    for widest in (max(map(len, texts)), len("100.0 %")):
+        table.add_column(justify="right", no_wrap=True, min_width=widest)
+    width = console.width - names - max(map(len, texts)) - len(_BORDERS_AND_SHARE)
+    if width >= MIN_BAR:
+        table.add_column(no_wrap=True)
+    for (name, size), text in zip(sizes.items(), texts, strict=True):
+        bar = text_bar(
+            size / max(sizes.values()), min(width, MAX_BAR), ascii_only=_is_ascii(console)
+        )
+        cells: list[Text | str] = [_text(name), text, f"{100 * size / total:.1f} %", bar]
+        table.add_row(*cells[: len(table.columns)])
+    _print_titled(console, title, table)
+
+
+def _print_titled(console: Console, title: str, table: Table) -> None:
+    """Print a table under its title, which is never wrapped, so that paths can be copied."""
+    console.print(_text(title), style="bold", soft_wrap=True)
+    console.print(table)
+
+
+def _text(shown: Cell) -> Text:
+    """Return escaped text for rich, which interprets neither markup nor emoji codes in it."""
+    return Text("\n".join(map(escaped, [shown] if isinstance(shown, str) else shown)))
+
+
+def text_bar(share: float, width: int, *, ascii_only: bool = False) -> str:
+    """A bar of characters over a share of a width in columns, in eighths where they can be shown.
+
+    Shares above 0 are never drawn as nothing.
+    """
+    if ascii_only:
+        return "#" * max(round(share * width), 1 if share > 0 else 0)
+    eighths = max(round(8 * share * width), 1 if share > 0 else 0)
+    whole, rest = divmod(eighths, 8)
+    return _EIGHTHS[8] * whole + (_EIGHTHS[rest] if rest else "")
+
+
+def _is_ascii(console: Console) -> bool:
+    return console.options.ascii_only
+
+
+def print_notes(notes: list[str]) -> None:
+    """Print notes on stderr, one line each."""
+    console = Console(stderr=True)
+    for note in all_in_option_names(notes):
+        console.print(_text(f"note: {note}"), soft_wrap=not console.is_terminal)

@@ -1,0 +1,163 @@
+"""`meshreel convert`: an animation in, the same in another format out."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from meshreel.app.cli.commands import command
+from meshreel.app.cli.completing import input_files
+from meshreel.app.cli.encode_options import Encoding, encode_options
+from meshreel.app.cli.parameters import argument, option
+from meshreel.app.cli.read_options import MESHES, reading_options, split_option
+from meshreel.app.cli.track_options import track_option, track_targets
+from meshreel.app.cli.write_options import (
+    force_option,
+    frames_option,
+    layout_option,
+    normals_option,
+    output_error_option,
+    output_option,
+    start_number_option,
+    targets_option,
+    textures_option,
+)
+
+if TYPE_CHECKING:
+    from meshreel.formats.options import ReadOptions
+
+OF_ALL_OUTPUTS = ("max_error", "unit")
+"""Options of encoding that have an effect on other outputs, too."""
+
+
+@command
+@argument(
+    "inputs",
+    nargs=-1,
+    required=True,
+    metavar="INPUT...",
+    completion=input_files,
+    help="A file that holds an animation, a folder or a quoted glob of frames, or the "
+    "frame files. Or addresses (s3://, gs://, https://), which are downloaded.",
+)
+@output_option
+@frames_option
+@start_number_option
+@reading_options("fps", *MESHES, "topology", "dataset", "attributes")
+@track_option
+@split_option
+@targets_option
+@normals_option
+@layout_option
+@textures_option
+@encode_options(max_error=output_error_option)
+@force_option
+@option("as_json", "--json", is_flag=True, help="Print what was done as JSON.")
+@click.pass_context
+def convert_command(
+    context: click.Context,
+    inputs: tuple[str, ...],
+    output: str,
+    frames: str | None,
+    start_number: int | None,
+    reading: "ReadOptions",
+    track: tuple[str, ...],
+    split: bool,
+    targets: int | None,
+    normals: bool | None,
+    layout: str | None,
+    textures: str | None,
+    encoding: Encoding,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Write an animated mesh in another format; nothing is lost that the format can hold.
+
+    A .reel is coded with the options of `meshreel encode`, which no other output takes, and the
+    error is printed. Files of a pattern are numbered as their frames are.
+
+    Examples:
+
+    - `meshreel convert walk.abc -o walk.usdc`
+
+    - `meshreel convert character.glb -o walk.abc --fps 30 --merge`
+
+    - `meshreel convert cache.mdd --topology rest.obj -o cache.abc`
+
+    - `meshreel convert walk.npz -o walk.glb --max-error 0.05`
+
+    - `meshreel convert walk.npz -o walk.vat/ --layout labs --max-error 0.05`
+
+    - `meshreel convert walk.abc -o part.reel --frames 100:200 --max-error 0.1`
+
+    - `meshreel convert walk.abc -o out/frame_%04d.obj --start-number 1001`
+    """
+    from contextlib import ExitStack
+    from dataclasses import replace
+
+    from meshreel.app.cli.console import print_json, print_notes, progress_bar
+    from meshreel.app.cli.conversion import Conversion
+    from meshreel.app.cli.given_files import given_source
+    from meshreel.app.cli.write_options import (
+        checked_bound,
+        frame_slice,
+        is_stream,
+        known_frames,
+        refuse_stream_options,
+    )
+    from meshreel.codec.config import EncoderConfig
+    from meshreel.formats.load import loading_for, open_for_encoding
+    from meshreel.formats.options import WriteOptions
+    from meshreel.formats.reel.reading import origin_of_file
+    from meshreel.formats.remote import at_hand, uploaded
+    from meshreel.formats.sources import files_of_source
+    from meshreel.formats.stretches import find_stretches
+
+    own = {name: value for name, value in encoding.items() if name not in OF_ALL_OUTPUTS}
+    bound = checked_bound(encoding["max_error"], encoding["unit"])
+    chosen = frame_slice(frames)
+    if split and chosen is not None:
+        raise click.UsageError("--split and --frames exclude each other; give one")
+    if not is_stream(output):
+        refuse_stream_options(context, {*own, "track"}, output)
+    config = EncoderConfig(**(encoding if is_stream(output) else own))
+    notes = reading.notes
+    with ExitStack() as stack:
+        target = stack.enter_context(uploaded(output, overwrite=force))
+        source = stack.enter_context(at_hand(given_source(inputs), notes))
+        files = files_of_source(source, reading.topology)
+        progress = stack.enter_context(progress_bar())
+        reading = replace(reading, progress=progress)
+        origin = origin_of_file(files[0]) if len(inputs) == 1 else None
+        conversion = Conversion(
+            target,
+            files,
+            WriteOptions(targets, bound, normals, layout=layout, textures=textures, origin=origin),
+            config,
+            start_number,
+            force,
+            progress,
+            notes,
+            track_targets(track),
+        )
+        # What is known of the output is checked before the input is read, which may take long.
+        conversion.check(target.local, None if split else known_frames(files, chosen))
+        if split:
+            stretches = find_stretches(source, loading_for(config.memory_bytes, reading))
+            cut = len(stretches) > 1
+            whole = Path(target.local)
+            pieces = [(one, one.path(whole) if cut else whole) for one in stretches]
+            for one, path in pieces:
+                conversion.check(path, range(one.stop - one.start), first=one.start)
+            for one, path in pieces:
+                conversion.write(one.open(), path, first=one.start)
+        else:
+            conversion.write(
+                open_for_encoding(source, config.memory_bytes, reading), target.local, chosen
+            )
+    print_notes(notes)
+    if as_json:
+        done = conversion.figures
+        print_json({**({"stretches": done} if split else done[0]), "notes": notes})
+        return
+    conversion.show()

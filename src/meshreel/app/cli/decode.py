@@ -1,0 +1,159 @@
+"""`meshreel decode`: a .reel in, frames out."""
+
+from pathlib import Path
+
+from meshreel.app.cli.commands import command
+from meshreel.app.cli.completing import reel_files
+from meshreel.app.cli.encode_options import encode_option
+from meshreel.app.cli.parameters import argument, option
+from meshreel.app.cli.read_options import memory_option, segment_option
+from meshreel.app.cli.write_options import (
+    GLTF_AND_TEXTURES,
+    force_option,
+    frames_option,
+    gltf_error_option,
+    layout_option,
+    normals_option,
+    output_option,
+    start_number_option,
+    targets_option,
+    textures_option,
+)
+from meshreel.codec.config import option_named
+
+
+@command
+@argument(
+    "source",
+    metavar="FILE.reel",
+    completion=reel_files,
+    help="The stream to decode, or its address (s3://, gs://, https://): with --frames "
+    "only the blocks that hold them are fetched.",
+)
+@output_option
+@frames_option
+@start_number_option
+@option(
+    "--modes",
+    type=int,
+    help="Only this number of leading modes move; further ones, up to the 16th at least, "
+    "are held at their mean: a coarser animation, decoded faster. Default: all.",
+)
+@segment_option
+@memory_option
+@targets_option
+@gltf_error_option
+@encode_option(option_named("unit"), GLTF_AND_TEXTURES)
+@normals_option
+@layout_option
+@textures_option
+@force_option
+@option("as_json", "--json", is_flag=True, help="Print what was done as JSON.")
+@option("--profile", is_flag=True, help="Print seconds by stage.")
+def decode_command(
+    source: str,
+    output: str,
+    frames: str | None,
+    start_number: int | None,
+    modes: int | None,
+    segment: int | None,
+    memory: str | None,
+    targets: int | None,
+    max_error: str | None,
+    unit: str | None,
+    normals: bool | None,
+    layout: str | None,
+    textures: str | None,
+    force: bool,
+    as_json: bool,
+    profile: bool,
+) -> None:
+    """Decode the animation of a .reel file.
+
+    Files of a pattern have the numbers of their frames.
+
+    Examples:
+
+    - `meshreel decode walk.reel -o walk.npz`
+
+    - `meshreel decode walk.reel -o walk.glb --max-error 0.05`
+
+    - `meshreel decode walk.reel -o walk.vat/`
+
+    - `meshreel decode walk.reel -o out/frame_%04d.obj --frames 10:20`
+
+    - `meshreel decode walk.reel -o preview.npz --modes 8`
+    """
+    from contextlib import nullcontext
+    from dataclasses import replace
+
+    from meshreel.app.cli.console import print_json, print_notes, progress_bar
+    from meshreel.app.cli.profile import print_profile, profile_figures
+    from meshreel.app.cli.write_options import (
+        checked_bound,
+        chosen_frames,
+        frame_slice,
+        print_written,
+        refuse_stream,
+        written_figures,
+    )
+    from meshreel.formats.file_errors import errors_naming
+    from meshreel.formats.options import WriteOptions, origin_of
+    from meshreel.formats.outputs import check_output, numbering
+    from meshreel.formats.reel.reading import open
+    from meshreel.formats.remote import file_at_hand, uploaded
+    from meshreel.formats.save import save_frames
+    from meshreel.model.frame_choice import start_of
+    from meshreel.model.tracks import TrackPart
+    from meshreel.runtime.profiling import profiled
+    from meshreel.runtime.stores.address import is_remote
+
+    chosen = frame_slice(frames)
+    bound = checked_bound(max_error, unit)
+    refuse_stream(output)
+    options = WriteOptions(targets, bound, normals, layout=layout, textures=textures)
+    notes: list[str] = []
+    with (
+        uploaded(output, overwrite=force) as target,
+        file_at_hand(source, notes) if chosen is None else nullcontext(source) as stream,
+    ):
+        inputs = [] if is_remote(source) else [Path(source)]
+        check_output(
+            target.local,
+            overwrite=force, start_number=start_number, inputs=inputs, options=options,
+        )  # fmt: skip
+        with (
+            progress_bar() as progress,
+            profiled() as times,
+            open(stream, n_modes=modes, segment=segment, memory=memory) as reel,
+            errors_naming(source),
+        ):
+            wanted = chosen_frames(chosen, reel.n_frames, notes)
+            written = save_frames(
+                (run for _, run in reel.pieces(wanted)),
+                reel.faces,
+                target.local,
+                n_frames=len(wanted),
+                fps=reel.fps,
+                name=reel.name,
+                start_s=start_of(wanted, reel.start_s, reel.fps),
+                surface=reel.surface,
+                tracks={name: TrackPart(track, wanted) for name, track in reel.tracks.items()},
+                overwrite=force,
+                start_number=numbering(target.local, wanted, start_number),
+                inputs=inputs,
+                options=replace(options, origin=origin_of(reel)),
+                progress=progress,
+                notes=notes,
+            )
+            figures = written_figures(written, reel, len(wanted), target)
+    if not reel.is_whole:
+        notes.append(f"{source} is cut off: these are the frames of its complete blocks")
+    print_notes(notes)
+    if as_json:
+        timing = {"profile": profile_figures(times)} if profile else {}
+        print_json({**figures, "is_whole": reel.is_whole, "notes": notes, **timing})
+        return
+    print_written(figures)
+    if profile:
+        print_profile(times)

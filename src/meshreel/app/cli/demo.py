@@ -1,0 +1,85 @@
+"""`meshreel demo`: encoding, decoding and comparing the embedded flag."""
+
+from pathlib import Path
+
+from meshreel.app.cli.commands import command
+from meshreel.app.cli.parameters import option
+
+POSES = 3  # frames shown in the picture, that of the largest error among them
+
+
+@command
+@option(
+    "--out",
+    type=Path,
+    default=Path("meshreel-demo"),
+    help="Folder for the results; made if missing.",
+)
+@option("--frames", type=int, default=300, help="Frames to simulate, 1 or more.")
+@option("--force", "-f", is_flag=True, help="Replace results of an earlier run.")
+@option("as_json", "--json", is_flag=True, help="Print the figures as JSON.")
+def demo_command(
+    out: Path,
+    frames: int,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Simulate a flag, compress and decompress it, and show the error.
+
+    Writes flag.npz (the original), flag.reel and flag.png (original and decoded side by side).
+
+    Example:
+
+    - `meshreel demo --frames 100 --out /tmp/flag`
+    """
+    from meshreel.app.cli.console import print_json, print_table, progress_bar
+    from meshreel.app.cli.figures import quality_rows, size_figures, size_rows
+    from meshreel.app.cli.lines import print_line
+    from meshreel.codec.decoder import decode
+    from meshreel.codec.encoder import encode
+    from meshreel.codec.inspect import info
+    from meshreel.formats.save import save
+    from meshreel.metrics.compare import compare
+    from meshreel.model.flag import simulate_flag
+    from meshreel.rendering.picture import save_png
+    from meshreel.rendering.scenes import Scene
+    from meshreel.rendering.shots import telling_frames
+    from meshreel.rendering.stills import still
+    from meshreel.rendering.views import View
+    from meshreel.runtime.outputs.atomic import replace_when_done
+    from meshreel.runtime.outputs.checks import check_output_folder, check_output_path
+
+    check_output_folder(out)
+    out.mkdir(parents=True, exist_ok=True)
+    raw, reel, picture = (out / f"flag.{ending}" for ending in ("npz", "reel", "png"))
+    for path in (raw, reel, picture):
+        check_output_path(path, overwrite=force)
+    with progress_bar() as progress:
+        sequence = simulate_flag(frames, progress=progress)
+        save(sequence, raw, overwrite=force, progress=progress)
+        data = encode(sequence, progress=progress)
+        with replace_when_done(reel, overwrite=force) as temporary:
+            temporary.write_bytes(data)
+        decoded = decode(data, progress=progress)
+        quality = compare(sequence, decoded, progress=progress)
+        stream = info(data)
+        caption = (
+            f"{stream.ratio:.0f} x smaller, {stream.rate_bpvf:.2f} bits per vertex and frame, "
+            f"KG error {quality.kg_error_percent:.2f} %"
+        )
+        scene = Scene(decoded, sequence, "distance")
+        of_all = scene.scales(range(frames), progress).heat
+        assert of_all is not None  # the scene has a heat map
+        poses = sorted({*telling_frames(range(frames), POSES - 1), of_all.frame})
+        image = still(scene, poses, View(), caption=caption, progress=progress)
+        save_png(image, picture, overwrite=force)
+    if as_json:
+        paths = {"original": str(raw), "stream": str(reel), "picture": str(picture)}
+        worst = {"max_error_frame": of_all.frame, "picture_frames": poses}
+        print_json({**paths, **size_figures(stream), **quality.as_dict(), **worst})
+        return
+    rows = {**size_rows(stream), **quality_rows(quality)}
+    rows["largest error"] += f", in frame {of_all.frame}"
+    print_table("The flag, compressed", rows)
+    print_table("Written", {"original": str(raw), "stream": str(reel), "picture": str(picture)})
+    print_line(f"To see it move: meshreel view {reel} --original {raw}")

@@ -1,0 +1,156 @@
+"""`meshreel encode`: frames in, one .reel out."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from meshreel.app.cli.commands import command
+from meshreel.app.cli.completing import input_files, streams
+from meshreel.app.cli.encode_options import Encoding, encode_options
+from meshreel.app.cli.parameters import argument, option
+from meshreel.app.cli.read_options import MESHES, reading_options, split_option
+from meshreel.app.cli.track_options import track_option, track_targets
+
+if TYPE_CHECKING:
+    from meshreel.formats.options import ReadOptions
+
+OTHER_OUTPUTS = (
+    "`meshreel convert` writes other formats, `meshreel render` pictures and films, "
+    "`meshreel export` pages"
+)
+"""Advice where the output of `encode` is to be something else."""
+
+
+@command
+@argument(
+    "inputs",
+    nargs=-1,
+    required=True,
+    metavar="INPUT...",
+    completion=input_files,
+    help="A file that holds an animation (.abc, .usd, .glb, .npz, ...: see `meshreel "
+    "formats`), a folder or a quoted glob of frames, or the frame files (.obj, .ply, "
+    ".off, .stl); put in natural order. Or addresses (s3://, gs://, https://), which are "
+    "downloaded.",
+)
+@option(
+    "--output",
+    "-o",
+    completion=streams,
+    help="The .reel to write, or its address (s3://...). Default: the input's name, in "
+    "this folder.",
+)
+@encode_options()
+@reading_options("fps", *MESHES, "topology", "dataset", "attributes")
+@track_option
+@split_option
+@option("--force", "-f", is_flag=True, help="Replace the output if it exists.")
+@option("as_json", "--json", is_flag=True, help="Print the figures as JSON.")
+@option("--profile", is_flag=True, help="Print seconds by stage.")
+def encode_command(
+    inputs: tuple[str, ...],
+    output: str | None,
+    encoding: Encoding,
+    reading: "ReadOptions",
+    track: tuple[str, ...],
+    split: bool,
+    force: bool,
+    as_json: bool,
+    profile: bool,
+) -> None:
+    """Compress an animated mesh into one .reel file.
+
+    It prints the measured errors, and the bytes of each part: positions, connectivity, surface
+    (attributes, groups, materials, images), each track, and the container around them.
+
+    Examples:
+
+    - `meshreel encode walk.npz`
+
+    - `meshreel encode frames/ -o walk.reel --fps 25`
+
+    - `meshreel encode 'sim/*.obj' -o sim.reel --max-error 0.1`
+
+    - `meshreel encode scan.usdc --max-error 0.5mm --unit cm`
+
+    - `meshreel encode shot.abc --object /root/body -o body.reel`
+
+    - `meshreel encode shot.usdc --merge -o shot.reel`
+
+    - `meshreel encode walk.npz --lossless`
+
+    - `meshreel encode walk.npz --size 100kB --order drop --effort 9`
+
+    - `meshreel encode character.glb --uv-bits 12`
+
+    - `meshreel encode character.glb --attributes none`
+
+    - `meshreel encode sim.vtkhdf --track stress=500Pa --track velocity=0.1% --track id=exact`
+
+    - `meshreel encode huge_frames/ --memory 1GiB`
+
+    - `meshreel encode walk.npz --method pca-qp --modes 30 --bits 10`
+    """
+    from contextlib import ExitStack
+    from dataclasses import replace
+    from functools import partial
+
+    from meshreel.app.cli.console import print_json, print_notes, progress_bar
+    from meshreel.app.cli.encoded_file import encode_file
+    from meshreel.app.cli.given_files import given_source, output_stem
+    from meshreel.app.cli.profile import print_profile, profile_figures
+    from meshreel.codec.config import EncoderConfig
+    from meshreel.formats.load import loading_for, open_for_encoding
+    from meshreel.formats.remote import at_hand, uploaded
+    from meshreel.formats.sources import files_of_source
+    from meshreel.formats.stretches import find_stretches
+    from meshreel.runtime.outputs.checks import check_ending, check_output_path
+    from meshreel.runtime.profiling import profiled
+
+    given_output = output or f"{output_stem(inputs[0])}.reel"
+    check_ending(Path(given_output), (".reel",), OTHER_OUTPUTS)
+    config, targets = EncoderConfig(**encoding), track_targets(track)
+    notes = reading.notes
+    with ExitStack() as stack:
+        target = stack.enter_context(uploaded(given_output, overwrite=force))
+        stream_path = Path(target.local)
+        source = stack.enter_context(at_hand(given_source(inputs), notes))
+        files = files_of_source(source, reading.topology)
+        check_output_path(stream_path, overwrite=force, inputs=files)
+        progress, times = stack.enter_context(progress_bar()), stack.enter_context(profiled())
+        reading = replace(reading, progress=progress)
+        if split:
+            stretches = find_stretches(source, loading_for(config.memory_bytes, reading))
+            cut = len(stretches) > 1
+            pieces = [
+                (one.open, one.path(stream_path) if cut else stream_path) for one in stretches
+            ]
+        else:
+            pieces = [
+                (partial(open_for_encoding, source, config.memory_bytes, reading), stream_path)
+            ]
+        for _, path in pieces:
+            check_output_path(path, overwrite=force, inputs=files)
+        results = [
+            encode_file(
+                opened(),
+                path,
+                config,
+                notes,
+                tracks=targets,
+                force=force,
+                progress=progress,
+                name=target.name(path),
+            )
+            for opened, path in pieces
+        ]
+    print_notes(notes)
+    if as_json:
+        outputs = [result.figures() for result in results]
+        figures = {"stretches": outputs} if split else outputs[0]
+        timing = {"profile": profile_figures(times)} if profile else {}
+        print_json({**figures, "notes": notes, **timing})
+        return
+    for result in results:
+        result.show()
+    if profile:
+        print_profile(times)

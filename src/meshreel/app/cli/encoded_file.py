@@ -1,0 +1,105 @@
+"""A sequence encoded into a file, and what is said of it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from meshreel.codec.config import EncoderConfig
+
+if TYPE_CHECKING:
+    from meshreel.codec.achieved import Achieved
+    from meshreel.codec.inspect import StreamInfo
+    from meshreel.codec.surface.uv_errors import UvErrors
+    from meshreel.codec.track_bounds import TrackTargets
+    from meshreel.model.sequence import FrameSource
+    from meshreel.runtime.progress import Progress
+
+
+@dataclass(frozen=True)
+class EncodedFile:
+    """A stream that was written, and what it is worth."""
+
+    output: str
+    stream: "StreamInfo"
+    achieved: "Achieved"
+    uv: "UvErrors | None" = None
+
+    def figures(self) -> dict[str, Any]:
+        """Figures as they are printed as JSON."""
+        from meshreel.app.cli.figures import size_figures, uv_figures
+
+        tracks = {name: errors.as_dict() for name, errors in self.achieved.tracks.items()}
+        achieved = {**vars(self.achieved), "tracks": tracks}
+        figures = {"output": self.output, **size_figures(self.stream), **achieved}
+        return figures | uv_figures(self.uv)
+
+    def show(self) -> None:
+        """Print it as a table, and the bytes of its parts."""
+        from meshreel.app.cli.console import print_bars, print_table
+        from meshreel.app.cli.figures import achieved_rows, size_rows, uv_rows
+
+        rows = {**size_rows(self.stream), **achieved_rows(self.achieved, self.stream)}
+        rows |= uv_rows(self.uv)
+        print_table(self.output, rows)
+        print_bars("bytes", self.stream.part_bytes)
+
+
+def frames_of(sequence: "FrameSource", wanted: range) -> "FrameSource":
+    """The wanted frames of a sequence, loaded unless they are all of it."""
+    from meshreel.model.frame_choice import start_of
+    from meshreel.model.sequence import MeshSequence
+    from meshreel.model.tracks import copied
+
+    if wanted == range(sequence.n_frames):
+        return sequence
+    return MeshSequence(
+        sequence.read(wanted.start, wanted.stop),
+        sequence.faces,
+        sequence.fps,
+        sequence.name,
+        start_of(wanted, sequence.start_s, sequence.fps),
+        sequence.surface,
+        {name: copied(track, wanted) for name, track in sequence.tracks.items()},
+    )
+
+
+def encode_file(
+    sequence: "FrameSource",
+    output: Path,
+    config: EncoderConfig,
+    notes: list[str],
+    *,
+    tracks: "TrackTargets | None" = None,
+    force: bool,
+    progress: "Progress",
+    name: str,
+) -> EncodedFile:
+    """Encode a sequence, write it and measure it; the file is called by the name given."""
+    from meshreel.codec.achieved import measure_stream
+    from meshreel.codec.choices import Order
+    from meshreel.codec.encoder import encode_with
+    from meshreel.codec.inspect import info
+    from meshreel.codec.solver_state import solver_state_note
+    from meshreel.codec.surface.payloads import order_loss_note
+    from meshreel.codec.surface.uv_errors import measure_uvs
+    from meshreel.codec.track_bounds import without_units
+    from meshreel.formats.notes import note_unknown_rate
+    from meshreel.runtime.outputs.atomic import replace_when_done
+    from meshreel.runtime.profiling import stage
+
+    tracks = without_units(sequence.tracks, tracks or {}, notes)
+    data = encode_with(config, sequence, tracks=tracks, progress=progress)
+    with stage("writing"), replace_when_done(output, overwrite=force) as temporary:
+        temporary.write_bytes(data)
+    with_sted = config.sted is not None
+    achieved = measure_stream(
+        sequence, data, order=config.order, with_sted=with_sted, progress=progress
+    )
+    stream = info(data)
+    if lost := order_loss_note(sequence.surface, Order[stream.order.upper()]):
+        notes.append(lost)
+    if state := solver_state_note(stream.tracks, tracks):
+        notes.append(state)
+    note_unknown_rate(notes, sequence.n_frames, sequence.fps)
+    uv = None if config.uv_bits is None else measure_uvs(sequence, data)
+    return EncodedFile(name, stream, achieved, uv)

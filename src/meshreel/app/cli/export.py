@@ -1,0 +1,123 @@
+"""`meshreel export`: a .reel as a self-contained page."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from meshreel.app.cli.commands import command
+from meshreel.app.cli.completing import pages
+from meshreel.app.cli.parameters import option
+from meshreel.app.cli.player import original_option, shown_track_option, source_argument
+from meshreel.app.cli.read_options import MESHES, reading_options
+from meshreel.app.cli.track_options import colormap_option, component_option, range_option
+
+if TYPE_CHECKING:
+    from meshreel.formats.options import ReadOptions
+
+ENDINGS = (".html", ".htm")
+OTHER_OUTPUTS = "`meshreel decode` writes other formats, `meshreel render` pictures and films"
+
+
+@command
+@source_argument
+@option(
+    "--output",
+    "-o",
+    type=Path,
+    required=True,
+    metavar="PAGE.html",
+    completion=pages,
+    help="The page to write.",
+)
+@original_option
+@shown_track_option
+@component_option
+@range_option
+@colormap_option
+@reading_options(*MESHES, "memory")
+@option("--force", "-f", is_flag=True, help="Replace the page if it exists.")
+@option(
+    "--split",
+    is_flag=True,
+    help="Write script, stream, original and texture as files beside the page.",
+)
+@option(
+    "--texture",
+    type=Path,
+    metavar="FILE",
+    help="An image, or a video that plays in step with the mesh, to show on it.",
+)
+@option("as_json", "--json", is_flag=True, help="Print what was done as JSON.")
+def export_command(
+    source: Path,
+    output: Path,
+    original: str | None,
+    track: str | None,
+    component: str | None,
+    range: str | None,
+    colormap: str | None,
+    reading: "ReadOptions",
+    force: bool,
+    split: bool,
+    texture: Path | None,
+    as_json: bool,
+) -> None:
+    """Write a .reel file and its player as one HTML file, to mail or to put on any web server.
+
+    The page holds the stream as it is. With --original it holds frames and tracks of the original
+    too, re-encoded: their error is at most a twentieth of the range of the heat map. With --split
+    the page has its parts beside it, which a server has to send: browsers fetch no files that lie
+    on a disk.
+
+    Examples:
+
+    - `meshreel export walk.reel -o walk.html`
+
+    - `meshreel export walk.reel -o errors.html --original walk.npz`
+
+    - `meshreel export crash.reel -o crash.html --track stress --range 2%:98%`
+
+    - `meshreel export walk.reel -o site/index.html --split`
+
+    - `meshreel export person.reel -o person.html --texture person.mp4`
+    """
+    from dataclasses import replace
+
+    from meshreel.app.cli.console import print_json, print_notes, print_table, progress_bar
+    from meshreel.app.cli.player import coloring_of, opened_player
+    from meshreel.app.viewer.export import export_page
+    from meshreel.app.viewer.page import built_page
+    from meshreel.app.viewer.textures import texture_for
+    from meshreel.formats.file_errors import errors_naming
+    from meshreel.formats.sources import files_of_source
+    from meshreel.runtime.counting import size_text
+    from meshreel.runtime.outputs.checks import check_ending, check_output_path
+
+    coloring = coloring_of(track, component, range, colormap)
+    check_ending(output, ENDINGS, OTHER_OUTPUTS)
+    files = [source, *(files_of_source(original) if original else [])]
+    check_output_path(output, overwrite=force, inputs=files)
+    page = built_page()
+    with (
+        progress_bar() as progress,
+        opened_player(source, original, replace(reading, progress=progress), coloring) as api,
+        errors_naming(source),
+    ):
+        parts = export_page(
+            api,
+            output,
+            page=page,
+            texture=texture_for(api.reel, texture) if texture else None,
+            split=split,
+            overwrite=force,
+            progress=progress,
+            notes=reading.notes,
+        )
+    size_bytes = sum(parts.values())
+    print_notes(reading.notes)
+    if as_json:
+        notes = {"notes": reading.notes}
+        print_json({"output": str(output), "size_bytes": size_bytes, "parts": parts, **notes})
+        return
+    rows = {f"of which {part}": size_text(size) for part, size in parts.items()}
+    stream = {"the stream itself": size_text(source.stat().st_size)}
+    print_table(str(output), {"size": size_text(size_bytes), **rows, **stream})

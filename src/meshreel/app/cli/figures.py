@@ -1,0 +1,251 @@
+"""Figures of streams and of quality, as text for tables."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from meshreel.runtime.counting import counted, size_text
+
+if TYPE_CHECKING:
+    from meshreel.app.cli.console import Cell
+    from meshreel.app.viewer.measuring import Measured
+    from meshreel.codec.achieved import Achieved
+    from meshreel.codec.inspect import StreamInfo
+    from meshreel.codec.surface.uv_errors import UvErrors
+    from meshreel.formats.inspection import MeshInfo
+    from meshreel.metrics.compare import Quality
+    from meshreel.metrics.track_errors import TrackErrors
+
+EVERY_BIT = "every position as it was, bit for bit"
+"""What a lossless stream promises."""
+
+SEGMENT_HEADINGS = ("segment", "frames", "vertices", "faces", "size")
+MOST_SEGMENTS = 200
+"""Largest number of rows of the table of segments."""
+
+
+def size_figures(stream: "StreamInfo") -> dict[str, Any]:
+    """Sizes and counts of a stream, as `encode` prints them as JSON."""
+    everything = stream.as_dict()
+    return {
+        key: everything[key]
+        for key in ("n_frames", "n_verts", "n_faces", "method", "n_modes",
+                    "raw_size_bytes", "size_bytes", "part_bytes", "ratio", "rate_bpvf")
+    }  # fmt: skip
+
+
+def size_rows(stream: "StreamInfo") -> dict[str, str]:
+    """Raw size, file size, ratio and rate."""
+    return {
+        "sequence": mesh_text(stream),
+        "method": method_text(stream),
+        "raw": size_text(stream.raw_size_bytes),
+        "file": size_text(stream.size_bytes),
+        "ratio": f"{stream.ratio:.1f} x smaller",
+        "rate": f"{stream.rate_bpvf:.3f} bits per vertex and frame",
+    }
+
+
+def achieved_rows(achieved: "Achieved", stream: "StreamInfo") -> dict[str, str]:
+    """Measured errors of a stream, and its promised bound."""
+    promised = stream.max_error_percent
+    rows = {
+        "KG error": f"{achieved.kg_error_percent:.4f} %",
+        "largest error": error_text(achieved.max_error_percent, stream.diagonal),
+    }
+    if stream.is_lossless:
+        rows["promised"] = EVERY_BIT
+    elif promised:
+        rows["promised"] = promise_text(stream)
+    if achieved.sted is not None:
+        rows["STED"] = f"{achieved.sted:.5f}"
+    return rows | track_error_rows(achieved.tracks, promised_of(stream))
+
+
+def promised_of(stream: "StreamInfo") -> dict[str, float]:
+    """Bounds of the tracks of a stream, by their names."""
+    return {track.name: track.bound for track in stream.tracks}
+
+
+def track_error_rows(
+    tracks: "dict[str, TrackErrors]", promised: Mapping[str, float] | None = None
+) -> dict[str, str]:
+    """Errors of tracks, in their units, with what is promised of them."""
+    rows = {}
+    for name, errors in tracks.items():
+        unit = f" {errors.unit}" if errors.unit else ""
+        text = "exact"
+        if errors.largest:
+            text = f"largest error {errors.largest:.4g}{unit}, RMS {errors.rms:.4g}{unit}"
+        bound = (promised or {}).get(name)
+        rows[f"track {name}"] = f"{text}; promised {bound:.4g}{unit}" if bound else text
+    return rows
+
+
+def uv_figures(errors: "UvErrors | None") -> dict[str, Any]:
+    """Errors of quantised texture coordinates, as `encode` prints them as JSON."""
+    if errors is None:
+        return {}
+    return {"uv_error": errors.largest, "uv_error_texels_4096": errors.texels}
+
+
+def uv_rows(errors: "UvErrors | None") -> dict[str, str]:
+    """Errors of quantised texture coordinates for a table; none if they are exact or absent."""
+    if errors is None:
+        return {}
+    return {
+        "texture coordinates": f"off by up to {errors.largest:.2g} of a texture's width, "
+        f"{errors.texels:.3g} texels of 4096"
+    }
+
+
+def info_rows(stream: "StreamInfo") -> "dict[str, Cell]":
+    """Contents of a stream and of its header."""
+    rows: dict[str, Cell] = {
+        "name": stream.name or "-",
+        **size_rows(stream),
+        "frame rate": fps_text(stream.fps),
+        "positions": stream.vertex_type,
+        "Laplacian": stream.laplacian,
+        "order": stream.order,
+    }
+    rows |= carried_rows(stream)
+    if len(stream.segments) > 1:
+        rows["segments"] = f"{len(stream.segments)}; the largest mesh is shown above"
+    elif len(stream.block_frames) > 1:
+        rows["blocks"] = (
+            f"{len(stream.block_frames)} of up to {counted(max(stream.block_frames), 'frame')}"
+        )
+        later = sum(stream.block_bytes[1:])
+        rows["cuts"] = (
+            f"the later blocks take {size_text(later)}, {100 * later / stream.size_bytes:.0f} %; "
+            "in one piece much of it would be saved"
+        )
+    if stream.tracks:
+        rows["tracks"] = [f"{track}, {size_text(track.size_bytes)}" for track in stream.tracks]
+    if not stream.is_whole:
+        rows["end"] = "cut off; this is what the whole blocks hold"
+    if stream.is_lossless:
+        rows["promised"] = EVERY_BIT
+    elif stream.max_error_percent:
+        rows["promised"] = f"no vertex is off by more than {promise_text(stream)}"
+    return rows
+
+
+def segment_columns(stream: "StreamInfo") -> list[Sequence[str]]:
+    """Rows of the table of segments, with columns as in `SEGMENT_HEADINGS`."""
+    rows: list[Sequence[str]] = [
+        (
+            str(number),
+            f"{one.first_frame} to {one.first_frame + one.n_frames - 1}",
+            str(one.n_verts),
+            str(one.n_faces),
+            size_text(one.size_bytes),
+        )
+        for number, one in enumerate(stream.segments[:MOST_SEGMENTS])
+    ]
+    if (more := len(stream.segments) - MOST_SEGMENTS) > 0:
+        rows.append((f"and {more} more (--json has all)", "", "", "", ""))
+    return rows
+
+
+def carried_rows(found: "StreamInfo | MeshInfo") -> "dict[str, Cell]":
+    """Start, polygons, attributes, parts and materials of a stream or a mesh, where it has some."""
+    rows: dict[str, Cell] = {}
+    if found.start_s:
+        rows["starts at"] = f"{found.start_s:.6g} s"
+    if found.n_polygons != found.n_faces:
+        rows["polygons"] = f"{found.n_polygons}, cut into triangles"
+    lists = {
+        "carries": found.attributes,
+        "parts": found.parts,
+        "materials": found.materials,
+        "images": found.images,
+    }
+    return rows | {name: list(texts) for name, texts in lists.items() if texts}
+
+
+def quality_rows(quality: "Quality") -> dict[str, str]:
+    """Quality figures with their units."""
+    return {
+        "KG error": f"{quality.kg_error_percent:.4f} %",
+        "STED": f"{quality.sted:.5f}  (spatial {quality.sted_spatial:.5f}, "
+        f"temporal {quality.sted_temporal:.5f})",
+        "NMSVE, mean": f"{quality.nmsve_mean:.3e}",
+        "largest error": error_text(quality.max_error_percent, quality.diagonal),
+        "RMS error": f"{quality.rms_error_percent:.4f} % of the diagonal",
+        "normals off by": f"{quality.normal_angle_mean_deg:.2f} degrees in the mean, "
+        f"{quality.normal_angle_p95_deg:.2f} at the 95th percentile",
+        "motion at rest": rest_text(quality),
+        **track_error_rows(quality.tracks),
+    }
+
+
+def rest_text(quality: "Quality") -> str:
+    """Motion of decoded vertices where the original rests."""
+    if not quality.n_rest_pairs:
+        return "no vertex rests"
+    return (
+        f"{quality.rest_motion_median_percent:.4f} % of the model's size in the median, "
+        f"{quality.rest_motion_p99_percent:.4f} % at the 99th percentile, for "
+        f"{counted(quality.n_rest_pairs, 'pair')} of vertex and frame"
+    )
+
+
+def promise_text(stream: "StreamInfo") -> str:
+    """Error bound that a stream promises, as a share of the diagonal and in model units."""
+    percent = stream.max_error_percent or 0.0
+    return f"{percent:g} % of the diagonal, {percent / 100 * stream.diagonal:.4g} model units"
+
+
+def error_text(percent: float, diagonal: float) -> str:
+    """A distance as a share of the diagonal and in model units."""
+    return f"{percent:.4f} % of the diagonal, {percent / 100 * diagonal:.4g} model units"
+
+
+PANEL = (
+    "sequence", "method", "raw", "file", "ratio", "rate", "frame rate", "parts", "promised", "end",
+)  # fmt: skip
+"""Rows of `info_rows` that a player shows."""
+
+
+def player_rows(stream: "StreamInfo") -> dict[str, str]:
+    """Rows of a player about its file."""
+    rows = info_rows(stream)
+    shown = {name: rows[name] for name in PANEL if name in rows}
+    return {name: row if isinstance(row, str) else "\n".join(row) for name, row in shown.items()}
+
+
+def measured_rows(measured: "Measured") -> dict[str, str]:
+    """Rows of a player about the errors of its file, with the names of `quality_rows`."""
+    errors = measured.errors
+    return {
+        "KG error": f"{errors.kg_error_percent:.4f} %",
+        "STED": f"{measured.sted_spatial:.5f} (spatial part)",
+        "NMSVE, mean": f"{measured.nmsve_mean:.3e}",
+        "largest error": f"{errors.max_error_percent:.4f} % of the diagonal",
+        "RMS error": f"{errors.rms_error_percent:.4f} % of the diagonal",
+    }
+
+
+def mesh_text(found: "StreamInfo | MeshInfo") -> str:
+    """Numbers of frames, vertices and faces."""
+    return (
+        f"{counted(found.n_frames, 'frame')}, {counted(found.n_verts, 'vertex')}, "
+        f"{counted(found.n_faces, 'face')}"
+    )
+
+
+def fps_text(fps: float) -> str:
+    """A frame rate, which 0 stands for if it is not known."""
+    return f"{fps:g} fps" if fps else "unknown"
+
+
+def method_text(stream: "StreamInfo") -> str:
+    """The method of a stream, with what it made of the positions."""
+    return f"{stream.method}, {modes_text(stream)}" if any(stream.n_modes) else stream.method
+
+
+def modes_text(stream: "StreamInfo") -> str:
+    """Number of modes, or its range over all blocks."""
+    low, high = min(stream.n_modes), max(stream.n_modes)
+    return counted(high, "mode") if low == high else f"{low} to {high} modes"

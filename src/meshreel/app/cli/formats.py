@@ -1,0 +1,36 @@
+"""`meshreel formats`: file formats that can be read and written."""
+
+from meshreel.app.cli.commands import command
+from meshreel.app.cli.parameters import option
+
+
+@command
+@option("as_json", "--json", is_flag=True, help="Print the list as JSON.")
+def formats_command(
+    as_json: bool,
+) -> None:
+    """List the file formats, and the extra that installs each missing one.
+
+    Example:
+
+    - `meshreel formats`
+    """
+    from meshreel.app.cli.console import print_columns, print_json
+    from meshreel.formats.registry import described_formats
+
+    found = described_formats()
+    if as_json:
+        print_json({"formats": found})
+        return
+    rows = [
+        (
+            one["ending"],
+            one["title"],
+            one["holds"],
+            "yes" if one["reads"] else "no",
+            "yes" if one["writes"] else "no",
+            "yes" if one["is_installed"] else f"pip install 'meshreel[{one['extra']}]'",
+        )
+        for one in found
+    ]
+    print_columns("formats", ("ending", "format", "a file holds", "read", "write", "here"), rows)

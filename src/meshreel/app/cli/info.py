@@ -1,0 +1,110 @@
+"""`meshreel info`: contents of a file, and of a .reel its bytes by section."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from meshreel.app.cli.commands import command
+from meshreel.app.cli.completing import input_files
+from meshreel.app.cli.parameters import argument, option
+from meshreel.app.cli.read_options import MESHES, reading_options, segment_option
+
+if TYPE_CHECKING:
+    from meshreel.formats.options import ReadOptions
+
+
+@command
+@argument(
+    "inputs",
+    nargs=-1,
+    required=True,
+    metavar="FILE...",
+    completion=input_files,
+    help="A .reel, another file that holds an animation (see `meshreel formats`), a "
+    "folder or a quoted glob of frames, or the frame files. Or an address (s3://, gs://, "
+    "https://): of a .reel only its index and the heads of its sections are fetched.",
+)
+@reading_options("fps", *MESHES, "topology", "dataset", "memory")
+@segment_option
+@option("as_json", "--json", is_flag=True, help="Print the figures as JSON.")
+def info_command(
+    inputs: tuple[str, ...],
+    reading: "ReadOptions",
+    segment: int | None,
+    as_json: bool,
+) -> None:
+    """Show the contents of a file: meshes, frames, extent and parts that are not read.
+
+    Of a .reel its header, its segments and its byte budget by section.
+
+    Examples:
+
+    - `meshreel info walk.reel`
+
+    - `meshreel info shot.abc`
+
+    - `meshreel info frames/ --json`
+    """
+    from dataclasses import replace
+
+    from meshreel.app.cli.given_files import given_source, holds_stream
+    from meshreel.formats.options import ReadOptions
+
+    if len(inputs) == 1 and holds_stream(inputs[0]):
+        if replace(reading, memory=None) != ReadOptions():
+            raise click.UsageError(
+                "the options of inputs are not for a .reel, which is read as it is; leave them out"
+            )
+        _show_stream(inputs[0], segment, reading.memory, as_json=as_json)
+        return
+    if segment is not None:
+        raise click.UsageError("--segment is for a .reel; give one, or leave the option out")
+    _show_source(given_source(inputs), reading, as_json=as_json)
+
+
+def _show_stream(
+    path: str, segment: int | None, memory: float | str | None, *, as_json: bool
+) -> None:
+    from meshreel.app.cli.console import print_bars, print_columns, print_json, print_table
+    from meshreel.app.cli.figures import SEGMENT_HEADINGS, info_rows, segment_columns
+    from meshreel.formats.reel.reading import read_info
+
+    stream = read_info(path, segment, memory)
+    if as_json:
+        print_json(stream.as_dict())
+        return
+    print_table(path, info_rows(stream))
+    if len(stream.segments) > 1:
+        print_columns("segments", SEGMENT_HEADINGS, segment_columns(stream))
+        click.echo("choose one with --segment")
+    print_bars("bytes", stream.budget_bytes)
+
+
+def _show_source(
+    source: "str | list[Path] | list[str]", options: "ReadOptions", *, as_json: bool
+) -> None:
+    from dataclasses import replace
+
+    from meshreel.app.cli.console import (
+        print_columns,
+        print_json,
+        print_notes,
+        print_table,
+        progress_bar,
+    )
+    from meshreel.app.cli.source_figures import HEADINGS, mesh_columns, source_rows
+    from meshreel.formats.inspection import inspect_source
+    from meshreel.formats.notes import LEFT_OUT
+
+    title = source if isinstance(source, str) else f"{source[0]} to {Path(source[-1]).name}"
+    with progress_bar() as progress:
+        found = inspect_source(source, replace(options, progress=progress))
+    print_notes([note for note in found.notes if as_json or not note.startswith(LEFT_OUT)])
+    if as_json:
+        print_json({"input": title, **found.as_dict()})
+        return
+    print_table(title, source_rows(found))
+    if len(found.meshes) > 1:
+        print_columns("meshes", HEADINGS, mesh_columns(found))
+        click.echo("choose one with --object, or take all as one with --merge")

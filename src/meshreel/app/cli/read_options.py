@@ -1,0 +1,128 @@
+"""Options that say what to take of an input, the same in every command that reads one."""
+
+from collections.abc import Callable
+from functools import wraps
+from pathlib import Path
+from typing import Any
+
+import click
+
+from meshreel.app.cli.parameters import Decorator, option
+
+READING = "Input"
+
+memory_option = option(
+    "--memory",
+    metavar="SIZE",
+    help="Of a .reel: the most memory that its mesh, a block, or the frames needed at once may "
+    "take, as in 500MB or 20GiB; what needs more is refused before it is decoded. "
+    "[default: 8GiB]",
+    panel=READING,
+)
+segment_option = option(
+    "--segment",
+    type=int,
+    metavar="NUMBER",
+    help="The segment of a .reel with several, from 0, as `meshreel info` lists them.",
+    panel=READING,
+)
+split_option = option(
+    "--split",
+    is_flag=True,
+    help="Where the faces change within the sequence, write a file for each stretch of "
+    "frames that keeps them.",
+    panel=READING,
+)
+
+MESHES = ("object", "merge", "skip_bad", "allow_outside", "animation")
+"""Options that choose meshes of a file, by their names in `ReadOptions`."""
+
+_OPTIONS = {
+    "fps": option(
+        "--fps", type=float, help="Frames per second. Default: what the input says.", panel=READING
+    ),
+    "object": option(
+        "--object",
+        metavar="PATH",
+        help="The one mesh to take of a file that holds several (all are listed if none is "
+        "chosen).",
+        panel=READING,
+    ),
+    "merge": option(
+        "--merge",
+        is_flag=True,
+        help="Take all meshes of a file as one; they are separated again on output.",
+        panel=READING,
+    ),
+    "skip_bad": option(
+        "--skip-bad",
+        is_flag=True,
+        help="Leave out meshes of a file that cannot be read, and take the others.",
+        panel=READING,
+    ),
+    "allow_outside": option(
+        "--allow-outside",
+        is_flag=True,
+        help="Read files that a file names outside of its folder: USD layers, glTF buffers, "
+        "files of a .pvd or .xdmf.",
+        panel=READING,
+    ),
+    "animation": option(
+        "--animation",
+        metavar="NAME",
+        help="The animation to take of a glTF file that holds several, by its name or its number "
+        "from 0 (`meshreel info` lists them). Default: the first that moves a mesh.",
+        panel=READING,
+    ),
+    "memory": memory_option,
+    "topology": option(
+        "--topology",
+        type=Path,
+        metavar="MESH",
+        help="A mesh file with the faces of a point cache (.pc2, .mdd). Default: the mesh of the "
+        "same name in its folder.",
+        panel=READING,
+    ),
+    "dataset": option(
+        "--dataset",
+        metavar="NAME",
+        help="The dataset with the positions (.h5, .npz). Default: vertices.",
+        panel=READING,
+    ),
+    "attributes": option(
+        "--attributes",
+        default="all",
+        metavar="all|none|NAME,...",
+        help="Attributes and groups to take, by name or kind: uv, color, material, ... Polygons "
+        "and parts are always taken.",
+        panel=READING,
+    ),
+}
+"""By the names of the fields of `ReadOptions`."""
+
+
+def reading_options(*names: str) -> Decorator:
+    """A decorator that gives a command options of reading.
+
+    The command gets them as one `ReadOptions`, its parameter `reading`.
+
+    Parameters
+    ----------
+    *names
+        Of fields of `ReadOptions`, in the order of the help.
+    """
+
+    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+        @wraps(function)
+        def with_reading(*context: click.Context, **given: Any) -> None:
+            from meshreel.formats.options import ReadOptions
+
+            reading = ReadOptions(**{name: given.pop(name) for name in names})
+            function(*context, **given, reading=reading)
+
+        decorated: Callable[..., Any] = with_reading
+        for name in reversed(names):
+            decorated = _OPTIONS[name](decorated)
+        return decorated
+
+    return decorate

@@ -1,0 +1,322 @@
+"""`meshreel render`: pictures and films of an animation, without a screen."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from meshreel.app.cli.commands import command
+from meshreel.app.cli.completing import input_files, names_of, pictures
+from meshreel.app.cli.parameters import argument, option
+from meshreel.app.cli.read_options import MESHES, reading_options
+from meshreel.app.cli.track_options import COLORS, colormap_option, component_option, range_option
+from meshreel.runtime.counting import counted
+
+if TYPE_CHECKING:
+    from meshreel.formats.options import ReadOptions
+    from meshreel.rendering.scenes import Scene
+    from meshreel.rendering.views import View
+    from meshreel.runtime.progress import Progress
+
+LOOK = "Look"
+ENDINGS = (".png", ".mp4", ".gif")
+SHEET_FRAMES, COMPARED_FRAMES = 8, 3
+"""Frames on a contact sheet, and rows of a comparison, where they are not listed."""
+MAX_TURN_S = 3600.0
+VIEW, BACKGROUND = "30,12", "white"
+
+
+@command
+@argument(
+    "source",
+    metavar="FILE",
+    completion=input_files,
+    help="A .reel, another file that holds an animation (see `meshreel formats`), a "
+    "folder or a quoted glob of frames.",
+)
+@option(
+    "--output",
+    "-o",
+    type=Path,
+    required=True,
+    completion=pictures,
+    help="A picture (.png) or a film (.mp4, .gif); .mp4 needs [video].",
+)
+@option(
+    "--original",
+    metavar="INPUT",
+    completion=input_files,
+    help="The original of FILE, shown alongside.",
+)
+@option(
+    "--heatmap",
+    metavar="distance|angle|sted|track",
+    completion=names_of(["distance", "angle", "sted", "track"]),
+    help="Colour the decoded mesh by its error: vertex distance, angle between normals, "
+    "local STED, or that of the values of --track, in its unit.",
+)
+@option(
+    "--track",
+    metavar="NAME",
+    help="Colour the mesh by a track, such as stress, with the numbers beside; tracks of "
+    "colours as they are.",
+    panel=COLORS,
+)
+@component_option
+@range_option
+@colormap_option
+@option(
+    "--frames",
+    metavar="A:B|N,N,...",
+    help="Only frames A to B - 1, or those listed. Of a range, a picture shows "
+    f"{SHEET_FRAMES} ({COMPARED_FRAMES} beside an original), evenly spaced.",
+)
+@option(
+    "--at",
+    type=int,
+    metavar="INDEX",
+    help="Plot it over time at this vertex (face, corner: where its values are) instead "
+    "of drawing the mesh; a .png, needs [plot].",
+    panel=COLORS,
+)
+@option(
+    "--turntable", type=float, metavar="SECONDS", help="Films: circle the mesh, once in this time."
+)
+@option(
+    "--view",
+    default=VIEW,
+    metavar="AZ,EL",
+    help="Direction of view: front, side, top, or degrees to the right and up.",
+    panel=LOOK,
+)
+@option(
+    "--up",
+    metavar="x|y|z",
+    completion=names_of(["x", "y", "z"]),
+    help="The axis that points up. Default: z for meshes that stand on z = 0, else y.",
+    panel=LOOK,
+)
+@option(
+    "--follow/--no-follow",
+    default=None,
+    help="Whether the camera follows the mesh. Default: if the mesh would be small.",
+    panel=LOOK,
+)
+@option(
+    "--size",
+    metavar="WxH",
+    help="Pixels of the whole picture. Default: as suits its content.",
+    panel=LOOK,
+)
+@option("--background", default=BACKGROUND, metavar="COLOR", help="A name, or #rrggbb.", panel=LOOK)
+@reading_options("fps", *MESHES, "memory")
+@option("--force", "-f", is_flag=True, help="Replace the output if it exists.")
+@option("as_json", "--json", is_flag=True, help="Print what was done as JSON.")
+def render_command(
+    source: str,
+    output: Path,
+    original: str | None,
+    heatmap: str | None,
+    track: str | None,
+    component: str | None,
+    range: str | None,
+    colormap: str | None,
+    frames: str | None,
+    at: int | None,
+    turntable: float | None,
+    view: str,
+    up: str | None,
+    follow: bool | None,
+    size: str | None,
+    background: str,
+    reading: "ReadOptions",
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Draw an animation into a picture or a film.
+
+    A .png shows frames side by side with their numbers and times; one frame alone fills it. With
+    --original, each frame has a row: original, decoded and, with --heatmap, the error. --track
+    colours the mesh by a quantity that it carries.
+
+    Examples:
+
+    - `meshreel render walk.reel -o walk.png`
+
+    - `meshreel render walk.reel -o pose.png --frames 17 --view front --size 1920x1080`
+
+    - `meshreel render walk.reel -o lost.png --original walk.npz --heatmap distance`
+
+    - `meshreel render walk.reel -o walk.mp4 --original walk.npz --heatmap angle`
+
+    - `meshreel render crash.reel -o stress.png --track stress --range 0:500`
+
+    - `meshreel render crash.reel -o stress.png --track stress --at 120`
+
+    - `meshreel render walk.reel -o turn.gif --frames 17 --turntable 4`
+    """
+    from dataclasses import replace
+
+    from meshreel.app.cli.console import print_json, print_notes, progress_bar
+    from meshreel.app.cli.render_options import (
+        check_plot,
+        color_named,
+        frame_numbers,
+        is_range,
+        picture_size,
+        track_look,
+    )
+    from meshreel.formats.load import open_for_encoding
+    from meshreel.formats.sources import files_of_source
+    from meshreel.formats.supported_options import check_supported, supported_only
+    from meshreel.rendering.scenes import Scene
+    from meshreel.rendering.track_plots import plot_track
+    from meshreel.rendering.views import guess_up, parse_view
+    from meshreel.runtime.outputs.checks import check_output_path
+
+    ending = _checked_ending(output)
+    is_film = ending != ".png"
+    _check_together(original, heatmap, turntable, follow, is_film=is_film)
+    look = track_look(track, component, range, colormap, heatmap, at)
+    if at is not None:
+        given = {
+            "--range": range, "--colormap": colormap, "--heatmap": heatmap,
+            "--turntable": turntable, "--up": up, "--follow": follow, "--size": size,
+            "--view": view if view != VIEW else None,
+            "--background": background if background != BACKGROUND else None,
+        }  # fmt: skip
+        check_plot(given, is_film=is_film)
+    files = [file for given in (source, original) if given for file in files_of_source(given)]
+    check_output_path(output, overwrite=force, inputs=files)
+    wanted_size, color = picture_size(size), color_named(background)
+    parse_view(view, up or "y")
+    check_supported([source, original] if original else [source], reading)
+    notes = reading.notes
+    with progress_bar() as progress:
+        reading = replace(reading, progress=progress)
+        shown = open_for_encoding(source, None, supported_only(reading, source))
+        beside = (
+            open_for_encoding(original, None, supported_only(reading, original))
+            if original
+            else None
+        )
+        numbers = frame_numbers(frames, shown.n_frames, notes)
+        if look is not None and at is not None:
+            numbers = sorted(set(numbers))
+            plot_track(output, look, at, shown, beside, numbers, overwrite=force, progress=progress)
+            figures: dict[str, Any] = {"plotted_frames": len(numbers)}
+        else:
+            scene = Scene(shown, beside, heatmap, background=color, track=look)
+            seen = parse_view(view, up or guess_up(scene.framed.extent))
+            figures = _drawn(
+                scene, numbers, seen, output,
+                size=wanted_size, turn_s=turntable, follow=follow,
+                is_range=is_range(frames), force=force, progress=progress,
+            )  # fmt: skip
+    print_notes(notes)
+    figures = {"output": str(output), **figures, "size_bytes": output.stat().st_size}
+    if as_json:
+        print_json({**figures, "notes": notes})
+        return
+    _print_drawn(figures)
+
+
+def _drawn(
+    scene: "Scene",
+    numbers: list[int],
+    seen: "View",
+    output: Path,
+    *,
+    size: tuple[int, int] | None,
+    turn_s: float | None,
+    follow: bool | None,
+    is_range: bool,
+    force: bool,
+    progress: "Progress",
+) -> dict[str, Any]:
+    """Draw a picture or a film into its file, and say what was drawn."""
+    from meshreel.rendering.film_files import save_film
+    from meshreel.rendering.films import FILM_PX, GIF_PX, film
+    from meshreel.rendering.picture import save_png
+    from meshreel.rendering.shots import spread_frames, telling_frames
+    from meshreel.rendering.stills import still
+
+    ending = output.suffix.lower()
+    if ending != ".png":
+        made = film(
+            scene, numbers, seen,
+            turn_s=turn_s, size=size,
+            most=GIF_PX if ending == ".gif" else FILM_PX,
+            is_followed=follow, progress=progress,
+        )  # fmt: skip
+        save_film(made, output, overwrite=force, progress=progress)
+        return {"size_px": list(made.size), "n_pictures": made.n_pictures, "fps": made.fps}
+    if is_range and scene.original is not None:
+        numbers = telling_frames(numbers, COMPARED_FRAMES)
+    elif is_range:
+        numbers = spread_frames(numbers, SHEET_FRAMES)
+    picture = still(scene, numbers, seen, size=size, is_followed=follow, progress=progress)
+    save_png(picture, output, overwrite=force)
+    return {"size_px": list(picture.size), "frames": numbers}
+
+
+def _checked_ending(output: Path) -> str:
+    """The ending of the output in lower case; raises if a library that it needs is missing."""
+    from meshreel.rendering.film_files import require_ffmpeg
+    from meshreel.runtime.outputs.checks import check_ending
+
+    ending = check_ending(output, ENDINGS)
+    if ending == ".mp4":
+        require_ffmpeg()
+    return ending
+
+
+def _check_together(
+    original: str | None,
+    heatmap: str | None,
+    turntable: float | None,
+    follow: bool | None,
+    *,
+    is_film: bool,
+) -> None:
+    from meshreel.rendering.scenes import HEAT_NAMES
+
+    if heatmap is not None and heatmap not in HEAT_NAMES:
+        raise click.UsageError(f"--heatmap takes {', '.join(HEAT_NAMES)}; got {heatmap!r}")
+    if heatmap is not None and original is None:
+        raise click.UsageError(
+            "--heatmap shows the error of FILE relative to its original; name that with --original"
+        )
+    if turntable is not None and not is_film:
+        raise click.UsageError(
+            "--turntable turns a film; write .mp4 or .gif, or turn a picture with --view"
+        )
+    if turntable is not None and follow is not None:
+        raise click.UsageError(
+            "--turntable circles the place where the mesh is; leave --follow and --no-follow out"
+        )
+    if turntable is not None and not 0 < turntable <= MAX_TURN_S:
+        raise click.UsageError(
+            f"--turntable takes seconds above 0 and up to {MAX_TURN_S:g}; got {turntable:g}"
+        )
+
+
+def _print_drawn(figures: dict[str, Any]) -> None:
+    from meshreel.app.cli.console import print_table
+    from meshreel.runtime.counting import size_text
+
+    if "plotted_frames" in figures:
+        rows = {"plot": counted(figures["plotted_frames"], "frame")}
+        print_table(figures["output"], {**rows, "size": size_text(figures["size_bytes"])})
+        return
+    width, height = figures["size_px"]
+    rows = {"picture": f"{width} x {height} pixels"}
+    if "fps" in figures:
+        seconds = figures["n_pictures"] / figures["fps"]
+        rows["film"] = (
+            f"{counted(figures['n_pictures'], 'picture')} at {figures['fps']:g} fps, "
+            f"{seconds:.1f} s"
+        )
+    else:
+        rows["frames"] = ", ".join(map(str, figures["frames"]))
+    print_table(figures["output"], {**rows, "size": size_text(figures["size_bytes"])})

@@ -1,0 +1,118 @@
+"""Parsing of the options of `meshreel render`: frames, size, colour, track."""
+
+import re
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import click
+
+from meshreel.app.cli.write_options import clamped_note
+
+if TYPE_CHECKING:
+    from meshreel.rendering.track_colors import TrackLook
+
+
+def is_range(text: str | None) -> bool:
+    """Whether frames are given as A:B, or not at all, rather than listed."""
+    return text is None or ":" in text
+
+
+def frame_numbers(text: str | None, n_frames: int, notes: list[str]) -> list[int]:
+    """The frames of 'A:B' or 'N,N,...', where -1 is the last; all by default.
+
+    A note is added if 'A:B' goes beyond the ends.
+    """
+    if is_range(text):
+        return _range(text or ":", n_frames, notes)
+    try:
+        return [range(n_frames)[int(word)] for word in (text or "").split(",")]
+    except ValueError:
+        raise click.UsageError(
+            f"--frames takes A:B or a list such as 0,10,20 with whole numbers; got {text!r}"
+        ) from None
+    except IndexError:
+        raise click.UsageError(
+            f"--frames {text} names a frame that does not exist; there are frames 0 to "
+            f"{n_frames - 1}"
+        ) from None
+
+
+def _range(text: str, n_frames: int, notes: list[str]) -> list[int]:
+    try:
+        start, stop = (int(part) if part else None for part in text.split(":"))
+    except ValueError:
+        raise click.UsageError(f"--frames takes A:B with whole numbers; got {text!r}") from None
+    numbers = range(n_frames)[start:stop]
+    if not numbers:
+        raise click.UsageError(
+            f"--frames {text} names no frame; there are frames 0 to {n_frames - 1}"
+        )
+    if note := clamped_note(slice(start, stop), n_frames):
+        notes.append(note)
+    return list(numbers)
+
+
+def picture_size(text: str | None) -> tuple[int, int] | None:
+    """Width and height of 'WxH'."""
+    if text is None:
+        return None
+    found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text.lower())
+    if not found:
+        raise click.UsageError(f"--size takes WIDTHxHEIGHT in pixels, as 1280x720; got {text!r}")
+    return int(found[1]), int(found[2])
+
+
+def color_named(text: str) -> tuple[int, int, int]:
+    """The colour of a CSS name or #rrggbb."""
+    from PIL import ImageColor
+
+    try:
+        return ImageColor.getrgb(text)[:3]
+    except ValueError:
+        raise click.UsageError(
+            f"--background takes a name such as white or black, or #rrggbb; got {text!r}"
+        ) from None
+
+
+def track_look(
+    track: str | None,
+    component: str | None,
+    ends: str | None,
+    colormap: str | None,
+    heatmap: str | None,
+    at: int | None,
+) -> "TrackLook | None":
+    """How a track is to be shown; None where none is named."""
+    from meshreel.rendering.colormap import check_colormap
+    from meshreel.rendering.scenes import TRACK_HEAT
+    from meshreel.rendering.track_colors import TrackLook, parse_range
+
+    if track is None:
+        given = {
+            "--component": component, "--range": ends, "--colormap": colormap, "--at": at,
+        }  # fmt: skip
+        without = next((name for name, value in given.items() if value is not None), None)
+        if heatmap == TRACK_HEAT:
+            raise click.UsageError("--heatmap track shows the error of a track; name it: --track")
+        if without:
+            raise click.UsageError(f"{without} says how a track is shown; name it with --track")
+        return None
+    if ends is not None:
+        parse_range(ends)
+    if colormap is not None:
+        check_colormap(colormap)
+    return TrackLook(track, component, ends, colormap)
+
+
+def check_plot(given: Mapping[str, object], *, is_film: bool) -> None:
+    """Nothing if all that is given has a use for a plot over time, and it can be drawn."""
+    from meshreel.rendering.plots import require_matplotlib
+
+    without = next((name for name, value in given.items() if value is not None), None)
+    if without:
+        raise click.UsageError(
+            f"{without} has no effect on a plot over time (--at); leave one of the two out"
+        )
+    if is_film:
+        raise click.UsageError("--at draws a plot over time; write a .png")
+    require_matplotlib()

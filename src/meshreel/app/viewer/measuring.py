@@ -1,0 +1,187 @@
+"""Errors of all frames, measured in a thread of its own while the page plays."""
+
+import threading
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.app.viewer.comparison import Comparison, Heats
+from meshreel.metrics.heat import HEATS
+from meshreel.metrics.nmsve import FrameNmsve
+from meshreel.metrics.reference import paired_frames
+from meshreel.metrics.streamed import ErrorSums, StreamedErrors
+from meshreel.model.geometry.connectivity import isolated_vertices
+from meshreel.model.sequence import Vertices
+from meshreel.runtime.progress import Progress, silent
+
+Floats = npt.NDArray[np.float64]
+
+PERCENTILE = 99.5
+"""Of the values of all frames: where the fixed range of colours ends."""
+
+SHARES = (np.arange(200) + 0.5) / 200
+"""Quantiles that stand for the values of a frame."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Errors of all frames.
+
+    Attributes
+    ----------
+    errors : StreamedErrors
+    nmsve_mean : float
+    sted_spatial : float
+        The spatial part of STED, which it nearly equals; the temporal one would need all frames
+        at once.
+    """
+
+    errors: StreamedErrors
+    nmsve_mean: float
+    sted_spatial: float
+
+
+class Figures:
+    """Errors and heat map ranges of the frames so far.
+
+    Parameters
+    ----------
+    comparison : Comparison
+
+    Attributes
+    ----------
+    nmsve, largest_percent : list of float
+        Of each frame.
+    """
+
+    def __init__(self, comparison: Comparison) -> None:
+        original, reel = comparison.original, comparison.reel
+        self._reference = comparison.reference
+        self._nmsve_of = FrameNmsve(original.frame(0), comparison.faces, self._reference).of
+        self._errors = ErrorSums(original.extent)
+        self._n_touched = reel.n_verts - len(isolated_vertices(comparison.faces, reel.n_verts))
+        self._deviations: list[float] = []
+        self._largest: dict[str, float] = {}
+        self._quantiles: dict[str, list[Floats]] = {}
+        self.nmsve: list[float] = []
+        self.largest_percent: list[float] = []
+
+    def add(self, pair: tuple[Vertices, Vertices], heats: Heats) -> None:
+        """Add the next frame: original and decoded, and its heat maps."""
+        self.see(heats)
+        original, decoded = (positions[np.newaxis] for positions in pair)
+        ((frame, displacement),) = paired_frames(original, decoded, self._reference)
+        self._errors.add(original, decoded)
+        self._deviations.append(float(heats["sted"].sum()) / max(1, self._n_touched))
+        self.nmsve.append(self._nmsve_of(frame, displacement))
+        self.largest_percent.append(float(heats["distance"].max()))
+
+    def see(self, heats: Heats) -> None:
+        """Widen the ranges of heat maps by those of a frame."""
+        for kind, values in heats.items():
+            self._largest[kind] = max(self._largest.get(kind, 0.0), float(values.max()))
+            self._quantiles.setdefault(kind, []).append(np.quantile(values, SHARES))
+
+    @property
+    def measured(self) -> Measured:
+        """The errors of the frames so far, of which there must be one."""
+        nmsve, sted = float(np.mean(self.nmsve)), float(np.mean(self._deviations))
+        return Measured(self._errors.errors, nmsve, sted)
+
+    @property
+    def worst_frame(self) -> int:
+        """The frame of the largest error, of those so far."""
+        return int(np.argmax(self.largest_percent))
+
+    def described_heats(self) -> list[dict[str, Any]]:
+        """Kinds of heat maps and their ranges, as the page takes them."""
+        return [
+            {
+                "kind": kind,
+                "label": HEATS[kind].label,
+                "unit": HEATS[kind].unit,
+                "maximum": largest,
+                "range": float(np.percentile(self._quantiles[kind], PERCENTILE)),
+            }
+            for kind, largest in self._largest.items()
+        ]
+
+    def plots(self) -> list[dict[str, Any]]:
+        """Errors of each frame, as the page takes them."""
+        return [
+            {"label": "NMSVE", "values": self.nmsve},
+            {"label": "largest error, % of the diagonal", "values": self.largest_percent},
+        ]
+
+
+class Measuring:
+    """All frames, measured in a thread of its own.
+
+    Parameters
+    ----------
+    comparison : Comparison
+
+    Attributes
+    ----------
+    figures : Figures
+        Ranges of the first frame; those of all frames, and their errors, once all are measured.
+    error : str
+        Why not all could be measured; empty if nothing went wrong.
+    share : float
+        Share of the frames that are measured.
+    """
+
+    def __init__(self, comparison: Comparison) -> None:
+        self.figures = Figures(comparison)
+        self.figures.see(comparison.heats(comparison.pair(0)))
+        self.error, self.share = "", 0.0
+        self._comparison = comparison
+        self._is_closed = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="meshreel-measuring", daemon=True)
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether all frames are measured."""
+        return self.share == 1.0
+
+    def start(self) -> None:
+        """Begin; `figures` changes when all is done."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop behind the frame that is being measured."""
+        self._is_closed.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def run(self, progress: Progress = silent) -> None:
+        """Measure all frames here and now.
+
+        Parameters
+        ----------
+        progress : callable, optional
+
+        Raises
+        ------
+        MeshReelError, OSError
+            If a frame cannot be decoded or read.
+        """
+        comparison, figures = self._comparison, Figures(self._comparison)
+        n_frames = comparison.reel.n_frames
+        for number in range(n_frames):
+            if self._is_closed.is_set():
+                return
+            pair = comparison.pair(number)
+            figures.add(pair, comparison.heats(pair))
+            if number + 1 == n_frames:
+                self.figures = figures
+            self.share = (number + 1) / n_frames
+            progress("measuring", self.share)
+
+    def _run(self) -> None:
+        try:
+            self.run()
+        except Exception as error:  # the page shows it; there is nobody else to tell
+            self.error = str(error) or type(error).__name__

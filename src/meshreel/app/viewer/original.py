@@ -1,0 +1,103 @@
+"""The original animation that a file was made from."""
+
+import threading
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.codec.connectivity.coder import encode_connectivity
+from meshreel.codec.reel_file import ReelFile
+from meshreel.errors import InvalidInputError
+from meshreel.metrics.compare import require_same_triangles
+from meshreel.model.sequence import FrameSource, Vertices
+from meshreel.model.surface import Domain
+from meshreel.model.tracks import TrackSource
+
+Integers = npt.NDArray[np.int64]
+Values = npt.NDArray[Any]
+
+
+class Original:
+    """Frames of the original, in the vertex order in which the file decodes.
+
+    Several threads may share one.
+
+    Parameters
+    ----------
+    source : FrameSource
+    reel : ReelFile
+        Where its order was dropped, vertices are matched by connectivity. It may be cut off: then
+        its frames are the first ones of the original.
+
+    Attributes
+    ----------
+    name : str
+    extent : Extent
+        Of all frames.
+
+    Raises
+    ------
+    InvalidInputError
+        If the two differ in frames, vertices or faces; says in what.
+    """
+
+    def __init__(self, source: FrameSource, reel: ReelFile) -> None:
+        _require_same_counts(source, reel)
+        self._source = source
+        self._lock = threading.Lock()
+        self._order = _given_of_decoded(source, reel)
+        self.name, self.extent = source.name, source.extent
+
+    def frame(self, number: int) -> Vertices:
+        """Positions of one frame, of shape (V, 3), in model units."""
+        with self._lock:  # frames may come from a file that is open
+            positions: Vertices = self._source.read(number, number + 1)[0]
+        return positions if self._order is None else positions[self._order]
+
+    @property
+    def tracks(self) -> Mapping[str, TrackSource]:
+        """Its tracks, by name."""
+        return self._source.tracks
+
+    def values(self, name: str, number: int) -> Values:
+        """Values of a track at a frame, of shape (N, C), in the order in which the file decodes."""
+        track = self._source.tracks[name]
+        with self._lock:
+            values: Values = track.read(number, number + 1)[0]
+        is_ordered = self._order is None or track.domain is not Domain.VERTEX
+        return values if is_ordered else values[self._order]
+
+
+def _require_same_counts(source: FrameSource, reel: ReelFile) -> None:
+    counts = {
+        "vertices": (source.n_verts, reel.n_verts),
+        "faces": (len(source.faces), reel.n_faces),
+        "frames": (source.n_frames, reel.n_frames),
+    }
+    for noun, (count, count_hat) in counts.items():
+        is_cut = noun == "frames" and not reel.is_whole and count > count_hat
+        if count != count_hat and not is_cut:
+            raise InvalidInputError(
+                f"the original has {count} {noun} and the file {count_hat}; "
+                "give what the file was made of"
+            )
+
+
+def _given_of_decoded(source: FrameSource, reel: ReelFile) -> Integers | None:
+    """Which vertex of the original each decoded one is; None if they are in the same order."""
+    if reel.order != "drop":
+        require_same_triangles(source.faces, reel.faces, reel.n_verts)
+        return None
+    connectivity = encode_connectivity(source.faces, source.n_verts, order="drop")
+    given = connectivity.internal_to_given
+    decoded_of_given = np.argsort(given).astype(np.int32)
+    try:
+        require_same_triangles(decoded_of_given[source.faces], reel.faces, reel.n_verts)
+    except InvalidInputError:
+        raise InvalidInputError(
+            "the original has other faces than the file, or lists them in another order; vertices "
+            "of a file without its order are matched with the very input that it was made of"
+        ) from None
+    return given

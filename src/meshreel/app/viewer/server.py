@@ -1,0 +1,237 @@
+"""A server for one player: a few paths, read only, for this machine."""
+
+import errno
+import ipaddress
+import json
+import re
+import secrets
+import socket
+import sys
+from collections.abc import Mapping
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from socketserver import TCPServer
+from typing import Any
+from urllib.parse import urlsplit
+
+from meshreel.app.viewer.api import BINARY, JSON, Answer, Api
+from meshreel.app.viewer.page import POLICY, SCRIPT_NAME, Page, built_page
+from meshreel.errors import InvalidInputError, MeshReelError
+
+LOCAL_HOST = "127.0.0.1"
+LOCAL_NAMES = {LOCAL_HOST, "localhost", "::1"}
+PATIENCE_S = 30.0
+"""How long a client may say nothing before it is hung up on."""
+
+STREAM = "stream.reel"
+"""The name under which the page finds what it plays."""
+
+HTML = "text/html; charset=utf-8"
+SCRIPT = "text/javascript; charset=utf-8"
+TEXT = "text/plain; charset=utf-8"
+FORBIDDEN = "this player answers to local addresses; to open it elsewhere give --host"
+
+
+class ViewerServer(ThreadingHTTPServer):
+    """A server that listens once it is made, and answers in `serve_forever`.
+
+    Parameters
+    ----------
+    api : Api
+    host : str, default 127.0.0.1
+        Where to listen. On another than this machine's own addresses the player is open to all
+        who reach it.
+    port : int, default 0
+        0 takes a free one.
+    page : Page, optional
+        The player; default that of the package.
+
+    Raises
+    ------
+    InvalidInputError
+        If it cannot listen there, or the page is not built.
+    """
+
+    daemon_threads = True
+    allow_reuse_address = sys.platform != "win32"  # there it would share a port that is taken
+
+    def __init__(
+        self, api: Api, *, host: str = LOCAL_HOST, port: int = 0, page: Page | None = None
+    ) -> None:
+        player = built_page() if page is None else page
+        self.api = api
+        self.page = Answer(HTML, player.served.encode())
+        self.script = Answer(SCRIPT, player.script.encode())
+        self.version = f'"{secrets.token_hex(8)}"'
+        self.host, self._is_closed = host, False
+        try:
+            found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+            self.address_family = found[0]
+            super().__init__(found[4][:2], _Handler)  # type: ignore[arg-type]
+        except (OSError, OverflowError) as error:
+            raise InvalidInputError(_cannot_listen(host, port, error)) from None
+
+    def server_bind(self) -> None:
+        """Bind, without asking the network for names as the base class does."""
+        TCPServer.server_bind(self)
+        self.server_name, self.server_port = self.host, self.server_address[1]
+
+    @property
+    def url(self) -> str:
+        """Address of the player."""
+        host = LOCAL_HOST if self.is_everywhere else self.host
+        return f"http://{f'[{host}]' if ':' in host else host}:{self.server_port}/"
+
+    @property
+    def is_local(self) -> bool:
+        """Whether only this machine can reach it."""
+        return ipaddress.ip_address(str(self.server_address[0])).is_loopback
+
+    @property
+    def is_everywhere(self) -> bool:
+        """Whether it listens on every address of this machine."""
+        return str(self.server_address[0]) in ("0.0.0.0", "::")
+
+    def answers_to(self, host: str | None) -> bool:
+        """Whether a request that names this host is meant for the player.
+
+        A page from elsewhere could have its own name resolve to this machine (DNS rebinding), and
+        so read what is shown here; its requests carry that name.
+        """
+        try:
+            name = urlsplit(f"//{host}").hostname or ""
+        except ValueError:
+            return False
+        if name in LOCAL_NAMES or name == self.host.lower():
+            return True
+        return not self.is_local and _is_address(name)
+
+    def server_close(self) -> None:
+        """Stop listening; answers that are still being made are dropped."""
+        self._is_closed = True
+        super().server_close()
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Report errors, but no clients that hang up, nor answers that nobody waits for."""
+        is_gone = isinstance(sys.exception(), ConnectionError | TimeoutError)
+        if not (is_gone or self._is_closed):
+            super().handle_error(request, client_address)
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """Answers one request after another of one client."""
+
+    server: ViewerServer
+    protocol_version = "HTTP/1.1"
+    server_version, sys_version = "meshreel", ""
+    timeout = PATIENCE_S
+    error_content_type = TEXT
+    error_message_format = "%(code)d: %(message)s\n"
+
+    def do_GET(self) -> None:
+        if self.headers.get("Content-Length") or self.headers.get("Transfer-Encoding"):
+            self.close_connection = True  # what follows the header is not read
+        if not self.server.answers_to(self.headers.get("Host")):
+            self._send(HTTPStatus.FORBIDDEN, Answer(TEXT, FORBIDDEN.encode()))
+            return
+        path = self.path.partition("?")[0]
+        if path in ("/", "/index.html"):
+            policy = {"Content-Security-Policy": POLICY}
+            self._send(HTTPStatus.OK, self.server.page, policy)
+        elif path == f"/{STREAM}":
+            self._send_stream()
+        else:
+            self._send(*self._answered(path))
+
+    do_HEAD = do_GET  # noqa: N815
+
+    def _refuse(self) -> None:
+        self.close_connection = True  # what follows the header is not read
+        answer = Answer(TEXT, b"only GET and HEAD are allowed")
+        self._send(HTTPStatus.METHOD_NOT_ALLOWED, answer, {"Allow": "GET, HEAD"})
+
+    do_POST = do_PUT = do_DELETE = do_PATCH = do_OPTIONS = _refuse  # noqa: N815
+
+    def _send_stream(self) -> None:
+        """Send the stream, or the one range of it that is asked for."""
+        reel = self.server.api.reel
+        size = reel.size_bytes
+        validators = {"ETag": self.server.version, "Accept-Ranges": "bytes"}
+        wanted = self._wanted_range(size)
+        if wanted is None:
+            answer = Answer(BINARY, reel.stored(0, size))
+            self._send(HTTPStatus.OK, answer, validators)
+        elif not wanted:
+            nothing = {"Content-Range": f"bytes */{size}", **validators}
+            self._send(HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE, Answer(TEXT, b""), nothing)
+        else:
+            answer = Answer(BINARY, reel.stored(wanted.start, wanted.stop))
+            place = f"bytes {wanted.start}-{wanted.stop - 1}/{size}"
+            self._send(HTTPStatus.PARTIAL_CONTENT, answer, {"Content-Range": place, **validators})
+
+    def _wanted_range(self, size: int) -> range | None:
+        """The bytes that are asked for; None for all. What cannot be read counts as not said."""
+        found = re.fullmatch(r"bytes=([0-9]{0,18})-([0-9]{0,18})", self.headers.get("Range", ""))
+        if_range = self.headers.get("If-Range", self.server.version)
+        if not found or found[0] == "bytes=-" or if_range != self.server.version:
+            return None
+        first, last = found.groups()
+        if not first:
+            return range(max(0, size - int(last)), size)
+        stop = min(size, int(last) + 1) if last else size
+        if last and int(last) < int(first):
+            return None
+        return range(int(first), stop)
+
+    def _answered(self, path: str) -> tuple[HTTPStatus, Answer]:
+        if path == f"/{SCRIPT_NAME}":
+            return HTTPStatus.OK, self.server.script
+        try:
+            answer = self.server.api.answer(path.removeprefix("/"))
+        except (MeshReelError, OSError, MemoryError) as error:
+            body = json.dumps({"error": str(error) or "not enough memory"}).encode()
+            return HTTPStatus.INTERNAL_SERVER_ERROR, Answer(JSON, body)
+        if answer is None:
+            return HTTPStatus.NOT_FOUND, Answer(TEXT, b"there is nothing here")
+        return HTTPStatus.OK, answer
+
+    def _send(
+        self, status: HTTPStatus, answer: Answer, further: Mapping[str, str] | None = None
+    ) -> None:
+        self.send_response(status)
+        headers = {
+            "Content-Type": answer.content_type,
+            "Content-Length": str(len(answer.body)),
+            **(further or {}),
+        }
+        for name, value in headers.items():
+            self.send_header(name, value)
+        self.end_headers()
+        if self.command != "HEAD":
+            self.wfile.write(answer.body)
+
+    def end_headers(self) -> None:
+        """End the header with the lines that every answer has."""
+        self.send_header("Cache-Control", "no-store")
+        self.send_header("X-Content-Type-Options", "nosniff")
+        self.send_header("Cross-Origin-Resource-Policy", "same-origin")
+        self.send_header("Referrer-Policy", "no-referrer")
+        super().end_headers()
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Log no requests."""
+
+
+def _cannot_listen(host: str, port: int, error: Exception) -> str:
+    if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
+        return f"port {port} is in use; choose another with --port, or leave it out for a free one"
+    reason = error.strerror if isinstance(error, OSError) else error
+    return f"the player cannot listen on {host}, port {port}: {reason}"
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True

@@ -1,5 +1,0 @@
-"""The command line; each command is a thin module that calls the library."""
-
-from meshreel.cli.app import main
-
-__all__ = ["main"]

@@ -1,0 +1,130 @@
+"""Lossless coder of the connectivity of a mesh, with or without its order.
+
+Everything in a stream is coded in an internal vertex order, the one in which the coder of the
+faces visits the vertices. Storing the given order is optional: it takes more bytes than the
+connectivity itself.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.codec.connectivity.order import decode_given_order, encode_order
+from meshreel.errors import InvalidInputError
+from meshreel.kernel.connectivity import decode_faces, encode_faces
+from meshreel.model.sequence import Faces
+from meshreel.runtime.profiling import staged
+
+Integers = npt.NDArray[np.int64]
+
+ORDERS = ("keep", "vertices", "drop")
+WALKS_WELL = 0.5
+"""Bytes for each face below which the list as it is given is not tried."""
+
+
+@dataclass(frozen=True)
+class CodedConnectivity:
+    """A coded face list, and the internal vertex order.
+
+    Attributes
+    ----------
+    payload : bytes
+        Describes `internal_faces`.
+    order_payload : bytes
+        Describes the given order of vertices and faces; empty if it is the internal one or was
+        dropped.
+    internal_to_given : int64 array of shape (V,)
+        Vertex i of the internal order is vertex ``internal_to_given[i]`` of the input.
+    internal_faces : int32 array of shape (M, 3)
+        The faces that `decode_connectivity` returns.
+    """
+
+    payload: bytes
+    order_payload: bytes
+    internal_to_given: Integers
+    internal_faces: Faces
+
+    @property
+    def size_bytes(self) -> int:
+        """Size of both payloads."""
+        return len(self.payload) + len(self.order_payload)
+
+
+@staged("connectivity")
+def encode_connectivity(faces: Faces, n_verts: int, *, order: str = "keep") -> CodedConnectivity:
+    """The coded face list: as a walk over the surface, or as it is listed, whichever is smaller.
+
+    Parameters
+    ----------
+    faces : int32 array of shape (M, 3)
+        Any triangles on vertices 0..n_verts-1: degenerate, repeated and non-manifold ones too.
+    n_verts : int
+        V. Vertices that no face uses are kept.
+    order : {"keep", "vertices", "drop"}
+        What is preserved: everything as given; the vertex order, and the same oriented triangles
+        in any order and rotation; or the mesh with its vertices renumbered.
+
+    Raises
+    ------
+    InvalidInputError
+        If `order` is none of these, or there are too many vertices or faces.
+    """
+    if order not in ORDERS:
+        raise InvalidInputError(f"order must be one of {', '.join(ORDERS)}; got {order!r}")
+    walked = _code(faces, n_verts, order, listed=False)
+    if walked.size_bytes <= WALKS_WELL * len(faces):
+        return walked
+    listed = _code(faces, n_verts, order, listed=True)
+    return min(walked, listed, key=lambda coded: coded.size_bytes)
+
+
+@staged("connectivity")
+def decode_connectivity(payload: bytes, n_verts: int, n_faces: int) -> Faces:
+    """The internal faces, int32 of shape (M, 3).
+
+    Parameters
+    ----------
+    payload : bytes
+        From `encode_connectivity`, or untrusted: every byte is checked.
+    n_verts, n_faces : int
+        V and M, which the caller has bounded.
+
+    Raises
+    ------
+    CorruptStreamError
+        If the payload is damaged or disagrees with `n_verts` or `n_faces`.
+    """
+    return decode_faces(payload, n_verts, n_faces)
+
+
+@staged("order")
+def decode_order(
+    order_payload: bytes, internal_faces: Faces, n_verts: int
+) -> tuple[Integers, Faces]:
+    """`internal_to_given`, and the faces in the given order.
+
+    Parameters
+    ----------
+    order_payload : bytes
+        From `encode_connectivity`; empty if only the internal order is known.
+    internal_faces : int32 array of shape (M, 3)
+        From `decode_connectivity`.
+    n_verts : int
+
+    Raises
+    ------
+    CorruptStreamError
+        If the payload is damaged or belongs to another mesh.
+    """
+    if not order_payload:
+        return np.arange(n_verts), internal_faces
+    return decode_given_order(order_payload, internal_faces, n_verts)
+
+
+def _code(faces: Faces, n_verts: int, order: str, *, listed: bool) -> CodedConnectivity:
+    payload, back, internal = encode_faces(faces, n_verts, listed=listed)
+    if listed or order == "drop":
+        return CodedConnectivity(payload, b"", back, internal)
+    order_payload = encode_order(faces, internal, back, keep_faces=order == "keep")
+    return CodedConnectivity(payload, order_payload, back, internal)

@@ -1,0 +1,91 @@
+"""Coder of the given order of vertices and faces, for a mesh that is known without it."""
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.codec.connectivity.permutation import inverse_permutation
+from meshreel.codec.connectivity.triangles import (
+    AnyFaces,
+    lowest_rotation,
+    sorted_order,
+    twin_sides,
+)
+from meshreel.errors import CorruptStreamError
+from meshreel.kernel import order
+from meshreel.model.sequence import Faces
+
+Integers = npt.NDArray[np.int64]
+
+VERTICES_ONLY, VERTICES_AND_FACES = 1, 2
+"""First byte: what follows in its order."""
+
+
+def encode_order(
+    faces: Faces, internal_faces: AnyFaces, internal_to_given: Integers, keep_faces: bool
+) -> bytes:
+    """Bytes of the permutation from the internal order to the given one.
+
+    Parameters
+    ----------
+    faces : int32 array of shape (M, 3)
+        As given.
+    internal_faces : integer array of shape (M, 3)
+        The same oriented triangles in any order, in internal vertices.
+    internal_to_given : int64 array of shape (V,)
+    keep_faces : bool
+        False to keep the order of the vertices only.
+    """
+    n_verts = len(internal_to_given)
+    sequence = inverse_permutation(internal_to_given)
+    if not keep_faces:
+        return bytes([VERTICES_ONLY]) + order.encode_order(internal_faces, None, None, sequence)
+    corners = _matching_corners(sequence[faces], internal_faces, n_verts)
+    twins = twin_sides(internal_faces, n_verts)
+    coded = order.encode_order(internal_faces, twins, corners, sequence)
+    return bytes([VERTICES_AND_FACES]) + coded
+
+
+def decode_given_order(
+    order_payload: bytes, internal_faces: AnyFaces, n_verts: int
+) -> tuple[Integers, Faces]:
+    """Given number of each internal vertex, and the faces in given numbers.
+
+    Raises
+    ------
+    CorruptStreamError
+        If the bytes are not those of an order of this mesh.
+    """
+    if not order_payload or order_payload[0] not in (VERTICES_ONLY, VERTICES_AND_FACES):
+        raise CorruptStreamError("the order is of an unknown kind")
+    if len(order_payload) > 1 and not order_payload[-1]:
+        raise CorruptStreamError("the order ends before its section does")
+    with_faces = order_payload[0] == VERTICES_AND_FACES
+    twins = twin_sides(internal_faces, n_verts) if with_faces else None
+    corners, sequence = order.decode_order(order_payload[1:], internal_faces, twins, n_verts)
+    internal_to_given = inverse_permutation(sequence)
+    named = internal_to_given.astype(np.int32).take(internal_faces)
+    return internal_to_given, named if corners is None else list_faces(named, corners)
+
+
+def list_faces(known: Faces, corners: npt.NDArray[np.integer]) -> Faces:
+    """The known faces in the order and with the first corners given by `corners`.
+
+    Corner k of known face i has the number ``3 i + k``.
+    """
+    listed, turn = known.reshape(-1), corners % 3
+    faces = np.empty((len(corners), 3), known.dtype)
+    faces[:, 0] = listed.take(corners)
+    faces[:, 1] = listed.take(corners + 1 - 3 * (turn > 1))
+    faces[:, 2] = listed.take(corners + 2 - 3 * (turn > 0))
+    return faces
+
+
+def _matching_corners(faces: AnyFaces, known: AnyFaces, n_verts: int) -> Integers:
+    """The first corner of each face in a list of the same triangles in another order."""
+    lowest, front = lowest_rotation(faces, n_verts)
+    known_lowest, known_front = lowest_rotation(known, n_verts)
+    corners = np.empty(len(lowest), np.int64)
+    known_order = sorted_order(known_lowest, n_verts)
+    listed_order = sorted_order(lowest, n_verts)
+    corners[listed_order] = 3 * known_order + (known_front[known_order] - front[listed_order]) % 3
+    return corners

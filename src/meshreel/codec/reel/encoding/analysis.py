@@ -1,0 +1,312 @@
+"""The encoder's side of `reel`: a block of frames to the integers of its modes."""
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.codec.frame_products import JointFrames
+from meshreel.codec.reel.encoding.basis_coding import BasisCoding, choose_coding
+from meshreel.codec.reel.encoding.block_frames import CHUNK_VERTICES, LARGEST_INTEGER, BlockFrames
+from meshreel.codec.reel.encoding.rest import has_still_part
+from meshreel.codec.reel.encoding.reuse import reuse_fields
+from meshreel.codec.reel.normative.fields import (
+    FieldBlock,
+    KeyFields,
+    Layout,
+    decode_basis,
+    with_reused,
+)
+from meshreel.codec.reel.normative.mesh import FieldMesh
+from meshreel.kernel.predict import Choice, Prepared, encode_values
+from meshreel.runtime.profiling import staged
+from meshreel.runtime.threads import chunks, in_background, in_threads
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+FAIR_PRICE = 2.0 * math.log(2.0) / 12.0
+"""Lagrange multiplier of fine rounding: the squared steps of error that one more bit saves."""
+
+LEAST_SINGLE_STEP = 2.0**-16
+"""Step on a position, in diagonals, from which on frames are summed up in single precision: its
+rounding, some 1e-7 diagonals, then adds less than 0.1 % to the squared error."""
+
+FEW_OWN = 0.25
+"""A block whose own modes are at most this share of those of its key is not tried without them."""
+
+
+@dataclass(frozen=True)
+class FieldChoices:
+    """Choices of the encoder.
+
+    Attributes
+    ----------
+    position_step : float
+        Step as it acts on a position, in diagonals; coefficients of T frames have sqrt(T) times
+        this step.
+    n_modes : int or None
+        At most this many; None for all that the step does not make vanish.
+    basis_step : float
+        Step of the temporal basis by that of the fields, both as they act on positions.
+    least_rms : float
+        A mode is kept if its field's root mean square exceeds this share of a step.
+    price : float
+        Squared steps that a bit is worth.
+    feedback_gain : float
+        Gain of noise shaping: the share of the error of a prediction that the predicted value takes
+        on instead of undoing it. Errors then vary smoothly over the mesh, and bits are saved.
+    n_shaped_resolutions : int
+        Resolutions, the finest ones, where noise is shaped: from coarser ones it would spread far.
+    stencil_size, n_learned
+        As in `Layout`.
+    """
+
+    position_step: float
+    n_modes: int | None = None
+    basis_step: float = 3.0
+    least_rms: float = 0.6
+    price: float = FAIR_PRICE
+    feedback_gain: float = 0.6
+    n_shaped_resolutions: int = 2
+    stencil_size: int = 16
+    n_learned: int = 32
+
+
+@dataclass(frozen=True)
+class AnalysedFields:
+    """A block of frames as integers.
+
+    Attributes
+    ----------
+    block : FieldBlock
+    decoded : JointFrames
+        The frames that they decode to, in internal order.
+    own : KeyFields
+        Its fields that are not reused: what blocks that refer to this one go by.
+    wanted : float64 array of shape (V, K - n_reused)
+        The fields that were to be come near to, as `own`.
+    left : BlockFrames
+        What reused fields leave of the frames, all where there are none.
+    """
+
+    block: FieldBlock
+    decoded: JointFrames
+    own: KeyFields
+    wanted: Floats
+    left: BlockFrames
+
+    @property
+    def squared_error(self) -> float:
+        """Sum of the squared distances of decoded positions, before they are rounded, from frames.
+
+        The wanted fields are those of the projection on the decoded basis: what it leaves, and
+        what the fields differ by, are at right angles. That needs no frames.
+        """
+        n_own = self.wanted.shape[1]
+        if not n_own:
+            return self.left.energy
+        vectors = self.decoded.basis[:, :, self.block.layout.n_reused :].reshape(-1, n_own)
+        gram = vectors.T @ vectors
+        projected = float(np.vdot(self.wanted.T @ self.wanted, gram))
+        error = self.wanted - self.own.values
+        coded = float(np.vdot(error.T @ error, gram))
+        return float(self.left.energy + self.decoded.step**2 * (coded - projected))
+
+    @cached_property
+    def cost(self) -> float:
+        """Bits of its integers, and those that would undo its error.
+
+        Rows of integers are taken to be coded by their mean magnitude alone.
+        """
+        block = self.block
+        basis = block.basis.reshape(block.n_modes, -1)
+        bits = _estimated_bits(basis) + _estimated_bits(block.fields)
+        return bits + self.squared_error / self.decoded.step**2 / FAIR_PRICE
+
+
+def _estimated_bits(rows: npt.NDArray[np.int32]) -> float:
+    """Bits of rows of integers whose magnitudes are spread geometrically, and of their signs."""
+    if not rows.size:
+        return 0.0
+    mean = np.abs(rows.astype(np.float64)).mean(axis=1)
+    magnitudes = np.log2(1.0 + mean) + mean * np.log2(1.0 + 1.0 / np.maximum(mean, 1e-300))
+    return float(np.sum(magnitudes + mean / (1.0 + mean)) * rows.shape[1])
+
+
+def analyse_fields(
+    frames: BlockFrames,
+    mesh: FieldMesh,
+    choices: FieldChoices,
+    key: KeyFields | None = None,
+    reference: int = 0,
+) -> AnalysedFields:
+    """A block of frames as integers.
+
+    Parameters
+    ----------
+    frames : BlockFrames
+    mesh : FieldMesh
+    choices : FieldChoices
+    key : KeyFields, optional
+        Of the block that this one is to refer to. Where that takes fewer bits, its fields are
+        reused, and modes are found for what they leave.
+    reference : int, default 0
+        How many blocks before this one that is.
+    """
+    n_frames = frames.n_frames
+    step = np.float32(choices.position_step * np.sqrt(n_frames))
+    is_trial = frames.is_analysed  # before, and not for the last time either
+    hierarchy = in_background(lambda: mesh.hierarchy)  # where it is not known yet
+    is_single = choices.position_step >= LEAST_SINGLE_STEP
+    layout = Layout(step, choices.stencil_size, choices.n_learned, reference, is_single)
+    reused = None
+    if key is not None:
+        reused = _reusing(frames, mesh, choices, key, layout)
+        n_own = 0 if reused is None else len(reused.block.fields)
+        if reused is not None and n_own <= FEW_OWN * key.values.shape[1]:
+            return reused
+    basis, coding = _quantized_basis(frames, float(step), choices)
+    layout = replace(layout, rests=coding.rests, has_cosines=coding.has_cosines)
+    hierarchy.result()
+    prepared = mesh.prepared if key is None and is_trial else None
+    alone = _with_basis(frames, basis, layout, mesh, choices, key, prepared)
+    if reused is None:
+        return alone
+    return min(alone, reused, key=lambda one: one.cost)
+
+
+def _with_basis(
+    left: BlockFrames,
+    basis: npt.NDArray[np.int32],
+    layout: Layout,
+    mesh: FieldMesh,
+    choices: FieldChoices,
+    key: KeyFields | None,
+    prepared: Prepared | None = None,
+    reused: npt.NDArray[np.int32] | None = None,
+) -> AnalysedFields:
+    """The integers of a block whose basis is known, and which are `reused` of those of its key."""
+    step = float(layout.step)
+    vectors = decode_basis(basis, replace(layout, n_reused=0))
+    if len(basis):
+        wanted = _projected(vectors.reshape(-1, len(basis)), left, mesh.number, step)
+        residuals, own = _quantized_fields(wanted, layout, mesh, choices, key, prepared)
+    else:
+        wanted = np.empty((left.n_verts, 0))
+        residuals, own = np.empty((0, left.n_verts), np.int32), KeyFields(wanted)
+    whole = basis
+    if reused is not None:
+        whole = np.concatenate([reused, basis])
+        vectors = decode_basis(whole, layout, key)
+    values = own.values if reused is None else with_reused(own.values, layout.n_reused, key)
+    decoded = JointFrames(vectors, values, step, mesh.number, layout.is_single)
+    return AnalysedFields(FieldBlock(layout, whole, residuals), decoded, own, wanted, left)
+
+
+def _reusing(
+    frames: BlockFrames, mesh: FieldMesh, choices: FieldChoices, key: KeyFields, layout: Layout
+) -> AnalysedFields | None:
+    """A block that reuses fields of its key, with modes of what they leave; None: it cannot."""
+    if choices.n_modes is not None:  # a number of modes leaves no room for those of the key
+        return None
+    finer, step = np.float32(choices.basis_step), float(layout.step)
+    reused = reuse_fields(frames, key.values, mesh.number, step, float(finer), choices.price)
+    if reused is None:
+        return None
+    coding = reused.coding
+    basis, _ = _quantized_basis(reused.left, step, choices, coding, may_be_none=True)
+    n_reused = len(reused.integers)
+    if n_reused + len(basis) > frames.n_columns * frames.n_frames:
+        return None
+    layout = replace(layout, n_reused=n_reused, finer=finer)
+    layout = replace(layout, rests=coding.rests, has_cosines=coding.has_cosines)
+    return _with_basis(reused.left, basis, layout, mesh, choices, key, None, reused.integers)
+
+
+@staged("projection")
+def _projected(vectors: Floats, frames: BlockFrames, places: Integers, step: float) -> Floats:
+    """Fields of shape (V, K) whose product with the temporal basis is nearest to the frames.
+
+    In steps; `places` is the row of each vertex.
+    """
+    gram = vectors.T @ vectors  # rounding leaves the vectors not quite orthonormal
+    inverse = np.linalg.pinv(gram, hermitian=True) @ vectors.T
+    fields = np.empty((frames.n_verts, vectors.shape[1]))
+
+    def fill(piece: slice) -> None:
+        fields[places[piece]] = (inverse @ frames.coordinates(piece)).T / step
+
+    in_threads(fill, chunks(len(fields), CHUNK_VERTICES))
+    return fields
+
+
+@staged("temporal basis")
+def _quantized_basis(
+    frames: BlockFrames,
+    step: float,
+    choices: FieldChoices,
+    coding: BasisCoding | None = None,
+    *,
+    may_be_none: bool = False,
+) -> tuple[npt.NDArray[np.int32], BasisCoding]:
+    """Integers of the temporal basis, of shape (K, C, T), without modes that are all 0.
+
+    There is one at least, unless there may be none. With them their coding, which is chosen where
+    it is not given.
+    """
+    least = choices.least_rms * step * float(np.sqrt(frames.n_verts))
+    has_means = frames.taken is None and has_still_part(frames, step)
+    strengths, vectors = frames.trajectories(least, with_means=has_means)
+    if may_be_none:
+        vectors = vectors[:, strengths > least]
+        strengths = strengths[strengths > least]
+    strengths, vectors = strengths[: choices.n_modes], vectors[:, : choices.n_modes]
+    # Decoded vectors are normalised, so that a coarser step needs no telling.
+    scales = np.minimum(strengths / (choices.basis_step * step), LARGEST_INTEGER)
+    shape = (-1, frames.n_columns, frames.n_frames)
+    wanted = (vectors * scales).T.reshape(shape)
+    if coding is None:
+        coding = choose_coding(frames, wanted, step, choices.basis_step, choices.price)
+    coded = coding.encode(wanted, choices.price)
+    does_something = np.asarray(coded.any(axis=(1, 2)))
+    if not may_be_none:
+        does_something[0] = True
+    return coded[does_something], coding
+
+
+@staged("fields")
+def _quantized_fields(
+    wanted: Floats,
+    layout: Layout,
+    mesh: FieldMesh,
+    choices: FieldChoices,
+    key: KeyFields | None,
+    prepared: Prepared | None,
+) -> tuple[npt.NDArray[np.int32], KeyFields]:
+    """Residuals of shape (K, V), and the fields that they decode to, both in coding order.
+
+    Parameters
+    ----------
+    wanted : float64 array of shape (V, K)
+        The fields to come near to, in coding order and in steps.
+    prepared : Prepared or None
+        Weights to begin with, where they are known and there is no key.
+    """
+    choice = Choice(_first_shaped(mesh, choices), choices.feedback_gain, choices.price)
+    known = None
+    if key is not None:
+        known, prepared = key.values, key.prepared(mesh, layout.n_learned)
+    residuals, values = encode_values(
+        mesh.hierarchy, wanted, choice, layout.n_learned, known, prepared
+    )
+    return residuals, KeyFields(values)
+
+
+def _first_shaped(mesh: FieldMesh, choices: FieldChoices) -> int:
+    """The first level whose noise is shaped: of the finest resolutions, but never level 0."""
+    resolution_of = mesh.hierarchy.level_resolutions
+    first = resolution_of[-1] + 1 - choices.n_shaped_resolutions
+    return max(1, int(np.searchsorted(resolution_of, first)))

@@ -1,0 +1,357 @@
+"""The method `reel`: a block of frames to the sections of a stream."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.codec.bitstream.layout import Section
+from meshreel.codec.corrections import Corrections
+from meshreel.codec.error_bounds import write_promise
+from meshreel.codec.reel.encoding.analysis import (
+    AnalysedFields,
+    FieldChoices,
+    analyse_fields,
+)
+from meshreel.codec.reel.encoding.block_frames import BlockFrames
+from meshreel.codec.reel.encoding.corrections import find_corrections, least_bound
+from meshreel.codec.reel.encoding.effort import choices_of
+from meshreel.codec.reel.normative.blocks import layout_of, read_field_block, write_field_block
+from meshreel.codec.reel.normative.fields import FieldBlock, KeyFields
+from meshreel.codec.reel.normative.mesh import Connectivity, FieldMesh, shared_field_mesh
+from meshreel.codec.source import CodedMesh, Piece
+from meshreel.codec.stored_blocks import StoredBlock, read_block
+from meshreel.codec.subspace.trajectories import BoundingFrame
+from meshreel.errors import InvalidInputError
+from meshreel.runtime.threads import chunks, in_threads, one_blas_thread
+
+Vertices = npt.NDArray[np.floating]
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+SectionsOf = Callable[[FieldBlock, FieldMesh, Corrections | None], Iterator[tuple[Section, bytes]]]
+
+MOST_ERRORS = 1 << 21
+"""Positions that corrections are found for at once."""
+
+DECODED_FRAMES = 64
+"""Frames that are decoded at once."""
+
+MOST_OWN = 2.0
+"""A block with more than so many times the modes of its key, beside those that it reuses, is not
+helped by it, and becomes a key block itself."""
+
+ROUNDING_BESIDE, ENERGY_BESIDE = 100.0, 1e-9
+"""Squared errors are told from fields if they are this many times the squared errors by rounding,
+and this share of all squared coordinates."""
+
+
+@dataclass(frozen=True)
+class FieldBlockCoder:
+    """Codes blocks of frames; those that refer to a key block do not depend on any other.
+
+    Attributes
+    ----------
+    mesh : FieldMesh
+    frame : BoundingFrame
+    choices : FieldChoices
+    bound : float or None
+        Largest error of a position, in diagonals of the frame; None promises nothing.
+    sections_of : callable
+        Gives the sections of a block, its mesh and corrections: of positions or of another track.
+    each_column : bool, default False
+        Whether the bound is of each number by itself, and not of the length of all.
+    """
+
+    mesh: FieldMesh
+    frame: BoundingFrame
+    choices: FieldChoices
+    bound: float | None = None
+    sections_of: SectionsOf = write_field_block
+    each_column: bool = False
+
+    def with_step(self, position_step: float, bound: float | None) -> "FieldBlockCoder":
+        """The same with another step, as `FieldChoices` has it, and bound."""
+        choices = replace(self.choices, position_step=position_step)
+        return replace(self, choices=choices, bound=bound)
+
+    def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
+        """The sections before the first block, behind the connectivity."""
+        if self.bound is not None:
+            yield Section.PROMISE, write_promise(100.0 * self.bound)
+
+    def frames(self, vertices: Vertices, order: Integers | None = None) -> "FieldFrames":
+        """A block of positions of shape (T_b, V, 3), or of (T_b, N, C) values, ready to be coded.
+
+        They are in internal order, or `order` is the number of each internal vertex.
+        """
+        numbers = None if order is None else order.astype(np.int32)
+        given = np.ascontiguousarray(vertices)
+        return FieldFrames(BlockFrames(given, self.frame, numbers))
+
+    def code(
+        self, frames: "FieldFrames", key: "KeyBlock | None" = None, reference: int = 0
+    ) -> "CodedFrames":
+        """A block, coded.
+
+        Sums do not depend on the number of cores, so that the bytes do not either.
+
+        Parameters
+        ----------
+        frames : FieldFrames
+        key : KeyBlock, optional
+            The block that this one is to refer to.
+        reference : int, default 0
+            How many blocks before this one that is.
+        """
+        with one_blas_thread():
+            return self._code(frames, key, reference)
+
+    def code_piece(self, piece: Piece, key: "KeyBlock", reference: int) -> "CodedPiece":
+        """A block that is still to be read, coded."""
+        frames = self.frames(piece.given(), piece.order)
+        coded = self.code(frames, key, reference)
+        new_key = coded.key if coded.is_key else None
+        return CodedPiece(frames.block.n_frames, list(coded.sections), new_key)
+
+    def _code(self, frames: "FieldFrames", key: "KeyBlock | None", reference: int) -> "CodedFrames":
+        found = analyse_fields(
+            frames.block, self.mesh, self.choices, None if key is None else key.fields, reference
+        )
+        if key is not None and len(found.block.fields) > MOST_OWN * key.block.n_modes:
+            found = analyse_fields(frames.block, self.mesh, self.choices)
+        corrections = None
+        if self.bound is not None:
+            corrections = _corrections(frames, found, self.bound, self.each_column)
+        return CodedFrames(
+            sections=self.sections_of(found.block, self.mesh, corrections),
+            analysed=found,
+            key=KeyBlock(self.mesh, found.block, found.own),
+        )
+
+
+def _corrections(
+    frames: "FieldFrames", found: AnalysedFields, bound: float, each_column: bool
+) -> Corrections:
+    """Corrections of a block, found for some frames after another."""
+    block, parts = frames.block, []
+    everything = slice(0, block.n_verts)
+    for some in chunks(block.n_frames, max(1, MOST_ERRORS // block.n_verts)):
+        errors = block.coordinates(everything, some)
+        errors = errors.reshape(block.n_columns, -1, block.n_verts)
+        errors -= found.decoded(some)
+        part = find_corrections(errors, bound, frames.rounding, each_column=each_column)
+        parts.append(replace(part, frames=part.frames + some.start))
+    vertices, numbers, offsets = (
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("vertices", "frames", "offsets")
+    )
+    order = np.lexsort((numbers, vertices))
+    return Corrections(parts[0].step, vertices[order], numbers[order], offsets[order])
+
+
+@dataclass(frozen=True)
+class CodedPiece:
+    """A block of frames as bytes.
+
+    Attributes
+    ----------
+    n_frames : int
+    sections : list of (Section, bytes)
+    key : KeyBlock or None
+        The block, where the following ones are to refer to it.
+    """
+
+    n_frames: int
+    sections: list[tuple[Section, bytes]]
+    key: "KeyBlock | None"
+
+
+@dataclass(frozen=True)
+class CodedFrames:
+    """A block of frames as integers.
+
+    Attributes
+    ----------
+    sections : iterator of (Section, bytes)
+        Their bytes are found when they are taken, which can be done once.
+    analysed : AnalysedFields
+        Fields, without corrections.
+    key : KeyBlock
+        The block, for others to refer to it.
+    """
+
+    sections: Iterator[tuple[Section, bytes]]
+    analysed: AnalysedFields
+    key: "KeyBlock"
+
+    @property
+    def is_key(self) -> bool:
+        """Whether it refers to no block, so that others may refer to it."""
+        return not self.analysed.block.layout.reference
+
+    def decoded(self, frames: "FieldFrames") -> Vertices:
+        """The positions that these frames decode to, without corrections."""
+        out = np.empty(frames.block.vertices.shape, frames.block.vertices.dtype)
+        pieces = chunks(len(out), DECODED_FRAMES)
+
+        def fill(piece: slice) -> None:
+            numbers = range(piece.start, piece.stop)
+            self.analysed.decoded.fill(out[piece], numbers, frames.block.frame.placement)
+
+        self.analysed.decoded.pack()
+        in_threads(fill, pieces)
+        return out
+
+    def squared_error(self, frames: "FieldFrames") -> float:
+        """Sum of the squared distances of decoded positions from these frames, in diagonals.
+
+        Found from the fields, where that tells it exactly enough: rounding of positions only adds
+        what it does on average, and must be small beside the error; as must the last bits of the
+        energy.
+        """
+        found = self.analysed.squared_error
+        n_positions = frames.block.n_frames * frames.block.n_verts
+        by_rounding = float(frames.rounding**2) / 12.0 * n_positions
+        if found > max(ROUNDING_BESIDE * by_rounding, ENERGY_BESIDE * frames.block.energy):
+            return found + by_rounding
+        apart: Floats = self.decoded(frames).astype(np.float64) - frames.vertices
+        apart /= frames.block.frame.scale
+        return float(np.vdot(apart, apart))
+
+
+@dataclass(frozen=True)
+class KeyBlock:
+    """A block that others refer to.
+
+    Only its sections are pickled: another process decodes them, and keeps the result for when
+    it is given the same again.
+
+    Attributes
+    ----------
+    mesh : FieldMesh
+    block : FieldBlock
+    fields : KeyFields
+    """
+
+    mesh: FieldMesh
+    block: FieldBlock
+    fields: KeyFields
+
+    @cached_property
+    def _sections(self) -> tuple[tuple[Section, bytes], ...]:
+        return tuple(write_field_block(self.block, self.mesh))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _decoded_key, (self.mesh.connectivity, self._sections)
+
+
+@lru_cache(maxsize=1)
+def _decoded_key(
+    connectivity: Connectivity, sections: tuple[tuple[Section, bytes], ...]
+) -> KeyBlock:
+    mesh, own = shared_field_mesh(*connectivity), dict(sections)
+    n_frames, n_modes = read_block(own[Section.BLOCK])
+    stored = StoredBlock(0, n_frames, n_modes, own)
+    with one_blas_thread():
+        read = read_field_block(stored, layout_of(stored), mesh)
+        fields = KeyFields(read.values(mesh))
+    return KeyBlock(mesh, FieldBlock(read.layout, read.basis, read.fields), fields)
+
+
+@dataclass(frozen=True)
+class FieldFrames:
+    """A block of frames as `reel` takes it.
+
+    Attributes
+    ----------
+    block : BlockFrames
+    """
+
+    block: BlockFrames
+
+    @property
+    def vertices(self) -> Vertices:
+        """Positions of shape (T_b, V, 3), in internal order."""
+        found, order = self.block.vertices, self.block.order
+        return found if order is None else found.take(order, axis=1)
+
+    @cached_property
+    def rounding(self) -> float:
+        """Largest error, in diagonals, that the number type of the positions alone makes."""
+        found = self.block.vertices
+        return largest_rounding(found.min(), found.max(), found.dtype, self.block.frame)
+
+
+class KeyedBlocks:
+    """Blocks coded one after another, each of which refers to the last key block.
+
+    The first block is one, and so are those that the last one does not help with.
+
+    Parameters
+    ----------
+    coder : FieldBlockCoder
+    """
+
+    def __init__(self, coder: FieldBlockCoder) -> None:
+        self._coder = coder
+        self._key: KeyBlock | None = None
+        self._n_behind = 0
+
+    def code(self, frames: FieldFrames) -> CodedFrames:
+        """The next block, coded."""
+        coded = self._coder.code(frames, self._key, self._n_behind)
+        if coded.is_key:
+            self._key, self._n_behind = coded.key, 0
+        self._n_behind += 1
+        return coded
+
+
+def coder_of(mesh: CodedMesh, frame: BoundingFrame) -> FieldBlockCoder:
+    """The coder of a mesh with the choices that its options mean; its step is still to be set."""
+    choices = choices_of(mesh.config)
+    field_mesh = FieldMesh(mesh.faces, mesh.n_verts, choices.stencil_size)
+    return FieldBlockCoder(field_mesh, frame, choices)
+
+
+def largest_rounding(
+    low: float, high: float, dtype: np.dtype[np.floating], frame: BoundingFrame
+) -> float:
+    """Largest error of a position between two coordinates, in diagonals, by its type alone."""
+    spacing = float(np.spacing(np.maximum(abs(low), abs(high)).astype(dtype)))
+    return float(np.sqrt(len(frame.origin)) * spacing / frame.scale)
+
+
+def checked_frames(coder: FieldBlockCoder, vertices: Vertices) -> FieldFrames:
+    """A block that is ready to be coded, and whose number type allows the promised bound.
+
+    Raises
+    ------
+    InvalidInputError
+        If it does not.
+    """
+    frames = coder.frames(vertices)
+    if coder.bound is not None:
+        check_promise(coder.bound, frames.rounding, vertices.dtype)
+    return frames
+
+
+def check_promise(bound: float, rounding: float, dtype: np.dtype[np.floating]) -> None:
+    """Nothing if a largest error can be promised in spite of the rounding of positions.
+
+    Raises
+    ------
+    InvalidInputError
+        If it cannot.
+    """
+    least = least_bound(rounding)
+    if bound > least:
+        return
+    remedy = "" if dtype == np.float64 else "give positions as float64, "
+    raise InvalidInputError(
+        f"max_error {100 * bound:g} cannot be promised: positions of type {dtype} at these "
+        f"coordinates are rounded by up to {100 * rounding:.2g} percent of the diagonal; "
+        f"{remedy}ask for every bit (lossless), or for at least {101 * least:.2g}"
+    )

@@ -1,0 +1,241 @@
+"""A block of frames as the encoder of `reel` takes it: coordinates, and their trajectories."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.codec.subspace.pca import fix_signs, gram_of_rows, weak_trajectories
+from meshreel.codec.subspace.trajectories import BoundingFrame
+from meshreel.kernel.frames import add_coordinate_rows, coordinate_rows
+from meshreel.runtime.profiling import staged
+from meshreel.runtime.threads import chunks, in_threads
+
+Floats = npt.NDArray[np.float64]
+
+MOST_KEPT = 1 << 23
+"""Coordinates that are kept as float64; those of larger blocks are found anew where needed."""
+
+LARGEST_INTEGER = 2.0**29
+"""Quantised values stay below this, with room for residuals that are larger."""
+
+CHUNK_VERTICES = 2048
+"""Vertices whose fields are found at once."""
+
+SAMPLED = 1024
+"""At least this many vertices, or all, are searched for parts that rest."""
+
+SKETCHED = 64
+"""Columns of a sketch by rows. What K modes from a sketch leave is larger by a share of about
+K / columns, which is less than 1 / 64."""
+
+
+@dataclass
+class BlockFrames:
+    """A block of frames with its trajectories, which do not change with the step.
+
+    Attributes
+    ----------
+    vertices : float array of shape (T, V, C)
+        Positions, or values of another track; contiguous.
+    frame : BoundingFrame
+        What they are relative to.
+    order : int32 array of shape (V,), or None
+        Number of each vertex in the internal order; None: they are in it.
+    taken : tuple of float64 arrays of shapes (C, T, R) and (V, R), or None
+        Vectors and fields, in internal order, whose product is taken away from coordinates.
+    n_frames, n_verts, n_columns : int
+        T, V and C.
+    is_analysed : bool
+        Whether trajectories were found before.
+    """
+
+    vertices: npt.NDArray[np.floating]
+    frame: BoundingFrame
+    order: npt.NDArray[np.int32] | None = None
+    taken: tuple[Floats, Floats] | None = None
+    _found: dict[bool, tuple[float, Floats, Floats]] = field(default_factory=dict)
+    n_frames: int = field(init=False)
+    n_verts: int = field(init=False)
+    n_columns: int = field(init=False)
+    is_analysed: bool = field(init=False, default=False)
+
+    def __post_init__(self) -> None:
+        self.n_frames, self.n_verts, self.n_columns = map(int, self.vertices.shape)
+
+    def coordinates(self, piece: slice, frames: slice = slice(None)) -> Floats:
+        """Coordinates of some vertices, in internal order: of shape (C T, n), x before y and z.
+
+        Those of all frames may be kept for others, and must not be changed; of some frames they are
+        a copy.
+        """
+        if not self._is_small:
+            return self._rows(piece, frames)
+        if frames == slice(None):
+            return self._all[:, piece]
+        if self.taken is not None:
+            return self._rows(piece, frames)
+        rows = self._all.reshape(self.n_columns, self.n_frames, -1)
+        chosen = np.array(rows[:, frames, piece])
+        return chosen.reshape(-1, chosen.shape[2])
+
+    def _rows(self, piece: slice, frames: slice = slice(None)) -> Floats:
+        placement = self.frame.placement
+        rows = coordinate_rows(self.vertices[frames], self.order, piece, placement)
+        if self.taken is not None:
+            vectors, fields = self.taken
+            rows -= vectors[:, frames].reshape(len(rows), -1) @ fields[piece].T
+        return rows
+
+    @property
+    def _is_small(self) -> bool:
+        return self.vertices.size <= MOST_KEPT
+
+    @cached_property
+    @staged("coordinates")
+    def _all(self) -> Floats:
+        if self.taken is None:
+            return self._rows(slice(0, self.n_verts))
+        found = np.empty((self._n_rows, self.n_verts))
+
+        def fill(piece: slice) -> None:
+            found[:, piece] = self._rows(piece)
+
+        in_threads(fill, chunks(self.n_verts, CHUNK_VERTICES))
+        return found
+
+    @property
+    def _n_sketched(self) -> int:
+        """Columns of the sketch that trajectories are found from; 0: from all vertices."""
+        pieces = SKETCHED * self._n_rows // CHUNK_VERTICES + 1
+        return CHUNK_VERTICES * pieces if 2 * CHUNK_VERTICES * pieces <= self.n_verts else 0
+
+    def _sketch(self, piece: slice) -> Floats:
+        """Some columns of a matrix whose product with its transpose is nearly that of all vertices.
+
+        Each is the sum of some vertices with signs drawn at random (a "count sketch": Charikar,
+        Chen and Farach-Colton, 2002; of matrices Clarkson and Woodruff, 2013). All vertices count.
+        """
+        found = np.zeros((self._n_rows, piece.stop - piece.start))
+        placement = self.frame.placement
+        for start in range(piece.start, self.n_verts, self._n_sketched):
+            part = slice(start, min(start + found.shape[1], self.n_verts))
+            count = part.stop - start
+            signs = np.random.default_rng(start).integers(0, 2, count) * 2.0 - 1.0
+            sums = found if count == found.shape[1] else np.zeros((len(found), count))
+            add_coordinate_rows(self.vertices, self.order, part, placement, signs, sums)
+            if self.taken is not None:
+                vectors, fields = self.taken
+                sums -= vectors.reshape(len(sums), -1) @ (fields[part].T * signs)
+            if sums is not found:
+                found[:, :count] += sums
+        return found
+
+    @property
+    def _telling_columns(self) -> tuple[Callable[[slice], Floats], int]:
+        """Columns that trajectories are found from, and how many they are."""
+        if self._n_sketched:
+            return self._sketch, self._n_sketched
+        return self.coordinates, self.n_verts
+
+    @cached_property
+    def _gram(self) -> Floats:
+        columns, n_columns = self._telling_columns
+        return gram_of_rows(columns, self._n_rows, n_columns)
+
+    @property
+    def _n_rows(self) -> int:
+        return self.n_columns * self.n_frames
+
+    @cached_property
+    def energy(self) -> float:
+        """Sum of all squared coordinates."""
+        if self._n_rows <= self.n_verts and not self._n_sketched:
+            return float(np.trace(self._gram))
+        pieces = chunks(self.n_verts, CHUNK_VERTICES)
+        return sum(float(np.square(self.coordinates(piece)).sum()) for piece in pieces)
+
+    @cached_property
+    def spread(self) -> float:
+        """Sum of the squared distances of all positions from the mean of their frame."""
+        first = self.coordinates(slice(0, 1))  # vertices in one place have no spread at all
+        sums, total = np.zeros(len(first)), 0.0
+        for piece in chunks(self.n_verts, CHUNK_VERTICES):
+            around = self.coordinates(piece) - first
+            sums += around.sum(axis=1)
+            total += float(np.vdot(around, around))
+        return total - float(sums @ sums) / self.n_verts
+
+    @cached_property
+    def sampled_motion(self) -> tuple[Floats, Floats]:
+        """How far some vertices move, in diagonals.
+
+        From each frame to the next, of shape (T - 1, n); and in all, between the extremes of their
+        coordinates, of shape (n,).
+        """
+        sample = self.vertices[:, :: max(1, self.n_verts // SAMPLED)] / np.float64(self.frame.scale)
+        steps = np.linalg.norm(np.diff(sample, axis=0), axis=2)
+        return steps, np.linalg.norm(np.ptp(sample, axis=0), axis=1)
+
+    @staged("trajectories")
+    def trajectories(self, least: float, *, with_means: bool = False) -> tuple[Floats, Floats]:
+        """Singular values above `least`, one at least, and basis vectors of shape (C T, K).
+
+        With means, these are modes by themselves: their vectors are constant in one column and 0 in
+        the others, and the fields of all other modes are 0 at vertices that never move.
+        """
+        found = self._found.get(with_means)
+        if found is None or found[0] > least:
+            find = self._trajectories_and_means if with_means else self._trajectories
+            self._found[with_means] = found = (least, *find(least))
+            self.is_analysed = True
+        _, strengths, vectors = found
+        n_kept = max(1, int(np.sum(strengths > least)))
+        return strengths[:n_kept], vectors[:, :n_kept]
+
+    def _trajectories_and_means(self, least: float) -> tuple[Floats, Floats]:
+        squared = np.zeros(self.n_columns)
+        for piece in chunks(self.n_verts, CHUNK_VERTICES):
+            squared += np.square(self._by_column(self.coordinates(piece)).mean(axis=1)).sum(axis=1)
+        constant = np.full((self.n_frames, 1), 1.0 / math.sqrt(self.n_frames))
+        strengths, vectors = self._trajectories(least, self._less_means)
+        strengths = np.concatenate([np.sqrt(squared * self.n_frames), strengths])
+        vectors = np.hstack([np.kron(np.eye(self.n_columns), constant), vectors])
+        order = np.argsort(-strengths, kind="stable")
+        return strengths[order], vectors[:, order]
+
+    def _by_column(self, rows: Floats) -> Floats:
+        return rows.reshape(self.n_columns, self.n_frames, -1)
+
+    def _less_means(self, rows: Floats) -> Floats:
+        """Coordinates of shape (C T, n), of each column less their mean over time."""
+        by_column = self._by_column(rows)
+        return np.asarray((by_column - by_column.mean(axis=1, keepdims=True)).reshape(rows.shape))
+
+    def _trajectories(
+        self, least: float, of: Callable[[Floats], Floats] | None = None
+    ) -> tuple[Floats, Floats]:
+        """Of coordinates, or of what a linear function of columns makes of them."""
+        if self._n_rows < self.n_verts:
+            columns, n_columns = self._telling_columns
+            if of is None:
+                return weak_trajectories(columns, self._gram, n_columns, least)
+
+            def changed(piece: slice) -> Floats:
+                return of(columns(piece))
+
+            gram = gram_of_rows(changed, self._n_rows, n_columns)
+            return weak_trajectories(changed, gram, n_columns, least)
+        rows = self.coordinates(slice(0, self.n_verts))
+        rows = rows if of is None else of(rows)
+
+        def frames(piece: slice) -> Floats:
+            return np.asarray(rows.T[:, piece])
+
+        gram = gram_of_rows(frames, self.n_verts, self._n_rows)
+        strengths, fields = weak_trajectories(frames, gram, self._n_rows, least)
+        divisors = np.where(strengths > 0, strengths, 1.0)
+        return strengths, fix_signs(rows @ fields / divisors)

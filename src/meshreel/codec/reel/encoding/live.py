@@ -1,0 +1,160 @@
+"""Live coding: the first block decides the quantisation step of all."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import chain
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.codec.bitstream.layout import Section
+from meshreel.codec.bitstream.writer import Sections
+from meshreel.codec.reel.encoding.aim import aimed
+from meshreel.codec.reel.encoding.block_coder import (
+    FieldBlockCoder,
+    FieldFrames,
+    KeyedBlocks,
+    checked_frames,
+    coder_of,
+)
+from meshreel.codec.reel.encoding.effort import finest_step
+from meshreel.codec.reel.encoding.smoothness import sampled_frames, step_share
+from meshreel.codec.reel.encoding.tracks import live_tracks
+from meshreel.codec.reel.encoding.written import WrittenBlocks
+from meshreel.codec.source import CodedMesh
+from meshreel.codec.subspace.trajectories import BoundingFrame
+from meshreel.codec.track_bounds import TrackTargets
+from meshreel.model.sequence import extent_of
+from meshreel.model.tracks import Track
+
+Vertices = npt.NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class FirstBlock:
+    """The first block of a live sequence, as `aim.Material` has it.
+
+    Attributes
+    ----------
+    coder : FieldBlockCoder
+    vertices : float array of shape (T_b, V, 3)
+        In internal order.
+    """
+
+    coder: FieldBlockCoder
+    vertices: Vertices
+
+    @property
+    def diagonal(self) -> float:
+        """Of the bounding box, in model units."""
+        return self.coder.frame.scale
+
+    @property
+    def own_diagonal(self) -> float:
+        """Of the model itself, in diagonals of the bounding box."""
+        return extent_of(self.vertices).mean_diagonal / self.diagonal or 1.0
+
+    @property
+    def step_share(self) -> float:
+        """The step for this surface by the usual one of a quality."""
+        frames = self.vertices[sampled_frames(len(self.vertices))]
+        return step_share(self.coder.mesh.faces, self.coder.mesh.n_verts, frames)
+
+    @property
+    def rounding(self) -> float:
+        """Largest error of a position, in diagonals, that its number type alone makes."""
+        return self._frames.rounding
+
+    @property
+    def dtype(self) -> np.dtype[np.floating]:
+        """Number type of the positions."""
+        return self.vertices.dtype
+
+    @property
+    def finest_step(self) -> float:
+        """The finest step that it can be coded with."""
+        return finest_step()
+
+    @cached_property
+    def _frames(self) -> FieldFrames:
+        return self.coder.frames(self.vertices)
+
+    def size_bytes(self, step: float, bound: float) -> float:
+        """Bytes of the block with a step, corrected to keep a bound in diagonals."""
+        coded = self.coder.with_step(max(self.finest_step, step), bound).code(self._frames)
+        return float(sum(len(payload) for _, payload in coded.sections))
+
+    def measured(self, step: float) -> float:
+        """Never asked for: these targets are checked to need no whole sequence."""
+        raise AssertionError("frames that come one by one are coded for other targets")
+
+
+class LiveCoder:
+    """Codes blocks of frames as they come, with the step that suits the first of them.
+
+    Parameters
+    ----------
+    mesh : CodedMesh
+    frame : BoundingFrame
+    first : float array of shape (T_b, V, 3)
+        The first block, in internal order.
+    tracks : dict of str to Track
+        Values of the first block: bounds that are shares are of their range in it.
+    targets : mapping of str to str or float, or None
+        How exact they are to come back.
+
+    Raises
+    ------
+    InvalidInputError
+        If a target cannot be met.
+    """
+
+    def __init__(
+        self,
+        mesh: CodedMesh,
+        frame: BoundingFrame,
+        first: Vertices,
+        tracks: Mapping[str, Track],
+        targets: TrackTargets | None,
+    ) -> None:
+        self._mesh, self._dtype = mesh, first.dtype
+        coder = coder_of(mesh, frame)
+        self._coder = coder.with_step(*aimed(mesh.config, FirstBlock(coder, first)))
+        self._blocks = KeyedBlocks(self._coder)
+
+        def decoded() -> Vertices:
+            coded = KeyedBlocks(self._coder).code(self._coder.frames(first))
+            return self._written().positions(coded.sections)
+
+        self._tracks = live_tracks(mesh, tracks, targets, decoded)
+        is_predicted = any(one.header.coding.is_predicted for one in self._tracks.values())
+        self._decoder = self._written() if is_predicted else None
+
+    def _written(self) -> WrittenBlocks:
+        """The decoder of positions that are still to be written."""
+        mesh = self._mesh
+        return WrittenBlocks(self._coder.mesh, mesh.output_order, self._coder.frame, self._dtype)
+
+    def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
+        """The sections before the first block, behind those of the mesh."""
+        of_tracks = (track.leading_section() for track in self._tracks.values())
+        return chain(of_tracks, self._coder.leading_sections())
+
+    def code(self, vertices: Vertices, tracks: Mapping[str, Track]) -> Sections:
+        """The sections of the next block, given in internal order; tracks in the given one.
+
+        Raises
+        ------
+        InvalidInputError
+            If its number type, or values of a track, do not allow the promised bound.
+        """
+        sections: Sections = self._blocks.code(checked_frames(self._coder, vertices)).sections
+        positions = None
+        if self._decoder is not None:
+            sections = list(sections)
+            positions = self._decoder.positions(sections)
+        others = [
+            coder.code(tracks[name].values, positions) for name, coder in self._tracks.items()
+        ]
+        return chain(sections, *others)

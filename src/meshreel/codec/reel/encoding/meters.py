@@ -1,0 +1,71 @@
+"""Errors of a trial stream, gathered block after block as it is made."""
+
+import math
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.codec.reel.encoding.block_coder import CodedFrames, FieldFrames
+from meshreel.metrics.reference import relative
+from meshreel.metrics.sted import sted
+from meshreel.model.sequence import Faces
+
+Vertices = npt.NDArray[np.floating]
+
+
+SLACK = 1e-6
+"""Share by which errors that are found from fields may be too small."""
+
+
+class Meter(Protocol):
+    """An error that is gathered over the blocks of a sequence."""
+
+    def add(self, frames: FieldFrames, coded: CodedFrames) -> None:
+        """Take in the next frames, as they came and as they were coded."""
+
+    @property
+    def value(self) -> float:
+        """The error of all frames so far."""
+
+
+class KgMeter:
+    """KG error in percent, found from fields; frames are only decoded where errors are tiny."""
+
+    def __init__(self) -> None:
+        self._error = self._spread = 0.0
+
+    def add(self, frames: FieldFrames, coded: CodedFrames) -> None:
+        """Take in the next frames, as they came and as they were coded."""
+        self._error += coded.squared_error(frames)
+        self._spread += frames.block.spread
+
+    @property
+    def value(self) -> float:
+        """The error of all frames so far."""
+        return 100.0 * (1.0 + SLACK) * relative(math.sqrt(self._error), math.sqrt(self._spread))
+
+
+class StedMeter:
+    """STED, which compares frames across blocks: it keeps them all.
+
+    Parameters
+    ----------
+    faces : int32 array of shape (M, 3)
+    """
+
+    def __init__(self, faces: Faces) -> None:
+        self._faces = faces
+        self._blocks: list[tuple[Vertices, Vertices]] = []
+
+    def add(self, frames: FieldFrames, coded: CodedFrames) -> None:
+        """Take in the next frames, as they came and as they were coded."""
+        self._blocks.append((frames.vertices, coded.decoded(frames)))
+
+    @property
+    def value(self) -> float:
+        """The error of all frames so far."""
+        if len(self._blocks) == 1:
+            return sted(*self._blocks[0], self._faces).sted
+        original, decoded = map(np.concatenate, zip(*self._blocks, strict=True))
+        return sted(original, decoded, self._faces).sted

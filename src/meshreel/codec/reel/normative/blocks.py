@@ -1,0 +1,215 @@
+"""Blocks of `reel` to sections and back."""
+
+from collections.abc import Iterator
+from concurrent.futures import Future
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.codec.bitstream.layout import Section
+from meshreel.codec.corrections import Corrections
+from meshreel.codec.entropy.varint import write_varint
+from meshreel.codec.reel.normative import payloads
+from meshreel.codec.reel.normative.fields import FieldBlock, KeyFields, Layout, decoded_values
+from meshreel.codec.reel.normative.grid import write_step
+from meshreel.codec.reel.normative.mesh import FieldMesh
+from meshreel.codec.stored_blocks import StoredBlock, write_block
+from meshreel.errors import CorruptStreamError
+from meshreel.kernel.exact import encode_exact
+from meshreel.kernel.fields import decode_fields, encode_fields
+from meshreel.kernel.frames import MAX_COSINES
+from meshreel.kernel.mesh import Neighbours
+from meshreel.kernel.predict import Prepared, prepared_weights
+from meshreel.runtime.profiling import stage
+from meshreel.runtime.threads import in_background, n_cores
+
+Floats = npt.NDArray[np.float64]
+Numbers = npt.NDArray[Any]
+
+POSITION_COLUMNS = 3
+"""Columns of the first track: x, y and z."""
+
+
+def write_field_block(
+    block: FieldBlock, mesh: FieldMesh, corrections: Corrections | None = None
+) -> Iterator[tuple[Section, bytes]]:
+    """The sections of the positions in a block of `reel`, which begin the block."""
+    n_modes, _, n_frames = block.basis.shape
+    opening = Section.BLOCK, write_block(n_frames, n_modes)
+    yield from [opening, *_write_fields(block, mesh, corrections)]
+
+
+def write_track_block(
+    block: FieldBlock, mesh: FieldMesh, corrections: Corrections | None = None
+) -> Iterator[tuple[Section, bytes]]:
+    """The sections of a further track in a block of `reel`."""
+    opening = Section.TRACK_BLOCK, write_varint(block.n_modes)
+    yield from [opening, *_write_fields(block, mesh, corrections)]
+
+
+def write_exact_positions(vertices: Numbers, graph: Neighbours) -> list[tuple[Section, bytes]]:
+    """The sections of a block of `lossless`: positions of shape (T_b, V, 3), in internal order."""
+    return [
+        (Section.BLOCK, write_block(len(vertices), 0)),
+        (Section.VALUES, encode_exact(vertices, graph)),
+    ]
+
+
+def write_grid_positions(
+    values: Numbers, step: float, graph: Neighbours
+) -> list[tuple[Section, bytes]]:
+    """The sections of a block of `grid`, in internal order.
+
+    Parameters
+    ----------
+    values : array of shape (T_b, V, 3)
+        Places of the grid; or positions that are to stay as they are.
+    step : float
+        Of the grid; or `NO_GRID`.
+    graph : Neighbours
+        Of the vertices.
+    """
+    return [
+        (Section.BLOCK, write_block(len(values), 0)),
+        (Section.VALUES, write_step(step) + encode_exact(values, graph)),
+    ]
+
+
+def write_exact_block(values: Numbers, graph: Neighbours) -> list[tuple[Section, bytes]]:
+    """The sections of a further track whose values, of shape (T_b, N, C), come back as they are."""
+    return [
+        (Section.TRACK_BLOCK, write_varint(0)),
+        (Section.VALUES, encode_exact(values, graph)),
+    ]
+
+
+def write_missing(is_missing: npt.NDArray[np.bool_], graph: Neighbours) -> tuple[Section, bytes]:
+    """Which values, of shape (T_b, N, C), a block does not have."""
+    return Section.MISSING, encode_exact(is_missing, graph)
+
+
+def _write_fields(
+    block: FieldBlock, mesh: FieldMesh, corrections: Corrections | None
+) -> list[tuple[Section, bytes]]:
+    """The sections that all tracks have."""
+    layout = block.layout
+    basis = payloads.write_basis(block.basis, layout.rests, has_cosines=layout.has_cosines)
+    found = [(Section.FIELDS, payloads.write_layout(layout)), (Section.BASIS, basis)]
+    if corrections is not None:
+        found.append((Section.CORRECTIONS, payloads.write_corrections(corrections)))
+    return [*found, (Section.COEFFICIENTS, encode_fields(block.fields, mesh.coding_order))]
+
+
+def read_corrections(
+    stored: StoredBlock, n_verts: int, n_columns: int = POSITION_COLUMNS
+) -> Corrections | None:
+    """The corrections of a track in a block of `reel`, if it has some."""
+    if Section.CORRECTIONS not in stored.sections:
+        return None
+    payload = stored.payload(Section.CORRECTIONS)
+    return payloads.read_corrections(payload, n_columns, stored.n_frames, n_verts, stored.limit)
+
+
+@dataclass(frozen=True)
+class ReadBlock:
+    """A track in a block, of which some may still be on its way.
+
+    Attributes
+    ----------
+    layout : Layout
+    coming : Future of an int32 array of shape (K, C, T)
+        Residuals of the temporal basis.
+    fields : int32 array of shape (K - n_reused, V)
+    weights : Future of Prepared, or None
+        What its weights begin with; None where it is found on the way as fast.
+    """
+
+    layout: Layout
+    coming: Future[npt.NDArray[np.int32]]
+    fields: npt.NDArray[np.int32]
+    weights: Future[Prepared | None] | None
+
+    @property
+    def basis(self) -> npt.NDArray[np.int32]:
+        """Residuals of the temporal basis, waited for."""
+        with stage("waiting"):
+            return self.coming.result()
+
+    def values(self, mesh: FieldMesh, key: KeyFields | None = None) -> Floats:
+        """Decoded fields of shape (V, K), in coding order and in steps."""
+        return decoded_values(self.fields, self.layout, mesh, key, self.weights)
+
+
+def layout_of(stored: StoredBlock) -> Layout:
+    """How the fields of a track in a block are predicted.
+
+    Raises
+    ------
+    CorruptStreamError, UnsupportedVersionError
+        As `payloads.read_layout`; and if more modes are reused than there are, a time rests that
+        does not exist, or cosines have too many frames.
+    """
+    layout = payloads.read_layout(stored.payload(Section.FIELDS))
+    if layout.n_reused > stored.n_modes:
+        raise CorruptStreamError(f"{layout.n_reused} of {stored.n_modes} modes are reused")
+    if layout.rests.runs and layout.rests.runs[-1][1] > stored.n_frames:
+        raise CorruptStreamError(
+            f"times up to {layout.rests.runs[-1][1] - 1} rest in a block of {stored.n_frames}"
+        )
+    if layout.has_cosines and stored.n_frames > MAX_COSINES:
+        raise CorruptStreamError(
+            f"a block of {stored.n_frames} frames has cosines over time; at most {MAX_COSINES} "
+            "frames are allowed"
+        )
+    return layout
+
+
+def read_field_block(
+    stored: StoredBlock,
+    layout: Layout,
+    mesh: FieldMesh,
+    key: KeyFields | None = None,
+    *,
+    n_columns: int = POSITION_COLUMNS,
+) -> ReadBlock:
+    """A track in a block, whose two bit streams are read at the same time.
+
+    Parameters
+    ----------
+    stored : StoredBlock
+    layout : Layout
+        Its layout.
+    mesh : FieldMesh
+        Of this layout.
+    key : KeyFields, optional
+        Of the block that it refers to; only what its weights begin with needs it.
+    n_columns : int
+    """
+    n_modes, n_frames = stored.n_modes, stored.n_frames
+    times, coded = stored.payload(Section.BASIS), stored.payload(Section.COEFFICIENTS)
+    shape = n_modes, n_columns, n_frames
+    coming = in_background(
+        lambda: payloads.read_basis(
+            times, *shape, rests=layout.rests, has_cosines=layout.has_cosines
+        )
+    )
+    order = mesh.coding_order
+    weights = _begun_weights(mesh, layout, key)
+    fields = decode_fields(coded, n_modes - layout.n_reused, mesh.n_verts, order)
+    return ReadBlock(layout, coming, fields, weights)
+
+
+def _begun_weights(
+    mesh: FieldMesh, layout: Layout, key: KeyFields | None
+) -> Future[Prepared | None] | None:
+    """What weights begin with, being found; None where they are found on the way as fast."""
+    if n_cores() == 1 or (key is not None and key.is_prepared(layout.n_learned)):
+        return None
+    if key is not None:
+        return in_background(partial(key.prepared, mesh, layout.n_learned))
+    if mesh.is_large and not layout.reference:
+        return in_background(partial(prepared_weights, mesh.hierarchy, 0))
+    return None

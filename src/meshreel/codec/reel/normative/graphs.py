@@ -1,0 +1,92 @@
+"""The graph that the values of a track lie on, where they are not of vertices.
+
+Faces are next to each other across an edge; corners beside each other in a triangle, and across an
+edge at the same vertex; rows if corners of theirs are. `docs/format.md`, "Tracks".
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.codec.connectivity.triangles import twin_sides
+from meshreel.codec.corner_rows import CornerRows
+from meshreel.model.geometry.fans import fan_corners
+from meshreel.model.sequence import Faces
+from meshreel.model.surface import Domain, Surface
+
+Integers = npt.NDArray[np.integer]
+Pair = tuple[Integers, Integers]
+
+
+class ItemGraph(NamedTuple):
+    """A graph of items, as `FieldMesh` takes it.
+
+    Attributes
+    ----------
+    faces : int32 array of shape (n, 3)
+        Items at its corners are next to each other; where two are, the second stands twice.
+    n_items : int
+    """
+
+    faces: Faces
+    n_items: int
+
+
+def item_graph(domain: Domain, faces: Faces, surface: Surface, n_verts: int) -> ItemGraph:
+    """The graph of the faces or corners of a mesh, as they go out.
+
+    Parameters
+    ----------
+    domain : Domain
+        Faces, which are polygons, or their corners.
+    faces : int32 array of shape (M, 3)
+    surface : Surface
+        Says which triangles a polygon is cut into.
+    n_verts : int
+    """
+    sizes = surface.sizes(len(faces))
+    twins = twin_sides(faces, n_verts)
+    sides = np.flatnonzero(twins > np.arange(len(twins)))  # one of each two
+    others = twins[sides]
+    if domain is Domain.FACE:
+        polygons = np.repeat(np.arange(len(sizes)), sizes - 2)
+        return _graph([(polygons[sides // 3], polygons[others // 3])], len(sizes))
+    corners, first, second = _corners_across(faces, sizes, sides, others)
+    along = corners.reshape(-1, 3)[:, [1, 2, 0]].reshape(-1)
+    return _graph([(corners, along), first, second], int(sizes.sum()))
+
+
+def row_graph(rows: CornerRows, faces: Faces, surface: Surface, n_verts: int) -> ItemGraph:
+    """The graph of the rows that the corners of a mesh have; the others are as in `item_graph`."""
+    sizes, twins = surface.sizes(len(faces)), twin_sides(faces, n_verts)
+    sides = np.flatnonzero(twins > np.arange(len(twins)))
+    corners, *across = _corners_across(faces, sizes, sides, twins[sides])
+    pairs = [(rows.of_corners[one], rows.of_corners[other]) for one, other in across]
+    at_seams = [(one[one != other], other[one != other]) for one, other in pairs]
+    triangles = rows.of_corners[corners].reshape(-1, 3)
+    joined = np.concatenate([triangles, _graph(at_seams, rows.n_rows).faces])
+    return ItemGraph(np.ascontiguousarray(joined, np.int32), rows.n_rows)
+
+
+def _corners_across(
+    faces: Faces, sizes: Integers, sides: Integers, others: Integers
+) -> tuple[Integers, Pair, Pair]:
+    """Corners of polygons: of each corner of a triangle; both at one end of edges; at the other."""
+    corners = fan_corners(sizes).reshape(-1)
+    ahead = np.arange(3 * len(faces)).reshape(-1, 3)[:, [1, 2, 0]].reshape(-1)
+    vertices = faces.reshape(-1)
+    runs_back = vertices[sides] == vertices[ahead[others]]
+    first = np.where(runs_back, ahead[others], others)
+    second = np.where(runs_back, others, ahead[others])
+    return (
+        corners,
+        (corners[sides], corners[first]),
+        (corners[ahead[sides]], corners[second]),
+    )
+
+
+def _graph(pairs: Sequence[Pair], n_items: int) -> ItemGraph:
+    ends = np.concatenate([np.stack([one, other, other], axis=1) for one, other in pairs])
+    return ItemGraph(np.ascontiguousarray(ends, np.int32), n_items)

@@ -1,0 +1,274 @@
+"""Integers to the payloads of sections and back: the layouts of `docs/format.md`."""
+
+import struct
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.codec.corrections import Corrections
+from meshreel.codec.entropy.coder import decode_integers, encode_integers
+from meshreel.codec.entropy.varint import read_varint, write_varint
+from meshreel.codec.memory import DEFAULT_LIMIT, MemoryLimit
+from meshreel.codec.reel.normative.fields import Layout
+from meshreel.codec.reel.normative.timeline import NO_REST, Rests, time_order
+from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
+from meshreel.kernel.fields import decode_fields, encode_fields
+from meshreel.kernel.frames import MAX_REST_BITS
+from meshreel.kernel.mesh import MAX_STENCIL
+from meshreel.runtime.profiling import staged
+
+Integers = npt.NDArray[np.int64]
+
+
+SINGLE, DOUBLE = 4, 8
+"""Layouts of the sections of `reel`, by the bytes of the numbers that frames are summed up in."""
+
+WITH_RESTS = 16
+"""Is added to the layout of blocks that have resting times."""
+
+WITH_COSINES = 32
+"""Is added to the layout of blocks whose basis is coded as coefficients of cosines over time."""
+
+INTEGER_BYTES = 8
+"""Of a decoded integer of corrections: their vertex, frame and offsets."""
+
+MAX_LEARNED = 255
+"""Most modes that predictor weights follow."""
+
+MAX_STEP = 1e6
+"""Steps are below this: a million diagonals times the square root of the frames."""
+
+
+def write_layout(layout: Layout) -> bytes:
+    """How the fields of `reel` are predicted; begins with the number of the layout."""
+    number = SINGLE if layout.is_single else DOUBLE
+    number |= WITH_RESTS if layout.rests.runs else 0
+    number |= WITH_COSINES if layout.has_cosines else 0
+    parts = [
+        bytes([number]),
+        write_varint(layout.reference),
+        struct.pack("<f", layout.step),
+        write_varint(layout.stencil_size),
+        write_varint(layout.n_learned),
+        _write_rests(layout.rests),
+    ]
+    if layout.n_reused:
+        parts += [write_varint(layout.n_reused), struct.pack("<f", layout.finer)]
+    return b"".join(parts)
+
+
+def read_layout(payload: bytes) -> Layout:
+    """Undo `write_layout`.
+
+    Raises
+    ------
+    UnsupportedVersionError
+        If it is of a newer build.
+    CorruptStreamError
+        If it contradicts itself.
+    """
+    if not payload:
+        raise TruncatedStreamError("the layout of the fields is cut off")
+    precision = payload[0] & ~(WITH_RESTS | WITH_COSINES)
+    if precision not in (SINGLE, DOUBLE):
+        raise UnsupportedVersionError(
+            f"the fields of the stream have layout {payload[0]}; this build reads {SINGLE} and "
+            f"{DOUBLE}, and {WITH_RESTS} or {WITH_COSINES} more; upgrade meshreel"
+        )
+    if payload[0] & WITH_RESTS and payload[0] & WITH_COSINES:
+        raise CorruptStreamError(
+            "a block has resting times and cosines over time; one excludes the other"
+        )
+    reference, position = read_varint(payload, 1)
+    if len(payload) < position + 4:
+        raise TruncatedStreamError("the layout of the fields is cut off")
+    (step,) = struct.unpack_from("<f", payload, position)
+    stencil_size, position = read_varint(payload, position + 4)
+    n_learned, position = read_varint(payload, position)
+    rests, n_reused, finer = NO_REST, 0, 0.0
+    if payload[0] & WITH_RESTS:
+        rests, position = _read_rests(payload, position)
+    if reference and position < len(payload):
+        n_reused, position = read_varint(payload, position)
+        if len(payload) < position + 4:
+            raise TruncatedStreamError("the layout of the fields is cut off")
+        (finer,) = struct.unpack_from("<f", payload, position)
+        position += 4
+        if not (n_reused and 0 < finer < MAX_STEP):
+            raise CorruptStreamError(
+                f"{n_reused} fields of the key block are reused, with vectors {finer} times as fine"
+            )
+    is_sound = 1 <= stencil_size <= MAX_STENCIL and 0 < step < MAX_STEP
+    if not is_sound or n_learned > MAX_LEARNED or position != len(payload):
+        raise CorruptStreamError(
+            f"fields with stencils of {stencil_size}, step {step} and weights that follow "
+            f"{n_learned} modes; {len(payload) - position} bytes are left over"
+        )
+    is_single = precision == SINGLE
+    single = np.float32
+    return Layout(
+        single(step),
+        stencil_size,
+        n_learned,
+        reference,
+        is_single,
+        n_reused,
+        single(finer),
+        rests,
+        bool(payload[0] & WITH_COSINES),
+    )
+
+
+def _write_rests(rests: Rests) -> bytes:
+    """The resting times of a block; nothing if there are none."""
+    if not rests.runs:
+        return b""
+    parts, behind = [bytes([rests.bits]), write_varint(len(rests.runs))], 0
+    for start, end in rests.runs:
+        parts += [write_varint(start - behind), write_varint(end - start)]
+        behind = end
+    return b"".join(parts)
+
+
+def _read_rests(payload: bytes, position: int) -> tuple[Rests, int]:
+    """Undo `_write_rests`, and the position behind it."""
+    bits, position = read_varint(payload, position)
+    n_runs, position = read_varint(payload, position)
+    runs, behind = [], 0
+    for _ in range(n_runs):
+        gap, position = read_varint(payload, position)
+        length, position = read_varint(payload, position)
+        if not (gap and length):
+            raise CorruptStreamError(
+                f"a run of {length} resting times follows {gap} moving ones; both must be positive"
+            )
+        runs.append((behind + gap, behind + gap + length))
+        behind += gap + length
+    if not runs or bits > MAX_REST_BITS:
+        raise CorruptStreamError(
+            f"{n_runs} runs of resting times are announced, with {bits} bits; at least 1 run and "
+            f"at most {MAX_REST_BITS} bits are allowed"
+        )
+    return Rests(tuple(runs), bits), position
+
+
+@staged("temporal basis")
+def write_basis(
+    coded: npt.NDArray[np.integer], rests: Rests = NO_REST, *, has_cosines: bool = False
+) -> bytes:
+    """Bytes of residuals of the temporal basis, (K, C, T), as in `FieldBlock`."""
+    n_modes, n_columns, n_frames = coded.shape
+    rows = coded.reshape(n_modes, n_columns * n_frames)
+    return encode_fields(rows, time_order(n_columns, n_frames, rests, has_cosines=has_cosines))
+
+
+@staged("temporal basis")
+def read_basis(
+    payload: bytes,
+    n_modes: int,
+    n_columns: int,
+    n_frames: int,
+    rests: Rests = NO_REST,
+    *,
+    has_cosines: bool = False,
+) -> npt.NDArray[np.int32]:
+    """Undo `write_basis`."""
+    order = time_order(n_columns, n_frames, rests, has_cosines=has_cosines)
+    coded = decode_fields(payload, n_modes, n_columns * n_frames, order)
+    return coded.reshape(len(coded), n_columns, n_frames)
+
+
+@staged("corrections")
+def write_corrections(corrections: Corrections) -> bytes:
+    """Corrections of a block: vertices with their number of frames, frames, offsets."""
+    vertices, counts = np.unique(corrections.vertices, return_counts=True)
+    firsts = np.cumsum(counts) - counts
+    frame_steps = _first_or_difference(corrections.frames, firsts)
+    follows = _follows(frame_steps, firsts)
+    # In a run of frames an offset resembles the one before.
+    offsets = corrections.offsets.copy()
+    offsets[follows] -= corrections.offsets[np.flatnonzero(follows) - 1]
+    columns = [np.diff(vertices, prepend=0), counts - 1, frame_steps, *offsets.T]
+    tables = [0, 1, 2, *[3] * len(offsets.T)]
+    rows = [np.asarray(column, np.int64) for column in columns]
+    return b"".join(
+        [
+            struct.pack("<f", corrections.step),
+            write_varint(len(vertices)),
+            write_varint(len(corrections.vertices)),
+            encode_integers(rows, tables),
+        ]
+    )
+
+
+@staged("corrections")
+def read_corrections(
+    payload: bytes,
+    n_columns: int,
+    n_frames: int,
+    n_verts: int,
+    limit: MemoryLimit = DEFAULT_LIMIT,
+) -> Corrections:
+    """Undo `write_corrections`.
+
+    Raises
+    ------
+    CorruptStreamError
+        If a vertex or frame is out of range, or the numbers do not fit each other.
+    MemoryLimitError
+        If there are more than may be decoded at once.
+    """
+    if len(payload) < 4:
+        raise TruncatedStreamError("the corrections are cut off")
+    (step,) = struct.unpack_from("<f", payload, 0)
+    n_corrected, position = read_varint(payload, 4)
+    n_offsets, position = read_varint(payload, position)
+    if not (n_corrected <= n_verts and n_corrected <= n_offsets <= n_frames * n_verts):
+        raise CorruptStreamError(
+            f"{n_offsets} corrections of {n_corrected} vertices are announced, for {n_frames} "
+            f"frames of {n_verts}"
+        )
+    limit.require(INTEGER_BYTES * n_offsets * (n_columns + 3), f"{n_offsets} corrections")
+    lengths = [n_corrected, n_corrected, n_offsets, *[n_offsets] * n_columns]
+    columns = decode_integers(payload[position:], lengths, [0, 1, 2, *[3] * n_columns])
+    vertices, counts = np.cumsum(columns[0]), columns[1] + 1
+    if np.any(counts < 1) or int(counts.sum()) != n_offsets:
+        raise CorruptStreamError("the corrections of the vertices are not as many as announced")
+    firsts = np.cumsum(counts) - counts
+    frames = _sum_up_from(columns[2], firsts)
+    follows = _follows(columns[2], firsts)
+    offsets = _sum_up_from(np.stack(columns[3:], axis=1), np.flatnonzero(~follows))
+    is_later = columns[2] > 0
+    is_later[firsts] = True
+    ascends = np.all(np.diff(vertices, prepend=-1) > 0) and bool(is_later.all())
+    exists = np.all(vertices < n_verts) and not np.any((frames < 0) | (frames >= n_frames))
+    if not (ascends and exists and 0 < step < MAX_STEP):
+        raise CorruptStreamError(
+            "a correction is of a vertex or frame that does not exist, or out of order"
+        )
+    return Corrections(np.float32(step), np.repeat(vertices, counts), frames, offsets)
+
+
+def _first_or_difference(values: Integers, firsts: Integers) -> Integers:
+    """Differences to the value before; of the first of each stretch the value."""
+    steps = np.diff(values, prepend=0)
+    steps[firsts] = values[firsts]
+    return steps
+
+
+def _follows(frame_steps: Integers, firsts: Integers) -> npt.NDArray[np.bool_]:
+    """Whether a correction is of the frame after the one before it, of the same vertex."""
+    follows = np.asarray(frame_steps == 1)
+    follows[firsts] = False
+    return follows
+
+
+def _sum_up_from(steps: Integers, firsts: Integers) -> Integers:
+    """Running sums of rows that begin anew at the first of each stretch."""
+    if not len(steps):
+        return steps
+    summed = np.cumsum(steps, axis=0)
+    stretch = np.zeros(len(steps), np.int64)
+    stretch[firsts] = 1
+    before = (summed - steps)[firsts]
+    return np.asarray(summed - before[np.cumsum(stretch) - 1])

@@ -1,0 +1,1 @@
+"""Values: mesh sequences, tracks, surfaces and materials."""

@@ -1,0 +1,187 @@
+"""Laplacian matrices of a mesh, and delta coordinates."""
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import csr_array, diags_array
+
+from meshreel.errors import InvalidInputError
+from meshreel.model.geometry.connectivity import adjacency_matrix
+from meshreel.model.sequence import Faces
+from meshreel.runtime.profiling import staged
+from meshreel.runtime.threads import chunks, in_threads
+
+Floats = npt.NDArray[np.float64]
+
+RELATIVE_RIDGE = 1e-3
+"""Ridge of reproducing weights, as a share of the neighbours' mean squared distance."""
+
+CHUNK_VERTICES = 1024
+"""Number of vertices whose weights are computed at once."""
+
+MIN_COTANGENT_WEIGHT, MAX_COTANGENT_WEIGHT = 0.05, 20.0
+"""Bounds of a cotangent weight: obtuse triangles make it negative, and slivers huge."""
+
+
+def uniform_laplacian(faces: Faces, n_verts: int, *, normalized: bool = False) -> csr_array:
+    """Uniform Laplacian, ``L = D - C`` with binary adjacency C (paper Eq. 1).
+
+    Parameters
+    ----------
+    faces : integer array of shape (M, 3)
+    n_verts : int
+        Number of vertices, V.
+    normalized : bool, default False
+        Divide each row by the vertex's degree: ``L = I - D^-1 C``, whose deltas are those of
+        paper Eq. 3. The paper calls both L; they differ wherever degrees do.
+
+    Returns
+    -------
+    csr_array of shape (V, V), float64; rows sum to zero, and are empty for isolated vertices.
+    """
+    adjacency = adjacency_matrix(faces, n_verts)
+    degrees = adjacency.sum(axis=1)
+    laplacian = csr_array(diags_array(degrees) - adjacency)
+    if not normalized:
+        return laplacian
+    inverse = np.divide(1.0, degrees, out=np.zeros_like(degrees), where=degrees > 0)
+    return csr_array(diags_array(inverse) @ laplacian)
+
+
+def cotangent_laplacian(faces: Faces, shape: npt.NDArray[np.floating]) -> csr_array:
+    """Cotangent Laplacian with rows of unit weight, ``L = I - D^-1 W``.
+
+    An edge weighs half the sum of the cotangents of the angles opposite to it, at least 0.05 and at
+    most 20. Faces without area add nothing to it.
+
+    Parameters
+    ----------
+    faces : integer array of shape (M, 3)
+    shape : float array of shape (V, 3)
+        The positions that angles are measured in.
+
+    Returns
+    -------
+    csr_array of shape (V, V), float64; rows sum to zero, and are empty for isolated vertices.
+
+    References
+    ----------
+    U. Pinkall, K. Polthier, "Computing discrete minimal surfaces and their conjugates", 1993.
+    """
+    n_verts = len(shape)
+    adjacency = adjacency_matrix(faces, n_verts)
+    rows, columns, halves = [], [], []
+    for corner in range(3):
+        apex, start, end = (faces[:, (corner + k) % 3] for k in range(3))
+        to_start, to_end = (shape[one].astype(np.float64) - shape[apex] for one in (start, end))
+        area = np.linalg.norm(np.cross(to_start, to_end), axis=1)
+        dot = np.einsum("ij,ij->i", to_start, to_end)
+        rows.append(start)
+        columns.append(end)
+        halves.append(np.divide(dot, 2 * area, out=np.zeros_like(dot), where=area > 0))
+    places = np.concatenate(rows), np.concatenate(columns)
+    weights = csr_array((np.concatenate(halves), places), shape=(n_verts, n_verts))
+    of_edges = csr_array(weights + weights.T).multiply(adjacency).tocsr()
+    bounded = csr_array(adjacency)
+    at = np.repeat(np.arange(n_verts), np.diff(bounded.indptr))
+    found = np.asarray(of_edges[at, bounded.indices]).ravel()
+    bounded.data = np.clip(found, MIN_COTANGENT_WEIGHT, MAX_COTANGENT_WEIGHT)
+    sums = bounded.sum(axis=1)
+    inverse = np.divide(1.0, sums, out=np.zeros_like(sums), where=sums > 0)
+    return csr_array(diags_array((sums > 0).astype(np.float64)) - diags_array(inverse) @ bounded)
+
+
+def delta_coordinates(laplacian: csr_array, columns: npt.NDArray[np.floating]) -> Floats:
+    """Differential coordinates of every column, ``delta = L V`` (paper Eq. 4, paper Eq. 8).
+
+    The Laplacian acts on vertices and the projection on frames, so the two commute: the deltas
+    of projected trajectories are the projected deltas, for K columns instead of T.
+
+    Parameters
+    ----------
+    laplacian : csr_array of shape (V, V)
+    columns : float array of shape (V, K)
+        A function on the vertices in each column, such as one coordinate of one frame.
+
+    Returns
+    -------
+    float64 array of shape (V, K), in the units of the columns; unchanged by translation.
+
+    Raises
+    ------
+    InvalidInputError
+        If V differs between the two arguments.
+    """
+    if columns.shape[0] != laplacian.shape[1]:
+        raise InvalidInputError(
+            f"the Laplacian is of {laplacian.shape[1]} vertices; got {columns.shape[0]} rows"
+        )
+    return np.asarray(laplacian @ np.asarray(columns, np.float64))
+
+
+@staged("filters")
+def reproducing_laplacian(adjacency: csr_array, fields: Floats, noise: float) -> csr_array:
+    """Laplacian ``I - W`` whose weights reproduce known fields on the mesh.
+
+    The weights of a vertex sum to 1 and approximate its value of every field by the weighted mean
+    of its neighbours' values, in the least-squares sense. Fields that vary over the mesh like the
+    known ones then have small deltas, however the mesh is sampled: deltas of uniform weights
+    contain the sampling, and those of cotangent weights, which are of one frame, contain the
+    bending.
+
+    Weights that fit noise in the fields would propagate it; a ridge keeps them nearly equal where
+    the fields do not determine them.
+
+    Parameters
+    ----------
+    adjacency : csr_array of shape (V, V)
+        Binary, symmetric, with an empty diagonal.
+    fields : float64 array of shape (V, K)
+        Without a column, all weights of a vertex are equal: the normalised uniform Laplacian.
+    noise : float
+        Variance of the noise in each field, times the strength of the ridge.
+
+    Returns
+    -------
+    csr_array of shape (V, V); rows sum to zero, and are empty for isolated vertices.
+
+    References
+    ----------
+    S. T. Roweis, L. K. Saul, "Nonlinear dimensionality reduction by locally linear embedding",
+    Science 290, 2000: the weights of its first step.
+    """
+    degrees = np.diff(adjacency.indptr)
+    weights = np.zeros(len(adjacency.indices))
+
+    def fill(vertices: npt.NDArray[np.int64]) -> None:
+        places = adjacency.indptr[vertices][:, None] + np.arange(degrees[vertices[0]])
+        offsets = fields[adjacency.indices[places]] - fields[vertices][:, None, :]
+        weights[places] = _reproducing_weights(offsets, noise)
+
+    in_threads(fill, _of_one_degree(degrees))
+    mean = csr_array((weights, adjacency.indices, adjacency.indptr), shape=adjacency.shape)
+    return csr_array(diags_array((degrees > 0).astype(np.float64)) - mean)
+
+
+def _of_one_degree(degrees: npt.NDArray[np.integer]) -> list[npt.NDArray[np.int64]]:
+    """Vertices that have neighbours, in groups of equal degree."""
+    pieces = []
+    for degree in np.unique(degrees[degrees > 0]):
+        vertices = np.flatnonzero(degrees == degree)
+        pieces += [vertices[piece] for piece in chunks(len(vertices), CHUNK_VERTICES)]
+    return pieces
+
+
+def _reproducing_weights(offsets: Floats, noise: float) -> Floats:
+    """Weights of shape (N, d) for offsets of d neighbours, of shape (N, d, K).
+
+    They are (Z Z^T + r I)^-1 1 up to a factor, found by a system of the size of the K fields
+    (Woodbury): a hub can have any number of neighbours.
+    """
+    n_neighbours, n_fields = offsets.shape[1:]
+    spread = np.einsum("ijk,ijk->i", offsets, offsets) / n_neighbours
+    ridge = RELATIVE_RIDGE * spread + noise * n_fields
+    ridge = np.where(ridge > 0, ridge, 1.0)
+    inner = np.swapaxes(offsets, 1, 2) @ offsets + ridge[:, None, None] * np.eye(n_fields)
+    solved = np.linalg.solve(inner, offsets.sum(axis=1)[:, :, None])
+    weights = 1.0 - (offsets @ solved)[:, :, 0]
+    return np.asarray(weights / weights.sum(axis=1, keepdims=True))

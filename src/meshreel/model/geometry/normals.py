@@ -1,0 +1,48 @@
+"""Normals of faces and vertices."""
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.model.sequence import Faces
+
+Floats = npt.NDArray[np.float64]
+
+
+def face_normals(vertices: npt.NDArray[np.floating], faces: Faces) -> Floats:
+    """Normals of all faces, of twice their area in length; zero for degenerate faces.
+
+    Parameters
+    ----------
+    vertices : float array of shape (..., V, 3)
+    faces : integer array of shape (M, 3)
+
+    Returns
+    -------
+    float64 array of shape (..., M, 3), by the right-hand rule
+    """
+    a, b, c = (vertices[..., faces[:, k], :].astype(np.float64) for k in range(3))
+    return np.cross(b - a, c - a)
+
+
+def vertex_normals(vertices: npt.NDArray[np.floating], faces: Faces) -> Floats:
+    """Unit normals of the vertices of one frame: means over their faces, weighted by area.
+
+    Parameters
+    ----------
+    vertices : float array of shape (V, 3)
+    faces : integer array of shape (M, 3)
+
+    Returns
+    -------
+    float64 array of shape (V, 3); zero where no face has an area
+    """
+    normals = face_normals(vertices, faces)
+    sums = np.stack(
+        [
+            np.bincount(faces.ravel(), np.repeat(normals[:, axis], 3), len(vertices))
+            for axis in range(3)
+        ],
+        axis=1,
+    )
+    lengths = np.linalg.norm(sums, axis=1, keepdims=True)
+    return np.asarray(np.divide(sums, lengths, out=np.zeros_like(sums), where=lengths > 0))

@@ -1,0 +1,364 @@
+"""MeshSequence: an animated triangle mesh of fixed connectivity."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import InvalidInputError
+from meshreel.model.frame_choice import FrameChoice, chosen_frames
+from meshreel.model.showing import notebook_html, show
+from meshreel.model.surface import PLAIN, Surface
+from meshreel.model.tracks import Track, TrackSource, tracks_of
+from meshreel.runtime.counting import counted
+
+Vertices = npt.NDArray[np.float32] | npt.NDArray[np.float64]
+Faces = npt.NDArray[np.int32]
+Corners = npt.NDArray[np.float64]
+
+ROW_VERTICES = 128
+
+
+@dataclass(frozen=True, eq=False)
+class Extent:
+    """The extent of positions, in model units.
+
+    Attributes
+    ----------
+    low, high : float64 arrays of shape (3,)
+        Corners of the bounding box of all frames.
+    mean_diagonal : float
+        Mean of the diagonals of the bounding boxes of all frames.
+    """
+
+    low: npt.NDArray[np.float64]
+    high: npt.NDArray[np.float64]
+    mean_diagonal: float
+
+
+class FrameSource(Protocol):
+    """An animated mesh whose frames are read on demand.
+
+    A `MeshSequence` is one; so are frame files that need not fit into memory together.
+    """
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames, T."""
+
+    @property
+    def n_verts(self) -> int:
+        """Number of vertices, V."""
+
+    @property
+    def faces(self) -> Faces:
+        """Vertex indices of each triangle, of shape (M, 3)."""
+
+    @property
+    def fps(self) -> float:
+        """Frames per second; 0 = unknown."""
+
+    @property
+    def start_s(self) -> float:
+        """Time of the first frame, in seconds."""
+
+    @property
+    def name(self) -> str:
+        """A name to show."""
+
+    @property
+    def surface(self) -> Surface:
+        """Polygons, attributes, groups, parts and materials of the mesh."""
+
+    @property
+    def tracks(self) -> Mapping[str, TrackSource]:
+        """Quantities that change over time, beside the positions, by their names."""
+
+    @property
+    def dtype(self) -> np.dtype[np.floating]:
+        """Number type of the positions: float32 or float64."""
+
+    @property
+    def extent(self) -> Extent:
+        """Extent of the positions of all frames."""
+
+    @property
+    def is_portable(self) -> bool:
+        """Whether another process can read the frames from a copy that does not hold them."""
+
+    def read(self, start: int, stop: int) -> Vertices:
+        """Positions of frames start..stop - 1, of shape (stop - start, V, 3), all finite."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeshSequence:
+    """An animated triangle mesh whose connectivity is the same in every frame.
+
+    Its length is the number of frames. ``sequence[3]`` is the positions of a frame, of shape
+    (V, 3); a slice, or a list of numbers, gives those of several; iterating gives all in turn.
+    The arrays are validated once and kept as read-only views (faces as int32).
+
+    Parameters
+    ----------
+    vertices : float32 or float64 array of shape (T, V, 3)
+        Positions in model units; every value finite. T and V are at least 1.
+    faces : integer array of shape (M, 3)
+        Vertex indices of each triangle, in 0..V-1. M is at least 1.
+    fps : float, default 0
+        Frames per second; 0 means unknown.
+    name : str, default ""
+        A name to show; it has no other effect.
+    start_s : float, default 0
+        Time of the first frame, in seconds.
+    surface : Surface, optional
+        Polygons, texture coordinates, colours, materials and merged parts of the mesh. Default:
+        none.
+    tracks : mapping of str to Track, or to arrays of shape (T, N) or (T, N, C), optional
+        Quantities that change over time, such as stress or velocity, by their names. An array is
+        of vertices, faces or corners, the first of which there are N. ``sequence.tracks[name]`` is
+        a `Track`. Default: none.
+
+    Raises
+    ------
+    InvalidInputError
+        If an array has another shape or type, a position is not finite, a face refers to a vertex
+        that does not exist, the frame rate is negative or not finite, or the surface or a track
+        does not fit.
+    """
+
+    vertices: Vertices
+    faces: Faces
+    fps: float = 0.0
+    name: str = ""
+    start_s: float = 0.0
+    surface: Surface = PLAIN
+    tracks: Mapping[str, Track] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        vertices = validate_vertices(self.vertices)
+        object.__setattr__(self, "vertices", read_only(vertices))
+        object.__setattr__(self, "faces", read_only(validate_faces(self.faces, len(vertices[0]))))
+        object.__setattr__(self, "fps", validate_fps(self.fps))
+        object.__setattr__(self, "start_s", validate_start(self.start_s))
+        (n_frames, n_verts, _), n_faces = vertices.shape, len(self.faces)
+        if self.surface is not PLAIN:
+            object.__setattr__(self, "surface", self.surface.validated(n_verts, n_faces))
+        tracks = self.tracks and tracks_of(self.tracks, n_frames, n_verts, n_faces, self.surface)
+        object.__setattr__(self, "tracks", dict(tracks or {}))
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames, T."""
+        return int(self.vertices.shape[0])
+
+    @property
+    def n_verts(self) -> int:
+        """Number of vertices, V."""
+        return int(self.vertices.shape[1])
+
+    @property
+    def n_faces(self) -> int:
+        """Number of triangles, M."""
+        return int(self.faces.shape[0])
+
+    @property
+    def raw_size_bytes(self) -> int:
+        """Bytes of the plain arrays: positions and tracks; faces and surface once."""
+        of_tracks = sum(track.values.nbytes for track in self.tracks.values())
+        return int(self.vertices.nbytes + self.faces.nbytes + self.surface.size_bytes + of_tracks)
+
+    @property
+    def dtype(self) -> np.dtype[np.floating]:
+        """Number type of the positions."""
+        return self.vertices.dtype
+
+    @property
+    def is_portable(self) -> bool:
+        """False: a copy for another process would hold all frames."""
+        return False
+
+    @cached_property
+    def extent(self) -> Extent:
+        """Extent of the positions of all frames."""
+        return extent_of(self.vertices)
+
+    def read(self, start: int, stop: int) -> Vertices:
+        """Positions of frames start..stop - 1, of shape (stop - start, V, 3)."""
+        return self.vertices[start:stop]
+
+    def __len__(self) -> int:
+        return self.n_frames
+
+    def __getitem__(self, chosen: FrameChoice) -> Vertices:
+        """A frame of shape (V, 3), or frames of shape (T, V, 3); read-only."""
+        numbers = chosen_frames(chosen, self.n_frames)
+        if isinstance(chosen, slice):
+            return self.vertices[chosen]
+        frames: Vertices = read_only(self.vertices[numbers])
+        return frames
+
+    def __iter__(self) -> Iterator[Vertices]:
+        return iter(self.vertices)
+
+    _repr_html_ = notebook_html
+    show = show
+
+    def __repr__(self) -> str:
+        name = f" {self.name!r}" if self.name else ""
+        tracks = f"; tracks {', '.join(self.tracks)}" if self.tracks else ""
+        return (
+            f"<MeshSequence{name}: {self.n_frames} frames, {self.n_verts} vertices, "
+            f"{self.n_faces} faces, {self.fps:g} fps, {self.vertices.dtype}{tracks}>"
+        )
+
+
+def positions_size_bytes(source: FrameSource) -> int:
+    """Size of the positions of all frames in memory, in bytes."""
+    return source.n_frames * source.n_verts * 3 * source.dtype.itemsize
+
+
+def extent_of(vertices: Vertices) -> Extent:
+    """The extent of positions of shape (T, V, 3)."""
+    return extent_of_boxes(*bounding_boxes(vertices))
+
+
+def extent_of_boxes(low: Corners, high: Corners) -> Extent:
+    """The extent of frames, given the corners of their bounding boxes, of shape (T, 3)."""
+    # Halved, since the difference of two very large numbers overflows.
+    return Extent(low.min(axis=0), high.max(axis=0), 2 * mean_length(high / 2 - low / 2))
+
+
+def bounding_boxes(vertices: Vertices) -> tuple[Corners, Corners]:
+    """Lowest and highest corner of the bounding box of each frame, float64 of shape (T, 3)."""
+    low, high = (_over_vertices(reduce, vertices) for reduce in (np.minimum, np.maximum))
+    return low.astype(np.float64), high.astype(np.float64)
+
+
+def _over_vertices(reduce: np.ufunc, vertices: Vertices) -> Vertices:
+    """The minimum or maximum of each frame, of shape (T, 3)."""
+    # Rows of many vertices: rows of three numbers are reduced ten times slower.
+    n_frames, n_verts, _ = vertices.shape
+    width = min(n_verts, ROW_VERTICES)
+    whole = n_verts - n_verts % width
+    rows = vertices[:, :whole].reshape(n_frames, -1, width * 3)
+    reduced = reduce.reduce(rows, axis=1).reshape(n_frames, width, 3)
+    found: Vertices = reduce.reduce(np.concatenate([reduced, vertices[:, whole:]], axis=1), axis=1)
+    return found
+
+
+def mean_length(vectors: npt.NDArray[np.float64]) -> float:
+    """Mean length of vectors of shape (N, 3), accurate for tiny ones too."""
+    largest = float(np.abs(vectors).max()) or 1.0  # divided out: squares of tiny numbers are 0
+    return largest * float(np.linalg.norm(vectors / largest, axis=1).mean())
+
+
+def validate_vertices(vertices: Any) -> Vertices:
+    """The array itself, if it holds finite positions of shape (T, V, 3), T and V at least 1.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming the shape, the type, or the first frame and vertex that is not finite.
+    """
+    array = np.asarray(vertices)
+    if array.ndim != 3 or array.shape[2] != 3:
+        raise InvalidInputError(f"vertices must have shape (T, V, 3); got {array.shape}")
+    if array.dtype not in (np.float32, np.float64):
+        raise InvalidInputError(
+            f"vertices must be float32 or float64; got {array.dtype}; convert with astype"
+        )
+    if array.shape[0] == 0:
+        raise InvalidInputError("a sequence needs at least one frame; got none")
+    if array.shape[1] == 0:
+        raise InvalidInputError("a mesh needs at least one vertex; got none")
+    validate_finite(array)
+    return array
+
+
+def validate_finite(vertices: Vertices, *, first_frame: int = 0) -> None:
+    """Nothing if all positions, of shape (T, V, 3), are finite.
+
+    Parameters
+    ----------
+    vertices : float array of shape (T, V, 3)
+    first_frame : int, default 0
+        Number of the first of these frames in its sequence.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming the first frame and vertex that is not finite.
+    """
+    for index, frame in enumerate(vertices):
+        is_finite = np.isfinite(frame)
+        if not is_finite.all():
+            vertex, axis = np.argwhere(~is_finite)[0]
+            raise InvalidInputError(
+                f"every position must be finite; vertex {vertex} of frame {first_frame + index} "
+                f"has {'xyz'[axis]} = {frame[vertex, axis]}"
+            )
+
+
+def validate_faces(faces: Any, n_verts: int) -> Faces:
+    """The faces as int32 of shape (M, 3), if all indices are in 0..V-1 and M is at least 1.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming the shape, the type, or the first face that is out of range.
+    """
+    array = np.asarray(faces)
+    if array.size == 0:
+        raise InvalidInputError(
+            f"a mesh needs at least one face; got {counted(n_verts, 'vertex')} and no faces "
+            "(point clouds are not supported)"
+        )
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise InvalidInputError(f"faces must have shape (M, 3); got {array.shape}")
+    if not np.issubdtype(array.dtype, np.integer):
+        raise InvalidInputError(f"faces must be integers; got {array.dtype}")
+    outside = (array < 0) | (array >= n_verts)
+    if outside.any():
+        row = int(np.argmax(outside.any(axis=1)))
+        raise InvalidInputError(
+            f"face {row} is {array[row].tolist()}; indices must be in 0..{n_verts - 1}"
+        )
+    return np.ascontiguousarray(array, dtype=np.int32)
+
+
+def validate_fps(fps: float) -> float:
+    """The frame rate itself, if it is finite and not negative.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming the value.
+    """
+    fps = float(fps)
+    if not (np.isfinite(fps) and fps >= 0):
+        raise InvalidInputError(f"fps must be finite and at least 0 (0 = unknown); got {fps}")
+    return fps
+
+
+def validate_start(start_s: float) -> float:
+    """The time of the first frame itself, if it is finite.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming the value.
+    """
+    start_s = float(start_s)
+    if not np.isfinite(start_s):
+        raise InvalidInputError(f"start_s must be finite; got {start_s}")
+    return start_s
+
+
+def read_only(array: Any) -> Any:
+    """A read-only view of an array."""
+    view = array.view()
+    view.flags.writeable = False
+    return view

@@ -1,0 +1,157 @@
+"""Measurements that single claims of the paper need: dictionaries, quiet blocks, long sequences."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.codec.decoder import decode
+from meshreel.codec.encoder import encode
+from meshreel.codec.subspace.basis import project
+from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
+from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
+from meshreel.evaluation.runs.run import Outcome, Run
+from meshreel.evaluation.runs.timing import REPEATS, processor_seconds_of, timed_on_both_clocks
+from meshreel.model.geometry.laplacian import delta_coordinates, uniform_laplacian
+from meshreel.model.sequence import MeshSequence
+from meshreel.paper.decoder import coded_blocks
+from meshreel.paper.payloads import write_curves, write_rows
+from meshreel.paper.pipeline import Quantized
+from meshreel.paper.quantization import uniform_step
+from meshreel.paper.subspace.rank import modes_for_energy
+from meshreel.paper.sweeps import BITS, BLOCK_MODES, TableSettings, equal_blocks
+from meshreel.runtime.progress import Progress
+
+Floats = npt.NDArray[np.float64]
+
+LONG_FRAMES = 1200
+"""The paper's claim on blocks is of sequences of more than 1,000 frames."""
+
+LEFT_OUT = 1e-4
+"""Share of the shape's energy that the rows of a block leave out, the same in all blocks."""
+
+
+def dictionaries_run(sequence: MeshSequence) -> Run:
+    """The run that finds the bits of an entry of a dictionary and of a difference of two.
+
+    Its figures are bits an entry of all tracked blocks but the first: "kept_whole" and
+    "kept_difference" with the columns that `blocks` keeps, "all_whole" and "all_difference" with
+    k_f of them, both with columns coded as curves over time as in a stream; and the same with
+    "_plain", entry by entry. None if there is one block only.
+    """
+    frames = equal_blocks(sequence.n_frames)
+    n_columns = {"kept": min(BLOCK_MODES, frames), "all": frames}
+    setting = {"block_frames": frames, "modes": n_columns, "bits": BITS, "codings": 2}
+
+    def measure(progress: Progress) -> Outcome:
+        figures: dict[str, Any] = {}
+        for name, n_modes in n_columns.items():
+            progress(f"dictionaries of {n_modes} columns", 0.0)
+            data = encode(sequence, "blocks", n_modes=n_modes, bits=BITS, block_frames=frames)
+            bases = [block.basis for block in coded_blocks(data) if block.basis is not None]
+            for ending, write in (("", write_curves), ("_plain", write_rows)):
+                whole, difference = _bits_per_entry(bases, write)
+                figures |= {
+                    f"{name}_whole{ending}": whole,
+                    f"{name}_difference{ending}": difference,
+                }
+        return Outcome(figures)
+
+    return Run("dictionaries", "claim_dictionaries", setting, measure)
+
+
+def _bits_per_entry(
+    bases: Sequence[Quantized], write: Callable[[Quantized], bytes]
+) -> tuple[float | None, float | None]:
+    """Mean bits of an entry of the dictionaries after the first, whole and as differences."""
+    sizes, n_entries = [0, 0], 0
+    for before, basis in pairwise(bases):
+        if before.integers.shape != basis.integers.shape:
+            continue
+        difference = Quantized(basis.integers - before.integers, basis.steps)
+        sizes[0] += 8 * len(write(basis))
+        sizes[1] += 8 * len(write(difference))
+        n_entries += basis.integers.size
+    if not n_entries:
+        return None, None
+    return sizes[0] / n_entries, sizes[1] / n_entries
+
+
+def quiet_blocks_run(sequence: MeshSequence) -> Run:
+    """The run that sets the motion of each block against the bits of its coefficients.
+
+    All blocks have the same quantization step and leave out the same energy, so that they have
+    about the same error. Its figures are lists with a number for each block: "motion_percent", the
+    RMS displacement from frame to frame in percent of the diagonal, "bits", those of all
+    coefficients by vertices and frames, for one coordinate, and "n_modes".
+    """
+    frames = equal_blocks(sequence.n_frames)
+    setting = {"block_frames": frames, "bits": BITS, "left_out": LEFT_OUT}
+
+    def measure(progress: Progress) -> Outcome:
+        frame = bounding_frame(sequence.extent)
+        laplacian = uniform_laplacian(sequence.faces, sequence.n_verts, normalized=True)
+        blocks = [
+            to_matrices(sequence.vertices[start : start + frames], frame)
+            for start in range(0, sequence.n_frames, frames)
+        ]
+        blocks = [block for block in blocks if block.shape[1] > 1]
+        # The energy that may be left out is the same in each frame of every block.
+        shapes = [block - block.mean(axis=2, keepdims=True) for block in blocks]
+        n_frames = sum(block.shape[1] for block in blocks)
+        energy = sum(float(np.vdot(shape, shape)) for shape in shapes) / max(n_frames, 1)
+        rows = [_deltas_of_block(block, energy, laplacian) for block in blocks]
+        largest = max((float(np.abs(row).max(initial=0.0)) for row in rows), default=0.0)
+        steps = np.array([uniform_step(largest, BITS)], np.float32)
+        bits, motion = [], []
+        for number, (row, block) in enumerate(zip(rows, blocks, strict=True)):
+            progress("blocks", number / len(blocks))
+            payload = write_rows(Quantized.of(row, steps))
+            bits.append(8 * len(payload) / 3 / (sequence.n_verts * block.shape[1]))
+            moved = np.diff(block, axis=1)
+            motion.append(100 * float(np.sqrt(3 * np.mean(moved**2))))
+        n_modes = [row.shape[1] for row in rows]
+        return Outcome({"motion_percent": motion, "bits": bits, "n_modes": n_modes})
+
+    return Run("quiet blocks", "claim_quiet_blocks", setting, measure)
+
+
+def _deltas_of_block(block: Floats, energy: float, laplacian: Any) -> Floats:
+    """Projected deltas of shape (3, K, V), with the modes that leave out the same energy."""
+    correlation = autocorrelation(block)
+    values, _ = eigen_trajectories(correlation, block.shape[1])
+    total = float(np.trace(correlation, axis1=1, axis2=2).sum())
+    n_modes = modes_for_energy(values, total, energy * block.shape[1], 1 - LEFT_OUT)
+    _, basis = eigen_trajectories(correlation, n_modes)
+    projected = project(basis, block)
+    return np.stack([delta_coordinates(laplacian, axis.T).T for axis in projected])
+
+
+def long_run(sequence: MeshSequence, table: TableSettings) -> Run:
+    """The run that times `blocks` and `pca-qp` on the sequence repeated to over 1,000 frames.
+
+    Its figures are "n_frames" and, for "blocks" and "pca-qp", seconds as other runs have them.
+    """
+    times = -(-LONG_FRAMES // sequence.n_frames)
+    settings = {name: table.setting(name) for name in ("pca-qp", "blocks")}
+    setting = {"times": times, **{name: one.key for name, one in settings.items()}}
+
+    def measure(progress: Progress) -> Outcome:
+        vertices = np.concatenate([sequence.vertices] * times)
+        repeated = replace(sequence, vertices=vertices)
+        figures: dict[str, Any] = {"n_frames": len(vertices)}
+        for number, (name, one) in enumerate(settings.items()):
+            progress(f"{name}, {len(vertices)} frames", number / 2)
+            figures[name] = _seconds(repeated, one.options())
+        return Outcome(figures)
+
+    return Run("long sequence", "claim_long_sequence", setting, measure)
+
+
+def _seconds(sequence: MeshSequence, options: dict[str, Any]) -> dict[str, Any]:
+    data, *encode_s = timed_on_both_clocks(lambda: encode(sequence, **options), REPEATS)
+    _, *decode_s = timed_on_both_clocks(lambda: decode(data), REPEATS)
+    return processor_seconds_of(encode_s, decode_s)

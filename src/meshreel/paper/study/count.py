@@ -1,0 +1,131 @@
+"""A stream's bits as the paper counts them (paper Table I, paper Eq. 13).
+
+The count is of one coordinate matrix of three and leaves connectivity, means and headers out, so
+it compares with the paper's tables only. The letters are the paper's: n vertices, k frames, n_c
+anchors, n_b blocks of k_f frames.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from meshreel.codec.inspect import StreamInfo
+from meshreel.paper.pipeline import CodedBlock
+from meshreel.paper.sweeps import Setting
+
+DICTIONARY_BITS = 16  # of an entry of a dictionary that is sent whole
+Count = dict[str, float | None]
+
+
+def paper_count(setting: Setting, stream: StreamInfo, blocks: Sequence[CodedBlock]) -> Count:
+    """Count the paper's q, q_a, q_d and q_s of a stream; None where the method has no such part.
+
+    q and q_a are a third of the bits that coefficients and anchors take in the stream, over n k.
+    q_d is the formula of Eq. 13 with 16 bits, for dictionaries of k x k; for `blocks` the bits of
+    an entry are the mean of those in the stream, and q_d stands as printed and as stored.
+
+    Returns
+    -------
+    dict of bits per vertex and frame: "q"; "q_fixed", what the coefficients would take without
+    entropy coding, at the bits of the largest of each row; "q_a"; "q_a_printed", 16 bits for each
+    position as the paper assumes; "q_d"; "q_d_as_stored"; "q_s", the sum of q, q_a and q_d. And
+    "dictionary_bits", those of an entry
+    """
+    n_verts, n_frames = stream.n_verts, stream.n_frames
+    budget = stream.budget_bytes
+
+    def stream_bpvf(*parts: str) -> float:
+        bits = 8 * sum(budget.get(part, 0) for part in parts) / 3
+        return paper_coefficients_bpvf(bits, n_verts, n_frames)
+
+    q = stream_bpvf("coefficients")
+    q_a = printed_a = None
+    if setting.anchors > 0:
+        q_a = stream_bpvf("anchors", "anchor residuals")
+        printed_a = paper_anchors_bpvf(_n_anchors(blocks[0]), n_verts)
+    bits = _dictionary_bits(setting, stream, blocks)
+    printed = stored = None
+    if bits is not None:
+        sizes = len(blocks), max(stream.block_frames), n_verts, n_frames
+        printed = paper_dictionary_bpvf_as_printed(*sizes, bits=bits)
+        stored = paper_dictionary_bpvf_as_stored(*sizes, bits=bits)
+    return {
+        "q": q,
+        "q_fixed": fixed_length_bits(blocks) / 3 / (n_verts * n_frames),
+        "q_a": q_a,
+        "q_a_printed": printed_a,
+        "q_d": printed,
+        "q_d_as_stored": stored,
+        "q_s": q + (q_a or 0) + (printed or 0),
+        "dictionary_bits": bits,
+    }
+
+
+def fixed_length_bits(blocks: Sequence[CodedBlock]) -> float:
+    """Bits of all coefficients if each row took those of its largest integer and a sign."""
+    total = 0.0
+    for block in blocks:
+        largest = np.abs(block.coefficients.integers).max(axis=2)
+        bits = np.where(largest > 0, np.frexp(largest.astype(float))[1] + 1, 0)
+        total += float(bits.sum()) * block.coefficients.integers.shape[2]
+    return total
+
+
+def _n_anchors(block: CodedBlock) -> int:
+    if block.anchors is None:
+        return 0
+    if block.anchors.residuals is not None:
+        return int(block.anchors.residuals.integers.shape[1])
+    assert block.anchors.coefficients is not None
+    return int(block.anchors.coefficients.integers.shape[2])
+
+
+def _dictionary_bits(
+    setting: Setting, stream: StreamInfo, blocks: Sequence[CodedBlock]
+) -> float | None:
+    """Bits of a dictionary's entry, None without a dictionary (that of `gft` is not sent)."""
+    n_entries = sum(block.basis.integers.size for block in blocks if block.basis is not None)
+    if n_entries == 0:
+        return None
+    if setting.method != "blocks":
+        return DICTIONARY_BITS
+    return 8 * stream.budget_bytes["basis"] / n_entries
+
+
+def paper_coefficients_bpvf(coefficient_bits: float, n_verts: int, n_frames: int) -> float:
+    """The paper's q: all coefficient bits of one coordinate, over n k.
+
+    Parameters
+    ----------
+    coefficient_bits : float
+        Bits in total for the coefficients of one coordinate. Where every coefficient takes the
+        same bits, that is ``bits n k`` and q is those bits.
+    """
+    return coefficient_bits / (n_verts * n_frames)
+
+
+def paper_anchors_bpvf(n_anchors: int, n_verts: int, *, bits: float = 16) -> float:
+    """The paper's q_a of one coordinate, ``bits n_c k / (n k)``; the frames cancel."""
+    return bits * n_anchors / n_verts
+
+
+def paper_dictionary_bpvf_as_printed(
+    n_blocks: int, block_frames: int, n_verts: int, n_frames: int, *, bits: float = 16
+) -> float:
+    """The paper's q_d as printed, ``bits n_b^2 k_f^2 / (n k)``.
+
+    With blocks that fill the sequence this is ``bits k / n`` for any number of them: the cost
+    of one k x k dictionary, which is what the paper's tables hold for a single block.
+    """
+    return bits * n_blocks**2 * block_frames**2 / (n_verts * n_frames)
+
+
+def paper_dictionary_bpvf_as_stored(
+    n_blocks: int, block_frames: int, n_verts: int, n_frames: int, *, bits: float = 16
+) -> float:
+    """The paper's q_d for what is stored, ``bits n_b k_f^2 / (n k)``.
+
+    Each of the n_b blocks has one k_f x k_f dictionary. Equal to the printed form for one block.
+    """
+    # Deviation from Eq. 13: it prints n_b^2, but storage grows with n_b.
+    return bits * n_blocks * block_frames**2 / (n_verts * n_frames)

@@ -1,0 +1,41 @@
+"""Seconds of one eigen-decomposition of the graph Laplacian: the paper does one for each frame."""
+
+import statistics
+import time
+
+from meshreel.evaluation.runs.run import Outcome, Run
+from meshreel.model.geometry.laplacian import uniform_laplacian
+from meshreel.model.sequence import MeshSequence
+from meshreel.paper.subspace.graph_fourier import graph_fourier_basis
+from meshreel.runtime.progress import Progress
+
+N_DECOMPOSITIONS = 2
+
+
+def decompositions_run(sequence: MeshSequence, n_modes: int) -> Run:
+    """The run that times decompositions for so many graph frequencies, two of them.
+
+    Its figures are "n_modes", "seconds" (of each), "seconds_each" (their mean) and
+    "processor_seconds_each".
+    """
+
+    def measure(progress: Progress) -> Outcome:
+        laplacian = uniform_laplacian(sequence.faces, sequence.n_verts)
+        seconds, processor = [], time.process_time()
+        for number in range(N_DECOMPOSITIONS):
+            progress("decomposition", number / N_DECOMPOSITIONS)
+            start = time.perf_counter()
+            graph_fourier_basis(laplacian, n_modes)
+            seconds.append(time.perf_counter() - start)
+        spent = (time.process_time() - processor) / N_DECOMPOSITIONS
+        return Outcome(
+            {
+                "n_modes": n_modes,
+                "seconds": seconds,
+                "seconds_each": statistics.mean(seconds),
+                "processor_seconds_each": spent,
+            }
+        )
+
+    setting = {"n_modes": n_modes, "n_decompositions": N_DECOMPOSITIONS}
+    return Run("decompositions", "decompositions", setting, measure)

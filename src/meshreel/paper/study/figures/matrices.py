@@ -1,0 +1,308 @@
+"""Images of matrices: Fig. 2 (projected deltas) and Fig. 6 (dictionaries of blocks)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.codec.config import DEFAULT_ITERATIONS
+from meshreel.codec.subspace.basis import project
+from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
+from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
+from meshreel.model.geometry.laplacian import delta_coordinates, uniform_laplacian
+from meshreel.model.sequence import MeshSequence
+from meshreel.paper.choices import PaperChoices
+from meshreel.paper.payloads import write_curves
+from meshreel.paper.pipeline import CodedBlock, Quantized
+from meshreel.paper.quantization import step_for_all_rows
+from meshreel.paper.study.figures.panels import (
+    Box,
+    axes_in,
+    blank_sheet,
+    save_for_print,
+    write_in,
+)
+from meshreel.paper.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
+from meshreel.rendering.documents.parts import Picture
+from meshreel.rendering.plots import blank_figure
+from meshreel.runtime.counting import counted
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.image import AxesImage
+
+Floats = npt.NDArray[np.float64]
+
+CORNER_ROWS, CORNER_COLUMNS = 30, 300
+MAX_SHOWN = 500  # rows and columns of a panel of Fig. 2; means of neighbors if there are more
+DECADES = 6  # of the color scale of Fig. 2, down from the largest entry
+MAX_BLOCKS = 5
+AXIS = 0  # x
+
+# Fig. 6, in pixels of a sheet.
+MATRIX_PX, MATRIX_GAP_PX = 270, 24
+TOP_PX, LEFT_PX, BETWEEN_PX, BOTTOM_PX = 60, 110, 100, 100
+BAR_GAP_PX, BAR_PX, BAR_LABELS_PX = 40, 28, 130
+
+
+def projected_deltas(sequence: MeshSequence) -> Floats:
+    """Magnitudes of U^T delta^T of the x coordinate, shape (T, V), in diagonals."""
+    frame = bounding_frame(sequence.extent)
+    matrix = to_matrices(sequence.vertices, frame)[AXIS]
+    _, basis = eigen_trajectories(autocorrelation(matrix), sequence.n_frames)
+    laplacian = uniform_laplacian(sequence.faces, sequence.n_verts, normalized=True)
+    return np.abs(delta_coordinates(laplacian, project(basis, matrix).T).T)
+
+
+def draw_projected_deltas(sequence: MeshSequence, slug: str, folder: Path) -> Picture:
+    """Fig. 2: the whole matrix, and its corner of the first rows and vertices."""
+    from matplotlib.colors import LogNorm
+    from matplotlib.patches import Rectangle
+
+    magnitudes = projected_deltas(sequence)
+    largest = float(magnitudes.max()) or 1.0
+    smallest = largest * 10.0**-DECADES
+    norm = LogNorm(smallest, largest)
+    corner = magnitudes[:CORNER_ROWS, :CORNER_COLUMNS]
+    shown = {"all rows": magnitudes}
+    if corner.shape != magnitudes.shape:
+        n_rows, n_columns = corner.shape
+        shown[f"detail: rows 1 to {n_rows}, vertices 1 to {n_columns}"] = corner
+    figure = blank_figure(9.6, 3.8)
+    figure.set_layout_engine("constrained", wspace=0.06)
+    panels = figure.subplots(1, len(shown), width_ratios=(1.6, 1)[: len(shown)], squeeze=False)[0]
+    for axes, (title, values) in zip(panels, shown.items(), strict=True):
+        n_rows, n_columns = values.shape
+        extent = (0.5, n_columns + 0.5, n_rows + 0.5, 0.5)
+        colored = np.maximum(averaged(values, MAX_SHOWN), smallest)
+        image = axes.imshow(
+            colored,
+            norm=norm,
+            aspect="auto",
+            extent=extent,
+            interpolation="nearest",
+            cmap="viridis",
+        )
+        axes.set_title(title, fontsize=10)
+        axes.set(xlabel="vertex", ylabel="row (eigen-trajectory)")
+        _number_from_1(axes)
+    if len(shown) > 1:
+        panels[0].add_patch(
+            Rectangle((0.5, 0.5), corner.shape[1], len(corner), fill=False, color="#FFFFFF", lw=1.2)
+        )
+    figure.colorbar(
+        image, ax=panels, label="magnitude of an entry (diagonals)", extend="min", pad=0.02
+    )
+    path = folder / f"{slug}-fig2-projected-deltas.png"
+    save_for_print(figure, path)
+    energy = (magnitudes**2).sum(axis=1)
+    share = 100 * energy[:20].sum() / (energy.sum() or 1.0)
+    leading = counted(min(20, len(energy)), "row")
+    detail = ", and its upper left corner, which the white rectangle marks"
+    caption = (
+        f"Magnitudes of the projected delta matrix of x ({sequence.n_frames} x "
+        f"{sequence.n_verts}) on a log scale of {DECADES} decades"
+        f"{detail if len(shown) > 1 else ''}. Energy in the first {leading}: {share:.3f} %."
+    )
+    return Picture(path, "Fig. 2", caption, len(panels))
+
+
+def averaged(values: Floats, most: int) -> Floats:
+    """Means over equal groups of neighboring rows and columns, such that at most `most` remain."""
+    for axis, length in enumerate(values.shape):
+        starts = np.arange(0, length, -(-length // most))
+        sizes = np.diff(starts, append=length)
+        sums = np.add.reduceat(values, starts, axis=axis)
+        values = sums / (sizes[:, None] if axis == 0 else sizes)
+    return values
+
+
+def whole_dictionaries(sequence: MeshSequence, block_frames: int) -> list[Quantized]:
+    """Dictionaries of all blocks of equal length with all columns, as `blocks` tracks and rounds.
+
+    Parameters
+    ----------
+    sequence : MeshSequence
+    block_frames : int
+        The paper's k_f, at most the frames of the sequence.
+
+    Returns
+    -------
+    list of Quantized of shape (3, k_f, k_f), a row for each column of U
+    """
+    frame = bounding_frame(sequence.extent)
+    found: list[Quantized] = []
+    for start in range(0, sequence.n_frames - block_frames + 1, block_frames):
+        vertices = sequence.vertices[start : start + block_frames]
+        correlation = autocorrelation(to_matrices(vertices, frame))
+        if found:
+            before = np.swapaxes(found[-1].values, 1, 2)
+            tracked = advance_basis(correlation, before, DEFAULT_ITERATIONS)
+            basis = align_basis(ritz_vectors(correlation, tracked), before)
+            steps = found[-1].steps
+        else:
+            _, basis = eigen_trajectories(correlation, block_frames)
+            steps = step_for_all_rows(basis, PaperChoices().dictionary_bits)
+        found.append(Quantized.of(np.swapaxes(basis, 1, 2), steps))
+    return found
+
+
+@dataclass(frozen=True)
+class DifferenceCost:
+    """Dictionaries and the differences between them, in size and in bits.
+
+    Attributes
+    ----------
+    difference_rms, dictionary_rms : float
+        Root mean square of the entries.
+    difference_bits, dictionary_bits : float
+        Mean bits of an entry, coded as in a stream.
+    """
+
+    difference_rms: float
+    dictionary_rms: float
+    difference_bits: float
+    dictionary_bits: float
+
+
+def difference_cost(dictionaries: Sequence[Quantized]) -> DifferenceCost:
+    """Compare all dictionaries but the first with their differences from the one before.
+
+    Parameters
+    ----------
+    dictionaries : sequence of Quantized of shape (3, K, k_f)
+        At least two, of equal shape and equal steps.
+    """
+    differences = [
+        Quantized(after.integers - before.integers, after.steps)
+        for before, after in pairwise(dictionaries)
+    ]
+    whole = dictionaries[1:]
+    return DifferenceCost(_rms(differences), _rms(whole), _bits(differences), _bits(whole))
+
+
+def draw_dictionaries(
+    sequence: MeshSequence, blocks: Sequence[CodedBlock], slug: str, folder: Path
+) -> Picture:
+    """Fig. 6: whole dictionaries of consecutive blocks, and the differences between them.
+
+    Parameters
+    ----------
+    sequence : MeshSequence
+    blocks : sequence of CodedBlock
+        Of a stream of `blocks`, which keeps the first columns only.
+    slug : str
+    folder : Path
+    """
+    kept = [block.basis for block in blocks if block.basis is not None]
+    kept = [basis for basis in kept if basis.integers.shape == kept[0].integers.shape]
+    n_kept, block_frames = kept[0].integers.shape[1:]
+    whole = whole_dictionaries(sequence, block_frames)
+    shown = whole[:MAX_BLOCKS]
+    n_blocks = len(shown)
+    rows = [[dictionary.values[AXIS].T for dictionary in shown]]
+    titles = [[f"U[{number}]" for number in range(1, n_blocks + 1)]]
+    if n_blocks > 1:
+        rows.append([after - before for before, after in pairwise(rows[0])])
+        titles.append(
+            [f"U[{number + 1}] \N{MINUS SIGN} U[{number}]" for number in range(1, n_blocks)]
+        )
+    width = LEFT_PX + n_blocks * (MATRIX_PX + MATRIX_GAP_PX) - MATRIX_GAP_PX
+    height = TOP_PX + len(rows) * (MATRIX_PX + BETWEEN_PX) - BETWEEN_PX
+    figure = blank_sheet(width + BAR_GAP_PX + BAR_PX + BAR_LABELS_PX, height + BOTTOM_PX)
+    largest = max(float(np.abs(values).max()) for values in rows[0]) or 1.0
+    for number, (row, names) in enumerate(zip(rows, titles, strict=True)):
+        for place, (values, name) in enumerate(zip(row, names, strict=True)):
+            # Differences are centered below their two dictionaries.
+            left = LEFT_PX + (place + number / 2) * (MATRIX_PX + MATRIX_GAP_PX)
+            top = TOP_PX + number * (MATRIX_PX + BETWEEN_PX)
+            axes = axes_in(figure, Box(left, top, MATRIX_PX, MATRIX_PX))
+            image = _draw_matrix(axes, values, largest, n_kept)
+            axes.set_title(name, fontsize=8, pad=4)
+            if place == 0:
+                axes.set_ylabel("frame of the block", fontsize=7, labelpad=2)
+            else:
+                axes.set_yticklabels([])
+    middle = LEFT_PX + (width - LEFT_PX) / 2
+    write_in(figure, "column (eigen-trajectory)", middle, height + 0.7 * BOTTOM_PX, size=7)
+    bar = axes_in(figure, Box(width + BAR_GAP_PX, TOP_PX, BAR_PX, height - TOP_PX))
+    exceeds = any(np.abs(values).max() > largest for row in rows for values in row)
+    figure.colorbar(image, cax=bar, extend="both" if exceeds else "neither")
+    bar.set_ylabel("entry", fontsize=7)
+    bar.tick_params(labelsize=7)
+    path = folder / f"{slug}-fig6-dictionaries.png"
+    save_for_print(figure, path)
+    caption = _dictionary_caption(kept, whole, n_blocks)
+    return Picture(path, "Fig. 6", caption, sum(map(len, rows)))
+
+
+def _rms(matrices: Sequence[Quantized]) -> float:
+    return float(np.sqrt(np.mean([matrix.values**2 for matrix in matrices])))
+
+
+def _bits(matrices: Sequence[Quantized]) -> float:
+    """Mean bits of an entry, steps and tables included."""
+    n_bytes = sum(len(write_curves(matrix)) for matrix in matrices)
+    return 8 * n_bytes / sum(matrix.integers.size for matrix in matrices)
+
+
+def _draw_matrix(axes: "Axes", values: Floats, largest: float, n_kept: int) -> "AxesImage":
+    """Draw a dictionary or a difference; a dashed line ends the columns that are kept."""
+    n_rows, n_columns = values.shape
+    extent = (0.5, n_columns + 0.5, n_rows + 0.5, 0.5)
+    image = axes.imshow(
+        values, vmin=-largest, vmax=largest, extent=extent, interpolation="nearest", cmap="RdBu_r"
+    )
+    if n_kept < n_columns:
+        axes.axvline(n_kept + 0.5, color="#000000", linewidth=0.8, linestyle="--")
+    _number_from_1(axes)
+    axes.tick_params(labelsize=7, length=2, pad=2)
+    return image
+
+
+def _number_from_1(axes: "Axes") -> None:
+    """Tick the first row and column, and round numbers after them."""
+    from matplotlib.ticker import MaxNLocator
+
+    for axis in (axes.xaxis, axes.yaxis):
+        low, high = sorted(axis.get_view_interval())
+        ticks = MaxNLocator(6, integer=True).tick_values(low, high)
+        apart = ticks[1] - ticks[0]
+        axis.set_ticks(
+            [1, *(tick for tick in ticks if 1 + 0.5 * apart < tick < high and tick % 1 == 0)]
+        )
+
+
+def _dictionary_caption(kept: Sequence[Quantized], whole: Sequence[Quantized], n_shown: int) -> str:
+    n_kept, n_columns = (bases[0].integers.shape[1] for bases in (kept, whole))
+    size = f"{n_columns} x {n_columns}"
+    line = f"The dashed line follows column {n_kept}: `blocks` keeps {n_kept} columns. "
+    if n_kept == n_columns:
+        line = ""
+    if n_shown == 1:
+        return (
+            f"The whole dictionary of x ({size}) of the only block of "
+            f"{counted(n_columns, 'frame')}. {line}There is no second block to compare it with."
+        )
+    text = (
+        f"Whole dictionaries of x ({size}) of the first {n_shown} blocks, and below them the "
+        f"differences between consecutive dictionaries, on the same color scale. {line}Root mean "
+        "squares of the entries, and their mean bits when coded as in a stream, over x, y and z "
+        f"of all {len(whole)} blocks of this length but the first: "
+    )
+    parts = [(f"all {n_columns} columns", whole)]
+    if n_kept < n_columns:
+        parts.insert(0, (f"the {n_kept} columns that the stream tracks", kept))
+    costs = [f"{name}, {_cost_in_words(difference_cost(bases))}" for name, bases in parts]
+    return text + "; ".join(costs) + "."
+
+
+def _cost_in_words(cost: DifferenceCost) -> str:
+    return (
+        f"differences {cost.difference_rms:.3f} and {cost.difference_bits:.2f} bits, "
+        f"dictionaries {cost.dictionary_rms:.3f} and {cost.dictionary_bits:.2f} bits"
+    )

@@ -1,0 +1,84 @@
+"""Encode, decode, measure: a run of one of the paper's variants."""
+
+import io
+from dataclasses import asdict
+
+import numpy as np
+
+from meshreel.codec.decoder import decode
+from meshreel.codec.encoder import encode
+from meshreel.codec.inspect import info
+from meshreel.evaluation.runs.machine import machine_facts
+from meshreel.evaluation.runs.run import Outcome, Run
+from meshreel.evaluation.runs.store import finite
+from meshreel.evaluation.runs.timing import REPEATS, processor_seconds_of, timed_on_both_clocks
+from meshreel.metrics.compare import compare
+from meshreel.model.sequence import MeshSequence
+from meshreel.paper.decoder import bits_per_row, coded_blocks
+from meshreel.paper.study.count import paper_count
+from meshreel.paper.sweeps import Setting
+from meshreel.runtime.progress import Progress
+
+MEASURED = (
+    "seconds in one process, by the wall clock and of the processor (all threads), from arrays in "
+    "memory to bytes in memory and back, with connectivity and entropy coding, without files; the "
+    "order of vertices and faces is kept"
+)
+
+
+def variant_run(
+    sequence: MeshSequence, setting: Setting, *, shown_frame: int = 0, repeat: bool = False
+) -> Run:
+    """The run of a setting; its stream and one decoded frame are kept beside its result.
+
+    The sequence is encoded once with its order kept, for quality and seconds, and once with the
+    order dropped, for the smallest size.
+
+    Parameters
+    ----------
+    sequence : MeshSequence
+    setting : Setting
+    shown_frame : int
+        The decoded frame that is stored for pictures.
+    repeat : bool
+        Time three times what takes less than two seconds, and keep the median.
+    """
+    modes = setting.n_modes or "default"
+
+    def measure(progress: Progress) -> Outcome:
+        return _measure(sequence, setting, shown_frame, REPEATS if repeat else 1, progress)
+
+    return Run(
+        name=f"{setting.label}, {modes} modes, {setting.bits} bits",
+        key=setting.key,
+        setting=asdict(setting),
+        measure=measure,
+        needs=("reel",),
+    )
+
+
+def _measure(
+    sequence: MeshSequence, setting: Setting, shown_frame: int, n_repeats: int, progress: Progress
+) -> Outcome:
+    options = setting.options()
+    data, *encode_s = timed_on_both_clocks(
+        lambda: encode(sequence, **options, progress=progress), n_repeats
+    )
+    decoded, *decode_s = timed_on_both_clocks(lambda: decode(data, progress=progress), n_repeats)
+    smallest = info(encode(sequence, **options, order="drop", progress=progress))
+    stream = info(data)
+    frame = io.BytesIO()
+    np.save(frame, decoded.vertices[shown_frame])
+    figures = {
+        "stream": stream.as_dict(),
+        "rate_bpvf": stream.rate_bpvf,
+        "rate_order_dropped_bpvf": smallest.rate_bpvf,
+        "size_order_dropped_bytes": smallest.size_bytes,
+        "budget_order_dropped_bytes": smallest.budget_bytes,
+        "paper_count": paper_count(setting, stream, coded_blocks(data)),
+        "bits_per_row": [rows.tolist() for rows in bits_per_row(data)],
+        "seconds": {**processor_seconds_of(encode_s, decode_s), "measured": MEASURED},
+        "quality": finite(compare(sequence, decoded, progress=progress).as_dict()),
+        "machine": machine_facts(),
+    }
+    return Outcome(figures, {"reel": data, "npy": frame.getvalue()})

@@ -1,0 +1,109 @@
+"""The results of one sequence, as tables, figures and findings read them."""
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from meshreel.evaluation.rate_distortion import Overlap, Point, compare_at_equal_rate
+from meshreel.evaluation.runs.store import Result, done
+from meshreel.paper.sweeps import ANCHORS, COEFFICIENTS, Setting
+
+
+@dataclass(frozen=True)
+class PaperResults:
+    """Everything that was measured on one sequence.
+
+    Attributes
+    ----------
+    slug : str
+        Begins the names of its figures.
+    sequence : dict
+        Name, shape and hash.
+    variants, rows, sweep : list of results
+        Of the tables, of Fig. 3, and of the rate-distortion plots.
+    alternatives : list of results
+        Variants with one choice made otherwise that the paper leaves open.
+    claims : dict of str to result
+        Of the runs in `claims`, by name: "dictionaries", "quiet blocks", "long sequence".
+    decompositions : result or None
+        Seconds of an eigen-decomposition, where `gft` was run.
+    """
+
+    slug: str
+    sequence: dict[str, Any]
+    variants: list[Result] = field(default_factory=list)
+    rows: list[Result] = field(default_factory=list)
+    sweep: list[Result] = field(default_factory=list)
+    alternatives: list[Result] = field(default_factory=list)
+    claims: dict[str, Result] = field(default_factory=dict)
+    decompositions: Result | None = None
+
+    @property
+    def name(self) -> str:
+        """The name of the sequence in tables and figures."""
+        return str(self.sequence["name"]) or self.slug
+
+    def as_dict(self) -> dict[str, Any]:
+        """The sequence and the figures of its tables, in plain types."""
+        return {
+            **self.sequence,
+            "variants": [summary(result) for result in self.variants],
+            "alternatives": [summary(result) for result in self.alternatives],
+        }
+
+    def variant(self, label: str) -> Result | None:
+        """The variant or alternative of this label, None if it was not run or refused."""
+        results = done([*self.variants, *self.alternatives])
+        return next((result for result in results if label_of_result(result) == label), None)
+
+    def points(self, figure: str) -> dict[str, list[Point]]:
+        """Points (rate with order dropped, error) by label, by ascending rate.
+
+        Left out are variants with another share of anchors, choices other than coefficients of
+        anchors, and `pca-qs`, which has the quality of `pca-qp`.
+        """
+        found: dict[str, set[Point]] = {}
+        for result in done([*self.sweep, *self.variants, *self.rows]):
+            setting, error = setting_of_result(result), result["quality"][figure]
+            is_usual = setting.anchors in (0, ANCHORS) and setting.choices in ("", COEFFICIENTS)
+            if error is not None and is_usual and setting.method != "pca-qs":
+                points = found.setdefault(setting.label, set())
+                points.add((result["rate_order_dropped_bpvf"], error))
+        return {label: sorted(points) for label, points in found.items()}
+
+    def at_equal_rate(self, figure: str, label: str, other: str) -> Overlap | None:
+        """Errors of a variant over those of another at equal rate; None without common rates."""
+        points = self.points(figure)
+        return compare_at_equal_rate(points.get(label, []), points.get(other, []))
+
+
+def method_of_result(result: Result) -> str:
+    """The method of its setting."""
+    return str(result["identity"]["setting"]["method"])
+
+
+def label_of_result(result: Result) -> str:
+    """The label of its setting in tables and figures."""
+    return setting_of_result(result).label
+
+
+def setting_of_result(result: Result) -> Setting:
+    """The setting that it is of."""
+    return Setting(**result["identity"]["setting"])
+
+
+def summary(result: Result) -> dict[str, Any]:
+    """The figures of a result that tables show, with its setting."""
+    setting = {"label": label_of_result(result), **asdict(setting_of_result(result))}
+    if "refused" in result:
+        return {**setting, "refused": result["refused"]}
+    return {
+        **setting,
+        "paper_count": result["paper_count"],
+        "rate_bpvf": result["rate_bpvf"],
+        "rate_order_dropped_bpvf": result["rate_order_dropped_bpvf"],
+        "encode_s": result["seconds"]["encode"],
+        "decode_s": result["seconds"]["decode"],
+        "encode_processor_s": result["seconds"]["encode_processor"],
+        "decode_processor_s": result["seconds"]["decode_processor"],
+        **{name: value for name, value in result["quality"].items() if name != "nmsve"},
+    }

@@ -1,0 +1,88 @@
+"""A report as one HTML file that needs no other."""
+
+import base64
+import re
+from collections.abc import Sequence
+from html import escape
+
+from meshreel.rendering.documents.parts import (
+    Bullets,
+    Code,
+    Drawing,
+    Heading,
+    Paragraph,
+    Part,
+    Picture,
+    Table,
+)
+
+_STYLE = """
+body { font: 16px/1.55 system-ui, sans-serif; color: #22262e; max-width: 72rem; margin: 2rem auto;
+  padding: 0 1.2rem; }
+h1, h2, h3 { line-height: 1.25; margin: 2.2em 0 0.6em; } h1 { margin-top: 0; }
+p, li { max-width: 48rem; }
+code, pre { font-family: ui-monospace, monospace; font-size: 0.92em; }
+pre { background: #f3f4f7; padding: 0.8rem 1rem; overflow-x: auto; }
+.scroll { overflow-x: auto; margin: 1rem 0; }
+table { border-collapse: collapse; font-size: 0.88rem; font-variant-numeric: tabular-nums; }
+caption { text-align: left; font-weight: 600; padding: 0.4rem 0; }
+th, td { padding: 0.3rem 0.7rem; border-bottom: 1px solid #dde0e6; text-align: right; }
+th:first-child, td:first-child { text-align: left; white-space: nowrap; }
+th { vertical-align: bottom; }
+figure { margin: 1.6rem 0; } img, svg { max-width: 100%; height: auto; }
+figcaption { font-size: 0.92rem; color: #5c6370; max-width: 48rem; }
+""".strip()
+
+
+def to_html(parts: Sequence[Part | Drawing], title: str, made_by: str = "meshreel") -> str:
+    """The report as HTML with its pictures and its style within it, and the command it is of."""
+    body = "\n".join(_html(part) for part in parts)
+    return (
+        f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'<meta name="generator" content="{escape(made_by)}">\n'
+        f'<meta name="viewport" content="width=device-width">\n<title>{escape(title)}</title>\n'
+        f"<style>\n{_STYLE}\n</style>\n</head>\n<body>\n{body}\n</body>\n</html>\n"
+    )
+
+
+def _html(part: Part | Drawing) -> str:
+    match part:
+        case Heading(level, text):
+            return f"<h{level}>{_inline(text)}</h{level}>"
+        case Paragraph(text):
+            return f"<p>{_inline(text)}</p>"
+        case Code(text):
+            return f"<pre><code>{escape(text)}</code></pre>"
+        case Bullets(items):
+            return f"<ul>{''.join(f'<li>{_inline(item)}</li>' for item in items)}</ul>"
+        case Table():
+            return _table(part)
+        case Drawing(svg, title, caption):
+            return f"<figure>{svg}{_captioned(title, caption)}</figure>"
+        case Picture(path, title, caption):
+            data = base64.b64encode(path.read_bytes()).decode("ascii")
+            return (
+                f'<figure><img alt="{escape(title)}" src="data:image/png;base64,{data}">'
+                f"{_captioned(title, caption)}</figure>"
+            )
+
+
+def _captioned(title: str, caption: str) -> str:
+    return f"<figcaption><strong>{escape(title)}.</strong> {_inline(caption)}</figcaption>"
+
+
+def _table(table: Table) -> str:
+    header = "".join(f"<th>{_inline(cell)}</th>" for cell in table.header)
+    rows = "".join(
+        f"<tr>{''.join(f'<td>{_inline(cell)}</td>' for cell in row)}</tr>" for row in table.rows
+    )
+    return (
+        f'<div class="scroll"><table><caption>{_inline(table.title)}</caption>'
+        f"<thead><tr>{header}</tr></thead><tbody>{rows}</tbody></table></div>"
+    )
+
+
+def _inline(text: str) -> str:
+    """Escaped text with `code` and **strong** marked up."""
+    marked = re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(text, quote=False))
+    return re.sub(r"\*\*([^*]+)\*\*", r"<strong>\1</strong>", marked)

@@ -1,0 +1,445 @@
+"""What a run of a batch does, leaves alone, does again and refuses."""
+
+import json
+import os
+import signal
+from dataclasses import asdict
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+import meshreel
+from meshreel.app.batch.encode_input import EncodeOptions, encode_input
+from meshreel.app.batch.manifest import MANIFEST_NAME
+from meshreel.app.batch.plan import plan_batch
+from meshreel.app.batch.report import REPORT_NAME
+from meshreel.app.batch.run import _is_spread, run_batch
+from meshreel.codec.config import EncoderConfig
+from meshreel.errors import InvalidInputError, WorkerDiedError
+from meshreel.formats.options import ReadOptions
+from meshreel.runtime.engine.engine import Engine, open_engine
+from samples.clusters import local_cluster
+from samples.engines import InlineWorkers
+from samples.meshes import waving_grid
+from samples.tasks import encode_or_die, process_id
+
+OPTIONS = EncodeOptions(EncoderConfig(quality=60))
+
+
+@pytest.fixture
+def inputs(tmp_path):
+    """A folder of two sequences: walk.npz, and frames in a/cloth."""
+    folder = tmp_path / "in"
+    (folder / "a" / "cloth").mkdir(parents=True)
+    meshreel.save(waving_grid(), folder / "walk.npz")
+    meshreel.save(waving_grid(4), f"{folder}/a/cloth/f_%03d.obj")
+    return folder
+
+
+@pytest.fixture
+def out(tmp_path):
+    return tmp_path / "out"
+
+
+def run(inputs, out, options=OPTIONS, **arguments):
+    return run_batch(plan_batch(inputs, out, options, **arguments), Engine(InlineWorkers()))
+
+
+def facts(out):
+    return json.loads((out / MANIFEST_NAME).read_text())["inputs"]
+
+
+def files(out):
+    return {path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file()}
+
+
+def test_run_writes_the_streams_that_encode_gives_in_the_same_sub_folders(inputs, out):
+    report = run(inputs, out)
+    assert report.summary == "0 up to date, 2 encoded, 0 failed"
+    assert files(out) == {MANIFEST_NAME, REPORT_NAME, "walk.reel", "a/cloth.reel"}
+    for name, stream in (("walk.npz", "walk.reel"), ("a/cloth", "a/cloth.reel")):
+        expected = meshreel.encode(meshreel.load(inputs / name), quality=60)
+        assert (out / stream).read_bytes() == expected
+
+
+def test_manifest_holds_what_compare_and_info_measure(inputs, out):
+    run(inputs, out)
+    found = facts(out)["walk.npz"]
+    quality = meshreel.compare(meshreel.load(inputs / "walk.npz"), meshreel.load(out / "walk.reel"))
+    stream = meshreel.info((out / "walk.reel").read_bytes())
+    assert found["state"] == "done"
+    assert found["kg_error_percent"] == pytest.approx(quality.kg_error_percent)
+    assert found["max_error_percent"] == pytest.approx(quality.max_error_percent)
+    assert found["size_bytes"] == stream.size_bytes == (out / "walk.reel").stat().st_size
+    assert found["raw_size_bytes"] == stream.raw_size_bytes
+    assert found["ratio"] == pytest.approx(stream.ratio)
+    assert found["seconds"] > 0
+    assert found["options"] == {"quality": 60}
+    assert found["version"] == meshreel.__version__
+
+
+def test_options_of_the_manifest_are_those_that_are_not_the_default(inputs, out):
+    run(inputs, out, EncodeOptions(EncoderConfig(sted=0.05, order="drop"), ReadOptions(fps=12.0)))
+    assert facts(out)["walk.npz"]["options"] == {"sted": 0.05, "order": "drop", "fps": 12.0}
+    assert facts(out)["walk.npz"]["sted"] <= 0.05
+    assert meshreel.info((out / "walk.reel").read_bytes()).fps == 12
+
+
+def test_second_run_does_nothing_when_nothing_changed(inputs, out):
+    run(inputs, out)
+    before = (out / MANIFEST_NAME).read_text()
+    plan = plan_batch(inputs, out, OPTIONS)
+    assert plan.to_encode == {}
+    assert run_batch(plan, None).summary == "2 up to date, 0 encoded, 0 failed"
+    assert (out / MANIFEST_NAME).read_text() == before
+
+
+def change_input(inputs, out):
+    meshreel.save(waving_grid(13), inputs / "walk.npz", overwrite=True)
+
+
+def touch_input(inputs, out):
+    os.utime(inputs / "walk.npz", ns=(0, 10**18))
+
+
+def remove_output(inputs, out):
+    (out / "walk.reel").unlink()
+
+
+def cut_output(inputs, out):
+    (out / "walk.reel").write_bytes((out / "walk.reel").read_bytes()[:-1])
+
+
+def mark_failed(inputs, out):
+    text = (out / MANIFEST_NAME).read_text()
+    head, _, tail = text.partition('"walk.npz"')
+    (out / MANIFEST_NAME).write_text(head + '"walk.npz"' + tail.replace("done", "failed", 1))
+
+
+def mark_pending(inputs, out):
+    text = (out / MANIFEST_NAME).read_text()
+    head, _, tail = text.partition('"walk.npz"')
+    (out / MANIFEST_NAME).write_text(head + '"walk.npz"' + tail.replace("done", "pending", 1))
+
+
+@pytest.mark.parametrize(
+    "change", [change_input, touch_input, remove_output, cut_output, mark_failed, mark_pending]
+)
+def test_second_run_does_what_changed(inputs, out, change):
+    run(inputs, out)
+    change(inputs, out)
+    report = run(inputs, out)
+    assert set(report.encoded) == {"walk.npz"}
+    assert set(report.up_to_date) == {"a/cloth"}
+    expected = meshreel.encode(meshreel.load(inputs / "walk.npz"), quality=60)
+    assert (out / "walk.reel").read_bytes() == expected
+
+
+def test_second_run_does_everything_when_options_changed(inputs, out):
+    run(inputs, out)
+    report = run(inputs, out, EncodeOptions(EncoderConfig(quality=70)))
+    assert set(report.encoded) == {"walk.npz", "a/cloth"}
+    expected = meshreel.encode(meshreel.load(inputs / "walk.npz"), quality=70)
+    assert (out / "walk.reel").read_bytes() == expected
+
+
+def test_second_run_does_everything_when_it_is_forced(inputs, out):
+    run(inputs, out)
+    assert run(inputs, out, force=True).summary == "0 up to date, 2 encoded, 0 failed"
+
+
+def test_failing_input_is_reported_and_the_others_go_on(inputs, out):
+    (inputs / "bad.npz").write_bytes(b"no archive")
+    report = run(inputs, out)
+    assert report.summary == "0 up to date, 2 encoded, 1 failed"
+    assert facts(out)["bad.npz"]["state"] == "failed"
+    assert facts(out)["bad.npz"]["error"].startswith("is not a numpy archive")
+    assert facts(out)["bad.npz"]["size_bytes"] is None
+    assert files(out) == {MANIFEST_NAME, REPORT_NAME, "walk.reel", "a/cloth.reel"}
+
+
+def test_failed_input_is_tried_again(inputs, out):
+    (inputs / "bad.npz").write_bytes(b"no archive")
+    run(inputs, out)
+    meshreel.save(waving_grid(), inputs / "bad.npz", overwrite=True)
+    report = run(inputs, out)
+    assert report.summary == "2 up to date, 1 encoded, 0 failed"
+
+
+def test_stream_of_earlier_stays_when_the_input_fails_later(inputs, out):
+    run(inputs, out)
+    before = (out / "walk.reel").read_bytes()
+    (inputs / "walk.npz").write_bytes(b"no archive")
+    assert set(run(inputs, out).failed) == {"walk.npz"}
+    assert (out / "walk.reel").read_bytes() == before
+    meshreel.save(waving_grid(), inputs / "walk.npz", overwrite=True)
+    assert set(run(inputs, out).encoded) == {"walk.npz"}
+
+
+def test_error_names_frames_within_the_folder_of_inputs(inputs, out):
+    (inputs / "a" / "cloth" / "f_002.obj").write_text("v 1 2 no\n")
+    [record] = run(inputs, out).failed.values()
+    assert record.error.startswith("a/cloth/f_002.obj")
+    assert "\n" not in record.error
+
+
+def test_inputs_of_one_output_fail_both(inputs, out):
+    meshreel.save(waving_grid(), inputs / "a" / "cloth.npz")
+    report = run(inputs, out, force=True)
+    assert set(report.encoded) == {"walk.npz"}
+    assert set(report.failed) == {"a/cloth", "a/cloth.npz"}
+    for record in report.failed.values():
+        assert "a/cloth.npz and a/cloth would both become a/cloth.reel" in record.error
+    assert not (out / "a").exists()
+
+
+def test_output_that_is_not_the_batchs_is_kept_unless_forced(inputs, out):
+    out.mkdir()
+    (out / "walk.reel").write_bytes(b"mine")
+    for _ in range(2):
+        report = run(inputs, out)
+        assert set(report.failed) == {"walk.npz"}
+        assert "--force" in report.failed["walk.npz"].error
+        assert (out / "walk.reel").read_bytes() == b"mine"
+    assert set(run(inputs, out, force=True).failed) == set()
+    assert (out / "walk.reel").read_bytes() != b"mine"
+
+
+def test_output_put_there_after_a_failure_is_kept(inputs, out):
+    (inputs / "bad.npz").write_bytes(b"no archive")
+    run(inputs, out)
+    (out / "bad.reel").write_bytes(b"mine")
+    meshreel.save(waving_grid(), inputs / "bad.npz", overwrite=True)
+    assert set(run(inputs, out).failed) == {"bad.npz"}
+    assert (out / "bad.reel").read_bytes() == b"mine"
+
+
+def test_output_put_there_during_the_run_is_kept(inputs, out):
+    plan = plan_batch(inputs, out, OPTIONS)
+    out.mkdir()
+    (out / "walk.reel").write_bytes(b"mine")
+    for _ in range(2):
+        assert set(run_batch(plan, Engine(InlineWorkers())).failed) == {"walk.npz"}
+        assert (out / "walk.reel").read_bytes() == b"mine"
+        plan = plan_batch(inputs, out, OPTIONS)
+
+
+def test_output_that_is_a_folder_fails_its_input_only(inputs, out):
+    (out / "walk.reel").mkdir(parents=True)
+    report = run(inputs, out, force=True)
+    assert set(report.failed) == {"walk.npz"}
+    assert set(report.encoded) == {"a/cloth"}
+
+
+def test_record_stays_when_its_input_is_gone(inputs, out):
+    run(inputs, out)
+    (inputs / "walk.npz").unlink()
+    assert run(inputs, out).summary == "1 up to date, 0 encoded, 0 failed"
+    assert facts(out)["walk.npz"]["state"] == "done"
+
+
+def test_manifest_is_whole_after_each_input(inputs, out):
+    seen = []
+
+    def look(stage, fraction):
+        seen.append(sorted(record["state"] for record in facts(out).values()))
+
+    plan = plan_batch(inputs, out, OPTIONS)
+    run_batch(plan, Engine(InlineWorkers()), progress=look)
+    assert seen == [["pending", "pending"], ["done", "pending"], ["done", "done"]]
+
+
+def test_finished_inputs_are_kept_when_the_run_is_stopped(inputs, out):
+    def stop(stage, fraction):
+        if fraction:
+            raise KeyboardInterrupt
+
+    plan = plan_batch(inputs, out, OPTIONS)
+    with pytest.raises(KeyboardInterrupt):
+        run_batch(plan, Engine(InlineWorkers()), progress=stop)
+    assert sorted(record["state"] for record in facts(out).values()) == ["done", "pending"]
+    assert run(inputs, out).summary == "1 up to date, 1 encoded, 0 failed"
+
+
+@pytest.mark.parametrize(
+    ("n_workers", "words"), [(0, "encoding, when there are workers"), (2, "encoding, 2 at a time")]
+)
+def test_stage_says_how_many_workers_there_are(inputs, out, n_workers, words):
+    workers, stages = InlineWorkers(), set()
+    workers.n_workers = n_workers
+    plan = plan_batch(inputs, out, OPTIONS)
+    run_batch(plan, Engine(workers), progress=lambda stage, fraction: stages.add(stage))
+    assert stages == {words}
+
+
+def test_worker_of_another_version_is_refused():
+    with pytest.raises(InvalidInputError, match=r"the worker has meshreel .* install the same"):
+        encode_input("walk.npz", OPTIONS, "0.0.0")
+
+
+def test_folder_of_outputs_must_not_be_a_file(inputs, out):
+    out.write_bytes(b"")
+    with pytest.raises(InvalidInputError, match="is a file"):
+        plan_batch(inputs, out, OPTIONS)
+
+
+def test_folder_of_outputs_may_be_that_of_inputs(inputs):
+    assert run(inputs, inputs).summary == "0 up to date, 2 encoded, 0 failed"
+    assert (inputs / "a" / "cloth.reel").is_file()
+    assert run(inputs, inputs).summary == "2 up to date, 0 encoded, 0 failed"
+
+
+def check_deaths(inputs, out, engine, monkeypatch):
+    """One input kills its worker once and is encoded; one always, and fails alone."""
+    monkeypatch.setattr("meshreel.app.batch.run.encode_input", encode_or_die)
+    for name in ("deadly", "dies_once"):
+        meshreel.save(waving_grid(), inputs / f"{name}.npz")
+    report = run_batch(plan_batch(inputs, out, OPTIONS), engine)
+    assert set(report.encoded) == {"walk.npz", "a/cloth", "dies_once.npz"}
+    assert set(report.failed) == {"deadly.npz"}
+    assert "died of it" in report.failed["deadly.npz"].error
+    assert files(out) == {MANIFEST_NAME, REPORT_NAME, "walk.reel", "a/cloth.reel", "dies_once.reel"}
+
+
+@pytest.mark.slow
+def test_input_that_kills_its_workers_fails_alone(inputs, out, monkeypatch):
+    with open_engine(2) as engine:
+        check_deaths(inputs, out, engine, monkeypatch)
+
+
+LONG = EncodeOptions(EncoderConfig(quality=60, block_frames=4))
+
+
+def check_spread(folder, engine):
+    """One sequence is shared by two workers, one of which is killed; the bytes are the same."""
+    sequence = waving_grid(120)
+    (folder / "in").mkdir()
+    meshreel.save(sequence, folder / "in" / "long.npz")
+    victim, mapped = engine.submit(process_id).result(60), engine.map_in_order
+
+    def killing_one(*arguments):
+        for number, result in enumerate(mapped(*arguments)):
+            if number == 5:
+                os.kill(victim, signal.SIGKILL)
+            yield result
+
+    engine.map_in_order = killing_one
+    report = run_batch(plan_batch(folder / "in", folder / "out", LONG), engine)
+    assert report.summary == "0 up to date, 1 encoded, 0 failed"
+    expected = meshreel.encode(meshreel.load(folder / "in" / "long.npz"), **asdict(LONG.config))
+    assert (folder / "out" / "long.reel").read_bytes() == expected
+
+
+@pytest.mark.slow
+def test_long_sequence_is_spread_when_there_are_more_workers_than_inputs(tmp_path):
+    with open_engine(2) as engine:
+        check_spread(tmp_path, engine)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::ResourceWarning")
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_long_sequence_is_spread_on_a_cluster_when_a_worker_is_killed(tmp_path, cluster_engine):
+    check_spread(tmp_path, cluster_engine)
+
+
+def test_inputs_are_not_spread_when_there_are_as_many_as_workers(inputs, out, monkeypatch):
+    called = []
+    monkeypatch.setattr(
+        "meshreel.app.batch.run.encode_input", lambda *a: called.append(a) or encode_input(*a)
+    )
+    run(inputs, out, LONG)
+    assert [len(arguments) for arguments in called] == [3, 3]
+
+
+@pytest.fixture
+def cluster_engine():
+    pytest.importorskip("distributed", reason="the extra [dask] is not installed")
+    with local_cluster(2) as cluster, open_engine(scheduler=cluster.scheduler_address) as engine:
+        yield engine
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::ResourceWarning")
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_input_that_kills_its_workers_fails_alone_on_a_cluster(
+    inputs, out, monkeypatch, cluster_engine
+):
+    check_deaths(inputs, out, cluster_engine, monkeypatch)
+
+
+class TightWorkers(InlineWorkers):
+    """Workers whose memory is too little for blocks of the share that is asked for at first."""
+
+    def __init__(self, error, least_share):
+        super().__init__()
+        self.error, self.least_share, self.elsewhere = error, least_share, []
+
+    def submit(self, function, /, source, options, version):
+        def call():
+            is_large = source.endswith("walk.npz") and options.block_share > self.least_share
+            if is_large:
+                raise self.error
+            return function(source, options, version)
+
+        return super().submit(call)
+
+    def submit_elsewhere(self, error, function, /, *args):
+        self.elsewhere.append(args[1].block_share)
+        return self.submit(function, *args)
+
+
+@pytest.mark.parametrize(
+    ("error", "shares"),
+    [(MemoryError(), [1 / 4, 1 / 16]), (WorkerDiedError("died of it"), [1 / 16])],
+)
+def test_input_is_tried_in_smaller_blocks_elsewhere_when_memory_ran_out(inputs, out, error, shares):
+    meshreel.save(waving_grid(40), inputs / "walk.npz", overwrite=True)
+    workers = TightWorkers(error, 1 / 16)
+    report = run_batch(plan_batch(inputs, out, OPTIONS), Engine(workers))
+    assert report.summary == "0 up to date, 2 encoded, 0 failed"
+    assert workers.elsewhere == shares
+    [note] = report.encoded["walk.npz"].notes
+    assert "too little for blocks of 40 frames; coded in blocks of 2" in note
+    assert set(meshreel.info(out / "walk.reel").block_frames) == {2}
+    [note] = report.encoded["a/cloth"].notes
+    assert note.startswith("the frame rate is unknown")
+    assert run(inputs, out).summary == "2 up to date, 0 encoded, 0 failed"
+
+
+def test_input_fails_alone_when_memory_is_too_little_for_small_blocks_too(inputs, out):
+    report = run_batch(plan_batch(inputs, out, OPTIONS), Engine(TightWorkers(MemoryError(), 0)))
+    assert set(report.encoded) == {"a/cloth"}
+    assert "not enough memory, in smaller blocks either" in report.failed["walk.npz"].error
+
+
+def test_long_inputs_are_encoded_first(inputs, out):
+    for name, n_frames in (("b", 30), ("c", 60), ("d", 20)):
+        meshreel.save(waving_grid(n_frames), inputs / f"{name}.npz")
+    workers = InlineWorkers()
+    run_batch(plan_batch(inputs, out, OPTIONS), Engine(workers))
+    names = [Path(source).stem for source, *_ in workers.calls]
+    assert [name for name in names if name in "bcd"] == ["c", "b", "d"]
+
+
+def test_manifest_sums_up_its_records(inputs, out):
+    (inputs / "bad.npz").write_bytes(b"no archive")
+    run(inputs, out)
+    found = json.loads((out / MANIFEST_NAME).read_text())
+    done = [one for one in found["inputs"].values() if one["state"] == "done"]
+    assert found["summary"]["done"] == 2
+    assert found["summary"]["failed"] == 1
+    assert found["summary"]["size_bytes"] == sum(one["size_bytes"] for one in done)
+    assert found["summary"]["max_error_percent"] == max(one["max_error_percent"] for one in done)
+
+
+@pytest.mark.parametrize(
+    ("n_inputs", "n_workers", "are_cut", "is_spread"),
+    [(1, 2, True, True), (2, 2, True, False), (1, 2, False, False)],
+)
+def test_inputs_are_shared_by_their_blocks_when_workers_are_more(
+    n_inputs, n_workers, are_cut, is_spread
+):
+    plan = SimpleNamespace(options=SimpleNamespace(are_cut=are_cut), to_encode=[None] * n_inputs)
+    assert _is_spread(plan, SimpleNamespace(n_workers=n_workers)) is is_spread

@@ -1,0 +1,138 @@
+"""Which inputs there are under a folder, and what becomes of their names."""
+
+import os
+
+import pytest
+
+from meshreel.app.batch.discovery import find_inputs
+from meshreel.errors import InvalidInputError
+from meshreel.formats.save import save
+from samples.meshes import waving_grid
+
+
+@pytest.fixture
+def folder(tmp_path):
+    made = tmp_path / "inputs"
+    made.mkdir()
+    return made
+
+
+def put(folder, *paths):
+    for path in paths:
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / path).write_bytes(b"x")
+
+
+def outputs(folder, **options):
+    return {one.name: one.output for one in find_inputs(folder, **options)}
+
+
+def test_inputs_are_npz_files_and_folders_of_frames_at_any_depth(folder):
+    put(folder, "walk.npz", "a/b/run.NPZ", "a/cloth/f_1.obj", "a/cloth/f_2.obj", "c/x.stl")
+    assert outputs(folder) == {
+        "walk.npz": "walk.reel",
+        "a/b/run.NPZ": "a/b/run.reel",
+        "a/cloth": "a/cloth.reel",
+        "c": "c.reel",
+    }
+
+
+def test_folder_of_inputs_is_an_input_when_it_holds_frames_itself(folder):
+    put(folder, "f_1.ply", "f_2.ply")
+    assert outputs(folder) == {".": "inputs.reel"}
+
+
+def test_dots_in_names_are_kept_but_for_the_ending_of_a_file(folder):
+    put(folder, "walk.v2.npz", "run.v3/f_1.off")
+    assert outputs(folder) == {"walk.v2.npz": "walk.v2.reel", "run.v3": "run.v3.reel"}
+
+
+def test_what_is_no_input_is_passed_over(folder):
+    put(folder, "old.reel", "notes.txt", ".hidden.npz", ".cache/a.npz", "walk.npz", "empty/readme")
+    assert outputs(folder) == {"walk.npz": "walk.reel"}
+
+
+def test_folder_of_outputs_is_passed_over_when_it_lies_in_that_of_inputs(folder):
+    put(folder, "walk.npz", "out/walk.npz")
+    assert outputs(folder, but_not=folder / "out") == {"walk.npz": "walk.reel"}
+    assert set(outputs(folder, but_not=folder)) == {"walk.npz", "out/walk.npz"}
+
+
+def test_inputs_come_in_natural_order(folder):
+    put(folder, "walk10.npz", "walk9.npz", "b/f.obj", "a/f.obj")
+    assert list(outputs(folder)) == ["walk9.npz", "walk10.npz", "a", "b"]
+
+
+def test_links_are_followed_but_not_in_circles(folder, tmp_path):
+    put(tmp_path / "elsewhere", "run.npz")
+    put(folder, "walk.npz")
+    (folder / "linked").symlink_to(tmp_path / "elsewhere")
+    (folder / "circle").symlink_to(folder)
+    assert set(outputs(folder)) == {"walk.npz", "linked/run.npz"}
+
+
+def test_source_is_absolute_when_the_folder_is_relative(folder, monkeypatch):
+    put(folder, "walk.npz")
+    monkeypatch.chdir(folder.parent)
+    [one] = find_inputs(folder.relative_to(folder.parent))
+    assert one.source == folder / "walk.npz"
+    assert one.name == "walk.npz"
+
+
+def test_no_input_is_an_error_that_says_what_was_looked_for(folder):
+    put(folder, "notes.txt")
+    with pytest.raises(InvalidInputError, match=r"no sequence under .*\.npz.*\.obj"):
+        find_inputs(folder)
+
+
+@pytest.mark.parametrize("name", ["missing", "file.npz"])
+def test_folder_of_inputs_must_be_a_folder(folder, name):
+    put(folder, "file.npz")
+    with pytest.raises(InvalidInputError, match="there is no folder"):
+        find_inputs(folder / name)
+
+
+@pytest.mark.parametrize("change", ["size", "time", "more", "fewer", "name"])
+def test_fingerprint_changes_when_a_file_does(folder, change):
+    put(folder, "cloth/f_1.obj", "cloth/f_2.obj")
+    path = folder / "cloth" / "f_2.obj"
+    os.utime(path, ns=(0, 10**18))
+    [before] = find_inputs(folder)
+    old = before.fingerprint()
+    if change == "size":
+        path.write_bytes(b"xy")
+        os.utime(path, ns=(0, 10**18))
+    elif change == "time":
+        os.utime(path, ns=(0, 10**18 + 1000))
+    elif change == "more":
+        put(folder, "cloth/f_3.obj")
+    elif change == "fewer":
+        path.unlink()
+    else:
+        path.rename(path.with_name("f_4.obj"))
+    [after] = find_inputs(folder)
+    assert after.fingerprint() != old
+
+
+def test_fingerprint_stays_when_the_folder_is_moved(folder):
+    put(folder, "cloth/f_1.obj", "cloth/readme.txt")
+    [before] = find_inputs(folder)
+    old = before.fingerprint()
+    folder.rename(folder.with_name("moved"))
+    put(folder.with_name("moved"), "cloth/readme.txt")
+    [after] = find_inputs(folder.with_name("moved"))
+    assert after.fingerprint() == old
+
+
+@pytest.mark.parametrize("ending", [".pvd", ".xdmf"])
+def test_files_that_a_sequence_names_are_part_of_it_when_we_wrote_them(tmp_path, ending):
+    if ending == ".xdmf":
+        pytest.importorskip("h5py")
+    written = save(waving_grid(3), tmp_path / f"walk{ending}")
+    [found] = find_inputs(tmp_path)
+    assert found.name == f"walk{ending}"
+    assert set(found.files) == set(written)
+    written[0].unlink()
+    assert [one.name for one in find_inputs(tmp_path)] == [
+        "walk_frames" if ending == ".pvd" else "walk.xdmf.h5"
+    ]

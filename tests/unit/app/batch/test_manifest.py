@@ -1,0 +1,80 @@
+"""The manifest on disk."""
+
+import json
+
+import pytest
+
+from meshreel.app.batch.manifest import MANIFEST_NAME, Record, read_manifest
+from meshreel.errors import InvalidInputError
+
+RECORD = Record("done", "walk.reel", True, "abc", {"kg": 0.5}, seconds=1.5, notes=["cut"])
+
+
+@pytest.fixture
+def folders(tmp_path):
+    made = tmp_path / "in", tmp_path / "out"
+    for folder in made:
+        folder.mkdir()
+    return made
+
+
+def written(folders):
+    manifest = read_manifest(*folders)
+    manifest.records["walk.npz"] = RECORD
+    manifest.write()
+    return manifest
+
+
+def test_manifest_is_empty_when_there_is_none(folders):
+    assert read_manifest(*folders).records == {}
+    assert list(folders[1].iterdir()) == []
+
+
+def test_manifest_gives_back_what_was_written(folders):
+    written(folders)
+    assert read_manifest(*folders).records == {"walk.npz": RECORD}
+
+
+def test_manifest_leaves_no_other_file_when_it_is_written_again(folders):
+    written(folders).write()
+    assert [path.name for path in folders[1].iterdir()] == [MANIFEST_NAME]
+
+
+def test_manifest_is_read_when_both_folders_were_moved(folders, tmp_path):
+    written(folders)
+    (tmp_path / "new").mkdir()
+    moved = [folder.rename(tmp_path / "new" / folder.name) for folder in folders]
+    assert read_manifest(*moved).records == {"walk.npz": RECORD}
+
+
+def test_manifest_is_refused_when_it_is_of_other_inputs(folders, tmp_path):
+    written(folders)
+    (tmp_path / "other").mkdir()
+    with pytest.raises(InvalidInputError, match=r"inputs in \.\./in.*another folder"):
+        read_manifest(tmp_path / "other", folders[1])
+    assert set(read_manifest(tmp_path / "other", folders[1], force=True).records) == {"walk.npz"}
+
+
+FACTS = {"made_by": "meshreel batch", "layout": 1, "input_dir": "../in", "inputs": {}}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "[]",
+        "{}",
+        "no json",
+        "\x00",
+        json.dumps({**FACTS, "layout": 2}),
+        json.dumps({**FACTS, "made_by": "another"}),
+        json.dumps({**FACTS, "inputs": {"walk.npz": {"state": "done"}}}),
+        json.dumps({**FACTS, "inputs": []}),
+    ],
+)
+@pytest.mark.parametrize("force", [False, True])
+def test_manifest_is_refused_when_it_is_something_else(folders, text, force):
+    (folders[1] / MANIFEST_NAME).write_text(text)
+    with pytest.raises(InvalidInputError, match="is not a manifest"):
+        read_manifest(*folders, force=force)
+    assert (folders[1] / MANIFEST_NAME).read_text() == text

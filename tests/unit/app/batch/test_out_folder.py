@@ -1,0 +1,34 @@
+"""The folder of outputs of a batch."""
+
+from pathlib import Path
+
+import pytest
+
+from meshreel.app.batch.out_folder import LocalFolder
+from meshreel.errors import InvalidInputError
+
+
+def test_folders_of_a_file_are_made_when_it_is_written(tmp_path):
+    folder = LocalFolder(tmp_path / "out")
+    folder.write("deep/er/x.reel", b"12", overwrite=False)
+    assert (folder.has("deep/er"), folder.size_bytes("deep/er/x.reel")) == (True, 2)
+    assert (folder.size_bytes("deep"), folder.has("y")) == (None, False)
+    assert folder.read("deep/er/x.reel") == b"12"
+    assert [path.name for path in (tmp_path / "out/deep/er").iterdir()] == ["x.reel"]
+
+
+def test_a_file_is_replaced_only_when_it_may_be(tmp_path):
+    folder = LocalFolder(tmp_path)
+    folder.write("x.reel", b"old", overwrite=False)
+    with pytest.raises(InvalidInputError, match="exists"):
+        folder.write("x.reel", b"new", overwrite=False)
+    assert folder.read("x.reel") == b"old"
+    folder.write("x.reel", b"new", overwrite=True)
+    assert folder.read("x.reel") == b"new"
+
+
+def test_inputs_are_named_as_seen_from_the_folder(tmp_path):
+    folder = LocalFolder(tmp_path / "out")
+    assert folder.seen_to(tmp_path / "in" / "a") == "../in/a"
+    assert folder.seen_to("s3://bucket/in") == "s3://bucket/in"
+    assert Path(folder.called("x.reel")) == tmp_path / "out" / "x.reel"

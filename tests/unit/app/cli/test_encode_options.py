@@ -1,0 +1,110 @@
+"""Commands that encode have the options of the table, each as the table has it."""
+
+import json
+import re
+
+import click
+import pytest
+from click.testing import CliRunner
+
+import meshreel
+from meshreel.app.cli.app import app
+from meshreel.app.cli.commands import command_named
+from meshreel.app.cli.encode_options import encode_options
+from meshreel.codec.config import all_options
+from meshreel.errors import InvalidInputError
+from samples.meshes import waving_grid
+
+OPTIONS = {option.name: option for option in all_options()}
+COMMANDS = ("encode", "convert", "batch")
+
+
+def params(command):
+    return {one.name: one for one in command_named(command).params}
+
+
+@pytest.mark.parametrize("name", OPTIONS)
+@pytest.mark.parametrize("command", COMMANDS)
+def test_command_has_every_option_of_the_table(command, name):
+    option, param = OPTIONS[name], params(command)[name]
+    assert param.opts == [option.flag]
+    assert param.panel == option.group
+    if command != "convert" or name != "max_error":  # where it means more
+        assert param.default == option.default
+
+
+@pytest.mark.parametrize("name", [option.name for option in all_options() if option.names])
+@pytest.mark.parametrize("command", COMMANDS)
+def test_names_are_completed_when_they_are_begun(command, name):
+    param = params(command)[name]
+    assert param.shell_complete(None, "") != []
+    begun = OPTIONS[name].names[-1]
+    assert begun in [one.value for one in param.shell_complete(None, begun[:1])]
+
+
+def given_to(*arguments):
+    """What a command gets that was called so."""
+
+    @click.command()
+    @encode_options()
+    @click.option("--twice", is_flag=True)
+    def small(encoding: dict, twice: bool) -> None:
+        click.echo(json.dumps([encoding, twice]))
+
+    settings = {"catch_exceptions": False, "standalone_mode": False}
+    return json.loads(CliRunner().invoke(small, arguments, **settings).output)
+
+
+def test_command_gets_defaults_when_nothing_is_given():
+    expected = {name: option.default for name, option in OPTIONS.items()}
+    assert given_to() == [expected, False]
+
+
+def test_command_gets_values_for_python_when_they_are_typed():
+    typed = ("--modes", "5", "--kg", "0.5", "--size", "1kB", "--bits", "8,8,6", "--order", "drop")
+    encoding, twice = given_to(*typed, "--iterations", "2", "--twice")
+    assert twice is True
+    changed = {name: value for name, value in encoding.items() if value != OPTIONS[name].default}
+    assert changed == {
+        "n_modes": 5, "kg": 0.5, "size": "1kB", "bits": [8, 8, 6], "order": "drop",
+        "n_iterations": 2,
+    }  # fmt: skip
+
+
+def test_one_number_of_bits_is_no_list():
+    assert given_to("--bits", "8")[0]["bits"] == 8
+
+
+def test_list_is_refused_when_one_of_its_numbers_is_none():
+    with pytest.raises(click.UsageError, match="--bits takes a whole number, or several"):
+        given_to("--bits", "8,x")
+
+
+@pytest.mark.parametrize(
+    ("flag", "typed", "message"),
+    [
+        ("--quality", "high", "--quality must be 1..100; got 'high'"),
+        ("--kg", "much", "--kg must be above 0, in percent; got 'much'"),
+        ("--modes", "2.5", "--modes must be a whole number of at least 1; got '2.5'"),
+        ("--effort", "0", "--effort must be 1..9; got 0"),
+    ],
+)
+def test_option_is_refused_when_it_is_no_number_of_its_range(flag, typed, message):
+    with pytest.raises(InvalidInputError, match=f"^{re.escape(message)}$"):
+        given_to(flag, typed)
+
+
+def test_help_names_flags_in_place_of_keywords():
+    assert "--max-error that is a length" in params("encode")["unit"].help
+
+
+@pytest.mark.parametrize("command", ["encode", "convert"])
+def test_streams_are_those_of_python_when_options_of_a_variant_are_given(command, tmp_path):
+    given, written = tmp_path / "grid.npz", tmp_path / "grid.reel"
+    meshreel.save(waving_grid(), given)
+    typed = "--method pca-qp --modes 5 --bits 10 --anchors 0.02 --laplacian combinatorial"
+    done = CliRunner().invoke(app, [command, str(given), "-o", str(written), *typed.split()])
+    assert done.exit_code == 0, done.output
+    options = {"n_modes": 5, "bits": 10, "anchors": 0.02, "laplacian": "combinatorial"}
+    expected = meshreel.encode(given, "pca-qp", **options)
+    assert written.read_bytes() == expected

@@ -1,0 +1,68 @@
+"""Lines in place of a bar, where nobody watches a terminal."""
+
+import io
+import threading
+import time
+
+import pytest
+
+from meshreel.app.cli.progress_lines import progress_lines
+from meshreel.runtime.progress import Count
+
+
+class Lines(io.StringIO):
+    """A text file with an event that is set at a number of lines."""
+
+    def __init__(self):
+        super().__init__()
+        self.has_come = threading.Semaphore(0)
+
+    def flush(self):
+        self.has_come.release()
+
+    def wait_for(self, n_lines):
+        for _ in range(n_lines):
+            assert self.has_come.acquire(timeout=20)
+        return self.getvalue().splitlines()
+
+
+def test_lines_come_again_and_again_when_a_stage_says_nothing():
+    stream = Lines()
+    with progress_lines(stream, first_after_s=0.01, every_s=0.01) as progress:
+        progress("encoding, try 3", Count(12, 175, "frames"))
+        lines = stream.wait_for(3)
+    assert lines[-1] == "meshreel: encoding, try 3: 12 of 175 frames (0:00 so far)"
+
+
+@pytest.mark.parametrize(
+    ("fraction", "words"), [(0.0, "comparing"), (0.5, "comparing: 50 %"), (1.0, "comparing")]
+)
+def test_line_tells_the_share_when_something_is_done_and_something_left(fraction, words):
+    stream = Lines()
+    with progress_lines(stream, first_after_s=0.01, every_s=0.01) as progress:
+        progress("comparing", fraction)
+        stream.wait_for(2)
+        lines = stream.wait_for(1)
+    assert lines[-1] == f"meshreel: {words} (0:00 so far)"
+
+
+def test_nothing_is_written_when_work_is_short():
+    stream = Lines()
+    with progress_lines(stream, first_after_s=60) as progress:
+        progress("reading", 0.5)
+    assert stream.getvalue() == ""
+
+
+def test_work_goes_on_when_nobody_reads_the_lines():
+    stream = Lines()
+    stream.close()
+    with progress_lines(stream, first_after_s=0.001, every_s=0.001) as progress:
+        progress("reading", 0.5)
+        time.sleep(0.05)
+
+
+def test_work_does_not_wait_for_the_next_line_when_it_ends():
+    began = time.monotonic()
+    with progress_lines(Lines(), first_after_s=30, every_s=30):
+        pass
+    assert time.monotonic() - began < 5

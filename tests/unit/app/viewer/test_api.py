@@ -1,0 +1,256 @@
+"""What the page asks for, and what it is told."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from meshreel.app.viewer import played
+from meshreel.app.viewer.coloring import Coloring
+from meshreel.codec.decoder import decode
+from meshreel.codec.encoder import encode
+from meshreel.errors import InvalidInputError
+from meshreel.metrics.heat import HEATS
+from meshreel.model.sequence import MeshSequence
+from meshreel.model.tracks import Track
+from samples.meshes import quad_sheet, waving_grid
+from samples.players import opened_api
+
+KEYS = [
+    "name", "low", "high", "swept", "up", "is_whole", "n_modes", "rows", "budget", "original",
+    "colored_by",
+]  # fmt: skip
+
+
+def asked(api, path):
+    """The answer to a path, of JSON."""
+    answer = api.answer(path)
+    assert answer.content_type == "application/json"
+    return json.loads(answer.body)
+
+
+def test_facts_are_those_of_the_file_when_they_are_asked_for():
+    with opened_api(quad_sheet(6)) as api:
+        told = asked(api, "api/facts")
+        info = api.reel.info()
+    assert list(told) == KEYS
+    assert (told["name"], told["is_whole"]) == ("sheet", True)
+    assert told["n_modes"] == list(info.n_modes)
+    assert told["rows"] == [["size", "6 kB"]]
+    assert sum(size for _, size in told["budget"]) == info.size_bytes
+    assert told["original"] is None
+
+
+def test_name_is_that_of_the_file_when_the_stream_has_none():
+    with opened_api(replace(waving_grid(3), name="")) as api:
+        assert asked(api, "api/facts")["name"] == "file"
+
+
+@pytest.mark.parametrize("block_frames", [None, 4])
+def test_box_holds_all_frames_when_they_are_in_one_block_or_several(block_frames):
+    grid = waving_grid(12, dtype=np.float64)
+    with opened_api(grid, encoding={"block_frames": block_frames, "max_error": 0.01}) as api:
+        told, diagonal = asked(api, "api/facts"), api.reel.frame.scale
+        low, high = np.array(told["low"]), np.array(told["high"])
+    slack = 0.001 * diagonal if block_frames is None else 0.1 * diagonal
+    np.testing.assert_allclose(low, grid.vertices.min(axis=(0, 1)), atol=slack)
+    np.testing.assert_allclose(high, grid.vertices.max(axis=(0, 1)), atol=slack)
+    assert np.linalg.norm(high - low) == pytest.approx(diagonal, rel=0.01)
+
+
+def test_swept_points_are_the_outermost_of_all_frames_when_there_is_one_block():
+    grid = waving_grid(12, dtype=np.float64)
+    with opened_api(grid, encoding={"max_error": 0.01}) as api:
+        told, origin = asked(api, "api/facts"), np.array(api.reel.frame.origin)
+        diagonal = api.reel.frame.scale
+    swept = np.array(told["swept"]) + origin
+    for direction in ([1, 0, 0], [0, -1, 0], [1, 1, 0], [-1, 1, 1], [1, -1, 1]):
+        farthest = (grid.vertices @ direction).max()
+        assert (swept @ direction).max() == pytest.approx(farthest, abs=1e-3 * diagonal)
+
+
+def test_swept_points_are_of_what_is_drawn_when_a_vertex_has_no_face():
+    grid = waving_grid(3, dtype=np.float64)
+    away = np.full((3, 1, 3), 50.0)
+    lonely = replace(grid, vertices=np.concatenate([grid.vertices, away], axis=1))
+    with opened_api(lonely, encoding={"step": 1e-6}) as api:
+        told, origin = asked(api, "api/facts"), np.array(api.reel.frame.origin)
+    swept = np.array(told["swept"]) + origin
+    assert swept.max() < 1.1 * grid.vertices.max()
+
+
+def test_original_is_told_frame_by_frame_when_there_is_one():
+    grid = waving_grid(5)
+    with opened_api(grid, grid, encoding={"quality": 40}) as api:
+        told = asked(api, "api/facts")
+        positions = np.frombuffer(api.answer("api/original/3").body, "<f4").reshape(-1, 3)
+        centre = np.array(api.reel.frame.origin)
+    np.testing.assert_allclose(positions + centre, grid.vertices[3], atol=1e-6)
+    assert told["original"]["name"] == "grid"
+    assert [heat["kind"] for heat in told["original"]["heats"]] == list(HEATS)
+    assert (told["original"]["plots"], told["original"]["rows"]) == ([], [])
+
+
+@pytest.mark.parametrize("method", ["pca-qp", "lossless"])
+def test_stream_is_encoded_anew_when_it_is_of_another_method_or_too_long(method, monkeypatch):
+    monkeypatch.setattr(played, "MOST_EXACT_POSITIONS", 4 * 99 - 1)
+    grid = waving_grid(4)
+    far = MeshSequence(grid.vertices + np.float32(3e4), grid.faces, grid.fps)
+    grid = far if method == "lossless" else grid
+    with opened_api(grid, encoding={"method": method}) as api:
+        assert api.is_reencoded
+        assert api.reel.info().method == "reel"
+        told = asked(api, "api/facts")
+        decoded = decode(encode(grid, method))
+        off = np.linalg.norm(api.reel[:] - decoded.vertices, axis=2).max()
+        assert off < 1.01e-5 * api.reel.frame.scale
+    assert "encoded anew as reel" in dict(told["rows"])["shown"]
+
+
+def test_plots_are_told_when_all_frames_are_measured():
+    grid = waving_grid(5)
+    options = {"encoding": {"quality": 40}, "measured_rows": lambda measured: {"KG": "1 %"}}
+    with opened_api(grid, grid, **options) as api:
+        assert asked(api, "api/plots")["ready"] is False
+        api.measuring.run()
+        told = asked(api, "api/plots")
+        assert asked(api, "api/facts")["original"]["plots"] == told["plots"]
+    assert (told["ready"], told["share"], told["error"]) == (True, 1.0, "")
+    assert told["rows"] == [["KG", "1 %"]]
+    assert [len(plot["values"]) for plot in told["plots"]] == [5, 5]
+
+
+def test_worst_frame_is_that_of_the_largest_error_when_all_are_measured():
+    grid = waving_grid(5, dtype=np.float64)
+    other = grid.vertices.copy()
+    other[3, 7] += 0.3
+    with opened_api(grid, replace(grid, vertices=other), encoding={"step": 1e-6}) as api:
+        assert asked(api, "api/plots")["worst_frame"] is None
+        api.measuring.run()
+        assert asked(api, "api/plots")["worst_frame"] == 3
+        assert asked(api, "api/facts")["original"]["worst_frame"] == 3
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "", "api", "api/", "api/original", "api/original/", "api/original/-1",
+        "api/original/0x0", "api/original/99999999999999999999", "api/original/\u0660",
+        "api/facts/", "/api/facts", "API/facts", "api/original/0/", "api/original/5",
+        "api/../page", "api/original/0\n",
+    ],
+)  # fmt: skip
+def test_nothing_is_told_when_the_path_names_nothing(path):
+    grid = waving_grid(5)
+    with opened_api(grid, grid) as api:
+        assert api.answer(path) is None
+
+
+@pytest.mark.parametrize("path", ["api/original/0", "api/plots"])
+def test_nothing_is_told_of_an_original_when_there_is_none(path):
+    with opened_api(waving_grid(2)) as api:
+        assert api.answer(path) is None
+
+
+@pytest.mark.parametrize("size", [1e-200, 1e200])
+def test_a_model_is_refused_when_it_cannot_be_drawn(size):
+    grid = waving_grid(2, dtype=np.float64)
+    data = encode(MeshSequence(grid.vertices * size, grid.faces))
+    with pytest.raises(InvalidInputError, match="player draws from 1e-30 to 1e\\+30: scale it"):
+        opened_api(None, data=data).__enter__()
+
+
+def test_json_has_null_when_a_number_is_not_finite():
+    with opened_api(waving_grid(2)) as api:
+        nothing, everything = np.full(3, np.nan), np.full(3, np.inf)
+        api._reach = replace(api._reach, low=nothing, high=everything)
+        told = asked(api, "api/facts")
+    assert (told["low"], told["high"]) == ([None] * 3, [None] * 3)
+
+
+def with_tracks(grid):
+    """The grid with a track of vertices, one of faces, one that is exact, and one of its own."""
+    height = grid.vertices[:, :, 2].astype(np.float32)
+    heat = grid.vertices[:, grid.faces, 0].mean(axis=2).astype(np.float32)
+    tracks = {
+        "height": Track(height, unit="m"),
+        "heat": Track(heat, domain="face"),
+        "part": Track((9 * height).astype(np.int32)),
+    }
+    return replace(grid, tracks=tracks)
+
+
+def test_track_that_the_page_opens_with_is_told():
+    grid = with_tracks(waving_grid(4))
+    with opened_api(grid, coloring=Coloring("height", range="0:1")) as api:
+        wanted = {"track": "height", "component": None, "range": "0:1", "colormap": None}
+        assert asked(api, "api/facts")["colored_by"] == wanted
+    with opened_api(grid) as api:
+        assert asked(api, "api/facts")["colored_by"] is None
+    unknown = pytest.raises(InvalidInputError, match="no track 'hight'; there are height, heat")
+    with unknown, opened_api(grid, coloring=Coloring("hight")):
+        pass
+
+
+def test_tracks_of_the_original_are_told_when_there_is_one():
+    grid = with_tracks(waving_grid(4))
+    with opened_api(grid, grid, encoding={"tracks": {"height": "5%", "heat": "3%"}}) as api:
+        told = asked(api, "api/facts")["original"]
+        bound = api.reel.track("height").promised_error
+        values = [
+            np.frombuffer(api.answer(f"api/original_track/{i}/2").body, "<f8" if i == 2 else "<f4")
+            for i in range(3)
+        ]
+        assert api.answer("api/original_track/3/0") is None
+        assert api.answer("api/original_track/0/4") is None
+    assert told["tracks"] == ["height", "heat", "part"]
+    assert [heat["kind"] for heat in told["track_heats"]] == ["track 0", "track 1"]
+    assert [heat["track"] for heat in told["track_heats"]] == ["height", "heat"]
+    first = told["track_heats"][0]
+    assert first["label"].startswith("error of height, up to ")
+    assert (first["unit"], first["range"]) == ("m", bound)
+    for name, found in zip(told["tracks"], values, strict=True):
+        np.testing.assert_array_equal(found, grid.tracks[name].values[2].ravel())
+
+
+def test_tracks_of_the_original_follow_vertices_when_the_order_is_dropped():
+    grid = replace(with_tracks(waving_grid(4)), tracks={})
+    height = Track(grid.vertices[:, :, 2].astype(np.float32))
+    grid = replace(grid, tracks={"height": height})
+    with opened_api(grid, grid, encoding={"order": "drop"}) as api:
+        given = np.frombuffer(api.answer("api/original_track/0/3").body, "<f4")
+        errors = np.abs(given - api.reel.track("height")[3].ravel())
+        bound = api.reel.track("height").promised_error
+    assert 0 < errors.max() <= bound
+
+
+def test_tracks_are_not_compared_when_they_are_of_another_kind():
+    grid = with_tracks(waving_grid(4))
+    height = grid.tracks["height"].values
+    others = {"height": Track(height, kind="other"), "heat": height, "part": height}
+    with opened_api(grid, replace(grid, tracks=others)) as api:
+        told = asked(api, "api/facts")["original"]
+        assert (told["tracks"], told["track_heats"]) == ([], [])
+        assert api.answer("api/original_track/0/0") is None
+
+
+@pytest.mark.parametrize("encoding", [{"method": "lossless"}, {"method": "grid", "max_error": 1}])
+def test_stream_is_played_as_it_is_when_its_positions_are_exact(encoding):
+    grid = waving_grid(4)
+    data = encode(grid, **encoding)
+    with opened_api(grid, data=data) as api:
+        assert not api.is_reencoded
+        assert api.reel.stored(0, api.reel.size_bytes) == data
+        told = asked(api, "api/facts")
+    assert "shown" not in dict(told["rows"])
+    assert told["n_modes"] == [0]
+
+
+def test_tracks_of_a_lossless_file_are_exact_when_it_is_encoded_anew(monkeypatch):
+    monkeypatch.setattr(played, "MOST_EXACT_POSITIONS", 0)
+    grid = with_tracks(waving_grid(4))
+    with opened_api(grid, encoding={"lossless": True}, coloring=Coloring("heat")) as api:
+        assert api.is_reencoded
+        for name, track in grid.tracks.items():
+            np.testing.assert_array_equal(api.reel.track(name).read(0, 4), track.values)

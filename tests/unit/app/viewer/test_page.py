@@ -1,0 +1,81 @@
+"""The page of the package, and the forms in which it goes out."""
+
+import base64
+import re
+import subprocess
+import tomllib
+import zlib
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+from meshreel.app.viewer.page import SCRIPT_NAME, Page, built_page
+from meshreel.errors import InvalidInputError
+from samples.players import PAGE, carried, write_page
+from samples.web_package import built_package
+
+ROOT = Path(__file__).parents[3]
+PAGE_FOLDER = "src/meshreel/app/viewer/page"
+
+
+@pytest.mark.slow
+def test_page_in_the_repository_is_what_its_sources_build(tmp_path):
+    built_package()
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    if f"ziglang=={version('ziglang')}" not in project["optional-dependencies"]["core"]:
+        pytest.skip("needs the version of ziglang that the extra `core` names")
+    npm = partial(subprocess.run, cwd=ROOT / "web", check=True, capture_output=True, timeout=300)
+    npm(["npm", "ci", "--no-audit", "--no-fund"])
+    npm(["npm", "run", "build", "--", str(tmp_path)])
+    for name in ["index.html", SCRIPT_NAME]:
+        is_equal = (tmp_path / name).read_bytes() == (ROOT / PAGE_FOLDER / name).read_bytes()
+        assert is_equal, f"{name} is older than its sources: build it as web/README.md says"
+
+
+def test_licence_of_three_js_is_in_the_page_and_in_its_script():
+    page = built_page()
+    pages = [page.served, page.split({}), page.whole({}), page.script]
+    notices = ["three.js authors", "Permission is hereby granted, free of charge"]
+    assert all(notice in text for text in pages for notice in notices)
+
+
+def test_page_and_script_are_read_when_they_are_there(tmp_path):
+    assert built_page(write_page(tmp_path / "page")) == PAGE
+
+
+@pytest.mark.parametrize("missing", ["index.html", "player.js"])
+def test_error_says_how_to_get_the_page_when_it_is_missing(tmp_path, missing):
+    folder = write_page(tmp_path / "page")
+    (folder / missing).unlink()
+    with pytest.raises(InvalidInputError, match=r"is missing.*reinstall.*web/README"):
+        built_page(folder)
+
+
+@pytest.mark.parametrize("html", ["<html></html>", "<!--meshreel-data-->", "<!--script-->"])
+def test_page_is_refused_when_it_has_no_place_for_something(html):
+    with pytest.raises(InvalidInputError, match="has no place for data; build it anew"):
+        Page(html, "")
+
+
+def test_script_is_beside_the_page_when_it_is_served():
+    assert PAGE.served == (
+        "<!doctype html><html><head><title>p</title></head>"
+        '<body><script src="player.js"></script></body></html>'
+    )
+
+
+def test_script_and_data_are_inside_the_page_when_it_is_whole():
+    html = PAGE.whole({"a": {"b": [1.5, float("nan")]}})
+    packed = re.search(r'<script id="packed" type="text/plain">([^<]*)</script>', html)[1]
+    assert zlib.decompress(base64.b64decode(packed), -15).decode() == PAGE.script
+    assert carried(html) == {"a": {"b": [1.5, None]}}
+
+
+@pytest.mark.parametrize("form", ["whole", "split"])
+def test_data_cannot_end_their_script_when_they_try(form):
+    name = "</script><script>alert(1)</script>\u2028<!--"
+    html = getattr(PAGE, form)({"facts": {"name": name}})
+    assert "alert(1)</script>" not in html
+    assert carried(html) == {"facts": {"name": name}}

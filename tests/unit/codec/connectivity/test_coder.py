@@ -1,0 +1,173 @@
+"""The coder of connectivity: every face list is decoded exactly, damaged bytes are refused."""
+
+import dataclasses
+from contextlib import suppress
+
+import numpy as np
+import pytest
+
+from meshreel.codec.connectivity.coder import (
+    decode_connectivity,
+    decode_order,
+    encode_connectivity,
+)
+from meshreel.codec.connectivity.triangles import lowest_rotation, sorted_order
+from meshreel.errors import CorruptStreamError, InvalidInputError, MeshReelError
+from meshreel.kernel.connectivity import encode_faces
+
+
+def coded_and_decoded(mesh, order):
+    faces, n_verts = mesh
+    coded = encode_connectivity(faces, n_verts, order=order)
+    internal = decode_connectivity(coded.payload, n_verts, len(faces))
+    return coded, internal, *decode_order(coded.order_payload, internal, n_verts)
+
+
+def sorted_triangles(faces, n_verts):
+    lowest, _ = lowest_rotation(faces, n_verts)
+    return lowest[sorted_order(lowest, n_verts)]
+
+
+def test_faces_come_back_exactly_when_order_is_kept(mesh):
+    coded, internal, internal_to_given, faces = coded_and_decoded(mesh, "keep")
+    np.testing.assert_array_equal(internal, coded.internal_faces)
+    np.testing.assert_array_equal(internal_to_given, coded.internal_to_given)
+    np.testing.assert_array_equal(faces, mesh[0])
+
+
+def test_same_triangles_come_back_when_only_vertex_order_is_kept(mesh):
+    coded, _, internal_to_given, faces = coded_and_decoded(mesh, "vertices")
+    np.testing.assert_array_equal(internal_to_given, coded.internal_to_given)
+    np.testing.assert_array_equal(
+        sorted_triangles(faces, mesh[1]), sorted_triangles(mesh[0], mesh[1])
+    )
+
+
+def test_same_mesh_comes_back_renumbered_when_order_is_dropped(mesh):
+    coded, internal, identity, faces = coded_and_decoded(mesh, "drop")
+    assert coded.order_payload == b""
+    np.testing.assert_array_equal(identity, np.arange(mesh[1]))
+    np.testing.assert_array_equal(faces, internal)
+    np.testing.assert_array_equal(np.sort(coded.internal_to_given), np.arange(mesh[1]))
+    np.testing.assert_array_equal(
+        sorted_triangles(coded.internal_to_given[internal], mesh[1]),
+        sorted_triangles(mesh[0], mesh[1]),
+    )
+
+
+@pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
+def test_arrays_have_the_promised_types_when_coded_and_decoded(meshes, order):
+    for name in ("scattered", "torus"):
+        coded, internal, internal_to_given, faces = coded_and_decoded(meshes[name], order)
+        assert coded.internal_faces.dtype == internal.dtype == faces.dtype == np.int32
+        assert coded.internal_to_given.dtype == internal_to_given.dtype == np.int64
+
+
+def test_bytes_are_the_same_when_coded_twice(mesh):
+    first, second = (encode_connectivity(*mesh) for _ in range(2))
+    assert first.payload == second.payload
+    assert first.order_payload == second.order_payload
+
+
+def test_input_stays_as_it_was_when_coded(meshes):
+    faces, n_verts = meshes["damaged torus"]
+    before = faces.copy()
+    faces.flags.writeable = False
+    encode_connectivity(faces, n_verts)
+    np.testing.assert_array_equal(faces, before)
+
+
+@pytest.mark.parametrize(
+    ("name", "order", "bits_per_vertex"),
+    [
+        ("torus", "drop", 0.7),
+        ("shuffled torus", "drop", 0.7),
+        ("torus", "keep", 0.9),
+        ("grid", "keep", 2.0),
+        ("shuffled torus", "vertices", 11.2),  # 10.2 bits are in the order
+        ("shuffled torus", "keep", 38.5),  # 35.7 bits are in both orders and the corners
+    ],
+)
+def test_size_is_near_what_the_order_holds_when_mesh_is_regular(
+    meshes, name, order, bits_per_vertex
+):
+    coded = encode_connectivity(*meshes[name], order=order)
+    size_bits = 8 * (len(coded.payload) + len(coded.order_payload))
+    assert size_bits < bits_per_vertex * meshes[name][1]
+
+
+def test_encode_connectivity_refuses_when_order_is_unknown(meshes):
+    with pytest.raises(InvalidInputError, match="keep, vertices, drop"):
+        encode_connectivity(*meshes["grid"], order="faces")
+
+
+def test_decode_connectivity_tells_when_counts_of_the_header_differ(meshes):
+    faces, n_verts = meshes["damaged torus"]
+    payload = encode_connectivity(faces, n_verts, order="drop").payload
+    for wrong in [(0, 1), (0, -1), (1, 0), (-1, 0)]:
+        with pytest.raises(CorruptStreamError):
+            decode_connectivity(payload, n_verts + wrong[0], len(faces) + wrong[1])
+
+
+@pytest.mark.parametrize("payload", [b"", b"\x00", b"\xff" * 40, b"\x55" * 40])
+def test_decode_connectivity_tells_when_bytes_are_no_faces(payload):
+    with pytest.raises(CorruptStreamError):
+        decode_connectivity(payload, 3, 100)
+
+
+def test_decoding_gives_other_faces_or_our_error_when_bytes_are_cut(mesh):
+    faces, n_verts = mesh
+    coded = encode_connectivity(faces, n_verts)
+    for size in range(0, len(coded.payload), 1 + len(coded.payload) // 80):
+        try:
+            found = decode_connectivity(coded.payload[:size], n_verts, len(faces))
+        except CorruptStreamError:
+            continue
+        assert not np.array_equal(found, coded.internal_faces)
+        assert 0 <= found.min() <= found.max() < n_verts
+    for size in range(1, len(coded.order_payload), 1 + len(coded.order_payload) // 80):
+        with suppress(CorruptStreamError):
+            decode_order(coded.order_payload[:size], coded.internal_faces, n_verts)
+
+
+def test_decoding_tells_when_bytes_follow(mesh):
+    faces, n_verts = mesh
+    coded = encode_connectivity(faces, n_verts)
+    with pytest.raises(CorruptStreamError):
+        decode_connectivity(coded.payload + b"\xff" * 20, n_verts, len(faces))
+    if coded.order_payload:
+        with pytest.raises(CorruptStreamError):
+            decode_order(coded.order_payload + b"\x00", coded.internal_faces, n_verts)
+
+
+def test_decoding_gives_a_valid_mesh_or_our_error_when_bytes_are_changed(mesh):
+    faces, n_verts = mesh
+    rng = np.random.default_rng(8)
+    coded = encode_connectivity(faces, n_verts)
+    for _ in range(60):
+        payload, order_payload = (bytearray(part) for part in dataclasses.astuple(coded)[:2])
+        for part in (payload, order_payload):
+            if part:
+                part[rng.integers(len(part))] ^= rng.integers(1, 256)
+        try:
+            internal = decode_connectivity(bytes(payload), n_verts, len(faces))
+        except MeshReelError:
+            internal = coded.internal_faces
+        assert internal.shape == faces.shape
+        assert 0 <= internal.min() <= internal.max() < n_verts
+        try:
+            found, given = decode_order(bytes(order_payload), internal, n_verts)
+        except MeshReelError:
+            continue
+        np.testing.assert_array_equal(np.sort(found), np.arange(n_verts))
+        np.testing.assert_array_equal(
+            sorted_triangles(given, n_verts), sorted_triangles(found[internal], n_verts)
+        )
+
+
+def test_faces_are_listed_when_that_takes_fewer_bytes_than_a_walk():
+    rng = np.random.default_rng(8)
+    faces = (rng.integers(0, 400, (500, 1)) + rng.integers(0, 6, (500, 3))).astype(np.int32)
+    sizes = [len(encode_faces(faces, 406, listed=listed)[0]) for listed in (False, True)]
+    coded = encode_connectivity(faces, 406, order="vertices")
+    assert len(coded.payload) == sizes[1] < sizes[0]

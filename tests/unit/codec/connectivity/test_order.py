@@ -1,0 +1,126 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from meshreel.codec.connectivity.order import decode_given_order, encode_order, list_faces
+from meshreel.codec.connectivity.permutation import inverse_permutation
+from meshreel.errors import CorruptStreamError
+
+
+def in_other_order(faces, n_verts, seed=4):
+    """The same mesh with other names and another order: internal faces, and back."""
+    rng = np.random.default_rng(seed)
+    internal_to_given = rng.permutation(n_verts)
+    internal = inverse_permutation(internal_to_given)[faces][rng.permutation(len(faces))]
+    turned = (rng.integers(0, 3, len(faces))[:, None] + np.arange(3)) % 3
+    return np.take_along_axis(internal, turned, axis=1), internal_to_given
+
+
+def size_bits(faces, n_verts, *, keep_faces=True, seed=4):
+    internal, internal_to_given = in_other_order(faces, n_verts, seed)
+    return 8 * len(encode_order(faces, internal, internal_to_given, keep_faces))
+
+
+@pytest.mark.parametrize("keep_faces", [True, False])
+@pytest.mark.parametrize("seed", [4, 5])
+def test_order_comes_back_exactly_when_internal_order_is_another(mesh, keep_faces, seed):
+    faces, n_verts = mesh
+    internal, internal_to_given = in_other_order(faces, n_verts, seed)
+    payload = encode_order(faces, internal, internal_to_given, keep_faces)
+    found, listed = decode_given_order(payload, internal, n_verts)
+    np.testing.assert_array_equal(found, internal_to_given)
+    np.testing.assert_array_equal(listed, faces if keep_faces else internal_to_given[internal])
+
+
+@given(
+    st.integers(1, 12).flatmap(
+        lambda n: st.tuples(
+            st.just(n), st.lists(st.tuples(*[st.integers(0, n - 1)] * 3), min_size=1, max_size=20)
+        )
+    ),
+    st.booleans(),
+    st.integers(0, 1 << 30),
+)
+def test_order_comes_back_exactly_whatever_the_faces_are(mesh, keep_faces, seed):
+    n_verts, listed = mesh
+    faces = np.array(listed, np.int32)
+    internal, internal_to_given = in_other_order(faces, n_verts, seed)
+    payload = encode_order(faces, internal, internal_to_given, keep_faces)
+    found, back = decode_given_order(payload, internal, n_verts)
+    np.testing.assert_array_equal(found, internal_to_given)
+    np.testing.assert_array_equal(back, faces if keep_faces else internal_to_given[internal])
+
+
+def test_listed_order_costs_almost_nothing_when_it_is_regular(meshes):
+    faces, n_verts = meshes["torus"]
+    assert size_bits(faces, n_verts) < 0.4 * n_verts
+    assert size_bits(faces, n_verts, keep_faces=False) < 0.3 * n_verts
+
+
+def test_order_costs_little_more_than_it_holds_when_it_is_random(meshes):
+    faces, n_verts = meshes["shuffled torus"]
+    verts = np.log2(np.arange(1, n_verts + 1)).sum()
+    both = verts + np.log2(np.arange(1, len(faces) + 1)).sum() + np.log2(3) * len(faces)
+    assert size_bits(faces, n_verts, keep_faces=False) < 1.13 * verts
+    assert size_bits(faces, n_verts) < 1.12 * both
+
+
+def test_halves_of_quads_cost_half_when_quads_are_scattered(meshes):
+    faces, n_verts = meshes["torus"]
+    pairs = 2 * np.random.default_rng(9).permutation(len(faces) // 2)
+    scattered = faces[np.stack([pairs, pairs + 1], axis=1).ravel()]
+    alone = size_bits(faces[np.random.default_rng(9).permutation(len(faces))], n_verts)
+    assert size_bits(scattered, n_verts) < 0.6 * alone
+
+
+def test_order_of_a_sweep_costs_less_than_a_random_one_when_it_is_jittered(meshes):
+    faces, n_verts = meshes["torus"]
+    rng = np.random.default_rng(2)
+    swept = faces[np.argsort(np.arange(len(faces)) + rng.normal(size=len(faces)) * 10)]
+    assert size_bits(swept, n_verts) < 0.72 * size_bits(rng.permutation(faces), n_verts)
+
+
+def test_list_faces_takes_faces_from_their_corners_when_turned():
+    known = np.array([[0, 1, 2], [2, 1, 3]])
+    assert list_faces(known, np.array([4, 2])).tolist() == [[1, 3, 2], [2, 0, 1]]
+
+
+@pytest.mark.parametrize(
+    "change", [lambda payload: b"", lambda payload: b"\0" + payload[1:], lambda payload: b"\3"]
+)
+def test_decode_given_order_tells_when_the_start_is_damaged(meshes, change):
+    faces, n_verts = meshes["octahedron"]
+    internal, internal_to_given = in_other_order(faces, n_verts)
+    payload = encode_order(faces, internal, internal_to_given, keep_faces=True)
+    with pytest.raises(CorruptStreamError):
+        decode_given_order(change(payload), internal, n_verts)
+
+
+@pytest.mark.parametrize("keep_faces", [True, False])
+def test_any_bytes_give_an_order_or_our_error(mesh, keep_faces):
+    faces, n_verts = mesh
+    rng = np.random.default_rng(1)
+    internal, internal_to_given = in_other_order(faces, n_verts)
+    payload = encode_order(faces, internal, internal_to_given, keep_faces)
+    for trial in range(40):
+        broken = bytearray(payload)
+        for _ in range(1 + trial % 3):
+            broken[rng.integers(1, len(broken) + 1) - 1] ^= rng.integers(1, 256)
+        broken[0] = payload[0]
+        try:
+            found, listed = decode_given_order(bytes(broken), internal, n_verts)
+        except CorruptStreamError:
+            continue
+        assert sorted(found) == list(range(n_verts))
+        assert listed.shape == faces.shape
+
+
+def test_order_is_refused_when_its_last_byte_is_zero():
+    faces = np.array([[0, 1, 2], [2, 1, 3]], np.int32)
+    internal, internal_to_given = in_other_order(faces, 4)
+    payload = encode_order(faces, internal, internal_to_given, True)
+    assert payload[-1] != 0
+    decode_given_order(payload, internal, 4)
+    with pytest.raises(CorruptStreamError, match="ends before its section"):
+        decode_given_order(payload + b"\0", internal, 4)

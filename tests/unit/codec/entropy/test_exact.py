@@ -1,0 +1,45 @@
+import numpy as np
+import pytest
+
+from meshreel.codec.entropy.exact import decode_exact, encode_exact
+from meshreel.errors import CorruptStreamError, MeshReelError
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_values_come_back_bit_by_bit_when_coded(dtype):
+    values = np.random.default_rng(0).normal(size=(5, 4, 3)).astype(dtype)
+    values[1, 2] = [-0.0, np.finfo(dtype).tiny, np.finfo(dtype).max]
+    values[2:4, 1] = [np.nan, np.inf, -np.inf]
+    back = decode_exact(encode_exact(values), values.shape, dtype)
+    assert back.tobytes() == values.tobytes()
+
+
+def test_size_is_small_when_nothing_moves():
+    values = np.tile(np.random.default_rng(0).normal(size=(1, 10, 3)), (500, 1, 1))
+    assert len(encode_exact(values)) < 340
+
+
+def test_size_is_near_what_changes_when_motion_is_smooth():
+    t = np.linspace(0, 6, 200)[:, None, None]
+    phases = np.random.default_rng(1).random((1, 20, 3))
+    values = np.sin(t + 6 * phases).astype(np.float32)
+    assert len(encode_exact(values)) < 0.62 * values.nbytes
+
+
+@pytest.mark.parametrize("data", [b"", b"\x02", encode_exact(np.zeros((2, 2, 3))) + b"\0\0\0"])
+def test_decoding_raises_when_the_shape_does_not_fit(data):
+    with pytest.raises(CorruptStreamError):
+        decode_exact(data, (1000, 2, 3), np.float64)
+
+
+def test_decoding_gives_our_error_or_values_when_bytes_are_changed():
+    rng = np.random.default_rng(3)
+    values = np.cumsum(rng.normal(size=(30, 2, 3)), axis=0)
+    data = encode_exact(values)
+    for _ in range(300):
+        broken = bytearray(data)
+        broken[rng.integers(len(data))] ^= rng.integers(1, 256)
+        try:
+            assert decode_exact(bytes(broken), values.shape, np.float64).shape == values.shape
+        except MeshReelError:
+            continue

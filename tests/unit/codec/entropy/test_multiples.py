@@ -1,0 +1,40 @@
+"""Floats that are integers by a common number."""
+
+import numpy as np
+import pytest
+
+from meshreel.codec.entropy.multiples import (
+    BY_BYTE,
+    BY_SHORT,
+    GRID,
+    LARGEST,
+    as_multiples,
+    values_of,
+)
+
+
+@pytest.mark.parametrize("dtype", ["f4", "f8"])
+@pytest.mark.parametrize(
+    ("values", "code", "integers"),
+    [
+        ([0.0, 3.0], 0, [0, 3]),
+        ([0.1, 25.3], 1, [1, 253]),
+        ([1e-9], 9, [1]),
+        ([1 / 255, 1.0], BY_BYTE, [1, 255]),
+        ([1 / 65535, 1.0], BY_SHORT, [1, 65535]),
+        ([0.5, 0.75], GRID + 2, [2, 3]),
+        ([2.0**-24], GRID + 24, [1]),
+        ([float(LARGEST)], 0, [LARGEST]),
+    ],
+)
+def test_values_are_integers_by_the_coarsest_number(values, code, integers, dtype):
+    given = np.array(values, dtype)
+    found = dict(as_multiples(given))
+    assert found[code].tolist() == integers
+    for one, whole in found.items():
+        assert values_of(whole, one, given.dtype).tobytes() == given.tobytes()
+
+
+@pytest.mark.parametrize("values", [[2.0**-25], [2.0 * LARGEST], [np.pi], [np.nan], [-0.0]])
+def test_values_are_left_alone_when_no_code_stands_for_their_number(values):
+    assert list(as_multiples(np.array(values))) == []

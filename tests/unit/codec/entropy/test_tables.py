@@ -1,0 +1,71 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from meshreel.codec.entropy.exact import decode_numbers
+from meshreel.codec.entropy.expected import nothing_expected, row_before_expected
+from meshreel.codec.entropy.multiples import BY_SHORT, GRID, LARGEST, MAX_GRID_BITS, values_of
+from meshreel.codec.entropy.tables import AS_THEY_ARE, INTEGER, encode_grid_table, encode_table
+
+CODES = (*range(BY_SHORT + 1), *range(GRID, GRID + MAX_GRID_BITS + 1))
+SINGLE = np.dtype(np.float32)
+SHAPES = st.tuples(st.integers(0, 12), st.integers(1, 4))
+
+
+def decoded(data, shape, dtype):
+    """The table whose form and way are the first two bytes."""
+    form, way = data[:2]
+    expected = (nothing_expected, row_before_expected)[way](shape[0])
+    if form == AS_THEY_ARE:
+        return decode_numbers(data[2:], shape, dtype, expected)
+    return values_of(decode_numbers(data[2:], shape, INTEGER, expected), form, dtype)
+
+
+def assert_comes_back(values):
+    back = decoded(encode_table(values), values.shape, values.dtype)
+    assert back.dtype == values.dtype
+    assert back.tobytes() == values.tobytes()
+
+
+@pytest.mark.parametrize("dtype", ["u1", "i4", "f4", "f8"])
+def test_table_comes_back_bit_by_bit_when_of_any_type(dtype):
+    @given(arrays(dtype, SHAPES))
+    def check(values):
+        assert_comes_back(values)
+
+    check()
+
+
+@given(arrays(np.int64, SHAPES, elements=st.integers(-(10**8), 10**8)), st.integers(0, 9))
+def test_decimals_come_back_when_rounded_to_single_precision(integers, places):
+    assert_comes_back((integers / 10.0**places).astype(np.float32))
+
+
+def test_signs_of_zero_come_back_when_all_else_is_decimal():
+    assert_comes_back(np.array([[0.5], [-0.0], [0.0]], np.float32))
+
+
+def test_decimals_take_fewer_bytes_when_they_have_few_places():
+    values = (np.random.default_rng(0).integers(0, 10**4, (5000, 2)) / 1e4).astype(np.float32)
+    assert len(encode_table(values)) < 0.5 * values.nbytes
+
+
+@pytest.mark.parametrize("code", CODES)
+def test_multiples_take_what_their_integers_do_when_they_are_of_any_form(code):
+    integers = np.random.default_rng(code).integers(0, 200, (3000, 2)).astype(np.int32)
+    values = values_of(integers, code, SINGLE)
+    assert_comes_back(values)
+    assert len(encode_table(values)) < 1.05 * len(encode_table(integers)) + 8
+
+
+@given(
+    arrays(np.int64, SHAPES, elements=st.integers(-LARGEST, LARGEST)),
+    st.integers(0, MAX_GRID_BITS),
+    st.sampled_from(["f4", "f8"]),
+)
+def test_grid_comes_back_bit_by_bit_when_of_any_size(integers, bits, dtype):
+    values = values_of(integers.astype(np.int32), GRID + bits, np.dtype(dtype))
+    back = decoded(encode_grid_table(integers, bits), integers.shape, np.dtype(dtype))
+    assert (back.dtype, back.tobytes()) == (values.dtype, values.tobytes())

@@ -1,0 +1,47 @@
+"""Errors that are found from fields are those of decoded frames."""
+
+import numpy as np
+import pytest
+
+from meshreel.codec.config import EncoderConfig
+from meshreel.codec.reel.encoding.block_coder import KeyedBlocks, coder_of
+from meshreel.codec.reel.encoding.meters import SLACK, KgMeter
+from meshreel.codec.source import Source
+from meshreel.metrics.kg import kg_error_percent
+from meshreel.model.sequence import MeshSequence
+from samples.meshes import irregular_sequence, waving_grid
+
+
+def metered(sequence, step, block_frames=8):
+    """The error by the meter, and that of the decoded frames."""
+    source = Source(sequence, EncoderConfig(block_frames=block_frames))
+    coder = coder_of(source.mesh, source.frame).with_step(step, None)
+    blocks, meter, decoded = KeyedBlocks(coder), KgMeter(), []
+    for frames in map(coder.frames, source.blocks()):
+        coded = blocks.code(frames)
+        meter.add(frames, coded)
+        decoded.append(coded.decoded(frames))
+    original = sequence.vertices[:, source.mesh.order]
+    return meter.value, kg_error_percent(original, np.concatenate(decoded))
+
+
+@pytest.mark.parametrize("make", [waving_grid, irregular_sequence])
+@pytest.mark.parametrize("step", [1e-2, 1e-4, 1e-6, 1e-8])
+def test_kg_error_is_that_of_decoded_frames_when_it_is_found_from_fields(make, step):
+    found, exact = metered(make(20), step)
+    assert found == pytest.approx(exact, rel=1e-4 if step > 1e-5 else 1e-2)
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e3])
+def test_kg_error_is_not_below_that_of_decoded_frames_when_positions_are_far_away(offset):
+    grid = waving_grid(20)
+    moved = MeshSequence((grid.vertices + offset).astype(np.float32), grid.faces)
+    found, exact = metered(moved, 1e-4)
+    assert exact * (1 - SLACK) <= found * (1 + 1e-2)
+    assert found == pytest.approx(exact, rel=1e-2)
+
+
+def test_kg_error_is_without_bounds_when_there_is_no_spread():
+    still = MeshSequence(np.ones((3, 4, 3)) * np.arange(3)[:, None, None], [[0, 1, 2]])
+    found, _ = metered(still, 1e-2)
+    assert found == np.inf or found == 0.0

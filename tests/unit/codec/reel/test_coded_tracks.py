@@ -1,0 +1,209 @@
+"""Tracks through a stream and back, each within its bound."""
+
+from io import BytesIO
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.codec.reel.encoding.track_coders import UNIT_LENGTH_TOLERANCE, length_allowed
+from meshreel.codec.reel_file import ReelFile
+from meshreel.codec.subspace.trajectories import BoundingFrame
+from meshreel.codec.track_bounds import Measure, TrackBound
+from meshreel.errors import InvalidInputError
+from samples.meshes import irregular_sequence, quad_sheet, waving_grid
+from samples.tracks import given_places
+
+RNG = np.random.default_rng(3)
+
+
+def unit(vectors):
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def smooth(n_items, n_columns, n_frames=12, dtype=np.float32):
+    """Waves over items and time with a little noise."""
+    t, i, c = np.ogrid[:n_frames, :n_items, :n_columns]
+    waves = np.sin(0.3 * t + 0.1 * i + c) + 0.01 * RNG.normal(size=(n_frames, n_items, n_columns))
+    return (300 + 40 * waves).astype(dtype)
+
+
+def sheet(**tracks):
+    moving = quad_sheet(12)
+    return meshreel.MeshSequence(
+        moving.vertices, moving.faces, 25, surface=moving.surface, tracks=tracks
+    )
+
+
+def sizes():
+    moving = quad_sheet(12)
+    n_faces = moving.surface.n_faces(moving.n_faces)
+    return moving.n_verts, n_faces, int(moving.surface.sizes(moving.n_faces).sum())
+
+
+def largest(one, other):
+    apart = one.values.astype(float) - other.values
+    return np.linalg.norm(apart, axis=2).max()
+
+
+@pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("block_frames", [None, 5])
+def test_no_value_is_farther_off_than_the_bound(order, dtype, block_frames):
+    n_verts = sizes()[0]
+    original = sheet(
+        heat=meshreel.Track(smooth(n_verts, 1, dtype=dtype), unit="K"),
+        flow=smooth(n_verts, 3, dtype=dtype),
+        many=smooth(n_verts, 9, dtype=dtype),
+    )
+    bounds = {"heat": "0.5K", "flow": "1%", "many": 2}
+    data = meshreel.encode(original, tracks=bounds, order=order, block_frames=block_frames)
+    decoded = meshreel.decode(data)
+    places = given_places(order, original.vertices, decoded.vertices)
+    span = np.linalg.norm(np.ptp(original.tracks["flow"].values, axis=(0, 1)))
+    allowed = {"heat": 0.5, "flow": 0.01 * span, "many": 2}
+    for name, track in decoded.tracks.items():
+        given = original.tracks[name]
+        assert (track.kind, track.unit, track.dtype) == (given.kind, given.unit, given.dtype)
+        apart = given.values[:, places].astype(float) - track.values
+        assert 0.2 * allowed[name] < np.linalg.norm(apart, axis=2).max() <= allowed[name]
+
+
+def test_values_of_faces_and_corners_come_back_within_their_bounds():
+    _, n_faces, n_corners = sizes()
+    original = sheet(
+        area=meshreel.Track(smooth(n_faces, 1), "face"),
+        shade=meshreel.Track(smooth(n_corners, 2), "corner"),
+    )
+    decoded = meshreel.decode(meshreel.encode(original, tracks={"area": 0.3, "shade": 0.4}))
+    assert largest(original.tracks["area"], decoded.tracks["area"]) <= 0.3
+    assert largest(original.tracks["shade"], decoded.tracks["shade"]) <= 0.4
+
+
+def test_normals_have_the_length_one_and_turn_by_no_more_than_the_bound():
+    n_verts = sizes()[0]
+    normals = unit(smooth(n_verts, 3, dtype=np.float64) - 300)
+    normals[:, 4] = 0  # a vertex that has none
+    original = sheet(n=meshreel.Track(normals, kind="normal"))
+    found = meshreel.decode(meshreel.encode(original, tracks={"n": "2deg"})).tracks["n"].values
+    assert np.all(found[:, 4] == 0)
+    there = np.delete(found, 4, axis=1)
+    np.testing.assert_allclose(np.linalg.norm(there, axis=2), 1, rtol=1e-12)
+    cosines = np.sum(there * np.delete(normals, 4, axis=1), axis=2)
+    turns = np.degrees(np.arccos(np.clip(cosines, -1, 1)))
+    assert 0.5 < turns.max() <= 2
+
+
+@pytest.mark.parametrize("degrees", [0.01, 0.5, 30])
+def test_an_angle_is_kept_when_a_normal_is_a_little_shorter_than_one(degrees):
+    box = BoundingFrame((0.0, 0.0, 0.0), 2.0)
+    apart = length_allowed(TrackBound(Measure.ANGLE, degrees), box)
+    assert np.degrees(np.arcsin(apart / (1 - UNIT_LENGTH_TOLERANCE))) <= degrees
+
+
+def test_colors_are_as_near_as_their_bits():
+    n_verts = sizes()[0]
+    colors = np.clip(smooth(n_verts, 4) / 400, 0, 1)
+    original = sheet(c=meshreel.Track(colors, kind="color"))
+    found = meshreel.decode(meshreel.encode(original, tracks={"c": "6bit"})).tracks["c"].values
+    assert np.abs(found - colors).max() <= 0.5 / 63
+
+
+def test_a_file_is_the_same_when_tracks_are_dropped_or_not_there():
+    original = sheet(heat=smooth(sizes()[0], 1))
+    alone = meshreel.encode(quad_sheet(12))
+    moving = quad_sheet(12)
+    plain = meshreel.MeshSequence(moving.vertices, moving.faces, 25, surface=moving.surface)
+    assert meshreel.encode(original, tracks={"heat": "drop"}) == meshreel.encode(plain)
+    assert len(alone) <= len(meshreel.encode(original))
+
+
+def test_a_track_alone_is_read_from_a_file_when_it_is_asked_for():
+    n_verts = sizes()[0]
+    original = sheet(heat=meshreel.Track(smooth(n_verts, 1), unit="K"), flow=smooth(n_verts, 3))
+    data = meshreel.encode(original, block_frames=5, tracks={"heat": 1})
+    whole = meshreel.decode(data)
+    with ReelFile(BytesIO(data)) as reel:
+        heat = reel.track("heat")
+        assert (len(heat), heat.shape, heat.unit) == (12, (12, n_verts, 1), "K")
+        assert heat.promised_error == 1
+        np.testing.assert_array_equal(heat[7], whole.tracks["heat"][7])
+        np.testing.assert_array_equal(heat[-1], whole.tracks["heat"][11])
+        np.testing.assert_array_equal(heat[3:9], whole.tracks["heat"][3:9])
+        np.testing.assert_array_equal(heat[[9, 1, 9]], whole.tracks["heat"][[9, 1, 9]])
+        np.testing.assert_array_equal(list(heat), whole.tracks["heat"].values)
+        with pytest.raises(InvalidInputError, match="no track 'stress'; there are heat, flow"):
+            reel.track("stress")
+    some = meshreel.decode(data, frames=slice(4, 8))
+    np.testing.assert_array_equal(some.tracks["flow"].values, whole.tracks["flow"][4:8])
+
+
+REFUSED = {
+    "no track 'heap'; did you mean 'heat'": {"heap": "1%"},
+    "there is no track 'x'; there are heat, n, c": {"x": "1%"},
+    "a bound must be above 0; got '0%'": {"heat": "0%"},
+    "500K in its unit, exact or drop; got '3Pa'": {"heat": "3Pa"},
+    "got 'much'": {"heat": "much"},
+    "an angle such as 0.5deg, exact or drop; got '1%'": {"n": "1%"},
+    "up to 30deg; got '40deg'": {"n": "40deg"},
+    "'heat': .* got '8bit'": {"heat": "8bit"},
+    "cannot be promised, since its numbers of type float32 are rounded": {"heat": "1e-7%"},
+}
+
+
+@pytest.mark.parametrize("words", REFUSED)
+def test_bounds_are_refused_when_they_are_not_for_a_track(words):
+    n_verts = sizes()[0]
+    original = sheet(
+        heat=meshreel.Track(smooth(n_verts, 1), unit="K"),
+        n=meshreel.Track(unit(smooth(n_verts, 3)), kind="normal"),
+        c=meshreel.Track(smooth(n_verts, 3) / 400, kind="color"),
+    )
+    with pytest.raises(InvalidInputError, match=words):
+        meshreel.encode(original, tracks=REFUSED[words])
+
+
+def test_a_track_is_refused_when_its_values_cannot_be_coded_within_a_bound():
+    n_verts = sizes()[0]
+    heat = smooth(n_verts, 1)
+    heat[3, 5] = np.inf
+    with pytest.raises(InvalidInputError, match="'heat' has inf at vertex 5; no bound"):
+        meshreel.encode(sheet(heat=heat))
+    long = meshreel.Track(2 * unit(smooth(n_verts, 3)), kind="normal")
+    with pytest.raises(InvalidInputError, match="must have the length 1; that of vertex 0 has 2"):
+        meshreel.encode(sheet(n=long))
+
+
+def test_tracks_are_refused_when_the_order_of_faces_is_lost_or_the_method_has_none():
+    area = meshreel.Track(smooth(sizes()[1], 1), "face")
+    with pytest.raises(InvalidInputError, match="order would be lost; keep it"):
+        meshreel.encode(sheet(area=area), order="drop")
+    with pytest.raises(InvalidInputError, match=r"codes positions only; drop the tracks \(area\)"):
+        meshreel.encode(sheet(area=area), method="pca-qp")
+    meshreel.encode(sheet(area=area), method="pca-qp", tracks={"area": "drop"})
+
+
+def test_a_sequence_has_the_same_frames_with_tracks_and_without():
+    moving = waving_grid(12)
+    heat = smooth(moving.n_verts, 1)
+    both = meshreel.MeshSequence(moving.vertices, moving.faces, tracks={"heat": heat})
+    found = meshreel.decode(meshreel.encode(both, max_error=0.1))
+    alone = meshreel.decode(meshreel.encode(moving, max_error=0.1))
+    np.testing.assert_array_equal(found.vertices, alone.vertices)
+
+
+def test_bounds_are_kept_for_any_numbers_on_any_mesh():
+    odd = irregular_sequence()
+    shape = odd.n_frames, odd.n_verts
+    noise = np.random.default_rng(0).normal(size=shape)
+    tracks = {"far": 1e12 + noise, "tiny": 1e-200 * noise, "huge": 1e200 * noise}
+    tracks |= {"still": np.full(shape, 7.0), "wide": np.repeat(noise[..., None], 256, axis=2)}
+    whole = meshreel.MeshSequence(odd.vertices, odd.faces, tracks=tracks)
+    errors = meshreel.compare(whole, meshreel.encode(whole)).tracks
+    for name in ("far", "tiny", "huge"):
+        assert 0 < errors[name].largest <= 0.001 * np.ptp(tracks[name])
+    assert errors["still"].largest == 0
+    assert errors["wide"].largest <= 0.001 * 16 * np.ptp(noise)
+    first = {name: values[:1] for name, values in tracks.items()}
+    one = meshreel.MeshSequence(odd.vertices[:1], odd.faces, tracks=first)
+    assert meshreel.compare(one, meshreel.encode(one)).tracks["far"].largest <= 0.01

@@ -1,0 +1,169 @@
+"""Positions on a grid: promises are kept, and no promise costs more than every bit."""
+
+from io import BytesIO
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.codec.bitstream.layout import Section
+from meshreel.codec.reel.normative.grid import PositionGrid, write_step
+from meshreel.codec.subspace.trajectories import BoundingFrame
+from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
+from meshreel.runtime.engine.engine import open_engine
+from samples.meshes import irregular_sequence, waving_grid
+from samples.streams import Stream, parts_of, raw_stream
+
+DOUBLE = np.float64
+SEQUENCES = {
+    "waves": waving_grid(9),
+    "waves in doubles": waving_grid(9, dtype=DOUBLE),
+    "one frame": waving_grid(1),
+    "irregular": irregular_sequence(8),
+    "far away": meshreel.MeshSequence(
+        waving_grid(9).vertices.astype(DOUBLE) + 1e6, waving_grid(9).faces
+    ),
+    "large": meshreel.MeshSequence(
+        waving_grid(9).vertices.astype(DOUBLE) * 1e200, waving_grid(9).faces
+    ),
+    "still": meshreel.MeshSequence(
+        np.repeat(waving_grid(1).vertices, 300, axis=0), waving_grid(1).faces
+    ),
+}
+
+
+def noisy(n_frames=40):
+    """Waves with noise, which modes have to send twice."""
+    sheet, rng = waving_grid(n_frames), np.random.default_rng(6)
+    noise = rng.normal(size=sheet.vertices.shape) * 1e-3
+    return meshreel.MeshSequence((sheet.vertices + noise).astype(np.float32), sheet.faces)
+
+
+def assert_kept(sequence, data, percent):
+    diagonal = meshreel.info(data).diagonal
+    decoded = meshreel.decode(data)
+    assert decoded.vertices.dtype == sequence.vertices.dtype
+    apart = (decoded.vertices.astype(DOUBLE) - sequence.vertices) / diagonal
+    assert np.linalg.norm(apart, axis=2).max() <= percent / 100
+
+
+@pytest.mark.parametrize("percent", [1.0, 0.01, 0.0001])
+@pytest.mark.parametrize("name", SEQUENCES)
+def test_the_promise_is_kept(name, percent):
+    sequence = SEQUENCES[name]
+    data = meshreel.encode(sequence, "grid", max_error=percent, block_frames=4)
+    assert_kept(sequence, data, percent)
+    found = meshreel.info(data)
+    assert found.method == "grid"
+    assert found.max_error_percent == pytest.approx(percent)
+    assert set(found.n_modes) == {0}
+    assert not found.is_lossless
+
+
+def test_a_length_is_promised_too():
+    sequence = waving_grid(5)
+    data = meshreel.encode(sequence, "grid", max_error="0.5mm", unit="m")
+    assert np.abs(meshreel.decode(data).vertices - sequence.vertices).max() <= 0.0005
+    assert meshreel.ReelFile(BytesIO(data)).promised_error == pytest.approx(0.0005)
+
+
+def test_a_grid_finer_than_its_integers_leaves_positions_as_they_are():
+    sequence = SEQUENCES["waves in doubles"]
+    data = meshreel.encode(sequence, "grid", max_error=1e-9)
+    assert (meshreel.decode(data).vertices == sequence.vertices).all()
+
+
+def test_a_largest_error_chooses_the_grid_where_it_takes_fewer_bytes():
+    sequence = noisy()
+    data = meshreel.encode(sequence, max_error=1e-4)
+    assert meshreel.info(data).method == "grid"
+    assert data == meshreel.encode(sequence, "grid", max_error=1e-4)
+    assert_kept(sequence, data, 1e-4)
+    assert len(data) < len(meshreel.encode(sequence, max_error=1e-4, effort=5))
+
+
+@pytest.mark.parametrize("options", [{"effort": 5}, {"tune": "geometry"}, {"n_modes": 30}])
+def test_options_of_modes_ask_for_modes(options):
+    data = meshreel.encode(noisy(), max_error=1e-3, **options)
+    assert meshreel.info(data).method == "reel"
+
+
+def test_a_largest_error_keeps_modes_where_they_take_fewer_bytes():
+    assert meshreel.info(meshreel.encode(waving_grid(60), max_error=0.1)).method == "reel"
+
+
+@pytest.mark.parametrize("percent", [1e-3, 2e-5])
+def test_no_promise_takes_more_bytes_than_every_bit(percent):
+    sequence = noisy()
+    exact = len(meshreel.encode(sequence, lossless=True))
+    assert len(meshreel.encode(sequence, max_error=percent)) <= exact + 40
+
+
+def test_tracks_and_attributes_stay_with_a_grid_that_is_chosen():
+    sequence = noisy(12)
+    heat = meshreel.Track(np.random.default_rng(1).random((12, sequence.n_verts)), unit="K")
+    both = meshreel.MeshSequence(sequence.vertices, sequence.faces, tracks={"heat": heat})
+    data = meshreel.encode(both, max_error=1e-4, tracks={"heat": "exact"}, block_frames=5)
+    assert meshreel.info(data).method == "grid"
+    found = meshreel.decode(data).tracks["heat"].values
+    assert (np.squeeze(found) == np.squeeze(heat.values)).all()
+
+
+@pytest.mark.slow
+def test_workers_give_the_same_bytes():
+    sequence = waving_grid(12)
+    alone = meshreel.encode(sequence, "grid", max_error=0.01, block_frames=5)
+    with open_engine(2) as engine:
+        found = meshreel.encode(sequence, "grid", max_error=0.01, block_frames=5, engine=engine)
+    assert found == alone
+
+
+def test_frames_that_come_one_by_one_keep_the_promise_wherever_they_go():
+    sequence, file = waving_grid(10), BytesIO()
+    vertices = sequence.vertices * np.linspace(1, 40, 10, dtype=np.float32)[:, None, None]
+    with meshreel.Encoder(
+        sequence.faces, file, block_frames=3, method="grid", max_error=0.001
+    ) as encoder:
+        for frame in vertices:
+            encoder.push(frame)
+    promised = meshreel.ReelFile(BytesIO(file.getvalue())).promised_error
+    found = meshreel.decode(file.getvalue()).vertices.astype(DOUBLE)
+    assert np.linalg.norm(found - vertices, axis=2).max() <= promised
+
+
+def test_a_grid_needs_a_largest_error():
+    with pytest.raises(InvalidInputError, match="a largest error allows; give max_error="):
+        meshreel.encode(waving_grid(2), "grid")
+
+
+def test_there_are_no_modes_to_ask_for():
+    data = meshreel.encode(waving_grid(2), "grid", max_error=0.1)
+    with pytest.raises(InvalidInputError, match="a stream of method grid has no modes"):
+        meshreel.ReelFile(BytesIO(data), n_modes=3)
+
+
+@pytest.mark.parametrize("step", [-0.1, 1.5, np.nan, np.inf])
+def test_a_step_that_is_none_is_refused(step):
+    with pytest.raises(CorruptStreamError):
+        meshreel.decode(with_values(lambda values: write_step(step) + values[8:]))
+
+
+def test_values_without_a_step_are_refused():
+    with pytest.raises((CorruptStreamError, TruncatedStreamError)):
+        meshreel.decode(with_values(lambda values: values[:7]))
+
+
+def with_values(change):
+    """A stream on a grid with other payloads of its values."""
+    stream = Stream(meshreel.encode(waving_grid(2), "grid", max_error=0.1))
+    parts = [
+        (section, change(own) if section is Section.VALUES else own)
+        for section, own in parts_of(stream)
+    ]
+    return raw_stream(stream.header, parts)
+
+
+def test_places_beyond_the_number_type_are_refused():
+    far = PositionGrid(1.0, BoundingFrame((0.0, 0.0, 0.0), 1e35))
+    with pytest.raises(CorruptStreamError, match="go beyond the numbers of type float32"):
+        far.positions(np.full((1, 1, 3), 2**30, np.int32), np.float32)

@@ -1,0 +1,61 @@
+"""Tracks of frames that come one by one."""
+
+from io import BytesIO
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.errors import InvalidInputError
+from meshreel.model.tracks import TrackKind
+from samples.meshes import waving_grid
+
+GRID = waving_grid(11)
+HEAT = (300 + 20 * np.sin(np.arange(11)[:, None] / 3 + np.arange(GRID.n_verts) / 20)).astype("f4")
+
+
+def recorded(frames, bounds=None, **options):
+    """The bytes of frames, given as positions and tracks."""
+    file = BytesIO()
+    with meshreel.Encoder(GRID.faces, file, fps=25, tracks=bounds, **options) as encoder:
+        for frame, tracks in frames:
+            encoder.push(frame, tracks)
+    return file.getvalue()
+
+
+def test_tracks_of_pushed_frames_are_within_their_bounds():
+    frames = [
+        (frame, {"heat": meshreel.Track(HEAT[number][None], unit="K"), "again": HEAT[number]})
+        for number, frame in enumerate(GRID)
+    ]
+    data = recorded(frames, {"heat": "0.5K"}, block_frames=4)
+    found = meshreel.decode(data).tracks
+    assert (found["heat"].unit, found["again"].kind) == ("K", TrackKind.SCALAR)
+    assert 0.1 < np.abs(found["heat"].values[..., 0] - HEAT).max() <= 0.5
+    first_range = np.ptp(HEAT[:4])
+    assert np.abs(found["again"].values[..., 0] - HEAT).max() <= 0.001 * first_range
+    alone = meshreel.decode(recorded([(frame, None) for frame in GRID], block_frames=4))
+    np.testing.assert_array_equal(meshreel.decode(data).vertices, alone.vertices)
+
+
+def test_a_frame_is_refused_when_its_tracks_are_not_those_of_the_first():
+    with meshreel.Encoder(GRID.faces, BytesIO()) as encoder:
+        encoder.push(GRID[0], {"heat": HEAT[0]})
+        with pytest.raises(InvalidInputError, match="frame 1 has the tracks none; the first has"):
+            encoder.push(GRID[1])
+        with pytest.raises(InvalidInputError, match="float64"):
+            encoder.push(GRID[1], {"heat": HEAT[1].astype(float)})
+        with pytest.raises(InvalidInputError, match="track 'heat': values of shape"):
+            encoder.push(GRID[1], {"heat": HEAT[1][:-1]})
+        encoder.push(GRID[1], {"heat": HEAT[1]})
+        assert encoder.n_frames == 2
+
+
+def test_bounds_of_tracks_that_are_not_there_are_refused_with_the_first_frame():
+    encoder = meshreel.Encoder(GRID.faces, BytesIO(), tracks={"heap": 1})
+    with pytest.raises(InvalidInputError, match="did you mean 'heat'"):
+        encoder.push(GRID[0], {"heat": HEAT[0]})
+    with meshreel.Encoder(GRID.faces, BytesIO(), method="pca-qp") as encoder:
+        with pytest.raises(InvalidInputError, match="codes positions only"):
+            encoder.push(GRID[0], {"heat": HEAT[0]})
+        encoder.push(GRID[0])

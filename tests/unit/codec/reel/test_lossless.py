@@ -1,0 +1,262 @@
+"""Sequences that come back bit for bit."""
+
+from io import BytesIO
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.codec.achieved import measure_stream
+from meshreel.errors import InvalidInputError, SolverError
+from meshreel.formats.options import WriteOptions
+from meshreel.runtime.engine.engine import open_engine
+from samples.meshes import assert_same_surface, irregular_sequence, quad_sheet, waving_grid
+
+RNG = np.random.default_rng(16)
+SINGLE, DOUBLE = np.float32, np.float64
+
+
+def assert_same_bits(found, expected):
+    assert found.dtype == expected.dtype
+    assert found.shape == expected.shape
+    assert found.tobytes() == expected.tobytes()
+
+
+def any_bits(shape, dtype):
+    """Finite numbers of every size."""
+    size = np.dtype(dtype).itemsize
+    numbers = np.frombuffer(RNG.bytes(size * int(np.prod(shape))), dtype).reshape(shape).copy()
+    return np.where(np.isfinite(numbers), numbers, np.finfo(dtype).max)
+
+
+def with_positions(vertices, sequence):
+    return meshreel.MeshSequence(vertices, sequence.faces, 25, surface=sequence.surface)
+
+
+def signed_zeros(dtype):
+    sequence = waving_grid(6)
+    vertices = np.round(sequence.vertices).astype(dtype)
+    return with_positions(np.where(RNG.random(vertices.shape) < 0.5, -vertices, vertices), sequence)
+
+
+def sequences():
+    grid, odd = waving_grid(9), irregular_sequence(8)
+    shuffle = RNG.permutation(grid.n_verts)
+    far = (grid.vertices.astype(DOUBLE) + 1e9, (grid.vertices + 1e6).astype(SINGLE))
+    faces = np.concatenate([odd.faces, [[0, 0, 1], [2, 2, 2], odd.faces[3]], odd.faces[:2, ::-1]])
+    return {
+        "waves": grid,
+        "waves in doubles": waving_grid(9, dtype=DOUBLE),
+        "one frame": waving_grid(1),
+        "two frames": waving_grid(2, dtype=DOUBLE),
+        "isolated vertices and components": odd,
+        "degenerate, doubled and turned faces": meshreel.MeshSequence(odd.vertices, faces),
+        "vertices in any order": meshreel.MeshSequence(
+            grid.vertices[:, np.argsort(shuffle)], RNG.permutation(shuffle[grid.faces], axis=0)
+        ),
+        "far away": with_positions(far[0], grid),
+        "far away in singles": with_positions(far[1], grid),
+        "any bits": with_positions(any_bits(grid.vertices.shape, SINGLE), grid),
+        "any bits in doubles": with_positions(any_bits(grid.vertices.shape, DOUBLE), grid),
+        "noise": with_positions(RNG.normal(size=grid.vertices.shape).astype(SINGLE), grid),
+        "zeros with signs": signed_zeros(SINGLE),
+        "zeros with signs in doubles": signed_zeros(DOUBLE),
+        "subnormal": with_positions((grid.vertices * 1e-42).astype(SINGLE), grid),
+        "still": with_positions(np.repeat(grid.vertices[:1], 300, axis=0), grid),
+        "one face": meshreel.MeshSequence(RNG.random((5, 3, 3)).astype(SINGLE), [[2, 0, 1]]),
+    }
+
+
+SEQUENCES = sequences()
+
+
+@pytest.mark.parametrize("block_frames", [None, 1, 4])
+@pytest.mark.parametrize("name", SEQUENCES)
+def test_every_bit_comes_back(name, block_frames):
+    sequence = SEQUENCES[name]
+    data = meshreel.encode(sequence, lossless=True, block_frames=block_frames)
+    decoded = meshreel.decode(data)
+    assert_same_bits(decoded.vertices, sequence.vertices)
+    assert_same_bits(decoded.faces, sequence.faces)
+    found = meshreel.info(data)
+    assert (found.method, found.order) == ("lossless", "keep")
+    assert found.is_lossless
+    assert found.max_error_percent == 0
+    assert set(found.n_modes) == {0}
+
+
+@pytest.mark.parametrize("order", ["vertices", "drop"])
+def test_every_bit_comes_back_in_the_order_that_is_asked_for(order):
+    sequence = SEQUENCES["vertices in any order"]
+    data = meshreel.encode(sequence, lossless=True, order=order)
+    decoded = meshreel.decode(data)
+    if order == "vertices":
+        assert_same_bits(decoded.vertices, sequence.vertices)
+        quality = meshreel.compare(sequence, data)
+        assert (quality.max_error_percent, quality.sted) == (0, 0)
+    rows = [np.unique(one.vertices[0], axis=0) for one in (sequence, decoded)]
+    assert_same_bits(rows[1], rows[0])
+    measured = measure_stream(sequence, data, order=order)
+    assert (measured.max_error_percent, measured.kg_error_percent) == (0, 0)
+
+
+def test_surface_and_times_come_back():
+    sheet = quad_sheet(6)
+    sequence = meshreel.MeshSequence(
+        sheet.vertices, sheet.faces, 23.976, "N\u00e4me", -1.5, sheet.surface
+    )
+    decoded = meshreel.decode(meshreel.encode(sequence, lossless=True))
+    assert_same_surface(decoded.surface, sequence.surface)
+    assert (decoded.fps, decoded.name, decoded.start_s) == (23.976, "N\u00e4me", -1.5)
+
+
+def with_tracks():
+    sheet = quad_sheet(12)
+    n_faces = sheet.surface.n_items(meshreel.Domain.FACE, sheet.n_verts, sheet.n_faces)
+    heat = RNG.normal(300, 20, (12, sheet.n_verts)).astype(SINGLE)
+    heat[3, 2] = np.nan
+    tracks = {
+        "heat": meshreel.Track(heat, unit="K"),
+        "flow": meshreel.Track(RNG.normal(size=(12, n_faces, 3)), "face", "vector", "m/s"),
+        "id": np.arange(12 * sheet.n_verts, dtype=np.int32).reshape(12, -1),
+    }
+    return meshreel.MeshSequence(
+        sheet.vertices, sheet.faces, 25, surface=sheet.surface, tracks=tracks
+    )
+
+
+def test_tracks_are_exact_unless_something_else_is_asked_for():
+    sequence = with_tracks()
+    data = meshreel.encode(sequence, lossless=True, block_frames=5)
+    decoded = meshreel.decode(data)
+    assert_same_bits(decoded.vertices, sequence.vertices)
+    for name, track in sequence.tracks.items():
+        assert_same_bits(decoded.tracks[name].values, track.values)
+    assert [track.is_exact for track in meshreel.info(data).tracks] == [True] * 3
+    # What is asked for by name is done, and said.
+    data = meshreel.encode(sequence, lossless=True, tracks={"flow": 0.25, "id": "drop"})
+    heat, flow = meshreel.info(data).tracks
+    assert (heat.name, heat.is_exact, flow.is_exact, flow.bound) == ("heat", True, False, 0.25)
+    found = meshreel.decode(data)
+    assert_same_bits(found.vertices, sequence.vertices)
+    assert_same_bits(found.tracks["heat"].values, sequence.tracks["heat"].values)
+    apart = np.linalg.norm(found.tracks["flow"].values - sequence.tracks["flow"].values, axis=2)
+    assert 0 < apart.max() <= 0.25
+
+
+def test_velocities_within_a_bound_follow_from_the_exact_positions():
+    grid = waving_grid(12)
+    velocity = (25 * np.gradient(grid.vertices, axis=0)).astype(SINGLE)
+    tracks = {"velocity": meshreel.Track(velocity, kind="velocity", unit="m/s")}
+    sequence = meshreel.MeshSequence(grid.vertices, grid.faces, 25, tracks=tracks)
+    for order in ("keep", "drop"):
+        options = {"tracks": {"velocity": 0.01}, "order": order, "block_frames": 12}
+        data = meshreel.encode(sequence, lossless=True, **options)
+        file = BytesIO()
+        with meshreel.Encoder(grid.faces, file, fps=25, lossless=True, **options) as encoder:
+            for frame, values in zip(grid.vertices, velocity, strict=True):
+                moving = meshreel.Track(values[None], kind="velocity", unit="m/s")
+                encoder.push(frame, {"velocity": moving})
+        for stream in (data, file.getvalue()):
+            [said] = meshreel.info(stream).tracks
+            assert not said.is_exact
+            assert said.size_bytes < 200  # there is next to nothing left of them
+            measured = measure_stream(sequence, stream, order=order)
+            assert measured.max_error_percent == 0
+            assert measured.tracks["velocity"].largest <= 0.01
+
+
+def test_frames_are_taken_out_of_their_blocks(tmp_path):
+    sequence = waving_grid(11)
+    path = tmp_path / "walk.reel"
+    meshreel.save(sequence, path, options=WriteOptions(lossless=True))
+    with meshreel.open(path) as reel:
+        assert (reel.method, reel.promised_error) == ("lossless", 0)
+        for chosen in (7, slice(3, 9), [8, 1, 10]):
+            assert_same_bits(reel[chosen], sequence.vertices[chosen])
+        assert "bit for bit" in reel._repr_html_()
+    part = meshreel.decode(path, frames=slice(4, 6))
+    assert_same_bits(part.vertices, sequence.vertices[4:6])
+
+
+def test_live_frames_come_back_bit_for_bit():
+    sequence, file = with_tracks(), BytesIO()
+    with meshreel.Encoder(
+        sequence.faces, file, surface=sequence.surface, block_frames=5, lossless=True
+    ) as encoder:
+        for number, frame in enumerate(sequence.vertices):
+            now = {
+                name: meshreel.Track(
+                    track.values[number : number + 1], track.domain, track.kind, track.unit
+                )
+                for name, track in sequence.tracks.items()
+            }
+            encoder.push(frame, now)
+    decoded = meshreel.decode(file.getvalue())
+    assert_same_bits(decoded.vertices, sequence.vertices)
+    for name, track in sequence.tracks.items():
+        assert_same_bits(decoded.tracks[name].values, track.values)
+
+
+@pytest.mark.slow
+def test_workers_make_the_same_bytes():
+    sequence = waving_grid(12)
+    alone = meshreel.encode(sequence, lossless=True, block_frames=5)
+    with open_engine(2) as engine:
+        assert meshreel.encode(sequence, lossless=True, block_frames=5, engine=engine) == alone
+
+
+def test_blocks_are_short_enough_to_take_single_frames_out():
+    method = meshreel.codec.methods.method_named("lossless")
+    assert method.longest_block(300, 8000) == 300
+    assert method.longest_block(3000, 8000) <= 1 << 9
+    assert method.longest_block(300, 1_000_000) == 60
+    assert method.longest_block(2, 1 << 28) == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [
+        ({"quality": 90}, "quality= has no effect; leave it out"),
+        ({"max_error": 0.1}, "max_error="),
+        ({"kg": 0.1}, "kg="),
+        ({"step": 1e-5}, "step="),
+        ({"size": "1MB"}, "size="),
+        ({"uv_bits": 12}, "uv_bits="),
+        ({"effort": 3, "n_modes": 4}, "effort= and n_modes= have no effect; leave them out"),
+        ({"tune": "visual"}, "tune="),
+    ],
+)
+def test_options_that_have_no_effect_beside_it_are_refused(options, named):
+    with pytest.raises(InvalidInputError, match=f"lossless= keeps every bit, so that {named}"):
+        meshreel.encode(waving_grid(2), lossless=True, **options)
+
+
+def test_other_methods_refuse_it():
+    with pytest.raises(InvalidInputError, match="method v2v does not take lossless="):
+        meshreel.encode(waving_grid(2), "v2v", lossless=True)
+    with pytest.raises(InvalidInputError, match="lossless must be True or False; got 1"):
+        meshreel.encode(waving_grid(2), lossless=1)
+
+
+def test_the_option_and_the_method_are_one_thing():
+    sequence = waving_grid(3)
+    data = meshreel.encode(sequence, lossless=True)
+    assert meshreel.encode(sequence, "lossless") == data
+    assert meshreel.encode(sequence, "lossless", lossless=True) == data
+
+
+def test_nothing_changes_for_streams_that_are_not_lossless():
+    sequence = waving_grid(3)
+    assert meshreel.encode(sequence, lossless=False) == meshreel.encode(sequence)
+    with pytest.raises(InvalidInputError, match="uv_bits"):
+        meshreel.encode(sequence, uv_bits=3)
+
+
+def test_nothing_is_written_when_a_bit_would_not_come_back(monkeypatch):
+    monkeypatch.setattr(
+        "meshreel.codec.reel.encoding.exact_positions.decode_exact",
+        lambda data, shape, dtype, graph: np.zeros(shape, dtype),
+    )
+    with pytest.raises(SolverError, match="do not come back bit for bit; nothing is written"):
+        meshreel.encode(waving_grid(2), lossless=True)

@@ -1,0 +1,321 @@
+"""Velocities and normals that are coded as what decoded positions leave of them."""
+
+from io import BytesIO
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.codec.reel.encoding import following_tracks, track_residuals
+from meshreel.codec.reel.normative.expected import differences, expected_places, places_of
+from meshreel.codec.reel_file import ReelFile
+from meshreel.codec.tracks import Coding, TrackHeader
+from meshreel.kernel.normals import surface_normals
+from meshreel.model.surface import Domain
+from meshreel.model.tracks import Track
+from samples.meshes import quad_sheet
+from samples.streams import track_headers
+from samples.tracks import given_places
+
+RNG = np.random.default_rng(4)
+FPS = 30.0
+
+
+def velocities(vertices, coding):
+    """Differences in units a second."""
+    steps = FPS * np.diff(vertices.astype(np.float64), axis=0)
+    if coding is Coding.CENTRAL:
+        return FPS * np.gradient(vertices.astype(np.float64), axis=0)
+    if coding is Coding.FORWARD:
+        return np.concatenate([steps, steps[-1:]])
+    return np.concatenate([steps[:1], steps])
+
+
+def normals_of(sheet):
+    positions = np.ascontiguousarray(sheet.vertices, np.float64)
+    return surface_normals(positions, np.ascontiguousarray(sheet.faces, np.int32))
+
+
+def with_tracks(sheet, **tracks):
+    return meshreel.MeshSequence(
+        sheet.vertices, sheet.faces, FPS, surface=sheet.surface, tracks=tracks
+    )
+
+
+def headers(data):
+    return {one.name: one for one in track_headers(data)}
+
+
+def bytes_of(data):
+    return {one.name: one.size_bytes for one in meshreel.info(data).tracks}
+
+
+def angles(one, other):
+    apart = np.linalg.norm(one.astype(float) - other, axis=-1)
+    return np.degrees(2 * np.arcsin(np.clip(apart / 2, 0, 1)))
+
+
+@pytest.mark.parametrize("coding", [Coding.BACKWARD, Coding.CENTRAL, Coding.FORWARD])
+@pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
+def test_velocities_are_predicted_by_the_differences_that_they_are(coding, order):
+    sheet = quad_sheet(14)
+    values = velocities(sheet.vertices, coding)
+    sequence = with_tracks(
+        sheet, v=Track(values.astype(np.float32), kind="velocity"), plain=values.astype(np.float32)
+    )
+    data = meshreel.encode(sequence, max_error=0.001, order=order)
+    said = headers(data)
+    assert (said["v"].coding, said["v"].rate) == (coding, FPS)
+    assert said["plain"].coding is Coding.MODES  # a vector that nobody calls a velocity
+    assert bytes_of(data)["v"] < 0.7 * bytes_of(data)["plain"]
+    decoded = meshreel.decode(data)
+    places = given_places(order, sheet.vertices, decoded.vertices)
+    apart = np.linalg.norm(decoded.tracks["v"].values - values[:, places], axis=2)
+    assert apart.max() <= said["v"].bound
+
+
+def test_the_rate_is_found_when_time_has_another_unit():
+    sheet = quad_sheet(14)
+    values = velocities(sheet.vertices, Coding.CENTRAL) / 7.5
+    sequence = with_tracks(sheet, v=Track(values, kind="velocity"))
+    found = headers(meshreel.encode(sequence, max_error=0.001))["v"]
+    assert (found.coding, found.rate) == (Coding.CENTRAL, pytest.approx(FPS / 7.5, rel=1e-6))
+
+
+@pytest.mark.parametrize("coding", [Coding.BACKWARD, Coding.CENTRAL, Coding.FORWARD])
+def test_the_rate_is_found_when_blocks_are_short(coding):
+    sheet = quad_sheet(14)
+    values = velocities(sheet.vertices, coding)
+    sequence = with_tracks(sheet, v=Track(values, kind="velocity"))
+    data = meshreel.encode(sequence, lossless=True, block_frames=4, tracks={"v": "0.1%"})
+    found = headers(data)["v"]
+    assert (found.coding, found.rate) == (coding, FPS)
+    apart = np.linalg.norm(meshreel.decode(data).tracks["v"].values - values, axis=2)
+    assert apart.max() <= found.bound
+
+
+@pytest.mark.parametrize("coding", [Coding.BACKWARD, Coding.CENTRAL, Coding.FORWARD])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("order", ["keep", "drop"])
+def test_exact_velocities_cost_next_to_nothing_where_they_are_differences(coding, dtype, order):
+    sheet = quad_sheet(14)
+    vertices = sheet.vertices.astype(dtype)
+    values = velocities(vertices, coding).astype(dtype)
+    values[3, 2] = [np.nan, -np.inf, -0.0]
+    sequence = meshreel.MeshSequence(
+        vertices,
+        sheet.faces,
+        FPS,
+        tracks={"v": Track(values, kind="velocity"), "plain": Track(values, kind="vector")},
+    )
+    data = meshreel.encode(sequence, lossless=True, order=order)
+    said = headers(data)["v"]
+    assert (said.coding, said.rate, said.is_exact) == (coding.as_exact, FPS, True)
+    assert bytes_of(data)["v"] < 0.1 * bytes_of(data)["plain"]
+    decoded = meshreel.decode(data)
+    places = given_places(order, vertices, decoded.vertices)
+    assert decoded.tracks["v"].values.tobytes() == values[:, places].tobytes()
+
+
+def test_exact_velocities_come_back_when_they_are_near_to_differences_only():
+    sheet = quad_sheet(14)
+    vertices = sheet.vertices * np.array(1e200)  # differences may be beyond all floats of 4 bytes
+    values = RNG.normal(size=vertices.shape) + velocities(sheet.vertices, Coding.CENTRAL)
+    for scale, dtype in ((1.0, np.float32), (1e200, np.float64)):
+        given = (values * scale).astype(dtype)
+        sequence = meshreel.MeshSequence(
+            vertices, sheet.faces, FPS, tracks={"v": Track(given, kind="velocity")}
+        )
+        data = meshreel.encode(sequence, lossless=True, block_frames=5)
+        assert meshreel.decode(data).tracks["v"].values.tobytes() == given.tobytes()
+
+
+def test_velocities_are_coded_alone_when_vertices_do_not_move_so():
+    sheet = quad_sheet(14)
+    t, v = np.ogrid[:14, : sheet.n_verts]
+    wind = np.stack(np.broadcast_arrays(np.sin(t + 0 * v), np.cos(2 * t + v / 9), 0 * t + v), 2)
+    still = meshreel.MeshSequence(
+        np.repeat(sheet.vertices[:1], 14, 0), sheet.faces, FPS, surface=sheet.surface
+    )
+    for one in (sheet, still):
+        sequence = with_tracks(one, wind=Track(wind, kind="velocity"))
+        assert headers(meshreel.encode(sequence))["wind"].coding is Coding.MODES
+
+
+def test_velocities_that_are_missing_stay_so_when_they_are_predicted():
+    sheet = quad_sheet(14)
+    values = velocities(sheet.vertices, Coding.BACKWARD)
+    values[3:6, 5], values[:, 9], values[2, 4, 1] = np.nan, np.nan, np.nan
+    data = meshreel.encode(
+        with_tracks(sheet, v=Track(values, kind="velocity")), max_error=0.001, block_frames=5
+    )
+    found = meshreel.decode(data).tracks["v"].values
+    assert headers(data)["v"].coding is Coding.BACKWARD
+    np.testing.assert_array_equal(np.isnan(found), np.isnan(values))
+    there = ~np.isnan(values).any(axis=2)
+    apart = np.linalg.norm(found - values, axis=2)[there]
+    assert apart.max() <= headers(data)["v"].bound
+
+
+@pytest.mark.parametrize("block_frames", [None, 5])
+@pytest.mark.parametrize("domain", list(Domain))
+def test_normals_are_turned_from_those_of_the_surface(domain, block_frames):
+    sheet = quad_sheet(12)
+    of_vertices = normals_of(sheet)
+    sizes = sheet.surface.sizes(sheet.n_faces)
+    values = {
+        Domain.VERTEX: of_vertices,
+        Domain.FACE: surface_normals(
+            np.ascontiguousarray(sheet.vertices, np.float64),
+            sheet.faces,
+            np.repeat(np.arange(len(sizes), dtype=np.int32), sizes - 2),
+        ),
+        Domain.CORNER: of_vertices[:, sheet.faces.reshape(-1, 6)[:, [0, 1, 2, 5]].reshape(-1)],
+    }[domain].astype(np.float32)
+    sequence = with_tracks(sheet, n=Track(values, domain, "normal"), plain=Track(values, domain))
+    data = meshreel.encode(
+        sequence, max_error=0.001, block_frames=block_frames, tracks={"plain": np.radians(0.5)}
+    )
+    decoded = meshreel.decode(data).tracks["n"].values
+    assert headers(data)["n"].coding is Coding.TURNS
+    assert bytes_of(data)["n"] < bytes_of(data)["plain"]
+    assert angles(decoded, values).max() <= 0.5
+    np.testing.assert_allclose(np.linalg.norm(decoded, axis=2), 1, atol=1e-6)
+
+
+def test_a_vertex_without_a_normal_has_none_when_others_are_turned():
+    sheet = quad_sheet(12)
+    vertices = np.concatenate([sheet.vertices, sheet.vertices[:, :1]], axis=1)
+    values = np.concatenate([normals_of(sheet), np.zeros((12, 1, 3))], axis=1).astype(np.float32)
+    values[4, 7] = np.nan
+    sequence = meshreel.MeshSequence(
+        vertices, sheet.faces, FPS, tracks={"n": Track(values, kind="normal")}
+    )
+    data = meshreel.encode(sequence, max_error=0.001)
+    decoded = meshreel.decode(data).tracks["n"].values
+    assert headers(data)["n"].coding is Coding.TURNS
+    assert np.all(decoded[:, -1] == 0)
+    np.testing.assert_array_equal(np.isnan(decoded), np.isnan(values))
+
+
+def spoilt(values, how):
+    if how == "none where the surface has one":
+        values[5, 8] = 0
+    elif how == "opposite":
+        values[5, 8] *= -1
+    else:
+        values[5, 8, 1] = np.nan
+    return values
+
+
+@pytest.mark.parametrize("how", ["none where the surface has one", "opposite", "missing in part"])
+def test_normals_are_coded_alone_when_one_cannot_be_reached(how):
+    sheet = quad_sheet(12)
+    values = spoilt(normals_of(sheet).astype(np.float32), how)
+    sequence = with_tracks(sheet, n=Track(values, kind="normal"))
+    data = meshreel.encode(sequence, max_error=0.001)
+    assert headers(data)["n"].coding is Coding.MODES
+    decoded = meshreel.decode(data).tracks["n"].values
+    assert np.all(decoded[5, 8] == 0) == (how == "none where the surface has one")
+
+
+@pytest.mark.parametrize("order", ["keep", "drop"])
+def test_velocities_are_predicted_when_frames_come_one_by_one(order):
+    sheet = quad_sheet(20)
+    values = velocities(sheet.vertices, Coding.BACKWARD).astype(np.float32)
+    file = BytesIO()
+    live = meshreel.Encoder(sheet.faces, file, fps=FPS, max_error=0.01, order=order, block_frames=6)
+    with live as encoder:
+        for frame, moved in zip(sheet.vertices, values, strict=True):
+            encoder.push(frame, {"v": Track(moved[None], kind="velocity")})
+    data = file.getvalue()
+    assert headers(data)["v"].coding.has_rate
+    decoded = meshreel.decode(data)
+    places = given_places(order, sheet.vertices, decoded.vertices)
+    apart = np.linalg.norm(decoded.tracks["v"].values - values[:, places], axis=2)
+    assert apart.max() <= headers(data)["v"].bound
+
+
+def test_single_frames_are_those_of_the_whole_when_a_track_is_predicted():
+    sheet = quad_sheet(14)
+    values = velocities(sheet.vertices, Coding.CENTRAL).astype(np.float32)
+    sequence = with_tracks(
+        sheet,
+        v=Track(values, kind="velocity"),
+        n=Track(normals_of(sheet).astype(np.float32), kind="normal"),
+    )
+    data = meshreel.encode(sequence, max_error=0.001, block_frames=4)
+    whole = meshreel.decode(data)
+    with ReelFile(BytesIO(data)) as reel:
+        for name in ("v", "n"):
+            assert headers(data)[name].coding.is_predicted
+            for frame in (13, 0, 4, 7):
+                np.testing.assert_array_equal(
+                    reel.track(name)[frame], whole.tracks[name].values[frame]
+                )
+
+
+def test_a_budget_is_kept_when_tracks_are_predicted():
+    sheet = quad_sheet(14)
+    values = velocities(sheet.vertices, Coding.CENTRAL).astype(np.float32)
+    sequence = with_tracks(sheet, v=Track(values, kind="velocity"))
+    finest = len(meshreel.encode(sequence, max_error=0.01))
+    assert len(meshreel.encode(sequence, size=finest)) <= finest
+
+
+def with_normals(sheet):
+    return with_tracks(sheet, n=Track(normals_of(sheet).astype(np.float32), kind="normal"))
+
+
+@pytest.mark.parametrize("target", [{"quality": 40}, {"max_error": 1.0}, {"kg": 0.5}])
+def test_positions_are_finer_than_asked_where_that_saves_bytes_of_tracks(target, monkeypatch):
+    sequence = with_normals(quad_sheet(14))
+    data = meshreel.encode(sequence, **target)
+    monkeypatch.setattr(following_tracks, "LEAST_TO_SAVE", np.inf)
+    as_asked = meshreel.encode(sequence, **target)
+    assert len(data) < len(as_asked)
+    found, asked = (meshreel.compare(sequence, meshreel.decode(one)) for one in (data, as_asked))
+    assert found.max_error_percent < asked.max_error_percent
+    assert max(found.tracks["n"].largest, asked.tracks["n"].largest) <= 0.5
+    alone = meshreel.encode(sequence, **target, tracks={"n": "drop"})
+    np.testing.assert_array_equal(
+        meshreel.decode(as_asked).vertices, meshreel.decode(alone).vertices
+    )
+
+
+def test_positions_are_as_fine_as_a_step_that_is_asked_for():
+    sequence = with_normals(quad_sheet(14))
+    data, alone = (
+        meshreel.decode(meshreel.encode(sequence, step=0.01, tracks=tracks))
+        for tracks in ({}, {"n": "drop"})
+    )
+    np.testing.assert_array_equal(data.vertices, alone.vertices)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_places_of_floats_are_in_their_order_and_lead_back(dtype):
+    ends = np.array([-np.inf, -1e30, -1.0, -0.0, 0.0, 1e-30, 2.0, np.inf], dtype)
+    places = places_of(ends)
+    assert np.all(np.diff(places.astype(object)) > 0)
+
+
+def test_what_is_no_number_is_expected_to_be_0():
+    header = TrackHeader("v", "", "velocity", Domain.VERTEX, np.dtype(np.float32), 1.0, (0.0,) * 3)
+    found = expected_places(header, np.array([1e39, -np.inf, np.nan, 0.0]))
+    np.testing.assert_array_equal(found, 0)
+
+
+def test_the_fit_is_the_same_when_vertices_are_taken_in_pieces(monkeypatch):
+    rng = np.random.default_rng(3)
+    positions = rng.normal(size=(9, 50, 3))
+    velocities = 24.0 * differences(Coding.CENTRAL, positions) + rng.normal(size=(9, 50, 3))
+    velocities[2, 7] = np.nan
+    found = []
+    for at_once in (1 << 18, 40):
+        monkeypatch.setattr(track_residuals, "VALUES_AT_ONCE", at_once)
+        fit = track_residuals.DifferenceFit()
+        fit.add(velocities, positions)
+        found.append(fit.best())
+    (coding, rate), (coding_of_pieces, rate_of_pieces) = found
+    assert coding is coding_of_pieces is Coding.CENTRAL
+    assert rate_of_pieces == pytest.approx(rate, rel=1e-12)

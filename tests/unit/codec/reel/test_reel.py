@@ -1,0 +1,251 @@
+"""The method `reel`."""
+
+import numpy as np
+import pytest
+
+from meshreel.codec.bitstream.layout import Section
+from meshreel.codec.connectivity.coder import encode_connectivity
+from meshreel.codec.decoder import decode
+from meshreel.codec.encoder import encode
+from meshreel.codec.inspect import info
+from meshreel.codec.reel.encoding.analysis import FieldChoices, analyse_fields
+from meshreel.codec.reel.encoding.block_frames import BlockFrames
+from meshreel.codec.reel.normative.blocks import write_field_block
+from meshreel.codec.reel.normative.fields import decode_basis, decoded_values
+from meshreel.codec.reel.normative.mesh import FieldMesh
+from meshreel.codec.reel.normative.payloads import read_basis, read_layout
+from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
+from meshreel.errors import InvalidInputError, UnsupportedVersionError
+from meshreel.kernel import fields as field_coder
+from meshreel.kernel.mesh import N_NEIGHBOURS
+from meshreel.model.sequence import MeshSequence
+from meshreel.paper.decoder import coded_blocks
+from samples.meshes import irregular_sequence, kg_error_percent, waving_grid
+from samples.streams import Stream, parts_of, raw_stream
+
+STENCIL = FieldChoices(1.0).stencil_size
+
+
+def field_mesh(sequence):
+    return FieldMesh(sequence.faces, sequence.n_verts, STENCIL)
+
+
+def matrices_of(sequence):
+    return to_matrices(sequence.vertices, bounding_frame(sequence.extent))
+
+
+def analysed(step=0.002, n_frames=12, sequence=None, **choices):
+    sequence = waving_grid(n_frames, 12, 13, np.float64) if sequence is None else sequence
+    mesh, matrices = field_mesh(sequence), matrices_of(sequence)
+    frames = BlockFrames(sequence.vertices, bounding_frame(sequence.extent))
+    block = analyse_fields(frames, mesh, FieldChoices(step, **choices)).block
+    return matrices, mesh, block
+
+
+def noisy_grid(noise, n_frames=12):
+    """A waving sheet whose vertices tremble, each by itself."""
+    grid = waving_grid(n_frames, 12, 13, np.float64)
+    tremble = noise * np.random.default_rng(6).normal(size=grid.vertices.shape)
+    return MeshSequence(grid.vertices + tremble, grid.faces)
+
+
+def flat_basis(block):
+    """Of shape (3 T, K)."""
+    return decode_basis(block.basis, block.layout).reshape(-1, block.n_modes)
+
+
+def wanted_fields(block, matrices):
+    """Fields of shape (V, K) whose product with the decoded time vectors is nearest."""
+    stacked = matrices.reshape(-1, matrices.shape[2])
+    return np.linalg.lstsq(flat_basis(block), stacked, rcond=None)[0].T
+
+
+def decoded_fields(block, mesh):
+    """Of shape (V, K), in internal order."""
+    return float(block.layout.step) * decoded_values(block.fields, block.layout, mesh)[mesh.number]
+
+
+def test_error_falls_with_the_step_when_it_is_made_finer():
+    sequence = waving_grid(12, 12, 13)
+    errors = [
+        kg_error_percent(sequence.vertices, decode(encode(sequence, "reel", step=step)).vertices)
+        for step in (3e-3, 1e-3, 3e-4, 1e-4)
+    ]
+    assert errors == sorted(errors, reverse=True)
+    assert errors[-1] < 0.1
+
+
+@pytest.mark.parametrize("step", [0.02, 0.002, 0.0001])
+def test_fields_lie_within_half_a_step_of_the_truth_when_bits_are_free(step):
+    """Closed loop: what earlier levels and groups got wrong is in what later ones send."""
+    matrices, mesh, block = analysed(step, 30, price=0.0, feedback_gain=0.0)
+    error = np.abs(decoded_fields(block, mesh) - wanted_fields(block, matrices))
+    assert error.max() <= 0.5 * float(block.layout.step) * (1 + 1e-6)
+
+
+def test_fields_lie_within_a_step_of_the_truth_when_bits_have_a_price():
+    matrices, mesh, block = analysed(0.002, 30, feedback_gain=0.0)
+    error = np.abs(decoded_fields(block, mesh) - wanted_fields(block, matrices))
+    assert error.max() <= float(block.layout.step) * (1 + 1e-6)
+
+
+def test_first_level_is_rounded_to_the_nearest_when_bits_have_a_price():
+    """Few values, on which all others build."""
+    matrices, mesh, block = analysed(0.02, 30)
+    first = mesh.resolutions[0].levels[0]
+    error = np.abs(decoded_fields(block, mesh) - wanted_fields(block, matrices))[first]
+    assert error.max() <= 0.5 * float(block.layout.step) * (1 + 1e-6)
+
+
+def test_time_vectors_lie_near_the_truth_when_their_step_is_fine():
+    matrices, _, block = analysed(1e-5, 30, basis_step=0.1)
+    vectors = flat_basis(block)
+    stacked = matrices.reshape(-1, matrices.shape[2])
+    left = stacked - vectors @ np.linalg.lstsq(vectors, stacked, rcond=None)[0]
+    assert np.abs(left).max() < 1e-4
+
+
+def test_integers_come_back_from_the_sections_when_a_block_is_written():
+    _, mesh, block = analysed(0.0005, sequence=irregular_sequence(20))
+    sections = dict(write_field_block(block, mesh))
+    assert read_layout(sections[Section.FIELDS]) == block.layout
+    has_cosines = block.layout.has_cosines
+    times = read_basis(sections[Section.BASIS], block.n_modes, 3, 20, has_cosines=has_cosines)
+    np.testing.assert_array_equal(times, block.basis)
+    coded = sections[Section.COEFFICIENTS]
+    fields = field_coder.decode_fields(coded, block.n_modes, mesh.n_verts, mesh.coding_order)
+    np.testing.assert_array_equal(fields, block.fields)
+
+
+def test_frames_are_the_product_of_what_is_synthesised_when_the_step_is_fine():
+    matrices, mesh, block = analysed(1e-5)
+    basis, fields = decode_basis(block.basis, block.layout), decoded_fields(block, mesh)
+    np.testing.assert_allclose(basis @ fields.T, matrices, atol=2e-4)
+
+
+def test_integers_are_smaller_when_weights_follow_earlier_modes():
+    """The point of the method: a mode predicted by weights that saw those before it."""
+    sequence = noisy_grid(0.0, 40)
+    bends = sequence.vertices * (1 + 0.3 * np.sin(9 * sequence.vertices[:1, :, :1]))
+    sequence = MeshSequence(bends, sequence.faces)
+    _, _, learned = analysed(3e-4, sequence=sequence)
+    _, _, unlearned = analysed(3e-4, sequence=sequence, n_learned=0)
+    assert learned.n_modes == unlearned.n_modes > 4
+    bits = [np.log2(1 + np.abs(block.fields[3:])).sum() for block in (learned, unlearned)]
+    assert bits[0] < 0.9 * bits[1]
+
+
+def test_passes_take_every_vertex_once_and_tell_of_it_by_earlier_ones_when_a_field_is_coded():
+    for sequence in (waving_grid(), irregular_sequence()):
+        known = set()
+        order = field_mesh(sequence).coding_order
+        near = np.split(order.near, order.near_starts[1:-1])
+        for column, told in zip(order.columns.tolist(), near, strict=True):
+            assert column not in known
+            assert set(told.tolist()) <= known
+            assert len(set(told.tolist())) == len(told) <= N_NEIGHBOURS
+            known.add(column)
+        assert known == set(range(sequence.n_verts))
+        assert order.pass_starts[0] == 0
+        assert order.pass_starts[-1] == sequence.n_verts
+
+
+def test_levels_take_every_vertex_once_when_a_mesh_is_irregular():
+    sequence = irregular_sequence()
+    levels = [one.predicted for one in field_mesh(sequence).resolutions]
+    assert sorted(np.concatenate(levels)) == list(range(sequence.n_verts))
+
+
+def test_modes_are_no_more_than_asked_for_when_the_step_is_fine():
+    assert info(encode(waving_grid(), "reel", step=1e-6, n_modes=2)).n_modes == (2,)
+
+
+def test_modes_are_fewer_when_the_step_is_coarser():
+    sequence = noisy_grid(0.01, 40)
+    counts = [analysed(step, sequence=sequence)[2].n_modes for step in (1e-4, 1e-2, 1e-1)]
+    assert counts[0] > counts[1] > counts[2] >= 1
+
+
+@pytest.mark.parametrize("n_frames", [1, 2, 9, 300])
+def test_sequence_comes_back_whatever_its_length(n_frames):
+    sequence = waving_grid(n_frames)
+    decoded = decode(encode(sequence, "reel", step=1e-5))
+    assert kg_error_percent(sequence.vertices, decoded.vertices) < 0.1
+
+
+def test_sequence_comes_back_when_it_is_cut_into_blocks():
+    sequence = waving_grid(25)
+    decoded = decode(encode(sequence, "reel", step=1e-5, block_frames=7))
+    assert kg_error_percent(sequence.vertices, decoded.vertices) < 0.1
+    part = decode(encode(sequence, "reel", step=1e-5, block_frames=7), frames=slice(6, 15))
+    np.testing.assert_allclose(part.vertices, decoded.vertices[6:15], atol=1e-6)
+
+
+def test_irregular_meshes_come_back_when_the_step_is_fine():
+    """Components, isolated vertices, degenerate and non-manifold faces."""
+    sequence = irregular_sequence()
+    decoded = decode(encode(sequence, "reel", step=1e-6))
+    diagonal = np.linalg.norm(np.ptp(sequence.vertices, axis=(0, 1)))
+    assert np.abs(decoded.vertices - sequence.vertices).max() < 1e-4 * diagonal
+
+
+def test_still_sequence_takes_few_modes_when_nothing_moves():
+    still = np.repeat(waving_grid(1).vertices, 60, axis=0)
+    data = encode(MeshSequence(still, waving_grid(1).faces), "reel", step=1e-4)
+    assert info(data).n_modes == (3,)
+    assert kg_error_percent(still, decode(data).vertices) < 0.5
+
+
+def test_bytes_are_the_same_when_encoded_twice():
+    assert encode(irregular_sequence(), "reel") == encode(irregular_sequence(), "reel")
+
+
+@pytest.mark.parametrize("number", [127, 3])
+def test_other_layouts_are_refused_when_another_build_wrote_them(number):
+    first = bytes([number])
+    stream = Stream(encode(waving_grid(), "reel"))
+    sections = [
+        (section, first + payload[1:] if section is Section.FIELDS else payload)
+        for section, payload in parts_of(stream)
+    ]
+    with pytest.raises(
+        UnsupportedVersionError, match="a layout of a newer version; update meshreel"
+    ):
+        decode(raw_stream(stream.header, sections))
+
+
+@pytest.mark.parametrize(("step", "is_single"), [(2.0**-15, True), (2.0**-17, False)])
+def test_frames_are_summed_up_in_double_when_the_step_is_fine(step, is_single):
+    sequence = waving_grid()
+    data = encode(sequence, "reel", step=step)
+    assert read_layout(Stream(data).block(0)[Section.FIELDS]).is_single is is_single
+    error = np.abs(decode(data).vertices - sequence.vertices).max()
+    assert error < 6 * step * np.linalg.norm(np.ptp(sequence.vertices, axis=(0, 1)))
+
+
+def test_blocks_of_the_papers_kind_are_refused_when_there_are_none():
+    with pytest.raises(InvalidInputError, match="method reel"):
+        coded_blocks(encode(waving_grid(), "reel"))
+
+
+def growing_grid(growth=30.0, n_frames=12, side=20):
+    """A sheet whose vertices move farther by a factor at each resolution: weights are large."""
+    faces = waving_grid(1, side, side).faces
+    coded = encode_connectivity(faces, side**2)
+    internal = MeshSequence(np.zeros((1, side**2, 3)), coded.internal_faces)
+    reach = np.ones(side**2)
+    for number, resolution in enumerate(field_mesh(internal).resolutions):
+        reach[resolution.predicted] = growth**number
+    motion = np.random.default_rng(0).normal(size=(n_frames, 1, 3)) * (reach / reach.max())[:, None]
+    vertices = np.empty_like(motion)
+    vertices[:, coded.internal_to_given] = motion
+    return MeshSequence(vertices, faces)
+
+
+@pytest.mark.parametrize("step", [1e-4, 1e-6])
+def test_errors_stay_at_the_step_when_weights_are_large(step):
+    """Feedback without a limit would be amplified from level to level: 200 steps."""
+    sequence = growing_grid()
+    error = np.linalg.norm(decode(encode(sequence, step=step)).vertices - sequence.vertices, axis=2)
+    diagonal = np.linalg.norm(sequence.extent.high - sequence.extent.low)
+    assert error.max() <= 20 * step * diagonal

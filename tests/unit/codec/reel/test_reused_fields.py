@@ -1,0 +1,127 @@
+"""Blocks that move the fields of their key block, and new key blocks where these do not help."""
+
+from dataclasses import replace
+from io import BytesIO
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.codec.bitstream.layout import Section
+from meshreel.codec.reel.encoding import analysis
+from meshreel.codec.reel.normative.fields import Layout
+from meshreel.codec.reel.normative.payloads import read_layout, write_layout
+from meshreel.errors import CorruptStreamError, TruncatedStreamError
+from meshreel.runtime.engine.engine import open_engine
+from samples.meshes import grid_faces
+from samples.streams import Stream
+
+N, SIDE = 60, 17
+PLACES = np.stack(np.meshgrid(*[np.linspace(0, 1, SIDE)] * 2), axis=-1).reshape(-1, 2)
+X, Y = PLACES.T
+
+
+def waves(times, *numbers):
+    """A sheet of shape (T, V, 3) on which waves of these numbers stand."""
+    heights = sum(
+        0.1 * np.sin(number * np.pi * X) * np.cos((number - 1) * Y) * np.sin(number * times / 7)
+        for number in numbers
+    )
+    flat = np.broadcast_to(PLACES, (len(times), *PLACES.shape))
+    return np.dstack([flat, heights]).astype(np.float32)
+
+
+TIMES = np.arange(N, dtype=float)[:, None]
+LOOPED = meshreel.MeshSequence(waves(TIMES, 1, 2, 3), grid_faces(SIDE, SIDE))
+HELD_FIRST = meshreel.MeshSequence(
+    np.concatenate([waves(np.ones((12, 1)), 1), waves(TIMES, *range(1, 17))]), LOOPED.faces
+)
+OPTIONS = {"quality": 85, "block_frames": 12}
+
+
+def layouts(data):
+    """How the fields of each block are predicted."""
+    stream = Stream(data)
+    blocks = map(stream.block, range(len(stream.groups)))
+    return [read_layout(block[Section.FIELDS]) for block in blocks]
+
+
+@pytest.mark.slow
+def test_a_motion_that_comes_again_takes_fewer_bytes_when_fields_are_reused(monkeypatch):
+    data = meshreel.encode(LOOPED, **OPTIONS)
+    first, *others = layouts(data)
+    assert first.n_reused == 0
+    assert all(one.n_reused > 0 for one in others)
+    error = meshreel.compare(LOOPED, meshreel.decode(data)).kg_error_percent
+    monkeypatch.setattr(analysis, "_reusing", lambda *_: None)
+    alone = meshreel.encode(LOOPED, **OPTIONS)
+    assert not any(one.n_reused for one in layouts(alone))
+    assert len(data) < 0.85 * len(alone)
+    assert error < 1.3 * meshreel.compare(LOOPED, meshreel.decode(alone)).kg_error_percent
+
+
+def test_every_frame_is_within_the_promise_when_fields_are_reused():
+    data = meshreel.encode(LOOPED, max_error=0.05, block_frames=12)
+    assert any(one.n_reused for one in layouts(data))
+    assert 0.01 < meshreel.compare(LOOPED, meshreel.decode(data)).max_error_percent <= 0.05
+
+
+def test_a_target_of_error_is_met_when_fields_are_reused():
+    data = meshreel.encode(LOOPED, kg=1.0, block_frames=12)
+    assert any(one.n_reused for one in layouts(data))
+    assert 0.98 < meshreel.compare(LOOPED, meshreel.decode(data)).kg_error_percent <= 1.0
+
+
+def test_any_block_decodes_by_itself_when_it_reuses_fields(tmp_path):
+    path = tmp_path / "looped.reel"
+    path.write_bytes(meshreel.encode(LOOPED, **OPTIONS))
+    together = meshreel.decode(path).vertices
+    with meshreel.open(path) as reel:
+        np.testing.assert_array_equal(reel[-1], together[-1])
+        np.testing.assert_array_equal(reel[13], together[13])
+
+
+def test_a_block_becomes_a_key_when_the_key_before_does_not_help():
+    found = layouts(meshreel.encode(HELD_FIRST, **OPTIONS))
+    assert [one.reference for one in found] == [0, 0, 1, 2, 3, 4]
+    assert all(one.n_reused for one in found[2:])
+
+
+@pytest.mark.slow
+def test_workers_give_the_same_bytes_when_a_block_becomes_a_key():
+    alone = meshreel.encode(HELD_FIRST, **OPTIONS)
+    with open_engine(2) as engine:
+        assert meshreel.encode(HELD_FIRST, engine=engine, **OPTIONS) == alone
+
+
+def test_pushed_frames_reuse_fields_and_carry_tracks_when_a_block_becomes_a_key():
+    file = BytesIO()
+    velocity = 25 * np.gradient(HELD_FIRST.vertices, axis=0)
+    with meshreel.Encoder(
+        HELD_FIRST.faces, file, fps=25, tracks={"velocity": "1%"}, **OPTIONS
+    ) as encoder:
+        for frame, moves in zip(HELD_FIRST, velocity, strict=True):
+            encoder.push(frame, {"velocity": meshreel.Track(moves[None], kind="velocity")})
+    assert [one.reference for one in layouts(file.getvalue())][:3] == [0, 0, 1]
+    found = meshreel.decode(file.getvalue())
+    assert meshreel.compare(HELD_FIRST, found).kg_error_percent < 2
+
+
+@pytest.mark.parametrize("is_single", [False, True])
+def test_layout_comes_back_when_fields_are_reused(is_single):
+    known = Layout(np.float32(0.1), 16, 32, 300, is_single, 200, np.float32(2.5))
+    payload = write_layout(known)
+    assert read_layout(payload) == known
+    with pytest.raises(TruncatedStreamError, match="cut off"):
+        read_layout(payload[:-1])
+    with pytest.raises(CorruptStreamError, match="left over"):
+        read_layout(payload + b"\0")
+
+
+@pytest.mark.parametrize(
+    "changes", [{"n_reused": 3, "reference": 0}, {"finer": np.float32(np.nan)}]
+)
+def test_layout_is_refused_when_nothing_can_be_reused(changes):
+    known = Layout(np.float32(0.1), 16, 32, 1, False, 3, np.float32(4.0))
+    with pytest.raises(CorruptStreamError):
+        read_layout(write_layout(replace(known, **changes)))

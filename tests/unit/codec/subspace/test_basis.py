@@ -1,0 +1,30 @@
+"""Eq. 6, Eq. 8 and Eq. 9 of the paper."""
+
+import numpy as np
+
+from meshreel.codec.subspace.basis import expand, project
+from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
+from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
+from meshreel.model.geometry.laplacian import delta_coordinates, uniform_laplacian
+from samples.meshes import waving_grid
+
+
+def test_projection_returns_the_deltas_when_all_rows_are_kept():
+    sequence = waving_grid()
+    matrices = to_matrices(sequence.vertices, bounding_frame(sequence.extent))
+    _, basis = eigen_trajectories(autocorrelation(matrices), sequence.n_frames)
+    laplacian = uniform_laplacian(sequence.faces, sequence.n_verts)
+    for axis in range(3):
+        deltas = delta_coordinates(laplacian, matrices[axis].T)  # Eq. 8: L A^T
+        back = expand(basis[axis], project(basis[axis], deltas.T))
+        np.testing.assert_allclose(back.T, deltas, atol=1e-13)
+
+
+def test_laplacian_and_projection_commute_when_few_rows_are_kept():
+    sequence = waving_grid()
+    matrices = to_matrices(sequence.vertices, bounding_frame(sequence.extent))
+    _, basis = eigen_trajectories(autocorrelation(matrices), 4)
+    laplacian = uniform_laplacian(sequence.faces, sequence.n_verts, normalized=True)
+    deltas_first = project(basis[0], delta_coordinates(laplacian, matrices[0].T).T)
+    projected_first = delta_coordinates(laplacian, project(basis[0], matrices[0]).T).T
+    np.testing.assert_allclose(deltas_first, projected_first, atol=1e-13)

@@ -1,0 +1,98 @@
+"""Eq. 5 and Eq. 7 of the paper."""
+
+import numpy as np
+import pytest
+
+from meshreel.codec.subspace.pca import (
+    autocorrelation,
+    eigen_trajectories,
+    fix_signs,
+    joint_trajectories,
+    weak_trajectories,
+)
+
+
+def frames(n_frames=9, n_verts=40):
+    return np.random.default_rng(3).normal(size=(3, n_frames, n_verts))
+
+
+def test_autocorrelation_holds_inner_products_of_frames_when_compared_one_by_one():
+    matrices = frames()
+    correlation = autocorrelation(matrices)
+    assert correlation.shape == (3, 9, 9)
+    np.testing.assert_allclose(correlation[1, 2, 5], matrices[1, 2] @ matrices[1, 5])
+
+
+def test_basis_is_orthonormal_when_it_is_complete():
+    _, basis = eigen_trajectories(autocorrelation(frames()), 9)
+    gram = np.swapaxes(basis, 1, 2) @ basis
+    assert np.abs(gram - np.eye(9)).max() < 1e-10
+
+
+def test_eigenpairs_rebuild_the_matrix_when_all_are_kept():
+    correlation = autocorrelation(frames())
+    values, basis = eigen_trajectories(correlation, 9)
+    rebuilt = (basis * values[:, None, :]) @ np.swapaxes(basis, 1, 2)
+    np.testing.assert_allclose(rebuilt, correlation, atol=1e-11)
+
+
+def test_eigenvalues_descend_when_only_some_are_kept():
+    values, basis = eigen_trajectories(autocorrelation(frames()), 4)
+    assert values.shape == (3, 4)
+    assert basis.shape == (3, 9, 4)
+    assert (np.diff(values, axis=1) <= 0).all()
+
+
+def test_signs_are_the_same_when_the_solver_flips_columns():
+    _, basis = eigen_trajectories(autocorrelation(frames()), 9)
+    flipped = basis * np.where(np.arange(9) % 2, -1.0, 1.0)
+    np.testing.assert_array_equal(fix_signs(flipped), basis)
+
+
+def test_sign_rule_ignores_rounding_when_two_entries_tie():
+    column = np.array([[-1.0], [0.1], [1.0]])
+    nudge = np.array([[0.0], [0.0], [1e-12]])
+    np.testing.assert_allclose(fix_signs(column + nudge), fix_signs(column - nudge), atol=1e-11)
+
+
+@pytest.mark.parametrize(("n_frames", "n_verts"), [(5, 40), (30, 20)])
+def test_joint_modes_rebuild_the_frames_when_all_are_kept(n_frames, n_verts):
+    matrices = frames(n_frames, n_verts)
+    values, vectors = joint_trajectories(matrices, 1000)
+    assert np.abs(vectors.T @ vectors - np.eye(len(values))).max() < 1e-9
+    stacked = matrices.reshape(-1, n_verts)
+    np.testing.assert_allclose(vectors @ (vectors.T @ stacked), stacked, atol=1e-9)
+    assert (np.diff(values) <= 0).all()
+
+
+def test_joint_modes_are_as_many_as_the_rank_when_nothing_moves():
+    still = np.repeat(np.random.default_rng(0).normal(size=(3, 1, 30)), 9, axis=1)
+    values, _ = joint_trajectories(still, 9)
+    assert len(values) == 3
+
+
+@pytest.mark.parametrize("shape", [(30, 60), (40, 40)])
+def test_weak_modes_are_found_behind_strong_ones(shape):
+    rng = np.random.default_rng(3)
+    strengths = 10.0 ** -np.arange(0, 11, 0.5)
+    left, right = (np.linalg.qr(rng.normal(size=(n, len(strengths))))[0] for n in shape)
+    matrix = left * strengths @ right.T
+    least = 2e-10
+    values, vectors = weak_trajectories(
+        lambda piece: matrix[:, piece], matrix @ matrix.T, shape[1], least
+    )
+    np.testing.assert_allclose(values, strengths[strengths > least], rtol=1e-3)
+    assert np.abs(vectors.T @ vectors - np.eye(len(values))).max() < 1e-9
+    assert np.linalg.norm(matrix - vectors @ (vectors.T @ matrix)) < 2 * least
+
+
+def test_weak_modes_are_no_more_than_the_matrix_has():
+    rng = np.random.default_rng(4)
+    matrix = rng.normal(size=(12, 3)) @ rng.normal(size=(3, 50))
+    values, _ = weak_trajectories(lambda piece: matrix[:, piece], matrix @ matrix.T, 50, 1e-300)
+    assert len(values) == 3
+
+
+def test_weak_modes_of_nothing_are_one():
+    values, _ = weak_trajectories(lambda _: np.zeros((4, 9)), np.zeros((4, 4)), 9, 1e-9)
+    assert values.tolist() == [0.0]

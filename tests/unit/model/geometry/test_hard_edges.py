@@ -1,0 +1,109 @@
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.errors import InvalidInputError
+from meshreel.model.geometry.fans import join_fans
+from meshreel.model.geometry.hard_edges import normal_rows, shared_edges
+from meshreel.model.geometry.normals import vertex_normals
+from meshreel.model.surface import Surface
+from samples.meshes import BOX_QUADS, hard_box, hard_sheet, quad_sheet, waving_grid
+
+
+def test_shared_edges_are_in_the_order_of_their_first_sides():
+    # Two triangles at 1, 2, a third at 2, 3, and one that names a vertex twice.
+    corners = np.array([0, 1, 2, 2, 1, 3, 3, 2, 4, 5, 5, 0])
+    found = shared_edges(np.full(4, 3), corners)
+    assert found.ends.tolist() == [[1, 2], [2, 3], [0, 5]]
+    assert found.of_side.tolist() == [-1, 0, -1, 0, -1, 1, 1, -1, -1, -1, 2, 2]
+
+
+def test_normals_are_those_of_vertices_when_no_edge_is_hard():
+    sheet = quad_sheet(2)
+    found = meshreel.corner_normals(sheet.vertices, sheet.faces, sheet.surface)
+    corners = join_fans(sheet.surface.face_sizes, sheet.faces)
+    for frame, normals in zip(sheet.vertices, found, strict=True):
+        expected = vertex_normals(frame, sheet.faces)[corners]
+        np.testing.assert_allclose(normals, expected, atol=1e-12)
+
+
+def test_normals_are_those_of_faces_when_all_edges_of_a_box_are_hard():
+    box = hard_box()
+    found = meshreel.corner_normals(box[2], box.faces, box.surface)
+    axes = [[0, 0, -1], [0, 0, 1], [0, -1, 0], [0, 1, 0], [-1, 0, 0], [1, 0, 0]]
+    np.testing.assert_allclose(found.reshape(6, 4, 3), np.repeat(np.array(axes)[:, None], 4, 1))
+
+
+def test_faces_share_a_normal_around_an_edge_that_ends_inside():
+    # One hard edge of a box: both ends have a single fan, which goes around it.
+    rows = normal_rows(np.full(6, 4), BOX_QUADS.ravel(), np.array([[0, 1]], np.int32), 8)
+    np.testing.assert_array_equal(rows.of_corner, BOX_QUADS.ravel())
+    np.testing.assert_array_equal(rows.vertices, np.arange(8))
+
+
+def test_vertices_have_a_row_for_each_fan_when_edges_split_them():
+    # The rim of the bottom: its corners are apart from those of the sides, which stay joined.
+    rim = np.array([[0, 1], [1, 3], [2, 3], [0, 2]], np.int32)
+    rows = normal_rows(np.full(6, 4), BOX_QUADS.ravel(), rim, 8)
+    assert rows.of_corner[:4].tolist() == [0, 2, 3, 1]
+    np.testing.assert_array_equal(rows.vertices, [*range(8), 0, 1, 2, 3])
+    of_sides = rows.of_corner[8:]
+    assert set(of_sides.tolist()) == {*range(4, 12)}
+    np.testing.assert_array_equal(rows.vertices[rows.of_corner], BOX_QUADS.ravel())
+
+
+def test_faces_that_meet_at_a_vertex_only_are_one_fan_unless_an_edge_is_hard_there():
+    corners = np.array([0, 1, 2, 0, 2, 3, 0, 4, 5, 0, 5, 6])
+    counts = np.full(4, 3)
+    assert len(normal_rows(counts, corners, np.array([[0, 2]]), 7).vertices) == 10
+    assert len(normal_rows(counts, corners, None, 7).vertices) == 7
+
+
+def test_hard_edges_split_the_same_corners_as_fans_walked_one_by_one():
+    sheet = hard_sheet(1)
+    counts, corners = sheet.surface.face_sizes, join_fans(sheet.surface.face_sizes, sheet.faces)
+    rows = normal_rows(counts, corners, sheet.surface.hard_edges, sheet.n_verts).of_corner
+    assert len(set(rows.tolist())) > sheet.n_verts
+    assert partition(rows) == partition(walked(counts, corners, sheet.surface.hard_edges))
+
+
+def partition(labels):
+    groups = {}
+    for corner, label in enumerate(labels):
+        groups.setdefault(int(label), set()).add(corner)
+    return sorted(map(sorted, groups.values()))
+
+
+def walked(counts, corners, hard_edges):
+    """A label for each corner: joined corner by corner until nothing changes."""
+    starts = np.cumsum(counts) - counts
+    sides = {}
+    for start, size in zip(starts.tolist(), counts.tolist(), strict=True):
+        for k in range(size):
+            one, other = start + k, start + (k + 1) % size
+            edge = frozenset((int(corners[one]), int(corners[other])))
+            sides.setdefault(edge, []).append({int(corners[one]): one, int(corners[other]): other})
+    hard = {frozenset(edge.tolist()) for edge in hard_edges}
+    split = {vertex for edge in hard for vertex in edge}
+    labels = list(range(len(corners)))
+    joined = [pair for edge, found in sides.items() if edge not in hard for pair in pairs(found)]
+    for vertex in set(corners.tolist()) - split:
+        own = np.flatnonzero(corners == vertex).tolist()
+        joined += [(own[0], other) for other in own]
+    for _ in range(len(corners)):
+        for one, other in joined:
+            labels[one] = labels[other] = min(labels[one], labels[other])
+    return labels
+
+
+def pairs(found):
+    for side in found[1:]:
+        for vertex, corner in side.items():
+            yield found[0][vertex], corner
+
+
+def test_normals_are_refused_when_a_hard_edge_is_not_there():
+    grid = waving_grid(1)
+    surface = Surface(hard_edges=np.array([[0, 50]], np.int32))
+    with pytest.raises(InvalidInputError, match="hard edge 0, 50 must lie between two faces"):
+        meshreel.corner_normals(grid[0], grid.faces, surface)

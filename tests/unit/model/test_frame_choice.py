@@ -1,0 +1,116 @@
+"""Indices of frames in a sequence or an open file, valid and invalid."""
+
+from io import BytesIO
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.codec.encoder import encode
+from meshreel.codec.reel_file import ReelFile
+from meshreel.model.frame_choice import chosen_frames
+from samples.meshes import waving_grid
+
+DATA = encode(waving_grid(9), block_frames=4)
+WHOLE = meshreel.decode(DATA)
+EVEN = np.arange(9) % 2 == 0
+
+
+@pytest.fixture(params=["sequence", "file"])
+def frames(request):
+    """A sequence of nine frames, in memory and in a file."""
+    if request.param == "sequence":
+        yield WHOLE
+        return
+    with ReelFile(BytesIO(DATA)) as reel:
+        yield reel
+
+
+@pytest.mark.parametrize("number", [0, 3, -1, -9, np.int32(4), np.uint8(8), np.array(5)])
+def test_number_gives_the_positions_of_one_frame(frames, number):
+    np.testing.assert_allclose(frames[number], WHOLE.vertices[number], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "chosen",
+    [
+        slice(2, 7),
+        slice(None),
+        slice(-3, None),
+        slice(5, 5),
+        slice(7, 2),
+        slice(1, 9, 3),
+        slice(None, None, -1),
+        slice(2, 99),
+        [0, 8, 4, 4],
+        [-1, 0],
+        [],
+        range(2, 5),
+        np.array([7, 1], np.uint16),
+        np.array([], np.int64),
+        EVEN,
+        EVEN.tolist(),
+    ],
+    ids=repr,
+)
+def test_choice_of_several_gives_what_numpy_gives(frames, chosen):
+    by_numpy = (
+        chosen if isinstance(chosen, slice) else np.asarray(chosen, None if len(chosen) else int)
+    )
+    found, expected = frames[chosen], WHOLE.vertices[by_numpy]
+    assert found.dtype == expected.dtype
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "number", [9, -10, np.int64(9), 10**30, [0, 9], [-10], np.array([3, 200], np.uint8)], ids=repr
+)
+def test_frame_that_is_not_there_is_an_index_error_that_says_which_are(frames, number):
+    with pytest.raises(IndexError, match=r"no frame (9|-10|200|10+); there are 9, from 0 to 8"):
+        frames[number]
+
+
+@pytest.mark.parametrize("mask", [EVEN[:5], [True], np.ones(10, bool)], ids=len)
+def test_choice_of_each_must_be_of_all_frames(frames, mask):
+    with pytest.raises(IndexError, match=f"{len(mask)} choices of 9 frames"):
+        frames[mask]
+
+
+@pytest.mark.parametrize(
+    "chosen",
+    ["3", b"3", 1.0, None, True, np.True_, (1, 2), [1.5], [[1]], [[1], [2, 3]], np.float32(1), {1}],
+    ids=repr,
+)
+def test_anything_else_is_a_type_error_that_says_what_may_be(frames, chosen):
+    with pytest.raises(TypeError, match="chosen by a number, a slice, or a list or array"):
+        frames[chosen]
+
+
+def test_length_iteration_and_reversal_go_over_the_frames(frames):
+    assert len(frames) == 9
+    np.testing.assert_allclose(np.stack(list(frames)), WHOLE.vertices, atol=1e-6)
+    np.testing.assert_allclose(np.stack(list(reversed(frames))), WHOLE.vertices[::-1], atol=1e-6)
+
+
+def test_frames_of_a_sequence_cannot_be_written_to():
+    for chosen in (0, slice(1, 3), [1, 2]):
+        with pytest.raises(ValueError, match="read-only"):
+            WHOLE[chosen][...] = 0
+
+
+def test_blocks_are_decoded_once_when_frames_are_chosen_in_any_order():
+    class File(BytesIO):
+        def fetch(self, start, stop):
+            fetched.append(start)
+
+    fetched: list[int] = []
+    with ReelFile(File(encode(waving_grid(24), block_frames=4))) as reel:
+        _ = reel.faces
+        fetched.clear()
+        reel[[0, 23, 1, 22, 5, 2, 18, 9, 13]]
+        blocks = [reel._opened.file.block(number).offset for number in range(6)]
+    assert fetched == blocks
+
+
+def test_chosen_frames_of_a_slice_are_a_range():
+    assert chosen_frames(slice(None, None, -2), 5) == range(4, -1, -2)

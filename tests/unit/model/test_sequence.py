@@ -1,0 +1,96 @@
+import numpy as np
+import pytest
+
+from meshreel.errors import InvalidInputError
+from meshreel.model.sequence import MeshSequence, extent_of, positions_size_bytes
+from meshreel.model.surface import Attribute, Domain, Kind, Surface
+
+FACES = np.array([[0, 1, 2]])
+VERTICES = np.zeros((2, 3, 3))
+
+
+def test_sequence_keeps_the_values_when_they_are_valid():
+    sequence = MeshSequence(VERTICES, FACES, 25, "tri")
+    np.testing.assert_array_equal(sequence.vertices, VERTICES)
+    assert (sequence.n_frames, sequence.n_verts, sequence.n_faces) == (2, 3, 1)
+
+
+def test_sequence_is_read_only_when_built():
+    sequence = MeshSequence(VERTICES.copy(), FACES)
+    with pytest.raises(ValueError, match="read-only"):
+        sequence.vertices[0, 0, 0] = 1
+
+
+def test_sequence_leaves_the_callers_array_writable_when_built():
+    mine = VERTICES.copy()
+    MeshSequence(mine, FACES)
+    assert mine.flags.writeable
+
+
+def test_raw_size_counts_positions_and_faces_when_float32():
+    assert MeshSequence(VERTICES.astype(np.float32), FACES).raw_size_bytes == 2 * 3 * 3 * 4 + 12
+
+
+def test_raw_size_counts_tracks_and_the_surface_once_when_there_are_any():
+    uv = Attribute("uv", Kind.UV, Domain.VERTEX, np.zeros((3, 2), np.float32))
+    surface = Surface(attributes=(uv,))
+    tracks = {"heat": np.zeros((2, 3)), "on": np.zeros((2, 1, 4), np.uint8)}
+    sequence = MeshSequence(VERTICES, FACES, surface=surface, tracks=tracks)
+    assert sequence.raw_size_bytes == (2 * 3 * 3 * 8 + 12) + 3 * 2 * 4 + (2 * 3 * 8 + 2 * 4)
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "fps", "message"),
+    [
+        (np.zeros((120, 2904)), FACES, 0, r"shape \(T, V, 3\); got \(120, 2904\)"),
+        (np.zeros((2, 3, 3), int), FACES, 0, "float32 or float64; got int64"),
+        (np.zeros((2, 3, 3), np.float16), FACES, 0, "got float16"),
+        (np.zeros((0, 3, 3)), FACES, 0, "at least one frame"),
+        (np.zeros((2, 0, 3)), FACES, 0, "at least one vertex"),
+        (np.zeros((2, 2, 3)), np.zeros((0, 3), int), 0, "2 vertices and no faces"),
+        (VERTICES, [[0, 1, 3]], 0, r"face 0 is \[0, 1, 3\]; indices must be in 0..2"),
+        (VERTICES, [[0, 1, 2], [0, -1, 2]], 0, r"face 1 is \[0, -1, 2\]"),
+        (VERTICES, [[0, 1, 2, 0]], 0, r"shape \(M, 3\); got \(1, 4\)"),
+        (VERTICES, [[0.0, 1.0, 2.0]], 0, "faces must be integers; got float64"),
+        (VERTICES, FACES, -1, "fps must be finite and at least 0"),
+        (VERTICES, FACES, float("nan"), "fps must be finite"),
+    ],
+)
+def test_sequence_names_what_is_wrong_when_input_is_bad(vertices, faces, fps, message):
+    with pytest.raises(InvalidInputError, match=message):
+        MeshSequence(vertices, np.asarray(faces), fps)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_sequence_names_frame_and_vertex_when_a_value_is_not_finite(bad):
+    vertices = np.zeros((4, 3, 3))
+    vertices[2, 1, 1] = bad
+    with pytest.raises(InvalidInputError, match=f"vertex 1 of frame 2 has y = {bad}"):
+        MeshSequence(vertices, FACES)
+
+
+@pytest.mark.parametrize("n_verts", [1, 127, 128, 1000])
+def test_extent_is_that_of_each_frame_alone_when_all_are_measured_at_once(n_verts):
+    rng = np.random.default_rng(n_verts)
+    vertices = rng.normal(size=(3, n_verts, 3)) * 10.0 ** rng.integers(-3, 3, (3, 1, 1))
+    extent = extent_of(vertices)
+    diagonals = [np.linalg.norm(frame.max(axis=0) - frame.min(axis=0)) for frame in vertices]
+    np.testing.assert_array_equal(extent.low, vertices.min(axis=(0, 1)))
+    np.testing.assert_array_equal(extent.high, vertices.max(axis=(0, 1)))
+    assert extent.mean_diagonal == pytest.approx(np.mean(diagonals), rel=1e-12)
+
+
+def test_extent_has_a_length_when_coordinates_are_huge():
+    vertices = np.array([[[-1.5e308, 0.0, 0.0], [0.0, 0.0, 0.0]], [[-1e308, 0, 0], [1e308, 0, 0]]])
+    assert extent_of(vertices[:1]).mean_diagonal == 1.5e308
+    assert extent_of(vertices).mean_diagonal == 1.75e308
+
+
+def test_positions_size_is_that_of_the_array_when_in_memory():
+    sequence = MeshSequence(VERTICES, FACES)
+    assert positions_size_bytes(sequence) == sequence.vertices.nbytes
+
+
+def test_extent_has_a_length_when_coordinates_are_tiny():
+    vertices = np.array([[[0.0, 0.0, 0.0], [3e-200, 4e-200, 0.0]]])
+    assert extent_of(vertices).mean_diagonal == pytest.approx(5e-200, rel=1e-12)

@@ -1,0 +1,101 @@
+"""One small evaluation that the tests of this folder read, and results made by hand."""
+
+from dataclasses import asdict
+
+import pytest
+
+from meshreel.evaluation.pipeline import evaluate
+from meshreel.model.flag import simulate_flag
+from meshreel.paper.study.results import PaperResults
+from meshreel.paper.study.study import PaperStudy
+from meshreel.paper.sweeps import Setting
+
+
+@pytest.fixture(scope="session")
+def flag():
+    return simulate_flag(12, n_rows=10, n_columns=12)
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("report")
+
+
+@pytest.fixture(scope="session")
+def evaluation(flag, folder):
+    return evaluate(PaperStudy(quick=True), [flag], folder, command="meshreel paper --frames 12")
+
+
+@pytest.fixture(scope="session")
+def results(evaluation):
+    return evaluation.measured[0][0]
+
+
+@pytest.fixture(scope="session")
+def pictures(evaluation):
+    return evaluation.measured[0][1]
+
+
+def _made_result(
+    method,
+    *,
+    anchors=0.01,
+    choices="",
+    rate=1.0,
+    error=1.0,
+    temporal=None,
+    q=0.25,
+    nmsve=None,
+    n_modes=20,
+    seconds=(1.0, 1.0),
+    n_frames=4,
+):
+    """A stored result with these figures, as a run of a variant gives it."""
+    setting = Setting(method, n_modes, anchors=anchors, choices=choices)
+    return {
+        "identity": {"setting": asdict(setting)},
+        "rate_bpvf": 1.1 * rate,
+        "rate_order_dropped_bpvf": rate,
+        "paper_count": {
+            "q": q, "q_fixed": 0.4, "q_a": 0.05, "q_a_printed": 0.16, "q_d": 0.28,
+            "q_d_as_stored": 0.28, "q_s": 0.53,
+        },
+        "stream": {"n_modes": [20]},
+        "bits_per_row": [[[800.0] * 20] * 3],
+        "seconds": {
+            "encode": seconds[0], "decode": seconds[1], "encode_processor": 2 * seconds[0],
+            "decode_processor": 2 * seconds[1], "measured": "a clock",
+        },
+        "quality": {
+            "kg_error_percent": error,
+            "sted": error / 100,
+            "sted_temporal": error / 50 if temporal is None else temporal,
+            "nmsve": [error / 1000] * n_frames if nmsve is None else list(nmsve),
+            "nmsve_mean": error / 1000,
+            "max_error_percent": 2 * error,
+            "normal_angle_mean_deg": 3 * error,
+        },
+        "machine": {
+            "cpu": "a processor", "cores": 1, "platform": "x", "python": "3", "numpy": "2",
+            "scipy": "1", "meshreel": "0",
+        },
+    }  # fmt: skip
+
+
+@pytest.fixture
+def made_result():
+    """Makes results; see `_made_result`."""
+    return _made_result
+
+
+@pytest.fixture
+def made_sequence():
+    """Makes the results of a sequence of this name from those of its variants."""
+
+    def make(name, variants=(), n_verts=9971, **others):
+        sequence = {
+            "name": name, "n_frames": 175, "n_verts": n_verts, "n_faces": 19938, "sha256": "0" * 64,
+        }  # fmt: skip
+        return PaperResults(name, sequence, list(variants), **others)
+
+    return make

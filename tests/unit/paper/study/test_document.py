@@ -1,0 +1,59 @@
+import re
+
+import pytest
+
+from meshreel.evaluation.report.publish import publish
+from meshreel.paper.study.document import paper_document
+from meshreel.rendering.documents.parts import Paragraph
+
+
+@pytest.mark.slow
+def test_html_needs_no_other_file(evaluation):
+    html = evaluation.html.read_text(encoding="utf-8")
+    sources = re.findall(r"""(?:src|href)\s*=\s*["']([^"']*)""", html)
+    assert len(sources) == 7
+    assert all(source.startswith("data:image/png;base64,") for source in sources)
+    assert not re.search(r"<link|<script|@import|url\(", html)
+
+
+@pytest.mark.slow
+def test_markdown_names_pictures_that_are_there(evaluation, folder):
+    names = re.findall(r"!\[[^]]*\]\(([^)]*)\)", evaluation.markdown.read_text(encoding="utf-8"))
+    assert len(names) == 7
+    assert all((folder / name).is_file() for name in names)
+
+
+@pytest.mark.slow
+def test_report_says_what_it_must(evaluation):
+    markdown, html = (
+        path.read_text(encoding="utf-8") for path in (evaluation.markdown, evaluation.html)
+    )
+    for words in (
+        "meshreel paper --frames 12",
+        "Table I, flag",
+        "Table II, flag",
+        "PCA+qs and PCA+qp are of equal quality: holds",
+        "gft, decomposed for each frame",
+        "Extrapolated from 2 decompositions",
+        "docs/equations.md",
+        "NumPy",
+    ):
+        assert words in markdown, words
+        assert words in html, words
+
+
+def test_refusal_is_shown_when_a_variant_refused(made_sequence, made_result, tmp_path):
+    refused = {**made_result("gft"), "refused": "too <many> vertices"}
+    results = made_sequence("samba", [made_result("pca"), refused])
+    markdown, html = publish(paper_document([(results, [])], "meshreel paper"), tmp_path)
+    assert "`gft` refused samba: too <many> vertices" in markdown.read_text(encoding="utf-8")
+    assert "<code>gft</code> refused samba: too &lt;many&gt; vertices" in html.read_text(
+        encoding="utf-8"
+    )
+
+
+def test_jumping_is_told_from_handstand_when_it_is_evaluated(made_sequence, made_result):
+    results = made_sequence("jumping", [made_result("pca")])
+    parts = paper_document([(results, [])], "x").parts
+    texts = [part.text for part in parts if isinstance(part, Paragraph)]
+    assert any("another sequence" in text for text in texts)

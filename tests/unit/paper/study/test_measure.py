@@ -1,0 +1,111 @@
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.errors import InvalidInputError
+from meshreel.evaluation.pipeline import evaluate
+from meshreel.evaluation.runs.run import result_of
+from meshreel.evaluation.runs.store import Store
+from meshreel.model.flag import simulate_flag
+from meshreel.paper.study import measure
+from meshreel.paper.study.study import PaperStudy
+from meshreel.paper.sweeps import Setting
+from samples.figures import coarse_figures
+from samples.meshes import waving_grid
+
+SETTING = Setting("pca-qp", 4, anchors=0.05)
+
+
+@pytest.fixture
+def calls(monkeypatch):
+    """The options of every call of `encode` by the runs."""
+    made = []
+
+    def counted(sequence, **options):
+        made.append(options)
+        return meshreel.encode(sequence, **options)
+
+    monkeypatch.setattr(measure, "encode", counted)
+    return made
+
+
+@pytest.fixture
+def store(tmp_path):
+    return Store.for_sequence(tmp_path, waving_grid())
+
+
+def test_run_encodes_nothing_when_the_result_is_there(store, calls):
+    first = result_of(measure.variant_run(waving_grid(), SETTING), store)
+    assert len(calls) == 2  # order kept, order dropped
+    assert result_of(measure.variant_run(waving_grid(), SETTING), store) == first
+    assert len(calls) == 2
+
+
+@pytest.mark.slow
+def test_evaluate_encodes_nothing_when_it_runs_again(tmp_path, calls):
+    flag = simulate_flag(4, n_rows=4, n_columns=5)
+    texts = []
+    for _ in range(2):
+        with coarse_figures():
+            made = evaluate(PaperStudy(["v2v"], quick=True), [flag], tmp_path)
+        texts.append(made.html.read_text(encoding="utf-8"))
+        calls.append("run")
+    assert calls.index("run") > 0
+    assert calls[calls.index("run") :] == ["run", "run"]
+    assert texts[0] == texts[1]
+
+
+def test_run_encodes_again_when_the_content_differs(tmp_path, calls):
+    sequence = waving_grid()
+    moved = meshreel.MeshSequence(sequence.vertices + 1, sequence.faces, 25.0, "grid")
+    for each in (sequence, moved):
+        result_of(measure.variant_run(each, SETTING), Store.for_sequence(tmp_path, each))
+    assert len(calls) == 4
+
+
+def test_run_encodes_again_when_the_version_differs(store, calls, monkeypatch):
+    result_of(measure.variant_run(waving_grid(), SETTING), store)
+    monkeypatch.setattr("meshreel.evaluation.runs.store.__version__", "99")
+    result_of(measure.variant_run(waving_grid(), SETTING), store)
+    assert len(calls) == 4
+
+
+@pytest.mark.parametrize("text", ["", "{", "[1]", '{"identity": {}}', "\udcff"])
+def test_run_encodes_again_when_the_stored_result_is_damaged(store, calls, text):
+    first = result_of(measure.variant_run(waving_grid(), SETTING), store)
+    store.path(SETTING.key, "json").write_text(text, errors="surrogateescape")
+    again = result_of(measure.variant_run(waving_grid(), SETTING), store)
+    assert len(calls) == 4
+    assert again["quality"] == first["quality"]
+
+
+def test_run_encodes_again_when_the_stream_is_missing(store, calls):
+    result_of(measure.variant_run(waving_grid(), SETTING), store)
+    store.path(SETTING.key, "reel").unlink()
+    result_of(measure.variant_run(waving_grid(), SETTING), store)
+    assert len(calls) == 4
+
+
+def test_result_agrees_with_the_stream_beside_it(store):
+    sequence = waving_grid()
+    result = result_of(measure.variant_run(sequence, SETTING, shown_frame=3), store)
+    data = store.path(SETTING.key, "reel").read_bytes()
+    smallest = meshreel.encode(sequence, **SETTING.options(), order="drop")
+    decoded = meshreel.decode(data)
+    assert result["rate_bpvf"] == 8 * len(data) / (12 * 99)
+    assert result["rate_order_dropped_bpvf"] == 8 * len(smallest) / (12 * 99)
+    assert result["quality"] == meshreel.compare(sequence, decoded).as_dict()
+    np.testing.assert_array_equal(np.load(store.path(SETTING.key, "npy")), decoded.vertices[3])
+    assert set(result["machine"]) >= {"cpu", "cores", "python", "numpy", "scipy"}
+
+
+def test_refusal_is_the_result_when_the_method_refuses(store, monkeypatch):
+    def refuse(sequence, **options):
+        raise InvalidInputError("too many vertices")
+
+    monkeypatch.setattr(measure, "encode", refuse)
+    result = result_of(measure.variant_run(waving_grid(), SETTING), store)
+    assert result["refused"] == "too many vertices"
+    assert store.find(SETTING.key, asdict(SETTING)) == result

@@ -1,0 +1,108 @@
+import pytest
+
+from meshreel.paper.study.tables import (
+    alternatives_table,
+    quality_table,
+    rate_table,
+    refusals,
+    seconds_table,
+)
+from meshreel.paper.sweeps import COEFFICIENTS
+
+EACH = {"seconds_each": 2.0, "processor_seconds_each": 3.0}
+
+
+@pytest.fixture
+def refused(made_result):
+    return {**made_result("gft"), "refused": "500 frequencies need 7 GB"}
+
+
+def cells(table):
+    return {row[0]: dict(zip(table.header[1:], row[1:], strict=True)) for row in table.rows}
+
+
+def test_rates_stand_beside_the_printed_ones_when_the_sequence_is_samba(made_sequence, made_result):
+    table = rate_table(made_sequence("samba", [made_result("pca-qp"), made_result("blocks")]))
+    assert cells(table)["pca-qp"]["q, paper"] == "0.1827"
+    assert cells(table)["pca-qp"]["q"] == "0.2500"
+    assert cells(table)["blocks"]["q_s, paper"] == "0.6155"
+
+
+def test_half_of_the_anchors_has_no_printed_figure_when_the_paper_has_the_whole(
+    made_sequence, made_result
+):
+    results = made_sequence("samba", [made_result("pca-qp", anchors=0.005)])
+    for table in (rate_table(results), seconds_table(results)):
+        row = cells(table)["pca-qp (0.5 %)"]
+        assert {value for name, value in row.items() if "paper" in name} == {"-"}
+
+
+@pytest.mark.parametrize("name", ["jumping", "flag", "my samba"])
+def test_tables_hold_no_printed_figure_when_the_sequence_is_not_the_papers(
+    name, made_sequence, made_result
+):
+    results = made_sequence(name, [made_result("pca-qp")])
+    for table in (rate_table(results), seconds_table(results)):
+        assert not any("paper" in heading for heading in table.header)
+
+
+def test_seconds_stand_beside_the_printed_ones_when_the_sequence_is_handstand(
+    made_sequence, made_result
+):
+    variants = [made_result("pca-qs", seconds=(0.5, 15.42))]
+    table = seconds_table(made_sequence("handstand", variants, n_verts=10002))
+    found = list(cells(table)["pca-qs"].values())
+    assert found == ["0.5", "1", "15.4", "30.8", "0.89", "4736.25"]
+
+
+@pytest.mark.every_case
+@pytest.mark.parametrize(
+    ("name", "n_verts", "encode", "decode"),
+    [
+        ("dinosaur", 20218, "0.69", "45.53"),
+        ("chinchilla", 4307, "0.10", "4.68"),
+        ("camel-gallop", 21887, "0.12", "56.88"),
+        ("flag", 2704, "2.38", "2.37"),
+    ],
+)
+def test_every_mesh_of_table_2_has_its_printed_seconds(
+    made_sequence, made_result, name, n_verts, encode, decode
+):
+    table = seconds_table(made_sequence(name, [made_result("pca-qp")], n_verts=n_verts))
+    assert list(cells(table)["pca-qp"].values())[-2:] == [encode, decode]
+
+
+def test_alternatives_stand_below_their_variant(made_sequence, made_result):
+    results = made_sequence(
+        "x",
+        [made_result("pca-qp"), made_result("blocks")],
+        alternatives=[made_result("pca-qp", choices=COEFFICIENTS)],
+    )
+    labels = [row[0] for row in alternatives_table(results).rows]
+    assert labels == ["pca-qp", "pca-qp (coefficients of anchors)"]
+
+
+def test_printed_per_mesh_stands_beside_the_extrapolated_row_when_gft_was_run(
+    made_sequence, made_result
+):
+    graph = made_result("gft", seconds=(6.0, 50.0))
+    table = seconds_table(made_sequence("samba", [graph], decompositions=EACH))
+    rows = cells(table)
+    # 174 more decompositions of 2 s, and of 3 s of the processor.
+    assert list(rows["gft, decomposed for each frame *"].values()) == [
+        "354", "534", "398", "622", "37314.55", "4214.55",
+    ]  # fmt: skip
+    assert list(rows["gft, decomposed once"].values()) == ["6", "12", "50", "100", "-", "-"]
+
+
+def test_every_row_is_full_when_a_variant_refused(made_sequence, made_result, refused):
+    results = made_sequence("samba", [made_result("pca"), refused])
+    for table in (rate_table(results), quality_table(results), seconds_table(results)):
+        assert {len(row) for row in table.rows} == {len(table.header)}
+        assert "refused" in table.rows[1]
+
+
+def test_refusal_is_told_with_its_reason(made_sequence, made_result, refused):
+    assert refusals(made_sequence("samba", [made_result("pca"), refused])) == [
+        "`gft` refused samba: 500 frequencies need 7 GB"
+    ]

@@ -1,0 +1,85 @@
+import pytest
+
+from meshreel.codec.methods import METHOD_NAMES as CODED
+from meshreel.errors import InvalidInputError
+from meshreel.evaluation.plots.palette import METHOD_COLORS
+from meshreel.paper.sweeps import (
+    COEFFICIENTS,
+    METHOD_NAMES,
+    PRESETS,
+    Setting,
+    TableSettings,
+    alternatives,
+    check_table,
+    equal_blocks,
+    row_settings,
+    sweep,
+    variants,
+)
+
+
+def test_variants_cover_every_method_when_it_is_of_the_paper():
+    assert set(METHOD_NAMES) == set(CODED) - {"reel", "lossless", "grid"}
+    assert set(CODED) <= set(METHOD_COLORS)
+
+
+def test_keys_differ_when_settings_differ():
+    settings = {*variants(175), *row_settings(175), *sweep(175, 9971), *alternatives(175)}
+    assert len({setting.key for setting in settings}) == len(settings)
+
+
+@pytest.mark.parametrize(("n_frames", "expected"), [(175, 25), (48, 24), (26, 13), (12, 12)])
+def test_blocks_are_of_equal_length_when_frames_are_shared_out(n_frames, expected):
+    assert equal_blocks(n_frames) == expected
+
+
+def test_modes_are_at_most_the_frames_when_the_sequence_is_short():
+    modes = [s.n_modes for s in variants(12) if s.n_modes is not None]
+    assert max(modes) == 12
+
+
+def test_slow_methods_are_left_out_of_the_sweep():
+    methods = [setting.method for setting in sweep(175, 9971)]
+    assert "pca-qs" not in methods
+    assert methods.count("gft") == 2
+    assert "gft" not in {setting.method for setting in sweep(175, 9971, quick=True)}
+
+
+def test_options_leave_out_what_the_method_decides():
+    assert Setting("gft", None, anchors=0.01).options() == {
+        "method": "gft",
+        "bits": 8,
+        "anchors": 0.01,
+    }
+
+
+def test_labels_differ_in_every_table():
+    for found in (variants(175), alternatives(175), [*variants(175), *alternatives(175)]):
+        assert len({setting.label for setting in found}) == len(found)
+
+
+def test_rates_of_the_printed_preset_are_near_those_of_table_1():
+    """q at fixed length: bits of each row by the frames that it is of."""
+    samba = {setting.method: setting for setting in variants(175, table=PRESETS["printed"])}
+    printed = {"pca": 0.7289, "pca-q": 0.1827, "v2v": 0.4362, "blocks": 0.3057}
+    for method, q in printed.items():
+        one = samba[method]
+        assert one.bits * one.n_modes / (one.block_frames or 175) == pytest.approx(q, rel=0.05)
+
+
+def test_choices_of_a_table_reach_the_variants_that_take_them():
+    table = TableSettings(choices=COEFFICIENTS)
+    found = {one.method: one.options().get("choices") for one in variants(175, table=table)}
+    assert found["pca-qp"] == found["blocks"] == "anchor_values=coefficients"
+    assert found["v2v"] is None
+    assert found["pca"] is None
+    # What all streams have in common is in no label.
+    assert {one.label for one in variants(175, table=table)} == {one.label for one in variants(175)}
+
+
+@pytest.mark.every_case
+def test_tables_are_refused_when_no_method_can_follow_them():
+    with pytest.raises(InvalidInputError, match="choice anchor_values has no effect on v2v"):
+        check_table(TableSettings(choices=COEFFICIENTS), ["v2v"])
+    with pytest.raises(InvalidInputError, match="bits"):
+        check_table(TableSettings(bits=99), ["pca-qp"])

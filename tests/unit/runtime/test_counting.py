@@ -1,0 +1,35 @@
+"""Things and their number in words."""
+
+import pytest
+
+from meshreel.runtime.counting import counted, plural, singular, size_text
+
+NOUNS = ["frame", "vertex", "mesh", "morph target", "face", "entry"]
+
+
+@pytest.mark.parametrize(
+    ("number", "noun", "words"),
+    [
+        (1, "frame", "1 frame"),
+        (0, "frame", "0 frames"),
+        (2, "vertex", "2 vertices"),
+        (1, "mesh", "1 mesh"),
+        (5, "morph target", "5 morph targets"),
+    ],
+)
+def test_noun_stands_in_the_plural_when_there_is_not_one(number, noun, words):
+    assert counted(number, noun) == words
+
+
+@pytest.mark.parametrize("noun", NOUNS)
+def test_noun_comes_back_when_its_plural_is_undone(noun):
+    assert singular(plural(noun)) == noun
+
+
+@pytest.mark.parametrize(
+    ("size_bytes", "text"),
+    [(0, "0 B"), (999, "999 B"), (1000, "1 kB"), (1234567, "1.23 MB"), (999_499, "999 kB"),
+     (999_500, "1 MB"), (5.6e9, "5.6 GB"), (7e12, "7 TB")],
+)  # fmt: skip
+def test_sizes_have_the_unit_that_leaves_few_digits(size_bytes, text):
+    assert size_text(size_bytes) == text
