@@ -56,9 +56,9 @@ FRAME_FORMATS = {
             ".off",
             "OFF",
             Lazy("meshes.off:parse_off"),
-            Lazy("meshes.off_writing:off_encoder"),
+            Lazy("meshes.off:off_encoder"),
             Lazy("meshes.off:off_positions_like"),
-            Lazy("meshes.off_surface:parse_off_surface"),
+            Lazy("meshes.off:parse_off_surface"),
             is_decimal=True,
         ),
         FrameFormat(
@@ -106,7 +106,7 @@ SEQUENCE_FORMATS = {
         SequenceFormat(
             ".npz",
             "NumPy archive",
-            Lazy("arrays.npz_frames:open_npz"),
+            Lazy("arrays.npz:open_npz"),
             Lazy("arrays.npz:write_npz"),
             reads=frozenset({"dataset"}),
             holds_tracks=ALL_TRACKS,

@@ -298,7 +298,7 @@ def peak_bytes(work):
 def test_opened_frames_take_an_eighth_of_the_whole_when_read_one_by_one(
     tmp_path, name, monkeypatch
 ):
-    monkeypatch.setattr("meshreel.formats.arrays.npz_frames.READ_BYTES", 1 << 16)
+    monkeypatch.setattr("meshreel.formats.arrays.npz.READ_BYTES", 1 << 16)
     vertices = np.random.default_rng(0).standard_normal((200, 3000, 3)).astype(np.float32)
     save(MeshSequence(vertices, np.arange(3000).reshape(-1, 3)), tmp_path / name)
 

@@ -15,7 +15,6 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.alembic.library_arrays import library_array, library_vector
 from meshreel.formats.alembic.names import IN_METADATA, IN_TEXTS, clean, numbered
 from meshreel.formats.alembic.object_paths import object_paths
-from meshreel.formats.alembic.rounding import Rounding
 from meshreel.formats.alembic.winding import turned_corners
 from meshreel.formats.alembic.write_attributes import (
     is_texture,
@@ -34,15 +33,78 @@ from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.notes import note_name
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts
+from meshreel.formats.text.decimal_text import Narrowing
 from meshreel.model.geometry.hard_edges import RowNormals
+from meshreel.model.sequence import Vertices
 from meshreel.model.tracks import TrackKind, TrackSource, Values
 
 ASSUMED_FPS = 24.0
 
 BYTES_OF_SAMPLE = 256
 """Of a part in a frame, beside positions; 124 were found."""
+
 BYTES_OF_PART = 1 << 14
 """Of headers and names; some 1.5 kB were found."""
+
+
+class Rounding:
+    """Positions beside a point, as float32, and how far that moved them.
+
+    Float32 stays as it is. So does the place of float64, unless the model is so far from the
+    origin that float32 would move a vertex by more than a millionth of its size: then the point
+    is the middle of the first frame.
+
+    Parameters
+    ----------
+    first : float array of shape (V, 3)
+        Positions of the first frame.
+
+    Attributes
+    ----------
+    shift : float64 array of shape (3,)
+        The point; what is read must be put back by so much.
+    largest : float
+        How far a coordinate was moved at most, so far.
+    """
+
+    def __init__(self, first: Vertices) -> None:
+        narrowing = Narrowing()
+        narrowing.add(first)
+        low, high = first.min(axis=0), first.max(axis=0)
+        middle = (low / 2 + high / 2).astype(np.float64)  # halved, for a sum may be infinite
+        self.shift = np.zeros(3) if narrowing.is_harmless else middle
+        self.largest = 0.0
+
+    def add(self, frame: Vertices) -> npt.NDArray[np.float32]:
+        """The next frame, of shape (V, 3).
+
+        Raises
+        ------
+        InvalidInputError
+            If a position does not fit into float32.
+        """
+        if frame.dtype == np.float32:
+            return frame.astype(np.float32, copy=False)
+        with np.errstate(over="ignore"):
+            rounded = (frame - self.shift).astype(np.float32)
+        if not np.isfinite(rounded).all():
+            raise InvalidInputError(
+                f"positions in an Alembic file go up to {np.finfo(np.float32).max:.3g}; "
+                f"got {np.abs(frame).max():.3g}; scale the model"
+            )
+        moved = float(np.abs(frame - (rounded + self.shift)).max())
+        self.largest = max(self.largest, moved)
+        return rounded
+
+    def describe(self) -> str:
+        """One sentence on what was moved; empty if nothing was."""
+        if self.largest == 0:
+            return ""
+        beside = ", beside the middle of the first frame" if self.shift.any() else ""
+        return (
+            f"positions in an Alembic file are float32{beside}: "
+            f"coordinates are off by up to {self.largest:.2g}"
+        )
 
 
 def write_alembic(path: Path, stream: FrameStream, options: WriteOptions) -> None:

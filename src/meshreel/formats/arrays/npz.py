@@ -1,7 +1,12 @@
-"""A whole sequence in one numpy archive, with the names of `formats.arrays.named_arrays`."""
+"""``.npz`` files: written, and read on demand where they are not compressed."""
 
+import math
+import struct
 import zipfile
-from collections.abc import Iterable
+import zlib
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from io import RawIOBase
 from pathlib import Path
 from typing import Any
 
@@ -15,17 +20,231 @@ from meshreel.formats.arrays.named_arrays import (
     start_arrays,
     surface_arrays,
 )
-from meshreel.formats.arrays.named_tracks import FOLDER, array_names
-from meshreel.formats.arrays.npz_members import archive_errors, read_members
+from meshreel.formats.arrays.named_tracks import FOLDER, NamedTrack, array_names
+from meshreel.formats.arrays.npz_members import archive_errors, read_array_header, read_members
 from meshreel.formats.arrays.npz_tracks import find_tracks, track_arrays
-from meshreel.formats.arrays.position_layout import Layout, find_layout
-from meshreel.formats.file_errors import errors_naming
+from meshreel.formats.arrays.position_layout import Layout, find_layout, has_positions
+from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.frames.stored_frames import StoredFrames, changed_error
+from meshreel.formats.frames.survey import FrameSurvey
 from meshreel.formats.options import ReadOptions, WriteOptions
-from meshreel.model.sequence import MeshSequence
-from meshreel.model.tracks import track_blocks
+from meshreel.model.sequence import FrameSource, MeshSequence, validate_finite
+from meshreel.model.tracks import TrackSource, track_blocks
+from meshreel.runtime.progress import Count
+from meshreel.runtime.threads import chunks, in_threads, one_ahead
+
+Numbers = npt.NDArray[Any]
+
+LOCAL_HEADER = struct.Struct("<26xHH")  # of a member of a zip file; its name and an extra follow
+
+READ_BYTES = 1 << 24  # of frames that are read together
 
 POSITIONS = "vertices"
+
+
+def open_npz(path: Path, options: ReadOptions) -> FrameSource:
+    """The sequence that `read_npz` gives, whose positions and tracks stay in the file if they can.
+
+    They can if they lie there plainly: not compressed, frame after frame. Then all of them are
+    read once now, some at a time, for their extent and to check them against the archive's sum.
+    Tracks that do not lie so are loaded.
+
+    Parameters
+    ----------
+    path : Path
+        As in `read_npz`.
+    options : ReadOptions
+
+    Raises
+    ------
+    FormatError, InvalidInputError
+        As `read_npz`; when frames are read too, if the file has changed meanwhile.
+    """
+    positions, most = options.dataset or POSITIONS, options.max_loaded_bytes
+    stored = None if most is None else _find_vertices(path, positions)
+    if most is None or stored is None:
+        return _loaded(path, options)
+    arrays = read_arrays(path, positions, with_positions=False)
+    with errors_naming(path):
+        about = read_description(arrays, path.stem, options)
+    sizes = stored.shape[0], stored.shape[1]
+    tracks = find_tracks(path, arrays, positions, sizes, about, options.notes)
+    if stored.size_bytes + sum(one.size_bytes for one in tracks.values()) <= most:
+        return _loaded(path, options)
+    survey = FrameSurvey()
+    for start, vertices in stored.survey():
+        with errors_naming(path):
+            validate_finite(vertices, first_frame=start)
+        survey.add(vertices)
+        options.progress("reading", Count(start + len(vertices), sizes[0], "frames"))
+    with errors_naming(path):
+        return StoredFrames(
+            n_frames=sizes[0],
+            n_verts=sizes[1],
+            faces=about.faces,
+            fps=about.fps,
+            name=about.name,
+            dtype=survey.dtype,
+            extent=survey.extent,
+            read_range=stored.read,
+            is_portable=True,
+            start_s=about.start_s,
+            surface=about.surface,
+            files=(path,),
+            tracks={name: _track(path, one) for name, one in tracks.items()},
+        )
+
+
+def _loaded(path: Path, options: ReadOptions) -> MeshSequence:
+    sequence = read_npz(path, options)
+    options.progress("reading", 1.0)
+    return sequence
+
+
+def _track(path: Path, found: NamedTrack) -> TrackSource:
+    """A track that stays in the file, known to be as the archive says, or else a loaded one."""
+    stored = _find_plain(path, found.place)
+    if stored is None:
+        return found.loaded(read_members(path, [found.place])[found.place])
+    for _ in stored.survey():
+        pass
+    return found.stored(stored.read)
+
+
+@dataclass(frozen=True)
+class _StoredArray:
+    """Numbers of frames that lie plainly in a member of an archive, frame after frame.
+
+    Attributes
+    ----------
+    path : Path
+    member : str
+    start_byte : int
+        Where in the file the numbers begin.
+    shape : tuple of int
+        Its first axis is that of frames.
+    dtype : dtype
+        As in the file, in whatever byte order.
+    member_checksum : int
+        CRC-32 of the whole member, as the archive says.
+    checksums : list of int
+        Of the member up to frame 0, up to frame 1, and so on; `survey` adds to it.
+    """
+
+    path: Path
+    member: str
+    start_byte: int
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    member_checksum: int
+    checksums: list[int] = field(repr=False)
+
+    @property
+    def size_bytes(self) -> int:
+        """Size of all frames."""
+        return self.shape[0] * self._frame_bytes
+
+    @property
+    def _frame_bytes(self) -> int:
+        return math.prod(self.shape[1:]) * self.dtype.itemsize
+
+    def survey(self) -> Iterator[tuple[int, Numbers]]:
+        """All numbers, as blocks with the number of their first frame.
+
+        Raises
+        ------
+        FormatError
+            When all have been seen, if they are not what was written into the archive.
+        """
+        yield from one_ahead(self._summed())
+        if self.checksums[-1] != self.member_checksum:
+            raise FormatError(
+                f"{self.path}: is damaged: {self.member} does not have its checksum; save it again"
+            )
+
+    def _summed(self) -> Iterator[tuple[int, Numbers]]:
+        """The blocks of `survey`, whose checksums are added."""
+        for piece in self._pieces(0, self.shape[0]):
+            numbers = np.empty((piece.stop - piece.start, *self.shape[1:]), self.dtype)
+            self._fill(numbers, piece.start)
+            for frame in numbers:
+                self.checksums.append(zlib.crc32(frame, self.checksums[-1]))
+            yield piece.start, self._native(numbers)
+
+    def read(self, start: int, stop: int) -> Numbers:
+        """Numbers of frames start..stop - 1, as they were when they were surveyed."""
+        numbers = np.empty((stop - start, *self.shape[1:]), self.dtype)
+
+        def fill(piece: slice) -> None:
+            part = numbers[piece.start - start : piece.stop - start]
+            self._fill(part, piece.start)
+            for index, frame in enumerate(part, piece.start):
+                if zlib.crc32(frame, self.checksums[index]) != self.checksums[index + 1]:
+                    raise changed_error(f"{self.path} (frame {index})")
+
+        in_threads(fill, self._pieces(start, stop))
+        return self._native(numbers)
+
+    def _pieces(self, start: int, stop: int) -> list[slice]:
+        n_at_once = max(1, READ_BYTES // self._frame_bytes)
+        return [
+            slice(start + one.start, start + one.stop) for one in chunks(stop - start, n_at_once)
+        ]
+
+    def _native(self, numbers: Numbers) -> Numbers:
+        return numbers.astype(self.dtype.newbyteorder("="), copy=False)
+
+    def _fill(self, numbers: Numbers, start: int) -> None:
+        """Fill numbers of shape (n, ...) with those of the frames from `start` on."""
+        with os_errors_naming(self.path), self.path.open("rb", buffering=0) as stream:
+            stream.seek(self.start_byte + start * self._frame_bytes)
+            n_read = _read_into(stream, numbers.reshape(-1).view(np.uint8).data)
+        if n_read < numbers.nbytes:
+            raise changed_error(f"{self.path} (frame {start + n_read // self._frame_bytes})")
+
+
+def _read_into(stream: RawIOBase, room: memoryview) -> int:
+    """Bytes that are read into a room, which is full unless the file ends before."""
+    n_read = 0
+    while n_read < len(room) and (count := stream.readinto(room[n_read:])):
+        n_read += count
+    return n_read
+
+
+def _find_vertices(path: Path, positions: str) -> _StoredArray | None:
+    """Where the vertices lie; None if they must be loaded, and are checked there."""
+    found = _find_plain(path, positions)
+    is_float = found is not None and found.dtype.kind == "f" and found.dtype.itemsize in (4, 8)
+    return found if found is not None and is_float and _is_frames_first(found.shape) else None
+
+
+def _find_plain(path: Path, name: str) -> _StoredArray | None:
+    """Where the numbers of an array lie; None if they are not there, or not plainly."""
+    member = f"{name}.npy"
+    with archive_errors(path):
+        with zipfile.ZipFile(path) as archive:
+            if member not in archive.namelist():
+                return None
+            info = archive.getinfo(member)
+            header = read_array_header(archive, info)
+        is_plain = info.compress_type == zipfile.ZIP_STORED and not header.is_fortran_ordered
+        if not is_plain or 0 in header.shape or not header.shape:
+            return None
+        with path.open("rb") as stream:
+            stream.seek(info.header_offset)
+            lengths = LOCAL_HEADER.unpack(stream.read(LOCAL_HEADER.size))
+            start_byte = stream.seek(sum(lengths), 1)
+            checksum = zlib.crc32(stream.read(header.size_bytes))
+        if start_byte + info.file_size > path.stat().st_size:
+            raise FormatError(f"{member} ends behind the end of the file")
+    start_byte += header.size_bytes
+    return _StoredArray(path, member, start_byte, header.shape, header.dtype, info.CRC, [checksum])
+
+
+def _is_frames_first(shape: tuple[int, ...]) -> bool:
+    """Whether positions are (T, V, 3) and nothing else; what may be another is loaded."""
+    return has_positions(shape) and shape[2] == 3 != shape[1]
 
 
 def read_npz(path: Path, options: ReadOptions | None = None) -> MeshSequence:

@@ -5,22 +5,24 @@ sizes on trust, which files from anywhere do not earn.
 """
 
 from collections.abc import Callable, Sequence
-from functools import cache, partial
+from dataclasses import dataclass, field
+from functools import cache, cached_property, partial
 from pathlib import Path
 
 import numpy as np
 
+from meshreel.errors import FormatError
 from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.gltf.accessors import Accessors
 from meshreel.formats.gltf.animation import Channel
-from meshreel.formats.gltf.baking import BakedMesh
 from meshreel.formats.gltf.clips import Clips
 from meshreel.formats.gltf.document import INSTANCING, Document, read_document
 from meshreel.formats.gltf.geometry import Geometry, read_geometry
 from meshreel.formats.gltf.instancing import note_instances
+from meshreel.formats.gltf.interpolation import Floats
 from meshreel.formats.gltf.json_object import JsonObject
 from meshreel.formats.gltf.material_reading import MaterialReader, note_unkept
-from meshreel.formats.gltf.motion import Motion
+from meshreel.formats.gltf.motion import Matrices, Motion
 from meshreel.formats.gltf.nodes import Nodes, read_nodes, unique_names
 from meshreel.formats.gltf.primitives import count_targets, is_read, surfaces
 from meshreel.formats.gltf.sampling import STILL, Sampling, sample_times
@@ -31,14 +33,20 @@ from meshreel.formats.gltf.shown import (
     shape_of,
     shown_nodes,
 )
+from meshreel.formats.gltf.skinning import Skin, move
 from meshreel.formats.notes import listed, note_kinds, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh
 from meshreel.formats.surfaces.hard_edges import NormalNotes
+from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.model.sequence import validate_fps
+from meshreel.model.surface import Surface
 from meshreel.runtime.counting import counted
 
 LIGHTS = "KHR_lights_punctual"
+
+POSE_BYTES = 1 << 24
+"""Transforms of nodes are computed for as many frames at once as take about this much memory."""
 
 
 class WeldNote:
@@ -224,3 +232,89 @@ def _note_values(mesh: JsonObject, notes: list[str]) -> None:
     note_kinds(
         notes, "attributes that glTF does not define", sorted(n for n in names if not is_read(n))
     )
+
+
+@dataclass(frozen=True, eq=False)
+class BakedMesh:
+    """A mesh at a node, in the world.
+
+    Parameters
+    ----------
+    node : int
+    skin : Skin, optional
+        The joints that the mesh follows, in place of the node.
+    weights : float64 array of shape (M,)
+        Of the morph targets, while nothing moves them.
+    motion : Motion
+    times_s : float64 array of shape (T,)
+        When frames are.
+    read : function
+        Gives the mesh at rest.
+    """
+
+    node: int
+    skin: Skin | None
+    weights: Floats
+    motion: Motion
+    times_s: Floats
+    read: Callable[[], Geometry]
+    _poses: dict[int, tuple[Matrices, Floats]] = field(default_factory=dict)
+
+    def frame(self, index: int) -> PolygonMesh:
+        """The mesh at a frame; float32, as positions of glTF are."""
+        faces = self._faces
+        with np.errstate(over="ignore", invalid="ignore"):  # positions are checked when all is done
+            transforms, weights = self._pose(index)
+            positions = self._geometry.morphed(weights)
+            if self._geometry.influences is not None and self.skin is not None:
+                moved = move(positions, self._geometry.influences.blend(transforms))
+            else:
+                moved = move(positions, transforms[0])
+            return PolygonMesh(moved.astype(np.float32), faces.counts, faces.corners)
+
+    def surface(self, index: int) -> Surface:
+        """The surface of the mesh, in any frame."""
+        return self._geometry.surface
+
+    @cached_property
+    def _geometry(self) -> Geometry:
+        found = self.read()
+        if self.skin is None:
+            transforms, _ = self._pose(0)
+            return found.mirrored() if np.linalg.det(transforms[0, :, :3]) < 0 else found
+        n_joints = len(self.skin.joints)
+        if found.influences is not None and found.influences.joints.max() >= n_joints:
+            raise FormatError(
+                f"node {self.node}: its mesh names joint {found.influences.joints.max()}; "
+                f"its skin has {n_joints}"
+            )
+        return found
+
+    @cached_property
+    def _faces(self) -> PolygonMesh:
+        geometry = self._geometry
+        counts = np.full(len(geometry.faces), 3, np.int64)
+        return polygon_mesh(geometry.positions, counts, geometry.faces.ravel())
+
+    def _pose(self, index: int) -> tuple[Matrices, Floats]:
+        """Transforms of the joints, or of the node, of shape (N, 3, 4), and weights of targets."""
+        chunk, row = divmod(index, self._frames_at_once)
+        if chunk not in self._poses:
+            self._poses.clear()
+            self._poses[chunk] = self._computed(chunk * self._frames_at_once)
+        transforms, weights = self._poses[chunk]
+        return transforms[row], weights[row]
+
+    def _computed(self, start: int) -> tuple[Matrices, Floats]:
+        times = self.times_s[start : start + self._frames_at_once]
+        weights = self.motion.weights(self.node, self.weights, times)
+        if self.skin is None:
+            return self.motion.world([self.node], times), weights
+        return self.motion.world(self.skin.joints, times) @ self.skin.inverse_binds, weights
+
+    @cached_property
+    def _frames_at_once(self) -> int:
+        carriers = [self.node] if self.skin is None else self.skin.joints
+        n_nodes = len(carriers) + len(self.motion.nodes.family(carriers))
+        size_bytes = 8 * (16 * n_nodes + len(self.weights))
+        return max(1, min(len(self.times_s), POSE_BYTES // size_bytes))

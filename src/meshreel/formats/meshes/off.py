@@ -3,8 +3,11 @@
 Our own reader: it comes nearly free with the one for OBJ, keeps polygons, and checks the declared
 counts. Read: the header words ``OFF``, ``COFF``, ``NOFF``, ``STOFF`` and their combinations, or
 none; counts on the header's line, with a blank or without, or the next; one vertex or face a
-line, of which `meshreel.formats.meshes.off_surface` reads colours and texture coordinates. Not
-read: ``4OFF``, ``nOFF`` (other dimensions) and binary.
+line. Not read: ``4OFF``, ``nOFF`` (other dimensions) and binary.
+
+A vertex is x y z, then a normal where the header word has N, a colour where it has C, and two
+texture coordinates where it has ST. Behind the corners of a face its colour may stand. Normals
+are passed over, and so are colours that are the number of one in a table.
 """
 
 import re
@@ -16,11 +19,17 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
+from meshreel.formats.notes import note_left_out, note_normals, note_unwritten
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
+from meshreel.formats.text.decimal_text import face_rows, number_rows, vertex_rows
 from meshreel.formats.text.token_lines import TokenLines, split_lines
+from meshreel.model.geometry.fans import join_fans
 from meshreel.model.geometry.ragged import ragged_indices
-from meshreel.model.sequence import Vertices
+from meshreel.model.sequence import Faces, Vertices
+from meshreel.model.surface import PLAIN, Attribute, Domain, Kind, Surface
 from meshreel.runtime.counting import counted
+
+Int64s = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -140,3 +149,119 @@ def corner_counts(lines: TokenLines, face_lines: npt.NDArray[np.int64]) -> npt.N
             f"{lines.counts[line] - 1} numbers follow"
         )
     return counts
+
+
+def off_encoder(
+    faces: Faces, surface: Surface = PLAIN, notes: list[str] | None = None
+) -> Callable[[Vertices], bytes]:
+    """A function from the positions of a frame, of shape (V, 3), to the bytes of its OFF file.
+
+    Float32 and float64 positions read back exactly. All but positions is written out once.
+
+    Parameters
+    ----------
+    faces : int32 array of shape (M, 3)
+    surface : Surface, optional
+    notes : list of str, optional
+        Gains a sentence on what an OFF file does not hold of the surface.
+    """
+    colors, face_colors = (
+        _writable_colors(surface, Domain.VERTEX),
+        _writable_colors(surface, Domain.FACE),
+    )
+    uv = _writable_uv(surface)
+    note_unwritten(surface, (colors, uv, face_colors), ".off", notes)
+    keyword = f"{'ST' if uv else ''}{'C' if colors else ''}OFF"
+    suffixes = _joined([number_rows(one.per_item()) for one in (colors, uv) if one])
+    face_lines = _face_lines(faces, surface, face_colors)
+    face_text = "".join(face_lines).encode("ascii")
+
+    def encode(vertices: Vertices) -> bytes:
+        header = f"{keyword}\n{len(vertices)} {len(face_lines)} 0\n".encode("ascii")
+        return header + vertex_rows(vertices, suffixes=suffixes) + face_text
+
+    return encode
+
+
+def _face_lines(faces: Faces, surface: Surface, colors: Attribute | None) -> list[str]:
+    counts = surface.sizes(len(faces))
+    rows = face_rows(counts, map(str, join_fans(counts, faces).tolist()))
+    ends = [f" {row}\n" for row in number_rows(colors.per_item())] if colors else ["\n"] * len(rows)
+    pieces = zip(counts.tolist(), rows, ends, strict=True)
+    return [f"{count} {row}{end}" for count, row, end in pieces]
+
+
+def _joined(columns: list[list[str]]) -> list[str] | None:
+    return [" ".join(words) for words in zip(*columns, strict=True)] if columns else None
+
+
+def _writable_colors(surface: Surface, domain: Domain) -> Attribute | None:
+    """The first that an OFF file can hold."""
+    for one in surface.of_kind(Kind.COLOR):
+        is_fit = one.values.dtype.kind in "uf" and one.values.shape[1] in (3, 4)
+        if is_fit and one.domain is domain:
+            return one
+    return None
+
+
+def _writable_uv(surface: Surface) -> Attribute | None:
+    """The first that an OFF file can hold."""
+    for one in surface.of_kind(Kind.UV):
+        is_pair = one.values.dtype.kind == "f" and one.values.shape[1] == 2
+        if is_pair and one.domain is Domain.VERTEX:
+            return one
+    return None
+
+
+def parse_off_surface(data: bytes, notes: list[str] | None = None) -> Surface:
+    """Attributes of the bytes of an OFF file that `parse_off` reads; notes tell what is left out.
+
+    Colours are bytes if none has a decimal point. They are passed over where not all vertices, or
+    not all faces, have three numbers or four.
+
+    Raises
+    ------
+    FormatError
+        Naming the line of what is no number.
+    """
+    lines = split_lines(data)
+    header = read_off_header(lines)
+    verts = np.arange(header.begin, header.face_begin)
+    faces = np.arange(header.face_begin, lines.n_lines)
+    n_texture = 2 if header.keyword.startswith("ST") else 0
+    found = []
+    if "C" in header.keyword:
+        skipped = np.full(len(verts), 6 if "N" in header.keyword else 3)
+        found.append(_colors(lines, verts, skipped, n_texture, Domain.VERTEX))
+    if n_texture:
+        found.append(_texture_coordinates(lines, verts))
+    behind = corner_counts(lines, faces) + 1
+    found.append(_colors(lines, faces, behind, 0, Domain.FACE))
+    if notes is not None:
+        if "N" in header.keyword:
+            note_normals(notes)
+        if found[-1] is None and (lines.counts[faces] > behind).any():
+            note_left_out(notes, "colours of faces, which not all have as three numbers or four")
+    return Surface(None, tuple(one for one in found if one is not None))
+
+
+def _colors(
+    lines: TokenLines, of: Int64s, skipped: Int64s, n_behind: int, domain: Domain
+) -> Attribute | None:
+    """The colours on those lines, behind so many words and before so many."""
+    lengths = lines.counts[of] - skipped - n_behind
+    if lengths[0] not in (3, 4) or (lengths != lengths[0]).any():
+        return None
+    words = (lines.first[of] + skipped)[:, None] + np.arange(lengths[0])
+    values = lines.floats(words)
+    is_whole = (values == np.rint(values)) & (values >= 0) & (values <= 255)
+    is_bytes = bool(is_whole.all()) and not lines.have_points(words)
+    return Attribute("color", Kind.COLOR, domain, values.astype("u1" if is_bytes else "f4"))
+
+
+def _texture_coordinates(lines: TokenLines, verts: Int64s) -> Attribute | None:
+    if (lines.counts[verts] < 5).any():
+        return None
+    ends = lines.first[verts] + lines.counts[verts]
+    values = lines.floats(ends[:, None] + np.arange(-2, 0)).astype(np.float32)
+    return Attribute("uv", Kind.UV, Domain.VERTEX, values)

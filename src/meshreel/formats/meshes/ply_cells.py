@@ -1,6 +1,6 @@
 """The body of a PLY file as *cells*: bytes in a binary file, words in an ASCII one.
 
-Seen so, both encodings are read by the same code (`meshreel.formats.meshes.ply_layout`).
+Seen so, both encodings are read by the same code (`meshreel.formats.meshes.ply_tables`).
 """
 
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""The elements of a PLY file as tables of columns."""
+"""The elements of a PLY file: where their numbers stand, and as tables of columns."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -9,12 +9,30 @@ import numpy.typing as npt
 from meshreel.errors import FormatError
 from meshreel.formats.meshes.ply_cells import BinaryCells, PlyCells, WordCells
 from meshreel.formats.meshes.ply_header import PlyElement, PlyHeader, PlyProperty, read_ply_header
-from meshreel.formats.meshes.ply_layout import ElementLayout, list_values, locate_element
 from meshreel.formats.text.token_lines import split_lines
 from meshreel.model.geometry.ragged import Integers, ragged_indices
 
 STRIPS = "tristrips"
 """The element of triangle strips."""
+
+Offsets = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class ElementLayout:
+    """Where the numbers of an element stand.
+
+    Parameters
+    ----------
+    offsets : dict of str to int64 array of shape (number of rows,)
+        Cell of each property in each row; of a list, of its length.
+    start, end : int
+        The first cell of the element, and the first one after it.
+    """
+
+    offsets: dict[str, Offsets]
+    start: int
+    end: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,3 +106,80 @@ def _cells(header: PlyHeader, data: bytes) -> PlyCells:
     first = int(np.searchsorted(lines.starts, header.body_start))
     values = lines.floats(np.arange(first, len(lines.starts)))
     return WordCells(values, lambda cell: lines.place_of_word(first + cell))
+
+
+def locate_element(element: PlyElement, cells: PlyCells, start: int) -> ElementLayout:
+    """The layout of an element that begins at cell `start`.
+
+    Raises
+    ------
+    FormatError
+        If the declared rows do not fit in the file, or a list has a negative length.
+    """
+    row_width = sum(cells.width(p.count_code or p.code) for p in element.properties)
+    _check_fits(element, element.n_rows * row_width, cells.n_cells - start)
+    if element.n_rows == 0 or not element.properties:
+        nowhere = {column.name: np.empty(0, np.int64) for column in element.properties}
+        return ElementLayout(nowhere, start, start)
+    return _locate_equal_rows(element, cells, start) or _locate_each_row(element, cells, start)
+
+
+def list_values(
+    layout: ElementLayout, cells: PlyCells, column: PlyProperty
+) -> tuple[npt.NDArray[np.int64], Offsets]:
+    """Lengths of the lists of a property, and the cell at which each list's values begin."""
+    offsets = layout.offsets[column.name]
+    lengths = cells.take(offsets, column.count_code).astype(np.int64)
+    return lengths, offsets + cells.width(column.count_code)
+
+
+def _locate_equal_rows(element: PlyElement, cells: PlyCells, start: int) -> ElementLayout | None:
+    """The layout if every list is as long as in the first row, as in most files; else None."""
+    first, row_width = _walk_row(element, cells, start)
+    if element.n_rows * row_width > cells.n_cells - start:
+        return None
+    rows = row_width * np.arange(element.n_rows)
+    offsets = {name: rows + cell for name, cell in first.items()}
+    for column in element.properties:
+        if column.count_code:
+            lengths = cells.take(offsets[column.name], column.count_code)
+            if (lengths != lengths[0]).any():
+                return None
+    return ElementLayout(offsets, start, start + element.n_rows * row_width)
+
+
+def _locate_each_row(element: PlyElement, cells: PlyCells, start: int) -> ElementLayout:
+    found: dict[str, list[int]] = {column.name: [] for column in element.properties}
+    end = start
+    for _ in range(element.n_rows):
+        row, width = _walk_row(element, cells, end)
+        for name, cell in row.items():
+            found[name].append(cell)
+        end += width
+    offsets = {name: np.array(starts, np.int64) for name, starts in found.items()}
+    return ElementLayout(offsets, start, end)
+
+
+def _walk_row(element: PlyElement, cells: PlyCells, start: int) -> tuple[dict[str, int], int]:
+    """The cell of each property of the row at `start`, and the width of the row."""
+    offsets, at = {}, start
+    for column in element.properties:
+        offsets[column.name] = at
+        length = 1
+        if column.count_code:
+            _check_fits(element, at + cells.width(column.count_code) - start, cells.n_cells - start)
+            length = cells.integer_at(at, column.count_code)
+            at += cells.width(column.count_code)
+        if length < 0:
+            raise FormatError(f"element {element.name!r} has a list of {length} values")
+        at += length * cells.width(column.code)
+    _check_fits(element, at - start, cells.n_cells - start)
+    return offsets, at - start
+
+
+def _check_fits(element: PlyElement, needed: int, left: int) -> None:
+    if needed > left:
+        raise FormatError(
+            f"element {element.name!r} with {element.n_rows} rows is longer than what is left of "
+            "the file; it is truncated or its header is wrong"
+        )

@@ -2,16 +2,17 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 
-from meshreel.errors import InvalidInputError
+from meshreel.errors import FormatError, InvalidInputError, MeshReelError
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.frames.survey import FrameSurvey
+from meshreel.formats.notes import listed, note_left_out
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.scenes.good_meshes import good_meshes
 from meshreel.formats.scenes.merging import merged_mesh
 from meshreel.formats.scenes.scene_mesh import ReadMeshes, SceneMesh
 from meshreel.formats.scenes.timing import frame_times
@@ -21,6 +22,8 @@ from meshreel.model.sequence import FrameSource, MeshSequence, Vertices, validat
 from meshreel.model.tracks import copied_together, size_bytes
 from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Count
+
+MAX_NAMED = 8
 
 
 def open_scene(read_meshes: ReadMeshes, path: Path, options: ReadOptions) -> FrameSource:
@@ -203,3 +206,54 @@ def _reader(
         return vertices
 
     return read_range
+
+
+def good_meshes(
+    meshes: Sequence[SceneMesh], options: ReadOptions, *, may_change: bool
+) -> list[SceneMesh]:
+    """The meshes that can be read in every frame, which are all read once now.
+
+    Parameters
+    ----------
+    meshes : sequence of SceneMesh
+    options : ReadOptions
+        Its notes gain a sentence that names the others, and what is wrong with each.
+    may_change : bool
+        Whether a mesh is good whose faces change.
+
+    Raises
+    ------
+    FormatError
+        If no mesh can be read.
+    """
+    good, faults = [], []
+    for number, mesh in enumerate(meshes):
+        # What it carries is read here, and not again: a note on it is said once.
+        kept = replace(mesh, surface=cache(mesh.surface))
+        if fault := _fault(kept, may_change=may_change):
+            faults.append(f"{mesh.name} ({fault})")
+        else:
+            good.append(kept)
+        options.progress("checking", Count(number + 1, len(meshes), "meshes"))
+    if not good:
+        raise FormatError(f"holds no mesh that can be read: {listed(faults, MAX_NAMED)}")
+    if faults:
+        note_left_out(options.notes, f"meshes that cannot be read: {listed(faults, MAX_NAMED)}")
+    return good
+
+
+def _fault(mesh: SceneMesh, *, may_change: bool) -> str:
+    """The fault of a mesh, in words; empty if it has none."""
+    try:
+        first = mesh.frame(0)
+        sizes = first.counts.astype(np.int32)
+        surface = replace(mesh.surface(0), face_sizes=sizes)
+        surface.validated(len(first.vertices), int((first.counts - 2).sum()))
+        for index in range(len(mesh.times_s)):
+            frame = mesh.frame(index) if index else first
+            if not may_change and (difference := frame.difference(first)):
+                return f"frame {index} has {difference} in frame 0"
+            validate_finite(frame.vertices[np.newaxis], first_frame=index)
+    except MeshReelError as error:
+        return str(error)
+    return ""

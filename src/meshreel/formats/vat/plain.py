@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.frame_stream import FrameStream
@@ -15,9 +16,24 @@ from meshreel.formats.vat.gathering import Gathered, gather, note_error
 from meshreel.formats.vat.grid import WIDTHS, TexelGrid
 from meshreel.formats.vat.motion import Motion
 from meshreel.formats.vat.plain_layout import FileNames, PlainLayout
-from meshreel.formats.vat.playing import Played, play
-from meshreel.formats.vat.textures import TexelType, read_texture, write_texture
+from meshreel.formats.vat.textures import Texels, TexelType, read_texture, write_texture
 from meshreel.runtime.counting import counted
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """How far frames are off.
+
+    Attributes
+    ----------
+    errors : float array of shape (T,)
+        Of the furthest vertex of each frame, in model units.
+    angles_deg : float array of shape (T,), optional
+        Largest angle between normals of each frame; None without normals.
+    """
+
+    errors: npt.NDArray[np.float64]
+    angles_deg: npt.NDArray[np.float64] | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,3 +137,36 @@ def _note_achieved(notes: list[str], baked: _Baked, played: Played, n_textures: 
             f"GPUs of phones, and some that browsers use, hold no more than {WIDTHS[0]} texels a "
             "side; take fewer frames for those"
         )
+
+
+def play(
+    images: list[Texels], motion: Motion, layout: PlainLayout, grid: TexelGrid, encoding: Encoding,
+    *, normals: bool,
+) -> Played:  # fmt: skip
+    """The errors of textures as they were read from their files.
+
+    Parameters
+    ----------
+    images : list of arrays
+        The texture of offsets, and that of normals where they have their own.
+    motion : Motion
+    layout : PlainLayout
+    grid : TexelGrid
+    encoding : Encoding
+    normals : bool
+    """
+    errors = np.zeros(motion.n_frames)
+    for frame in range(motion.n_frames):
+        sampled = encoding.texels.values(grid.take(images[0], frame))
+        errors[frame] = motion.distances(frame, encoding.remap.offsets(sampled)).max()
+    if not normals:
+        return Played(errors, None)
+    angles_deg = np.zeros(motion.n_frames)
+    for frame, units in enumerate(motion.normals()):
+        sampled = encoding.texels.values(grid.take(images[-1], frame, layout.normal_half))
+        found = layout.normals(sampled, encoding.texels)
+        found /= np.linalg.norm(found, axis=1, keepdims=True)
+        # The chord is exact where the cosine of a small angle is not.
+        chords = np.linalg.norm(found - units, axis=1)
+        angles_deg[frame] = np.degrees(2 * np.arcsin(np.clip(chords / 2, 0, 1))).max()
+    return Played(errors, angles_deg)

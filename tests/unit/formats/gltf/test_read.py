@@ -372,7 +372,7 @@ def test_faces_stay_when_a_node_turns_by_a_half_circle(read):
 
 @pytest.mark.parametrize("make", [moving_triangle, rich_gltf])
 def test_open_source_reads_the_bits_of_load_when_nothing_is_loaded(tmp_path, make, monkeypatch):
-    monkeypatch.setattr("meshreel.formats.gltf.baking.POSE_BYTES", 3000)  # some frames at a time
+    monkeypatch.setattr("meshreel.formats.gltf.read.POSE_BYTES", 3000)  # some frames at a time
     path = make().save(tmp_path / "a.glb")
     opened, loaded = open_source(path, fps=60, max_loaded_bytes=0), load(path, fps=60)
     assert isinstance(opened, StoredFrames)

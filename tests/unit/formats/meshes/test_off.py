@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError
-from meshreel.formats.meshes.off import parse_off
-from meshreel.formats.meshes.off_writing import off_encoder
+from meshreel.formats.meshes.off import off_encoder, parse_off
 
 BODY = b"0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
 

@@ -3,7 +3,7 @@ import pytest
 
 from meshreel.errors import FormatError
 from meshreel.formats.load import load
-from meshreel.formats.meshes.off_surface import parse_off_surface
+from meshreel.formats.meshes.off import parse_off_surface
 from meshreel.formats.save import save
 from meshreel.model.surface import Domain, Kind
 from samples.surfaces import attribute, described, groups, rich_cube, two_cubes

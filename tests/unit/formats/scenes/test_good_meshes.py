@@ -10,8 +10,8 @@ import meshreel
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.scenes.good_meshes import good_meshes
 from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh
+from meshreel.formats.scenes.scene_source import good_meshes
 from meshreel.formats.stretches import find_stretches
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
