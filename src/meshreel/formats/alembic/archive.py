@@ -1,4 +1,4 @@
-"""Objects and properties of an Alembic file, on top of its container."""
+"""Objects and properties of an Alembic file, read from its Ogawa container."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,63 +16,65 @@ from meshreel.formats.alembic.headers import (
     read_samplings,
     read_shared_metadata,
 )
-from meshreel.formats.alembic.ogawa import OgawaFile, References, damaged
+from meshreel.formats.alembic.ogawa import OgawaFile, References, damage_error
 from meshreel.formats.alembic.time_sampling import Times, TimeSampling
 
-KEY_BYTES = 16  # a checksum that each sample begins with
+KEY_BYTES = 16  # checksum at the start of each sample
 N_SECTIONS, OBJECTS, SAMPLINGS, METADATA = 6, 2, 4, 5
-"""How many references the root of the file holds, and which of them are read."""
+"""Number of references in the root group, and the indices of those that are read."""
 
 
 class Archive:
-    """An Alembic file.
+    """An Alembic file opened for reading.
 
     Attributes
     ----------
     file : OgawaFile
     top : AbcObject
-        Without a name; the hierarchy is below it.
+        Unnamed root object of the hierarchy.
 
     Raises
     ------
     InvalidInputError
         If the file cannot be read.
     FormatError
-        If it is no Alembic file, or is damaged.
+        If the file is not an Alembic file, or is damaged.
     """
 
     def __init__(self, path: Path) -> None:
         self.file = OgawaFile(path)
-        root = [int(one) for one in self.file.group(self.file.root)]
+        root = [int(reference) for reference in self.file.group(self.file.root)]
         if len(root) < N_SECTIONS:
-            raise damaged(f"it has {len(root)} sections; an Alembic file has {N_SECTIONS}")
+            raise damage_error(
+                f"the root group has {len(root)} entries; an Alembic file has {N_SECTIONS}"
+            )
         self.samplings = read_samplings(self.file.data(root[SAMPLINGS]))
         self.metadata = read_shared_metadata(self.file.data(root[METADATA]))
         self.top = AbcObject(ObjectHeader("", "", False), self, root[OBJECTS])
 
     def properties(self, reference: int) -> dict[str, "Property"]:
-        """The properties that a group holds, by name."""
+        """Return the properties in a group, by name."""
         group = self.file.group(reference)
-        if len(group) < 2:  # a property, and the names
+        if len(group) < 2:  # at least one property and the headers
             return {}
         headers = list(read_property_headers(self.file.data(int(group[-1])), self.metadata))
         _check_count(headers, len(group) - 1, "properties")
         return {
-            header.name: Property(header, self, int(own))
-            for header, own in zip(headers, group[:-1], strict=True)
+            header.name: Property(header, self, int(child))
+            for header, child in zip(headers, group[:-1], strict=True)
         }
 
 
 @dataclass(frozen=True, eq=False)
 class AbcObject:
-    """A node of the hierarchy: a transform, a mesh, a camera, a set of faces.
+    """An object of the hierarchy: a transform, a mesh, a camera or a face set.
 
     Attributes
     ----------
     header : ObjectHeader
     archive : Archive
     reference : int
-        To its group.
+        Reference to its Ogawa group.
     """
 
     header: ObjectHeader
@@ -81,20 +83,20 @@ class AbcObject:
 
     @cached_property
     def properties(self) -> dict[str, "Property"]:
-        """Its properties, by name."""
+        """The properties of the object, by name."""
         return self.archive.properties(int(self._group[0])) if len(self._group) else {}
 
     @cached_property
     def children(self) -> list["AbcObject"]:
-        """The objects below it, in file order."""
-        if len(self._group) < 3:  # its properties, a child, and the names
+        """The child objects, in file order."""
+        if len(self._group) < 3:  # properties, at least one child, and the headers
             return []
         names = self.archive.file.data(int(self._group[-1]))
         headers = list(read_object_headers(names, self.archive.metadata))
         _check_count(headers, len(self._group) - 2, "objects")
         return [
-            AbcObject(header, self.archive, int(own))
-            for header, own in zip(headers, self._group[1:-1], strict=True)
+            AbcObject(header, self.archive, int(child))
+            for header, child in zip(headers, self._group[1:-1], strict=True)
         ]
 
     @cached_property
@@ -104,14 +106,14 @@ class AbcObject:
 
 @dataclass(frozen=True, eq=False)
 class Property:
-    """Samples, or other properties, that an object has under a name.
+    """A named property of an object: samples of values, or a compound of other properties.
 
     Attributes
     ----------
     header : PropertyHeader
     archive : Archive
     reference : int
-        To its group.
+        Reference to its Ogawa group.
     """
 
     header: PropertyHeader
@@ -120,7 +122,7 @@ class Property:
 
     @cached_property
     def properties(self) -> dict[str, "Property"]:
-        """The properties within a compound property, by name; none if it is not compound."""
+        """The children of a compound property, by name; empty for any other property."""
         return self.archive.properties(self.reference) if self.header.is_compound else {}
 
     @property
@@ -130,55 +132,64 @@ class Property:
 
     @property
     def sampling(self) -> TimeSampling:
-        """When its samples are."""
+        """The time sampling of its samples."""
         if self.header.sampling >= len(self.archive.samplings):
-            raise damaged(f"time sampling {self.header.sampling} is not there")
+            raise damage_error(f"there is no time sampling {self.header.sampling}")
         return self.archive.samplings[self.header.sampling]
 
     @cached_property
     def times_s(self) -> Times:
-        """When its samples are, in seconds; only the first if all are the same."""
+        """Times of the samples in seconds; only the first if all samples are the same."""
         return self.sampling.times(1 if self.is_constant else self.header.n_samples)
 
-    def stored(self, index: int) -> int:
-        """Number of a sample among those that the file holds."""
+    def stored_index(self, index: int) -> int:
+        """Return the index of a sample among those stored, where repeated samples are omitted."""
         last = self.header.n_stored - 1
         return min(max(0, index - self.header.first_changed + 1), last)
 
     def numbers(self, index: int = 0) -> npt.NDArray[Any]:
-        """A sample of numbers, read-only, of shape (number of values, extent).
+        """Return a numeric sample, read-only, of shape (number of values, extent).
 
         Raises
         ------
         FormatError
-            If there is no such sample, or it does not hold whole values.
+            If there is no such sample, or its size is not a multiple of the value size.
         """
         dtype, contents = self.header.dtype, self._contents(index)
         if dtype is None or self.header.extent == 0:
-            raise damaged(f"{self.header.name} holds no numbers")
+            raise damage_error(f"{self.header.name} is not numeric")
         width = self.header.extent * dtype.itemsize
         if len(contents) % width:
-            raise damaged(f"{self.header.name} has {len(contents)} bytes for values of {width}")
+            raise damage_error(
+                f"{self.header.name} has {len(contents)} bytes, not a multiple of {width}"
+            )
         return np.frombuffer(contents, dtype).reshape(-1, self.header.extent)
 
-    def whole_numbers(self, index: int = 0) -> npt.NDArray[np.int64]:
-        """A sample of whole numbers, of shape (N,); raises as `numbers`, and if they are none."""
+    def integers(self, index: int = 0) -> npt.NDArray[np.int64]:
+        """Return an integer sample as a flat array, of shape (N,).
+
+        Raises
+        ------
+        FormatError
+            As `numbers`, and if the numbers are not integers.
+        """
         numbers = self.numbers(index)
         if numbers.dtype.kind not in "iu":
-            raise damaged(f"{self.header.name} holds {numbers.dtype}; expected whole numbers")
+            raise damage_error(f"{self.header.name} is {numbers.dtype}; expected integers")
         return numbers.ravel().astype(np.int64)
 
     def texts(self, index: int = 0) -> list[str]:
-        """A sample of texts, of which each ends with a zero byte; raises as `numbers`."""
+        """Return a sample of zero-terminated strings; raises as `numbers`."""
         if not self.header.is_text:
-            raise damaged(f"{self.header.name} holds no text")
+            raise damage_error(f"{self.header.name} is not text")
         texts = self._contents(index).decode(errors="replace").split("\0")
         return texts if texts[-1] else texts[:-1]
 
     def _contents(self, index: int) -> bytes:
-        place = self.stored(index) * (2 if self.header.is_array else 1)  # lengths lie between
+        # Array samples alternate between data and dimensions.
+        place = self.stored_index(index) * (2 if self.header.is_array else 1)
         if not 0 <= place < len(self._samples):
-            raise damaged(f"{self.header.name} has no sample {index}")
+            raise damage_error(f"{self.header.name} has no sample {index}")
         return self.archive.file.data(int(self._samples[place]))[KEY_BYTES:]
 
     @cached_property
@@ -186,6 +197,6 @@ class Property:
         return self.archive.file.group(self.reference)
 
 
-def _check_count(headers: list[Any], n_there: int, what: str) -> None:
-    if len(headers) != n_there:
-        raise damaged(f"{len(headers)} {what} are named where {n_there} are")
+def _check_count(headers: list[Any], n_found: int, what: str) -> None:
+    if len(headers) != n_found:
+        raise damage_error(f"its headers list {len(headers)} {what}, but it has {n_found}")

@@ -1,4 +1,4 @@
-"""Headers of an Alembic file: its objects, properties and times, before their samples."""
+"""Headers of an Alembic file, which describe its objects, properties and time samplings."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from meshreel.errors import FormatError
-from meshreel.formats.alembic.ogawa import Records, damaged
+from meshreel.formats.alembic.ogawa import Records, damage_error
 from meshreel.formats.alembic.time_sampling import TimeSampling
 
 Metadata = dict[str, str]
@@ -17,38 +17,38 @@ NUMBER_TYPES: dict[int, np.dtype[Any]] = {
     4: np.dtype("<i2"), 5: np.dtype("<u4"), 6: np.dtype("<i4"), 7: np.dtype("<u8"),
     8: np.dtype("<i8"), 9: np.dtype("<f2"), 10: np.dtype("<f4"), 11: np.dtype("<f8"),
 }  # fmt: skip
-"""Number types by the file's numbers for them; 0 is truth values, of a byte."""
+"""NumPy types by Alembic's number for plain old data types; 0 is a boolean of one byte."""
 TEXT = 12
 
 OWN_METADATA = 0xFF
-"""In place of the number of shared metadata: they follow."""
-HASHES_BYTES = 32  # at the end of a list of objects
+"""Metadata index that means: the metadata follows inline."""
+HASHES_BYTES = 32  # at the end of the object headers
 ACYCLIC_S = np.finfo(np.float64).max / 32
-"""Length of a cycle that says that times are listed one by one."""
+"""Cycle length that marks acyclic sampling, where every time is listed."""
 MAX_SAMPLES = 1_000_000
 """More than eleven hours at 24 frames per second; a damaged file may declare any number."""
 
 
 @dataclass(frozen=True)
 class PropertyHeader:
-    """The header of a property.
+    """Header of a property.
 
     Attributes
     ----------
     name : str
     is_compound, is_array : bool
-        Whether it holds other properties; whether a sample has any number of values, not one.
+        Whether it contains other properties; whether a sample is an array, not a single value.
     dtype : dtype, optional
-        Of the numbers of a value; None for text.
+        Type of the components of a value; None for text.
     is_text : bool
     extent : int
-        How many numbers a value has.
+        Number of components of a value.
     n_samples : int
     first_changed, last_changed : int
         The first sample that differs from sample 0, and the last from the one before it; both
         are 0 if all samples are the same.
     sampling : int
-        Number of its time sampling.
+        Index of its time sampling.
     metadata : dict
     """
 
@@ -66,7 +66,7 @@ class PropertyHeader:
 
     @property
     def n_stored(self) -> int:
-        """How many samples the file holds: those that repeat at either end are left out."""
+        """Number of samples in the file, which omits repeated samples at both ends."""
         if self.n_samples == 0:
             return 0
         return self.last_changed - self.first_changed + 2 if self.last_changed else 1
@@ -74,16 +74,16 @@ class PropertyHeader:
 
 @dataclass(frozen=True)
 class ObjectHeader:
-    """The header of an object.
+    """Header of an object.
 
     Attributes
     ----------
     name : str
-        Without those of its parents.
+        Its own name, without the path.
     schema : str
-        What it is, such as "AbcGeom_PolyMesh_v1"; empty if it does not say.
+        Schema with version, such as "AbcGeom_PolyMesh_v1"; empty if undeclared.
     is_instance : bool
-        Whether it stands for another object, properties, children and all.
+        Whether it is an instance of another object, including properties and children.
     """
 
     name: str
@@ -92,7 +92,7 @@ class ObjectHeader:
 
 
 def read_shared_metadata(contents: bytes) -> list[Metadata]:
-    """Metadata that headers refer to by number; number 0 has none."""
+    """Return the metadata to which headers refer by index; index 0 is empty."""
     records, found = Records(contents), [Metadata()]
     while not records.is_at_end:
         found.append(records.metadata(records.number(1)))
@@ -100,20 +100,20 @@ def read_shared_metadata(contents: bytes) -> list[Metadata]:
 
 
 def read_samplings(contents: bytes) -> list[TimeSampling]:
-    """Time samplings that properties refer to by number."""
+    """Return the time samplings to which properties refer by index."""
     records, found = Records(contents), []
     while not records.is_at_end:
-        records.number(4)  # the largest number of samples
+        records.number(4)  # maximum number of samples, unused here
         cycle_s = records.seconds()
         times_s = records.times(records.number(4))
         if len(times_s) == 0:
-            raise damaged("a time sampling has no times")
+            raise damage_error("a time sampling has no times")
         found.append(TimeSampling(times_s, None if cycle_s == ACYCLIC_S else cycle_s))
     return found
 
 
 def read_object_headers(contents: bytes, shared: list[Metadata]) -> Iterator[ObjectHeader]:
-    """The objects that an object has below it, in file order."""
+    """Yield the headers of the children of an object, in file order."""
     records = Records(contents[:-HASHES_BYTES])
     while not records.is_at_end:
         name = records.text(records.number(4))
@@ -122,16 +122,16 @@ def read_object_headers(contents: bytes, shared: list[Metadata]) -> Iterator[Obj
 
 
 def read_property_headers(contents: bytes, shared: list[Metadata]) -> Iterator[PropertyHeader]:
-    """The properties of an object or of a compound property, in file order."""
+    """Yield the property headers of an object or a compound property, in file order."""
     records = Records(contents)
     while not records.is_at_end:
         yield _property_header(records, shared)
 
 
 def _property_header(records: Records, shared: list[Metadata]) -> PropertyHeader:
-    # From the lowest bit: 2 of kind, 2 of how long numbers are, 4 of number type, whether there is
-    # a time sampling, whether changes are given, 1 without use here, whether all samples are the
-    # same, 8 of extent, 8 of metadata.
+    # Bit fields, from the lowest: 2 property type, 2 width of the integers below, 4 data type,
+    # 1 has a time sampling, 1 has first and last changed sample, 1 homogeneous (unused here),
+    # 1 is constant, 8 extent, 8 metadata index.
     flags = records.number(4)
     kind, width, pod = flags & 3, 1 << (flags >> 2 & 3), flags >> 4 & 15
     n_samples = first = last = sampling = 0
@@ -150,8 +150,8 @@ def _property_header(records: Records, shared: list[Metadata]) -> PropertyHeader
         or (last and not first)
     ):
         raise FormatError(
-            f"{name} declares {n_samples} samples that change from {first} to {last}; "
-            f"up to {MAX_SAMPLES} are read, which change within; the file is damaged"
+            f"{name} declares {n_samples} samples that change from {first} to {last}; expected "
+            f"at most {MAX_SAMPLES}, and changes among these; the file is damaged"
         )
     metadata = _metadata(records, flags >> 20 & 0xFF, width, shared)
     return PropertyHeader(
@@ -160,9 +160,9 @@ def _property_header(records: Records, shared: list[Metadata]) -> PropertyHeader
     )  # fmt: skip
 
 
-def _metadata(records: Records, number: int, width: int, shared: list[Metadata]) -> Metadata:
-    if number == OWN_METADATA:
+def _metadata(records: Records, index: int, width: int, shared: list[Metadata]) -> Metadata:
+    if index == OWN_METADATA:
         return records.metadata(records.number(width))
-    if number >= len(shared):
-        raise damaged(f"metadata {number} are not there")
-    return shared[number]
+    if index >= len(shared):
+        raise damage_error(f"there is no metadata {index}")
+    return shared[index]

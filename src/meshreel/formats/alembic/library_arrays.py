@@ -1,4 +1,4 @@
-"""Arrays of numpy to those that the Alembic library takes."""
+"""Conversion of NumPy arrays to the array types of the Alembic library."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -11,18 +11,18 @@ from meshreel.formats.extras import IMATH
 
 
 def library_array(kind: str, values: npt.NDArray[Any]) -> Any:
-    """A copy of an array of shape (N,) or (N, C), as the library wants it.
+    """Return a copy of an array of shape (N,) or (N, C) as an array of the Alembic library.
 
     Parameters
     ----------
     kind : str
-        As the library calls it: "V3f", "V2f", "C3f", "C4f", "Int32", "Uint32", "Float", "Double"
-        or "Uchar".
+        The library's name of the type: "V3f", "V2f", "C3f", "C4f", "Int32", "Uint32", "Float",
+        "Double" or "Uchar".
     values : array
-        Of the type that the kind says.
+        Of the NumPy type that corresponds to the kind.
     """
     imath = _imath()
-    if kind == "Uint32":  # has no buffer; doubles hold each of them exactly
+    if kind == "Uint32":  # has no buffer interface; float64 is exact
         return imath.UnsignedIntArray(library_array("Double", values.astype(np.float64)))
     if kind in ("C3f", "C4f"):
         return _colors(getattr(imath, f"{kind}Array")(len(values)), values)
@@ -35,7 +35,7 @@ def library_array(kind: str, values: npt.NDArray[Any]) -> Any:
 
 
 def text_array(texts: Sequence[str]) -> Any:
-    """Texts, as the library wants them."""
+    """Return strings as a string array of the library."""
     array = _imath().StringArray(len(texts))
     for number, text in enumerate(texts):
         array[number] = text
@@ -43,13 +43,13 @@ def text_array(texts: Sequence[str]) -> Any:
 
 
 def library_vector(values: npt.NDArray[np.float64]) -> Any:
-    """Three numbers, as the library wants them."""
+    """Return a vector of shape (3,) as a vector of the library."""
     return _imath().V3d(*values.tolist())
 
 
 def _colors(array: Any, values: npt.NDArray[np.float32]) -> Any:
-    for channel, numbers in zip("rgba", values.T, strict=False):
-        np.asarray(getattr(array, channel))[:] = numbers  # a view into the array
+    for channel, column in zip("rgba", values.T, strict=False):
+        np.asarray(getattr(array, channel))[:] = column  # writes through a view
     return array
 
 
@@ -57,7 +57,7 @@ def _imath() -> Any:
     imath = IMATH.load()
     if not hasattr(imath, "V3fArrayFromBuffer"):
         raise FormatError(
-            "another package hides the module imath of alembic3d; remove it with: "
+            "another package shadows the module imath of alembic3d; remove it with: "
             "pip uninstall imath; then: pip install --force-reinstall alembic3d"
         )
     return imath

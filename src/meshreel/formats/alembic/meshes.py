@@ -1,4 +1,4 @@
-"""The meshes of an Alembic file."""
+"""Reading the meshes of an Alembic file."""
 
 from collections import Counter
 from collections.abc import Hashable, Iterator, Mapping, Sequence
@@ -18,11 +18,11 @@ from meshreel.formats.alembic.attributes import (
     read_face_sets,
     read_normals,
 )
-from meshreel.formats.alembic.ogawa import damaged
-from meshreel.formats.alembic.time_sampling import Times, between
+from meshreel.formats.alembic.ogawa import damage_error
+from meshreel.formats.alembic.time_sampling import Times, bracketing_samples
 from meshreel.formats.alembic.track_reading import MeshTracks
-from meshreel.formats.alembic.transforms import Matrix, Transform, placed, world_matrix
-from meshreel.formats.alembic.winding import turned_corners
+from meshreel.formats.alembic.transforms import Matrix, Transform, transform_points, world_matrix
+from meshreel.formats.alembic.winding import reversed_corners
 from meshreel.formats.notes import GatheredNote, describe_cages, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merging import united_times
@@ -37,11 +37,10 @@ from meshreel.model.tracks import TrackSource
 POINTS, CORNERS, COUNTS = "P", ".faceIndices", ".faceCounts"
 
 MAX_OBJECTS, MAX_DEPTH = 100_000, 256
-"""Instances of instances can make any number of objects of a small file."""
+"""Limits, since nested instances can make a small file expand to any number of objects."""
 
 POLYGONS, SUBDIVISION, TRANSFORM = "AbcGeom_PolyMesh", "AbcGeom_SubD", "AbcGeom_Xform"
-
-OTHERS = {
+OTHER_SCHEMAS = {
     "AbcGeom_Camera": "cameras",
     "AbcGeom_Curve": "curves",
     "AbcGeom_Light": "lights",
@@ -49,22 +48,22 @@ OTHERS = {
     "AbcGeom_Points": "point clouds",
     "AbcMaterial_Material": "materials",
 }
-"""Kinds of objects, by their schema without its version."""
+"""Schemas, without their version, of objects that are not read."""
 
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """An object in its place; several may be instances of one object.
+    """An object at a path of the hierarchy; several nodes may be instances of one object.
 
     Attributes
     ----------
     path : str
-        Names from the top, such as "/root/body".
+        Names from the root, such as "/root/body".
     schema : str
-        What it is, without the version: "AbcGeom_PolyMesh".
+        Schema without its version: "AbcGeom_PolyMesh".
     object : AbcObject
     chain : tuple of Transform
-        The transforms above it, the outermost first.
+        The transforms above it, outermost first.
     """
 
     path: str
@@ -74,20 +73,20 @@ class Node:
 
 
 def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
-    """The polygon meshes and subdivision surfaces of an Alembic file, in its order.
+    """Return the polygon meshes and subdivision surfaces of an Alembic file, in file order.
 
     Raises
     ------
     FormatError
-        If it is damaged, or holds none; then what it holds is named.
+        If it is damaged, or contains no mesh; the message lists what it contains.
     """
-    nodes = list(walk(Archive(path)))
+    nodes = list(walk_hierarchy(Archive(path)))
     meshes = [node for node in nodes if node.schema in (POLYGONS, SUBDIVISION)]
     if not meshes:
         raise FormatError(
-            f"holds no mesh, but {describe_contents(nodes)}; export polygon meshes into it"
+            f"contains no mesh, only {describe_contents(nodes)}; export polygon meshes into it"
         )
-    if any(node.schema in OTHERS for node in nodes):
+    if any(node.schema in OTHER_SCHEMAS for node in nodes):
         note_left_out(options.notes, describe_contents(nodes))
 
     cages, normals = GatheredNote(options.notes, describe_cages), NormalNotes(options.notes)
@@ -99,17 +98,17 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
 
 
 class _AnimatedMesh:
-    """A mesh of a file, in its place in the hierarchy.
+    """A mesh at its place in the hierarchy.
 
     Parameters
     ----------
     node : Node
     notes : list of str
-        Gains a sentence for what is not carried.
+        Gains a sentence for everything that is not read.
     cages : GatheredNote
-        Told of a subdivision surface.
+        Collects subdivision surfaces.
     normal_notes : NormalNotes
-        Told of a mesh with normals.
+        Collects meshes with normals.
     """
 
     def __init__(
@@ -121,90 +120,101 @@ class _AnimatedMesh:
         self._properties = geometry.properties if geometry is not None else {}
         missing = [one for one in (POINTS, CORNERS, COUNTS) if one not in self._properties]
         if missing:
-            raise damaged(f"the mesh {node.path} has no {', '.join(missing)}")
+            raise damage_error(f"the mesh {node.path} has no {', '.join(missing)}")
         self._points, self._corners, self._counts = (
             self._properties[name] for name in (POINTS, CORNERS, COUNTS)
         )
-        self._carried = MeshTracks(node.path, self._properties, notes)
+        self._animated = MeshTracks(node.path, self._properties, notes)
         self._times_s = self._sample_times()
-        self._known: tuple[Hashable, PolygonMesh] | None = None
+        self._cached_faces: tuple[Hashable, PolygonMesh] | None = None
 
     def scene_mesh(self) -> SceneMesh:
-        """The mesh as the rest of the package takes it."""
+        """Return the mesh as the format-independent representation of a scene mesh."""
         sampling, fps = self._points.sampling, None
         if len(self._times_s) == 1 and sampling.is_uniform and self._points.header.sampling:
-            fps = frame_times(sampling.times(2)).fps  # a single frame says no rate otherwise
+            fps = frame_times(sampling.times(2)).fps  # one sample alone has no frame rate
         return SceneMesh(
             self._node.path, self._times_s, self._frame, self._surface, fps, self._tracks
         )
 
     def _sample_times(self) -> Times:
-        """When points, faces or a transform above change; if none does, what the mesh carries."""
+        """Return the times at which points, faces or transforms change, or else tracks do."""
         own = (self._points, self._corners, self._counts)
         above = (one for transform in self._node.chain for one in transform.times_s)
         times = united_times([*(one.times_s for one in own), *above])
-        return times if len(times) > 1 else united_times([times, *self._carried.times_s])
+        return times if len(times) > 1 else united_times([times, *self._animated.times_s])
 
     def _frame(self, index: int) -> PolygonMesh:
         time_s = float(self._times_s[index])
         points = self._points_at(time_s)
         faces = self._faces_at(time_s, points)
-        return PolygonMesh(placed(points, self._world(time_s)), faces.counts, faces.corners)
+        return PolygonMesh(
+            transform_points(points, self._world(time_s)), faces.counts, faces.corners
+        )
 
     def _tracks(self, frames: range) -> Mapping[str, TrackSource]:
         times = self._times_s[frames.start : frames.stop]
         first = float(times[0])
         mesh = self._faces_at(first, self._points_at(first))
-        return self._carried.tracks(
-            times, mesh, self._world, self._times_s, is_moved=self._is_moved
+        return self._animated.tracks(
+            times,
+            mesh,
+            self._world,
+            self._times_s,
+            is_transform_animated=self._is_transform_animated,
         )
 
     @cached_property
-    def _is_moved(self) -> bool:
+    def _is_transform_animated(self) -> bool:
         return any(transform.times_s for transform in self._node.chain)
 
     def _world(self, time_s: float) -> Matrix:
-        return world_matrix(self._node.chain, time_s) if self._is_moved else self._still_world
+        if self._is_transform_animated:
+            return world_matrix(self._node.chain, time_s)
+        return self._static_world
 
     @cached_property
-    def _still_world(self) -> Matrix:
-        """The matrix at all times, if no transform moves."""
+    def _static_world(self) -> Matrix:
+        """The world matrix if no transform is animated."""
         return world_matrix(self._node.chain, float(self._times_s[0]))
 
     def _points_at(self, time_s: float) -> Vertices:
-        before, after, share = between(self._points.times_s, time_s)
+        before, after, weight = bracketing_samples(self._points.times_s, time_s)
         first = _positions(self._points.numbers(before), self._node.path)
-        if share == 0:
+        if weight == 0:
             return first
         second = _positions(self._points.numbers(after), self._node.path)
         if len(second) != len(first):
             return first
-        with np.errstate(all="ignore"):  # what is not finite is reported when frames are checked
-            blend = (1 - share) * first.astype(np.float64) + share * second
+        with np.errstate(all="ignore"):  # non-finite values are reported when frames are checked
+            blend = (1 - weight) * first.astype(np.float64) + weight * second
             return blend.astype(np.float32) if first.dtype == np.float32 else blend
 
     def _faces_at(self, time_s: float, points: Vertices) -> PolygonMesh:
-        """The faces, checked when they change; the vertices are not those of this time."""
-        corners, counts = (_sample(one, time_s) for one in (self._corners, self._counts))
-        key = self._corners.stored(corners), self._counts.stored(counts), len(points)
-        known = self._known
-        if known is None or known[0] != key:
-            found = _counter_clockwise(
-                points, self._counts.whole_numbers(counts), self._corners.whole_numbers(corners)
+        """Return the validated faces at a time, cached until they change.
+
+        The vertices of the result may be of an earlier time with the same faces.
+        """
+        corners, counts = (_sample_index(one, time_s) for one in (self._corners, self._counts))
+        key = self._corners.stored_index(corners), self._counts.stored_index(counts), len(points)
+        cached = self._cached_faces
+        if cached is None or cached[0] != key:
+            found = _counterclockwise_mesh(
+                points, self._counts.integers(counts), self._corners.integers(corners)
             )
-            known = self._known = key, found
-        return known[1]
+            cached = self._cached_faces = key, found
+        return cached[1]
 
     def _surface(self, index: int) -> Surface:
         time_s = float(self._times_s[index])
         points = self._points_at(time_s)
         mesh = replace(self._faces_at(time_s, points), vertices=points)
-        moving = self._carried.moving
-        surface = read_attributes(self._properties, mesh, time_s, self._notes, moving)
+        animated = self._animated.properties
+        surface = read_attributes(self._properties, mesh, time_s, self._notes, animated)
         normals, hard_edges = read_normals(self._properties, mesh, time_s), None
         if normals is not None:
             found = find_hard_edges(mesh, normals)
-            self._normal_notes.add(self._node.path, found, is_track=NORMALS in moving)
+            self._normal_notes.add(self._node.path, found, is_track=NORMALS in animated)
             hard_edges = found.edges
         if "visible" in self._node.object.properties:
             note_left_out(self._notes, f"visibility of {self._node.path}")
@@ -219,83 +229,85 @@ class _AnimatedMesh:
         return replace(surface, groups=(*materials, *surface.groups), hard_edges=hard_edges)
 
 
-def _sample(found: Property, time_s: float) -> int:
-    """The sample that holds at a time."""
-    return between(found.times_s, time_s)[0]
-
-
-def _positions(points: npt.NDArray[Any], path: str) -> Vertices:
-    if points.dtype.kind != "f" or points.shape[1] != 3:
-        raise damaged(f"the points of {path} are {points.shape[1]} numbers of {points.dtype}")
-    found: Vertices = points.astype(np.promote_types(points.dtype, np.float32), copy=False)
-    return found
-
-
-def _counter_clockwise(
-    points: Vertices, counts: npt.NDArray[np.int64], corners: npt.NDArray[np.int64]
-) -> PolygonMesh:
-    total = int(counts.sum())
-    if total != len(corners) or (counts < 0).any():
-        raise damaged(f"its faces have {total} corners, of which {len(corners)} are there")
-    return polygon_mesh(points, counts, corners[turned_corners(counts)])
-
-
-def walk(archive: Archive) -> Iterator[Node]:
-    """Every object of a file, in its order; what an instance stands for once for each.
+def walk_hierarchy(archive: Archive) -> Iterator[Node]:
+    """Yield every object of a file in file order, with the source of an instance at each instance.
 
     Raises
     ------
     FormatError
-        If two objects have one path, an instance stands for what is not there, or for itself, or
-        there are too many.
+        If two objects have the same path, the source of an instance is missing or contains the
+        instance, or there are too many objects.
     """
     seen: set[str] = set()
-    top = Node("", "", archive.top, ())
-    waiting = [(one, top, frozenset({archive.top.reference})) for one in _below(archive.top)]
-    while waiting:
-        child, parent, above = waiting.pop()
+    root = Node("", "", archive.top, ())
+    stack = [
+        (one, root, frozenset({archive.top.reference})) for one in _reversed_children(archive.top)
+    ]
+    while stack:
+        child, parent, ancestors = stack.pop()
         path = f"{parent.path}/{child.header.name}"
         if path in seen:
-            raise damaged(f"it has two objects {path}")
+            raise damage_error(f"two objects have the path {path}")
         seen.add(path)
         if len(seen) > MAX_OBJECTS:
-            raise FormatError(f"holds more than {MAX_OBJECTS} objects; export fewer of them")
+            raise FormatError(f"contains more than {MAX_OBJECTS} objects; export fewer of them")
         found = _source(archive, child, path) if child.header.is_instance else child
-        if found.reference in above:
-            raise damaged(f"{path} is below itself")
-        if len(above) > MAX_DEPTH:
-            raise FormatError(f"has {path} below more than {MAX_DEPTH} objects; export it flatter")
-        node = Node(path, _kind(found), found, parent.chain)
+        if found.reference in ancestors:
+            raise damage_error(f"{path} contains itself")
+        if len(ancestors) > MAX_DEPTH:
+            raise FormatError(f"nests {path} below more than {MAX_DEPTH} objects; flatten it")
+        node = Node(path, _schema_name(found), found, parent.chain)
         yield node
         if node.schema == TRANSFORM and ".xform" in found.properties:
             transform = Transform(found.properties[".xform"].properties)
             node = Node(path, node.schema, found, (*parent.chain, transform))
-        waiting += [(one, node, above | {found.reference}) for one in _below(found)]
+        stack += [(one, node, ancestors | {found.reference}) for one in _reversed_children(found)]
 
 
 def describe_contents(nodes: Sequence[Node]) -> str:
-    """The objects of a file without a mesh, in words: "cameras (2), curves (1)"."""
-    counts = Counter(OTHERS[node.schema] for node in nodes if node.schema in OTHERS)
+    """Return the contents of a file without meshes in words: "cameras (2), curves (1)"."""
+    counts = Counter(OTHER_SCHEMAS[node.schema] for node in nodes if node.schema in OTHER_SCHEMAS)
     listed = [f"{what} ({count})" for what, count in sorted(counts.items())]
     return ", ".join(listed) or ("only transforms" if nodes else "no objects")
 
 
-def _below(found: AbcObject) -> list[AbcObject]:
+def _reversed_children(found: AbcObject) -> list[AbcObject]:
     return found.children[::-1]
 
 
-def _kind(found: AbcObject) -> str:
+def _schema_name(found: AbcObject) -> str:
     return found.header.schema.rpartition("_v")[0]
 
 
 def _source(archive: Archive, instance: AbcObject, path: str) -> AbcObject:
-    """The object that an instance stands for."""
-    named = instance.properties.get(".instanceSource")
-    wanted = "".join(named.texts()[:1]) if named is not None else ""
+    """Return the object of which an instance is a copy."""
+    source_property = instance.properties.get(".instanceSource")
+    source_path = "".join(source_property.texts()[:1]) if source_property is not None else ""
     source: AbcObject | None = archive.top
-    for name in wanted.strip("/").split("/"):
+    for name in source_path.strip("/").split("/"):
         children = source.children if source is not None else []
         source = next((one for one in children if one.header.name == name), None)
     if source is None or source.header.is_instance:
-        raise damaged(f"{path} is an instance of {wanted!r}, which is not there")
+        raise damage_error(f"{path} is an instance of {source_path!r}, which does not exist")
     return source
+
+
+def _sample_index(found: Property, time_s: float) -> int:
+    """Return the index of the sample in effect at a time."""
+    return bracketing_samples(found.times_s, time_s)[0]
+
+
+def _positions(points: npt.NDArray[Any], path: str) -> Vertices:
+    if points.dtype.kind != "f" or points.shape[1] != 3:
+        raise damage_error(f"the points of {path} are {points.shape[1]} x {points.dtype}")
+    found: Vertices = points.astype(np.promote_types(points.dtype, np.float32), copy=False)
+    return found
+
+
+def _counterclockwise_mesh(
+    points: Vertices, counts: npt.NDArray[np.int64], corners: npt.NDArray[np.int64]
+) -> PolygonMesh:
+    total = int(counts.sum())
+    if total != len(corners) or (counts < 0).any():
+        raise damage_error(f"its face sizes add up to {total} corners, but it has {len(corners)}")
+    return polygon_mesh(points, counts, corners[reversed_corners(counts)])

@@ -1,30 +1,31 @@
-"""Names and texts as Alembic files hold them."""
+"""Valid and unique names for the objects and properties of an Alembic file."""
 
 from collections.abc import Iterable
 
 UNNAMED = "mesh"
 
 IN_NAMES, IN_METADATA, IN_TEXTS = "/\0", ";=\0", "\0"
-"""Characters that separate names in a path, separate entries of metadata, and end a text.
+"""Reserved characters of path components, of metadata, and of strings.
 
-The library ends the process where one of metadata is in the name of texture coordinates.
+The Alembic library aborts the process if the name of texture coordinates contains a reserved
+character of metadata.
 """
 
 
-def clean(text: str, separators: str) -> str:
-    """The text with ``_`` in place of separators and of halves of characters (surrogates)."""
-    return "".join("_" if one in separators or "\ud800" <= one <= "\udfff" else one for one in text)
+def clean(text: str, reserved: str) -> str:
+    """Return the text with ``_`` in place of reserved characters and lone surrogates."""
+    return "".join("_" if one in reserved or "\ud800" <= one <= "\udfff" else one for one in text)
 
 
-def unused_name(name: str, taken: Iterable[str]) -> str:
-    """The name without slashes, and with a number behind it if another has it."""
-    return numbered(clean(name, IN_NAMES) or UNNAMED, taken)
+def clean_unique_name(name: str, used: Iterable[str]) -> str:
+    """Return the name without slashes, with a number appended if it is in use."""
+    return unique_name(clean(name, IN_NAMES) or UNNAMED, used)
 
 
-def numbered(name: str, taken: Iterable[str]) -> str:
-    """The name, with a number behind it if it is taken."""
-    found, number = name, 1
-    while found in taken:
+def unique_name(name: str, used: Iterable[str]) -> str:
+    """Return the name, with a number appended if it is in use."""
+    unique, number = name, 1
+    while unique in used:
         number += 1
-        found = f"{name}_{number}"
-    return found
+        unique = f"{name}_{number}"
+    return unique

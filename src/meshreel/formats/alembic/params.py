@@ -1,4 +1,4 @@
-"""Properties of an Alembic mesh that have a value for each vertex, face or corner."""
+"""Geometry parameters: properties of an Alembic mesh with values per vertex, face or corner."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -7,76 +7,78 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.alembic.archive import Property
-from meshreel.formats.alembic.ogawa import damaged
-from meshreel.formats.alembic.time_sampling import Times, between
+from meshreel.formats.alembic.ogawa import damage_error
+from meshreel.formats.alembic.time_sampling import Times, bracketing_samples
 from meshreel.model.surface import VALUE_TYPES, Domain, Kind
 
 DOMAINS = {"vtx": Domain.VERTEX, "var": Domain.VERTEX, "uni": Domain.FACE, "fvr": Domain.CORNER}
-"""Domains by what the file calls them."""
+"""Domains by Alembic's name of the geometry scope."""
 VALUES, INDICES = ".vals", ".indices"
 
 
 @dataclass(frozen=True, eq=False)
 class GeometryParam:
-    """A property of values, and maybe of indices of them, at a time.
+    """A geometry parameter at a time: values, possibly indexed.
 
     Parameters
     ----------
-    found : Property
-        The values themselves, or a compound of values and indices.
+    source : Property
+        The values, or a compound of values and indices.
     time_s : float
     """
 
-    found: Property
+    source: Property
     time_s: float
 
     @property
     def name(self) -> str:
-        """Its name; texture coordinates may have one of their own."""
-        return self.found.header.metadata.get("sourceName") or self.found.header.name
+        """Its source name if declared, as texture coordinates often do, or its property name."""
+        return self.source.header.metadata.get("sourceName") or self.source.header.name
 
     @property
     def domain(self) -> Domain | None:
-        """The domain of its values; None if it has one value for the whole mesh."""
-        return DOMAINS.get(self.found.header.metadata.get("geoScope", ""))
+        """The domain of the values; None for a single value per mesh."""
+        return DOMAINS.get(self.source.header.metadata.get("geoScope", ""))
 
     @property
     def width(self) -> int:
-        """Numbers of one value, which may be several of the file's."""
-        packed = self.found.header.metadata.get("arrayExtent", "")
+        """Components of a value, which may span several values of the file."""
+        packed = self.source.header.metadata.get("arrayExtent", "")
         return self._values.header.extent * (int(packed) if packed.isdecimal() else 1)
 
     @property
     def kind(self) -> Kind:
-        """Its kind."""
+        """The kind of attribute that it becomes."""
         header = self._values.header
-        meaning = header.metadata.get("interpretation", "")
+        interpretation = header.metadata.get("interpretation", "")
         is_float = header.dtype is not None and header.dtype.kind == "f"
-        if meaning in ("rgb", "rgba") and self.width == len(meaning):
+        if interpretation in ("rgb", "rgba") and self.width == len(interpretation):
             return Kind.COLOR if is_float or header.dtype == np.uint8 else Kind.OTHER
         return Kind.UV if is_float and self.width == header.extent == 2 else Kind.OTHER
 
     @property
     def is_text(self) -> bool:
-        """Whether its values are texts."""
+        """Whether the values are strings."""
         return self._values.header.is_text
 
     @property
     def is_constant(self) -> bool:
-        """Whether it is the same at all times."""
-        return self._values.is_constant and (self._rows is None or self._rows.is_constant)
+        """Whether neither values nor indices change over time."""
+        return self._values.is_constant and (self._indices is None or self._indices.is_constant)
 
     def numbers(self) -> npt.NDArray[Any] | None:
-        """Values of shape (N, width), of a type that an attribute can have; None if none fits."""
+        """Return the values, of shape (N, width), in an attribute's type; None if none is exact."""
         if self._values.header.dtype is None or self.width == 0:
             return None
         numbers = self._values.numbers(self._sample(self._values)).ravel()
         if len(numbers) % self.width:
-            raise damaged(f"{self.name} has {len(numbers)} numbers, {self.width} to a value")
-        return _allowed(numbers.reshape(-1, self.width))
+            raise damage_error(
+                f"{self.name} has {len(numbers)} numbers, not a multiple of {self.width}"
+            )
+        return _as_attribute_type(numbers.reshape(-1, self.width))
 
-    def every_number(self) -> npt.NDArray[Any] | None:
-        """Values of all items, of shape (N, width), in a type of tracks; None if none fits."""
+    def item_values(self) -> npt.NDArray[Any] | None:
+        """Return the values with indices applied, of shape (N, width); None if not numeric."""
         if self._values.header.dtype is None or self.width == 0:
             return None
         numbers = self._values.numbers(self._sample(self._values)).ravel()
@@ -90,50 +92,51 @@ class GeometryParam:
 
     @property
     def times_s(self) -> Times:
-        """When its values or the indices of them are sampled, ascending."""
-        times = [self._values.times_s, *([self._rows.times_s] if self._rows is not None else [])]
-        moving = [one for one in times if len(one) > 1]
-        return np.unique(np.concatenate(moving)) if moving else times[0][:1]
+        """Times at which values or indices are sampled, ascending."""
+        own = [self._values.times_s]
+        times = own if self._indices is None else [*own, self._indices.times_s]
+        animated = [one for one in times if len(one) > 1]
+        return np.unique(np.concatenate(animated)) if animated else times[0][:1]
 
-    def said(self, what: str) -> str:
-        """An entry of its metadata; empty if there is none."""
-        return self.found.header.metadata.get(what, "")
+    def metadata(self, key: str) -> str:
+        """Return an entry of the metadata; empty if there is none."""
+        return self.source.header.metadata.get(key, "")
 
     @property
-    def meaning(self) -> str:
-        """What the file says that its numbers are: "vector", "normal" and others."""
+    def interpretation(self) -> str:
+        """The declared interpretation of the numbers: "vector", "normal" and others."""
         return self._values.header.metadata.get("interpretation", "")
 
     def texts(self) -> list[str]:
-        """Values that are texts."""
+        """Return the values as strings."""
         return self._values.texts(self._sample(self._values))
 
     def indices(self, n_values: int) -> npt.NDArray[np.int32] | None:
-        """The value of each item, of shape (number of items,); None if each has its own."""
-        if self._rows is None:
+        """Return the value index of each item, of shape (N,); None if not indexed."""
+        if self._indices is None:
             return None
-        indices = self._rows.whole_numbers(self._sample(self._rows))
+        indices = self._indices.integers(self._sample(self._indices))
         if len(indices) and not 0 <= indices.min() <= indices.max() < n_values:
-            raise damaged(f"{self.name} has indices of values that are not there")
+            raise damage_error(f"{self.name} has indices beyond its {n_values} values")
         return indices.astype(np.int32)
 
     @property
     def _values(self) -> Property:
-        return self.found.properties.get(VALUES, self.found)
+        return self.source.properties.get(VALUES, self.source)
 
     @property
-    def _rows(self) -> Property | None:
-        return self.found.properties.get(INDICES)
+    def _indices(self) -> Property | None:
+        return self.source.properties.get(INDICES)
 
     def _sample(self, found: Property) -> int:
-        return between(found.times_s, self.time_s)[0]
+        return bracketing_samples(found.times_s, self.time_s)[0]
 
 
-def _allowed(numbers: npt.NDArray[Any]) -> npt.NDArray[Any] | None:
-    """The same numbers in a type that an attribute can have; None if they do not fit into any."""
+def _as_attribute_type(numbers: npt.NDArray[Any]) -> npt.NDArray[Any] | None:
+    """Return numbers in a type that an attribute may have; None for integers beyond 32 bits."""
     if numbers.dtype in VALUE_TYPES:
         return numbers
     if numbers.dtype.kind == "f":
         return numbers.astype(np.float32)
-    whole = numbers.astype(np.int32)
-    return whole if (whole == numbers).all() else None
+    integers = numbers.astype(np.int32)
+    return integers if (integers == numbers).all() else None

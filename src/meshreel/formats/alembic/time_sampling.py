@@ -1,30 +1,30 @@
-"""When the samples of an Alembic property are, and what lies between them."""
+"""Sample times of Alembic properties, and interpolation between samples."""
 
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.formats.alembic.ogawa import damaged
+from meshreel.formats.alembic.ogawa import damage_error
 
 Times = npt.NDArray[np.float64]
 
-LATEST_S, SHORTEST_S = 1e12, 1e-9
-"""Times and intervals beyond these are those of a damaged file."""
-SAME = 1e-3
-"""Share of an interval within which a time is that of a sample."""
+MAX_TIME_S, MIN_INTERVAL_S = 1e12, 1e-9
+"""Limits of times and of mean sample intervals; values beyond them mean a damaged file."""
+SNAP_TOLERANCE = 1e-3
+"""Fraction of an interval within which a time snaps to a sample."""
 
 
 @dataclass(frozen=True, eq=False)
 class TimeSampling:
-    """Times that repeat after a cycle, or are listed one by one.
+    """The times of samples: uniform, cyclic or acyclic.
 
     Parameters
     ----------
     stored_s : float64 array of shape (N,)
-        Times of the first cycle, or of all samples, in seconds.
+        Times of the first cycle, or of all samples if acyclic, in seconds.
     cycle_s : float, optional
-        How long a cycle takes; None if all times are listed.
+        Length of a cycle; None if acyclic.
     """
 
     stored_s: Times
@@ -32,42 +32,48 @@ class TimeSampling:
 
     @property
     def is_uniform(self) -> bool:
-        """Whether all samples are equally far apart."""
+        """Whether all samples are evenly spaced."""
         return self.cycle_s is not None and len(self.stored_s) == 1
 
     def times(self, n_samples: int) -> Times:
-        """Times of the first samples, ascending, of shape (n_samples,).
+        """Return the times of the first samples, ascending, of shape (n_samples,).
 
         Raises
         ------
         FormatError
-            If fewer are listed, or they do not ascend.
+            If fewer times are stored, or they do not ascend.
         """
         if self.cycle_s is not None:
-            cycles, places = np.divmod(np.arange(n_samples), len(self.stored_s))
+            cycles, phases = np.divmod(np.arange(n_samples), len(self.stored_s))
             with np.errstate(all="ignore"):
-                found = self.stored_s[places] + cycles * self.cycle_s
+                found = self.stored_s[phases] + cycles * self.cycle_s
         elif n_samples <= len(self.stored_s):
             found = self.stored_s[:n_samples]
         else:
-            raise damaged(f"{len(self.stored_s)} times are listed for {n_samples} samples")
-        if not (np.abs(found) < LATEST_S).all() or (np.diff(found) < 0).any():
-            raise damaged("the times of samples do not ascend")
-        if 0 < found[-1] - found[0] < SHORTEST_S * (n_samples - 1):
-            raise damaged(f"{n_samples} samples are {found[-1] - found[0]:.2g} s apart")
+            raise damage_error(f"it lists {len(self.stored_s)} times for {n_samples} samples")
+        if not (np.abs(found) < MAX_TIME_S).all() or (np.diff(found) < 0).any():
+            raise damage_error("sample times do not ascend")
+        if 0 < found[-1] - found[0] < MIN_INTERVAL_S * (n_samples - 1):
+            raise damage_error(
+                f"{n_samples} samples span only {found[-1] - found[0]:.2g} s; "
+                f"expected at least {MIN_INTERVAL_S:g} s per interval"
+            )
         return found
 
 
-def between(times_s: Times, time_s: float) -> tuple[int, int, float]:
-    """The samples before and after a time, and its share of the way between them.
+def bracketing_samples(times_s: Times, time_s: float) -> tuple[int, int, float]:
+    """Return the samples before and after a time, and the interpolation weight of the latter.
 
-    Before the first sample and behind the last, that one is both.
+    Outside the sampled range, both are the nearest sample.
     """
     after = int(np.searchsorted(times_s, time_s))
     if after == 0 or after == len(times_s):
-        only = min(after, len(times_s) - 1)
-        return only, only, 0.0
-    share = float((time_s - times_s[after - 1]) / (times_s[after] - times_s[after - 1]))
-    if share > 1 - SAME:
+        nearest = min(after, len(times_s) - 1)
+        return nearest, nearest, 0.0
+    before = after - 1
+    weight = float((time_s - times_s[before]) / (times_s[after] - times_s[before]))
+    if weight > 1 - SNAP_TOLERANCE:
         return after, after, 0.0
-    return after - 1, after - 1 if share < SAME else after, share if share >= SAME else 0.0
+    if weight < SNAP_TOLERANCE:
+        return before, before, 0.0
+    return before, after, weight

@@ -1,7 +1,7 @@
-"""Tracks of an Alembic mesh: what of it changes over time beside its positions."""
+"""Tracks of an Alembic mesh: properties other than positions that change over time."""
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -11,9 +11,9 @@ import numpy.typing as npt
 from meshreel.formats.alembic.archive import Property
 from meshreel.formats.alembic.attributes import COMPUTED, NORMALS, VELOCITIES, Properties, domain_of
 from meshreel.formats.alembic.params import GeometryParam
-from meshreel.formats.alembic.time_sampling import Times, between
-from meshreel.formats.alembic.winding import turned_corners
-from meshreel.formats.frames.field_tracks import NORMALS as ROLE
+from meshreel.formats.alembic.time_sampling import Times, bracketing_samples
+from meshreel.formats.alembic.winding import reversed_corners
+from meshreel.formats.frames.field_tracks import NORMALS as NORMALS_ROLE
 from meshreel.formats.frames.field_tracks import Field, Key, field_tracks
 from meshreel.formats.frames.stored_frames import changed_error
 from meshreel.formats.notes import note_kinds, note_left_out
@@ -26,27 +26,29 @@ from meshreel.model.tracks import NUMBER_TYPES, TrackKind, TrackSource
 Values = npt.NDArray[Any]
 
 TRACK_KIND, UNIT = "meshreelKind", "unit"
-"""Entries of the metadata of a property that we write as a track."""
+"""Metadata keys of properties that meshreel writes for tracks."""
 
-UNFIT = "what does not fit the mesh, or is no numbers"
+UNSUPPORTED = "properties that do not fit the mesh or are not numeric"
 
 
 @dataclass(frozen=True, eq=False)
-class _Quantity:
-    """A property that changes over time.
+class _AnimatedProperty:
+    """A property that changes over time, and the track that it becomes.
 
     Parameters
     ----------
-    found : Property
+    source : Property
     name : str
-        Of the track.
+        Name of the track.
     kind : str
-        Of the track, if the file says it.
+        Kind of the track if declared, otherwise empty.
+    role : str, optional
+        `NORMALS_ROLE` if the values are normals.
     to_world : function of values and a matrix, optional
-        Turns them as the mesh is turned.
+        Transforms the values with the mesh.
     """
 
-    found: Property
+    source: Property
     name: str
     kind: str
     role: str = ""
@@ -54,51 +56,51 @@ class _Quantity:
 
     @property
     def domain(self) -> Domain | None:
-        """As the file says it."""
-        if self.found.header.name == VELOCITIES:
+        """The declared domain of the values."""
+        if self.source.header.name == VELOCITIES:
             return Domain.VERTEX
         return self._param(0.0).domain
 
     @property
     def unit(self) -> str:
-        return self._param(0.0).said(UNIT)
+        return self._param(0.0).metadata(UNIT)
 
     @property
     def times_s(self) -> Times:
-        """When it has samples."""
+        """Times at which it is sampled."""
         return self._param(0.0).times_s
 
     def values(self, time_s: float) -> Values | None:
-        """Values of all items at a time, of shape (N, C); None if they are no numbers."""
-        before, after, share = between(self.times_s, time_s)
-        first = self._param(float(self.times_s[before])).every_number()
+        """Return the values of all items at a time, of shape (N, C); None if not numeric."""
+        before, after, weight = bracketing_samples(self.times_s, time_s)
+        first = self._param(float(self.times_s[before])).item_values()
         if first is None or first.dtype not in NUMBER_TYPES:
             return None
-        is_blended = not self.kind or self.kind in BLENDED
-        if share == 0 or not is_blended or self.role or first.dtype.kind != "f":
+        is_interpolated = not self.kind or self.kind in BLENDED
+        if weight == 0 or not is_interpolated or self.role or first.dtype.kind != "f":
             return first
-        second = self._param(float(self.times_s[after])).every_number()
+        second = self._param(float(self.times_s[after])).item_values()
         if second is None or second.shape != first.shape:
             return first
         with np.errstate(all="ignore"):
-            blend: Values = (1 - share) * first.astype(np.float64) + share * second
+            blend: Values = (1 - weight) * first.astype(np.float64) + weight * second
         return blend.astype(first.dtype)
 
     def _param(self, time_s: float) -> GeometryParam:
-        return GeometryParam(self.found, time_s)
+        return GeometryParam(self.source, time_s)
 
 
 @dataclass(frozen=True, eq=False)
 class MeshTracks:
-    """What a mesh carries that changes over time.
+    """The animated properties of a mesh, as tracks.
 
     Parameters
     ----------
     path : str
     geometry : dict of Property
-        Those of the mesh.
+        Properties of the mesh.
     notes : list of str
-        Gains a sentence for what is not read.
+        Gains a sentence for properties that are not read.
     """
 
     path: str
@@ -106,64 +108,65 @@ class MeshTracks:
     notes: list[str] = field(repr=False)
 
     @cached_property
-    def moving(self) -> dict[str, _Quantity]:
-        """What changes, by the name of its property, each with a name that no other has."""
-        found: dict[str, _Quantity] = {}
-        taken: set[str] = set()
+    def properties(self) -> dict[str, _AnimatedProperty]:
+        """The animated properties by property name, each with a unique track name."""
+        found: dict[str, _AnimatedProperty] = {}
+        used: set[str] = set()
         for one in self._candidates():
             name = one.name
-            while name in taken:
+            while name in used:
                 name += "_"
-            taken.add(name)
+            used.add(name)
             if name != one.name:
-                self.notes.append(f"{self.path} has {one.name!r} twice; one is called {name!r}")
-            renamed = _Quantity(one.found, name, one.kind, one.role, one.to_world)
-            found[one.found.header.name] = renamed
+                self.notes.append(
+                    f"{self.path} has {one.name!r} twice; the second is called {name!r}"
+                )
+            found[one.source.header.name] = replace(one, name=name)
         return found
 
     @property
     def times_s(self) -> list[Times]:
-        """When each of these is sampled."""
-        return [one.times_s for one in self.moving.values()]
+        """Sample times of each animated property."""
+        return [one.times_s for one in self.properties.values()]
 
     def tracks(
         self,
         times_s: Times,
         mesh: PolygonMesh,
         world: Callable[[float], Matrix],
-        every_time_s: Times,
+        all_times_s: Times,
         *,
-        is_moved: bool,
+        is_transform_animated: bool,
     ) -> Mapping[str, TrackSource]:
-        """The tracks of some frames.
+        """Return the tracks over a range of frames.
 
         Parameters
         ----------
         times_s : float64 array
-            Of the frames.
+            Times of the frames.
         mesh : PolygonMesh
-            Its faces in all of them.
+            The mesh, whose faces are the same in these frames.
         world : function of a time
-            Gives the transform to the world.
-        every_time_s : float64 array
-            Of all frames of the mesh.
-        is_moved : bool
-            Whether that changes.
+            Returns the world matrix.
+        all_times_s : float64 array
+            Times of all frames of the mesh.
+        is_transform_animated : bool
+            Whether the world matrix changes.
         """
-        if not self.moving:
+        if not self.properties:
             return {}
-        self._note(every_time_s, is_moved=is_moved)
-        placed = dict(self._placed(times_s, mesh))
+        self._note(all_times_s, is_transform_animated=is_transform_animated)
+        fitting = dict(self._fitting(times_s, mesh))
         counts = len(mesh.vertices), len(mesh.counts), len(mesh.corners)
         sizes = dict(zip(Domain, counts, strict=True))
-        turned = turned_corners(mesh.counts)
+        order = reversed_corners(mesh.counts)
 
         def values_of(key: Key, time_s: float) -> Values | None:
-            one = placed[key]
+            one = fitting[key]
             values = one.values(time_s)
             if values is None or len(values) != sizes[key[0]]:
                 return None
-            values = values[turned] if key[0] is Domain.CORNER else values
+            values = values[order] if key[0] is Domain.CORNER else values
             return values if one.to_world is None else one.to_world(values, world(time_s))
 
         def read(index: int, key: Key) -> Values:
@@ -174,37 +177,42 @@ class MeshTracks:
         frames: list[dict[Key, Field]] = []
         for time_s in times_s.tolist():
             fields: dict[Key, Field] = {}
-            for key, one in placed.items():
+            for key, one in fitting.items():
                 if (values := values_of(key, time_s)) is not None:
                     fields[key] = Field(values.dtype, values.shape[1], one.role, one.kind, one.unit)
             frames.append(fields)
         return field_tracks(frames, sizes, read, self.notes)
 
-    def _candidates(self) -> Iterator[_Quantity]:
+    def _candidates(self) -> Iterator[_AnimatedProperty]:
         others = (
             self.geometry[".arbGeomParams"].properties if ".arbGeomParams" in self.geometry else {}
         )
-        own = [self.geometry["uv"]] if "uv" in self.geometry else []
-        for found in [*own, *others.values()]:
+        uvs = [self.geometry["uv"]] if "uv" in self.geometry else []
+        for found in [*uvs, *others.values()]:
             param = GeometryParam(found, 0.0)
-            said = param.said(TRACK_KIND)
-            is_whole = param.domain is None and found not in own
-            if is_whole or param.is_text or (param.is_constant and not said):
+            declared = param.metadata(TRACK_KIND)
+            is_single = param.domain is None and found not in uvs
+            if is_single or param.is_text or (param.is_constant and not declared):
                 continue
-            kind = said or ("" if param.kind is Kind.OTHER else str(param.kind))
-            yield _Quantity(found, param.name, kind, ROLE if param.meaning == "normal" else "")
+            kind = declared or ("" if param.kind is Kind.OTHER else str(param.kind))
+            role = NORMALS_ROLE if param.interpretation == "normal" else ""
+            yield _AnimatedProperty(found, param.name, kind, role)
         user = self.geometry.get(".userProperties")
         is_computed = user is not None and COMPUTED in user.properties
         if NORMALS in self.geometry and not (is_computed or _is_constant(self.geometry[NORMALS])):
-            yield _Quantity(self.geometry[NORMALS], NORMALS, "", ROLE, turned_normals)
+            yield _AnimatedProperty(
+                self.geometry[NORMALS], NORMALS, "", NORMALS_ROLE, turned_normals
+            )
         if VELOCITIES in self.geometry and not self.geometry[VELOCITIES].is_constant:
             found, name = self.geometry[VELOCITIES], VELOCITIES.strip(".")
-            yield _Quantity(found, name, TrackKind.VELOCITY, "", turned_vectors)
+            yield _AnimatedProperty(found, name, TrackKind.VELOCITY, "", turned_vectors)
 
-    def _placed(self, times_s: Times, mesh: PolygonMesh) -> Iterator[tuple[Key, _Quantity]]:
-        """What fits the mesh at some time, by where its values are and its name."""
-        unfit = []
-        for one in self.moving.values():
+    def _fitting(
+        self, times_s: Times, mesh: PolygonMesh
+    ) -> Iterator[tuple[Key, _AnimatedProperty]]:
+        """Yield the properties that fit the mesh at some time, by domain and name."""
+        unsupported = []
+        for one in self.properties.values():
             for time_s in times_s.tolist():
                 values = one.values(time_s)
                 domain = None if values is None else domain_of(one.domain, len(values), mesh)
@@ -212,20 +220,20 @@ class MeshTracks:
                     yield (domain, one.name), one
                     break
             else:
-                unfit.append(one.name)
-        note_kinds(self.notes, UNFIT, unfit)
+                unsupported.append(one.name)
+        note_kinds(self.notes, UNSUPPORTED, unsupported)
 
-    def _note(self, frames_s: Times, *, is_moved: bool) -> None:
-        """Tell of samples where there are no frames, and of what transforms add."""
+    def _note(self, frames_s: Times, *, is_transform_animated: bool) -> None:
+        """Note samples without a frame, and the velocity of animated transforms."""
         found = []
-        for one in self.moving.values():
+        for one in self.properties.values():
             times = one.times_s
             n_other = sum(not _is_at(frames_s, time_s) for time_s in times.tolist())
             if n_other and len(times) > 1:
                 found.append(f"{one.name} ({n_other} of {len(times)})")
         note_kinds(self.notes, "samples where positions have no frame", found)
-        if is_moved and VELOCITIES in self.moving:
-            note_left_out(self.notes, f"what transforms add to velocities of {self.path}")
+        if is_transform_animated and VELOCITIES in self.properties:
+            note_left_out(self.notes, f"velocity of the transforms above {self.path}")
 
 
 def _is_constant(found: Property) -> bool:
@@ -233,7 +241,7 @@ def _is_constant(found: Property) -> bool:
 
 
 def _is_at(frames_s: Times, time_s: float) -> bool:
-    """Whether there is a frame at a time."""
-    before, _, share = between(frames_s, time_s)
+    """Return whether there is a frame at a time."""
+    before, _, weight = bracketing_samples(frames_s, time_s)
     margin = 1e-3 * float(frames_s[-1] - frames_s[0]) / max(1, len(frames_s) - 1)
-    return share == 0 and abs(float(frames_s[before]) - time_s) <= margin
+    return weight == 0 and abs(float(frames_s[before]) - time_s) <= margin

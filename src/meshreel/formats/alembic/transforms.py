@@ -1,7 +1,7 @@
-"""Transforms of an Alembic hierarchy, and where they put a mesh in the world.
+"""Transforms of an Alembic hierarchy, and world matrices of meshes.
 
-A point is a row, as in the file: it is multiplied by the matrix of its own transform first, and
-by those above in order.
+Points are row vectors, as in the file: a point is multiplied by the matrix of the innermost
+transform first.
 """
 
 from collections.abc import Sequence
@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.alembic.archive import Property
-from meshreel.formats.alembic.ogawa import damaged
-from meshreel.formats.alembic.time_sampling import Times, between
+from meshreel.formats.alembic.ogawa import damage_error
+from meshreel.formats.alembic.time_sampling import Times, bracketing_samples
 from meshreel.formats.text.decimal_text import Narrowing
 from meshreel.model.sequence import Vertices
 
@@ -22,61 +22,63 @@ SCALE, TRANSLATE, ROTATE, MATRIX, ROTATE_X, ROTATE_Y, ROTATE_Z = range(7)
 N_CHANNELS = {
     SCALE: 3, TRANSLATE: 3, ROTATE: 4, MATRIX: 16, ROTATE_X: 1, ROTATE_Y: 1, ROTATE_Z: 1,
 }  # fmt: skip
-"""Numbers that an operation takes; angles are in degrees."""
+"""Number of channels of each operation; angles are in degrees."""
 
 
 @dataclass(frozen=True, eq=False)
 class Transform:
-    """A transform of the hierarchy, which may move.
+    """A transform of the hierarchy, possibly animated.
 
     Parameters
     ----------
     properties : dict
-        Of its compound ``.xform``: operations, their numbers, and whether it inherits.
+        Contents of its compound ``.xform``: operations, channels, and the inheritance flag.
     """
 
     properties: dict[str, Property]
 
     @property
     def times_s(self) -> list[Times]:
-        """When it is sampled, for each thing that changes; empty if it does not move."""
+        """Sample times of each animated property; empty if the transform is static."""
         found = (self.properties.get(name) for name in (".vals", ".inherits"))
         return [one.times_s for one in found if one is not None and not one.is_constant]
 
     def inherits(self, time_s: float) -> bool:
-        """Whether those above it apply to it too."""
+        """Return whether the parent transforms apply."""
         found = self.properties.get(".inherits")
         if found is None or found.header.n_samples == 0:
             return True
-        before, after, share = between(found.times_s, time_s)
-        return bool(found.numbers(after if share > 1 / 2 else before).any())
+        before, after, weight = bracketing_samples(found.times_s, time_s)
+        return bool(found.numbers(after if weight > 1 / 2 else before).any())
 
     def matrix(self, time_s: float) -> Matrix:
-        """Its own matrix, of shape (4, 4); between two samples, between those."""
+        """Return the local matrix at a time, interpolated between samples, of shape (4, 4)."""
         values = self.properties.get(".vals")
         if values is None or ".ops" not in self.properties or values.header.n_samples == 0:
             return np.eye(4)
-        before, after, share = between(values.times_s, time_s)
-        if share == 0:
+        before, after, weight = bracketing_samples(values.times_s, time_s)
+        if weight == 0:
             return self._sample(before)
-        return _blend(self._sample(before), self._sample(after), share)
+        return _interpolate(self._sample(before), self._sample(after), weight)
 
     def _sample(self, index: int) -> Matrix:
-        operations = self.properties[".ops"].whole_numbers() >> 4
+        operations = self.properties[".ops"].integers() >> 4
         values = self.properties[".vals"].numbers(index).ravel().astype(np.float64)
         matrix, start = np.eye(4), 0
         for operation in operations.tolist():
             count = N_CHANNELS.get(operation, 0)
             channels = values[start : start + count]
             if not count or len(channels) < count:
-                raise damaged(f"operation {operation} of a transform has {len(channels)} numbers")
+                raise damage_error(
+                    f"operation {operation} of a transform has {len(channels)} channels"
+                )
             matrix = _operation(operation, channels) @ matrix
             start += count
         return matrix
 
 
 def world_matrix(chain: Sequence[Transform], time_s: float) -> Matrix:
-    """The matrix of a mesh below these transforms, the outermost first, of shape (4, 4)."""
+    """Return the world matrix below a chain of transforms, outermost first, of shape (4, 4)."""
     world = np.eye(4)
     for transform in chain:
         own = transform.matrix(time_s)
@@ -84,16 +86,16 @@ def world_matrix(chain: Sequence[Transform], time_s: float) -> Matrix:
     return world
 
 
-def placed(points: Vertices, world: Matrix) -> Vertices:
-    """Points where a matrix puts them, in their own number type.
+def transform_points(points: Vertices, world: Matrix) -> Vertices:
+    """Return transformed points, in their own float type.
 
-    Far from the origin, where float32 would move a point by more than a millionth of the mesh's
-    size, float64.
+    The result is float64 if it is so far from the origin that float32 would move a point by more
+    than a millionth of the mesh size.
     """
     linear, shift = world[:3, :3], world[3, :3]
     if (world == np.eye(4)).all():
         return points
-    with np.errstate(all="ignore"):  # what is not finite is reported when frames are checked
+    with np.errstate(all="ignore"):  # non-finite values are reported when frames are checked
         wide = points.astype(np.float64)
         moved: Vertices = (wide if (linear == np.eye(3)).all() else wide @ linear) + shift
         narrowing = Narrowing()
@@ -118,7 +120,7 @@ def _operation(operation: int, channels: npt.NDArray[np.float64]) -> Matrix:
 
 
 def _rotation(axis: npt.NDArray[np.float64], angle_deg: float) -> Matrix:
-    """The matrix that turns rows about an axis (formula of Rodrigues)."""
+    """Return the rotation about an axis for row vectors (Rodrigues' formula)."""
     with np.errstate(all="ignore"):
         x, y, z = axis / (np.linalg.norm(axis) or 1.0)
         angle = np.deg2rad(angle_deg)
@@ -127,24 +129,24 @@ def _rotation(axis: npt.NDArray[np.float64], angle_deg: float) -> Matrix:
         return turn
 
 
-def _blend(first: Matrix, second: Matrix, share: float) -> Matrix:
-    """A matrix between two: rotations turn evenly, the rest goes on a straight line."""
+def _interpolate(first: Matrix, second: Matrix, weight: float) -> Matrix:
+    """Return a matrix between two: rotations are interpolated spherically, the rest linearly."""
     from scipy.spatial.transform import Rotation
 
-    blend = (1 - share) * first + share * second
+    blend = (1 - weight) * first + weight * second
     if not np.isfinite(blend).all():
         return blend
-    turns, stretches = zip(*(_polar(one[:3, :3]) for one in (first, second)), strict=True)
-    rotation = Rotation.from_matrix(turns[0].T @ turns[1]).as_rotvec() * share
-    turn = turns[0] @ Rotation.from_rotvec(rotation).as_matrix()
-    blend[:3, :3] = ((1 - share) * stretches[0] + share * stretches[1]) @ turn
+    rotations, stretches = zip(*(_polar(one[:3, :3]) for one in (first, second)), strict=True)
+    vector = Rotation.from_matrix(rotations[0].T @ rotations[1]).as_rotvec() * weight
+    rotation = rotations[0] @ Rotation.from_rotvec(vector).as_matrix()
+    blend[:3, :3] = ((1 - weight) * stretches[0] + weight * stretches[1]) @ rotation
     return blend
 
 
 def _polar(linear: Matrix) -> tuple[Matrix, Matrix]:
-    """A rotation and the stretch before it, whose product stretch @ rotation is `linear`."""
+    """Return the polar decomposition, stretch and rotation with stretch @ rotation == linear."""
     left, _, right = np.linalg.svd(linear)
-    turn = left @ right
-    if np.linalg.det(turn) < 0:  # a mirror image: no rotation makes it
-        turn = -turn
-    return turn, linear @ turn.T
+    rotation = left @ right
+    if np.linalg.det(rotation) < 0:  # a reflection goes into the stretch
+        rotation = -rotation
+    return rotation, linear @ rotation.T

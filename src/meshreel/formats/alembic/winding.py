@@ -1,4 +1,4 @@
-"""The order of corners: Alembic's faces are clockwise seen from outside, meshreel's are not."""
+"""Corner order: faces are clockwise from outside in Alembic, counterclockwise in meshreel."""
 
 import numpy as np
 import numpy.typing as npt
@@ -6,10 +6,10 @@ import numpy.typing as npt
 from meshreel.model.geometry.ragged import Integers
 
 
-def turned_corners(counts: Integers) -> npt.NDArray[np.int64]:
-    """The corners of each face from its last to its first; its own inverse.
+def reversed_corners(counts: Integers) -> npt.NDArray[np.int64]:
+    """Return the permutation that reverses the corners of each face; it is its own inverse.
 
-    The first corner becomes the last, as Blender has it too.
+    The first corner becomes the last, as in Blender.
 
     Parameters
     ----------
@@ -18,9 +18,11 @@ def turned_corners(counts: Integers) -> npt.NDArray[np.int64]:
 
     Returns
     -------
-    int64 array of shape (sum of counts,), indices of corners that are counted face after face.
+    int64 array of shape (sum of counts,), corner indices.
     """
     lengths = np.asarray(counts, np.int64)
     ends = np.cumsum(lengths)
-    mirrored = np.repeat(2 * ends - lengths - 1, lengths)  # first and last corner of a face
+    mirrored = np.repeat(
+        2 * ends - lengths - 1, lengths
+    )  # first plus last corner index of the face
     return mirrored - np.arange(len(mirrored), dtype=np.int64)

@@ -1,4 +1,4 @@
-"""A sequence into an Alembic file, frame by frame."""
+"""Writing a sequence to an Alembic file, frame by frame."""
 
 import math
 import os
@@ -13,9 +13,9 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.alembic.library_arrays import library_array, library_vector
-from meshreel.formats.alembic.names import IN_METADATA, IN_TEXTS, clean, numbered
+from meshreel.formats.alembic.names import IN_METADATA, IN_TEXTS, clean, unique_name
 from meshreel.formats.alembic.object_paths import object_paths
-from meshreel.formats.alembic.winding import turned_corners
+from meshreel.formats.alembic.winding import reversed_corners
 from meshreel.formats.alembic.write_attributes import (
     is_texture,
     texture_sample,
@@ -24,9 +24,9 @@ from meshreel.formats.alembic.write_attributes import (
 )
 from meshreel.formats.alembic.write_tracks import (
     TrackWriter,
-    held_tracks,
     mark_computed,
     normal_sample,
+    writable_tracks,
 )
 from meshreel.formats.extras import ALEMBIC
 from meshreel.formats.frames.frame_stream import FrameStream
@@ -40,19 +40,18 @@ from meshreel.model.tracks import TrackKind, TrackSource, Values
 
 ASSUMED_FPS = 24.0
 
-BYTES_OF_SAMPLE = 256
-"""Of a part in a frame, beside positions; 124 were found."""
-
-BYTES_OF_PART = 1 << 14
-"""Of headers and names; some 1.5 kB were found."""
+SAMPLE_OVERHEAD_BYTES = 256
+"""Bound on the overhead of a part in a frame, beside its positions; 124 bytes measured."""
+PART_OVERHEAD_BYTES = 1 << 14
+"""Bound on headers and names of a part; about 1.5 kB measured."""
 
 
 class Rounding:
-    """Positions beside a point, as float32, and how far that moved them.
+    """Rounds positions to float32 relative to a translation, and tracks the largest error.
 
-    Float32 stays as it is. So does the place of float64, unless the model is so far from the
-    origin that float32 would move a vertex by more than a millionth of its size: then the point
-    is the middle of the first frame.
+    The translation is zero, unless float64 positions are so far from the origin that float32
+    would move a vertex by more than a millionth of the model size: then it is the center of the
+    first frame. Positions that are float32 stay exact.
 
     Parameters
     ----------
@@ -62,21 +61,21 @@ class Rounding:
     Attributes
     ----------
     shift : float64 array of shape (3,)
-        The point; what is read must be put back by so much.
-    largest : float
-        How far a coordinate was moved at most, so far.
+        The translation, which the transform above the mesh must add.
+    max_error : float
+        Largest rounding error of a coordinate so far.
     """
 
     def __init__(self, first: Vertices) -> None:
         narrowing = Narrowing()
         narrowing.add(first)
         low, high = first.min(axis=0), first.max(axis=0)
-        middle = (low / 2 + high / 2).astype(np.float64)  # halved, for a sum may be infinite
+        middle = (low / 2 + high / 2).astype(np.float64)  # halved first, to avoid overflow
         self.shift = np.zeros(3) if narrowing.is_harmless else middle
-        self.largest = 0.0
+        self.max_error = 0.0
 
     def add(self, frame: Vertices) -> npt.NDArray[np.float32]:
-        """The next frame, of shape (V, 3).
+        """Return the next frame rounded to float32, of shape (V, 3).
 
         Raises
         ------
@@ -89,29 +88,29 @@ class Rounding:
             rounded = (frame - self.shift).astype(np.float32)
         if not np.isfinite(rounded).all():
             raise InvalidInputError(
-                f"positions in an Alembic file go up to {np.finfo(np.float32).max:.3g}; "
+                f"Alembic stores positions as float32, up to {np.finfo(np.float32).max:.3g}; "
                 f"got {np.abs(frame).max():.3g}; scale the model"
             )
-        moved = float(np.abs(frame - (rounded + self.shift)).max())
-        self.largest = max(self.largest, moved)
+        error = float(np.abs(frame - (rounded + self.shift)).max())
+        self.max_error = max(self.max_error, error)
         return rounded
 
     def describe(self) -> str:
-        """One sentence on what was moved; empty if nothing was."""
-        if self.largest == 0:
+        """Return a sentence on the rounding error; empty if there was none."""
+        if self.max_error == 0:
             return ""
-        beside = ", beside the middle of the first frame" if self.shift.any() else ""
+        relative = ", relative to the center of the first frame" if self.shift.any() else ""
         return (
-            f"positions in an Alembic file are float32{beside}: "
-            f"coordinates are off by up to {self.largest:.2g}"
+            f"Alembic stores positions as float32{relative}: "
+            f"coordinates change by up to {self.max_error:.2g}"
         )
 
 
 def write_alembic(path: Path, stream: FrameStream, options: WriteOptions) -> None:
-    """Write an Alembic file (Ogawa) of a polygon mesh for each part.
+    """Write an Alembic file (Ogawa) with one polygon mesh per part.
 
-    Float32 positions, polygons and attributes read back exactly as they are; what cannot is
-    noted. Memory holds one frame.
+    Float32 positions, polygons and attributes are lossless; notes name everything else. One
+    frame is in memory at a time.
 
     Raises
     ------
@@ -120,11 +119,11 @@ def write_alembic(path: Path, stream: FrameStream, options: WriteOptions) -> Non
     InvalidInputError
         If the disk is too small, or a position does not fit into float32.
     """
-    check_room(path, stream)
+    check_free_space(path, stream)
     rounding = Rounding(stream.first)
     try:
         _write_archive(path, stream, rounding)
-    except RuntimeError as error:  # of the library
+    except RuntimeError as error:  # from the Alembic library
         raise FormatError(
             f"the Alembic library cannot write {path.name}: {' '.join(str(error).split())}"
         ) from None
@@ -132,14 +131,14 @@ def write_alembic(path: Path, stream: FrameStream, options: WriteOptions) -> Non
 
 
 def _write_archive(path: Path, stream: FrameStream, rounding: Rounding) -> None:
-    """Write a file, which is complete once the library's objects are gone."""
+    """Write a file, which is complete once the library's objects are destroyed."""
     archive = ALEMBIC.load("Abc").OArchive(str(path))
     sampling = archive.addTimeSampling(_time_sampling(stream))
     parts = list(split_parts(stream.faces, stream.surface, stream.n_verts, stream.name))
     for one in parts:
         note_name("part", one.name, clean(one.name, IN_TEXTS), ".abc", stream.notes)
     transforms = _Transforms(archive.getTop(), rounding.shift)
-    tracks = held_tracks(stream)
+    tracks = writable_tracks(stream)
     writers = [
         _PartWriter(part, transforms.above(place), place[-1], sampling, tracks, stream.notes)
         for part, place in zip(parts, object_paths([one.name for one in parts]), strict=True)
@@ -159,40 +158,40 @@ def _time_sampling(stream: FrameStream) -> Any:
         return core.TimeSampling(core.TimeSamplingType(core.AcyclicFlag.kAcyclic), times)
     if not stream.fps:
         stream.notes.append(
-            f"the frame rate is not known; written as {ASSUMED_FPS:g} frames per second"
+            f"the frame rate is unknown; written as {ASSUMED_FPS:g} frames per second"
         )
     return core.TimeSampling(1 / (stream.fps or ASSUMED_FPS), stream.start_s)
 
 
 class _Transforms:
-    """The transforms of a file, made when a part first lies below them.
+    """The transforms of a file, created on demand.
 
     Parameters
     ----------
     top : OObject
     shift : float64 array of shape (3,)
-        Where those at the top put what is below them.
+        Translation of the transforms at the top.
     """
 
     def __init__(self, top: Any, shift: npt.NDArray[np.float64]) -> None:
         self._shift = shift
-        self._made: dict[tuple[str, ...], Any] = {(): top}
+        self._created: dict[tuple[str, ...], Any] = {(): top}
 
     def above(self, place: tuple[str, ...]) -> Any:
-        """The transform that an object lies in, by the path of the object."""
+        """Return the parent transform of an object, given the path of the object."""
         path = place[:-1]
-        if path not in self._made:
+        if path not in self._created:
             geometry = ALEMBIC.load("AbcGeom")
             transform, sample = geometry.OXform(self.above(path), path[-1]), geometry.XformSample()
             if len(path) == 1 and self._shift.any():
                 sample.setTranslation(library_vector(self._shift))
             transform.getSchema().set(sample)
-            self._made[path] = transform
-        return self._made[path]
+            self._created[path] = transform
+        return self._created[path]
 
 
 class _PartWriter:
-    """The mesh of a part.
+    """Writes the mesh of a part.
 
     Parameters
     ----------
@@ -200,10 +199,10 @@ class _PartWriter:
     parent : OXform
     name : str
     sampling : int
-        Number of the time sampling of its positions.
+        Index of the time sampling of its positions.
     tracks : mapping of str to TrackSource
     notes : list of str
-        Gains a sentence for what the file cannot hold as it is.
+        Gains a sentence for everything that the file cannot store exactly.
     """
 
     def __init__(
@@ -227,29 +226,29 @@ class _PartWriter:
             self._shading = RowNormals(part.counts, part.corners, hard_edges, n_verts)
 
     def add(self, frame: npt.NDArray[np.float32], values: Mapping[str, Values]) -> None:
-        """Write the next frame, given positions of shape (V, 3) and track values of the whole."""
+        """Write the next frame, from positions of shape (V, 3) and track values of all parts."""
         sample = ALEMBIC.load("AbcGeom").OPolyMeshSchemaSample()
         sample.setPositions(library_array("V3f", frame[self._part.verts]))
-        self._tracks.add_to(sample, values)
+        self._tracks.add_standard(sample, values)
         if self._shading is not None:
             normals = self._shading.of_frames(frame[np.newaxis, self._part.verts])[0]
-            of_corner = self._shading.rows.of_corner[turned_corners(self._part.counts)]
+            of_corner = self._shading.rows.of_corner[reversed_corners(self._part.counts)]
             sample.setNormals(normal_sample(normals, of_corner))
-        if self._has_faces:  # which repeat by themselves
+        if self._has_faces:  # the library repeats those of the first sample
             self._schema.set(sample)
         else:
-            self._add_first(sample)
+            self._write_first(sample)
         self._tracks.add_others(self._schema, values)
 
-    def _add_first(self, sample: Any) -> None:
+    def _write_first(self, sample: Any) -> None:
         counts, attributes = self._part.counts, self._part.surface.attributes
-        corners = self._part.corners[turned_corners(counts)]
+        corners = self._part.corners[reversed_corners(counts)]
         sample.setFaceCounts(library_array("Int32", counts))
         sample.setFaceIndices(library_array("Int32", corners))
         texture = next((one for one in attributes if is_texture(one)), None)
         if texture is not None:
-            taken = {one.name for one in attributes} - {texture.name}
-            name = numbered(clean(texture.name, IN_METADATA), taken)
+            other_names = {one.name for one in attributes} - {texture.name}
+            name = unique_name(clean(texture.name, IN_METADATA), other_names)
             note_name("attribute", texture.name, name, ".abc", self._notes)
             self._schema.setUVSourceName(name)
             sample.setUVs(texture_sample(texture, counts, self._notes))
@@ -263,33 +262,33 @@ class _PartWriter:
         self._has_faces = True
 
 
-def check_room(path: Path, stream: FrameStream) -> None:
-    """Refuse a disk that is too small: when it is full, the library ends the process.
+def check_free_space(path: Path, stream: FrameStream) -> None:
+    """Check that the disk has enough space: the library aborts the process on a full disk.
 
-    The room is taken once and given back, so that quotas and limits on the size of files count.
+    The space is allocated once and freed, so that quotas and file size limits count too.
 
     Raises
     ------
     InvalidInputError
-        Naming the file, if there is less room than it may take.
+        If there is less space than the file may need.
     """
-    needed = _most_bytes(stream)
+    needed = _max_file_bytes(stream)
     try:
         if hasattr(os, "posix_fallocate"):
             with tempfile.TemporaryFile(dir=path.parent) as trial:
                 os.posix_fallocate(trial.fileno(), 0, needed)
-        is_there, reason = shutil.disk_usage(path.parent).free >= needed, "the disk is too full"
+        is_free, reason = shutil.disk_usage(path.parent).free >= needed, "the disk is too full"
     except OSError as error:
-        is_there, reason = False, str(error.strerror)
-    if not is_there:
+        is_free, reason = False, str(error.strerror)
+    if not is_free:
         raise InvalidInputError(
-            f"{path.name} takes up to {needed} bytes as an Alembic file, for which there is no "
-            f"room ({reason}); write it to another disk"
+            f"{path.name} needs up to {needed} bytes as an Alembic file, but there is not enough "
+            f"space ({reason}); write it to another disk"
         )
 
 
-def _most_bytes(stream: FrameStream) -> int:
-    """More than an Alembic file of the stream takes."""
+def _max_file_bytes(stream: FrameStream) -> int:
+    """Return an upper bound on the size of the Alembic file of a stream."""
     n_parts = max(1, len(stream.surface.parts))
     n_corners = 3 * len(stream.faces)
     once = 4 * (n_corners + len(stream.faces)) + 4 * stream.surface.size_bytes
@@ -297,5 +296,5 @@ def _most_bytes(stream: FrameStream) -> int:
     n_arrays = n_parts * (1 + len(stream.tracks))
     if stream.surface.hard_edges is not None:
         n_numbers += 3 * n_corners
-    each = 12 * stream.n_verts + 8 * n_numbers + BYTES_OF_SAMPLE * n_arrays
-    return int(once + each * stream.n_frames + BYTES_OF_PART * n_arrays)
+    per_frame = 12 * stream.n_verts + 8 * n_numbers + SAMPLE_OVERHEAD_BYTES * n_arrays
+    return int(once + per_frame * stream.n_frames + PART_OVERHEAD_BYTES * n_arrays)

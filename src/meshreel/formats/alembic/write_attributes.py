@@ -1,4 +1,4 @@
-"""Attributes and groups of a part into an Alembic mesh."""
+"""Writing the attributes and face groups of a part to an Alembic mesh."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.alembic.library_arrays import library_array, text_array
-from meshreel.formats.alembic.names import IN_TEXTS, clean, unused_name
-from meshreel.formats.alembic.winding import turned_corners
+from meshreel.formats.alembic.names import IN_TEXTS, clean, clean_unique_name
+from meshreel.formats.alembic.winding import reversed_corners
 from meshreel.formats.extras import ALEMBIC
 from meshreel.formats.notes import note_name
 from meshreel.model.geometry.ragged import Integers
@@ -20,16 +20,16 @@ SCOPES = {
     Domain.CORNER: "kFacevaryingScope",
 }
 NUMBER_KINDS = {"uint8": "Uchar", "int32": "Int32", "float32": "Float", "float64": "Double"}
-"""The library's names of properties of single numbers, by their type."""
+"""The library's names of scalar property types, by NumPy type."""
 
 
 def is_texture(attribute: Attribute) -> bool:
-    """Whether it is texture coordinates, of two numbers."""
+    """Return whether an attribute is two-dimensional texture coordinates."""
     return attribute.kind is Kind.UV and attribute.values.shape[1] == 2
 
 
 def texture_sample(attribute: Attribute, counts: Integers, notes: list[str]) -> Any:
-    """Texture coordinates as the library wants them with the first frame of a mesh."""
+    """Return texture coordinates as the UV sample of the first frame of a mesh."""
     return _sample("V2f", attribute, _converted(attribute, "V2f", notes), counts)
 
 
@@ -40,7 +40,7 @@ def write_attributes(
     names: set[str],
     notes: list[str],
 ) -> None:
-    """Write attributes of a mesh beside it.
+    """Write the attributes of a mesh as geometry parameters.
 
     Parameters
     ----------
@@ -49,13 +49,13 @@ def write_attributes(
     counts : integer array
         Corners of each face.
     names : set of str
-        Names of parameters of the mesh so far; gains those of the attributes.
+        Names of the parameters so far; gains those of the attributes.
     notes : list of str
-        Gains a sentence for names and values that the file cannot hold as they are.
+        Gains a sentence for names and values that the file cannot store exactly.
     """
     geometry = ALEMBIC.load("AbcGeom")
     for attribute in attributes:
-        names.add(name := unused_name(attribute.name, names))
+        names.add(name := clean_unique_name(attribute.name, names))
         note_name("attribute", attribute.name, name, ".abc", notes)
         kind, extent = _kind_of(attribute)
         values = _converted(attribute, kind, notes)
@@ -69,16 +69,16 @@ def write_attributes(
 def write_groups(
     schema: Any, groups: Sequence[FaceGroups], names: set[str], notes: list[str]
 ) -> None:
-    """Write materials as face sets, as programs expect them, and other groups as texts of faces.
+    """Write materials as face sets, as programs expect, and other groups as a text per face.
 
     Parameters
     ----------
     schema : OPolyMeshSchema
     groups : sequence of FaceGroups
     names : set of str
-        Names of parameters of the mesh so far; gains those of the groups.
+        Names of the parameters so far; gains those of the groups.
     notes : list of str
-        Gains a sentence for names that the file cannot hold as they are.
+        Gains a sentence for names that the file cannot store exactly.
     """
     for one in groups:
         if one.name == "material":
@@ -90,7 +90,7 @@ def write_groups(
 def _write_face_sets(schema: Any, groups: FaceGroups, notes: list[str]) -> None:
     geometry, names = ALEMBIC.load("AbcGeom"), set[str]()
     for number, label in enumerate(groups.labels):
-        names.add(name := unused_name(label, names))
+        names.add(name := clean_unique_name(label, names))
         note_name("material", label, name, ".abc", notes)
         faces = np.flatnonzero(groups.numbers == number).astype(np.int32)
         sample = geometry.OFaceSetSchemaSample()
@@ -100,12 +100,12 @@ def _write_face_sets(schema: Any, groups: FaceGroups, notes: list[str]) -> None:
 
 def _write_texts(schema: Any, groups: FaceGroups, names: set[str], notes: list[str]) -> None:
     geometry = ALEMBIC.load("AbcGeom")
-    names.add(name := unused_name(groups.name, names))
+    names.add(name := clean_unique_name(groups.name, names))
     note_name("group", groups.name, name, ".abc", notes)
     labels = [clean(label, IN_TEXTS) for label in groups.labels]
     for label, written in zip(groups.labels, labels, strict=True):
         note_name("label", label, written, ".abc", notes)
-    none = len(groups.labels)  # a text behind the others, which is empty
+    none = len(groups.labels)  # the index of the empty text at the end
     numbers = np.where(groups.numbers < 0, none, groups.numbers)
     sample = geometry.OStringGeomParamSample()
     sample.setVals(text_array([*labels, ""]))
@@ -116,7 +116,7 @@ def _write_texts(schema: Any, groups: FaceGroups, names: set[str], notes: list[s
 
 
 def _kind_of(attribute: Attribute) -> tuple[str, int]:
-    """The library's name of a property for an attribute, and how many values make one of it."""
+    """Return the library's name of the property type, and its array extent."""
     width = attribute.values.shape[1]
     if is_texture(attribute):
         return "V2f", 1
@@ -126,7 +126,7 @@ def _kind_of(attribute: Attribute) -> tuple[str, int]:
 
 
 def _converted(attribute: Attribute, kind: str, notes: list[str]) -> npt.NDArray[Any]:
-    """Values in the type of a kind."""
+    """Return the values in the number type of a property type."""
     values = attribute.values
     if kind not in ("V2f", "C3f", "C4f") or values.dtype == np.float32:
         return values
@@ -139,13 +139,13 @@ def _converted(attribute: Attribute, kind: str, notes: list[str]) -> npt.NDArray
 
 
 def _sample(kind: str, attribute: Attribute, values: npt.NDArray[Any], counts: Integers) -> Any:
-    """Values, and indices if there are any, with corners in the order of the file."""
+    """Return a sample of values, and indices if any, with corners in file order."""
     sample = getattr(ALEMBIC.load("AbcGeom"), f"O{kind}GeomParamSample")()
     indices = attribute.indices
     if attribute.domain is Domain.CORNER:
-        turned = turned_corners(counts)
-        values = values[turned] if indices is None else values
-        indices = None if indices is None else indices[turned]
+        order = reversed_corners(counts)
+        values = values[order] if indices is None else values
+        indices = None if indices is None else indices[order]
     sample.setVals(library_array(kind, values if kind[0] in "VC" else values.ravel()))
     if indices is not None:
         sample.setIndices(library_array("Uint32", indices))
@@ -154,5 +154,5 @@ def _sample(kind: str, attribute: Attribute, values: npt.NDArray[Any], counts: I
 
 
 def scope_of(domain: Domain) -> Any:
-    """What the library calls a domain."""
+    """Return the library's geometry scope of a domain."""
     return getattr(ALEMBIC.load("AbcGeom").GeometryScope, SCOPES[domain])

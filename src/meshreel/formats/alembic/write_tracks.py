@@ -1,4 +1,4 @@
-"""Tracks of an Alembic mesh being written: normals, velocities, texture coordinates, and others."""
+"""Writing the tracks of an Alembic mesh: normals, velocities, UVs and other properties."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -8,9 +8,9 @@ import numpy.typing as npt
 
 from meshreel.formats.alembic.attributes import COMPUTED, NORMALS, VELOCITIES
 from meshreel.formats.alembic.library_arrays import library_array
-from meshreel.formats.alembic.names import IN_METADATA, clean, numbered, unused_name
+from meshreel.formats.alembic.names import IN_METADATA, clean, clean_unique_name, unique_name
 from meshreel.formats.alembic.track_reading import TRACK_KIND, UNIT
-from meshreel.formats.alembic.winding import turned_corners
+from meshreel.formats.alembic.winding import reversed_corners
 from meshreel.formats.alembic.write_attributes import is_texture, scope_of
 from meshreel.formats.extras import ALEMBIC
 from meshreel.formats.frames.frame_stream import FrameStream
@@ -33,51 +33,51 @@ PARAMS = {
     "i8": ("Int64", "Int32"), "u8": ("UInt64", "Int32"), "f4": ("Float", "Float"),
     "f8": ("Double", "Double"),
 }  # fmt: skip
-"""The library's names of properties of single numbers of a type, and of arrays that it takes."""
+"""The library's names of scalar property types and their array types, by NumPy type."""
 
 SOURCE_NAME = "sourceName"
-TEXTURE = "uv"
-MAIN_NAMES = {
+UVS = "uv"
+STANDARD_NAMES = {
     TrackKind.NORMAL: NORMALS,
     TrackKind.VELOCITY: VELOCITIES,
-    TrackKind.UV: TEXTURE,
+    TrackKind.UV: UVS,
 }
-"""The properties of every mesh that programs look for."""
+"""The standard mesh properties, which other programs read."""
 
-MAX_WHOLE = np.iinfo(np.int32).max
+MAX_INT32 = np.iinfo(np.int32).max
 
 
-def held_tracks(stream: FrameStream) -> dict[str, TrackSource]:
-    """The tracks of a stream that a file holds; its notes name the others."""
+def writable_tracks(stream: FrameStream) -> dict[str, TrackSource]:
+    """Return the tracks that Alembic can store; notes of the stream name the others."""
     too_large = [
         name
         for name, track in stream.tracks.items()
-        if track.dtype.str[1:] in ("i8", "u8") and not _is_small(track)
+        if track.dtype.str[1:] in ("i8", "u8") and not _fits_int32(track)
     ]
     note_unwritten_tracks(
-        too_large, ".abc", stream.notes, "numbers beyond 32 bits, which its library does not take"
+        too_large, ".abc", stream.notes, "integers beyond 32 bits (a limit of its library)"
     )
     return {name: one for name, one in stream.tracks.items() if name not in too_large}
 
 
-def _is_small(track: TrackSource) -> bool:
+def _fits_int32(track: TrackSource) -> bool:
     low, high = value_range(track)
-    return bool((abs(low) <= MAX_WHOLE).all() and (abs(high) <= MAX_WHOLE).all())
+    return bool((abs(low) <= MAX_INT32).all() and (abs(high) <= MAX_INT32).all())
 
 
 class TrackWriter:
-    """The tracks of a mesh, whose values are to come.
+    """Writes the tracks of a mesh, frame by frame.
 
     Parameters
     ----------
     part : PartMesh
     tracks : mapping of str to TrackSource
     sampling : int
-        Number of the time sampling of its positions.
+        Index of the time sampling of its positions.
     names : set of str
-        Names of parameters of the mesh so far; gains those of the tracks.
+        Names of the parameters so far; gains those of the tracks.
     notes : list of str
-        Gains a sentence for each track that has another name or unit in the file.
+        Gains a sentence for each track whose name or unit changes in the file.
     """
 
     def __init__(
@@ -89,60 +89,60 @@ class TrackWriter:
         notes: list[str],
     ) -> None:
         self._part, self._sampling, self._names, self._notes = part, sampling, names, notes
-        self._turned = turned_corners(part.counts)
-        free = set(MAIN_NAMES.values())
+        self._corner_order = reversed_corners(part.counts)
+        available = set(STANDARD_NAMES.values())
         if any(map(is_texture, part.surface.attributes)):
-            free.remove(TEXTURE)
-        self._main: dict[str, tuple[str, TrackSource]] = {}
+            available.remove(UVS)
+        self._standard: dict[str, tuple[str, TrackSource]] = {}
         self._others: dict[str, TrackSource] = {}
         for name, track in tracks.items():
-            main = MAIN_NAMES.get(track.kind, "")
-            if main in free and _fits(track):
-                free.remove(main)
-                self._main[main] = name, track
+            standard = STANDARD_NAMES.get(track.kind, "")
+            if standard in available and _fits(track):
+                available.remove(standard)
+                self._standard[standard] = name, track
                 note_track_type(name, track.dtype, np.dtype(np.float32), notes)
-                if main != TEXTURE:
-                    note_track_name(name, main.strip("."), ".abc", notes)
+                if standard != UVS:
+                    note_track_name(name, standard.strip("."), ".abc", notes)
             else:
                 self._others[name] = track
                 note_track_type(name, track.dtype, _written_type(track), notes)
-        units = {name: track.unit for name, track in self._main.values()}
+        units = {name: track.unit for name, track in self._standard.values()}
         note_unwritten_units(units, ".abc", notes)
         self._params: dict[str, Any] = {}
 
     def begin(self, schema: Any) -> None:
-        """Tell the mesh what its texture coordinates are called, before any sample is written."""
-        if TEXTURE in self._main:
-            name, _ = self._main[TEXTURE]
-            called = numbered(clean(name, IN_METADATA), self._others)
-            note_track_name(name, called, ".abc", self._notes)
-            schema.setUVSourceName(called)
+        """Name the texture coordinates, which must precede the first sample of the mesh."""
+        if UVS in self._standard:
+            name, _ = self._standard[UVS]
+            written_name = unique_name(clean(name, IN_METADATA), self._others)
+            note_track_name(name, written_name, ".abc", self._notes)
+            schema.setUVSourceName(written_name)
 
-    def add_to(self, sample: Any, values: Mapping[str, Values]) -> None:
-        """Put into a sample of the mesh what every mesh has a place for.
+    def add_standard(self, sample: Any, values: Mapping[str, Values]) -> None:
+        """Set the standard properties of a mesh sample.
 
         Parameters
         ----------
         sample : OPolyMeshSchemaSample
         values : mapping of str to array of shape (N, C)
-            Of the frame, of all meshes.
+            Values of the frame, for all parts.
         """
-        for main, (name, track) in self._main.items():
+        for standard, (name, track) in self._standard.items():
             own = self._own(track, values[name]).astype(np.float32)
-            if main == VELOCITIES:
+            if standard == VELOCITIES:
                 sample.setVelocities(library_array("V3f", own))
-            elif main == NORMALS:
+            elif standard == NORMALS:
                 sample.setNormals(_param_sample("N3f", "V3f", own, track))
             else:
                 sample.setUVs(_param_sample("V2f", "V2f", own, track))
 
     def add_others(self, schema: Any, values: Mapping[str, Values]) -> None:
-        """Write a sample of all other tracks, which are geometry parameters.
+        """Write a sample of each other track, as a geometry parameter.
 
         Parameters
         ----------
         schema : OPolyMeshSchema
-            Which has its first sample, and its attributes.
+            Its first sample and its attributes are already written.
         values : mapping of str to array of shape (N, C)
         """
         for name, track in self._others.items():
@@ -156,31 +156,31 @@ class TrackWriter:
             self._params[name].set(_param_sample(kind, array, own, track))
 
     def _own(self, track: TrackSource, values: Values) -> Values:
-        """Values of this mesh, with corners in the order of the file."""
+        """Return the values of this part, with corners in file order."""
         own = values[self._part.items[track.domain]]
-        return own[self._turned] if track.domain is Domain.CORNER else own
+        return own[self._corner_order] if track.domain is Domain.CORNER else own
 
     def _param(self, schema: Any, name: str, track: TrackSource, kind: str, extent: int) -> Any:
         abc, core = ALEMBIC.load("Abc"), ALEMBIC.load("AbcCoreAbstract")
         metadata = core.MetaData()
-        self._names.add(place := unused_name(name, self._names))
-        is_source = clean(name, IN_METADATA) == name
-        called = name if is_source else place  # by which readers know it
-        note_track_name(name, called, ".abc", self._notes)
+        self._names.add(property_name := clean_unique_name(name, self._names))
+        is_valid = clean(name, IN_METADATA) == name
+        # Readers show the source name if there is one.
+        note_track_name(name, name if is_valid else property_name, ".abc", self._notes)
         unit = clean(track.unit, IN_METADATA)
         note_name("unit", track.unit, unit, ".abc", self._notes)
-        said = {TRACK_KIND: str(track.kind), SOURCE_NAME: name if is_source else "", UNIT: unit}
-        for key, text in said.items():
+        entries = {TRACK_KIND: str(track.kind), SOURCE_NAME: name if is_valid else "", UNIT: unit}
+        for key, text in entries.items():
             if text:
                 metadata.set(key, text)
         return getattr(ALEMBIC.load("AbcGeom"), f"O{kind}GeomParam")(
-            schema.getArbGeomParams(), place, False, scope_of(track.domain), extent,
+            schema.getArbGeomParams(), property_name, False, scope_of(track.domain), extent,
             abc.Argument(self._sampling), abc.Argument(metadata),
         )  # fmt: skip
 
 
 def normal_sample(normals: Values, of_corner: npt.NDArray[np.int32]) -> Any:
-    """Normals of a frame, of shape (R, 3), the row of which each corner of the file names."""
+    """Return a sample of normals of shape (R, 3), indexed by `of_corner`."""
     geometry = ALEMBIC.load("AbcGeom")
     sample = geometry.ON3fGeomParamSample()
     sample.setVals(library_array("V3f", normals.astype(np.float32)))
@@ -190,32 +190,32 @@ def normal_sample(normals: Values, of_corner: npt.NDArray[np.int32]) -> Any:
 
 
 def mark_computed(schema: Any) -> None:
-    """Tell readers of ours that normals follow from faces and hard edges, and are no track."""
+    """Mark normals as computed by meshreel, so that its reader does not make them a track."""
     mark = ALEMBIC.load("Abc").OStringProperty(schema.getUserProperties(), COMPUTED)
     mark.setValue(NORMALS)
 
 
 def _fits(track: TrackSource) -> bool:
-    """Whether a track can be what every mesh has a place for, which is of float32."""
+    """Return whether a standard property, which is float32, can store a track of its kind."""
     if track.kind is TrackKind.VELOCITY:
         return track.domain is Domain.VERTEX
     return track.kind is not TrackKind.UV or track.dtype == np.float32
 
 
 def _is_color(track: TrackSource) -> bool:
-    is_fit = track.dtype.kind == "f" or track.dtype == np.uint8
-    return track.kind is TrackKind.COLOR and is_fit
+    has_color_type = track.dtype.kind == "f" or track.dtype == np.uint8
+    return track.kind is TrackKind.COLOR and has_color_type
 
 
 def _written_type(track: TrackSource) -> np.dtype[Any]:
-    """The type of numbers of a geometry parameter in the file; values of 64 bits are small."""
+    """Return the number type of the geometry parameter in the file."""
     if _is_color(track):
         return np.dtype(np.float32)
     return np.dtype(np.int32) if track.dtype.str[1:] in ("i1", "i2", "u2") else track.dtype
 
 
 def _kind_of(track: TrackSource) -> tuple[str, str, int]:
-    """The library's names of a property and of its arrays, and how many numbers are a value."""
+    """Return the library's names of the property and array types, and the array extent."""
     width, letter = track.shape[2], track.dtype.str[1:]
     if _is_color(track):
         return f"C{width}f", f"C{width}f", 1
@@ -228,7 +228,7 @@ def _kind_of(track: TrackSource) -> tuple[str, str, int]:
 def _param_sample(kind: str, array: str, values: Values, track: TrackSource) -> Any:
     sample = getattr(ALEMBIC.load("AbcGeom"), f"O{kind}GeomParamSample")()
     is_flat = array[0] not in "VC"
-    if array == "Int32":  # which also stands for small numbers of 64 bits
+    if array == "Int32":  # 64-bit tracks have small values here
         values = values.astype(np.int32)
     sample.setVals(library_array(array, values.ravel() if is_flat else values))
     sample.setScope(scope_of(track.domain))

@@ -1,4 +1,4 @@
-"""Properties of Alembic meshes that change over time as tracks, read and written."""
+"""Animated properties of Alembic meshes, read and written as tracks."""
 
 from dataclasses import replace
 
@@ -20,8 +20,8 @@ from samples.tracks import assert_same_tracks, tracked_sheet
 RNG = np.random.default_rng(9)
 N_FRAMES = 3
 MOVES = RNG.normal(size=(N_FRAMES, 6, 3)).astype(np.float32)
-TURNED = [3, 2, 1, 0, 7, 6, 5, 4]
-"""The corner of the file that each corner is, for faces go around the other way."""
+REVERSED = [3, 2, 1, 0, 7, 6, 5, 4]
+"""Corner permutation bracketing_samples the file, whose faces are clockwise, and meshreel."""
 
 SCOPES = {"Vertex": ("vertex", 6), "Varying": ("vertex", 6), "Uniform": ("face", 2),
           "Facevarying": ("corner", 8)}  # fmt: skip
@@ -42,7 +42,7 @@ def array_of(kind, values):
 
 
 def add_param(parent, kind, name, values, scope_name, sampling):
-    """A property that has a sample for each of these."""
+    """Add a property with a sample for each entry of values."""
     param = getattr(AbcGeom, f"O{kind}GeomParam")(
         parent, name, False, scope(scope_name), 1, Abc.Argument(sampling)
     )
@@ -54,7 +54,7 @@ def add_param(parent, kind, name, values, scope_name, sampling):
 
 
 def file_with(path, fill, frames=MOVES):
-    """An Alembic file of a mesh at 10 frames a second, filled with what it carries."""
+    """Write an animated mesh at 10 frames per second, with properties that `fill` adds."""
     archive = sample.archive(path)
     samplings = {
         step_s: archive.addTimeSampling(sample.uniform(step_s, 0.0)) for step_s in (0.05, 0.1, 0.2)
@@ -79,27 +79,27 @@ def file_with(path, fill, frames=MOVES):
         ("C4f", "f4", 4, "color"),
     ],
 )
-def test_parameters_are_tracks_when_they_change(
+def test_animated_parameters_become_tracks(
     tmp_path, read, scope_name, kind, dtype, width, track_kind
 ):
     domain, n_items = SCOPES[scope_name]
     values = (100 * RNG.random((N_FRAMES, n_items, width))).astype(dtype)
-    given = values[..., 0] if width == 1 else values
+    stored = values[..., 0] if width == 1 else values
 
     def fill(schema, samplings):
-        add_param(schema.getArbGeomParams(), kind, "stuff", given, scope_name, samplings[0.1])
+        add_param(schema.getArbGeomParams(), kind, "stuff", stored, scope_name, samplings[0.1])
 
     notes = []
     found = read(file_with(tmp_path / "a.abc", fill), notes=notes)
     [(name, track)] = found.tracks.items()
     assert (name, track.kind, track.domain) == ("stuff", track_kind, domain)
-    expected = values[:, TURNED] if domain == "corner" else values
+    expected = values[:, REVERSED] if domain == "corner" else values
     assert track.read(0, N_FRAMES).tobytes() == np.ascontiguousarray(expected).tobytes()
     assert found.surface.attributes == ()
     assert notes == []
 
 
-def test_parameters_stay_attributes_when_all_samples_are_the_same(tmp_path):
+def test_constant_parameters_become_attributes(tmp_path):
     values = np.tile(RNG.random(6).astype(np.float32), (N_FRAMES, 1))
 
     def fill(schema, samplings):
@@ -110,7 +110,7 @@ def test_parameters_stay_attributes_when_all_samples_are_the_same(tmp_path):
     assert [one.name for one in found.surface.attributes] == ["heat"]
 
 
-def test_values_are_between_samples_when_frames_are(tmp_path):
+def test_values_are_interpolated_at_frames_between_samples(tmp_path):
     heat, paint = (RNG.random((2, 6, *rest)).astype(np.float32) for rest in ((), (3,)))
 
     def fill(schema, samplings):
@@ -124,7 +124,7 @@ def test_values_are_between_samples_when_frames_are(tmp_path):
     assert np.array_equal(tracks["paint"].values, paint[[0, 0, 1]])
 
 
-def test_mesh_has_the_frames_of_its_colours_when_it_does_not_move(tmp_path):
+def test_static_mesh_has_the_frames_of_its_animated_colors(tmp_path):
     paint = RNG.random((5, 6, 3)).astype(np.float32)
 
     def fill(schema, samplings):
@@ -136,7 +136,7 @@ def test_mesh_has_the_frames_of_its_colours_when_it_does_not_move(tmp_path):
     assert np.array_equal(found.tracks["Cd"].values, paint)
 
 
-def test_samples_are_named_when_positions_have_none_there(tmp_path):
+def test_note_names_samples_that_no_frame_has(tmp_path):
     def fill(schema, samplings):
         heat = RNG.random((7, 6)).astype(np.float32)
         fast = samplings[0.05]
@@ -147,7 +147,7 @@ def test_samples_are_named_when_positions_have_none_there(tmp_path):
     assert notes == ["left out: samples where positions have no frame: heat (4 of 7)"]
 
 
-def test_values_are_missing_when_they_do_not_fit_in_some_frames(tmp_path):
+def test_values_are_nan_in_frames_where_they_do_not_fit(tmp_path):
     def fill(schema, samplings):
         parent = schema.getArbGeomParams()
         heat = [np.ones(6, np.float32), np.zeros(5, np.float32), np.full(6, 2, np.float32)]
@@ -161,12 +161,12 @@ def test_values_are_missing_when_they_do_not_fit_in_some_frames(tmp_path):
     assert (track[0] == 1).all()
     assert (track[2] == 2).all()
     assert notes == [
-        "left out: what does not fit the mesh, or is no numbers: bad",
+        "left out: properties that do not fit the mesh or are not numeric: bad",
         "'heat' is in 2 of 3 frames, and NaN in the others",
     ]
 
 
-def test_normals_and_velocities_are_turned_as_the_mesh_is(tmp_path):
+def test_normals_and_velocities_are_transformed_with_the_mesh(tmp_path):
     normals, speeds = RNG.normal(size=(2, N_FRAMES, 6, 3))
     normals /= np.linalg.norm(normals, axis=2, keepdims=True)
     linear = np.array([[0, 2, 0], [-1, 0, 0], [0, 0, 3.0]])
@@ -201,20 +201,20 @@ def test_normals_and_velocities_are_turned_as_the_mesh_is(tmp_path):
 
 
 def as_written(tracks):
-    """Tracks as a file holds them: colours of bytes as float32, velocities of vertices too."""
-    shown = {}
+    """Return tracks as a file stores them: byte colors and vertex velocities become float32."""
+    written = {}
     for name, track in tracks.items():
-        values, called = track.values, name
+        values, written_name = track.values, name
         if track.kind == "color":
             values = (values / 255).astype(np.float32)
         if track.kind == "velocity" and track.domain is Domain.VERTEX:
-            values, called = values.astype(np.float32), "velocities"
-        shown[called] = Track(values, track.domain, track.kind, track.unit)
-    return shown
+            values, written_name = values.astype(np.float32), "velocities"
+        written[written_name] = Track(values, track.domain, track.kind, track.unit)
+    return written
 
 
 @pytest.mark.parametrize("n_frames", [2, 5])
-def test_tracks_come_back_when_alembic_was_saved(tmp_path, n_frames):
+def test_tracks_round_trip(tmp_path, n_frames):
     sheet, notes = tracked_sheet(n_frames), []
     small = {
         name: Track(track.values >> 33, track.domain) if name.startswith("step") else track
@@ -229,19 +229,19 @@ def test_tracks_come_back_when_alembic_was_saved(tmp_path, n_frames):
     assert {one.kind for one in found.surface.attributes} == {"uv", "color"}
 
 
-def test_numbers_beyond_32_bits_are_named_when_alembic_is_saved(tmp_path):
+def test_save_notes_tracks_beyond_32_bits(tmp_path):
     notes = []
     save(tracked_sheet(2), tmp_path / "a.abc", notes=notes)
     assert (
-        "tracks left out: step_vertex, step_face, step_corner: .abc does not hold numbers beyond "
-        "32 bits, which its library does not take"
+        "tracks left out: step_vertex, step_face, step_corner: .abc does not hold integers beyond "
+        "32 bits (a limit of its library)"
     ) in notes
     assert not any(name.startswith("step") for name in load(tmp_path / "a.abc").tracks)
 
 
 @pytest.mark.parametrize("dtype", ["u1", "i1", "i2", "u2", "i4", "u4", "i8", "u8", "f4", "f8"])
 @pytest.mark.parametrize("width", [1, 2, 3, 9])
-def test_numbers_of_every_type_come_back_when_alembic_was_saved(tmp_path, dtype, width):
+def test_tracks_of_every_number_type_round_trip(tmp_path, dtype, width):
     sheet = quad_sheet(3)
     values = (250 * RNG.random((3, sheet.n_verts, width)) - 120 * (dtype[0] != "u")).astype(dtype)
     tracks = {"a = b; c": Track(values, kind="other", unit="m/s²")}
@@ -252,14 +252,14 @@ def test_numbers_of_every_type_come_back_when_alembic_was_saved(tmp_path, dtype,
     assert np.array_equal(track.values, values)
 
 
-def test_track_comes_back_when_it_never_changes(tmp_path):
+def test_constant_track_round_trips(tmp_path):
     sheet = quad_sheet(3)
     tracks = {"id": Track(np.tile(np.arange(sheet.n_verts, dtype="i4"), (3, 1)))}
     save(replace(sheet, tracks=tracks), tmp_path / "a.abc")
     assert_same_tracks(load(tmp_path / "a.abc").tracks, tracks)
 
 
-def test_each_part_has_its_values_when_there_are_several(tmp_path):
+def test_tracks_of_several_parts_round_trip(tmp_path):
     sheet = two_sheets()
     sizes = domain_sizes(sheet.n_verts, sheet.n_faces, sheet.surface)
     tracks = {
@@ -270,7 +270,7 @@ def test_each_part_has_its_values_when_there_are_several(tmp_path):
     assert_same_tracks(load(tmp_path / "a.abc", merge=True).tracks, tracks)
 
 
-def test_the_library_has_what_was_saved(tmp_path):
+def test_alembic_library_reads_the_saved_tracks(tmp_path):
     sheet = replace(quad_sheet(3), start_s=0.0)
     surface = replace(sheet.surface, attributes=())
     normals = RNG.normal(size=(3, sheet.n_verts, 3))
@@ -286,7 +286,7 @@ def test_the_library_has_what_was_saved(tmp_path):
     archive = Abc.IArchive(str(tmp_path / "a.abc"))
     above = archive.getTop().children[0]
     mesh = AbcGeom.IPolyMesh(above, above.children[0].getName()).getSchema()
-    colours = AbcGeom.IC4fGeomParam(mesh.getArbGeomParams(), "Cd")
+    colors = AbcGeom.IC4fGeomParam(mesh.getArbGeomParams(), "Cd")
     assert mesh.getUVsParam().getNumSamples() == 3
     for frame in range(3):
         chosen = Abc.ISampleSelector(frame / sheet.fps)
@@ -295,13 +295,13 @@ def test_the_library_has_what_was_saved(tmp_path):
         assert np.array_equal(speeds, tracks["velocities"][frame])
         shown = mesh.getNormalsParam().getExpandedValue(chosen).getVals()
         assert np.array_equal(np.array([list(one) for one in shown], np.float32), normals[frame])
-        own = colours.getExpandedValue(chosen).getVals()
+        own = colors.getExpandedValue(chosen).getVals()
         rows = np.array([[one.r, one.g, one.b, one.a] for one in own], np.float32)
         assert np.array_equal(rows, tracks["Cd"][frame])
     assert_same_tracks(load(tmp_path / "a.abc").tracks, tracks)
 
 
-def test_units_are_named_when_alembic_has_no_place_for_them(tmp_path):
+def test_save_notes_units_of_standard_properties(tmp_path):
     sheet, notes = quad_sheet(3), []
     speed = Track(RNG.normal(size=(3, sheet.n_verts, 3)).astype("f4"), kind="velocity", unit="m/s")
     heat = Track(RNG.normal(size=(3, sheet.n_verts)), unit="K")
@@ -314,7 +314,7 @@ def test_units_are_named_when_alembic_has_no_place_for_them(tmp_path):
     assert load(tmp_path / "a.abc").tracks["heat"].unit == "K"
 
 
-def test_one_has_another_name_when_two_parameters_have_the_same(tmp_path):
+def test_second_parameter_of_a_name_is_renamed(tmp_path):
     heat = RNG.random((N_FRAMES, 6)).astype(np.float32)
 
     def fill(schema, samplings):
@@ -329,4 +329,6 @@ def test_one_has_another_name_when_two_parameters_have_the_same(tmp_path):
     found = load(path.with_name("b.abc"), notes=notes).tracks
     assert np.array_equal(found["velocities"].values[..., 0], heat)
     assert np.array_equal(found["velocities_"].values, speed.values)
-    assert any("has 'velocities' twice; one is called 'velocities_'" in note for note in notes)
+    assert any(
+        "has 'velocities' twice; the second is called 'velocities_'" in note for note in notes
+    )

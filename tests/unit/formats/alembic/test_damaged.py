@@ -1,4 +1,4 @@
-"""Whatever bytes an Alembic file holds, reading it gives a sequence or an error of meshreel."""
+"""Reading arbitrary bytes as an Alembic file returns a sequence or raises an error of meshreel."""
 
 import contextlib
 import struct
@@ -23,8 +23,8 @@ def whole(tmp_path_factory):
     first = sample.add_transform(top, "first", [(operations, True)] * 2)
     mesh = sample.add_mesh(first, "m", [sample.POINTS, sample.POINTS * 2, sample.POINTS * 3])
     schema, scope = mesh.getSchema(), sample.AbcGeom.GeometryScope.kFacevaryingScope
-    colours = sample.AbcGeom.OC3fGeomParamSample(sample.imath.C3fArray(8), scope)
-    sample.AbcGeom.OC3fGeomParam(schema.getArbGeomParams(), "Cd", False, scope, 1).set(colours)
+    colors = sample.AbcGeom.OC3fGeomParamSample(sample.imath.C3fArray(8), scope)
+    sample.AbcGeom.OC3fGeomParam(schema.getArbGeomParams(), "Cd", False, scope, 1).set(colors)
     faces = sample.AbcGeom.OFaceSetSchemaSample(sample.int_array([1]))
     schema.createFaceSet("red").getSchema().set(faces)
     top.addChildInstance(first, "again")
@@ -32,36 +32,35 @@ def whole(tmp_path_factory):
     return path.read_bytes()
 
 
-def only_our_errors_come(path, data):
+def load_or_raise_our_error(path, data):
     path.write_bytes(data)
     with contextlib.suppress(MeshReelError):
         load(path, merge=True)
-    return True
 
 
-def test_load_reads_the_whole_file_when_it_is_not_damaged(tmp_path, whole):
+def test_load_reads_the_undamaged_file(tmp_path, whole):
     (tmp_path / "a.abc").write_bytes(whole)
     found = load(tmp_path / "a.abc", merge=True)
     assert [one.name for one in found.surface.parts] == ["/first/m", "/again/m"]
 
 
 @pytest.mark.parametrize("keep", [0, 1, 5, 15, 16, 40, 500, -500, -1])
-def test_load_says_what_is_wrong_when_the_file_is_cut_short(tmp_path, whole, keep):
+def test_load_describes_the_damage_of_a_truncated_file(tmp_path, whole, keep):
     (tmp_path / "a.abc").write_bytes(whole[:keep])
     with pytest.raises(FormatError, match=r"a\.abc: is (damaged|not an Alembic file)"):
         load(tmp_path / "a.abc", merge=True)
 
 
-def test_load_raises_only_our_errors_when_bytes_change(tmp_path, whole):
+def test_load_raises_only_our_errors_for_changed_bytes(tmp_path, whole):
     rng = np.random.default_rng(1)
     for index in range(N_DAMAGED):
         damaged = bytearray(whole)
-        for place in rng.integers(0, len(damaged), 1 + index % 5):
-            damaged[place] = rng.integers(256)
-        assert only_our_errors_come(tmp_path / "a.abc", bytes(damaged))
+        for offset in rng.integers(0, len(damaged), 1 + index % 5):
+            damaged[offset] = rng.integers(256)
+        load_or_raise_our_error(tmp_path / "a.abc", bytes(damaged))
 
 
-def test_load_raises_only_our_errors_when_ranges_are_zero_or_lie_elsewhere(tmp_path, whole):
+def test_load_raises_only_our_errors_for_zeroed_and_copied_ranges(tmp_path, whole):
     rng = np.random.default_rng(2)
     for index in range(N_DAMAGED):
         damaged = bytearray(whole)
@@ -70,28 +69,30 @@ def test_load_raises_only_our_errors_when_ranges_are_zero_or_lie_elsewhere(tmp_p
         damaged[begin : begin + size] = (
             damaged[source : source + size] if index % 2 else bytes(size)
         )
-        assert only_our_errors_come(tmp_path / "a.abc", bytes(damaged))
+        load_or_raise_our_error(tmp_path / "a.abc", bytes(damaged))
 
 
-def test_load_refuses_a_file_when_its_writing_was_not_finished(tmp_path, whole):
+def test_load_rejects_a_file_that_was_not_completely_written(tmp_path, whole):
     (tmp_path / "a.abc").write_bytes(whole[:5] + b"\0" + whole[6:])
-    with pytest.raises(FormatError, match=r"a\.abc: is an Alembic file whose writing was not"):
+    with pytest.raises(
+        FormatError, match=r"a\.abc: is an Alembic file that was not completely written"
+    ):
         load(tmp_path / "a.abc")
 
 
-def test_load_refuses_a_group_when_it_declares_more_than_the_file_holds(tmp_path, whole):
+def test_load_rejects_a_group_larger_than_the_file(tmp_path, whole):
     (root,) = struct.unpack_from("<Q", whole, 8)
     many = whole[:root] + struct.pack("<Q", 1 << 60) + whole[root + 8 :]
     (tmp_path / "a.abc").write_bytes(many)
-    with pytest.raises(FormatError, match=f"what begins at byte {root} ends behind the end"):
+    with pytest.raises(FormatError, match=f"the block at byte {root} ends after the end"):
         load(tmp_path / "a.abc")
 
 
-def test_load_refuses_a_hierarchy_when_an_object_is_below_itself(tmp_path, whole):
+def test_load_rejects_an_object_that_contains_itself(tmp_path, whole):
     root = struct.unpack_from("<Q", whole, 8)[0]
     top = struct.unpack_from("<Q", whole, root + 8 + 8 * 2)[0]
     damaged = bytearray(whole)
-    struct.pack_into("<Q", damaged, top + 8 + 8, top)  # the first child of the top
+    struct.pack_into("<Q", damaged, top + 8 + 8, top)  # first child of the root
     (tmp_path / "a.abc").write_bytes(damaged)
-    with pytest.raises(FormatError, match=r"a\.abc: is damaged: /first is below itself"):
+    with pytest.raises(FormatError, match=r"a\.abc: is damaged: /first contains itself"):
         load(tmp_path / "a.abc")

@@ -10,7 +10,7 @@ from samples import alembic as sample
 MOVES = [sample.POINTS, sample.POINTS * 2, sample.POINTS * 4]
 
 
-NO_MESH = r"a\.abc: holds no mesh, but NURBS patches \(1\), cameras \(2\), point clouds \(1\);"
+NO_MESH = r"a\.abc: contains no mesh, only NURBS patches \(1\), cameras \(2\), point clouds \(1\);"
 
 
 def polygons(sequence):
@@ -29,50 +29,50 @@ def polygons(sequence):
         (sample.cyclic(1.0, [0.25, 0.75]), 2.0, 0.25),
     ],
 )
-def test_load_finds_rate_and_start_when_times_are_even(tmp_path, sampling, fps, start_s):
+def test_load_derives_frame_rate_and_start_from_even_times(tmp_path, sampling, fps, start_s):
     sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", MOVES, sampling)
     found = load(tmp_path / "a.abc")
     assert (found.fps, found.start_s) == (fps, start_s)
     np.testing.assert_array_equal(found.vertices, MOVES)
 
 
-def test_load_gives_one_frame_when_every_sample_is_the_same(tmp_path):
+def test_load_returns_one_frame_of_a_constant_mesh(tmp_path):
     frames, sampling = [sample.POINTS] * 5, sample.uniform(1 / 24, 1.0)
     sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", frames, sampling)
     found = load(tmp_path / "a.abc")
     assert (found.n_frames, found.fps, found.start_s) == (1, 24.0, 1.0)
 
 
-def test_load_keeps_frames_that_repeat_when_a_mesh_rests_before_and_after_it_moves(tmp_path):
+def test_load_keeps_repeated_frames_before_and_after_a_motion(tmp_path):
     frames = [MOVES[number] for number in (0, 0, 0, 1, 2, 2, 2)]
     sampling = sample.uniform(1 / 24, 0.0)
     sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", frames, sampling)
     np.testing.assert_array_equal(load(tmp_path / "a.abc").vertices, frames)
 
 
-def test_load_turns_faces_over_when_the_file_has_them_clockwise(tmp_path):
+def test_load_reverses_the_clockwise_faces_of_the_file(tmp_path):
     sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", MOVES)
     found = [one.tolist() for one in polygons(load(tmp_path / "a.abc"))]
     assert found == [[3, 2, 1, 0], [5, 4, 2, 3]]
 
 
-def test_load_reads_the_cage_when_a_mesh_is_to_be_subdivided(tmp_path):
+def test_load_reads_the_cage_of_a_subdivision_surface(tmp_path):
     sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", MOVES, kind="SubD")
     notes = []
     np.testing.assert_array_equal(load(tmp_path / "a.abc", notes=notes).vertices, MOVES)
     assert "left out: subdivision of /m, whose cage is read" in notes
 
 
-def test_load_refuses_a_file_when_objects_are_nested_without_end(tmp_path):
+def test_load_rejects_a_hierarchy_that_is_too_deep(tmp_path):
     parent = sample.archive(tmp_path / "a.abc").getTop()
     for _ in range(300):
         parent = sample.add_transform(parent, "t", [])
     del parent
-    with pytest.raises(FormatError, match="t below more than 256 objects; export it flatter"):
+    with pytest.raises(FormatError, match="t below more than 256 objects; flatten it"):
         load(tmp_path / "a.abc")
 
 
-def test_load_lists_and_chooses_by_path_when_there_are_several_meshes(tmp_path):
+def test_load_lists_several_meshes_and_selects_one_by_path(tmp_path):
     top = sample.archive(tmp_path / "a.abc").getTop()
     for name, frames in (("left", MOVES[:1]), ("right", MOVES[1:2])):
         sample.add_mesh(sample.add_transform(top, name, []), "body", frames)
@@ -83,7 +83,7 @@ def test_load_lists_and_chooses_by_path_when_there_are_several_meshes(tmp_path):
     np.testing.assert_array_equal(found.vertices[0], MOVES[1])
 
 
-def test_load_reads_instances_where_their_transforms_put_them_when_a_file_has_them(tmp_path):
+def test_load_transforms_instances(tmp_path):
     top = sample.archive(tmp_path / "a.abc").getTop()
     shift = [([("kTranslateOperation", sample.vector(5, 0, 0))], True)]
     first = sample.add_transform(top, "first", shift)
@@ -99,7 +99,7 @@ def test_load_reads_instances_where_their_transforms_put_them_when_a_file_has_th
     np.testing.assert_array_equal(found.vertices[0], np.concatenate([expected, 2 * expected]))
 
 
-def test_load_names_the_frame_when_faces_change(tmp_path):
+def test_load_names_the_frame_in_which_faces_change(tmp_path):
     faces = [sample.QUADS, sample.QUADS, sample.QUADS[:1]]
     sampling = sample.uniform(1 / 24, 0.0)
     sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", MOVES, sampling, faces)
@@ -109,7 +109,7 @@ def test_load_names_the_frame_when_faces_change(tmp_path):
         load(tmp_path / "a.abc")
 
 
-def test_load_says_what_there_is_when_there_is_no_mesh(tmp_path):
+def test_load_lists_the_contents_of_a_file_without_meshes(tmp_path):
     top = sample.archive(tmp_path / "a.abc").getTop()
     for name, kind in (("c", "Camera"), ("d", "Camera"), ("p", "Points"), ("n", "NuPatch")):
         getattr(sample.AbcGeom, f"O{kind}")(top, name)
@@ -118,13 +118,13 @@ def test_load_says_what_there_is_when_there_is_no_mesh(tmp_path):
         load(tmp_path / "a.abc")
 
 
-def test_load_says_how_to_convert_when_the_file_is_of_the_older_kind(tmp_path):
+def test_load_explains_how_to_convert_an_hdf5_archive(tmp_path):
     (tmp_path / "a.abc").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(500))
-    with pytest.raises(FormatError, match=r"a\.abc: is an Alembic file of the older kind, HDF5;"):
+    with pytest.raises(FormatError, match=r"a\.abc: is an Alembic file of the older HDF5 kind;"):
         load(tmp_path / "a.abc")
 
 
-def test_attributes_are_those_that_do_not_change_when_others_do(tmp_path):
+def test_constant_properties_are_attributes_and_animated_ones_tracks(tmp_path):
     mesh = sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", MOVES)
     add_floats(mesh, "speed", [np.arange(6), np.arange(6) * 2])
     add_floats(mesh, "weight", [np.arange(6)])
@@ -140,7 +140,7 @@ def test_attributes_are_those_that_do_not_change_when_others_do(tmp_path):
     assert list(found.tracks) == ["speed"]
 
 
-def test_load_gives_groups_of_their_own_when_face_sets_overlap(tmp_path):
+def test_overlapping_face_sets_become_separate_groups(tmp_path):
     mesh = sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", MOVES)
     for name, faces in (("red", [0]), ("blue", [1]), ("all", [0, 1])):
         chosen = sample.AbcGeom.OFaceSetSchemaSample(sample.int_array(faces))
@@ -153,7 +153,7 @@ def test_load_gives_groups_of_their_own_when_face_sets_overlap(tmp_path):
     ]
 
 
-def test_open_source_refuses_frames_when_the_file_has_changed(tmp_path):
+def test_open_source_detects_that_the_file_changed(tmp_path):
     path = tmp_path / "a.abc"
     sample.add_mesh(sample.archive(path).getTop(), "m", MOVES)
     found = open_source(path)
@@ -178,7 +178,7 @@ def add_floats(mesh, name, samples):
 
 
 def write_late_transform(path):
-    """Points at 30 frames per second up to 7/30 s, under a transform that moves up to 0.25 s."""
+    """Write points sampled up to 7/30 s at 30 fps, below a transform that moves until 0.25 s."""
     moves = [([("kTranslateOperation", sample.vector(x, 0, 0))], True) for x in (0, 6)]
     top = sample.archive(path).getTop()
     moved = sample.add_transform(top, "x", moves, sample.acyclic([0.0, 0.25]))
@@ -186,7 +186,7 @@ def write_late_transform(path):
     sample.add_mesh(moved, "m", frames, sample.uniform(1 / 30, 0))
 
 
-def test_load_keeps_the_final_pose_when_a_transform_ends_between_two_samples_of_points(tmp_path):
+def test_load_keeps_the_final_pose_of_a_transform_between_two_point_samples(tmp_path):
     write_late_transform(tmp_path / "a.abc")
     notes = []
     found = load(tmp_path / "a.abc", notes=notes)

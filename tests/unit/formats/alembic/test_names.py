@@ -1,4 +1,4 @@
-"""Names that separate entries of an Alembic file; of some the library ends the process."""
+"""Names with reserved characters, some of which make the Alembic library abort."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def track(width=1, **facts):
 
 
 def stored(tmp_path, attributes=(), groups=(), parts=(), tracks=None):
-    """The sequence with these read back from an Alembic file, and the notes on writing it."""
+    """Return the sequence after a round trip through Alembic, and the notes of writing it."""
     surface = Surface(None, tuple(attributes), tuple(groups), tuple(parts))
     notes = []
     sequence = MeshSequence(VERTICES, FACES, 24, "a", 0.0, surface, tracks or {})
@@ -38,12 +38,12 @@ def stored(tmp_path, attributes=(), groups=(), parts=(), tracks=None):
     return load(tmp_path / "a.abc"), notes
 
 
-def renamed(what, name, called):
-    return f"{what} {name!r} is called {called!r} in .abc files"
+def renamed(what, name, written_name):
+    return f"{what} {name!r} is called {written_name!r} in .abc files"
 
 
 @pytest.mark.parametrize("name", ["a;b", "a=b", "a\0b", "a\udc80b"])
-def test_texture_coordinates_are_renamed_when_metadata_cannot_hold_the_name(tmp_path, name):
+def test_reserved_characters_in_names_of_texture_coordinates_are_replaced(tmp_path, name):
     found, notes = stored(tmp_path, [attribute(name, Kind.UV)])
     assert [one.name for one in found.surface.attributes] == ["a_b"]
     assert notes == [renamed("attribute", name, "a_b")]
@@ -51,14 +51,14 @@ def test_texture_coordinates_are_renamed_when_metadata_cannot_hold_the_name(tmp_
     assert (list(found.tracks), notes) == (["a_b"], [renamed("track", name, "a_b")])
 
 
-def test_texture_coordinates_get_a_number_when_the_new_name_is_taken(tmp_path):
+def test_cleaned_name_of_texture_coordinates_stays_unique(tmp_path):
     found, notes = stored(tmp_path, [attribute("a;b", Kind.UV), attribute("a_b")])
     assert [one.name for one in found.surface.attributes] == ["a_b_2", "a_b"]
     assert notes == [renamed("attribute", "a;b", "a_b_2")]
 
 
 @pytest.mark.parametrize("name", ["a;b", "a=b", "a\x1bb"])
-def test_names_stay_when_no_metadata_hold_them(tmp_path, name):
+def test_names_outside_metadata_keep_their_characters(tmp_path, name):
     found, notes = stored(
         tmp_path, [attribute(name)], [group("material", name, "c"), group("g", name)],
         [Part(name, 4, 2)], {f"{name} track": track()},
@@ -69,7 +69,7 @@ def test_names_stay_when_no_metadata_hold_them(tmp_path, name):
 
 
 @pytest.mark.parametrize("name", ["a/b", "a\0b", "a\udc80b"])
-def test_names_are_noted_when_they_change(tmp_path, name):
+def test_changed_names_are_noted(tmp_path, name):
     found, notes = stored(
         tmp_path, [attribute(name)], [group("material", name, "c"), group(name, "d")]
     )
@@ -85,7 +85,7 @@ def test_names_are_noted_when_they_change(tmp_path, name):
     ]
 
 
-def test_names_of_all_kinds_are_written_when_they_are_the_same_but_for_slashes(tmp_path):
+def test_names_that_differ_only_in_slashes_stay_distinct(tmp_path):
     found, _ = stored(
         tmp_path,
         [attribute("a/b"), attribute("a_b")],
@@ -98,12 +98,12 @@ def test_names_of_all_kinds_are_written_when_they_are_the_same_but_for_slashes(t
 
 
 @pytest.mark.parametrize("text", ["a;b", "a=b", "a\0b"])
-def test_units_and_labels_are_noted_when_they_change(tmp_path, text):
+def test_changed_units_and_labels_are_noted(tmp_path, text):
     found, notes = stored(tmp_path, groups=[group("g", "a\0b")], tracks={"t": track(unit=text)})
     assert (found.tracks["t"].unit, found.surface.groups[0].labels) == ("a_b", ("a_b",))
     assert notes == [renamed("label", "a\0b", "a_b"), renamed("unit", text, "a_b")]
 
 
-def test_part_is_noted_when_its_name_changes(tmp_path):
+def test_changed_part_name_is_noted(tmp_path):
     found, notes = stored(tmp_path, parts=[Part("a\0b", 4, 2)])
     assert (found.name, notes) == ("a_b", [renamed("part", "a\0b", "a_b")])

@@ -16,5 +16,5 @@ from meshreel.formats.alembic.object_paths import object_paths
         (["a", "/a/a"], ["a/a", "a/a_2"]),
     ],
 )
-def test_object_paths_differ_and_have_a_transform_above_when_names_collide(names, expected):
+def test_object_paths_are_unique_and_have_a_transform(names, expected):
     assert ["/".join(path) for path in object_paths(names)] == expected

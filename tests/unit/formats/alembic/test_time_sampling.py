@@ -2,37 +2,37 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError
-from meshreel.formats.alembic.time_sampling import TimeSampling, between
+from meshreel.formats.alembic.time_sampling import TimeSampling, bracketing_samples
 
 TIMES = np.array([1.0, 2.0, 4.0])
 
 
-def test_times_are_equally_far_apart_when_there_is_one_to_a_cycle():
+def test_uniform_times_are_evenly_spaced():
     found = TimeSampling(np.array([0.5]), 0.25).times(4)
     np.testing.assert_array_equal(found, [0.5, 0.75, 1.0, 1.25])
 
 
-def test_times_repeat_when_a_cycle_has_several():
+def test_cyclic_times_repeat():
     found = TimeSampling(np.array([0.0, 0.1]), 1.0).times(5)
     np.testing.assert_array_equal(found, [0.0, 0.1, 1.0, 1.1, 2.0])
 
 
-def test_times_are_the_first_listed_when_there_is_no_cycle():
+def test_acyclic_times_are_the_first_stored():
     np.testing.assert_array_equal(TimeSampling(TIMES, None).times(2), [1.0, 2.0])
 
 
 @pytest.mark.parametrize(
     ("sampling", "n_samples", "message"),
     [
-        (TimeSampling(TIMES, None), 4, "3 times are listed for 4 samples"),
+        (TimeSampling(TIMES, None), 4, "it lists 3 times for 4 samples"),
         (TimeSampling(TIMES[::-1], None), 3, "do not ascend"),
         (TimeSampling(np.array([0.0]), -1.0), 2, "do not ascend"),
         (TimeSampling(np.array([np.nan]), 1.0), 1, "do not ascend"),
         (TimeSampling(np.array([0.0]), 1e308), 1000, "do not ascend"),
-        (TimeSampling(np.array([0.0]), 1e-300), 10, "10 samples are 9e-300 s apart"),
+        (TimeSampling(np.array([0.0]), 1e-300), 10, "10 samples span only 9e-300 s"),
     ],
 )
-def test_times_are_refused_when_they_cannot_be_meant(sampling, n_samples, message):
+def test_implausible_times_are_rejected(sampling, n_samples, message):
     with pytest.raises(FormatError, match=message):
         sampling.times(n_samples)
 
@@ -48,5 +48,5 @@ def test_times_are_refused_when_they_cannot_be_meant(sampling, n_samples, messag
         (9.0, (2, 2, 0.0)),
     ],
 )
-def test_between_names_both_samples_only_when_a_time_is_well_between_them(time_s, expected):
-    assert between(TIMES, time_s) == expected
+def test_bracketing_samples_snap_to_close_samples(time_s, expected):
+    assert bracketing_samples(TIMES, time_s) == expected

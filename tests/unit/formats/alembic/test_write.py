@@ -22,7 +22,7 @@ FACES = triangulate_fans(SIZES, CORNERS)
 N_ITEMS = {Domain.VERTEX: 8, Domain.FACE: 3, Domain.CORNER: 12}
 
 
-def moving(n_frames=3, dtype=np.float32, surface=None, offset=0.0, **rest):
+def animated(n_frames=3, dtype=np.float32, surface=None, offset=0.0, **rest):
     vertices = np.random.default_rng(3).standard_normal((n_frames, 8, 3)) + offset
     return MeshSequence(vertices.astype(dtype), FACES, surface=surface or Surface(SIZES), **rest)
 
@@ -32,8 +32,8 @@ def saved_and_loaded(path, sequence, notes=None, **choice):
     return load(path, **choice)
 
 
-def test_load_gives_back_positions_and_polygons_exactly_when_save_wrote_them(tmp_path):
-    sequence = moving(name="Ödipus")
+def test_positions_and_polygons_round_trip_exactly(tmp_path):
+    sequence = animated(name="Ödipus")
     found = saved_and_loaded(tmp_path / "a.abc", sequence)
     assert found.vertices.dtype == np.float32
     np.testing.assert_array_equal(found.vertices, sequence.vertices)
@@ -42,8 +42,8 @@ def test_load_gives_back_positions_and_polygons_exactly_when_save_wrote_them(tmp
     assert found.name == "Ödipus"
 
 
-def test_open_source_gives_back_positions_exactly_when_they_stay_in_the_file(tmp_path):
-    sequence = moving(5, fps=24)
+def test_open_source_reads_positions_exactly_from_the_file(tmp_path):
+    sequence = animated(5, fps=24)
     save(sequence, tmp_path / "a.abc")
     found = open_source(tmp_path / "a.abc", max_loaded_bytes=0)
     assert not isinstance(found, MeshSequence)
@@ -52,23 +52,23 @@ def test_open_source_gives_back_positions_exactly_when_they_stay_in_the_file(tmp
 
 @pytest.mark.parametrize("fps", [12.5, 24.0, 25.0, 29.97, 30000 / 1001, 60.0])
 @pytest.mark.parametrize("start_s", [0.0, -1.25, 3.5, 1001 / 24])
-def test_load_gives_back_rate_and_start_when_save_wrote_them(tmp_path, fps, start_s):
-    found = saved_and_loaded(tmp_path / "a.abc", moving(fps=fps, start_s=start_s))
+def test_frame_rate_and_start_round_trip(tmp_path, fps, start_s):
+    found = saved_and_loaded(tmp_path / "a.abc", animated(fps=fps, start_s=start_s))
     assert (found.fps, found.start_s) == (fps, start_s)
 
 
 @pytest.mark.parametrize(("fps", "start_s"), [(0.0, 0.0), (0.0, 2.5), (24.0, 2.5)])
-def test_load_gives_back_a_single_frame_when_save_wrote_one(tmp_path, fps, start_s):
-    sequence, notes = moving(1, fps=fps, start_s=start_s), []
+def test_single_frame_round_trips(tmp_path, fps, start_s):
+    sequence, notes = animated(1, fps=fps, start_s=start_s), []
     found = saved_and_loaded(tmp_path / "a.abc", sequence, notes)
     assert (found.n_frames, found.fps, found.start_s, notes) == (1, fps, start_s, [])
     np.testing.assert_array_equal(found.vertices, sequence.vertices)
 
 
-def test_save_assumes_24_frames_per_second_when_the_rate_is_not_known(tmp_path):
+def test_save_assumes_24_frames_per_second_without_a_frame_rate(tmp_path):
     notes = []
-    assert saved_and_loaded(tmp_path / "a.abc", moving(), notes).fps == 24
-    assert notes == ["the frame rate is not known; written as 24 frames per second"]
+    assert saved_and_loaded(tmp_path / "a.abc", animated(), notes).fps == 24
+    assert notes == ["the frame rate is unknown; written as 24 frames per second"]
 
 
 @pytest.mark.parametrize("domain", Domain)
@@ -85,9 +85,7 @@ def test_save_assumes_24_frames_per_second_when_the_rate_is_not_known(tmp_path):
         (Kind.OTHER, 16, np.float64),
     ],
 )
-def test_load_gives_back_attributes_exactly_when_save_wrote_them(
-    tmp_path, domain, is_indexed, kind, width, dtype
-):
+def test_attributes_round_trip_exactly(tmp_path, domain, is_indexed, kind, width, dtype):
     rng, n_items = np.random.default_rng(width), N_ITEMS[domain]
     values = (rng.random((n_items, width)) * 200).astype(dtype)
     indices = rng.permutation(n_items).astype(np.int32) if is_indexed else None
@@ -95,7 +93,7 @@ def test_load_gives_back_attributes_exactly_when_save_wrote_them(
         Attribute(name, kind, domain, values + np.ones(1, dtype) * number, indices)
         for number, name in enumerate(("first", "second"))
     )
-    found = saved_and_loaded(tmp_path / "a.abc", moving(surface=Surface(SIZES, attributes)))
+    found = saved_and_loaded(tmp_path / "a.abc", animated(surface=Surface(SIZES, attributes)))
     for own, back in zip(attributes, found.surface.attributes, strict=True):
         assert (back.name, back.kind, back.domain) == (own.name, kind, domain)
         assert back.values.dtype == dtype
@@ -103,79 +101,79 @@ def test_load_gives_back_attributes_exactly_when_save_wrote_them(
         assert (back.indices is None) == (own.indices is None)
 
 
-def test_save_leaves_a_note_when_colours_are_bytes(tmp_path):
-    colours = np.arange(24, dtype=np.uint8).reshape(8, 3) * 10
-    attribute = Attribute("Cd", Kind.COLOR, Domain.VERTEX, colours)
+def test_save_notes_the_conversion_of_byte_colors(tmp_path):
+    colors = np.arange(24, dtype=np.uint8).reshape(8, 3) * 10
+    attribute = Attribute("Cd", Kind.COLOR, Domain.VERTEX, colors)
     notes = []
-    sequence = moving(fps=24, surface=Surface(SIZES, (attribute,)))
+    sequence = animated(fps=24, surface=Surface(SIZES, (attribute,)))
     [back] = saved_and_loaded(tmp_path / "a.abc", sequence, notes).surface.attributes
-    np.testing.assert_array_equal(back.values, (colours / 255).astype(np.float32))
+    np.testing.assert_array_equal(back.values, (colors / 255).astype(np.float32))
     assert notes == ["color 'Cd' is written as float32, not uint8"]
 
 
-def test_load_gives_back_groups_exactly_when_save_wrote_them(tmp_path):
+def test_groups_round_trip_exactly(tmp_path):
     groups = (
         FaceGroups("material", ("red", "ö"), np.array([1, -1, 0], np.int32)),
         FaceGroups("layer", ("a", "b"), np.array([0, 1, -1], np.int32)),
         FaceGroups("group", ("all",), np.zeros(3, np.int32)),
     )
-    found = saved_and_loaded(tmp_path / "a.abc", moving(surface=Surface(SIZES, groups=groups)))
+    found = saved_and_loaded(tmp_path / "a.abc", animated(surface=Surface(SIZES, groups=groups)))
     for own, back in zip(groups, found.surface.groups, strict=True):
         assert (back.name, back.labels) == (own.name, own.labels)
         np.testing.assert_array_equal(back.numbers, own.numbers)
 
 
-def test_load_gives_back_parts_as_meshes_when_save_wrote_them(tmp_path):
+def test_parts_round_trip_as_meshes(tmp_path):
     vertices = np.random.default_rng(0).standard_normal((2, 10, 3)).astype(np.float32)
     faces = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [7, 8, 9]])
     sizes = np.array([4, 3, 3], np.int32)
     parts = (Part("/root/a", 4, 1), Part("/root/b/c", 3, 1), Part("/root/b/d", 3, 1))
-    colours = Attribute("Cd", Kind.COLOR, Domain.FACE, np.eye(3, dtype=np.float32))
-    sequence = MeshSequence(vertices, faces, 24, surface=Surface(sizes, (colours,), (), parts))
+    colors = Attribute("Cd", Kind.COLOR, Domain.FACE, np.eye(3, dtype=np.float32))
+    sequence = MeshSequence(vertices, faces, 24, surface=Surface(sizes, (colors,), (), parts))
     found = saved_and_loaded(tmp_path / "a.abc", sequence, merge=True)
     assert found.surface.parts == parts
     np.testing.assert_array_equal(found.vertices, vertices)
     np.testing.assert_array_equal(found.faces, faces)
-    np.testing.assert_array_equal(found.surface.attributes[0].values, colours.values)
+    np.testing.assert_array_equal(found.surface.attributes[0].values, colors.values)
     alone = load(tmp_path / "a.abc", object="c")
     np.testing.assert_array_equal(alone.vertices, vertices[:, 4:7])
 
 
-def test_save_notes_the_rounding_when_positions_are_float64(tmp_path):
-    sequence, notes = moving(dtype=np.float64, fps=24), []
+def test_save_notes_the_rounding_of_float64_positions(tmp_path):
+    sequence, notes = animated(dtype=np.float64, fps=24), []
     found = saved_and_loaded(tmp_path / "a.abc", sequence, notes)
     np.testing.assert_array_equal(found.vertices, sequence.vertices.astype(np.float32))
     error = np.abs(found.vertices - sequence.vertices).max()
     assert notes == [
-        f"positions in an Alembic file are float32: coordinates are off by up to {error:.2g}"
+        f"Alembic stores positions as float32: coordinates change by up to {error:.2g}"
     ]
 
 
-def test_save_keeps_float64_near_a_millionth_of_its_size_when_it_is_far_away(tmp_path):
-    sequence, notes = moving(dtype=np.float64, offset=[3e8, -4e8, 0.5], fps=24), []
+def test_save_keeps_float64_positions_far_from_the_origin_within_a_millionth(tmp_path):
+    sequence, notes = animated(dtype=np.float64, offset=[3e8, -4e8, 0.5], fps=24), []
     found = saved_and_loaded(tmp_path / "a.abc", sequence, notes)
     assert found.vertices.dtype == np.float64
     assert np.abs(found.vertices - sequence.vertices).max() < 3e-7
-    assert notes[0].startswith("positions in an Alembic file are float32, beside the middle of")
+    assert notes[0].startswith("Alembic stores positions as float32, relative to the center of")
 
 
-def test_save_writes_float32_as_it_is_when_it_is_far_away(tmp_path):
-    sequence, notes = moving(offset=1e6, fps=24), []
+def test_save_keeps_float32_positions_far_from_the_origin_exact(tmp_path):
+    sequence, notes = animated(offset=1e6, fps=24), []
     found = saved_and_loaded(tmp_path / "a.abc", sequence, notes)
     np.testing.assert_array_equal(found.vertices, sequence.vertices)
     assert notes == []
 
 
-def test_save_refuses_positions_when_float32_cannot_hold_them(tmp_path):
+def test_save_rejects_positions_beyond_float32(tmp_path):
     vertices = np.zeros((1, 8, 3))
     vertices[0, 0], vertices[0, 1] = 1e300, -1e300
-    with pytest.raises(InvalidInputError, match=r"go up to 3\.4e\+38; got 1e\+300; scale"):
+    with pytest.raises(InvalidInputError, match=r"up to 3\.4e\+38; got 1e\+300; scale"):
         save(MeshSequence(vertices, FACES, surface=Surface(SIZES)), tmp_path / "a.abc")
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("has_limits", [True, False])
-def test_save_refuses_to_begin_when_the_disk_is_too_small(tmp_path, monkeypatch, has_limits):
+def test_save_refuses_to_start_without_enough_disk_space(tmp_path, monkeypatch, has_limits):
     def refuse(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
 
@@ -184,29 +182,31 @@ def test_save_refuses_to_begin_when_the_disk_is_too_small(tmp_path, monkeypatch,
     monkeypatch.setattr("os.posix_fallocate", refuse, raising=False)
     if not has_limits:
         monkeypatch.delattr("os.posix_fallocate")
-    with pytest.raises(InvalidInputError, match=r"a\.abc takes up to \d+ bytes .* is no room"):
-        save(moving(), tmp_path / "a.abc")
+    with pytest.raises(
+        InvalidInputError, match=r"a\.abc needs up to \d+ bytes .* not enough space"
+    ):
+        save(animated(), tmp_path / "a.abc")
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.skipif(not hasattr(os, "posix_fallocate"), reason="room is not taken here")
-@pytest.mark.parametrize("sequence", [moving(1), moving(300), quad_sheet(), two_cubes(50)])
-def test_save_takes_no_more_room_than_it_tried_when_it_writes(tmp_path, monkeypatch, sequence):
-    tried = []
-    monkeypatch.setattr("os.posix_fallocate", lambda *of: tried.append(of[2]))
+@pytest.mark.skipif(not hasattr(os, "posix_fallocate"), reason="needs posix_fallocate")
+@pytest.mark.parametrize("sequence", [animated(1), animated(300), quad_sheet(), two_cubes(50)])
+def test_saved_file_is_no_larger_than_the_space_checked(tmp_path, monkeypatch, sequence):
+    allocated = []
+    monkeypatch.setattr("os.posix_fallocate", lambda *args: allocated.append(args[2]))
     save(sequence, tmp_path / "a.abc")
-    assert (tmp_path / "a.abc").stat().st_size <= tried[0] < 500_000
+    assert (tmp_path / "a.abc").stat().st_size <= allocated[0] < 500_000
 
 
-def test_save_names_the_command_when_the_library_is_not_installed(tmp_path, monkeypatch):
+def test_save_names_the_install_command_for_a_missing_library(tmp_path, monkeypatch):
     missing = Extra("alembic", "alembic3d", "no_such_module")
     monkeypatch.setattr("meshreel.formats.registry.SEQUENCE_FORMATS", {})
     monkeypatch.setattr("meshreel.formats.alembic.write.ALEMBIC", missing)
     with pytest.raises(FormatError, match=r"pip install 'meshreel\[alembic\]'"):
-        save(moving(), tmp_path / "a.abc")
+        save(animated(), tmp_path / "a.abc")
 
 
-def test_save_writes_the_same_bytes_when_it_is_called_twice(tmp_path):
+def test_save_is_deterministic(tmp_path):
     for name in ("a.abc", "b.abc"):
-        save(moving(fps=24), tmp_path / name)
+        save(animated(fps=24), tmp_path / name)
     assert (tmp_path / "a.abc").read_bytes() == (tmp_path / "b.abc").read_bytes()
