@@ -13,8 +13,7 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.alembic.library_arrays import library_array, library_vector
-from meshreel.formats.alembic.names import IN_METADATA, IN_TEXTS, clean, unique_name
-from meshreel.formats.alembic.object_paths import object_paths
+from meshreel.formats.alembic.names import IN_METADATA, IN_TEXTS, clean, object_paths, unique_name
 from meshreel.formats.alembic.winding import reversed_corners
 from meshreel.formats.alembic.write_attributes import (
     is_texture,
