@@ -7,6 +7,7 @@ from io import BytesIO
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.memory import OWN_STREAM
 from meshreel.codec.reel_file import ReelFile
@@ -18,7 +19,6 @@ from meshreel.runtime.profiling import staged
 from meshreel.runtime.progress import Count, Progress, silent
 
 Vertices = npt.NDArray[np.floating]
-Integers = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,10 @@ its corners differ, at a seam, further rows follow. `docs/format.md`, "Tracks".
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.codec.entropy.coder import encode_integers
 from meshreel.codec.entropy.varint import write_varint
-
-Integers = npt.NDArray[np.int64]
 
 AGAIN, NEW = 0, 1
 """The row of the corner before at the vertex; one that has not come. A larger code k is the row of

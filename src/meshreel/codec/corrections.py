@@ -7,12 +7,9 @@ clustered in vertices and runs of frames, and coded accordingly.
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Floats, Integers
 from meshreel.kernel.frames import Moves
-
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.codec.subspace.basis import expand
 from meshreel.kernel.frames import (
     Moves,
@@ -16,7 +17,6 @@ from meshreel.kernel.frames import (
     packed_fields,
 )
 
-Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.integer]
 
 FramesOf = Callable[[slice], Floats]

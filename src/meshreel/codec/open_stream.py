@@ -5,8 +5,8 @@ from functools import cached_property
 from typing import BinaryIO
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.codec.bitstream.layout import SURFACE_SECTIONS, Section
 from meshreel.codec.choices import Laplacian, Order, choice_of_code
 from meshreel.codec.memory import DEFAULT_LIMIT, MemoryLimit
@@ -18,8 +18,6 @@ from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.kernel.files import FileSection, OpenFile
 from meshreel.model.sequence import Faces
 from meshreel.model.surface import PLAIN, Surface
-
-Integers = npt.NDArray[np.int64]
 
 MODE_BYTES = 48
 """Of a value of a mode of the paper, at a vertex or over time, while it is decoded: three axes."""

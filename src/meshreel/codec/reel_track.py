@@ -1,11 +1,10 @@
 """A track of a `.reel` file whose values are decoded on demand."""
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Values
 from meshreel.codec.methods import FrameReader
 from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.surface.codes import DOMAINS
@@ -15,8 +14,6 @@ from meshreel.model.frame_choice import FrameChoice, chosen_frames
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackKind, described_track
 from meshreel.runtime.counting import counted
-
-Values = npt.NDArray[Any]
 
 
 class ReelTrack:

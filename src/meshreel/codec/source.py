@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.codec.bitstream.header import Header
 from meshreel.codec.bitstream.layout import Section, VertexType
 from meshreel.codec.bitstream.writer import Sections, whole_stream
@@ -26,7 +27,6 @@ from meshreel.model.surface import PLAIN, Surface
 from meshreel.model.tracks import TrackSource
 
 Vertices = npt.NDArray[np.floating]
-Integers = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,11 @@
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.errors import CorruptStreamError
 from meshreel.kernel.library import call, memory, size_of
 
 Faces = npt.NDArray[np.int32]
-Integers = npt.NDArray[np.int64]
 
 MOST_ITEMS = 1 << 26
 """Most vertices, and most faces, of a mesh."""

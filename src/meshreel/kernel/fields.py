@@ -11,11 +11,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.kernel.library import call, memory, size_of
 from meshreel.runtime.profiling import staged
-
-Integers = npt.NDArray[np.int64]
 
 MAX_MAGNITUDE = (1 << 31) - 1
 MAX_NEAR = 16

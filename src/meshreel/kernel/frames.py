@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.kernel.library import Argument, call, memory, size_of
 from meshreel.runtime.threads import chunks, in_threads
 
-Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.integer]
 
 COLUMNS = 0

@@ -5,9 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.kernel.library import call, memory, size_of
-
-Integers = npt.NDArray[np.int64]
 
 MAX_MAGNITUDE = (1 << 31) - 1
 BYTES_EACH = 16

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.kernel.library import call
 
-Floats = npt.NDArray[np.float64]
 Vertices = npt.NDArray[np.floating[Any]]
 Integers = npt.NDArray[np.int32]
 

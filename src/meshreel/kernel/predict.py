@@ -9,12 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.kernel.library import call, memory, size_of
 from meshreel.kernel.mesh import Hierarchy
 from meshreel.runtime.threads import chunks, in_threads, n_cores
-
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
 
 CHUNK_VERTICES = 16384
 """Vertices of a level that one thread takes; the encoder counts in each by itself, so that its

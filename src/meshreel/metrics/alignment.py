@@ -4,12 +4,10 @@ from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.metrics.reference import bounding_box_reference
 from meshreel.model.sequence import FrameSource
-
-Floats = npt.NDArray[np.float64]
 
 MOST_FRAMES, MOST_VERTICES = 8, 4096
 """Samples of a sequence, evenly spaced; a turn of axes shows in few."""

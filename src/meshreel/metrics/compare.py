@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.displacement import displacement_errors_percent
 from meshreel.metrics.kg import kg_error_percent
@@ -19,8 +20,6 @@ from meshreel.model.sequence import Faces, FrameSource, MeshSequence
 from meshreel.model.tracks import described_track
 from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Progress, silent
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

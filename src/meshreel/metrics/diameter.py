@@ -1,10 +1,9 @@
 """The largest distance between two points of a cloud, exactly, however flat it is."""
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-Floats = npt.NDArray[np.float64]
+from meshreel.arrays import Floats
 
 _SLACK = 1e-9
 """Relative margin for rounding when points are ruled out; more only costs time."""

@@ -1,11 +1,9 @@
 """Statistics of edge values over the neighbourhood of every vertex, as STED defines it."""
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import coo_array
 
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
+from meshreel.arrays import Floats, Integers
 
 
 class EdgeNeighbourhoods:

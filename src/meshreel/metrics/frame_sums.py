@@ -9,7 +9,8 @@ from functools import reduce
 
 import numpy as np
 
-from meshreel.metrics.reference import Floats, Reference
+from meshreel.arrays import Floats
+from meshreel.metrics.reference import Reference
 from meshreel.model.sequence import Vertices
 from meshreel.runtime.threads import chunks, in_threads
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.edge_neighbourhoods import EdgeNeighbourhoods
 from meshreel.metrics.normals import DEGENERATE_AREA, face_angles_deg
@@ -14,7 +15,6 @@ from meshreel.metrics.sted import relative_edge_errors
 from meshreel.model.geometry.connectivity import undirected_edges
 from meshreel.model.sequence import Faces
 
-Floats = npt.NDArray[np.float64]
 Frame = npt.NDArray[np.floating]
 Field = Callable[[Frame, Frame], Floats]
 """Of the original and the decoded positions of a frame, each of shape (V, 3), the V values."""

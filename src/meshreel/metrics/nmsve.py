@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import coo_array, csr_array
 
+from meshreel.arrays import Floats, Integers
 from meshreel.metrics.frame_sums import sum_of_squares
 from meshreel.metrics.reference import (
     Reference,
@@ -16,9 +17,6 @@ from meshreel.metrics.reference import (
 )
 from meshreel.model.geometry.connectivity import undirected_edges
 from meshreel.model.sequence import Faces, Vertices
-
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
 
 
 @np.errstate(over="ignore", invalid="ignore")

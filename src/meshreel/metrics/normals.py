@@ -5,11 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.metrics.reference import paired_frames, shared_reference
 from meshreel.model.geometry.normals import face_normals
 from meshreel.model.sequence import Faces, Vertices
-
-Floats = npt.NDArray[np.float64]
 
 DEGENERATE_AREA = 1e-14
 """Faces of at most this area have no normal; in squared diagonals of the original."""

@@ -10,10 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.errors import InvalidInputError
 from meshreel.model.sequence import Vertices
-
-Floats = npt.NDArray[np.float64]
 
 _LARGEST_EXPONENT = 1000  # both 2**1000 and 2**-1000 are normal float64 numbers
 

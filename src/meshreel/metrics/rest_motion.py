@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshreel.metrics.reference import Floats, shared_reference
+from meshreel.arrays import Floats
+from meshreel.metrics.reference import shared_reference
 from meshreel.model.sequence import Vertices
 
 REST_PERCENT = 0.001

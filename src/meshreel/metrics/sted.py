@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Floats, Integers
 from meshreel.metrics.diameter import diameter
 from meshreel.metrics.edge_neighbourhoods import EdgeNeighbourhoods
 from meshreel.metrics.reference import (
@@ -16,9 +16,6 @@ from meshreel.metrics.reference import (
 )
 from meshreel.model.geometry.connectivity import undirected_edges
 from meshreel.model.sequence import Faces, Vertices
-
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
 
 TIME_STEP = 3e-4
 """dt, the length of a frame on the time axis, in diameters of the model."""

@@ -7,11 +7,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats, Values
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackKind, TrackSource
-
-Values = npt.NDArray[Any]
-Floats = npt.NDArray[np.float64]
 
 VALUES_AT_ONCE = 1 << 21
 """Numbers that are compared at once."""

@@ -8,13 +8,12 @@ bending after Bergou et al. 2006. Arrays are (3, rows, columns): x, y, z.
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.errors import InvalidInputError
 from meshreel.model.sequence import Faces, MeshSequence
 from meshreel.runtime.progress import Count, Progress, silent
 
-Floats = npt.NDArray[np.float64]
 Links = tuple[tuple[slice, ...], tuple[slice, ...], float]
 
 _WIDTH_M, _HEIGHT_M = 1.5, 1.0

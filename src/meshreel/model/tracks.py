@@ -10,11 +10,11 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Values
 from meshreel.errors import InvalidInputError
 from meshreel.model.surface import Domain, Surface
 from meshreel.runtime.counting import counted
 
-Values = npt.NDArray[Any]
 AnyTrack = TypeVar("AnyTrack")
 
 NUMBER_TYPES = tuple(

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csr_array
 
+from meshreel.arrays import Integers
 from meshreel.errors import InvalidInputError
 from meshreel.model.geometry.connectivity import (
     adjacency_matrix,
@@ -15,8 +15,6 @@ from meshreel.model.geometry.connectivity import (
 )
 from meshreel.model.sequence import Faces
 from meshreel.runtime.profiling import staged
-
-Integers = npt.NDArray[np.int64]
 
 
 @staged("anchors")

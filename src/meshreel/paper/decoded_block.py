@@ -5,13 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.codec.frame_products import FramesOf
 from meshreel.codec.subspace.trajectories import BoundingFrame, from_matrices
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_threads
 
 Vertices = npt.NDArray[np.floating]
-Integers = npt.NDArray[np.int64]
 
 CHUNK_BYTES = 1 << 22
 """Size of the float64 frames that are computed at a time, which should fit into the cache."""

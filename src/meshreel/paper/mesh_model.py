@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csr_array
 
+from meshreel.arrays import Floats, Integers
 from meshreel.codec.choices import Laplacian
 from meshreel.model.geometry.connectivity import isolated_vertices
 from meshreel.model.geometry.laplacian import cotangent_laplacian, uniform_laplacian
@@ -14,9 +14,6 @@ from meshreel.model.sequence import Faces
 from meshreel.paper.reconstruction.system import ReconstructionSystem
 from meshreel.paper.subspace.graph_fourier import graph_fourier_basis
 from meshreel.runtime.profiling import staged
-
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)

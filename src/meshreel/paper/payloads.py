@@ -1,15 +1,13 @@
 """Payloads of the sections of the paper's variants, written and read (`docs/format.md`)."""
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.codec.entropy.coder import decode_integers, encode_integers
 from meshreel.codec.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError
 from meshreel.paper.pipeline import Quantized
 from meshreel.paper.quantization import Steps
-
-Integers = npt.NDArray[np.int64]
 
 MAX_DIFFERENCE = 2
 

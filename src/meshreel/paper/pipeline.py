@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Floats, Integers
 from meshreel.codec.choices import Allocation
 from meshreel.codec.config import FINE_BITS, EncoderConfig
 from meshreel.codec.frame_products import FramesOf, product_frames
@@ -31,9 +31,6 @@ from meshreel.paper.variants import (
     variant_named,
 )
 from meshreel.runtime.profiling import staged
-
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
 
 DEFAULT_FREQUENCIES = 0.05
 """Share of the graph frequencies that `gft` keeps."""

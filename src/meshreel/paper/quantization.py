@@ -11,10 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats, Integers
 from meshreel.errors import InvalidInputError
 
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
 Steps = npt.NDArray[np.float32]
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 
+from meshreel.arrays import Floats, Integers
 from meshreel.codec.connectivity.permutation import inverse_permutation
 from meshreel.codec.option import COUNT
 from meshreel.codec.stored_blocks import StoredBlock
@@ -23,8 +24,6 @@ from meshreel.paper.quantization import Steps
 from meshreel.paper.variants import Basis, variant_named
 from meshreel.runtime.counting import counted
 
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
 Vertices = npt.NDArray[np.floating]
 
 

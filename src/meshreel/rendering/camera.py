@@ -6,9 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.errors import InvalidInputError
-
-Floats = npt.NDArray[np.float64]
 
 FIELD_OF_VIEW_DEG = 28.0
 """Across the shorter side of the picture; long enough a lens not to distort a body."""

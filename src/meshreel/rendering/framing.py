@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from meshreel.rendering.camera import Camera, Floats
+from meshreel.arrays import Floats
+from meshreel.rendering.camera import Camera
 from meshreel.rendering.scenes import ChosenFrames, Frame
 from meshreel.rendering.views import View
 

@@ -5,12 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats, Integers, Singles
 from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.geometry.normals import face_normals, vertex_normals
 from meshreel.model.sequence import Faces
-from meshreel.rendering.camera import Camera, Floats
-from meshreel.rendering.shading import Singles, shade
-from meshreel.rendering.visibility import Integers, signed_areas
+from meshreel.rendering.camera import Camera
+from meshreel.rendering.shading import shade
+from meshreel.rendering.visibility import signed_areas
 from meshreel.runtime.threads import chunks
 
 Image = npt.NDArray[np.uint8]

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Singles
 from meshreel.errors import InvalidInputError
 from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.sequence import validate_faces, validate_vertices
 from meshreel.rendering.camera import Camera
 from meshreel.rendering.painting import Color, Image, covered_box, painted, seen_surface
-from meshreel.rendering.shading import Singles
 from meshreel.rendering.visibility import nearness, visible_faces
 
 CLAY: Color = (188, 198, 214)

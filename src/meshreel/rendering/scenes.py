@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Values
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.compare import require_comparable
 from meshreel.metrics.heat import HEATS, Field, heat_field
@@ -19,13 +20,7 @@ from meshreel.rendering.item_colors import colors_of_items
 from meshreel.rendering.painting import Color, Image
 from meshreel.rendering.rasterizer import CLAY, render
 from meshreel.rendering.surface_colors import surface_colors
-from meshreel.rendering.track_colors import (
-    FrameNumbers,
-    TrackColors,
-    TrackLook,
-    TrackScale,
-    Values,
-)
+from meshreel.rendering.track_colors import FrameNumbers, TrackColors, TrackLook, TrackScale
 from meshreel.runtime.progress import Count, Progress, silent
 
 HEAT_PERCENTILE = 99.5

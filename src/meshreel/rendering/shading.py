@@ -1,9 +1,8 @@
 """Light on a surface: soft key, fill and sky lights that travel with the camera."""
 
 import numpy as np
-import numpy.typing as npt
 
-Singles = npt.NDArray[np.float32]
+from meshreel.arrays import Singles
 
 _GAMMA = 2.2
 _SKY, _GROUND = 0.32, 0.10

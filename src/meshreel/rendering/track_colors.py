@@ -3,19 +3,15 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Floats, Values
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.track_errors import error_unit, value_errors
 from meshreel.model.tracks import TrackKind, TrackSource
 from meshreel.rendering.colormap import Image, check_colormap, colorize, short_number
 from meshreel.runtime.counting import counted
-
-Values = npt.NDArray[Any]
-Floats = npt.NDArray[np.float64]
 
 AXES = ("x", "y", "z")
 MAGNITUDE = "magnitude"

@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.errors import InvalidInputError
 from meshreel.model.sequence import Extent
-from meshreel.rendering.camera import Camera, Floats, fit_camera
+from meshreel.rendering.camera import Camera, fit_camera
 
 NAMED_VIEWS = {"front": (0.0, 0.0), "side": (90.0, 0.0), "top": (0.0, 90.0)}
 """Azimuth and elevation in degrees."""

@@ -7,12 +7,10 @@ the cost follows the number of covered pixels, whatever the sizes of the triangl
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Floats, Integers
 from meshreel.model.sequence import Faces
-from meshreel.rendering.camera import Camera, Floats
-
-Integers = npt.NDArray[np.int64]
+from meshreel.rendering.camera import Camera
 
 _AT_ONCE = 1 << 18
 """Rows, or pixels, that are worked on together; bounds the working memory to some 50 MB."""

@@ -1,15 +1,14 @@
 """A file against its original: how far each vertex of a frame is off."""
 
 import numpy as np
-import numpy.typing as npt
 
 from meshreel.app.viewer.original import Original
+from meshreel.arrays import Floats
 from meshreel.codec.reel_file import ReelFile
 from meshreel.metrics.heat import HEATS, heat_field
 from meshreel.metrics.reference import reference_of_box
 from meshreel.model.sequence import Vertices
 
-Floats = npt.NDArray[np.float64]
 Heats = dict[str, Floats]
 """Values of every kind of heat map at every vertex of a frame, each of shape (V,)."""
 

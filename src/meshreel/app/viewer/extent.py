@@ -4,11 +4,9 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.codec.reel_file import ReelFile
-
-Floats = npt.NDArray[np.float64]
 
 MOST_FRAMES, MOST_POSITIONS = 48, 1 << 23
 """Of the first block, at most so many stand for all where the outermost positions are sought."""

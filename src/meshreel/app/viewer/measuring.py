@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from meshreel.app.viewer.comparison import Comparison, Heats
+from meshreel.arrays import Floats
 from meshreel.metrics.heat import HEATS
 from meshreel.metrics.nmsve import FrameNmsve
 from meshreel.metrics.reference import paired_frames
@@ -15,8 +15,6 @@ from meshreel.metrics.streamed import ErrorSums, StreamedErrors
 from meshreel.model.geometry.connectivity import isolated_vertices
 from meshreel.model.sequence import Vertices
 from meshreel.runtime.progress import Progress, silent
-
-Floats = npt.NDArray[np.float64]
 
 PERCENTILE = 99.5
 """Of the values of all frames: where the fixed range of colours ends."""

@@ -2,11 +2,10 @@
 
 import threading
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Integers, Values
 from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
@@ -14,9 +13,6 @@ from meshreel.metrics.compare import require_same_triangles
 from meshreel.model.sequence import FrameSource, Vertices
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackSource
-
-Integers = npt.NDArray[np.int64]
-Values = npt.NDArray[Any]
 
 
 class Original:

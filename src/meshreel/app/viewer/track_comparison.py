@@ -3,15 +3,13 @@
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from meshreel.app.viewer.original import Original
+from meshreel.arrays import Values
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.reel_track import ReelTrack
 from meshreel.metrics.track_errors import value_errors
 from meshreel.model.tracks import TrackKind, TrackSource
-
-Values = npt.NDArray[Any]
 
 N_SAMPLES = 8
 """Frames that say how large errors are of which nothing is promised."""

@@ -8,15 +8,13 @@ connectivity itself.
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.codec.connectivity.order import decode_given_order, encode_order
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.connectivity import decode_faces, encode_faces
 from meshreel.model.sequence import Faces
 from meshreel.runtime.profiling import staged
-
-Integers = npt.NDArray[np.int64]
 
 ORDERS = ("keep", "vertices", "drop")
 WALKS_WELL = 0.5

@@ -3,6 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.codec.connectivity.permutation import inverse_permutation
 from meshreel.codec.connectivity.triangles import (
     AnyFaces,
@@ -13,8 +14,6 @@ from meshreel.codec.connectivity.triangles import (
 from meshreel.errors import CorruptStreamError
 from meshreel.kernel import order
 from meshreel.model.sequence import Faces
-
-Integers = npt.NDArray[np.int64]
 
 VERTICES_ONLY, VERTICES_AND_FACES = 1, 2
 """First byte: what follows in its order."""

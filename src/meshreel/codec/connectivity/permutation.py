@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-Integers = npt.NDArray[np.int64]
+from meshreel.arrays import Integers
 
 
 def inverse_permutation(order: npt.NDArray[np.integer]) -> Integers:

@@ -3,9 +3,9 @@
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.kernel.order import opposite_sides
 
-Integers = npt.NDArray[np.int64]
 AnyFaces = npt.NDArray[np.int32] | npt.NDArray[np.int64]
 
 CORNERS = np.arange(3)

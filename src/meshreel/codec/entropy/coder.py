@@ -5,11 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.kernel.integers import MAX_MAGNITUDE, decode_rows, encode_rows
 from meshreel.runtime.profiling import staged
-
-Integers = npt.NDArray[np.int64]
 
 MAX_TABLES = 64
 """Most tables of rows that are coded together; each takes 20 kB while it is in use."""

@@ -1,9 +1,8 @@
 """Projection of frames on a basis of trajectories, and expansion."""
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from meshreel.arrays import Floats
 
 
 def project(basis: Floats, frames: Floats) -> Floats:

@@ -1,12 +1,10 @@
 """Equations of least squares, by their Gram matrix."""
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg.lapack import dpotrf, dpotrs
 
+from meshreel.arrays import Floats
 from meshreel.runtime.threads import one_blas_thread
-
-Floats = npt.NDArray[np.float64]
 
 LEAST_PIVOT = 1e-5
 """Smallest pivot of a Cholesky factor, by the largest, that is believed; a Gram matrix of float32

@@ -6,9 +6,8 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.runtime.threads import chunks, in_threads, one_blas_thread
-
-Floats = npt.NDArray[np.float64]
 
 RANK_TOLERANCE = 1e-13
 """Eigenvalues of a Gram matrix below this share of the largest are rounding errors."""

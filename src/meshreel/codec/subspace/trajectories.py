@@ -9,10 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.model.sequence import Extent
 from meshreel.runtime.profiling import staged
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

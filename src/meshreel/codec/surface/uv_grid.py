@@ -6,13 +6,11 @@ quantising again changes nothing.
 """
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.codec.entropy.multiples import LARGEST
 from meshreel.errors import InvalidInputError
 from meshreel.model.surface import Attribute, Kind, Surface
-
-Integers = npt.NDArray[np.int64]
 
 
 def is_quantized(attribute: Attribute) -> bool:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Values
 from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
@@ -21,7 +22,7 @@ from meshreel.evaluation.folder import file_name
 from meshreel.evaluation.runs.machine import machine_facts
 from meshreel.evaluation.runs.run import Outcome, Run
 from meshreel.evaluation.runs.timing import REPEATS, seconds_of, timed
-from meshreel.evaluation.tracks.peers import TrackPeer, Values
+from meshreel.evaluation.tracks.peers import TrackPeer
 from meshreel.evaluation.tracks.settings import Level
 from meshreel.metrics.track_errors import TrackErrors, track_errors
 from meshreel.model.sequence import MeshSequence

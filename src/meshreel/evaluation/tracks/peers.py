@@ -3,11 +3,12 @@
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Values
 from meshreel.errors import InvalidInputError
 from meshreel.evaluation.choices import checked_names
 from meshreel.evaluation.codecs.peers.arrays import (
@@ -23,7 +24,6 @@ from meshreel.evaluation.codecs.peers.arrays import (
 from meshreel.evaluation.codecs.peers.integer_deltas import pack_frames, unpack_frames
 from meshreel.evaluation.codecs.peers.registry import NONE
 
-Values = npt.NDArray[Any]
 Shape = tuple[int, int, int]
 
 

@@ -3,11 +3,10 @@
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Values
 from meshreel.formats.alembic.archive import Property
 from meshreel.formats.alembic.attributes import COMPUTED, NORMALS, VELOCITIES, Properties, domain_of
 from meshreel.formats.alembic.params import GeometryParam
@@ -22,8 +21,6 @@ from meshreel.formats.scenes.turned_values import Matrix, turned_normals, turned
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.surface import Domain, Kind
 from meshreel.model.tracks import NUMBER_TYPES, TrackKind, TrackSource
-
-Values = npt.NDArray[Any]
 
 TRACK_KIND, UNIT = "meshreelKind", "unit"
 """Metadata keys of properties that meshreel writes for tracks."""

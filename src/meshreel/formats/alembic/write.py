@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Values
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.alembic.library_arrays import library_array, library_vector
 from meshreel.formats.alembic.names import IN_METADATA, IN_TEXTS, clean, object_paths, unique_name
@@ -35,7 +36,7 @@ from meshreel.formats.scenes.parts import PartMesh, split_parts
 from meshreel.formats.text.decimal_text import Narrowing
 from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.sequence import Vertices
-from meshreel.model.tracks import TrackKind, TrackSource, Values
+from meshreel.model.tracks import TrackKind, TrackSource
 
 ASSUMED_FPS = 24.0
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Values
 from meshreel.formats.alembic.attributes import COMPUTED, NORMALS, VELOCITIES
 from meshreel.formats.alembic.library_arrays import library_array
 from meshreel.formats.alembic.names import IN_METADATA, clean, clean_unique_name, unique_name
@@ -24,8 +25,6 @@ from meshreel.formats.notes import (
 from meshreel.formats.scenes.parts import PartMesh
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackKind, TrackSource, value_range
-
-Values = npt.NDArray[Any]
 
 PARAMS = {
     "u1": ("Uchar", "Uchar"), "i1": ("Int32", "Int32"), "i2": ("Int32", "Int32"),

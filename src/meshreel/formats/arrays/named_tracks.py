@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Values
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.array_frames import Description
-from meshreel.formats.frames.stored_tracks import StoredTrack, Values, kind_said
+from meshreel.formats.frames.stored_tracks import StoredTrack, kind_said
 from meshreel.formats.notes import listed, note_left_out
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import (

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Values
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.stored_tracks import StoredTrack, kind_said
 from meshreel.formats.notes import note_kinds, note_left_out
@@ -14,7 +14,6 @@ from meshreel.model.surface import Domain
 from meshreel.model.tracks import MAX_COLUMNS, NUMBER_TYPES, TrackKind, default_kind
 from meshreel.runtime.counting import plural
 
-Values = npt.NDArray[Any]
 Key = tuple[Domain, str]
 """Where the values of an array are, and its name."""
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Values
 from meshreel.errors import InvalidInputError
 from meshreel.model.sequence import (
     MeshSequence,
@@ -19,7 +20,7 @@ from meshreel.model.sequence import (
     validate_vertices,
 )
 from meshreel.model.surface import PLAIN, Surface
-from meshreel.model.tracks import TrackSource, Values, check_tracks, copied
+from meshreel.model.tracks import TrackSource, check_tracks, copied
 from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Count, Progress, silent
 

@@ -5,13 +5,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Values
 from meshreel.errors import InvalidInputError
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackKind, check_kind
-
-Values = npt.NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from meshreel.arrays import Floats
 from meshreel.errors import FormatError
 from meshreel.formats.gltf.accessors import Accessors
-from meshreel.formats.gltf.interpolation import Curve, Floats, Interpolation, unit
+from meshreel.formats.gltf.interpolation import Curve, Interpolation, unit
 from meshreel.formats.gltf.json_object import JsonObject
 from meshreel.formats.gltf.nodes import Nodes
 from meshreel.formats.gltf.primitives import count_targets

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from meshreel.arrays import Floats
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.gltf.accessors import Accessors
@@ -15,7 +16,6 @@ from meshreel.formats.gltf.animation import (
     read_curves,
     read_keys,
 )
-from meshreel.formats.gltf.interpolation import Floats
 from meshreel.formats.gltf.nodes import Nodes, unique_names
 from meshreel.formats.notes import listed, note_left_out
 

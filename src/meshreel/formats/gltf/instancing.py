@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.errors import FormatError
 from meshreel.formats.gltf.accessors import Accessors
 from meshreel.formats.gltf.document import INSTANCING
 from meshreel.formats.gltf.geometry import Geometry, turned
-from meshreel.formats.gltf.interpolation import Floats, unit
+from meshreel.formats.gltf.interpolation import unit
 from meshreel.formats.gltf.json_object import JsonObject
 from meshreel.formats.gltf.motion import Matrices, compose
 from meshreel.formats.notes import listed, note_left_out

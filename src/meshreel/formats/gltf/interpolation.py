@@ -4,9 +4,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from meshreel.arrays import Floats
 
 NEARLY_PARALLEL = 1e-6
 """Radians between rotations below which a straight line is the same as an arc."""

@@ -8,12 +8,11 @@ name has no wheels for Python.
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Bytes
 from meshreel.errors import FormatError
 from meshreel.formats.gltf.json_object import JsonObject
 from meshreel.formats.gltf.meshopt_filters import FILTERS
 from meshreel.formats.gltf.meshopt_indices import decode_indices, decode_triangles, signed_numbers
-
-Bytes = npt.NDArray[np.uint8]
 
 GROUP = 16
 """Elements whose deltas are coded together."""

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-Bytes = npt.NDArray[np.uint8]
+from meshreel.arrays import Bytes
 
 
 def _octahedral(elements: Bytes) -> Bytes:

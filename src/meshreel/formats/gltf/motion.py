@@ -7,8 +7,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.formats.gltf.animation import Curves
-from meshreel.formats.gltf.interpolation import Floats
 from meshreel.formats.gltf.nodes import Nodes
 
 Matrices = npt.NDArray[np.float64]

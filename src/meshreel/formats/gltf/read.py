@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from meshreel.arrays import Floats
 from meshreel.errors import FormatError
 from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.gltf.accessors import Accessors
@@ -19,7 +20,6 @@ from meshreel.formats.gltf.clips import Clips
 from meshreel.formats.gltf.document import INSTANCING, Document, read_document
 from meshreel.formats.gltf.geometry import Geometry, read_geometry
 from meshreel.formats.gltf.instancing import note_instances
-from meshreel.formats.gltf.interpolation import Floats
 from meshreel.formats.gltf.json_object import JsonObject
 from meshreel.formats.gltf.material_reading import MaterialReader, note_unkept
 from meshreel.formats.gltf.motion import Matrices, Motion

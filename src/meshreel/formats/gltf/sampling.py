@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from meshreel.arrays import Floats
 from meshreel.errors import FormatError
-from meshreel.formats.gltf.interpolation import Floats
 from meshreel.formats.scenes.timing import frame_times
 
 DEFAULT_FPS = 30.0

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.formats.scenes.parts import PartMesh
 from meshreel.model.geometry.fans import fan_corners
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 
 Rows = npt.NDArray[Any]
-Integers = npt.NDArray[np.int64]
 
 MATERIAL = "material"
 """Name of the groups of faces that are written."""

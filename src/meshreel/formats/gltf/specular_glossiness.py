@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshreel.formats.gltf.interpolation import Floats
+from meshreel.arrays import Floats
 from meshreel.formats.gltf.json_object import JsonObject
 
 SPECULAR_GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"

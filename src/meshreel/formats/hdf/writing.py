@@ -9,11 +9,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from meshreel.arrays import Values
 from meshreel.formats.extras import HDF
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.hdf.reading import Node
 from meshreel.model.sequence import Vertices
-from meshreel.model.tracks import TrackSource, Values, track_blocks
+from meshreel.model.tracks import TrackSource, track_blocks
 
 
 class PatientFile(io.RawIOBase):

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import NORMALS, Field, Fields, Key
 from meshreel.formats.meshes.obj import obj_mesh
@@ -25,8 +26,6 @@ from meshreel.formats.surfaces.hard_edges import (
 from meshreel.formats.text.token_lines import TokenLines, split_lines
 from meshreel.model.geometry.ragged import ragged_indices
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
-
-Int64s = npt.NDArray[np.int64]
 
 STATEMENTS = {"material": b"usemtl", "group": b"g", "object": b"o"}
 """The kinds of groups of faces, and the statement that begins one."""
@@ -81,7 +80,7 @@ def parse_obj_surface(data: bytes, notes: list[str] | None = None) -> Surface:
     )
 
 
-def _hard_edges(lines: TokenLines, face_lines: Int64s) -> HardEdges | None:
+def _hard_edges(lines: TokenLines, face_lines: Integers) -> HardEdges | None:
     """Those of normals, or of smoothing groups; None if the file has neither."""
     statements = np.flatnonzero(lines.begins_with(b"s"))
     if not len(statements) and not lines.begins_with(b"vn").any():
@@ -131,7 +130,7 @@ def parse_obj_fields(data: bytes) -> Fields:
 
 
 def _normals(
-    lines: TokenLines, face_lines: Int64s
+    lines: TokenLines, face_lines: Integers
 ) -> tuple[Domain, npt.NDArray[np.float32]] | None:
     """Where normals are, and which; None if no corner names one."""
     is_row = lines.begins_with(b"vn")
@@ -154,8 +153,8 @@ def _normals(
 
 
 def _rows(
-    lines: TokenLines, face_lines: Int64s, is_row: npt.NDArray[np.bool_], n_slashes: int
-) -> tuple[Int64s, npt.NDArray[np.bool_]]:
+    lines: TokenLines, face_lines: Integers, is_row: npt.NDArray[np.bool_], n_slashes: int
+) -> tuple[Integers, npt.NDArray[np.bool_]]:
     """The row that each corner names behind so many slashes, and whether it is there."""
     counts = lines.counts[face_lines] - 1
     words = ragged_indices(lines.first[face_lines] + 1, counts)
@@ -165,7 +164,7 @@ def _rows(
     return rows, has_one & (rows >= 0) & (rows < int(is_row.sum()))
 
 
-def _texture_coordinates(lines: TokenLines, face_lines: Int64s) -> Attribute | None:
+def _texture_coordinates(lines: TokenLines, face_lines: Integers) -> Attribute | None:
     is_row = lines.begins_with(b"vt")
     row_lines = np.flatnonzero(is_row)
     rows, is_there = _rows(lines, face_lines, is_row, 1)
@@ -178,7 +177,7 @@ def _texture_coordinates(lines: TokenLines, face_lines: Int64s) -> Attribute | N
     return Attribute("uv", Kind.UV, Domain.CORNER, values, rows.astype(np.int32))
 
 
-def _texture_rows(lines: TokenLines, row_lines: Int64s) -> npt.NDArray[np.float32]:
+def _texture_rows(lines: TokenLines, row_lines: Integers) -> npt.NDArray[np.float32]:
     """The texture coordinates of those lines; v is 0 where a line has only u."""
     first, counts = lines.first[row_lines], lines.counts[row_lines]
     values = np.zeros((len(row_lines), 2), np.float32)
@@ -198,7 +197,7 @@ def _colors(lines: TokenLines) -> Attribute | None:
     return Attribute("color", Kind.COLOR, Domain.VERTEX, values.astype(np.float32))
 
 
-def _groups(lines: TokenLines, face_lines: Int64s, name: str) -> FaceGroups:
+def _groups(lines: TokenLines, face_lines: Integers, name: str) -> FaceGroups:
     statements = np.flatnonzero(lines.begins_with(STATEMENTS[name]))
     above = _last_above(statements, face_lines)
     labels: dict[str, int] = {}
@@ -215,7 +214,7 @@ def _is_told(groups: FaceGroups, parts: tuple[Part, ...]) -> bool:
     return groups.name == "object" and (is_whole or bool(parts))
 
 
-def _parts(lines: TokenLines, face_lines: Int64s) -> tuple[Part, ...]:
+def _parts(lines: TokenLines, face_lines: Integers) -> tuple[Part, ...]:
     """The objects, if there are several and none uses what belongs to another."""
     statements = np.flatnonzero(lines.begins_with(STATEMENTS["object"]))
     of_verts = _last_above(statements, np.flatnonzero(lines.begins_with(b"v")))
@@ -234,6 +233,6 @@ def _parts(lines: TokenLines, face_lines: Int64s) -> tuple[Part, ...]:
     return tuple(Part(names[one], int(n_verts[one]), int(n_faces[one])) for one in used)
 
 
-def _last_above(statements: Int64s, lines: Int64s) -> Int64s:
+def _last_above(statements: Integers, lines: Integers) -> Integers:
     """The last of the statements above each line; -1 if there is none."""
     return np.searchsorted(statements, lines) - 1

@@ -9,11 +9,10 @@ are smoothing groups, or where these cannot say them, normals of each frame.
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Values
 from meshreel.formats.meshes.obj_surface import NORMALS_NAME, STATEMENTS
 from meshreel.formats.notes import (
     note_track_name,
@@ -28,8 +27,6 @@ from meshreel.model.geometry.hard_edges import RowNormals, hard_flags, joined_la
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import PLAIN, Attribute, Domain, FaceGroups, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource
-
-Values = npt.NDArray[Any]
 
 SMOOTHING = "s"
 """The statement of smoothing groups."""

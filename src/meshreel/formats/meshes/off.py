@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.errors import FormatError
 from meshreel.formats.notes import note_left_out, note_normals, note_unwritten
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
@@ -28,8 +29,6 @@ from meshreel.model.geometry.ragged import ragged_indices
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import PLAIN, Attribute, Domain, Kind, Surface
 from meshreel.runtime.counting import counted
-
-Int64s = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -246,7 +245,7 @@ def parse_off_surface(data: bytes, notes: list[str] | None = None) -> Surface:
 
 
 def _colors(
-    lines: TokenLines, of: Int64s, skipped: Int64s, n_behind: int, domain: Domain
+    lines: TokenLines, of: Integers, skipped: Integers, n_behind: int, domain: Domain
 ) -> Attribute | None:
     """The colours on those lines, behind so many words and before so many."""
     lengths = lines.counts[of] - skipped - n_behind
@@ -259,7 +258,7 @@ def _colors(
     return Attribute("color", Kind.COLOR, domain, values.astype("u1" if is_bytes else "f4"))
 
 
-def _texture_coordinates(lines: TokenLines, verts: Int64s) -> Attribute | None:
+def _texture_coordinates(lines: TokenLines, verts: Integers) -> Attribute | None:
     if (lines.counts[verts] < 5).any():
         return None
     ends = lines.first[verts] + lines.counts[verts]

@@ -6,11 +6,11 @@ change from frame to frame; other lists and other elements are passed over.
 """
 
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Values
 from meshreel.formats.frames.field_tracks import NORMALS as NORMALS_ROLE
 from meshreel.formats.frames.field_tracks import Field, Fields, Key
 from meshreel.formats.meshes.ply import INDEX_NAMES, ply_mesh
@@ -25,8 +25,6 @@ CORNER_UV_NAME = "texcoord"
 NORMALS = ("nx", "ny", "nz")
 NORMALS_NAME = "normals"
 PASSED_OVER = ("x", "y", "z", *NORMALS)
-
-Values = npt.NDArray[Any]
 
 
 def parse_ply_surface(data: bytes, notes: list[str] | None = None) -> Surface:

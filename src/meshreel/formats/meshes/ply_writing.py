@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Values
 from meshreel.formats.meshes.ply import INDEX_NAMES
 from meshreel.formats.meshes.ply_surface import (
     COLOR_NAMES,
@@ -41,7 +42,6 @@ TYPE_NAMES = {
 
 HEADER_BEGIN = ("ply", "format binary_little_endian 1.0")
 
-Values = npt.NDArray[Any]
 
 Column = tuple[str, Values]
 

@@ -1,19 +1,16 @@
 """The tracks of several meshes as those of one."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Values
 from meshreel.formats.frames.stored_tracks import StoredTrack
 from meshreel.formats.notes import listed, note_left_out
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.timing import Neighbours
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackKind, TrackSource
-
-Values = npt.NDArray[Any]
 
 BLENDED = (TrackKind.SCALAR, TrackKind.VECTOR, TrackKind.VELOCITY, TrackKind.OTHER)
 """Kinds whose values between two frames are on a straight line, if they are floats."""

@@ -1,11 +1,10 @@
 """Vectors of a mesh as a transform to the world turns them; positions are rows on its left."""
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
-Values = npt.NDArray[Any]
+from meshreel.arrays import Values
+
 Matrix = npt.NDArray[np.float64]
 
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.formats.notes import NORMALS_FAR, NORMALS_LEFT_OUT
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.geometry.fans import triangulate_fans
 from meshreel.model.geometry.hard_edges import (
-    Floats,
     Int32s,
     corner_normals,
     next_corners,

@@ -9,7 +9,8 @@ accurately", 1990).
 import numpy as np
 import numpy.typing as npt
 
-Int64s = npt.NDArray[np.int64]
+from meshreel.arrays import Integers
+
 Eights = npt.NDArray[np.uint64]
 Found = tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]
 
@@ -42,7 +43,7 @@ _NO_POINT = 16
 _DIVISORS = np.append(10.0 ** np.arange(_NO_POINT), 1.0)
 
 
-def decimal_values(text: bytes, starts: Int64s, ends: Int64s) -> Found:
+def decimal_values(text: bytes, starts: Integers, ends: Integers) -> Found:
     """The words of a text as float64, and which of them were read; others have any value.
 
     Parameters
@@ -72,7 +73,7 @@ def decimal_values(text: bytes, starts: Int64s, ends: Int64s) -> Found:
     return values, is_read
 
 
-def _unsigned_values(eights: Eights, ends: Int64s, lengths: Int64s) -> Found:
+def _unsigned_values(eights: Eights, ends: Integers, lengths: Integers) -> Found:
     """As `decimal_values`, of words without a sign that end there and are so long."""
     # Of each word the last eight characters and those before; digits as their values, none as 0.
     counts = np.minimum(lengths - (_BEFORE_END - 8), 8)
@@ -108,10 +109,10 @@ def _without_points(characters: Eights, points: Eights) -> Eights:
     return closed
 
 
-def _n_behind(points: Eights) -> Int64s:
+def _n_behind(points: Eights) -> Integers:
     """How many characters stand behind the point of each word, or `_NO_POINT`."""
     _, exponents = np.frexp(points[0].astype(np.float64) * 2.0**64 + points[1])
-    found: Int64s = _NO_POINT - (exponents >> 3)
+    found: Integers = _NO_POINT - (exponents >> 3)
     return found
 
 

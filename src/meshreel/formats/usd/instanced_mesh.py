@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Values
 from meshreel.errors import FormatError
 from meshreel.formats.notes import listed, note_left_out
-from meshreel.formats.scenes.turned_values import Values
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.usd.diagnostics import usd_errors
 from meshreel.formats.usd.instancers import Placements

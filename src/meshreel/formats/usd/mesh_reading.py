@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Values
 from meshreel.formats.frames.field_tracks import NORMALS
 from meshreel.formats.surfaces.hard_edges import edges_of_creases, find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
@@ -18,7 +19,7 @@ from meshreel.formats.usd.mesh_notes import MeshNotes
 from meshreel.formats.usd.mesh_shape import MeshShape
 from meshreel.formats.usd.primitives import PrimitiveShape
 from meshreel.formats.usd.primvars import read_attributes
-from meshreel.formats.usd.quantities import Quantity, Values, quantities
+from meshreel.formats.usd.quantities import Quantity, quantities
 from meshreel.formats.usd.sampling import Samples, distinct_codes
 from meshreel.formats.usd.skinning import Skin
 from meshreel.formats.usd.subsets import read_groups

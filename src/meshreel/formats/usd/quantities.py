@@ -6,8 +6,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Values
 from meshreel.formats.extras import USD
 from meshreel.formats.frames.field_tracks import NORMALS
 from meshreel.formats.scenes.turned_values import Matrix, turned_normals, turned_vectors
@@ -15,8 +15,6 @@ from meshreel.formats.usd.primvars import DERIVED, DOMAINS, primvar_kind
 from meshreel.formats.usd.sampling import Codes, attribute_codes
 from meshreel.model.surface import Domain, Kind
 from meshreel.model.tracks import NUMBER_TYPES, TrackKind
-
-Values = npt.NDArray[Any]
 
 READ_AS = {np.dtype(np.float16): np.float32, np.dtype(bool): np.uint8}
 """Types of files that tracks do not have, and those that hold the same numbers."""

@@ -6,6 +6,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from meshreel.arrays import Values
 from meshreel.formats.frames.field_tracks import Field, Key, field_tracks
 from meshreel.formats.frames.stored_frames import changed_error
 from meshreel.formats.notes import note_kinds, note_left_out
@@ -15,14 +16,7 @@ from meshreel.formats.usd.diagnostics import usd_errors
 from meshreel.formats.usd.holes import Mask
 from meshreel.formats.usd.instanced_mesh import InstancedMesh
 from meshreel.formats.usd.mesh_reading import StageMesh
-from meshreel.formats.usd.quantities import (
-    TRACK_KIND,
-    TRACK_NAME,
-    UNIT,
-    Quantity,
-    Values,
-    quantities,
-)
+from meshreel.formats.usd.quantities import TRACK_KIND, TRACK_NAME, UNIT, Quantity, quantities
 from meshreel.formats.usd.sampling import TOLERANCE, Codes
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackSource

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Values
 from meshreel.formats.extras import USD
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.usd.mesh_writing import INTERPOLATIONS, MeshWriter, named_attributes
@@ -13,8 +13,6 @@ from meshreel.formats.usd.prim_names import different, prim_name
 from meshreel.formats.usd.quantities import TRACK_KIND, TRACK_NAME, UNIT
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackKind, TrackSource
-
-Values = npt.NDArray[Any]
 
 ELEMENTS = {
     "u1": "uchar", "i1": "int", "u2": "int", "i2": "int", "i4": "int", "u4": "uint",

@@ -6,8 +6,9 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
+
 Number = TypeVar("Number", np.float32, np.float64)
-Doubles = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class Axes:
         ours[..., list(self.order)] = vectors * np.asarray(self.signs, vectors.dtype)
         return ours
 
-    def turn_rotations(self, quaternions: Doubles) -> Doubles:
+    def turn_rotations(self, quaternions: Floats) -> Floats:
         """Our rotations as quaternions x y z w, of shape (..., 4), in these axes.
 
         A mirror turns them the other way around.
@@ -51,7 +52,7 @@ class Axes:
             [sense * self.turn(quaternions[..., :3]), quaternions[..., 3:]], axis=-1
         )
 
-    def turn_box(self, low: Doubles, high: Doubles) -> tuple[Doubles, Doubles]:
+    def turn_box(self, low: Floats, high: Floats) -> tuple[Floats, Floats]:
         """The corners of our box in these axes and units."""
         one, other = self.scale * self.turn(low), self.scale * self.turn(high)
         return np.minimum(one, other), np.maximum(one, other)

@@ -12,11 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from meshreel.arrays import Floats, Singles
 from meshreel.errors import InvalidInputError
 from meshreel.formats.vat.axes import GLTF_SPACE, UNREAL, Axes, MeshSpace
 from meshreel.formats.vat.grid import TexelGrid, fit_grid
 from meshreel.formats.vat.motion import Motion
-from meshreel.formats.vat.plain_layout import Doubles, FileNames, Remap, Singles
+from meshreel.formats.vat.plain_layout import FileNames, Remap
 from meshreel.formats.vat.textures import TexelType
 
 MOST_ROWS = 1980
@@ -73,12 +74,12 @@ class LabsSoft:
         low, high = self.axes.turn_box(*(one.astype(np.float64) for one in box))
         return Remap(self.axes, low.astype(np.float32), high.astype(np.float32), is_raw)
 
-    def normal_values(self, normals: Doubles, found: TexelType) -> Doubles:
+    def normal_values(self, normals: Floats, found: TexelType) -> Floats:
         """Quaternions x y z w: themselves in EXR files, from 0 to 1 in PNG files."""
         turned = self.axes.turn_rotations(_rotations_of(normals))
         return np.clip((turned + 1) / 2, 0.0, 1.0) if found.is_integer else turned
 
-    def normals(self, values: Doubles, found: TexelType) -> Doubles:
+    def normals(self, values: Floats, found: TexelType) -> Floats:
         """The axis that is upwards, turned."""
         turned = 2 * values - 1 if found.is_integer else values
         up = self.axes.turn(np.array([0.0, 1.0, 0.0]))
@@ -118,7 +119,7 @@ class LabsSoft:
 
 
 def coded_box(
-    low: Doubles, high: Doubles, n_rows: int, *, is_raw: bool, rows_matter: bool
+    low: Floats, high: Floats, n_rows: int, *, is_raw: bool, rows_matter: bool
 ) -> tuple[Singles, Singles]:
     """Corners of a box around another, in tenths of a unit, whose decimals tell shaders more.
 
@@ -183,9 +184,9 @@ def _is_whole(tenths: np.float32) -> bool:
     return bool(tenths == np.rint(tenths))
 
 
-def _rotations_of(normals: Doubles) -> Doubles:
+def _rotations_of(normals: Floats) -> Floats:
     """The shortest rotations from the y axis to unit normals, as quaternions x y z w."""
     x, y, z = normals.T
-    found: Doubles = np.stack([z, np.zeros_like(x), -x, 1 + y], axis=1)
+    found: Floats = np.stack([z, np.zeros_like(x), -x, 1 + y], axis=1)
     found[y <= -1 + 1e-9] = (1.0, 0.0, 0.0, 0.0)  # half a turn, about any axis
     return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))

@@ -4,8 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Floats, Singles
 from meshreel.formats.gltf.buffer_writer import BufferWriter, Json
 from meshreel.formats.gltf.container_writer import write_container
 from meshreel.formats.gltf.material_writer import Materials
@@ -21,9 +21,6 @@ from meshreel.formats.vat.motion import UP
 from meshreel.model.sequence import Faces
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.runtime.counting import counted
-
-Doubles = npt.NDArray[np.float64]
-Singles = npt.NDArray[np.float32]
 
 TEXEL_COORDINATES = "VAT_UV"
 """Name of the texture coordinates, TEXCOORD_1 of the file."""
@@ -65,7 +62,7 @@ class RestMesh:
         path: Path,
         rest: Singles,
         normals: Singles,
-        texcoords: Doubles,
+        texcoords: Floats,
         placement: Placement,
         space: MeshSpace,
         corners: tuple[Singles, Singles] | None,
@@ -135,7 +132,7 @@ class RestMesh:
         [whole] = split_parts(self._whole_faces, surface, self._n_verts, "")
         return whole
 
-    def _with_texcoords(self, texcoords: Doubles) -> Surface:
+    def _with_texcoords(self, texcoords: Floats) -> Surface:
         """The surface with these as the second texture coordinates; the first are zeros if none."""
         rows = np.zeros((self._n_verts, 2))
         rows[self.used] = texcoords

@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from meshreel.arrays import Floats, Singles
 from meshreel.formats.vat.axes import BLENDER, GLTF_SPACE, MeshSpace
 from meshreel.formats.vat.grid import TexelGrid, fit_grid
 from meshreel.formats.vat.motion import Motion
-from meshreel.formats.vat.plain_layout import Doubles, FileNames, Remap, Singles
+from meshreel.formats.vat.plain_layout import FileNames, Remap
 from meshreel.formats.vat.textures import TexelType
 
 
@@ -40,11 +41,11 @@ class OpenVat:
         low, high = BLENDER.turn_box(*motion.offset_box())
         return Remap(BLENDER, _float32_below(low), -_float32_below(-high))
 
-    def normal_values(self, normals: Doubles, found: TexelType) -> Doubles:
+    def normal_values(self, normals: Floats, found: TexelType) -> Floats:
         """From 0 to 1, whatever the type."""
         return np.clip((BLENDER.turn(normals) + 1) / 2, 0.0, 1.0)
 
-    def normals(self, values: Doubles, found: TexelType) -> Doubles:
+    def normals(self, values: Floats, found: TexelType) -> Floats:
         """From -1 to 1."""
         return BLENDER.turn_back(2 * values - 1)
 
@@ -74,7 +75,7 @@ class OpenVat:
         }
 
 
-def _float32_below(values: Doubles) -> Singles:
+def _float32_below(values: Floats) -> Singles:
     """The next float32 that is not above each value."""
     near = values.astype(np.float32)
     return np.where(near > values, np.nextafter(near, np.float32(-np.inf)), near)

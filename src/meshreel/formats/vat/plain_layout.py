@@ -4,15 +4,12 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Floats, Singles
 from meshreel.formats.vat.axes import Axes, MeshSpace
 from meshreel.formats.vat.grid import TexelGrid
 from meshreel.formats.vat.motion import Motion
 from meshreel.formats.vat.textures import TexelType
-
-Doubles = npt.NDArray[np.float64]
-Singles = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -50,7 +47,7 @@ class Remap:
     high: Singles
     is_raw: bool = False
 
-    def values(self, offsets: Doubles) -> Doubles:
+    def values(self, offsets: Floats) -> Floats:
         """What textures are to hold for offsets of shape (V, 3)."""
         turned = self.axes.scale * self.axes.turn(offsets)
         if self.is_raw:
@@ -59,7 +56,7 @@ class Remap:
         span = np.where(high > low, high - low, 1.0)
         return np.clip((turned - low) / span, 0.0, 1.0)
 
-    def offsets(self, values: Doubles) -> Singles:
+    def offsets(self, values: Floats) -> Singles:
         """The offsets that a shader makes of what it samples, of shape (V, 3), in float32."""
         sampled = values.astype(np.float32)
         turned = sampled if self.is_raw else self.low + sampled * (self.high - self.low)
@@ -100,10 +97,10 @@ class PlainLayout(Protocol):
             If programs could not read where the mesh is.
         """
 
-    def normal_values(self, normals: Doubles, found: TexelType) -> Doubles:
+    def normal_values(self, normals: Floats, found: TexelType) -> Floats:
         """What textures are to hold for unit normals of shape (V, 3)."""
 
-    def normals(self, values: Doubles, found: TexelType) -> Doubles:
+    def normals(self, values: Floats, found: TexelType) -> Floats:
         """The normals that a shader makes of what it samples, of shape (V, 3), of any length."""
 
     def corners(self, remap: Remap) -> tuple[Singles, Singles] | None:

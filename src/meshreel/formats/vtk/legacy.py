@@ -11,6 +11,7 @@ from urllib.parse import unquote
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import NORMALS, Fields
 from meshreel.formats.notes import listed
@@ -21,8 +22,6 @@ from meshreel.formats.vtk.legacy_words import LegacyWords
 from meshreel.formats.vtk.mesh import VtkMesh
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Surface
-
-Int64s = npt.NDArray[np.int64]
 
 SIGNATURE = "# vtk DataFile Version"
 XML_TYPE = re.compile(rb"""<VTKFile\s[^>]{0,500}?\btype\s*=\s*["']([^"'<>]{1,100})["']""")
@@ -110,7 +109,7 @@ class _LegacyReader:
     def __init__(self, words: LegacyWords) -> None:
         self._words = words
         self._points: Vertices = np.empty((0, 3), np.float32)
-        self._cells: dict[str, tuple[Int64s, Int64s]] = {}
+        self._cells: dict[str, tuple[Integers, Integers]] = {}
         self._types: npt.NDArray[np.integer] | None = None
         self._data: dict[str, list[DataArray]] = {"POINT_DATA": [], "CELL_DATA": []}
         self._domain, self._n_values = "", 0
@@ -147,7 +146,7 @@ class _LegacyReader:
         if self._tables:
             yield f"colour tables: {listed(self._tables)}"
 
-    def _in_order(self) -> list[tuple[Int64s, Int64s]]:
+    def _in_order(self) -> list[tuple[Integers, Integers]]:
         return [self._cells[name] for name in GROUPS if name in self._cells]
 
     def _group_types(self) -> npt.NDArray[np.integer]:
@@ -180,7 +179,7 @@ class _LegacyReader:
             case _:
                 self._values(keyword, rest)
 
-    def _connectivity(self, n_cells: int, size: int) -> tuple[Int64s, Int64s]:
+    def _connectivity(self, n_cells: int, size: int) -> tuple[Integers, Integers]:
         """How many points each cell has, and which: as lists, or since version 5 as offsets."""
         begin = self._words.position
         line = self._words.line() if n_cells else []
@@ -237,7 +236,7 @@ class _LegacyReader:
             self._field_data.append(unquote(name))
 
 
-def _split_lists(numbers: Int64s, n_cells: int) -> tuple[Int64s, Int64s]:
+def _split_lists(numbers: Integers, n_cells: int) -> tuple[Integers, Integers]:
     """Counts and points of lists, each of which begins with its length."""
     counts, at, listed = [], 0, numbers.tolist()
     for _ in range(n_cells):

@@ -13,6 +13,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.frames.field_tracks import (
@@ -38,7 +39,6 @@ from meshreel.model.sequence import validate_fps
 from meshreel.model.surface import Domain, Surface
 from meshreel.model.tracks import TrackSource
 
-Floats = npt.NDArray[np.float64]
 Read = TypeVar("Read")
 
 READERS = {".vtu": read_vtk_xml, ".vtp": read_vtk_xml, ".vtk": read_vtk_legacy}

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.errors import FormatError
 from meshreel.formats.arrays.named_tracks import array_name
 from meshreel.formats.frames.field_tracks import Field, Key, add_field, field_tracks
@@ -37,8 +38,6 @@ from meshreel.formats.vtk.cells import (
 from meshreel.formats.vtk.data_arrays import UNFIT, DataArray, surface_of_arrays
 from meshreel.model.surface import Domain, Surface
 from meshreel.runtime.counting import counted
-
-Int64s = npt.NDArray[np.int64]
 
 DATA = {"PointData": Domain.VERTEX, "CellData": Domain.FACE}
 
@@ -91,7 +90,7 @@ class VtkSteps:
         self._point_starts = self._per_step("PointOffsets")
         self._cell_starts = self._per_step("CellOffsets", len(self._kinds))
         self._corner_starts = self._per_step("ConnectivityIdOffsets", len(self._kinds))
-        self._cells_before: dict[str, Int64s] = {}
+        self._cells_before: dict[str, Integers] = {}
         self._cached: tuple[bytes, Cells, CellSurface] | None = None
 
     def frame(self, index: int) -> PolygonMesh:
@@ -180,7 +179,7 @@ class VtkSteps:
             raise FormatError("times of steps do not ascend; the file is damaged")
         return times
 
-    def _per_step(self, name: str, width: int = 1, default: int = 0) -> Int64s:
+    def _per_step(self, name: str, width: int = 1, default: int = 0) -> Integers:
         """Numbers of each step, of shape (T, width)."""
         shape = len(self.times_s), width
         dataset = find_dataset(self._steps, name) if self._steps is not None else None
@@ -275,7 +274,7 @@ class StepArray:
 
     name: str
     dataset: Dataset
-    starts: Int64s
+    starts: Integers
 
     @property
     def is_track(self) -> bool:
@@ -304,10 +303,10 @@ def read_cells(
     group: Node,
     kind: int | None,
     parts: slice,
-    n_points: Int64s,
+    n_points: Integers,
     first_cell: int,
     first_corner: int,
-    cells_before: Int64s,
+    cells_before: Integers,
 ) -> Cells:
     """Cells of all partitions of a step, which name points through all of them.
 
@@ -350,7 +349,7 @@ def read_cells(
     return Cells(types, np.concatenate(counts), corners + first_point.repeat(n_corners))
 
 
-def count_before(group: Node) -> Int64s:
+def count_before(group: Node) -> Integers:
     """Cells of the partitions of a group before each, and of all.
 
     Raises
@@ -364,7 +363,7 @@ def count_before(group: Node) -> Int64s:
     return np.concatenate([[0], np.cumsum(counts)])
 
 
-def integers(dataset: Dataset) -> Int64s:
+def integers(dataset: Dataset) -> Integers:
     """All of a dataset of whole numbers.
 
     Raises
@@ -378,14 +377,14 @@ def integers(dataset: Dataset) -> Int64s:
     return values.astype(np.int64)
 
 
-def _of_parts(dataset: Dataset, parts: slice) -> Int64s:
+def _of_parts(dataset: Dataset, parts: slice) -> Integers:
     values = read_rows(dataset, parts.start, parts.stop - parts.start).astype(np.int64)
     if values.ndim != 1 or (values < 0).any():
         raise FormatError(f"{dataset.name} must be numbers of shape (N,), none negative")
     return values
 
 
-def _parts_before(cells_before: Int64s, first_part: int, first_cell: int) -> int:
+def _parts_before(cells_before: Integers, first_part: int, first_cell: int) -> int:
     """How many partitions have their offsets before those of a step.
 
     All that come before the step, or where it shares the cells of an earlier one, all before that.
@@ -395,7 +394,7 @@ def _parts_before(cells_before: Int64s, first_part: int, first_cell: int) -> int
     return min(first_part, int(np.searchsorted(cells_before, first_cell)))
 
 
-def _counts(offsets: Dataset, first_row: int, n_cells: Int64s) -> Iterator[Int64s]:
+def _counts(offsets: Dataset, first_row: int, n_cells: Integers) -> Iterator[Integers]:
     """Points of each cell, for each partition, which has one offset more than cells.
 
     One without cells is not looked up, for its offset may be shared with others, or left out.

@@ -6,15 +6,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Values
 from meshreel.formats.frames.field_tracks import NORMALS
 from meshreel.formats.notes import listed, note_unwritten
 from meshreel.formats.vtk.data_arrays import TEXTURE_COORDINATES
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource
-
-Values = npt.NDArray[Any]
 
 FRAME_RATE = 24.0  # of what has none
 

@@ -13,6 +13,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import NORMALS, Fields
 from meshreel.formats.notes import listed
@@ -23,8 +24,6 @@ from meshreel.formats.vtk.mesh import VtkMesh, joined
 from meshreel.formats.vtk.xml_arrays import UNPACKERS, ArrayCoding
 from meshreel.formats.vtk.xml_tree import parse_xml
 from meshreel.model.surface import Surface
-
-Int64s = npt.NDArray[np.int64]
 
 APPENDED = re.compile(rb"<AppendedData([^>]*)>\s*_")
 TIMES = ("TimeValue", "TIME", "CYCLE")
@@ -173,7 +172,7 @@ def _check_count(piece: Element, name: str, n_found: int) -> None:
         )
 
 
-def _connectivity(group: Element, coding: ArrayCoding) -> tuple[Int64s, Int64s]:
+def _connectivity(group: Element, coding: ArrayCoding) -> tuple[Integers, Integers]:
     """Points of each cell: how many, and which."""
     points = _named(group, "connectivity", coding).astype(np.int64)
     ends = _named(group, "offsets", coding).astype(np.int64)

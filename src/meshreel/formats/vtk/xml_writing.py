@@ -9,12 +9,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Values
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.vtk.cells import POLYGON
@@ -30,7 +29,6 @@ from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import PLAIN, Domain, Surface
 from meshreel.model.tracks import TrackSource
 
-Values = npt.NDArray[Any]
 Encode = Callable[..., bytes]
 
 TRIANGLE, QUAD = 5, 9

@@ -9,9 +9,8 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
+from meshreel.arrays import Integers
 from meshreel.model.sequence import Faces
-
-Integers = npt.NDArray[np.int64]
 
 
 def undirected_edges(faces: Faces) -> Integers:

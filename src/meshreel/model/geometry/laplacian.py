@@ -4,13 +4,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array, diags_array
 
+from meshreel.arrays import Floats
 from meshreel.errors import InvalidInputError
 from meshreel.model.geometry.connectivity import adjacency_matrix
 from meshreel.model.sequence import Faces
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_threads
-
-Floats = npt.NDArray[np.float64]
 
 RELATIVE_RIDGE = 1e-3
 """Ridge of reproducing weights, as a share of the neighbours' mean squared distance."""

@@ -3,9 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.model.sequence import Faces
-
-Floats = npt.NDArray[np.float64]
 
 
 def face_normals(vertices: npt.NDArray[np.floating], faces: Faces) -> Floats:

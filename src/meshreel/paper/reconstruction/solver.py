@@ -3,13 +3,12 @@
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csc_array
 
+from meshreel.arrays import Floats
 from meshreel.errors import SolverError
 from meshreel.runtime.fork import fork_safe_lock
 
-Floats = npt.NDArray[np.float64]
 Solve = Callable[[Floats], Floats]
 
 

@@ -1,15 +1,12 @@
 """Vertices from delta coordinates (paper Eq. 11, paper Eq. 12)."""
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csc_array, csr_array, diags_array
 from scipy.sparse.csgraph import connected_components
 
+from meshreel.arrays import Floats, Integers
 from meshreel.errors import SolverError
 from meshreel.paper.reconstruction.solver import CholeskySolver
-
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
 
 
 class ReconstructionSystem:

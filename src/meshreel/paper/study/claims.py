@@ -6,8 +6,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.subspace.basis import project
@@ -24,8 +24,6 @@ from meshreel.paper.quantization import uniform_step
 from meshreel.paper.subspace.rank import modes_for_energy
 from meshreel.paper.sweeps import BITS, BLOCK_MODES, TableSettings, equal_blocks
 from meshreel.runtime.progress import Progress
-
-Floats = npt.NDArray[np.float64]
 
 LONG_FRAMES = 1200
 """The paper's claim on blocks is of sequences of more than 1,000 frames."""

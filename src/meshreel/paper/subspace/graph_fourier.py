@@ -1,15 +1,13 @@
 """Graph Fourier basis: the low frequencies of a Laplacian."""
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csc_array, csr_array, diags_array
 from scipy.sparse.linalg import eigsh
 
+from meshreel.arrays import Floats
 from meshreel.codec.subspace.pca import fix_signs
 from meshreel.errors import InvalidInputError
 from meshreel.runtime.counting import counted
-
-Floats = npt.NDArray[np.float64]
 
 MAX_BASIS_BYTES = 1 << 31
 """Memory of the search space, 2 K + 1 vectors of V numbers."""

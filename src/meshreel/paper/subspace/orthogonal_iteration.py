@@ -1,13 +1,11 @@
 """Tracking of eigen-trajectories from block to block."""
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
+from meshreel.arrays import Floats
 from meshreel.codec.subspace.pca import RANK_TOLERANCE
 from meshreel.errors import InvalidInputError
-
-Floats = npt.NDArray[np.float64]
 
 
 def advance_basis(correlation: Floats, basis: Floats, n_iterations: int) -> Floats:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.corrections import Corrections
 from meshreel.codec.entropy.varint import write_varint
@@ -26,7 +27,6 @@ from meshreel.kernel.predict import Prepared, prepared_weights
 from meshreel.runtime.profiling import stage
 from meshreel.runtime.threads import in_background, n_cores
 
-Floats = npt.NDArray[np.float64]
 Numbers = npt.NDArray[Any]
 
 POSITION_COLUMNS = 3

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.codec.tracks import Coding, TrackHeader
 from meshreel.kernel.normals import surface_normals
 from meshreel.model.geometry.fans import join_fans
 from meshreel.model.sequence import Faces
 from meshreel.model.surface import Domain, Surface
 
-Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.integer[Any]]
 Values = npt.NDArray[np.floating[Any]]
 

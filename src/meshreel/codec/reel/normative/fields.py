@@ -10,15 +10,12 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.codec.reel.normative.timeline import NO_REST, Rests
 from meshreel.kernel.frames import cosine_vectors, lengths_of, time_vectors
 from meshreel.kernel.predict import Prepared, decode_values, prepared_weights
 from meshreel.runtime.profiling import staged
-
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
-
 
 NONE_REUSED = np.float32(0.0)
 

@@ -7,11 +7,9 @@ stencils on every machine.
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.kernel.mesh import Hierarchy
-
-Integers = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.codec.connectivity.permutation import inverse_permutation
 from meshreel.codec.reel.normative.hierarchy import Resolution, resolutions_of
 from meshreel.kernel.fields import CodingOrder, order_of_rows
@@ -14,8 +15,6 @@ from meshreel.kernel.mesh import Hierarchy, Neighbours, hierarchy, neighbours
 from meshreel.kernel.predict import Prepared, prepared_weights
 from meshreel.model.sequence import Faces
 from meshreel.runtime.profiling import staged
-
-Integers = npt.NDArray[np.int64]
 
 MOST_PREPARED = 1 << 16
 """Vertices of meshes for which prepared weights are kept: 608 bytes each, 40 MB at most."""

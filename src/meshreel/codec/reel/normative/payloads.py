@@ -5,6 +5,7 @@ import struct
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.codec.corrections import Corrections
 from meshreel.codec.entropy.coder import decode_integers, encode_integers
 from meshreel.codec.entropy.varint import read_varint, write_varint
@@ -16,9 +17,6 @@ from meshreel.kernel.fields import decode_fields, encode_fields
 from meshreel.kernel.frames import MAX_REST_BITS
 from meshreel.kernel.mesh import MAX_STENCIL
 from meshreel.runtime.profiling import staged
-
-Integers = npt.NDArray[np.int64]
-
 
 SINGLE, DOUBLE = 4, 8
 """Layouts of the sections of `reel`, by the bytes of the numbers that frames are summed up in."""

@@ -12,9 +12,9 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.kernel.fields import CodingOrder, Pass, order_of
 
-Integers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.uint8]
 
 COARSEST = 4

@@ -6,13 +6,13 @@ import DracoPy
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.errors import InvalidInputError
 from meshreel.evaluation.codecs.peers.integer_deltas import pack_frames, unpack_frames
 from meshreel.evaluation.codecs.peers.protocol import Shape
 from meshreel.model.sequence import MeshSequence, Vertices
 
 LEVEL = 7
-Integers = npt.NDArray[np.int64]
 Floats32 = npt.NDArray[np.float32]
 
 

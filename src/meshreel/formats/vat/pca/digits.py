@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-Doubles = npt.NDArray[np.float64]
-Singles = npt.NDArray[np.float32]
+from meshreel.arrays import Floats, Singles
+
 Digits = npt.NDArray[np.int8]
 
 BASE = 15
@@ -119,7 +119,7 @@ def split(integers: npt.NDArray[np.int32], n_digits: int) -> Digits:
     return digits
 
 
-def shared_digits(energies: Doubles, steps: Doubles, n_texels: int) -> npt.NDArray[np.int64]:
+def shared_digits(energies: Floats, steps: Floats, n_texels: int) -> npt.NDArray[np.int64]:
     """The digits of each field that leave the least squared error in so many texels.
 
     Without digits a field leaves its energy; with n of them, ``step**2 / (15**n - 1)**2`` from
@@ -153,7 +153,7 @@ def shared_digits(energies: Doubles, steps: Doubles, n_texels: int) -> npt.NDArr
     return n_digits
 
 
-def texels_for(energies: Doubles, steps: Doubles, allowed: float) -> int:
+def texels_for(energies: Floats, steps: Floats, allowed: float) -> int:
     """The least number of texels with which the sum of squared errors is at most `allowed`."""
     errors = _errors(energies, steps)
     left = float(energies.sum())
@@ -167,13 +167,13 @@ def texels_for(energies: Doubles, steps: Doubles, allowed: float) -> int:
     return -(-n_digits // ROWS)
 
 
-def _errors(energies: Doubles, steps: Doubles) -> Doubles:
+def _errors(energies: Floats, steps: Floats) -> Floats:
     """Squared errors of every field with 0 to `MOST_DIGITS` digits, of shape (K, 1 + most)."""
     counts = np.arange(1, MOST_DIGITS + 1)
     return np.column_stack([energies, steps[:, None] / (BASE**counts - 1.0) ** 2])
 
 
-def _hull(errors: Doubles) -> list[tuple[float, int, int]]:
+def _hull(errors: Floats) -> list[tuple[float, int, int]]:
     """Steps along the lower convex hull: the gain by digit, and the counts before and after."""
     found = []
     at = 0

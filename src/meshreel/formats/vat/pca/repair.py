@@ -11,10 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Singles
 from meshreel.formats.vat.pca.digits import Fields, largest_integer
 from meshreel.runtime.threads import chunks, in_threads
-
-Singles = npt.NDArray[np.float32]
 
 NEARLY = np.float32(0.85)
 """Squared distances beyond this share of the squared bound count."""

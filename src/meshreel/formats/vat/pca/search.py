@@ -19,8 +19,9 @@ Frames are displacements from the mesh at rest, of shape (T, 3 V); lengths have 
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats, Singles
 from meshreel.codec.subspace.least_squares import solve_gram
-from meshreel.codec.subspace.pca import Floats, gram_of_rows, leading_trajectories
+from meshreel.codec.subspace.pca import gram_of_rows, leading_trajectories
 from meshreel.formats.gltf.quantized import project
 from meshreel.formats.vat.pca.digits import (
     MOST_DIGITS,
@@ -33,8 +34,6 @@ from meshreel.formats.vat.pca.digits import (
 from meshreel.formats.vat.pca.repair import Misses, repaired
 from meshreel.runtime.progress import Progress
 from meshreel.runtime.threads import chunks, in_threads
-
-Singles = npt.NDArray[np.float32]
 
 FIRST_NOISE = 0.42
 """Root mean square error, by the bound, of the texels that the search begins with."""

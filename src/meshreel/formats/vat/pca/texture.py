@@ -28,11 +28,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Bytes, Singles
 from meshreel.errors import InvalidInputError
 from meshreel.formats.vat.pca.digits import BASE, ROWS, Rows
-
-Bytes = npt.NDArray[np.uint8]
-Singles = npt.NDArray[np.float32]
 
 N_HEADER = 8
 SIDES = (2048, 4096, 8192, 16384)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Singles
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.gltf.normal_targets import NormalChoice, are_written
@@ -27,8 +28,6 @@ from meshreel.formats.vat.pca.texture import (
 )
 from meshreel.formats.vat.textures import Texels, TexelType, read_texture, write_texture
 from meshreel.runtime.counting import counted
-
-Singles = npt.NDArray[np.float32]
 
 NORMAL_ERROR = 0.1
 """Root mean square difference of unit normals: 3.5 degrees or so in the mean."""

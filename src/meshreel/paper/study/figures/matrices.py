@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.codec.config import DEFAULT_ITERATIONS
 from meshreel.codec.subspace.basis import project
 from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.image import AxesImage
 
-Floats = npt.NDArray[np.float64]
 
 CORNER_ROWS, CORNER_COLUMNS = 30, 300
 MAX_SHOWN = 500  # rows and columns of a panel of Fig. 2; means of neighbors if there are more

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.codec.decoder import decode
 from meshreel.evaluation.runs.store import Result, Store, done
 from meshreel.metrics.heat import vertex_normal_angle_deg
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Floats = npt.NDArray[np.float64]
 Frame = npt.NDArray[np.floating]
 
 MAX_ASPECT = 2.5  # of a panel, and its inverse

@@ -1,0 +1,13 @@
+"""Names of the array types that the whole package shares."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Bytes = npt.NDArray[np.uint8]
+Singles = npt.NDArray[np.float32]
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+Values = npt.NDArray[Any]
+"""Numbers of any type."""
