@@ -27,10 +27,8 @@ class Achieved:
 
     Attributes
     ----------
-    kg_error_percent, max_error_percent : float
     sted : float or None
         None if it was not requested.
-    tracks : dict of str to TrackErrors
     """
 
     kg_error_percent: float
@@ -52,8 +50,6 @@ def measure_stream(
 
     Parameters
     ----------
-    sequence : FrameSource
-    data : bytes
     order : {"keep", "vertices", "drop"}
         As encoded: vertices whose order was dropped are matched by connectivity.
     with_sted : bool, default False

@@ -22,15 +22,12 @@ class BlockWriter:
     Parameters
     ----------
     file : binary file, open for writing
-    mesh : CodedMesh
     first : float array of shape (T_b, V, 3)
         The first block, from which bounding box and step follow; it is not written yet.
     tracks : dict of str to Track
         Its values beside the positions.
     targets : mapping of str to str or float, or None
         How exact these are to come back.
-    fps : float
-    name : str
     """
 
     def __init__(

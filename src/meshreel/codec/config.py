@@ -408,7 +408,6 @@ class EncoderConfig:
 
         Parameters
         ----------
-        n_frames, n_verts : int
         number_bytes : int
             Size of a coordinate.
 

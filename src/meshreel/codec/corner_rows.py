@@ -41,7 +41,6 @@ def numbered_rows(groups: Integers, vertices: Integers, n_verts: int) -> CornerR
         From 0 on; corners of a group have one vertex, and always equal values.
     vertices : integer array of shape (N,)
         Internal number of the vertex of each corner.
-    n_verts : int
     """
     order, places = _by_vertex(vertices)
     found = np.full(int(groups.max(initial=-1)) + 1, -1, np.int64)

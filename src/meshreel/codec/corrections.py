@@ -41,7 +41,6 @@ def moves_by_frame(corrections: Corrections, n_frames: int, output: Integers) ->
 
     Parameters
     ----------
-    corrections : Corrections
     n_frames : int
         Of the block.
     output : integer array of shape (V,)

@@ -60,7 +60,6 @@ class JointFrames:
         C columns; positions have x, y and z.
     values : float64 array of shape (V, K)
         Fields in steps.
-    step : float
     order : integer array of shape (V,)
         The row of `values` that each vertex of the frames has.
     is_single : bool, default False

@@ -25,10 +25,8 @@ class TrackInfo:
 
     Attributes
     ----------
-    name, kind, domain, unit : str
     number_type : str
         Such as "float32".
-    n_columns : int
     is_exact : bool
         Whether its numbers are those of the original.
     bound : float
@@ -72,8 +70,6 @@ class SegmentInfo:
     ----------
     first_frame : int
         Its number in the stream.
-    n_frames, n_verts, n_faces : int
-    size_bytes : int
     """
 
     first_frame: int
@@ -281,7 +277,6 @@ def stream_info(opened: OpenStream, *, is_remote: bool = False) -> StreamInfo:
 
     Parameters
     ----------
-    opened : OpenStream
     is_remote : bool, default False
         Read the heads of sections and the shortest ones alone, and compare no checksums.
 
@@ -373,7 +368,6 @@ class _Sizes:
 
     Attributes
     ----------
-    header : int
     of_sections : Counter of Section
         Of each kind of section.
     of_tracks : list of int

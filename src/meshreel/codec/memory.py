@@ -19,12 +19,7 @@ BYTES_OF_VERTEX, BYTES_OF_FACE = 512, 128
 
 @dataclass(frozen=True)
 class MemoryLimit:
-    """The largest size of what is decoded at once.
-
-    Attributes
-    ----------
-    limit_bytes : float
-    """
+    """The largest size of what is decoded at once."""
 
     limit_bytes: float
 
@@ -33,7 +28,6 @@ class MemoryLimit:
 
         Parameters
         ----------
-        needed_bytes : int
         what : str
             Begins the error message, such as "frames 0:12 of 300 vertices".
 

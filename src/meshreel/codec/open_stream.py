@@ -41,7 +41,6 @@ class OpenStream:
         Byte at which it begins: 0, or that of a segment of several.
     size_bytes : int
         From there to the end of the stream or segment, or of the last complete block.
-    limit : MemoryLimit
     method : Method
     laplacian : Laplacian
         Laplacian of the deltas, if the method has deltas.
@@ -125,7 +124,6 @@ class OpenStream:
 
         Parameters
         ----------
-        frames : range
         more_bytes : int, default 0
             Of their tracks.
         """

@@ -42,7 +42,6 @@ class Range:
 
     Parameters
     ----------
-    low, high : float
     is_open : bool, default False
         Whether `low` itself is refused.
     is_whole : bool, default False
@@ -79,10 +78,8 @@ class Range:
 
         Parameters
         ----------
-        number : Any
         name : str
             What the number is, for the error.
-        unit : str, optional
 
         Raises
         ------

@@ -26,7 +26,6 @@ class ReelTrack:
 
     Parameters
     ----------
-    opened : OpenStream
     frames : FrameReader
         Of the stream.
     number : int

@@ -36,8 +36,6 @@ class CodedMesh:
     Attributes
     ----------
     given_faces : int32 array of shape (M, 3)
-    n_verts : int
-    config : EncoderConfig
     surface : Surface
         Surface of the given faces.
     start_s : float
@@ -137,8 +135,6 @@ class Piece:
 
     Attributes
     ----------
-    sequence : FrameSource
-    start, stop : int
     order : int64 array of shape (V,)
         Given number of each internal vertex.
     """
@@ -201,8 +197,6 @@ class Source:
 
     Attributes
     ----------
-    sequence : FrameSource
-    config : EncoderConfig
     surface : Surface, optional
         Part of the sequence's surface that is coded. Default: all of it.
     bounds : dict of str to TrackBound

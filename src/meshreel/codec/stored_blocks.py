@@ -14,7 +14,6 @@ class StoredBlock:
 
     Attributes
     ----------
-    start, n_frames, n_modes : int
     sections : dict of Section to bytes
         Of one track: the positions, if nothing else is said.
     limit : MemoryLimit

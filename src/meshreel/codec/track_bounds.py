@@ -111,7 +111,6 @@ def without_units(
     ----------
     tracks : mapping of str to TrackSource
     targets : mapping of str to str or float
-    notes : list of str
     """
     plain = dict(targets)
     for name, given in targets.items():
@@ -163,7 +162,6 @@ def bound_of_track(given: float | str, name: str, track: TrackSource) -> TrackBo
         normals; "8bit" of colours; "exact"; "drop".
     name : str
         Of the track, for error messages.
-    track : TrackSource
 
     Raises
     ------

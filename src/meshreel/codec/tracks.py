@@ -90,8 +90,6 @@ class TrackHeader:
 
     Attributes
     ----------
-    name, unit : str
-    kind : TrackKind
     domain : Domain
         Where its values are; faces are polygons, corners are theirs.
     dtype : numpy dtype

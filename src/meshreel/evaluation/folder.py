@@ -16,7 +16,6 @@ def claim_folder(folder: Path, program: str, command: str) -> None:
 
     Parameters
     ----------
-    folder : Path
     program : str
         The command that the folder belongs to, such as "meshreel paper".
     command : str

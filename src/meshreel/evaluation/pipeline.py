@@ -33,7 +33,6 @@ class Subject:
 
     Attributes
     ----------
-    sequence : MeshSequence
     slug : str
         Begins the names of its pictures.
     store : Store
@@ -114,7 +113,6 @@ def evaluate(
 
     Parameters
     ----------
-    study : Study
     sequences : sequence of MeshSequence
     out : Path
         A new or an empty folder, or one that an earlier run made.

@@ -22,7 +22,6 @@ def encode_faces(faces: Faces, n_verts: int, *, listed: bool) -> tuple[bytes, In
     Parameters
     ----------
     faces : int32 array of shape (M, 3)
-    n_verts : int
     listed : bool
         Whether internal faces and vertices are the given ones in their given order; otherwise
         they are in the order of a walk over the surface, which takes fewer bytes.

@@ -54,10 +54,8 @@ class CodingOrder(NamedTuple):
 
     Attributes
     ----------
-    n_columns : int
     columns : int32 array of shape (n_columns,)
     pass_starts : int64 array of shape (n_passes + 1,)
-    n_passes : int
     near_starts : int64 array of shape (n_columns + 1,)
     near : int32 array
     """

@@ -163,8 +163,6 @@ class FileInfo:
 
     Attributes
     ----------
-    name : str
-    fps, start_s : float
     promise_percent : float or None
         Bound of the displacement of vertices, in percent of the diagonal; None: none is promised.
     center : tuple of 3 floats
@@ -178,7 +176,6 @@ class FileInfo:
         As in the header.
     n_segments : int
         Of a file of several, `promise_percent` is None and all counts but `n_frames` are 0.
-    is_whole : bool
     damage : Exception or None
         Why it is not whole.
     """
@@ -214,7 +211,6 @@ class FileSegment:
     ----------
     first_frame : int
         Its number in the file.
-    n_frames, n_verts, n_triangles : int
     offset, size_bytes : int
         Of its bytes, without the header of the file.
     """
@@ -259,7 +255,6 @@ class FileGroup:
         The block whose fields it refers to, or itself.
     n_modes : int
         0: values are stored exactly.
-    n_corrections : int
     step : float
         Quantization step of the fields, in diagonals.
     """
@@ -370,7 +365,6 @@ class FrameDecoder:
 
     Parameters
     ----------
-    file : OpenFile
     n_modes : int, default 0
         Only the first so many modes of positions move; 0: all.
     """

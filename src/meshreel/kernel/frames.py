@@ -230,7 +230,6 @@ class PackedFields:
 
     Attributes
     ----------
-    n_modes, n_verts : int
     is_single : bool
         Products are summed up in IEEE single precision, and not in double.
     data : uint8 array
@@ -306,7 +305,6 @@ def frame_columns(basis: Floats, fields: PackedFields, frames: range) -> Floats:
     basis : float64 array of shape (C, T, K)
     fields : PackedFields
         K of V vertices.
-    frames : range
     """
     out = np.empty((len(basis), len(frames), fields.n_verts))
     _frames(basis, fields, frames, None, None, out, COLUMNS)

@@ -61,7 +61,6 @@ def call(function: str, *arguments: Argument, what: str) -> int:
 
     Parameters
     ----------
-    function : str
     *arguments
         As in `core/reel.h`.
     what : str

@@ -85,7 +85,6 @@ def decode_values(
 
     Parameters
     ----------
-    mesh : Hierarchy
     residuals : int32 array of shape (K, V)
         In coding order, as everything here.
     n_learned : int
@@ -124,10 +123,8 @@ def encode_values(
 
     Parameters
     ----------
-    mesh : Hierarchy
     wanted : float64 array of shape (V, K)
         Values to come near to, in quantisation steps.
-    choice : Choice
     n_learned, key, prepared
         As of `decode_values`.
 

@@ -18,7 +18,6 @@ class EdgeNeighbourhoods:
     ----------
     edges : integer array of shape (E, 2)
         Every undirected edge once, ends ascending, sorted.
-    n_verts : int
     """
 
     def __init__(self, edges: Integers, n_verts: int) -> None:

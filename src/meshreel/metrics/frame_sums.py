@@ -27,7 +27,6 @@ class FrameSums:
 
     Attributes
     ----------
-    n_verts : int
     error, largest : float
         Sum of their squared displacements, and the largest.
     spread : float

@@ -51,7 +51,6 @@ def heat_field(kind: str, faces: Faces, n_verts: int, diagonal: float) -> Field:
     kind : str
         One of `HEATS`.
     faces : integer array of shape (M, 3)
-    n_verts : int
     diagonal : float
         Of the bounding box of the whole original sequence, in model units.
 
@@ -136,7 +135,6 @@ class LocalSted:
     Parameters
     ----------
     faces : integer array of shape (M, 3)
-    n_verts : int
     """
 
     def __init__(self, faces: Faces, n_verts: int) -> None:

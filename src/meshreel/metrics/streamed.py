@@ -23,7 +23,6 @@ class StreamedErrors:
 
     Attributes
     ----------
-    kg_error_percent : float
     max_error_percent, rms_error_percent : float
         Vertex displacement in percent of the diagonal of the whole original sequence.
     """

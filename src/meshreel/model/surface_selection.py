@@ -19,7 +19,6 @@ def selected(surface: Surface, names: Names) -> Surface:
 
     Parameters
     ----------
-    surface : Surface
     names : str or sequence of str
         "all", "none", or names; a kind such as "uv" or "color" names all attributes of it.
 

@@ -155,12 +155,7 @@ class Track:
 
 @dataclass(frozen=True, eq=False)
 class DerivedTrack:
-    """What a track read from another one has of it: all but the shape and the values.
-
-    Parameters
-    ----------
-    whole : TrackSource
-    """
+    """What a track read from another one has of it: all but the shape and the values."""
 
     whole: TrackSource
 

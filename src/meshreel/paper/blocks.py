@@ -22,9 +22,6 @@ def write_coded_block(
 
     Parameters
     ----------
-    block : CodedBlock
-    n_frames : int
-    method : Variant
     before : Quantized or None
         Dictionary of the block before, if this one's is stored as the difference from it.
     exact : bytes, optional
@@ -57,7 +54,6 @@ class Dictionaries:
     ----------
     blocks : callable
         From the number of a block to the stored block.
-    method : Variant
     """
 
     def __init__(self, blocks: Callable[[int], StoredBlock], method: Variant) -> None:

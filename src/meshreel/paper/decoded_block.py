@@ -28,7 +28,6 @@ class DecodedBlock:
     frames_of : FramesOf
         Coordinate matrices of a slice of the frames, in output order of vertices, without exact
         positions.
-    frame : BoundingFrame
     exact : float array of shape (T_b, N, 3), or None
         Positions of some vertices that replace the computed ones.
     exact_places : integer array of shape (N,), or None

@@ -36,8 +36,6 @@ class PaperBlockDecoder:
 
     Parameters
     ----------
-    opened : OpenStream
-    variant : Variant
     n_modes : int, optional
         Rows of coefficients to use of each block (the paper's k_l). Default: all.
     """
@@ -108,7 +106,6 @@ class DecodedFrames:
 
     Parameters
     ----------
-    decoder : PaperBlockDecoder
     starts : list of int
         First frame of each block, and the number of all frames.
     """

@@ -36,8 +36,6 @@ class PaperBlockCoder:
 
     Parameters
     ----------
-    mesh : CodedMesh
-    frame : BoundingFrame
     foreseen : iterable of float arrays of shape (T_b, V, 3)
         Blocks that determine the number of modes of a tracked basis, which is the same in all
         blocks: all of them, or the first where the others are not known yet.

@@ -24,10 +24,8 @@ class MeshModel:
     ----------
     faces : integer array of shape (M, 3)
         In internal order, as all indices here.
-    n_verts : int
     anchors : integer array of shape (A,)
         Ascending; at least one in each component that has an edge.
-    laplacian_choice : Laplacian
     shape : float64 array of shape (V, 3), or None
         Positions that cotangent weights are measured in, as the decoder has them.
     n_frames : int

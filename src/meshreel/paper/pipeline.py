@@ -149,7 +149,6 @@ class CodedBlock:
     ----------
     basis : Quantized of shape (3, K, T), or None
         The dictionary: a row for each eigen-trajectory of each axis. None on graph frequencies.
-    anchors : Anchors or None
     coefficients : Quantized of shape (3, K, V), or (3, K, T) on graph frequencies
     """
 
@@ -184,8 +183,6 @@ def analyse(
     ----------
     matrices : float64 array of shape (3, T, V)
         Coordinate matrices A, in internal vertex order (`subspace.trajectories`).
-    mesh : MeshModel
-    config : EncoderConfig
     before : Quantized, optional
         Dictionary of the block before, from which a tracked one starts.
     """
@@ -222,9 +219,6 @@ def synthesise(block: BlockValues, mesh: MeshModel, method: Variant, order: Inte
 
     Parameters
     ----------
-    block : BlockValues
-    mesh : MeshModel
-    method : Variant
     order : integer array of shape (V,)
         Internal number of each output vertex.
     """
@@ -288,7 +282,6 @@ def _coded_anchors(
     coefficients : float64 array of shape (3, K, A)
     positions : float64 array of shape (3, T, A)
     basis : Quantized of shape (3, K, T)
-    config : EncoderConfig
     """
     is_exact = variant_named(config.method).decoding is Decoding.ANCHORED
     if not is_exact or choices(config).anchor_values == "coefficients":

@@ -22,7 +22,6 @@ def uniform_step(largest: float, bits: int) -> float:
 
     Parameters
     ----------
-    largest : float
     bits : int
         2..24, or 0: no bits, and a step of 0.
     """

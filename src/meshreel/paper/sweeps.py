@@ -49,17 +49,14 @@ class Setting:
 
     Attributes
     ----------
-    method : str
     n_modes : int or None
         Modes of each axis (graph frequencies for `gft`); None leaves it to the method.
-    bits : int
     anchors : float
         Share of the vertices; 0 where the method is decoded without them.
     block_frames : int or None
         None codes all frames together.
     choices : str
         What the paper leaves open, as `meshreel.encode` takes it; empty for the defaults.
-    laplacian : str
     shared : str
         Choices that all streams of a report have in common; `choices` takes precedence.
     """

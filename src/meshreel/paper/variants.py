@@ -43,9 +43,6 @@ class Variant:
     ----------
     name : str
         Name for users.
-    signal : Signal
-    basis : Basis
-    decoding : Decoding
     is_serial : bool
         Whether the decoder builds and solves a system for each frame, as the paper's serial
         variants do, instead of one for all.

@@ -70,7 +70,6 @@ def save_mp4(
     ----------
     film : Film
         Its width and height must be even.
-    path : Path
     overwrite : bool
         Whether a file that is there already may be replaced.
     progress : Progress, default silent
@@ -134,8 +133,6 @@ def save_gif(
 
     Parameters
     ----------
-    film : Film
-    path : Path
     overwrite : bool
         Whether a file that is there already may be replaced.
     progress : Progress, default silent

@@ -33,9 +33,6 @@ class Film:
 
     Attributes
     ----------
-    scene : Scene
-    scales : Scales
-    sheet : Sheet
     shots : sequence of Shot
         One for each picture.
     fps : float
@@ -85,7 +82,6 @@ def film(
         It plays at `UNKNOWN_FPS` if its frame rate is not known.
     numbers : sequence of int
         Of frames, at least one.
-    view : View
     turn_s : float, optional
         Seconds in which the camera goes round once. The film lasts for the frames or for one
         turn, whichever is longer; frames begin again. Default: it does not circle.

@@ -30,7 +30,6 @@ class Framing:
 
     Attributes
     ----------
-    view : View
     is_followed : bool
         Whether the camera goes along with the mean vertex of the mesh.
     """
@@ -47,7 +46,6 @@ class Framing:
 
         Parameters
         ----------
-        frames : ChosenFrames
         width, height : int
             Size of the picture, in pixels.
         """
@@ -62,7 +60,6 @@ def framing_of(view: View, frames: ChosenFrames, *, is_followed: bool | None = N
 
     Parameters
     ----------
-    view : View
     frames : ChosenFrames
         Some that stand for all.
     is_followed : bool, optional

@@ -96,7 +96,6 @@ def plan_layout(size: Place, parts: Parts, font_px: float, aspect: float | None 
     ----------
     size : tuple of 2 ints
         Width and height of the sheet, in pixels.
-    parts : Parts
     font_px : float
         From `sheet_font_px`.
     aspect : float, optional
@@ -154,7 +153,6 @@ def grid_shape(n_views: int, size: Place, aspect: float) -> Place:
 
     Parameters
     ----------
-    n_views : int
     size : tuple of 2 ints
         Width and height of the sheet.
     aspect : float

@@ -53,7 +53,6 @@ def seen_surface(
     points, near : float64 arrays of shape (V, 2) and (V,)
         From `Camera.project` and `nearness`.
     faces : int32 array of shape (M, 3)
-    camera : Camera
     colors : float32 array of shape (3,), (V, 3) or (M, 3, 3), sRGB in 0..255
     smooth, glow, shading
         As in `meshreel.rendering.rasterizer.render`.

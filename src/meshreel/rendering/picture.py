@@ -89,7 +89,6 @@ def save_png(image: Panel, path: Path, *, overwrite: bool = False) -> None:
     Parameters
     ----------
     image : Pillow image, or uint8 array of shape (H, W, 3)
-    path : Path
     overwrite : bool
         Whether a file that is there already may be replaced.
 

@@ -33,7 +33,6 @@ def plot_error_per_frame(
 
     Parameters
     ----------
-    path : Path
     title : str
         Names what is compared.
     nmsve : float64 array of shape (T,)
@@ -83,7 +82,6 @@ def plot_over_time(
 
     Parameters
     ----------
-    path : Path
     title : str
         Says where the numbers are from.
     label : str

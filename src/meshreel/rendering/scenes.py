@@ -97,7 +97,6 @@ class Scene:
 
     Parameters
     ----------
-    shown : FrameSource
     original : FrameSource, optional
         Of the same frames, vertices and triangles.
     heat : str, optional
@@ -221,7 +220,6 @@ class Scene:
         ----------
         moment : Moment
             From `read`.
-        camera : Camera
         scales : Scales, optional
             From `scales`.
         """
@@ -290,7 +288,6 @@ class ChosenFrames:
 
     Parameters
     ----------
-    source : FrameSource
     numbers : sequence of int
     """
 

@@ -24,7 +24,6 @@ class Bar:
     ----------
     low, high : float
         Numbers at its ends.
-    unit : str
     column : int, optional
         Of the views that it stands to the right of. Default: the last.
     colormap : str, optional
@@ -67,7 +66,6 @@ def plan_sheet(
 
     Parameters
     ----------
-    words : Words
     n_views : int
         A multiple of the number of titles.
     aspect : float
@@ -114,7 +112,6 @@ class Sheet:
     ----------
     layout : Layout
         From `plan_sheet`.
-    words : Words
     background : three integers
         sRGB in 0..255; words are dark or light, as it is.
     """

@@ -24,7 +24,6 @@ def draw_shots(
 
     Parameters
     ----------
-    scene : Scene
     shots : sequence of Shot
     scales : Scales, optional
         Needed where colours stand for numbers.

@@ -37,10 +37,8 @@ def still(
 
     Parameters
     ----------
-    scene : Scene
     numbers : sequence of int
         Of frames, at least one; one frame of a scene of one view fills the picture.
-    view : View
     size : tuple of 2 ints, optional
         Width and height in pixels. Default: as large as suits what is shown.
     caption : str

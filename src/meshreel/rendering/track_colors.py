@@ -74,11 +74,6 @@ class TrackScale:
 class TrackColors:
     """Colours of the values of a track.
 
-    Parameters
-    ----------
-    look : TrackLook
-    track : TrackSource
-
     Raises
     ------
     InvalidInputError

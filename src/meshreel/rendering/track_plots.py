@@ -29,12 +29,10 @@ def plot_track(
 
     Parameters
     ----------
-    path : Path
     look : TrackLook
         Its component is plotted; the range is that of the numbers.
     place : int
         Number of the vertex, face or corner, where the values of the track are.
-    shown : FrameSource
     original : FrameSource, optional
         Of the same mesh and frames; a line beside.
     frames : sequence of int, optional

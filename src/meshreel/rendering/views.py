@@ -118,7 +118,6 @@ def turntable(view: View, swept: Floats, width: int, height: int) -> Turntable:
 
     Parameters
     ----------
-    view : View
     swept : float64 array of shape (N, 3)
         From `swept_points`, for the same axis up.
     width, height : int

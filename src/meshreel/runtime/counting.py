@@ -11,7 +11,6 @@ def counted(number: int, noun: str) -> str:
 
     Parameters
     ----------
-    number : int
     noun : str
         In the singular; of several words the last one is inflected.
     """

@@ -37,7 +37,6 @@ class StageTime:
         Whether other threads than the listener's did it.
     seconds : float
         Parts included.
-    n_calls : int
     """
 
     path: Path

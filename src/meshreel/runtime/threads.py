@@ -45,7 +45,6 @@ def in_threads(
     ----------
     work : callable
         Called in any thread, with the caller's settings of `numpy.errstate`.
-    pieces : sequence
     done : callable, optional
         Called in the caller's thread with the number of pieces done from the first on.
     """

@@ -41,7 +41,6 @@ class EncodeOptions:
 
     Attributes
     ----------
-    config : EncoderConfig
     reading : ReadOptions
         Where an input is of a format that an option has no effect on, it is left out; an input
         that lacks a named attribute gets a note.
@@ -91,7 +90,6 @@ class Encoded:
 
     Attributes
     ----------
-    data : bytes
     figures : dict
         The fields of a `Record` that are known once the input is done.
     """

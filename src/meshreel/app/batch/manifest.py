@@ -116,7 +116,6 @@ class Manifest:
 
     Attributes
     ----------
-    folder : OutFolder
     input_dir : str
         Folder of the inputs as seen from that of the outputs.
     records : dict of str to Record

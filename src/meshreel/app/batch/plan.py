@@ -19,10 +19,8 @@ class Plan:
 
     Attributes
     ----------
-    input_dir : Path or str
     folder : OutFolder
         Of the outputs.
-    options : EncodeOptions
     manifest : Manifest
         Of earlier runs.
     up_to_date : list of str
@@ -70,7 +68,6 @@ def plan_batch(
     ----------
     input_dir, out_dir : Path, or str of a remote folder
         The second need not exist; nothing is written yet.
-    options : EncodeOptions
     force : bool, default False
         Encode everything, and replace outputs that are not this batch's.
     all_animations : bool, default False

@@ -64,7 +64,6 @@ def run_batch(plan: Plan, engine: Engine | None, *, progress: Progress = silent)
 
     Parameters
     ----------
-    plan : Plan
     engine : Engine or None
         None only where there is nothing to encode.
     progress : callable, optional

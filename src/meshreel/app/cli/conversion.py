@@ -26,13 +26,8 @@ class Conversion:
         What the outputs are called.
     inputs : sequence of Path
         Never replaced.
-    options : WriteOptions
     config : EncoderConfig
         Of streams.
-    start_number : int or None
-    force : bool
-    progress : Progress
-    notes : list of str
     tracks : mapping of str to str, or None
         How exact tracks of streams are to come back.
     """

@@ -54,10 +54,8 @@ def write_report(
 
     Parameters
     ----------
-    study : Study
     inputs : sequence of str
         Sources of sequences; the flag where there is none.
-    out : Path
     options : mapping of str to str or None
         Those beside `--out` that make the same report again; None for a switch.
     flag_frames : int

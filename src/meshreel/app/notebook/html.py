@@ -46,10 +46,6 @@ def html_of(shown: MeshSequence | ReelFile) -> str:
     """HTML of a sequence or a file: figures over its player, or over a picture of it.
 
     It plays where that is quick and small: `MOST_PLAYED`, `MOST_ENCODED`, `MOST_HTML_BYTES`.
-
-    Parameters
-    ----------
-    shown : MeshSequence or ReelFile
     """
     most = MOST_PLAYED if isinstance(shown, ReelFile) else MOST_ENCODED
     frame = None

@@ -42,7 +42,6 @@ class Api:
 
     Parameters
     ----------
-    reel : ReelFile
     name : str
         To show, if the stream has none of its own.
     rows_of : callable

@@ -18,8 +18,6 @@ class Comparison:
 
     Attributes
     ----------
-    reel : ReelFile
-    original : Original
     faces : int32 array of shape (M, 3)
     """
 

@@ -39,10 +39,6 @@ def reach_of(reel: ReelFile) -> Reach:
     about the centre of the whole until its box has the diagonal of the whole, which the stream
     records. Frames of an encoder that did not know them all may reach farther.
 
-    Parameters
-    ----------
-    reel : ReelFile
-
     Raises
     ------
     CorruptStreamError

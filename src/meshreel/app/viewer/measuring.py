@@ -29,8 +29,6 @@ class Measured:
 
     Attributes
     ----------
-    errors : StreamedErrors
-    nmsve_mean : float
     sted_spatial : float
         The spatial part of STED, which it nearly equals; the temporal one would need all frames
         at once.
@@ -43,10 +41,6 @@ class Measured:
 
 class Figures:
     """Errors and heat map ranges of the frames so far.
-
-    Parameters
-    ----------
-    comparison : Comparison
 
     Attributes
     ----------
@@ -116,10 +110,6 @@ class Figures:
 
 class Measuring:
     """All frames, measured in a thread of its own.
-
-    Parameters
-    ----------
-    comparison : Comparison
 
     Attributes
     ----------

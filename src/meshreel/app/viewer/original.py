@@ -22,7 +22,6 @@ class Original:
 
     Parameters
     ----------
-    source : FrameSource
     reel : ReelFile
         Where its order was dropped, vertices are matched by connectivity. It may be cut off: then
         its frames are the first ones of the original.

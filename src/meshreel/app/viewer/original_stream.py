@@ -37,7 +37,6 @@ class OriginalStream:
 
     Attributes
     ----------
-    data : bytes
     tracks_bytes : int
         Of `data`, those of its tracks.
     names : list of str

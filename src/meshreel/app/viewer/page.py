@@ -47,7 +47,6 @@ class Page:
     ----------
     html : str
         With `DATA` and `SCRIPT` in it.
-    script : str
     """
 
     html: str

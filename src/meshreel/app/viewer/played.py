@@ -32,7 +32,6 @@ def played(reel: ReelFile, progress: Progress = silent) -> ReelFile:
 
     Parameters
     ----------
-    reel : ReelFile
     progress : callable, optional
 
     Raises

@@ -37,7 +37,6 @@ class ViewerServer(ThreadingHTTPServer):
 
     Parameters
     ----------
-    api : Api
     host : str, default 127.0.0.1
         Where to listen. On another than this machine's own addresses the player is open to all
         who reach it.

@@ -25,7 +25,6 @@ class TrackComparison:
     ----------
     reel : ReelFile
         As it was made of the original: pages may play another stream.
-    original : Original
 
     Attributes
     ----------

@@ -31,7 +31,6 @@ class SegmentPlace:
 
     Attributes
     ----------
-    n_verts, n_faces : int
     position : int
         Byte of the stream at which its section SEGMENT begins: the end of the segment before.
     places : sequence of BlockPlace

@@ -63,7 +63,6 @@ class StreamWriter:
 
         Parameters
         ----------
-        n_frames : int
         sections : iterable of (Section, bytes)
             BLOCK first and COEFFICIENTS last: a block whose last section is complete is complete.
             Each TRACK_BLOCK begins the sections of a further track.
@@ -97,7 +96,6 @@ def whole_stream(
 
     Parameters
     ----------
-    header : Header
     leading : iterable of (Section, bytes)
     blocks : iterable of (int, iterable of (Section, bytes))
         Number of frames and sections of each.

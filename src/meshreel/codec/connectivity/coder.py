@@ -108,7 +108,6 @@ def decode_order(
         From `encode_connectivity`; empty if only the internal order is known.
     internal_faces : int32 array of shape (M, 3)
         From `decode_connectivity`.
-    n_verts : int
 
     Raises
     ------

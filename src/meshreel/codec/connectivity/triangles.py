@@ -39,7 +39,6 @@ def twin_sides(faces: AnyFaces, n_verts: int) -> Integers:
     ----------
     faces : integer array of shape (M, 3)
         Side ``3 i + k`` goes from corner k of face i to corner ``(k + 1) % 3``.
-    n_verts : int
 
     Returns
     -------

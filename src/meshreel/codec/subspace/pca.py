@@ -126,7 +126,6 @@ def weak_trajectories(
         As of `gram_of_rows`.
     gram : float64 array of shape (n_rows, n_rows)
         What that gives.
-    least : float
 
     Returns
     -------

@@ -20,10 +20,8 @@ def along_faces(
 
     Parameters
     ----------
-    domain : Domain
     rows : integer array or None
         The row of each vertex or corner; None if each has its own, in order.
-    surface : Surface
     faces : int32 array of shape (M, 3)
     """
     if domain is Domain.FACE:

@@ -40,7 +40,6 @@ def surface_sections(
 
     Parameters
     ----------
-    surface : Surface
     faces : int32 array of shape (M, 3)
         As they go out when the stream is decoded.
     uv_bits : int, optional
@@ -76,8 +75,6 @@ def surface_in_order(surface: Surface, order: Order, internal_to_given: Integers
 
     Parameters
     ----------
-    surface : Surface
-    order : Order
     internal_to_given : integer array of shape (V,)
         Given number of each internal vertex.
     """

@@ -41,7 +41,6 @@ def measure_uvs(sequence: FrameSource, data: bytes) -> UvErrors | None:
     ----------
     sequence : FrameSource
         The original of the stream, with all of its surface.
-    data : bytes
     """
     opened = whole_stream(data)
     order = opened.order_kept

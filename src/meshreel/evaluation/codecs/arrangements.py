@@ -16,7 +16,6 @@ class Arrangement:
     ----------
     order : {"coded", "given"}
         That of the coded connectivity, or the one of the sequence, which is then stored.
-    sequence : MeshSequence
     size_bytes : int
         Of our connectivity, with the order of the vertices where it is the given one.
     encode_s, decode_s : float

@@ -24,13 +24,10 @@ class RecordedPoint:
 
     Attributes
     ----------
-    sequence, codec, params : str
-    n_verts, n_frames : int
     rate_bpvf : float
         Of the whole, with connectivity.
     quality : dict
         `kg_error_percent`, `max_error_percent` and `rms_error_percent`.
-    encode_s, decode_s : float
     """
 
     sequence: str

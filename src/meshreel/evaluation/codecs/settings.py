@@ -24,7 +24,6 @@ class MethodSetting:
 
     Attributes
     ----------
-    method : str
     options : tuple of (name, value)
     """
 

@@ -36,7 +36,6 @@ class CodecStudy:
         Points of other sequences are passed over.
     quick : bool
         Few settings of each codec.
-    program : str
     """
 
     methods: Sequence[str] = DEFAULT_METHODS

@@ -33,7 +33,6 @@ def codecs_document(
 
     Parameters
     ----------
-    title : str
     command : str
         The command line that made it.
     finished : iterable of results

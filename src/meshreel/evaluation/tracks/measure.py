@@ -46,7 +46,6 @@ class Measured:
 
     Parameters
     ----------
-    sequence : MeshSequence
     name : str
         Of the track.
     """

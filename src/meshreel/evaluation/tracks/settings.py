@@ -52,7 +52,6 @@ def level_of(text: str, track: TrackSource) -> Level:
     ----------
     text : str
         As `meshreel.codec.track_bounds.bound_of_track` takes it, but "drop".
-    track : TrackSource
 
     Raises
     ------

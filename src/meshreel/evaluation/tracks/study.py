@@ -36,7 +36,6 @@ class TrackStudy:
         Those whose package is missing are named in the report.
     quick : bool
         Few bounds.
-    program : str
     """
 
     track: str

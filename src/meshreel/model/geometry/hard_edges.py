@@ -95,7 +95,6 @@ def hard_flags(hard_edges: Int32s | None, edges: SharedEdges) -> npt.NDArray[np.
     ----------
     hard_edges : int32 array of shape (H, 2) or None
         As in `Surface`.
-    edges : SharedEdges
 
     Raises
     ------
@@ -155,7 +154,6 @@ def normal_rows(
     counts, given : integer arrays
         Number of corners of each face; vertex indices, face after face.
     hard_edges : int32 array of shape (H, 2) or None
-    n_verts : int
 
     Raises
     ------
@@ -207,7 +205,6 @@ def joined_labels(n_items: int, one: Int64s, other: Int64s) -> Int64s:
 
     Parameters
     ----------
-    n_items : int
     one, other : int64 arrays of shape (N,)
         The items of each pair.
     """
@@ -229,7 +226,6 @@ class RowNormals:
     counts, corners : integer arrays
         As of `shared_edges`.
     hard_edges : int32 array of shape (H, 2) or None
-    n_verts : int
 
     Attributes
     ----------

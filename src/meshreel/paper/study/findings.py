@@ -49,7 +49,6 @@ class Finding:
 
     Attributes
     ----------
-    claim : str
     holds : bool or None
         None where the results cannot judge it, or there is nothing to judge.
     evidence : str

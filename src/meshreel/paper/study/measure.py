@@ -36,8 +36,6 @@ def variant_run(
 
     Parameters
     ----------
-    sequence : MeshSequence
-    setting : Setting
     shown_frame : int
         The decoded frame that is stored for pictures.
     repeat : bool

@@ -45,7 +45,6 @@ class PaperStudy:
         Few points in the rate-distortion plots, no alternatives, and no long sequences.
     table : TableSettings
         Modes, bits and anchors of the streams in the tables.
-    program : str
     """
 
     methods: Sequence[str] = METHOD_NAMES

@@ -48,10 +48,8 @@ class Picture:
 
     Attributes
     ----------
-    path : Path
     title : str
         Such as "Fig. 2".
-    caption : str
     n_panels : int
         How many pictures or diagrams it holds.
     """
@@ -70,8 +68,6 @@ class Drawing:
     ----------
     svg : str
         An element ``<svg>``.
-    title : str
-    caption : str
     """
 
     svg: str

@@ -13,7 +13,6 @@ def check_output_path(path: Path, *, overwrite: bool, inputs: Iterable[Path] = (
 
     Parameters
     ----------
-    path : Path
     overwrite : bool
         Whether a file that is there already may be replaced.
     inputs : iterable of Path
@@ -84,7 +83,6 @@ def check_output_folder(
 
     Parameters
     ----------
-    folder : Path
     makes_folder : bool, default True
         Whether a folder that does not exist will be made.
     inputs : iterable of Path
@@ -122,7 +120,6 @@ def check_ending(path: Path, endings: Sequence[str], advice: str = "") -> str:
 
     Parameters
     ----------
-    path : Path
     endings : sequence of str
         In small letters, with the dot.
     advice : str, optional

@@ -20,8 +20,6 @@ class RemoteFile:
     ----------
     name : str
         Its path within the folder that was listed, with slashes.
-    address : str
-    size_bytes : int
     version : str
         Something that is another when the file has changed, as far as the store tells.
     """

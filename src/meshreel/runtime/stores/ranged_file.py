@@ -21,13 +21,8 @@ KEPT_BYTES = 1 << 26
 class RangedFile(io.RawIOBase):
     """A remote file to read and to seek in; each range that it lacks is one request.
 
-    Parameters
-    ----------
-    address : str
-
     Attributes
     ----------
-    address : str
     size_bytes : int
     n_requests : int
         For ranges, so far.

@@ -125,7 +125,6 @@ def whole_dictionaries(sequence: MeshSequence, block_frames: int) -> list[Quanti
 
     Parameters
     ----------
-    sequence : MeshSequence
     block_frames : int
         The paper's k_f, at most the frames of the sequence.
 
@@ -191,11 +190,8 @@ def draw_dictionaries(
 
     Parameters
     ----------
-    sequence : MeshSequence
     blocks : sequence of CodedBlock
         Of a stream of `blocks`, which keeps the first columns only.
-    slug : str
-    folder : Path
     """
     kept = [block.basis for block in blocks if block.basis is not None]
     kept = [basis for basis in kept if basis.integers.shape == kept[0].integers.shape]

@@ -141,7 +141,6 @@ def detail_corner(
     faces : integer array of shape (M, 3)
     angles : float64 arrays of shape (V,)
         One for each variant, in degrees.
-    camera : Camera
     size : tuple of int
         Width and height of the part, in pixels; at most those of the picture.
 
@@ -175,7 +174,6 @@ def render_detail(
     ----------
     vertices : float array of shape (V, 3)
     faces : integer array of shape (M, 3)
-    camera : Camera
     corner, size : tuples of int
         Left and top, width and height of the part, in pixels of the camera.
     """

@@ -79,12 +79,10 @@ class Layout:
     ----------
     n_columns : int
         In all bands together.
-    columns_per_band : int
     width : int
         Panel width in pixels, a multiple of 3.
     heights : tuple of int
         Panel height of each row in pixels, multiples of 3.
-    n_title_lines : int
     has_labels : bool
         Whether rows are labeled, in the left margin.
     """
@@ -140,8 +138,6 @@ def fit_layout(
         At least 1.
     aspects : sequence of float
         Ratio of width to height of the panels of each row.
-    n_title_lines : int
-    has_labels : bool
     """
     widest = MAX_PANEL_PX * aspects[0] ** 0.5
 
