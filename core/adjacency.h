@@ -1,25 +1,26 @@
-/* Graphs from pairs of vertices, in linear time and without sorting. */
+/* Graphs from lists of edges, in linear time and without comparison sorts. */
 
 #ifndef REEL_ADJACENCY_H
 #define REEL_ADJACENCY_H
 
 #include "graph.h"
 
-/* Memory to join pairs with: lists of `n` vertices with `pairs` entries in all. */
+/* Memory for graphs of `n` vertices from up to `pairs` edges. */
 typedef struct {
-    int32_t *starts; /* n + 1: where the highs of a low begin; later a cursor */
-    int32_t *highs;  /* pairs */
-    int32_t *firsts; /* n + 1: where the lows of a high begin */
-    int32_t *ends;   /* n */
-    int32_t *lows;   /* pairs */
-} reel_joiner;
+    int32_t *starts; /* n + 1: where the upper ends of a lower end begin; later a cursor */
+    int32_t *highs;  /* upper ends by lower end */
+    int32_t *firsts; /* n + 1: where the lower ends of an upper end begin */
+    int32_t *ends;   /* n: where the lists of lower ends end */
+    int32_t *lows;   /* lower ends by upper end */
+} reel_adjacency_builder;
 
-size_t reel_joiner_room(size_t n, size_t pairs);
-reel_joiner reel_take_joiner(reel_arena *arena, size_t n, size_t pairs);
+size_t reel_adjacency_builder_bytes(size_t n, size_t pairs);
+reel_adjacency_builder reel_allocate_adjacency_builder(reel_arena *arena, size_t n, size_t pairs);
 
-/* The graph of n vertices with edges low < high, given as low, high, low, high, ... in `near`,
-   where the neighbours are written: it has room for 2 x pairs. Returns how many there are. */
-int32_t reel_join(const reel_joiner *joiner, int32_t n, int32_t pairs, int32_t *starts,
-                  int32_t *near);
+/* Build the graph of n vertices with edges low < high. `near` holds the edges as low, high, low,
+   high, ..., possibly repeated, and receives the neighbors: it has space for 2 x pairs numbers.
+   Returns the number of neighbors. */
+int32_t reel_build_adjacency(const reel_adjacency_builder *builder, int32_t n, int32_t pairs,
+                             int32_t *starts, int32_t *near);
 
 #endif

@@ -1,4 +1,4 @@
-/* What every file of the core uses: failures, the arena, and copies without a library. */
+/* Failures, the arena, and byte operations: what every file of the core uses instead of libc. */
 
 #ifndef REEL_BASE_H
 #define REEL_BASE_H
@@ -17,12 +17,13 @@
 
 #define REEL_ALIGNMENT 64
 
-/* Failures: see reel.h. */
+/* Return the failure -(code + 256 place) that reel.h describes. */
 REEL_INLINE int64_t reel_failure(enum reel_code code, uint64_t place) {
     return -(int64_t)((uint64_t)code + 256U * (place & 0x7FFFFFFFFFFFU));
 }
 
-/* The memory of a caller, given out from its start; what does not fit is NULL, and `failed`. */
+/* An arena over the caller's memory, allocated from its start. An allocation that does not fit
+   returns NULL and sets `failed`. */
 typedef struct {
     uint8_t *base;
     size_t size;
@@ -34,8 +35,8 @@ REEL_INLINE reel_arena reel_arena_of(void *memory, size_t size) {
     return (reel_arena){.base = memory, .size = size, .used = 0, .failed = false};
 }
 
-/* Where arrays lie in an arena side by side, no sanitizer sees a step from one into the next; for
-   tests there are gaps between them. */
+/* Arrays in an arena are adjacent, so no sanitizer sees an overrun from one into the next. Builds
+   with REEL_GUARDED poison a gap behind each of them. */
 #ifdef REEL_GUARDED
 #include <sanitizer/asan_interface.h>
 #define REEL_GAP REEL_ALIGNMENT
@@ -47,38 +48,39 @@ REEL_INLINE reel_arena reel_arena_of(void *memory, size_t size) {
 #define REEL_GUARD(block, size, whole) (void)0
 #endif
 
-/* Bytes that `count` items of `item` bytes take in an arena; the caller bounds the product. */
-REEL_INLINE size_t reel_room(size_t count, size_t item) {
+/* Bytes that an array of `count` items of `item` bytes takes in an arena. The caller bounds the
+   product. */
+REEL_INLINE size_t reel_array_bytes(size_t count, size_t item) {
     return (count * item + REEL_GAP + REEL_ALIGNMENT - 1) / REEL_ALIGNMENT * REEL_ALIGNMENT;
 }
 
-REEL_INLINE void *reel_take(reel_arena *arena, size_t count, size_t item) {
-    size_t wanted = reel_room(count, item);
-    if (wanted > arena->size - arena->used) {
+REEL_INLINE void *reel_allocate(reel_arena *arena, size_t count, size_t item) {
+    size_t size = reel_array_bytes(count, item);
+    if (size > arena->size - arena->used) {
         arena->failed = true;
         return NULL;
     }
-    uint8_t *found = arena->base + arena->used;
-    arena->used += wanted;
-    REEL_GUARD(found, count * item, wanted);
-    return found;
+    uint8_t *block = arena->base + arena->used;
+    arena->used += size;
+    REEL_GUARD(block, count * item, size);
+    return block;
 }
 
-REEL_INLINE void reel_zero(void *to, size_t size) { __builtin_memset(to, 0, size); }
+REEL_INLINE void reel_zero(void *target, size_t size) { __builtin_memset(target, 0, size); }
 
-REEL_INLINE void reel_copy(void *to, const void *from, size_t size) {
-    __builtin_memcpy(to, from, size);
+REEL_INLINE void reel_copy(void *target, const void *source, size_t size) {
+    __builtin_memcpy(target, source, size);
 }
 
-REEL_INLINE bool reel_same(const uint8_t *these, const uint8_t *those, size_t size) {
+REEL_INLINE bool reel_equal_bytes(const uint8_t *a, const uint8_t *b, size_t size) {
     size_t i = 0;
-    while (i < size && these[i] == those[i]) {
+    while (i < size && a[i] == b[i]) {
         i++;
     }
     return i == size;
 }
 
-/* Bits that hold a number: 0 of 0, 1 of 1, 2 of 2 and 3. */
-REEL_INLINE int reel_length(uint32_t value) { return value ? 32 - __builtin_clz(value) : 0; }
+/* Number of significant bits: 0 for 0, 1 for 1, 2 for 2 and 3. */
+REEL_INLINE int reel_bit_length(uint32_t value) { return value ? 32 - __builtin_clz(value) : 0; }
 
 #endif

@@ -1,51 +1,51 @@
-/* The faces of a mesh to bytes and back: what there is, then walks over each part of the surface,
-   then degenerate faces as they are listed. docs/format.md, CONNECTIVITY. */
+/* Coding of the faces of a mesh: counts, then a traversal of each part of the surface, then the
+   degenerate faces as a list. docs/format.md, CONNECTIVITY. */
 
 #include "walk.h"
 
-/* Faces as they are listed: corners less one before them. */
+/* Code faces as a list of corner differences. */
 static void code_listed(reel_walk *walk, int32_t *faces, int64_t n_faces) {
-    int64_t above = 0;
+    int64_t previous = 0;
     for (int64_t i = 0; i < n_faces && !walk->failed; i++) {
         int32_t *face = faces + 3 * i;
         for (int k = 0; k < 3; k++) {
-            int64_t base = k ? face[0] : above;
-            int32_t more = reel_writes(&walk->port) ? (int32_t)(face[k] - base) : 0;
-            int64_t value =
-                base + reel_code_integer(&walk->port, &walk->models->corner[k], more);
+            int64_t base = k ? face[0] : previous;
+            int32_t more = reel_is_encoder(&walk->coder) ? (int32_t)(face[k] - base) : 0;
+            int64_t value = base + reel_code_integer(&walk->coder, &walk->models->corner[k], more);
             if (value < 0 || value >= walk->n_verts) {
                 walk->failed = true;
                 return;
             }
             face[k] = (int32_t)value;
         }
-        above = face[0];
+        previous = face[0];
     }
 }
 
-static int64_t code_amount(reel_walk *walk, int64_t amount, int64_t most) {
-    amount = reel_code_count(&walk->port, &walk->models->amounts, (uint32_t)amount);
-    walk->failed |= amount > most;
+static int64_t code_amount(reel_walk *walk, int64_t amount, int64_t limit) {
+    amount = reel_code_count(&walk->coder, &walk->models->amounts, (uint32_t)amount);
+    walk->failed |= amount > limit;
     return amount;
 }
 
-/* Writer: all parts, those with a cap first, each from its first open edge or face. */
+/* Encoder: traverse all parts, those with a boundary first, each from its first boundary edge or
+   face. */
 static void write_parts(reel_walk *walk) {
     const reel_surface *surface = &walk->surface;
     int64_t n_given = 3 * surface->n_faces, n_all = n_given + 3 * surface->n_closing;
     for (int64_t side = n_given + 2; side < n_all && !walk->failed; side += 3) {
-        if (!walk->met[surface->point[side]]) {
+        if (!walk->is_met[surface->point[side]]) {
             reel_walk_part(walk, (int32_t)side);
         }
     }
     for (int64_t f = 0; f < surface->n_faces && !walk->failed; f++) {
-        if (!surface->flat[f] && !walk->met[surface->point[3 * f]]) {
+        if (!surface->flat[f] && !walk->is_met[surface->point[3 * f]]) {
             reel_walk_part(walk, (int32_t)(3 * f));
         }
     }
 }
 
-/* Writer: numbers of the vertices that no part names, and the degenerate faces in numbers. */
+/* Encoder: number the vertices that no part uses, and renumber the degenerate faces. */
 static void finish_names(reel_walk *walk, const int32_t *faces) {
     int64_t named = walk->n_named;
     for (int64_t v = 0; v < walk->n_verts; v++) {
@@ -68,9 +68,9 @@ static int64_t code_faces(reel_walk *walk, const int32_t *given) {
     int64_t n_flat = code_amount(walk, surface->n_flat, walk->n_faces);
     walk->n_faces -= walk->failed ? 0 : n_flat;
     walk->n_caps = code_amount(walk, surface->n_caps, 3 * walk->n_faces);
-    walk->pinched = reel_code_raw(&walk->port, 1, surface->pinched);
-    walk->turns = reel_code_raw(&walk->port, 1, surface->turns);
-    if (reel_writes(&walk->port)) {
+    walk->pinched = reel_code_raw(&walk->coder, 1, surface->pinched);
+    walk->has_flipped = reel_code_raw(&walk->coder, 1, surface->has_flipped);
+    if (reel_is_encoder(&walk->coder)) {
         write_parts(walk);
         finish_names(walk, given);
     } else {
@@ -80,33 +80,36 @@ static int64_t code_faces(reel_walk *walk, const int32_t *given) {
     }
     walk->failed |= walk->n_caps != 0 || walk->n_named + n_unused != walk->n_verts;
     code_listed(walk, walk->faces + 3 * walk->n_done, walk->failed ? 0 : n_flat);
-    return walk->failed ? reel_failure(REEL_CORRUPT, walk->port.position) : reel_end(&walk->port);
+    return walk->failed ? reel_failure(REEL_CORRUPT, walk->coder.position)
+                        : reel_finish(&walk->coder);
 }
 
-/* At most three quarters of the corners, given faces and closing ones, are nodes at a time. */
-static size_t most_nodes(int64_t n_faces) { return 3 * (size_t)n_faces + 4; }
+/* Maximum number of nodes at a time: at most three quarters of all corners, closing faces
+   included. */
+static size_t max_nodes(int64_t n_faces) { return 3 * (size_t)n_faces + 4; }
 
 static size_t walk_memory(int64_t n_faces) {
-    return reel_room(1, sizeof(reel_walk_models)) +
-           reel_room(most_nodes(n_faces), sizeof(reel_node));
+    return reel_array_bytes(1, sizeof(reel_walk_models)) +
+           reel_array_bytes(max_nodes(n_faces), sizeof(reel_node));
 }
 
 static reel_walk new_walk(reel_arena *arena, int64_t n_verts, int64_t n_faces) {
-    reel_walk walk = {.n_verts = n_verts, .n_faces = n_faces, .spare = REEL_NONE, .last = {6, 6}};
-    walk.room = (int32_t)most_nodes(n_faces);
-    walk.models = reel_take(arena, 1, sizeof *walk.models);
-    walk.nodes = reel_take(arena, most_nodes(n_faces), sizeof *walk.nodes);
-    for (int i = 0; i < REEL_BUCKETS; i++) {
+    reel_walk walk = {
+        .n_verts = n_verts, .n_faces = n_faces, .free_slot = REEL_NONE, .last = {6, 6}};
+    walk.capacity = (int32_t)max_nodes(n_faces);
+    walk.models = reel_allocate(arena, 1, sizeof *walk.models);
+    walk.nodes = reel_allocate(arena, max_nodes(n_faces), sizeof *walk.nodes);
+    for (int i = 0; i < REEL_STACKS; i++) {
         walk.top[i] = REEL_NONE;
     }
     if (!arena->failed) {
-        reel_start_walk_models(walk.models);
+        reel_reset_walk_models(walk.models);
     }
     return walk;
 }
 
 static bool is_within(int64_t n_verts, int64_t n_faces) {
-    return n_verts >= 0 && n_faces >= 0 && n_verts <= REEL_MOST_ITEMS && n_faces <= REEL_MOST_ITEMS;
+    return n_verts >= 0 && n_faces >= 0 && n_verts <= REEL_MAX_ITEMS && n_faces <= REEL_MAX_ITEMS;
 }
 
 size_t reel_connectivity_decode_memory(int64_t n_verts, int64_t n_faces) {
@@ -118,8 +121,9 @@ size_t reel_connectivity_encode_memory(int64_t n_verts, int64_t n_faces) {
         return 0;
     }
     return walk_memory(n_faces) + reel_surface_memory(n_verts, n_faces) +
-           reel_room((size_t)n_verts, sizeof(int32_t)) +
-           reel_room(most_nodes(n_faces), sizeof(int32_t)) + reel_room(6 * (size_t)n_faces, 1);
+           reel_array_bytes((size_t)n_verts, sizeof(int32_t)) +
+           reel_array_bytes(max_nodes(n_faces), sizeof(int32_t)) +
+           reel_array_bytes(6 * (size_t)n_faces, 1);
 }
 
 static int64_t write_listed(reel_walk *walk, const int32_t *faces) {
@@ -128,19 +132,19 @@ static int64_t write_listed(reel_walk *walk, const int32_t *faces) {
         walk->given[v] = (int32_t)v;
     }
     code_listed(walk, walk->faces, walk->n_faces);
-    return reel_end(&walk->port);
+    return reel_finish(&walk->coder);
 }
 
 static int64_t write_walks(reel_walk *walk, reel_arena *arena, const int32_t *faces) {
     size_t n_verts = (size_t)walk->n_verts, n_faces = (size_t)walk->n_faces;
-    walk->name = reel_take(arena, n_verts, sizeof *walk->name);
-    walk->side = reel_take(arena, most_nodes(walk->n_faces), sizeof *walk->side);
-    walk->met = reel_take(arena, 6 * n_faces, 1);
+    walk->name = reel_allocate(arena, n_verts, sizeof *walk->name);
+    walk->side = reel_allocate(arena, max_nodes(walk->n_faces), sizeof *walk->side);
+    walk->is_met = reel_allocate(arena, 6 * n_faces, 1);
     if (arena->failed ||
         !reel_find_surface(arena, faces, walk->n_faces, walk->n_verts, &walk->surface)) {
         return reel_failure(REEL_NO_MEMORY, 0);
     }
-    reel_zero(walk->met, 6 * n_faces);
+    reel_zero(walk->is_met, 6 * n_faces);
     for (int64_t v = 0; v < walk->n_verts; v++) {
         walk->name[v] = REEL_NONE;
     }
@@ -150,7 +154,7 @@ static int64_t write_walks(reel_walk *walk, reel_arena *arena, const int32_t *fa
 int64_t reel_connectivity_encode(void *memory, size_t memory_size, const int32_t *faces,
                                  int64_t n_faces, int64_t n_verts, int64_t listed,
                                  int32_t *internal_faces, int32_t *internal_to_given, uint8_t *out,
-                                 size_t room) {
+                                 size_t capacity) {
     if (!is_within(n_verts, n_faces)) {
         return reel_failure(REEL_INVALID, 0);
     }
@@ -164,10 +168,10 @@ int64_t reel_connectivity_encode(void *memory, size_t memory_size, const int32_t
     if (arena.failed) {
         return reel_failure(REEL_NO_MEMORY, 0);
     }
-    walk.port = reel_writer(out, room);
+    walk.coder = reel_start_encoder(out, capacity);
     walk.faces = internal_faces;
     walk.given = internal_to_given;
-    reel_code_raw(&walk.port, 1, listed != 0);
+    reel_code_raw(&walk.coder, 1, listed != 0);
     return listed ? write_listed(&walk, faces) : write_walks(&walk, &arena, faces);
 }
 
@@ -181,11 +185,11 @@ int64_t reel_connectivity_decode(void *memory, size_t memory_size, const uint8_t
     if (arena.failed) {
         return reel_failure(REEL_NO_MEMORY, 0);
     }
-    walk.port = reel_reader(in, size);
+    walk.coder = reel_start_decoder(in, size);
     walk.faces = faces;
-    if (!reel_code_raw(&walk.port, 1, 0)) {
+    if (!reel_code_raw(&walk.coder, 1, 0)) {
         return code_faces(&walk, NULL);
     }
     code_listed(&walk, faces, n_faces);
-    return walk.failed ? reel_failure(REEL_CORRUPT, walk.port.position) : reel_end(&walk.port);
+    return walk.failed ? reel_failure(REEL_CORRUPT, walk.coder.position) : reel_finish(&walk.coder);
 }

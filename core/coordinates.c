@@ -1,29 +1,31 @@
-/* Values of some vertices, such as coordinates, as rows of frames, about a centre and in units of a
-   size: what an encoder analyses. No stream depends on it. */
+/* Values of some vertices, such as coordinates, normalized and transposed to rows over time: the
+   encoder's input to the analysis. No stream depends on it. */
 
 #include "base.h"
 
-#define TOGETHER 512 /* vertices whose rows are written at once */
+#define TILE 512 /* vertices per tile, whose rows are written together */
 
 typedef struct {
-    const int32_t *order; /* NULL: as they are */
+    const int32_t *order;    /* NULL: identity */
     const double *placement; /* scale, and the origin of each column */
-    const double *signs;     /* NULL: rows are written, not added to with a sign */
+    const double *signs;     /* NULL: overwrite rows rather than accumulate them */
     int64_t first, n, n_columns;
-} place;
+} selection;
 
-/* A frame of `count` vertices from `from` on, to rows that are `apart`. */
+/* Normalize one frame of `count` vertices, starting at `from`, into the rows of each column,
+   `stride` apart. */
 #define DEFINE_ROWS(name, type)                                                                    \
-    static void name(const type *frame, const place *at, int64_t from, int64_t count, double *out, \
-                     int64_t apart) {                                                              \
-        for (int64_t column = 0; column < at->n_columns; column++) {                               \
+    static void name(const type *frame, const selection *selected, int64_t from, int64_t count,    \
+                     double *out, int64_t stride) {                                                \
+        for (int64_t column = 0; column < selected->n_columns; column++) {                         \
             const type *values = frame + column;                                                   \
-            double scale = at->placement[0], origin = at->placement[1 + column];                   \
-            double *row = out + column * apart;                                                    \
+            double scale = selected->placement[0], origin = selected->placement[1 + column];       \
+            double *row = out + column * stride;                                                   \
             for (int64_t i = from; i < from + count; i++) {                                        \
-                int64_t vertex = at->order ? at->order[at->first + i] : at->first + i;             \
-                double value = ((double)values[at->n_columns * vertex] - origin) / scale;          \
-                row[i] = at->signs ? row[i] + at->signs[i] * value : value;                        \
+                int64_t vertex =                                                                   \
+                    selected->order ? selected->order[selected->first + i] : selected->first + i;  \
+                double value = ((double)values[selected->n_columns * vertex] - origin) / scale;    \
+                row[i] = selected->signs ? row[i] + selected->signs[i] * value : value;            \
             }                                                                                      \
         }                                                                                          \
     }
@@ -42,19 +44,19 @@ int64_t reel_coordinates(const void *vertices, int64_t size, int64_t n_frames, i
             return reel_failure(REEL_INVALID, (uint64_t)i);
         }
     }
-    place at = {order, placement, signs, first, last - first, n_columns};
-    for (int64_t from = 0; from < at.n; from += TOGETHER) {
-        int64_t count = at.n - from < TOGETHER ? at.n - from : TOGETHER;
+    selection selected = {order, placement, signs, first, last - first, n_columns};
+    for (int64_t from = 0; from < selected.n; from += TILE) {
+        int64_t count = selected.n - from < TILE ? selected.n - from : TILE;
         for (int64_t frame = 0; frame < n_frames; frame++) {
-            double *rows = out + frame * at.n;
+            double *rows = out + frame * selected.n;
             if (size == 4) {
-                rows_of_floats((const float *)vertices + frame * n_verts * n_columns, &at, from,
-                               count, rows, n_frames * at.n);
+                rows_of_floats((const float *)vertices + frame * n_verts * n_columns, &selected,
+                               from, count, rows, n_frames * selected.n);
             } else {
-                rows_of_doubles((const double *)vertices + frame * n_verts * n_columns, &at, from,
-                                count, rows, n_frames * at.n);
+                rows_of_doubles((const double *)vertices + frame * n_verts * n_columns, &selected,
+                                from, count, rows, n_frames * selected.n);
             }
         }
     }
-    return at.n;
+    return selected.n;
 }

@@ -1,18 +1,18 @@
-/* The writer of the exact coder: which numbers there are, which frames resemble, how values are
-   expected. A reader is told, and knows nothing of how this is chosen. */
+/* The encoder of exact values: chooses the number grid, similar frames and the prediction mode. The
+   format does not prescribe how. */
 
 #include "exact_state.h"
 
-#define MOST_LAGS 512
+#define MAX_LAG 512
 
-/* Whether all finite floats have decimal indices that lead back to them; `step` apart, if there
-   are many. */
-static bool are_decimal(const exact_coder *f, const reel_numbers *numbers, int64_t step) {
+/* Whether all finite floats have decimal indices that restore them, sampled every `step`
+   numbers. */
+static bool restores_all(const exact_coder *f, const reel_numbers *numbers, int64_t step) {
     int64_t count = f->n_frames * f->n_items * f->width;
     int decade = 0;
     for (int64_t i = 0; i < count; i += step) {
         uint64_t pattern = reel_read_pattern(numbers, f->values, i);
-        if (!reel_is_odd(numbers, pattern)) {
+        if (!reel_is_special(numbers, pattern)) {
             uint64_t index = reel_index_of(numbers, pattern, &decade);
             if (reel_pattern_of(numbers, index, decade) != pattern) {
                 return false;
@@ -22,7 +22,7 @@ static bool are_decimal(const exact_coder *f, const reel_numbers *numbers, int64
     return true;
 }
 
-/* How many octaves coarser decimal floats are than those with so many lowest bits 0, mostly. */
+/* Mean number of octaves by which the decimal grid is coarser than the binary one. */
 static double octaves_saved(const exact_coder *f, const reel_numbers *decimal, int64_t step) {
     reel_numbers plain = *decimal;
     plain.digits = 0;
@@ -30,11 +30,11 @@ static double octaves_saved(const exact_coder *f, const reel_numbers *decimal, i
     int64_t count = f->n_frames * f->n_items * f->width, sum = 0, n = 0;
     for (int64_t i = 0; i < count; i += step) {
         uint64_t pattern = reel_read_pattern(decimal, f->values, i);
-        if (!reel_is_odd(decimal, pattern)) {
+        if (!reel_is_special(decimal, pattern)) {
             double value = reel_float_value(decimal, pattern) * decimal->down;
             int32_t coarse, fine;
-            reel_expected_index(decimal, value, value, 0, &decade, &coarse);
-            reel_expected_index(&plain, value, value, 0, &decade, &fine);
+            reel_predict_index(decimal, value, value, 0, &decade, &coarse);
+            reel_predict_index(&plain, value, value, 0, &decade, &fine);
             sum += coarse - fine;
             n++;
         }
@@ -42,26 +42,27 @@ static double octaves_saved(const exact_coder *f, const reel_numbers *decimal, i
     return n ? (double)sum / (double)n : 0;
 }
 
-/* Decimal floats of the fewest digits, then places, if they are coarser than all floats. */
+/* Choose the decimal grid with the fewest digits, then places, if it is coarser than the binary
+   one. */
 static void choose_decimal(exact_coder *f) {
     int64_t count = f->n_frames * f->n_items * f->width, step = count / 1024 + 1;
     reel_numbers tried = f->numbers;
-    int most = f->numbers.size == 4 ? 8 : REEL_MOST_DIGITS;
-    for (int digits = 1; digits <= most; digits++) {
-        reel_set_decimal(&tried, digits, REEL_MOST_PLACES);
-        if (!are_decimal(f, &tried, step)) {
+    int max_digits = f->numbers.size == 4 ? 8 : REEL_MAX_DIGITS;
+    for (int digits = 1; digits <= max_digits; digits++) {
+        reel_set_decimal(&tried, digits, REEL_MAX_PLACES);
+        if (!restores_all(f, &tried, step)) {
             continue;
         }
-        int places = REEL_MOST_PLACES;
+        int places = REEL_MAX_PLACES;
         do {
             reel_set_decimal(&tried, digits, places--);
-        } while (places >= 0 && are_decimal(f, &tried, step));
-        for (places += 2; places <= REEL_MOST_PLACES; places++) {
+        } while (places >= 0 && restores_all(f, &tried, step));
+        for (places += 2; places <= REEL_MAX_PLACES; places++) {
             reel_set_decimal(&tried, digits, places);
             if (octaves_saved(f, &tried, step) < 4) {
                 break;
             }
-            if (are_decimal(f, &tried, 1)) {
+            if (restores_all(f, &tried, 1)) {
                 f->numbers = tried;
                 return;
             }
@@ -69,40 +70,40 @@ static void choose_decimal(exact_coder *f) {
     }
 }
 
-/* Which floats there are. */
+/* Choose the grid and scale of the floats. */
 static void choose_numbers(exact_coder *f) {
     reel_numbers *numbers = &f->numbers;
     if (numbers->type != REEL_FLOATS) {
         return;
     }
     int64_t count = f->n_frames * f->n_items * f->width;
-    uint64_t any = 0, most = 0, magnitudes = reel_sign_bit(numbers) - 1;
+    uint64_t any = 0, max_pattern = 0, magnitudes = reel_sign_bit(numbers) - 1;
     for (int64_t i = 0; i < count; i++) {
         uint64_t pattern = reel_read_pattern(numbers, f->values, i) & magnitudes;
-        if (reel_is_odd(numbers, pattern)) {
-            f->has_odd = true;
+        if (reel_is_special(numbers, pattern)) {
+            f->has_special = true;
         } else {
             any |= pattern;
-            most = pattern > most ? pattern : most;
+            max_pattern = pattern > max_pattern ? pattern : max_pattern;
         }
     }
     numbers->shift = any ? __builtin_ctzll(any) : 0;
-    double largest = reel_float_value(numbers, most);
+    double largest = reel_float_value(numbers, max_pattern);
     int scale = (int)(reel_bits_of(largest) >> 52) - 1022;
-    scale = scale < -REEL_MOST_SCALE ? -REEL_MOST_SCALE : scale;
-    reel_set_scale(numbers, scale < REEL_MOST_SCALE ? scale : REEL_MOST_SCALE);
+    scale = scale < -REEL_MAX_SCALE ? -REEL_MAX_SCALE : scale;
+    reel_set_scale(numbers, scale < REEL_MAX_SCALE ? scale : REEL_MAX_SCALE);
     choose_decimal(f);
 }
 
-/* Values of a frame beside those of the item before, at some items. */
-static void take_samples(exact_coder *f) {
+/* Sample differences between the values of consecutive items in each frame. */
+static void sample_frames(exact_coder *f) {
     for (int64_t t = 0; t < f->n_frames; t++) {
         for (int64_t i = 0; i < N_SAMPLES; i++) {
-            int64_t place = i * f->n_items / N_SAMPLES, other = place ? place - 1 : 0;
+            int64_t position = i * f->n_items / N_SAMPLES, other = position ? position - 1 : 0;
             int64_t col = i % f->width;
             double values[2];
             for (int k = 0; k < 2; k++) {
-                int64_t item = f->visits.order[k ? other : place];
+                int64_t item = f->traversal.order[k ? other : position];
                 values[k] = reel_known_value(&f->numbers, pattern_at(f, t, item, col), 0);
             }
             f->samples[t * N_SAMPLES + i] = (float)(values[0] - values[1]);
@@ -110,7 +111,7 @@ static void take_samples(exact_coder *f) {
     }
 }
 
-static double frames_apart(const exact_coder *f, int64_t t, int64_t other) {
+static double frame_distance(const exact_coder *f, int64_t t, int64_t other) {
     const float *a = f->samples + t * N_SAMPLES, *b = f->samples + other * N_SAMPLES;
     float sum = 0;
     for (int i = 0; i < N_SAMPLES; i++) {
@@ -119,17 +120,17 @@ static double frames_apart(const exact_coder *f, int64_t t, int64_t other) {
     return (double)sum;
 }
 
-/* Frames resemble earlier ones where a motion comes again. */
+/* Choose the lags of frames that resemble earlier ones, as in cyclic motion. */
 static void choose_lags(exact_coder *f) {
     int64_t n_found = 0;
-    take_samples(f);
+    sample_frames(f);
     for (int64_t t = 0; t < f->n_frames; t++) {
-        double best = t ? frames_apart(f, t, t - 1) / 2 : 0;
+        double best = t ? frame_distance(f, t, t - 1) / 2 : 0;
         f->lags[t] = 0;
-        for (int32_t lag = 3; lag <= t && lag < MOST_LAGS; lag++) {
-            double found = frames_apart(f, t, t - lag);
-            if (found < best) {
-                best = found;
+        for (int32_t lag = 3; lag <= t && lag < MAX_LAG; lag++) {
+            double distance = frame_distance(f, t, t - lag);
+            if (distance < best) {
+                best = distance;
                 f->lags[t] = lag;
             }
         }
@@ -138,62 +139,62 @@ static void choose_lags(exact_coder *f) {
     f->has_lags = n_found >= f->n_frames / 8 + 1;
 }
 
-/* Whether many rows are as the row before: one in 16, in 256? */
-static void count_stills(exact_coder *f, bool *many, bool *some) {
-    int64_t n_still = 0, n_rows = 0, n_constant = 0;
+/* Whether many rows repeat the previous row (more than half), or some (more than 1 in 256). */
+static void count_repeats(exact_coder *f, bool *many, bool *some) {
+    int64_t n_repeated = 0, n_rows = 0, n_constant = 0;
     for (f->item = 0; f->item < f->n_items; f->item++) {
         if (is_constant(f)) {
             n_constant++;
             continue;
         }
         for (int64_t t = 1; t < f->n_frames; t++) {
-            n_still += same_rows(f, t, t - 1);
+            n_repeated += same_rows(f, t, t - 1);
         }
         n_rows += f->n_frames - 1;
     }
-    *some = n_still > n_rows / 256;
-    *many = n_still > n_rows / 2 || n_constant > f->n_items / 2;
+    *some = n_repeated > n_rows / 256;
+    *many = n_repeated > n_rows / 2 || n_constant > f->n_items / 2;
 }
 
-/* How values may be expected; labels also as they are listed. */
-enum { LISTED = RAW + 1 };
+/* Prediction modes; labels may also be coded in the given order. */
+enum { LABELS_IN_GIVEN_ORDER = RAW + 1 };
 
-static void set_way(exact_coder *f, int way) {
-    f->are_listed = way == LISTED;
-    f->kind = f->are_listed ? LABELS : way;
+static void set_mode(exact_coder *f, int mode) {
+    f->in_given_order = mode == LABELS_IN_GIVEN_ORDER;
+    f->kind = f->in_given_order ? LABELS : mode;
 }
 
-/* Bytes of some items, if values are expected in a way. */
-static int64_t try_way(exact_coder *f, int way, uint8_t *out, size_t room) {
+/* Return the size of the first items when coded in a mode. */
+static int64_t try_mode(exact_coder *f, int mode, uint8_t *out, size_t room) {
     exact_coder tried = *f;
-    reel_port port = reel_writer(out, room);
+    reel_range_coder coder = reel_start_encoder(out, room);
     int64_t count = f->n_items / 32 + 64;
-    set_way(&tried, way);
-    tried.port = &port;
-    int64_t found = reel_exact_block(&tried, count < f->n_items ? count : f->n_items);
-    f->visits = tried.visits;
-    return found < 0 ? INT64_MAX : found;
+    set_mode(&tried, mode);
+    tried.coder = &coder;
+    int64_t size = reel_exact_block(&tried, count < f->n_items ? count : f->n_items);
+    f->traversal = tried.traversal;
+    return size < 0 ? INT64_MAX : size;
 }
 
-static void choose_way(exact_coder *f, uint8_t *out, size_t room) {
-    static const int others[] = {LABELS, MEANS, LISTED};
-    bool many_stills;
-    count_stills(f, &many_stills, &f->has_stills);
+static void choose_mode(exact_coder *f, uint8_t *out, size_t room) {
+    static const int candidates[] = {LABELS, MEANS, LABELS_IN_GIVEN_ORDER};
+    bool many_repeats;
+    count_repeats(f, &many_repeats, &f->has_repeats);
     bool is_float = f->numbers.type == REEL_FLOATS;
     int best = f->n_frames > 1 && (is_float || f->numbers.size > 1) ? FILTER : MEANS;
-    if (!is_float || many_stills) {
+    if (!is_float || many_repeats) {
         int numeric = best;
-        int64_t least = try_way(f, numeric, out, room);
+        int64_t least = try_mode(f, numeric, out, room);
         for (int i = 0; i < 3; i++) {
-            bool is_new = others[i] != numeric && !(is_float && others[i] == MEANS);
-            int64_t found = is_new ? try_way(f, others[i], out, room) : INT64_MAX;
+            bool is_new = candidates[i] != numeric && !(is_float && candidates[i] == MEANS);
+            int64_t found = is_new ? try_mode(f, candidates[i], out, room) : INT64_MAX;
             if (found < least) {
                 least = found;
-                best = others[i];
+                best = candidates[i];
             }
         }
     }
-    set_way(f, best);
+    set_mode(f, best);
 }
 
 int64_t reel_exact_encode(void *memory, size_t memory_size, void *values, int64_t n_frames,
@@ -209,14 +210,14 @@ int64_t reel_exact_encode(void *memory, size_t memory_size, void *values, int64_
         reel_set_scale(&f.numbers, 8 * f.numbers.size);
     }
     choose_lags(&f);
-    choose_way(&f, out, room);
-    reel_port port = reel_writer(out, room);
-    f.port = &port;
-    int64_t found = reel_exact_block(&f, n_items);
-    if (found < 0) { /* they are noise */
-        port = reel_writer(out, room);
+    choose_mode(&f, out, room);
+    reel_range_coder coder = reel_start_encoder(out, room);
+    f.coder = &coder;
+    int64_t n_bytes = reel_exact_block(&f, n_items);
+    if (n_bytes < 0) { /* incompressible */
+        coder = reel_start_encoder(out, room);
         f.kind = RAW;
-        found = reel_exact_block(&f, n_items);
+        n_bytes = reel_exact_block(&f, n_items);
     }
-    return found;
+    return n_bytes;
 }

@@ -1,25 +1,21 @@
-/* Numbers of rows, expected and coded, on vectors of LANES doubles: see cpu.h and exact_items.c.
+/* Prediction and coding of numbers, on vectors of LANES doubles: see cpu.h and exact_items.c.
 
-   Rows of the filter are INPUTS numbers, of which the last are 0. Nothing is added up across lanes
-   but the gains, in the order of the inputs, and sums of products. */
+   Rows of the filter are padded to INPUTS numbers with zeros. Nothing is summed across lanes but
+   sums of products, in a fixed order. */
 
-#define PARTS (INPUTS / LANES)
+#define N_VECS (INPUTS / LANES)
 #define SUMS (4 / LANES)
-#define FOR_PARTS(k) REEL_UNROLLED for (int k = 0; k < PARTS; k++)
+#define FOR_VECS(k) REEL_UNROLLED for (int k = 0; k < N_VECS; k++)
 #define FOR_SUMS(k) REEL_UNROLLED for (int k = 0; k < SUMS; k++)
 
-#define vector REEL_JOIN(reel_vector_, LANES)
+#define VEC REEL_VEC_D(LANES)
 
-/* The sum of products, of every fourth by itself; temporal inputs come last. */
+/* Inner product in four interleaved partial sums; the temporal inputs come last. */
 TARGET REEL_INLINE double NAMED(filter_sum)(const double *a, const double *inputs, int n,
                                             const double *temporal) {
-    vector sums[SUMS];
-    FOR_SUMS(k) {
-        sums[k] = (vector){0};
-    }
-    FOR_PARTS(k) {
-        sums[k % SUMS] += ((const vector *)a)[k] * ((const vector *)inputs)[k];
-    }
+    VEC sums[SUMS];
+    FOR_SUMS(k) { sums[k] = (VEC){0}; }
+    FOR_VECS(k) { sums[k % SUMS] += ((const VEC *)a)[k] * ((const VEC *)inputs)[k]; }
     double *each = (double *)sums;
     for (int i = 0; temporal && i < TEMPORAL; i++) {
         each[(n + i) % 4] += a[n + i] * temporal[i];
@@ -27,179 +23,174 @@ TARGET REEL_INLINE double NAMED(filter_sum)(const double *a, const double *input
     return (each[0] + each[1]) + (each[2] + each[3]);
 }
 
-/* Variance of the expected move, with gains, the doubt times the inputs, on the way. */
+/* Compute the gains = covariance inputs; returns the variance of the predicted motion. */
 TARGET REEL_INLINE double NAMED(find_gains)(exact_coder *f, const double *inputs,
                                             const double *temporal) {
-    const vector *row = (const vector *)f->doubt;
-    vector sums[PARTS];
-    FOR_PARTS(k) {
-        sums[k] = (vector){0};
-    }
-    for (int j = 0; j < REEL_MOST_NEAR; j++) {
-        FOR_PARTS(k) {
-            sums[k] += row[PARTS * j + k] * inputs[j];
-        }
+    const VEC *row = (const VEC *)f->covariance;
+    VEC sums[N_VECS];
+    FOR_VECS(k) { sums[k] = (VEC){0}; }
+    for (int j = 0; j < REEL_MAX_NEAR; j++) {
+        FOR_VECS(k) { sums[k] += row[N_VECS * j + k] * inputs[j]; }
     }
     for (int i = 0; i < TEMPORAL; i++) {
-        FOR_PARTS(k) {
-            sums[k] += row[PARTS * (f->n_near + i) + k] * temporal[i];
-        }
+        FOR_VECS(k) { sums[k] += row[N_VECS * (f->n_near + i) + k] * temporal[i]; }
     }
-    FOR_PARTS(k) {
-        ((vector *)f->gains)[k] = sums[k];
-    }
+    FOR_VECS(k) { ((VEC *)f->gains)[k] = sums[k]; }
     return NAMED(filter_sum)(f->gains, inputs, f->n_near, temporal);
 }
 
-/* Learns from an error of variance `spread`, where they are numbers to learn from: weights take a
-   step along the gains, and the doubt along them shrinks. */
-TARGET REEL_INLINE bool NAMED(observe)(exact_coder *f, double error, double spread) {
+/* Kalman update with a prediction error of variance `spread`: move the weights along the gains, and
+   shrink the covariance. Returns false if the numbers are unusable. */
+TARGET REEL_INLINE bool NAMED(update_filter)(exact_coder *f, double error, double spread) {
     if (!(spread > 0 && spread < 1e100 && error * error < 1e100)) {
         return false;
     }
     double by = 1.0 / spread, step = error * by;
-    vector parts[PARTS];
-    FOR_PARTS(k) {
-        parts[k] = ((const vector *)f->gains)[k];
-        ((vector *)f->weights)[k] += parts[k] * step;
+    VEC gains[N_VECS];
+    FOR_VECS(k) {
+        gains[k] = ((const VEC *)f->gains)[k];
+        ((VEC *)f->weights)[k] += gains[k] * step;
     }
     for (int j = 0; j < INPUTS; j++) {
-        vector *row = (vector *)(f->doubt + INPUTS * j);
+        VEC *row = (VEC *)(f->covariance + INPUTS * j);
         double gain = f->gains[j] * by;
-        FOR_PARTS(k) {
-            row[k] -= parts[k] * gain;
-        }
+        FOR_VECS(k) { row[k] -= gains[k] * gain; }
     }
     return true;
 }
 
-/* What is known about weights fades, unless it is next to nothing. */
-TARGET REEL_INLINE void NAMED(fade)(exact_coder *f) {
+/* Inflate the covariance, unless the weights are nearly unknown. */
+TARGET REEL_INLINE void NAMED(inflate_covariance)(exact_coder *f) {
     double sum = 0;
     for (int i = 0; i < f->n_near + TEMPORAL; i++) {
-        sum += f->doubt[INPUTS * i + i];
+        sum += f->covariance[INPUTS * i + i];
     }
-    if (!(sum < WIDE)) {
+    if (!(sum < INITIAL_VARIANCE)) {
         return;
     }
-    for (int k = 0; k < INPUTS * PARTS; k++) {
-        ((vector *)f->doubt)[k] *= FADING;
+    for (int k = 0; k < INPUTS * N_VECS; k++) {
+        ((VEC *)f->covariance)[k] *= COVARIANCE_GROWTH;
     }
 }
 
-/* Weights are known a little from where neighbours are at frame 0. */
-TARGET static void NAMED(observe_places)(exact_coder *f, int64_t col, double mean, double value) {
+/* Initialize the weights from the positions of the neighbors at frame 0. */
+TARGET static void NAMED(update_from_positions)(exact_coder *f, int64_t col, double mean,
+                                                double value) {
     static const double none[TEMPORAL] = {0};
     int64_t stride = f->n_frames * f->width;
-    double places[INPUTS] __attribute__((aligned(REEL_ALIGNMENT))) = {0};
+    double positions[INPUTS] __attribute__((aligned(REEL_ALIGNMENT))) = {0};
     for (int i = 0; i < f->n_near; i++) {
-        places[i] = f->known[f->near[i] * stride + col] - mean;
+        positions[i] = f->known[f->near[i] * stride + col] - mean;
     }
-    double squares = NAMED(filter_sum)(places, places, 0, NULL);
-    double sum = NAMED(filter_sum)(f->weights, places, 0, NULL);
-    double spread = NAMED(find_gains)(f, places, none) + 0.2 * (squares / f->n_near);
-    NAMED(observe)(f, (value - mean) - sum, spread + f->numbers.rounding);
+    double squares = NAMED(filter_sum)(positions, positions, 0, NULL);
+    double sum = NAMED(filter_sum)(f->weights, positions, 0, NULL);
+    double spread = NAMED(find_gains)(f, positions, none) + 0.2 * (squares / f->n_near);
+    NAMED(update_filter)(f, (value - mean) - sum, spread + f->numbers.rounding);
 }
 
-/* How the item moved beside its neighbours, which moved so, between two of its numbers. */
-TARGET REEL_INLINE double NAMED(own_move)(const exact_coder *f, const double *moves, double move) {
-    return move - NAMED(filter_sum)(f->weights, moves, 0, NULL);
+/* Motion of the item relative to the weighted motions of its neighbors. */
+TARGET REEL_INLINE double NAMED(residual_motion)(const exact_coder *f, const double *motions,
+                                                 double motion) {
+    return motion - NAMED(filter_sum)(f->weights, motions, 0, NULL);
 }
 
-/* The expected move of a number since the last frame: from those of near items, and from the own
-   ones of late. */
-TARGET REEL_INLINE double NAMED(expected_move)(exact_coder *f, int64_t t, int64_t col,
-                                               double *spread) {
+/* Predict the motion of a number since the last frame, from its neighbors' motions and its own
+   recent ones. */
+TARGET REEL_INLINE double NAMED(predict_motion)(exact_coder *f, int64_t t, int64_t col,
+                                                double *spread) {
     int64_t w = f->width, lag = f->lags[t], at = (t - f->first + 1) * w + col;
-    const double *own = f->known + (f->place * f->n_frames + t) * w + col;
-    const double *moves = f->moves + at * INPUTS;
+    const double *patterns = f->known + (f->position * f->n_frames + t) * w + col;
+    const double *motions = f->motions + at * INPUTS;
     double temporal[TEMPORAL] = {0};
     if (t > 1) {
-        temporal[0] = NAMED(own_move)(f, moves - w * INPUTS, own[-w] - own[-2 * w]);
+        temporal[0] =
+            NAMED(residual_motion)(f, motions - w * INPUTS, patterns[-w] - patterns[-2 * w]);
     }
     if (lag) {
-        temporal[1] = NAMED(own_move)(f, f->again + at * INPUTS, own[-lag * w] - own[-w]);
+        temporal[1] = NAMED(residual_motion)(f, f->lagged_motions + at * INPUTS,
+                                             patterns[-lag * w] - patterns[-w]);
     }
-    double quick = 4 * f->quick_noise, noise = f->noise < quick ? f->noise : quick;
-    *spread = (NAMED(find_gains)(f, moves, temporal) + noise) + f->numbers.rounding;
-    return NAMED(filter_sum)(f->weights, moves, f->n_near, temporal);
+    double fast = 4 * f->fast_noise, noise = f->noise < fast ? f->noise : fast;
+    *spread = (NAMED(find_gains)(f, motions, temporal) + noise) + f->numbers.rounding;
+    return NAMED(filter_sum)(f->weights, motions, f->n_near, temporal);
 }
 
-TARGET REEL_INLINE expectation NAMED(expected_at)(exact_coder *f, int64_t t, int64_t col) {
-    expectation found = {0};
-    found.base = f->known[(f->place * f->n_frames + t - 1) * f->width + col];
+TARGET REEL_INLINE prediction NAMED(predict_at)(exact_coder *f, int64_t t, int64_t col) {
+    prediction result = {0};
+    result.base = f->known[(f->position * f->n_frames + t - 1) * f->width + col];
     if (f->kind == FILTER) {
-        found.value = found.base + NAMED(expected_move)(f, t, col, &found.spread);
+        result.value = result.base + NAMED(predict_motion)(f, t, col, &result.spread);
     } else {
-        found.value = found.base + mean_near(f, t, col, N_NEAR);
+        result.value = result.base + mean_near(f, t, col, N_NEAR);
     }
     if (f->numbers.type != REEL_FLOATS) {
-        found.index = reel_integer_of(&f->numbers, f->own[(t - 1) * f->width + col]);
+        result.index = reel_integer_of(&f->numbers, f->patterns[(t - 1) * f->width + col]);
     }
-    return found;
+    return result;
 }
 
-TARGET REEL_INLINE void NAMED(learn_move)(exact_coder *f, const expectation *from, double value) {
-    double error = value - from->value;
-    if (NAMED(observe)(f, error, from->spread)) {
+TARGET REEL_INLINE void NAMED(learn_motion)(exact_coder *f, const prediction *predicted,
+                                            double value) {
+    double error = value - predicted->value;
+    if (NAMED(update_filter)(f, error, predicted->spread)) {
         f->noise += (error * error - f->noise) / 20;
-        f->quick_noise += (error * error - f->quick_noise) / 8;
+        f->fast_noise += (error * error - f->fast_noise) / 8;
     }
 }
 
-/* A number of a row of which nothing else is known. */
+/* Code a number. */
 TARGET REEL_INLINE void NAMED(code_number)(exact_coder *f, int64_t t, int64_t col) {
     const reel_numbers *numbers = &f->numbers;
-    expectation from = t ? NAMED(expected_at)(f, t, col) : expected_at_first(f, col);
-    uint64_t pattern = f->own[t * f->width + col];
-    if (!(from.value >= -0x1p1000 && from.value <= 0x1p1000)) {
-        from.value = from.base;
+    prediction predicted = t ? NAMED(predict_at)(f, t, col) : predict_first(f, col);
+    uint64_t pattern = f->patterns[t * f->width + col];
+    if (!(predicted.value >= -0x1p1000 && predicted.value <= 0x1p1000)) {
+        predicted.value = predicted.base;
     }
     int32_t step;
-    int decade = f->past[col].decade;
-    uint64_t index =
-        reel_expected_index(numbers, from.value, from.base, from.index, &decade, &step);
-    f->past[col].decade = decade;
-    int32_t inputs[N_INPUTS], size = expected_size(f, t, col, from.spread, inputs);
-    if (f->has_odd && code_odd(f, t, col, &pattern)) {
+    int decade = f->columns[col].decade;
+    uint64_t index = reel_predict_index(numbers, predicted.value, predicted.base, predicted.index,
+                                        &decade, &step);
+    f->columns[col].decade = decade;
+    int32_t inputs[N_INPUTS], size = predict_size(f, t, col, predicted.spread, inputs);
+    if (f->has_special && code_special(f, t, col, &pattern)) {
         put_pattern(f, t, col, pattern);
-        note(f, t, col, from.value, within(size, REEL_MOST_SIZE));
+        record(f, t, col, predicted.value, clamp(size, REEL_MAX_SIZE));
         return;
     }
     uint64_t difference = reel_index_of(numbers, pattern, &decade) - index;
     difference = code_difference(f, class_of(size - step), difference);
-    if (!reel_writes(f->port)) {
+    if (!reel_is_encoder(f->coder)) {
         pattern = reel_pattern_of(numbers, index + difference, decade);
         put_pattern(f, t, col, pattern);
     }
-    int32_t found = size_of(difference >> 63 ? 0 - difference : difference) + step;
-    found = within(found, REEL_MOST_SIZE);
-    learn_size(f, inputs, found - size);
-    double value = reel_known_value(numbers, pattern, from.value);
-    note(f, t, col, value, found);
+    int32_t coded_size = size_of(difference >> 63 ? 0 - difference : difference) + step;
+    coded_size = clamp(coded_size, REEL_MAX_SIZE);
+    update_size_weights(f, inputs, coded_size - size);
+    double value = reel_known_value(numbers, pattern, predicted.value);
+    record(f, t, col, value, coded_size);
     if (f->kind != FILTER) {
         return;
     }
     if (t) {
-        NAMED(learn_move)(f, &from, value);
+        NAMED(learn_motion)(f, &predicted, value);
     } else if (f->n_near) {
-        NAMED(observe_places)(f, col, from.value, value);
+        NAMED(update_from_positions)(f, col, predicted.value, value);
     }
 }
 
 TARGET static void NAMED(code_numbers)(exact_coder *f, int64_t t) {
-    f->flags[f->place * f->n_frames + t] = MOVED;
+    f->flags[f->position * f->n_frames + t] = MOVED;
     for (int64_t col = 0; col < f->width; col++) {
         NAMED(code_number)(f, t, col);
     }
-    end_row(f, t);
+    update_columns(f, t);
     if (t && f->kind == FILTER) {
-        NAMED(fade)(f);
+        NAMED(inflate_covariance)(f);
     }
 }
 
-#undef PARTS
+#undef N_VECS
 #undef SUMS
-#undef FOR_PARTS
+#undef FOR_VECS
 #undef FOR_SUMS
-#undef vector
+#undef VEC

@@ -1,39 +1,40 @@
-/* In which order items of a graph are coded exactly, and by which earlier ones each is expected.
+/* The coding order of the items of a graph, and the earlier items that predict each.
 
-   docs/format.md, "Exact values". Next comes an item with the most neighbours that have come: so
-   each lies beside several that are known. Places are positions in this order. */
+   docs/format.md, "Exact values". The next item is one with the most visited neighbors, so that
+   several of its neighbors are known. Positions are those in this order. */
 
 #ifndef REEL_EXACT_ORDER_H
 #define REEL_EXACT_ORDER_H
 
 #include "graph.h"
 
-#define REEL_MOST_NEAR 10   /* earlier items that expect one */
-#define REEL_QUEUES 4       /* by how many neighbours have come, the last of all that have more */
-#define REEL_MOST_PATHS 24  /* no path leads through an item with more neighbours */
+#define REEL_MAX_NEAR 10        /* earlier items that predict one */
+#define REEL_QUEUES 4           /* by number of visited neighbors; the last holds all with more */
+#define REEL_MAX_PATH_DEGREE 24 /* paths do not pass through items with more neighbors */
 #define REEL_NOT_YET INT32_MAX
 
 typedef struct {
     reel_graph graph;
-    int32_t *order;  /* items by place */
-    int32_t *place;  /* of each item; REEL_NOT_YET */
-    int32_t *queues; /* REEL_QUEUES x items */
-    int32_t *counts; /* of each item, between calls 0 */
-    bool are_listed; /* items come in the order of their numbers */
-} reel_visits;
+    int32_t *order;      /* items by position */
+    int32_t *position;   /* position of each item, or REEL_NOT_YET */
+    int32_t *queues;     /* REEL_QUEUES x items */
+    int32_t *counts;     /* scratch per item; 0 between calls */
+    bool in_given_order; /* the order is that of the item numbers */
+} reel_traversal;
 
-REEL_INLINE size_t reel_visits_room(size_t n) {
-    return 3 * reel_room(n, sizeof(int32_t)) + reel_room(REEL_QUEUES * n, sizeof(int32_t));
+REEL_INLINE size_t reel_traversal_bytes(size_t n) {
+    return 3 * reel_array_bytes(n, sizeof(int32_t)) +
+           reel_array_bytes(REEL_QUEUES * n, sizeof(int32_t));
 }
 
-REEL_INLINE void reel_take_visits(reel_visits *visits, reel_arena *arena, size_t n) {
-    visits->order = reel_take(arena, n, sizeof(int32_t));
-    visits->place = reel_take(arena, n, sizeof(int32_t));
-    visits->counts = reel_take(arena, n, sizeof(int32_t));
-    visits->queues = reel_take(arena, REEL_QUEUES * n, sizeof(int32_t));
+REEL_INLINE void reel_allocate_traversal(reel_traversal *traversal, reel_arena *arena, size_t n) {
+    traversal->order = reel_allocate(arena, n, sizeof(int32_t));
+    traversal->position = reel_allocate(arena, n, sizeof(int32_t));
+    traversal->counts = reel_allocate(arena, n, sizeof(int32_t));
+    traversal->queues = reel_allocate(arena, REEL_QUEUES * n, sizeof(int32_t));
 }
 
-/* Whether the graph is one of its n items. */
+/* Whether the adjacency is valid: ascending starts, neighbors of 0..n-1. */
 REEL_INLINE bool reel_is_graph(const reel_graph *graph) {
     if (graph->starts[0] != 0) {
         return false;
@@ -56,13 +57,13 @@ typedef struct {
     int32_t end[REEL_QUEUES];
 } reel_queue_ends;
 
-/* The first item of the highest queue that has not come, or -1. */
-REEL_INLINE int32_t reel_next_item(reel_visits *visits, reel_queue_ends *ends) {
+/* Pop the next unvisited item of the highest queue, or return -1. */
+REEL_INLINE int32_t reel_next_item(reel_traversal *traversal, reel_queue_ends *ends) {
     for (int i = REEL_QUEUES - 1; i >= 0; i--) {
-        const int32_t *queue = visits->queues + (int64_t)i * visits->graph.n;
+        const int32_t *queue = traversal->queues + (int64_t)i * traversal->graph.n;
         while (ends->first[i] < ends->end[i]) {
             int32_t item = queue[ends->first[i]++];
-            if (visits->place[item] == REEL_NOT_YET) {
+            if (traversal->position[item] == REEL_NOT_YET) {
                 return item;
             }
         }
@@ -70,81 +71,83 @@ REEL_INLINE int32_t reel_next_item(reel_visits *visits, reel_queue_ends *ends) {
     return -1;
 }
 
-/* An item comes; its neighbours that have not are queued by how many of theirs have. */
-REEL_INLINE void reel_visit(reel_visits *visits, reel_queue_ends *ends, int32_t item,
-                            int32_t place) {
-    const reel_graph *graph = &visits->graph;
-    visits->order[place] = item;
-    visits->place[item] = place;
+/* Visit an item, and queue its unvisited neighbors by how many of theirs are visited. */
+REEL_INLINE void reel_visit_item(reel_traversal *traversal, reel_queue_ends *ends, int32_t item,
+                                 int32_t position) {
+    const reel_graph *graph = &traversal->graph;
+    traversal->order[position] = item;
+    traversal->position[item] = position;
     for (int32_t i = graph->starts[item]; i < graph->starts[item + 1]; i++) {
         int32_t other = graph->near[i];
-        if (visits->place[other] == REEL_NOT_YET && visits->counts[other] < REEL_QUEUES) {
-            int32_t queue = visits->counts[other]++;
-            visits->queues[(int64_t)queue * graph->n + ends->end[queue]++] = other;
+        if (traversal->position[other] == REEL_NOT_YET && traversal->counts[other] < REEL_QUEUES) {
+            int32_t queue = traversal->counts[other]++;
+            traversal->queues[(int64_t)queue * graph->n + ends->end[queue]++] = other;
         }
     }
 }
 
-REEL_INLINE void reel_list_visits(reel_visits *visits) {
-    for (int32_t i = 0; i < visits->graph.n; i++) {
-        visits->order[i] = visits->place[i] = i;
-        visits->counts[i] = 0;
+REEL_INLINE void reel_traverse_in_order(reel_traversal *traversal) {
+    for (int32_t i = 0; i < traversal->graph.n; i++) {
+        traversal->order[i] = traversal->position[i] = i;
+        traversal->counts[i] = 0;
     }
-    visits->are_listed = true;
+    traversal->in_given_order = true;
 }
 
-REEL_INLINE void reel_find_visits(reel_visits *visits) {
-    int32_t n = visits->graph.n, seed = 0;
+REEL_INLINE void reel_traverse_graph(reel_traversal *traversal) {
+    int32_t n = traversal->graph.n, seed = 0;
     reel_queue_ends ends = {0};
     for (int32_t i = 0; i < n; i++) {
-        visits->place[i] = REEL_NOT_YET;
-        visits->counts[i] = 0;
+        traversal->position[i] = REEL_NOT_YET;
+        traversal->counts[i] = 0;
     }
-    for (int32_t place = 0; place < n; place++) {
-        int32_t item = reel_next_item(visits, &ends);
-        while (item < 0 && visits->place[seed] != REEL_NOT_YET) {
+    for (int32_t position = 0; position < n; position++) {
+        int32_t item = reel_next_item(traversal, &ends);
+        while (item < 0 && traversal->position[seed] != REEL_NOT_YET) {
             seed++;
         }
-        reel_visit(visits, &ends, item < 0 ? seed : item, place);
+        reel_visit_item(traversal, &ends, item < 0 ? seed : item, position);
     }
     for (int32_t i = 0; i < n; i++) {
-        visits->counts[i] = 0;
+        traversal->counts[i] = 0;
     }
-    visits->are_listed = false;
+    traversal->in_given_order = false;
 }
 
-/* Keeps the `most` of the highest keys, highest first. */
-REEL_INLINE int reel_keep(int64_t *keys, int n, int most, int64_t key) {
-    if (n == most && key < keys[n - 1]) {
+/* Insert a key into the `max_keys` highest keys, sorted descending; returns their number. */
+REEL_INLINE int reel_insert_key(int64_t *keys, int n, int max_keys, int64_t key) {
+    if (n == max_keys && key < keys[n - 1]) {
         return n;
     }
-    int at = n < most ? n : n - 1;
-    for (; at > 0 && keys[at - 1] < key; at--) {
-        keys[at] = keys[at - 1];
+    int index = n < max_keys ? n : n - 1;
+    for (; index > 0 && keys[index - 1] < key; index--) {
+        keys[index] = keys[index - 1];
     }
-    keys[at] = key;
-    return n < most ? n + 1 : n;
+    keys[index] = key;
+    return n < max_keys ? n + 1 : n;
 }
 
-/* Counts the paths of two edges to each earlier place that is not next to the item; or lists these
-   places, with the number of paths above the place in `keys`, and forgets the counts. */
-REEL_INLINE int reel_walk_paths(reel_visits *visits, int32_t place, bool lists, int64_t *keys,
-                                int n, int most) {
-    const reel_graph *graph = &visits->graph;
-    int32_t item = visits->order[place];
+/* Count the paths of two edges to each earlier position that is not adjacent to the item; or, with
+   `lists`, collect these positions as keys with the number of paths in the upper half, and reset
+   the counts. */
+REEL_INLINE int reel_walk_paths(reel_traversal *traversal, int32_t position, bool lists,
+                                int64_t *keys, int n, int max_keys) {
+    const reel_graph *graph = &traversal->graph;
+    int32_t item = traversal->order[position];
     for (int32_t i = graph->starts[item]; i < graph->starts[item + 1]; i++) {
         int32_t middle = graph->near[i];
         int32_t degree = reel_degree(graph, middle);
-        for (int32_t j = 0; degree <= REEL_MOST_PATHS && j < degree; j++) {
+        for (int32_t j = 0; degree <= REEL_MAX_PATH_DEGREE && j < degree; j++) {
             int32_t other = graph->near[graph->starts[middle] + j];
-            int32_t *count = &visits->counts[other];
-            if (visits->place[other] >= place || *count < 0) {
+            int32_t *count = &traversal->counts[other];
+            if (traversal->position[other] >= position || *count < 0) {
                 continue;
             }
             if (!lists) {
                 ++*count;
             } else if (*count) {
-                n = reel_keep(keys, n, most, (int64_t)*count << 32 | visits->place[other]);
+                n = reel_insert_key(keys, n, max_keys,
+                                    (int64_t)*count << 32 | traversal->position[other]);
                 *count = 0;
             }
         }
@@ -152,47 +155,49 @@ REEL_INLINE int reel_walk_paths(reel_visits *visits, int32_t place, bool lists, 
     return n;
 }
 
-/* Earlier places that expect that at a place: next to it, the latest first; then those two edges
-   away, first to which most paths lead, of these the latest. Returns how many. */
-REEL_INLINE int reel_find_near(reel_visits *visits, int32_t place, int most, int32_t *found) {
-    const reel_graph *graph = &visits->graph;
-    int64_t keys[REEL_MOST_NEAR];
-    int32_t item = visits->order[place], first = graph->starts[item], end = graph->starts[item + 1];
+/* Find the earlier positions that predict an item: its neighbors, latest first, then items two
+   edges away, by number of paths, then latest first. Returns how many. */
+REEL_INLINE int reel_find_near(reel_traversal *traversal, int32_t position, int max_near,
+                               int32_t *found) {
+    const reel_graph *graph = &traversal->graph;
+    int64_t keys[REEL_MAX_NEAR];
+    int32_t item = traversal->order[position], first = graph->starts[item],
+            end = graph->starts[item + 1];
     int n = 0;
     for (int32_t i = first; i < end; i++) {
-        if (visits->place[graph->near[i]] < place) {
-            n = reel_keep(keys, n, most, visits->place[graph->near[i]]);
-            visits->counts[graph->near[i]] = -1;
+        if (traversal->position[graph->near[i]] < position) {
+            n = reel_insert_key(keys, n, max_near, traversal->position[graph->near[i]]);
+            traversal->counts[graph->near[i]] = -1;
         }
     }
     for (int i = 0; i < n; i++) {
         found[i] = (int32_t)keys[i];
     }
-    if (n < most) {
-        reel_walk_paths(visits, place, false, keys, 0, most - n);
-        int more = reel_walk_paths(visits, place, true, keys, 0, most - n);
+    if (n < max_near) {
+        reel_walk_paths(traversal, position, false, keys, 0, max_near - n);
+        int more = reel_walk_paths(traversal, position, true, keys, 0, max_near - n);
         for (int i = 0; i < more; i++) {
             found[n + i] = (int32_t)(keys[i] & INT32_MAX);
         }
         n += more;
     }
     for (int32_t i = first; i < end; i++) {
-        visits->counts[graph->near[i]] = 0;
+        traversal->counts[graph->near[i]] = 0;
     }
     return n;
 }
 
-/* Puts the place before first among those that expect one. */
-REEL_INLINE int reel_put_first(int32_t before, int32_t *found, int n, int most) {
-    int at = 0;
-    while (at < n && found[at] != before) {
-        at++;
+/* Move or insert the previous position to the front of the predictors. */
+REEL_INLINE int reel_prepend_position(int32_t previous, int32_t *found, int n, int max_near) {
+    int index = 0;
+    while (index < n && found[index] != previous) {
+        index++;
     }
-    n += at == n && n < most;
-    for (at = at < n ? at : n - 1; at > 0; at--) {
-        found[at] = found[at - 1];
+    n += index == n && n < max_near;
+    for (index = index < n ? index : n - 1; index > 0; index--) {
+        found[index] = found[index - 1];
     }
-    found[0] = before;
+    found[0] = previous;
     return n;
 }
 

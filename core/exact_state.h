@@ -1,4 +1,4 @@
-/* The state of the exact coder, and what its files share; see exact.c. */
+/* The state of the exact coder, shared by its files; see exact.c. */
 
 #ifndef REEL_EXACT_STATE_H
 #define REEL_EXACT_STATE_H
@@ -8,92 +8,94 @@
 #include "exact_numbers.h"
 #include "exact_order.h"
 
-#define TEMPORAL 2                     /* inputs of the filter beside the neighbours */
-#define INPUTS 12                      /* of the filter, and zeros behind them */
-#define N_NEAR 6                       /* neighbours that tell sizes, and means */
-#define N_VOTES 4                      /* neighbours whose rows may come again */
-#define N_SIZES (16 * 64)              /* sixteenths of an octave of an expected magnitude */
+#define TEMPORAL 2        /* inputs of the filter besides the neighbors */
+#define INPUTS 12         /* inputs of the filter, padded with zeros */
+#define N_NEAR 6          /* neighbors used to predict sizes and means */
+#define N_VOTES 4         /* neighbors whose rows may be repeated */
+#define N_SIZES (16 * 64) /* sixteenths of an octave of a predicted magnitude */
 #define N_CLASSES (N_SIZES / 4)
-#define N_STEPS 16                     /* away from the expected length */
-#define N_INPUTS 7                     /* of the regression of sizes */
-#define MOVE_FRAMES 16                 /* whose moves are kept */
-#define N_SAMPLES 64                   /* numbers of a frame that frames are compared by */
+#define N_STEPS 16       /* length steps that have a model */
+#define N_INPUTS 7       /* inputs of the regression of sizes */
+#define MOTION_FRAMES 16 /* frames whose motions are stored at once */
+#define N_SAMPLES 64     /* numbers per frame in the search for similar frames */
 
-enum { LABELS = 0, MEANS = 1, FILTER = 2, RAW = 3 }; /* how values are expected */
+enum { LABELS = 0, MEANS = 1, FILTER = 2, RAW = 3 }; /* how values are predicted */
 
-#define MOVED 1U /* flags of a row: it is not as the row before */
-#define ODD 2U   /* a number of it is not finite */
+#define MOVED 1U   /* row flag: differs from the previous row */
+#define SPECIAL 2U /* row flag: has a number that is not finite */
 
 typedef struct {
-    reel_model above[N_CLASSES];            /* is the length above the expected one? */
+    reel_model above[N_CLASSES]; /* is the length above the predicted one? */
     reel_model longer[N_CLASSES][N_STEPS];
     reel_model shorter[N_CLASSES][N_STEPS];
-    reel_model second[N_CLASSES][8];        /* by the length less the expected one */
-    reel_model constant[4];                 /* by how many of two neighbours are */
-    reel_model moved[N_VOTES + 1][4];       /* by how many neighbours did, and by the own past */
+    reel_model second[N_CLASSES][8];  /* by the length relative to the predicted one */
+    reel_model constant[4];           /* by how many of two neighbors are */
+    reel_model moved[N_VOTES + 1][4]; /* by how many neighbors did, and by the item's last rows */
     reel_model candidate[2][N_VOTES + 1][N_VOTES + 1];
-    reel_model odd[2][3];
-    reel_model odd_again;
-    reel_model lag_again;
+    reel_model special[2][3];
+    reel_model special_repeats;
+    reel_model lag_repeats;
     int32_t weights[N_INPUTS];
-    double temporal[TEMPORAL];              /* weights of the filter that an item begins with */
-    uint64_t last_odd;
+    double temporal[TEMPORAL]; /* initial temporal weights of the filter */
+    uint64_t last_special;
 } exact_models;
 
-/* Of a column of the item: sizes of differences, in sixteenths of octaves, times 16. */
+/* Size statistics of a column of the item, in 1/256 of octaves (sizes of differences are in
+   sixteenths). */
 typedef struct {
-    int32_t quick, slow, now, last, here;
-    int decade; /* of the last number, if it is decimal */
-} exact_past;
+    int32_t fast, slow, now, last, here;
+    int decade; /* decade of the last number, for decimal floats */
+} column_state;
 
 typedef struct {
-    reel_port *port;
+    reel_range_coder *coder;
     reel_numbers numbers;
     uint8_t *values; /* frames x items x width numbers */
     int64_t n_frames, n_items, width;
     int kind;
-    bool has_stills, has_odd, has_lags, are_listed;
-    reel_visits visits;
+    bool has_repeats, has_special, has_lags, in_given_order;
+    reel_traversal traversal;
     exact_models *models;
-    exact_past *past;   /* of the columns */
-    double *known;      /* items in order x frames x width: scaled; or their rows as they are */
-    int16_t *sizes;     /* likewise: of the differences */
-    uint8_t *flags;     /* items in order x frames */
-    uint8_t *constant;  /* items in order */
-    int32_t *lags;      /* frames */
-    float *samples;     /* frames x N_SAMPLES */
-    int32_t others;     /* how much larger differences of this row were */
-    /* of the item */
-    int64_t item, place;
-    int32_t near[REEL_MOST_NEAR];
+    column_state *columns; /* per column */
+    double *known;     /* items in coding order x frames x width: scaled values for prediction */
+    int16_t *sizes;    /* likewise: sizes of the differences */
+    uint8_t *flags;    /* items in coding order x frames: row flags */
+    uint8_t *constant; /* items in coding order: is it constant? */
+    int32_t *lags;     /* frames */
+    float *samples;    /* frames x N_SAMPLES */
+    int32_t excess; /* by how much differences of this row exceeded their columns' sizes so far */
+    /* State of the current item. */
+    int64_t item, position;
+    int32_t near[REEL_MAX_NEAR];
     int n_near;
-    int widest; /* doubles of a vector */
+    int vector_width; /* doubles per vector */
     double weights[INPUTS] __attribute__((aligned(REEL_ALIGNMENT)));
     double gains[INPUTS] __attribute__((aligned(REEL_ALIGNMENT)));
-    double doubt[INPUTS * INPUTS] __attribute__((aligned(REEL_ALIGNMENT)));
-    double noise, quick_noise; /* variances of errors, of late ones most */
-    double *noises;       /* items in order */
-    uint64_t *own;        /* frames x width: patterns */
-    int32_t *sums;        /* frames x width: of sizes of near items */
-    int16_t *most;        /* frames x width: the largest of these */
-    double *moves, *again; /* MOVE_FRAMES + 1 frames x width x INPUTS: of near items */
-    int64_t first;        /* frame from which on there are moves, behind those of the one before */
-    int n_filled;         /* near items that have moves */
+    double covariance[INPUTS * INPUTS] __attribute__((aligned(REEL_ALIGNMENT)));
+    double noise, fast_noise; /* running error variances, slow and fast */
+    double *noises;           /* items in coding order: final `noise` */
+    uint64_t *patterns;       /* frames x width: bit patterns */
+    int32_t *sums;            /* frames x width: sums of the sizes of neighbors */
+    int16_t *max_sizes;       /* frames x width: their maxima */
+    double *motions,
+        *lagged_motions; /* MOTION_FRAMES + 1 frames x width x INPUTS: motions of neighbors */
+    int64_t first;       /* first frame of `motions`, which also hold the frame before */
+    int n_filled;        /* neighbors that have motions */
 } exact_coder;
 
-/* Numbers that `moves` have. */
-REEL_INLINE size_t exact_moves_count(int64_t width) {
-    return (size_t)width * (MOVE_FRAMES + 1) * INPUTS;
+/* Length of `motions`. */
+REEL_INLINE size_t exact_motions_count(int64_t width) {
+    return (size_t)width * (MOTION_FRAMES + 1) * INPUTS;
 }
 
-/* Readies a coder for values on a graph, in the memory of a caller. */
+/* Set up a coder for values on a graph, in the caller's memory. */
 enum reel_code reel_exact_prepare(exact_coder *f, void *memory, size_t memory_size,
                                   const int32_t *starts, const int32_t *near);
 
-/* All of a block, or its first `count` items: its bytes, or a failure. */
+/* Code a block, or its first `count` items; returns its size in bytes, or a failure. */
 int64_t reel_exact_block(exact_coder *f, int64_t count);
 
-/* The first `count` items in order. */
+/* Code the first `count` items in coding order. */
 void reel_exact_items(exact_coder *f, int64_t count);
 
 REEL_INLINE exact_coder coder_of(void *values, int64_t n_frames, int64_t n_items, int64_t width,
@@ -102,7 +104,7 @@ REEL_INLINE exact_coder coder_of(void *values, int64_t n_frames, int64_t n_items
                          .n_frames = n_frames,
                          .n_items = n_items,
                          .width = width,
-                         .widest = reel_widest(),
+                         .vector_width = reel_vector_width(),
                          .numbers = {.size = (int)size, .type = (int)type}};
 }
 
@@ -113,18 +115,18 @@ REEL_INLINE uint64_t pattern_at(const exact_coder *f, int64_t t, int64_t item, i
 
 REEL_INLINE void put_pattern(const exact_coder *f, int64_t t, int64_t col, uint64_t pattern) {
     const reel_numbers *numbers = &f->numbers;
-    f->own[t * f->width + col] = pattern;
+    f->patterns[t * f->width + col] = pattern;
     reel_write_pattern(numbers, f->values, (t * f->n_items + f->item) * f->width + col, pattern);
 }
 
-/* Whether the item has the same row at two frames. */
+/* Whether the item has equal rows at two frames. */
 REEL_INLINE bool same_rows(const exact_coder *f, int64_t t, int64_t other) {
     size_t size = (size_t)(f->width * f->numbers.size);
-    return reel_same(f->values + (size_t)(t * f->n_items + f->item) * size,
-                     f->values + (size_t)(other * f->n_items + f->item) * size, size);
+    return reel_equal_bytes(f->values + (size_t)(t * f->n_items + f->item) * size,
+                            f->values + (size_t)(other * f->n_items + f->item) * size, size);
 }
 
-/* Whether the item has the same row at all frames. */
+/* Whether the item has equal rows at all frames. */
 REEL_INLINE bool is_constant(const exact_coder *f) {
     int64_t t = 1;
     while (t < f->n_frames && same_rows(f, t, t - 1)) {

@@ -1,42 +1,43 @@
-/* Values of a tile of vertices, LANES at a time; see frames.c and cpu.h. */
+/* Values of a tile of vertices, LANES doubles per vector; see frames.c and cpu.h. */
 
 #define NUMBER double
 #define NUMBERS LANES
-#define OF(name) NAMED(name##_double)
+#define SUM_NAME(name) NAMED(name##_double)
 #include "frames_sums.h"
 #undef NUMBER
 #undef NUMBERS
-#undef OF
+#undef SUM_NAME
 
 #define NUMBER float
 #define NUMBERS (2 * LANES)
-#define OF(name) NAMED(name##_float)
+#define SUM_NAME(name) NAMED(name##_float)
 #include "frames_sums.h"
 #undef NUMBER
 #undef NUMBERS
-#undef OF
+#undef SUM_NAME
 
-/* The wanted frame `number` of a tile. */
+/* Sum requested frame `number` of a tile over the modes. */
 static void NAMED(sum_tile)(const frames_job *job, const void *tile, int64_t number,
                             double (*sums)[TILE]) {
     int64_t n = job->n_modes;
     if (job->single_basis) {
-        NAMED(sum_tile_float)(job, job->single_basis + number * n, job->n_wanted * n, tile, sums);
+        NAMED(sum_tile_float)(job, job->single_basis + number * n, job->n_requested * n, tile,
+                              sums);
     } else {
-        NAMED(sum_tile_double)(job, job->basis + job->wanted[number] * n, job->n_frames * n, tile,
+        NAMED(sum_tile_double)(job, job->basis + job->frames[number] * n, job->n_frames * n, tile,
                                sums);
     }
 }
 
-/* Three columns of a tile in model units, or fewer, from column x on. */
+/* Convert up to three columns of a tile, starting at column x, to model units. */
 #define DEFINE_PLACE(name, number)                                                                 \
-    TARGET REEL_INLINE void name(const frames_job *job, double (*sums)[TILE], int64_t x,           \
-                                 number (*placed)[TILE]) {                                         \
+    TARGET REEL_INLINE void name(const frames_job *job, double(*sums)[TILE], int64_t x,            \
+                                 number(*values)[TILE]) {                                          \
         double scale = job->placement[0];                                                          \
         for (int64_t column = 0; column < 3 && x + column < job->n_columns; column++) {            \
             double origin = job->placement[1 + x + column];                                        \
             for (int i = 0; i < TILE; i++) {                                                       \
-                placed[column][i] = (number)(sums[x + column][i] * scale + origin);                \
+                values[column][i] = (number)(sums[x + column][i] * scale + origin);                \
             }                                                                                      \
         }                                                                                          \
     }
@@ -45,19 +46,19 @@ DEFINE_PLACE(NAMED(place_floats), float)
 DEFINE_PLACE(NAMED(place_doubles), double)
 #undef DEFINE_PLACE
 
-/* Writes a tile in model units, the columns of each vertex together, from number `start` on. */
+/* Write a tile in model units, columns interleaved, starting at number `start` of the output. */
 TARGET static void NAMED(place_tile)(const frames_job *job, double (*sums)[TILE], int64_t start,
                                      int count) {
     int64_t n_columns = job->n_columns;
     for (int64_t x = 0; x < n_columns; x += 3) {
         if (job->layout == REEL_VALUES_8) {
-            double placed[3][TILE];
-            NAMED(place_doubles)(job, sums, x, placed);
-            write_doubles(placed, n_columns - x, n_columns, count, (double *)job->out + start + x);
+            double values[3][TILE];
+            NAMED(place_doubles)(job, sums, x, values);
+            write_doubles(values, n_columns - x, n_columns, count, (double *)job->out + start + x);
         } else {
-            float placed[3][TILE];
-            NAMED(place_floats)(job, sums, x, placed);
-            write_floats(placed, n_columns - x, n_columns, count, (float *)job->out + start + x);
+            float values[3][TILE];
+            NAMED(place_floats)(job, sums, x, values);
+            write_floats(values, n_columns - x, n_columns, count, (float *)job->out + start + x);
         }
     }
 }

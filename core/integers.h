@@ -1,24 +1,26 @@
-/* Integers as adaptive bits: is it 0, its length in unary, its next two bits, its sign.
+/* Adaptive integers: magnitude length in unary, the next two bits, then the sign.
 
-   docs/format.md, "Integers". Lower bits are noise that no context predicts: raw. A bit may be
-   coded in a context beside the model of all contexts: then both learn, and both are asked. */
+   docs/format.md, "Integers". Lower bits are raw: no context predicts them. A bit may be coded in a
+   context; its probability is then a mix of the context's model and the model shared by all
+   contexts, and both adapt. */
 
 #ifndef REEL_INTEGERS_H
 #define REEL_INTEGERS_H
 
 #include "bits.h"
 
-#define REEL_MOST_BITS 31 /* of a magnitude */
+#define REEL_MAX_MAGNITUDE_BITS 31
 
 typedef struct {
-    reel_model longer[REEL_MOST_BITS];   /* by length so far: is the magnitude longer? */
-    reel_model second[REEL_MOST_BITS];   /* by length: the second highest bit */
-    reel_model third[REEL_MOST_BITS][2]; /* by length and second bit: the third */
-    reel_model negative[3];              /* by sign of the integer before: none, +, - */
+    reel_model longer[REEL_MAX_MAGNITUDE_BITS]; /* by length so far: is the magnitude longer? */
+    reel_model second[REEL_MAX_MAGNITUDE_BITS]; /* by length: second highest bit */
+    /* By length and second highest bit: third highest bit. */
+    reel_model third[REEL_MAX_MAGNITUDE_BITS][2];
+    reel_model negative[3]; /* by the sign of the previous integer: none, +, - */
 } reel_integer_model;
 
-REEL_INLINE void reel_start_integers(reel_integer_model *model) {
-    for (int i = 0; i < REEL_MOST_BITS; i++) {
+REEL_INLINE void reel_reset_integer_model(reel_integer_model *model) {
+    for (int i = 0; i < REEL_MAX_MAGNITUDE_BITS; i++) {
         model->longer[i] = reel_model_of(32768, 0);
         model->second[i] = reel_model_of(32768, 0);
         model->third[i][0] = model->third[i][1] = reel_model_of(32768, 0);
@@ -28,74 +30,82 @@ REEL_INLINE void reel_start_integers(reel_integer_model *model) {
     }
 }
 
-#define REEL_TRUSTED 3 /* bits that a context seems to have seen when it begins */
+#define REEL_MAX_INHERITED_COUNT 3 /* largest count that a new context takes over */
 
-/* A bit in a context `here` (all zeros before its first bit, or NULL) of a model of all. */
-REEL_INLINE int reel_bit_within(reel_port *port, reel_model *all, reel_model *here, int bit) {
-    if (!here) {
-        return reel_bit(port, all, bit);
+/* Code a bit with the model `all` of all contexts and the model `context` of one: all zeros before
+   its first bit, or NULL without a context. */
+REEL_INLINE int reel_bit_in_context(reel_range_coder *coder, reel_model *all, reel_model *context,
+                                    int bit) {
+    if (!context) {
+        return reel_bit(coder, all, bit);
     }
-    if (!here->seen) {
-        *here = *all;
-        here->seen = all->seen < REEL_TRUSTED ? all->seen : REEL_TRUSTED;
+    if (!context->count) {
+        *context = *all;
+        context->count =
+            all->count < REEL_MAX_INHERITED_COUNT ? all->count : REEL_MAX_INHERITED_COUNT;
     }
-    bit = reel_code_bit(port, (3 * reel_probability(here) + reel_probability(all)) >> 2, bit);
-    reel_learn(here, bit);
-    reel_learn(all, bit);
+    bit = reel_code_bit(coder, (3 * reel_probability(context) + reel_probability(all)) >> 2, bit);
+    reel_update_model(context, bit);
+    reel_update_model(all, bit);
     return bit;
 }
 
-/* Where a bit of a context is, if there is a context. */
-#define REEL_HERE(here, bit) ((here) ? &(here)->bit : NULL)
+/* The model of one bit of a context, or NULL without a context. */
+#define REEL_CONTEXT_MODEL(context, bit) ((context) ? &(context)->bit : NULL)
 
-REEL_INLINE uint32_t reel_code_count_within(reel_port *port, reel_integer_model *all,
-                                            reel_integer_model *here, uint32_t value) {
-    int length = 0, wanted = reel_length(value);
-    while (length < REEL_MOST_BITS &&
-           reel_bit_within(port, &all->longer[length], REEL_HERE(here, longer[length]),
-                           wanted > length)) {
+REEL_INLINE uint32_t reel_code_count_in_context(reel_range_coder *coder, reel_integer_model *all,
+                                                reel_integer_model *context, uint32_t value) {
+    int length = 0, target_length = reel_bit_length(value);
+    while (length < REEL_MAX_MAGNITUDE_BITS &&
+           reel_bit_in_context(coder, &all->longer[length],
+                               REEL_CONTEXT_MODEL(context, longer[length]),
+                               target_length > length)) {
         length++;
     }
     if (length < 2) {
         return (uint32_t)length;
     }
     int low = length - 2; /* bits below the second highest */
-    uint32_t found = 2U | (uint32_t)reel_bit_within(port, &all->second[length - 1],
-                                                    REEL_HERE(here, second[length - 1]),
-                                                    (int)(value >> low & 1U));
+    uint32_t result =
+        2U | (uint32_t)reel_bit_in_context(coder, &all->second[length - 1],
+                                           REEL_CONTEXT_MODEL(context, second[length - 1]),
+                                           (int)(value >> low & 1U));
     if (low > 0) {
-        reel_model *third = &all->third[length - 1][found & 1U];
+        reel_model *third = &all->third[length - 1][result & 1U];
         low--;
-        found = found << 1 | (uint32_t)reel_bit(port, third, (int)(value >> low & 1U));
+        result = result << 1 | (uint32_t)reel_bit(coder, third, (int)(value >> low & 1U));
     }
     while (low > 0) {
-        int part = low < 16 ? low : 16;
-        low -= part;
-        found = found << part | reel_code_raw(port, part, value >> low);
+        int count = low < 16 ? low : 16;
+        low -= count;
+        result = result << count | reel_code_raw(coder, count, value >> low);
     }
-    return found;
+    return result;
 }
 
-/* An integer of 0..2^31-1. */
-REEL_INLINE uint32_t reel_code_count(reel_port *port, reel_integer_model *model, uint32_t value) {
-    return reel_code_count_within(port, model, NULL, value);
+/* Code an integer of 0..2^31-1. */
+REEL_INLINE uint32_t reel_code_count(reel_range_coder *coder, reel_integer_model *model,
+                                     uint32_t value) {
+    return reel_code_count_in_context(coder, model, NULL, value);
 }
 
-REEL_INLINE int32_t reel_code_integer_within(reel_port *port, reel_integer_model *all,
-                                             reel_integer_model *here, int sign, int32_t value) {
+REEL_INLINE int32_t reel_code_integer_in_context(reel_range_coder *coder, reel_integer_model *all,
+                                                 reel_integer_model *context, int sign,
+                                                 int32_t value) {
     uint32_t size = value < 0 ? 0U - (uint32_t)value : (uint32_t)value;
-    size = reel_code_count_within(port, all, here, size);
+    size = reel_code_count_in_context(coder, all, context, size);
     if (size == 0) {
         return 0;
     }
-    int negative = reel_bit_within(port, &all->negative[sign], REEL_HERE(here, negative[sign]),
-                                   value < 0);
+    int negative = reel_bit_in_context(coder, &all->negative[sign],
+                                       REEL_CONTEXT_MODEL(context, negative[sign]), value < 0);
     return negative ? -(int32_t)size : (int32_t)size;
 }
 
-/* An integer of -(2^31-1)..2^31-1. */
-REEL_INLINE int32_t reel_code_integer(reel_port *port, reel_integer_model *model, int32_t value) {
-    return reel_code_integer_within(port, model, NULL, 0, value);
+/* Code an integer of -(2^31-1)..2^31-1. */
+REEL_INLINE int32_t reel_code_integer(reel_range_coder *coder, reel_integer_model *model,
+                                      int32_t value) {
+    return reel_code_integer_in_context(coder, model, NULL, 0, value);
 }
 
 #endif

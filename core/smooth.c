@@ -1,23 +1,23 @@
-/* Smooth fields: what connectivity alone tells of how fields vary over a mesh.
+/* Smooth fields: what connectivity alone predicts about the variation of fields over a mesh.
 
-   docs/format.md, "Smooth fields". Random signs diffuse over the graph of a resolution. In IEEE
-   single, in the order of operations that is stated there, with nothing fused: both sides, on every
-   machine, find the same bits. */
+   docs/format.md, "Smooth fields". Random signs are diffused over the graph of a resolution. All is
+   IEEE single, in the specified order of operations, with nothing fused, so that encoder and
+   decoder on any machine compute the same bits. */
 
 #include "smooth.h"
 #include "cpu.h"
 
 #define FIELDS REEL_SMOOTH_FIELDS
-#define MOST_TERMS 27
-#define TOGETHER 8 /* neighbours that are summed up without a branch: most vertices have fewer */
+#define MAX_TERMS 27
+#define UNROLL 8 /* neighbors summed without a branch: most vertices have fewer */
 
 typedef struct {
     int n_terms;
-    float terms[MOST_TERMS];
+    float terms[MAX_TERMS];
 } series;
 
-/* c_k = (2 if k > 0, else 1) exp(-t) I_k(t): exp(-t (1 - w)) is the sum of c_k T_k(w); t is 12 for
-   small graphs, else 40. */
+/* Chebyshev coefficients c_k = (2 if k > 0, else 1) exp(-t) I_k(t): exp(-t (1 - w)) is the sum of
+   c_k T_k(w); t is 12 for small graphs, else 40. */
 static const series small = {
     19,
     {
@@ -64,62 +64,64 @@ static const series large = {
 #undef NAMED
 #endif
 
-size_t reel_smoother_room(size_t n, size_t n_near) {
-    return 2 * reel_room(n + 1, FIELDS * sizeof(float)) + reel_room(n, sizeof(uint16_t)) +
-           reel_room(n_near + (TOGETHER - 1) * n, sizeof(int32_t));
+size_t reel_smoother_bytes(size_t n, size_t n_near) {
+    return 2 * reel_array_bytes(n + 1, FIELDS * sizeof(float)) +
+           reel_array_bytes(n, sizeof(uint16_t)) +
+           reel_array_bytes(n_near + (UNROLL - 1) * n, sizeof(int32_t));
 }
 
-reel_smoother reel_take_smoother(reel_arena *arena, size_t n, size_t n_near) {
+reel_smoother reel_allocate_smoother(reel_arena *arena, size_t n, size_t n_near) {
     return (reel_smoother){
-        .fields = reel_take(arena, n + 1, FIELDS * sizeof(float)),
-        .others = reel_take(arena, n + 1, FIELDS * sizeof(float)),
-        .near = reel_take(arena, n_near + (TOGETHER - 1) * n, sizeof(int32_t)),
-        .signs = reel_take(arena, n, sizeof(uint16_t)),
-        .lanes = reel_widest(),
+        .fields = reel_allocate(arena, n + 1, FIELDS * sizeof(float)),
+        .others = reel_allocate(arena, n + 1, FIELDS * sizeof(float)),
+        .near = reel_allocate(arena, n_near + (UNROLL - 1) * n, sizeof(int32_t)),
+        .signs = reel_allocate(arena, n, sizeof(uint16_t)),
+        .lanes = reel_vector_width(),
     };
 }
 
-/* Random signs of all fields: bit f of a vertex is set for a 1, else it is a -1. */
+/* Random signs of all fields: bit f of a vertex is set for +1, and clear for -1. */
 static void scatter_signs(uint16_t *signs, int32_t n) {
     for (int32_t v = 0; v < n; v++) {
         uint32_t bits = 0;
         for (uint32_t field = 0; field < FIELDS; field++) {
-            uint64_t number = (uint64_t)v * FIELDS + field;
-            bits |= (uint32_t)(reel_scattered(number) >> 63) << field;
+            uint64_t index = (uint64_t)v * FIELDS + field;
+            bits |= (uint32_t)(reel_hash(index) >> 63) << field;
         }
         signs[v] = (uint16_t)bits;
     }
 }
 
-/* Rows of neighbours, filled up: where the fields of each begin. */
-static void fill_rows(int32_t *near, const reel_graph *graph) {
+/* Write the neighbor lists of all vertices as offsets into the fields, padded to multiples of
+   UNROLL with the zero row. */
+static void write_neighbor_rows(int32_t *near, const reel_graph *graph) {
     for (int32_t v = 0; v < graph->n; v++) {
-        int32_t degree = reel_degree(graph, v), filled = (degree + TOGETHER - 1) & -TOGETHER;
+        int32_t degree = reel_degree(graph, v), padded = (degree + UNROLL - 1) & -UNROLL;
         for (int32_t i = 0; i < degree; i++) {
             near[i] = FIELDS * graph->near[graph->starts[v] + i];
         }
-        for (int32_t i = degree; i < filled; i++) {
-            near[i] = FIELDS * graph->n; /* below 2^31: places have REEL_PLACE_BITS */
+        for (int32_t i = degree; i < padded; i++) {
+            near[i] = FIELDS * graph->n; /* below 2^31: vertex numbers have REEL_PLACE_BITS */
         }
-        near += filled;
+        near += padded;
     }
 }
 
-static const float *diffuse(const reel_smoother *own, const reel_graph *graph) {
+static const float *diffuse(const reel_smoother *smoother, const reel_graph *graph) {
 #ifdef REEL_HAS_WIDE
-    if (own->lanes == 8) {
-        return diffuse_16(own, graph);
+    if (smoother->lanes == 8) {
+        return diffuse_16(smoother, graph);
     }
-    if (own->lanes == 4) {
-        return diffuse_8(own, graph);
+    if (smoother->lanes == 4) {
+        return diffuse_8(smoother, graph);
     }
 #endif
-    return diffuse_4(own, graph);
+    return diffuse_4(smoother, graph);
 }
 
 void reel_smooth(const reel_smoother *smoother, const reel_graph *graph, float *rows) {
     scatter_signs(smoother->signs, graph->n);
-    fill_rows(smoother->near, graph);
+    write_neighbor_rows(smoother->near, graph);
     const float *fields = diffuse(smoother, graph);
     reel_copy(rows, fields, (size_t)graph->n * FIELDS * sizeof *rows);
 }

@@ -1,60 +1,58 @@
-/* Smooth fields, LANES at a time; see smooth.c and cpu.h. Here LANES are floats. Parts of a row are
-   unrolled, so that they stay in registers where compilers are asked for small code. */
+/* Smooth fields, LANES floats per vector; see smooth.c and cpu.h. Loops over the vectors of a row
+   are unrolled, so that they stay in registers even where compilers optimize for size. */
 
-#define VECTOR REEL_JOIN(reel_floats_, LANES)
-#define PARTS (FIELDS / LANES)
-#define FOR_PARTS(part) _Pragma("GCC unroll 4") for (int part = 0; part < PARTS; part++)
+#define VECTOR REEL_VEC_F(LANES)
+#define N_VECS (FIELDS / LANES)
+#define FOR_VECS(k) _Pragma("GCC unroll 4") for (int k = 0; k < N_VECS; k++)
 
-typedef uint32_t NAMED(words) __attribute__((vector_size(4 * LANES)));
+typedef uint32_t NAMED(bit_vector) __attribute__((vector_size(4 * LANES)));
 
-/* A value times LANES signs: bit 0 of the part is that of the first, and set for a 1. */
-TARGET REEL_INLINE VECTOR NAMED(signed_as)(uint32_t signs, int part, NAMED(words) shifts,
-                                           VECTOR value) {
-    NAMED(words) bits = (NAMED(words)){0} + (~signs >> part * LANES);
-    return (VECTOR)((NAMED(words))value ^ bits >> shifts << 31);
+/* A value times LANES signs: bit 0 of the vector's bits is the sign of its first lane; 1 is
+   positive. */
+TARGET REEL_INLINE VECTOR NAMED(apply_signs)(uint32_t signs, int k, NAMED(bit_vector) shifts,
+                                             VECTOR value) {
+    NAMED(bit_vector) bits = (NAMED(bit_vector)){0} + (~signs >> k * LANES);
+    return (VECTOR)((NAMED(bit_vector))value ^ bits >> shifts << 31);
 }
 
-/* A step of Clenshaw's sum at every vertex: b, which was two steps before, becomes
-   factor W last - b + value Z, with the means W and the signs Z. */
-TARGET static void NAMED(step)(const reel_smoother *own, const reel_graph *graph, float factor,
+/* One step of Clenshaw's recurrence at every vertex: b, from two steps before, becomes factor W
+   last - b + value Z, where W averages over neighbors and Z are the signs. */
+TARGET static void NAMED(step)(const reel_smoother *smoother, const reel_graph *graph, float factor,
                                float value, const float *last, float *b) {
-    NAMED(words) shifts;
+    NAMED(bit_vector) shifts;
     for (int lane = 0; lane < LANES; lane++) {
         shifts[lane] = (uint32_t)lane;
     }
     VECTOR values = value + (VECTOR){0};
-    const int32_t *near = own->near;
+    const int32_t *near = smoother->near;
     for (int32_t v = 0; v < graph->n; v++) {
         int32_t degree = reel_degree(graph, v);
-        VECTOR sums[PARTS];
-        FOR_PARTS(part) {
-            sums[part] = (VECTOR){0};
-        }
-        for (int32_t left = degree; left > 0; left -= TOGETHER, near += TOGETHER) {
-            REEL_UNROLLED for (int i = 0; i < TOGETHER; i++) {
-                const VECTOR *one = (const VECTOR *)(last + near[i]);
-                FOR_PARTS(part) {
-                    sums[part] += one[part];
-                }
+        VECTOR sums[N_VECS];
+        FOR_VECS(k) { sums[k] = (VECTOR){0}; }
+        for (int32_t left = degree; left > 0; left -= UNROLL, near += UNROLL) {
+            REEL_UNROLLED for (int i = 0; i < UNROLL; i++) {
+                const VECTOR *row = (const VECTOR *)(last + near[i]);
+                FOR_VECS(k) { sums[k] += row[k]; }
             }
         }
-        float share = degree ? factor / (float)degree : 0.0F;
+        float scale = degree ? factor / (float)degree : 0.0F;
         VECTOR *row = (VECTOR *)(b + FIELDS * (size_t)v);
-        FOR_PARTS(part) {
-            row[part] = (sums[part] * share - row[part]) +
-                        NAMED(signed_as)(own->signs[v], part, shifts, values);
+        FOR_VECS(k) {
+            row[k] = (sums[k] * scale - row[k]) +
+                     NAMED(apply_signs)(smoother->signs[v], k, shifts, values);
         }
     }
 }
 
-/* Smooth fields of the graph: the series of the signs, by Clenshaw's sum from its last term on. */
-TARGET static const float *NAMED(diffuse)(const reel_smoother *own, const reel_graph *graph) {
-    float *last = own->fields, *b = own->others;
+/* Smooth fields of a graph: the Chebyshev series of the diffusion applied to the signs, summed by
+   Clenshaw's recurrence from the last term. */
+TARGET static const float *NAMED(diffuse)(const reel_smoother *smoother, const reel_graph *graph) {
+    float *last = smoother->fields, *b = smoother->others;
     const series *chosen = graph->n > REEL_SMALL_GRAPH ? &large : &small;
     reel_zero(last, ((size_t)graph->n + 1) * FIELDS * sizeof *last);
     reel_zero(b, ((size_t)graph->n + 1) * FIELDS * sizeof *b);
     for (int term = chosen->n_terms - 1; term >= 0; term--) {
-        NAMED(step)(own, graph, term ? 2.0F : 1.0F, chosen->terms[term], last, b);
+        NAMED(step)(smoother, graph, term ? 2.0F : 1.0F, chosen->terms[term], last, b);
         float *latest = b;
         b = last;
         last = latest;
@@ -63,5 +61,5 @@ TARGET static const float *NAMED(diffuse)(const reel_smoother *own, const reel_g
 }
 
 #undef VECTOR
-#undef PARTS
-#undef FOR_PARTS
+#undef N_VECS
+#undef FOR_VECS

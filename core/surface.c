@@ -1,19 +1,19 @@
-/* Finds the surface of a face list: which sides are the same edge, which faces go the other way
-   round, where it is open, and where one vertex is several points.
+/* Builds manifold surfaces from a face list: joins half-edges to edges, orients faces consistently,
+   closes boundaries, and splits non-manifold vertices.
 
-   Only the encoder does so; docs/format.md leaves it free. Time and memory are linear. */
+   Encoder only; docs/format.md leaves the choices free. Time and memory are linear. */
 
 #include "surface.h"
 
 #define NONE (-1)
-#define CANDIDATES 8 /* sides of an edge that are looked at for the best twin */
+#define CANDIDATES 8 /* half-edges of an edge searched for the best twin */
 
-/* Which sides are the same edge; here a side is one of a face as it is given. */
+/* Pairs of half-edges, as the faces are given. */
 typedef struct {
     const int32_t *faces;
-    int32_t *order; /* sides, sorted by their ends */
-    int32_t *pair;  /* of each side, the one that it is joined with; NONE if open */
-} reel_joining;
+    int32_t *order; /* half-edges, sorted by their ends */
+    int32_t *pair;  /* partner of each half-edge; NONE on a boundary */
+} pairing;
 
 static int32_t end_of(const int32_t *faces, int32_t side) { return faces[reel_side_after(side)]; }
 
@@ -35,7 +35,7 @@ static bool goes_up(const int32_t *faces, int32_t side) {
     return faces[side] < end_of(faces, side);
 }
 
-/* Sorts sides by one of their ends, keeping the order of equal ones. */
+/* Sort half-edges by one of their ends, stably. */
 static void sort_by(const int32_t *faces, int32_t (*key)(const int32_t *, int32_t),
                     const int32_t *from, int32_t *to, int64_t n, int32_t *starts, int64_t n_verts) {
     reel_zero(starts, (size_t)(n_verts + 1) * sizeof *starts);
@@ -50,62 +50,62 @@ static void sort_by(const int32_t *faces, int32_t (*key)(const int32_t *, int32_
     }
 }
 
-/* Joins the sides order[start..end-1], which are all those of one edge: first those that go
-   opposite ways and belong to different triangles, then opposite ones, then any two. */
-static void join_edge(reel_joining *joining, int64_t start, int64_t end) {
-    const int32_t *faces = joining->faces;
+/* Pair the half-edges order[start..end-1] of one edge: first those of opposite direction and
+   different third vertex, then of opposite direction, then any two. */
+static void join_edge(pairing *sides, int64_t start, int64_t end) {
+    const int32_t *faces = sides->faces;
     for (int round = 0; round < 3; round++) {
         for (int64_t i = start; i < end; i++) {
-            int32_t side = joining->order[i];
+            int32_t side = sides->order[i];
             int64_t limit = end - i < CANDIDATES ? end : i + CANDIDATES;
-            for (int64_t j = i + 1; j < limit && joining->pair[side] == NONE; j++) {
-                int32_t other = joining->order[j];
+            for (int64_t j = i + 1; j < limit && sides->pair[side] == NONE; j++) {
+                int32_t other = sides->order[j];
                 bool opposite = goes_up(faces, side) != goes_up(faces, other);
-                bool apart = apex_of(faces, side) != apex_of(faces, other);
-                if (joining->pair[other] == NONE && (round == 2 || opposite) &&
-                    (round > 0 || apart)) {
-                    joining->pair[side] = other;
-                    joining->pair[other] = side;
+                bool is_distinct = apex_of(faces, side) != apex_of(faces, other);
+                if (sides->pair[other] == NONE && (round == 2 || opposite) &&
+                    (round > 0 || is_distinct)) {
+                    sides->pair[side] = other;
+                    sides->pair[other] = side;
                 }
             }
         }
     }
 }
 
-/* Lists the sides of faces that are not degenerate, none of them joined; how many they are. */
-static int64_t list_sides(reel_joining *joining, reel_surface *surface) {
+/* List the half-edges of non-degenerate faces, all unpaired; returns their number. */
+static int64_t list_sides(pairing *sides, reel_surface *surface) {
     int64_t n_sides = 0;
     for (int32_t f = 0; f < surface->n_faces; f++) {
-        const int32_t *face = joining->faces + 3 * (int64_t)f;
-        surface->turned[f] = 0;
+        const int32_t *face = sides->faces + 3 * (int64_t)f;
+        surface->flipped[f] = 0;
         surface->flat[f] = face[0] == face[1] || face[1] == face[2] || face[2] == face[0];
         surface->n_flat += surface->flat[f];
         for (int32_t k = 0; k < 3; k++) {
-            joining->pair[3 * f + k] = NONE;
+            sides->pair[3 * f + k] = NONE;
             if (!surface->flat[f]) {
-                joining->order[n_sides++] = 3 * f + k;
+                sides->order[n_sides++] = 3 * f + k;
             }
         }
     }
     return n_sides;
 }
 
-static void join_sides(reel_joining *joining, int64_t n_sides) {
-    const int32_t *faces = joining->faces;
+static void join_sides(pairing *sides, int64_t n_sides) {
+    const int32_t *faces = sides->faces;
     int64_t start = 0;
     for (int64_t i = 1; i <= n_sides; i++) {
-        int32_t here = joining->order[start];
-        if (i == n_sides || low_of(faces, joining->order[i]) != low_of(faces, here) ||
-            high_of(faces, joining->order[i]) != high_of(faces, here)) {
-            join_edge(joining, start, i);
+        int32_t here = sides->order[start];
+        if (i == n_sides || low_of(faces, sides->order[i]) != low_of(faces, here) ||
+            high_of(faces, sides->order[i]) != high_of(faces, here)) {
+            join_edge(sides, start, i);
             start = i;
         }
     }
 }
 
-/* Turns faces over so that joined sides go opposite ways; parts them where that cannot be. */
-static void turn_faces(reel_joining *joining, reel_surface *surface, int32_t *queue,
-                       uint8_t *reached) {
+/* Flip faces so that paired half-edges have opposite directions; unpair those for which that is
+   impossible. */
+static void orient_faces(pairing *sides, reel_surface *surface, int32_t *queue, uint8_t *reached) {
     reel_zero(reached, (size_t)surface->n_faces);
     for (int64_t seed = 0; seed < surface->n_faces; seed++) {
         int64_t n = 0;
@@ -115,29 +115,29 @@ static void turn_faces(reel_joining *joining, reel_surface *surface, int32_t *qu
         }
         for (int64_t i = 0; i < n; i++) {
             for (int32_t side = 3 * queue[i]; side < 3 * queue[i] + 3; side++) {
-                int32_t other = joining->pair[side];
+                int32_t other = sides->pair[side];
                 if (other == NONE) {
                     continue;
                 }
-                bool alike = goes_up(joining->faces, side) == goes_up(joining->faces, other);
-                uint8_t turned = surface->turned[queue[i]] ^ (uint8_t)alike;
+                bool same_direction = goes_up(sides->faces, side) == goes_up(sides->faces, other);
+                uint8_t flipped = surface->flipped[queue[i]] ^ (uint8_t)same_direction;
                 if (!reached[other / 3]) {
                     reached[other / 3] = 1;
-                    surface->turned[other / 3] = turned;
-                    surface->turns |= turned;
+                    surface->flipped[other / 3] = flipped;
+                    surface->has_flipped |= flipped;
                     queue[n++] = other / 3;
-                } else if (surface->turned[other / 3] != turned) {
-                    joining->pair[side] = joining->pair[other] = NONE;
+                } else if (surface->flipped[other / 3] != flipped) {
+                    sides->pair[side] = sides->pair[other] = NONE;
                 }
             }
         }
     }
 }
 
-/* The number of a given side when its face is turned over as it is to be. */
-static int32_t turned_side(const reel_surface *surface, int32_t side) {
+/* Index of a given half-edge after its face is flipped. */
+static int32_t flipped_side(const reel_surface *surface, int32_t side) {
     int32_t face = side / 3;
-    return surface->turned[face] ? 6 * face + 2 - side : side;
+    return surface->flipped[face] ? 6 * face + 2 - side : side;
 }
 
 static void join(reel_surface *surface, int32_t side, int32_t other) {
@@ -145,7 +145,7 @@ static void join(reel_surface *surface, int32_t side, int32_t other) {
     surface->twin[other] = side;
 }
 
-/* Sets the twins of all given sides, and closes open edges with faces of their own. */
+/* Set the twins of all given half-edges, and close boundary edges with additional faces. */
 static void close_surface(reel_surface *surface, const int32_t *pair) {
     int32_t n_sides = (int32_t)(3 * surface->n_faces), next = n_sides;
     for (int32_t given = 0; given < n_sides; given++) {
@@ -153,17 +153,18 @@ static void close_surface(reel_surface *surface, const int32_t *pair) {
             surface->twin[given] = NONE;
             continue;
         }
-        int32_t side = turned_side(surface, given);
+        int32_t side = flipped_side(surface, given);
         if (pair[given] == NONE) {
             join(surface, side, next);
             next += 3;
         } else {
-            surface->twin[side] = turned_side(surface, pair[given]);
+            surface->twin[side] = flipped_side(surface, pair[given]);
         }
     }
     surface->n_closing = (next - n_sides) / 3;
     for (int32_t added = n_sides; added < next; added += 3) {
-        /* Its corners are b, a, cap, behind the side a to b. Around a to the next open edge. */
+        /* Its corners are b, a, cap, behind the half-edge a to b. Rotate around a to the next
+           boundary edge. */
         int32_t side = reel_side_before(surface->twin[added]);
         while (surface->twin[side] < n_sides) {
             side = reel_side_before(surface->twin[side]);
@@ -172,7 +173,7 @@ static void close_surface(reel_surface *surface, const int32_t *pair) {
     }
 }
 
-/* A new point of all corners around the start of a side. */
+/* Make a new point of all corners around the origin of a half-edge. */
 static void name_point(reel_surface *surface, int32_t side, int64_t number, int32_t vertex) {
     int32_t degree = 0, here = side;
     do {
@@ -198,7 +199,7 @@ static void name_points(reel_surface *surface, const int32_t *faces, uint8_t *us
         int32_t vertex = -1;
         if (side < n_sides) {
             int32_t face = side / 3, corner = side % 3;
-            bool swaps = surface->turned[face] && corner;
+            bool swaps = surface->flipped[face] && corner;
             vertex = faces[3 * face + (swaps ? 3 - corner : corner)];
             surface->pinched |= used[vertex];
             surface->n_used += !used[vertex];
@@ -212,37 +213,38 @@ static void name_points(reel_surface *surface, const int32_t *faces, uint8_t *us
 
 size_t reel_surface_memory(int64_t n_verts, int64_t n_faces) {
     size_t v = (size_t)n_verts, m = (size_t)n_faces, word = sizeof(int32_t);
-    return 2 * reel_room(12 * m, word) + 2 * reel_room(6 * m, word) + 2 * reel_room(m, 1) +
-           3 * reel_room(3 * m, word) + reel_room(v + 1, word) + reel_room(m + v, 1);
+    return 2 * reel_array_bytes(12 * m, word) + 2 * reel_array_bytes(6 * m, word) +
+           2 * reel_array_bytes(m, 1) + 3 * reel_array_bytes(3 * m, word) +
+           reel_array_bytes(v + 1, word) + reel_array_bytes(m + v, 1);
 }
 
 bool reel_find_surface(reel_arena *arena, const int32_t *faces, int64_t n_faces, int64_t n_verts,
                        reel_surface *found) {
     size_t v = (size_t)n_verts, m = (size_t)n_faces, word = sizeof(int32_t);
     *found = (reel_surface){.n_faces = n_faces};
-    found->twin = reel_take(arena, 12 * m, word);
-    found->point = reel_take(arena, 12 * m, word);
-    found->vertex = reel_take(arena, 6 * m, word);
-    found->degree = reel_take(arena, 6 * m, word);
-    found->turned = reel_take(arena, m, 1);
-    found->flat = reel_take(arena, m, 1);
-    reel_joining joining = {.faces = faces};
-    joining.order = reel_take(arena, 3 * m, word);
-    joining.pair = reel_take(arena, 3 * m, word);
-    int32_t *spare = reel_take(arena, 3 * m, word);
-    int32_t *starts = reel_take(arena, v + 1, word);
-    uint8_t *marks = reel_take(arena, m + v, 1);
+    found->twin = reel_allocate(arena, 12 * m, word);
+    found->point = reel_allocate(arena, 12 * m, word);
+    found->vertex = reel_allocate(arena, 6 * m, word);
+    found->degree = reel_allocate(arena, 6 * m, word);
+    found->flipped = reel_allocate(arena, m, 1);
+    found->flat = reel_allocate(arena, m, 1);
+    pairing sides = {.faces = faces};
+    sides.order = reel_allocate(arena, 3 * m, word);
+    sides.pair = reel_allocate(arena, 3 * m, word);
+    int32_t *scratch = reel_allocate(arena, 3 * m, word);
+    int32_t *starts = reel_allocate(arena, v + 1, word);
+    uint8_t *marks = reel_allocate(arena, m + v, 1);
     if (arena->failed) {
         return false;
     }
-    int64_t n_sides = list_sides(&joining, found);
-    sort_by(faces, high_of, joining.order, spare, n_sides, starts, n_verts);
-    sort_by(faces, low_of, spare, joining.order, n_sides, starts, n_verts);
+    int64_t n_sides = list_sides(&sides, found);
+    sort_by(faces, high_of, sides.order, scratch, n_sides, starts, n_verts);
+    sort_by(faces, low_of, scratch, sides.order, n_sides, starts, n_verts);
     if (n_sides) {
-        join_sides(&joining, n_sides);
+        join_sides(&sides, n_sides);
     }
-    turn_faces(&joining, found, spare, marks);
-    close_surface(found, joining.pair);
+    orient_faces(&sides, found, scratch, marks);
+    close_surface(found, sides.pair);
     reel_zero(marks, m + v);
     name_points(found, faces, marks);
     return true;

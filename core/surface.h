@@ -1,35 +1,35 @@
-/* A face list as closed, oriented surfaces: what the encoder of connectivity walks over.
+/* A face list as closed, oriented manifold surfaces: what the connectivity encoder traverses.
 
-   Side 3 f + k of face f goes from its corner k to corner (k + 1) mod 3. Every side has a twin, the
-   same edge seen from the other face. Where the given faces leave an edge open, a face is added
-   behind it, whose third corner is a cap: a point that closes a whole loop of open edges. A point
-   is a corner of all faces around it; a vertex at which several fans of faces meet is as many
-   points. */
+   Half-edge (side) 3 f + k of face f goes from its corner k to corner (k + 1) mod 3. Every
+   half-edge has a twin, the same edge seen from the other face. Each boundary edge is closed by an
+   additional face whose third corner is a cap: a virtual point that closes a whole boundary loop. A
+   point is a corner shared by the faces around it; a vertex where several fans of faces meet is
+   split into as many points. */
 
 #ifndef REEL_SURFACE_H
 #define REEL_SURFACE_H
 
 #include "base.h"
 
-#define REEL_MOST_ITEMS ((int64_t)1 << 26) /* vertices, and faces, of a mesh */
+#define REEL_MAX_ITEMS ((int64_t)1 << 26) /* vertices, and faces, of a mesh */
 
 typedef struct {
-    int64_t n_faces;   /* given ones, M; degenerate ones have no sides */
-    int64_t n_flat;    /* degenerate ones among them */
-    int64_t n_closing; /* faces M, M + 1, ... that are added: one for each open edge */
-    int64_t n_used;    /* vertices of faces that are not degenerate */
-    int64_t n_caps;    /* points that are no vertex */
-    bool turns;        /* some faces are turned over */
+    int64_t n_faces;   /* given faces, M; degenerate ones have no half-edges */
+    int64_t n_flat;    /* degenerate faces among them */
+    int64_t n_closing; /* closing faces M, M + 1, ...: one per boundary edge */
+    int64_t n_used;    /* vertices used by non-degenerate faces */
+    int64_t n_caps;    /* caps */
+    bool has_flipped;  /* some faces are flipped */
     bool pinched;      /* some vertices are several points */
-    int32_t *twin;     /* of each side */
-    int32_t *point;    /* at which each side starts */
-    int32_t *vertex;   /* of each point; -1 of a cap */
-    int32_t *degree;   /* of each point: faces around it */
-    uint8_t *turned;   /* is the given face turned over, to go the way of its neighbours? */
+    int32_t *twin;     /* of each half-edge */
+    int32_t *point;    /* origin of each half-edge */
+    int32_t *vertex;   /* of each point; -1 for caps */
+    int32_t *degree;   /* of each point: number of faces around it */
+    uint8_t *flipped;  /* is the given face flipped to agree with its neighbors? */
     uint8_t *flat;     /* is the given face degenerate? */
 } reel_surface;
 
-/* The side behind and before one of the same face. */
+/* The next and the previous half-edge of the same face. */
 REEL_INLINE int32_t reel_side_after(int32_t side) {
     return side % 3 == 2 ? side - 2 : side + 1;
 }
@@ -38,10 +38,11 @@ REEL_INLINE int32_t reel_side_before(int32_t side) {
     return side % 3 == 0 ? side + 2 : side - 1;
 }
 
-/* Bytes of an arena that `reel_find_surface` takes. */
+/* Bytes of the arena that `reel_find_surface` takes. */
 size_t reel_surface_memory(int64_t n_verts, int64_t n_faces);
 
-/* The surface of faces whose corners are 0..n_verts-1; false where the arena is too small. */
+/* Build the surface of faces with vertices 0..n_verts-1; returns false if the arena is too
+   small. */
 bool reel_find_surface(reel_arena *arena, const int32_t *faces, int64_t n_faces, int64_t n_verts,
                        reel_surface *found);
 

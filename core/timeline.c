@@ -58,14 +58,14 @@ typedef struct {
 } timeline;
 
 static size_t timeline_room(int64_t n_frames) {
-    return reel_room((size_t)n_frames, sizeof(int32_t));
+    return reel_array_bytes((size_t)n_frames, sizeof(int32_t));
 }
 
 /* Lists the moving times; returns a failure, or 0. The first time cannot rest. */
 static int64_t find_timeline(reel_arena *arena, int64_t n_frames, const uint8_t *rests,
                              int64_t rest_bits, timeline *found) {
     *found = (timeline){.n_frames = n_frames, .rests = rests};
-    found->moving = reel_take(arena, (size_t)n_frames, sizeof *found->moving);
+    found->moving = reel_allocate(arena, (size_t)n_frames, sizeof *found->moving);
     if (arena->failed) {
         return reel_failure(REEL_NO_MEMORY, 0);
     }
@@ -104,8 +104,8 @@ static void decode_column(const int32_t *integers, const timeline *times, int32_
 }
 
 size_t reel_basis_memory(int64_t n_columns, int64_t n_frames) {
-    return reel_room((size_t)n_columns * (size_t)n_frames, sizeof(double)) +
-           timeline_room(n_frames) + reel_room((size_t)n_frames, sizeof(int32_t));
+    return reel_array_bytes((size_t)n_columns * (size_t)n_frames, sizeof(double)) +
+           timeline_room(n_frames) + reel_array_bytes((size_t)n_frames, sizeof(int32_t));
 }
 
 int64_t reel_lengths(const double *values, int64_t n_verts, int64_t n_modes, int64_t n_reused,
@@ -145,8 +145,8 @@ int64_t reel_basis(void *memory, size_t memory_size, const int32_t *integers, in
     reel_arena arena = reel_arena_of(memory, memory_size);
     int64_t length = n_columns * n_frames;
     timeline times;
-    double *values = reel_take(&arena, (size_t)length, sizeof *values);
-    int32_t *gathered = reel_take(&arena, (size_t)n_frames, sizeof *gathered);
+    double *values = reel_allocate(&arena, (size_t)length, sizeof *values);
+    int32_t *gathered = reel_allocate(&arena, (size_t)n_frames, sizeof *gathered);
     int64_t failed = find_timeline(&arena, n_frames, rests, rest_bits, &times);
     if (failed) {
         return failed;
@@ -250,12 +250,12 @@ static bool may_have_cosines(int64_t n_frames) {
 /* Memory of the waves of a block, which none above the limit has. */
 static size_t waves_room(int64_t n_frames) {
     size_t n = may_have_cosines(n_frames) ? (size_t)n_frames : 0;
-    return reel_room(4 * n, sizeof(double)) + reel_room(n * n, sizeof(double));
+    return reel_array_bytes(4 * n, sizeof(double)) + reel_array_bytes(n * n, sizeof(double));
 }
 
 size_t reel_cosine_basis_memory(int64_t n_columns, int64_t n_frames) {
-    return reel_room((size_t)n_columns * (size_t)n_frames, sizeof(double)) +
-           reel_room((size_t)n_frames + 1, sizeof(double)) + waves_room(n_frames);
+    return reel_array_bytes((size_t)n_columns * (size_t)n_frames, sizeof(double)) +
+           reel_array_bytes((size_t)n_frames + 1, sizeof(double)) + waves_room(n_frames);
 }
 
 int64_t reel_cosine_basis(void *memory, size_t memory_size, const int32_t *integers,
@@ -266,10 +266,10 @@ int64_t reel_cosine_basis(void *memory, size_t memory_size, const int32_t *integ
     }
     reel_arena arena = reel_arena_of(memory, memory_size);
     int64_t length = n_columns * n_frames, half = (n_frames + 1) / 2;
-    double *values = reel_take(&arena, (size_t)length, sizeof *values);
-    double *sums = reel_take(&arena, (size_t)n_frames + 1, sizeof *sums);
-    double *cosines = reel_take(&arena, 4 * (size_t)n_frames, sizeof *cosines);
-    double *waves = reel_take(&arena, (size_t)(n_frames * half), sizeof *waves);
+    double *values = reel_allocate(&arena, (size_t)length, sizeof *values);
+    double *sums = reel_allocate(&arena, (size_t)n_frames + 1, sizeof *sums);
+    double *cosines = reel_allocate(&arena, 4 * (size_t)n_frames, sizeof *cosines);
+    double *waves = reel_allocate(&arena, (size_t)(n_frames * half), sizeof *waves);
     if (arena.failed) {
         return reel_failure(REEL_NO_MEMORY, 0);
     }
@@ -298,7 +298,7 @@ static double dead_zone(const double *scaled, int64_t count, double price) {
         }
         zone = reel_dead_zone(n_zeros, n_ones, price);
     }
-    return price > 0.0 ? zone : REEL_NO_ZONE;
+    return price > 0.0 ? zone : REEL_NEAREST_ZONE;
 }
 
 /* The integer near to a value; false if it is too large. */
@@ -306,7 +306,7 @@ REEL_INLINE bool quantize(double scaled, double zone, double price, int32_t *int
     if (!(reel_magnitude(scaled) < REEL_TOO_LARGE)) {
         return false;
     }
-    *integer = reel_rounded(scaled, zone, !(price > 0.0));
+    *integer = reel_round_rd(scaled, zone, !(price > 0.0));
     return true;
 }
 
@@ -333,7 +333,7 @@ static bool encode_times(const double *wanted, int64_t n_frames, double price, d
     int32_t latest = 0;
     for (int64_t time = 0; time < n_frames; time += COARSEST) {
         int32_t here;
-        if (!quantize(wanted[time], REEL_NO_ZONE, 0.0, &here)) {
+        if (!quantize(wanted[time], REEL_NEAREST_ZONE, 0.0, &here)) {
             return false;
         }
         values[time] = here;
@@ -358,7 +358,7 @@ typedef struct {
    stays as it is instead of being corrected, which would be seen as motion. */
 static bool encode_rests(const double *wanted, const timeline *times, double price, double *values,
                          int32_t *integers) {
-    double zone = price > 0.0 ? FIRST_DEAD_ZONE : REEL_NO_ZONE, error = 0.0;
+    double zone = price > 0.0 ? FIRST_DEAD_ZONE : REEL_NEAREST_ZONE, error = 0.0;
     for (int64_t time = 1; times->rests && time < times->n_frames; time++) {
         if (!times->rests[time]) {
             continue;
@@ -392,8 +392,8 @@ static bool encode_column(const double *wanted, const timeline *times, double pr
 }
 
 size_t reel_basis_encode_memory(int64_t n_frames) {
-    return 3 * reel_room((size_t)n_frames, sizeof(double)) +
-           reel_room((size_t)n_frames, sizeof(int32_t)) + timeline_room(n_frames);
+    return 3 * reel_array_bytes((size_t)n_frames, sizeof(double)) +
+           reel_array_bytes((size_t)n_frames, sizeof(int32_t)) + timeline_room(n_frames);
 }
 
 int64_t reel_basis_encode(void *memory, size_t memory_size, const double *wanted, int64_t n_modes,
@@ -402,10 +402,10 @@ int64_t reel_basis_encode(void *memory, size_t memory_size, const double *wanted
     reel_arena arena = reel_arena_of(memory, memory_size);
     timeline times;
     column_work work;
-    work.wanted = reel_take(&arena, (size_t)n_frames, sizeof *work.wanted);
-    work.values = reel_take(&arena, (size_t)n_frames, sizeof *work.values);
-    work.scaled = reel_take(&arena, (size_t)n_frames, sizeof *work.scaled);
-    work.integers = reel_take(&arena, (size_t)n_frames, sizeof *work.integers);
+    work.wanted = reel_allocate(&arena, (size_t)n_frames, sizeof *work.wanted);
+    work.values = reel_allocate(&arena, (size_t)n_frames, sizeof *work.values);
+    work.scaled = reel_allocate(&arena, (size_t)n_frames, sizeof *work.scaled);
+    work.integers = reel_allocate(&arena, (size_t)n_frames, sizeof *work.integers);
     int64_t failed = find_timeline(&arena, n_frames, rests, rest_bits, &times);
     if (failed) {
         return failed;
@@ -435,7 +435,7 @@ static bool round_coefficients(const double *coefficients, int64_t n, double pri
 }
 
 size_t reel_cosines_encode_memory(int64_t n_frames) {
-    return reel_room((size_t)n_frames, sizeof(double)) + waves_room(n_frames);
+    return reel_array_bytes((size_t)n_frames, sizeof(double)) + waves_room(n_frames);
 }
 
 int64_t reel_cosines_encode(void *memory, size_t memory_size, const double *wanted,
@@ -445,9 +445,9 @@ int64_t reel_cosines_encode(void *memory, size_t memory_size, const double *want
         return reel_failure(REEL_INVALID, 0);
     }
     reel_arena arena = reel_arena_of(memory, memory_size);
-    double *found = reel_take(&arena, (size_t)n_frames, sizeof *found);
-    double *cosines = reel_take(&arena, 4 * (size_t)n_frames, sizeof *cosines);
-    double *waves = reel_take(&arena, (size_t)(n_frames * n_frames), sizeof *waves);
+    double *found = reel_allocate(&arena, (size_t)n_frames, sizeof *found);
+    double *cosines = reel_allocate(&arena, 4 * (size_t)n_frames, sizeof *cosines);
+    double *waves = reel_allocate(&arena, (size_t)(n_frames * n_frames), sizeof *waves);
     if (arena.failed) {
         return reel_failure(REEL_NO_MEMORY, 0);
     }

@@ -1,9 +1,9 @@
-/* A walk over a surface, face by face: what is known on the way, and what is coded.
+/* A traversal of a surface, face by face: its state, and the functions that code its decisions.
 
-   docs/format.md, CONNECTIVITY. The part of the surface that is done is bounded by rings of
-   nodes. A node is a point between two edges of a ring; the corner between them is not done. The
-   degree of a point is coded when it is first met, so that a node knows how many edges are still
-   to come there, and most faces are known without a bit. */
+   docs/format.md, CONNECTIVITY. The visited region of a part is bounded by rings of nodes. A node
+   is a point between two consecutive edges of a ring; the corner between them is not yet visited.
+   The degree of a point is coded when it is first met, so that a node knows how many of its edges
+   are still to come, and most faces follow without a bit. */
 
 #ifndef REEL_WALK_H
 #define REEL_WALK_H
@@ -13,63 +13,64 @@
 #include "surface.h"
 
 #define REEL_NONE (-1)
-#define REEL_CAP (-1)       /* the vertex of a point that is none */
-#define REEL_BUCKETS 12     /* nodes by what is to come: nothing, at a cap, 1, 2, ... 10 or more */
-#define REEL_DECISIONS 15   /* bits of a degree that have models */
-#define REEL_MODELLED 16    /* greatest degree that they tell */
-#define REEL_OPINIONS 7     /* contexts of a degree */
-#define REEL_CONTEXTS (4 + 3 * 512 + 4096 + 256 + 1024)
-#define REEL_MEETS 3        /* contexts of whether rings meet */
+#define REEL_CAP (-1) /* the vertex of a cap */
+/* Stacks of nodes: complete, at a cap, then by remaining edges 1, 2, ... 10 or more. */
+#define REEL_STACKS 12
+#define REEL_DECISIONS 15          /* binary decisions of a degree that have models */
+#define REEL_MAX_MODELED_DEGREE 16 /* largest degree with a decision */
+#define REEL_DEGREE_CONTEXTS 7     /* contexts mixed for a degree */
+#define REEL_DEGREE_MODELS (4 + 3 * 512 + 4096 + 256 + 1024)
+#define REEL_MEET_CONTEXTS 3 /* contexts mixed for whether rings meet */
 
 typedef struct {
-    int32_t next; /* in the ring: the edge to it is on the left of what is done, seen outwards */
+    int32_t next; /* next in the ring; the visited region is on the left of the edge to it */
     int32_t prev;
     int32_t vertex;
-    int32_t degree; /* of the point; 0 of a number that is no node now */
-    int32_t free;   /* edges to come, between the two of the ring */
-    int32_t across; /* degree of the third point of the face that is done at the edge to `next` */
-    int32_t turned; /* is that face turned over? */
-    int32_t above, below; /* in the bucket */
+    int32_t degree;       /* degree of the point; 0 for a free slot */
+    int32_t remaining;    /* remaining edges between the two ring edges */
+    int32_t across;       /* degree of the third point of the visited face at the edge to `next` */
+    int32_t flipped;      /* is that face flipped? */
+    int32_t above, below; /* neighbors in the stack */
 } reel_node;
 
 typedef struct {
-    reel_odds_table odds;
-    reel_model degree[REEL_CONTEXTS * REEL_DECISIONS];
+    reel_logit_table odds;
+    reel_model degree[REEL_DEGREE_MODELS * REEL_DECISIONS];
     reel_weights degree_weights[REEL_DECISIONS];
     reel_model meets[16 + 512 + 4096];
     reel_weights meets_weights;
-    reel_model is_cap, is_copy, starts_open, is_far, is_behind, turned[2];
+    reel_model is_cap, is_copy, starts_open, is_far, is_behind, flipped[2];
     reel_integer_model more_degree, cap_degree, offset, share, copy, amounts, corner[3];
 } reel_walk_models;
 
 typedef struct {
-    reel_port port;
+    reel_range_coder coder;
     bool failed;
     reel_walk_models *models;
-    int64_t n_verts, n_faces; /* of the mesh; n_faces without degenerate ones */
-    int64_t n_named, n_done;  /* of those, so far */
+    int64_t n_verts, n_faces; /* of the mesh; n_faces without degenerate faces */
+    int64_t n_named, n_done;  /* vertices named and faces visited so far */
     int64_t n_closing;        /* faces with a cap so far */
-    int64_t n_caps;           /* still to come */
-    bool turns, pinched;
-    int32_t copied;   /* vertex that the last copy was of */
-    int32_t last[2];  /* degrees of the last two points, the last first */
-    int32_t *faces;   /* that are done */
+    int64_t n_caps;           /* caps still to come */
+    bool has_flipped, pinched;
+    int32_t last_copied; /* vertex of the last copy */
+    int32_t last[2];     /* degrees of the last two points, latest first */
+    int32_t *faces;      /* visited faces */
     reel_node *nodes;
-    int32_t room;     /* nodes there is memory for */
-    int32_t n_nodes;  /* numbers given out so far */
-    int32_t spare;    /* the last number that is no node any more; others follow by `next` */
-    int32_t top[REEL_BUCKETS];
-    /* What only the writer knows. */
+    int32_t capacity;  /* capacity of `nodes` */
+    int32_t n_nodes;   /* slots used so far */
+    int32_t free_slot; /* free list of slots, linked by `next` */
+    int32_t top[REEL_STACKS];
+    /* Encoder only. */
     reel_surface surface;
-    int32_t *side;  /* of each node: the side from it to its next, of a face that is not done */
-    uint8_t *met;   /* of each point */
-    int32_t *name;  /* of each given vertex: its number */
-    int32_t *given; /* the inverse */
+    int32_t *side;   /* per node: the half-edge to its next, of an unvisited face */
+    uint8_t *is_met; /* per point: was it met? */
+    int32_t *name;   /* internal number of each given vertex */
+    int32_t *given;  /* its inverse */
 } reel_walk;
 
-/* Things that are coded; the writer passes what is so, and both sides get it back. */
-void reel_start_walk_models(reel_walk_models *models);
-bool reel_code_turned(reel_walk *walk, int32_t behind, bool turned);
+/* Coded decisions: the encoder passes the actual value, and both sides get it back. */
+void reel_reset_walk_models(reel_walk_models *models);
+bool reel_code_flipped(reel_walk *walk, int32_t behind, bool flipped);
 bool reel_code_meets(reel_walk *walk, int32_t n, int32_t m, bool meets);
 int32_t reel_code_target(reel_walk *walk, int32_t n, int32_t m, int32_t target);
 bool reel_code_is_cap(reel_walk *walk, bool cap, bool starts);
@@ -77,7 +78,7 @@ int32_t reel_code_cap_degree(reel_walk *walk, int32_t degree);
 int32_t reel_code_degree(reel_walk *walk, int32_t n, int32_t m, int32_t degree);
 int32_t reel_code_vertex(reel_walk *walk, int32_t vertex);
 
-/* One connected part of the surface; the writer says from which side. */
+/* Traverse one connected part of the surface; the encoder passes the half-edge to start from. */
 void reel_walk_part(reel_walk *walk, int32_t side);
 
 #endif

@@ -1,14 +1,15 @@
-/* What a walk codes, and in which contexts: degrees, meetings of rings, copies of vertices.
+/* Coded decisions of the traversal and their contexts: degrees, meetings of rings, copies of
+   vertices.
 
-   docs/format.md, CONNECTIVITY, "What is coded". */
+   docs/format.md, CONNECTIVITY. */
 
 #include "walk.h"
 
-#define NEAR 24     /* nodes each way that are looked at before a target is named by its number */
-#define LONGEST 9   /* lengths of rings are counted up to here */
-#define FARTHEST 3  /* points beyond n and m that are followed */
+#define MAX_OFFSET 24     /* ring distance up to which a target is coded as an offset */
+#define MAX_RING_LENGTH 9 /* ring lengths saturate here */
+#define MAX_FLANK 3       /* nodes followed beyond n and m */
 
-/* Classes of a degree, 0..6, of that of a node, 0..7, and of a number of edges, 0..7. */
+/* Context classes: of a degree 0..6, of a node 0..7, of a number of edges 0..7. */
 static uint32_t degree_class(int32_t degree) {
     return degree < 4 ? 0 : degree > 9 ? 6 : (uint32_t)degree - 3;
 }
@@ -18,23 +19,23 @@ static uint32_t node_class(const reel_node *node) {
 }
 
 static uint32_t free_class(const reel_node *node) {
-    return node->free > 7 ? 7 : (uint32_t)node->free;
+    return node->remaining > 7 ? 7 : (uint32_t)node->remaining;
 }
 
-/* The points that a new one at the edge n, m certainly has edges with. */
+/* The boundary nodes that are certainly connected to a new point at the edge n, m. */
 typedef struct {
-    int32_t steps;        /* of them behind n, or m */
-    const reel_node *end; /* the last of them */
-    int32_t excess;       /* sum of classes of degrees less that of 6; a cap counts for nothing */
-} reel_flank;
+    int32_t steps;        /* number of such nodes beyond n, or m */
+    const reel_node *end; /* the last one */
+    int32_t excess;       /* sum of degree classes relative to degree 6; caps do not count */
+} boundary_flank;
 
-static reel_flank flank_of(const reel_walk *walk, int32_t from, bool backward) {
-    reel_flank flank = {0, &walk->nodes[from], 0};
+static boundary_flank flank_of(const reel_walk *walk, int32_t from, bool backward) {
+    boundary_flank flank = {0, &walk->nodes[from], 0};
     for (;;) {
         if (flank.end->vertex != REEL_CAP) {
             flank.excess += (int32_t)degree_class(flank.end->degree) - 3;
         }
-        if (flank.steps == FARTHEST || flank.end->free != 1) {
+        if (flank.steps == MAX_FLANK || flank.end->remaining != 1) {
             return flank;
         }
         flank.end = &walk->nodes[backward ? flank.end->prev : flank.end->next];
@@ -42,41 +43,42 @@ static reel_flank flank_of(const reel_walk *walk, int32_t from, bool backward) {
     }
 }
 
-/* First rows of the models of a degree, in each context. */
+/* First models of a degree in each context. */
 static void find_contexts(const reel_walk *walk, int32_t n, int32_t m, uint32_t *row) {
-    uint32_t here[REEL_OPINIONS] = {3};
+    uint32_t contexts[REEL_DEGREE_CONTEXTS] = {3};
     if (n != REEL_NONE) {
         const reel_node *nodes = walk->nodes, *a = &nodes[n], *b = &nodes[m];
-        reel_flank left = flank_of(walk, n, true), right = flank_of(walk, m, false);
+        boundary_flank left = flank_of(walk, n, true), right = flank_of(walk, m, false);
         int32_t excess = 7 + reel_clamp(left.excess + right.excess, 8);
         uint32_t sum = excess < 0 ? 0 : (uint32_t)excess;
         uint32_t da = node_class(a), db = node_class(b), y = degree_class(a->across);
         uint32_t fl = free_class(left.end);
-        here[0] = a->vertex == REEL_CAP ? 1 : b->vertex == REEL_CAP ? 2 : 0;
-        here[1] = da << 6 | db << 3 | y;
-        here[2] = free_class(a) << 6 | free_class(b) << 3 | fl;
-        here[3] = fl << 6 | degree_class(walk->last[0]) << 3 | degree_class(walk->last[1]);
-        here[4] = node_class(&nodes[a->prev]) << 9 | da << 6 | db << 3 |
-                  node_class(&nodes[b->next]);
-        here[5] = (uint32_t)left.steps << 6 | (uint32_t)right.steps << 4 | sum;
-        here[6] = sum << 6 | da << 3 | y;
+        contexts[0] = a->vertex == REEL_CAP ? 1 : b->vertex == REEL_CAP ? 2 : 0;
+        contexts[1] = da << 6 | db << 3 | y;
+        contexts[2] = free_class(a) << 6 | free_class(b) << 3 | fl;
+        contexts[3] = fl << 6 | degree_class(walk->last[0]) << 3 | degree_class(walk->last[1]);
+        contexts[4] =
+            node_class(&nodes[a->prev]) << 9 | da << 6 | db << 3 | node_class(&nodes[b->next]);
+        contexts[5] = (uint32_t)left.steps << 6 | (uint32_t)right.steps << 4 | sum;
+        contexts[6] = sum << 6 | da << 3 | y;
     }
-    static const uint32_t starts[REEL_OPINIONS] = {0, 4, 516, 1028, 1540, 5636, 5892};
-    for (int i = 0; i < REEL_OPINIONS; i++) {
-        row[i] = (starts[i] + here[i]) * REEL_DECISIONS;
+    static const uint32_t starts[REEL_DEGREE_CONTEXTS] = {0, 4, 516, 1028, 1540, 5636, 5892};
+    for (int i = 0; i < REEL_DEGREE_CONTEXTS; i++) {
+        row[i] = (starts[i] + contexts[i]) * REEL_DECISIONS;
     }
 }
 
 static bool decide(reel_walk *walk, const uint32_t *row, int decision, bool bit) {
-    reel_model *models[REEL_OPINIONS];
-    for (int i = 0; i < REEL_OPINIONS; i++) {
+    reel_model *models[REEL_DEGREE_CONTEXTS];
+    for (int i = 0; i < REEL_DEGREE_CONTEXTS; i++) {
         models[i] = &walk->models->degree[row[i] + (uint32_t)decision];
     }
-    return reel_mixed_bit(&walk->port, &walk->models->odds,
-                          &walk->models->degree_weights[decision], models, REEL_OPINIONS, bit);
+    return reel_mixed_bit(&walk->coder, &walk->models->odds,
+                          &walk->models->degree_weights[decision], models, REEL_DEGREE_CONTEXTS,
+                          bit);
 }
 
-/* A degree of at least 2: is it 6, is it less, and then each value on the way from there. */
+/* Code a degree of at least 2: is it 6, is it less, then unary from there. */
 static int32_t code_in_contexts(reel_walk *walk, const uint32_t *row, int32_t degree) {
     if (decide(walk, row, 0, degree == 6)) {
         return 6;
@@ -88,20 +90,20 @@ static int32_t code_in_contexts(reel_walk *walk, const uint32_t *row, int32_t de
         }
         return found;
     }
-    for (int32_t found = 7; found <= REEL_MODELLED; found++) {
+    for (int32_t found = 7; found <= REEL_MAX_MODELED_DEGREE; found++) {
         if (decide(walk, row, found - 2, degree == found)) {
             return found;
         }
     }
-    uint32_t more = (uint32_t)(degree - REEL_MODELLED - 1);
-    more = reel_code_count(&walk->port, &walk->models->more_degree, more);
-    walk->failed |= more > 12 * REEL_MOST_ITEMS;
-    return walk->failed ? 6 : REEL_MODELLED + 1 + (int32_t)more;
+    uint32_t more = (uint32_t)(degree - REEL_MAX_MODELED_DEGREE - 1);
+    more = reel_code_count(&walk->coder, &walk->models->more_degree, more);
+    walk->failed |= more > 12 * REEL_MAX_ITEMS;
+    return walk->failed ? 6 : REEL_MAX_MODELED_DEGREE + 1 + (int32_t)more;
 }
 
-/* The degree of a point that is first met behind the edge from n to m, or at a start. */
+/* Code the degree of a point first met behind the edge from n to m, or at a start. */
 int32_t reel_code_degree(reel_walk *walk, int32_t n, int32_t m, int32_t degree) {
-    uint32_t row[REEL_OPINIONS];
+    uint32_t row[REEL_DEGREE_CONTEXTS];
     find_contexts(walk, n, m, row);
     degree = code_in_contexts(walk, row, degree);
     walk->last[1] = walk->last[0];
@@ -111,89 +113,90 @@ int32_t reel_code_degree(reel_walk *walk, int32_t n, int32_t m, int32_t degree) 
 
 int32_t reel_code_cap_degree(reel_walk *walk, int32_t degree) {
     uint32_t more = (uint32_t)(degree - 2);
-    more = reel_code_count(&walk->port, &walk->models->cap_degree, more);
+    more = reel_code_count(&walk->coder, &walk->models->cap_degree, more);
     walk->failed |= more > 3 * walk->n_faces;
     return walk->failed ? 2 : 2 + (int32_t)more;
 }
 
-/* Whether a point that is first met, or that a part starts from, is a cap. */
+/* Code whether a new point, or the first of a part, is a cap. */
 bool reel_code_is_cap(reel_walk *walk, bool cap, bool starts) {
     if (walk->n_caps == 0) {
         return false;
     }
     reel_model *model = starts ? &walk->models->starts_open : &walk->models->is_cap;
-    cap = reel_bit(&walk->port, model, cap);
+    cap = reel_bit(&walk->coder, model, cap);
     walk->n_caps -= cap;
     return cap;
 }
 
-/* The number of the vertex of a point that is first met: the next, unless it was met before. */
+/* Code the vertex of a new point: the next number, or a copy of an earlier vertex. */
 int32_t reel_code_vertex(reel_walk *walk, int32_t vertex) {
-    int32_t known = reel_writes(&walk->port) ? walk->name[vertex] : REEL_NONE;
-    if (walk->pinched && reel_bit(&walk->port, &walk->models->is_copy, known != REEL_NONE)) {
-        int64_t found = walk->copied;
-        found += reel_code_integer(&walk->port, &walk->models->copy, known - walk->copied);
+    int32_t known = reel_is_encoder(&walk->coder) ? walk->name[vertex] : REEL_NONE;
+    if (walk->pinched && reel_bit(&walk->coder, &walk->models->is_copy, known != REEL_NONE)) {
+        int64_t found = walk->last_copied;
+        found += reel_code_integer(&walk->coder, &walk->models->copy, known - walk->last_copied);
         walk->failed |= found < 0 || found >= walk->n_named;
-        walk->copied = walk->failed ? 0 : (int32_t)found;
-        return walk->copied;
+        walk->last_copied = walk->failed ? 0 : (int32_t)found;
+        return walk->last_copied;
     }
     if (walk->n_named == walk->n_verts) {
         walk->failed = true;
         return 0;
     }
-    if (reel_writes(&walk->port)) {
+    if (reel_is_encoder(&walk->coder)) {
         walk->name[vertex] = (int32_t)walk->n_named;
         walk->given[walk->n_named] = vertex;
     }
     return (int32_t)walk->n_named++;
 }
 
-/* Whether a face is turned over; `behind` is the node before the edge at which it is met. */
-bool reel_code_turned(reel_walk *walk, int32_t behind, bool turned) {
-    int context = walk->nodes[behind].turned;
-    return walk->turns && reel_bit(&walk->port, &walk->models->turned[context], turned);
+/* Code whether a face is flipped; `behind` is the node before the edge at which it is met. */
+bool reel_code_flipped(reel_walk *walk, int32_t behind, bool flipped) {
+    int context = walk->nodes[behind].flipped;
+    return walk->has_flipped && reel_bit(&walk->coder, &walk->models->flipped[context], flipped);
 }
 
-/* Whether the third point of the face behind the edge from n to m is on a ring. */
+/* Code whether the third point of the face behind the edge from n to m is already on a ring. */
 bool reel_code_meets(reel_walk *walk, int32_t n, int32_t m, bool meets) {
     const reel_node *nodes = walk->nodes, *a = &nodes[n], *b = &nodes[m];
     uint32_t length = 2;
-    for (int32_t i = b->next; i != n && length < LONGEST; i = nodes[i].next) {
+    for (int32_t i = b->next; i != n && length < MAX_RING_LENGTH; i = nodes[i].next) {
         length++;
     }
     uint32_t fa = free_class(a), fb = free_class(b);
-    uint32_t round = fa << 9 | fb << 6 | free_class(&nodes[a->prev]) << 3 |
-                     free_class(&nodes[b->next]);
+    uint32_t around =
+        fa << 9 | fb << 6 | free_class(&nodes[a->prev]) << 3 | free_class(&nodes[b->next]);
     reel_model *meet = walk->models->meets;
-    reel_model *models[REEL_MEETS] = {
+    reel_model *models[REEL_MEET_CONTEXTS] = {
         &meet[length],
         &meet[16 + (fa << 6 | fb << 3 | (length - 2))],
-        &meet[528 + round],
+        &meet[528 + around],
     };
-    return reel_mixed_bit(&walk->port, &walk->models->odds, &walk->models->meets_weights, models,
-                          REEL_MEETS, meets);
+    return reel_mixed_bit(&walk->coder, &walk->models->odds, &walk->models->meets_weights, models,
+                          REEL_MEET_CONTEXTS, meets);
 }
 
-/* The node that the face behind the edge from n to m meets: by its place, or by its number. */
+/* Code the node that the face behind the edge from n to m meets: as an offset in the ring, or as
+   its number. */
 int32_t reel_code_target(reel_walk *walk, int32_t n, int32_t m, int32_t target) {
     const reel_node *nodes = walk->nodes;
     int32_t offset = 0, ahead = nodes[m].next, back = nodes[n].prev;
-    if (reel_writes(&walk->port)) {
-        while (offset < NEAR && ahead != target && back != target) {
+    if (reel_is_encoder(&walk->coder)) {
+        while (offset < MAX_OFFSET && ahead != target && back != target) {
             ahead = nodes[ahead].next;
             back = nodes[back].prev;
             offset++;
         }
     }
-    if (reel_bit(&walk->port, &walk->models->is_far, offset == NEAR)) {
-        int bits = reel_length((uint32_t)walk->n_nodes - 1);
-        target = (int32_t)reel_code_raw(&walk->port, bits, (uint32_t)target);
+    if (reel_bit(&walk->coder, &walk->models->is_far, offset == MAX_OFFSET)) {
+        int bits = reel_bit_length((uint32_t)walk->n_nodes - 1);
+        target = (int32_t)reel_code_raw(&walk->coder, bits, (uint32_t)target);
         walk->failed |= target >= walk->n_nodes;
         return walk->failed ? m : target;
     }
-    bool behind = reel_bit(&walk->port, &walk->models->is_behind, ahead != target);
-    uint32_t steps = reel_code_count(&walk->port, &walk->models->offset, (uint32_t)offset);
-    if (steps >= NEAR) {
+    bool behind = reel_bit(&walk->coder, &walk->models->is_behind, ahead != target);
+    uint32_t steps = reel_code_count(&walk->coder, &walk->models->offset, (uint32_t)offset);
+    if (steps >= MAX_OFFSET) {
         walk->failed = true;
         return m;
     }
@@ -204,28 +207,29 @@ int32_t reel_code_target(reel_walk *walk, int32_t n, int32_t m, int32_t target) 
     return target;
 }
 
-void reel_start_walk_models(reel_walk_models *models) {
-    reel_zero(models, sizeof *models); /* models that are mixed have seen nothing, but for one */
-    reel_fill_odds(&models->odds);
-    for (int i = 0; i < REEL_MOST_OPINIONS; i++) {
+void reel_reset_walk_models(reel_walk_models *models) {
+    /* Mixed models start without observations, except for ring lengths. */
+    reel_zero(models, sizeof *models);
+    reel_fill_logits(&models->odds);
+    for (int i = 0; i < REEL_MAX_MIXED; i++) {
         for (int decision = 0; decision < REEL_DECISIONS; decision++) {
             models->degree_weights[decision].of[i] = 65536 / 4;
         }
         models->meets_weights.of[i] = 65536 / 4;
     }
     models->meets_weights.of[0] = 65536 / 2;
-    for (int length = 0; length <= LONGEST; length++) {
+    for (int length = 0; length <= MAX_RING_LENGTH; length++) {
         models->meets[length] = reel_model_of(512, 6);
     }
     models->is_cap = models->is_copy = models->is_far = reel_model_of(2048, 4);
     models->starts_open = models->is_behind = reel_model_of(32768, 0);
-    models->turned[0] = models->turned[1] = reel_model_of(32768, 0);
+    models->flipped[0] = models->flipped[1] = reel_model_of(32768, 0);
     reel_integer_model *integers[] = {
         &models->more_degree, &models->cap_degree, &models->offset,
         &models->share,       &models->copy,       &models->amounts,
         &models->corner[0],   &models->corner[1],  &models->corner[2],
     };
     for (size_t i = 0; i < sizeof integers / sizeof *integers; i++) {
-        reel_start_integers(integers[i]);
+        reel_reset_integer_model(integers[i]);
     }
 }

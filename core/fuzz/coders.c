@@ -166,9 +166,10 @@ static expectation expect_along(const fuzz_mesh *mesh) {
     all.starts = fuzz_take(all.n_rows + 1, sizeof *all.starts);
     int64_t most = 3 * mesh->n_faces + all.n_rows;
     int32_t *triples = fuzz_take(3 * most, sizeof *triples);
-    size_t size = reel_expected_memory(all.n_rows, mesh->n_faces);
-    all.n_triples = reel_expected_find(fuzz_take((int64_t)size, 1), size, mesh->faces, mesh->twins,
-                                       all.n_rows, mesh->n_faces, all.order, all.starts, triples);
+    size_t size = reel_predictors_memory(all.n_rows, mesh->n_faces);
+    all.n_triples =
+        reel_predictors_find(fuzz_take((int64_t)size, 1), size, mesh->faces, mesh->twins,
+                             all.n_rows, mesh->n_faces, all.order, all.starts, triples);
     FUZZ_CLAIM(all.n_triples >= 0 && all.n_triples <= most);
     all.triples = fuzz_copy(triples, 3 * all.n_triples, sizeof *triples);
     return all;

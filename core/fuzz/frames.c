@@ -115,7 +115,7 @@ void fuzz_frames(void) {
 void fuzz_basis_encode(void) {
     int64_t n_modes = fuzz_below(5), n_columns = 1 + fuzz_below(5), n_frames = 1 + fuzz_below(40);
     int64_t n = n_modes * n_columns * n_frames;
-    double *wanted = fuzz_take(n, sizeof *wanted), price = fuzz_once_in(2) ? 0.0 : 0.12;
+    double *wanted = fuzz_take(n, sizeof *wanted), rd_lambda = fuzz_once_in(2) ? 0.0 : 0.12;
     for (int64_t i = 0; i < n; i++) {
         wanted[i] = fuzz_float();
     }
@@ -123,7 +123,7 @@ void fuzz_basis_encode(void) {
     if (fuzz_once_in(3)) {
         size_t needed = reel_cosines_encode_memory(n_frames);
         int64_t found = reel_cosines_encode(fuzz_take((int64_t)needed, 1), needed, wanted, n_modes,
-                                            n_columns, n_frames, price, integers);
+                                            n_columns, n_frames, rd_lambda, integers);
         fuzz_claim_code(found);
         fuzz_note(integers, found < 0 ? 0 : n, sizeof *integers);
         return;
@@ -133,9 +133,9 @@ void fuzz_basis_encode(void) {
     if (rests && fuzz_once_in(20)) {
         rests[0] = 1; /* is refused, and so are 9 bits */
     }
-    int64_t result = reel_basis_encode(fuzz_take((int64_t)size, 1), size, wanted, n_modes,
-                                       n_columns, n_frames, rests, fuzz_below(10), price,
-                                       integers);
+    int64_t result =
+        reel_basis_encode(fuzz_take((int64_t)size, 1), size, wanted, n_modes, n_columns, n_frames,
+                          rests, fuzz_below(10), rd_lambda, integers);
     fuzz_claim_code(result);
     fuzz_note(integers, result < 0 ? 0 : n, sizeof *integers);
 }

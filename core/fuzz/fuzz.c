@@ -180,7 +180,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
 #include <time.h>
 #include <unistd.h>
 
-#define MOST_SECONDS 1.0 /* that a run and its repetition may take, of the processor */
+#define MAX_SECONDS 1.0 /* that a run and its repetition may take, of the processor */
 
 static unsigned long long seed, number;
 
@@ -246,7 +246,7 @@ int main(int n, char **words) {
             slowest = took;
             slowest_run = number;
         }
-        FUZZ_CLAIM(took < MOST_SECONDS);
+        FUZZ_CLAIM(took < MAX_SECONDS);
     }
     printf("%llu runs of %zu targets, seed %llu; the slowest, %llu, took %.3f s\n", number - first,
            N_TARGETS, seed, slowest_run, slowest);

@@ -9,8 +9,8 @@
 #include "fuzz.h"
 
 #define LIMIT ((uint64_t)1 << 22)
-#define MOST_BYTES ((uint64_t)1 << 18) /* of values that are decoded at once */
-#define MOST_RETRIES 2000
+#define MAX_BYTES ((uint64_t)1 << 18) /* of values that are decoded at once */
+#define MAX_RETRIES 2000
 
 /* ---- a host ---- */
 
@@ -119,7 +119,7 @@ static int settle(reading *r, const step *s) {
         if (!may_pass) {
             return code;
         }
-        FUZZ_CLAIM(tries < MOST_RETRIES);
+        FUZZ_CLAIM(tries < MAX_RETRIES);
         r->state.fails_once_in += tries % 2; /* less often, so that long steps end */
     }
 }
@@ -249,7 +249,7 @@ static void decode_both(reading *calm, reading *hostile) {
     uint64_t frame_bytes = layout.frame_stride ? layout.frame_stride
                                                : size * track.n_columns * track.n_items;
     s.first = (uint32_t)fuzz_below(info->n_frames);
-    uint64_t most = MOST_BYTES / frame_bytes, left = info->n_frames - s.first;
+    uint64_t most = MAX_BYTES / frame_bytes, left = info->n_frames - s.first;
     s.count = (uint32_t)fuzz_below((int64_t)(most < left ? most : left) + 1);
     s.n_modes = !s.track && info->method == 7 && fuzz_once_in(3) ? 1 + (uint32_t)fuzz_below(20) : 0;
     s.layout = fuzz_once_in(4) && !layout.type && !layout.frame_stride ? NULL : &layout;
@@ -272,7 +272,7 @@ static void find_normals(reading *calm, reading *hostile) {
     float *positions = fuzz_take((int64_t)count, sizeof *positions);
     float *normals = fuzz_take((int64_t)count, sizeof *normals);
     step s = {.act = DECODE, .count = 1, .layout = &floats, .values = positions};
-    if (count * sizeof *normals < MOST_BYTES && !take_same(calm, hostile, &s)) {
+    if (count * sizeof *normals < MAX_BYTES && !take_same(calm, hostile, &s)) {
         s = (step){.act = NORMALS, .positions = positions, .values = normals};
         if (!take_same(calm, hostile, &s)) {
             note_numbers(normals, count, MESHREEL_FLOAT32);

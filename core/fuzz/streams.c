@@ -5,9 +5,9 @@
 #include "fuzz.h"
 
 #define CAPACITY (1 << 18)
-#define MOST_SEGMENTS 4
-#define MOST_BLOCKS 4
-#define MOST_TRACKS 5
+#define MAX_SEGMENTS 4
+#define MAX_BLOCKS 4
+#define MAX_TRACKS 5
 
 enum { CONNECTIVITY = 1, ORDER = 2, SEGMENT = 5, BLOCK = 16, BASIS = 17, COEFFICIENTS = 19, FIELDS = 21 };
 enum { CORRECTIONS = 22, TRACK_BLOCK = 23, VALUES = 24, MISSING = 25, UNKNOWN = 192, INDEX = 130 };
@@ -28,9 +28,9 @@ typedef struct {
     size_t size;
     fuzz_mesh mesh;
     int method, order, n_tracks; /* with the positions */
-    track tracks[MOST_TRACKS];
-    int64_t n_frames[MOST_BLOCKS], n_blocks, n_polygons;
-    size_t begins[MOST_BLOCKS + 1], ends[MOST_BLOCKS][MOST_TRACKS];
+    track tracks[MAX_TRACKS];
+    int64_t n_frames[MAX_BLOCKS], n_blocks, n_polygons;
+    size_t begins[MAX_BLOCKS + 1], ends[MAX_BLOCKS][MAX_TRACKS];
 } stream;
 
 static void put(stream *s, const void *from, size_t size) {
@@ -496,7 +496,7 @@ static void choose_mesh(stream *s) {
     s->method = fuzz_once_in(40) ? (int)fuzz_below(11)
                 : fuzz_once_in(4) ? 8 + (int)fuzz_below(2) : REEL;
     s->order = (int)fuzz_below(3);
-    s->n_tracks = 1 + (fuzz_once_in(2) ? 1 + (int)fuzz_below(MOST_TRACKS - 1) : 0);
+    s->n_tracks = 1 + (fuzz_once_in(2) ? 1 + (int)fuzz_below(MAX_TRACKS - 1) : 0);
 }
 
 static void put_segment(stream *s) {
@@ -535,10 +535,10 @@ static void note_segment(stream *index, const stream *s, size_t at) {
 
 static fuzz_bytes make_stream(void) {
     stream s = {.bytes = fuzz_take(CAPACITY, 1)}, index = {.bytes = fuzz_take(CAPACITY, 1)};
-    int64_t n_segments = fuzz_once_in(3) ? 1 + fuzz_below(MOST_SEGMENTS) : 1, announced = 0;
-    int64_t n_blocks[MOST_SEGMENTS], n_frames[MOST_SEGMENTS][MOST_BLOCKS];
+    int64_t n_segments = fuzz_once_in(3) ? 1 + fuzz_below(MAX_SEGMENTS) : 1, announced = 0;
+    int64_t n_blocks[MAX_SEGMENTS], n_frames[MAX_SEGMENTS][MAX_BLOCKS];
     for (int64_t k = 0; k < n_segments; k++) {
-        n_blocks[k] = 1 + fuzz_below(MOST_BLOCKS);
+        n_blocks[k] = 1 + fuzz_below(MAX_BLOCKS);
         for (int64_t i = 0; i < n_blocks[k]; i++) {
             n_frames[k][i] = 1 + fuzz_below(9);
             announced += n_frames[k][i];

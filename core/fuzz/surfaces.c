@@ -36,7 +36,7 @@ static levels find_levels(const fuzz_mesh *mesh) {
     all.smooth_starts = fuzz_take(REEL_MAX_LEVELS, sizeof(int64_t));
     all.stencil = fuzz_take(n * size, sizeof(int32_t));
     all.hops = fuzz_take(n * size, 1);
-    all.contexts = fuzz_take(n * REEL_NEIGHBOURS, sizeof(int32_t));
+    all.contexts = fuzz_take(n * REEL_CONTEXT_NEIGHBORS, sizeof(int32_t));
     all.smooth = fuzz_take(REEL_SMOOTH_ROWS * n, REEL_SMOOTH_FIELDS * sizeof(float));
     size_t room = reel_hierarchy_memory(n, n_near);
     all.n_levels = reel_hierarchy(fuzz_take((int64_t)room, 1), room, starts, near, n, size,
@@ -58,8 +58,8 @@ static void claim_levels(const levels *all) {
             for (int64_t j = 0; j < all->size; j++) {
                 FUZZ_CLAIM(all->stencil[v * all->size + j] < begin || !begin);
             }
-            for (int j = 0; j < REEL_NEIGHBOURS; j++) {
-                FUZZ_CLAIM(all->contexts[v * REEL_NEIGHBOURS + j] < v);
+            for (int j = 0; j < REEL_CONTEXT_NEIGHBORS; j++) {
+                FUZZ_CLAIM(all->contexts[v * REEL_CONTEXT_NEIGHBORS + j] < v);
             }
         }
     }
@@ -91,15 +91,15 @@ static int64_t decode_values(const reel_mesh *mesh, reel_fields *fields) {
 /* What is encoded, bit for bit, is decoded; what cannot be is refused. */
 static void encode_fields(const reel_mesh *mesh, reel_fields *fields) {
     int64_t n_values = fields->n_verts * fields->n_modes;
-    reel_choice choice = {.first_shaped = fuzz_below(mesh->n_levels + 1)};
-    choice.gain = (double)fuzz_below(3) / 2.0;
-    choice.price = (double)fuzz_below(3) / 8.0;
-    choice.wanted = any_floats(n_values);
+    reel_quantizer quantizer = {.first_shaped = fuzz_below(mesh->n_levels + 1)};
+    quantizer.gain = (double)fuzz_below(3) / 2.0;
+    quantizer.rd_lambda = (double)fuzz_below(3) / 8.0;
+    quantizer.targets = any_floats(n_values);
     double *counts = fuzz_take(2 * fields->n_modes, sizeof *counts);
     memset(counts, 0, 2 * (size_t)fields->n_modes * sizeof *counts);
-    choice.counts = counts;
-    choice.zones = fuzz_take(fields->n_modes, sizeof(double));
-    int64_t result = reel_predict_encode(mesh, fields, &choice, 0, mesh->n_verts);
+    quantizer.counts = counts;
+    quantizer.zones = fuzz_take(fields->n_modes, sizeof(double));
+    int64_t result = reel_predict_encode(mesh, fields, &quantizer, 0, mesh->n_verts);
     fuzz_claim_code(result);
     if (result < 0) {
         return;

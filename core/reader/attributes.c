@@ -5,8 +5,8 @@
 #include "mesh.h"
 #include "polygons.h"
 
-#define MOST_WIDTH 16
-#define MOST_ROWS INT32_MAX
+#define MAX_WIDTH 16
+#define MAX_ROWS INT32_MAX
 #define NONE (-1)
 
 /* Items have their own rows, or name rows; SHARED ones do so only to save space. */
@@ -19,19 +19,19 @@ enum number_form { BY_BYTE = 10, BY_SHORT = 11, GRID = 64, FINEST_GRID = 88, AS_
 
 /* ---- type and layout ---- */
 
-static int read_type(reel_call *call, reel_stretch *left, meshreel_attribute *found) {
+static int read_type(reel_call *call, reel_range *left, meshreel_attribute *found) {
     static const uint32_t types[] = {MESHREEL_UINT8, MESHREEL_INT32, MESHREEL_FLOAT32,
                                      MESHREEL_FLOAT64};
     uint8_t bytes[4];
     uint64_t at = left->at;
-    int failed = reel_take_bytes(call, left, bytes, sizeof bytes);
+    int failed = reel_read_bytes(call, left, bytes, sizeof bytes);
     if (failed) {
         return failed;
     }
     if (bytes[0] > MESHREEL_OTHER || bytes[1] > MESHREEL_CORNERS || bytes[2] > 3) {
         return reel_corrupt(call, at, "the kind, domain or number type of an attribute is unknown");
     }
-    if (!bytes[3] || bytes[3] > MOST_WIDTH) {
+    if (!bytes[3] || bytes[3] > MAX_WIDTH) {
         return reel_corrupt(call, at + 3, "values of an attribute have not 1 to 16 numbers");
     }
     found->kind = bytes[0];
@@ -57,15 +57,15 @@ static bool is_float(const meshreel_attribute *attribute) {
 typedef struct {
     uint8_t number;
     uint64_t n_rows;
-    reel_stretch references;
+    reel_range references;
 } value_layout;
 
-static int read_layout(reel_call *call, reel_stretch *left, const meshreel_attribute *found,
+static int read_layout(reel_call *call, reel_range *left, const meshreel_attribute *found,
                        value_layout *layout) {
     uint64_t at = left->at, size;
-    int failed = reel_take_bytes(call, left, &layout->number, 1);
-    failed = failed ? failed : reel_take_varint(call, left, &layout->n_rows);
-    failed = failed ? failed : reel_take_varint(call, left, &size);
+    int failed = reel_read_bytes(call, left, &layout->number, 1);
+    failed = failed ? failed : reel_read_varint(call, left, &layout->n_rows);
+    failed = failed ? failed : reel_read_varint(call, left, &size);
     if (failed) {
         return failed;
     }
@@ -79,19 +79,19 @@ static int read_layout(reel_call *call, reel_stretch *left, const meshreel_attri
         return reel_fail(call, MESHREEL_TRUNCATED, left->at,
                          "an attribute ends inside its references");
     }
-    layout->references = (reel_stretch){left->at, size};
-    *left = (reel_stretch){left->at + size, left->length - size};
+    layout->references = (reel_range){left->at, size};
+    *left = (reel_range){left->at + size, left->length - size};
     return MESHREEL_OK;
 }
 
 /* Takes memory for the rows of the table. */
 static int keep_values(reel_call *call, reel_pool *pool, const value_layout *layout,
                        meshreel_attribute *found, void **values) {
-    *values = reel_keep(call, pool, layout->n_rows, found->width * size_of(found));
+    *values = reel_pool_allocate(call, pool, layout->n_rows, found->width * size_of(found));
     if (!*values) {
         return call->error.code;
     }
-    if (layout->n_rows > MOST_ROWS) {
+    if (layout->n_rows > MAX_ROWS) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, layout->references.at,
                          "an attribute has more than 2^31 - 1 rows");
     }
@@ -152,10 +152,10 @@ typedef struct {
     const int32_t *first, *later, *differences, *end;
 } reference_codes;
 
-static int decode_codes(reel_call *call, reel_stretch coded, item_places *places,
+static int decode_codes(reel_call *call, reel_range coded, item_places *places,
                         reference_codes *codes) {
     uint64_t at = coded.at, n_explicit;
-    int failed = reel_take_varint(call, &coded, &n_explicit);
+    int failed = reel_read_varint(call, &coded, &n_explicit);
     if (failed) {
         return failed;
     }
@@ -204,7 +204,7 @@ static const char *follow_references(reference_codes codes, const item_places *p
                : "an attribute has fewer explicit references than announced";
 }
 
-static int read_rows(reel_call *call, reel_pool *pool, const reel_faces *faces, reel_stretch coded,
+static int read_rows(reel_call *call, reel_pool *pool, const reel_faces *faces, reel_range coded,
                      meshreel_attribute *found) {
     const reel_chunk *mark = call->scratch.last;
     item_places places;
@@ -214,7 +214,7 @@ static int read_rows(reel_call *call, reel_pool *pool, const reel_faces *faces, 
     if (failed) {
         return failed;
     }
-    int32_t *rows = reel_keep(call, pool, found->n_items, sizeof *rows);
+    int32_t *rows = reel_pool_allocate(call, pool, found->n_items, sizeof *rows);
     if (!rows) {
         return call->error.code;
     }
@@ -290,13 +290,13 @@ static int expect_along_faces(reel_call *call, const reel_faces *faces,
     }
     find_rows_of_triangles(faces, found, used);
     failed = reel_find_twins(call, used, faces->outline->n_faces, found->n_rows, &twins);
-    size_t needed = reel_expected_memory(n_rows, n_faces);
+    size_t needed = reel_predictors_memory(n_rows, n_faces);
     void *memory = failed ? NULL : reel_scratch(call, needed, 1);
     if (!memory) {
         return call->error.code;
     }
-    int64_t result = reel_expected_find(memory, needed, used, twins, n_rows, n_faces,
-                                        expected->order, expected->starts, expected->triples);
+    int64_t result = reel_predictors_find(memory, needed, used, twins, n_rows, n_faces,
+                                          expected->order, expected->starts, expected->triples);
     reel_drop_scratch(call, mark);
     return reel_fail_core(call, result, REEL_UNKNOWN, "an attribute does not fit the faces");
 }
@@ -311,7 +311,7 @@ static int find_expectation(reel_call *call, const reel_faces *faces,
 /* ---- values ---- */
 
 /* Decodes a table of numbers of `size` bytes. */
-static int decode_patterns(reel_call *call, reel_stretch coded, const meshreel_attribute *found,
+static int decode_patterns(reel_call *call, reel_range coded, const meshreel_attribute *found,
                            const expectation *expected, size_t size, bool of_floats, void *values) {
     size_t needed = reel_patterns_memory(found->width);
     void *memory = reel_scratch(call, needed, 1);
@@ -320,7 +320,7 @@ static int decode_patterns(reel_call *call, reel_stretch coded, const meshreel_a
     if (failed) {
         return failed;
     }
-    if (!reel_ends(bytes, coded.length)) {
+    if (!reel_is_stripped(bytes, coded.length)) {
         return reel_corrupt(call, coded.at + coded.length - 1,
                             "the values of an attribute end with a byte of 0");
     }
@@ -367,12 +367,12 @@ static int check_form(reel_call *call, uint64_t at, const meshreel_attribute *fo
     return MESHREEL_OK;
 }
 
-static int read_values(reel_call *call, const reel_faces *faces, reel_stretch coded,
+static int read_values(reel_call *call, const reel_faces *faces, reel_range coded,
                        const meshreel_attribute *found, void *values) {
     uint8_t head[2];
     uint64_t at = coded.at;
     expectation expected;
-    int failed = reel_take_bytes(call, &coded, head, sizeof head);
+    int failed = reel_read_bytes(call, &coded, head, sizeof head);
     failed = failed ? failed : check_form(call, at, found, head[0], head[1]);
     failed = failed ? failed : find_expectation(call, faces, found, head[1], &expected);
     if (failed || head[0] == AS_THEY_ARE) {
@@ -391,14 +391,14 @@ static int read_values(reel_call *call, const reel_faces *faces, reel_stretch co
 }
 
 int reel_read_attribute(reel_call *call, reel_pool *pool, const reel_faces *faces,
-                        reel_stretch payload, meshreel_attribute *found) {
+                        reel_range payload, meshreel_attribute *found) {
     const reel_chunk *mark = call->scratch.last;
-    reel_stretch left = payload;
+    reel_range left = payload;
     value_layout layout;
     void *values;
     *found = (meshreel_attribute){0};
     int failed = read_type(call, &left, found);
-    failed = failed ? failed : reel_take_text(call, pool, &left, &found->name);
+    failed = failed ? failed : reel_read_text(call, pool, &left, &found->name);
     found->n_items = count_items(faces->outline, found->domain);
     failed = failed ? failed : read_layout(call, &left, found, &layout);
     failed = failed ? failed : keep_values(call, pool, &layout, found, &values);

@@ -7,6 +7,6 @@
 
 /* Decodes a section ATTRIBUTE to memory of `pool`. */
 int reel_read_attribute(reel_call *call, reel_pool *pool, const reel_faces *faces,
-                        reel_stretch payload, meshreel_attribute *found);
+                        reel_range payload, meshreel_attribute *found);
 
 #endif

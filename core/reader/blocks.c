@@ -3,8 +3,8 @@
 #include "decoder.h"
 
 #define AT_REST 16 /* modes of a preview whose mean over the block is kept */
-#define LEAST_PART 512
-#define LARGEST_PART 16384
+#define MIN_TASK 512
+#define MAX_TASK 16384
 #define PACKED_TOGETHER 64 /* values: parts begin at multiples of this */
 #define BATCH 16 /* vertices that the predictor takes at once */
 
@@ -20,7 +20,7 @@ static int corrupt(reel_call *call, const meshreel_decoder *decoder, uint64_t bl
 static int have_same_rows(reel_call *call, const reel_track *one, const reel_track *other,
                           bool *are) {
     const uint8_t *these, *those;
-    *are = one->shown.domain == other->shown.domain && one->sharing == other->sharing &&
+    *are = one->info.domain == other->info.domain && one->sharing == other->sharing &&
            one->rows.length == other->rows.length;
     if (!*are || !one->rows.length) {
         return MESHREEL_OK;
@@ -28,7 +28,7 @@ static int have_same_rows(reel_call *call, const reel_track *one, const reel_tra
     const reel_chunk *mark = call->scratch.last;
     int failed = reel_view(call, one->rows, &these);
     failed = failed ? failed : reel_view(call, other->rows, &those);
-    *are = !failed && reel_same(these, those, (size_t)one->rows.length);
+    *are = !failed && reel_equal_bytes(these, those, (size_t)one->rows.length);
     reel_drop_scratch(call, mark);
     return failed;
 }
@@ -36,7 +36,7 @@ static int have_same_rows(reel_call *call, const reel_track *one, const reel_tra
 /* Takes the items of a track on the same graph, if there is one whose items are known. */
 static int share_items(reel_call *call, meshreel_decoder *decoder, uint32_t number) {
     const reel_track *tracks = decoder->file->tracks;
-    reel_held *held = &decoder->tracks[number];
+    reel_track_state *held = &decoder->tracks[number];
     int failed = MESHREEL_OK;
     for (uint32_t i = 1; i < decoder->file->info.n_tracks && !held->has_items && !failed; i++) {
         if (decoder->tracks[i].has_items) {
@@ -49,7 +49,7 @@ static int share_items(reel_call *call, meshreel_decoder *decoder, uint32_t numb
 
 static int find_items(reel_call *call, meshreel_decoder *decoder, uint32_t number) {
     const meshreel_file *file = decoder->file;
-    reel_held *held = &decoder->tracks[number];
+    reel_track_state *held = &decoder->tracks[number];
     int failed = held->has_items ? MESHREEL_OK : share_items(call, decoder, number);
     if (failed || held->has_items) {
         return failed;
@@ -79,7 +79,7 @@ static const reel_field_mesh *known_mesh(const meshreel_decoder *decoder, const 
     return NULL;
 }
 
-static int find_mesh(reel_call *call, meshreel_decoder *decoder, reel_held *held,
+static int find_mesh(reel_call *call, meshreel_decoder *decoder, reel_track_state *held,
                      int64_t stencil_size) {
     const reel_graph *graph = &held->items.graph;
     held->mesh = known_mesh(decoder, graph, stencil_size);
@@ -109,8 +109,8 @@ static int read_group(reel_call *call, const meshreel_decoder *decoder, uint32_t
     uint64_t n_items = decoder->tracks[track].items.graph.n_items;
     int failed = reel_read_group(call, outline, &decoder->file->tracks[track], track, block, true,
                                  group);
-    bool fits = failed || (group->n_moved <= n_items &&
-                           group->n_moves <= group->n_frames * n_items);
+    bool fits = failed || (group->n_corrected <= n_items &&
+                           group->n_corrections <= group->n_frames * n_items);
     return fits ? failed
                 : corrupt(call, decoder, block, track, "there are more corrections than values");
 }
@@ -129,21 +129,22 @@ typedef struct {
     int64_t result;
 } coded_fields;
 
-static int prepare_rows(reel_call *call, reel_stretch coded, const reel_coding_order *order,
+static int prepare_rows(reel_call *call, reel_range coded, const reel_coding_order *order,
                         uint64_t n_rows, uint64_t n_wanted, coded_fields *found) {
     *found = (coded_fields){.order = order, .at = coded.at, .size = coded.length,
                             .n_rows = (int64_t)n_rows, .n_wanted = (int64_t)n_wanted};
     found->needed = reel_fields_memory(order->n_columns, order->n_passes,
                                        order->near_starts[order->n_columns]);
     found->memory = reel_scratch(call, found->needed, 1);
-    bool is_small = n_wanted <= REEL_MOST_NUMBERS / (uint64_t)order->n_columns;
-    found->values = reel_scratch(call, is_small ? n_wanted * (uint64_t)order->n_columns
-                                                : REEL_MOST_NUMBERS, sizeof *found->values);
+    bool is_small = n_wanted <= REEL_MAX_NUMBERS / (uint64_t)order->n_columns;
+    found->values =
+        reel_scratch(call, is_small ? n_wanted * (uint64_t)order->n_columns : REEL_MAX_NUMBERS,
+                     sizeof *found->values);
     if (!found->memory || !found->values) {
         return call->error.code;
     }
     int failed = reel_view(call, coded, &found->bytes);
-    if (failed || reel_ends(found->bytes, coded.length)) {
+    if (failed || reel_is_stripped(found->bytes, coded.length)) {
         return failed;
     }
     return reel_fail(call, MESHREEL_CORRUPT, coded.at + coded.length - 1,
@@ -236,7 +237,7 @@ static void predict(const reel_call *call, const reel_mesh *mesh, reel_fields *f
     for (int64_t level = 0; level < mesh->n_levels; level++) {
         int64_t first = mesh->level_starts[level], end = mesh->level_starts[level + 1];
         int64_t part = (end - first) / (4 * n_threads);
-        part = part < LEAST_PART ? LEAST_PART : part > LARGEST_PART ? LARGEST_PART : part;
+        part = part < MIN_TASK ? MIN_TASK : part > MAX_TASK ? MAX_TASK : part;
         part = (part + BATCH - 1) / BATCH * BATCH;
         if (n_threads > 1 && end - first > part) {
             predict_parts(call, &(level_parts){mesh, fields, begun, first, mesh->n_verts});
@@ -290,7 +291,8 @@ static int decode_fields(reel_call *call, const reel_field_mesh *mesh, uint64_t 
     uint64_t n_own = n_modes - n_reused;
     block_job job = {.mesh = &mesh->mesh, .key = key, .basis = basis};
     const reel_chunk *mark = call->scratch.last;
-    found->values = reel_keep(call, &found->pool, n_items * n_modes, sizeof *found->values);
+    found->values =
+        reel_pool_allocate(call, &found->pool, n_items * n_modes, sizeof *found->values);
     double *own = n_reused ? reel_scratch(call, n_items * n_own, sizeof *own) : found->values;
     if (!found->values || !own) {
         return call->error.code;
@@ -349,7 +351,7 @@ static void forget_fields(reel_call *call, reel_block_fields *fields) {
 /* Makes held->key the fields of the block that another one refers to. */
 static int find_key(reel_call *call, meshreel_decoder *decoder, uint32_t track, uint64_t block,
                     const reel_group *group) {
-    reel_held *held = &decoder->tracks[track];
+    reel_track_state *held = &decoder->tracks[track];
     const reel_track *own = &decoder->file->tracks[track];
     if (group->reference > block) {
         return corrupt(call, decoder, block, track, "a block refers to one before the first");
@@ -403,7 +405,7 @@ static void rest(double *basis, int64_t n_columns, int64_t n_frames, int64_t n_m
 
 /* ---- packed fields ---- */
 
-const double *reel_held_fields(const reel_held *held) {
+const double *reel_loaded_fields(const reel_track_state *held) {
     if (held->now.fields.values) {
         return held->now.fields.values;
     }
@@ -411,7 +413,7 @@ const double *reel_held_fields(const reel_held *held) {
 }
 
 typedef struct {
-    const reel_held *held;
+    const reel_track_state *held;
     const int32_t *rows;
     int64_t part;
     uint8_t *packed;
@@ -419,21 +421,21 @@ typedef struct {
 
 static void pack_part(void *shared, uint32_t i) {
     const pack_job *job = shared;
-    const reel_held *held = job->held;
+    const reel_track_state *held = job->held;
     int64_t n_items = held->items.graph.n_items, n_modes = (int64_t)held->now.n_modes;
     int64_t first = i * job->part, last = first + job->part;
-    reel_pack(reel_held_fields(held), 1, n_modes, (double)held->now.group.step,
+    reel_pack(reel_loaded_fields(held), 1, n_modes, (double)held->now.group.step,
               (int64_t)held->now.group.precision, job->rows, n_modes, n_items, first,
               last < n_items ? last : n_items, job->packed);
 }
 
-void reel_find_rows(const reel_held *held, int32_t *rows) {
+void reel_find_rows(const reel_track_state *held, int32_t *rows) {
     for (uint32_t i = 0; i < held->items.graph.n_items; i++) {
         rows[i] = held->mesh->places[held->items.order ? held->items.order[i] : (int32_t)i];
     }
 }
 
-int reel_pack_fields(reel_call *call, reel_held *held) {
+int reel_pack_fields(reel_call *call, reel_track_state *held) {
     if (held->now.packed) {
         return MESHREEL_OK;
     }
@@ -442,7 +444,7 @@ int reel_pack_fields(reel_call *call, reel_held *held) {
     int32_t *rows = reel_scratch(call, n_items, sizeof *rows);
     uint64_t size = reel_packed_bytes((int64_t)held->now.n_modes, n_items,
                                       (int64_t)held->now.group.precision);
-    uint8_t *packed = rows ? reel_keep(call, &held->now.pool, size, 1) : NULL;
+    uint8_t *packed = rows ? reel_pool_allocate(call, &held->now.pool, size, 1) : NULL;
     if (!packed) {
         return call->error.code;
     }
@@ -457,7 +459,7 @@ int reel_pack_fields(reel_call *call, reel_held *held) {
 
 static int load_modes(reel_call *call, meshreel_decoder *decoder, uint32_t track, uint64_t block,
                       uint64_t n_moving) {
-    reel_held *held = &decoder->tracks[track];
+    reel_track_state *held = &decoder->tracks[track];
     const reel_group *group = &held->now.group;
     uint64_t n_modes = group->n_modes, n_wanted = n_moving > AT_REST ? n_moving : AT_REST;
     uint32_t n_columns = decoder->file->tracks[track].n_coded;
@@ -472,16 +474,17 @@ static int load_modes(reel_call *call, meshreel_decoder *decoder, uint32_t track
         return failed;
     }
     held->now.n_modes = n_modes;
-    held->now.basis = reel_keep(call, &held->now.pool, n_columns * group->n_frames * n_modes,
-                            sizeof *held->now.basis);
+    held->now.basis = reel_pool_allocate(
+        call, &held->now.pool, n_columns * group->n_frames * n_modes, sizeof *held->now.basis);
     if (!held->now.basis) {
         return call->error.code;
     }
     failed = decode_fields(call, held->mesh, block, group, n_columns, n_modes,
                            group->reference ? &held->key : NULL, held->now.basis, &held->now.fields);
     if (!failed && !n_moving) {
-        failed = reel_read_moves(call, &held->now.pool, group, n_columns, held->items.graph.n_items,
-                                 held->items.inverse, &held->now.moves);
+        failed =
+            reel_read_corrections(call, &held->now.pool, group, n_columns,
+                                  held->items.graph.n_items, held->items.inverse, &held->now.moves);
     }
     if (!failed && n_moving) {
         rest(held->now.basis, n_columns, (int64_t)group->n_frames, (int64_t)n_modes,
@@ -493,11 +496,11 @@ static int load_modes(reel_call *call, meshreel_decoder *decoder, uint32_t track
 /* ---- exact values ---- */
 
 /* Exact numbers on the graph of a track, to memory of `pool`. */
-static int decode_exact(reel_call *call, reel_pool *pool, reel_stretch coded,
-                        const reel_graph *graph, uint64_t n_frames, uint32_t n_columns,
-                        uint32_t size, enum reel_type type, void **found) {
+static int decode_exact(reel_call *call, reel_pool *pool, reel_range coded, const reel_graph *graph,
+                        uint64_t n_frames, uint32_t n_columns, uint32_t size, enum reel_type type,
+                        void **found) {
     int64_t frames = (int64_t)n_frames, columns = n_columns;
-    *found = reel_keep(call, pool, n_frames * graph->n_items, (uint64_t)n_columns * size);
+    *found = reel_pool_allocate(call, pool, n_frames * graph->n_items, (uint64_t)n_columns * size);
     const reel_chunk *mark = call->scratch.last;
     size_t needed = reel_exact_memory(frames, graph->n_items, columns);
     void *memory = reel_scratch(call, needed, 1);
@@ -517,7 +520,7 @@ static int decode_exact(reel_call *call, reel_pool *pool, reel_stretch coded,
 }
 
 static int load_exact(reel_call *call, meshreel_decoder *decoder, uint32_t track) {
-    reel_held *held = &decoder->tracks[track];
+    reel_track_state *held = &decoder->tracks[track];
     const reel_track *own = &decoder->file->tracks[track];
     const reel_group *group = &held->now.group;
     uint32_t size = own->size;
@@ -537,9 +540,9 @@ static int load_exact(reel_call *call, meshreel_decoder *decoder, uint32_t track
 
 /* Loads which values are missing: 1, or 0. */
 static int load_missing(reel_call *call, meshreel_decoder *decoder, uint32_t track) {
-    reel_loaded *now = &decoder->tracks[track].now;
+    reel_loaded_block *now = &decoder->tracks[track].now;
     const reel_graph *graph = &decoder->tracks[track].items.graph;
-    uint32_t n_columns = decoder->file->tracks[track].shown.n_columns;
+    uint32_t n_columns = decoder->file->tracks[track].info.n_columns;
     void *found;
     int failed = decode_exact(call, &now->pool, now->group.missing, graph, now->group.n_frames,
                               n_columns, 1, REEL_UNSIGNED_INTEGERS, &found);
@@ -555,18 +558,18 @@ static int load_missing(reel_call *call, meshreel_decoder *decoder, uint32_t tra
 
 /* ---- a block ---- */
 
-static void forget(reel_call *call, reel_loaded *loaded) {
+static void forget(reel_call *call, reel_loaded_block *loaded) {
     call->held -= loaded->pool.held;
     reel_release(call->host, &loaded->pool);
     forget_fields(call, &loaded->fields);
-    *loaded = (reel_loaded){.block = REEL_NO_BLOCK, .fields = {.block = REEL_NO_BLOCK}};
+    *loaded = (reel_loaded_block){.block = REEL_NO_BLOCK, .fields = {.block = REEL_NO_BLOCK}};
 }
 
 /* Whether a block is held with its fields, which another block may have taken as its key. */
-static bool is_loaded(const reel_held *held, uint64_t block, uint64_t n_moving) {
-    const reel_loaded *now = &held->now;
+static bool is_loaded(const reel_track_state *held, uint64_t block, uint64_t n_moving) {
+    const reel_loaded_block *now = &held->now;
     return now->block == block && now->n_moving == n_moving &&
-           (!now->basis || now->packed || reel_held_fields(held));
+           (!now->basis || now->packed || reel_loaded_fields(held));
 }
 
 void reel_forget(reel_call *call, meshreel_decoder *decoder, uint32_t track) {
@@ -575,25 +578,25 @@ void reel_forget(reel_call *call, meshreel_decoder *decoder, uint32_t track) {
 
 int reel_load(reel_call *call, meshreel_decoder *decoder, uint32_t track, uint64_t block,
               uint64_t n_moving) {
-    reel_held *held = &decoder->tracks[track];
+    reel_track_state *held = &decoder->tracks[track];
     const reel_track *own = &decoder->file->tracks[track];
     if (is_loaded(held, block, n_moving)) {
         return MESHREEL_OK;
     }
-    reel_loaded other = held->before;
+    reel_loaded_block other = held->before;
     held->before = held->now;
     held->now = other;
     if (is_loaded(held, block, n_moving)) {
         return MESHREEL_OK;
     }
     forget(call, &held->now);
-    call->held = reel_held_by(decoder) + call->scratch.held;
+    call->held = reel_decoder_bytes(decoder) + call->scratch.held;
     int failed = find_items(call, decoder, track);
     failed = failed ? failed : read_group(call, decoder, track, block, &held->now.group);
     if (failed) {
         return failed;
     }
-    bool has_modes = own->shown.coding != REEL_EXACT && !own->shown.is_exact;
+    bool has_modes = own->info.coding != REEL_EXACT && !own->info.is_exact;
     if (REEL_ONLY_POSITIONS && (track || !has_modes)) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, REEL_UNKNOWN,
                          "this build decodes positions of the method reel alone");

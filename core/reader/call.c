@@ -52,7 +52,7 @@ int reel_fail_core(reel_call *call, int64_t result, uint64_t payload, const char
                      payload + place, message);
 }
 
-void *reel_keep(reel_call *call, reel_pool *pool, uint64_t count, uint64_t item) {
+void *reel_pool_allocate(reel_call *call, reel_pool *pool, uint64_t count, uint64_t item) {
     uint64_t limit = call->host->memory_limit ? call->host->memory_limit : DEFAULT_LIMIT;
     limit = limit < SIZE_MAX / 2 ? limit : SIZE_MAX / 2;
     bool fits = !item || count <= (UINT64_MAX >> 8) / item;
@@ -80,7 +80,7 @@ void *reel_keep(reel_call *call, reel_pool *pool, uint64_t count, uint64_t item)
 }
 
 void *reel_scratch(reel_call *call, uint64_t count, uint64_t item) {
-    return reel_keep(call, &call->scratch, count, item);
+    return reel_pool_allocate(call, &call->scratch, count, item);
 }
 
 static void release_last(const meshreel_host *host, reel_pool *pool) {

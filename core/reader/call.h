@@ -50,7 +50,7 @@ int reel_fail_core(reel_call *call, int64_t result, uint64_t payload, const char
 
 /* Memory for `count` items of `item` bytes, aligned to 64 bytes; NULL after a failure, which is
    noted. Memory for 0 items is not NULL. */
-void *reel_keep(reel_call *call, reel_pool *pool, uint64_t count, uint64_t item);
+void *reel_pool_allocate(reel_call *call, reel_pool *pool, uint64_t count, uint64_t item);
 
 /* The same, released at the end of the call or by `reel_drop_scratch`. */
 void *reel_scratch(reel_call *call, uint64_t count, uint64_t item);

@@ -5,11 +5,11 @@
 #define FIXED_BYTES 68
 #define SEGMENT_BYTES 12
 #define PLACEMENT_BYTES 32
-#define MOST_NAME 4096
+#define MAX_NAME_BYTES 4096
 #define VERSION 3
 #define END_BYTES 14
 #define LAST_METHOD REEL_METHOD_GRID
-#define MOST_TRACKS ((uint32_t)1 << 20)
+#define MAX_TRACKS ((uint32_t)1 << 20)
 
 static const uint8_t magic[8] = {0x89, 0x52, 0x45, 0x45, 0x4C, 0x0D, 0x0A, 0x1A};
 
@@ -31,7 +31,7 @@ static int check_counts(reel_call *call, uint64_t n_verts, uint64_t n_faces, uin
     if (!n_verts || !n_faces) {
         return reel_corrupt(call, at, "a mesh without vertices or faces is announced");
     }
-    return n_verts > REEL_MOST_VERTS || n_faces > REEL_MOST_VERTS
+    return n_verts > REEL_MAX_VERTS || n_faces > REEL_MAX_VERTS
                ? reel_fail(call, MESHREEL_UNSUPPORTED, at, "more than 2^26 vertices or faces")
                : MESHREEL_OK;
 }
@@ -82,7 +82,7 @@ static int read_header(reel_call *call, reel_pool *pool, reel_outline *outline) 
     if (failed) {
         return failed;
     }
-    if (!reel_same(fixed, magic, here < sizeof magic ? here : sizeof magic)) {
+    if (!reel_equal_bytes(fixed, magic, here < sizeof magic ? here : sizeof magic)) {
         return reel_corrupt(call, 0, "not a .reel stream");
     }
     if (here >= sizeof magic + 2 && (fixed[8] != VERSION || fixed[9] != 0)) {
@@ -96,19 +96,19 @@ static int read_header(reel_call *call, reel_pool *pool, reel_outline *outline) 
         return reel_fail(call, MESHREEL_TRUNCATED, size, "the file ends inside its header");
     }
     size_t name = (size_t)(fixed[66] | fixed[67] << 8);
-    failed = reel_check(call, 0, FIXED_BYTES + name);
+    failed = reel_check_crc(call, 0, FIXED_BYTES + name);
     if (failed) {
         return failed;
     }
-    if (name > MOST_NAME) {
+    if (name > MAX_NAME_BYTES) {
         return reel_corrupt(call, 66, "the name has more than 4096 bytes");
     }
     outline->announced = uint32_at(fixed + 10);
     outline->fps = double_at(fixed + 22);
     outline->begin = FIXED_BYTES + name + 4;
     outline->is_first = true;
-    reel_stretch left = {FIXED_BYTES, name};
-    failed = reel_take_text_of(call, pool, &left, name, &outline->name);
+    reel_range left = {FIXED_BYTES, name};
+    failed = reel_read_text_bytes(call, pool, &left, name, &outline->name);
     failed = failed ? failed : set_mesh(call, outline, fixed + 14, 14, fixed + 30, 30);
     failed = failed ? failed : set_placement(call, outline, fixed + 34, 34);
     bool is_timed = reel_is_finite(outline->fps) && outline->fps >= 0.0;
@@ -126,7 +126,7 @@ static int grow(reel_call *call, reel_pool *pool, void **items, uint64_t count, 
         return MESHREEL_OK;
     }
     uint64_t larger = *room ? 2 * *room : 16;
-    void *moved = reel_keep(call, pool, larger, item);
+    void *moved = reel_pool_allocate(call, pool, larger, item);
     if (!moved) {
         return call->error.code;
     }
@@ -139,11 +139,11 @@ static int grow(reel_call *call, reel_pool *pool, void **items, uint64_t count, 
 }
 
 static int read_double(reel_call *call, const reel_section *section, double *found) {
-    reel_stretch left = section->payload;
+    reel_range left = section->payload;
     if (left.length != sizeof *found) {
         return reel_corrupt(call, section->at, "the start or the promised error has not 8 bytes");
     }
-    int failed = reel_take_bytes(call, &left, found, sizeof *found);
+    int failed = reel_read_bytes(call, &left, found, sizeof *found);
     if (!failed && !reel_is_finite(*found)) {
         return reel_corrupt(call, section->payload.at,
                             "the start or the promised error is not finite");
@@ -152,8 +152,8 @@ static int read_double(reel_call *call, const reel_section *section, double *fou
 }
 
 static int read_polygons(reel_call *call, const reel_section *section, reel_outline *outline) {
-    reel_stretch left = section->payload;
-    int failed = reel_take_varint(call, &left, &outline->n_polygons);
+    reel_range left = section->payload;
+    int failed = reel_read_varint(call, &left, &outline->n_polygons);
     if (!failed && outline->n_polygons > outline->n_faces) {
         return reel_corrupt(call, section->payload.at, "there are more polygons than triangles");
     }
@@ -171,8 +171,8 @@ static int note_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
     }
     outline->leading = items;
     outline->leading_room = (uint32_t)room;
-    outline->leading[outline->n_leading++] = (reel_leading){section->id, section->payload};
-    if (section->id == REEL_TRACK && ++outline->n_tracks > MOST_TRACKS) {
+    outline->leading[outline->n_leading++] = (reel_leading_section){section->id, section->payload};
+    if (section->id == REEL_TRACK && ++outline->n_tracks > MAX_TRACKS) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, section->at, "more than 2^20 tracks");
     }
     if (section->id == REEL_START && !outline->is_first) {
@@ -204,7 +204,7 @@ static void forget(reel_outline *outline) {
 
 static int read_leading(reel_call *call, reel_pool *pool, reel_outline *outline, uint64_t begin,
                         uint64_t end) {
-    int failed = begin < end ? reel_announce(call, (reel_stretch){begin, end - begin}) : MESHREEL_OK;
+    int failed = begin < end ? reel_announce(call, (reel_range){begin, end - begin}) : MESHREEL_OK;
     if (failed) {
         return failed;
     }
@@ -233,8 +233,8 @@ static int read_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
 /* Whether n_frames may follow n_before others of a segment. */
 static int check_block(reel_call *call, uint64_t at, uint64_t n_verts, uint64_t n_before,
                        uint64_t n_frames) {
-    uint64_t most = REEL_MOST_NUMBERS / n_verts;
-    most = most < REEL_MOST_FRAMES ? most : REEL_MOST_FRAMES;
+    uint64_t most = REEL_MAX_NUMBERS / n_verts;
+    most = most < REEL_MAX_FRAMES ? most : REEL_MAX_FRAMES;
     if (!n_frames) {
         return reel_corrupt(call, at, "a block has no frames");
     }
@@ -263,7 +263,8 @@ static int add_block(reel_call *call, reel_pool *pool, reel_outline *outline, ui
     outline->places = places;
     outline->ends = all;
     outline->blocks_room = room;
-    outline->places[count] = (reel_place){at, (uint32_t)outline->n_frames, (uint32_t)n_frames};
+    outline->places[count] =
+        (reel_block_entry){at, (uint32_t)outline->n_frames, (uint32_t)n_frames};
     *ends = outline->ends + count * outline->n_tracks;
     outline->n_blocks++;
     outline->n_frames += n_frames;
@@ -271,10 +272,10 @@ static int add_block(reel_call *call, reel_pool *pool, reel_outline *outline, ui
     return MESHREEL_OK;
 }
 
-reel_stretch reel_group_bytes(const reel_outline *outline, uint64_t block, uint32_t track) {
+reel_range reel_group_bytes(const reel_outline *outline, uint64_t block, uint32_t track) {
     const uint64_t *ends = outline->ends + block * outline->n_tracks;
     uint64_t begin = track ? ends[track - 1] : outline->places[block].at;
-    return (reel_stretch){begin, ends[track] - begin};
+    return (reel_range){begin, ends[track] - begin};
 }
 
 /* ---- by the index ---- */
@@ -294,7 +295,7 @@ static int find_index(reel_call *call, const reel_outline *outline, reel_section
     }
     failed = reel_read(call, end.payload.at, &at, sizeof at);
     failed = failed ? failed : reel_section_at(call, at, size, index);
-    failed = failed ? failed : reel_announce(call, (reel_stretch){at, size - at});
+    failed = failed ? failed : reel_announce(call, (reel_range){at, size - at});
     failed = failed ? failed : reel_section_check(call, index);
     if (failed) {
         return failed;
@@ -302,8 +303,8 @@ static int find_index(reel_call *call, const reel_outline *outline, reel_section
     if (index->id != REEL_INDEX || at < outline->begin) {
         return reel_corrupt(call, at, "there is no index where the end of the file says");
     }
-    reel_stretch left = index->payload;
-    failed = reel_take_varint(call, &left, first);
+    reel_range left = index->payload;
+    failed = reel_read_varint(call, &left, first);
     bool is_behind = *first >= outline->begin && *first <= at;
     return failed || is_behind ? failed
                                : reel_corrupt(call, at, "the index lists blocks in the header");
@@ -312,15 +313,15 @@ static int find_index(reel_call *call, const reel_outline *outline, reel_section
 /* Takes what the index says of the blocks of a segment, which end before `limit`: to the outline of
    the segment, if there is one, and in sum. */
 static int take_blocks(reel_call *call, reel_pool *pool, reel_outline *outline,
-                       reel_segment *segment, reel_stretch *left, uint64_t limit) {
+                       reel_segment *segment, reel_range *left, uint64_t limit) {
     uint64_t at = segment->first_block, n_blocks, n_frames, *ends = NULL;
     segment->n_frames = 0;
-    int failed = reel_take_varint(call, left, &n_blocks);
+    int failed = reel_read_varint(call, left, &n_blocks);
     if (!failed && !n_blocks) {
         return reel_corrupt(call, left->at, "the index lists a segment without blocks");
     }
     for (uint64_t i = 0; !failed && i < n_blocks; i++) {
-        failed = reel_take_varint(call, left, &n_frames);
+        failed = reel_read_varint(call, left, &n_frames);
         if (!failed) {
             failed = outline ? add_block(call, pool, outline, at, n_frames, &ends)
                              : check_block(call, at, segment->n_verts, segment->n_frames, n_frames);
@@ -328,7 +329,7 @@ static int take_blocks(reel_call *call, reel_pool *pool, reel_outline *outline,
         segment->n_frames += failed ? 0 : (uint32_t)n_frames;
         for (uint32_t track = 0; !failed && track < segment->n_tracks; track++) {
             uint64_t size;
-            failed = reel_take_varint(call, left, &size);
+            failed = reel_read_varint(call, left, &size);
             if (!failed && (!size || size > limit - at)) {
                 return reel_corrupt(call, left->at,
                                     "the index lists blocks that are not in the file");
@@ -344,18 +345,17 @@ static int take_blocks(reel_call *call, reel_pool *pool, reel_outline *outline,
 }
 
 /* Takes what the index says of a segment behind the first, before its blocks. */
-static int take_segment(reel_call *call, reel_stretch *left, uint64_t limit,
-                        reel_segment *segment) {
+static int take_segment(reel_call *call, reel_range *left, uint64_t limit, reel_segment *segment) {
     uint64_t at = left->at, n_tracks, size;
-    int failed = reel_take_varint(call, left, &segment->n_verts);
-    failed = failed ? failed : reel_take_varint(call, left, &segment->n_faces);
-    failed = failed ? failed : reel_take_varint(call, left, &n_tracks);
-    failed = failed ? failed : reel_take_varint(call, left, &size);
+    int failed = reel_read_varint(call, left, &segment->n_verts);
+    failed = failed ? failed : reel_read_varint(call, left, &segment->n_faces);
+    failed = failed ? failed : reel_read_varint(call, left, &n_tracks);
+    failed = failed ? failed : reel_read_varint(call, left, &size);
     failed = failed ? failed : check_counts(call, segment->n_verts, segment->n_faces, at);
     if (failed) {
         return failed;
     }
-    if (!n_tracks || n_tracks > MOST_TRACKS || size > limit - segment->at) {
+    if (!n_tracks || n_tracks > MAX_TRACKS || size > limit - segment->at) {
         return reel_corrupt(call, at, "the index lists a segment that is not in the file");
     }
     segment->n_tracks = (uint32_t)n_tracks;
@@ -365,7 +365,7 @@ static int take_segment(reel_call *call, reel_stretch *left, uint64_t limit,
 
 static int add_segment(reel_call *call, reel_pool *pool, reel_segments *segments,
                        reel_segment segment) {
-    if (segment.n_frames > REEL_MOST_FRAMES - segments->n_frames) {
+    if (segment.n_frames > REEL_MAX_FRAMES - segments->n_frames) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, segment.at, "more than 2^28 frames");
     }
     void *all = segments->all;
@@ -382,10 +382,10 @@ static int add_segment(reel_call *call, reel_pool *pool, reel_segments *segments
 /* The first segment to `outline`, and all to `segments`. */
 static int read_index(reel_call *call, reel_pool *pool, reel_outline *outline,
                       const reel_section *index, reel_segments *segments) {
-    reel_stretch left = index->payload;
+    reel_range left = index->payload;
     reel_segment segment = {.at = outline->begin, .n_verts = outline->n_verts,
                             .n_faces = outline->n_faces, .n_tracks = outline->n_tracks};
-    int failed = reel_take_varint(call, &left, &segment.first_block);
+    int failed = reel_read_varint(call, &left, &segment.first_block);
     for (bool is_first = true; !failed && (is_first || left.length); is_first = false) {
         failed = is_first ? MESHREEL_OK : take_segment(call, &left, index->at, &segment);
         segment.blocks = left;
@@ -411,9 +411,9 @@ typedef struct {
 } scan;
 
 static int open_block(scan *s, const reel_section *section) {
-    reel_stretch left = section->payload;
+    reel_range left = section->payload;
     uint64_t n_frames;
-    int failed = reel_take_varint(s->call, &left, &n_frames);
+    int failed = reel_read_varint(s->call, &left, &n_frames);
     s->n_groups = 1;
     return failed ? failed
                   : add_block(s->call, s->pool, s->outline, section->at, n_frames, &s->ends);
@@ -532,19 +532,19 @@ static uint64_t end_of_blocks(const reel_outline *outline) {
 static int begin_segment(reel_call *call, const reel_section *section, const reel_outline *file,
                          reel_outline *outline) {
     uint8_t mesh[SEGMENT_BYTES], placement[PLACEMENT_BYTES];
-    reel_stretch left = section->payload;
+    reel_range left = section->payload;
     bool is_placed = left.length == SEGMENT_BYTES + PLACEMENT_BYTES;
     *outline = (reel_outline){.fps = file->fps, .begin = section->at};
     reel_copy(outline->placement, file->placement, sizeof outline->placement);
     if (left.length != SEGMENT_BYTES && !is_placed) {
         return reel_corrupt(call, section->at, "the section SEGMENT has neither 12 nor 44 bytes");
     }
-    int failed = reel_take_bytes(call, &left, mesh, sizeof mesh);
+    int failed = reel_read_bytes(call, &left, mesh, sizeof mesh);
     failed = failed ? failed : set_mesh(call, outline, mesh, section->payload.at, mesh + 8,
                                         section->payload.at + 8);
     if (!failed && is_placed) {
         uint64_t at = left.at;
-        failed = reel_take_bytes(call, &left, placement, sizeof placement);
+        failed = reel_read_bytes(call, &left, placement, sizeof placement);
         failed = failed ? failed : set_placement(call, outline, placement, at);
     }
     forget(outline);
@@ -555,7 +555,7 @@ static int begin_segment(reel_call *call, const reel_section *section, const ree
 static int read_beginning(reel_call *call, const reel_outline *file, const reel_segment *segment,
                           reel_section *section, reel_outline *outline) {
     uint64_t limit = segment->first_block ? segment->first_block : segment->end;
-    int failed = reel_announce(call, (reel_stretch){segment->at, limit - segment->at});
+    int failed = reel_announce(call, (reel_range){segment->at, limit - segment->at});
     failed = failed ? failed : reel_section_at(call, segment->at, limit, section);
     failed = failed ? failed : reel_section_check(call, section);
     if (!failed && section->id != REEL_SEGMENT) {
@@ -575,7 +575,7 @@ static int parse_segment(reel_call *call, reel_pool *pool, const reel_segment *s
         return read_sections(call, pool, outline, begin, &next);
     }
     reel_segment found = *segment;
-    reel_stretch left = segment->blocks;
+    reel_range left = segment->blocks;
     int failed = read_leading(call, pool, outline, begin, segment->first_block);
     if (!failed && outline->n_tracks != segment->n_tracks) {
         return reel_corrupt(call, segment->at, "the index contradicts the tracks of a segment");
@@ -599,7 +599,7 @@ int reel_read_segment(reel_call *call, reel_pool *pool, const reel_outline *file
     if (failed) {
         return failed;
     }
-    char *name = reel_keep(call, pool, file->name.size, 1);
+    char *name = reel_pool_allocate(call, pool, file->name.size, 1);
     if (!name) {
         return call->error.code;
     }
@@ -688,7 +688,7 @@ int reel_read_outline(reel_call *call, reel_pool *pool, reel_outline *outline,
                       reel_segments *segments) {
     *outline = (reel_outline){0};
     *segments = (reel_segments){0};
-    if (call->source->size > REEL_MOST_BYTES) {
+    if (call->source->size > REEL_MAX_FILE_BYTES) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, 0, "more than 2^40 bytes");
     }
     int failed = read_header(call, pool, outline);
@@ -706,7 +706,7 @@ int reel_read_outline(reel_call *call, reel_pool *pool, reel_outline *outline,
 }
 
 int reel_only_section(reel_call *call, const reel_outline *outline, uint32_t id,
-                      reel_stretch *payload) {
+                      reel_range *payload) {
     uint32_t count = 0;
     for (uint32_t i = 0; i < outline->n_leading; i++) {
         if (outline->leading[i].id == id) {

@@ -6,8 +6,8 @@
 
 #include "source.h"
 
-#define REEL_MOST_VERTS ((uint64_t)1 << 26) /* and faces: as many as connectivity can code */
-#define REEL_MOST_FRAMES ((uint64_t)1 << 28)
+#define REEL_MAX_VERTS ((uint64_t)1 << 26) /* and faces: as many as connectivity can code */
+#define REEL_MAX_FRAMES ((uint64_t)1 << 28)
 
 enum reel_method_number { REEL_METHOD_REEL = 7, REEL_METHOD_LOSSLESS = 8, REEL_METHOD_GRID = 9 };
 enum reel_kept_order { REEL_ORDER_KEPT = 0, REEL_ORDER_OF_VERTICES = 1, REEL_ORDER_DROPPED = 2 };
@@ -15,15 +15,15 @@ enum reel_kept_order { REEL_ORDER_KEPT = 0, REEL_ORDER_OF_VERTICES = 1, REEL_ORD
 /* A section before the first block. */
 typedef struct {
     uint32_t id;
-    reel_stretch payload;
-} reel_leading;
+    reel_range payload;
+} reel_leading_section;
 
 /* A block: its frames. Its bytes, track by track, end at ends[block n_tracks + track]; those of the
    first track begin at `at`. */
 typedef struct {
     uint64_t at;
     uint32_t first, n_frames;
-} reel_place;
+} reel_block_entry;
 
 typedef struct {
     uint64_t at;  /* the byte at which its sections begin */
@@ -31,7 +31,7 @@ typedef struct {
     uint64_t n_verts, n_faces;
     uint32_t first_frame, n_frames, n_tracks;
     uint64_t first_block; /* the byte at which the first one begins; 0 without an index */
-    reel_stretch blocks;  /* what the index says of them */
+    reel_range blocks;    /* what the index says of them */
 } reel_segment;
 
 typedef struct {
@@ -49,10 +49,10 @@ typedef struct {
     uint32_t number_bytes, method, laplacian, order;
     uint64_t begin;    /* the byte at which its sections begin */
     bool is_first;     /* segment of the file */
-    reel_leading *leading; /* known ones */
+    reel_leading_section *leading; /* known ones */
     uint32_t n_leading, leading_room;
     uint32_t n_tracks; /* with the positions */
-    reel_place *places;
+    reel_block_entry *places;
     uint64_t *ends;
     uint64_t n_blocks, blocks_room, n_frames;
     uint32_t longest;  /* frames of a block */
@@ -73,9 +73,9 @@ int reel_read_segment(reel_call *call, reel_pool *pool, const reel_outline *file
 
 /* The only leading section of an id. */
 int reel_only_section(reel_call *call, const reel_outline *outline, uint32_t id,
-                      reel_stretch *payload);
+                      reel_range *payload);
 
 /* The bytes of a track in a block. */
-reel_stretch reel_group_bytes(const reel_outline *outline, uint64_t block, uint32_t track);
+reel_range reel_group_bytes(const reel_outline *outline, uint64_t block, uint32_t track);
 
 #endif

@@ -22,15 +22,17 @@ int meshreel_begin(const meshreel_file *file, meshreel_decoder **decoder, meshre
         return reel_invalid(error, "the mesh of the file was not read");
     }
     reel_pool pool = {NULL, 0};
-    meshreel_decoder *own = reel_keep(&call, &pool, 1, sizeof *own);
-    reel_held *tracks = reel_keep(&call, &pool, file->info.n_tracks, sizeof *tracks);
+    meshreel_decoder *own = reel_pool_allocate(&call, &pool, 1, sizeof *own);
+    reel_track_state *tracks =
+        reel_pool_allocate(&call, &pool, file->info.n_tracks, sizeof *tracks);
     if (!own || !tracks) {
         reel_release(&file->host, &pool);
         return reel_end_call(&call, call.error.code, error);
     }
     for (uint32_t i = 0; i < file->info.n_tracks; i++) {
-        reel_loaded none = {.block = REEL_NO_BLOCK, .fields = {.block = REEL_NO_BLOCK}};
-        tracks[i] = (reel_held){.now = none, .before = none, .key = {.block = REEL_NO_BLOCK}};
+        reel_loaded_block none = {.block = REEL_NO_BLOCK, .fields = {.block = REEL_NO_BLOCK}};
+        tracks[i] =
+            (reel_track_state){.now = none, .before = none, .key = {.block = REEL_NO_BLOCK}};
     }
     *own = (meshreel_decoder){.file = file, .pool = pool, .tracks = tracks};
     *decoder = own;
@@ -43,7 +45,7 @@ void meshreel_end(meshreel_decoder *decoder) {
     }
     meshreel_host host = decoder->file->host;
     for (uint32_t i = 0; i < decoder->file->info.n_tracks; i++) {
-        reel_held *held = &decoder->tracks[i];
+        reel_track_state *held = &decoder->tracks[i];
         reel_release(&host, &held->now.pool);
         reel_release(&host, &held->now.fields.pool);
         reel_release(&host, &held->before.pool);
@@ -54,10 +56,10 @@ void meshreel_end(meshreel_decoder *decoder) {
     reel_release(&host, &pool);
 }
 
-uint64_t reel_held_by(const meshreel_decoder *decoder) {
+uint64_t reel_decoder_bytes(const meshreel_decoder *decoder) {
     uint64_t held = decoder->pool.held;
     for (uint32_t i = 0; i < decoder->file->info.n_tracks; i++) {
-        const reel_held *own = &decoder->tracks[i];
+        const reel_track_state *own = &decoder->tracks[i];
         held += own->now.pool.held + own->now.fields.pool.held + own->before.pool.held +
                 own->before.fields.pool.held + own->key.pool.held;
     }
@@ -88,7 +90,7 @@ int meshreel_load(meshreel_decoder *decoder, uint32_t track, uint32_t block, uin
         return reel_invalid(error, "there is no such block");
     }
     reel_call call =
-        reel_begin_call(&decoder->file->source, &decoder->file->host, reel_held_by(decoder));
+        reel_begin_call(&decoder->file->source, &decoder->file->host, reel_decoder_bytes(decoder));
     failed = reel_load(&call, decoder, track, block, n_modes);
     return reel_end_call(&call, failed, error);
 }
@@ -101,21 +103,21 @@ int meshreel_modes_of(meshreel_decoder *decoder, uint32_t track, uint32_t block,
         return failed;
     }
     const reel_track *own = &decoder->file->tracks[track];
-    reel_held *held = &decoder->tracks[track];
-    reel_loaded *now = &held->now;
+    reel_track_state *held = &decoder->tracks[track];
+    reel_loaded_block *now = &held->now;
     *modes = (meshreel_modes){.n_frames = (uint32_t)now->group.n_frames,
                               .n_items = held->items.graph.n_items};
-    if (!now->basis || own->difference || own->shown.coding == REEL_TURNS) {
+    if (!now->basis || own->difference || own->info.coding == REEL_ROTATIONS) {
         return MESHREEL_OK;
     }
     reel_call call =
-        reel_begin_call(&decoder->file->source, &decoder->file->host, reel_held_by(decoder));
-    if (!reel_held_fields(held)) { /* packed alone */
+        reel_begin_call(&decoder->file->source, &decoder->file->host, reel_decoder_bytes(decoder));
+    if (!reel_loaded_fields(held)) { /* packed alone */
         reel_forget(&call, decoder, track);
         failed = reel_load(&call, decoder, track, block, 0);
     }
     if (!failed && !now->rows) {
-        int32_t *rows = reel_keep(&call, &now->pool, modes->n_items, sizeof *rows);
+        int32_t *rows = reel_pool_allocate(&call, &now->pool, modes->n_items, sizeof *rows);
         failed = rows ? MESHREEL_OK : call.error.code;
         if (rows) {
             reel_find_rows(held, rows);
@@ -129,7 +131,7 @@ int meshreel_modes_of(meshreel_decoder *decoder, uint32_t track, uint32_t block,
         modes->step = (double)now->group.step;
         modes->scale = own->placement[0];
         modes->origin = own->placement + 1;
-        modes->values = reel_held_fields(held);
+        modes->values = reel_loaded_fields(held);
         modes->rows = now->rows;
         modes->basis = now->basis;
         modes->shared = held->items.spread;
@@ -154,13 +156,15 @@ typedef struct {
 static int find_target(const meshreel_decoder *decoder, uint32_t number,
                        const meshreel_layout *layout, target *found, meshreel_error *error) {
     const reel_track *track = &decoder->file->tracks[number];
-    const meshreel_track *shown = &track->shown;
-    uint32_t type = layout && layout->type ? layout->type : shown->type;
-    if (type != shown->type && !(type == MESHREEL_FLOAT32 && shown->type == MESHREEL_FLOAT64)) {
+    const meshreel_track *info = &track->info;
+    uint32_t type = layout && layout->type ? layout->type : info->type;
+    if (type != info->type && !(type == MESHREEL_FLOAT32 && info->type == MESHREEL_FLOAT64)) {
         return reel_invalid(error, "a track goes out in its own type, or doubles as floats");
     }
-    *found = (target){.n_places = shown->n_items, .n_columns = shown->n_columns,
-                      .stored = track->size, .size = type == shown->type ? track->size : 4};
+    *found = (target){.n_places = info->n_items,
+                      .n_columns = info->n_columns,
+                      .stored = track->size,
+                      .size = type == info->type ? track->size : 4};
     size_t value = found->size * found->n_columns;
     found->value_stride = layout && layout->value_stride ? layout->value_stride : value;
     size_t frame = found->value_stride * (size_t)found->n_places;
@@ -203,7 +207,7 @@ static int decode_to(reel_call *call, meshreel_decoder *decoder, uint32_t number
                      uint64_t count, const target *to, uint8_t *out) {
     const reel_track *track = &decoder->file->tracks[number];
     bool is_direct = to->is_packed && !to->spread && (!number || to->size == to->stored);
-    bool is_predicted = track->difference || track->shown.coding == REEL_TURNS;
+    bool is_predicted = track->difference || track->info.coding == REEL_ROTATIONS;
     if (is_direct && !is_predicted) {
         return reel_values(call, decoder, number, first, count, to->size, out);
     }
@@ -243,7 +247,7 @@ int meshreel_decode(meshreel_decoder *decoder, uint32_t track, uint32_t first, u
         return reel_invalid(error, "values are not aligned to their number type");
     }
     reel_call call =
-        reel_begin_call(&decoder->file->source, &decoder->file->host, reel_held_by(decoder));
+        reel_begin_call(&decoder->file->source, &decoder->file->host, reel_decoder_bytes(decoder));
     uint64_t done = 0;
     while (done < count && !failed) {
         uint64_t frame = first + done;
@@ -277,7 +281,7 @@ int meshreel_normals(meshreel_decoder *decoder, uint32_t type, const void *posit
     }
     const meshreel_file *file = decoder->file;
     int64_t n_verts = file->info.n_verts, n_faces = file->info.n_triangles;
-    reel_call call = reel_begin_call(&file->source, &file->host, reel_held_by(decoder));
+    reel_call call = reel_begin_call(&file->source, &file->host, reel_decoder_bytes(decoder));
     double *found = type == MESHREEL_FLOAT64
                         ? normals
                         : reel_scratch(&call, 3 * (uint64_t)n_verts, sizeof *found);

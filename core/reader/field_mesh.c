@@ -19,7 +19,7 @@ int reel_prepare_hierarchy(reel_call *call, reel_pool *pool, const reel_graph *g
                            int64_t stencil_size, reel_hierarchy_job **found) {
     uint64_t n = graph->n_items;
     reel_hierarchy_job *job = reel_scratch(call, 1, sizeof *job);
-    reel_field_mesh *own = reel_keep(call, pool, 1, sizeof *own);
+    reel_field_mesh *own = reel_pool_allocate(call, pool, 1, sizeof *own);
     if (!job || !own) {
         return call->error.code;
     }
@@ -28,16 +28,19 @@ int reel_prepare_hierarchy(reel_call *call, reel_pool *pool, const reel_graph *g
     *own = (reel_field_mesh){.graph = graph};
     reel_coding_order *order = &own->order;
     order->n_columns = (int64_t)n;
-    order->columns = reel_keep(call, pool, n, sizeof *order->columns);
-    order->near_starts = reel_keep(call, pool, n + 1, sizeof *order->near_starts);
-    order->near = reel_keep(call, pool, n * REEL_NEIGHBOURS, sizeof *order->near);
-    order->pass_starts = reel_keep(call, pool, REEL_MAX_LEVELS + 1, sizeof *order->pass_starts);
-    own->places = reel_keep(call, pool, n, sizeof *own->places);
-    job->level_starts = reel_keep(call, pool, REEL_MAX_LEVELS + 1, sizeof *job->level_starts);
-    job->smooth_starts = reel_keep(call, pool, REEL_MAX_LEVELS, sizeof *job->smooth_starts);
-    job->stencil = reel_keep(call, pool, n * (uint64_t)stencil_size, sizeof *job->stencil);
-    job->hops = reel_keep(call, pool, n * (uint64_t)stencil_size, 1);
-    job->smooth = reel_keep(call, pool, REEL_SMOOTH_ROWS * n, SMOOTH_ROW);
+    order->columns = reel_pool_allocate(call, pool, n, sizeof *order->columns);
+    order->near_starts = reel_pool_allocate(call, pool, n + 1, sizeof *order->near_starts);
+    order->near = reel_pool_allocate(call, pool, n * REEL_CONTEXT_NEIGHBORS, sizeof *order->near);
+    order->pass_starts =
+        reel_pool_allocate(call, pool, REEL_MAX_LEVELS + 1, sizeof *order->pass_starts);
+    own->places = reel_pool_allocate(call, pool, n, sizeof *own->places);
+    job->level_starts =
+        reel_pool_allocate(call, pool, REEL_MAX_LEVELS + 1, sizeof *job->level_starts);
+    job->smooth_starts =
+        reel_pool_allocate(call, pool, REEL_MAX_LEVELS, sizeof *job->smooth_starts);
+    job->stencil = reel_pool_allocate(call, pool, n * (uint64_t)stencil_size, sizeof *job->stencil);
+    job->hops = reel_pool_allocate(call, pool, n * (uint64_t)stencil_size, 1);
+    job->smooth = reel_pool_allocate(call, pool, REEL_SMOOTH_ROWS * n, SMOOTH_ROW);
     job->order = reel_scratch(call, n, sizeof *job->order);
     job->resolutions = reel_scratch(call, REEL_MAX_LEVELS, sizeof *job->resolutions);
     job->needed = reel_hierarchy_memory((int64_t)n, graph->starts[n]);
@@ -68,9 +71,9 @@ static void find_passes(reel_coding_order *order, const int32_t *level_starts,
 static void pack_rows(reel_coding_order *order) {
     int64_t count = 0;
     for (int64_t i = 0; i < order->n_columns; i++) {
-        const int32_t *row = order->near + i * REEL_NEIGHBOURS;
+        const int32_t *row = order->near + i * REEL_CONTEXT_NEIGHBORS;
         order->near_starts[i] = count;
-        for (int k = 0; k < REEL_NEIGHBOURS && row[k] >= 0; k++) {
+        for (int k = 0; k < REEL_CONTEXT_NEIGHBORS && row[k] >= 0; k++) {
             order->near[count++] = row[k];
         }
         order->columns[i] = (int32_t)i;
@@ -106,8 +109,8 @@ int reel_finish_hierarchy(reel_call *call, const reel_hierarchy_job *job,
 /* ---- times ---- */
 
 #define N_LEVELS 3
-#define MOST_PASSES 4
-#define MOST_NEAR 6
+#define MAX_PASSES 4
+#define MAX_NEAR 6
 #define COLUMNS_BEFORE 2
 
 /* The first time of a level, how far its times are apart, and the distance of known ones. */
@@ -183,8 +186,8 @@ int reel_find_time_order(reel_call *call, int64_t n_columns, int64_t n_frames, b
     uint64_t n = (uint64_t)(n_columns * n_frames);
     found->columns = reel_scratch(call, n, sizeof *found->columns);
     found->near_starts = reel_scratch(call, n + 1, sizeof *found->near_starts);
-    found->pass_starts = reel_scratch(call, MOST_PASSES + 1, sizeof *found->pass_starts);
-    found->near = reel_scratch(call, n * MOST_NEAR, sizeof *found->near);
+    found->pass_starts = reel_scratch(call, MAX_PASSES + 1, sizeof *found->pass_starts);
+    found->near = reel_scratch(call, n * MAX_NEAR, sizeof *found->near);
     int32_t *moving = reel_scratch(call, (uint64_t)n_frames, sizeof *moving);
     if (!found->columns || !found->near_starts || !found->pass_starts || !found->near || !moving) {
         return call->error.code;

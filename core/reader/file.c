@@ -74,7 +74,7 @@ static int parse_segment(reel_call *call, meshreel_file *file, const meshreel_fi
                          uint32_t number) {
     int failed = reel_read_segment(call, &file->pool, &whole->outline, &whole->segments, number,
                                    &file->outline);
-    reel_segment *own = failed ? NULL : reel_keep(call, &file->pool, 1, sizeof *own);
+    reel_segment *own = failed ? NULL : reel_pool_allocate(call, &file->pool, 1, sizeof *own);
     if (!own) {
         return call->error.code;
     }
@@ -91,7 +91,7 @@ static int open_file(const meshreel_source *source, const meshreel_host *host,
     *file = NULL;
     reel_pool first = {NULL, 0};
     reel_call call = reel_begin_call(source, host, 0);
-    meshreel_file *own = reel_keep(&call, &first, 1, sizeof *own);
+    meshreel_file *own = reel_pool_allocate(&call, &first, 1, sizeof *own);
     if (!own) {
         return reel_end_call(&call, call.error.code, error);
     }
@@ -192,8 +192,8 @@ int meshreel_block_of(const meshreel_file *file, uint32_t number, uint32_t track
     if (!file || !block || number >= file->info.n_blocks || track >= file->info.n_tracks) {
         return MESHREEL_INVALID;
     }
-    const reel_place *place = &file->outline.places[number];
-    reel_stretch bytes = reel_group_bytes(&file->outline, number, track);
+    const reel_block_entry *place = &file->outline.places[number];
+    reel_range bytes = reel_group_bytes(&file->outline, number, track);
     *block = (meshreel_block){place->first, place->n_frames, bytes.at, bytes.length};
     return MESHREEL_OK;
 }
@@ -209,8 +209,10 @@ int meshreel_group_of(const meshreel_file *file, uint32_t number, uint32_t track
                      ? reel_read_paper_group(&call, &file->outline, number, check != 0, &found)
                      : reel_read_group(&call, &file->outline, &file->tracks[track], track, number,
                                        check != 0, &found);
-    *group = (meshreel_group){.key_block = number, .n_modes = (uint32_t)found.n_modes,
-                              .n_corrections = found.n_moves, .step = (double)found.step};
+    *group = (meshreel_group){.key_block = number,
+                              .n_modes = (uint32_t)found.n_modes,
+                              .n_corrections = found.n_corrections,
+                              .step = (double)found.step};
     if (!failed && found.reference > number) {
         failed = reel_fail(&call, MESHREEL_CORRUPT, REEL_UNKNOWN,
                            "a block refers to one before the first");
@@ -236,7 +238,7 @@ int meshreel_track_of(const meshreel_file *file, uint32_t number, meshreel_track
     if (!file || !track || number >= file->info.n_tracks) {
         return MESHREEL_INVALID;
     }
-    *track = file->tracks[number].shown;
+    *track = file->tracks[number].info;
     return MESHREEL_OK;
 }
 

@@ -5,20 +5,20 @@
 
 #define FIRST REEL_BLOCK
 #define N_IDS (REEL_ANCHOR_RESIDUALS + 1 - FIRST)
-#define MOST_LEARNED 255U
-#define MOST_STEP 1e6F
+#define MAX_LEARNED 255U
+#define MAX_STEP 1e6F
 #define WITH_RESTS 16 /* these are added to the layout */
 #define WITH_COSINES 32
-#define MOST_TIMES ((uint64_t)INT32_MAX)
+#define MAX_TIMES ((uint64_t)INT32_MAX)
 
 /* The payload of each section of a group; `at` is 0 if it is missing. */
 typedef struct {
-    reel_stretch of[N_IDS];
+    reel_range of[N_IDS];
 } payloads;
 
-static const reel_stretch *payload(const payloads *all, uint32_t id) { return &all->of[id - FIRST]; }
+static const reel_range *payload(const payloads *all, uint32_t id) { return &all->of[id - FIRST]; }
 
-static int find_payloads(reel_call *call, reel_stretch bytes, uint32_t first, bool is_checked,
+static int find_payloads(reel_call *call, reel_range bytes, uint32_t first, bool is_checked,
                          payloads *all) {
     uint64_t end = bytes.at + bytes.length;
     bool is_begun = false;
@@ -43,7 +43,7 @@ static int find_payloads(reel_call *call, reel_stretch bytes, uint32_t first, bo
         }
         is_begun |= is_known;
         if (is_known && section.id >= FIRST && !(section.id & REEL_OPTIONAL)) {
-            reel_stretch *own = &all->of[section.id - FIRST];
+            reel_range *own = &all->of[section.id - FIRST];
             if (own->at) {
                 return reel_corrupt(call, at, "a block has a section twice");
             }
@@ -56,20 +56,20 @@ static int find_payloads(reel_call *call, reel_stretch bytes, uint32_t first, bo
 
 static int read_counts(reel_call *call, const payloads *all, uint32_t number,
                        const reel_track *track, uint64_t n_frames, reel_group *group) {
-    reel_stretch left = *payload(all, number ? REEL_TRACK_BLOCK : REEL_BLOCK);
+    reel_range left = *payload(all, number ? REEL_TRACK_BLOCK : REEL_BLOCK);
     uint64_t at = left.at;
     group->n_frames = n_frames;
-    int failed = number ? MESHREEL_OK : reel_take_varint(call, &left, &group->n_frames);
-    failed = failed ? failed : reel_take_varint(call, &left, &group->n_modes);
+    int failed = number ? MESHREEL_OK : reel_read_varint(call, &left, &group->n_frames);
+    failed = failed ? failed : reel_read_varint(call, &left, &group->n_modes);
     if (failed) {
         return failed;
     }
-    bool is_exact = track->shown.coding == REEL_EXACT || track->shown.is_exact;
+    bool is_exact = track->info.coding == REEL_EXACT || track->info.is_exact;
     uint64_t least = is_exact ? 0 : 1, most = is_exact ? 0 : track->n_coded * n_frames;
     if (left.length || group->n_frames != n_frames) {
         return reel_corrupt(call, at, "a block has another number of frames than the index says");
     }
-    if (most > MOST_TIMES) {
+    if (most > MAX_TIMES) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, at, "a block has more than 2^31 times");
     }
     return group->n_modes >= least && group->n_modes <= most
@@ -77,25 +77,25 @@ static int read_counts(reel_call *call, const payloads *all, uint32_t number,
                : reel_corrupt(call, at, "a block has no modes, or more than it can have");
 }
 
-static int read_reused(reel_call *call, reel_stretch *left, reel_group *group) {
+static int read_reused(reel_call *call, reel_range *left, reel_group *group) {
     if (!group->reference || !left->length) {
         return MESHREEL_OK;
     }
     uint64_t at = left->at;
-    int failed = reel_take_varint(call, left, &group->n_reused);
-    failed = failed ? failed : reel_take_bytes(call, left, &group->finer, sizeof group->finer);
+    int failed = reel_read_varint(call, left, &group->n_reused);
+    failed = failed ? failed : reel_read_bytes(call, left, &group->finer, sizeof group->finer);
     bool is_sound = group->n_reused >= 1 && group->n_reused <= group->n_modes &&
-                    group->finer > 0.0F && group->finer < MOST_STEP;
+                    group->finer > 0.0F && group->finer < MAX_STEP;
     return failed || is_sound ? failed
                               : reel_corrupt(call, at, "fields are reused that there cannot be");
 }
 
 /* The next run of resting times behind `end`, which becomes where it ends. */
-static int read_run(reel_call *call, reel_stretch *left, uint64_t n_frames, uint64_t *start,
+static int read_run(reel_call *call, reel_range *left, uint64_t n_frames, uint64_t *start,
                     uint64_t *end) {
     uint64_t gap, length, at = left->at;
-    int failed = reel_take_varint(call, left, &gap);
-    failed = failed ? failed : reel_take_varint(call, left, &length);
+    int failed = reel_read_varint(call, left, &gap);
+    failed = failed ? failed : reel_read_varint(call, left, &length);
     if (failed) {
         return failed;
     }
@@ -107,10 +107,10 @@ static int read_run(reel_call *call, reel_stretch *left, uint64_t n_frames, uint
     return MESHREEL_OK;
 }
 
-static int find_rests(reel_call *call, reel_stretch *left, reel_group *group) {
+static int find_rests(reel_call *call, reel_range *left, reel_group *group) {
     uint64_t start, end = 0, at = left->at;
-    int failed = reel_take_varint(call, left, &group->rest_bits);
-    failed = failed ? failed : reel_take_varint(call, left, &group->n_rests);
+    int failed = reel_read_varint(call, left, &group->rest_bits);
+    failed = failed ? failed : reel_read_varint(call, left, &group->n_rests);
     group->rests = *left;
     for (uint64_t i = 0; !failed && i < group->n_rests; i++) {
         failed = read_run(call, left, group->n_frames, &start, &end);
@@ -122,7 +122,7 @@ static int find_rests(reel_call *call, reel_stretch *left, reel_group *group) {
 }
 
 int reel_read_rests(reel_call *call, const reel_group *group, uint8_t **rests) {
-    reel_stretch left = group->rests;
+    reel_range left = group->rests;
     uint64_t start, end = 0;
     *rests = NULL;
     if (!group->n_rests) {
@@ -142,13 +142,13 @@ int reel_read_rests(reel_call *call, const reel_group *group, uint8_t **rests) {
     return failed;
 }
 
-static int read_fields(reel_call *call, reel_stretch left, reel_group *group) {
+static int read_fields(reel_call *call, reel_range left, reel_group *group) {
     uint8_t layout;
     uint64_t at = left.at;
     if (!left.at) {
         return reel_corrupt(call, REEL_UNKNOWN, "a block has no section FIELDS");
     }
-    int failed = reel_take_bytes(call, &left, &layout, 1);
+    int failed = reel_read_bytes(call, &left, &layout, 1);
     if (failed) {
         return failed;
     }
@@ -161,45 +161,46 @@ static int read_fields(reel_call *call, reel_stretch left, reel_group *group) {
     if (group->has_cosines && (layout & WITH_RESTS || group->n_frames > REEL_MAX_COSINES)) {
         return reel_corrupt(call, at, "cosines over time are of a block that rests or is too long");
     }
-    failed = reel_take_varint(call, &left, &group->reference);
-    failed = failed ? failed : reel_take_bytes(call, &left, &group->step, sizeof group->step);
-    failed = failed ? failed : reel_take_varint(call, &left, &group->stencil_size);
-    failed = failed ? failed : reel_take_varint(call, &left, &group->n_learned);
+    failed = reel_read_varint(call, &left, &group->reference);
+    failed = failed ? failed : reel_read_bytes(call, &left, &group->step, sizeof group->step);
+    failed = failed ? failed : reel_read_varint(call, &left, &group->stencil_size);
+    failed = failed ? failed : reel_read_varint(call, &left, &group->n_learned);
     if (!failed && layout & WITH_RESTS) {
         failed = find_rests(call, &left, group);
     }
     failed = failed ? failed : read_reused(call, &left, group);
     bool is_sound = !left.length && group->stencil_size >= 1 &&
-                    group->stencil_size <= REEL_MAX_STENCIL && group->n_learned <= MOST_LEARNED &&
-                    group->step > 0.0F && group->step < MOST_STEP;
+                    group->stencil_size <= REEL_MAX_STENCIL && group->n_learned <= MAX_LEARNED &&
+                    group->step > 0.0F && group->step < MAX_STEP;
     return failed || is_sound ? failed
                               : reel_corrupt(call, at,
                                              "a number of a section FIELDS is out of range");
 }
 
-static int read_corrections(reel_call *call, reel_stretch left, reel_group *group) {
+static int read_corrections(reel_call *call, reel_range left, reel_group *group) {
     uint64_t at = left.at;
     if (!left.at) {
         return MESHREEL_OK;
     }
-    int failed = reel_take_bytes(call, &left, &group->moved_by, sizeof group->moved_by);
-    failed = failed ? failed : reel_take_varint(call, &left, &group->n_moved);
-    failed = failed ? failed : reel_take_varint(call, &left, &group->n_moves);
-    bool is_sound = group->n_moved <= group->n_moves && group->moved_by > 0.0F &&
-                    group->moved_by < MOST_STEP;
+    int failed =
+        reel_read_bytes(call, &left, &group->correction_step, sizeof group->correction_step);
+    failed = failed ? failed : reel_read_varint(call, &left, &group->n_corrected);
+    failed = failed ? failed : reel_read_varint(call, &left, &group->n_corrections);
+    bool is_sound = group->n_corrected <= group->n_corrections && group->correction_step > 0.0F &&
+                    group->correction_step < MAX_STEP;
     group->moves = left;
     return failed || is_sound ? failed
                               : reel_corrupt(call, at,
                                              "corrections have a step or counts that cannot be");
 }
 
-static int read_values(reel_call *call, bool is_grid, reel_stretch left, reel_group *group) {
+static int read_values(reel_call *call, bool is_grid, reel_range left, reel_group *group) {
     if (!left.at) {
         return reel_corrupt(call, REEL_UNKNOWN, "a block has no section VALUES");
     }
     uint64_t at = left.at;
-    int failed = is_grid ? reel_take_bytes(call, &left, &group->grid, sizeof group->grid)
-                         : MESHREEL_OK;
+    int failed =
+        is_grid ? reel_read_bytes(call, &left, &group->grid, sizeof group->grid) : MESHREEL_OK;
     group->values = left;
     bool is_sound = group->grid >= 0.0 && group->grid <= 1.0;
     return failed || is_sound ? failed
@@ -210,7 +211,7 @@ static int read_values(reel_call *call, bool is_grid, reel_stretch left, reel_gr
 int reel_read_group(reel_call *call, const reel_outline *outline, const reel_track *track,
                     uint32_t number, uint64_t block, bool is_checked, reel_group *group) {
     payloads all;
-    reel_stretch bytes = reel_group_bytes(outline, block, number);
+    reel_range bytes = reel_group_bytes(outline, block, number);
     *group = (reel_group){0};
     int failed = find_payloads(call, bytes, number ? REEL_TRACK_BLOCK : REEL_BLOCK, is_checked, &all);
     failed = failed ? failed : read_counts(call, &all, number, track,
@@ -218,7 +219,7 @@ int reel_read_group(reel_call *call, const reel_outline *outline, const reel_tra
     if (failed) {
         return failed;
     }
-    if (track->shown.is_exact || track->shown.coding == REEL_EXACT) {
+    if (track->info.is_exact || track->info.coding == REEL_EXACT) {
         bool is_grid = !number && outline->method == REEL_METHOD_GRID;
         return read_values(call, is_grid, *payload(&all, REEL_VALUES), group);
     }
@@ -226,7 +227,7 @@ int reel_read_group(reel_call *call, const reel_outline *outline, const reel_tra
     failed = failed ? failed : read_corrections(call, *payload(&all, REEL_CORRECTIONS), group);
     group->basis = *payload(&all, REEL_BASIS);
     group->coefficients = *payload(&all, REEL_COEFFICIENTS);
-    group->missing = number ? *payload(&all, REEL_MISSING) : (reel_stretch){0, 0};
+    group->missing = number ? *payload(&all, REEL_MISSING) : (reel_range){0, 0};
     bool has_all = failed || (group->basis.at && group->coefficients.at);
     return has_all ? failed : reel_corrupt(call, bytes.at, "a block has no BASIS or COEFFICIENTS");
 }
@@ -237,15 +238,15 @@ int reel_read_paper_group(reel_call *call, const reel_outline *outline, uint64_t
     *group = (reel_group){0};
     int failed = find_payloads(call, reel_group_bytes(outline, block, 0), REEL_BLOCK, is_checked,
                                &all);
-    reel_stretch left = *payload(&all, REEL_BLOCK);
-    failed = failed ? failed : reel_take_varint(call, &left, &group->n_frames);
-    return failed ? failed : reel_take_varint(call, &left, &group->n_modes);
+    reel_range left = *payload(&all, REEL_BLOCK);
+    failed = failed ? failed : reel_read_varint(call, &left, &group->n_frames);
+    return failed ? failed : reel_read_varint(call, &left, &group->n_modes);
 }
 
 /* ---- corrections ---- */
 
 #define N_TABLES 4
-#define MOST_ROWS (3 + 256)
+#define MAX_ROWS (3 + 256)
 
 /* The rows of integers, as they are coded. */
 typedef struct {
@@ -256,9 +257,9 @@ typedef struct {
 
 static int read_rows(reel_call *call, const reel_group *group, uint32_t n_columns,
                      coded_moves *found) {
-    int64_t n = (int64_t)group->n_moved, all = (int64_t)group->n_moves;
-    int64_t lengths[MOST_ROWS] = {n, n, all};
-    int32_t tables[MOST_ROWS] = {0, 1, 2}, *values;
+    int64_t n = (int64_t)group->n_corrected, all = (int64_t)group->n_corrections;
+    int64_t lengths[MAX_ROWS] = {n, n, all};
+    int32_t tables[MAX_ROWS] = {0, 1, 2}, *values;
     for (uint32_t i = 0; i < n_columns; i++) {
         lengths[3 + i] = all;
         tables[3 + i] = 3;
@@ -301,7 +302,7 @@ static bool find_runs(const coded_moves *coded, const int32_t *inverse, int64_t 
 
 /* Puts the corrections of a run at the next places of their frames. */
 static void place_run(const coded_moves *coded, int64_t begin, int64_t end, int32_t item,
-                      double step, int64_t *offsets, int64_t *next, const reel_moves *found) {
+                      double step, int64_t *offsets, int64_t *next, const reel_corrections *found) {
     int64_t frame = 0;
     uint32_t n_columns = coded->n_columns;
     for (int64_t i = begin; i < end; i++) {
@@ -317,20 +318,22 @@ static void place_run(const coded_moves *coded, int64_t begin, int64_t end, int3
     }
 }
 
-int reel_read_moves(reel_call *call, reel_pool *pool, const reel_group *group, uint32_t n_columns,
-                    uint64_t n_items, const int32_t *inverse, reel_moves *found) {
+int reel_read_corrections(reel_call *call, reel_pool *pool, const reel_group *group,
+                          uint32_t n_columns, uint64_t n_items, const int32_t *inverse,
+                          reel_corrections *found) {
     coded_moves coded;
-    *found = (reel_moves){NULL, NULL, NULL};
+    *found = (reel_corrections){NULL, NULL, NULL};
     if (!group->moves.at) {
         return MESHREEL_OK;
     }
     const reel_chunk *mark = call->scratch.last;
     int failed = read_rows(call, group, n_columns, &coded);
     uint64_t n_frames = group->n_frames;
-    int64_t *starts = found->starts = reel_keep(call, pool, n_frames + 1, sizeof *starts);
-    found->items = reel_keep(call, pool, group->n_moves, sizeof *found->items);
-    found->moves = reel_keep(call, pool, group->n_moves, n_columns * sizeof *found->moves);
-    int64_t *begins = reel_scratch(call, group->n_moved + 1, sizeof *begins);
+    int64_t *starts = found->starts = reel_pool_allocate(call, pool, n_frames + 1, sizeof *starts);
+    found->items = reel_pool_allocate(call, pool, group->n_corrections, sizeof *found->items);
+    found->moves =
+        reel_pool_allocate(call, pool, group->n_corrections, n_columns * sizeof *found->moves);
+    int64_t *begins = reel_scratch(call, group->n_corrected + 1, sizeof *begins);
     int32_t *run_of = reel_scratch(call, n_items, sizeof *run_of);
     if (failed || !starts || !found->items || !found->moves || !begins || !run_of) {
         return call->error.code;
@@ -347,7 +350,7 @@ int reel_read_moves(reel_call *call, reel_pool *pool, const reel_group *group, u
         if (run_of[i] >= 0) {
             int64_t offsets[256];
             place_run(&coded, begins[run_of[i]], begins[run_of[i] + 1], (int32_t)i,
-                      (double)group->moved_by, offsets, starts, found);
+                      (double)group->correction_step, offsets, starts, found);
         }
     }
     for (uint64_t t = n_frames; t > 0; t--) { /* each has moved to where the next begins */

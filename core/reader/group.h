@@ -15,16 +15,16 @@ typedef struct {
     float finer;
     /* Runs of resting times: how many, their integers, and the bits of their steps. */
     uint64_t n_rests, rest_bits;
-    reel_stretch rests;
+    reel_range rests;
     bool has_cosines; /* BASIS holds coefficients of a cosine transform over time */
-    reel_stretch basis, coefficients;
+    reel_range basis, coefficients;
     /* Corrections: their step, how many items have some, how many there are; and the integers. */
-    float moved_by;
-    uint64_t n_moved, n_moves;
-    reel_stretch moves;
+    float correction_step;
+    uint64_t n_corrected, n_corrections;
+    reel_range moves;
     /* Exact values: the step of a grid of positions, 0 without one; and the bits. */
     double grid;
-    reel_stretch values, missing;
+    reel_range values, missing;
 } reel_group;
 
 /* Reads what the sections of track `number` of a block say of themselves, and where `is_checked`
@@ -46,10 +46,11 @@ typedef struct {
     int64_t *starts;
     int32_t *items;
     double *moves;
-} reel_moves;
+} reel_corrections;
 
 /* Reads them to memory of `pool`. `inverse` is the number of each item as it goes out, or NULL. */
-int reel_read_moves(reel_call *call, reel_pool *pool, const reel_group *group, uint32_t n_columns,
-                    uint64_t n_items, const int32_t *inverse, reel_moves *found);
+int reel_read_corrections(reel_call *call, reel_pool *pool, const reel_group *group,
+                          uint32_t n_columns, uint64_t n_items, const int32_t *inverse,
+                          reel_corrections *found);
 
 #endif

@@ -86,11 +86,11 @@ static int find_edges(reel_call *call, const reel_faces *faces, uint32_t **edges
 }
 
 int reel_read_hard_edges(reel_call *call, reel_pool *pool, const reel_faces *faces,
-                         reel_stretch payload, meshreel_surface *surface) {
-    reel_stretch left = payload;
+                         reel_range payload, meshreel_surface *surface) {
+    reel_range left = payload;
     uint32_t *edges = NULL;
     uint64_t n_hard, n_edges = 0;
-    int failed = reel_take_varint(call, &left, &n_hard);
+    int failed = reel_read_varint(call, &left, &n_hard);
     failed = failed ? failed : find_edges(call, faces, &edges, &n_edges);
     if (failed) {
         return failed;
@@ -102,7 +102,7 @@ int reel_read_hard_edges(reel_call *call, reel_pool *pool, const reel_faces *fac
     int64_t length = (int64_t)n_hard, number = -1;
     int32_t row = 0, *between;
     failed = reel_decode_rows(call, left, &length, &row, 1, 1, &between);
-    uint32_t *hard = reel_keep(call, pool, 2 * n_hard, sizeof *hard);
+    uint32_t *hard = reel_pool_allocate(call, pool, 2 * n_hard, sizeof *hard);
     if (failed || !hard) {
         return call->error.code;
     }

@@ -7,6 +7,6 @@
 
 /* Decodes the pairs of vertices of hard edges to memory of `pool`. */
 int reel_read_hard_edges(reel_call *call, reel_pool *pool, const reel_faces *faces,
-                         reel_stretch payload, meshreel_surface *surface);
+                         reel_range payload, meshreel_surface *surface);
 
 #endif

@@ -16,7 +16,7 @@ static int find_fans(reel_call *call, reel_pool *pool, const reel_outline *outli
                      const uint32_t *face_sizes, fans *found) {
     *found = (fans){.n_polygons = outline->n_polygons, .n_corners = outline->n_corners};
     found->corners = reel_scratch(call, 3 * outline->n_faces, sizeof *found->corners);
-    found->polygons = reel_keep(call, pool, outline->n_faces, sizeof *found->polygons);
+    found->polygons = reel_pool_allocate(call, pool, outline->n_faces, sizeof *found->polygons);
     if (!found->corners || !found->polygons) {
         return call->error.code;
     }
@@ -86,9 +86,9 @@ static int read_rows(reel_call *call, reel_pool *pool, const reel_outline *outli
                      const reel_track *track, const int32_t *vertices, const int32_t *sequence,
                      corner_rows *rows) {
     uint64_t n_codes, n_verts = outline->n_verts, n_corners = outline->n_corners;
-    reel_stretch left = track->rows;
+    reel_range left = track->rows;
     int32_t *starts, *listed, *has_seam;
-    int failed = reel_take_varint(call, &left, &n_codes);
+    int failed = reel_read_varint(call, &left, &n_codes);
     if (!failed && n_codes > n_corners) {
         return damaged_rows(call, track, "more corners have a row of their own than there are");
     }
@@ -97,7 +97,7 @@ static int read_rows(reel_call *call, reel_pool *pool, const reel_outline *outli
     failed = failed ? failed : reel_decode_rows(call, left, lengths, tables, 2, 2, &has_seam);
     failed = failed ? failed
                     : list_corners(call, vertices, sequence, n_corners, n_verts, &starts, &listed);
-    rows->of_corners = reel_keep(call, pool, n_corners, sizeof *rows->of_corners);
+    rows->of_corners = reel_pool_allocate(call, pool, n_corners, sizeof *rows->of_corners);
     rows->n_rows = n_verts;
     if (failed || !rows->of_corners) {
         return call->error.code; /* of the later failure, if there were two */
@@ -130,7 +130,7 @@ static int read_rows(reel_call *call, reel_pool *pool, const reel_outline *outli
 static int find_row_vertices(reel_call *call, reel_pool *pool, const corner_rows *rows,
                              const reel_mesh_data *mesh, uint64_t n_verts, uint64_t n_corners,
                              const int32_t *vertices, const int32_t **found) {
-    int32_t *own = reel_keep(call, pool, rows->n_rows, sizeof *own);
+    int32_t *own = reel_pool_allocate(call, pool, rows->n_rows, sizeof *own);
     *found = own;
     if (!own) {
         return call->error.code;
@@ -216,7 +216,7 @@ static int find_graph(reel_call *call, reel_pool *pool, const reel_outline *outl
 int reel_find_items(reel_call *call, reel_pool *pool, const reel_outline *outline,
                     const reel_mesh_data *mesh, const uint32_t *face_sizes, const reel_track *track,
                     reel_items *items) {
-    uint32_t domain = track->shown.domain;
+    uint32_t domain = track->info.domain;
     *items = (reel_items){.graph = mesh->graph, .order = mesh->sequence, .inverse = mesh->outward};
     if (REEL_ONLY_POSITIONS || domain == MESHREEL_VERTICES) {
         return MESHREEL_OK;
@@ -226,7 +226,7 @@ int reel_find_items(reel_call *call, reel_pool *pool, const reel_outline *outlin
     corner_rows rows = {NULL, 0};
     int failed = find_fans(call, pool, outline, face_sizes, &of);
     if (!failed && domain == MESHREEL_CORNERS) {
-        vertices = reel_keep(call, pool, of.n_corners, sizeof *vertices);
+        vertices = reel_pool_allocate(call, pool, of.n_corners, sizeof *vertices);
         if (!vertices) {
             return call->error.code;
         }

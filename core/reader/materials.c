@@ -6,7 +6,7 @@
 #define TEXTURE_NUMBERS 5
 #define DOUBLE_SIDED 4U
 #define UNLIT 8U
-#define MOST_FLAGS 15U
+#define MAX_FLAGS 15U
 #define LAST_ALPHA_MODE 2U
 #define LAST_WRAP 4U
 #define LAST_MAGNIFIED 2U
@@ -15,16 +15,16 @@
 #define RGBA 15U
 
 /* Replaces those of `count` numbers that are not as by default. */
-static int read_numbers(reel_call *call, reel_stretch *left, unsigned count, double *numbers) {
+static int read_numbers(reel_call *call, reel_range *left, unsigned count, double *numbers) {
     uint64_t at = left->at, present;
-    int failed = reel_take_varint(call, left, &present);
+    int failed = reel_read_varint(call, left, &present);
     if (!failed && present >> count) {
         return reel_corrupt(call, at, "a material sets numbers that are unknown");
     }
     for (unsigned i = 0; !failed && i < count; i++) {
         if (present >> i & 1U) {
             at = left->at;
-            failed = reel_take_bytes(call, left, &numbers[i], sizeof numbers[i]);
+            failed = reel_read_bytes(call, left, &numbers[i], sizeof numbers[i]);
             if (!failed && !reel_is_finite(numbers[i])) {
                 return reel_corrupt(call, at, "a number of a material is not finite");
             }
@@ -43,11 +43,10 @@ static bool fits_slot(unsigned slot, uint8_t channels) {
 }
 
 /* Channels, wrap modes and filters. */
-static int read_choices(reel_call *call, reel_stretch *left, unsigned slot,
-                        meshreel_texture *found) {
+static int read_choices(reel_call *call, reel_range *left, unsigned slot, meshreel_texture *found) {
     uint64_t at = left->at;
     uint8_t bytes[3];
-    int failed = reel_take_bytes(call, left, bytes, sizeof bytes);
+    int failed = reel_read_bytes(call, left, bytes, sizeof bytes);
     if (failed) {
         return failed;
     }
@@ -68,15 +67,15 @@ static int read_choices(reel_call *call, reel_stretch *left, unsigned slot,
     return MESHREEL_OK;
 }
 
-static int read_texture(reel_call *call, reel_pool *pool, reel_stretch *left, uint32_t n_images,
+static int read_texture(reel_call *call, reel_pool *pool, reel_range *left, uint32_t n_images,
                         unsigned slot, meshreel_texture *found) {
     uint64_t at = left->at, image;
     double numbers[TEXTURE_NUMBERS] = {0.0, 0.0, 0.0, 1.0, 1.0};
-    int failed = reel_take_varint(call, left, &image);
+    int failed = reel_read_varint(call, left, &image);
     if (!failed && image >= n_images) {
         return reel_corrupt(call, at, "a texture shows an image that does not exist");
     }
-    failed = failed ? failed : reel_take_text(call, pool, left, &found->uv);
+    failed = failed ? failed : reel_read_text(call, pool, left, &found->uv);
     failed = failed ? failed : read_choices(call, left, slot, found);
     failed = failed ? failed : read_numbers(call, left, TEXTURE_NUMBERS, numbers);
     if (failed) {
@@ -89,11 +88,11 @@ static int read_texture(reel_call *call, reel_pool *pool, reel_stretch *left, ui
     return MESHREEL_OK;
 }
 
-static int read_textures(reel_call *call, reel_pool *pool, reel_stretch *left, uint32_t n_images,
+static int read_textures(reel_call *call, reel_pool *pool, reel_range *left, uint32_t n_images,
                          meshreel_material *found) {
     uint64_t at = left->at;
     uint8_t slots;
-    int failed = reel_take_bytes(call, left, &slots, 1);
+    int failed = reel_read_bytes(call, left, &slots, 1);
     if (!failed && slots >> MESHREEL_SLOTS) {
         return reel_corrupt(call, at, "a material has textures in unknown slots");
     }
@@ -110,22 +109,22 @@ static int read_textures(reel_call *call, reel_pool *pool, reel_stretch *left, u
 
 /* ---- materials ---- */
 
-static int read_flags(reel_call *call, reel_stretch *left, meshreel_material *found) {
+static int read_flags(reel_call *call, reel_range *left, meshreel_material *found) {
     uint64_t at = left->at;
     uint8_t flags;
-    int failed = reel_take_bytes(call, left, &flags, 1);
+    int failed = reel_read_bytes(call, left, &flags, 1);
     if (failed) {
         return failed;
     }
     found->alpha_mode = flags & 3U;
     found->is_double_sided = (flags & DOUBLE_SIDED) != 0;
     found->is_unlit = (flags & UNLIT) != 0;
-    return flags <= MOST_FLAGS && found->alpha_mode <= LAST_ALPHA_MODE
+    return flags <= MAX_FLAGS && found->alpha_mode <= LAST_ALPHA_MODE
                ? MESHREEL_OK
                : reel_corrupt(call, at, "the flags or the alpha mode of a material are unknown");
 }
 
-static int read_looks(reel_call *call, reel_stretch *left, meshreel_material *found) {
+static int read_looks(reel_call *call, reel_range *left, meshreel_material *found) {
     double numbers[MATERIAL_NUMBERS] = {1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.5};
     int failed = read_numbers(call, left, MATERIAL_NUMBERS, numbers);
     reel_copy(found->base_color, numbers, sizeof found->base_color);
@@ -138,11 +137,11 @@ static int read_looks(reel_call *call, reel_stretch *left, meshreel_material *fo
     return failed;
 }
 
-int reel_read_material(reel_call *call, reel_pool *pool, reel_stretch payload, uint32_t n_images,
+int reel_read_material(reel_call *call, reel_pool *pool, reel_range payload, uint32_t n_images,
                        meshreel_material *found) {
-    reel_stretch left = payload;
+    reel_range left = payload;
     *found = (meshreel_material){0};
-    int failed = reel_take_text(call, pool, &left, &found->name);
+    int failed = reel_read_text(call, pool, &left, &found->name);
     failed = failed ? failed : read_flags(call, &left, found);
     failed = failed ? failed : read_looks(call, &left, found);
     failed = failed ? failed : read_textures(call, pool, &left, n_images, found);
@@ -152,11 +151,11 @@ int reel_read_material(reel_call *call, reel_pool *pool, reel_stretch payload, u
 
 /* ---- images ---- */
 
-int reel_read_image(reel_call *call, reel_pool *pool, reel_stretch payload, meshreel_image *found) {
-    reel_stretch left = payload;
+int reel_read_image(reel_call *call, reel_pool *pool, reel_range payload, meshreel_image *found) {
+    reel_range left = payload;
     *found = (meshreel_image){0};
-    int failed = reel_take_text(call, pool, &left, &found->name);
-    failed = failed ? failed : reel_take_text(call, pool, &left, &found->media_type);
+    int failed = reel_read_text(call, pool, &left, &found->name);
+    failed = failed ? failed : reel_read_text(call, pool, &left, &found->media_type);
     found->offset = left.at;
     found->size = left.length;
     return failed;

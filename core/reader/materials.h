@@ -6,10 +6,10 @@
 #include "source.h"
 
 /* Decodes a section MATERIAL of a file with n_images images. */
-int reel_read_material(reel_call *call, reel_pool *pool, reel_stretch payload, uint32_t n_images,
+int reel_read_material(reel_call *call, reel_pool *pool, reel_range payload, uint32_t n_images,
                        meshreel_material *found);
 
 /* Decodes a section IMAGE. */
-int reel_read_image(reel_call *call, reel_pool *pool, reel_stretch payload, meshreel_image *found);
+int reel_read_image(reel_call *call, reel_pool *pool, reel_range payload, meshreel_image *found);
 
 #endif

@@ -7,8 +7,8 @@
 
 int reel_find_neighbors(reel_call *call, reel_pool *pool, const int32_t *faces, uint64_t n_faces,
                         uint32_t n_items, reel_graph *graph) {
-    int32_t *starts = reel_keep(call, pool, (uint64_t)n_items + 1, sizeof *starts);
-    int32_t *near = reel_keep(call, pool, 6 * n_faces, sizeof *near);
+    int32_t *starts = reel_pool_allocate(call, pool, (uint64_t)n_items + 1, sizeof *starts);
+    int32_t *near = reel_pool_allocate(call, pool, 6 * n_faces, sizeof *near);
     const reel_chunk *mark = call->scratch.last;
     size_t needed = reel_adjacency_memory(n_items, (int64_t)n_faces);
     void *memory = reel_scratch(call, needed, 1);
@@ -38,12 +38,12 @@ int reel_find_twins(reel_call *call, const int32_t *faces, uint64_t n_faces, uin
 int reel_read_connectivity(reel_call *call, reel_pool *pool, const reel_outline *outline,
                            reel_mesh_data *mesh) {
     int64_t n_verts = (int64_t)outline->n_verts, n_faces = (int64_t)outline->n_faces;
-    reel_stretch coded;
+    reel_range coded;
     int failed = reel_only_section(call, outline, REEL_CONNECTIVITY, &coded);
     if (failed) {
         return failed;
     }
-    mesh->internal_faces = reel_keep(call, pool, 3 * outline->n_faces, sizeof(int32_t));
+    mesh->internal_faces = reel_pool_allocate(call, pool, 3 * outline->n_faces, sizeof(int32_t));
     const reel_chunk *mark = call->scratch.last;
     size_t needed = reel_connectivity_decode_memory(n_verts, n_faces);
     void *memory = reel_scratch(call, needed, 1);
@@ -78,7 +78,7 @@ struct reel_order_job {
 };
 
 static int view_order(reel_call *call, const reel_outline *outline, reel_order_job *job) {
-    reel_stretch coded = {0, 0};
+    reel_range coded = {0, 0};
     if (outline->order == REEL_ORDER_DROPPED) {
         return MESHREEL_OK;
     }
@@ -106,9 +106,9 @@ int reel_prepare_order(reel_call *call, reel_pool *pool, const reel_outline *out
                        reel_mesh_data *mesh, reel_order_job **found) {
     int64_t n_verts = (int64_t)outline->n_verts, n_faces = (int64_t)outline->n_faces;
     reel_order_job *job = reel_scratch(call, 1, sizeof *job);
-    mesh->sequence = reel_keep(call, pool, outline->n_verts, sizeof(int32_t));
-    mesh->outward = reel_keep(call, pool, outline->n_verts, sizeof(int32_t));
-    mesh->triangles = reel_keep(call, pool, 3 * outline->n_faces, sizeof(uint32_t));
+    mesh->sequence = reel_pool_allocate(call, pool, outline->n_verts, sizeof(int32_t));
+    mesh->outward = reel_pool_allocate(call, pool, outline->n_verts, sizeof(int32_t));
+    mesh->triangles = reel_pool_allocate(call, pool, 3 * outline->n_faces, sizeof(uint32_t));
     if (!job || !mesh->sequence || !mesh->outward || !mesh->triangles) {
         return call->error.code;
     }

@@ -3,7 +3,7 @@
 #include "polygons.h"
 
 /* Finds the section POLYGONS, and how many there are; more than one are refused. */
-static int find_section(reel_call *call, const reel_outline *outline, reel_stretch *payload,
+static int find_section(reel_call *call, const reel_outline *outline, reel_range *payload,
                         uint32_t *n_found) {
     *n_found = 0;
     for (uint32_t i = 0; i < outline->n_leading; i++) {
@@ -31,7 +31,7 @@ static bool fits_triangles(const reel_outline *outline, const int32_t *above) {
 
 int reel_read_face_sizes(reel_call *call, reel_pool *pool, const reel_outline *outline,
                          const uint32_t **face_sizes) {
-    reel_stretch payload, left;
+    reel_range payload, left;
     uint32_t n_found;
     uint64_t n_polygons;
     *face_sizes = NULL;
@@ -40,7 +40,7 @@ int reel_read_face_sizes(reel_call *call, reel_pool *pool, const reel_outline *o
         return failed;
     }
     left = payload;
-    failed = reel_take_varint(call, &left, &n_polygons);
+    failed = reel_read_varint(call, &left, &n_polygons);
     if (failed) {
         return failed;
     }
@@ -60,7 +60,7 @@ int reel_read_face_sizes(reel_call *call, reel_pool *pool, const reel_outline *o
                          "the corners of polygons do not fit the number of triangles");
     }
     if (n_polygons < outline->n_faces) { /* else all are triangles */
-        uint32_t *sizes = reel_keep(call, pool, n_polygons, sizeof *sizes);
+        uint32_t *sizes = reel_pool_allocate(call, pool, n_polygons, sizeof *sizes);
         if (!sizes) {
             return call->error.code;
         }

@@ -2,7 +2,7 @@
 
 #include "source.h"
 
-#define MOST_VARINT 9
+#define MAX_VARINT_BYTES 9
 #define PIECE 4096
 #define LARGEST 0x1.fffffffffffffp1023
 
@@ -32,7 +32,7 @@ int reel_read(reel_call *call, uint64_t at, void *to, size_t size) {
     return MESHREEL_OK;
 }
 
-int reel_announce(reel_call *call, reel_stretch stretch) {
+int reel_announce(reel_call *call, reel_range stretch) {
     const meshreel_source *source = call->source;
     if (source->bytes || !source->announce ||
         !source->announce(source->user, stretch.at, stretch.length)) {
@@ -43,7 +43,7 @@ int reel_announce(reel_call *call, reel_stretch stretch) {
     return MESHREEL_UNREADABLE;
 }
 
-int reel_view(reel_call *call, reel_stretch stretch, const uint8_t **found) {
+int reel_view(reel_call *call, reel_range stretch, const uint8_t **found) {
     const meshreel_source *source = call->source;
     if (stretch.at > source->size || stretch.length > source->size - stretch.at) {
         return truncated(call, source->size);
@@ -73,7 +73,7 @@ static uint32_t checksum(uint32_t sum, const uint8_t *bytes, size_t size) {
     return sum;
 }
 
-int reel_check(reel_call *call, uint64_t at, uint64_t length) {
+int reel_check_crc(reel_call *call, uint64_t at, uint64_t length) {
     uint8_t piece[PIECE];
     uint32_t sum = ~0U, stored;
     for (uint64_t done = 0; done < length;) {
@@ -94,31 +94,31 @@ int reel_check(reel_call *call, uint64_t at, uint64_t length) {
                : reel_fail(call, MESHREEL_CORRUPT, at, "a checksum does not match; get the file again");
 }
 
-int reel_take_bytes(reel_call *call, reel_stretch *left, void *to, size_t size) {
+int reel_read_bytes(reel_call *call, reel_range *left, void *to, size_t size) {
     if (left->length < size) {
         return reel_fail(call, MESHREEL_TRUNCATED, left->at, "a section ends inside a number");
     }
     int failed = reel_read(call, left->at, to, size);
-    *left = (reel_stretch){left->at + size, left->length - size};
+    *left = (reel_range){left->at + size, left->length - size};
     return failed;
 }
 
-int reel_take_varint(reel_call *call, reel_stretch *left, uint64_t *value) {
-    uint8_t bytes[MOST_VARINT];
-    size_t size = left->length < MOST_VARINT ? (size_t)left->length : MOST_VARINT;
+int reel_read_varint(reel_call *call, reel_range *left, uint64_t *value) {
+    uint8_t bytes[MAX_VARINT_BYTES];
+    size_t size = left->length < MAX_VARINT_BYTES ? (size_t)left->length : MAX_VARINT_BYTES;
     int failed = reel_read(call, left->at, bytes, size);
     *value = 0;
     for (size_t i = 0; i < size && !failed; i++) {
         *value |= (uint64_t)(bytes[i] & 0x7FU) << (7 * i);
         if (bytes[i] < 0x80U) {
-            *left = (reel_stretch){left->at + i + 1, left->length - i - 1};
+            *left = (reel_range){left->at + i + 1, left->length - i - 1};
             return MESHREEL_OK;
         }
     }
     if (failed) {
         return failed;
     }
-    return size < MOST_VARINT
+    return size < MAX_VARINT_BYTES
                ? reel_fail(call, MESHREEL_TRUNCATED, left->at, "a section ends inside an integer")
                : reel_fail(call, MESHREEL_CORRUPT, left->at, "an integer has more than 9 bytes");
 }
@@ -142,20 +142,20 @@ static size_t character(const uint8_t *bytes, size_t size) {
     return is_overlong || is_surrogate || is_beyond ? 0 : length;
 }
 
-int reel_take_text(reel_call *call, reel_pool *pool, reel_stretch *left, meshreel_text *text) {
+int reel_read_text(reel_call *call, reel_pool *pool, reel_range *left, meshreel_text *text) {
     uint64_t size;
-    int failed = reel_take_varint(call, left, &size);
-    return failed ? failed : reel_take_text_of(call, pool, left, size, text);
+    int failed = reel_read_varint(call, left, &size);
+    return failed ? failed : reel_read_text_bytes(call, pool, left, size, text);
 }
 
-int reel_take_text_of(reel_call *call, reel_pool *pool, reel_stretch *left, uint64_t size,
-                      meshreel_text *text) {
+int reel_read_text_bytes(reel_call *call, reel_pool *pool, reel_range *left, uint64_t size,
+                         meshreel_text *text) {
     if (size > left->length) {
         return reel_fail(call, MESHREEL_TRUNCATED, left->at, "a section ends inside a text");
     }
-    char *bytes = reel_keep(call, pool, size, 1);
+    char *bytes = reel_pool_allocate(call, pool, size, 1);
     uint64_t at = left->at;
-    int failed = bytes ? reel_take_bytes(call, left, bytes, (size_t)size) : call->error.code;
+    int failed = bytes ? reel_read_bytes(call, left, bytes, (size_t)size) : call->error.code;
     *text = (meshreel_text){bytes, (size_t)size};
     for (size_t i = 0; i < size && !failed;) {
         size_t length = character((const uint8_t *)bytes + i, (size_t)size - i);
@@ -166,9 +166,11 @@ int reel_take_text_of(reel_call *call, reel_pool *pool, reel_stretch *left, uint
     return failed;
 }
 
-bool reel_ends(const uint8_t *bytes, uint64_t length) { return !length || bytes[length - 1]; }
+bool reel_is_stripped(const uint8_t *bytes, uint64_t length) {
+    return !length || bytes[length - 1];
+}
 
-int reel_decode_rows(reel_call *call, reel_stretch coded, const int64_t *lengths,
+int reel_decode_rows(reel_call *call, reel_range coded, const int64_t *lengths,
                      const int32_t *tables, int64_t n_rows, int64_t n_tables, int32_t **values) {
     uint64_t count = 0;
     for (int64_t i = 0; i < n_rows; i++) {
@@ -186,7 +188,7 @@ int reel_decode_rows(reel_call *call, reel_stretch coded, const int64_t *lengths
     if (failed) {
         return failed;
     }
-    if (!reel_ends(bytes, coded.length)) {
+    if (!reel_is_stripped(bytes, coded.length)) {
         return reel_fail(call, MESHREEL_CORRUPT, coded.at + coded.length - 1,
                          "integers end with a byte of 0");
     }
@@ -201,10 +203,10 @@ int reel_section_at(reel_call *call, uint64_t at, uint64_t limit, reel_section *
     if (at >= limit) {
         return truncated(call, at);
     }
-    reel_stretch left = {at, limit - at};
+    reel_range left = {at, limit - at};
     uint64_t length;
-    int failed = reel_take_bytes(call, &left, &id, 1);
-    failed = failed ? failed : reel_take_varint(call, &left, &length);
+    int failed = reel_read_bytes(call, &left, &id, 1);
+    failed = failed ? failed : reel_read_varint(call, &left, &length);
     if (failed) {
         return failed;
     }
@@ -223,7 +225,7 @@ bool reel_is_known(uint32_t id) {
 
 int reel_section_check(reel_call *call, const reel_section *section) {
     uint64_t length = section->payload.at + section->payload.length - section->at;
-    int failed = reel_check(call, section->at, length);
+    int failed = reel_check_crc(call, section->at, length);
     if (failed) {
         return failed;
     }

@@ -5,8 +5,9 @@
 
 #include "call.h"
 
-#define REEL_MOST_BYTES ((uint64_t)1 << 40) /* of a file; so that no product of sizes overflows */
-#define REEL_MOST_NUMBERS ((uint64_t)1 << 48) /* of a block, for the same reason */
+/* Of a file; so that no product of sizes overflows. */
+#define REEL_MAX_FILE_BYTES ((uint64_t)1 << 40)
+#define REEL_MAX_NUMBERS ((uint64_t)1 << 48) /* of a block, for the same reason */
 #define REEL_OPTIONAL 0x80U
 
 enum reel_section_id {
@@ -40,12 +41,12 @@ enum reel_section_id {
 /* Bytes of a file that are still to be read. */
 typedef struct {
     uint64_t at, length;
-} reel_stretch;
+} reel_range;
 
 typedef struct {
     uint32_t id;
     uint64_t at;          /* the byte at which it begins */
-    reel_stretch payload; /* its checksum follows */
+    reel_range payload;   /* its checksum follows */
     uint64_t end;         /* the byte behind the checksum */
 } reel_section;
 
@@ -53,27 +54,27 @@ typedef struct {
 int reel_read(reel_call *call, uint64_t at, void *to, size_t size);
 
 /* Tells the host that a range is going to be read. */
-int reel_announce(reel_call *call, reel_stretch stretch);
+int reel_announce(reel_call *call, reel_range stretch);
 
 /* Bytes of the file: where they are in memory, or a copy in scratch memory. */
-int reel_view(reel_call *call, reel_stretch stretch, const uint8_t **found);
+int reel_view(reel_call *call, reel_range stretch, const uint8_t **found);
 
 /* Whether the CRC-32 of bytes of the file is behind them. */
-int reel_check(reel_call *call, uint64_t at, uint64_t length);
+int reel_check_crc(reel_call *call, uint64_t at, uint64_t length);
 
 /* Takes numbers from the front of a stretch. */
-int reel_take_bytes(reel_call *call, reel_stretch *left, void *to, size_t size);
-int reel_take_varint(reel_call *call, reel_stretch *left, uint64_t *value);
+int reel_read_bytes(reel_call *call, reel_range *left, void *to, size_t size);
+int reel_read_varint(reel_call *call, reel_range *left, uint64_t *value);
 
 /* Takes a text, which is UTF-8, from the front of a stretch, to memory of `pool`: its length and its
    bytes; or bytes of a given length. */
-int reel_take_text(reel_call *call, reel_pool *pool, reel_stretch *left, meshreel_text *text);
-int reel_take_text_of(reel_call *call, reel_pool *pool, reel_stretch *left, uint64_t size,
-                      meshreel_text *text);
+int reel_read_text(reel_call *call, reel_pool *pool, reel_range *left, meshreel_text *text);
+int reel_read_text_bytes(reel_call *call, reel_pool *pool, reel_range *left, uint64_t size,
+                         meshreel_text *text);
 
 /* Decodes rows of integers that fill a stretch to its end, "Integers" in docs/format.md, into
    scratch memory. Row i has lengths[i] integers and uses table tables[i] of n_tables. */
-int reel_decode_rows(reel_call *call, reel_stretch coded, const int64_t *lengths,
+int reel_decode_rows(reel_call *call, reel_range coded, const int64_t *lengths,
                      const int32_t *tables, int64_t n_rows, int64_t n_tables, int32_t **values);
 
 /* The section at a byte of the file, which ends before `limit`. */
@@ -86,7 +87,7 @@ int reel_section_check(reel_call *call, const reel_section *section);
 bool reel_is_known(uint32_t id);
 
 /* Whether a bit stream ends as it should: with a byte that is not 0, or empty. */
-bool reel_ends(const uint8_t *bytes, uint64_t length);
+bool reel_is_stripped(const uint8_t *bytes, uint64_t length);
 
 bool reel_is_finite(double number);
 

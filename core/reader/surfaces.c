@@ -9,19 +9,19 @@
 
 #define LABEL_BYTES 1 /* at least, of its length */
 #define PART_BYTES 3
-#define MOST_ITEMS INT32_MAX
+#define MAX_ITEMS INT32_MAX
 
 /* Takes the number of items that follow, each of at least `bytes_each` bytes. */
-static int take_count(reel_call *call, reel_stretch *left, uint64_t bytes_each, uint32_t *count) {
+static int take_count(reel_call *call, reel_range *left, uint64_t bytes_each, uint32_t *count) {
     uint64_t at = left->at, found;
-    int failed = reel_take_varint(call, left, &found);
+    int failed = reel_read_varint(call, left, &found);
     if (failed) {
         return failed;
     }
     if (found > left->length / bytes_each) {
         return reel_corrupt(call, at, "more labels or parts are announced than the section holds");
     }
-    if (found > MOST_ITEMS) {
+    if (found > MAX_ITEMS) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, at, "more than 2^31 - 1 labels or parts");
     }
     *count = (uint32_t)found;
@@ -30,34 +30,33 @@ static int take_count(reel_call *call, reel_stretch *left, uint64_t bytes_each, 
 
 /* ---- groups ---- */
 
-static int read_labels(reel_call *call, reel_pool *pool, reel_stretch *left,
-                       meshreel_groups *found) {
+static int read_labels(reel_call *call, reel_pool *pool, reel_range *left, meshreel_groups *found) {
     int failed = take_count(call, left, LABEL_BYTES, &found->n_labels);
     if (failed) {
         return failed;
     }
-    meshreel_text *labels = reel_keep(call, pool, found->n_labels, sizeof *labels);
+    meshreel_text *labels = reel_pool_allocate(call, pool, found->n_labels, sizeof *labels);
     failed = labels ? MESHREEL_OK : call->error.code;
     for (uint32_t i = 0; !failed && i < found->n_labels; i++) {
-        failed = reel_take_text(call, pool, left, &labels[i]);
+        failed = reel_read_text(call, pool, left, &labels[i]);
     }
     found->labels = labels;
     return failed;
 }
 
-static int read_groups(reel_call *call, reel_pool *pool, uint64_t n_faces, reel_stretch payload,
+static int read_groups(reel_call *call, reel_pool *pool, uint64_t n_faces, reel_range payload,
                        meshreel_groups *found) {
-    reel_stretch left = payload;
+    reel_range left = payload;
     int64_t length = (int64_t)n_faces, label = 0;
     int32_t table = 0, *differences;
     *found = (meshreel_groups){0};
-    int failed = reel_take_text(call, pool, &left, &found->name);
+    int failed = reel_read_text(call, pool, &left, &found->name);
     failed = failed ? failed : read_labels(call, pool, &left, found);
     failed = failed ? failed : reel_decode_rows(call, left, &length, &table, 1, 1, &differences);
     if (failed) {
         return failed;
     }
-    int32_t *of_faces = reel_keep(call, pool, n_faces, sizeof *of_faces);
+    int32_t *of_faces = reel_pool_allocate(call, pool, n_faces, sizeof *of_faces);
     if (!of_faces) {
         return call->error.code;
     }
@@ -74,12 +73,12 @@ static int read_groups(reel_call *call, reel_pool *pool, uint64_t n_faces, reel_
 
 /* ---- parts ---- */
 
-static int read_part(reel_call *call, reel_pool *pool, reel_stretch *left, uint64_t *n_verts,
+static int read_part(reel_call *call, reel_pool *pool, reel_range *left, uint64_t *n_verts,
                      uint64_t *n_faces, meshreel_part *found) {
     uint64_t at = left->at, own_verts, own_faces;
-    int failed = reel_take_varint(call, left, &own_verts);
-    failed = failed ? failed : reel_take_varint(call, left, &own_faces);
-    failed = failed ? failed : reel_take_text(call, pool, left, &found->name);
+    int failed = reel_read_varint(call, left, &own_verts);
+    failed = failed ? failed : reel_read_varint(call, left, &own_faces);
+    failed = failed ? failed : reel_read_text(call, pool, left, &found->name);
     if (failed) {
         return failed;
     }
@@ -94,14 +93,14 @@ static int read_part(reel_call *call, reel_pool *pool, reel_stretch *left, uint6
 }
 
 static int read_parts(reel_call *call, reel_pool *pool, const reel_outline *outline,
-                      reel_stretch payload, meshreel_surface *surface) {
-    reel_stretch left = payload;
+                      reel_range payload, meshreel_surface *surface) {
+    reel_range left = payload;
     uint64_t n_verts = outline->n_verts, n_faces = outline->n_polygons;
     int failed = take_count(call, &left, PART_BYTES, &surface->n_parts);
     if (failed) {
         return failed;
     }
-    meshreel_part *parts = reel_keep(call, pool, surface->n_parts, sizeof *parts);
+    meshreel_part *parts = reel_pool_allocate(call, pool, surface->n_parts, sizeof *parts);
     failed = parts ? MESHREEL_OK : call->error.code;
     for (uint32_t i = 0; !failed && i < surface->n_parts; i++) {
         failed = read_part(call, pool, &left, &n_verts, &n_faces, &parts[i]);
@@ -143,20 +142,20 @@ static int keep_arrays(reel_call *call, reel_pool *pool, const reel_outline *out
     uint64_t n_groups = count_sections(outline, REEL_GROUPS);
     uint64_t n_materials = count_sections(outline, REEL_MATERIAL);
     uint64_t n_images = count_sections(outline, REEL_IMAGE);
-    arrays->attributes = reel_keep(call, pool, n_attributes, sizeof *arrays->attributes);
-    arrays->groups = reel_keep(call, pool, n_groups, sizeof *arrays->groups);
-    arrays->materials = reel_keep(call, pool, n_materials, sizeof *arrays->materials);
-    arrays->images = reel_keep(call, pool, n_images, sizeof *arrays->images);
+    arrays->attributes = reel_pool_allocate(call, pool, n_attributes, sizeof *arrays->attributes);
+    arrays->groups = reel_pool_allocate(call, pool, n_groups, sizeof *arrays->groups);
+    arrays->materials = reel_pool_allocate(call, pool, n_materials, sizeof *arrays->materials);
+    arrays->images = reel_pool_allocate(call, pool, n_images, sizeof *arrays->images);
     return arrays->attributes && arrays->groups && arrays->materials && arrays->images
                ? MESHREEL_OK
                : call->error.code;
 }
 
 static int read_section(reel_call *call, reel_pool *pool, const reel_faces *faces,
-                        const reel_leading *section, uint32_t n_images,
+                        const reel_leading_section *section, uint32_t n_images,
                         const surface_arrays *arrays, meshreel_surface *surface) {
     const reel_outline *outline = faces->outline;
-    reel_stretch payload = section->payload;
+    reel_range payload = section->payload;
     switch (section->id) {
     case REEL_ATTRIBUTE:
         return reel_read_attribute(call, pool, faces, payload,
@@ -195,7 +194,7 @@ static int read_sections(reel_call *call, reel_pool *pool, const reel_faces *fac
     uint64_t last_material = REEL_UNKNOWN;
     int failed = MESHREEL_OK;
     for (uint32_t i = 0; !failed && i < outline->n_leading; i++) {
-        const reel_leading *section = &outline->leading[i];
+        const reel_leading_section *section = &outline->leading[i];
         const reel_chunk *mark = call->scratch.last;
         failed = read_section(call, pool, faces, section, n_images, arrays, surface);
         last_material = section->id == REEL_MATERIAL ? section->payload.at : last_material;

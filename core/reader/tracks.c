@@ -4,11 +4,11 @@
 
 #include "names.h"
 
-#define MOST_COLUMNS 256
+#define MAX_COLUMNS 256
 #define LAST_KIND MESHREEL_TRACK_SCALAR
 #define LAST_DOMAIN (MESHREEL_CORNERS + REEL_OF_ROWS)
 
-static int refuse(reel_call *call, const reel_leading *section, const char *message) {
+static int refuse(reel_call *call, const reel_leading_section *section, const char *message) {
     return reel_fail(call, MESHREEL_CORRUPT, section->payload.at, message);
 }
 
@@ -41,37 +41,36 @@ static bool fits_kind(uint32_t kind, uint64_t n_columns) {
 
 /* Whether a predicted coding fits the kind and the domain of a track. */
 static bool fits_coding(const reel_track *track) {
-    const meshreel_track *shown = &track->shown;
-    if (shown->coding == REEL_TURNS) {
-        return shown->kind == MESHREEL_TRACK_NORMAL;
+    const meshreel_track *info = &track->info;
+    if (info->coding == REEL_ROTATIONS) {
+        return info->kind == MESHREEL_TRACK_NORMAL;
     }
-    bool is_of_vertices =
-        shown->domain == MESHREEL_VERTICES || track->sharing == REEL_OF_VERTICES;
-    return !track->difference || (shown->kind == MESHREEL_TRACK_VELOCITY && is_of_vertices);
+    bool is_of_vertices = info->domain == MESHREEL_VERTICES || track->sharing == REEL_OF_VERTICES;
+    return !track->difference || (info->kind == MESHREEL_TRACK_VELOCITY && is_of_vertices);
 }
 
 /* The numbers of a track: bound, scale, origins and rate, as its coding has them. */
-static int read_numbers(reel_call *call, reel_stretch *left, reel_track *track) {
-    meshreel_track *shown = &track->shown;
+static int read_numbers(reel_call *call, reel_range *left, reel_track *track) {
+    meshreel_track *info = &track->info;
     double numbers[2] = {0.0, 1.0};
     int failed = MESHREEL_OK;
-    if (!shown->is_exact) {
-        failed = reel_take_bytes(call, left, numbers, sizeof numbers);
+    if (!info->is_exact) {
+        failed = reel_read_bytes(call, left, numbers, sizeof numbers);
     }
-    shown->bound = numbers[0];
+    info->bound = numbers[0];
     track->placement[0] = numbers[1];
     bool are_sound = reel_is_finite(numbers[0]) && numbers[0] >= 0.0 &&
                      reel_is_finite(numbers[1]) && numbers[1] > 0.0;
     for (uint32_t i = 0; i < track->n_coded && !failed; i++) {
         double origin = 0.0;
-        if (shown->coding == REEL_MODES) {
-            failed = reel_take_bytes(call, left, &origin, sizeof origin);
+        if (info->coding == REEL_MODES) {
+            failed = reel_read_bytes(call, left, &origin, sizeof origin);
         }
         track->placement[1 + i] = origin;
         are_sound &= reel_is_finite(origin);
     }
     if (!failed && track->difference) {
-        failed = reel_take_bytes(call, left, &track->rate, sizeof track->rate);
+        failed = reel_read_bytes(call, left, &track->rate, sizeof track->rate);
         are_sound &= reel_is_finite(track->rate);
     }
     if (failed || are_sound) {
@@ -82,15 +81,15 @@ static int read_numbers(reel_call *call, reel_stretch *left, reel_track *track) 
 }
 
 static int read_track(reel_call *call, reel_pool *pool, const reel_outline *outline,
-                      const reel_leading *section, reel_track *track) {
-    reel_stretch left = section->payload;
-    meshreel_track *shown = &track->shown;
+                      const reel_leading_section *section, reel_track *track) {
+    reel_range left = section->payload;
+    meshreel_track *info = &track->info;
     uint8_t codes[4];
     uint64_t n_columns;
-    int failed = reel_take_bytes(call, &left, codes, sizeof codes);
-    failed = failed ? failed : reel_take_text(call, pool, &left, &shown->name);
-    failed = failed ? failed : reel_take_text(call, pool, &left, &shown->unit);
-    failed = failed ? failed : reel_take_varint(call, &left, &n_columns);
+    int failed = reel_read_bytes(call, &left, codes, sizeof codes);
+    failed = failed ? failed : reel_read_text(call, pool, &left, &info->name);
+    failed = failed ? failed : reel_read_text(call, pool, &left, &info->unit);
+    failed = failed ? failed : reel_read_varint(call, &left, &n_columns);
     if (failed) {
         return failed;
     }
@@ -99,31 +98,31 @@ static int read_track(reel_call *call, reel_pool *pool, const reel_outline *outl
         return reel_fail(call, MESHREEL_UNSUPPORTED, section->payload.at,
                          "a track of a newer version; update meshreel");
     }
-    if (!n_columns || n_columns > MOST_COLUMNS || !fits_kind(codes[0], n_columns)) {
+    if (!n_columns || n_columns > MAX_COLUMNS || !fits_kind(codes[0], n_columns)) {
         return refuse(call, section, "a track has more or fewer columns than its kind");
     }
     track->sharing = codes[1] > MESHREEL_CORNERS ? codes[1] - MESHREEL_CORNERS : REEL_EACH;
-    shown->kind = codes[0];
-    shown->domain = codes[1] - track->sharing;
-    shown->type = codes[2];
-    shown->coding = codes[3];
-    shown->n_columns = (uint32_t)n_columns;
-    shown->n_items = (uint32_t)(shown->domain == MESHREEL_VERTICES ? outline->n_verts
-                                : shown->domain == MESHREEL_FACES  ? outline->n_polygons
-                                                                   : outline->n_corners);
-    shown->is_exact = codes[3] == REEL_EXACT || codes[3] >= REEL_EXACT_BACKWARD;
+    info->kind = codes[0];
+    info->domain = codes[1] - track->sharing;
+    info->type = codes[2];
+    info->coding = codes[3];
+    info->n_columns = (uint32_t)n_columns;
+    info->n_items = (uint32_t)(info->domain == MESHREEL_VERTICES ? outline->n_verts
+                               : info->domain == MESHREEL_FACES  ? outline->n_polygons
+                                                                 : outline->n_corners);
+    info->is_exact = codes[3] == REEL_EXACT || codes[3] >= REEL_EXACT_BACKWARD;
     track->difference = codes[3] >= REEL_EXACT_BACKWARD
                             ? codes[3] - REEL_EXACT_BACKWARD + REEL_BACKWARD
                         : codes[3] >= REEL_BACKWARD ? codes[3]
                                                     : 0;
-    track->n_coded = shown->coding == REEL_TURNS ? 2 : (uint32_t)n_columns;
+    track->n_coded = info->coding == REEL_ROTATIONS ? 2 : (uint32_t)n_columns;
     if (!fits_coding(track)) {
         return refuse(call, section, "a track is predicted from positions as its kind cannot be");
     }
-    if (!track->is_float && shown->coding != REEL_EXACT) {
+    if (!track->is_float && info->coding != REEL_EXACT) {
         return refuse(call, section, "a track of integers is not exact");
     }
-    track->placement = reel_keep(call, pool, 1 + track->n_coded, sizeof(double));
+    track->placement = reel_pool_allocate(call, pool, 1 + track->n_coded, sizeof(double));
     failed = track->placement ? read_numbers(call, &left, track) : call->error.code;
     if (!failed && left.length && track->sharing != REEL_OF_ROWS) {
         return refuse(call, section, "bytes follow a track");
@@ -135,16 +134,20 @@ static int read_track(reel_call *call, reel_pool *pool, const reel_outline *outl
 static int read_positions(reel_call *call, reel_pool *pool, const reel_outline *outline,
                           reel_track *track) {
     bool has_modes = outline->method == REEL_METHOD_REEL;
-    track->shown = (meshreel_track){
-        .name = {"", 0}, .unit = {"", 0}, .kind = MESHREEL_TRACK_VECTOR,
-        .domain = MESHREEL_VERTICES, .type = outline->number_bytes, .n_columns = 3,
-        .n_items = (uint32_t)outline->n_verts, .coding = has_modes ? REEL_MODES : REEL_EXACT,
-        .is_exact = outline->method == REEL_METHOD_LOSSLESS,
-        .bound = outline->promise / 100.0 * outline->placement[0]};
+    track->info = (meshreel_track){.name = {"", 0},
+                                   .unit = {"", 0},
+                                   .kind = MESHREEL_TRACK_VECTOR,
+                                   .domain = MESHREEL_VERTICES,
+                                   .type = outline->number_bytes,
+                                   .n_columns = 3,
+                                   .n_items = (uint32_t)outline->n_verts,
+                                   .coding = has_modes ? REEL_MODES : REEL_EXACT,
+                                   .is_exact = outline->method == REEL_METHOD_LOSSLESS,
+                                   .bound = outline->promise / 100.0 * outline->placement[0]};
     track->n_coded = 3;
     track->size = outline->number_bytes;
     track->is_float = true;
-    track->placement = reel_keep(call, pool, 4, sizeof(double));
+    track->placement = reel_pool_allocate(call, pool, 4, sizeof(double));
     if (!track->placement) {
         return call->error.code;
     }
@@ -155,7 +158,7 @@ static int read_positions(reel_call *call, reel_pool *pool, const reel_outline *
 static int check_names(reel_call *call, const reel_track *tracks, uint32_t count, uint64_t at) {
     meshreel_text *names = reel_scratch(call, count, sizeof *names);
     for (uint32_t i = 0; names && i < count; i++) {
-        names[i] = tracks[i].shown.name;
+        names[i] = tracks[i].info.name;
     }
     return names ? reel_check_names(call, names, count, at, "two tracks have the same name")
                  : call->error.code;
@@ -163,7 +166,7 @@ static int check_names(reel_call *call, const reel_track *tracks, uint32_t count
 
 int reel_read_tracks(reel_call *call, reel_pool *pool, const reel_outline *outline,
                      reel_track **tracks) {
-    reel_track *all = reel_keep(call, pool, outline->n_tracks, sizeof *all);
+    reel_track *all = reel_pool_allocate(call, pool, outline->n_tracks, sizeof *all);
     if (!all) {
         return call->error.code;
     }
@@ -173,7 +176,7 @@ int reel_read_tracks(reel_call *call, reel_pool *pool, const reel_outline *outli
     uint32_t count = 1;
     uint64_t at = outline->begin;
     for (uint32_t i = 0; i < outline->n_leading && !failed; i++) {
-        const reel_leading *section = &outline->leading[i];
+        const reel_leading_section *section = &outline->leading[i];
         if (section->id != REEL_TRACK) {
             continue;
         }

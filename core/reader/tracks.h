@@ -8,7 +8,7 @@
 enum reel_coding {
     REEL_MODES = 0,
     REEL_EXACT = 1,
-    REEL_TURNS = 2, /* of the normals of the surface */
+    REEL_ROTATIONS = 2, /* of the normals of the surface */
     REEL_BACKWARD = 3,
     REEL_CENTRAL = 4,
     REEL_FORWARD = 5,
@@ -20,7 +20,7 @@ enum reel_coding {
 enum reel_sharing { REEL_EACH = 0, REEL_OF_VERTICES = 1, REEL_OF_ROWS = 2 };
 
 typedef struct {
-    meshreel_track shown;
+    meshreel_track info;
     uint32_t sharing;
     uint32_t n_coded;    /* columns of what is coded */
     uint32_t difference; /* REEL_BACKWARD to REEL_FORWARD, of positions; or 0 */
@@ -28,7 +28,7 @@ typedef struct {
     bool is_float, is_signed;
     double *placement;   /* scale, and origin of each column that is coded */
     double rate;
-    reel_stretch rows;   /* of REEL_OF_ROWS */
+    reel_range rows; /* of REEL_OF_ROWS */
 } reel_track;
 
 /* Parses what the file says of its tracks, into memory of `pool`; the positions are the first. */

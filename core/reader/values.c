@@ -2,7 +2,7 @@
 
 #include "decoder.h"
 
-#define MOST_TOGETHER 256 /* frames that the product takes at once */
+#define MAX_FRAMES_PER_CALL 256 /* frames that the product takes at once */
 
 static const uint32_t nan_of_float = 0x7FC00000U;
 static const uint64_t nan_of_double = 0x7FF8000000000000U;
@@ -11,7 +11,7 @@ static const uint64_t nan_of_double = 0x7FF8000000000000U;
 
 typedef struct {
     const meshreel_decoder *decoder;
-    const reel_held *held;
+    const reel_track_state *held;
     const double *placement;
     uint32_t n_columns;
     int64_t first, count, part, layout;
@@ -23,11 +23,11 @@ typedef struct {
 
 static void multiply_part(void *shared, uint32_t i) {
     const product *p = shared;
-    const reel_held *held = p->held;
+    const reel_track_state *held = p->held;
     int64_t begin = i * p->part, end = begin + p->part < p->count ? begin + p->part : p->count;
     p->results[i] = 0;
-    for (int64_t from = begin; from < end && p->results[i] >= 0; from += MOST_TOGETHER) {
-        int64_t count = end - from < MOST_TOGETHER ? end - from : MOST_TOGETHER;
+    for (int64_t from = begin; from < end && p->results[i] >= 0; from += MAX_FRAMES_PER_CALL) {
+        int64_t count = end - from < MAX_FRAMES_PER_CALL ? end - from : MAX_FRAMES_PER_CALL;
         const int64_t *starts = held->now.moves.starts ? held->now.moves.starts + p->first + from : NULL;
         p->results[i] = reel_frames(
             p->memory + i * p->needed, p->needed, held->now.basis, held->now.packed,
@@ -39,14 +39,14 @@ static void multiply_part(void *shared, uint32_t i) {
 }
 
 /* Products of modes of some frames, as 4 or 8 byte floats. */
-static int multiply(reel_call *call, const meshreel_decoder *decoder, reel_held *held,
+static int multiply(reel_call *call, const meshreel_decoder *decoder, reel_track_state *held,
                     const reel_track *track, uint64_t first, uint64_t count, int64_t layout,
                     void *out) {
     uint32_t n_parts = reel_threads(call) < count ? reel_threads(call) : (uint32_t)count;
     product p = {.decoder = decoder, .held = held, .placement = track->placement,
                  .n_columns = track->n_coded, .first = (int64_t)first, .count = (int64_t)count,
                  .part = ((int64_t)count + n_parts - 1) / n_parts, .layout = layout, .out = out};
-    int64_t together = p.part < MOST_TOGETHER ? p.part : MOST_TOGETHER;
+    int64_t together = p.part < MAX_FRAMES_PER_CALL ? p.part : MAX_FRAMES_PER_CALL;
     int failed = reel_pack_fields(call, held);
     p.frame_bytes = (size_t)held->items.graph.n_items * track->n_coded * (size_t)layout;
     p.needed = (reel_frames_memory(track->n_coded, (int64_t)held->now.n_modes, together) +
@@ -92,7 +92,7 @@ static void put_number(void *numbers, uint32_t size, uint64_t i, double value) {
 
 /* ---- positions ---- */
 
-static void place_grid(const reel_held *held, const double *placement, uint32_t stored,
+static void place_grid(const reel_track_state *held, const double *placement, uint32_t stored,
                        const int32_t *units, uint64_t n_items, uint32_t size, void *out) {
     for (uint64_t i = 0; i < n_items; i++) {
         const int32_t *item = units + 3 * (uint64_t)held->items.order[i];
@@ -105,8 +105,8 @@ static void place_grid(const reel_held *held, const double *placement, uint32_t 
     }
 }
 
-static void place_exact(const meshreel_decoder *decoder, const reel_held *held, uint64_t frame,
-                        uint32_t size, void *out) {
+static void place_exact(const meshreel_decoder *decoder, const reel_track_state *held,
+                        uint64_t frame, uint32_t size, void *out) {
     const reel_outline *outline = &decoder->file->outline;
     uint64_t n_items = held->items.graph.n_items;
     uint32_t stored = outline->number_bytes;
@@ -145,7 +145,7 @@ static bool are_finite(const void *numbers, uint32_t size, uint64_t count) {
 
 static int positions_of(reel_call *call, const meshreel_decoder *decoder, uint64_t first,
                         uint64_t count, uint32_t size, void *out) {
-    reel_held *held = decoder->tracks;
+    reel_track_state *held = decoder->tracks;
     const reel_outline *outline = &decoder->file->outline;
     uint64_t n_items = held->items.graph.n_items;
     if (REEL_ONLY_POSITIONS || outline->method == REEL_METHOD_REEL) {
@@ -248,7 +248,7 @@ static bool is_number(double value, uint32_t size) {
 }
 
 /* Adds what is coded to the place of an expected velocity. */
-static void put_exact(const reel_held *held, uint32_t size, uint64_t coded, double expected,
+static void put_exact(const reel_track_state *held, uint32_t size, uint64_t coded, double expected,
                       void *out, uint64_t i) {
     expected = is_number(expected, size) ? expected : 0.0;
     int64_t more = size == 4 ? ((const int32_t *)held->now.exact)[coded]
@@ -256,13 +256,13 @@ static void put_exact(const reel_held *held, uint32_t size, uint64_t coded, doub
     put_place(out, size, i, (uint64_t)place_of(expected, size) + (uint64_t)more);
 }
 
-static int velocities_of(reel_call *call, meshreel_decoder *decoder, reel_held *held,
+static int velocities_of(reel_call *call, meshreel_decoder *decoder, reel_track_state *held,
                          const reel_track *track, uint64_t first, uint64_t count, void *out) {
     around p;
     uint64_t n_items = held->items.graph.n_items, n = 3 * n_items;
     double *coded = NULL;
     int failed = positions_around(call, decoder, held->now.block, first, count, 1, &p);
-    if (!failed && !track->shown.is_exact) {
+    if (!failed && !track->info.is_exact) {
         coded = reel_scratch(call, n * count, sizeof *coded);
         failed = coded ? multiply(call, decoder, held, track, first, count, REEL_VALUES_8, coded)
                        : call->error.code;
@@ -286,7 +286,7 @@ static int velocities_of(reel_call *call, meshreel_decoder *decoder, reel_held *
 
 /* Normals of a surface at the values of a track, of one frame; `of_vertices` has room for 3 n_verts
    numbers. */
-static int surface_normals(reel_call *call, const meshreel_file *file, const reel_held *held,
+static int surface_normals(reel_call *call, const meshreel_file *file, const reel_track_state *held,
                            uint32_t domain, const int32_t *summed, const void *positions,
                            double *of_vertices, double *normals) {
     const reel_outline *outline = &file->outline;
@@ -317,11 +317,11 @@ static int32_t *summed_faces(reel_call *call, const meshreel_file *file) {
     return faces;
 }
 
-static int turned_normals(reel_call *call, meshreel_decoder *decoder, reel_held *held,
+static int turned_normals(reel_call *call, meshreel_decoder *decoder, reel_track_state *held,
                           const reel_track *track, uint64_t first, uint64_t count, void *out) {
     const meshreel_file *file = decoder->file;
     uint64_t n_items = held->items.graph.n_items, n_verts = file->outline.n_verts;
-    uint32_t domain = track->sharing == REEL_OF_VERTICES ? MESHREEL_VERTICES : track->shown.domain;
+    uint32_t domain = track->sharing == REEL_OF_VERTICES ? MESHREEL_VERTICES : track->info.domain;
     around p;
     int failed = positions_around(call, decoder, held->now.block, first, count, 0, &p);
     double *turns = reel_scratch(call, 2 * n_items * count, sizeof *turns);
@@ -336,8 +336,8 @@ static int turned_normals(reel_call *call, meshreel_decoder *decoder, reel_held 
         const uint8_t *positions = (const uint8_t *)p.numbers + 3 * n_verts * p.size * t;
         failed = surface_normals(call, file, held, domain, summed, positions, of_vertices, normals);
         if (!failed) {
-            reel_turned(normals, turns + 2 * n_items * t, (int64_t)n_items, track->size,
-                        (uint8_t *)out + 3 * n_items * track->size * t);
+            reel_rotate_normals(normals, turns + 2 * n_items * t, (int64_t)n_items, track->size,
+                                (uint8_t *)out + 3 * n_items * track->size * t);
         }
     }
     return failed;
@@ -359,9 +359,9 @@ static void to_unit_length(void *normals, uint32_t size, uint64_t count) {
     }
 }
 
-static void place_missing(const reel_held *held, const reel_track *track, uint64_t first,
+static void place_missing(const reel_track_state *held, const reel_track *track, uint64_t first,
                           uint64_t count, uint8_t *out) {
-    uint64_t n_items = held->items.graph.n_items, n_columns = track->shown.n_columns;
+    uint64_t n_items = held->items.graph.n_items, n_columns = track->info.n_columns;
     for (uint64_t i = 0; i < count * n_items && held->now.missing; i++) {
         uint64_t t = i / n_items, value = i % n_items;
         uint64_t item = held->items.order ? (uint64_t)held->items.order[value] : value;
@@ -380,7 +380,7 @@ static void place_missing(const reel_held *held, const reel_track *track, uint64
 int reel_values(reel_call *call, meshreel_decoder *decoder, uint32_t number, uint64_t first,
                 uint64_t count, uint32_t size, void *out) {
     const reel_track *track = &decoder->file->tracks[number];
-    reel_held *held = &decoder->tracks[number];
+    reel_track_state *held = &decoder->tracks[number];
     uint64_t n_items = held->items.graph.n_items;
     int failed = MESHREEL_OK;
     if (REEL_ONLY_POSITIONS || !number) {
@@ -388,10 +388,10 @@ int reel_values(reel_call *call, meshreel_decoder *decoder, uint32_t number, uin
     }
     if (track->difference) {
         failed = velocities_of(call, decoder, held, track, first, count, out);
-    } else if (track->shown.coding == REEL_TURNS) {
+    } else if (track->info.coding == REEL_ROTATIONS) {
         failed = turned_normals(call, decoder, held, track, first, count, out);
-    } else if (track->shown.coding == REEL_EXACT) {
-        size_t item_bytes = (size_t)track->shown.n_columns * track->size;
+    } else if (track->info.coding == REEL_EXACT) {
+        size_t item_bytes = (size_t)track->info.n_columns * track->size;
         for (uint64_t t = 0; t < count; t++) {
             gather((const uint8_t *)held->now.exact + (first + t) * n_items * item_bytes,
                    held->items.order, n_items, item_bytes,
@@ -399,7 +399,7 @@ int reel_values(reel_call *call, meshreel_decoder *decoder, uint32_t number, uin
         }
     } else {
         failed = multiply(call, decoder, held, track, first, count, track->size, out);
-        if (!failed && track->shown.kind == MESHREEL_TRACK_NORMAL) {
+        if (!failed && track->info.kind == MESHREEL_TRACK_NORMAL) {
             to_unit_length(out, track->size, n_items * count);
         }
     }

@@ -48,9 +48,9 @@ def expected_along(faces: Numbers, twins: Numbers, n_rows: int) -> Expected:
     order = np.empty(n_rows, np.int32)
     starts = np.empty(n_rows + 1, np.int64)
     triples = np.empty((3 * len(faces) + n_rows, 3), np.int32)
-    room = memory(size_of("reel_expected_memory", n_rows, len(faces)))
+    room = memory(size_of("reel_predictors_memory", n_rows, len(faces)))
     n_triples = call(
-        "reel_expected_find",
+        "reel_predictors_find",
         room,
         len(room),
         np.ascontiguousarray(faces, np.int32),
