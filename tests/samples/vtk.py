@@ -1,4 +1,4 @@
-"""Meshes of VTK, made with VTK, for tests of files that VTK writes."""
+"""Sample meshes built with VTK, for tests of files that VTK writes."""
 
 import numpy as np
 from vtkmodules.util.numpy_support import numpy_to_vtk
@@ -19,7 +19,7 @@ def vtk_points(points):
 
 
 def add_data(mesh):
-    """Texture coordinates, colours and values of cells, but for lines and points."""
+    """Add UV coordinates and colors to the points, and heat to the cells."""
     named = {"uv set": UV, "paint": COLORS}
     for name, values in named.items():
         array = numpy_to_vtk(values, deep=True)
@@ -33,7 +33,7 @@ def add_data(mesh):
 
 
 def poly_data(points=POINTS, polygons=POLYGONS):
-    """Polygons with data."""
+    """A vtkPolyData with sample arrays."""
     cells = vtkCellArray()
     for polygon in polygons:
         cells.InsertNextCell(len(polygon), polygon)
@@ -47,19 +47,19 @@ CELLS = [(7, polygon) for polygon in POLYGONS]
 
 
 def grid(points=POINTS, cells=CELLS):
-    """An unstructured grid of cells of given types."""
+    """A vtkUnstructuredGrid of (cell type, point ids) pairs."""
     mesh = vtkUnstructuredGrid()
     mesh.SetPoints(vtk_points(points))
     for kind, ids in cells:
-        listed = vtkIdList()
+        id_list = vtkIdList()
         for one in ids:
-            listed.InsertNextId(one)
-        mesh.InsertNextCell(kind, listed)
+            id_list.InsertNextId(one)
+        mesh.InsertNextCell(kind, id_list)
     return add_data(mesh) if len(cells) == len(HEAT) and len(points) == len(UV) else mesh
 
 
-def written(writer, mesh, path):
-    """The path of a file that a writer of VTK made of a mesh."""
+def write_mesh(writer, mesh, path):
+    """Write a mesh with a VTK writer; return the path."""
     writer.SetInputData(mesh)
     writer.SetFileName(str(path))
     assert writer.Write() == 1

@@ -217,7 +217,7 @@ SEQUENCE_FORMATS = {
                 HDF,
                 names_files=True,
                 holds_tracks=NOT_OF_CORNERS,
-                files_beside=Lazy("vtk.xdmf_writing:xdmf_numbers"),
+                files_beside=Lazy("vtk.xdmf_writing:xdmf_data_files"),
             )
             for ending in (".xdmf", ".xmf")
         ),

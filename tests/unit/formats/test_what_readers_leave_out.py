@@ -174,7 +174,7 @@ def test_field_data_and_tables_are_named_when_a_legacy_file_has_them(tmp_path):
     data += "LOOKUP_TABLE jet\n0 1 2\nLOOKUP_TABLE jet 1\n0 0 0 1\n"
     assert left_out(stored(tmp_path, "a.vtk", LEGACY.format(data=data))) == [
         "field data: mass",
-        "colour tables: jet",
+        "color tables: jet",
     ]
 
 
@@ -197,7 +197,7 @@ def test_wide_arrays_are_named_when_a_collection_has_them(tmp_path):
     row = '<DataSet timestep="0" file="a.vtp"/>'
     text = f'<VTKFile type="Collection"><Collection>{row}</Collection></VTKFile>'
     said = left_out(stored(tmp_path, "a.pvd", text))
-    assert said == ["arrays of text, or of more than 16 numbers: wide"]
+    assert said == ["arrays of text, or with more than 16 components: wide"]
 
 
 def test_arrays_are_named_when_only_some_pieces_have_them(tmp_path):
@@ -206,7 +206,7 @@ def test_arrays_are_named_when_only_some_pieces_have_them(tmp_path):
     piece = one[one.index("<Piece") : one.index("</Piece>") + 8].replace(data, "")
     text = one.replace("</Piece>", f"</Piece>{piece}")
     said = left_out(stored(tmp_path, "a.vtp", text))
-    assert said == ["arrays that not all pieces have alike: heat"]
+    assert said == ["arrays that differ between pieces: heat"]
 
 
 def test_grids_and_sets_are_named_when_an_xdmf_file_has_their_data(tmp_path):
@@ -218,7 +218,7 @@ def test_grids_and_sets_are_named_when_an_xdmf_file_has_their_data(tmp_path):
     <Attribute Name="total" Center="Grid"><DataItem Dimensions="1">4</DataItem></Attribute>
     <Set Name="wall"/></Grid></Domain></Xdmf>"""
     said = left_out(stored(tmp_path, "a.xdmf", text))
-    assert said == ["data that are not of nodes or cells: total", "sets: wall"]
+    assert said == ["data of neither nodes nor cells: total", "sets: wall"]
 
 
 def test_cameras_lights_and_values_are_named_when_a_gltf_file_has_them(tmp_path):

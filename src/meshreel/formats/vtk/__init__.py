@@ -1,1 +1,1 @@
-"""Files of VTK and ParaView: VTKHDF, XDMF, and VTK files in collections of their own."""
+"""VTK and ParaView formats: legacy and XML VTK files, PVD collections, VTKHDF and XDMF."""

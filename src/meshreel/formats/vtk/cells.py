@@ -1,4 +1,4 @@
-"""Cells of VTK to the polygons of a surface: 2D cells as they are, the boundary of 3D cells."""
+"""Surface extraction from VTK cells: keep 2D cells, take the boundary of 3D cells."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,12 +17,12 @@ from meshreel.runtime.counting import counted
 POLY_VERTEX, POLY_LINE, STRIP, POLYGON = 2, 4, 6, 7
 POINTS_AND_LINES = (0, 1, 2, 3, 4, 21, 35, 68, 75)
 
-FLAT = {
+FLAT_CELL_CORNERS = {
     5: (0, 1, 2), 22: (0, 1, 2), 34: (0, 1, 2), 69: (0, 1, 2), 76: (0, 1, 2),
     8: (0, 1, 3, 2), 9: (0, 1, 2, 3), 23: (0, 1, 2, 3), 28: (0, 1, 2, 3), 30: (0, 1, 2, 3),
     70: (0, 1, 2, 3), 77: (0, 1, 2, 3),
 }  # fmt: skip
-"""Corners of cells that are a triangle or a quad, by type; points on edges are passed over."""
+"""Corners of triangle and quad cells by VTK type; mid-edge points are ignored."""
 
 _TETRA = ((0, 1, 3), (1, 2, 3), (2, 0, 3), (0, 2, 1))
 _HEXAHEDRON = (
@@ -41,7 +41,7 @@ _HEXAGONAL_PRISM = (
     (0, 5, 4, 3, 2, 1), (6, 7, 8, 9, 10, 11),
     (0, 1, 7, 6), (1, 2, 8, 7), (2, 3, 9, 8), (3, 4, 10, 9), (4, 5, 11, 10), (5, 0, 6, 11),
 )  # fmt: skip
-SOLID: dict[int, Sequence[tuple[int, ...]]] = {
+SOLID_CELL_FACES: dict[int, Sequence[tuple[int, ...]]] = {
     10: _TETRA, 24: _TETRA, 71: _TETRA, 78: _TETRA,
     11: _VOXEL,
     12: _HEXAHEDRON, 25: _HEXAHEDRON, 29: _HEXAHEDRON, 33: _HEXAHEDRON, 72: _HEXAHEDRON,
@@ -51,23 +51,23 @@ SOLID: dict[int, Sequence[tuple[int, ...]]] = {
     15: _PENTAGONAL_PRISM,
     16: _HEXAGONAL_PRISM,
 }  # fmt: skip
-"""Faces of solid cells, by type, seen from outside in turn."""
+"""Faces of solid cells by VTK type, counterclockwise as seen from outside."""
 
-WIDEST = 6  # corners of a face of a solid cell
+MAX_FACE_CORNERS = 6  # of a solid cell: the hexagonal prism
 
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Cells of any type.
+    """VTK cells of any type.
 
     Parameters
     ----------
     types : integer array of shape (N,)
-        As VTK numbers them.
+        VTK cell types.
     counts : int64 array of shape (N,)
-        Points of each.
+        Number of points of each cell.
     points : int64 array of shape (sum of counts,)
-        Numbers of the points of each cell, cell after cell.
+        Point indices of all cells, concatenated.
     """
 
     types: npt.NDArray[Any]
@@ -77,16 +77,16 @@ class Cells:
 
 @dataclass(frozen=True, eq=False)
 class CellSurface:
-    """The polygons of cells, and where they and their vertices come from.
+    """The polygons of a set of cells, and the cells and points that they come from.
 
     Attributes
     ----------
     counts, corners : integer arrays
-        Of the polygons, as in `PolygonMesh`, in the vertices that are kept.
+        Polygons as in `PolygonMesh`; corners index the kept vertices.
     cells : int64 array of shape (P,)
-        The cell that each polygon is, or bounds.
+        The source cell of each polygon.
     kept : int64 array or slice
-        Points that are vertices: all, or of solid cells those on the boundary; in order.
+        Points that become vertices, in order: all, or the boundary points of solid cells.
     """
 
     counts: npt.NDArray[np.int64]
@@ -95,42 +95,43 @@ class CellSurface:
     kept: npt.NDArray[np.int64] | slice
 
     @property
-    def taken(self) -> Mapping[Domain, npt.NDArray[np.int64] | slice]:
-        """Rows of the data of all points and of all cells that vertices and faces have."""
+    def source_rows(self) -> Mapping[Domain, npt.NDArray[np.int64] | slice]:
+        """Rows of the point data and cell data that belong to the vertices and faces."""
         return {Domain.VERTEX: self.kept, Domain.FACE: self.cells}
 
     def n_verts(self, n_points: int) -> int:
-        """How many of all points are vertices."""
+        """Number of vertices of the surface, given the number of points."""
         return n_points if isinstance(self.kept, slice) else len(self.kept)
 
     def mesh(self, points: Vertices) -> PolygonMesh:
-        """The polygons of points of shape (N, 3)."""
+        """Return the polygon mesh for points of shape (N, 3)."""
         return PolygonMesh(points[self.kept], self.counts, self.corners)
 
 
-def find_surface(cells: Cells, n_points: int) -> CellSurface:
-    """The surface of cells, in their order; points and lines are passed over.
+def extract_surface(cells: Cells, n_points: int) -> CellSurface:
+    """Return the surface of the cells in cell order; point and line cells are ignored.
 
     Raises
     ------
     FormatError
-        If a type of cell is not known, a cell has too few points, or names one that is not
-        there, or there is no surface.
+        If a cell type is unknown, a cell has too few points or a point index is out of range,
+        or there is no surface.
     """
     if cells.counts.sum() != len(cells.points) or (cells.counts < 0).any():
         raise FormatError(
-            f"cells speak of {counted(cells.counts.sum(), 'point')}; {len(cells.points)} are there"
+            f"cells declare {counted(cells.counts.sum(), 'point')}; the file has "
+            f"{len(cells.points)}"
         )
     starts = np.cumsum(cells.counts) - cells.counts
-    found = [_of_type(cells, starts, int(kind)) for kind in np.unique(cells.types)]
+    found = [_faces_of_type(cells, starts, int(kind)) for kind in np.unique(cells.types)]
     counts = np.concatenate([one[0] for one in found] or [np.empty(0, np.int64)])
     corners = np.concatenate([one[1] for one in found] or [np.empty(0, np.int64)])
     owners = np.concatenate([one[2] for one in found] or [np.empty(0, np.int64)])
-    is_solid = np.isin(cells.types[owners], list(SOLID))
-    # Checked by a mesh of no positions before anything is looked up by its points.
+    is_solid = np.isin(cells.types[owners], list(SOLID_CELL_FACES))
+    # Building a mesh without positions validates the indices before they are used for lookups.
     polygon_mesh(np.empty((n_points, 0)), counts, corners)
     shown = np.sort(
-        np.concatenate([np.flatnonzero(~is_solid), _boundary(counts, corners, is_solid)])
+        np.concatenate([np.flatnonzero(~is_solid), _boundary_faces(counts, corners, is_solid)])
     )
     order = shown[np.argsort(owners[shown], kind="stable")]
     first = np.cumsum(counts) - counts
@@ -139,15 +140,15 @@ def find_surface(cells: Cells, n_points: int) -> CellSurface:
     if is_solid.any():
         kept, corners = np.unique(corners, return_inverse=True)
     if len(order) == 0:
-        raise FormatError("holds solid cells without a boundary; there is no surface")
+        raise FormatError("contains solid cells without a boundary; there is no surface")
     return CellSurface(counts[order], corners.astype(np.int32), owners[order], kept)
 
 
 _Faces = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]
 
 
-def _of_type(cells: Cells, starts: npt.NDArray[np.int64], kind: int) -> _Faces:
-    """Corner counts, corners and cells of the faces of all cells of a type."""
+def _faces_of_type(cells: Cells, starts: npt.NDArray[np.int64], kind: int) -> _Faces:
+    """Corner counts, corners and source cells of the faces of all cells of one type."""
     chosen = np.flatnonzero(cells.types == kind)
     counts, first = cells.counts[chosen], starts[chosen]
     if kind in POINTS_AND_LINES:
@@ -156,9 +157,11 @@ def _of_type(cells: Cells, starts: npt.NDArray[np.int64], kind: int) -> _Faces:
         return counts, cells.points[ragged_indices(first, counts)], chosen
     if kind == STRIP:
         return _strips(cells.points, first, counts, chosen)
-    faces = SOLID.get(kind) or ((FLAT[kind],) if kind in FLAT else ())
+    faces = SOLID_CELL_FACES.get(kind) or (
+        (FLAT_CELL_CORNERS[kind],) if kind in FLAT_CELL_CORNERS else ()
+    )
     if not faces:
-        raise FormatError(f"holds cells of type {kind}, which are not read; give a surface")
+        raise FormatError(f"contains cells of unsupported type {kind}; export a surface instead")
     needed = 1 + max(max(face) for face in faces)
     if (counts < needed).any():
         raise FormatError(
@@ -176,32 +179,32 @@ def _strips(
     counts: npt.NDArray[np.int64],
     cells: npt.NDArray[np.int64],
 ) -> _Faces:
-    """The triangles of strips, every second turned round."""
+    """Split strips into triangles; every second one is reversed to keep the orientation."""
     if (counts < 3).any():
         raise FormatError(f"a triangle strip has {counted(counts.min(), 'point')}; it needs three")
     begin = ragged_indices(first, counts - 2)
-    is_turned = (begin - np.repeat(first, counts - 2)) % 2
+    is_reversed = (begin - np.repeat(first, counts - 2)) % 2
     corners = np.stack(
-        [points[begin], points[begin + 1 + is_turned], points[begin + 2 - is_turned]]
+        [points[begin], points[begin + 1 + is_reversed], points[begin + 2 - is_reversed]]
     )
     sizes = np.full(len(begin), 3, np.int64)
     return sizes, corners.T.ravel(), np.repeat(cells, counts - 2)
 
 
-def _boundary(
+def _boundary_faces(
     counts: npt.NDArray[np.int64], corners: npt.NDArray[np.int64], is_solid: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.int64]:
-    """Which faces of solid cells no other solid cell shares."""
+    """Indices of the faces of solid cells that no other solid cell shares."""
     faces = np.flatnonzero(is_solid)
     if len(faces) == 0:
         return faces
     first = np.cumsum(counts) - counts
-    columns = np.arange(WIDEST)
+    columns = np.arange(MAX_FACE_CORNERS)
     is_corner = columns < counts[faces, None]
     at = np.where(is_corner, first[faces, None] + columns, 0)
     keys = np.sort(np.where(is_corner, corners[at], -1), axis=1)
     order = np.lexsort(keys.T)
     is_same = (keys[order[1:]] == keys[order[:-1]]).all(axis=1)
     is_shared = np.concatenate([[False], is_same]) | np.concatenate([is_same, [False]])
-    alone: npt.NDArray[np.int64] = faces[order[~is_shared]]
-    return alone
+    boundary: npt.NDArray[np.int64] = faces[order[~is_shared]]
+    return boundary

@@ -1,4 +1,4 @@
-"""Data arrays of VTK, at points and cells, to attributes of a surface."""
+"""Conversion of VTK point and cell data arrays to surface attributes."""
 
 import math
 from collections.abc import Iterable
@@ -15,24 +15,24 @@ from meshreel.formats.vtk.cells import CellSurface
 from meshreel.model.surface import MAX_NUMBERS, VALUE_TYPES, Attribute, Domain, Kind, Surface
 
 TEXTURE_COORDINATES = "TCoords"
-UNFIT = f"arrays of text, or of more than {MAX_NUMBERS} numbers"
-"""Contents of arrays that attributes cannot hold."""
+UNSUPPORTED_ARRAYS = f"arrays of text, or with more than {MAX_NUMBERS} components"
+"""How notes name arrays that attributes cannot hold."""
 
 
 @dataclass(frozen=True, eq=False)
 class DataArray:
-    """Values at the points or cells of a mesh.
+    """A VTK data array: values at the points or cells of a mesh.
 
     Parameters
     ----------
     name : str
     values : array of shape (N,) or (N, C)
     role : str, default ""
-        What it is active as: "TCoords", "Normals" and others.
+        The active attribute of VTK that it is: "TCoords", "Normals" or another.
     kind, unit : str, default ""
-        What the file says of it, as attribute or track.
+        Kind and unit that the file declares, for an attribute or a track.
     is_track : bool, default False
-        Whether the file says that it is a track, even if it never changes.
+        Whether the file declares it a track, even if its values never change.
     """
 
     name: str
@@ -43,14 +43,17 @@ class DataArray:
     is_track: bool = False
 
     @property
-    def is_look(self) -> bool:
-        """Whether it is an attribute in a file of one frame: by what it means, or what is said."""
-        is_said = bool(self.kind) and not self.is_track
-        return is_said or kind_of(self) is not Kind.OTHER
+    def is_declared_attribute(self) -> bool:
+        """Whether it is an attribute rather than a track in a file with a single frame.
+
+        True if the file declares it an attribute, or it is recognized as UV coordinates or colors.
+        """
+        has_attribute_kind = bool(self.kind) and not self.is_track
+        return has_attribute_kind or kind_of(self) is not Kind.OTHER
 
     @property
     def field(self) -> Field:
-        """What is known of it without its numbers."""
+        """Description of the array without its values."""
         width = math.prod(self.values.shape[1:])
         kind, unit = self.kind, self.unit
         return Field(self.values.dtype, width, self.role, kind, unit, self.is_track)
@@ -64,14 +67,14 @@ def surface_of_arrays(
     surface: CellSurface,
     notes: list[str],
 ) -> Surface:
-    """The attributes that arrays at all points and cells are on the surface of the cells.
+    """Return a surface whose attributes are the given point and cell arrays.
 
-    Normals, arrays of more numbers than an attribute has, and text are left out; notes say so.
+    Normals, text and arrays with too many components are left out; the notes list them.
 
     Raises
     ------
     FormatError
-        If an array has another number of values.
+        If an array does not have one value for each point or cell.
     """
     at_points = [(one, Domain.VERTEX, n_points, surface.kept) for one in points]
     at_cells = [(one, Domain.FACE, n_cells, surface.cells) for one in cells]
@@ -79,25 +82,27 @@ def surface_of_arrays(
     missing = [array for array, attribute in found if attribute is None]
     if any(array.role == NORMALS for array in missing):
         note_normals(notes)
-    note_kinds(notes, UNFIT, (array.name for array in missing if array.role != NORMALS))
+    note_kinds(
+        notes, UNSUPPORTED_ARRAYS, (array.name for array in missing if array.role != NORMALS)
+    )
     return Surface(attributes=tuple(one for _, one in found if one is not None))
 
 
 def _attribute(
-    array: DataArray, domain: Domain, n_items: int, taken: npt.NDArray[np.int64] | slice
+    array: DataArray, domain: Domain, n_items: int, rows: npt.NDArray[np.int64] | slice
 ) -> Attribute | None:
     values = array.values
     if len(values) != n_items:
-        raise FormatError(f"array {array.name!r} has {len(values)} values; {n_items} are needed")
+        raise FormatError(f"array {array.name!r} has {len(values)} values; expected {n_items}")
     values = values.reshape(n_items, -1)
     if array.role == NORMALS or values.dtype.kind not in "iuf" or values.shape[1] > MAX_NUMBERS:
         return None
-    values = _allowed(values[taken])
+    values = _as_value_type(values[rows])
     return Attribute(array.name, kind_of(array), domain, values)
 
 
-def _allowed(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """The values in a type that attributes have, which holds them as they are if one does."""
+def _as_value_type(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Convert values to a type that attributes allow, without loss if one can represent them."""
     if values.dtype in VALUE_TYPES:
         return values
     if values.dtype.kind == "f":
@@ -108,7 +113,7 @@ def _allowed(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 def kind_of(array: DataArray) -> Kind:
-    """What an array means as an attribute."""
+    """Return the kind of attribute that an array represents."""
     values, name = array.values, array.name.lower()
     width, is_float = math.prod(values.shape[1:]), values.dtype.kind == "f"
     is_uv = array.kind == Kind.UV or array.role == TEXTURE_COORDINATES

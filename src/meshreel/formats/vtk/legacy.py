@@ -1,7 +1,7 @@
-"""Legacy files of VTK (``.vtk``): polygons or cells at one time, in text or binary.
+"""Reader for legacy VTK files (``.vtk``): polygons or cells at one time, ASCII or binary.
 
-Our own reader, for the reason that `meshreel.formats.vtk.xml_file` has. Read are POLYDATA and
-UNSTRUCTURED_GRID of versions 1 to 5.1.
+Reads POLYDATA and UNSTRUCTURED_GRID of versions 1 to 5.1. VTK's own reader is not used, for the
+reason given in `meshreel.formats.vtk.xml_file`.
 """
 
 import re
@@ -18,7 +18,7 @@ from meshreel.formats.notes import listed
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.cells import POLY_LINE, POLY_VERTEX, POLYGON, STRIP, Cells
 from meshreel.formats.vtk.data_arrays import TEXTURE_COORDINATES, DataArray
-from meshreel.formats.vtk.legacy_words import LegacyWords
+from meshreel.formats.vtk.legacy_tokens import LegacyTokens
 from meshreel.formats.vtk.mesh import VtkMesh
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Surface
@@ -26,7 +26,7 @@ from meshreel.model.surface import Surface
 SIGNATURE = "# vtk DataFile Version"
 XML_TYPE = re.compile(rb"""<VTKFile\s[^>]{0,500}?\btype\s*=\s*["']([^"'<>]{1,100})["']""")
 XML_HEAD_BYTES = 4096
-"""Bytes at the start of a file in which VTK's XML formats name themselves."""
+"""How much of the start of a file is searched for the header of VTK's XML formats."""
 XML_EXTENSIONS = {
     "PolyData": ".vtp", "UnstructuredGrid": ".vtu", "Collection": ".pvd",
     "ImageData": ".vti", "RectilinearGrid": ".vtr", "StructuredGrid": ".vts",
@@ -34,7 +34,7 @@ XML_EXTENSIONS = {
 }  # fmt: skip
 XML_READ = (".vtp", ".vtu", ".pvd")
 TIMES = ("TimeValue", "TIME", "CYCLE")
-"""Field data that say when a file is."""
+"""Field data with the time of the file; not reported as left out."""
 COLORS = "COLOR_SCALARS"
 DATASETS = ("POLYDATA", "UNSTRUCTURED_GRID")
 GROUPS = {
@@ -44,70 +44,69 @@ GROUPS = {
 WIDTHS = {
     "VECTORS": 3, "NORMALS": 3, "TENSORS": 9, "TENSORS6": 6, "GLOBAL_IDS": 1, "PEDIGREE_IDS": 1,
 }  # fmt: skip
-"""Numbers of each value, of data of which the file does not say it."""
+"""Number of components of the sections that do not declare it."""
 
 
 def read_vtk_legacy(data: bytes) -> VtkMesh:
-    """The contents of the bytes of a ``.vtk`` file.
+    """Parse a legacy ``.vtk`` file.
 
     Raises
     ------
     FormatError
-        If it is no such file, of another dataset, or damaged.
+        If the data is not a legacy VTK file, has an unsupported dataset type, or is damaged.
     """
-    words = LegacyWords(data)
-    if not words.raw_line().startswith(SIGNATURE):
+    tokens = LegacyTokens(data)
+    if not tokens.raw_line().startswith(SIGNATURE):
         raise _no_legacy_file(data)
-    words.raw_line()  # a title
-    encoding = words.raw_line().upper()
+    tokens.raw_line()  # a title
+    encoding = tokens.raw_line().upper()
     if encoding not in ("ASCII", "BINARY"):
         raise FormatError(
-            f"has {encoding[:40]!r} in line 3, where ASCII or BINARY must stand; put that line "
-            "behind the title"
+            f"has {encoding[:40]!r} in line 3; expected ASCII or BINARY there, after the title"
         )
-    words.is_text = encoding == "ASCII"
-    return _LegacyReader(words).read()
+    tokens.is_text = encoding == "ASCII"
+    return _LegacyReader(tokens).read()
 
 
 def parse_vtk_legacy(data: bytes) -> PolygonMesh:
-    """The surface that a ``.vtk`` file shows; raises as `read_vtk_legacy`."""
+    """Return the surface of a ``.vtk`` file; raises as `read_vtk_legacy`."""
     return read_vtk_legacy(data).polygons
 
 
 def parse_vtk_legacy_surface(data: bytes, notes: list[str]) -> Surface:
-    """Its texture coordinates and colours; notes tell what is left out.
+    """Return the texture coordinates and colors of a ``.vtk`` file.
 
-    Raises as `read_vtk_legacy`.
+    The notes list what is left out. Raises as `read_vtk_legacy`.
     """
-    return read_vtk_legacy(data).look(notes)
+    return read_vtk_legacy(data).attribute_surface(notes)
 
 
 def parse_vtk_legacy_fields(data: bytes) -> Fields:
-    """All data of points and cells; raises as `read_vtk_legacy`, or if two have one name."""
+    """Return all point and cell data; raises as `read_vtk_legacy`, or if two share a name."""
     return read_vtk_legacy(data).fields
 
 
 def _no_legacy_file(data: bytes) -> FormatError:
-    """The error for a file of another kind; it says which extension XML files of VTK have."""
+    """Error for a file that is not legacy VTK; names the right extension for VTK XML files."""
     found = XML_TYPE.search(data[:XML_HEAD_BYTES])
     if found is None:
-        return FormatError(f"does not begin with {SIGNATURE!r}; expected a legacy file of VTK")
+        return FormatError(f"does not begin with {SIGNATURE!r}; expected a legacy VTK file")
     kind = found[1].decode("ascii", "replace")
     extension = XML_EXTENSIONS.get(kind, "")
     if extension in XML_READ:
         remedy = f"rename it to {extension}"
     elif extension:
-        remedy = f"its extension is {extension}, which is not read; convert it to .vtp or .vtu"
+        remedy = f"{extension} files are not supported; convert it to .vtp or .vtu"
     else:
         remedy = "convert it to .vtp or .vtu"
-    return FormatError(f"is a VTK XML file of {kind[:40]}, not a legacy file of VTK; {remedy}")
+    return FormatError(f"is a VTK XML file of {kind[:40]}, not a legacy VTK file; {remedy}")
 
 
 class _LegacyReader:
-    """The part of a file that was read so far."""
+    """Parser state: the sections of a file that have been read so far."""
 
-    def __init__(self, words: LegacyWords) -> None:
-        self._words = words
+    def __init__(self, tokens: LegacyTokens) -> None:
+        self._tokens = tokens
         self._points: Vertices = np.empty((0, 3), np.float32)
         self._cells: dict[str, tuple[Integers, Integers]] = {}
         self._types: npt.NDArray[np.integer] | None = None
@@ -117,13 +116,15 @@ class _LegacyReader:
         self._tables: list[str] = []
 
     def read(self) -> VtkMesh:
-        """The whole file."""
-        while line := self._words.line():
+        """Parse the whole file."""
+        while line := self._tokens.line():
             keyword, rest = line[0].upper(), line[1:]
             try:
                 self._section(keyword, rest)
             except (ValueError, IndexError) as error:
-                raise FormatError(f"has a wrong line {' '.join(line)[:60]!r} ({error})") from error
+                raise FormatError(
+                    f"has an invalid line {' '.join(line)[:60]!r} ({error})"
+                ) from error
         counts, points = (
             np.concatenate([*(pair[side] for pair in self._in_order()), np.empty(0, np.int64)])
             for side in (0, 1)
@@ -140,11 +141,11 @@ class _LegacyReader:
         )
 
     def _left_out(self) -> Iterator[str]:
-        """In words, what was read of the file and is not of the mesh."""
+        """Describe what the file contains besides the mesh and its data."""
         if field := [name for name in self._field_data if name not in TIMES]:
             yield f"field data: {listed(field)}"
         if self._tables:
-            yield f"colour tables: {listed(self._tables)}"
+            yield f"color tables: {listed(self._tables)}"
 
     def _in_order(self) -> list[tuple[Integers, Integers]]:
         return [self._cells[name] for name in GROUPS if name in self._cells]
@@ -159,17 +160,17 @@ class _LegacyReader:
         match keyword:
             case "DATASET":
                 if rest[0].upper() not in DATASETS:
-                    raise FormatError(f"is a {rest[0]}; {' and '.join(DATASETS)} are read")
+                    raise FormatError(f"is a {rest[0]}; {' and '.join(DATASETS)} are supported")
             case "POINTS":
-                points = self._words.numbers(3 * int(rest[0]), rest[1]).reshape(-1, 3)
+                points = self._tokens.numbers(3 * int(rest[0]), rest[1]).reshape(-1, 3)
                 is_float = points.dtype.kind == "f"
                 self._points = points if is_float else points.astype(np.float64)
             case "CELL_TYPES":
-                self._types = self._words.numbers(int(rest[0]), "int")
+                self._types = self._tokens.numbers(int(rest[0]), "int")
             case "POINT_DATA" | "CELL_DATA":
                 self._domain, self._n_values = keyword, int(rest[0])
             case "METADATA":
-                while not self._words.is_done and self._words.raw_line():
+                while not self._tokens.is_done and self._tokens.raw_line():
                     pass
             case "FIELD":
                 for _ in range(int(rest[1])):
@@ -180,33 +181,33 @@ class _LegacyReader:
                 self._values(keyword, rest)
 
     def _connectivity(self, n_cells: int, size: int) -> tuple[Integers, Integers]:
-        """How many points each cell has, and which: as lists, or since version 5 as offsets."""
-        begin = self._words.position
-        line = self._words.line() if n_cells else []
+        """Point count of each cell and all point indices: lists, or offsets since version 5."""
+        begin = self._tokens.position
+        line = self._tokens.line() if n_cells else []
         if line and line[0].upper() == "OFFSETS":
-            ends = self._words.numbers(n_cells, line[1]).astype(np.int64)
-            line = self._words.line()
-            points = self._words.numbers(size, line[1]).astype(np.int64)
+            ends = self._tokens.numbers(n_cells, line[1]).astype(np.int64)
+            line = self._tokens.line()
+            points = self._tokens.numbers(size, line[1]).astype(np.int64)
             return np.diff(ends), points
-        self._words.position = begin
-        return _split_lists(self._words.numbers(size, "int").astype(np.int64), n_cells)
+        self._tokens.position = begin
+        return _split_lists(self._tokens.numbers(size, "int").astype(np.int64), n_cells)
 
     def _values(self, keyword: str, rest: list[str]) -> None:
         if keyword == "LOOKUP_TABLE":
             self._tables.append(rest[0])
-            self._words.numbers(
-                4 * int(rest[1]), "float" if self._words.is_text else "unsigned_char"
+            self._tokens.numbers(
+                4 * int(rest[1]), "float" if self._tokens.is_text else "unsigned_char"
             )
             return
         if keyword == "SCALARS":
             width = int(rest[2]) if len(rest) > 2 else 1
-            begin = self._words.position
-            if self._words.line()[:1] != ["LOOKUP_TABLE"]:
-                self._words.position = begin
+            begin = self._tokens.position
+            if self._tokens.line()[:1] != ["LOOKUP_TABLE"]:
+                self._tokens.position = begin
             self._add(rest[0], rest[1], width)
         elif keyword == COLORS:
             self._add(
-                rest[0], "float" if self._words.is_text else "unsigned_char", int(rest[1]), COLORS
+                rest[0], "float" if self._tokens.is_text else "unsigned_char", int(rest[1]), COLORS
             )
         elif keyword == "TEXTURE_COORDINATES":
             self._add(rest[0], rest[2], int(rest[1]), TEXTURE_COORDINATES)
@@ -216,19 +217,19 @@ class _LegacyReader:
             raise FormatError(f"has an unknown section {keyword[:40]!r}")
 
     def _add(self, name: str, kind: str, width: int, role: str = "") -> None:
-        values = self._words.numbers(self._n_values * width, kind).reshape(-1, width)
-        if role == COLORS and self._words.is_text:  # 0..1 there, bytes in binary files
+        values = self._tokens.numbers(self._n_values * width, kind).reshape(-1, width)
+        if role == COLORS and self._tokens.is_text:  # ASCII files store colors as 0..1 floats
             values = (255 * np.clip(np.nan_to_num(values), 0, 1) + 0.5).astype(np.uint8)
         if self._domain:
             self._data[self._domain].append(DataArray(unquote(name), values, role))
 
     def _field_array(self) -> None:
-        line = self._words.line()
+        line = self._tokens.line()
         if line and line[0].upper() == "METADATA":
             self._section("METADATA", [])
-            line = self._words.line()
+            line = self._tokens.line()
         name, width, count, kind = line
-        values = self._words.numbers(int(width) * int(count), kind)
+        values = self._tokens.numbers(int(width) * int(count), kind)
         if self._domain and int(count) == self._n_values:
             values = values.reshape(self._n_values, int(width))
             self._data[self._domain].append(DataArray(unquote(name), values))
@@ -237,15 +238,15 @@ class _LegacyReader:
 
 
 def _split_lists(numbers: Integers, n_cells: int) -> tuple[Integers, Integers]:
-    """Counts and points of lists, each of which begins with its length."""
-    counts, at, listed = [], 0, numbers.tolist()
+    """Point counts and point indices of cell lists, each of which begins with its length."""
+    counts, at, values = [], 0, numbers.tolist()
     for _ in range(n_cells):
-        if at >= len(listed) or listed[at] < 0:
-            raise FormatError(f"lists of {n_cells} cells do not fit their {len(listed)} numbers")
-        counts.append(listed[at])
-        at += 1 + listed[at]
-    if at != len(listed):
-        raise FormatError(f"lists of {n_cells} cells do not fit their {len(listed)} numbers")
+        if at >= len(values) or values[at] < 0:
+            raise FormatError(f"lists of {n_cells} cells do not fit their {len(values)} numbers")
+        counts.append(values[at])
+        at += 1 + values[at]
+    if at != len(values):
+        raise FormatError(f"lists of {n_cells} cells do not fit their {len(values)} numbers")
     sizes = np.array(counts, np.int64)
     is_point = np.ones(len(numbers), bool)
     is_point[np.cumsum(sizes + 1) - sizes - 1] = False

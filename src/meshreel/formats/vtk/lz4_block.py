@@ -1,17 +1,17 @@
-"""Blocks packed by LZ4, unpacked: no library of the core does."""
+"""Decompression of LZ4 blocks, so that VTK files need no LZ4 library."""
 
 from meshreel.errors import FormatError
 
 
 def unpack_lz4(packed: bytes, size_bytes: int) -> bytes:
-    """The bytes of an LZ4 block, which must be so many.
+    """Decompress an LZ4 block to exactly `size_bytes` bytes.
 
     Raises
     ------
     FormatError
-        If it is damaged.
+        If the block is damaged or has another size.
     """
-    found = bytearray()
+    output = bytearray()
     at = 0
     try:
         while at < len(packed):
@@ -19,30 +19,31 @@ def unpack_lz4(packed: bytes, size_bytes: int) -> bytes:
             length, at = _length(packed, at + 1, token >> 4)
             if at + length > len(packed):
                 break
-            found += packed[at : at + length]
+            output += packed[at : at + length]
             at += length
-            if at == len(packed) and len(found) == size_bytes:
-                return bytes(found)
-            back = packed[at] | packed[at + 1] << 8
+            if at == len(packed) and len(output) == size_bytes:
+                return bytes(output)
+            distance = packed[at] | packed[at + 1] << 8
             length, at = _length(packed, at + 2, token & 15)
-            if not 0 < back <= len(found) or len(found) + length + 4 > size_bytes:
+            if not 0 < distance <= len(output) or len(output) + length + 4 > size_bytes:
                 break
-            _repeat(found, back, length + 4)
+            _repeat(output, distance, length + 4)
     except IndexError:
         pass
-    raise FormatError("holds a block that is not of LZ4, or is damaged")
+    raise FormatError("contains a block that is not LZ4, or is damaged")
 
 
-def _length(packed: bytes, at: int, begun: int) -> tuple[int, int]:
-    """A length whose first four bits are known, and where what follows it begins."""
-    if begun == 15:
+def _length(packed: bytes, at: int, nibble: int) -> tuple[int, int]:
+    """Length that starts with the nibble of a token, and the offset after its extra bytes."""
+    length = nibble
+    if nibble == 15:
         while packed[at] == 255:
-            begun, at = begun + 255, at + 1
-        begun, at = begun + packed[at], at + 1
-    return begun, at
+            length, at = length + 255, at + 1
+        length, at = length + packed[at], at + 1
+    return length, at
 
 
-def _repeat(found: bytearray, back: int, length: int) -> None:
-    """Append bytes that begin so far back, and may go on in what is appended."""
-    piece = bytes(found[-back:] if back >= length else found[-back:] * (length // back + 1))
-    found += piece[:length]
+def _repeat(output: bytearray, distance: int, length: int) -> None:
+    """Append a match of `length` bytes from `distance` bytes back; they may overlap."""
+    match = output[-distance:]
+    output += (match if distance >= length else match * (length // distance + 1))[:length]

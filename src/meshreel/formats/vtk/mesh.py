@@ -1,4 +1,4 @@
-"""The contents of a file of VTK at one time, and the polygons that it shows."""
+"""The contents of a VTK file at one time, and its surface."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ from meshreel.formats.frames.field_tracks import (
 )
 from meshreel.formats.notes import listed, note_left_out
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.formats.vtk.cells import Cells, CellSurface, find_surface
+from meshreel.formats.vtk.cells import Cells, CellSurface, extract_surface
 from meshreel.formats.vtk.data_arrays import DataArray, surface_of_arrays
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Domain, Surface
@@ -25,16 +25,16 @@ from meshreel.model.surface import Domain, Surface
 
 @dataclass(frozen=True, eq=False)
 class VtkMesh:
-    """Points, cells and data arrays of a file.
+    """Points, cells and data arrays of a VTK file.
 
     Parameters
     ----------
     points : float array of shape (N, 3)
     cells : Cells
     point_data, cell_data : tuple of DataArray
-        Of all points and all cells.
+        Arrays with a value for each point and each cell.
     left_out : tuple of str
-        What else the file holds, in words.
+        Descriptions of what else the file contains, for notes.
     """
 
     points: Vertices
@@ -45,16 +45,16 @@ class VtkMesh:
 
     @cached_property
     def cell_surface(self) -> CellSurface:
-        """The polygons of the cells."""
-        return find_surface(self.cells, len(self.points))
+        """The polygons of the cells and the points and cells that they come from."""
+        return extract_surface(self.cells, len(self.points))
 
     @property
     def polygons(self) -> PolygonMesh:
-        """The surface that the cells are or have."""
+        """The surface of the cells: 2D cells, and the boundary of solid cells."""
         return self.cell_surface.mesh(self.points)
 
     def surface(self, notes: list[str]) -> Surface:
-        """All data arrays as attributes; notes gain a sentence for each thing that is left out."""
+        """Return all data arrays as attributes; the notes list what is left out."""
         for what in self.left_out:
             note_left_out(notes, what)
         return surface_of_arrays(
@@ -66,60 +66,60 @@ class VtkMesh:
             notes,
         )
 
-    def on_surface(self, array: DataArray, domain: Domain) -> npt.NDArray[Any]:
-        """The values of an array at the vertices or the polygons of the surface.
+    def values_on_surface(self, array: DataArray, domain: Domain) -> npt.NDArray[Any]:
+        """Return the values of an array at the vertices or polygons of the surface.
 
         Raises
         ------
         FormatError
-            If it has another number of values than there are points or cells.
+            If the array does not have one value for each point or cell.
         """
         n_items = len(self.points) if domain is Domain.VERTEX else len(self.cells.types)
         if len(array.values) != n_items:
             raise FormatError(
-                f"array {array.name!r} has {len(array.values)} values; {n_items} are needed"
+                f"array {array.name!r} has {len(array.values)} values; expected {n_items}"
             )
-        return array.values[self.cell_surface.taken[domain]]
+        return array.values[self.cell_surface.source_rows[domain]]
 
-    def look(self, notes: list[str]) -> Surface:
-        """Texture coordinates, colours and what is said to be one; other data change over time."""
+    def attribute_surface(self, notes: list[str]) -> Surface:
+        """Return texture coordinates, colors and declared attributes; other arrays are tracks."""
         at_points, at_cells = (
-            tuple(one for one in arrays if one.is_look)
+            tuple(one for one in arrays if one.is_declared_attribute)
             for arrays in (self.point_data, self.cell_data)
         )
         return replace(self, point_data=at_points, cell_data=at_cells).surface(notes)
 
     @property
     def fields(self) -> Fields:
-        """All data of points and cells, on the surface.
+        """All point and cell arrays on the surface.
 
         Raises
         ------
         InvalidInputError
-            If two arrays at points, or at cells, have one name.
+            If two point arrays or two cell arrays share a name.
         FormatError
-            If an array has another number of values than there are points or cells.
+            If an array does not have one value for each point or cell.
         """
         known: dict[Key, Field] = {}
         found: dict[Key, tuple[npt.NDArray[Any], Field]] = {}
         sides = ((Domain.VERTEX, self.point_data), (Domain.FACE, self.cell_data))
         for domain, array in ((domain, one) for domain, arrays in sides for one in arrays):
-            key, values = (domain, array.name), self.on_surface(array, domain)
-            # What is not of the surface is a track, also where it does not change.
-            is_track = array.is_track or not array.is_look
+            key, values = (domain, array.name), self.values_on_surface(array, domain)
+            # Arrays that are not surface attributes are tracks, even if their values are constant.
+            is_track = array.is_track or not array.is_declared_attribute
             field = replace(array.field, is_track=is_track)
             add_field(known, key, field)
             found[key] = values, field
         return found
 
 
-def joined(meshes: Sequence[VtkMesh]) -> VtkMesh:
-    """Several meshes as one; of their data, those that all have alike."""
+def join_pieces(meshes: Sequence[VtkMesh]) -> VtkMesh:
+    """Join the pieces of a file into one mesh; keeps the arrays that all pieces share."""
     if len(meshes) == 1:
         return meshes[0]
-    for mesh in meshes:  # a point of another piece must not be meant
+    for mesh in meshes:  # or the index would point into another piece after the join
         if ((mesh.cells.points < 0) | (mesh.cells.points >= len(mesh.points))).any():
-            raise FormatError(f"a cell names a point that is not among {len(mesh.points)}")
+            raise FormatError(f"a cell has a point index outside 0..{len(mesh.points) - 1}")
     starts = np.cumsum([0] + [len(mesh.points) for mesh in meshes])
     cells = Cells(
         np.concatenate([mesh.cells.types for mesh in meshes]),
@@ -128,9 +128,9 @@ def joined(meshes: Sequence[VtkMesh]) -> VtkMesh:
             [mesh.cells.points + start for mesh, start in zip(meshes, starts, strict=False)]
         ),
     )
-    point_data = _joined_data([mesh.point_data for mesh in meshes])
-    cell_data = _joined_data([mesh.cell_data for mesh in meshes])
-    differing = _not_alike(meshes, [*point_data, *cell_data])
+    point_data = _join_data([mesh.point_data for mesh in meshes])
+    cell_data = _join_data([mesh.cell_data for mesh in meshes])
+    differing = _differing_arrays(meshes, [*point_data, *cell_data])
     return VtkMesh(
         np.concatenate([mesh.points for mesh in meshes]),
         cells,
@@ -140,14 +140,14 @@ def joined(meshes: Sequence[VtkMesh]) -> VtkMesh:
     )
 
 
-def _not_alike(meshes: Sequence[VtkMesh], kept: Sequence[DataArray]) -> Iterator[str]:
-    """In words, the data that not all of several meshes have alike."""
+def _differing_arrays(meshes: Sequence[VtkMesh], kept: Sequence[DataArray]) -> Iterator[str]:
+    """Describe the arrays that are not in all pieces, or differ in their components."""
     names = {one.name for mesh in meshes for one in (*mesh.point_data, *mesh.cell_data)}
     if missing := names - {one.name for one in kept}:
-        yield f"arrays that not all pieces have alike: {listed(sorted(missing))}"
+        yield f"arrays that differ between pieces: {listed(sorted(missing))}"
 
 
-def _joined_data(data: Sequence[tuple[DataArray, ...]]) -> tuple[DataArray, ...]:
+def _join_data(data: Sequence[tuple[DataArray, ...]]) -> tuple[DataArray, ...]:
     found = []
     for first in data[0]:
         same = [one for arrays in data for one in arrays if one.name == first.name]

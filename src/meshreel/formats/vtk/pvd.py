@@ -1,4 +1,4 @@
-"""Collections of ParaView (``.pvd``): files of VTK and the times that they are of."""
+"""Reader for ParaView collections (``.pvd``): a list of VTK files and their times."""
 
 import math
 import zlib
@@ -45,12 +45,12 @@ READERS = {".vtu": read_vtk_xml, ".vtp": read_vtk_xml, ".vtk": read_vtk_legacy}
 
 
 def read_pvd(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
-    """The meshes of a collection: one for each part that it numbers.
+    """Return the meshes of a collection, one for each numbered part.
 
     Raises
     ------
     FormatError
-        If it is no collection, or names files that are not read.
+        If the file is not a collection, or refers to unsupported files.
     """
     with os_errors_naming(path):
         root = parse_xml(path.read_bytes())
@@ -61,7 +61,7 @@ def read_pvd(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
         part = element.get("group", ""), element.get("part", "0")
         parts.setdefault(part, []).append((_time(element), _file(path, element, options)))
     if not parts:
-        raise FormatError("names no files")
+        raise FormatError("lists no files")
     return [
         readable_mesh(name, partial(_scene_mesh, name, files, options))
         for (group, part), files in parts.items()
@@ -70,20 +70,20 @@ def read_pvd(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
 
 
 def _time(element: Element) -> float:
-    given = element.get("timestep", "0")
+    text = element.get("timestep", "0")
     try:
-        time = float(given)
+        time = float(text)
     except ValueError:
         time = math.nan
     if not math.isfinite(time):
-        raise FormatError(f"has the timestep {given[:40]!r}, which is no number")
+        raise FormatError(f"has the timestep {text[:40]!r}; expected a finite number")
     return time
 
 
 def _file(path: Path, element: Element, options: ReadOptions) -> Path:
     found = path_beside(path, element.get("file", ""), allow_outside=options.allow_outside)
     if found.suffix.lower() not in READERS:
-        raise FormatError(f"names {found.name}; {', '.join(READERS)} files are read")
+        raise FormatError(f"refers to {found.name}; {', '.join(READERS)} files are supported")
     return found
 
 
@@ -97,9 +97,9 @@ def _scene_mesh(name: str, files: list[tuple[float, Path]], options: ReadOptions
         fps = validate_fps(options.fps or 0.0)
         if not fps:
             raise InvalidInputError(
-                f"names {len(pieces[several])} files for the time {several:g} without saying which "
-                "part each is; take all files of a time as one mesh with --merge (merge=True), or "
-                "each file as a frame, in the order of the collection, with --fps (fps=)"
+                f"lists {len(pieces[several])} files for the time {several:g} without part "
+                "numbers; merge the files of each time into one mesh with --merge (merge=True), "
+                "or read each file as a frame, in file order, with --fps (fps=)"
             )
         frames, times = [[file] for _, file in files], file_order_times(len(files), fps)
         note_file_order(fps, options.notes)
@@ -108,14 +108,14 @@ def _scene_mesh(name: str, files: list[tuple[float, Path]], options: ReadOptions
 
 
 class _PieceFrames:
-    """Frames, each of which is one file, or several as one mesh.
+    """Frames that consist of one file or of several files merged into one mesh.
 
     Parameters
     ----------
     name : str
     times : float64 array of shape (T,)
     files : list of list of Path
-        Those of each frame.
+        The files of each frame.
     notes : list of str
     """
 
@@ -133,14 +133,14 @@ class _PieceFrames:
         return self._mesh(index).frame(0)
 
     def surface(self, index: int) -> Surface:
-        """As that of `_FileFrames`, with a part for each of several files."""
+        """Return the static data of a frame; merged frames have a part for each file."""
         return self._mesh(index).surface(0)
 
     def tracks(self, frames: range) -> Mapping[str, TrackSource]:
-        """What changes over time in frames whose faces are the same."""
+        """Return the tracks of consecutive frames that share their faces."""
         counts = {len(self._places[index]) for index in frames}
-        if len(counts) > 1:  # several files make the same faces as others of another number
-            note_left_out(self._notes, "fields of pieces whose number changes")
+        if len(counts) > 1:  # pieces cannot be matched between frames
+            note_left_out(self._notes, "fields of frames that differ in their number of files")
             return {}
         places = [[Neighbours(place, place) for place in self._places[index]] for index in frames]
         if counts == {1}:
@@ -167,7 +167,7 @@ def _at(read: Callable[[int], Read], place: int, _: int) -> Read:
 
 
 class _FileFrames:
-    """Frames that are in files of their own, and which of their data never changed."""
+    """Frames stored in one file each; remembers which arrays changed between the frames read."""
 
     def __init__(self, files: list[Path], notes: list[str]) -> None:
         self._files, self._notes = files, notes
@@ -177,7 +177,7 @@ class _FileFrames:
         self._last: tuple[int, VtkMesh] | None = None
 
     def frame(self, index: int) -> PolygonMesh:
-        """The surface of a frame, whose data are compared with those of others."""
+        """Return the surface of a frame, and compare its arrays with those of earlier frames."""
         mesh = self._read(index)
         fields: dict[Key, Field] = {}
         with errors_naming(self._files[index]):
@@ -191,25 +191,25 @@ class _FileFrames:
             return mesh.polygons
 
     def surface(self, index: int) -> Surface:
-        """The data of a frame that were the same in all frames so far."""
-        mesh, moving = self._read(index), self._moving()
-        still = {
+        """Return the arrays of a frame that were the same in all frames read so far."""
+        mesh, changing = self._read(index), self._changing_keys()
+        static = {
             domain: tuple(
                 one
                 for side, one in _arrays(mesh)
-                if side is domain and (side, one.name) not in moving
+                if side is domain and (side, one.name) not in changing
             )
             for domain in (Domain.VERTEX, Domain.FACE)
         }
         with errors_naming(self._files[index]):
-            mesh = replace(mesh, point_data=still[Domain.VERTEX], cell_data=still[Domain.FACE])
+            mesh = replace(mesh, point_data=static[Domain.VERTEX], cell_data=static[Domain.FACE])
             return mesh.surface(self._notes)
 
     def tracks(self, frames: range) -> Mapping[str, TrackSource]:
-        """What changed over time, or was not in all frames so far; of some frames."""
-        moving = self._moving()
+        """Return tracks for the arrays that changed or were missing in some frames read so far."""
+        changing = self._changing_keys()
         fields = [
-            {key: field for key, field in self._fields[index].items() if key in moving}
+            {key: field for key, field in self._fields[index].items() if key in changing}
             for index in frames
         ]
         mesh = self._read(frames.start)
@@ -219,17 +219,17 @@ class _FileFrames:
             path, mesh = self._files[frames[index]], self._read(frames[index])
             [array] = [one for side, one in _arrays(mesh) if (side, one.name) == key]
             with errors_naming(path):
-                return mesh.on_surface(array, key[0])
+                return mesh.values_on_surface(array, key[0])
 
         return field_tracks(fields, sizes, read, self._notes)
 
-    def _moving(self) -> set[Key]:
-        """Data that changed in the frames so far, that some of them lack, or that are tracks."""
+    def _changing_keys(self) -> set[Key]:
+        """Arrays that changed, are missing in some of the frames read, or are declared tracks."""
         everything = [pair for fields in self._fields.values() for pair in fields.items()]
         counts = Counter(key for key, _ in everything)
-        said = {key for key, field in everything if field.is_track}
-        some = {key for key in counts if counts[key] < len(self._fields)}
-        return self._changing | said | some
+        declared = {key for key, field in everything if field.is_track}
+        incomplete = {key for key in counts if counts[key] < len(self._fields)}
+        return self._changing | declared | incomplete
 
     def _read(self, index: int) -> VtkMesh:
         if self._last is None or self._last[0] != index:

@@ -1,8 +1,8 @@
-"""VTKHDF: polygons or cells of VTK in HDF5, with time steps.
+"""Reader for VTKHDF: polygons or cells of VTK in HDF5, with time steps.
 
-Read are files of type PolyData and UnstructuredGrid, of any number of partitions, and collections
-of them, each of whose blocks is a mesh. A step says where its points and cells begin, so that
-connectivity that stays the same is stored, and read, once.
+Supports the types PolyData and UnstructuredGrid with any number of partitions, and collections
+of them, where each block is a mesh. Each step stores the offsets of its points and cells, so
+connectivity that stays the same is stored and read once.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,34 +32,36 @@ from meshreel.model.surface import Surface
 from meshreel.model.tracks import TrackSource
 
 ROOT = "VTKHDF"
-OWN = "meshreel"
-"""A group beside that of VTK with the whole surface, as `meshreel.formats.arrays.named_arrays`."""
+MESHREEL_GROUP = "meshreel"
+"""Our group next to VTKHDF: the whole surface, as `meshreel.formats.arrays.named_arrays`."""
 
 MESH_TYPES = ("PolyData", "UnstructuredGrid")
 VERSION = 2
 
 
 def read_vtkhdf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
-    """The meshes of a VTKHDF file: one, or one for each block of a collection.
+    """Return the meshes of a VTKHDF file: one, or one for each block of a collection.
 
     Raises
     ------
     FormatError
-        If it is no VTKHDF file, of another type, or damaged.
+        If the file is not VTKHDF, has an unsupported type, or is damaged.
     """
     if options.dataset is not None:
         raise InvalidInputError(
-            "is a VTKHDF file, on which --dataset (dataset=) has no effect; leave it out"
+            "is a VTKHDF file, where --dataset (dataset=) has no effect; leave it out"
         )
     with hdf_errors():
         root = open_hdf(path)
         group = find_group(root, ROOT)
         if group is None:
             raise FormatError(f"has no group {ROOT}; expected a VTKHDF file")
-        note_kinds(options.notes, "groups", (name for name in root if name not in (ROOT, OWN)))
+        note_kinds(
+            options.notes, "groups", (name for name in root if name not in (ROOT, MESHREEL_GROUP))
+        )
         kind = _type(group)
         if kind in MESH_TYPES:
-            return [_scene_mesh(group, kind, path.stem, find_group(root, OWN), options)]
+            return [_scene_mesh(group, kind, path.stem, find_group(root, MESHREEL_GROUP), options)]
         blocks = [(name, find_group(group, name)) for name in group if name != "Assembly"]
 
         def read(block: Node, name: str) -> SceneMesh:
@@ -73,10 +75,10 @@ def read_vtkhdf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
         ]
         if not found:
             raise FormatError(
-                f"is VTKHDF of type {kind or '(none)'}; {' and '.join(MESH_TYPES)} are read"
+                f"is VTKHDF of type {kind or '(none)'}; {' and '.join(MESH_TYPES)} are supported"
             )
         others = (name for name, one in blocks if one is not None and _type(one) not in MESH_TYPES)
-        note_kinds(options.notes, "blocks that are no meshes", others)
+        note_kinds(options.notes, "blocks that are not meshes", others)
         return found
 
 
@@ -90,10 +92,10 @@ def _scene_mesh(
 ) -> SceneMesh:
     version: Any = np.ravel(group.file[ROOT].attrs.get("Version", 0))
     if len(version) == 0 or int(version[0]) > VERSION:
-        raise FormatError(f"has VTKHDF version {version.tolist()}; up to {VERSION}.x is read")
+        raise FormatError(f"has VTKHDF version {version.tolist()}; up to {VERSION}.x is supported")
     steps = VtkSteps(group, is_poly_data=kind == "PolyData", notes=options.notes)
     fps = None
-    described = _own_arrays(own)
+    described = _meshreel_arrays(own)
     if own is not None:
         about = read_description(described | {"faces": np.empty((0, 3))}, name, ReadOptions())
         name, fps = about.name, about.fps
@@ -107,7 +109,7 @@ def _scene_mesh(
             if own is None:
                 return steps.surface(index)
             found = read_surface(described)
-            steps.note_data_besides(found)
+            steps.note_other_data(found)
             return found
 
     def tracks(frames: range) -> Mapping[str, TrackSource]:
@@ -117,7 +119,7 @@ def _scene_mesh(
     return SceneMesh(name, steps.times_s, frame, surface, fps, tracks)
 
 
-def _own_arrays(own: Node | None) -> dict[str, npt.NDArray[Any]]:
+def _meshreel_arrays(own: Node | None) -> dict[str, npt.NDArray[Any]]:
     if own is None:
         return {}
     found = {name: find_dataset(own, name) for name in own if NAMED.fullmatch(name)}

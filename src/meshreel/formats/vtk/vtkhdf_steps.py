@@ -1,4 +1,4 @@
-"""The time steps of a mesh in a VTKHDF file, and the cells of a step."""
+"""The time steps of a VTKHDF mesh, and the cells of each step."""
 
 import math
 from collections.abc import Iterator
@@ -33,14 +33,13 @@ from meshreel.formats.vtk.cells import (
     STRIP,
     Cells,
     CellSurface,
-    find_surface,
+    extract_surface,
 )
-from meshreel.formats.vtk.data_arrays import UNFIT, DataArray, surface_of_arrays
+from meshreel.formats.vtk.data_arrays import UNSUPPORTED_ARRAYS, DataArray, surface_of_arrays
 from meshreel.model.surface import Domain, Surface
 from meshreel.runtime.counting import counted
 
 DATA = {"PointData": Domain.VERTEX, "CellData": Domain.FACE}
-
 PLACES = {domain: place for place, domain in DATA.items()}
 
 POLY_DATA_GROUPS: dict[str, int | None] = {
@@ -49,28 +48,27 @@ POLY_DATA_GROUPS: dict[str, int | None] = {
     "Polygons": POLYGON,
     "Strips": STRIP,
 }
-"""In the order in which steps list them."""
+"""Cell groups of PolyData and their cell types, in the column order of the step offsets."""
 
 MAX_CELLS = 1 << 62
-
 NO_CELLS = np.zeros(1, np.int64)
 
 
 class VtkSteps:
-    """The frames of a group of type PolyData or UnstructuredGrid.
+    """The frames of a VTKHDF group of type PolyData or UnstructuredGrid.
 
     Parameters
     ----------
     group : h5py group
     is_poly_data : bool
-        Or else an unstructured grid.
+        Whether the type is PolyData rather than UnstructuredGrid.
     notes : list of str
-        Gains a sentence on what is left out.
+        Receives a sentence for each thing that is left out.
 
     Raises
     ------
     FormatError
-        If a dataset that is needed is missing, or steps do not agree.
+        If a required dataset is missing, or the step datasets are inconsistent.
     """
 
     def __init__(self, group: Node, *, is_poly_data: bool, notes: list[str]) -> None:
@@ -82,8 +80,8 @@ class VtkSteps:
         if self._points.dtype.kind != "f" or self._points.dtype.itemsize not in (4, 8):
             raise FormatError(f"Points must be float32 or float64; got {self._points.dtype}")
         self._kinds = POLY_DATA_GROUPS if is_poly_data else {"": None}
-        self._n_points = integers(require_dataset(group, "NumberOfPoints"))
-        self.times_s = self._read_basis()
+        self._n_points = read_integers(require_dataset(group, "NumberOfPoints"))
+        self.times_s = self._read_times()
         self._first_part = self._per_step("PartOffsets")
         all_parts = len(self._n_points) if self._steps is None else 1
         self._n_parts = self._per_step("NumberOfParts", default=all_parts)
@@ -94,13 +92,13 @@ class VtkSteps:
         self._cached: tuple[bytes, Cells, CellSurface] | None = None
 
     def frame(self, index: int) -> PolygonMesh:
-        """The surface of a step."""
+        """Return the surface of a step."""
         _, surface = self._surface(index)
         n_points = self._points_of(index)
         return surface.mesh(read_rows(self._points, int(self._point_starts[index, 0]), n_points))
 
     def surface(self, index: int) -> Surface:
-        """The attributes of a step that are the same in all."""
+        """Return the attributes of a step: the arrays that all steps share."""
         cells, surface = self._surface(index)
         counts = self._points_of(index), len(cells.types)
         at_points, at_cells = (
@@ -115,7 +113,7 @@ class VtkSteps:
         return surface_of_arrays(at_points, at_cells, *counts, surface, self._notes)
 
     def tracks(self, frames: range) -> dict[str, StoredTrack]:
-        """What changes over time in some steps, whose cells are the same."""
+        """Return the tracks of consecutive steps that share their cells."""
         cells, surface = self._surface(frames.start)
         counts = dict(zip(DATA, (self._points_of(frames.start), len(cells.types)), strict=True))
         arrays: dict[Key, StepArray] = {}
@@ -134,14 +132,14 @@ class VtkSteps:
                 is_at_points = domain is Domain.VERTEX
                 count = self._points_of(step) if is_at_points else len(cells.types)
                 rows = read_rows(arrays[key].dataset, int(arrays[key].starts[step]), count)
-                return rows[surface.taken[domain]]
+                return rows[surface.source_rows[domain]]
 
         n_verts = surface.n_verts(counts["PointData"])
         sizes = {Domain.VERTEX: n_verts, Domain.FACE: len(surface.cells)}
         return field_tracks([fields] * len(frames), sizes, read, self._notes)
 
     def _fits(self, one: "StepArray", frames: range, count: int) -> bool:
-        """Whether an array has the rows of each of some steps; a note says if not."""
+        """Whether an array has enough rows for the given steps; adds a note if not."""
         starts, n_rows = one.starts[frames.start : frames.stop], len(one.dataset)
         bad = np.flatnonzero((starts < 0) | (starts + count > n_rows))
         if len(bad):
@@ -153,20 +151,20 @@ class VtkSteps:
             )
         return len(bad) == 0
 
-    def note_data_besides(self, surface: Surface) -> None:
-        """Add to the notes what the group holds beside a surface, which stands elsewhere."""
+    def note_other_data(self, surface: Surface) -> None:
+        """Add a note on data of the group that are not part of a surface stored elsewhere."""
         self._note_field_data()
         names = {one.name for one in surface.attributes} | {one.name for one in surface.groups}
         known = {array_name(name) for name in names}
         data = [one.name for name in DATA for one in self._stored_arrays(name) if not one.is_track]
-        # The writer adds low lines to the second of two with one name.
+        # The writer appends underscores to make names unique.
         others = [one for one in data if one not in known and one.rstrip("_") not in known]
-        note_kinds(self._notes, "data that another program added", others)
+        note_kinds(self._notes, "data added by another program", others)
 
     def _note_field_data(self) -> None:
         note_kinds(self._notes, "field data", find_group(self._group, "FieldData") or ())
 
-    def _read_basis(self) -> npt.NDArray[np.float64]:
+    def _read_times(self) -> npt.NDArray[np.float64]:
         if self._steps is None:
             return np.zeros(1)
         times: npt.NDArray[np.float64] = (
@@ -174,20 +172,22 @@ class VtkSteps:
         )
         n_steps: Any = np.ravel(self._steps.attrs.get("NSteps", len(times)))
         if len(times) == 0 or n_steps.tolist() != [len(times)]:
-            raise FormatError(f"declares {n_steps.tolist()} steps; {len(times)} times are there")
+            raise FormatError(f"declares {n_steps.tolist()} steps, but has {len(times)} times")
         if not np.isfinite(times).all() or (np.diff(times) <= 0).any():
-            raise FormatError("times of steps do not ascend; the file is damaged")
+            raise FormatError("has step times that are not ascending; the file is damaged")
         return times
 
     def _per_step(self, name: str, width: int = 1, default: int = 0) -> Integers:
-        """Numbers of each step, of shape (T, width)."""
+        """Read a dataset of integers for each step, of shape (T, width)."""
         shape = len(self.times_s), width
         dataset = find_dataset(self._steps, name) if self._steps is not None else None
         if dataset is None:
             return np.full(shape, default, np.int64)
-        values = integers(dataset)
+        values = read_integers(dataset)
         if values.size != shape[0] * width or values.min() < 0:
-            raise FormatError(f"Steps/{name} must be {shape} and not negative; got {values.shape}")
+            raise FormatError(
+                f"Steps/{name} must be non-negative of shape {shape}; got {values.shape}"
+            )
         return values.reshape(shape)
 
     def _parts(self, index: int) -> slice:
@@ -200,7 +200,7 @@ class VtkSteps:
         return slice(first, first + count)
 
     def _points_of(self, index: int) -> int:
-        """Points of a step, which Points has rows for."""
+        """Number of points of a step, checked against the rows of Points."""
         start = int(self._point_starts[index, 0])
         count = int(sum(self._n_points[self._parts(index)].tolist()))
         if start + count > len(self._points) or count < 0:
@@ -211,14 +211,14 @@ class VtkSteps:
         return count
 
     def _surface(self, index: int) -> tuple[Cells, CellSurface]:
-        """The cells of a step and their surface; those of the step before are kept."""
+        """Return the cells of a step and their surface, cached for steps that share them."""
         parts = self._parts(index)
         place = np.concatenate(
             [[parts.start, parts.stop], self._cell_starts[index], self._corner_starts[index]]
         ).tobytes()
         if self._cached is None or self._cached[0] != place:
             cells = self._cells(index, parts)
-            self._cached = place, cells, find_surface(cells, self._points_of(index))
+            self._cached = place, cells, extract_surface(cells, self._points_of(index))
         return self._cached[1:]
 
     def _cells(self, index: int, parts: slice) -> Cells:
@@ -229,7 +229,7 @@ class VtkSteps:
             if group is None:
                 continue
             if name not in self._cells_before:
-                self._cells_before[name] = count_before(group)
+                self._cells_before[name] = cells_before_partitions(group)
             points, before = self._n_points[parts], self._cells_before[name]
             found.append(read_cells(group, kind, parts, points, *starts, before))
         if not found:
@@ -241,33 +241,33 @@ class VtkSteps:
         )
 
     def _stored_arrays(self, place: str) -> Iterator["StepArray"]:
-        """Arrays of numbers at points or cells; the notes name others."""
+        """Yield the numeric arrays at points or cells; the notes list the others."""
         group = find_group(self._group, place)
         n_steps = len(self.times_s)
         for name in group if group is not None else ():
             dataset = find_dataset(group, name)
             if dataset is None or dataset.dtype.kind not in "iuf" or not dataset.shape:
-                note_kinds(self._notes, UNFIT, [name])
+                note_kinds(self._notes, UNSUPPORTED_ARRAYS, [name])
                 continue
             offsets_name = f"Steps/{place}Offsets/{name}"
             found = find_dataset(self._group, offsets_name)
             is_at_points = place == "PointData"
             starts = self._point_starts[:, 0] if is_at_points else self._cell_starts.sum(axis=1)
-            starts = starts if found is None else integers(found).ravel()
+            starts = starts if found is None else read_integers(found).ravel()
             if len(starts) != n_steps:
-                raise FormatError(f"{offsets_name} has {len(starts)} numbers")
+                raise FormatError(f"{offsets_name} has {len(starts)} numbers; expected {n_steps}")
             yield StepArray(name, dataset, starts)
 
 
 @dataclass(frozen=True, eq=False)
 class StepArray:
-    """Values at the points or cells of all steps, one after the other.
+    """Values at the points or cells of all steps, concatenated in one dataset.
 
     Parameters
     ----------
     name : str
     dataset : Dataset
-        Of numbers.
+        Numeric.
     starts : int64 array of shape (T,)
         The first row of each step.
     """
@@ -278,18 +278,18 @@ class StepArray:
 
     @property
     def is_track(self) -> bool:
-        """Whether it changes over time, or was written as what does."""
-        is_written_so = said_of(self.dataset, "domain") in set(Domain)
-        return is_written_so or bool((self.starts != self.starts[0]).any())
+        """Whether it changes over time, or was written as a track."""
+        is_declared = said_of(self.dataset, "domain") in set(Domain)
+        return is_declared or bool((self.starts != self.starts[0]).any())
 
     @property
     def role(self) -> str:
-        """What it is active as."""
+        """The active attribute of VTK that it is, such as "Normals"; empty for none."""
         return said_of(self.dataset, "Attribute")
 
     @property
     def field(self) -> Field:
-        """What is known of it without its numbers."""
+        """Description of the array without its values."""
         return Field(
             self.dataset.dtype.newbyteorder("="),
             math.prod(self.dataset.shape[1:]),
@@ -308,36 +308,36 @@ def read_cells(
     first_corner: int,
     cells_before: Integers,
 ) -> Cells:
-    """Cells of all partitions of a step, which name points through all of them.
+    """Read the cells of all partitions of a step, with point indices that count through all.
 
     Parameters
     ----------
     group : h5py group
-        Holds Connectivity and Offsets.
+        Contains Connectivity and Offsets.
     kind : int or None
-        Type of all cells; None if the group says it in Types.
+        Type of all cells; None if the group has a dataset Types.
     parts : slice
-        The partitions of the step among those of the group.
+        Partitions of the step, as a slice of all partitions.
     n_points : int64 array
-        Points of each partition of the step; Points is known to have them.
+        Number of points of each partition of the step; already checked against Points.
     first_cell, first_corner : int
-        Where cells and connectivity of the step begin.
+        First row of the step's cells and of its connectivity.
     cells_before : int64 array of shape (partitions of the group + 1,)
-        From `count_before`.
+        Result of `cells_before_partitions`.
 
     Raises
     ------
     FormatError
-        If a dataset is missing, too short, or does not fit the others.
+        If a dataset is missing, too short, or inconsistent with the others.
     """
-    n_cells = _of_parts(require_dataset(group, "NumberOfCells"), parts)
-    n_corners = _of_parts(require_dataset(group, "NumberOfConnectivityIds"), parts)
-    first_row = first_cell + _parts_before(cells_before, parts.start, first_cell)
-    counts = list(_counts(require_dataset(group, "Offsets"), first_row, n_cells))
+    n_cells = _read_counts(require_dataset(group, "NumberOfCells"), parts)
+    n_corners = _read_counts(require_dataset(group, "NumberOfConnectivityIds"), parts)
+    first_row = first_cell + _offset_rows_before(cells_before, parts.start, first_cell)
+    counts = list(_cell_sizes(require_dataset(group, "Offsets"), first_row, n_cells))
     connectivity = require_dataset(group, "Connectivity")
     corners = read_rows(connectivity, first_corner, sum(n_corners.tolist())).astype(np.int64)
     if (corners < 0).any() or (corners >= n_points.repeat(n_corners)).any():
-        raise FormatError(f"{group.name}/Connectivity names points that are not there")
+        raise FormatError(f"{group.name}/Connectivity has point indices out of range")
     if [int(one.sum()) for one in counts] != n_corners.tolist():
         raise FormatError(f"{group.name}/Offsets do not agree with NumberOfConnectivityIds")
     total = sum(n_cells.tolist())
@@ -349,61 +349,62 @@ def read_cells(
     return Cells(types, np.concatenate(counts), corners + first_point.repeat(n_corners))
 
 
-def count_before(group: Node) -> Integers:
-    """Cells of the partitions of a group before each, and of all.
+def cells_before_partitions(group: Node) -> Integers:
+    """Return the number of cells before each partition of a group, and the total.
 
     Raises
     ------
     FormatError
-        If a number is negative, or they are too many.
+        If a count is negative, or the total is too large.
     """
-    counts = integers(require_dataset(group, "NumberOfCells")).ravel()
+    counts = read_integers(require_dataset(group, "NumberOfCells")).ravel()
     if len(counts) and (counts.min() < 0 or sum(counts.tolist()) > MAX_CELLS):
-        raise FormatError(f"{group.name}/NumberOfCells are no numbers of cells")
+        raise FormatError(f"{group.name}/NumberOfCells has counts that are negative or too large")
     return np.concatenate([[0], np.cumsum(counts)])
 
 
-def integers(dataset: Dataset) -> Integers:
-    """All of a dataset of whole numbers.
+def read_integers(dataset: Dataset) -> Integers:
+    """Read a whole dataset of integers.
 
     Raises
     ------
     FormatError
-        If it holds others.
+        If it contains other types.
     """
     values = read_all(dataset)
     if values.dtype.kind not in "iu":
-        raise FormatError(f"{dataset.name} must be whole numbers; got {values.dtype}")
+        raise FormatError(f"{dataset.name} must be integers; got {values.dtype}")
     return values.astype(np.int64)
 
 
-def _of_parts(dataset: Dataset, parts: slice) -> Integers:
+def _read_counts(dataset: Dataset, parts: slice) -> Integers:
     values = read_rows(dataset, parts.start, parts.stop - parts.start).astype(np.int64)
     if values.ndim != 1 or (values < 0).any():
-        raise FormatError(f"{dataset.name} must be numbers of shape (N,), none negative")
+        raise FormatError(f"{dataset.name} must be non-negative numbers of shape (N,)")
     return values
 
 
-def _parts_before(cells_before: Integers, first_part: int, first_cell: int) -> int:
-    """How many partitions have their offsets before those of a step.
+def _offset_rows_before(cells_before: Integers, first_part: int, first_cell: int) -> int:
+    """Number of partitions whose rows in Offsets precede those of a step.
 
-    All that come before the step, or where it shares the cells of an earlier one, all before that.
+    Each partition has one row more than cells. A step that shares the cells of an earlier step
+    starts at the rows of that one.
     """
     if first_part < len(cells_before) and cells_before[first_part] == first_cell:
         return first_part
     return min(first_part, int(np.searchsorted(cells_before, first_cell)))
 
 
-def _counts(offsets: Dataset, first_row: int, n_cells: Integers) -> Iterator[Integers]:
-    """Points of each cell, for each partition, which has one offset more than cells.
+def _cell_sizes(offsets: Dataset, first_row: int, n_cells: Integers) -> Iterator[Integers]:
+    """Yield the point counts of the cells of each partition, from its n_cells + 1 offsets.
 
-    One without cells is not looked up, for its offset may be shared with others, or left out.
+    Offsets of empty partitions are not read: files may share or omit them.
     """
     start = first_row
     for count in n_cells.tolist():
         ends = read_rows(offsets, start, count + 1).astype(np.int64) if count else NO_CELLS
         counts = np.diff(ends)
         if ends.ndim != 1 or (counts < 0).any():
-            raise FormatError(f"{offsets.name} do not ascend")
+            raise FormatError(f"{offsets.name} must be ascending")
         yield counts
         start += count + 1

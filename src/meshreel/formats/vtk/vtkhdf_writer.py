@@ -1,4 +1,4 @@
-"""VTKHDF files of an animated surface: moving points, and faces that are stored once."""
+"""Writer for VTKHDF: an animated PolyData whose faces are stored once."""
 
 from pathlib import Path
 from typing import Any
@@ -15,22 +15,22 @@ from meshreel.formats.hdf.reading import Node, write_array
 from meshreel.formats.hdf.writing import HdfOutput, hdf_output
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.vtk.data_arrays import TEXTURE_COORDINATES
-from meshreel.formats.vtk.vtkhdf import OWN, ROOT
+from meshreel.formats.vtk.vtkhdf import MESHREEL_GROUP, ROOT
 from meshreel.formats.vtk.vtkhdf_steps import PLACES, POLY_DATA_GROUPS
 from meshreel.model.geometry.fans import join_fans
 from meshreel.model.surface import Attribute, Kind
 from meshreel.model.tracks import TrackKind, TrackSource
 
 VERSION = (2, 3)
-FRAME_RATE = 24.0  # of what has none
-CHUNK_ROWS = 1 << 14  # at least, so that small frames share a chunk
+FRAME_RATE = 24.0  # for sequences without a frame rate
+CHUNK_ROWS = 1 << 14  # minimum, so that small frames share a chunk
 
 
 def write_vtkhdf(path: Path, stream: FrameStream, options: WriteOptions) -> None:
     """Write a VTKHDF file, frame by frame.
 
-    Attributes and tracks of vertices and faces are data arrays; a group beside that of VTK holds
-    all of the surface for meshreel, with what VTK has no place for.
+    Attributes and tracks of vertices and faces become data arrays. A second group next to VTKHDF
+    stores the whole surface for meshreel, including what VTK cannot represent.
     """
     with hdf_output(path) as output:
         file = output.root
@@ -41,7 +41,7 @@ def write_vtkhdf(path: Path, stream: FrameStream, options: WriteOptions) -> None
         _write_faces(root, stream)
         steps = _write_steps(root, stream)
         _write_data(root, steps, stream)
-        _write_own(file.create_group(OWN), stream)
+        _write_surface(file.create_group(MESHREEL_GROUP), stream)
         points = root.create_dataset(
             "Points",
             (0, 3),
@@ -85,7 +85,7 @@ def _write_steps(root: Node, stream: FrameStream) -> Node:
 
 
 def _write_data(root: Node, steps: Node, stream: FrameStream) -> None:
-    """Write what VTK can hold of the surface: values at points and cells, and groups of cells."""
+    """Write the part of the surface that VTK supports: point data, cell data and face groups."""
     for place in PLACES.values():
         root.create_group(place)
         steps.create_group(f"{place}Offsets")
@@ -96,28 +96,28 @@ def _write_data(root: Node, steps: Node, stream: FrameStream) -> None:
             if one is first_uv:
                 dataset.attrs.create("Attribute", np.bytes_(TEXTURE_COORDINATES))
         else:
-            stream.notes.append(_unseen(one))
+            stream.notes.append(_corner_note(one))
     for groups in stream.surface.groups:
         _add_array(root, steps, "CellData", groups.name, groups.numbers)
 
 
-def _unseen(attribute: Attribute) -> str:
+def _corner_note(attribute: Attribute) -> str:
     return (
-        f"{attribute.kind} {attribute.name!r} has a value for each corner of a face, which VTK "
-        "has no place for; meshreel alone reads it again"
+        f"{attribute.kind} {attribute.name!r} has a value for each face corner, which VTK does "
+        "not support; only meshreel reads it back"
     )
 
 
 def _add_array(root: Node, steps: Node, place: str, name: str, values: npt.NDArray[Any]) -> Node:
-    """Write values that are the same in all steps."""
-    name = _free_name(root[place], name)
+    """Write an array that is the same in all steps."""
+    name = _unique_name(root[place], name)
     dataset = root[place].create_dataset(name, data=values)
     steps[f"{place}Offsets"][name] = np.zeros(steps.attrs["NSteps"], np.int64)
     return dataset
 
 
-def _free_name(group: Node, name: str) -> str:
-    """A name for an array that no other of a group has."""
+def _unique_name(group: Node, name: str) -> str:
+    """Return a valid name for an array that is not used in the group yet."""
     name = array_name(name)
     while name in group:
         name += "_"
@@ -125,9 +125,9 @@ def _free_name(group: Node, name: str) -> str:
 
 
 def _write_track(output: HdfOutput, root: Node, steps: Node, name: str, track: TrackSource) -> None:
-    """Write the values of all steps one after the other, and where each begins."""
+    """Write the values of all steps into one dataset, and the first row of each step."""
     place = PLACES[track.domain]
-    array = _free_name(root[place], name)
+    array = _unique_name(root[place], name)
     n_frames, n_items, n_columns = track.shape
     row = (n_columns,) if n_columns > 1 else ()
     n_rows = n_frames * n_items
@@ -142,11 +142,12 @@ def _write_track(output: HdfOutput, root: Node, steps: Node, name: str, track: T
         dataset[rows] = values.reshape(-1, *row)
 
 
-def _write_own(own: Node, stream: FrameStream) -> None:
+def _write_surface(group: Node, stream: FrameStream) -> None:
+    """Write the whole surface for meshreel."""
     about: dict[str, npt.NDArray[Any]] = {
         "fps": np.asarray(np.float64(stream.fps)),
         "name": np.asarray(np.str_(stream.name)),
     }
     for name, array in (about | surface_arrays(stream.surface)).items():
-        if name != "face_sizes":  # which the polygons are
-            write_array(own, name, array)
+        if name != "face_sizes":  # the polygons of VTKHDF have them
+            write_array(group, name, array)

@@ -1,4 +1,4 @@
-"""Cells as XDMF writes them."""
+"""Conversion of XDMF topologies to VTK cells."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ CELLS = {
     40: ("wedge_15", 26, 15), 41: ("wedge_18", 32, 18), 48: ("hexahedron_20", 25, 20),
     49: ("hexahedron_24", 33, 24), 50: ("hexahedron_27", 29, 27),
 }  # fmt: skip
-"""By their number in XDMF: name, type of VTK, and points; 0 points are said with each cell."""
+"""Name, VTK type and point count of each XDMF cell type; count 0 is stored with each cell."""
 
 SHORT_NAMES = {
     "tri": "triangle", "quad": "quadrilateral", "tet": "tetrahedron", "hex": "hexahedron",
@@ -26,29 +26,29 @@ BY_NAME = {name: (kind, n_points) for name, kind, n_points in CELLS.values()}
 
 
 def read_cells(name: str, values: npt.NDArray[Any], n_points: int) -> Cells:
-    """The cells of a topology.
+    """Return the cells of an XDMF topology.
 
     Parameters
     ----------
     name : str
-        Its type: "Triangle", "Mixed" and others.
+        Topology type, such as "Triangle" or "Mixed".
     values : integer array of shape (N,) or (N, C)
     n_points : int
-        Of each polygon or line, if the topology says so; else 0.
+        Points of each polygon or line, if the topology declares it; otherwise 0.
 
     Raises
     ------
     FormatError
-        If the type is not read, or the numbers do not fit it.
+        If the type is unsupported, or the numbers do not fit it.
     """
     if values.dtype.kind not in "iu":
-        raise FormatError(f"has a Topology of {values.dtype}; whole numbers are needed")
+        raise FormatError(f"has a Topology of {values.dtype}; expected integers")
     head, _, tail = name.lower().partition("_")
     known = SHORT_NAMES.get(head, head) + (f"_{tail}" if tail else "")
     if known == "mixed":
         return _mixed(values.ravel().astype(np.int64))
     if known not in BY_NAME:
-        raise FormatError(f"has a Topology of type {name[:40]!r}, which is not read")
+        raise FormatError(f"has a Topology of unsupported type {name[:40]!r}")
     kind, fixed = BY_NAME[known]
     width = fixed or n_points or (values.shape[1] if values.ndim == 2 else 1)
     if values.size % width:
@@ -59,20 +59,20 @@ def read_cells(name: str, values: npt.NDArray[Any], n_points: int) -> Cells:
 
 
 def _mixed(values: npt.NDArray[np.int64]) -> Cells:
-    """Cells each of which begins with its type, and with its number of points if that varies."""
-    listed, at = values.tolist(), 0
+    """Parse cells that each begin with their type, and with their point count if it varies."""
+    numbers, at = values.tolist(), 0
     kinds, counts, is_point = [], [], np.ones(len(values), bool)
-    while at < len(listed):
-        if listed[at] not in CELLS:
-            raise FormatError(f"has a cell of type {listed[at]}, which is not read")
-        _, kind, count = CELLS[listed[at]]
+    while at < len(numbers):
+        if numbers[at] not in CELLS:
+            raise FormatError(f"has a cell of unsupported type {numbers[at]}")
+        _, kind, count = CELLS[numbers[at]]
         is_point[at] = False
         at += 1
         if count == 0:
-            count = listed[at] if at < len(listed) else -1
+            count = numbers[at] if at < len(numbers) else -1
             is_point[at : at + 1] = False
             at += 1
-        if count < 0 or at + count > len(listed):
+        if count < 0 or at + count > len(numbers):
             raise FormatError("has a Topology that ends within a cell")
         kinds.append(kind)
         counts.append(count)

@@ -12,7 +12,7 @@ from meshreel.formats.frames.field_tracks import Field, Key, add_field, field_tr
 from meshreel.formats.frames.stored_tracks import StoredTrack
 from meshreel.formats.notes import note_kinds, note_left_out
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.formats.vtk.cells import Cells, CellSurface, find_surface
+from meshreel.formats.vtk.cells import Cells, CellSurface, extract_surface
 from meshreel.formats.vtk.data_arrays import DataArray, surface_of_arrays
 from meshreel.formats.vtk.xdmf_cells import read_cells
 from meshreel.formats.vtk.xdmf_items import DataItems
@@ -23,21 +23,21 @@ from meshreel.runtime.counting import counted
 
 CENTERS = {"node": Domain.VERTEX, "cell": Domain.FACE}
 TRACK_KIND, ATTRIBUTE_KIND, UNIT = "track_kind", "attribute_kind", "unit"
-"""XML attributes of our own: what data mean, whether they are a track, and its unit."""
+"""XML attributes that meshreel adds: the kind of a track or attribute, and its unit."""
 
 
 class GridFrames:
-    """An animated mesh, each frame of which is a uniform grid.
+    """An animated mesh with a uniform grid for each frame.
 
     Parameters
     ----------
     steps : list of Element
-        Its grids.
+        The grids, one for each frame.
     items : DataItems
     root : Element
-        Of the document, in which grids may include parts of others.
+        Root of the document: grids may include parts of other grids.
     notes : list of str
-        Gains a sentence on what is left out.
+        Receives a sentence for each thing that is left out.
     """
 
     def __init__(
@@ -50,21 +50,24 @@ class GridFrames:
         self._cached: tuple[Any, Cells, CellSurface] | None = None
 
     def frame(self, index: int) -> PolygonMesh:
-        """The surface of a step."""
+        """Return the surface of a step."""
         points = self._points(index)
         return self._surface(index, len(points))[1].mesh(points)
 
     def surface(self, index: int) -> Surface:
-        """The data of a step that all steps say alike."""
+        """Return the attributes of a step: the data that all steps share."""
         n_points = len(self._points(index))
         cells, surface = self._surface(index, n_points)
         at_points, at_cells = (
             [
                 DataArray(
-                    name, self._items.read(self._items.item_of(attribute)), "", *_said(attribute)
+                    name,
+                    self._items.read(self._items.item_of(attribute)),
+                    "",
+                    *_kind_and_unit(attribute),
                 )
                 for (center, name), attribute in self._attributes(index)
-                if center == wanted and (center, name) not in self._moving
+                if center == wanted and (center, name) not in self._changing
             ]
             for wanted in CENTERS
         )
@@ -74,7 +77,7 @@ class GridFrames:
         )
 
     def tracks(self, frames: range) -> dict[str, StoredTrack]:
-        """What changes over time in some steps, whose faces are the same."""
+        """Return the tracks of consecutive steps that share their faces."""
         fields = [self._fields(step) for step in frames]
         n_points = len(self._points(frames.start))
         surface = self._surface(frames.start, n_points)[1]
@@ -86,36 +89,36 @@ class GridFrames:
             cells, surface = self._surface(step, n_points)
             n_items = n_points if key[0] is Domain.VERTEX else len(cells.types)
             values = self._items.read(self._items.item_of(attribute))
-            return values.reshape(n_items, -1)[surface.taken[key[0]]]
+            return values.reshape(n_items, -1)[surface.source_rows[key[0]]]
 
         sizes = {Domain.VERTEX: surface.n_verts(n_points), Domain.FACE: len(surface.cells)}
         return field_tracks(fields, sizes, read, self._notes)
 
     def _fields(self, step: int) -> dict[Key, Field]:
-        """The arrays of a step that change over time; the notes name those that do not fit."""
-        moving = [one for one in self._attributes(step) if one[0] in self._moving]
-        if not moving:
+        """Describe the arrays of a step that change over time; the notes list unsuitable ones."""
+        changing = [one for one in self._attributes(step) if one[0] in self._changing]
+        if not changing:
             return {}
         n_points = len(self._points(step))
         counts = n_points, len(self._surface(step, n_points)[0].types)
         fields: dict[Key, Field] = {}
-        for (center, name), attribute in moving:
+        for (center, name), attribute in changing:
             n_items = dict(zip(CENTERS, counts, strict=True))[center]
-            n_numbers, dtype = self._items.described(self._items.item_of(attribute))
+            n_numbers, dtype = self._items.describe(self._items.item_of(attribute))
             if n_numbers == 0 or n_numbers % n_items:
                 note_left_out(
                     self._notes,
-                    f"arrays: {name} of {counted(n_numbers, 'number')} in step {step}; those of "
-                    f"each {center} are {n_items}, or so many times a whole number",
+                    f"arrays: {name} with {counted(n_numbers, 'number')} in step {step}; arrays "
+                    f"of each {center} need {n_items} or a multiple of it",
                 )
                 continue
-            field = Field(dtype, n_numbers // n_items, "", *_said(attribute))
+            field = Field(dtype, n_numbers // n_items, "", *_kind_and_unit(attribute))
             add_field(fields, (CENTERS[center], name), field)
         return fields
 
     @cached_property
-    def _moving(self) -> set[tuple[str, str]]:
-        """Center and name of the data that not all steps say alike, or that are tracks."""
+    def _changing(self) -> set[tuple[str, str]]:
+        """Center and name of the data that differ between steps, or that are declared tracks."""
         steps: list[dict[tuple[str, str], list[Any]]] = []
         for index in range(len(self._steps)):
             keys: dict[tuple[str, str], list[Any]] = {}
@@ -123,20 +126,20 @@ class GridFrames:
                 keys.setdefault(place, []).append(self._items.key(self._items.item_of(attribute)))
             steps.append(keys)
         places = {place for keys in steps for place in keys}
-        said = {
+        declared = {
             place
             for index in range(len(self._steps))
             for place, attribute in self._attributes(index)
             if TRACK_KIND in attribute.attrib
         }
-        return said | {
+        return declared | {
             place
             for place in places
             if any(keys.get(place) != steps[0].get(place) for keys in steps)
         }
 
     def _attributes(self, index: int) -> list[tuple[tuple[str, str], Element]]:
-        """Center, name and element of the data of a step at nodes and cells."""
+        """Return ((center, name), element) of the node and cell data of a step."""
         found = self._steps[index].findall("Attribute")
         places = [(_center(one), one.get("Name", "")) for one in found]
         return [pair for pair in zip(places, found, strict=True) if pair[0][0] in CENTERS]
@@ -146,20 +149,22 @@ class GridFrames:
         others = [one for one in attributes if _center(one) not in CENTERS]
         note_kinds(
             self._notes,
-            "data that are not of nodes or cells",
+            "data of neither nodes nor cells",
             (one.get("Name", "") for one in others),
         )
         sets = (one.get("Name", "(unnamed)") for one in self._steps[index].findall("Set"))
         note_kinds(self._notes, "sets", sets)
 
     def _element(self, index: int, tag: str) -> Element:
-        """Geometry or topology of a step, which may be that of another grid, included."""
+        """Return the geometry or topology of a step, which it may include from another grid."""
         step = self._steps[index]
         found = step.find(tag)
         include = [child for child in step if local_name(child) == "include"]
         if found is None and include:
             if include[0].get("href"):
-                raise FormatError(f"includes {include[0].get('href')!r}, which is not read")
+                raise FormatError(
+                    f"includes {include[0].get('href')!r}; other files cannot be included"
+                )
             found = self._root.find(f".//Grid/{tag}")
         if found is None:
             raise FormatError(f"has a grid {step.get('Name', '')!r} without {tag}")
@@ -171,21 +176,23 @@ class GridFrames:
         if kind == "X_Y_Z":
             columns = [self._items.read(item).ravel() for item in geometry.findall("DataItem")]
             if len(columns) != 3 or len({len(column) for column in columns}) != 1:
-                raise FormatError("has a Geometry of X_Y_Z without three columns of one length")
+                raise FormatError("has an X_Y_Z Geometry without three columns of equal length")
             values = np.stack(columns, axis=1)
         elif kind in ("XYZ", "XY"):
             values = self._items.read(self._items.item_of(geometry))
             if values.size % len(kind):
-                raise FormatError(f"has a Geometry of {values.size} numbers, of type {kind}")
+                raise FormatError(f"has a Geometry of type {kind} with {values.size} numbers")
             values = values.reshape(-1, len(kind))
         else:
-            raise FormatError(f"has a Geometry of type {kind[:40]!r}; XYZ, XY and X_Y_Z are read")
+            raise FormatError(
+                f"has a Geometry of type {kind[:40]!r}; XYZ, XY and X_Y_Z are supported"
+            )
         if values.dtype not in (np.float32, np.float64):
             values = values.astype(np.float64)
         return np.pad(values, ((0, 0), (0, 3 - values.shape[1])))
 
     def _surface(self, index: int, n_points: int) -> tuple[Cells, CellSurface]:
-        """The cells of a step and their surface; those of the step before are kept."""
+        """Return the cells of a step and their surface, cached for steps that share them."""
         topology = self._element(index, "Topology")
         item = self._items.item_of(topology)
         key = self._items.key(item), tuple(topology.attrib.items()), n_points
@@ -193,18 +200,18 @@ class GridFrames:
             name = topology.get("TopologyType") or topology.get("Type") or ""
             width = topology.get("NodesPerElement", "0")
             cells = read_cells(name, self._items.read(item), int(width) if width.isdecimal() else 0)
-            self._cached = key, cells, find_surface(cells, n_points)
+            self._cached = key, cells, extract_surface(cells, n_points)
         return self._cached[1:]
 
 
-def _said(attribute: Element) -> tuple[str, str]:
-    """Kind and unit of data, or nothing."""
+def _kind_and_unit(attribute: Element) -> tuple[str, str]:
+    """Kind and unit that meshreel stores with data; empty for other files."""
     kind = attribute.get(TRACK_KIND, attribute.get(ATTRIBUTE_KIND, ""))
     return kind, attribute.get(UNIT, "")
 
 
 def _center(attribute: Element) -> str:
-    """The domain of the values of an Attribute."""
+    """Center of an Attribute in lower case: node, cell, grid or another."""
     return attribute.get("Center", "Node").lower()
 
 

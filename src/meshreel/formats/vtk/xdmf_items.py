@@ -1,4 +1,4 @@
-"""Arrays of XDMF files: written in them, or in HDF5 and binary files beside."""
+"""DataItems of XDMF files: arrays stored inline, or in separate HDF5 and binary files."""
 
 import math
 import re
@@ -18,7 +18,7 @@ CODES = {"float": "f", "int": "i", "uint": "u", "char": "i", "uchar": "u", "shor
 PRECISIONS = {"char": "1", "uchar": "1", "short": "2"}
 MAX_REFERENCES = 16
 PATH_ELEMENT = re.compile(r"(\w+)(?:\[(?:(\d{1,9})|@Name=['\"]([^'\"]*)['\"])\])?")
-"""An element of a path to another element: a tag, and which of those of the tag."""
+"""One step of a path to an element: a tag, and an index or name among those of the tag."""
 
 Array = npt.NDArray[Any]
 
@@ -30,9 +30,9 @@ class DataItems:
     ----------
     path : Path
     root : Element
-        Of the document.
+        Root of the document.
     allow_outside : bool
-        Whether files may be outside of the folder of this one.
+        Whether referenced files may be outside the folder of this one.
     """
 
     def __init__(self, path: Path, root: Element, *, allow_outside: bool) -> None:
@@ -40,12 +40,12 @@ class DataItems:
         self._files: dict[Path, Node] = {}
 
     def resolved(self, element: Element) -> Element:
-        """The element itself, or the one that it refers to.
+        """Return the element itself, or the one that it refers to.
 
         Raises
         ------
         FormatError
-            If there is none.
+            If the target does not exist, or references form a cycle.
         """
         for _ in range(MAX_REFERENCES):
             reference = element.get("Reference")
@@ -53,30 +53,30 @@ class DataItems:
                 return element
             place = (element.text or "").strip() if reference.upper() == "XML" else reference
             element = _follow(self._root, place)
-        raise FormatError("has references that lead in circles")
+        raise FormatError("has circular references")
 
     def item_of(self, element: Element) -> Element:
-        """The first data item in an element."""
+        """Return the first DataItem of an element."""
         if (found := element.find("DataItem")) is None:
             raise FormatError(f"has a {element.tag} without a DataItem")
         return self.resolved(found)
 
-    def key(self, item: Element, n_above: int = 0) -> Any:
-        """The description of an item, which tells it from others without reading it."""
-        if n_above > MAX_REFERENCES:
-            raise FormatError("has references that lead in circles")
+    def key(self, item: Element, depth: int = 0) -> Any:
+        """Return a key that is equal for items with the same array, without reading it."""
+        if depth > MAX_REFERENCES:
+            raise FormatError("has circular references")
         item = self.resolved(item)
-        facts = tuple(sorted(item.attrib.items()))
-        within = tuple(self.key(child, n_above + 1) for child in item)
-        return facts, (item.text or "").strip(), within
+        attributes = tuple(sorted(item.attrib.items()))
+        children = tuple(self.key(child, depth + 1) for child in item)
+        return attributes, (item.text or "").strip(), children
 
     def read(self, item: Element) -> Array:
-        """The array of an item, in native byte order.
+        """Read the array of an item, in native byte order.
 
         Raises
         ------
         FormatError
-            If it is of a kind that is not read, is damaged, or is not in the folder of the file.
+            If the item has an unsupported kind, is damaged, or is outside the folder of the file.
         """
         item = self.resolved(item)
         match item.get("ItemType", "Uniform").lower():
@@ -85,18 +85,18 @@ class DataItems:
             case "hyperslab":
                 values = self._slab(item)
             case kind:
-                raise FormatError(f"has a DataItem of type {kind!r}, which is not read")
+                raise FormatError(f"has a DataItem of unsupported type {kind!r}")
         values = np.asarray(values)
         if values.dtype.kind not in "iuf":
-            raise FormatError(f"has a DataItem of {values.dtype}; numbers are read")
+            raise FormatError(f"has a DataItem of {values.dtype}; expected numbers")
         values = values.astype(values.dtype.newbyteorder("="), copy=False)
         shape = _shape(item)
         if shape and math.prod(shape) != values.size:
-            raise FormatError(f"has {values.size} numbers in a DataItem of Dimensions {shape}")
+            raise FormatError(f"has {values.size} numbers in a DataItem with Dimensions {shape}")
         return values.reshape(shape) if shape else values
 
-    def described(self, item: Element) -> tuple[int, np.dtype[Any]]:
-        """How many numbers an item has, and of which type; those in HDF5 files are not read.
+    def describe(self, item: Element) -> tuple[int, np.dtype[Any]]:
+        """Return the size and type of an item, without reading data from HDF5 files.
 
         Raises
         ------
@@ -119,10 +119,10 @@ class DataItems:
             return np.asarray(source[()])
 
     def _slab(self, item: Element) -> Array:
-        """A part of another item: start, stride and count of each axis."""
+        """Read a part of another item, given start, stride and count of each axis."""
         children = item.findall("DataItem")
         if len(children) != 2:
-            raise FormatError(f"has a HyperSlab of {len(children)} DataItems; it needs 2")
+            raise FormatError(f"has a HyperSlab with {len(children)} DataItems; it needs 2")
         source = self._source(self.resolved(children[1]))
         try:
             place = self._stored(self.resolved(children[0])).reshape(3, -1)
@@ -138,31 +138,34 @@ class DataItems:
             or min([*starts, *counts, *(stride - 1 for stride in strides)]) < 0
             or any(end >= size for end, size in zip(ends, source.shape, strict=True))
         ):
-            raise FormatError(f"has a HyperSlab outside of its source, of shape {source.shape}")
+            raise FormatError(f"has a HyperSlab outside its source of shape {source.shape}")
         ranges = zip(starts, ends, strides, strict=True)
-        taken = tuple(slice(start, end + 1, stride) for start, end, stride in ranges)
+        selection = tuple(slice(start, end + 1, stride) for start, end, stride in ranges)
         with hdf_errors():
-            return np.asarray(source[taken])
+            return np.asarray(source[selection])
 
     def _source(self, item: Element) -> Array | Dataset:
-        """The whole array of an item, or the dataset that holds it."""
+        """Return the whole array of an item, or the HDF5 dataset that stores it."""
         text, kind = (item.text or "").strip(), item.get("Format", "XML").upper()
         if kind == "XML":
-            return self._written(item, text)
+            return self._parse(item, text)
         if kind == "HDF":
             file, colon, name = text.rpartition(":/")
-            if not colon:  # names of files may have colons too
+            if not colon:  # file names may contain colons too
                 file, _, name = text.partition(":")
             with hdf_errors():
-                return require_dataset(self._file(self._beside(file)), name)
+                return require_dataset(self._file(self._resolve(file)), name)
         if kind == "BINARY":
-            return self._binary(item, self._beside(text))
-        raise FormatError(f"has a DataItem of format {kind[:40]!r}; XML, HDF and Binary are read")
+            return self._binary(item, self._resolve(text))
+        raise FormatError(
+            f"has a DataItem of format {kind[:40]!r}; XML, HDF and Binary are supported"
+        )
 
-    def _beside(self, given: str) -> Path:
-        return path_beside(self._path, given, allow_outside=self._allow_outside)
+    def _resolve(self, file: str) -> Path:
+        return path_beside(self._path, file, allow_outside=self._allow_outside)
 
-    def _written(self, item: Element, text: str) -> Array:
+    def _parse(self, item: Element, text: str) -> Array:
+        """Parse numbers in XML text."""
         code = _code(item)
         try:
             if code[0] == "f":
@@ -170,19 +173,19 @@ class DataItems:
             else:
                 values = np.array([int(word) for word in text.split()], np.int64).astype(code)
         except (ValueError, OverflowError) as error:
-            raise FormatError(f"has a DataItem that is no numbers ({error})") from error
+            raise FormatError(f"has a DataItem that is not numbers ({error})") from error
         shape = _shape(item)
         return values.reshape(shape) if math.prod(shape) == values.size and shape else values
 
     def _binary(self, item: Element, path: Path) -> Array:
         if item.get("Compression", "Raw").lower() != "raw":
-            raise FormatError("has a packed binary DataItem, which is not read")
+            raise FormatError("has a compressed binary DataItem, which is not supported")
         order = ">" if item.get("Endian", "Native").lower() == "big" else "<"
         seek, shape = _whole(item.get("Seek", "0")), _shape(item)
         size = math.prod(shape) * int(_code(item)[1])
         if not 0 <= seek <= seek + size <= path.stat().st_size:
             raise FormatError(
-                f"takes {size} bytes from byte {seek} of {path.name}, which is shorter"
+                f"needs {size} bytes from byte {seek} on of {path.name}, which is shorter"
             )
         with os_errors_naming(path):
             values: Array = np.fromfile(path, order + _code(item), math.prod(shape), offset=seek)
@@ -196,18 +199,18 @@ class DataItems:
 
 
 def _follow(root: Element, place: str) -> Element:
-    """The element at a path such as /Xdmf/Domain/Grid[2]/Topology."""
+    """Return the element at a path such as /Xdmf/Domain/Grid[2]/Topology."""
     element = root
     for one in place.strip().removeprefix("/Xdmf/").split("/"):
         if (found := PATH_ELEMENT.fullmatch(one)) is None:
-            raise FormatError(f"refers to {place[:80]!r}, which is not understood")
+            raise FormatError(f"refers to {place[:80]!r}, which is not a supported path")
         tag, number, name = found.groups()
         children = [child for child in element if child.tag == tag]
         if name is not None:
             children = [child for child in children if child.get("Name") == name]
         chosen = children[int(number) - 1 if number else 0 :][:1]
         if not chosen or number == "0":
-            raise FormatError(f"refers to {place[:80]!r}, which is not there")
+            raise FormatError(f"refers to {place[:80]!r}, which does not exist")
         element = chosen[0]
     return element
 
@@ -216,7 +219,10 @@ def _code(item: Element) -> str:
     kind = (item.get("NumberType") or item.get("DataType") or "Float").lower()
     code = CODES.get(kind, "") + PRECISIONS.get(kind, item.get("Precision", "4"))
     if code not in ("f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8"):
-        raise FormatError(f"has a DataItem of {kind[:40]!r} of {item.get('Precision')!r} bytes")
+        raise FormatError(
+            f"has a DataItem of {kind[:40]!r} with Precision {item.get('Precision')!r}; it is "
+            "not supported"
+        )
     return code
 
 
@@ -226,5 +232,5 @@ def _shape(item: Element) -> tuple[int, ...]:
 
 def _whole(word: str) -> int:
     if not (word.isascii() and word.isdigit() and len(word) <= 18):
-        raise FormatError(f"has {word[:40]!r} where a whole number is needed")
+        raise FormatError(f"has {word[:40]!r} where a non-negative integer is expected")
     return int(word)

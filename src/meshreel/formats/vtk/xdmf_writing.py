@@ -1,4 +1,4 @@
-"""Frames to XDMF: a collection of grids in XML, whose numbers are in an HDF5 file beside."""
+"""Writer for XDMF: a temporal collection of grids in XML, with numbers in an HDF5 file."""
 
 from pathlib import Path
 from typing import Any
@@ -11,10 +11,10 @@ from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.hdf.reading import Node
 from meshreel.formats.hdf.writing import hdf_output
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.vtk.written_arrays import (
+from meshreel.formats.vtk.output_arrays import (
     FRAME_RATE,
-    WrittenArray,
-    written_arrays,
+    OutputArray,
+    output_arrays,
     xml_text,
 )
 from meshreel.formats.vtk.xdmf_grid import ATTRIBUTE_KIND, CENTERS, TRACK_KIND, UNIT
@@ -22,31 +22,31 @@ from meshreel.model.geometry.fans import join_fans
 from meshreel.model.geometry.ragged import ragged_indices
 
 NUMBER_TYPES = {"f": "Float", "i": "Int", "u": "UInt"}
-OF_A_BYTE = {"i": "Char", "u": "UChar"}
+BYTE_TYPES = {"i": "Char", "u": "UChar"}
 SHAPES = {1: "Scalar", 3: "Vector", 9: "Tensor"}
-"""What XDMF calls data of so many numbers; of others it is a matrix."""
+"""AttributeType by number of components; other counts are a Matrix."""
 
 TYPES = {3: "Triangle", 4: "Quadrilateral"}
 POLYGON, TRIANGLE, QUAD = 3, 4, 5
-"""Numbers of the types of cells in a mixed topology."""
+"""XDMF cell types in a mixed topology."""
 
 
-def xdmf_numbers(path: Path, n_frames: int) -> list[Path]:
-    """The file with the numbers, beside that which describes them."""
+def xdmf_data_files(path: Path, n_frames: int) -> list[Path]:
+    """Return the path of the HDF5 file that stores the numbers of an XDMF file."""
     return [path.with_name(f"{path.name}.h5")]
 
 
 def write_xdmf(path: Path, stream: FrameStream, options: WriteOptions) -> None:
-    """Write the file and that of its numbers, a dataset for each array of each frame."""
+    """Write the XML file and its HDF5 file, which has a dataset for each array of each frame."""
     if not stream.fps:
         stream.notes.append(f"the frame rate is unknown; written as {FRAME_RATE:g} fps")
-    arrays = written_arrays(stream.surface, stream.tracks, ".xdmf", stream.notes)
-    [(name, beside)] = stream.beside
+    arrays = output_arrays(stream.surface, stream.tracks, ".xdmf", stream.notes)
+    [(name, data_path)] = stream.beside
     grids = []
-    with hdf_output(beside) as output:
-        numbers = _Numbers(output.root, name)
+    with hdf_output(data_path) as output:
+        numbers = _HdfItems(output.root, name)
         topology = _topology(numbers, stream)
-        still = {
+        static = {
             number: numbers.item(f"data/{number}", _flat(one.values))
             for number, one in enumerate(arrays)
             if one.values is not None
@@ -54,7 +54,7 @@ def write_xdmf(path: Path, stream: FrameStream, options: WriteOptions) -> None:
         for index, frame in output.frames(stream):
             points = numbers.item(f"points/{index}", frame)
             values = stream.values(index)
-            items = still | {
+            items = static | {
                 number: numbers.item(f"data/{number}/{index}", _flat(values[one.track]))
                 for number, one in enumerate(arrays)
                 if one.track
@@ -75,17 +75,17 @@ def write_xdmf(path: Path, stream: FrameStream, options: WriteOptions) -> None:
     path.write_text("".join(text), encoding="utf-8")
 
 
-class _Numbers:
-    """Datasets in a file, and how XDMF names them."""
+class _HdfItems:
+    """Writes datasets to the HDF5 file, and returns the XML elements that refer to them."""
 
     def __init__(self, root: Node, file: str) -> None:
         self._root, self._file = root, file
 
     def item(self, place: str, values: npt.NDArray[Any]) -> str:
-        """The element of an array, which is written to a place in the file."""
+        """Write an array to a path in the file; return its DataItem element."""
         self._root[place] = values
         kind, width = values.dtype.kind, values.dtype.itemsize
-        number = OF_A_BYTE.get(kind, "") if width == 1 else NUMBER_TYPES[kind]
+        number = BYTE_TYPES.get(kind, "") if width == 1 else NUMBER_TYPES[kind]
         dimensions = " ".join(map(str, values.shape))
         facts = f'Dimensions="{dimensions}" NumberType="{number}" Precision="{width}"'
         text = f"{self._file}:/{place}".replace("&", "&amp;").replace("<", "&lt;")
@@ -93,12 +93,12 @@ class _Numbers:
 
 
 def _flat(values: Any) -> npt.NDArray[Any]:
-    """Values of one number each as an array of one axis."""
+    """Drop the second axis of values with one component."""
     found: npt.NDArray[Any] = values[:, 0] if values.shape[1] == 1 else values
     return found
 
 
-def _attribute(one: WrittenArray, item: str) -> str:
+def _attribute(one: OutputArray, item: str) -> str:
     center = next(center for center, domain in CENTERS.items() if domain is one.domain)
     shape = SHAPES.get(one.n_columns, "Matrix")
     facts = f'Name={quoteattr(one.name)} AttributeType="{shape}" Center="{center.title()}"'
@@ -107,8 +107,8 @@ def _attribute(one: WrittenArray, item: str) -> str:
     return f"<Attribute {facts}>\n{item}</Attribute>\n"
 
 
-def _topology(numbers: _Numbers, stream: FrameStream) -> str:
-    """The element of the faces, which are the same in all frames."""
+def _topology(numbers: _HdfItems, stream: FrameStream) -> str:
+    """Return the Topology element of the faces, which all frames share."""
     counts = stream.surface.sizes(len(stream.faces)).astype(np.int64)
     corners = join_fans(counts, stream.faces).astype(np.int64)
     if (counts == counts[0]).all():
@@ -122,7 +122,7 @@ def _topology(numbers: _Numbers, stream: FrameStream) -> str:
 
 
 def _mixed(counts: npt.NDArray[np.int64], corners: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """Cells that each begin with their type, and polygons then with their number of corners."""
+    """Encode a mixed topology: each cell begins with its type, polygons also with their size."""
     is_polygon = counts > 4
     heads = np.where(is_polygon, 2, 1)
     starts = np.cumsum(heads + counts) - heads - counts

@@ -1,4 +1,4 @@
-"""Data arrays of XML files of VTK: as text, or binary, packed or not, in place or appended."""
+"""Decoding of VTK XML DataArrays: text or binary, inline or appended, compressed or not."""
 
 import binascii
 import zlib
@@ -18,9 +18,9 @@ NUMBERS = {
     "Int64": "i8", "UInt64": "u8", "Float32": "f4", "Float64": "f8",
 }  # fmt: skip
 Unpack = Callable[[bytes, int], bytes]
-"""Gives the bytes of a packed block that are at most so many."""
+"""Decompresses a block to at most the given number of bytes."""
 
-MAX_RATIO = 1100  # deflate cannot do better than 1032 : 1
+MAX_RATIO = 1100  # deflate compresses by at most 1032:1
 
 
 def _unpack_zlib(packed: bytes, size_bytes: int) -> bytes:
@@ -28,12 +28,12 @@ def _unpack_zlib(packed: bytes, size_bytes: int) -> bytes:
 
 
 def _unpack_lzma(packed: bytes, size_bytes: int) -> bytes:
-    import lzma  # here, for some builds of Python come without it
+    import lzma  # some Python builds lack it
 
     try:
         return lzma.LZMADecompressor().decompress(packed, size_bytes)
     except lzma.LZMAError as error:
-        raise FormatError(f"holds a block that is not of LZMA ({error})") from error
+        raise FormatError(f"contains a block that is not LZMA ({error})") from error
 
 
 UNPACKERS: dict[str, Unpack] = {
@@ -45,20 +45,20 @@ UNPACKERS: dict[str, Unpack] = {
 
 @dataclass(frozen=True)
 class ArrayCoding:
-    """How a file writes its arrays.
+    """How a file encodes its arrays.
 
     Parameters
     ----------
     order : {"<", ">"}
-        Little or big endian.
+        Byte order: little or big endian.
     header : {"u4", "u8"}
-        Numbers before the data that say how much there is.
+        Type of the sizes in front of the data.
     unpack : function of a packed block and its size, or None
-        For files that are packed.
+        Decompressor, for files with compressed arrays.
     appended : bytes
-        What stands behind all elements.
+        Content of AppendedData.
     is_raw : bool
-        Whether that is not in base64.
+        Whether the appended data is raw bytes rather than base64.
     """
 
     order: str
@@ -68,21 +68,21 @@ class ArrayCoding:
     is_raw: bool = False
 
     def read(self, element: Element) -> npt.NDArray[Any]:
-        """The numbers of a DataArray, of shape (N,) or (N, C), in native byte order.
+        """Decode a DataArray, of shape (N,) or (N, C), in native byte order.
 
         Raises
         ------
         FormatError
-            If it is of an unknown type or format, or damaged.
+            If its type or format is unknown, or it is damaged.
         """
         name, kind = element.get("Name", "(unnamed)"), element.get("type", "")
         if kind not in NUMBERS:
-            raise FormatError(f"array {name!r} has type {kind!r}; numbers are read")
+            raise FormatError(f"array {name!r} has type {kind!r}; expected a numeric type")
         try:
             values = self._numbers(element, NUMBERS[kind])
             width = int(element.get("NumberOfComponents", "1"))
             return values.reshape(-1, width) if width > 1 else values
-        # Damaged text, base64 and packed bytes raise these, each with its reason.
+        # Damaged text, base64 or compressed data raises one of these.
         except (ValueError, zlib.error, OverflowError) as error:
             raise FormatError(f"array {name!r} is damaged ({error})") from error
 
@@ -99,20 +99,24 @@ class ArrayCoding:
                 begin = max(0, int(element.get("offset", "0")))
                 stream = _Stream(self.appended[begin:], self.is_raw)
             case other:
-                raise FormatError(f"format {other!r} is not known")
+                raise FormatError(f"has a DataArray of unknown format {other!r}")
         data = self._plain(stream) if self.unpack is None else self._unpacked(stream, self.unpack)
         return np.frombuffer(data, f"{self.order}{code}").astype(code, copy=False)
 
     def _plain(self, stream: "_Stream") -> bytes:
-        """Bytes behind their number."""
+        """Read uncompressed data, which follows its size in bytes."""
         width = self._width
         [size] = self._header(stream.take(0, width), 1)
-        if stream.is_padded(stream.after(width)):  # some write the number by itself
+        if stream.is_padded(stream.after(width)):  # some writers encode the size separately
             return stream.take(stream.after(width), size)
         return stream.take(0, width + size)[width:]
 
     def _unpacked(self, stream: "_Stream", unpack: Unpack) -> bytes:
-        """Blocks behind their number, their size, that of a last smaller one, and packed sizes."""
+        """Decompress blocks.
+
+        The header lists their number, the size of a block, the size of a smaller last block or 0,
+        and the compressed size of each.
+        """
         [n_blocks] = self._header(stream.take(0, self._width), 1)
         if n_blocks == 0:
             return b""
@@ -120,7 +124,9 @@ class ArrayCoding:
         _, size, rest, *packed = self._header(stream.take(0, head_bytes), 3 + n_blocks)
         sizes = [size] * (n_blocks - bool(rest)) + [rest] * bool(rest)
         if sum(sizes) > MAX_RATIO * len(stream.data):
-            raise FormatError(f"declares {sum(sizes)} bytes, more than its packed bytes can hold")
+            raise FormatError(
+                f"declares {sum(sizes)} bytes, more than its compressed data can contain"
+            )
         data, at = memoryview(stream.take(stream.after(head_bytes), sum(packed))), 0
         pieces = []
         for length, expected in zip(packed, sizes, strict=True):
@@ -128,7 +134,7 @@ class ArrayCoding:
             at += length
             if len(pieces[-1]) != expected:
                 raise FormatError(
-                    f"a block has {len(pieces[-1])} bytes where {expected} are declared"
+                    f"a block has {len(pieces[-1])} bytes; its header declares {expected}"
                 )
         return b"".join(pieces)
 
@@ -143,30 +149,30 @@ class ArrayCoding:
 
 @dataclass(frozen=True)
 class _Stream:
-    """Bytes, as they are or as base64."""
+    """Binary data, raw or in base64; offsets count encoded characters."""
 
     data: bytes
     is_raw: bool
 
     def after(self, count: int) -> int:
-        """Where what follows so many bytes begins."""
+        """Offset after `count` decoded bytes, encoded separately."""
         return count if self.is_raw else -(-count // 3) * 4
 
     def is_padded(self, at: int) -> bool:
-        """Whether a piece of base64 ends there for want of bytes."""
+        """Whether base64 padding ends at this offset."""
         return not self.is_raw and self.data[at - 1 : at] == b"="
 
     def take(self, at: int, count: int) -> bytes:
-        """So many bytes from a place on.
+        """Decode `count` bytes from an offset.
 
         Raises
         ------
         FormatError
-            If they are not there.
+            If the data ends before them.
         """
         found = self.data[at : at + self.after(count)]
         if not self.is_raw:
             found = binascii.a2b_base64(found, strict_mode=True)[:count]
         if len(found) < count:
-            raise FormatError(f"has {len(found)} bytes where {count} are declared")
+            raise FormatError(f"has {len(found)} bytes; {count} are declared")
         return found

@@ -1,7 +1,7 @@
-"""XML files of VTK with polygons (``.vtp``) or cells (``.vtu``), at one time.
+"""Reader for VTK XML files with polygons (``.vtp``) or cells (``.vtu``) at one time.
 
-Our own reader: that of VTK allocates what a file declares, which ends the whole process where the
-file lies. Read: every encoding and packing that VTK writes, and any number of pieces.
+Supports every encoding and compression that VTK writes, and any number of pieces. VTK's own reader
+is not used: it allocates whatever size a file declares, so a damaged file can abort the process.
 """
 
 import re
@@ -20,52 +20,53 @@ from meshreel.formats.notes import listed
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.cells import POLY_LINE, POLY_VERTEX, POLYGON, STRIP, Cells
 from meshreel.formats.vtk.data_arrays import TEXTURE_COORDINATES, DataArray
-from meshreel.formats.vtk.mesh import VtkMesh, joined
+from meshreel.formats.vtk.mesh import VtkMesh, join_pieces
 from meshreel.formats.vtk.xml_arrays import UNPACKERS, ArrayCoding
 from meshreel.formats.vtk.xml_tree import parse_xml
 from meshreel.model.surface import Surface
 
 APPENDED = re.compile(rb"<AppendedData([^>]*)>\s*_")
 TIMES = ("TimeValue", "TIME", "CYCLE")
-"""Field data that say when a file is."""
+"""Field data with the time of the file; not reported as left out."""
 TRACK_KIND, ATTRIBUTE_KIND = "track_kind", "attribute_kind"
-"""XML attributes of our own: what an array means, and whether it is a track."""
+"""XML attributes that meshreel adds: the kind of an array that is a track or an attribute."""
 UNITS = "UNITS_LABEL"
-"""What VTK calls the unit of the numbers of an array."""
+"""VTK's information key for the unit of an array."""
 GROUPS = {"Verts": POLY_VERTEX, "Lines": POLY_LINE, "Polys": POLYGON, "Strips": STRIP}
 
 
 def read_vtk_xml(data: bytes) -> VtkMesh:
-    """The contents of the bytes of a ``.vtu`` or ``.vtp`` file; several pieces are joined.
+    """Parse a ``.vtu`` or ``.vtp`` file, joining its pieces.
 
     Raises
     ------
     FormatError
-        If it is no such file, or damaged.
+        If the data is not such a file, or is damaged.
     """
-    behind, is_raw = b"", False
+    appended, is_raw = b"", False
     if found := APPENDED.search(data):
         end = data.rfind(b"</AppendedData")
-        behind = data[found.end() : end if end > 0 else len(data)]
+        appended = data[found.end() : end if end > 0 else len(data)]
         is_raw = b"raw" in found[1]
         data = data[: found.start()] + b"</VTKFile>"
     root = parse_xml(data)
     kind = root.get("type", "")
     if root.tag != "VTKFile" or kind not in ("UnstructuredGrid", "PolyData"):
         raise FormatError(
-            f"is {root.tag} of type {kind!r}; a VTKFile of UnstructuredGrid or PolyData is read"
+            f"is {root.tag} of type {kind!r}; expected a VTKFile of type UnstructuredGrid or "
+            "PolyData"
         )
-    coding = _coding(root, behind, is_raw)
+    coding = _coding(root, appended, is_raw)
     pieces = root.findall(f"{kind}/Piece")
     meshes = [_mesh(piece, coding, is_grid=kind == "UnstructuredGrid") for piece in pieces]
     if not meshes:
-        raise FormatError("holds no piece")
-    mesh = joined(meshes)
+        raise FormatError("has no Piece")
+    mesh = join_pieces(meshes)
     return replace(mesh, left_out=(*mesh.left_out, *_left_out(root.find(kind))))
 
 
 def _left_out(grid: Element | None) -> Iterator[str]:
-    """In words, what belongs to the file as a whole, and data that are no numbers."""
+    """Describe field data and text arrays, which are left out."""
     elements = [] if grid is None else [*grid.iterfind("FieldData/*")]
     names = [element.get("Name", "") for element in elements]
     if field := [name for name in names if name not in TIMES]:
@@ -81,27 +82,27 @@ def _is_text(element: Element) -> bool:
 
 
 def parse_vtk_xml(data: bytes) -> PolygonMesh:
-    """The surface that a ``.vtu`` or ``.vtp`` file shows; raises as `read_vtk_xml`."""
+    """Return the surface of a ``.vtu`` or ``.vtp`` file; raises as `read_vtk_xml`."""
     return read_vtk_xml(data).polygons
 
 
 def parse_vtk_xml_surface(data: bytes, notes: list[str]) -> Surface:
-    """Its texture coordinates and colours; notes tell what is left out.
+    """Return the texture coordinates and colors of a ``.vtu`` or ``.vtp`` file.
 
-    Raises as `read_vtk_xml`.
+    The notes list what is left out. Raises as `read_vtk_xml`.
     """
-    return read_vtk_xml(data).look(notes)
+    return read_vtk_xml(data).attribute_surface(notes)
 
 
 def parse_vtk_xml_fields(data: bytes) -> Fields:
-    """All data of points and cells; raises as `read_vtk_xml`, or if two have one name."""
+    """Return all point and cell data; raises as `read_vtk_xml`, or if two share a name."""
     return read_vtk_xml(data).fields
 
 
 def _coding(root: Element, appended: bytes, is_raw: bool) -> ArrayCoding:
     compressor = root.get("compressor", "")
     if compressor and compressor not in UNPACKERS:
-        raise FormatError(f"is packed by {compressor}; {', '.join(UNPACKERS)} are read")
+        raise FormatError(f"is compressed by {compressor}; {', '.join(UNPACKERS)} are supported")
     return ArrayCoding(
         ">" if root.get("byte_order") == "BigEndian" else "<",
         "u8" if root.get("header_type") == "UInt64" else "u4",
@@ -163,7 +164,7 @@ def _poly_cells(piece: Element, coding: ArrayCoding) -> Cells:
 
 
 def _check_count(piece: Element, name: str, n_found: int) -> None:
-    """Raise an error if a piece declares another number of points or cells than its arrays have."""
+    """Raise an error if the declared number of points or cells differs from the arrays."""
     declared = piece.get(f"NumberOf{name}", str(n_found)).strip()
     if (declared.lstrip("0") or "0") != str(n_found):
         raise FormatError(
@@ -173,7 +174,7 @@ def _check_count(piece: Element, name: str, n_found: int) -> None:
 
 
 def _connectivity(group: Element, coding: ArrayCoding) -> tuple[Integers, Integers]:
-    """Points of each cell: how many, and which."""
+    """Return the point count of each cell, and all point indices."""
     points = _named(group, "connectivity", coding).astype(np.int64)
     ends = _named(group, "offsets", coding).astype(np.int64)
     counts = np.diff(ends, prepend=0)
@@ -188,7 +189,7 @@ def _named(group: Element, name: str, coding: ArrayCoding) -> npt.NDArray[Any]:
             values = coding.read(element)
             if values.dtype.kind in "iu" and values.ndim == 1:
                 return values
-            raise FormatError(f"{name} must be whole numbers; got {values.dtype}")
+            raise FormatError(f"{name} must be integers; got {values.dtype}")
     raise FormatError(f"{group.tag} has no array {name!r}")
 
 

@@ -1,4 +1,4 @@
-"""XML of files from anywhere to a tree: no entities, no other files, bounded depth."""
+"""XML parser for untrusted files: no entities, no external files, bounded depth."""
 
 from typing import Any
 from xml.etree.ElementTree import Element, TreeBuilder
@@ -10,7 +10,7 @@ MAX_DEPTH = 200
 
 
 def parse_xml(data: bytes) -> Element:
-    """The root element of an XML document.
+    """Return the root element of an XML document.
 
     Raises
     ------
@@ -23,7 +23,7 @@ def parse_xml(data: bytes) -> Element:
         nonlocal depth
         depth += 1
         if depth > MAX_DEPTH:
-            raise FormatError(f"is nested more than {MAX_DEPTH} elements deep")
+            raise FormatError(f"has elements nested deeper than {MAX_DEPTH} levels")
         builder.start(tag, attributes)
 
     def end(tag: str) -> None:
@@ -32,7 +32,7 @@ def parse_xml(data: bytes) -> Element:
         builder.end(tag)
 
     def refuse(name: str, *rest: Any) -> None:
-        raise FormatError(f"declares the entity {name!r}; entities are not read")
+        raise FormatError(f"declares the entity {name!r}; entities are not supported")
 
     parser = expat.ParserCreate()
     parser.buffer_text = True
@@ -42,11 +42,11 @@ def parse_xml(data: bytes) -> Element:
     try:
         parser.Parse(data, True)
     except expat.ExpatError as error:
-        raise FormatError(f"is no XML, or is damaged ({error})") from error
+        raise FormatError(f"is not XML, or is damaged ({error})") from error
     root: Element = builder.close()
     return root
 
 
 def local_name(element: Element) -> str:
-    """The tag of an element without the prefix of its namespace."""
+    """Tag of an element without its namespace prefix."""
     return element.tag.rpartition(":")[2]

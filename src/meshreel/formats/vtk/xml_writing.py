@@ -1,7 +1,7 @@
-"""Frames to XML files of VTK: polygons (``.vtp``) or cells (``.vtu``), and collections of them.
+"""Writers for VTK XML files: polygons (``.vtp``), cells (``.vtu``) and collections (``.pvd``).
 
-Numbers are in binary behind all elements: VTK reads every one bit for bit. What is the same in all
-frames, faces above all, is packed once.
+Arrays are binary AppendedData, which VTK reads bit for bit. Arrays that all frames share, such as
+faces, are compressed once.
 """
 
 import zlib
@@ -17,10 +17,10 @@ from meshreel.arrays import Values
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.vtk.cells import POLYGON
-from meshreel.formats.vtk.written_arrays import (
+from meshreel.formats.vtk.output_arrays import (
     FRAME_RATE,
-    WrittenArray,
-    written_arrays,
+    OutputArray,
+    output_arrays,
 )
 from meshreel.formats.vtk.xml_arrays import NUMBERS
 from meshreel.formats.vtk.xml_file import ATTRIBUTE_KIND, TRACK_KIND, UNITS
@@ -32,10 +32,10 @@ from meshreel.model.tracks import TrackSource
 Encode = Callable[..., bytes]
 
 TRIANGLE, QUAD = 5, 9
-"""Types of cells that programs know better than polygons of as many corners."""
+"""VTK cell types for triangles and quads; more programs support them than POLYGON."""
 
-STILL, MOVING = 6, 0
-"""Levels of zlib for what is packed once, and for what every frame has anew: that is not packed."""
+STATIC_LEVEL, FRAME_LEVEL = 6, 0
+"""zlib levels: shared arrays are compressed once, arrays of each frame are stored."""
 
 TYPE_NAMES = {code: name for name, code in NUMBERS.items()}
 
@@ -46,16 +46,16 @@ def vtp_encoder(
     notes: list[str] | None = None,
     tracks: Mapping[str, TrackSource] | None = None,
 ) -> Encode:
-    """A function from the positions and track values of a frame to the bytes of its VTP file.
+    """Return a function that encodes the positions and track values of a frame as a VTP file.
 
     Parameters
     ----------
     faces : int32 array of shape (M, 3)
     surface : Surface, optional
     notes : list of str, optional
-        Gains a sentence on what such a file does not hold.
+        Receives a sentence for each thing that the file cannot store.
     tracks : mapping of str to TrackSource, optional
-        Of vertices and faces; the function takes their values, of shape (N, C), by their names.
+        Tracks of vertices and faces; the function takes their values, of shape (N, C), by name.
     """
     return _encoder(faces, surface, notes, tracks, ".vtp")
 
@@ -66,18 +66,18 @@ def vtu_encoder(
     notes: list[str] | None = None,
     tracks: Mapping[str, TrackSource] | None = None,
 ) -> Encode:
-    """As `vtp_encoder`, for VTU files."""
+    """Return a function that encodes a frame as a VTU file; see `vtp_encoder`."""
     return _encoder(faces, surface, notes, tracks, ".vtu")
 
 
 def pvd_pieces(path: Path, n_frames: int) -> list[Path]:
-    """The files of the frames of a collection, in a folder beside it."""
+    """Return the paths of the frame files of a collection, in a folder next to it."""
     folder, width = path.with_name(f"{path.stem}_frames"), max(4, len(str(n_frames - 1)))
     return [folder / f"{path.stem}_{index:0{width}d}.vtp" for index in range(n_frames)]
 
 
 def write_pvd(path: Path, stream: FrameStream, options: WriteOptions) -> None:
-    """Write a collection, and a file of polygons for each frame."""
+    """Write a collection and a VTP file for each frame."""
     if not stream.fps:
         stream.notes.append(f"the frame rate is unknown; written as {FRAME_RATE:g} fps")
     encode = _encoder(stream.faces, stream.surface, stream.notes, stream.tracks, ".pvd")
@@ -104,50 +104,50 @@ def _encoder(
     tracks: Mapping[str, TrackSource] | None,
     ending: str,
 ) -> Encode:
-    arrays = written_arrays(surface, tracks or {}, ending, notes if notes is not None else [])
+    arrays = output_arrays(surface, tracks or {}, ending, notes if notes is not None else [])
     counts = surface.sizes(len(faces))
     types = np.full(len(counts), POLYGON, np.uint8)
     types[counts == 3], types[counts == 4] = TRIANGLE, QUAD
     connectivity = {
-        "connectivity": _numbers(join_fans(counts, faces).astype(np.int64), STILL),
-        "offsets": _numbers(np.cumsum(counts, dtype=np.int64), STILL),
+        "connectivity": _encode(join_fans(counts, faces).astype(np.int64), STATIC_LEVEL),
+        "offsets": _encode(np.cumsum(counts, dtype=np.int64), STATIC_LEVEL),
     }
     is_grid = ending == ".vtu"
-    connectivity |= {"types": _numbers(types, STILL)} if is_grid else {}
-    known = {
-        index: _numbers(one.values, STILL)
+    connectivity |= {"types": _encode(types, STATIC_LEVEL)} if is_grid else {}
+    static = {
+        index: _encode(one.values, STATIC_LEVEL)
         for index, one in enumerate(arrays)
         if one.values is not None
     }
-    return partial(_file, _Cells(len(counts), connectivity, is_grid=is_grid), arrays, known)
+    return partial(_file, _Cells(len(counts), connectivity, is_grid=is_grid), arrays, static)
 
 
 @dataclass(frozen=True)
-class _Numbers:
-    """The numbers of an array, as a file has them behind its elements.
+class _EncodedArray:
+    """An array encoded for AppendedData.
 
     Attributes
     ----------
     facts : str
-        What the element says of them.
+        XML attributes of the DataArray element.
     data : bytes
-        One block, behind its sizes.
+        Header with the sizes, and one compressed block.
     """
 
     facts: str
     data: bytes
 
 
-def _numbers(values: Values, level: int) -> _Numbers:
-    """Those of an array of shape (N,) or (N, C), packed as tightly as a level of zlib says."""
+def _encode(values: Values, level: int) -> _EncodedArray:
+    """Encode an array of shape (N,) or (N, C) with the given zlib level."""
     code = values.dtype.str[1:]
     plain = np.ascontiguousarray(values, f"<{code}").tobytes()
     facts = f'type="{TYPE_NAMES[code]}"'
     if values.ndim == 2:
         facts += f' NumberOfComponents="{values.shape[1]}"'
     packed = zlib.compress(plain, level)
-    sizes = (1, len(plain), 0, len(packed))  # blocks, bytes of each, of a last smaller one, packed
-    return _Numbers(facts, b"".join(size.to_bytes(8, "little") for size in sizes) + packed)
+    sizes = (1, len(plain), 0, len(packed))  # blocks, block size, size of a smaller last, packed
+    return _EncodedArray(facts, b"".join(size.to_bytes(8, "little") for size in sizes) + packed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,24 +155,24 @@ class _Cells:
     """The faces of all frames, as cells of a grid or as polygons."""
 
     n_faces: int
-    arrays: Mapping[str, _Numbers]
+    arrays: Mapping[str, _EncodedArray]
     is_grid: bool
 
     @property
     def kind(self) -> str:
-        """Of the file."""
+        """Type of the VTK file."""
         return "UnstructuredGrid" if self.is_grid else "PolyData"
 
     @property
     def counts(self) -> str:
-        """How many there are, as the piece says it."""
+        """XML attributes of the Piece with the number of cells."""
         if self.is_grid:
             return f'NumberOfCells="{self.n_faces}"'
         others = "".join(f'NumberOf{kind}="0" ' for kind in ("Verts", "Lines", "Strips"))
         return f'{others}NumberOfPolys="{self.n_faces}"'
 
     def element(self, appended: "_Appended") -> str:
-        """The element that holds them."""
+        """Return the element of the cells, appending their arrays."""
         tag = "Cells" if self.is_grid else "Polys"
         text = "".join(appended.array(name, one) for name, one in self.arrays.items())
         return f"<{tag}>\n{text}</{tag}>\n"
@@ -180,21 +180,21 @@ class _Cells:
 
 def _file(
     cells: _Cells,
-    arrays: list[WrittenArray],
-    known: Mapping[int, _Numbers],
+    arrays: list[OutputArray],
+    static: Mapping[int, _EncodedArray],
     vertices: Vertices,
     values: Mapping[str, Values] | None = None,
 ) -> bytes:
-    appended, given, numbered = _Appended(), values or {}, [*enumerate(arrays)]
+    appended, tracks, numbered = _Appended(), values or {}, [*enumerate(arrays)]
     numbers = {
-        index: known[index] if index in known else _numbers(given[one.track], MOVING)
+        index: static[index] if index in static else _encode(tracks[one.track], FRAME_LEVEL)
         for index, one in numbered
     }
     data = [
         _data(appended, tag, [(one, numbers[index]) for index, one in numbered if one.domain is of])
         for tag, of in (("PointData", Domain.VERTEX), ("CellData", Domain.FACE))
     ]
-    points = appended.array("Points", _numbers(vertices, MOVING))
+    points = appended.array("Points", _encode(vertices, FRAME_LEVEL))
     opening = (
         f'<VTKFile type="{cells.kind}" version="1.0" byte_order="LittleEndian" '
         'header_type="UInt64" compressor="vtkZLibDataCompressor">'
@@ -211,14 +211,14 @@ def _file(
     return b"".join(["".join(head).encode(), *appended.pieces, tail])
 
 
-def _data(appended: "_Appended", tag: str, arrays: list[tuple[WrittenArray, _Numbers]]) -> str:
+def _data(appended: "_Appended", tag: str, arrays: list[tuple[OutputArray, _EncodedArray]]) -> str:
     roles = "".join(f" {one.role}={quoteattr(one.name)}" for one, _ in arrays if one.role)
     elements = (appended.array(one.name, numbers, one) for one, numbers in arrays)
     return f"<{tag}{roles}>\n{''.join(elements)}</{tag}>\n"
 
 
 class _Appended:
-    """Numbers that are written behind all elements.
+    """Collects encoded arrays for the AppendedData element.
 
     Attributes
     ----------
@@ -229,8 +229,8 @@ class _Appended:
         self.pieces: list[bytes] = []
         self._size = 0
 
-    def array(self, name: str, numbers: _Numbers, about: WrittenArray | None = None) -> str:
-        """The element of an array, whose numbers are taken."""
+    def array(self, name: str, numbers: _EncodedArray, about: OutputArray | None = None) -> str:
+        """Append an encoded array; return its DataArray element."""
         facts = f"{numbers.facts} Name={quoteattr(name)}"
         if about is not None:
             facts += f' {TRACK_KIND if about.track else ATTRIBUTE_KIND}="{about.kind}"'

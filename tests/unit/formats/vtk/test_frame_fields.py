@@ -1,4 +1,4 @@
-"""Point and cell data over time that frames of XDMF and of collections each have of their own."""
+"""Tracks from point and cell arrays that every frame stores: XDMF, PVD and VTK frame files."""
 
 from itertools import chain
 from typing import Any
@@ -17,7 +17,7 @@ from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.vtkIOLegacy import vtkUnstructuredGridWriter
 from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter, vtkXMLUnstructuredGridWriter
 
-from samples.vtk import HEAT, POINTS, grid, poly_data, written
+from samples.vtk import HEAT, POINTS, grid, poly_data, write_mesh
 
 RNG = np.random.default_rng(4)
 N_POINTS, N_CELLS = 10, 3
@@ -26,10 +26,10 @@ XDMF = """<Xdmf Version="3.0"><Domain>
 <Grid Name="walk" GridType="Collection" CollectionType="Temporal">{}</Grid></Domain></Xdmf>"""
 STEP = """<Grid Name="body"><Time Value="{time}"/>
 <Topology TopologyType="Triangle"><DataItem Dimensions="3 3" NumberType="Int">{faces}</DataItem>
-</Topology><Geometry GeometryType="XYZ">{points}</Geometry>{more}</Grid>"""
+</Topology><Geometry GeometryType="XYZ">{points}</Geometry>{attributes}</Grid>"""
 
 
-def words(values):
+def data_item(values):
     values = np.asarray(values)
     kind = {"f": "Float", "i": "Int", "u": "UInt"}[values.dtype.kind]
     facts = f'NumberType="{kind}" Precision="{values.itemsize}"'
@@ -39,23 +39,28 @@ def words(values):
 
 
 def xdmf(folder, frames):
-    """A collection of steps with arrays by center and name."""
+    """Write a temporal XDMF collection; each frame lists ((center, name), values) pairs."""
     steps = []
     for index, arrays in enumerate(frames):
-        more = "".join(
-            f'<Attribute Name="{name}" Center="{center}">{words(values)}</Attribute>'
+        attributes = "".join(
+            f'<Attribute Name="{name}" Center="{center}">{data_item(values)}</Attribute>'
             for (center, name), values in arrays
         )
         faces = "0 1 2 2 3 4 5 6 7"
         steps.append(
-            STEP.format(time=index / 10, faces=faces, points=words(POINTS + index), more=more)
+            STEP.format(
+                time=index / 10,
+                faces=faces,
+                points=data_item(POINTS + index),
+                attributes=attributes,
+            )
         )
     (folder / "a.xdmf").write_text(XDMF.format("".join(steps)))
     return folder / "a.xdmf"
 
 
 def with_arrays(mesh, arrays):
-    """A mesh of VTK with these arrays at points and cells."""
+    """Add arrays to the points and cells of a VTK mesh."""
     mesh.GetCellData().RemoveArray("heat")
     for (center, name), values in arrays:
         array = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
@@ -64,14 +69,14 @@ def with_arrays(mesh, arrays):
     return mesh
 
 
-def pvd(folder, frames, ending="vtp"):
-    """A collection of files that VTK writes, with arrays by center and name."""
+def pvd(folder, frames, extension="vtp"):
+    """Write a PVD collection with VTK; frames as in `xdmf`."""
     rows = []
     for index, arrays in enumerate(frames):
-        mesh = with_arrays((poly_data if ending == "vtp" else grid)(POINTS + index), arrays)
-        writer = vtkXMLPolyDataWriter() if ending == "vtp" else vtkXMLUnstructuredGridWriter()
-        written(writer, mesh, folder / f"f_{index}.{ending}")
-        rows.append(f'<DataSet timestep="{index / 10}" file="f_{index}.{ending}"/>')
+        mesh = with_arrays((poly_data if extension == "vtp" else grid)(POINTS + index), arrays)
+        writer = vtkXMLPolyDataWriter() if extension == "vtp" else vtkXMLUnstructuredGridWriter()
+        write_mesh(writer, mesh, folder / f"f_{index}.{extension}")
+        rows.append(f'<DataSet timestep="{index / 10}" file="f_{index}.{extension}"/>')
     text = f'<VTKFile type="Collection"><Collection>{"".join(rows)}</Collection></VTKFile>'
     (folder / "a.pvd").write_text(text)
     return folder / "a.pvd"
@@ -87,12 +92,12 @@ def vtp_frames(folder, frames):
 
 
 def vtk_frames(folder, frames):
-    """Legacy files that VTK writes."""
+    """Write legacy files with VTK; frames as in `xdmf`."""
     for index, arrays in enumerate(frames):
         mesh = with_arrays(grid(POINTS + index), arrays)
         writer = vtkUnstructuredGridWriter()
         writer.SetFileTypeToBinary()
-        written(writer, mesh, folder / f"f_{index}.vtk")
+        write_mesh(writer, mesh, folder / f"f_{index}.vtk")
     return folder / "f_*.vtk"
 
 
@@ -100,11 +105,11 @@ COLLECTIONS = pytest.mark.parametrize("make", [xdmf, pvd, vtu])
 ALL = pytest.mark.parametrize("make", [xdmf, pvd, vtu, vtp_frames, vtk_frames])
 
 
-def given(center, name, values):
+def frames_of(center, name, values):
     return [[((center, name), one)] for one in values]
 
 
-def joined(*columns):
+def join_frames(*columns):
     return [list(chain(*row)) for row in zip(*columns, strict=True)]
 
 
@@ -112,11 +117,13 @@ def joined(*columns):
 @pytest.mark.parametrize("read", [load, open_source])
 @pytest.mark.parametrize("dtype", ["f4", "f8", "i4", "i8", "u1"])
 @pytest.mark.parametrize("width", [1, 3, 9])
-def test_data_of_points_and_cells_are_tracks_when_they_change(tmp_path, make, read, dtype, width):
+def test_changing_point_and_cell_data_become_tracks(tmp_path, make, read, dtype, width):
     at_points, at_cells = (
         (100 * RNG.random((4, n, width))).astype(dtype) for n in (N_POINTS, N_CELLS)
     )
-    frames = joined(given("Node", "stress", at_points), given("Cell", "area", at_cells))
+    frames = join_frames(
+        frames_of("Node", "stress", at_points), frames_of("Cell", "area", at_cells)
+    )
     notes = []
     tracks = read(make(tmp_path, frames), notes=notes).tracks
     for name, values, domain in (("stress", at_points, "vertex"), ("area", at_cells, "face")):
@@ -127,87 +134,85 @@ def test_data_of_points_and_cells_are_tracks_when_they_change(tmp_path, make, re
 
 
 @ALL
-def test_numbers_stay_as_they_are_when_they_are_not_finite(tmp_path, make):
+def test_non_finite_values_are_preserved(tmp_path, make):
     if make is xdmf:
         values = RNG.random((2, N_POINTS))
         values[0, :3] = np.nan, np.inf, -np.inf
     else:
         values = RNG.random((2, N_POINTS)).astype(np.float32)
-        values.view(np.uint32)[0, :3] = 0x7FC12345, 0x7F800000, 0xFF800000  # bits of a NaN
-    found = load(make(tmp_path, given("Node", "heat", values))).tracks["heat"]
+        values.view(np.uint32)[0, :3] = 0x7FC12345, 0x7F800000, 0xFF800000  # a NaN with payload
+    found = load(make(tmp_path, frames_of("Node", "heat", values))).tracks["heat"]
     assert found.values.tobytes() == values.tobytes()
 
 
 @ALL
 @pytest.mark.parametrize(
-    ("dtype", "read_as", "said"),
+    ("dtype", "read_as", "type_note"),
     [("f4", "f4", ""), ("f8", "f8", ""), ("i4", "f8", ", as float64")],
 )
-def test_field_is_missing_in_the_other_frames_when_it_is_in_some_only(
-    tmp_path, make, dtype, read_as, said
-):
+def test_field_of_some_frames_is_nan_in_the_others(tmp_path, make, dtype, read_as, type_note):
     values = np.arange(3 * N_CELLS).reshape(3, N_CELLS).astype(dtype)
-    frames = given("Cell", "damage", values)
+    frames = frames_of("Cell", "damage", values)
     frames[1] = []
     notes = []
     track = load(make(tmp_path, frames), notes=notes).tracks["damage"]
     assert track.dtype == read_as
     assert np.array_equal(track[[0, 2]][..., 0], values[[0, 2]])
     assert np.isnan(track[1]).all()
-    assert notes == [f"'damage' is in 2 of 3 frames, and NaN in the others{said}"]
+    assert notes == [f"'damage' is in 2 of 3 frames, and NaN in the others{type_note}"]
 
 
 @COLLECTIONS
-def test_array_is_an_attribute_when_it_is_the_same_in_all_frames(tmp_path, make):
-    found = load(make(tmp_path, given("Cell", "still", [HEAT] * 3)))
+def test_constant_array_of_a_collection_is_an_attribute(tmp_path, make):
+    found = load(make(tmp_path, frames_of("Cell", "still", [HEAT] * 3)))
     assert "still" in {one.name for one in found.surface.attributes}
     assert not found.tracks
 
 
 @pytest.mark.parametrize("make", [vtp_frames, vtk_frames])
 @pytest.mark.parametrize("n_frames", [1, 3])
-def test_array_is_a_track_when_files_hold_a_frame_each(tmp_path, make, n_frames):
-    found = load(make(tmp_path, given("Cell", "still", [HEAT] * n_frames)))
+def test_constant_array_of_frame_files_is_a_track(tmp_path, make, n_frames):
+    found = load(make(tmp_path, frames_of("Cell", "still", [HEAT] * n_frames)))
     assert {one.name for one in found.surface.attributes} == {"uv set", "paint"}
     assert found.tracks["still"].values.tolist() == [HEAT[:, None].tolist()] * n_frames
 
 
-def test_loading_says_that_a_file_changed_when_its_track_is_read_later(tmp_path):
-    heat = given("Cell", "heat", RNG.random((2, N_CELLS)))
+def test_reading_a_track_fails_if_its_file_has_changed(tmp_path):
+    heat = frames_of("Cell", "heat", RNG.random((2, N_CELLS)))
     track = open_source(vtp_frames(tmp_path, heat)).tracks["heat"]
     assert np.array_equal(track.read(0, 1).ravel(), heat[0][0][1])
-    vtp_frames(tmp_path, given("Cell", "heat", RNG.random((2, N_CELLS))))
+    vtp_frames(tmp_path, frames_of("Cell", "heat", RNG.random((2, N_CELLS))))
     with pytest.raises(InvalidInputError, match=r"f_1\.vtp \(frame 1\) changed"):
         track.read(1, 2)
 
 
 @ALL
-def test_type_is_one_that_holds_all_when_frames_have_different_ones(tmp_path, make):
+def test_track_has_the_common_type_of_its_frames(tmp_path, make):
     values: list[Any] = [
         np.arange(N_POINTS, dtype=np.int16),
         np.linspace(0, 1, N_POINTS, dtype=np.float32),
     ]
     if make is xdmf:
         values[0] = values[0].astype(np.int8)
-    track = load(make(tmp_path, given("Node", "mix", values))).tracks["mix"]
+    track = load(make(tmp_path, frames_of("Node", "mix", values))).tracks["mix"]
     assert track.dtype == np.float32
     assert [row.ravel().tolist() for row in track] == [row.tolist() for row in values]
 
 
 @ALL
-def test_field_is_named_when_its_values_have_different_widths(tmp_path, make):
+def test_field_with_varying_components_is_left_out_with_a_note(tmp_path, make):
     values = [np.zeros((N_POINTS, 2)), np.zeros((N_POINTS, 3))]
     notes = []
-    assert not load(make(tmp_path, given("Node", "odd", values)), notes=notes).tracks
+    assert not load(make(tmp_path, frames_of("Node", "odd", values)), notes=notes).tracks
     assert notes == ["left out: 'odd', of 2 and of 3 numbers in different frames"]
 
 
 @ALL
-def test_colours_and_normals_are_known_when_they_change(tmp_path, make):
+def test_changing_colors_and_normals_are_recognized(tmp_path, make):
     shades = RNG.integers(0, 256, (2, N_POINTS, 3)).astype(np.uint8)
     normals = RNG.normal(size=(2, N_CELLS, 3))
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    frames = joined(given("Node", "shade", shades), given("Cell", "Normals", normals))
+    frames = join_frames(frames_of("Node", "shade", shades), frames_of("Cell", "Normals", normals))
     tracks = load(make(tmp_path, frames)).tracks
     assert tracks["shade"].kind is TrackKind.COLOR
     assert tracks["Normals"].kind is TrackKind.NORMAL
@@ -215,10 +220,10 @@ def test_colours_and_normals_are_known_when_they_change(tmp_path, make):
 
 
 @ALL
-def test_face_track_has_another_name_when_points_have_an_array_of_its_name(tmp_path, make):
-    frames = joined(
-        given("Node", "heat", RNG.random((2, N_POINTS))),
-        given("Cell", "heat", RNG.random((2, N_CELLS))),
+def test_face_track_is_renamed_if_a_vertex_track_has_its_name(tmp_path, make):
+    frames = join_frames(
+        frames_of("Node", "heat", RNG.random((2, N_POINTS))),
+        frames_of("Cell", "heat", RNG.random((2, N_CELLS))),
     )
     tracks = load(make(tmp_path, frames)).tracks
     assert {name: str(one.domain) for name, one in tracks.items()} == {
@@ -227,25 +232,27 @@ def test_face_track_has_another_name_when_points_have_an_array_of_its_name(tmp_p
     }
 
 
-def test_error_names_both_arrays_when_a_step_has_two_of_one_name(tmp_path):
-    heat = given("Node", "heat", RNG.random((2, N_POINTS)))
-    path = xdmf(tmp_path, joined(heat, given("Node", "heat", RNG.random((2, N_POINTS, 3)))))
+def test_duplicate_array_names_in_a_step_are_an_error(tmp_path):
+    heat = frames_of("Node", "heat", RNG.random((2, N_POINTS)))
+    path = xdmf(
+        tmp_path, join_frames(heat, frames_of("Node", "heat", RNG.random((2, N_POINTS, 3))))
+    )
     with pytest.raises(InvalidInputError, match="two arrays 'heat' at points in a frame, of 1 and"):
         load(path)
 
 
-def test_array_is_named_with_what_it_would_have_to_be_when_it_fits_no_points(tmp_path):
+def test_array_of_wrong_size_is_left_out_with_a_note(tmp_path):
     notes = []
-    path = xdmf(tmp_path, given("Node", "odd", RNG.random((2, N_POINTS - 1))))
+    path = xdmf(tmp_path, frames_of("Node", "odd", RNG.random((2, N_POINTS - 1))))
     assert not load(path, notes=notes).tracks
     assert notes == [
-        f"left out: arrays: odd of 9 numbers in step {step}; those of each node are 10, or so many "
-        "times a whole number"
+        f"left out: arrays: odd with 9 numbers in step {step}; arrays of each node need 10 or a "
+        "multiple of it"
         for step in (0, 1)
     ]
 
 
-def test_values_of_cells_go_with_the_boundary_when_cells_are_solid(tmp_path):
+def test_values_of_solid_cells_are_on_their_boundary_faces(tmp_path):
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]], float)
     cells = [(10, [0, 1, 2, 3]), (10, [1, 2, 3, 4])]
     rows = []
@@ -254,7 +261,7 @@ def test_values_of_cells_go_with_the_boundary_when_cells_are_solid(tmp_path):
         array = numpy_to_vtk(np.array([1.0, 2.0]) + 10 * index, deep=True)
         array.SetName("stress")
         mesh.GetCellData().AddArray(array)
-        written(vtkXMLUnstructuredGridWriter(), mesh, tmp_path / f"f_{index}.vtu")
+        write_mesh(vtkXMLUnstructuredGridWriter(), mesh, tmp_path / f"f_{index}.vtu")
         rows.append(f'<DataSet timestep="{index}" file="f_{index}.vtu"/>')
     text = f'<VTKFile type="Collection"><Collection>{"".join(rows)}</Collection></VTKFile>'
     (tmp_path / "a.pvd").write_text(text)
@@ -264,16 +271,16 @@ def test_values_of_cells_go_with_the_boundary_when_cells_are_solid(tmp_path):
 
 
 @pytest.mark.parametrize("make", [pvd, vtu])
-def test_files_of_a_time_give_one_track_when_they_are_merged(tmp_path, make):
+def test_merged_files_share_one_track(tmp_path, make):
     heat = RNG.random((2, N_POINTS))
-    whole = make(tmp_path, given("Node", "heat", heat))
+    whole = make(tmp_path, frames_of("Node", "heat", heat))
     text = whole.read_text()
     one = tmp_path / "one"
     one.mkdir()
     other = make(one, [[], []])
     rows = text.replace("</Collection></VTKFile>", "").partition("<Collection>")[2]
-    more = other.read_text().partition("<Collection>")[2].replace('file="', 'file="one/')
-    whole.write_text(f'<VTKFile type="Collection"><Collection>{rows}{more}')
+    attributes = other.read_text().partition("<Collection>")[2].replace('file="', 'file="one/')
+    whole.write_text(f'<VTKFile type="Collection"><Collection>{rows}{attributes}')
     notes = []
     track = load(whole, merge=True, notes=notes).tracks["heat"]
     assert track.shape == (2, 2 * N_POINTS, 1)
@@ -282,15 +289,15 @@ def test_files_of_a_time_give_one_track_when_they_are_merged(tmp_path, make):
     assert "track 'heat' is of 1 of 2 meshes, and NaN in the others" in notes
 
 
-def test_stretches_have_their_part_of_a_track_when_faces_change(tmp_path):
+def test_stretches_have_their_part_of_a_track(tmp_path):
     heat = RNG.random((3, N_POINTS))
-    path = pvd(tmp_path, given("Node", "heat", heat))
+    path = pvd(tmp_path, frames_of("Node", "heat", heat))
     mesh = poly_data(POINTS, [[0, 1, 2], [2, 3, 4]])
     mesh.GetCellData().RemoveArray("heat")
     array = numpy_to_vtk(heat[2], deep=True)
     array.SetName("heat")
     mesh.GetPointData().AddArray(array)
-    written(vtkXMLPolyDataWriter(), mesh, tmp_path / "f_2.vtp")
+    write_mesh(vtkXMLPolyDataWriter(), mesh, tmp_path / "f_2.vtp")
     stretches = find_stretches(path, ReadOptions())
     found = [one.open().tracks["heat"].read(0, 3)[..., 0] for one in stretches]
     assert [len(values) for values in found] == [2, 1]

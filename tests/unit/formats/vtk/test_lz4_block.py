@@ -8,7 +8,7 @@ from meshreel.formats.vtk.lz4_block import unpack_lz4
     ("packed", "unpacked"),
     [
         (b"\x30abc", b"abc"),
-        (b"\x10a\x01\x00\x10b", b"aaaaab"),  # a match goes on in what it appends
+        (b"\x10a\x01\x00\x10b", b"aaaaab"),  # a match that overlaps its output
         (b"\x20ab\x02\x00\x10c", b"abababc"),
         (b"\x40abcd\x03\x00\x10e", b"abcdbcdbe"),
         (b"\x10a\x01\x00\x00", b"aaaaa"),
@@ -17,7 +17,7 @@ from meshreel.formats.vtk.lz4_block import unpack_lz4
         (b"\xf0\xff\xf1" + bytes(511), bytes(511)),
     ],
 )
-def test_block_is_unpacked_when_it_is_whole(packed, unpacked):
+def test_valid_block_is_decompressed(packed, unpacked):
     assert unpack_lz4(packed, len(unpacked)) == unpacked
 
 
@@ -28,14 +28,14 @@ def test_block_is_unpacked_when_it_is_whole(packed, unpacked):
         (b"\x30ab", 3),
         (b"\x30abc", 2),
         (b"\x30abc", 4),
-        (b"\x10a\x00\x00\x10b", 6),  # a match with itself
-        (b"\x10a\x02\x00\x10b", 6),  # one that begins before the block
+        (b"\x10a\x00\x00\x10b", 6),  # a match at distance 0
+        (b"\x10a\x02\x00\x10b", 6),  # a match that begins before the block
         (b"\x10a\x02\x00\x10b", 5),
         (b"\x10a\x01\x00\x10b", 5),
         (b"\x10a\x01\x00", 5),  # ends with a match
         (b"\x1fa\x01\x00\xff", 277),
     ],
 )
-def test_block_is_refused_when_it_is_damaged(packed, size_bytes):
-    with pytest.raises(FormatError, match="not of LZ4, or is damaged"):
+def test_damaged_block_is_rejected(packed, size_bytes):
+    with pytest.raises(FormatError, match="that is not LZ4, or is damaged"):
         unpack_lz4(packed, size_bytes)

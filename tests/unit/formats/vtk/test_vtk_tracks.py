@@ -1,4 +1,4 @@
-"""Point and cell data over time in files of VTK, and of meshreel in them."""
+"""Tracks in VTKHDF files, written by meshreel or by other programs."""
 
 import numpy as np
 import pytest
@@ -13,12 +13,12 @@ from samples.tracks import assert_same_tracks, tracked_sheet
 
 h5py = pytest.importorskip("h5py")
 
-HELD = ("vertex", "face")
+DOMAINS = ("vertex", "face")
 RNG = np.random.default_rng(2)
 
 
 def change(path, place, values, starts=None):
-    """Put values of all steps into a VTKHDF file, one step after the other."""
+    """Store the concatenated values of all steps in a VTKHDF file."""
     with h5py.File(path, "a") as file:
         file[f"VTKHDF/{place}"] = values
         if starts is not None:
@@ -28,8 +28,8 @@ def change(path, place, values, starts=None):
 
 @pytest.mark.parametrize("n_frames", [1, 6])
 @pytest.mark.parametrize("read", [load, open_source])
-def test_tracks_come_back_bit_for_bit_when_vtkhdf_was_saved(tmp_path, n_frames, read):
-    sheet, notes = tracked_sheet(n_frames, HELD), []
+def test_vtkhdf_tracks_round_trip_exactly(tmp_path, n_frames, read):
+    sheet, notes = tracked_sheet(n_frames, DOMAINS), []
     [path] = save(sheet, tmp_path / "a.vtkhdf")
     found = read(path, notes=notes)
     assert isinstance(found, StoredFrames) == (read is open_source)
@@ -38,29 +38,29 @@ def test_tracks_come_back_bit_for_bit_when_vtkhdf_was_saved(tmp_path, n_frames, 
     assert notes == []
 
 
-def test_tracks_come_back_when_only_what_vtk_knows_is_left_in_the_file(tmp_path):
-    sheet = tracked_sheet(6, HELD)
+def test_tracks_do_not_need_the_meshreel_group(tmp_path):
+    sheet = tracked_sheet(6, DOMAINS)
     [path] = save(sheet, tmp_path / "a.vtkhdf")
     with h5py.File(path, "a") as file:
         del file["meshreel"]
     assert_same_tracks(load(path).tracks, sheet.tracks)
 
 
-def test_tracks_of_corners_are_named_when_vtkhdf_has_no_place_for_them(tmp_path):
+def test_corner_tracks_are_left_out_with_a_note(tmp_path):
     notes = []
     [path] = save(tracked_sheet(), tmp_path / "a.vtkhdf", notes=notes)
     names = "heat of corner/s, flow_corner, shade_corner, step_corner, tensor_corner"
     said = f"tracks left out: {names}: .vtkhdf does not hold tracks of corners"
     assert [note for note in notes if note.startswith("tracks")] == [said]
-    assert_same_tracks(load(path).tracks, tracked_sheet(6, HELD).tracks)
+    assert_same_tracks(load(path).tracks, tracked_sheet(6, DOMAINS).tracks)
 
 
-def test_vtk_reads_the_tracks_of_every_step_when_vtkhdf_was_saved(tmp_path):
+def test_vtk_reads_the_tracks_of_every_step(tmp_path):
     pytest.importorskip("vtkmodules")
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkIOHDF import vtkHDFReader
 
-    sheet = tracked_sheet(4, HELD)
+    sheet = tracked_sheet(4, DOMAINS)
     save(sheet, tmp_path / "a.vtkhdf")
     reader = vtkHDFReader()
     reader.SetFileName(str(tmp_path / "a.vtkhdf"))
@@ -76,12 +76,12 @@ def test_vtk_reads_the_tracks_of_every_step_when_vtkhdf_was_saved(tmp_path):
             assert found.tobytes() == track[step].tobytes()
 
 
-def test_arrays_are_tracks_when_another_program_added_them(tmp_path):
+def test_arrays_added_by_another_program_are_tracks(tmp_path):
     sheet = tracked_sheet(3, ())
     [path] = save(sheet, tmp_path / "a.vtkhdf")
     n_faces = sheet.surface.n_faces(sheet.n_faces)
     flow = RNG.normal(size=(3 * 30, 3)).astype(np.float32)
-    change(path, "PointData/flow", flow)  # without offsets, it lies as the points do
+    change(path, "PointData/flow", flow)  # without offsets, rows follow those of Points
     area = RNG.integers(0, 9, 3 * n_faces)
     change(path, "CellData/area", area, np.arange(3) * n_faces)
     tracks = load(path).tracks
@@ -92,7 +92,7 @@ def test_arrays_are_tracks_when_another_program_added_them(tmp_path):
 
 
 @pytest.mark.parametrize(("length", "kind"), [(1.0, "normal"), (2.0, "vector")])
-def test_vectors_called_normals_are_normals_when_they_are_of_unit_length(tmp_path, length, kind):
+def test_only_unit_vectors_called_normals_are_normals(tmp_path, length, kind):
     [path] = save(tracked_sheet(3, ()), tmp_path / "a.vtkhdf")
     vectors = RNG.normal(size=(90, 3))
     vectors /= np.linalg.norm(vectors, axis=1, keepdims=True)
@@ -101,7 +101,7 @@ def test_vectors_called_normals_are_normals_when_they_are_of_unit_length(tmp_pat
     assert load(path).tracks["Normals"].kind == kind
 
 
-def test_face_track_has_another_name_when_points_have_an_array_of_its_name(tmp_path):
+def test_face_track_is_renamed_if_a_vertex_track_has_its_name(tmp_path):
     sheet, notes = tracked_sheet(3, ()), []
     [path] = save(sheet, tmp_path / "a.vtkhdf")
     n_faces = sheet.surface.n_faces(sheet.n_faces)
@@ -115,7 +115,7 @@ def test_face_track_has_another_name_when_points_have_an_array_of_its_name(tmp_p
     assert notes == ["'heat' is at points and at cells; that of faces is called 'heat (faces)'"]
 
 
-def test_array_is_named_with_the_rows_it_needs_when_it_is_too_short(tmp_path):
+def test_too_short_array_is_left_out_with_a_note(tmp_path):
     [path] = save(tracked_sheet(3, ()), tmp_path / "a.vtkhdf")
     change(path, "PointData/heat", np.zeros(89), np.arange(3) * 30)
     notes = []
@@ -123,14 +123,14 @@ def test_array_is_named_with_the_rows_it_needs_when_it_is_too_short(tmp_path):
     assert notes == ["left out: arrays: heat of 89 rows; step 2 needs 30 from row 60 on"]
 
 
-def test_error_says_so_when_offsets_are_not_as_many_as_steps(tmp_path):
+def test_offsets_for_too_few_steps_are_an_error(tmp_path):
     [path] = save(tracked_sheet(3, ()), tmp_path / "a.vtkhdf")
     change(path, "PointData/heat", np.zeros(90), np.arange(2) * 30)
-    with pytest.raises(FormatError, match="PointDataOffsets/heat has 2 numbers"):
+    with pytest.raises(FormatError, match="PointDataOffsets/heat has 2 numbers; expected 3"):
         load(path)
 
 
-def test_wide_arrays_are_named_when_tracks_cannot_have_so_many_numbers(tmp_path):
+def test_array_with_too_many_components_is_left_out_with_a_note(tmp_path):
     [path] = save(tracked_sheet(2, ()), tmp_path / "a.vtkhdf")
     change(path, "PointData/spectrum", np.zeros((60, 257), np.uint8))
     notes = []

@@ -1,4 +1,4 @@
-"""Files of VTK and XDMF that we write, read by VTK and by ourselves."""
+"""VTK and XDMF files that meshreel writes, read by VTK and by meshreel."""
 
 import sys
 from dataclasses import replace
@@ -23,36 +23,36 @@ from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkIOXdmf2 import vtkXdmfReader
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader, vtkXMLUnstructuredGridReader
 
-HELD = ("vertex", "face")
+DOMAINS = ("vertex", "face")
 N_FRAMES = 4
-ENDINGS = pytest.mark.parametrize("ending", [".pvd", ".xdmf", ".xmf"])
+EXTENSIONS = pytest.mark.parametrize("extension", [".pvd", ".xdmf", ".xmf"])
 FRAMES = {".vtp": vtkXMLPolyDataReader, ".vtu": vtkXMLUnstructuredGridReader}
 
 
-def mixed_sheet(n_frames=N_FRAMES, domains=HELD):
-    """The sheet with tracks, normals and units, under names that XML must write otherwise."""
+def mixed_sheet(n_frames=N_FRAMES, domains=DOMAINS):
+    """The sheet with tracks, normals and units whose names need escaping in XML."""
     sheet = tracked_sheet(n_frames, domains)
     sizes = domain_sizes(sheet.n_verts, sheet.n_faces, sheet.surface)
     normals = np.random.default_rng(3).normal(size=(n_frames, sizes[Domain.VERTEX], 3))
     normals /= np.linalg.norm(normals, axis=2, keepdims=True)
-    still = np.arange(sizes[Domain.FACE], dtype=np.int16)
+    constant = np.arange(sizes[Domain.FACE], dtype=np.int16)
     tracks = {
         "N & <n>": Track(normals, kind="normal"),
         'druck "ü"': Track(normals[..., 0], unit="kg/m² & <s>"),
-        "number": Track(np.tile(still, (n_frames, 1)), "face"),
+        "number": Track(np.tile(constant, (n_frames, 1)), "face"),
         "uv": Track(normals[..., :2], kind="uv"),
     }
     return replace(sheet, tracks={**sheet.tracks, **tracks})
 
 
-def without_uv(sheet):
-    """The sheet without what VTK has no place for: values of corners, and labels of groups."""
+def without_unsupported(sheet):
+    """The sheet without what VTK cannot store: corner attributes and group labels."""
     kept = [one for one in sheet.surface.attributes if one.domain is not Domain.CORNER]
     surface = replace(sheet.surface, attributes=tuple(kept), groups=())
     return replace(sheet, surface=surface)
 
 
-def read_by(reader_class, path):
+def read_with(reader_class, path):
     reader = reader_class()
     reader.SetFileName(str(path))
     reader.Update()
@@ -65,7 +65,7 @@ def corners_of(found):
 
 
 def assert_holds(found, sheet, frame):
-    """A data set of VTK holds positions, faces and tracks of a frame, with their units."""
+    """Assert that a VTK dataset has the positions, faces, tracks and units of a frame."""
     positions = vtk_to_numpy(found.GetPoints().GetData())
     assert positions.dtype == sheet.vertices.dtype
     assert np.array_equal(positions, sheet.vertices[frame])
@@ -80,13 +80,13 @@ def assert_holds(found, sheet, frame):
         assert (unit or "").strip() == track.unit
 
 
-@pytest.mark.parametrize("ending", FRAMES)
-def test_vtk_reads_positions_tracks_and_units_when_frames_were_saved(tmp_path, ending):
+@pytest.mark.parametrize("extension", FRAMES)
+def test_vtk_reads_positions_tracks_and_units_of_frame_files(tmp_path, extension):
     sheet = mixed_sheet()
-    paths = save(sheet, tmp_path / f"f_%02d{ending}")
+    paths = save(sheet, tmp_path / f"f_%02d{extension}")
     assert len(paths) == N_FRAMES
     for frame, path in enumerate(paths):
-        found = read_by(FRAMES[ending], path)
+        found = read_with(FRAMES[extension], path)
         assert_holds(found, sheet, frame)
         assert found.GetPointData().GetNormals().GetName() == "N & <n>"
         assert (
@@ -94,20 +94,20 @@ def test_vtk_reads_positions_tracks_and_units_when_frames_were_saved(tmp_path, e
         )
 
 
-def test_vtk_reads_the_files_of_a_collection_when_it_was_saved(tmp_path):
+def test_vtk_reads_the_files_of_a_collection(tmp_path):
     sheet = mixed_sheet()
     path, *pieces = save(sheet, tmp_path / "a & b.pvd")
     assert [one.relative_to(tmp_path).as_posix() for one in pieces] == [
         f"a & b_frames/a & b_000{frame}.vtp" for frame in range(N_FRAMES)
     ]
     for frame, piece in enumerate(pieces):
-        assert_holds(read_by(vtkXMLPolyDataReader, piece), sheet, frame)
+        assert_holds(read_with(vtkXMLPolyDataReader, piece), sheet, frame)
     assert f'timestep="{sheet.start_s!r}"' in path.read_text()
 
 
 @pytest.mark.parametrize("dtype", ["u1", "i1", "i2", "i4", "i8", "u4", "u8", "f4", "f8"])
 @pytest.mark.parametrize("width", [1, 3, 9])
-def test_vtk_reads_data_of_every_step_when_xdmf_was_saved(tmp_path, dtype, width):
+def test_vtk_reads_xdmf_data_of_every_step(tmp_path, dtype, width):
     sheet = quad_sheet(3)
     rng = np.random.default_rng(7)
     at_points, at_cells = (
@@ -133,12 +133,12 @@ def test_vtk_reads_data_of_every_step_when_xdmf_was_saved(tmp_path, dtype, width
             assert np.array_equal(vtk_to_numpy(array).reshape(values[frame].shape), values[frame])
 
 
-@ENDINGS
+@EXTENSIONS
 @pytest.mark.parametrize("n_frames", [1, N_FRAMES])
 @pytest.mark.parametrize("read", [load, open_source])
-def test_all_comes_back_bit_for_bit_when_a_sequence_was_saved(tmp_path, ending, n_frames, read):
-    sheet = replace(without_uv(mixed_sheet(n_frames)), start_s=1.5)
-    path, *_ = save(sheet, tmp_path / f"a{ending}")
+def test_collections_round_trip_exactly(tmp_path, extension, n_frames, read):
+    sheet = replace(without_unsupported(mixed_sheet(n_frames)), start_s=1.5)
+    path, *_ = save(sheet, tmp_path / f"a{extension}")
     notes = []
     found = read(path, notes=notes)
     assert found.read(0, n_frames).tobytes() == sheet.vertices.tobytes()
@@ -148,21 +148,21 @@ def test_all_comes_back_bit_for_bit_when_a_sequence_was_saved(tmp_path, ending, 
     assert notes == []
 
 
-@pytest.mark.parametrize("ending", FRAMES)
-def test_tracks_come_back_bit_for_bit_when_frames_of_vtk_were_saved(tmp_path, ending):
-    sheet = without_uv(mixed_sheet())
+@pytest.mark.parametrize("extension", FRAMES)
+def test_tracks_of_frame_files_round_trip_exactly(tmp_path, extension):
+    sheet = without_unsupported(mixed_sheet())
     area = np.arange(sheet.surface.n_faces(sheet.n_faces), dtype=np.float64)[:, np.newaxis]
-    still = Attribute("area", Kind.OTHER, Domain.FACE, area)
-    attributes = (*sheet.surface.attributes, still)
+    constant = Attribute("area", Kind.OTHER, Domain.FACE, area)
+    attributes = (*sheet.surface.attributes, constant)
     sheet = replace(sheet, surface=replace(sheet.surface, attributes=attributes))
-    save(sheet, tmp_path / f"f_%02d{ending}")
-    found = load(tmp_path / f"f_*{ending}")
+    save(sheet, tmp_path / f"f_%02d{extension}")
+    found = load(tmp_path / f"f_*{extension}")
     assert_same_tracks(found.tracks, sheet.tracks)
     assert_same_surface(found.surface, sheet.surface)
 
 
-@pytest.mark.parametrize("ending", [".pvd", ".xdmf", "_%d.vtp", "_%d.vtu"])
-def test_what_vtk_has_no_place_for_is_named_when_a_sequence_is_saved(tmp_path, ending):
+@pytest.mark.parametrize("extension", [".pvd", ".xdmf", "_%d.vtp", "_%d.vtu"])
+def test_notes_list_what_vtk_cannot_store(tmp_path, extension):
     sheet, notes = two_sheets(), []
     numbers = np.zeros(sheet.surface.n_faces(sheet.n_faces), np.int32)
     seams = Attribute(
@@ -175,38 +175,38 @@ def test_what_vtk_has_no_place_for_is_named_when_a_sequence_is_saved(tmp_path, e
     )
     tracks = {"shear": Track(np.ones((sheet.n_frames, len(seams.values))), "corner")}
     sheet = replace(sheet, surface=surface, tracks=tracks)
-    save(sheet, tmp_path / f"a{ending}", notes=notes)
-    shown = ending[-4:] if ending.endswith(("p", "u")) else ending
+    save(sheet, tmp_path / f"a{extension}", notes=notes)
+    shown = extension[-4:] if extension.endswith(("p", "u")) else extension
     assert f"tracks left out: shear: {shown} does not hold tracks of corners" in notes
-    assert f"labels of groups left out, which are numbers in {shown}: material" in notes
+    assert f"group labels left out; {shown} stores only their numbers: material" in notes
     [note] = [one for one in notes if one.startswith("left out")]
     assert "'seam' (other) of each corner" in note
     assert "the names of 2 parts" in note
 
 
-@ENDINGS
-def test_rate_is_assumed_and_said_when_it_is_unknown(tmp_path, ending):
+@EXTENSIONS
+def test_unknown_frame_rate_is_written_as_24_with_a_note(tmp_path, extension):
     notes = []
-    path, *_ = save(replace(quad_sheet(3), fps=0), tmp_path / f"a{ending}", notes=notes)
+    path, *_ = save(replace(quad_sheet(3), fps=0), tmp_path / f"a{extension}", notes=notes)
     assert "the frame rate is unknown; written as 24 fps" in notes
     assert load(path).fps == 24
 
 
-@ENDINGS
-def test_no_file_is_replaced_unasked_when_one_beside_is_there(tmp_path, ending):
-    path, *beside = save(quad_sheet(2), tmp_path / f"a{ending}")
+@EXTENSIONS
+def test_save_does_not_replace_existing_data_files(tmp_path, extension):
+    path, *beside = save(quad_sheet(2), tmp_path / f"a{extension}")
     path.unlink()
     before = beside[-1].read_bytes()
-    with pytest.raises(InvalidInputError, match=beside[-1].name if ending != ".pvd" else "0000"):
-        save(quad_sheet(3), tmp_path / f"a{ending}")
+    with pytest.raises(InvalidInputError, match=beside[-1].name if extension != ".pvd" else "0000"):
+        save(quad_sheet(3), tmp_path / f"a{extension}")
     assert beside[-1].read_bytes() == before
     assert not path.exists()
-    save(quad_sheet(3), tmp_path / f"a{ending}", overwrite=True)
+    save(quad_sheet(3), tmp_path / f"a{extension}", overwrite=True)
     assert load(path).n_frames == 3
 
 
-@ENDINGS
-def test_nothing_is_left_behind_when_writing_fails(tmp_path, ending):
+@EXTENSIONS
+def test_failed_write_leaves_no_files(tmp_path, extension):
     sheet = quad_sheet(3)
 
     class Failing(type(sheet)):
@@ -217,11 +217,11 @@ def test_nothing_is_left_behind_when_writing_fails(tmp_path, ending):
 
     failing = Failing(sheet.vertices, sheet.faces, sheet.fps)
     with pytest.raises(InvalidInputError, match="no more frames"):
-        save(failing, tmp_path / f"a{ending}")
+        save(failing, tmp_path / f"a{extension}")
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="names of files have no colons there")
-def test_numbers_are_found_when_the_name_of_a_file_has_a_colon(tmp_path):
+def test_xdmf_file_name_may_contain_a_colon(tmp_path):
     path, _ = save(quad_sheet(2), tmp_path / "shot:1.xdmf")
     assert np.array_equal(load(path).vertices, quad_sheet(2).vertices)

@@ -1,4 +1,4 @@
-"""XML files of VTK under the extension of legacy files."""
+"""VTK XML files that are named like legacy files."""
 
 import pytest
 
@@ -9,12 +9,10 @@ from samples.meshes import waving_grid
 
 
 @pytest.mark.parametrize("extension", [".vtp", ".vtu"])
-def test_xml_file_called_vtk_is_refused_with_the_extension_that_it_should_have(tmp_path, extension):
+def test_error_for_xml_named_vtk_gives_the_right_extension(tmp_path, extension):
     save(waving_grid(1), tmp_path / f"a_%d{extension}")
     path = (tmp_path / f"a_0{extension}").rename(tmp_path / "a.vtk")
-    message = (
-        rf"a\.vtk: is a VTK XML file of \w+, not a legacy file of VTK; rename it to {extension}"
-    )
+    message = rf"a\.vtk: is a VTK XML file of \w+, not a legacy VTK file; rename it to {extension}"
     with pytest.raises(FormatError, match=message):
         load(path)
     load(path.rename(tmp_path / f"a{extension}"))
@@ -24,21 +22,21 @@ def test_xml_file_called_vtk_is_refused_with_the_extension_that_it_should_have(t
     ("kind", "remedy"),
     [
         ("Collection", "rename it to .pvd"),
-        ("ImageData", "its extension is .vti, which is not read; convert it to .vtp or .vtu"),
+        ("ImageData", ".vti files are not supported; convert it to .vtp or .vtu"),
         ("Table", "convert it to .vtp or .vtu"),
     ],
 )
-def test_other_xml_files_of_vtk_are_refused_with_what_to_do(tmp_path, kind, remedy):
+def test_error_for_other_xml_named_vtk_gives_a_remedy(tmp_path, kind, remedy):
     head = f'<?xml version="1.0"?>\n<!-- ours -->\n<VTKFile version="1.0" type="{kind}">\n'
     (tmp_path / "a.vtk").write_text(head)
     with pytest.raises(FormatError) as caught:
         load(tmp_path / "a.vtk")
     assert str(caught.value).endswith(
-        f"is a VTK XML file of {kind}, not a legacy file of VTK; {remedy}"
+        f"is a VTK XML file of {kind}, not a legacy VTK file; {remedy}"
     )
 
 
-def test_file_of_another_kind_is_refused_as_before(tmp_path):
+def test_file_without_the_vtk_signature_is_rejected(tmp_path):
     (tmp_path / "a.vtk").write_bytes(b"<svg/>")
     with pytest.raises(FormatError, match="does not begin with '# vtk DataFile Version'"):
         load(tmp_path / "a.vtk")

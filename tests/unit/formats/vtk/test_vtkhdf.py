@@ -25,16 +25,14 @@ h5py = pytest.importorskip("h5py")
 RATES = [24.0, 25.0, 60.0, 29.97, 30000 / 1001, 23.98765]
 
 
-@pytest.mark.parametrize("ending", ["vtkhdf", "hdf"])
+@pytest.mark.parametrize("extension", ["vtkhdf", "hdf"])
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("n_frames", [1, 5])
 @pytest.mark.parametrize("read", [load, open_source])
-def test_reading_gives_back_everything_when_vtkhdf_was_saved(
-    tmp_path, ending, dtype, n_frames, read
-):
+def test_vtkhdf_round_trips_exactly(tmp_path, extension, dtype, n_frames, read):
     sequence = surfaced_sequence(n_frames, dtype, 29.97, 1 / 3)
     [path] = save(sequence, tmp_path / "a.vtkhdf")
-    path = path.rename(tmp_path / f"a.{ending}")
+    path = path.rename(tmp_path / f"a.{extension}")
     found = read(path)
     assert isinstance(found, StoredFrames) == (read is open_source)
     assert_same_positions(found, sequence)
@@ -44,29 +42,31 @@ def test_reading_gives_back_everything_when_vtkhdf_was_saved(
 
 @pytest.mark.parametrize("fps", RATES)
 @pytest.mark.parametrize("start_s", [0.0, 2.0, -1.5])
-@pytest.mark.parametrize("is_own", [True, False])
-def test_load_gives_back_rate_and_start_when_vtkhdf_was_saved(tmp_path, fps, start_s, is_own):
+@pytest.mark.parametrize("has_meshreel_group", [True, False])
+def test_vtkhdf_round_trips_frame_rate_and_start(tmp_path, fps, start_s, has_meshreel_group):
     [path] = save(plain_sequence(fps=fps, start_s=start_s), tmp_path / "a.vtkhdf")
-    if not is_own:
+    if not has_meshreel_group:
         with h5py.File(path, "a") as file:
             del file["meshreel"]
     found = load(path)
-    assert found.fps == pytest.approx(fps, rel=1e-15 if is_own or fps != RATES[-1] else 1e-12)
+    assert found.fps == pytest.approx(
+        fps, rel=1e-15 if has_meshreel_group or fps != RATES[-1] else 1e-12
+    )
     assert found.start_s == start_s
     assert load(path, fps=48).fps == 48
 
 
-def test_save_notes_what_others_do_not_see_when_there_is_no_place_for_it(tmp_path):
+def test_save_notes_corner_values_and_unknown_frame_rate(tmp_path):
     notes = []
     save(surfaced_sequence(fps=0.0), tmp_path / "a.vtkhdf", notes=notes)
     assert notes == [
         "the frame rate is unknown; written as 24 fps",
-        "uv 'UVMap' has a value for each corner of a face, which VTK has no place for; "
-        "meshreel alone reads it again",
+        "uv 'UVMap' has a value for each face corner, which VTK does not support; "
+        "only meshreel reads it back",
     ]
 
 
-def test_load_takes_the_arrays_of_vtk_when_the_group_of_meshreel_is_gone(tmp_path):
+def test_load_reads_the_vtk_arrays_without_the_meshreel_group(tmp_path):
     sequence = surfaced_sequence()
     [path] = save(sequence, tmp_path / "a.vtkhdf")
     with h5py.File(path, "a") as file:
@@ -89,7 +89,7 @@ def test_load_takes_the_arrays_of_vtk_when_the_group_of_meshreel_is_gone(tmp_pat
 
 @pytest.mark.parametrize("surface", [PLAIN, Surface(COUNTS), full_surface()])
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_vtk_reads_every_step_exactly_when_vtkhdf_was_saved(tmp_path, surface, dtype):
+def test_vtk_reads_every_step_exactly(tmp_path, surface, dtype):
     pytest.importorskip("vtkmodules")
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
@@ -128,7 +128,7 @@ def test_vtk_reads_every_step_exactly_when_vtkhdf_was_saved(tmp_path, surface, d
 
 
 def store_grid(path, points, types, counts, corners, **options):
-    """An unstructured grid of one partition for each row of `counts`; steps of all points."""
+    """Write an unstructured grid with a partition for each row of `counts`, points (T, V, 3)."""
     points = np.asarray(points, np.float32)
     with h5py.File(path, "w") as file:
         root = file.create_group("VTKHDF")
@@ -158,20 +158,20 @@ CUBE = np.array([[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)], np.
 HEXAHEDRON = [0, 1, 3, 2, 4, 5, 7, 6]
 
 
-def test_load_takes_the_boundary_when_cells_are_solid(tmp_path):
+def test_load_extracts_the_boundary_of_solid_cells(tmp_path):
     cube = np.concatenate([np.full((1, 3), 9, np.float32), CUBE])
     points = np.stack([cube, 2 * cube])
     path = store_grid(tmp_path / "a.vtkhdf", points, [12], [[8]], np.array(HEXAHEDRON) + 1)
     found = load(path)
-    assert found.vertices.tobytes() == points[:, 1:].tobytes()  # the loose point is left out
+    assert found.vertices.tobytes() == points[:, 1:].tobytes()  # the unused point is dropped
     assert found.surface.face_sizes.tolist() == [4] * 6
     assert found.fps == 10
     triangles = found.vertices[0][found.faces]
     volume = np.linalg.det(triangles.astype(np.float64)).sum() / 6
-    assert volume == pytest.approx(1)  # so that all faces look outwards
+    assert volume == pytest.approx(1)  # only if all faces point outward
 
 
-def test_load_joins_partitions_when_there_are_several(tmp_path):
+def test_load_joins_partitions(tmp_path):
     points = np.random.default_rng(0).random((3, 8, 3), np.float32)
     corners = [0, 1, 2, 0, 1, 2, 3, 3, 2, 1]
     path = store_grid(
@@ -191,7 +191,7 @@ def test_load_joins_partitions_when_there_are_several(tmp_path):
     assert notes == []
 
 
-def test_load_lists_the_blocks_when_the_file_is_a_collection(tmp_path):
+def test_load_lists_the_blocks_of_a_collection(tmp_path):
     sequence = surfaced_sequence()
     [path] = save(sequence, tmp_path / "a.vtkhdf")
     with h5py.File(path, "a") as file:
@@ -209,7 +209,7 @@ def test_load_lists_the_blocks_when_the_file_is_a_collection(tmp_path):
     assert [part.name for part in load(path, merge=True).surface.parts] == ["/body", "/head"]
 
 
-def test_load_takes_faces_of_each_step_when_offsets_differ_but_faces_agree(tmp_path):
+def test_load_compares_faces_that_steps_store_separately(tmp_path):
     sequence = surfaced_sequence(2, surface=Surface(COUNTS))
     [path] = save(sequence, tmp_path / "a.vtkhdf")
 
@@ -245,8 +245,8 @@ def test_load_takes_faces_of_each_step_when_offsets_differ_but_faces_agree(tmp_p
 EMPTY = ("Vertices", "Lines", "Strips")
 
 
-def in_two_parts(path, n_frames):
-    """Let a file have its mesh as two partitions, which all steps share."""
+def split_into_partitions(path, n_frames):
+    """Rewrite a file to store its mesh twice, as two partitions in every step."""
     with h5py.File(path, "a") as file:
         root = file["VTKHDF"]
         points = root["Points"][:].reshape(n_frames, 11, 3)
@@ -272,10 +272,10 @@ def in_two_parts(path, n_frames):
 
 
 @pytest.mark.parametrize("n_offsets", [0, 1, 2])
-def test_load_reads_every_step_when_parts_share_cells_and_empty_groups(tmp_path, n_offsets):
+def test_load_reads_partitions_that_share_cells_and_empty_groups(tmp_path, n_offsets):
     sequence = surfaced_sequence(surface=Surface(COUNTS))
     [path] = save(sequence, tmp_path / "a.vtkhdf")
-    in_two_parts(path, sequence.n_frames)
+    split_into_partitions(path, sequence.n_frames)
     with h5py.File(path, "a") as file:
         for name in EMPTY:
             del file["VTKHDF"][name]["Offsets"]
@@ -288,10 +288,10 @@ def test_load_reads_every_step_when_parts_share_cells_and_empty_groups(tmp_path,
     )
 
 
-def test_load_finds_the_cells_of_each_step_when_parts_share_none(tmp_path):
+def test_load_finds_the_cells_of_each_step(tmp_path):
     n_frames = 3
     [path] = save(surfaced_sequence(n_frames, surface=Surface(COUNTS)), tmp_path / "a.vtkhdf")
-    in_two_parts(path, n_frames)
+    split_into_partitions(path, n_frames)
     with h5py.File(path, "a") as file:
         root = file["VTKHDF"]
         for name in ("Polygons/Connectivity", "Polygons/Offsets"):
@@ -336,29 +336,38 @@ def newer(root):
         (drop("Points"), "has no dataset /VTKHDF/Points"),
         (drop("Steps/Values"), "has no dataset /VTKHDF/Steps/Values"),
         (drop("Polygons"), "holds 11 vertices and 0 faces; a triangle mesh needs both"),
-        (retyped, "is VTKHDF of type ImageData; PolyData and UnstructuredGrid are read"),
-        (newer, r"has VTKHDF version \[3, 0\]; up to 2.x is read"),
+        (retyped, "is VTKHDF of type ImageData; PolyData and UnstructuredGrid are supported"),
+        (newer, r"has VTKHDF version \[3, 0\]; up to 2.x is supported"),
         (replaced("Points", np.zeros((4, 2))), r"Points must have shape \(N, 3\)"),
         (replaced("Points", np.zeros((4, 3), np.int32)), "Points must be float32 or float64"),
         (replaced("Points", np.zeros((30, 3))), "Points has 30 rows; step 2 has 11 from row 22 on"),
         (replaced("NumberOfPoints", [1 << 60]), "Points has 55 rows; "),
-        (replaced("NumberOfPoints", [-1]), r"names points that are not there"),
-        (replaced("NumberOfPoints", [0.5]), "NumberOfPoints must be whole numbers"),
-        (replaced("Steps/Values", np.zeros(5)), "times of steps do not ascend"),
-        (replaced("Steps/Values", np.arange(4)), r"declares \[5\] steps; 4 times are there"),
-        (replaced("Steps/PointOffsets", [0, 1]), r"Steps/PointOffsets must be \(5, 1\)"),
+        (replaced("NumberOfPoints", [-1]), r"has point indices out of range"),
+        (replaced("NumberOfPoints", [0.5]), "NumberOfPoints must be integers"),
+        (replaced("Steps/Values", np.zeros(5)), "step times that are not ascending"),
+        (replaced("Steps/Values", np.arange(4)), r"declares \[5\] steps, but has 4 times"),
+        (
+            replaced("Steps/PointOffsets", [0, 1]),
+            r"Steps/PointOffsets must be non-negative of shape \(5, 1\)",
+        ),
         (replaced("Steps/PartOffsets", [1] * 5), "step 0 has partitions 1 to 1 of 1"),
         (replaced("Polygons/NumberOfCells", [1 << 60]), "Offsets has 5 rows"),
-        (replaced("Polygons/NumberOfCells", [-4]), "NumberOfCells are no numbers of cells"),
-        (replaced("Polygons/NumberOfCells", [1 << 62] * 3), "NumberOfCells are no numbers of cel"),
+        (
+            replaced("Polygons/NumberOfCells", [-4]),
+            "NumberOfCells has counts that are negative or too large",
+        ),
+        (
+            replaced("Polygons/NumberOfCells", [1 << 62] * 3),
+            "NumberOfCells has counts that are negative",
+        ),
         (replaced("Polygons/NumberOfConnectivityIds", [1 << 60]), "Connectivity has 15 rows"),
-        (replaced("Polygons/Connectivity", [99] * 15), "names points that are not there"),
-        (replaced("Polygons/Offsets", [0, 9, 3, 4, 15]), "Offsets do not ascend"),
+        (replaced("Polygons/Connectivity", [99] * 15), "has point indices out of range"),
+        (replaced("Polygons/Offsets", [0, 9, 3, 4, 15]), "Offsets must be ascending"),
         (replaced("Polygons/Offsets", [0, 4, 7, 12, 14]), "do not agree with NumberOf"),
         (replaced("Polygons/Offsets", [0, 2, 7, 12, 15]), "at least three corners; got 2"),
     ],
 )
-def test_load_says_what_is_wrong_when_a_dataset_lies(tmp_path, change, message):
+def test_load_explains_errors_of_invalid_datasets(tmp_path, change, message):
     [path] = save(surfaced_sequence(surface=Surface(COUNTS)), tmp_path / "a.vtkhdf")
     with h5py.File(path, "a") as file:
         change(file["VTKHDF"])
@@ -366,21 +375,21 @@ def test_load_says_what_is_wrong_when_a_dataset_lies(tmp_path, change, message):
         load(path)
 
 
-def test_load_is_refused_when_vtkhdf_holds_no_group_of_vtk(tmp_path):
+def test_load_rejects_vtkhdf_without_the_vtkhdf_group(tmp_path):
     [path] = save(plain_sequence(), tmp_path / "a.h5")
     path = path.rename(tmp_path / "a.vtkhdf")
     with pytest.raises(FormatError, match=r"a\.vtkhdf: has no group VTKHDF"):
         load(path)
 
 
-def test_load_is_refused_when_a_dataset_is_named_in_vtkhdf(tmp_path):
+def test_load_rejects_the_dataset_option_for_vtkhdf(tmp_path):
     [path] = save(plain_sequence(), tmp_path / "a.vtkhdf")
     path = path.rename(tmp_path / "a.hdf")
-    with pytest.raises(InvalidInputError, match=r"on which --dataset .* has no effect"):
+    with pytest.raises(InvalidInputError, match=r"where --dataset .* has no effect"):
         load(path, dataset="Points")
 
 
-def test_load_raises_only_our_errors_when_files_are_damaged(tmp_path):
+def test_damaged_files_raise_only_meshreel_errors(tmp_path):
     [path] = save(surfaced_sequence(), tmp_path / "a.vtkhdf")
     damaged_path = tmp_path / "b.vtkhdf"
     for damaged in damaged_versions(path.read_bytes(), 150, n_header=20_000):

@@ -1,4 +1,4 @@
-"""What files of VTK and XDMF hold of a sequence beside its positions, as named arrays."""
+"""Data arrays that VTK and XDMF writers store for attributes, groups and tracks."""
 
 import re
 from collections.abc import Mapping
@@ -14,31 +14,31 @@ from meshreel.formats.vtk.data_arrays import TEXTURE_COORDINATES
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource
 
-FRAME_RATE = 24.0  # of what has none
+FRAME_RATE = 24.0  # for sequences without a frame rate
 
 NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-"""Characters that no XML may have."""
+"""Characters that XML does not allow."""
 
 
 @dataclass(frozen=True, eq=False)
-class WrittenArray:
-    """An array at points or cells.
+class OutputArray:
+    """A point or cell array of an output file.
 
     Parameters
     ----------
     name : str
-        As in the file, where no other at the same place has it.
+        Name in the file, unique among point arrays and among cell arrays.
     domain : Domain
         Vertices or faces.
     dtype : dtype
     n_columns : int
     kind, unit : str
     role : str
-        What it is active as: "TCoords", "Normals" or nothing.
+        The active attribute of VTK that it is: "TCoords", "Normals" or empty.
     values : array of shape (N, C), optional
-        Of all frames; of a track None.
+        Values for all frames; None for a track.
     track : str, default ""
-        The name of the track that it is.
+        Name of the track that the array stores; empty for attributes and groups.
     """
 
     name: str
@@ -52,48 +52,48 @@ class WrittenArray:
     track: str = ""
 
 
-def written_arrays(
+def output_arrays(
     surface: Surface, tracks: Mapping[str, TrackSource], ending: str, notes: list[str]
-) -> list[WrittenArray]:
-    """Attributes and groups of vertices and faces, and tracks.
+) -> list[OutputArray]:
+    """Return the arrays for attributes and groups of vertices and faces, and for tracks.
 
     Parameters
     ----------
     surface : Surface
     tracks : mapping of str to TrackSource
-        Of vertices and faces.
+        Tracks of vertices and faces.
     ending : str
-        Of the file, with the dot.
+        File extension with the dot.
     notes : list of str
-        Gains sentences on what is left out.
+        Receives a sentence for each thing that is left out.
     """
-    held = [one for one in surface.attributes if one.domain is not Domain.CORNER]
-    note_unwritten(surface, (*held, *surface.groups), ending, notes)
+    attributes = [one for one in surface.attributes if one.domain is not Domain.CORNER]
+    note_unwritten(surface, (*attributes, *surface.groups), ending, notes)
     if surface.groups:
         names = listed(groups.name for groups in surface.groups)
-        notes.append(f"labels of groups left out, which are numbers in {ending}: {names}")
+        notes.append(f"group labels left out; {ending} stores only their numbers: {names}")
     found = [
-        *map(_of_attribute, held),
+        *map(_attribute_array, attributes),
         *(_array(one.name, Domain.FACE, one.numbers[:, None]) for one in surface.groups),
-        *(_of_track(name, track) for name, track in tracks.items()),
+        *(_track_array(name, track) for name, track in tracks.items()),
     ]
-    return _told_apart(found)
+    return _with_unique_names(found)
 
 
 def _array(
     name: str, domain: Domain, values: Values, kind: Kind = Kind.OTHER, role: str = ""
-) -> WrittenArray:
-    return WrittenArray(name, domain, values.dtype, values.shape[1], kind, "", role, values)
+) -> OutputArray:
+    return OutputArray(name, domain, values.dtype, values.shape[1], kind, "", role, values)
 
 
-def _of_attribute(one: Attribute) -> WrittenArray:
+def _attribute_array(one: Attribute) -> OutputArray:
     role = TEXTURE_COORDINATES if one.kind is Kind.UV else ""
     return _array(one.name, one.domain, one.per_item(), one.kind, role)
 
 
-def _of_track(name: str, track: TrackSource) -> WrittenArray:
+def _track_array(name: str, track: TrackSource) -> OutputArray:
     roles = {TrackKind.NORMAL: NORMALS, TrackKind.UV: TEXTURE_COORDINATES}
-    return WrittenArray(
+    return OutputArray(
         name,
         track.domain,
         track.dtype,
@@ -105,22 +105,22 @@ def _of_track(name: str, track: TrackSource) -> WrittenArray:
     )
 
 
-def _told_apart(arrays: list[WrittenArray]) -> list[WrittenArray]:
-    """With names that XML may have, each of which is there once at its place, and so is a role."""
-    taken: set[tuple[Domain, str]] = set()
+def _with_unique_names(arrays: list[OutputArray]) -> list[OutputArray]:
+    """Give the arrays valid XML names, and each name and role to one array of a domain only."""
+    names: set[tuple[Domain, str]] = set()
     roles: set[tuple[Domain, str]] = set()
     found = []
     for one in arrays:
         name = xml_text(one.name) or "unnamed"
-        while (one.domain, name) in taken:
+        while (one.domain, name) in names:
             name += "_"
         role = "" if (one.domain, one.role) in roles else one.role
-        taken.add((one.domain, name))
+        names.add((one.domain, name))
         roles.add((one.domain, one.role))
         found.append(replace(one, name=name, role=role))
     return found
 
 
 def xml_text(text: str) -> str:
-    """A text whose characters XML may have."""
+    """Replace characters that XML does not allow by underscores."""
     return NOT_XML.sub("_", text)

@@ -1,4 +1,4 @@
-"""The words and numbers of a legacy file of VTK, one after the other."""
+"""Tokenizer for legacy VTK files: lines, words and number arrays in file order."""
 
 from typing import Any
 
@@ -12,11 +12,11 @@ NUMBERS = {
     "unsigned_int": "u4", "long": "i8", "unsigned_long": "u8", "float": "f4", "double": "f8",
     "vtkidtype": "i4", "vtktypeint64": "i8", "vtktypeuint64": "u8",
 }  # fmt: skip
-WORD_BYTES = 16  # of a number in text, about
+BYTES_PER_NUMBER = 16  # first guess for a number in ASCII
 
 
-class LegacyWords:
-    """A legacy file, read from its beginning to its end.
+class LegacyTokens:
+    """Reads lines and numbers of a legacy VTK file sequentially.
 
     Parameters
     ----------
@@ -25,9 +25,9 @@ class LegacyWords:
     Attributes
     ----------
     position : int
-        The byte at which what comes next begins; may be set back.
+        Byte offset of the next token; may be set back to read a line again.
     is_text : bool
-        Whether numbers are words; else they are binary, big endian.
+        Whether numbers are ASCII; otherwise they are big-endian binary.
     """
 
     def __init__(self, data: bytes) -> None:
@@ -35,7 +35,7 @@ class LegacyWords:
         self.is_text = True
 
     def raw_line(self) -> str:
-        """The next line, which may be empty; behind the end an empty one."""
+        """Return the next line, which may be empty; an empty string after the last line."""
         end = self._data.find(b"\n", self.position)
         end = len(self._data) if end < 0 else end
         line = self._data[self.position : end].decode("latin-1").strip()
@@ -44,27 +44,27 @@ class LegacyWords:
 
     @property
     def is_done(self) -> bool:
-        """Whether all was read."""
+        """Whether the end of the file is reached."""
         return self.position >= len(self._data)
 
     def line(self) -> list[str]:
-        """The words of the next line that has some; none behind the end."""
+        """Return the words of the next line that is not blank; empty at the end of the file."""
         while not self.is_done:
             if words := self.raw_line().split():
                 return words
         return []
 
     def numbers(self, count: int, kind: str) -> npt.NDArray[Any]:
-        """So many numbers of a type, in native byte order.
+        """Read `count` numbers of a VTK type name, in native byte order.
 
         Raises
         ------
         FormatError
-            If they are not there, or the type is not known.
+            If the file ends before them, or the type is unknown.
         """
         code = NUMBERS.get(kind.lower())
         if code is None:
-            raise FormatError(f"holds values of type {kind!r}; known are {', '.join(NUMBERS)}")
+            raise FormatError(f"has values of type {kind!r}; allowed are {', '.join(NUMBERS)}")
         if not 0 <= count <= len(self._data):
             raise FormatError(f"declares {count} numbers in a file of {len(self._data)} bytes")
         return self._text(count, code) if self.is_text else self._binary(count, code)
@@ -78,7 +78,7 @@ class LegacyWords:
         return np.frombuffer(block, f">{code}").astype(code)
 
     def _text(self, count: int, code: str) -> npt.NDArray[Any]:
-        words = self._take_words(count)
+        words = self._read_words(count)
         try:
             if code[0] == "f":
                 return np.array([float(word) for word in words], code)
@@ -86,15 +86,16 @@ class LegacyWords:
         except (ValueError, OverflowError) as error:
             raise FormatError(f"expected numbers before byte {self.position}: {error}") from error
 
-    def _take_words(self, count: int) -> list[bytes]:
-        length = count * WORD_BYTES
+    def _read_words(self, count: int) -> list[bytes]:
+        """Return the next `count` words, splitting no more of the file than necessary."""
+        length = count * BYTES_PER_NUMBER
         while True:
             piece = self._data[self.position : self.position + length]
             *words, rest = [*piece.split(None, count), b""][: count + 1]
-            is_all = self.position + length >= len(self._data)
-            if len(words) == count and (rest or is_all):
+            reaches_end = self.position + length >= len(self._data)
+            if len(words) == count and (rest or reaches_end):
                 self.position += len(piece) - len(rest)
                 return words
-            if is_all:
+            if reaches_end:
                 raise FormatError(f"ends within {count} numbers that begin at byte {self.position}")
-            length = 2 * length + WORD_BYTES
+            length = 2 * length + BYTES_PER_NUMBER
