@@ -39,7 +39,6 @@ class MeshInfo:
         Faces as the file has them.
     fps : float
         0 = unknown.
-    start_s : float
     vertex_type : str
         "float32" or "float64".
     low, high : tuple of 3 floats, or None
@@ -96,10 +95,8 @@ class SourceInfo:
 
     Attributes
     ----------
-    format : str
     size_bytes : int
         Of all its files.
-    n_files : int
     meshes : tuple of MeshInfo
         At least one.
     notes : tuple of str
@@ -140,7 +137,6 @@ def inspect_source(source: Source, options: ReadOptions) -> SourceInfo:
     ----------
     source : str, Path, or list or tuple of them
         As in `meshreel.load`.
-    options : ReadOptions
 
     Raises
     ------

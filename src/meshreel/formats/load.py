@@ -256,7 +256,6 @@ def read_frames(
 
     Parameters
     ----------
-    files : MeshFiles
     fps, name, start_s
         As in `MeshSequence`.
     progress : Progress

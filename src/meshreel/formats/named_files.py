@@ -11,8 +11,6 @@ def path_beside(named_in: Path, given: str, *, allow_outside: bool) -> Path:
 
     Parameters
     ----------
-    named_in : Path
-    given : str
     allow_outside : bool
         Whether it may be outside of that folder.
 

@@ -27,7 +27,6 @@ def note_left_out(notes: list[str], what: str) -> None:
 
     Parameters
     ----------
-    notes : list of str
     what : str
         The thing, and which, as in "fields that change over time: pressure, velocity".
     """
@@ -149,12 +148,10 @@ def note_unwritten(
 
     Parameters
     ----------
-    surface : Surface
     written : collection of Attribute, FaceGroups or None
         Those of the surface that the file holds.
     ending : str
         Of the file, with the dot.
-    notes : list of str or None
     parts, polygons, hard_edges : bool
         Whether the file holds the parts, faces of more than three corners, and hard edges.
     """
@@ -175,10 +172,8 @@ def note_unwritten_look(surface: Surface, ending: str, notes: list[str]) -> None
 
     Parameters
     ----------
-    surface : Surface
     ending : str
         Of the file, with the dot.
-    notes : list of str
     """
     missing = []
     if surface.materials:
@@ -199,7 +194,6 @@ def note_unwritten_tracks(
     names : iterable of str
     ending : str
         Of the file, with the dot.
-    notes : list of str
     which : str
         What it does not hold, such as "tracks of corners".
     """
@@ -223,7 +217,6 @@ def note_name(what: str, name: str, called: str, ending: str, notes: list[str]) 
         Its name, and that in the file.
     ending : str
         Of the file, with the dot.
-    notes : list of str
     """
     note = f"{what} {name!r} is called {called!r} in {ending} files"
     if name != called and note not in notes:

@@ -9,12 +9,7 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.kinds import FolderFormat, SequenceFormat
 from meshreel.formats.notes import listed
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.registry import (
-    FOLDER_FORMATS,
-    format_of,
-    is_written,
-    written_endings,
-)
+from meshreel.formats.registry import FOLDER_FORMATS, format_of, is_written, written_endings
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.supported_options import check_write_options
 from meshreel.runtime.outputs.checks import check_output_paths
@@ -96,7 +91,6 @@ def numbering(output: AnyPath, wanted: range, start_number: int | None) -> int |
     output : str or Path
     wanted : range
         Numbers of the frames.
-    start_number : int or None
     """
     return wanted.start if start_number is None and is_pattern(output) else start_number
 

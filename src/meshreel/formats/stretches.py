@@ -50,7 +50,6 @@ def find_stretches(source: Source, options: ReadOptions) -> list[Stretch]:
     ----------
     source : str, Path, or list or tuple of them
         As in `meshreel.load`. Frame files and files of scenes can have faces that change.
-    options : ReadOptions
 
     Raises
     ------

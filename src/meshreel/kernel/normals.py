@@ -66,5 +66,13 @@ def turns_to(normals: Floats, wanted: Vertices) -> Floats:
         If one cannot be reached: where only one of the two is 0, or nearly the opposite.
     """
     found = np.empty((*normals.shape[:-1], 2))
-    call("reel_find_rotations", normals, wanted, wanted.itemsize, normals.size // 3, found, what="normals")
+    call(
+        "reel_find_rotations",
+        normals,
+        wanted,
+        wanted.itemsize,
+        normals.size // 3,
+        found,
+        what="normals",
+    )
     return found

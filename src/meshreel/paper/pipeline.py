@@ -23,13 +23,7 @@ from meshreel.paper.quantization import (
 from meshreel.paper.settings import allocation_of, anchor_bits, bits_of, choices, energy_share
 from meshreel.paper.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
 from meshreel.paper.subspace.rank import modes_for_energy
-from meshreel.paper.variants import (
-    Basis,
-    Decoding,
-    Signal,
-    Variant,
-    variant_named,
-)
+from meshreel.paper.variants import Basis, Decoding, Signal, Variant, variant_named
 from meshreel.runtime.profiling import staged
 
 DEFAULT_FREQUENCIES = 0.05

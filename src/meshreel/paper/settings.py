@@ -12,13 +12,7 @@ from meshreel.codec.config import (
 )
 from meshreel.errors import InvalidInputError
 from meshreel.paper.choices import PaperChoices, choices_of
-from meshreel.paper.variants import (
-    Basis,
-    Decoding,
-    Signal,
-    Variant,
-    variant_named,
-)
+from meshreel.paper.variants import Basis, Decoding, Signal, Variant, variant_named
 
 EXTRA_ANCHOR_BITS = 4
 """Bits of an anchor position beyond those of a coefficient of the deltas (docs/codec.md)."""

@@ -17,13 +17,7 @@ from meshreel.evaluation.pipeline import Measured
 from meshreel.evaluation.report.codecs import codecs_document
 from meshreel.evaluation.report.openings import sequence_opening
 from meshreel.evaluation.runs.store import done
-from meshreel.rendering.documents.parts import (
-    Bullets,
-    Document,
-    Paragraph,
-    Part,
-    Picture,
-)
+from meshreel.rendering.documents.parts import Bullets, Document, Paragraph, Part, Picture
 
 TITLE = "meshreel beside other codecs: rate, distortion, seconds"
 

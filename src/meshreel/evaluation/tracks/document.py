@@ -9,13 +9,7 @@ from meshreel.evaluation.runs.store import done
 from meshreel.evaluation.tracks.peers import TrackPeer
 from meshreel.evaluation.tracks.results import TrackResults
 from meshreel.evaluation.tracks.tables import refusals, runs_table, size_table
-from meshreel.rendering.documents.parts import (
-    Bullets,
-    Document,
-    Paragraph,
-    Part,
-    Picture,
-)
+from meshreel.rendering.documents.parts import Bullets, Document, Paragraph, Part, Picture
 
 TITLE = "A track beside compressors of arrays: rate, distortion, seconds"
 

@@ -71,8 +71,6 @@ class AbcObject:
 
     Attributes
     ----------
-    header : ObjectHeader
-    archive : Archive
     reference : int
         Reference to its Ogawa group.
     """
@@ -110,8 +108,6 @@ class Property:
 
     Attributes
     ----------
-    header : PropertyHeader
-    archive : Archive
     reference : int
         Reference to its Ogawa group.
     """

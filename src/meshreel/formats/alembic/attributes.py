@@ -44,7 +44,6 @@ def read_attributes(
         Properties of the mesh.
     mesh : PolygonMesh
         The mesh, with counterclockwise faces.
-    time_s : float
     notes : list of str
         Gains a sentence for properties that are left out.
     animated : collection of str, optional

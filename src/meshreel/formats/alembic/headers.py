@@ -35,21 +35,17 @@ class PropertyHeader:
 
     Attributes
     ----------
-    name : str
     is_compound, is_array : bool
         Whether it contains other properties; whether a sample is an array, not a single value.
     dtype : dtype, optional
         Type of the components of a value; None for text.
-    is_text : bool
     extent : int
         Number of components of a value.
-    n_samples : int
     first_changed, last_changed : int
         The first sample that differs from sample 0, and the last from the one before it; both
         are 0 if all samples are the same.
     sampling : int
         Index of its time sampling.
-    metadata : dict
     """
 
     name: str

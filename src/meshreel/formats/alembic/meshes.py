@@ -61,7 +61,6 @@ class Node:
         Names from the root, such as "/root/body".
     schema : str
         Schema without its version: "AbcGeom_PolyMesh".
-    object : AbcObject
     chain : tuple of Transform
         The transforms above it, outermost first.
     """
@@ -102,7 +101,6 @@ class _AnimatedMesh:
 
     Parameters
     ----------
-    node : Node
     notes : list of str
         Gains a sentence for everything that is not read.
     cages : GatheredNote

@@ -28,13 +28,8 @@ References = npt.NDArray[np.uint64]
 class OgawaFile:
     """The groups and data of an Ogawa file, read on demand with bounds checks.
 
-    Parameters
-    ----------
-    path : Path
-
     Attributes
     ----------
-    path : Path
     root : int
         Reference to the root group.
 
@@ -125,10 +120,6 @@ def damage_error(what: str) -> FormatError:
 
 class Records:
     """Sequential reader of the numbers and strings in a block of data.
-
-    Parameters
-    ----------
-    contents : bytes
 
     Every method raises `FormatError` if the data end too early.
     """

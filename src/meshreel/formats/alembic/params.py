@@ -24,7 +24,6 @@ class GeometryParam:
     ----------
     source : Property
         The values, or a compound of values and indices.
-    time_s : float
     """
 
     source: Property

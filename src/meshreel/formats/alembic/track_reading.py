@@ -34,7 +34,6 @@ class _AnimatedProperty:
 
     Parameters
     ----------
-    source : Property
     name : str
         Name of the track.
     kind : str
@@ -93,7 +92,6 @@ class MeshTracks:
 
     Parameters
     ----------
-    path : str
     geometry : dict of Property
         Properties of the mesh.
     notes : list of str

@@ -195,9 +195,7 @@ class _PartWriter:
 
     Parameters
     ----------
-    part : PartMesh
     parent : OXform
-    name : str
     sampling : int
         Index of the time sampling of its positions.
     tracks : mapping of str to TrackSource

@@ -69,7 +69,6 @@ class TrackWriter:
 
     Parameters
     ----------
-    part : PartMesh
     tracks : mapping of str to TrackSource
     sampling : int
         Index of the time sampling of its positions.

@@ -18,12 +18,7 @@ from meshreel.formats.arrays.named_arrays import (
     start_arrays,
     surface_arrays,
 )
-from meshreel.formats.arrays.named_tracks import (
-    FOLDER,
-    Candidate,
-    array_names,
-    named_tracks,
-)
+from meshreel.formats.arrays.named_tracks import FOLDER, Candidate, array_names, named_tracks
 from meshreel.formats.arrays.position_layout import Layout, find_layout, has_positions
 from meshreel.formats.extras import HDF
 from meshreel.formats.file_errors import errors_naming

@@ -81,7 +81,6 @@ def read_description(arrays: Mapping[str, Array], name: str, options: ReadOption
         Holds ``faces``.
     name : str
         Of the sequence, if the arrays say none.
-    options : ReadOptions
 
     Raises
     ------

@@ -51,7 +51,6 @@ class Candidate:
         Where it is in the file.
     name : str
         Of the track that it may be.
-    shape : tuple of int
     dtype : dtype
         As in the file, in whatever byte order.
     domain, kind, unit : str, default ""
@@ -75,9 +74,6 @@ class NamedTrack:
     ----------
     name, place : str
         Of the track, and where its array is in the file.
-    domain : Domain
-    kind : TrackKind
-    unit : str
     dtype : dtype
         Of the track.
     shape : tuple of int

@@ -54,7 +54,6 @@ def open_npz(path: Path, options: ReadOptions) -> FrameSource:
     ----------
     path : Path
         As in `read_npz`.
-    options : ReadOptions
 
     Raises
     ------
@@ -118,8 +117,6 @@ class _StoredArray:
 
     Attributes
     ----------
-    path : Path
-    member : str
     start_byte : int
         Where in the file the numbers begin.
     shape : tuple of int
@@ -342,7 +339,6 @@ def read_arrays(
 
     Parameters
     ----------
-    path : Path
     positions : str
         The array that holds the positions, which must be there.
     with_positions : bool, default True

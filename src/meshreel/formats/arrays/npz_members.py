@@ -71,9 +71,6 @@ class ArrayHeader:
 
     Attributes
     ----------
-    shape : tuple of int
-    is_fortran_ordered : bool
-    dtype : dtype
     size_bytes : int
         Of the header, after which the data begin.
     """

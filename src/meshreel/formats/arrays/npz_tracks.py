@@ -51,14 +51,12 @@ def find_tracks(
 
     Parameters
     ----------
-    path : Path
     arrays : mapping of str to array
         Those that the archive has of `meshreel.formats.arrays.named_arrays`.
     positions : str
         The array that holds the positions.
     sizes : tuple of int
         Frames and vertices.
-    about : Description
     notes : list of str
         Gains a sentence on arrays that fit no track.
 

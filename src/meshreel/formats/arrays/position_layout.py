@@ -34,7 +34,6 @@ def find_layout(
 
     Parameters
     ----------
-    shape : tuple of int
     faces : integer array
     name : str
         Of the array, for messages.

@@ -45,10 +45,8 @@ def cache_reader(
 
     Parameters
     ----------
-    path : Path
     header_bytes : int
         Where the first frame begins.
-    n_verts : int
     number : {"<f4", ">f4"}
         How the file writes a number.
     """

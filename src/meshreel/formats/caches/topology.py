@@ -21,12 +21,6 @@ def read_topology(cache: Path, n_verts: int, options: ReadOptions) -> tuple[Face
 
     They are in the mesh that the options name, or else in that of the same name beside the cache.
 
-    Parameters
-    ----------
-    cache : Path
-    n_verts : int
-    options : ReadOptions
-
     Raises
     ------
     InvalidInputError

@@ -37,7 +37,6 @@ class ArrayFrames:
 
     Parameters
     ----------
-    path : Path
     n_frames, n_verts : int
         At least 1.
     dtype : float32 or float64

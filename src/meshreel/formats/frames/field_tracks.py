@@ -34,7 +34,6 @@ class Field:
 
     Parameters
     ----------
-    dtype : dtype
     n_columns : int
         Numbers of each value.
     role : str, default ""
@@ -96,7 +95,6 @@ def field_tracks(
     sizes : mapping of Domain to int
         Vertices, faces and, where arrays are of corners, these.
     read : function of the number of a frame and the key of an array in it
-    notes : list of str
     """
     found: dict[str, StoredTrack] = {}
     for key in dict.fromkeys(key for frame in frames for key in frame):

@@ -57,7 +57,6 @@ class FrameStream:
         Of every block.
     first : float array of shape (V, 3)
         Positions of the first frame, known before any frame has passed.
-    progress : Progress
     image_folder : str
         Name of the folder beside the file that is to have the images of the surface, in files of
         the names of `meshreel.formats.surfaces.image_files.image_names`; empty if there is none.

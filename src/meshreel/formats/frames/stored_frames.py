@@ -26,17 +26,13 @@ class StoredFrames:
 
     Parameters
     ----------
-    n_frames, n_verts : int
     faces : integer array of shape (M, 3)
-    fps : float
-    name : str
     dtype : float32 or float64
     extent : Extent
         Of all frames, in `dtype`.
     read_range : function of a start and a stop
         Gives the positions of frames start..stop - 1, of shape (stop - start, V, 3).
     start_s : float, default 0
-    surface : Surface, optional
     files : tuple of Path
         Where the positions are.
     is_portable : bool, default False

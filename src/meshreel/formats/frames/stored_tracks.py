@@ -18,9 +18,6 @@ class StoredTrack:
 
     Parameters
     ----------
-    domain : Domain
-    kind : TrackKind
-    unit : str
     dtype : dtype
         One of `meshreel.model.tracks.NUMBER_TYPES`, in native byte order.
     shape : tuple of int

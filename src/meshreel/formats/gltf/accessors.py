@@ -43,12 +43,7 @@ class Values:
 
 
 class Accessors:
-    """The accessors of a file, each decoded whenever it is asked for.
-
-    Parameters
-    ----------
-    document : Document
-    """
+    """The accessors of a file, each decoded whenever it is asked for."""
 
     def __init__(self, document: Document) -> None:
         self.document = document

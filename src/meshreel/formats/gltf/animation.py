@@ -27,7 +27,6 @@ class Channel:
 
     Attributes
     ----------
-    node : int
     path : str
         One of `PATHS`.
     sampler, given : JsonObject

@@ -22,7 +22,6 @@ class VertexValues:
 
     Attributes
     ----------
-    view : int
     offset, stride : int
         Bytes from the beginning of the view, and from one vertex to the next.
     values : array of shape (N, C)

@@ -22,12 +22,7 @@ DATA_URI = re.compile(r"data:[^,]{0,200};base64,", re.IGNORECASE)
 
 @dataclass(frozen=True, eq=False)
 class Buffers:
-    """The buffers of a file, each read when it is first needed.
-
-    Parameters
-    ----------
-    document : Document
-    """
+    """The buffers of a file, each read when it is first needed."""
 
     document: Document
     _read: dict[int, memoryview] = field(default_factory=dict)

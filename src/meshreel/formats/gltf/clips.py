@@ -9,13 +9,7 @@ from meshreel.arrays import Floats
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.gltf.accessors import Accessors
-from meshreel.formats.gltf.animation import (
-    Channel,
-    Curves,
-    read_channels,
-    read_curves,
-    read_keys,
-)
+from meshreel.formats.gltf.animation import Channel, Curves, read_channels, read_curves, read_keys
 from meshreel.formats.gltf.nodes import Nodes, unique_names
 from meshreel.formats.notes import listed, note_left_out
 
@@ -44,8 +38,6 @@ class Clips:
 
     Parameters
     ----------
-    nodes : Nodes
-    accessors : Accessors
     moves_mesh : function of a channel
         Whether it moves a mesh that is read.
 

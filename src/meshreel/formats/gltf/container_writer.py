@@ -16,10 +16,8 @@ def write_container(path: Path, document: Json, buffer: BufferWriter, advice: st
 
     Parameters
     ----------
-    path : Path
     document : dict
         The JSON, without the buffer.
-    buffer : BufferWriter
     advice : str
         What a user can do about a file that is too large.
 

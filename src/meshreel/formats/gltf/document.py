@@ -52,7 +52,6 @@ class Document:
         Where the file lies; other files are named relative to it.
     size_bytes : int
         Of the file.
-    root : JsonObject
     lists : dict of tuples of JsonObject
         By their names in the file, as in `LISTS`.
     binary : memoryview, optional

@@ -66,7 +66,6 @@ def share_budget(
     diagonal : float
         Of the bounding box of the frames to write, in model units. Where the error of the stream
         is known, percents are of that of the original if it is smaller.
-    origin : Origin, optional
     is_total : bool
         Whether the error against the original must keep what is allowed, or only what is added.
     spender : str, default "morph targets"

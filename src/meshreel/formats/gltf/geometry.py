@@ -95,7 +95,6 @@ def read_geometry(
     ----------
     mesh : JsonObject
         With at least one such primitive.
-    accessors : Accessors
     materials : MaterialReader
         Those of the file.
     notes : list of str

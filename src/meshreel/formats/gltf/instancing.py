@@ -53,7 +53,6 @@ def note_instances(placed: Sequence[tuple[JsonObject, Matrices | None]], notes: 
     ----------
     placed : sequence of JsonObject and Matrices
         Nodes that show a mesh, and the instances of each; None for one that is not copied.
-    notes : list of str
     """
     counts = [len(instances) for _, instances in placed if instances is not None]
     if counts:

@@ -28,7 +28,6 @@ class Curve:
     keys_s : float64 array of shape (N,)
         Ascending, at least one.
     values : float64 array of shape (N, C)
-    interpolation : Interpolation
     tangents : tuple of two float64 arrays of shape (N, C), optional
         Arriving at each key and leaving it, of a cubic spline.
     is_rotation : bool

@@ -130,7 +130,6 @@ class JsonObject:
 
         Parameters
         ----------
-        key : str
         called : str
             What one of them is called: "primitive".
         """

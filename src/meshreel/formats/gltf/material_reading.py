@@ -43,8 +43,6 @@ class MaterialReader:
 
     Parameters
     ----------
-    document : Document
-    buffers : Buffers
     notes : list of str
         Gains a sentence for each look or image that is damaged or missing, which is left out.
     """

@@ -17,7 +17,6 @@ class Materials:
 
     Parameters
     ----------
-    surface : Surface
     buffer : BufferWriter
         Gains the images.
     notes : list of str

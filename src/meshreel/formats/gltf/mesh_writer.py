@@ -36,7 +36,6 @@ def write_mesh(
 
     Parameters
     ----------
-    name : str
     split : SplitVertices
         Of the vertices that faces use.
     moving : MovingMesh

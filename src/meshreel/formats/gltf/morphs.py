@@ -18,12 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.subspace.pca import joint_trajectories
-from meshreel.formats.gltf.quantized import (
-    IntegerTargets,
-    best_weights,
-    integer_targets,
-    project,
-)
+from meshreel.formats.gltf.quantized import IntegerTargets, best_weights, integer_targets, project
 from meshreel.runtime.threads import chunks, in_threads
 
 Floats = npt.NDArray[np.float32]
@@ -59,7 +54,6 @@ class Morphs:
 
     Attributes
     ----------
-    targets : IntegerTargets
     weights : float32 array of shape (T, K)
     errors : float32 array of shape (T,)
         Of the vertex that is off the furthest, in each frame.

@@ -20,7 +20,6 @@ class Motion:
 
     Parameters
     ----------
-    nodes : Nodes
     curves : Curves
         Empty if nothing moves.
     """

@@ -16,13 +16,7 @@ from meshreel.formats.gltf.normal_targets import (
     fit_normals,
     still_normals,
 )
-from meshreel.formats.gltf.placement import (
-    Placement,
-    mean_frame,
-    place_frames,
-    place_still,
-    ways,
-)
+from meshreel.formats.gltf.placement import Placement, mean_frame, place_frames, place_still, ways
 from meshreel.model.sequence import Faces, Vertices
 
 MARGIN = 4e-7
@@ -39,7 +33,6 @@ class Wanted:
         How many morph targets, at least 2 with all normals; default: as few as keep the bound.
     bound : float
         No vertex may be further off; in model units. 0 for as near as may be.
-    normals : NormalChoice
     """
 
     n_targets: int | None
@@ -62,7 +55,6 @@ class Shaded:
         The vertex of each row of normals.
     faces : int32 array of shape (M, 3)
         The triangles, in rows.
-    has_hard_edges : bool
     """
 
     vertices: npt.NDArray[np.int64]
@@ -76,11 +68,8 @@ class MovingMesh:
 
     Attributes
     ----------
-    placement : Placement
     base : int16 or float32 array of shape (V, 3)
         Integers where there are targets.
-    morphs : Morphs, optional
-    normals : NormalTargets, optional
     errors : float array of shape (T,)
         How far the furthest vertex of each frame is off, in model units.
     """
@@ -101,7 +90,6 @@ def fit_part(
     ----------
     frames : float array of shape (T, V, 3)
     faces : int32 array of shape (M, 3)
-    wanted : Wanted
     shaded : Shaded, optional
         Of a mesh with hard edges, which gets normals. Default: each vertex has one normal.
     """

@@ -31,7 +31,6 @@ class NodeTree:
         ----------
         name : str
             A path of nodes if it begins with a slash.
-        mesh : int
         placement : Placement
             Of the mesh in the world, whatever the nodes above it do.
         """

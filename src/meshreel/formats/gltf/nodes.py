@@ -38,7 +38,6 @@ class Nodes:
 
     Attributes
     ----------
-    objects : tuple of JsonObject
     parents : list of int
         Of each node; -1 for a root.
     depths : list of int
@@ -91,7 +90,6 @@ class Nodes:
 
         Parameters
         ----------
-        node : int
         nameless : str
             What the node is called if it has no name.
 

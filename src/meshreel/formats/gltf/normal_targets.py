@@ -93,7 +93,6 @@ def fit_normals(
         In these.
     moves : float32 array of shape (T, 3 V)
         That `morphs` was made for, to measure its errors again.
-    morphs : Morphs
     length_error : float, default 0
         Root mean square difference of unit normals that is small enough; 0 for all targets.
     """

@@ -37,7 +37,6 @@ class PlacedFrames:
 
     Attributes
     ----------
-    placement : Placement
     base : int16 array of shape (V, 3)
     moves : float32 array of shape (T, 3 V)
         From the base as integers say it, in the lengths of the placement.

@@ -64,8 +64,6 @@ def read_block(primitive: JsonObject, accessors: Accessors, packed: dict[str, Va
 
     Parameters
     ----------
-    primitive : JsonObject
-    accessors : Accessors
     packed : dict of Values
         What Draco holds of it, in place of the accessors.
 

@@ -83,7 +83,6 @@ def best_weights(targets: IntegerTargets, frames: Floats) -> Floats:
 
     Parameters
     ----------
-    targets : IntegerTargets
     frames : float32 array of shape (T, N)
         What the targets are to add up to.
     """

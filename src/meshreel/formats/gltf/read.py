@@ -240,12 +240,10 @@ class BakedMesh:
 
     Parameters
     ----------
-    node : int
     skin : Skin, optional
         The joints that the mesh follows, in place of the node.
     weights : float64 array of shape (M,)
         Of the morph targets, while nothing moves them.
-    motion : Motion
     times_s : float64 array of shape (T,)
         When frames are.
     read : function

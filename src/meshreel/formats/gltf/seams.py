@@ -52,7 +52,6 @@ class SplitVertices:
         The row of its normal, as `NormalRows` has them; its vertex if no edge is hard.
     attributes : dict of str to array of shape (N, C)
         By what glTF calls them.
-    primitives : tuple of Primitive
     """
 
     sources: Integers
@@ -72,7 +71,6 @@ def split_at_seams(
 
     Parameters
     ----------
-    part : PartMesh
     rows_of_corners : integer array of shape (C,), optional
         The row of the normal of each corner, where vertices have several. Default: the vertex.
     """

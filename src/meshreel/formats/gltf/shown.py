@@ -25,8 +25,6 @@ def shown_nodes(document: Document, nodes: Nodes, notes: list[str]) -> list[int]
 
     Parameters
     ----------
-    document : Document
-    nodes : Nodes
     notes : list of str
         Gains a sentence if the scene lists nodes that are below others.
     """
@@ -109,7 +107,6 @@ class Placement:
 
     Attributes
     ----------
-    node, mesh : int
     skin : Skin, optional
         The joints that the mesh follows, in place of the node.
     instances : float64 array of shape (I, 4, 4), optional

@@ -29,7 +29,6 @@ class MetallicRoughness:
     Attributes
     ----------
     base_color : tuple of 4 floats
-    metallic, roughness : float
     """
 
     base_color: tuple[float, float, float, float]

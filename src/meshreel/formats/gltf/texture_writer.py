@@ -21,7 +21,6 @@ class Textures:
 
     Parameters
     ----------
-    surface : Surface
     buffer : BufferWriter
         Gains the images.
     notes : list of str
@@ -51,7 +50,6 @@ class Textures:
 
         Parameters
         ----------
-        texture : Texture
         what : str
             Which one it is, for the notes.
         """

@@ -57,12 +57,10 @@ class Scene:
     ----------
     document : dict
         The JSON, without the buffer.
-    buffer : BufferWriter
     meshes : list of MovingMesh
         Of the parts that have faces.
     n_isolated : int
         Vertices that no face uses, which are left out.
-    has_hard_edges : bool
     """
 
     document: Json
@@ -120,11 +118,8 @@ class _Achieved:
 
     Attributes
     ----------
-    scene : Scene
     percents : float array of shape (T,)
         Of the diagonal of all frames.
-    budget : ErrorBudget
-    n_frames : int
     """
 
     scene: Scene
@@ -298,10 +293,8 @@ def make_scene(
 
     Parameters
     ----------
-    sequence : MeshSequence
     times_s : sequence of float
         When frames are, not negative.
-    wanted : Wanted
     notes : list of str
         Gains a sentence for each thing of a material that glTF cannot have.
     """

@@ -47,7 +47,6 @@ class ObjTrack:
     ----------
     name : str
         Of the track.
-    domain : Domain
     """
 
     name: str
@@ -72,7 +71,6 @@ def obj_encoder(
     Parameters
     ----------
     faces : int32 array of shape (M, 3)
-    surface : Surface, optional
     notes : list of str, optional
         Gains a sentence on what an OBJ file does not hold.
     tracks : mapping of str to TrackSource, optional

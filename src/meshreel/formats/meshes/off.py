@@ -160,7 +160,6 @@ def off_encoder(
     Parameters
     ----------
     faces : int32 array of shape (M, 3)
-    surface : Surface, optional
     notes : list of str, optional
         Gains a sentence on what an OFF file does not hold of the surface.
     """

@@ -41,8 +41,6 @@ class PlyTable:
 
     Parameters
     ----------
-    element : PlyElement
-    layout : ElementLayout
     cells : PlyCells
         What the layout is about.
     """

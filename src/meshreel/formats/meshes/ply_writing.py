@@ -75,7 +75,6 @@ def ply_encoder(
     Parameters
     ----------
     faces : int32 array of shape (M, 3)
-    surface : Surface, optional
     notes : list of str, optional
         Gains a sentence on what a PLY file does not hold.
     tracks : mapping of str to TrackSource, optional
@@ -186,7 +185,6 @@ class PlyTrack:
     ----------
     name : str
         Of the track.
-    domain : Domain
     properties : tuple of str
         One for each number; of corners none, for they are a list.
     dtype : dtype

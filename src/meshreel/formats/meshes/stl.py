@@ -79,7 +79,6 @@ def stl_encoder(
     Parameters
     ----------
     faces : int32 array of shape (M, 3)
-    surface : Surface, optional
     notes : list of str, optional
         Gains a sentence on the surface, none of which an STL file holds.
 

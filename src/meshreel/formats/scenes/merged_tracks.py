@@ -29,7 +29,6 @@ def merged_tracks(
     meshes : sequence of SceneMesh
     places : sequence of sequences of Neighbours
         Of each frame of the whole, the frames of each mesh that it is at or between.
-    notes : list of str
     """
     first = [min(row[part].before for row in places) for part in range(len(meshes))]
     last = [max(row[part].after for row in places) for part in range(len(meshes))]

@@ -17,7 +17,6 @@ class PartMesh:
 
     Attributes
     ----------
-    name : str
     verts : slice
         Its vertices among those of the whole.
     counts, corners : integer arrays

@@ -45,9 +45,6 @@ def chosen_mesh(
 
     Parameters
     ----------
-    read_meshes : ReadMeshes
-    path : Path
-    options : ReadOptions
     may_change : bool, default True
         Whether meshes whose faces change are wanted, where bad ones are left out.
 

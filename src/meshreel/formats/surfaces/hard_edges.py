@@ -59,7 +59,6 @@ def find_hard_edges(mesh: PolygonMesh, normals: npt.NDArray[np.floating]) -> Har
 
     Parameters
     ----------
-    mesh : PolygonMesh
     normals : float array of shape (C, 3)
         At each corner, of any length; 0 or NaN where there is none.
     """
@@ -110,7 +109,6 @@ def edges_of_groups(mesh: PolygonMesh, groups: npt.NDArray[np.integer]) -> HardE
 
     Parameters
     ----------
-    mesh : PolygonMesh
     groups : integer array of shape (P,)
         The smoothing group of each face; faces of group 0 share normals with no other.
     """
@@ -150,8 +148,6 @@ class NormalNotes:
 
         Parameters
         ----------
-        name : str
-        found : HardEdges
         is_track : bool, default False
             Whether its normals are kept as a track too.
         """

@@ -49,7 +49,6 @@ def image_type(data: bytes, name: str = "") -> str:
 
     Parameters
     ----------
-    data : bytes
     name : str
         Of its file, for types that do not show in the bytes.
     """

@@ -48,7 +48,6 @@ def decimal_values(text: bytes, starts: Integers, ends: Integers) -> Found:
 
     Parameters
     ----------
-    text : bytes
     starts, ends : int64 arrays of shape (N,)
         Byte range of each word, which is not empty.
 

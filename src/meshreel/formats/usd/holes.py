@@ -20,7 +20,6 @@ def solid_faces(holes: Any, n_faces: int, path: str) -> Mask | None:
     ----------
     holes : array of int or None
         Numbers of the faces that are; those of no face say nothing.
-    n_faces : int
     path : str
         Of the mesh.
 

@@ -43,7 +43,6 @@ class InstancedMesh:
         What it is called; the mesh itself may be copied by other instancers too.
     mesh : StageMesh
         In the space of the prototype.
-    placements : Placements
     """
 
     path: str
@@ -142,7 +141,6 @@ def note_instances(meshes: Sequence[InstancedMesh], notes: list[str]) -> None:
     Parameters
     ----------
     meshes : sequence of InstancedMesh
-    notes : list of str
     """
     if not meshes:
         return

@@ -159,7 +159,6 @@ class Copies:
 
     Parameters
     ----------
-    instancer : PointInstancer
     number : int
         Of the prototype.
     """

@@ -67,7 +67,6 @@ class MeshMaterials:
     ----------
     prim : Usd.Prim
         The mesh.
-    materials : StageMaterials
     """
 
     def __init__(self, prim: Any, materials: StageMaterials) -> None:

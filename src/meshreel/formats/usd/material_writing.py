@@ -22,7 +22,6 @@ class Materials:
         Names of prims that are there already.
     looks : tuple of Material
         How those look of which more than a name is known.
-    textures : TextureWriter
     notes : list of str
         Gains a sentence for each kind of thing that USD does not have.
     """

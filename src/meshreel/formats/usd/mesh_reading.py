@@ -162,12 +162,10 @@ class StageMesh:
 
         Parameters
         ----------
-        one : Quantity
         values : array of shape (N, C)
             In the order of the file.
         counts : int64 array
             Corners of each face.
-        code : float
         """
         if one.to_world is not None:
             values = one.to_world(values, self.world(code))

@@ -41,7 +41,6 @@ class PreviewSurface:
     shader : UsdShade.Shader
     name : str
         Of the material, for the notes.
-    images : StageImages
     notes : LookNotes
         Gains what is not kept.
     """

@@ -58,7 +58,6 @@ def read_attributes(
     ----------
     prim : Usd.Prim
         The mesh; it has what prims above it have for all that is below them, too.
-    code : float
     mesh : PolygonMesh
         The same at that time code.
     order : int64 array, optional

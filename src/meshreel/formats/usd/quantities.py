@@ -34,7 +34,6 @@ class Quantity:
     ----------
     name : str
         Of the primvar or attribute.
-    domain : Domain
     attribute : Usd.Attribute
         Says where it has samples, and what we wrote of it.
     given : function of a time code

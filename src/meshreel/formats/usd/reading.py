@@ -172,7 +172,6 @@ def open_stage(path: Path, options: ReadOptions) -> Any:
 
     Parameters
     ----------
-    path : Path
     options : ReadOptions
         Its notes gain a sentence if anything that the file refers to is missing, and one if its
         axes or units are not those that are written: y upwards, metres.

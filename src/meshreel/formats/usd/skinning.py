@@ -42,7 +42,6 @@ class Skin:
         Where the skeleton is in the stage; of an instance the query only knows its prototype.
     skeleton : UsdSkel.SkeletonQuery
     skinning : UsdSkel.SkinningQuery
-    shapes : Shapes or None
     """
 
     skeleton_prim: Any

@@ -26,8 +26,6 @@ def read_groups(
     Parameters
     ----------
     prim : Usd.Prim
-    code : float
-    n_faces : int
     materials : MeshMaterials
         Those of the mesh; gives their labels.
     notes : list of str

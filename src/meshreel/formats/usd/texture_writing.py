@@ -49,7 +49,6 @@ class TextureWriter:
         ----------
         material : UsdShade.Material
             The textures go below it.
-        look : Material
         notes : LookNotes
             Gains what USD does not have.
         """

@@ -30,7 +30,6 @@ class MeshTracks:
 
     Parameters
     ----------
-    mesh : StageMesh or InstancedMesh
     codes : Codes
         The time codes of its frames.
     notes : list of str

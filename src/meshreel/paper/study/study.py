@@ -15,11 +15,7 @@ from meshreel.paper.study.decompositions import decompositions_run
 from meshreel.paper.study.document import paper_document
 from meshreel.paper.study.figures import diagrams, matrices, meshes
 from meshreel.paper.study.measure import variant_run
-from meshreel.paper.study.results import (
-    PaperResults,
-    method_of_result,
-    setting_of_result,
-)
+from meshreel.paper.study.results import PaperResults, method_of_result, setting_of_result
 from meshreel.paper.sweeps import (
     METHOD_NAMES,
     USUAL,

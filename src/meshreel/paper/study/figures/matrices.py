@@ -19,13 +19,7 @@ from meshreel.paper.choices import PaperChoices
 from meshreel.paper.payloads import write_curves
 from meshreel.paper.pipeline import CodedBlock, Quantized
 from meshreel.paper.quantization import step_for_all_rows
-from meshreel.paper.study.figures.panels import (
-    Box,
-    axes_in,
-    blank_sheet,
-    save_for_print,
-    write_in,
-)
+from meshreel.paper.study.figures.panels import Box, axes_in, blank_sheet, save_for_print, write_in
 from meshreel.paper.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
 from meshreel.rendering.documents.parts import Picture
 from meshreel.rendering.plots import blank_figure
