@@ -77,7 +77,7 @@ def plain(what: str, layout: str, texels: TexelType) -> Way:
 
     def write(sequence: meshreel.MeshSequence, folder: Path, max_error: float) -> Cost:
         notes: list[str] = []
-        names = LAYOUTS[layout].names("walk", texels.ending, normals=True)
+        names = LAYOUTS[layout].names("walk", texels.extension, normals=True)
         options = WriteOptions(max_error=100.0)  # of a type that is given
         write_plain(folder, names, stream_of(sequence, notes), options, LAYOUTS[layout], [texels])
         textures = [folder / name for name in (names.positions, names.normals) if name]

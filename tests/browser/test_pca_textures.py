@@ -18,7 +18,7 @@ import pytest
 import meshreel
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.save import save
-from meshreel.formats.vat.pca.texture import read_header, section_offsets, texel_places
+from meshreel.formats.vat.pca.texture import read_header, section_offsets, texel_coordinates
 from meshreel.formats.vat.textures import read_texture
 from meshreel.model.geometry.normals import vertex_normals
 from samples.web_package import PACKAGE, ROOT, built_package, serving
@@ -143,7 +143,8 @@ def test_three_js_moves_vertices_and_normals_as_python_does(ask, written):
 )
 @pytest.mark.parametrize("engine", ["unity", "unreal"])
 def test_hlsl_moves_vertices_as_python_does(ask, written, tmp_path, engine):
-    rest, places = written.rest.copy(), texel_places(written.texels, written.n_verts).astype(float)
+    rest = written.rest.copy()
+    places = texel_coordinates(written.texels, written.n_verts).astype(float)
     mirror = np.array([-1, 1, 1]) if engine == "unity" else np.ones(3)
     if engine == "unity":
         places[:, 1] = 1 - places[:, 1]

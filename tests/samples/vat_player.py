@@ -162,16 +162,16 @@ class LabsPlayer(Player):
         low, high = self.low * F(10), self.high * F(10)
         return 1 - (np.ceil(low[2]) - low[2]), 1 - (np.ceil(high[0]) - high[0])
 
-    def texcoords(self, frame):
+    def texel_uvs(self, frame):
         ratio_u, ratio_v = self.ratios()
         return self.u * ratio_u, (self.v + F(frame) / F(self.n_frames)) * ratio_v
 
     def offsets(self, frame):
-        found = texels_at(self.positions_image, *self.texcoords(frame))
+        found = texels_at(self.positions_image, *self.texel_uvs(frame))
         return found if self.is_raw else found * (self.high - self.low) + self.low
 
     def quaternions(self, frame):
-        found = texels_at(self.rotations_image, *self.texcoords(frame))
+        found = texels_at(self.rotations_image, *self.texel_uvs(frame))
         return found if self.is_raw else (found - F(0.5)) * F(2)
 
     def positions(self, frame):

@@ -1,4 +1,4 @@
-"""The axes of programs, against those of glTF: right-handed, y upwards, metres."""
+"""Coordinate axes of programs, relative to those of glTF: right-handed, y up, meters."""
 
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -13,18 +13,18 @@ Number = TypeVar("Number", np.float32, np.float64)
 
 @dataclass(frozen=True)
 class Axes:
-    """Axes of a program: which of ours each one is, in which direction, and how long a metre is.
+    """Coordinate axes and units of a program, relative to glTF.
 
     Attributes
     ----------
     name : str
-        As the program calls them.
+        The program's name for them.
     order : tuple of int
-        Our axis for each of its axes.
+        The glTF axis of each program axis.
     signs : tuple of int
-        1 or -1: whether it has the same direction.
+        1, or -1 if the program axis points in the opposite direction.
     scale : float, default 1
-        Its units in one of ours.
+        Program units per glTF unit.
     """
 
     name: str
@@ -32,30 +32,30 @@ class Axes:
     signs: tuple[int, int, int]
     scale: float = 1.0
 
-    def turn(self, vectors: npt.NDArray[Number]) -> npt.NDArray[Number]:
-        """Our vectors, of shape (..., 3), in these axes; their lengths stay."""
+    def convert(self, vectors: npt.NDArray[Number]) -> npt.NDArray[Number]:
+        """Return vectors of shape (..., 3), from glTF to program axes; lengths do not change."""
         return vectors[..., list(self.order)] * np.asarray(self.signs, vectors.dtype)
 
-    def turn_back(self, vectors: npt.NDArray[Number]) -> npt.NDArray[Number]:
-        """Vectors in these axes in ours; the inverse of `turn`."""
-        ours = np.empty_like(vectors)
-        ours[..., list(self.order)] = vectors * np.asarray(self.signs, vectors.dtype)
-        return ours
+    def convert_back(self, vectors: npt.NDArray[Number]) -> npt.NDArray[Number]:
+        """Return vectors of shape (..., 3), from program to glTF axes: the inverse of `convert`."""
+        converted = np.empty_like(vectors)
+        converted[..., list(self.order)] = vectors * np.asarray(self.signs, vectors.dtype)
+        return converted
 
-    def turn_rotations(self, quaternions: Floats) -> Floats:
-        """Our rotations as quaternions x y z w, of shape (..., 4), in these axes.
+    def convert_rotations(self, quaternions: Floats) -> Floats:
+        """Return rotations as quaternions x y z w, of shape (..., 4), from glTF to program axes.
 
-        A mirror turns them the other way around.
+        Between right-handed and left-handed axes, the sense of rotation reverses.
         """
         sense = -1 if self.is_mirrored else 1
         return np.concatenate(
-            [sense * self.turn(quaternions[..., :3]), quaternions[..., 3:]], axis=-1
+            [sense * self.convert(quaternions[..., :3]), quaternions[..., 3:]], axis=-1
         )
 
-    def turn_box(self, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-        """The corners of our box in these axes and units."""
-        one, other = self.scale * self.turn(low), self.scale * self.turn(high)
-        return np.minimum(one, other), np.maximum(one, other)
+    def convert_box(self, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+        """Return the corners of a box, from glTF to program axes and units."""
+        first, second = self.scale * self.convert(low), self.scale * self.convert(high)
+        return np.minimum(first, second), np.maximum(first, second)
 
     @property
     def is_mirrored(self) -> bool:
@@ -67,13 +67,13 @@ class Axes:
 
 @dataclass(frozen=True)
 class MeshSpace:
-    """The axes and units in which the vertices of a mesh file are, as a shader expects them.
+    """The axes and units of the vertices in a mesh file, as the shader expects them.
 
     Attributes
     ----------
     axes : Axes
     rotation : tuple of float, optional
-        The quaternion x y z w by which the node of the mesh turns them into ours; None for none.
+        The quaternion x y z w of the node, which rotates the vertices to glTF axes, if any.
     """
 
     axes: Axes
@@ -87,4 +87,5 @@ UNREAL = Axes("Left-Handed Z-Up", (0, 2, 1), (1, 1, 1), 100.0)
 
 GLTF_SPACE = MeshSpace(GLTF)
 BLENDER_FBX_SPACE = MeshSpace(replace(BLENDER, scale=0.01), (-(0.5**0.5), 0.0, 0.0, 0.5**0.5))
-"""Of the FBX files that Blender writes: hundredths, which a node turns and scales."""
+"""The space of FBX files from Blender: centimeters and z up, corrected by rotation and scale of the
+node."""

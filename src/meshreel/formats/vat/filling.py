@@ -1,4 +1,4 @@
-"""Textures of a motion: the smallest texels that keep an error bound, and all of them in place."""
+"""Encoding of offsets as textures, in the smallest texel type that meets an error bound."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from meshreel.formats.vat.textures import Texels, TexelType
 
 @dataclass(frozen=True, eq=False)
 class Encoding:
-    """How offsets become texels.
+    """How offsets are stored in texels.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class Encoding:
 def smallest_encoding(
     motion: Motion, layout: PlainLayout, grid: TexelGrid, types: Sequence[TexelType], bound: float
 ) -> Encoding:
-    """The first of some types that brings all vertices within a bound.
+    """Return the first encoding of the given types that meets the error bound.
 
     Parameters
     ----------
@@ -38,46 +38,46 @@ def smallest_encoding(
     grid : TexelGrid
     types : sequence of TexelType
     bound : float
-        In model units.
+        Largest distance of a vertex from its position, in model units.
 
     Raises
     ------
     InvalidInputError
-        If none does.
+        If no type meets the bound.
     """
-    least = np.inf
-    for found in types:
-        encoding = Encoding(found, layout.remap(motion, grid, found))
-        least = min(least, _largest_error(motion, encoding, bound))
-        if least <= bound:
+    min_error = np.inf
+    for texel_type in types:
+        encoding = Encoding(texel_type, layout.remap(motion, grid, texel_type))
+        min_error = min(min_error, _largest_error(motion, encoding, bound))
+        if min_error <= bound:
             return encoding
-    advice = ", or take textures 'exr'" if found.is_integer else ""
+    advice = ", or choose textures 'exr'" if texel_type.is_integer else ""
     raise InvalidInputError(
-        f"{found.title} is off by {least:.4g} model units, more than the {bound:.4g} that may be; "
-        f"allow a larger error (max_error){advice}"
+        f"the error with {texel_type.title} is {min_error:.4g} model units; at most {bound:.4g} "
+        f"are allowed; allow a larger error (max_error){advice}"
     )
 
 
 def fill_textures(
     motion: Motion, layout: PlainLayout, grid: TexelGrid, encoding: Encoding, *, normals: bool
 ) -> list[Texels]:
-    """The texture of offsets, and that of normals where they have their own."""
+    """Return the texture of offsets and, if the layout separates them, the texture of normals."""
     packed = normals and layout.normal_half > 0
     images = [grid.image(3, encoding.texels.dtype)]
     if normals and not packed:
         images.append(grid.image(layout.normal_channels, encoding.texels.dtype))
     for frame, offsets in enumerate(motion.offsets()):
-        grid.put(images[0], frame, encoding.texels.texels(encoding.remap.values(offsets)))
+        grid.write_frame(images[0], frame, encoding.texels.texels(encoding.remap.values(offsets)))
     if normals:
         for frame, units in enumerate(motion.normals()):
             values = layout.normal_values(units, encoding.texels)
             texels = encoding.texels.texels(values)
-            grid.put(images[-1], frame, texels, layout.normal_half)
+            grid.write_frame(images[-1], frame, texels, layout.normal_half)
     return images
 
 
-def _largest_error(motion: Motion, encoding: Encoding, enough: float) -> float:
-    """The largest error of all frames; of the first ones only if it is above what is enough."""
+def _largest_error(motion: Motion, encoding: Encoding, bound: float) -> float:
+    """Return the largest error, or that of the frames up to the first one beyond the bound."""
     largest = 0.0
     low, high = encoding.texels.range
     for frame, offsets in enumerate(motion.offsets()):
@@ -85,8 +85,8 @@ def _largest_error(motion: Motion, encoding: Encoding, enough: float) -> float:
         if values.min() < low or values.max() > high:
             return np.inf
         sampled = encoding.texels.values(encoding.texels.texels(values))
-        far = motion.distances(frame, encoding.remap.offsets(sampled))
-        largest = max(largest, float(far.max()))
-        if largest > enough:
+        errors = motion.playback_errors(frame, encoding.remap.offsets(sampled))
+        largest = max(largest, float(errors.max()))
+        if largest > bound:
             break
     return largest

@@ -1,4 +1,4 @@
-"""A folder of vertex animation textures: which files it holds, and how they are written."""
+"""Writing a folder of vertex animation textures: its files, by layout and texture type."""
 
 from pathlib import Path
 
@@ -17,18 +17,18 @@ TEXEL_TYPES = {
     "exr": (TexelType.HALF, TexelType.FLOAT),
     "png": (TexelType.BITS_8, TexelType.BITS_16),
 }
-"""By what `--textures` takes: those of the files, the smallest first."""
+"""Texel types of each ``--textures`` choice, smallest first."""
 
 DEFAULT_TEXTURES = "exr"
 
 
 def vat_files(path: Path, options: WriteOptions) -> list[Path]:
-    """The files that a folder will hold.
+    """Return the paths of the files that a folder will contain.
 
     Raises
     ------
     InvalidInputError
-        If there is no such layout or kind of textures, or the error bound is none.
+        If the layout, the kind of textures or the error bound is invalid.
     FormatError
         If the library that writes the textures is not installed.
     """
@@ -39,23 +39,23 @@ def vat_files(path: Path, options: WriteOptions) -> list[Path]:
     kind = options.textures or DEFAULT_TEXTURES
     if kind not in TEXEL_TYPES:
         raise InvalidInputError(
-            f"--textures (textures=) is one of {', '.join(TEXEL_TYPES)}; got {kind!r}"
+            f"--textures (textures=) must be one of {', '.join(TEXEL_TYPES)}; got {kind!r}"
         )
     names = _names(path.stem, options)
     (PNG if kind == "png" else OPEN_EXR).load()
-    given = (names.mesh, names.positions, names.normals, names.data)
-    return [path / name for name in given if name is not None]
+    used = (names.mesh, names.positions, names.normals, names.data)
+    return [path / name for name in used if name is not None]
 
 
 def write_vat(folder: Path, stem: str, stream: FrameStream, options: WriteOptions) -> None:
-    """Write the files of a folder; the notes of the stream gain what was achieved.
+    """Write the files of a folder; the notes of the stream gain the errors achieved.
 
-    All frames are read into memory.
+    All frames are loaded into memory.
 
     Raises
     ------
     InvalidInputError
-        If no texture keeps the error that is allowed, or it would be larger than GPUs hold them.
+        If no texture meets the error bound, or it would exceed the texture size of GPUs.
     """
     if options.layout == PCA:
         write_pca(folder, PcaNames.of(stem), stream, options)
@@ -67,8 +67,8 @@ def write_vat(folder: Path, stem: str, stream: FrameStream, options: WriteOption
 def _pca_files(path: Path, options: WriteOptions) -> list[Path]:
     if options.textures is not None:
         raise InvalidInputError(
-            "--textures (textures=) has no effect on the layout pca, whose texture is a PNG of 8 "
-            "bits; leave it out"
+            "--textures (textures=) has no effect on the layout pca, whose texture is always an "
+            "8-bit PNG; leave it out"
         )
     PNG.load()
     names = PcaNames.of(path.stem)
@@ -76,13 +76,13 @@ def _pca_files(path: Path, options: WriteOptions) -> list[Path]:
 
 
 def _names(stem: str, options: WriteOptions) -> FileNames:
-    ending = TEXEL_TYPES[options.textures or DEFAULT_TEXTURES][0].ending
-    return _layout(options).names(stem, ending, normals=options.normals is not False)
+    extension = TEXEL_TYPES[options.textures or DEFAULT_TEXTURES][0].extension
+    return _layout(options).names(stem, extension, normals=options.normals is not False)
 
 
 def _layout(options: WriteOptions) -> PlainLayout:
     name = options.layout or DEFAULT_LAYOUT
     if name not in LAYOUTS:
         allowed = ", ".join(LAYOUT_NAMES)
-        raise InvalidInputError(f"--layout (layout=) is one of {allowed}; got {name!r}")
+        raise InvalidInputError(f"--layout (layout=) must be one of {allowed}; got {name!r}")
     return LAYOUTS[name]

@@ -1,9 +1,9 @@
 """The soft-body layout of SideFX Labs Vertex Animation Textures 3.0.
 
-Row by row, a frame has all its vertices, and the next frame follows. Texels of EXR files are
-offsets from the first frame; those of PNG files go from the least to the greatest coordinate of a
-box. The box also tells shaders, in its decimals, what else they must know: see `coded_box`. A
-second texture has the rotations, as quaternions, that turn the y axis to the normals.
+All rows of a frame are adjacent, and the frames follow in order. Texels of EXR files are offsets
+from the first frame; those of PNG files are normalized to a bounding box. The decimals of the box
+also carry parameters for the shaders: see `encode_box`. A second texture stores normals, as
+quaternions that rotate the y axis to the normal.
 """
 
 from collections.abc import Callable
@@ -20,82 +20,84 @@ from meshreel.formats.vat.motion import Motion
 from meshreel.formats.vat.plain_layout import FileNames, Remap
 from meshreel.formats.vat.textures import TexelType
 
-MOST_ROWS = 1980
-"""Rows of a frame that a box can tell of."""
+MAX_FRAME_ROWS = 1980
+"""Largest number of rows per frame that the box can encode."""
 
 RAW_CODE = 0.5
-"""In tenths: what is added to the greatest z where texels are offsets themselves."""
+"""Added to the largest z in tenths, to mark texels that are raw offsets."""
 
 TENTHS = 10.0
 
 
 @dataclass(frozen=True)
 class LabsSoft:
-    """Labs' layout for a program of these axes; see `PlainLayout`."""
+    """The Labs layout for a program with these axes; see `PlainLayout`."""
 
     axes: Axes
     normal_channels: int = 4
     normal_half: int = 0
     mesh_space: MeshSpace = GLTF_SPACE
-    farthest: float = 4000.0  # ten times it has 8 bits for decimals in float32
+    max_distance: float = 4000.0  # in tenths, float32 has 8 fractional bits left there
 
-    def names(self, stem: str, ending: str, *, normals: bool) -> FileNames:
-        """The names of files; rotations have a texture of their own."""
+    def names(self, stem: str, extension: str, *, normals: bool) -> FileNames:
+        """Return the file names; rotations have a separate texture."""
         return FileNames(
             f"{stem}_mesh.glb",
-            f"{stem}_pos{ending}",
+            f"{stem}_pos{extension}",
             f"{stem}_data.json",
-            f"{stem}_rot{ending}" if normals else None,
+            f"{stem}_rot{extension}" if normals else None,
         )
 
     def grid(self, n_verts: int, n_frames: int, *, normals: bool) -> TexelGrid:
-        """Frames one after the other.
+        """Return a grid with adjacent frames.
 
-        A single frame of several rows stands there twice: shaders hide vertices whose texel is in
-        the last tenth of the first frame of the texture.
+        A single frame of several rows is stored twice, since shaders hide vertices whose texel is
+        in the last tenth of the first frame.
         """
         grid = fit_grid(n_verts, n_frames, frame_by_frame=True)
         if n_frames == 1 and grid.n_rows > 1:
             grid = fit_grid(n_verts, 2, frame_by_frame=True)
-        if grid.n_rows > MOST_ROWS:
+        if grid.n_rows > MAX_FRAME_ROWS:
             raise InvalidInputError(
-                f"a frame takes {grid.n_rows} rows of texels; this layout has up to {MOST_ROWS}"
+                f"a frame needs {grid.n_rows} rows of texels; this layout supports up to "
+                f"{MAX_FRAME_ROWS}; use fewer vertices, or choose layout 'openvat'"
             )
         return grid
 
-    def remap(self, motion: Motion, grid: TexelGrid, found: TexelType) -> Remap:
-        """The box of all frames, and of all offsets where it says what texels stand for."""
-        low, high = motion.box()
-        is_raw = not found.is_integer
+    def remap(self, motion: Motion, grid: TexelGrid, texel_type: TexelType) -> Remap:
+        """Return the remap to the box of all positions and, for integer texels, of all offsets."""
+        low, high = motion.bounding_box()
+        is_raw = not texel_type.is_integer
         if not is_raw:
-            least, greatest = motion.offset_box()
-            low, high = np.minimum(low, least), np.maximum(high, greatest)
-        box = coded_box(low, high, grid.n_rows, is_raw=is_raw, rows_matter=self.axes is UNREAL)
-        low, high = self.axes.turn_box(*(one.astype(np.float64) for one in box))
+            offset_low, offset_high = motion.offset_box()
+            low, high = np.minimum(low, offset_low), np.maximum(high, offset_high)
+        is_unreal = self.axes is UNREAL
+        box = encode_box(low, high, grid.n_rows, is_raw=is_raw, encode_rows=is_unreal)
+        low, high = self.axes.convert_box(*(one.astype(np.float64) for one in box))
         return Remap(self.axes, low.astype(np.float32), high.astype(np.float32), is_raw)
 
-    def normal_values(self, normals: Floats, found: TexelType) -> Floats:
-        """Quaternions x y z w: themselves in EXR files, from 0 to 1 in PNG files."""
-        turned = self.axes.turn_rotations(_rotations_of(normals))
-        return np.clip((turned + 1) / 2, 0.0, 1.0) if found.is_integer else turned
+    def normal_values(self, normals: Floats, texel_type: TexelType) -> Floats:
+        """Return quaternions x y z w: unscaled in EXR files, from 0 to 1 in PNG files."""
+        rotations = self.axes.convert_rotations(_rotations_of(normals))
+        return np.clip((rotations + 1) / 2, 0.0, 1.0) if texel_type.is_integer else rotations
 
-    def normals(self, values: Floats, found: TexelType) -> Floats:
-        """The axis that is upwards, turned."""
-        turned = 2 * values - 1 if found.is_integer else values
-        up = self.axes.turn(np.array([0.0, 1.0, 0.0]))
-        axis, w = turned[:, :3], turned[:, 3:]
-        return self.axes.turn_back(up + 2 * np.cross(axis, np.cross(axis, up) + w * up))
+    def normals(self, values: Floats, texel_type: TexelType) -> Floats:
+        """Return the up axis rotated by the sampled quaternions."""
+        rotations = 2 * values - 1 if texel_type.is_integer else values
+        up = self.axes.convert(np.array([0.0, 1.0, 0.0]))
+        axis, w = rotations[:, :3], rotations[:, 3:]
+        return self.axes.convert_back(up + 2 * np.cross(axis, np.cross(axis, up) + w * up))
 
     def corners(self, remap: Remap) -> tuple[Singles, Singles] | None:
-        """Those of the box: Unreal's shader reads it from the mesh."""
+        """Return the corners of the box, which Unreal's shader reads from the mesh bounds."""
         low, high = (
-            self.axes.turn_back(one.astype(np.float64) / self.axes.scale)
+            self.axes.convert_back(one.astype(np.float64) / self.axes.scale)
             for one in (remap.low, remap.high)
         )
         return np.minimum(low, high).astype(np.float32), np.maximum(low, high).astype(np.float32)
 
     def document(self, motion: Motion, grid: TexelGrid, remap: Remap, name: str) -> Any:
-        """What Labs writes on request, with what players in browsers read beside it."""
+        """Return the JSON of Labs' exporter, which browser players read as well."""
         bounds = {
             f"Bound {which} {axis}": float(value)
             for which, corner in (("Max", remap.high), ("Min", remap.low))
@@ -118,75 +120,78 @@ class LabsSoft:
         ]
 
 
-def coded_box(
-    low: Floats, high: Floats, n_rows: int, *, is_raw: bool, rows_matter: bool
+def encode_box(
+    low: Floats, high: Floats, n_rows: int, *, is_raw: bool, encode_rows: bool
 ) -> tuple[Singles, Singles]:
-    """Corners of a box around another, in tenths of a unit, whose decimals tell shaders more.
+    """Return an enclosing box whose decimals, in tenths of a unit, encode shader parameters.
 
-    In tenths, these are whole: the least x and z and the greatest x (so all of a texture is used:
-    it is not padded) and the greatest y (nothing is told). The greatest z is whole, or its decimals
-    say that texels are raw and how many hundred rows a frame has; those of the least y say how many
-    rows there are beside.
+    In tenths, the smallest x and z and the largest x are integers, which means that the texture is
+    not padded, and so is the largest y, which encodes nothing. The decimals of the largest z encode
+    whether texels are raw offsets and the hundreds of the rows per frame, and those of the smallest
+    y the remaining rows.
 
     Parameters
     ----------
     low, high : float64 arrays of shape (3,)
     n_rows : int
-        That a frame takes.
+        Rows per frame.
     is_raw : bool
-        Whether texels hold offsets themselves.
-    rows_matter : bool
-        Whether shaders count on the rows, and not only on what is known otherwise.
+        Whether texels are raw offsets.
+    encode_rows : bool
+        Whether shaders read the number of rows from the box.
 
     Raises
     ------
     InvalidInputError
-        If float32 has no such decimals that far from the origin.
+        If float32 cannot represent these decimals so far from the origin.
     """
     floor, ceiling = np.floor(low * TENTHS), np.ceil(high * TENTHS)
     ceiling = np.maximum(ceiling, floor + 1)
-    hundreds, rest = divmod(n_rows, 100)
-    skipped = (hundreds > 9) + (hundreds > 18)  # multiples of a tenth mean no hundreds at all
+    hundreds, remainder = divmod(n_rows, 100)
+    skipped = (hundreds > 9) + (hundreds > 18)  # multiples of 0.1 would decode as no hundreds
     code = (RAW_CODE if is_raw else 0.0) + 0.01 * (hundreds + skipped)
 
-    def tells_rest(tenths: np.float32) -> bool:
-        return not rows_matter or round(100 * float(np.ceil(tenths) - tenths)) == rest
+    def decodes_remainder(tenths: np.float32) -> bool:
+        return not encode_rows or round(100 * float(np.ceil(tenths) - tenths)) == remainder
 
-    def tells_code(tenths: np.float32) -> bool:
-        told = float(tenths - np.floor(tenths))
-        return (told >= RAW_CODE) == is_raw and (not rows_matter or abs(told - code) < 0.004)
+    def decodes_code(tenths: np.float32) -> bool:
+        decoded = float(tenths - np.floor(tenths))
+        is_raw_decoded = (decoded >= RAW_CODE) == is_raw
+        return is_raw_decoded and (not encode_rows or abs(decoded - code) < 0.004)
 
-    coded_low = [_settled(one, -1, _is_whole) for one in floor]
-    coded_high = [_settled(one, 1, _is_whole) for one in ceiling]
-    coded_low[1] = _settled(floor[1] - 0.01 * rest, -1, tells_rest)
-    coded_high[2] = _settled(ceiling[2] + code, 1, tells_code)
+    coded_low = [_decodable_coordinate(one, -1, _is_integer) for one in floor]
+    coded_high = [_decodable_coordinate(one, 1, _is_integer) for one in ceiling]
+    coded_low[1] = _decodable_coordinate(floor[1] - 0.01 * remainder, -1, decodes_remainder)
+    coded_high[2] = _decodable_coordinate(ceiling[2] + code, 1, decodes_code)
     return np.array(coded_low, np.float32), np.array(coded_high, np.float32)
 
 
-def _settled(tenths: float, outwards: int, accepts: Callable[[np.float32], bool]) -> np.float32:
-    """A coordinate of so many tenths, or up to a unit more, that shaders read as they are to.
+def _decodable_coordinate(
+    tenths: float, direction: int, is_valid: Callable[[np.float32], bool]
+) -> np.float32:
+    """Return a coordinate near `tenths`, up to one unit outward, that shaders decode correctly.
 
-    They multiply by ten in float32, where most tenths are not exact.
+    Shaders multiply by ten in float32, where most tenths are not exact.
     """
     for more in range(11):
-        near = np.float32((tenths + more * outwards) / TENTHS)
-        beside = [np.nextafter(near, np.float32(way)) for way in (-np.inf, np.inf)]
-        for found in map(np.float32, (near, *beside)):
-            if accepts(np.float32(found * np.float32(TENTHS))):
-                return found
+        nearest = np.float32((tenths + more * direction) / TENTHS)
+        neighbors = [np.nextafter(nearest, np.float32(end)) for end in (-np.inf, np.inf)]
+        for candidate in map(np.float32, (nearest, *neighbors)):
+            if is_valid(np.float32(candidate * np.float32(TENTHS))):
+                return candidate
     raise InvalidInputError(
-        f"shaders of this layout read the decimals of a box around the mesh, and float32 has too "
-        f"few at {tenths / TENTHS:.6g}; scale the mesh down, or take layout 'openvat'"
+        f"shaders of this layout read the decimals of the bounding box, and float32 has too few "
+        f"at {tenths / TENTHS:.6g}; scale the mesh down, or choose layout 'openvat'"
     )
 
 
-def _is_whole(tenths: np.float32) -> bool:
+def _is_integer(tenths: np.float32) -> bool:
     return bool(tenths == np.rint(tenths))
 
 
 def _rotations_of(normals: Floats) -> Floats:
-    """The shortest rotations from the y axis to unit normals, as quaternions x y z w."""
+    """Return the shortest rotations from the y axis to unit normals, as quaternions x y z w."""
     x, y, z = normals.T
     found: Floats = np.stack([z, np.zeros_like(x), -x, 1 + y], axis=1)
-    found[y <= -1 + 1e-9] = (1.0, 0.0, 0.0, 0.0)  # half a turn, about any axis
+    found[y <= -1 + 1e-9] = (1.0, 0.0, 0.0, 0.0)  # 180 degrees, about any axis
     return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))

@@ -1,4 +1,4 @@
-"""The layouts of vertex animation textures, by the names that `--layout` takes."""
+"""The layouts of vertex animation textures, by their ``--layout`` name."""
 
 from meshreel.formats.vat.axes import BLENDER_FBX_SPACE, GLTF, UNITY, UNREAL
 from meshreel.formats.vat.labs import LabsSoft
@@ -14,9 +14,9 @@ LAYOUTS: dict[str, PlainLayout] = {
     "labs-unity": LabsSoft(UNITY),
     "labs-unreal": LabsSoft(UNREAL),
 }
-"""Layouts of a texel for each vertex in each frame."""
+"""Layouts with one texel per vertex and frame."""
 
 PCA = "pca"
-"""That of `meshreel.formats.vat.pca`."""
+"""The layout of `meshreel.formats.vat.pca`."""
 
 LAYOUT_NAMES = (*LAYOUTS, PCA)

@@ -1,4 +1,4 @@
-"""The mesh at rest, in a glTF file whose second texture coordinates lead to the texels."""
+"""Writing the rest mesh as a glTF file whose second UV set points to the texels."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -22,15 +22,15 @@ from meshreel.model.sequence import Faces
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.runtime.counting import counted
 
-TEXEL_COORDINATES = "VAT_UV"
-"""Name of the texture coordinates, TEXCOORD_1 of the file."""
+TEXEL_UVS = "VAT_UV"
+"""Name of the UVs of the texels, TEXCOORD_1 in the file."""
 
 CORNER_EDGE = 0.01
-"""Length of the edges of the triangles in the corners of a box, in model units."""
+"""Edge length of the triangles in the corners of the box, in model units."""
 
 
 class RestMesh:
-    """The mesh at rest, as it will be written.
+    """The rest mesh, restricted to the vertices that faces use.
 
     Parameters
     ----------
@@ -41,62 +41,64 @@ class RestMesh:
     Attributes
     ----------
     used : int64 array of shape (V,)
-        The vertices that faces use, ascending.
+        Indices of the vertices that faces use, ascending.
     faces : int32 array of shape (M, 3)
-        In these vertices.
+        Faces as indices into these vertices.
     """
 
     def __init__(self, faces: Faces, surface: Surface, n_verts: int) -> None:
         self._n_verts = n_verts
-        # Textures have a normal for each vertex.
+        # Textures store one normal per vertex, so hard edges are lost.
         self._n_hard = 0 if surface.hard_edges is None else len(surface.hard_edges)
         self._whole_faces, self._surface = faces, replace(surface, parts=(), hard_edges=None)
         is_used = np.zeros(n_verts, bool)
         is_used[faces] = True
         self.used = np.flatnonzero(is_used)
-        self._number = np.cumsum(is_used) - 1
-        self.faces = self._number[faces].astype(np.int32)
+        self._compact_indices = np.cumsum(is_used) - 1
+        self.faces = self._compact_indices[faces].astype(np.int32)
 
     def write(
         self,
         path: Path,
         rest: Singles,
         normals: Singles,
-        texcoords: Floats,
+        uvs: Floats,
         placement: Placement,
         space: MeshSpace,
         corners: tuple[Singles, Singles] | None,
         notes: list[str],
     ) -> int:
-        """Write a ``.glb`` file, and give its size in bytes.
+        """Write a ``.glb`` file, and return its size in bytes.
 
         Parameters
         ----------
         path : Path
         rest, normals : float32 arrays of shape (V, 3)
-        texcoords : float64 array of shape (V, 2)
-            Of the texels of the first frame; v is 0 at the bottom.
+        uvs : float64 array of shape (V, 2)
+            UVs of the texels of the first frame; v is 0 at the bottom.
         placement : Placement
-            Where the node stands.
+            Translation of the node.
         space : MeshSpace
-            Where the file has vertices, which the node turns and scales into ours.
+            Axes and units of the vertices in the file.
         corners : tuple of two float32 arrays of shape (3,), optional
-            Of a box that the mesh is to fill: a small triangle in each, of vertices that shaders
-            hide, since their v is 0. In the axes of the file.
+            Corners of the bounding box that the mesh must have. Each gains a small triangle, whose
+            vertices shaders hide since their v is 0. In the axes of the file.
         notes : list of str
-            Gains a sentence for each thing of a material that glTF cannot have.
+            Gains a sentence for everything of a material that glTF cannot store.
         """
         if self._n_hard:
             notes.append(
-                f"left out {counted(self._n_hard, 'hard edge')}: textures have a normal for each "
+                f"left out {counted(self._n_hard, 'hard edge')}: textures store one normal per "
                 "vertex"
             )
-        surface = self._with_texcoords(texcoords)
-        normals = space.axes.turn(normals)
-        rest = (space.axes.turn(rest) * space.axes.scale).astype(np.float32)
+        surface = self._with_texel_uvs(uvs)
+        normals = space.axes.convert(normals)
+        rest = (space.axes.convert(rest) * space.axes.scale).astype(np.float32)
         buffer = BufferWriter()
         materials = Materials(surface, buffer, notes)
-        split = split_at_seams(self._whole(surface)).renumbered(self._number, self._number)
+        split = split_at_seams(self._whole_part(surface)).renumbered(
+            self._compact_indices, self._compact_indices
+        )
         if corners is not None:
             split, rest, normals = _with_corners(split, rest, normals, corners)
         still = NormalTargets(
@@ -107,8 +109,8 @@ class RestMesh:
         tree = NodeTree()
         node = tree.add(name, 0, placement)
         if space.rotation is not None:
-            turned = {"rotation": list(space.rotation), "scale": [1 / space.axes.scale] * 3}
-            tree.nodes[node] |= turned
+            transform = {"rotation": list(space.rotation), "scale": [1 / space.axes.scale] * 3}
+            tree.nodes[node] |= transform
         meshes = [write_mesh(name, split, moving, buffer, materials)]
         document: Json = {
             "asset": {"version": "2.0", "generator": "meshreel"},
@@ -121,36 +123,36 @@ class RestMesh:
             "bufferViews": buffer.views,
         }
         materials.note_unused()
-        used = {
+        extensions = {
             "extensionsUsed": sorted(materials.textures.used | materials.textures.required),
             "extensionsRequired": sorted(materials.textures.required),
         }
-        document |= {key: names for key, names in used.items() if names}
+        document |= {key: names for key, names in extensions.items() if names}
         return write_container(path, document, buffer, "leave out attributes (--attributes)")
 
-    def _whole(self, surface: Surface) -> PartMesh:
+    def _whole_part(self, surface: Surface) -> PartMesh:
         [whole] = split_parts(self._whole_faces, surface, self._n_verts, "")
         return whole
 
-    def _with_texcoords(self, texcoords: Floats) -> Surface:
-        """The surface with these as the second texture coordinates; the first are zeros if none."""
+    def _with_texel_uvs(self, uvs: Floats) -> Surface:
+        """Return the surface with these as its second UV set; the first is zeros if it has none."""
         rows = np.zeros((self._n_verts, 2))
-        rows[self.used] = texcoords
-        added = Attribute(TEXEL_COORDINATES, Kind.UV, Domain.VERTEX, rows)
-        given = list(self._surface.attributes)
-        places = [place for place, one in enumerate(given) if one.kind is Kind.UV]
-        if not places:
-            none = np.zeros((self._n_verts, 2), np.float32)
-            given.insert(0, Attribute("uv", Kind.UV, Domain.VERTEX, none))
-            places = [0]
-        given.insert(places[0] + 1, added)
-        return replace(self._surface, attributes=tuple(given))
+        rows[self.used] = uvs
+        texel_uvs = Attribute(TEXEL_UVS, Kind.UV, Domain.VERTEX, rows)
+        attributes = list(self._surface.attributes)
+        uv_indices = [index for index, one in enumerate(attributes) if one.kind is Kind.UV]
+        if not uv_indices:
+            zeros = np.zeros((self._n_verts, 2), np.float32)
+            attributes.insert(0, Attribute("uv", Kind.UV, Domain.VERTEX, zeros))
+            uv_indices = [0]
+        attributes.insert(uv_indices[0] + 1, texel_uvs)
+        return replace(self._surface, attributes=tuple(attributes))
 
 
 def _with_corners(
     split: SplitVertices, rest: Singles, normals: Singles, corners: tuple[Singles, Singles]
 ) -> tuple[SplitVertices, Singles, Singles]:
-    """The mesh with a triangle in each of two corners, among the last of its primitives."""
+    """Return the mesh with a triangle in each of two corners, as part of the last primitive."""
     low, high = corners
     edges = CORNER_EDGE * np.array([[0, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
     positions = np.concatenate([high - edges, low + edges]).astype(np.float32)
@@ -159,17 +161,17 @@ def _with_corners(
         name: np.concatenate([values, np.zeros((6, values.shape[1]), values.dtype)])
         for name, values in split.attributes.items()
     }
-    attributes["TEXCOORD_1"][-6:] = (0, 1)  # downwards in the file: v is 0 at the bottom
+    attributes["TEXCOORD_1"][-6:] = (0, 1)  # v is 0 at the bottom, and glTF counts from the top
     sources = np.concatenate([split.sources, n_verts + np.arange(6)])
     *others, last = split.primitives
     added = np.arange(6).reshape(2, 3) + (n_split - last.verts.start)
-    grown = Primitive(
+    extended = Primitive(
         last.material,
         slice(last.verts.start, n_split + 6),
         np.concatenate([last.triangles, added]),
     )
     return (
-        SplitVertices(sources, sources, attributes, (*others, grown)),
+        SplitVertices(sources, sources, attributes, (*others, extended)),
         np.concatenate([rest, positions]),
         np.concatenate([normals, np.tile(np.array([UP], np.float32), (6, 1))]),
     )

@@ -1,4 +1,4 @@
-"""Motion as textures hold it: a mesh at rest, and how far its vertices are from it."""
+"""The motion to bake: a rest mesh, and the offsets of its vertices in each frame."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,24 +12,24 @@ from meshreel.model.geometry.normals import vertex_normals
 from meshreel.model.sequence import Faces, Vertices
 
 UP = (0.0, 1.0, 0.0)
-"""The normal of a vertex that has none, since no face at it has an area."""
+"""Normal of a vertex without one, since all faces around it are degenerate."""
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Frames of the vertices that faces use, as offsets from the first one.
+    """Frames of the vertices that faces use, as offsets from the first frame.
 
     Attributes
     ----------
     frames : float array of shape (T, V, 3)
-        In model units.
+        Positions in model units.
     faces : int32 array of shape (M, 3)
     fps : float
         Above 0.
     placement : Placement
-        Where the mesh stands in the model; its scale is 1.
+        Translation of the mesh in the model; its scale is 1.
     mesh_scale : float
-        Units of the mesh file in a model unit.
+        Units of the mesh file per model unit.
     """
 
     frames: Vertices
@@ -50,65 +50,67 @@ class Motion:
 
     @cached_property
     def rest(self) -> npt.NDArray[np.float32]:
-        """The mesh as its file has it: the first frame, in float32, of shape (V, 3)."""
+        """Rest positions in the mesh file: the first frame as float32, of shape (V, 3)."""
         return self.positions(0).astype(np.float32)
 
     def positions(self, frame: int) -> npt.NDArray[np.float64]:
-        """Positions of a frame around the middle of the placement, of shape (V, 3)."""
+        """Return the positions of a frame relative to the placement, of shape (V, 3)."""
         return np.asarray(self.frames[frame].astype(np.float64) - self.placement.offset)
 
     def offsets(self) -> Iterator[npt.NDArray[np.float64]]:
-        """How far the vertices of each frame are from the mesh at rest, of shape (V, 3)."""
+        """Yield the offsets of each frame from the rest mesh, of shape (V, 3)."""
         rest = self.rest.astype(np.float64)
         for frame in range(self.n_frames):
             yield self.positions(frame) - rest
 
-    def distances(self, frame: int, offsets: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
-        """How far vertices are off that a shader moves by these offsets, in float32, of shape (V,).
+    def playback_errors(
+        self, frame: int, offsets: npt.NDArray[np.float32]
+    ) -> npt.NDArray[np.float64]:
+        """Return the errors of vertices that a shader moves by offsets, of shape (V,).
 
-        It adds them up in the units of the mesh file.
+        Shaders add them in float32, in the units of the mesh file.
         """
         scale = np.float32(self.mesh_scale)
         rest = (self.rest * self.mesh_scale).astype(np.float32)
-        played = (rest + scale * offsets).astype(np.float64) / self.mesh_scale
-        return np.asarray(np.linalg.norm(played - self.positions(frame), axis=1))
+        moved = (rest + scale * offsets).astype(np.float64) / self.mesh_scale
+        return np.asarray(np.linalg.norm(moved - self.positions(frame), axis=1))
 
     def normals(self) -> Iterator[npt.NDArray[np.float64]]:
-        """Smooth unit normals of each frame, of shape (V, 3)."""
+        """Yield the smooth unit normals of each frame, of shape (V, 3)."""
         for frame in range(self.n_frames):
             found = vertex_normals(self.positions(frame), self.faces)
             found[~found.any(axis=1)] = UP
             yield found
 
-    def box(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-        """The corners of the bounding box of all frames."""
+    def bounding_box(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Return the corners of the bounding box of all frames."""
         low = np.min([one.min(axis=0) for one in self.frames], axis=0).astype(np.float64)
         high = np.max([one.max(axis=0) for one in self.frames], axis=0).astype(np.float64)
         return low - self.placement.offset, high - self.placement.offset
 
     def offset_box(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-        """The corners of the box of all offsets."""
+        """Return the corners of the bounding box of all offsets."""
         boxes = [(one.min(axis=0), one.max(axis=0)) for one in self.offsets()]
         lows, highs = zip(*boxes, strict=True)
         return np.min(lows, axis=0), np.max(highs, axis=0)
 
 
-def placement_for(frames: Vertices, largest_error: float, farthest: float) -> Placement:
-    """Where a mesh stands: at the origin, unless float32 is too coarse as far out as it reaches.
+def placement_for(frames: Vertices, max_error: float, max_distance: float) -> Placement:
+    """Return a placement that centers the mesh where float32 is too coarse, or else none.
 
     Parameters
     ----------
     frames : float array of shape (T, V, 3)
-    largest_error : float
-        What may be added to each position, in model units; float32 is to add an eighth at most.
-    farthest : float
-        How far from the origin it may reach along an axis, in model units.
+    max_error : float
+        Error that may be added to a position, in model units; float32 may use an eighth of it.
+    max_distance : float
+        Limit of the coordinates of the mesh, in model units.
     """
     low = np.min([one.min(axis=0) for one in frames], axis=0).astype(np.float64)
     high = np.max([one.max(axis=0) for one in frames], axis=0).astype(np.float64)
     reach = float(np.maximum(-low, high).max())
-    middle = ((low + high) / 2).astype(np.float32).astype(np.float64)
-    is_near = np.spacing(np.float32(reach)) <= largest_error / 8 and reach <= farthest
-    if is_near or not middle.any():
+    center = ((low + high) / 2).astype(np.float32).astype(np.float64)
+    is_near = np.spacing(np.float32(reach)) <= max_error / 8 and reach <= max_distance
+    if is_near or not center.any():
         return NOWHERE
-    return Placement(middle, 1.0)
+    return Placement(center, 1.0)

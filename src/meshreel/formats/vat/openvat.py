@@ -1,8 +1,8 @@
-"""OpenVAT's layout, as its Blender add-on writes it and its shaders for Godot and Unity read it.
+"""OpenVAT's layout, as written by its Blender add-on and read by its Godot and Unity shaders.
 
-Rows of frames: row `f` of the first block has the first vertices in frame `f`, as many as a row
-has; the blocks of further vertices follow, and normals fill the lower half of the texture. Texels
-are offsets from the first frame in Blender's axes, from Min (0) to Max (1) of each axis.
+Row `f` of the first block has the first vertices of frame `f`, as many as fit a row; blocks of
+further vertices follow, and normals fill the lower half of the texture. Texels are offsets from the
+first frame in Blender's axes, normalized per axis from Min (0) to Max (1).
 """
 
 import math
@@ -21,43 +21,43 @@ from meshreel.formats.vat.textures import TexelType
 
 @dataclass(frozen=True)
 class OpenVat:
-    """OpenVAT's layout, for shaders that expect vertices in this space; see `PlainLayout`."""
+    """OpenVAT's layout, for shaders that expect vertices in a certain space; see `PlainLayout`."""
 
     mesh_space: MeshSpace = GLTF_SPACE
     normal_channels: int = 3
     normal_half: int = 1
-    farthest: float = math.inf
+    max_distance: float = math.inf
 
-    def names(self, stem: str, ending: str, *, normals: bool) -> FileNames:
-        """The names of files; normals are in the texture of positions."""
-        return FileNames(f"{stem}.glb", f"{stem}_vat{ending}", f"{stem}-remap_info.json")
+    def names(self, stem: str, extension: str, *, normals: bool) -> FileNames:
+        """Return the file names; normals share the texture of positions."""
+        return FileNames(f"{stem}.glb", f"{stem}_vat{extension}", f"{stem}-remap_info.json")
 
     def grid(self, n_verts: int, n_frames: int, *, normals: bool) -> TexelGrid:
-        """Blocks of all frames, one after the other; as many again for normals."""
+        """Return a grid of blocks of all frames, twice as high with normals."""
         return fit_grid(n_verts, n_frames, frame_by_frame=False, n_halves=2 if normals else 1)
 
-    def remap(self, motion: Motion, grid: TexelGrid, found: TexelType) -> Remap:
-        """From the least to the greatest offset along each axis, in float32 as shaders have it."""
-        low, high = BLENDER.turn_box(*motion.offset_box())
+    def remap(self, motion: Motion, grid: TexelGrid, texel_type: TexelType) -> Remap:
+        """Return the remap between the smallest and largest offset per axis, in float32."""
+        low, high = BLENDER.convert_box(*motion.offset_box())
         return Remap(BLENDER, _float32_below(low), -_float32_below(-high))
 
-    def normal_values(self, normals: Floats, found: TexelType) -> Floats:
-        """From 0 to 1, whatever the type."""
-        return np.clip((BLENDER.turn(normals) + 1) / 2, 0.0, 1.0)
+    def normal_values(self, normals: Floats, texel_type: TexelType) -> Floats:
+        """Return normals scaled to 0 to 1, for every texel type."""
+        return np.clip((BLENDER.convert(normals) + 1) / 2, 0.0, 1.0)
 
-    def normals(self, values: Floats, found: TexelType) -> Floats:
-        """From -1 to 1."""
-        return BLENDER.turn_back(2 * values - 1)
+    def normals(self, values: Floats, texel_type: TexelType) -> Floats:
+        """Return normals scaled to -1 to 1."""
+        return BLENDER.convert_back(2 * values - 1)
 
     def corners(self, remap: Remap) -> tuple[Singles, Singles] | None:
-        """None: shaders read the JSON."""
+        """Return None: shaders read the bounds from the JSON."""
         return None
 
     def document(self, motion: Motion, grid: TexelGrid, remap: Remap, name: str) -> Any:
-        """What OpenVAT's importers read; frames of an animation count from 1."""
-        whole = round(motion.fps) if motion.fps == round(motion.fps) else motion.fps
+        """Return the JSON that OpenVAT's importers read; its frames count from 1."""
+        fps = round(motion.fps) if motion.fps == round(motion.fps) else motion.fps
         animation = {
-            "startFrame": 1, "endFrame": grid.n_frames, "framerate": whole, "looping": True,
+            "startFrame": 1, "endFrame": grid.n_frames, "framerate": fps, "looping": True,
         }  # fmt: skip
         return {
             "os-remap": {
@@ -76,6 +76,6 @@ class OpenVat:
 
 
 def _float32_below(values: Floats) -> Singles:
-    """The next float32 that is not above each value."""
+    """Return the largest float32 values that are not above the given values."""
     near = values.astype(np.float32)
     return np.where(near > values, np.nextafter(near, np.float32(-np.inf)), near)

@@ -1,4 +1,4 @@
-"""Plain vertex animation textures: a texel for each vertex in each frame."""
+"""Plain vertex animation textures: one texel per vertex and frame."""
 
 import json
 from collections.abc import Sequence
@@ -12,24 +12,24 @@ from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.vat.filling import Encoding, fill_textures, smallest_encoding
-from meshreel.formats.vat.gathering import Gathered, gather, note_error
 from meshreel.formats.vat.grid import WIDTHS, TexelGrid
 from meshreel.formats.vat.motion import Motion
 from meshreel.formats.vat.plain_layout import FileNames, PlainLayout
+from meshreel.formats.vat.preparation import BakeInput, note_error, prepare
 from meshreel.formats.vat.textures import Texels, TexelType, read_texture, write_texture
 from meshreel.runtime.counting import counted
 
 
 @dataclass(frozen=True, eq=False)
-class Played:
-    """How far frames are off.
+class PlaybackErrors:
+    """Errors of textures as shaders play them.
 
     Attributes
     ----------
     errors : float array of shape (T,)
-        Of the furthest vertex of each frame, in model units.
+        Largest error of a vertex in each frame, in model units.
     angles_deg : float array of shape (T,), optional
-        Largest angle between normals of each frame; None without normals.
+        Largest angle between original and played normals of each frame; None without normals.
     """
 
     errors: npt.NDArray[np.float64]
@@ -37,10 +37,10 @@ class Played:
 
 
 @dataclass(frozen=True, eq=False)
-class _Baked:
-    """What is written into a folder."""
+class _Bake:
+    """What is written to a folder."""
 
-    gathered: Gathered
+    prepared: BakeInput
     motion: Motion
     grid: TexelGrid
     encoding: Encoding
@@ -61,31 +61,31 @@ def write_plain(
     folder : Path
     names : FileNames
     stream : FrameStream
-        Its notes gain what is lost, and what was achieved.
+        Its notes gain all losses, and the errors achieved.
     options : WriteOptions
     layout : PlainLayout
     types : sequence of TexelType
-        Of which the first that keeps the error bound is taken.
+        Candidates; the first that meets the error bound is used.
 
     Raises
     ------
     InvalidInputError
-        If none keeps it, or a texture would be larger than GPUs hold them.
+        If no type meets the error bound, or a texture would exceed the size limit of GPUs.
     """
     normals = options.normals is not False
-    baked = _bake(stream, options, layout, types, normals=normals)
-    motion, grid, encoding = baked.motion, baked.grid, baked.encoding
+    bake = _bake(stream, options, layout, types, normals=normals)
+    motion, grid, encoding = bake.motion, bake.grid, bake.encoding
     stream.progress("textures", 0.0)
     images = fill_textures(motion, layout, grid, encoding, normals=normals)
     textures = [folder / name for name in (names.positions, names.normals) if name is not None]
     for path, image in zip(textures, images, strict=True):
         write_texture(path, image)
     rest_normals = next(motion.normals()).astype(np.float32)
-    baked.gathered.mesh.write(
+    bake.prepared.mesh.write(
         folder / names.mesh,
         motion.rest,
         rest_normals,
-        grid.texcoords(),
+        grid.texel_uvs(),
         motion.placement,
         layout.mesh_space,
         layout.corners(encoding.remap),
@@ -94,14 +94,14 @@ def write_plain(
     document = layout.document(motion, grid, encoding.remap, stream.name or Path(names.mesh).stem)
     text = json.dumps(document, ensure_ascii=False, indent=4)
     (folder / names.data).write_text(f"{text}\n", encoding="utf-8")
-    read = [read_texture(path) for path in textures]
-    played = play(read, motion, layout, grid, encoding, normals=normals)
-    if (worst := float(played.errors.max())) > baked.gathered.bound:
+    decoded = [read_texture(path) for path in textures]
+    playback = measure_playback(decoded, motion, layout, grid, encoding, normals=normals)
+    if (worst := float(playback.errors.max())) > bake.prepared.bound:
         raise InvalidInputError(
-            f"{textures[0].name} reads back as frames that are off by {worst:.4g} model units; "
-            "this is an error of the library that wrote it; take the other kind of textures"
+            f"{textures[0].name} decodes with an error of {worst:.4g} model units, a defect of the "
+            "library that wrote it; choose the other kind of textures"
         )
-    _note_achieved(stream.notes, baked, played, len(textures))
+    _note_achieved(stream.notes, bake, playback, len(textures))
 
 
 def _bake(
@@ -111,44 +111,48 @@ def _bake(
     types: Sequence[TexelType],
     *,
     normals: bool,
-) -> _Baked:
-    gathered = gather(stream, options, farthest=layout.farthest)
-    motion = replace(gathered.motion, mesh_scale=layout.mesh_space.axes.scale)
+) -> _Bake:
+    prepared = prepare(stream, options, max_distance=layout.max_distance)
+    motion = replace(prepared.motion, mesh_scale=layout.mesh_space.axes.scale)
     grid = layout.grid(motion.n_verts, motion.n_frames, normals=normals)
     if grid.n_frames > motion.n_frames:
         motion = replace(motion, frames=np.concatenate([motion.frames] * grid.n_frames))
-        stream.notes.append("the frame is there twice: shaders of this layout hide a part of one")
-    encoding = smallest_encoding(motion, layout, grid, types, gathered.bound)
-    return _Baked(gathered, motion, grid, encoding)
+        stream.notes.append(
+            "the frame is stored twice: shaders of this layout hide part of a single one"
+        )
+    encoding = smallest_encoding(motion, layout, grid, types, prepared.bound)
+    return _Bake(prepared, motion, grid, encoding)
 
 
-def _note_achieved(notes: list[str], baked: _Baked, played: Played, n_textures: int) -> None:
-    grid, texels = baked.grid, baked.encoding.texels
-    note_error(notes, baked.gathered.budget, played.errors, texels)
+def _note_achieved(
+    notes: list[str], bake: _Bake, playback: PlaybackErrors, n_textures: int
+) -> None:
+    grid, texels = bake.grid, bake.encoding.texels
+    note_error(notes, bake.prepared.budget, playback.errors, texels)
     video_bytes = n_textures * texels.video_bytes(grid.height, grid.width)
     notes.append(
         f"{counted(n_textures, 'texture')} of {grid.width} x {grid.height} texels: "
         f"{video_bytes / 1e6:.3g} MB of video memory"
     )
-    if played.angles_deg is not None:
-        notes.append(f"normals are off by {played.angles_deg.max():.2g} degrees at most")
+    if playback.angles_deg is not None:
+        notes.append(f"the largest error of normals is {playback.angles_deg.max():.2g} degrees")
     if max(grid.width, grid.height) > WIDTHS[0]:
         notes.append(
-            f"GPUs of phones, and some that browsers use, hold no more than {WIDTHS[0]} texels a "
-            "side; take fewer frames for those"
+            f"GPUs of phones, and some browsers, support at most {WIDTHS[0]} texels per side; use "
+            "fewer frames for them"
         )
 
 
-def play(
+def measure_playback(
     images: list[Texels], motion: Motion, layout: PlainLayout, grid: TexelGrid, encoding: Encoding,
     *, normals: bool,
-) -> Played:  # fmt: skip
-    """The errors of textures as they were read from their files.
+) -> PlaybackErrors:  # fmt: skip
+    """Return the errors of textures as decoded from their files.
 
     Parameters
     ----------
     images : list of arrays
-        The texture of offsets, and that of normals where they have their own.
+        The texture of offsets and, if the layout separates them, the texture of normals.
     motion : Motion
     layout : PlainLayout
     grid : TexelGrid
@@ -157,16 +161,16 @@ def play(
     """
     errors = np.zeros(motion.n_frames)
     for frame in range(motion.n_frames):
-        sampled = encoding.texels.values(grid.take(images[0], frame))
-        errors[frame] = motion.distances(frame, encoding.remap.offsets(sampled)).max()
+        sampled = encoding.texels.values(grid.read_frame(images[0], frame))
+        errors[frame] = motion.playback_errors(frame, encoding.remap.offsets(sampled)).max()
     if not normals:
-        return Played(errors, None)
+        return PlaybackErrors(errors, None)
     angles_deg = np.zeros(motion.n_frames)
     for frame, units in enumerate(motion.normals()):
-        sampled = encoding.texels.values(grid.take(images[-1], frame, layout.normal_half))
+        sampled = encoding.texels.values(grid.read_frame(images[-1], frame, layout.normal_half))
         found = layout.normals(sampled, encoding.texels)
         found /= np.linalg.norm(found, axis=1, keepdims=True)
-        # The chord is exact where the cosine of a small angle is not.
+        # Chords are accurate for small angles; cosines are not.
         chords = np.linalg.norm(found - units, axis=1)
         angles_deg[frame] = np.degrees(2 * np.arcsin(np.clip(chords / 2, 0, 1))).max()
-    return Played(errors, angles_deg)
+    return PlaybackErrors(errors, angles_deg)

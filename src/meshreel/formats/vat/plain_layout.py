@@ -1,4 +1,4 @@
-"""What layouts of plain vertex animation textures decide, and share."""
+"""The interface of layouts of plain vertex animation textures, and what they share."""
 
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -20,7 +20,7 @@ class FileNames:
     ----------
     mesh, positions, data : str
     normals : str, optional
-        None where no texture of their own has them.
+        None if normals have no separate texture.
     """
 
     mesh: str
@@ -31,15 +31,15 @@ class FileNames:
 
 @dataclass(frozen=True, eq=False)
 class Remap:
-    """How texels stand for offsets, in the axes and units of a program.
+    """The mapping between offsets and texel values, in the axes and units of a program.
 
     Attributes
     ----------
     axes : Axes
     low, high : float32 arrays of shape (3,)
-        What 0 and 1 stand for, where texels do not hold offsets themselves.
+        Offsets at values 0 and 1, unless texels are raw offsets.
     is_raw : bool
-        Whether texels hold offsets themselves.
+        Whether texels are raw offsets.
     """
 
     axes: Axes
@@ -48,63 +48,63 @@ class Remap:
     is_raw: bool = False
 
     def values(self, offsets: Floats) -> Floats:
-        """What textures are to hold for offsets of shape (V, 3)."""
-        turned = self.axes.scale * self.axes.turn(offsets)
+        """Return the texel values of offsets of shape (V, 3)."""
+        converted = self.axes.scale * self.axes.convert(offsets)
         if self.is_raw:
-            return turned
+            return converted
         low, high = self.low.astype(np.float64), self.high.astype(np.float64)
         span = np.where(high > low, high - low, 1.0)
-        return np.clip((turned - low) / span, 0.0, 1.0)
+        return np.clip((converted - low) / span, 0.0, 1.0)
 
     def offsets(self, values: Floats) -> Singles:
-        """The offsets that a shader makes of what it samples, of shape (V, 3), in float32."""
+        """Return the offsets that a shader computes from samples, of shape (V, 3), in float32."""
         sampled = values.astype(np.float32)
-        turned = sampled if self.is_raw else self.low + sampled * (self.high - self.low)
-        return np.asarray(self.axes.turn_back(turned) / np.float32(self.axes.scale))
+        converted = sampled if self.is_raw else self.low + sampled * (self.high - self.low)
+        return np.asarray(self.axes.convert_back(converted) / np.float32(self.axes.scale))
 
 
 class PlainLayout(Protocol):
-    """Names, places and meanings of texels, as the shaders of a program have them."""
+    """File names, arrangement and meaning of texels, as the shader of a program expects them."""
 
     @property
     def normal_channels(self) -> int:
-        """How many channels normals take."""
+        """Number of channels of normals."""
 
     @property
     def mesh_space(self) -> MeshSpace:
-        """Where vertices are in the file of the mesh."""
+        """The axes and units of the vertices in the mesh file."""
 
     @property
-    def farthest(self) -> float:
-        """Where the mesh may be, in model units from the origin along an axis."""
+    def max_distance(self) -> float:
+        """Limit of the coordinates of the mesh, in model units."""
 
     @property
     def normal_half(self) -> int:
-        """1 where normals are below the offsets, in the same texture; 0 where in one of theirs."""
+        """1 if normals are in the lower half of the offset texture; 0 if they have their own."""
 
-    def names(self, stem: str, ending: str, *, normals: bool) -> FileNames:
-        """The names of files, for textures of an ending."""
+    def names(self, stem: str, extension: str, *, normals: bool) -> FileNames:
+        """Return the file names, for a file extension of textures."""
 
     def grid(self, n_verts: int, n_frames: int, *, normals: bool) -> TexelGrid:
-        """Where texels are in each texture."""
+        """Return the arrangement of texels in each texture."""
 
-    def remap(self, motion: Motion, grid: TexelGrid, found: TexelType) -> Remap:
-        """How texels of a type stand for offsets.
+    def remap(self, motion: Motion, grid: TexelGrid, texel_type: TexelType) -> Remap:
+        """Return the mapping between offsets and values of a texel type.
 
         Raises
         ------
         InvalidInputError
-            If programs could not read where the mesh is.
+            If shaders could not decode the bounding box of the mesh.
         """
 
-    def normal_values(self, normals: Floats, found: TexelType) -> Floats:
-        """What textures are to hold for unit normals of shape (V, 3)."""
+    def normal_values(self, normals: Floats, texel_type: TexelType) -> Floats:
+        """Return the texel values of unit normals of shape (V, 3)."""
 
-    def normals(self, values: Floats, found: TexelType) -> Floats:
-        """The normals that a shader makes of what it samples, of shape (V, 3), of any length."""
+    def normals(self, values: Floats, texel_type: TexelType) -> Floats:
+        """Return the normals that a shader computes from samples, of shape (V, 3), any length."""
 
     def corners(self, remap: Remap) -> tuple[Singles, Singles] | None:
-        """Corners of a box that the mesh is to fill, in our axes and units, if it is to."""
+        """Return the corners of the box that the mesh must fill, in glTF axes and units, if any."""
 
     def document(self, motion: Motion, grid: TexelGrid, remap: Remap, name: str) -> Any:
-        """The JSON that tells programs of all this."""
+        """Return the JSON that describes the files."""

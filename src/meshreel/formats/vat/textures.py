@@ -1,6 +1,6 @@
-"""Textures as shaders read them: PNG of 8 and 16 bits, OpenEXR of half and full floats.
+"""Textures as shaders read them: PNG with 8 and 16 bits, OpenEXR with half floats and floats.
 
-The first row of an array is the top row of the picture, as PNG and OpenEXR have it.
+The first row of an array is the top row of the image, as in PNG and OpenEXR.
 """
 
 import errno
@@ -17,15 +17,15 @@ from meshreel.formats.extras import OPEN_EXR, PNG
 from meshreel.formats.notes import listed
 
 Texels = npt.NDArray[Any]
-"""Numbers as a texture holds them, of shape (height, width, channels)."""
+"""Texels of shape (height, width, channels)."""
 
 CHANNELS = {3: "RGB", 4: "RGBA"}
 
 
 class TexelType(Enum):
-    """How a texture holds a number: its name, the type of an array of it, and the ending of files.
+    """Number types of textures: title, NumPy type, and file extension.
 
-    Integers stand for 0 to 1, as shaders see them (UNORM); floats for themselves.
+    Shaders read integers as 0 to 1 (UNORM), and floats unchanged.
     """
 
     BITS_8 = ("8-bit PNG", "u1", ".png")
@@ -33,90 +33,91 @@ class TexelType(Enum):
     HALF = ("half-float EXR", "f2", ".exr")
     FLOAT = ("float EXR", "f4", ".exr")
 
-    def __init__(self, title: str, dtype: str, ending: str) -> None:
-        self.title, self.dtype, self.ending = title, np.dtype(dtype), ending
+    def __init__(self, title: str, dtype: str, extension: str) -> None:
+        self.title, self.dtype, self.extension = title, np.dtype(dtype), extension
 
     @property
     def is_integer(self) -> bool:
-        """Whether numbers from 0 to 1 are held in equal steps, and no others."""
+        """Whether texels are integers, which shaders read as 0 to 1."""
         return self.dtype.kind == "u"
 
     @property
     def range(self) -> tuple[float, float]:
-        """The least and the greatest number that is held."""
-        return (0.0, 1.0) if self.is_integer else (-self._greatest, self._greatest)
+        """The smallest and the largest value."""
+        return (0.0, 1.0) if self.is_integer else (-self._max, self._max)
 
     def texels(self, values: npt.NDArray[np.floating]) -> Texels:
-        """The nearest texels to numbers of any shape.
+        """Return values of any shape, rounded to texels.
 
         Raises
         ------
         InvalidInputError
-            If a number is not finite, or out of the range of the type: 0 to 1 for integers, 65504
-            on both sides of 0 for half floats.
+            If a value is not finite or out of range: 0 to 1 for integers, up to 65504 in magnitude
+            for half floats.
         """
-        given = np.asarray(values)
-        if not np.isfinite(given).all():
-            raise InvalidInputError("textures hold finite numbers; got others")
+        values = np.asarray(values)
+        if not np.isfinite(values).all():
+            raise InvalidInputError("texture values must be finite; got infinity or NaN")
         low, high = self.range
-        least, most = (float(given.min()), float(given.max())) if given.size else (low, high)
-        if least < low or most > high:
+        smallest, largest = (
+            (float(values.min()), float(values.max())) if values.size else (low, high)
+        )
+        if smallest < low or largest > high:
             raise InvalidInputError(
-                f"{self.title} holds numbers from {low:g} to {high:g}; got {least:g} to {most:g}"
+                f"{self.title} stores values from {low:g} to {high:g}; "
+                f"got {smallest:g} to {largest:g}"
             )
         if self.is_integer:
-            return np.rint(given.astype(np.float64) * self._greatest).astype(self.dtype)
-        return given.astype(self.dtype)
+            return np.rint(values.astype(np.float64) * self._max).astype(self.dtype)
+        return values.astype(self.dtype)
 
     def values(self, texels: Texels) -> npt.NDArray[np.float64]:
-        """The numbers that a shader samples from texels of this type."""
-        divisor = self._greatest if self.is_integer else 1.0
+        """Return the values that a shader samples from texels of this type."""
+        divisor = self._max if self.is_integer else 1.0
         return texels.astype(np.float64) / divisor
 
     def video_bytes(self, height: int, width: int) -> int:
-        """What the texture takes on a GPU, in bytes: uncompressed, of four channels always.
+        """Return the size of the uncompressed texture on a GPU, in bytes.
 
-        GPUs have no textures of three channels (but 8-bit ones in some drivers), and no mip maps
-        are wanted here.
+        It always has four channels, since few GPUs support three, and no mipmaps.
         """
         return height * width * 4 * self.dtype.itemsize
 
     @property
-    def _greatest(self) -> float:
+    def _max(self) -> float:
         info = np.iinfo(self.dtype) if self.is_integer else np.finfo(self.dtype)
         return float(info.max)
 
 
 def texel_type_of(texels: Texels) -> TexelType:
-    """The type that an array of texels is of.
+    """Return the type of an array of texels.
 
     Raises
     ------
     InvalidInputError
-        If textures hold no such numbers.
+        If no texture has this number type.
     """
     for one in TexelType:
         if one.dtype == texels.dtype:
             return one
     allowed = ", ".join(str(one.dtype) for one in TexelType)
-    raise InvalidInputError(f"textures hold {allowed}; got {texels.dtype}")
+    raise InvalidInputError(f"textures store {allowed}; got {texels.dtype}")
 
 
 def write_texture(path: Path, texels: Texels) -> int:
-    """Write a texture, and give the size of its file in bytes.
+    """Write a texture, and return the size of the file in bytes.
 
     Parameters
     ----------
     path : Path
-        Of whatever name; the type of the texels decides between PNG and OpenEXR.
+        File to write; the type of the texels selects PNG or OpenEXR, not the name.
     texels : array of shape (height, width, 3 or 4)
-        Of a type that `TexelType` knows. PNG says nothing of colour spaces; engines are to be told
-        that the numbers are no colours.
+        Of a type of `TexelType`. PNG does not declare a color space: import it as non-color data.
 
     Raises
     ------
     InvalidInputError
-        If the array is of another shape or type.
+        If the array has another shape or type.
     FormatError
         If the library is not installed.
     OSError
@@ -125,7 +126,7 @@ def write_texture(path: Path, texels: Texels) -> int:
     found = texel_type_of(texels)
     if texels.ndim != 3 or texels.shape[2] not in CHANNELS or not math.prod(texels.shape):
         raise InvalidInputError(
-            f"a texture has shape (height, width, 3 or 4), none 0; got {texels.shape}"
+            f"a texture has shape (height, width, 3 or 4), without a 0; got {texels.shape}"
         )
     pixels = np.ascontiguousarray(texels)
     if found.is_integer:
@@ -135,20 +136,20 @@ def write_texture(path: Path, texels: Texels) -> int:
         header = {"compression": library.ZIP_COMPRESSION, "type": library.scanlineimage}
         try:
             library.File(header, {CHANNELS[pixels.shape[2]]: pixels}).write(str(path))
-        except RuntimeError as error:  # it says that of a full disk, too, with the name
+        except RuntimeError as error:  # also raised for a full disk, with the file name
             reason = str(error).removesuffix(".").rpartition(". ")[2]
             raise OSError(errno.EIO, reason, str(path)) from error
     return path.stat().st_size
 
 
 def read_texture(path: Path) -> Texels:
-    """The texels of a PNG or OpenEXR file, of shape (height, width, channels).
+    """Return the texels of a PNG or OpenEXR file, of shape (height, width, channels).
 
     Raises
     ------
     FormatError
-        If the file is neither, damaged, or has other channels than RGB or RGBA, or the library is
-        not installed.
+        If the file is not a PNG or OpenEXR file, is damaged, or has channels other than RGB or
+        RGBA, or the library is not installed.
     """
     with path.open("rb") as file:
         is_png = file.read(4) == b"\x89PNG"
@@ -160,10 +161,10 @@ def read_texture(path: Path) -> Texels:
             with library.File(str(path)) as image:
                 channels = image.channels()
                 if len(channels) != 1:
-                    raise ValueError(f"it has channels {listed(channels)}; RGB or RGBA is read")
+                    raise ValueError(f"it has channels {listed(channels)}; expected RGB or RGBA")
                 [texels] = [one.pixels for one in channels.values()]
-    except (RuntimeError, ValueError) as error:  # what both libraries raise
-        raise FormatError(f"{path} is no texture that can be read: {error}") from error
+    except (RuntimeError, ValueError) as error:  # raised by both libraries
+        raise FormatError(f"{path} cannot be read as a texture: {error}") from error
     if texels.ndim != 3 or texels.shape[2] not in CHANNELS:
-        raise FormatError(f"{path} has texels of shape {texels.shape[2:]}; RGB or RGBA is read")
+        raise FormatError(f"{path} has texels of shape {texels.shape[2:]}; expected RGB or RGBA")
     return np.asarray(texels)

@@ -1,4 +1,4 @@
-"""Folders of vertex animation textures as outputs: names, options, and what stays untouched."""
+"""Writing folders of vertex animation textures: file names, options and existing files."""
 
 import numpy as np
 import pytest
@@ -19,14 +19,14 @@ NAMES = {
 
 @pytest.mark.parametrize("layout", NAMES)
 @pytest.mark.parametrize("output", ["walk.vat", "walk.vat/", "WALK.VAT/"])
-def test_files_are_named_after_the_folder_when_saved(tmp_path, layout, output):
+def test_files_are_named_after_the_folder(tmp_path, layout, output):
     options = WriteOptions(layout=layout)
     written = meshreel.save(waving_grid(), f"{tmp_path}/{output}", options=options)
     assert sorted(one.name.lower() for one in written) == sorted(NAMES[layout])
     assert sorted(written) == sorted(tmp_path.glob("*/*"))
 
 
-def test_existing_files_are_kept_unless_they_may_be_replaced(tmp_path):
+def test_existing_files_are_replaced_only_with_overwrite(tmp_path):
     meshreel.save(waving_grid(), tmp_path / "walk.vat")
     before = {one: one.read_bytes() for one in (tmp_path / "walk.vat").iterdir()}
     with pytest.raises(InvalidInputError, match="exists and is kept"):
@@ -37,19 +37,19 @@ def test_existing_files_are_kept_unless_they_may_be_replaced(tmp_path):
     assert after != before[tmp_path / "walk.vat" / "walk_vat.exr"]
 
 
-def test_textures_of_another_kind_are_not_mixed_with_those_that_are_there(tmp_path):
+def test_textures_of_another_kind_are_not_added_to_a_folder(tmp_path):
     meshreel.save(waving_grid(), tmp_path / "walk.vat")
     with pytest.raises(InvalidInputError, match=r"not to be mixed with: walk_vat\.exr"):
         meshreel.save(
             waving_grid(), tmp_path / "walk.vat", overwrite=True,
             options=WriteOptions(textures="png"),
         )  # fmt: skip
-    (tmp_path / "walk.vat" / "walk_vat.exr.import").touch()  # what engines add is no matter
+    (tmp_path / "walk.vat" / "walk_vat.exr.import").touch()  # files that engines add are ignored
     meshreel.save(waving_grid(), tmp_path / "walk.vat", overwrite=True)
 
 
 @pytest.mark.parametrize(
-    ("output", "options", "said"),
+    ("output", "options", "message"),
     [
         (
             "a.vat",
@@ -65,15 +65,13 @@ def test_textures_of_another_kind_are_not_mixed_with_those_that_are_there(tmp_pa
         ("a_%d.vat", {}, "has a number field"),
     ],
 )
-def test_options_that_choose_nothing_there_is_are_refused_before_the_work(
-    tmp_path, output, options, said
-):
-    with pytest.raises(InvalidInputError, match=said):
+def test_invalid_options_are_rejected_before_writing(tmp_path, output, options, message):
+    with pytest.raises(InvalidInputError, match=message):
         check_output(tmp_path / output, overwrite=False, options=WriteOptions(**options))
     assert not list(tmp_path.iterdir())
 
 
-def test_start_number_and_files_in_place_of_folders_are_refused(tmp_path):
+def test_start_number_and_a_file_at_the_folder_path_are_rejected(tmp_path):
     with pytest.raises(InvalidInputError, match="--start-number"):
         check_output(tmp_path / "a.vat", overwrite=False, start_number=3)
     (tmp_path / "a.vat").touch()
@@ -81,30 +79,30 @@ def test_start_number_and_files_in_place_of_folders_are_refused(tmp_path):
         check_output(tmp_path / "a.vat", overwrite=True)
 
 
-def test_folder_is_not_read(tmp_path):
+def test_folder_cannot_be_loaded(tmp_path):
     meshreel.save(waving_grid(), tmp_path / "walk.vat")
     with pytest.raises(FormatError, match=r"holds no frames .* it holds walk\.glb"):
         meshreel.load(tmp_path / "walk.vat")
 
 
-def test_folder_without_normals_has_no_texture_of_them(tmp_path):
+def test_folder_without_normals_has_no_normal_texture(tmp_path):
     options = WriteOptions(layout="labs", normals=False)
     meshreel.save(waving_grid(), tmp_path / "walk.vat", options=options)
     assert not list((tmp_path / "walk.vat").glob("*_rot*"))
 
 
-def test_tracks_and_what_is_not_known_are_said(tmp_path):
+def test_lost_tracks_and_the_assumed_frame_rate_are_noted(tmp_path):
     grid = waving_grid()
     heat = Track(np.zeros((12, grid.n_verts), np.float32))
     sequence = MeshSequence(grid.vertices, grid.faces, 0.0, "walk", tracks={"heat": heat})
     notes = []
     meshreel.save(sequence, tmp_path / "walk.vat", notes=notes)
     assert "tracks left out: heat: .vat does not hold them" in notes
-    assert "the frame rate is not known; written as 24 fps" in notes
+    assert "the frame rate is unknown; written as 24 fps" in notes
 
 
 @pytest.mark.slow
-def test_decoded_frames_are_measured_against_what_the_stream_promises(tmp_path):
+def test_textures_of_a_stream_use_the_rest_of_its_error_bound(tmp_path):
     meshreel.save(waving_grid(), tmp_path / "walk.reel", options=WriteOptions(max_error=0.05))
     notes = []
     with meshreel.open(tmp_path / "walk.reel") as reel:

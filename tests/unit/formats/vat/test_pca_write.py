@@ -1,4 +1,4 @@
-"""Folders of PCA textures, as a player of the files sees them."""
+"""Writing folders of PCA textures, and playing their files."""
 
 import json
 import re
@@ -18,15 +18,15 @@ from samples.vat_player import read_glb
 pytest.importorskip("imagecodecs")
 
 
-def written(sequence, folder, **options):
-    """The files of a folder, and what was said of them."""
+def saved(sequence, folder, **options):
+    """Return the files of a folder, and the notes of writing it."""
     notes = []
     files = save(sequence, folder, options=WriteOptions(layout="pca", **options), notes=notes)
     return files, notes
 
 
-def played(files):
-    """Positions of every frame, of shape (T, V, 3): vertices of the file find their texels."""
+def played_positions(files):
+    """Return the positions of all frames, of shape (T, V, 3), from the files alone."""
     mesh, texture, _ = files
     texels = read_texture(texture)
     header = read_header(texels)
@@ -45,60 +45,64 @@ def flag():
 
 
 @pytest.mark.parametrize("max_error", [1.0, 0.05])
-def test_files_play_within_the_error_that_was_asked_for_and_is_stated(flag, tmp_path, max_error):
-    files, notes = written(flag, tmp_path / "walk.vat", max_error=max_error)
+def test_files_play_within_the_bound_and_state_their_error(flag, tmp_path, max_error):
+    files, notes = saved(flag, tmp_path / "walk.vat", max_error=max_error)
     extent = flag.extent
-    far = np.linalg.norm(played(files) - flag.vertices, axis=2).max()
-    percent = 100 * far / np.linalg.norm(extent.high - extent.low)
+    error = np.linalg.norm(played_positions(files) - flag.vertices, axis=2).max()
+    percent = 100 * error / np.linalg.norm(extent.high - extent.low)
     [stated] = [one for one in (re.search(r"largest error is (\S+) %", n) for n in notes) if one]
     assert percent <= max_error
     assert float(stated[1]) == pytest.approx(percent, rel=0.01)
-    told = json.loads(files[2].read_text())["largest_error"]
-    assert told == pytest.approx(far, rel=1e-3)
+    stored = json.loads(files[2].read_text())["largest_error"]
+    assert stored == pytest.approx(error, rel=1e-3)
 
 
-def test_a_sequence_that_stands_still_is_its_mesh(flag, tmp_path):
-    still = replace(flag, vertices=np.repeat(flag.vertices[:1], 3, axis=0))
-    files, _ = written(still, tmp_path / "still.vat")
-    np.testing.assert_array_equal(played(files), still.vertices.astype(np.float32))
+def test_static_sequence_is_its_rest_mesh(flag, tmp_path):
+    static = replace(flag, vertices=np.repeat(flag.vertices[:1], 3, axis=0))
+    files, _ = saved(static, tmp_path / "static.vat")
+    np.testing.assert_array_equal(played_positions(files), static.vertices.astype(np.float32))
 
 
-def test_a_single_frame_is_written(flag, tmp_path):
-    files, _ = written(replace(flag, vertices=flag.vertices[:1]), tmp_path / "one.vat")
-    assert np.linalg.norm(played(files) - flag.vertices[:1], axis=2).max() < 1e-6
+def test_single_frame_is_written(flag, tmp_path):
+    files, _ = saved(replace(flag, vertices=flag.vertices[:1]), tmp_path / "one.vat")
+    assert np.linalg.norm(played_positions(files) - flag.vertices[:1], axis=2).max() < 1e-6
 
 
-def test_normals_are_left_out_or_stated(flag, tmp_path):
-    files, notes = written(flag, tmp_path / "without.vat", normals=False)
+def test_normals_are_left_out_or_their_error_is_noted(flag, tmp_path):
+    files, notes = saved(flag, tmp_path / "without.vat", normals=False)
     assert json.loads(files[2].read_text())["normals"] is False
     assert not any("normals" in note for note in notes)
-    files, notes = written(flag, tmp_path / "with.vat")
+    files, notes = saved(flag, tmp_path / "with.vat")
     assert json.loads(files[2].read_text())["normals"] is True
-    [angle] = [one for one in (re.search(r"normals are off by (\S+) deg", n) for n in notes) if one]
+    [angle] = [
+        one for one in (re.search(r"error of normals is (\S+) deg", n) for n in notes) if one
+    ]
     assert float(angle[1]) < 6
 
 
-def test_normals_that_turn_have_fields_and_others_none(flag, tmp_path):
+def test_only_animated_normals_have_fields(flag, tmp_path):
     angles = np.linspace(0, np.pi / 2, 24)
-    turns = np.array(
+    rotations = np.array(
         [[[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]] for a in angles]
     )
-    turned = replace(flag, vertices=np.einsum("tij,vj->tvi", turns, flag.vertices[0]))
-    files, notes = written(turned, tmp_path / "turned.vat")
+    rotated = replace(flag, vertices=np.einsum("tij,vj->tvi", rotations, flag.vertices[0]))
+    files, notes = saved(rotated, tmp_path / "rotated.vat")
     assert read_header(read_texture(files[1])).normals.n_slices > 0
-    [angle] = [one for one in (re.search(r"normals are off by (\S+) deg", n) for n in notes) if one]
+    [angle] = [
+        one for one in (re.search(r"error of normals is (\S+) deg", n) for n in notes) if one
+    ]
     assert float(angle[1]) < 6
-    files, _ = written(replace(flag, vertices=flag.vertices[:1]), tmp_path / "one.vat")
+    files, _ = saved(replace(flag, vertices=flag.vertices[:1]), tmp_path / "one.vat")
     assert read_header(read_texture(files[1])).normals.n_slices == 0
 
 
-def test_kinds_of_textures_are_refused_for_there_is_one(flag, tmp_path):
+def test_choice_of_textures_is_rejected_for_pca(flag, tmp_path):
     with pytest.raises(InvalidInputError, match="no effect on the layout pca"):
-        written(flag, tmp_path / "walk.vat", textures="exr")
+        saved(flag, tmp_path / "walk.vat", textures="exr")
     assert not (tmp_path / "walk.vat").exists()
 
 
-def test_an_error_that_cannot_be_kept_is_refused(flag, tmp_path):
+def test_error_bound_below_float32_is_rejected(flag, tmp_path):
     with pytest.raises(InvalidInputError, match="PCA textures"):
-        written(flag, tmp_path / "walk.vat", max_error=1e-7)
+        saved(flag, tmp_path / "walk.vat", max_error=1e-7)
     assert not (tmp_path / "walk.vat").exists()

@@ -1,4 +1,4 @@
-"""Textures come back bit for bit, stand for the numbers that shaders see, and refuse all else."""
+"""Textures round-trip bit for bit, decode to shader values, and reject everything else."""
 
 import struct
 import zlib
@@ -18,19 +18,19 @@ def rng():
 
 
 @pytest.mark.parametrize("n_channels", [3, 4])
-@pytest.mark.parametrize("found", TYPES)
-def test_texture_is_read_as_written_when_of_any_type(tmp_path, rng, found, n_channels):
-    texels = found.texels(rng.random((5, 7, n_channels)))
-    path = tmp_path / f"a{found.ending}"
+@pytest.mark.parametrize("texel_type", TYPES)
+def test_texels_of_every_type_round_trip(tmp_path, rng, texel_type, n_channels):
+    texels = texel_type.texels(rng.random((5, 7, n_channels)))
+    path = tmp_path / f"a{texel_type.extension}"
     size_bytes = write_texture(path, texels)
     back = read_texture(path)
-    assert texel_type_of(back) is found
+    assert texel_type_of(back) is texel_type
     np.testing.assert_array_equal(back, texels)
     assert size_bytes == path.stat().st_size
 
 
-def test_png_has_the_top_row_first_and_its_bits_in_the_header(tmp_path):
-    """Read without the library: a header, and rows of big-endian numbers behind a filter byte."""
+def test_png_stores_the_top_row_first_and_its_bit_depth(tmp_path):
+    """Parsed without the library: a header, and rows of big-endian numbers after a filter byte."""
     texels = np.array([[[1, 2, 3]], [[65535, 256, 0]]], np.uint16)
     write_texture(tmp_path / "a.png", texels)
     data = (tmp_path / "a.png").read_bytes()
@@ -38,27 +38,27 @@ def test_png_has_the_top_row_first_and_its_bits_in_the_header(tmp_path):
     start = data.index(b"IDAT") + 4
     rows = np.frombuffer(zlib.decompress(data[start:]), np.uint8).reshape(2, 7)
     assert rows[0, 0] in (0, 1, 2, 3, 4)
-    first = rows[0, 1:]  # the first pixel of the first row is the same for all filters but Paeth
+    first = rows[0, 1:]  # all filters leave the first pixel of the first row unchanged
     np.testing.assert_array_equal(first.view(">u2"), texels[0, 0])
 
 
-@pytest.mark.parametrize("found", [TexelType.BITS_8, TexelType.BITS_16])
-def test_integer_texels_are_within_half_a_step(rng, found):
+@pytest.mark.parametrize("texel_type", [TexelType.BITS_8, TexelType.BITS_16])
+def test_integer_texels_round_to_half_a_step(rng, texel_type):
     values = np.append(rng.random(1000), [0.0, 1.0])
-    steps = 255 if found is TexelType.BITS_8 else 65535
-    off = np.abs(found.values(found.texels(values)) - values)
-    assert off.max() <= 0.5 / steps + 1e-12
-    assert off[-2:].max() == 0.0
+    steps = 255 if texel_type is TexelType.BITS_8 else 65535
+    errors = np.abs(texel_type.values(texel_type.texels(values)) - values)
+    assert errors.max() <= 0.5 / steps + 1e-12
+    assert errors[-2:].max() == 0.0
 
 
-def test_half_texels_are_within_half_a_unit_in_the_last_place(rng):
+def test_half_float_texels_round_to_half_a_unit_in_the_last_place(rng):
     values = rng.standard_normal(1000) * 1000
-    off = np.abs(TexelType.HALF.values(TexelType.HALF.texels(values)) - values)
-    assert np.all(off <= np.spacing(np.abs(values).astype(np.float16)).astype(float) / 2 + 1e-9)
+    errors = np.abs(TexelType.HALF.values(TexelType.HALF.texels(values)) - values)
+    assert np.all(errors <= np.spacing(np.abs(values).astype(np.float16)).astype(float) / 2 + 1e-9)
 
 
 @pytest.mark.parametrize(
-    ("found", "values", "said"),
+    ("texel_type", "values", "message"),
     [
         (TexelType.BITS_8, [0.5, 1.1], "from 0 to 1"),
         (TexelType.BITS_16, [-0.1], "from 0 to 1"),
@@ -68,24 +68,24 @@ def test_half_texels_are_within_half_a_unit_in_the_last_place(rng):
         (TexelType.HALF, [np.inf], "finite"),
     ],
 )
-def test_numbers_that_a_type_cannot_hold_are_refused(found, values, said):
-    with pytest.raises(InvalidInputError, match=said):
-        found.texels(np.array(values))
+def test_values_out_of_range_are_rejected(texel_type, values, message):
+    with pytest.raises(InvalidInputError, match=message):
+        texel_type.texels(np.array(values))
 
 
 @pytest.mark.parametrize("shape", [(4, 4), (4, 4, 2), (0, 4, 3), (4, 0, 3)])
-def test_arrays_that_are_no_texture_are_refused(tmp_path, shape):
+def test_arrays_of_another_shape_or_type_are_rejected(tmp_path, shape):
     with pytest.raises(InvalidInputError, match="a texture has shape"):
         write_texture(tmp_path / "a.png", np.zeros(shape, np.uint8))
-    with pytest.raises(InvalidInputError, match="textures hold uint8"):
+    with pytest.raises(InvalidInputError, match="textures store uint8"):
         write_texture(tmp_path / "a.png", np.zeros((2, 2, 3), np.int32))
     assert not (tmp_path / "a.png").exists()
 
 
-@pytest.mark.parametrize("found", [TexelType.BITS_16, TexelType.HALF])
-def test_damaged_files_are_refused_with_their_name(tmp_path, rng, found):
+@pytest.mark.parametrize("texel_type", [TexelType.BITS_16, TexelType.HALF])
+def test_errors_of_damaged_files_name_the_file(tmp_path, rng, texel_type):
     path = tmp_path / "broken"
-    write_texture(path, found.texels(rng.random((64, 64, 3))))
+    write_texture(path, texel_type.texels(rng.random((64, 64, 3))))
     data = path.read_bytes()
     for kept in (0, 3, 20, len(data) // 2):
         path.write_bytes(data[:kept])
@@ -93,15 +93,15 @@ def test_damaged_files_are_refused_with_their_name(tmp_path, rng, found):
             read_texture(path)
 
 
-@pytest.mark.parametrize("found", TYPES)
-def test_file_that_cannot_be_written_is_an_error_of_the_system_that_names_it(tmp_path, found):
+@pytest.mark.parametrize("texel_type", TYPES)
+def test_error_of_an_unwritable_file_names_it(tmp_path, texel_type):
     path = tmp_path / "missing" / "a"
     with pytest.raises(OSError, match="No such file or directory") as raised:
-        write_texture(path, found.texels(np.zeros((4, 4, 3))))
+        write_texture(path, texel_type.texels(np.zeros((4, 4, 3))))
     assert raised.value.filename == str(path)
 
 
-def test_video_memory_has_four_channels_when_the_file_has_three():
+def test_video_memory_always_has_four_channels():
     assert TexelType.BITS_8.video_bytes(10, 20) == 800
     assert TexelType.HALF.video_bytes(10, 20) == TexelType.BITS_16.video_bytes(10, 20) == 1600
     assert TexelType.FLOAT.video_bytes(10, 20) == 3200

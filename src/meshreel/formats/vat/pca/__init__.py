@@ -1,1 +1,1 @@
-"""PCA textures: a few fields, and a table of weights, that add up to every frame."""
+"""PCA textures: every frame is a weighted sum of a few fields."""

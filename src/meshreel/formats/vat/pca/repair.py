@@ -1,9 +1,9 @@
-"""Digits of vertices that are off too far, changed one by one.
+"""Changes integers of single vertices until they meet the error bound.
 
-With weights given, a vertex does not depend on others: three rows of integers are to be found for
-it with which no frame is off beyond the bound. From the nearest ones, a step of one in one integer
-is taken again and again, which makes the squares of what frames are off beyond nearly the bound
-smaller, most of all by its second-order estimate; until no frame is off too far, or no step helps.
+For given weights, vertices are independent: each needs three rows of integers for which its error
+is within the bound in all frames. Starting at the nearest integers, greedy descent changes one
+integer by one, the one with the best second-order estimate of the decrease in excess error, until
+all frames are within the bound or no step helps.
 """
 
 from dataclasses import dataclass
@@ -15,178 +15,186 @@ from meshreel.arrays import Singles
 from meshreel.formats.vat.pca.digits import Fields, largest_integer
 from meshreel.runtime.threads import chunks, in_threads
 
-NEARLY = np.float32(0.85)
-"""Squared distances beyond this share of the squared bound count."""
+EXCESS_THRESHOLD = np.float32(0.85)
+"""Fraction of the squared bound beyond which squared errors count as excess."""
 
-INSIDE = 0.9995
-"""Share of the bound that is aimed at, so that rounding keeps the bound itself."""
+BOUND_SHARE = 0.9995
+"""Fraction of the bound to reach, so that rounding errors do not exceed the bound."""
 
-STEPS, TRIES = 40, 3
-"""Steps of a vertex, and how many of the best estimates are tried for each."""
+MAX_STEPS, MAX_TRIALS = 40, 3
+"""Steps per vertex, and candidates evaluated exactly per step."""
 
-AT_ONCE, MISSES_AT_ONCE = 96, 1024
+PIECE_VERTS, RESIDUAL_PIECE_VERTS = 96, 1024
+"""Vertices processed at once in a repair, and in the computation of residuals."""
 
-FEW, STARTS, SHAKEN, SEED = 4, 64, 0.1, 1
-"""Vertices of a piece that are tried again from other integers, from how many others, what share of
-these is changed by one, and what random numbers begin with."""
+MAX_RESTARTS, N_STARTS, PERTURBED_SHARE, SEED = 4, 64, 0.1, 1
+"""Vertices of a piece that are restarted from perturbed integers, starts per vertex, share of
+integers that are perturbed, and seed of the random numbers."""
 
 
 @dataclass(frozen=True, eq=False)
-class Misses:
-    """How far vertices are off.
+class Residuals:
+    """Errors of fields, per vertex and frame.
 
     Attributes
     ----------
     vectors : float32 array of shape (T, V, 3)
-        From where fields move a vertex to where it should be.
+        Original minus reconstructed displacements.
     """
 
     vectors: Singles
 
     @classmethod
-    def of(cls, moves: Singles, fields: Fields) -> "Misses":
-        """Those of fields, for displacements of shape (T, 3 V)."""
-        vectors = np.empty((len(moves), moves.shape[1] // 3, 3), np.float32)
+    def of(cls, displacements: Singles, fields: Fields) -> "Residuals":
+        """Return the residuals of fields, for displacements of shape (T, 3 V)."""
+        vectors = np.empty((len(displacements), displacements.shape[1] // 3, 3), np.float32)
 
         def subtract(verts: slice) -> None:
             columns = slice(3 * verts.start, 3 * verts.stop)
-            made = fields.weights @ fields.integers[:, columns].astype(np.float32)
-            vectors[:, verts] = (moves[:, columns] - made).reshape(len(moves), -1, 3)
+            decoded = fields.weights @ fields.integers[:, columns].astype(np.float32)
+            difference = displacements[:, columns] - decoded
+            vectors[:, verts] = difference.reshape(len(displacements), -1, 3)
 
-        in_threads(subtract, chunks(vectors.shape[1], MISSES_AT_ONCE))
+        in_threads(subtract, chunks(vectors.shape[1], RESIDUAL_PIECE_VERTS))
         return cls(vectors)
 
     def distances(self) -> Singles:
-        """The largest of each vertex, of shape (V,)."""
+        """Return the largest error of each vertex, of shape (V,)."""
         return np.asarray(np.sqrt(_squares(self.vectors).max(axis=0)))
 
     @property
     def error(self) -> float:
-        """The largest of all."""
+        """The largest error of all vertices."""
         return float(self.distances().max())
 
 
-def repaired(fields: Fields, misses: Misses, bound: float) -> tuple[Fields, npt.NDArray[np.int64]]:
-    """The fields with integers changed to keep the bound, and the vertices that are still off.
+def repair(
+    fields: Fields, residuals: Residuals, bound: float
+) -> tuple[Fields, npt.NDArray[np.int64]]:
+    """Return fields with integers changed to meet the bound, and the vertices that still do not.
 
-    The vertices that are off furthest are tried first; once some are lost, others are not tried.
+    Vertices with the largest errors come first; once one of them cannot be repaired, the rest is
+    skipped.
 
     Parameters
     ----------
     fields : Fields
-    misses : Misses
-        Of these fields.
+    residuals : Residuals
+        Residuals of these fields.
     bound : float
     """
-    distances = misses.distances()
-    wrong = np.flatnonzero(distances > INSIDE * bound)
-    wrong = wrong[np.argsort(-distances[wrong], kind="stable")]
+    distances = residuals.distances()
+    violating = np.flatnonzero(distances > BOUND_SHARE * bound)
+    violating = violating[np.argsort(-distances[violating], kind="stable")]
     integers = fields.integers.reshape(len(fields.integers), -1, 3).copy()
-    pieces = [wrong[piece] for piece in chunks(len(wrong), AT_ONCE)]
-    steps = _Steps(fields.weights, largest_integer(fields.n_digits), bound)
-    lost: list[int] = []
+    pieces = [violating[piece] for piece in chunks(len(violating), PIECE_VERTS)]
+    descent = _IntegerDescent(fields.weights, largest_integer(fields.n_digits), bound)
+    failed: list[int] = []
 
-    def repair(verts: npt.NDArray[np.int64]) -> None:
-        if not lost:
+    def repair_piece(verts: npt.NDArray[np.int64]) -> None:
+        if not failed:
             own = integers[:, verts]
-            own_misses = misses.vectors[:, verts]
-            is_lost = steps.take(own, own_misses)
-            if is_lost.sum() <= FEW:
-                for place in np.flatnonzero(is_lost):
-                    start, miss = integers[:, verts[place]], own_misses[:, place]
-                    if (found := steps.take_shaken(start, miss)) is not None:
-                        own[:, place], is_lost[place] = found, False
-            lost.extend(verts[is_lost])
+            own_residuals = residuals.vectors[:, verts]
+            is_failed = descent.descend(own, own_residuals)
+            if is_failed.sum() <= MAX_RESTARTS:
+                for index in np.flatnonzero(is_failed):
+                    start, residual = integers[:, verts[index]], own_residuals[:, index]
+                    if (found := descent.try_perturbed(start, residual)) is not None:
+                        own[:, index], is_failed[index] = found, False
+            failed.extend(verts[is_failed])
             integers[:, verts] = own
 
-    repair(pieces[0])  # the furthest, alone: where some of these are lost, the others are no use
-    in_threads(repair, pieces[1:])
-    changed = Fields(integers.reshape(fields.integers.shape), fields.weights, fields.n_digits)
-    return changed, np.array(sorted(lost), np.int64)
+    # The worst vertices first and alone: if some of them fail, the rest is not worth the time.
+    repair_piece(pieces[0])
+    in_threads(repair_piece, pieces[1:])
+    repaired = Fields(integers.reshape(fields.integers.shape), fields.weights, fields.n_digits)
+    return repaired, np.array(sorted(failed), np.int64)
 
 
-class _Steps:
-    """Steps of integers for vertices of any number.
+class _IntegerDescent:
+    """Greedy descent over the integers of any number of vertices.
 
     Parameters
     ----------
     weights : float32 array of shape (T, K)
     largest : int64 array of shape (K,)
-        Of the integers.
+        Largest integer of each field.
     bound : float
     """
 
     def __init__(self, weights: Singles, largest: npt.NDArray[np.int64], bound: float) -> None:
-        # In bounds, so that 1 is what is allowed.
-        self._weights = weights / np.float32(INSIDE * bound)
+        # In units of the bound, so that the limit is 1.
+        self._weights = weights / np.float32(BOUND_SHARE * bound)
         self._squared_weights = np.square(self._weights)
-        self._largest, self._unit = largest, np.float32(INSIDE * bound)
+        self._largest, self._unit = largest, np.float32(BOUND_SHARE * bound)
 
-    def take(self, integers: npt.NDArray[np.int32], misses: Singles) -> npt.NDArray[np.bool_]:
-        """Change the integers of vertices, of shape (K, N, 3); which are still off too far.
+    def descend(self, integers: npt.NDArray[np.int32], residuals: Singles) -> npt.NDArray[np.bool_]:
+        """Change the integers of vertices in place, and return which vertices violate the bound.
 
         Parameters
         ----------
         integers : int32 array of shape (K, N, 3)
-        misses : float32 array of shape (T, N, 3)
+        residuals : float32 array of shape (T, N, 3)
         """
-        left = misses / self._unit
-        live = np.arange(left.shape[1])
-        for _ in range(STEPS):
-            squares = _squares(left[:, live])
-            is_off = squares.max(axis=0) > 1
-            live, squares = live[is_off], squares[:, is_off]
-            if not len(live):
+        remaining = residuals / self._unit
+        active = np.arange(remaining.shape[1])
+        for _ in range(MAX_STEPS):
+            squares = _squares(remaining[:, active])
+            is_violating = squares.max(axis=0) > 1
+            active, squares = active[is_violating], squares[:, is_violating]
+            if not len(active):
                 break
-            live = live[self._step(integers, left, live, squares)]
-        return np.asarray(_squares(left).max(axis=0) > 1)
+            active = active[self._step(integers, remaining, active, squares)]
+        return np.asarray(_squares(remaining).max(axis=0) > 1)
 
-    def take_shaken(
-        self, integers: npt.NDArray[np.int32], misses: Singles
+    def try_perturbed(
+        self, integers: npt.NDArray[np.int32], residuals: Singles
     ) -> npt.NDArray[np.int32] | None:
-        """Integers of one vertex, of shape (K, 3), with which it is not off too far, or None.
+        """Return integers of one vertex within the bound, of shape (K, 3), or None.
 
-        Steps are taken from many starts, each with other integers changed by one at random.
+        Descends from many starts, in which random integers are changed by one.
 
         Parameters
         ----------
         integers : int32 array of shape (K, 3)
-        misses : float32 array of shape (T, 3)
+        residuals : float32 array of shape (T, 3)
         """
         rng = np.random.default_rng(SEED)
-        shape = (len(integers), STARTS, 3)
-        shakes = rng.choice([-1, 0, 1], shape, p=[SHAKEN / 2, 1 - SHAKEN, SHAKEN / 2])
+        shape = (len(integers), N_STARTS, 3)
+        odds = [PERTURBED_SHARE / 2, 1 - PERTURBED_SHARE, PERTURBED_SHARE / 2]
+        changes = rng.choice([-1, 0, 1], shape, p=odds)
         largest = self._largest[:, None, None]
-        starts = np.clip(integers[:, None] + shakes, -largest, largest).astype(np.int32)
+        starts = np.clip(integers[:, None] + changes, -largest, largest).astype(np.int32)
         changed = (starts - integers[:, None]).reshape(len(integers), -1).astype(np.float32)
-        moved = (self._weights * self._unit @ changed).reshape(-1, STARTS, 3)
-        found = np.flatnonzero(~self.take(starts, misses[:, None] - moved))
+        moved = (self._weights * self._unit @ changed).reshape(-1, N_STARTS, 3)
+        found = np.flatnonzero(~self.descend(starts, residuals[:, None] - moved))
         return starts[:, found[0]] if len(found) else None
 
     def _step(
         self,
         integers: npt.NDArray[np.int32],
-        left: Singles,
-        live: npt.NDArray[np.int64],
+        remaining: Singles,
+        active: npt.NDArray[np.int64],
         squares: Singles,
     ) -> npt.NDArray[np.bool_]:
-        """Take one step of each vertex that has one that helps; which have."""
-        own = left[:, live]
+        """Take one step for each vertex that improves by one, and return which did."""
+        own = remaining[:, active]
         before = _excess(squares)
-        gains, signs = self._gains(own, squares, integers[:, live])
-        rows = np.arange(len(live))
-        has_stepped = np.zeros(len(live), bool)
-        for _ in range(TRIES):
+        gains, signs = self._gains(own, squares, integers[:, active])
+        rows = np.arange(len(active))
+        has_stepped = np.zeros(len(active), bool)
+        for _ in range(MAX_TRIALS):
             best = gains.argmax(axis=1)
             axes, fields = np.divmod(best, len(self._largest))
-            tried = own.copy()
+            candidate = own.copy()
             step = signs[rows, best]
-            tried[:, rows, axes] -= self._weights[:, fields] * step
-            is_better = (_excess(_squares(tried)) < before * (1 - 1e-6)) & ~has_stepped
+            candidate[:, rows, axes] -= self._weights[:, fields] * step
+            is_better = (_excess(_squares(candidate)) < before * (1 - 1e-6)) & ~has_stepped
             is_better &= gains[rows, best] > -np.inf
-            now = np.flatnonzero(is_better)
-            left[:, live[now]] = tried[:, now]
-            integers[fields[now], live[now], axes[now]] += step[now].astype(np.int32)
+            improved = np.flatnonzero(is_better)
+            remaining[:, active[improved]] = candidate[:, improved]
+            signed = step[improved].astype(np.int32)
+            integers[fields[improved], active[improved], axes[improved]] += signed
             has_stepped |= is_better
             if has_stepped.all():
                 break
@@ -196,20 +204,21 @@ class _Steps:
     def _gains(
         self, own: Singles, squares: Singles, integers: npt.NDArray[np.int32]
     ) -> tuple[Singles, Singles]:
-        """How much smaller the excess gets by a step, and its sign: shape (N, 3 K), axis by axis.
+        """Return the estimated decrease of the excess per step and its sign, of shape (N, 3 K).
 
-        With ``e`` the excess ``max(0, |m|**2 - NEARLY)`` of a frame, a step of a field of weight
-        ``w`` takes ``4 e m w - (4 m**2 + 2 e) w**2`` from the sum of ``e**2``.
+        Columns are axis by axis. With ``e = max(0, |r|**2 - EXCESS_THRESHOLD)`` of a frame with
+        residual ``r``, a step in a field of weight ``w`` decreases the sum of ``e**2`` by
+        ``4 e r w - (4 r**2 + 2 e) w**2``.
         """
-        excess = np.maximum(squares - NEARLY, 0)
-        is_on = excess > 0
+        excess = np.maximum(squares - EXCESS_THRESHOLD, 0)
+        is_active = excess > 0
         gains, signs = [], []
         for axis in range(3):
             along = own[:, :, axis]
-            slope = (4 * excess * along).T @ self._weights
-            bend = (is_on * (4 * np.square(along)) + 2 * excess).T @ self._squared_weights
-            sign = np.where(slope > 0, np.float32(1), np.float32(-1))
-            gain = np.abs(slope) - bend
+            gradient = (4 * excess * along).T @ self._weights
+            curvature = (is_active * (4 * np.square(along)) + 2 * excess).T @ self._squared_weights
+            sign = np.where(gradient > 0, np.float32(1), np.float32(-1))
+            gain = np.abs(gradient) - curvature
             gain[np.abs(integers[:, :, axis].T + sign) > self._largest] = -np.inf
             gains.append(gain)
             signs.append(sign)
@@ -217,10 +226,10 @@ class _Steps:
 
 
 def _squares(vectors: Singles) -> Singles:
-    """Squared lengths of vectors of shape (..., 3)."""
+    """Return the squared lengths of vectors of shape (..., 3)."""
     return np.asarray(np.einsum("...c,...c->...", vectors, vectors))
 
 
 def _excess(squares: Singles) -> Singles:
-    """What each vertex is off, in all frames: sum over those beyond nearly the bound."""
-    return np.asarray(np.square(np.maximum(squares - NEARLY, 0)).sum(axis=0))
+    """Return the sum over frames of the squared excess of each vertex."""
+    return np.asarray(np.square(np.maximum(squares - EXCESS_THRESHOLD, 0)).sum(axis=0))

@@ -1,19 +1,16 @@
-"""Fields and weights in as few texels as are found, with no vertex off by more than a bound.
+"""Search for fields and weights with few texels, with all vertices within an error bound.
 
-Principal components have the least mean error, and digits are shared among them so that rounding
-and what is left out have the least mean error together. But the largest error is to be small, so in
-every round
+Principal components minimize the mean error, and digits are allocated so that truncation and
+rounding together do. To minimize the largest error instead, every round
 
-- what a vertex is off beyond the bound is added to where it is to go (the method of multipliers, as
-  `meshreel.formats.gltf.morphs` has it),
-- vertices that are off too far count for more in the components, which are few numbers a frame and
-  the same for all vertices.
+- adds the error of a vertex beyond the bound to its target (the method of multipliers, as in
+  `meshreel.formats.gltf.morphs`),
+- increases the weights of vertices beyond the bound in the PCA.
 
-Then digits of vertices that are still off too far are changed one by one
-(`meshreel.formats.vat.pca.repair`). Where that is not enough, there is a texel more for each
-coordinate of each vertex.
+Then integers of vertices that still exceed the bound are changed one by one
+(`meshreel.formats.vat.pca.repair`). If that fails, every coordinate gains a texel.
 
-Frames are displacements from the mesh at rest, of shape (T, 3 V); lengths have their units.
+Displacements are relative to the rest mesh, of shape (T, 3 V), in model units.
 """
 
 import numpy as np
@@ -24,211 +21,216 @@ from meshreel.codec.subspace.least_squares import solve_gram
 from meshreel.codec.subspace.pca import gram_of_rows, leading_trajectories
 from meshreel.formats.gltf.quantized import project
 from meshreel.formats.vat.pca.digits import (
-    MOST_DIGITS,
-    ROWS,
+    DIGITS_PER_TEXEL,
+    MAX_DIGITS,
     Fields,
+    allocate_digits,
     largest_integer,
-    shared_digits,
-    texels_for,
+    min_texels,
 )
-from meshreel.formats.vat.pca.repair import Misses, repaired
+from meshreel.formats.vat.pca.repair import Residuals, repair
 from meshreel.runtime.progress import Progress
 from meshreel.runtime.threads import chunks, in_threads
 
-FIRST_NOISE = 0.42
-"""Root mean square error, by the bound, of the texels that the search begins with."""
+INITIAL_RMS = 0.42
+"""Root mean square error that selects the initial number of texels, as a fraction of the bound."""
 
-AIMED = 0.85
-"""Share of the bound that rounds aim at; rounding to digits needs the rest."""
+TARGET_SHARE = 0.85
+"""Fraction of the bound at which rounds aim; rounding to digits needs the rest."""
 
-NARROWED = 0.9
-"""Positions aim at this share of what rounds aim at."""
+POSITION_SHARE = 0.9
+"""Fraction of the aim of a round at which single positions aim."""
 
-MOST_WEIGHED, WEIGHING = 4.0, 0.6
-"""An error of so many bounds, and no more, counts for a vertex; to this power, in every round."""
+MAX_WEIGHTED_ERROR, WEIGHT_EXPONENT = 4.0, 0.6
+"""In every round, the weight of a vertex is multiplied by its error in bounds, clipped to this
+maximum, raised to this exponent."""
 
-LOST_WEIGHING = 2.0
-"""So much more count those that could not be repaired."""
+FAILED_WEIGHT = 2.0
+"""Factor on the weights of vertices that could not be repaired."""
 
-ROUNDS, FIRST_REPAIR, REPAIR_EVERY = 18, 6, 4
-"""Rounds with a number of texels; the first one after which digits are repaired, and how often."""
+MAX_ROUNDS, FIRST_REPAIR, REPAIR_INTERVAL = 18, 6, 4
+"""Rounds per number of texels, the first round with a repair, and rounds between repairs."""
 
-REPAIRABLE, HOPEFUL = 1.8, 2.5
-"""Errors of more bounds than that are not worth repairing, and then need more texels; at first they
-may be a little larger."""
+MAX_REPAIRABLE_ERROR, MAX_FIRST_ERROR = 1.8, 2.5
+"""Errors, in bounds, beyond which a repair is not tried; beyond the second one at the first repair,
+more texels are needed at once."""
 
-VERTICES_AT_ONCE = 1024
+PIECE_VERTS = 1024
 
 
-def fit_fields(moves: Singles, bound: float, progress: Progress) -> Fields | None:
-    """Fields that keep the bound in as few texels as are found; None if none do.
+def fit_fields(displacements: Singles, bound: float, progress: Progress) -> Fields | None:
+    """Return fields that meet the bound in few texels, or None if five digits are too coarse.
 
     Parameters
     ----------
-    moves : float32 array of shape (T, 3 V)
+    displacements : float32 array of shape (T, 3 V)
     bound : float
         Above 0.
     progress : Progress
-        Told of the rounds.
+        Called for every round.
     """
-    if Misses.of(moves, none := _no_fields(moves)).error <= bound:
-        return none
-    search = _Search(moves, bound)
-    most = -(-MOST_DIGITS * min(moves.shape) // ROWS)
-    n_texels = min(search.first_texels(), most)
+    if Residuals.of(displacements, empty := _no_fields(displacements)).error <= bound:
+        return empty
+    search = _Search(displacements, bound)
+    max_texels = -(-MAX_DIGITS * min(displacements.shape) // DIGITS_PER_TEXEL)
+    n_texels = min(search.first_texels(), max_texels)
     found = search.fit(n_texels, progress)
     if found is not None:
         while n_texels > 1 and (fewer := search.fit(n_texels - 1, progress)) is not None:
             found, n_texels = fewer, n_texels - 1
         return found
-    while found is None and n_texels < most:
-        n_texels = min(most, n_texels + max(1, n_texels // 16))
+    while found is None and n_texels < max_texels:
+        n_texels = min(max_texels, n_texels + max(1, n_texels // 16))
         found = search.fit(n_texels, progress)
     return found
 
 
-def _no_fields(moves: Singles) -> Fields:
-    n_frames, size = moves.shape
+def _no_fields(displacements: Singles) -> Fields:
+    n_frames, size = displacements.shape
     weights = np.zeros((n_frames, 0), np.float32)
     return Fields(np.zeros((0, size), np.int32), weights, np.zeros(0, np.int64))
 
 
-def fit_mean(moves: Singles, error: float) -> Fields:
-    """Fields in as few texels as leave this root mean square error of vertices."""
-    size = moves.shape[1]
-    gram = gram_of_rows(lambda piece: moves[:, piece], *moves.shape)
-    values, vectors = leading_trajectories(gram, min(moves.shape))
-    fields = project(vectors.astype(np.float32), moves)
-    steps = _steps(fields)
-    n_texels = texels_for(values**2, steps, error**2 * moves.size / 3)
-    n_digits = shared_digits(values**2, steps, n_texels)
-    return _rounded(fields, n_digits, moves, np.ones(size // 3, np.float32))
+def fit_rms(displacements: Singles, rms_error: float) -> Fields:
+    """Return fields in the fewest texels that meet a root mean square error of vertices."""
+    size = displacements.shape[1]
+    gram = gram_of_rows(lambda piece: displacements[:, piece], *displacements.shape)
+    values, vectors = leading_trajectories(gram, min(displacements.shape))
+    components = project(vectors.astype(np.float32), displacements)
+    coefficients = _rounding_coefficients(components)
+    n_texels = min_texels(values**2, coefficients, rms_error**2 * displacements.size / 3)
+    n_digits = allocate_digits(values**2, coefficients, n_texels)
+    return quantize_fields(components, n_digits, displacements, np.ones(size // 3, np.float32))
 
 
 class _Search:
-    """Where vertices are to go and how much they count, round by round."""
+    """Targets and weights of vertices, updated round by round."""
 
-    def __init__(self, moves: Singles, bound: float) -> None:
-        self._moves, self._bound = moves, bound
-        self._aims = moves.copy()
-        self._excess = np.zeros_like(moves)
-        self._counts = np.ones(moves.shape[1] // 3, np.float32)
+    def __init__(self, displacements: Singles, bound: float) -> None:
+        self._displacements, self._bound = displacements, bound
+        self._targets = displacements.copy()
+        self._excess = np.zeros_like(displacements)
+        self._weights = np.ones(displacements.shape[1] // 3, np.float32)
 
     def first_texels(self) -> int:
-        """The number to begin with."""
-        energies, fields = self._components()
-        allowed = (FIRST_NOISE * self._bound) ** 2 * self._moves.size / 3
-        return max(1, texels_for(energies, _steps(fields), allowed))
+        """Return the number of texels to start with."""
+        energies, components = self._components()
+        allowed = (INITIAL_RMS * self._bound) ** 2 * self._displacements.size / 3
+        return max(1, min_texels(energies, _rounding_coefficients(components), allowed))
 
     def fit(self, n_texels: int, progress: Progress) -> Fields | None:
-        """Fields of so many texels within the bound, or None."""
-        for number in range(1, ROUNDS + 1):
-            progress(f"{n_texels} texels a coordinate", number / ROUNDS)
-            fields, misses = self._round(n_texels)
-            error = misses.error / self._bound
+        """Return fields with `n_texels` texels that meet the bound, or None."""
+        for number in range(1, MAX_ROUNDS + 1):
+            progress(f"{n_texels} texels a coordinate", number / MAX_ROUNDS)
+            fields, residuals = self._round(n_texels)
+            error = residuals.error / self._bound
             if error <= 1:
                 return fields
-            if number >= FIRST_REPAIR and (number - FIRST_REPAIR) % REPAIR_EVERY == 0:
-                if error > (HOPEFUL if number == FIRST_REPAIR else REPAIRABLE):
+            if number >= FIRST_REPAIR and (number - FIRST_REPAIR) % REPAIR_INTERVAL == 0:
+                limit = MAX_FIRST_ERROR if number == FIRST_REPAIR else MAX_REPAIRABLE_ERROR
+                if error > limit:
                     break
-                if error > REPAIRABLE:
+                if error > MAX_REPAIRABLE_ERROR:
                     continue
-                better, lost = repaired(fields, misses, self._bound)
-                if not len(lost):
-                    return better
-                self._counts[lost] *= LOST_WEIGHING
+                repaired, failed = repair(fields, residuals, self._bound)
+                if not len(failed):
+                    return repaired
+                self._weights[failed] *= FAILED_WEIGHT
         return None
 
     def _components(self) -> tuple[Floats, Singles]:
-        """Energies of the weighed components, and the field of each."""
-        counts = np.repeat(self._counts, 3)
-        gram = gram_of_rows(lambda piece: self._aims[:, piece] * counts[piece], *self._aims.shape)
-        values, vectors = leading_trajectories(gram, min(self._aims.shape))
-        return values**2, project(vectors.astype(np.float32), self._aims)
+        """Return the energies of the weighted principal components, and the components."""
+        weights = np.repeat(self._weights, 3)
+        targets = self._targets
+        gram = gram_of_rows(lambda piece: targets[:, piece] * weights[piece], *targets.shape)
+        values, vectors = leading_trajectories(gram, min(targets.shape))
+        return values**2, project(vectors.astype(np.float32), targets)
 
-    def _round(self, n_texels: int) -> tuple[Fields, Misses]:
-        """Fields for where vertices are to go now, and how far off these are."""
+    def _round(self, n_texels: int) -> tuple[Fields, Residuals]:
+        """Return fields for the current targets and their residuals, and update the targets."""
         energies, components = self._components()
-        n_digits = shared_digits(energies, _steps(components), n_texels)
-        fields = _rounded(components, n_digits, self._aims, self._counts)
-        misses = Misses.of(self._moves, fields)
+        n_digits = allocate_digits(energies, _rounding_coefficients(components), n_texels)
+        fields = quantize_fields(components, n_digits, self._targets, self._weights)
+        residuals = Residuals.of(self._displacements, fields)
         in_threads(
-            lambda verts: self._correct(verts, misses.vectors[:, verts]),
-            chunks(len(self._counts), VERTICES_AT_ONCE),
+            lambda verts: self._update(verts, residuals.vectors[:, verts]),
+            chunks(len(self._weights), PIECE_VERTS),
         )
-        self._counts /= np.sqrt(np.mean(np.square(self._counts)))
-        return fields, misses
+        self._weights /= np.sqrt(np.mean(np.square(self._weights)))
+        return fields, residuals
 
-    def _correct(self, verts: slice, misses: Singles) -> None:
-        """Set where some vertices are to go next, and how much they count."""
+    def _update(self, verts: slice, residuals: Singles) -> None:
+        """Update the targets and weights of some vertices from their residuals."""
         columns = slice(3 * verts.start, 3 * verts.stop)
-        aimed = np.float32(AIMED * self._bound)
-        narrow = np.float32(NARROWED) * aimed
-        errors = np.sqrt(_squares(misses).max(axis=0)) / self._bound
-        self._counts[verts] *= np.clip(errors, 1, MOST_WEIGHED) ** WEIGHING
-        excess = self._excess[:, columns].reshape(misses.shape)
-        beyond = misses + excess
+        target_error = np.float32(TARGET_SHARE * self._bound)
+        position_error = np.float32(POSITION_SHARE) * target_error
+        errors = np.sqrt(_squares(residuals).max(axis=0)) / self._bound
+        self._weights[verts] *= np.clip(errors, 1, MAX_WEIGHTED_ERROR) ** WEIGHT_EXPONENT
+        excess = self._excess[:, columns].reshape(residuals.shape)
+        beyond = residuals + excess
         distances = np.maximum(np.sqrt(_squares(beyond)), np.finfo(np.float32).tiny)[..., None]
-        within = np.minimum(1, narrow / distances) * beyond
+        within = np.minimum(1, position_error / distances) * beyond
         beyond -= within
-        beyond *= np.minimum(1, aimed / np.maximum(distances - narrow, 1e-30))
-        flat = (len(misses), -1)
+        beyond *= np.minimum(1, target_error / np.maximum(distances - position_error, 1e-30))
+        flat = (len(residuals), -1)
         self._excess[:, columns] = beyond.reshape(flat)
-        self._aims[:, columns] = self._moves[:, columns] + (beyond - within).reshape(flat)
+        self._targets[:, columns] = self._displacements[:, columns] + (beyond - within).reshape(
+            flat
+        )
 
 
-def _steps(fields: Singles) -> Floats:
-    """Sum of squared rounding errors of each field times ``(15**n - 1)**2``."""
-    peaks = np.abs(fields).max(axis=1).astype(np.float64)
-    return np.asarray(peaks**2 * (fields.shape[1] / 3))
+def _rounding_coefficients(components: Singles) -> Floats:
+    """Return the squared rounding error of each component times ``(15**n - 1)**2``."""
+    peaks = np.abs(components).max(axis=1).astype(np.float64)
+    return np.asarray(peaks**2 * (components.shape[1] / 3))
 
 
-def _rounded(
-    components: Singles, n_digits: npt.NDArray[np.int64], aims: Singles, counts: Singles
+def quantize_fields(
+    components: Singles, n_digits: npt.NDArray[np.int64], targets: Singles, vertex_weights: Singles
 ) -> Fields:
-    """Fields rounded to their digits, and the best weights for them by least squares.
+    """Return components rounded to their digits, with optimal weights by least squares.
 
     Parameters
     ----------
     components : float32 array of shape (K, 3 V)
     n_digits : int64 array of shape (K,)
-        Fields without digits are left out.
-    aims : float32 array of shape (T, 3 V)
-        What the fields are to add up to.
-    counts : float32 array of shape (V,)
-        How much an error of each vertex counts.
+        Digits of each component; components without digits are dropped.
+    targets : float32 array of shape (T, 3 V)
+        Displacements to approximate.
+    vertex_weights : float32 array of shape (V,)
+        Weights of the errors of vertices.
     """
-    own = np.flatnonzero(n_digits)
-    largest = largest_integer(n_digits[own])
-    peaks = np.abs(components[own]).max(axis=1)
+    kept = np.flatnonzero(n_digits)
+    largest = largest_integer(n_digits[kept])
+    peaks = np.abs(components[kept]).max(axis=1)
     scales = (largest / np.where(peaks > 0, peaks, 1)).astype(np.float32)
-    integers = np.empty((len(own), components.shape[1]), np.int32)
-    gram = np.zeros((len(own), len(own)))
-    products = np.zeros((len(own), len(aims)))
-    pieces = chunks(len(counts), VERTICES_AT_ONCE)
+    integers = np.empty((len(kept), components.shape[1]), np.int32)
+    gram = np.zeros((len(kept), len(kept)))
+    products = np.zeros((len(kept), len(targets)))
+    pieces = chunks(len(vertex_weights), PIECE_VERTS)
     parts: list[tuple[Floats, Floats]] = [(gram, products)] * len(pieces)
 
     def add(number: int) -> None:
         verts = pieces[number]
         columns = slice(3 * verts.start, 3 * verts.stop)
-        rounded = np.rint(components[own, columns] * scales[:, None])
+        rounded = np.rint(components[kept, columns] * scales[:, None])
         integers[:, columns] = rounded
-        # In the scale of the components, so that the equations are near the unit matrix.
+        # In the scale of the components, for a well-conditioned system.
         values = rounded / scales[:, None]
-        weighed = values * np.repeat(np.square(counts[verts]), 3)
+        weighted = values * np.repeat(np.square(vertex_weights[verts]), 3)
         parts[number] = (
-            (weighed @ values.T).astype(np.float64),
-            (weighed @ aims[:, columns].T).astype(np.float64),
+            (weighted @ values.T).astype(np.float64),
+            (weighted @ targets[:, columns].T).astype(np.float64),
         )
 
     in_threads(add, range(len(pieces)))
-    for own_gram, own_products in parts:  # in order, so that the sums are the same on every machine
-        gram += own_gram
-        products += own_products
+    for part_gram, part_products in parts:  # in order, so that sums do not depend on threads
+        gram += part_gram
+        products += part_products
     weights = solve_gram(gram, products).T / scales
-    return Fields(integers, np.ascontiguousarray(weights, np.float32), n_digits[own])
+    return Fields(integers, np.ascontiguousarray(weights, np.float32), n_digits[kept])
 
 
 def _squares(vectors: Singles) -> Singles:
-    """Squared lengths of vectors of shape (..., 3)."""
+    """Return the squared lengths of vectors of shape (..., 3)."""
     return np.asarray(np.einsum("...c,...c->...", vectors, vectors))

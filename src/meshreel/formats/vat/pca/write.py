@@ -1,4 +1,4 @@
-"""PCA textures of a sequence: a mesh at rest, one texture, and a JSON that tells of it."""
+"""Writing PCA textures: a rest mesh, one texture, and a JSON file that describes them."""
 
 import json
 from dataclasses import dataclass
@@ -15,39 +15,39 @@ from meshreel.formats.gltf.normal_targets import NormalChoice, are_written
 from meshreel.formats.gltf.write import WHY_FLAT
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.vat.axes import GLTF_SPACE
-from meshreel.formats.vat.gathering import Gathered, gather, note_error
 from meshreel.formats.vat.motion import Motion
-from meshreel.formats.vat.pca.digits import Rows, rows_of
-from meshreel.formats.vat.pca.search import fit_fields, fit_mean
+from meshreel.formats.vat.pca.digits import DigitRows, digit_rows
+from meshreel.formats.vat.pca.search import fit_fields, fit_rms
 from meshreel.formats.vat.pca.texture import (
     SIDES,
     make_texture,
     read_header,
     section_offsets,
-    texel_places,
+    texel_coordinates,
 )
+from meshreel.formats.vat.preparation import BakeInput, note_error, prepare
 from meshreel.formats.vat.textures import Texels, TexelType, read_texture, write_texture
 from meshreel.runtime.counting import counted
 
 NORMAL_ERROR = 0.1
-"""Root mean square difference of unit normals: 3.5 degrees or so in the mean."""
+"""Root mean square error of unit normals, about 3.5 degrees in the mean."""
 
 KEPT = 0.999
-"""Share of the bound that fields may use; the rest is for float32 of the GPU."""
+"""Fraction of the bound for the fields; the rest is for float32 arithmetic of the GPU."""
 
-NEXT_STEPS = "allow a larger error (--max-error), or take fewer frames (--frames)"
+NEXT_STEPS = "allow a larger error (--max-error), or use fewer frames (--frames)"
 
 
 @dataclass(frozen=True, eq=False)
-class PlayedPca:
-    """How far frames are off.
+class PcaPlaybackErrors:
+    """Errors of a texture as shaders play it.
 
     Attributes
     ----------
     errors : float64 array of shape (T,)
-        Of the furthest vertex of each frame, in model units.
+        Largest error of a vertex in each frame, in model units.
     angle_deg : float, optional
-        Mean angle between normals of all frames; None without normals.
+        Mean angle between original and played normals; None without normals.
     """
 
     errors: npt.NDArray[np.float64]
@@ -69,13 +69,13 @@ class PcaNames:
 
     @classmethod
     def of(cls, stem: str) -> "PcaNames":
-        """Those for files of this stem."""
+        """Return the names of the files with this stem."""
         return cls(f"{stem}.glb", f"{stem}.png", f"{stem}.json")
 
 
 @dataclass(frozen=True, eq=False)
 class Rest:
-    """The mesh at rest: means over all frames.
+    """The rest mesh: the mean over all frames.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ class Rest:
 
     @classmethod
     def of(cls, motion: Motion) -> "Rest":
-        """That of a motion."""
+        """Return the rest mesh of a motion."""
         positions, normals = np.zeros((2, motion.n_verts, 3))
         for frame, units in enumerate(motion.normals()):
             positions += motion.positions(frame) / motion.n_frames
@@ -100,133 +100,133 @@ class Rest:
 
 
 def write_pca(folder: Path, names: PcaNames, stream: FrameStream, options: WriteOptions) -> None:
-    """Write the mesh, the texture and the JSON.
+    """Write the rest mesh, the texture and the JSON file.
 
     Raises
     ------
     InvalidInputError
-        If the error bound cannot be kept, or the texture would be larger than GPUs hold them.
+        If the error bound cannot be met, or the texture would exceed the size limit of GPUs.
     """
-    gathered = gather(stream, options)
-    motion, bound = gathered.motion, gathered.bound
+    prepared = prepare(stream, options)
+    motion, bound = prepared.motion, prepared.bound
     rest = Rest.of(motion)
-    moves = np.empty((motion.n_frames, 3 * motion.n_verts), np.float32)
+    displacements = np.empty((motion.n_frames, 3 * motion.n_verts), np.float32)
     for frame in range(motion.n_frames):
-        moves[frame] = (motion.positions(frame) - rest.positions).ravel()
-    fields = fit_fields(moves, KEPT * bound, stream.progress)
+        displacements[frame] = (motion.positions(frame) - rest.positions).ravel()
+    fields = fit_fields(displacements, KEPT * bound, stream.progress)
     if fields is None:
         raise InvalidInputError(
-            f"PCA textures cannot keep {bound:.4g} model units: integers of five digits are too "
-            f"coarse for that; {NEXT_STEPS}, or another layout (--layout)"
+            f"PCA textures cannot meet an error of {bound:.4g} model units, for which five digits "
+            f"are too coarse; {NEXT_STEPS}, or choose another layout (--layout)"
         )
     normals = _normal_rows(motion, rest, options)
     texture = folder / names.texture
-    write_texture(texture, make_texture(rows_of(fields), normals, motion.n_verts))
+    write_texture(texture, make_texture(digit_rows(fields), normals, motion.n_verts))
     texels = read_texture(texture)
-    moving_normals = None if normals is None else rest.normals
-    played = play_pca(texels, motion, rest.positions, moving_normals)
-    if (worst := float(played.errors.max())) > bound:
+    rest_normals = None if normals is None else rest.normals
+    playback = measure_pca_playback(texels, motion, rest.positions, rest_normals)
+    if (worst := float(playback.errors.max())) > bound:
         raise InvalidInputError(
-            f"PCA textures are off by {worst:.4g} model units as float32 of GPUs plays them; "
+            f"the error of PCA textures is {worst:.4g} model units in the float32 of GPUs; at most "
             f"{bound:.4g} are allowed; {NEXT_STEPS}"
         )
-    places = texel_places(texels, motion.n_verts)
-    # The mesh counts v from the bottom, and its file from the top.
-    texcoords = places * [1.0, -1.0] + [0.0, 1.0]
-    gathered.mesh.write(
+    coordinates = texel_coordinates(texels, motion.n_verts)
+    # v counts from the bottom in the mesh, and from the top in its file.
+    uvs = coordinates * [1.0, -1.0] + [0.0, 1.0]
+    prepared.mesh.write(
         folder / names.mesh,
         rest.positions,
         rest.normals,
-        texcoords,
+        uvs,
         motion.placement,
         GLTF_SPACE,
         None,
         stream.notes,
     )
-    document = _document(names, gathered, len(fields.n_digits), played)
+    document = _document(names, prepared, len(fields.n_digits), playback)
     text = json.dumps(document, ensure_ascii=False, indent=4)
     (folder / names.data).write_text(f"{text}\n", encoding="utf-8")
-    _note_achieved(stream.notes, gathered, texels, len(fields.n_digits), played)
+    _note_achieved(stream.notes, prepared, texels, len(fields.n_digits), playback)
     if normals is None and options.normals is None:
-        stream.notes.append(f"no normals, so shade it flat: {WHY_FLAT}")
+        stream.notes.append(f"no normals, so use flat shading: {WHY_FLAT}")
 
 
-def _normal_rows(motion: Motion, rest: Rest, options: WriteOptions) -> Rows | None:
-    """Rows of what is added to normals, if there are to be any."""
+def _normal_rows(motion: Motion, rest: Rest, options: WriteOptions) -> DigitRows | None:
+    """Return the digits of the animated normals, or None without them."""
     choice = {None: NormalChoice.SMOOTH, True: NormalChoice.ALL, False: NormalChoice.NONE}
     if not are_written(choice[options.normals], motion.positions(0), motion.faces):
         return None
-    turns = np.empty((motion.n_frames, 3 * motion.n_verts), np.float32)
+    normal_offsets = np.empty((motion.n_frames, 3 * motion.n_verts), np.float32)
     for frame, units in enumerate(motion.normals()):
-        turns[frame] = (units - rest.normals).ravel()
-    return rows_of(fit_mean(turns, NORMAL_ERROR))
+        normal_offsets[frame] = (units - rest.normals).ravel()
+    return digit_rows(fit_rms(normal_offsets, NORMAL_ERROR))
 
 
 def _document(
-    names: PcaNames, gathered: Gathered, n_fields: int, played: PlayedPca
+    names: PcaNames, prepared: BakeInput, n_fields: int, playback: PcaPlaybackErrors
 ) -> dict[str, Any]:
-    """What programs and people want to know of the files."""
-    low, high = gathered.motion.box()
+    """Return the JSON that describes the files."""
+    low, high = prepared.motion.bounding_box()
     return {
         "layout": "meshreel pca 1",
         "mesh": names.mesh,
         "texture": names.texture,
-        "frames": gathered.motion.n_frames,
-        "fps": gathered.motion.fps,
-        "vertices": gathered.motion.n_verts,
+        "frames": prepared.motion.n_frames,
+        "fps": prepared.motion.fps,
+        "vertices": prepared.motion.n_verts,
         "fields": n_fields,
-        "normals": played.angle_deg is not None,
-        "largest_error": float(played.errors.max()),
+        "normals": playback.angle_deg is not None,
+        "largest_error": float(playback.errors.max()),
         "box": {"min": low.tolist(), "max": high.tolist()},
     }
 
 
 def _note_achieved(
-    notes: list[str], gathered: Gathered, texels: Any, n_fields: int, played: PlayedPca
+    notes: list[str], prepared: BakeInput, texels: Any, n_fields: int, playback: PcaPlaybackErrors
 ) -> None:
     height, width = texels.shape[:2]
-    note_error(notes, gathered.budget, played.errors, TexelType.BITS_8)
+    note_error(notes, prepared.budget, playback.errors, TexelType.BITS_8)
     video_bytes = TexelType.BITS_8.video_bytes(height, width)
     notes.append(
         f"{counted(n_fields, 'field')} in a texture of {width} x {height} texels: "
         f"{video_bytes / 1e6:.3g} MB of video memory"
     )
-    if played.angle_deg is not None:
-        notes.append(f"normals are off by {played.angle_deg:.1f} degrees in the mean")
+    if playback.angle_deg is not None:
+        notes.append(f"the mean error of normals is {playback.angle_deg:.1f} degrees")
     if max(height, width) > SIDES[1]:
         notes.append(
-            f"GPUs of phones, and some that browsers use, hold no more than {SIDES[1]} texels a "
-            "side; take fewer frames, or a larger error, for those"
+            f"GPUs of phones, and some browsers, support at most {SIDES[1]} texels per side; use "
+            "fewer frames, or a larger error, for them"
         )
 
 
-def play_pca(
+def measure_pca_playback(
     texels: Texels, motion: Motion, rest: Singles, rest_normals: Singles | None
-) -> PlayedPca:
-    """The errors of a texture as it was read from its file.
+) -> PcaPlaybackErrors:
+    """Return the errors of a texture as decoded from its file.
 
     Parameters
     ----------
     texels : uint8 array of shape (height, width, 4)
     motion : Motion
     rest : float32 array of shape (V, 3)
-        As the file of the mesh has it.
+        Rest positions in the mesh file.
     rest_normals : float32 array of shape (V, 3), optional
-        The same; None if normals do not move.
+        Rest normals in the mesh file; None if normals are not animated.
     """
     header = read_header(texels)
     offsets = section_offsets(texels, header, header.positions, motion.n_verts)
     errors = np.zeros(motion.n_frames)
     for frame in range(motion.n_frames):
-        played = (rest + offsets.frame(frame)).astype(np.float64)
-        errors[frame] = np.linalg.norm(played - motion.positions(frame), axis=1).max()
+        moved = (rest + offsets.frame(frame)).astype(np.float64)
+        errors[frame] = np.linalg.norm(moved - motion.positions(frame), axis=1).max()
     if rest_normals is None:
-        return PlayedPca(errors, None)
-    turns = section_offsets(texels, header, header.normals, motion.n_verts)
+        return PcaPlaybackErrors(errors, None)
+    normal_offsets = section_offsets(texels, header, header.normals, motion.n_verts)
     angles_deg = np.zeros(motion.n_frames)
     for frame, units in enumerate(motion.normals()):
-        found = (rest_normals + turns.frame(frame)).astype(np.float64)
+        found = (rest_normals + normal_offsets.frame(frame)).astype(np.float64)
         found /= np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-30)
         chords = np.linalg.norm(found - units, axis=1)
         angles_deg[frame] = np.degrees(2 * np.arcsin(np.clip(chords / 2, 0, 1))).mean()
-    return PlayedPca(errors, float(angles_deg.mean()))
+    return PcaPlaybackErrors(errors, float(angles_deg.mean()))

@@ -1,4 +1,4 @@
-"""What all layouts begin with: frames in memory, the mesh at rest, and the error to keep."""
+"""Preparation common to all layouts: frames in memory, the rest mesh, and the error budget."""
 
 from dataclasses import dataclass
 
@@ -19,14 +19,14 @@ from meshreel.model.sequence import MeshSequence
 from meshreel.runtime.counting import counted
 
 DEFAULT_MAX_ERROR = 0.1
-"""In percent of the diagonal: a pixel of a thousand, for a mesh that fills the picture."""
+"""Percent of the diagonal: one pixel in a thousand, for a mesh that fills the image."""
 
 DEFAULT_FPS = 24.0
 
 
 @dataclass(frozen=True, eq=False)
-class Gathered:
-    """A sequence that is to become textures.
+class BakeInput:
+    """A sequence prepared for baking to textures.
 
     Attributes
     ----------
@@ -41,61 +41,63 @@ class Gathered:
 
     @property
     def bound(self) -> float:
-        """What textures may add, in model units: what float32 does, where all is one point."""
+        """Error that textures may add, in model units; the float32 resolution of a single point."""
         return self.budget.added or float(np.spacing(np.abs(self.motion.rest).max()))
 
 
-def gather(stream: FrameStream, options: WriteOptions, *, farthest: float = np.inf) -> Gathered:
-    """All frames of a stream in memory; its notes gain what no file of the folder holds.
+def prepare(
+    stream: FrameStream, options: WriteOptions, *, max_distance: float = np.inf
+) -> BakeInput:
+    """Return a stream loaded for baking; its notes gain what the folder cannot store.
 
     Parameters
     ----------
     stream : FrameStream
     options : WriteOptions
-    farthest : float
-        Where a mesh may be, in model units from the origin along an axis.
+    max_distance : float
+        Limit of the coordinates of the mesh, in model units; beyond it, the mesh is centered.
 
     Raises
     ------
     InvalidInputError
-        If positions are beyond float32, or the stream itself may be as far off as is allowed.
+        If positions exceed float32, or the error of the stream itself uses up the error bound.
     """
-    fps = _note_lost(stream)
+    fps = _note_losses(stream)
     sequence = stream.gather()
     mesh = RestMesh(sequence.faces, sequence.surface, sequence.n_verts)
     if n_isolated := sequence.n_verts - len(mesh.used):
         stream.notes.append(f"left out {counted(n_isolated, 'vertex')} that no face uses")
     frames = sequence.vertices[:, mesh.used] if n_isolated else sequence.vertices
     budget = _budget(sequence, options)
-    placement = placement_for(frames, budget.added or np.inf, farthest)
+    placement = placement_for(frames, budget.added or np.inf, max_distance)
     if placement is not NOWHERE:
-        place = " ".join(f"{one:g}" for one in placement.offset)
+        origin = " ".join(f"{one:g}" for one in placement.offset)
         stream.notes.append(
-            f"the mesh is around its own middle, and the node of the file moves it to {place}: "
-            "float32 is too coarse there; keep the node when you import it"
+            f"the mesh is centered at the origin, and the node of the file moves it to {origin}, "
+            "where float32 is too coarse; keep the node when you import it"
         )
-    return Gathered(mesh, Motion(frames, mesh.faces, fps, placement), budget)
+    return BakeInput(mesh, Motion(frames, mesh.faces, fps, placement), budget)
 
 
 def note_error(
     notes: list[str], budget: ErrorBudget, errors: npt.NDArray[np.float64], texels: TexelType
 ) -> None:
-    """Say how far off the furthest vertex is, and in which frame.
+    """Note the largest error of a vertex, and its frame.
 
     Parameters
     ----------
     notes : list of str
     budget : ErrorBudget
     errors : float64 array of shape (T,)
-        Of each frame, in model units.
+        Largest error of each frame, in model units.
     texels : TexelType
-        Of the files that were read back.
+        Type of the texture files.
     """
     worst, frame = float(errors.max()), int(errors.argmax())
     added = "" if budget.origin is None else " added"
     notes.append(
         f"the largest error{added} is {budget.percent(worst):.3g} % of the diagonal, in frame "
-        f"{frame}, as read back from {texels.title}"
+        f"{frame}, as decoded from {texels.title}"
     )
     notes += budget.describe(worst)
 
@@ -116,16 +118,16 @@ def _budget(sequence: MeshSequence, options: WriteOptions) -> ErrorBudget:
     )
 
 
-def _note_lost(stream: FrameStream) -> float:
-    """Note what no file of the folder holds, and give the frame rate to write."""
+def _note_losses(stream: FrameStream) -> float:
+    """Note what the folder cannot store, and return the frame rate to write."""
     notes, surface = stream.notes, stream.surface
     notes.extend(describe_left_out(surface))
-    if cut := describe_fans(surface.sizes(len(stream.faces))):
-        notes.append(cut)
+    if fans := describe_fans(surface.sizes(len(stream.faces))):
+        notes.append(fans)
     if surface.parts:
         notes.append(f"{counted(len(surface.parts), 'part')} become one mesh, without their names")
     if stream.start_s:
-        notes.append(f"begins at 0 s, not {stream.start_s:g} s: textures have no times")
+        notes.append(f"starts at 0 s, not {stream.start_s:g} s: textures have no start time")
     if not stream.fps and stream.n_frames > 1:
-        notes.append(f"the frame rate is not known; written as {DEFAULT_FPS:g} fps")
+        notes.append(f"the frame rate is unknown; written as {DEFAULT_FPS:g} fps")
     return stream.fps or DEFAULT_FPS
