@@ -7,15 +7,15 @@ from pathlib import Path
 import pytest
 
 from samples.browser import driven_browser
-from samples.tabs import Tabs
+from samples.tabs import Tab
 from samples.web_package import built_package
 from samples.webgl import COUNTING
 
 ROOT = Path(__file__).parents[2]
 MODULES = ROOT / "npm" / "node_modules"
 PAGE = Path(__file__).parent / "three_in_browser" / "page.ts"
-HTML = """<!doctype html><title>three</title><canvas width="640" height="480"></canvas>
-<script type="module">{script}</script>"""
+HTML = """<!doctype html><title>three</title>
+<body><script type="module">{script}</script>"""
 
 PLACES = [0, 2, 2.5, 4, 5, 5.25, 5.75, 6, 10.5, 11, 17, 0.5]
 """In blocks and between them, forwards and back; frames 2, 4 and 6 have corrections."""
@@ -66,34 +66,41 @@ def browser():
 
 
 @pytest.fixture(scope="module")
-def tabs(browser):
-    return Tabs(browser, is_webgl_watched=False)  # a context that was lost complains
+def tabs():
+    """Open tabs by the script that ran first in their page."""
+    return {}
 
 
 @pytest.fixture
-def new_page(tabs, script):
-    """Opens pages; an error in a script of theirs fails the test."""
-    address, body = (
-        "http://page.test/",
-        HTML.replace("{script}", script.replace("</script", "<\\/script")),
-    )
+def page_with(browser, script, tabs):
+    """Opens a page once for each script that runs first; an error in its scripts fails the test.
 
-    def open_page(before=""):
-        page = tabs.take(before, {address: body})
-        page.goto(address)
-        page.wait_for_function("window.tests")
-        return page
+    Tests share pages, since each draws in a new canvas.
+    """
+    address = "http://page.test/"
+    body = HTML.replace("{script}", script.replace("</script", "<\\/script"))
+    used = []
 
-    yield open_page
-    assert tabs.give_back() == []
+    def page_with(before):
+        tab = tabs.get(before)
+        if tab is None or tab.is_gone or tab.errors:
+            # A lost context complains.
+            tab = tabs[before] = Tab(browser, before, {address: body}, is_webgl_watched=False)
+            tab.page.goto(address)
+            tab.page.wait_for_function("window.tests")
+        used.append(tab)
+        return tab.page
+
+    yield page_with
+    assert [error for tab in used for error in tab.errors] == []
 
 
 @pytest.fixture
-def ask(new_page):
+def ask(page_with):
     """The answer of a test of the page."""
 
     def answer(name, *given, before="", allowed=()):
-        found = new_page(before).evaluate(
+        found = page_with(before).evaluate(
             "([name, given]) => tests[name](...given)", [name, list(given)]
         )
         if isinstance(found, dict):

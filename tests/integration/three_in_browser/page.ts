@@ -9,25 +9,41 @@ import type { ColorOptions } from "../../../npm/src/three/index";
 import { cornersOf } from "../../../npm/src/three/corners";
 import { type GridOptions, truth, wavingGrid } from "./waving_grid";
 
-const canvas = document.querySelector("canvas") as HTMLCanvasElement;
+let shownStand: Stand | null = null;
 
+/** A canvas of its own with a scene; the page shows one at a time. */
 class Stand {
-  readonly renderer = new THREE.WebGLRenderer({ canvas, preserveDrawingBuffer: true });
+  readonly canvas = document.createElement("canvas");
+  readonly renderer = new THREE.WebGLRenderer({
+    canvas: this.canvas,
+    preserveDrawingBuffer: true,
+  });
   readonly scene = new THREE.Scene();
   readonly camera = new THREE.PerspectiveCamera(40, 4 / 3, 0.1, 100);
   readonly complaints: string[] = [];
   private picture: Uint8Array | null = null; // of the last drawing, where somebody has asked
+  private readonly said = { error: console.error, warn: console.warn };
 
   constructor() {
+    shownStand?.dispose();
+    shownStand = this;
+    document.body.replaceChildren(this.canvas);
     this.renderer.setSize(640, 480, false);
     this.scene.background = new THREE.Color(0xdde3ea);
     this.camera.position.set(1.5, -4, 5);
     this.camera.up.set(0, 0, 1);
     this.camera.lookAt(0, 0, -0.4);
     this.camera.updateMatrixWorld();
-    const { error, warn } = console;
+    const { error, warn } = this.said;
     console.error = (...words) => error(...this.complain(words));
     console.warn = (...words) => warn(...this.complain(words));
+  }
+
+  /** Frees the context, of which browsers have few, and restores the console. */
+  private dispose(): void {
+    Object.assign(console, this.said);
+    this.renderer.dispose();
+    this.renderer.forceContextLoss();
   }
 
   private complain(words: unknown[]): unknown[] {
@@ -196,7 +212,7 @@ function middleColors(
 async function lostContext(stand: Stand, during = () => {}): Promise<void> {
   const extension = stand.renderer.getContext().getExtension("WEBGL_lose_context");
   const told = (type: string) =>
-    new Promise((resolve) => canvas.addEventListener(type, resolve, { once: true }));
+    new Promise((resolve) => stand.canvas.addEventListener(type, resolve, { once: true }));
   const lost = told("webglcontextlost");
   extension?.loseContext();
   await lost;
@@ -318,11 +334,11 @@ const tests = {
 
   /** A colour of the mesh as the renderer for WebGPU draws it, with WebGL 2 behind it. */
   async otherRenderer(isGiven: boolean) {
+    const stand = new Stand();
     const other = document.body.appendChild(document.createElement("canvas"));
     const renderer = new WebGPURenderer({ canvas: other, forceWebGL: true });
     await renderer.init();
     renderer.setSize(640, 480, false);
-    const stand = new Stand();
     stand.scene.add(new THREE.AmbientLight(0xffffff, 3));
     const red = new THREE.MeshBasicMaterial({ color: 0xff0000, side: THREE.DoubleSide });
     const options = isGiven ? { renderer, material: red } : { material: red };
@@ -397,8 +413,8 @@ const tests = {
       await mesh.colorBy("faces");
       await mesh.colorBy("scalar");
       mesh.play();
-      for (let i = 0; i < 15; i++) {
-        mesh.update(0.2);
+      for (let i = 0; i < 5; i++) {
+        mesh.update(0.6); // all of the file, and again
         stand.draw();
         mesh.raycast(new THREE.Raycaster(), []);
         await new Promise((resolve) => setTimeout(resolve, 1));
@@ -433,8 +449,10 @@ const tests = {
   async events(damaged: number[]) {
     const stand = new Stand();
     const reel = await wavingGrid({ damaged });
+    const { open } = ReelFile;
     Object.assign(ReelFile, { open: async () => reel });
     const mesh = await new ReelLoader().loadAsync("grid.reel");
+    Object.assign(ReelFile, { open });
     let isClosed = false;
     reel.close = () => {
       isClosed = true;
@@ -537,7 +555,7 @@ const tests = {
     mesh.seek({ frame: place });
     await shown(mesh);
     stand.draw();
-    return { url: canvas.toDataURL(), complaints: stand.complaints };
+    return { url: stand.canvas.toDataURL(), complaints: stand.complaints };
   },
 
   /** What `colorBy` throws, by its names and options; and whether the last call counts. */
