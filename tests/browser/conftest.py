@@ -7,8 +7,11 @@ import pytest
 
 import meshreel
 from samples.browser import driven_browser
-from samples.player_pages import COMMAND, put_to_rest, viewing, wait_until
-from samples.tabs import Tabs
+from samples.player_pages import COMMAND, put_to_rest, viewing, wait_for_player
+from samples.tabs import Tab, Tabs
+
+SIZE = {"width": 800, "height": 500}
+"""Of pages, unless a test says otherwise: software draws them, and larger ones take longer."""
 
 ALLOWED_ERROR = 0.02
 """Tight for the flag, so that some vertices are corrected; loose, so that errors show."""
@@ -45,20 +48,59 @@ def new_page(tabs):
     """Opens pages; an error in a script of theirs, or in what they ask of WebGL, fails the test."""
 
     def open_page(
-        url, *, width=1280, height=720, script="", routes=None, is_shown=True, is_at_rest=True
+        url,
+        *,
+        width=SIZE["width"],
+        height=SIZE["height"],
+        script="",
+        routes=None,
+        is_shown=True,
+        is_at_rest=True,
     ):
         page = tabs.take(script, routes or {})
         page.set_viewport_size({"width": width, "height": height})
         page.goto(url)
         if is_shown:
-            wait_until(page, "window.player !== undefined")
-            page.evaluate("player.ready")
+            wait_for_player(page)
         if is_shown and is_at_rest:
             put_to_rest(page)
         return page
 
     yield open_page
     assert tabs.give_back() == []
+
+
+@pytest.fixture(scope="module")
+def kept_tabs():
+    """Tabs that stay open for the tests of a module, by address."""
+    kept = {}
+    yield kept
+    for tab in kept.values():
+        tab.context.close()
+
+
+@pytest.fixture
+def shared_page(browser, kept_tabs):
+    """Opens an address once in a module; an error in a script of the page fails the test.
+
+    For tests that change nothing but the frame, the number of modes, and the heat map.
+    """
+    used = []
+
+    def page_of(url):
+        tab = kept_tabs.get(url)
+        if tab is None or tab.is_gone or tab.errors:
+            tab = kept_tabs[url] = Tab(browser, "", {}, is_webgl_watched=True)
+            tab.page.set_viewport_size(SIZE)
+            tab.page.goto(url)
+            wait_for_player(tab.page)
+        used.append(tab)
+        put_to_rest(tab.page)
+        tab.page.evaluate("player.setModes(Infinity)")
+        return tab.page
+
+    yield page_of
+    assert [error for tab in used for error in tab.errors] == []
 
 
 @pytest.fixture(scope="package")

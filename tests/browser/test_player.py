@@ -57,14 +57,32 @@ def _player():
 
 
 @pytest.fixture
-def page(new_page, url):
+def page(shared_page, url):
+    """The player; tests change only its frame, modes and heat map."""
+    return shared_page(url)
+
+
+@pytest.fixture
+def own_page(new_page, url):
+    """The player; tests change what they like."""
     return new_page(url)
 
 
 @pytest.fixture
-def compared(new_page, compared_url):
-    page = new_page(compared_url)
-    page.locator("#plots figure").first.wait_for()  # all frames are measured
+def compared(shared_page, compared_url):
+    """The player beside the original; tests change only its frame, modes and heat map."""
+    return when_measured(shared_page(compared_url))
+
+
+@pytest.fixture
+def own_compared(new_page, compared_url):
+    """The player beside the original; tests change what they like."""
+    return when_measured(new_page(compared_url))
+
+
+def when_measured(page):
+    """The page, once all frames are compared with the original."""
+    page.locator("#plots figure").first.wait_for()
     return page
 
 
@@ -183,27 +201,27 @@ def test_page_plays_on_over_blocks_when_play_is_pressed(page):
     assert state_of(page)["frame"] == frame
 
 
-def test_page_stops_at_the_end_when_it_does_not_loop(page):
-    page.get_by_role("button", name="Loop").click()
-    page.get_by_label("Speed").select_option("4")
-    page.get_by_role("button", name="Play").click()
-    wait_until(page, "!player.state().playing")
-    assert state_of(page)["frame"] == LAST
+def test_page_stops_at_the_end_when_it_does_not_loop(own_page):
+    own_page.get_by_role("button", name="Loop").click()
+    own_page.get_by_label("Speed").select_option("4")
+    own_page.get_by_role("button", name="Play").click()
+    wait_until(own_page, "!player.state().playing")
+    assert state_of(own_page)["frame"] == LAST
 
 
-def test_page_draws_between_frames_when_gaps_are_to_be_filled(page, decoded):
-    page.get_by_label("Fill in between frames").check()
-    page.get_by_label("Speed").select_option("0.25")
-    page.get_by_role("button", name="Play").click()
+def test_page_draws_between_frames_when_gaps_are_to_be_filled(own_page, decoded):
+    own_page.get_by_label("Fill in between frames").check()
+    own_page.get_by_label("Speed").select_option("0.25")
+    own_page.get_by_role("button", name="Play").click()
     distances = []
     for _ in range(8):
-        page.wait_for_timeout(50)
-        distances.append(np.abs(decoded - positions_of(page)).max(axis=(1, 2)).min())
+        own_page.wait_for_timeout(50)
+        distances.append(np.abs(decoded - positions_of(own_page)).max(axis=(1, 2)).min())
     assert max(distances) > 1e-4 * diagonal_of(decoded)
-    page.get_by_role("button", name="Pause").click()
-    frame = state_of(page)["frame"]
-    show(page, frame)
-    assert np.abs(positions_of(page) - decoded[frame]).max() < 1e-4 * diagonal_of(decoded)
+    own_page.get_by_role("button", name="Pause").click()
+    frame = state_of(own_page)["frame"]
+    show(own_page, frame)
+    assert np.abs(positions_of(own_page) - decoded[frame]).max() < 1e-4 * diagonal_of(decoded)
 
 
 def test_page_shows_the_frame_when_the_bar_is_dragged(page, decoded):
@@ -254,13 +272,13 @@ def test_heat_map_paints_each_vertex_by_its_error_when_the_range_is_fixed(compar
         assert 0.5 < state_of(compared)["hottest"] / expected.max() < 3, frame
 
 
-def test_mesh_is_painted_in_the_colours_of_the_map_when_a_heat_map_is_on(compared):
-    show(compared, 20)
-    compared.locator("[name=arrangement][value=decoded]").check()
-    compared.evaluate("player.setHeat('distance')")
-    compared.get_by_label("Colours span the shown frame only").check()
-    compared.evaluate("player.setHeat('distance')")
-    picture = picture_of(compared, "#canvas")[60:]
+def test_mesh_is_painted_in_the_colours_of_the_map_when_a_heat_map_is_on(own_compared):
+    show(own_compared, 20)
+    own_compared.locator("[name=arrangement][value=decoded]").check()
+    own_compared.evaluate("player.setHeat('distance')")
+    own_compared.get_by_label("Colours span the shown frame only").check()
+    own_compared.evaluate("player.setHeat('distance')")
+    picture = picture_of(own_compared, "#canvas")[60:]
     painted = picture[covered(picture)]
     steps = np.linspace(0, len(HEAT) - 1, 200)
     channels = np.array(HEAT).T
@@ -271,16 +289,16 @@ def test_mesh_is_painted_in_the_colours_of_the_map_when_a_heat_map_is_on(compare
 
 
 def test_heat_map_spans_up_to_the_largest_error_when_its_range_is_of_one_frame(
-    compared, flag, decoded
+    own_compared, flag, decoded
 ):
-    show(compared, 20)
-    compared.evaluate("player.setHeat('distance')")
-    compared.get_by_label("Colours span the shown frame only").check()
-    wait_until(compared, "player.state().perFrameRange")
-    compared.evaluate("player.setHeat('distance')")
+    show(own_compared, 20)
+    own_compared.evaluate("player.setHeat('distance')")
+    own_compared.get_by_label("Colours span the shown frame only").check()
+    wait_until(own_compared, "player.state().perFrameRange")
+    own_compared.evaluate("player.setHeat('distance')")
     values = distance_percent(flag, decoded, 20)
-    assert state_of(compared)["hottest"] == pytest.approx(values.max(), rel=1e-4)
-    assert values_of(compared).argmax() == values.argmax()
+    assert state_of(own_compared)["hottest"] == pytest.approx(values.max(), rel=1e-4)
+    assert values_of(own_compared).argmax() == values.argmax()
 
 
 def test_mesh_is_not_painted_when_the_heat_map_is_off(compared):
@@ -332,7 +350,9 @@ def test_legend_covers_nothing_when_a_heat_map_is_on(new_page, compared_url, wid
 
 
 def test_plot_seeks_when_it_is_clicked(compared):
-    box = compared.locator("#plots svg").first.bounding_box()
+    plot = compared.locator("#plots svg").first
+    plot.scroll_into_view_if_needed()
+    box = plot.bounding_box()
     compared.mouse.click(box["x"] + box["width"] * 0.97, box["y"] + box["height"] / 2)
     wait_until(compared, f"player.state().frame > {LAST - 2}")
 
@@ -343,8 +363,8 @@ def test_panel_tells_ratio_errors_and_bytes_when_there_is_an_original(compared):
         assert figure in panel
 
 
-def test_mesh_stands_in_the_middle_of_the_canvas_when_the_page_opens(page):
-    mask = covered(picture_of(page, "#canvas"))[60:]
+def test_mesh_stands_in_the_middle_of_the_canvas_when_the_page_opens(own_page):
+    mask = covered(picture_of(own_page, "#canvas"))[60:]
     assert 0.1 < mask.mean() < 0.7
     middle = np.argwhere(mask).mean(axis=0) / mask.shape
     assert np.abs(middle - 0.5).max() < 0.25
@@ -360,7 +380,8 @@ def test_mesh_fills_two_thirds_of_the_canvas_when_the_page_opens(new_page, url, 
     assert max(shares) < 1
 
 
-def test_mesh_stays_in_the_middle_when_it_is_followed(page):
+def test_mesh_stays_in_the_middle_when_it_is_followed(new_page, url):
+    page = new_page(url, width=1280, height=720)  # of lower ones, the cut below is a large part
     page.get_by_label("Keep the mesh in the middle").check()
     for frame in (0, LAST):
         show(page, frame)
@@ -376,24 +397,24 @@ def test_both_meshes_cover_the_same_area_when_they_stand_side_by_side(compared):
     assert left.mean() == pytest.approx(right.mean(), rel=0.02)
 
 
-def test_views_turn_together_when_one_is_dragged(compared):
-    before = picture_of(compared, "#canvas")
-    box = compared.locator("#canvas").bounding_box()
-    compared.mouse.move(box["x"] + box["width"] * 0.25, box["y"] + box["height"] / 2)
-    compared.mouse.down()
-    compared.mouse.move(box["x"] + box["width"] * 0.35, box["y"] + box["height"] * 0.6, steps=4)
-    compared.mouse.up()
-    compared.wait_for_timeout(300)
-    after = picture_of(compared, "#canvas")
+def test_views_turn_together_when_one_is_dragged(own_compared):
+    before = picture_of(own_compared, "#canvas")
+    box = own_compared.locator("#canvas").bounding_box()
+    own_compared.mouse.move(box["x"] + box["width"] * 0.25, box["y"] + box["height"] / 2)
+    own_compared.mouse.down()
+    own_compared.mouse.move(box["x"] + box["width"] * 0.35, box["y"] + box["height"] * 0.6, steps=4)
+    own_compared.mouse.up()
+    own_compared.wait_for_timeout(300)
+    after = picture_of(own_compared, "#canvas")
     changed = np.abs(after - before).max(axis=2) > 12
     left, right = np.array_split(changed[60:], 2, axis=1)
     assert min(left.mean(), right.mean()) > 0.03
 
 
-def test_overlay_draws_lines_of_the_original_when_it_is_chosen(compared):
-    compared.locator("[name=arrangement][value=over]").check()
-    compared.wait_for_timeout(300)
-    red, _, blue = picture_of(compared, "#canvas")[60:].transpose(2, 0, 1)
+def test_overlay_draws_lines_of_the_original_when_it_is_chosen(own_compared):
+    own_compared.locator("[name=arrangement][value=over]").check()
+    own_compared.wait_for_timeout(300)
+    red, _, blue = picture_of(own_compared, "#canvas")[60:].transpose(2, 0, 1)
     assert (red - blue > 40).mean() > 0.01
 
 
@@ -409,22 +430,22 @@ def test_overlay_is_not_hidden_when_the_original_lies_just_behind(new_page, flag
     assert (red - blue > 40).mean() > 0.02
 
 
-def test_keys_do_what_their_controls_do_when_they_are_pressed(page):
-    before = picture_of(page, "#canvas")
+def test_keys_do_what_their_controls_do_when_they_are_pressed(own_page):
+    before = picture_of(own_page, "#canvas")
     for key, changed in (
         ("w", "#wire"),
         ("f", "[name=shading][value=smooth]"),
         ("u", "[name=up][value=z]"),
     ):
-        page.keyboard.press(key)
-        assert page.locator(changed).is_checked(), key
-        page.wait_for_timeout(300)
-        after = picture_of(page, "#canvas")
+        own_page.keyboard.press(key)
+        assert own_page.locator(changed).is_checked(), key
+        own_page.wait_for_timeout(300)
+        after = picture_of(own_page, "#canvas")
         assert (after != before).any(), key
         before = after
 
 
-def test_keys_step_and_jump_when_they_are_pressed(page):
+def test_keys_step_and_jump_when_they_are_pressed(own_page):
     for key, frame in [
         ("ArrowRight", 1),
         ("Shift+ArrowRight", 11),
@@ -434,10 +455,10 @@ def test_keys_step_and_jump_when_they_are_pressed(page):
         ("End", LAST),
         ("Home", 0),
     ]:
-        page.keyboard.press(key)
-        assert state_of(page)["frame"] == frame
-    page.keyboard.press(" ")
-    assert state_of(page)["playing"]
+        own_page.keyboard.press(key)
+        assert state_of(own_page)["frame"] == frame
+    own_page.keyboard.press(" ")
+    assert state_of(own_page)["playing"]
 
 
 def test_help_lists_the_keys_when_they_are_asked_for(page):

@@ -59,6 +59,12 @@ def show(page, frame):
     page.evaluate("frame => player.seek(frame)", frame)
 
 
+def wait_for_player(page):
+    """Wait until the player shows its first frame."""
+    wait_until(page, "window.player !== undefined")
+    page.evaluate("player.ready")
+
+
 def put_to_rest(page):
     """Have the first frame shown plainly, and nothing move by itself."""
     page.evaluate("player.takeOver()")
