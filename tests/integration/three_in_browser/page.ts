@@ -11,7 +11,7 @@ import { type GridOptions, truth, wavingGrid } from "./waving_grid";
 
 let shownStand: Stand | null = null;
 
-/** A canvas of its own with a scene; the page shows one at a time. */
+/** A new canvas with a scene; the page shows one at a time. */
 class Stand {
   readonly canvas = document.createElement("canvas");
   readonly renderer = new THREE.WebGLRenderer({
