@@ -72,7 +72,7 @@ class FrameFormat:
         this format are only read. The notes gain a sentence on what such a file does not hold.
         Where it holds tracks, it takes them too, by their names, and gives a function from the
         positions and the values of each track in the frame, by its name, of shape (N, C).
-    positions_like : function of the bytes of a file and the mesh that it holds, optional
+    positions_reader : function of the bytes of a file and the mesh that it holds, optional
         Gives a function from the bytes of another file to its positions, for one that `parse`
         would give the same faces; else, or if it does not look so at once, None.
     parse_surface : function of the bytes of a file and a list of notes, optional
@@ -81,12 +81,12 @@ class FrameFormat:
     parse_fields : function of the bytes of a file, optional
         Gives all that the file has at vertices, faces and corners. What changes from file to file,
         or is said to be one, is a track.
-    same_fields : function of the bytes of a file, optional
+    fields_checker : function of the bytes of a file, optional
         Gives a function from the bytes of another file to whether it certainly has the same fields,
         known without reading them.
     is_decimal : bool, default False
         Whether positions are decimal text without a declared type.
-    has_corners_only : bool, default False
+    has_unshared_vertices : bool, default False
         Whether every triangle has three vertices of its own, which must be welded.
     holds_tracks : set of Domain
         Of which tracks files that are written hold some; others are left out, with a note.
@@ -96,12 +96,14 @@ class FrameFormat:
     title: str
     parse: Callable[[bytes], PolygonMesh]
     encoder: Callable[..., Callable[..., bytes]] | None
-    positions_like: Callable[[bytes, PolygonMesh], Callable[[bytes], Vertices | None]] | None = None
+    positions_reader: Callable[[bytes, PolygonMesh], Callable[[bytes], Vertices | None]] | None = (
+        None
+    )
     parse_surface: Callable[[bytes, list[str]], Surface] | None = None
     parse_fields: Callable[[bytes], Fields] | None = None
-    same_fields: Callable[[bytes], Callable[[bytes], bool]] | None = None
+    fields_checker: Callable[[bytes], Callable[[bytes], bool]] | None = None
     is_decimal: bool = False
-    has_corners_only: bool = False
+    has_unshared_vertices: bool = False
     holds_tracks: frozenset[Domain] = NO_TRACKS
 
 

@@ -269,7 +269,7 @@ def read_frames(
         As `MeshFiles.meshes`.
     """
     survey = FrameSurvey(is_decimal=files.format.is_decimal)
-    if files.format.has_corners_only:
+    if files.format.has_unshared_vertices:
         weld = _weld(files, survey, progress, notes)
         meshes = files.meshes(progress, "reading")
         frames: Iterator[Vertices] = (mesh.vertices[weld.representatives] for mesh in meshes)
@@ -306,7 +306,7 @@ def open_frames(
     """
     survey = FrameSurvey(is_decimal=files.format.is_decimal)
     kept: slice | npt.NDArray[np.int64] = slice(None)
-    if files.format.has_corners_only:
+    if files.format.has_unshared_vertices:
         weld = _weld(files, survey, progress, notes)
         faces, kept, n_verts = weld.faces, weld.representatives, len(weld.representatives)
         surface = PLAIN

@@ -22,7 +22,7 @@ from samples.sources import statements
 N_ARGUMENTS = {
     "parse": 1,
     "encoder": 3,
-    "positions_like": 2,
+    "positions_reader": 2,
     "parse_surface": 2,
     "parse_fields": 1,
     "open": 2,
@@ -30,7 +30,7 @@ N_ARGUMENTS = {
     "read_meshes": 2,
     "files_beside": 2,
     "list_animations": 2,
-    "same_fields": 1,
+    "fields_checker": 1,
     "files": 2,
 }
 """How many arguments each function of a row is called with."""

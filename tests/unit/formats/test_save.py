@@ -73,7 +73,7 @@ def test_save_leaves_the_folder_as_it_was_when_a_later_frame_fails(tmp_path, mak
     vertices = make_sequence(3, np.float64).vertices.copy()
     vertices[2, 0, 0] = 1e39
     sequence = MeshSequence(vertices, make_sequence().faces)
-    with pytest.raises(InvalidInputError, match="an STL file holds float32"):
+    with pytest.raises(InvalidInputError, match="STL stores float32"):
         save(sequence, tmp_path / "f_%d.stl", overwrite=True)
     assert (listing(tmp_path), (tmp_path / "f_0.stl").read_text()) == (["f_0.stl"], "old")
 

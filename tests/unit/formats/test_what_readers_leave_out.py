@@ -129,7 +129,7 @@ def test_numbers_of_colours_are_named_when_an_off_file_has_them(tmp_path):
     text = "NOFF\n3 1 0\n0 0 0 0 0 1\n1 0 0 0 0 1\n0 1 0 0 0 1\n3 0 1 2 4\n"
     assert left_out(stored(tmp_path, "a.off", text)) == [
         "normals, which programs compute",
-        "colours of faces, which not all have as three numbers or four",
+        "face colors, which not all faces have as three or four numbers",
     ]
 
 
@@ -138,9 +138,7 @@ def test_spare_bytes_are_named_when_an_stl_file_uses_them(tmp_path):
     data = bytearray((tmp_path / "a.stl").read_bytes())
     data[80 + 4 + 48] = 31
     (tmp_path / "a.stl").write_bytes(data)
-    assert left_out(tmp_path / "a.stl") == [
-        "what the spare bytes of triangles hold, such as colours"
-    ]
+    assert left_out(tmp_path / "a.stl") == ["spare bytes of triangles, such as colors"]
 
 
 def test_changes_are_named_when_materials_of_frames_differ(tmp_path):

@@ -36,8 +36,8 @@ def read_topology(cache: Path, n_verts: int, options: ReadOptions) -> tuple[Face
             f"as {path.name}"
         )
     mesh_format = FRAME_FORMATS.get(path.suffix.lower())
-    if mesh_format is None or mesh_format.has_corners_only:
-        known = [one.ending for one in FRAME_FORMATS.values() if not one.has_corners_only]
+    if mesh_format is None or mesh_format.has_unshared_vertices:
+        known = [one.ending for one in FRAME_FORMATS.values() if not one.has_unshared_vertices]
         raise FormatError(f"{path}: faces of a point cache are read from {', '.join(known)} files")
     refuse_pipe(path)
     with os_errors_naming(path):

@@ -143,7 +143,7 @@ class MeshFiles:
         """What is known of the arrays of each frame, and a number that tells their values."""
         if self.format.parse_fields is None:
             return [{} for _ in self.paths]
-        are_same = self._same_fields
+        are_same = self._fields_checker
         found: list[dict[Key, tuple[Field, int]]] = []
         for index in range(len(self)):
             if index and are_same is not None:
@@ -156,12 +156,12 @@ class MeshFiles:
         return found
 
     @cached_property
-    def _same_fields(self) -> Callable[[bytes], bool] | None:
+    def _fields_checker(self) -> Callable[[bytes], bool] | None:
         """Whether the bytes of a file have the fields of the first, if that can be told."""
-        if self.format.same_fields is None or len(self) < 2:
+        if self.format.fields_checker is None or len(self) < 2:
             return None
         with self._contents(0) as data:
-            return self.format.same_fields(data)
+            return self.format.fields_checker(data)
 
     @cached_property
     def _moving_fields(self) -> set[Key]:
@@ -201,7 +201,7 @@ class MeshFiles:
         Reading what a frame carries takes about as long as reading its positions; of large files
         some, from the first to the last, are enough to see what moves.
         """
-        carries_nothing = self.format.parse_surface is None or self.format.has_corners_only
+        carries_nothing = self.format.parse_surface is None or self.format.has_unshared_vertices
         if carries_nothing or len(self) == 1:
             return []
         n_fitting = COMPARED_BYTES // max(1, self.paths[0].stat().st_size)
@@ -212,8 +212,8 @@ class MeshFiles:
         """The mesh of the file that is read first, whose faces the others most likely have."""
         mesh = self.format.parse(data)
         self._faces = mesh.counts, mesh.corners
-        if len(self) > 1 and self.format.positions_like is not None:
-            self._positions = self.format.positions_like(data, mesh)
+        if len(self) > 1 and self.format.positions_reader is not None:
+            self._positions = self.format.positions_reader(data, mesh)
         return mesh
 
     @contextmanager

@@ -1,1 +1,1 @@
-"""Files that hold one mesh, so one frame of a sequence: OBJ, OFF, PLY and STL."""
+"""Formats with one static mesh, so one frame, per file: OBJ, OFF, PLY and STL."""

@@ -1,10 +1,11 @@
 """Wavefront OBJ: the vertices and faces of one frame.
 
-Our own reader: the one of trimesh splits vertices at texture seams and leaves out those that no
-face uses, so that frames could differ; a sequence needs them all, in file order. Read: ``v``
-(columns after z ignored), ``f`` (only the vertex of ``v/vt/vn``; negative indices count back from
-the last vertex above), comments, and a backslash that continues a line. Everything else is passed
-over; `meshreel.formats.meshes.obj_surface` reads what of it is the same in every frame.
+Supports ``v`` (columns after z are ignored), ``f`` (only the vertex of ``v/vt/vn``; negative
+indices count back from the last vertex above), comments, and a backslash that continues a line.
+`meshreel.formats.meshes.obj_surface` reads attributes and groups; other statements are ignored.
+
+trimesh is not used: it splits vertices at texture seams and drops unused ones, so frames could get
+different vertices. A sequence needs all of them in file order.
 """
 
 import re
@@ -27,42 +28,43 @@ END_OF_SEGMENT = re.compile(rb"\nv(?!t)")
 
 
 def parse_obj(data: bytes) -> PolygonMesh:
-    """The mesh of the bytes of an OBJ file; positions in float64.
+    """Parse the mesh of an OBJ file; positions are float64.
 
     Raises
     ------
     FormatError
-        Naming the line that is wrong, or if there are no vertices or no faces.
+        If a line is invalid, which the error names, or there are no vertices or no faces.
     """
     return obj_mesh(split_lines(data, continuation=True))
 
 
 def obj_mesh(lines: TokenLines) -> PolygonMesh:
-    """The mesh of the lines of an OBJ file; as `parse_obj`."""
+    """Return the mesh of the tokenized lines of an OBJ file; raises as `parse_obj`."""
     is_vertex = lines.begins_with(b"v")
     face_lines = np.flatnonzero(lines.begins_with(b"f"))
     counts = lines.counts[face_lines] - 1
     tokens = ragged_indices(lines.first[face_lines] + 1, counts)
-    written = lines.integers(tokens, stop_at_slash=True)
+    indices = lines.integers(tokens, stop_at_slash=True)
     n_above = np.repeat(np.cumsum(is_vertex)[face_lines], counts)
     vertices = _vertices(lines, np.flatnonzero(is_vertex))
     return polygon_mesh(
         vertices,
         counts,
-        np.where(written < 0, n_above + written, written - 1),
+        np.where(indices < 0, n_above + indices, indices - 1),
         place=lambda face: lines.place(face_lines[face]),
-        given=lambda corner: written[corner],
+        given=lambda corner: indices[corner],
         allowed=f"1..{len(vertices)}, or count back with -1..-{len(vertices)}",
     )
 
 
-def obj_positions_like(first: bytes, mesh: PolygonMesh) -> Callable[[bytes], Vertices | None]:
-    """A function from the bytes of another file to its positions, if its faces are the same text.
+def obj_positions_reader(first: bytes, mesh: PolygonMesh) -> Callable[[bytes], Vertices | None]:
+    """Return a function that reads only the positions of files with the same face text as `first`.
 
-    It gives None for a file that must be read whole: faces or texture coordinates are written
-    otherwise, or something is wrong. Only the lines between are read, in a third of the time.
+    It takes the bytes of a file and returns None if the file must be parsed completely, because
+    its faces or texture coordinates differ or it is damaged. Skipping the common text makes
+    reading three times faster.
     """
-    segments, n_verts = _same_segments(first), len(mesh.vertices)
+    segments, n_verts = _constant_segments(first), len(mesh.vertices)
     counts_back = any(b" -" in segment for segment in segments)
 
     def positions(data: bytes) -> Vertices | None:
@@ -72,25 +74,25 @@ def obj_positions_like(first: bytes, mesh: PolygonMesh) -> Callable[[bytes], Ver
         vertex_lines = np.flatnonzero(lines.begins_with(b"v"))
         if lines.begins_with(b"f").any() or len(vertex_lines) != n_verts:
             return None
-        with suppress(FormatError):  # reading it whole names the line
+        with suppress(FormatError):  # parsing the whole file reports the line
             return _vertices(lines, vertex_lines)
         return None
 
     return positions
 
 
-def obj_same_fields(first: bytes) -> Callable[[bytes], bool]:
-    """A function from the bytes of another file to whether it certainly has the same fields.
+def obj_fields_checker(first: bytes) -> Callable[[bytes], bool]:
+    """Return a function that tells whether a file certainly has the same fields as `first`.
 
-    So it is if faces and texture coordinates are the same text, and neither file has normals or
-    colours of vertices.
+    It has if faces and texture coordinates are the same text, and neither file has normals or
+    vertex colors.
     """
-    segments = _same_segments(first)
+    segments = _constant_segments(first)
     counts_back = any(b" -" in segment for segment in segments)
-    can_differ = not segments or counts_back or _has_moving_lines(first)
+    can_differ = not segments or counts_back or _has_normals_or_colors(first)
 
     def are_same(data: bytes) -> bool:
-        if can_differ or _has_moving_lines(data) or b"\\" in data:
+        if can_differ or _has_normals_or_colors(data) or b"\\" in data:
             return False
         rest = _without(segments, data)
         return rest is not None and FIELD_LINE.search(rest) is None
@@ -98,14 +100,14 @@ def obj_same_fields(first: bytes) -> Callable[[bytes], bool]:
     return are_same
 
 
-def _has_moving_lines(data: bytes) -> bool:
-    """Whether there are normals, or a first vertex that more than three numbers follow."""
+def _has_normals_or_colors(data: bytes) -> bool:
+    """Whether the file has normals, or a first vertex with more than three numbers."""
     found = FIRST_VERTEX.search(data)
     return b"vn" in data or found is None or len(found[1].split()) > N_POSITION
 
 
-def _same_segments(data: bytes) -> list[bytes]:
-    """The text from the first face or texture coordinate on, up to the next vertex; and so on."""
+def _constant_segments(data: bytes) -> list[bytes]:
+    """Text segments that begin with a face or texture coordinate and end before a vertex."""
     segments, end = [], 0
     while (begin := _next_segment(data, end)) >= 0:
         found = END_OF_SEGMENT.search(data, begin)
@@ -115,15 +117,15 @@ def _same_segments(data: bytes) -> list[bytes]:
 
 
 def _next_segment(data: bytes, at: int) -> int:
-    """Where the line before the next face or texture coordinate ends; -1 if there is none."""
+    """Offset of the newline before the next face or texture coordinate; -1 if there is none."""
     face = _next_line(data, b"\nf ", at, len(data))
     texture = _next_line(data, b"\nvt ", at, face if face >= 0 else len(data))
     return texture if texture >= 0 else face
 
 
 def _next_line(data: bytes, beginning: bytes, at: int, stop: int) -> int:
-    """Where the next line with that beginning has it; -1 if there is none before `stop`."""
-    # Looking for one letter, which numbers do not have, is a hundred times faster than for two.
+    """Offset of the next occurrence of a line beginning; -1 if there is none before `stop`."""
+    # Searching for one letter that numbers do not contain is a hundred times faster than for two.
     letter = beginning[-2:-1]
     while (at := data.find(letter, at, stop) + 1) > 0:
         begin = at - len(beginning) + 1
@@ -133,7 +135,7 @@ def _next_line(data: bytes, beginning: bytes, at: int, stop: int) -> int:
 
 
 def _without(segments: list[bytes], data: bytes) -> bytes | None:
-    """The text between the segments, if all of them are there where such begin."""
+    """Text between the segments; None if the data does not contain them all where they belong."""
     pieces, end = [], 0
     for segment in segments:
         begin = _next_segment(data, end)

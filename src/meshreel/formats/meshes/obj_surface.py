@@ -1,9 +1,9 @@
 """Attributes and groups of an OBJ file.
 
-Texture coordinates (``vt``, and the second number of ``v/vt/vn``), colours of vertices (``v`` with
-six numbers), ``usemtl``, ``g`` and ``o``; normals (``vn``) where they change from frame to frame.
-Hard edges are those of normals, or, in a file without normals, of smoothing groups (``s``). Passed
-over: the name of the material library.
+Supports texture coordinates (``vt``, the second number of ``v/vt/vn``), vertex colors (``v`` with
+six numbers), ``usemtl``, ``g``, ``o``, and normals (``vn``) that change between frames. Hard edges
+come from normals, or without normals from smoothing groups (``s``). Material libraries are not
+read.
 """
 
 from contextlib import suppress
@@ -28,34 +28,33 @@ from meshreel.model.geometry.ragged import ragged_indices
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 
 STATEMENTS = {"material": b"usemtl", "group": b"g", "object": b"o"}
-"""The kinds of groups of faces, and the statement that begins one."""
+"""Statement that begins a face group, by the name of the groups."""
 
 NORMALS_NAME = "normals"
-"""What tracks of normals are called."""
+"""Name of the track with the normals."""
 
 N_COLORED = 6
-"""Numbers of a vertex with a colour."""
+"""How many numbers a vertex with a color has."""
 
 
 LEFT_OUT = {
     b"l": "lines", b"p": "points", b"mtllib": "the material library",
     b"curv": "curves", b"curv2": "curves", b"surf": "free-form surfaces",
 }  # fmt: skip
-"""The contents of statements that are passed over."""
+"""What notes call the contents of unsupported statements."""
 
 
 def parse_obj_surface(data: bytes, notes: list[str] | None = None) -> Surface:
-    """Attributes, groups and parts of the bytes of an OBJ file that `parse_obj` reads.
+    """Return the attributes, groups and parts of an OBJ file that `parse_obj` can read.
 
-    Colours are of 0..255 if they are whole numbers that exceed 1, and become floats of 0..1. A
-    corner that names no texture coordinate, or one that is not there, has (0, 0) if others have
-    one. Objects are parts if their faces name vertices of their own only, else groups; a single
-    object is neither.
+    Colors that are integers beyond 1 are taken as 0..255 and scaled to floats in 0..1. Corners
+    without a valid texture coordinate get (0, 0) if others have one. Objects are parts if their
+    faces use only their own vertices, otherwise groups; a single object is neither.
 
     Raises
     ------
     FormatError
-        Naming the line that is wrong.
+        If a line is invalid; the error names it.
     """
     lines = split_lines(data, continuation=True)
     face_lines = np.flatnonzero(lines.begins_with(b"f"))
@@ -74,14 +73,14 @@ def parse_obj_surface(data: bytes, notes: list[str] | None = None) -> Surface:
     return Surface(
         None,
         tuple(one for one in attributes if one is not None),
-        tuple(one for one in groups if one.labels and not _is_told(one, parts)),
+        tuple(one for one in groups if one.labels and not _is_redundant(one, parts)),
         parts,
         hard_edges=None if hard is None else hard.edges,
     )
 
 
 def _hard_edges(lines: TokenLines, face_lines: Integers) -> HardEdges | None:
-    """Those of normals, or of smoothing groups; None if the file has neither."""
+    """Hard edges from normals or smoothing groups; None if the file has neither."""
     statements = np.flatnonzero(lines.begins_with(b"s"))
     if not len(statements) and not lines.begins_with(b"vn").any():
         return None
@@ -89,25 +88,25 @@ def _hard_edges(lines: TokenLines, face_lines: Integers) -> HardEdges | None:
     with suppress(FormatError):
         if (normals := _normals(lines, face_lines)) is not None:
             domain, values = normals
-            of_corners = values[mesh.corners] if domain is Domain.VERTEX else values
-            return find_hard_edges(mesh, of_corners)
+            corner_normals = values[mesh.corners] if domain is Domain.VERTEX else values
+            return find_hard_edges(mesh, corner_normals)
     if not len(statements):
         return None
     labels = {"off": 0, "0": 0, "": 0}
-    of_statement = [
+    statement_labels = [
         labels.setdefault(lines.words_after_first(one), len(labels)) for one in statements.tolist()
     ]
     above = _last_above(statements, face_lines)
-    # Above the first statement smoothing is off, as the format has it.
-    found = edges_of_groups(mesh, np.array([*of_statement, 0])[above])
+    # The format turns smoothing off above the first statement.
+    found = edges_of_groups(mesh, np.array([*statement_labels, 0])[above])
     return None if found.edges is None else found
 
 
 def parse_obj_fields(data: bytes) -> Fields:
-    """Texture coordinates, colours and normals of the bytes of an OBJ file, in float32.
+    """Return the texture coordinates, colors and normals of an OBJ file, in float32.
 
-    Normals are of vertices if every corner names that of the number of its vertex, else of corners;
-    they are missing where a corner names none. Normals that are no numbers are none.
+    Normals belong to vertices if each corner uses the same index for vertex and normal, otherwise
+    to corners; corners without a normal get NaN. Normals that are not numbers are ignored.
 
     Raises
     ------
@@ -132,7 +131,7 @@ def parse_obj_fields(data: bytes) -> Fields:
 def _normals(
     lines: TokenLines, face_lines: Integers
 ) -> tuple[Domain, npt.NDArray[np.float32]] | None:
-    """Where normals are, and which; None if no corner names one."""
+    """Domain and values of the normals; None if no corner has one."""
     is_row = lines.begins_with(b"vn")
     row_lines = np.flatnonzero(is_row)
     if not len(row_lines):
@@ -141,12 +140,12 @@ def _normals(
     if not is_there.any():
         return None
     is_whole = lines.counts[row_lines] > len("xyz")
-    values = np.full((len(row_lines) + 1, 3), np.nan, np.float32)  # the last is that of none
+    values = np.full((len(row_lines) + 1, 3), np.nan, np.float32)  # last row: missing normal
     places = lines.first[row_lines[is_whole]][:, None] + np.arange(1, 4)
     values[np.flatnonzero(is_whole)] = lines.floats(places)
     n_verts = int(lines.begins_with(b"v").sum())
-    is_of_verts = is_there.all() and len(row_lines) == n_verts
-    if is_of_verts and (rows == obj_mesh(lines).corners).all():
+    are_vertex_normals = is_there.all() and len(row_lines) == n_verts
+    if are_vertex_normals and (rows == obj_mesh(lines).corners).all():
         return Domain.VERTEX, values[:-1]
     rows[~is_there] = len(row_lines)
     return Domain.CORNER, values[rows]
@@ -155,7 +154,7 @@ def _normals(
 def _rows(
     lines: TokenLines, face_lines: Integers, is_row: npt.NDArray[np.bool_], n_slashes: int
 ) -> tuple[Integers, npt.NDArray[np.bool_]]:
-    """The row that each corner names behind so many slashes, and whether it is there."""
+    """Row that each corner refers to after `n_slashes` slashes, and whether it exists."""
     counts = lines.counts[face_lines] - 1
     words = ragged_indices(lines.first[face_lines] + 1, counts)
     written, has_one = lines.integers_after_slash(words, n_slashes)
@@ -178,7 +177,7 @@ def _texture_coordinates(lines: TokenLines, face_lines: Integers) -> Attribute |
 
 
 def _texture_rows(lines: TokenLines, row_lines: Integers) -> npt.NDArray[np.float32]:
-    """The texture coordinates of those lines; v is 0 where a line has only u."""
+    """Texture coordinates of the given lines; v is 0 if a line has only u."""
     first, counts = lines.first[row_lines], lines.counts[row_lines]
     values = np.zeros((len(row_lines), 2), np.float32)
     for column in range(2):
@@ -201,38 +200,40 @@ def _groups(lines: TokenLines, face_lines: Integers, name: str) -> FaceGroups:
     statements = np.flatnonzero(lines.begins_with(STATEMENTS[name]))
     above = _last_above(statements, face_lines)
     labels: dict[str, int] = {}
-    numbers = np.full(len(statements) + 1, -1, np.int32)  # the last row is that of none above
+    numbers = np.full(len(statements) + 1, -1, np.int32)  # last row: no statement above
     for used in np.unique(above[above >= 0]):
         if label := lines.words_after_first(int(statements[used])):
             numbers[used] = labels.setdefault(label, len(labels))
     return FaceGroups(name, tuple(labels), numbers[above])
 
 
-def _is_told(groups: FaceGroups, parts: tuple[Part, ...]) -> bool:
-    """Whether groups say no more than the parts, or that all is one object."""
+def _is_redundant(groups: FaceGroups, parts: tuple[Part, ...]) -> bool:
+    """Whether groups are objects that equal the parts, or a single object with all faces."""
     is_whole = len(groups.labels) == 1 and bool((groups.numbers == 0).all())
     return groups.name == "object" and (is_whole or bool(parts))
 
 
 def _parts(lines: TokenLines, face_lines: Integers) -> tuple[Part, ...]:
-    """The objects, if there are several and none uses what belongs to another."""
+    """Objects as parts, if there are several and none uses vertices of another."""
     statements = np.flatnonzero(lines.begins_with(STATEMENTS["object"]))
-    of_verts = _last_above(statements, np.flatnonzero(lines.begins_with(b"v")))
-    of_faces = _last_above(statements, face_lines)
+    vertex_objects = _last_above(statements, np.flatnonzero(lines.begins_with(b"v")))
+    face_objects = _last_above(statements, face_lines)
     names = [lines.words_after_first(statement) for statement in statements.tolist()]
-    used = np.unique(np.concatenate([of_verts, of_faces]))
+    used = np.unique(np.concatenate([vertex_objects, face_objects]))
     if used[0] < 0 or len(used) < 2:
         return ()
     labels = [names[number] for number in used]
     if len({*labels}) < len(labels) or not all(labels):
         return ()
     mesh = obj_mesh(lines)
-    if (of_verts[mesh.corners] != np.repeat(of_faces, mesh.counts)).any():
+    if (vertex_objects[mesh.corners] != np.repeat(face_objects, mesh.counts)).any():
         return ()
-    n_verts, n_faces = (np.bincount(of, minlength=len(names)) for of in (of_verts, of_faces))
+    n_verts, n_faces = (
+        np.bincount(of, minlength=len(names)) for of in (vertex_objects, face_objects)
+    )
     return tuple(Part(names[one], int(n_verts[one]), int(n_faces[one])) for one in used)
 
 
 def _last_above(statements: Integers, lines: Integers) -> Integers:
-    """The last of the statements above each line; -1 if there is none."""
+    """Index of the last statement above each line; -1 if there is none."""
     return np.searchsorted(statements, lines) - 1

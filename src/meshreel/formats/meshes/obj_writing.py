@@ -1,9 +1,9 @@
-"""A frame to the bytes of a Wavefront OBJ file.
+"""Writer for Wavefront OBJ files, one frame per file.
 
-Written: positions, with colours of vertices if there are any; texture coordinates; polygons; the
-groups that `meshreel.formats.meshes.obj_surface` reads; and parts as objects. Colours are floats of
-three numbers. Of tracks, colours and normals of each frame, and its texture coordinates. Hard edges
-are smoothing groups, or where these cannot say them, normals of each frame.
+Writes positions with vertex colors (RGB floats), texture coordinates, polygons, the groups that
+`meshreel.formats.meshes.obj_surface` reads, and parts as objects. Tracks of colors, normals and
+texture coordinates are written for each frame. Hard edges become smoothing groups, or normals of
+each frame if smoothing groups cannot express them.
 """
 
 import re
@@ -29,31 +29,31 @@ from meshreel.model.surface import PLAIN, Attribute, Domain, FaceGroups, Kind, S
 from meshreel.model.tracks import TrackKind, TrackSource
 
 SMOOTHING = "s"
-"""The statement of smoothing groups."""
+"""OBJ statement of smoothing groups."""
 
 READ_AS = {TrackKind.COLOR: "color", TrackKind.UV: "uv", TrackKind.NORMAL: NORMALS_NAME}
-"""What tracks of a kind are called when they are read again."""
+"""Names of tracks of these kinds when they are read back."""
 
-NO_PLACE = "tracks but colours of vertices, normals and texture coordinates"
+UNSUPPORTED = "tracks other than vertex colors, normals and UV coordinates"
 
-TOO_MANY = "more than one colour, normal or texture coordinate at a place"
+TOO_MANY = "more than one color, normal or UV track"
 
 
 @dataclass(frozen=True)
 class ObjTrack:
-    """A track as an OBJ file has it: float32, colours of 0..1.
+    """How a track is stored in an OBJ file: float32, colors in 0..1.
 
     Attributes
     ----------
     name : str
-        Of the track.
+        Name of the track.
     """
 
     name: str
     domain: Domain
 
-    def shown(self, values: Values) -> Values:
-        """Values of a frame, of shape (N, C), as they are written."""
+    def encoded(self, values: Values) -> Values:
+        """Convert the values of a frame, of shape (N, C), to those of the file."""
         scaled = values / 255 if values.dtype == np.uint8 else values
         return scaled.astype(np.float32)
 
@@ -64,25 +64,25 @@ def obj_encoder(
     notes: list[str] | None = None,
     tracks: Mapping[str, TrackSource] | None = None,
 ) -> Callable[..., bytes]:
-    """A function from the positions and track values of a frame to the bytes of its OBJ file.
+    """Return a function that encodes the positions and track values of a frame as an OBJ file.
 
-    Float32 and float64 positions read back exactly. What does not change is written out once.
+    Float32 and float64 positions round-trip exactly. Constant text is formatted once.
 
     Parameters
     ----------
     faces : int32 array of shape (M, 3)
     notes : list of str, optional
-        Gains a sentence on what an OBJ file does not hold.
+        Receives a sentence for each thing that an OBJ file cannot store.
     tracks : mapping of str to TrackSource, optional
-        The function takes their values, of shape (N, C), by their names, beside positions of
-        shape (V, 3).
+        The function takes positions of shape (V, 3) and a mapping of track names to values of
+        shape (N, C).
     """
-    told = notes if notes is not None else []
+    note_list = notes if notes is not None else []
     uv, colors, groups = _texture_coordinates(surface), _colors(surface), _groups(surface)
     note_unwritten(surface, (uv, colors, *groups), ".obj", notes, parts=True, hard_edges=True)
-    moving = held_tracks(tracks or {}, uv, colors, told)
-    rows, shading = _Rows.of(surface, faces, uv, moving), None
-    if surface.hard_edges is not None and TrackKind.NORMAL not in moving:
+    written_tracks = select_tracks(tracks or {}, uv, colors, note_list)
+    rows, shading = _Rows.of(surface, faces, uv, written_tracks), None
+    if surface.hard_edges is not None and TrackKind.NORMAL not in written_tracks:
         smoothing = _smoothing_groups(surface, faces)
         if smoothing is not None:
             groups.append(smoothing)
@@ -94,20 +94,28 @@ def obj_encoder(
             rows = replace(rows, normal=shading.rows.of_corner + 1)
     texture = "" if uv is None else _lines("vt", uv.values)
     objects = list(_objects(surface, _face_lines(faces, surface, rows), groups))
-    still = None if colors is None else _color_rows(colors.per_item())
+    static_colors = None if colors is None else _color_rows(colors.per_item())
 
     def encode(vertices: Vertices, values: Mapping[str, Values] | None = None) -> bytes:
-        given = values or {}
-        own = {kind: one.shown(given[one.name]) for kind, one in moving.items()}
-        suffixes = _color_rows(own[TrackKind.COLOR]) if TrackKind.COLOR in own else still
+        frame_values = values or {}
+        track_values = {
+            kind: one.encoded(frame_values[one.name]) for kind, one in written_tracks.items()
+        }
+        suffixes = (
+            _color_rows(track_values[TrackKind.COLOR])
+            if TrackKind.COLOR in track_values
+            else static_colors
+        )
         changing = [(TrackKind.UV, "vt"), (TrackKind.NORMAL, "vn")]
-        head = texture + "".join(_lines(word, own[kind]) for kind, word in changing if kind in own)
+        head = texture + "".join(
+            _lines(word, track_values[kind]) for kind, word in changing if kind in track_values
+        )
         if shading is not None:
             head += _lines("vn", shading.of_frames(vertices[np.newaxis])[0].astype(np.float32))
         pieces = []
         for one in objects:
-            ends = None if suffixes is None else suffixes[one.verts]
-            positions = vertex_rows(vertices[one.verts], prefix="v ", suffixes=ends)
+            colors_of_part = None if suffixes is None else suffixes[one.verts]
+            positions = vertex_rows(vertices[one.verts], prefix="v ", suffixes=colors_of_part)
             pieces += [one.head, positions, head.encode(), one.faces]
             head = ""
         return b"".join(pieces)
@@ -121,7 +129,7 @@ def _lines(word: str, values: Values) -> str:
 
 @dataclass(frozen=True)
 class _Object:
-    """A stretch of the file: its first line if it has one, its vertices, and what follows them."""
+    """A section of the file: optional first line, vertices, and the text after them."""
 
     head: bytes
     verts: slice
@@ -142,10 +150,10 @@ def _objects(
 
 
 def _face_text(faces: slice, face_lines: list[str], groups: list[FaceGroups]) -> bytes:
-    """The lines of those faces, with a statement where a face is in another group."""
+    """Lines of the given faces, with a statement wherever the group changes."""
     lines = face_lines[faces]
     for one in groups:
-        before = -2 if faces.start else -1  # what was stated above may go on: it is stated anew
+        before = -2 if faces.start else -1  # a group of the object above would continue: restate it
         changed = np.flatnonzero(np.diff(one.numbers[faces], prepend=before))
         for face, number in zip(changed, one.numbers[faces][changed], strict=True):
             label = one.labels[number] if number >= 0 else ""
@@ -154,16 +162,16 @@ def _face_text(faces: slice, face_lines: list[str], groups: list[FaceGroups]) ->
 
 
 def _statement(name: str, label: str) -> str:
-    """The line that says what follows belongs to; of no label, that it belongs to nothing."""
+    """Line that begins a group or object; without a label it ends the current one."""
     words = re.sub(r"[#\\]", "_", label).split()
     word = SMOOTHING if name == SMOOTHING else STATEMENTS[name].decode()
     return " ".join([word, *words]) + "\n"
 
 
 def _smoothing_groups(surface: Surface, faces: Faces) -> FaceGroups | None:
-    """Faces that are joined across soft edges, each such set by its number; alone, they are "off".
+    """Smoothing groups: numbered sets of faces connected across soft edges; "off" for single faces.
 
-    None if a hard edge lies between two faces of one set, which are joined elsewhere.
+    None if a hard edge separates two faces of the same set, which smoothing groups cannot express.
     """
     counts = surface.sizes(len(faces))
     edges = shared_edges(counts, join_fans(counts, faces))
@@ -184,7 +192,7 @@ def _smoothing_groups(surface: Surface, faces: Faces) -> FaceGroups | None:
 
 @dataclass(frozen=True)
 class _Rows:
-    """What corners name of texture coordinates and normals: the number of a line, from 1 on."""
+    """One-based indices of the texture coordinate and normal of each corner."""
 
     texture: Values | None
     normal: Values | None
@@ -195,9 +203,9 @@ class _Rows:
         surface: Surface,
         faces: Faces,
         uv: Attribute | None,
-        moving: Mapping[TrackKind, ObjTrack],
+        written_tracks: Mapping[TrackKind, ObjTrack],
     ) -> "_Rows":
-        """Those of a surface and tracks."""
+        """Return the indices for a surface and its tracks."""
         corners = join_fans(surface.sizes(len(faces)), faces)
         every = np.arange(len(corners))
 
@@ -208,9 +216,9 @@ class _Rows:
         if uv is not None:
             rows = np.arange(len(uv.values)) if uv.indices is None else uv.indices
             texture = (rows[corners] if uv.domain is Domain.VERTEX else rows) + 1
-        if TrackKind.UV in moving:
-            texture = rows_of(moving[TrackKind.UV].domain)
-        normals = moving.get(TrackKind.NORMAL)
+        if TrackKind.UV in written_tracks:
+            texture = rows_of(written_tracks[TrackKind.UV].domain)
+        normals = written_tracks.get(TrackKind.NORMAL)
         return cls(texture, None if normals is None else rows_of(normals.domain))
 
 
@@ -227,7 +235,7 @@ def _face_lines(faces: Faces, surface: Surface, rows: _Rows) -> list[str]:
 
 
 def _texture_coordinates(surface: Surface) -> Attribute | None:
-    """The first that an OBJ file can hold."""
+    """First UV attribute that an OBJ file can store."""
     for one in surface.of_kind(Kind.UV):
         is_pair = one.values.dtype.kind == "f" and one.values.shape[1] == 2
         if is_pair and one.domain is not Domain.FACE:
@@ -236,7 +244,7 @@ def _texture_coordinates(surface: Surface) -> Attribute | None:
 
 
 def _colors(surface: Surface) -> Attribute | None:
-    """The first that an OBJ file can hold, but for its fourth number."""
+    """First color attribute that an OBJ file can store; alpha is dropped."""
     for one in surface.of_kind(Kind.COLOR):
         if one.domain is Domain.VERTEX and one.values.shape[1] in (3, 4):
             return one
@@ -251,44 +259,44 @@ def _color_rows(colors: Values) -> list[str]:
 
 
 def _groups(surface: Surface) -> list[FaceGroups]:
-    """Those that an OBJ file has a statement for; parts take that of objects."""
+    """Groups that have an OBJ statement; parts use the object statement."""
     found = {one.name: one for one in reversed(surface.groups)}
     names = [name for name in STATEMENTS if name != "object" or not surface.parts]
     return [found[name] for name in names if name in found]
 
 
-def held_tracks(
+def select_tracks(
     tracks: Mapping[str, TrackSource],
     uv: Attribute | None,
     colors: Attribute | None,
     notes: list[str],
 ) -> dict[TrackKind, ObjTrack]:
-    """The tracks that an OBJ file holds, one of a kind.
+    """Return the tracks that an OBJ file can store, at most one of each kind.
 
     Parameters
     ----------
     tracks : mapping of str to TrackSource
     uv, colors : Attribute or None
-        What it holds already.
+        Attributes that it stores.
     notes : list of str
-        Gains sentences on tracks that are left out, or have another name or type, or a unit.
+        Receives sentences on tracks that are left out, renamed, converted, or lose their unit.
     """
-    held = {TrackKind.UV: uv, TrackKind.COLOR: colors}
-    taken = {kind for kind, one in held.items() if one is not None}
+    attributes = {TrackKind.UV: uv, TrackKind.COLOR: colors}
+    used = {kind for kind, one in attributes.items() if one is not None}
     found: dict[TrackKind, ObjTrack] = {}
     missing: dict[str, list[str]] = {}
     for name, track in tracks.items():
-        if not _has_place(track):
-            missing.setdefault(NO_PLACE, []).append(name)
-        elif track.kind in taken:
+        if not _is_supported(track):
+            missing.setdefault(UNSUPPORTED, []).append(name)
+        elif track.kind in used:
             missing.setdefault(TOO_MANY, []).append(name)
         else:
-            taken.add(track.kind)
+            used.add(track.kind)
             found[track.kind] = ObjTrack(name, track.domain)
             note_track_name(name, READ_AS[track.kind], ".obj", notes)
             note_track_type(name, track.dtype, np.dtype(np.float32), notes)
             if track.kind is TrackKind.COLOR and track.shape[2] > len("rgb"):
-                notes.append(f"the fourth number of track {name!r} left out: .obj has three")
+                notes.append(f"alpha of track {name!r} left out: .obj does not store it")
     for reason, names in missing.items():
         note_unwritten_tracks(names, ".obj", notes, reason)
     units = {one.name: tracks[one.name].unit for one in found.values()}
@@ -296,7 +304,7 @@ def held_tracks(
     return found
 
 
-def _has_place(track: TrackSource) -> bool:
+def _is_supported(track: TrackSource) -> bool:
     can_be_color = track.dtype.kind == "f" or track.dtype == np.uint8
     if track.kind is TrackKind.COLOR:
         return track.domain is Domain.VERTEX and can_be_color

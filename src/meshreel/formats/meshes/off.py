@@ -1,13 +1,12 @@
-"""Object File Format (OFF): the vertices and faces of one frame.
+"""Object File Format (OFF): the mesh and attributes of one frame.
 
-Our own reader: it comes nearly free with the one for OBJ, keeps polygons, and checks the declared
-counts. Read: the header words ``OFF``, ``COFF``, ``NOFF``, ``STOFF`` and their combinations, or
-none; counts on the header's line, with a blank or without, or the next; one vertex or face a
-line. Not read: ``4OFF``, ``nOFF`` (other dimensions) and binary.
+Supports the keywords ``OFF``, ``COFF``, ``NOFF``, ``STOFF`` and their combinations, or none; counts
+on the line of the keyword, with or without a blank, or on the next line; one vertex or face per
+line. ``4OFF``, ``nOFF`` (other dimensions) and binary files are not supported.
 
-A vertex is x y z, then a normal where the header word has N, a colour where it has C, and two
-texture coordinates where it has ST. Behind the corners of a face its colour may stand. Normals
-are passed over, and so are colours that are the number of one in a table.
+A vertex line is x y z, a normal if the keyword has N, a color if it has C, and two texture
+coordinates if it has ST. A face line may end with a color. Normals are ignored, and so are colors
+given as an index of a color table.
 """
 
 import re
@@ -33,7 +32,7 @@ from meshreel.runtime.counting import counted
 
 @dataclass(frozen=True)
 class OffHeader:
-    """The header word, the declared numbers, and the first line after them."""
+    """Keyword and counts of the header, and the index of the first line after it."""
 
     keyword: str
     n_verts: int
@@ -42,17 +41,17 @@ class OffHeader:
 
     @property
     def face_begin(self) -> int:
-        """The line of the first face."""
+        """Index of the line of the first face."""
         return self.begin + self.n_verts
 
 
 def parse_off(data: bytes) -> PolygonMesh:
-    """The mesh of the bytes of an OFF file; positions in float64.
+    """Parse the mesh of an OFF file; positions are float64.
 
     Raises
     ------
     FormatError
-        Naming the line that is wrong, or if there are more or fewer lines than declared.
+        If a line is invalid, which the error names, or the number of lines differs from the header.
     """
     lines = split_lines(data)
     header = read_off_header(lines)
@@ -60,7 +59,7 @@ def parse_off(data: bytes) -> PolygonMesh:
     if header.n_verts + header.n_faces != n_lines:
         raise FormatError(
             f"declares {counted(header.n_verts, 'vertex')} and "
-            f"{counted(header.n_faces, 'face')}, one a line, but "
+            f"{counted(header.n_faces, 'face')}, one per line, but "
             f"{n_lines} lines follow; the file is truncated or damaged"
         )
     vertices = _vertices(lines, np.arange(header.begin, header.face_begin))
@@ -70,11 +69,11 @@ def parse_off(data: bytes) -> PolygonMesh:
     return polygon_mesh(vertices, counts, corners, place=lambda face: lines.place(face_lines[face]))
 
 
-def off_positions_like(first: bytes, mesh: PolygonMesh) -> Callable[[bytes], Vertices | None]:
-    """A function from the bytes of another file to its positions, if its faces are the same text.
+def off_positions_reader(first: bytes, mesh: PolygonMesh) -> Callable[[bytes], Vertices | None]:
+    """Return a function that reads only the positions of files with the same face text as `first`.
 
-    It gives None for a file that must be read whole: faces are written otherwise, or something
-    is wrong. Only the lines before the faces are read, which takes half of the time.
+    It takes the bytes of a file and returns None if the file must be parsed completely, because
+    its faces differ or it is damaged. Skipping the faces halves the time.
     """
     lines = split_lines(first)
     header = read_off_header(lines)
@@ -85,7 +84,7 @@ def off_positions_like(first: bytes, mesh: PolygonMesh) -> Callable[[bytes], Ver
         if len(head) == len(data) or not head.endswith(b"\n"):
             return None
         lines = split_lines(head)
-        with suppress(FormatError):  # reading it whole names the line
+        with suppress(FormatError):  # parsing the whole file reports the line
             if read_off_header(lines) == header and lines.n_lines == header.face_begin:
                 return _vertices(lines, np.arange(header.begin, lines.n_lines))
         return None
@@ -94,7 +93,7 @@ def off_positions_like(first: bytes, mesh: PolygonMesh) -> Callable[[bytes], Ver
 
 
 def read_off_header(lines: TokenLines) -> OffHeader:
-    """The header of the lines of an OFF file; raises as `parse_off`."""
+    """Parse the header of an OFF file; raises as `parse_off`."""
     if lines.n_lines == 0:
         raise FormatError("is empty; expected the word OFF")
     keyword = lines.word(0)
@@ -105,19 +104,19 @@ def read_off_header(lines: TokenLines) -> OffHeader:
             f"{lines.place(0)}: expected the word OFF (with C, N or ST before it); got {keyword!r}"
         )
     if found and found[2]:
-        return _joined_header(lines, found[1], int(found[2]))
+        return _header_without_blank(lines, found[1], int(found[2]))
     line = 1 if lines.counts[0] == n_words else 0
     offset = 0 if line else n_words
     if line == lines.n_lines or lines.counts[line] < offset + 2:
-        raise FormatError(f"{lines.place(0)}: expected the numbers of vertices and faces after it")
+        raise FormatError(f"{lines.place(0)}: expected the numbers of vertices and faces next")
     n_verts, n_faces = lines.integers(lines.first[line] + offset + np.arange(2)).tolist()
     if n_verts < 0 or n_faces < 0:
         raise FormatError(f"{lines.place(line)}: counts must not be negative")
     return OffHeader(keyword if n_words else "OFF", n_verts, n_faces, line + 1)
 
 
-def _joined_header(lines: TokenLines, keyword: str, n_verts: int) -> OffHeader:
-    """The header of a file with no blank between its word and the number of vertices."""
+def _header_without_blank(lines: TokenLines, keyword: str, n_verts: int) -> OffHeader:
+    """Parse a header without a blank between keyword and vertex count."""
     if lines.counts[0] < 2:
         raise FormatError(f"{lines.place(0)}: expected the number of faces after that of vertices")
     [n_faces] = lines.integers(np.array([1])).tolist()
@@ -137,14 +136,14 @@ def _vertices(lines: TokenLines, vertex_lines: npt.NDArray[np.int64]) -> npt.NDA
 
 
 def corner_counts(lines: TokenLines, face_lines: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """How many corners the faces on those lines have; raises as `parse_off`."""
+    """Return the corner counts of the faces on the given lines; raises as `parse_off`."""
     counts = lines.integers(lines.first[face_lines])
     wrong = (counts < 0) | (counts >= lines.counts[face_lines])
     if wrong.any():
         face = int(np.argmax(wrong))
         line = face_lines[face]
         raise FormatError(
-            f"{lines.place(line)}: announces {counts[face]} corners; "
+            f"{lines.place(line)}: declares {counts[face]} corners; "
             f"{lines.counts[line] - 1} numbers follow"
         )
     return counts
@@ -153,15 +152,15 @@ def corner_counts(lines: TokenLines, face_lines: npt.NDArray[np.int64]) -> npt.N
 def off_encoder(
     faces: Faces, surface: Surface = PLAIN, notes: list[str] | None = None
 ) -> Callable[[Vertices], bytes]:
-    """A function from the positions of a frame, of shape (V, 3), to the bytes of its OFF file.
+    """Return a function that encodes the positions of a frame, of shape (V, 3), as an OFF file.
 
-    Float32 and float64 positions read back exactly. All but positions is written out once.
+    Float32 and float64 positions round-trip exactly. All other text is formatted once.
 
     Parameters
     ----------
     faces : int32 array of shape (M, 3)
     notes : list of str, optional
-        Gains a sentence on what an OFF file does not hold of the surface.
+        Receives a sentence for each thing that an OFF file cannot store.
     """
     colors, face_colors = (
         _writable_colors(surface, Domain.VERTEX),
@@ -170,7 +169,7 @@ def off_encoder(
     uv = _writable_uv(surface)
     note_unwritten(surface, (colors, uv, face_colors), ".off", notes)
     keyword = f"{'ST' if uv else ''}{'C' if colors else ''}OFF"
-    suffixes = _joined([number_rows(one.per_item()) for one in (colors, uv) if one])
+    suffixes = _join_columns([number_rows(one.per_item()) for one in (colors, uv) if one])
     face_lines = _face_lines(faces, surface, face_colors)
     face_text = "".join(face_lines).encode("ascii")
 
@@ -189,21 +188,21 @@ def _face_lines(faces: Faces, surface: Surface, colors: Attribute | None) -> lis
     return [f"{count} {row}{end}" for count, row, end in pieces]
 
 
-def _joined(columns: list[list[str]]) -> list[str] | None:
+def _join_columns(columns: list[list[str]]) -> list[str] | None:
     return [" ".join(words) for words in zip(*columns, strict=True)] if columns else None
 
 
 def _writable_colors(surface: Surface, domain: Domain) -> Attribute | None:
-    """The first that an OFF file can hold."""
+    """First color attribute of a domain that an OFF file can store."""
     for one in surface.of_kind(Kind.COLOR):
-        is_fit = one.values.dtype.kind in "uf" and one.values.shape[1] in (3, 4)
-        if is_fit and one.domain is domain:
+        is_writable = one.values.dtype.kind in "uf" and one.values.shape[1] in (3, 4)
+        if is_writable and one.domain is domain:
             return one
     return None
 
 
 def _writable_uv(surface: Surface) -> Attribute | None:
-    """The first that an OFF file can hold."""
+    """First vertex UV attribute that an OFF file can store."""
     for one in surface.of_kind(Kind.UV):
         is_pair = one.values.dtype.kind == "f" and one.values.shape[1] == 2
         if is_pair and one.domain is Domain.VERTEX:
@@ -212,15 +211,15 @@ def _writable_uv(surface: Surface) -> Attribute | None:
 
 
 def parse_off_surface(data: bytes, notes: list[str] | None = None) -> Surface:
-    """Attributes of the bytes of an OFF file that `parse_off` reads; notes tell what is left out.
+    """Return the attributes of an OFF file that `parse_off` can read; notes list what is left out.
 
-    Colours are bytes if none has a decimal point. They are passed over where not all vertices, or
-    not all faces, have three numbers or four.
+    Colors are bytes if none has a decimal point. They are ignored unless all vertices, or all
+    faces, have three or four numbers.
 
     Raises
     ------
     FormatError
-        Naming the line of what is no number.
+        If a color or texture coordinate is not a number; the error names the line.
     """
     lines = split_lines(data)
     header = read_off_header(lines)
@@ -229,28 +228,28 @@ def parse_off_surface(data: bytes, notes: list[str] | None = None) -> Surface:
     n_texture = 2 if header.keyword.startswith("ST") else 0
     found = []
     if "C" in header.keyword:
-        skipped = np.full(len(verts), 6 if "N" in header.keyword else 3)
-        found.append(_colors(lines, verts, skipped, n_texture, Domain.VERTEX))
+        n_before = np.full(len(verts), 6 if "N" in header.keyword else 3)
+        found.append(_colors(lines, verts, n_before, n_texture, Domain.VERTEX))
     if n_texture:
         found.append(_texture_coordinates(lines, verts))
-    behind = corner_counts(lines, faces) + 1
-    found.append(_colors(lines, faces, behind, 0, Domain.FACE))
+    n_before = corner_counts(lines, faces) + 1
+    found.append(_colors(lines, faces, n_before, 0, Domain.FACE))
     if notes is not None:
         if "N" in header.keyword:
             note_normals(notes)
-        if found[-1] is None and (lines.counts[faces] > behind).any():
-            note_left_out(notes, "colours of faces, which not all have as three numbers or four")
+        if found[-1] is None and (lines.counts[faces] > n_before).any():
+            note_left_out(notes, "face colors, which not all faces have as three or four numbers")
     return Surface(None, tuple(one for one in found if one is not None))
 
 
 def _colors(
-    lines: TokenLines, of: Integers, skipped: Integers, n_behind: int, domain: Domain
+    lines: TokenLines, of: Integers, n_before: Integers, n_after: int, domain: Domain
 ) -> Attribute | None:
-    """The colours on those lines, behind so many words and before so many."""
-    lengths = lines.counts[of] - skipped - n_behind
+    """Colors on the given lines, after `n_before` and before `n_after` words."""
+    lengths = lines.counts[of] - n_before - n_after
     if lengths[0] not in (3, 4) or (lengths != lengths[0]).any():
         return None
-    words = (lines.first[of] + skipped)[:, None] + np.arange(lengths[0])
+    words = (lines.first[of] + n_before)[:, None] + np.arange(lengths[0])
     values = lines.floats(words)
     is_whole = (values == np.rint(values)) & (values >= 0) & (values <= 255)
     is_bytes = bool(is_whole.all()) and not lines.have_points(words)

@@ -1,11 +1,11 @@
 """Polygon File Format (PLY): the vertices and faces of one frame.
 
-Our own reader: the one of trimesh splits vertices at texture seams, reorders faces when quads and
-triangles are mixed, cannot read binary files with lists of mixed length, and raises what numpy
-raises on damaged files. Read: ASCII and both binary encodings, any further elements and
-properties, faces of any size, triangle strips. Positions keep the declared type: double stays
-float64, integers become a float type that holds them. `meshreel.formats.meshes.ply_surface` reads
-what else is of use.
+Supports ASCII and both binary encodings, any additional elements and properties, polygons and
+triangle strips. Positions keep the declared type: double stays float64, and integers become a
+float type that represents them. `meshreel.formats.meshes.ply_surface` reads the attributes.
+
+trimesh is not used: it splits vertices at texture seams, reorders faces if quads and triangles are
+mixed, cannot read binary lists of varying length, and raises numpy errors on damaged files.
 """
 
 from collections.abc import Callable
@@ -24,30 +24,31 @@ from meshreel.model.sequence import Vertices
 INDEX_NAMES = ("vertex_indices", "vertex_index")
 
 RESTART = -1
-"""In place of a vertex: the next one begins a new strip."""
+"""Index value that begins a new strip."""
 
 
 def parse_ply(data: bytes) -> PolygonMesh:
-    """The mesh of the bytes of a PLY file.
+    """Parse the mesh of a PLY file.
 
     Raises
     ------
     FormatError
-        If the header is wrong, the declared rows are not all there, or there are no faces.
+        If the header is invalid, rows are missing, or there are no faces.
     """
     return ply_mesh(read_ply_tables(data))
 
 
 def ply_mesh(tables: dict[str, PlyTable]) -> PolygonMesh:
-    """The mesh of the tables of a PLY file; as `parse_ply`."""
+    """Return the mesh of the tables of a PLY file; raises as `parse_ply`."""
     counts, corners = _faces(tables["face"]) if "face" in tables else _strips(tables[STRIPS])
     return polygon_mesh(_vertices(tables["vertex"]), counts, corners)
 
 
-def ply_positions_like(first: bytes, mesh: PolygonMesh) -> Callable[[bytes], Vertices | None]:
-    """A function from the bytes of another file to its positions, if the rest is the same bytes.
+def ply_positions_reader(first: bytes, mesh: PolygonMesh) -> Callable[[bytes], Vertices | None]:
+    """Return a function that reads only the positions of files that are otherwise equal to `first`.
 
-    It gives None for a file that must be read whole. Text is always read whole.
+    It takes the bytes of a file and returns None if the file must be parsed completely, as every
+    ASCII file.
     """
     table = read_ply_tables(first)["vertex"]
     cells, has_lists = table.cells, any(column.count_code for column in table.element.properties)
@@ -78,7 +79,7 @@ def _faces(table: PlyTable) -> tuple[Integers, Integers]:
 
 
 def _strips(table: PlyTable) -> tuple[Integers, Integers]:
-    triangles = cut_strips(*table.lists(_indices(table)))
+    triangles = split_strips(*table.lists(_indices(table)))
     return np.full(len(triangles), 3, np.int64), triangles.ravel()
 
 
@@ -89,15 +90,15 @@ def _indices(table: PlyTable) -> PlyProperty:
     return column
 
 
-def cut_strips(lengths: Integers, values: Integers) -> Integers:
-    """The triangles of strips, of shape (M, 3), all facing the same side of their strip.
+def split_strips(lengths: Integers, values: Integers) -> Integers:
+    """Split strips into consistently oriented triangles of shape (M, 3).
 
     Parameters
     ----------
     lengths : integer array
-        How many values each list has; a list begins a new strip.
+        Length of each list; each list begins a new strip.
     values : integer array of shape (sum of lengths,)
-        Vertices, and `RESTART` between strips.
+        Vertex indices, with `RESTART` between strips.
     """
     corners = values.astype(np.int64)
     places = np.arange(len(corners))
@@ -107,9 +108,9 @@ def cut_strips(lengths: Integers, values: Integers) -> Integers:
     is_first[1:] |= is_restart[:-1]
     begin = np.maximum.accumulate(np.where(is_first, places, 0))
     first = places[: max(0, len(corners) - 2)]
-    # The third vertex is of the same strip, which has no restart in it then.
+    # Keep windows of three vertices in one strip, without a restart among them.
     first = first[(begin[first + 2] <= first) & ~is_restart[first + 2]]
-    is_turned = (first - begin[first]) % 2
+    is_reversed = (first - begin[first]) % 2
     return np.stack(
-        [corners[first], corners[first + 1 + is_turned], corners[first + 2 - is_turned]], axis=1
+        [corners[first], corners[first + 1 + is_reversed], corners[first + 2 - is_reversed]], axis=1
     )

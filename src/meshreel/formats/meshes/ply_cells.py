@@ -1,6 +1,6 @@
-"""The body of a PLY file as *cells*: bytes in a binary file, words in an ASCII one.
+"""The body of a PLY file as *cells*: bytes of a binary file, words of an ASCII file.
 
-Seen so, both encodings are read by the same code (`meshreel.formats.meshes.ply_tables`).
+This lets `meshreel.formats.meshes.ply_tables` read both encodings with the same code.
 """
 
 from collections.abc import Callable
@@ -14,18 +14,18 @@ from meshreel.model.geometry.ragged import Integers
 
 
 class PlyCells(Protocol):
-    """The body of a PLY file as a row of cells."""
+    """The body of a PLY file as an array of cells."""
 
     n_cells: int
 
     def width(self, code: str) -> int:
-        """Cells that one number of that type takes."""
+        """Number of cells of a number of the given type."""
 
     def take(self, offsets: Integers, code: str) -> npt.NDArray[Any]:
-        """The numbers that begin at those cells, in the type that is declared."""
+        """Return the numbers at the given cell offsets, in the declared type."""
 
     def integer_at(self, offset: int, code: str) -> int:
-        """The one integer that begins at that cell."""
+        """Return the integer at a cell offset."""
 
 
 class BinaryCells:
@@ -34,7 +34,7 @@ class BinaryCells:
     Parameters
     ----------
     body : bytes
-        What follows the header.
+        The file after the header.
     byte_order : {"<", ">"}
         Little or big endian.
     """
@@ -46,13 +46,13 @@ class BinaryCells:
         self.byte_order = byte_order
 
     def width(self, code: str) -> int:
-        """Bytes that one number of that type takes."""
+        """Number of bytes of a number of the given type."""
         return int(code[1:])
 
     def take(self, offsets: Integers, code: str) -> npt.NDArray[Any]:
-        """The numbers that begin at those bytes, in native byte order."""
+        """Return the numbers at the given byte offsets, in native byte order."""
         width, stride = self.width(code), _stride(offsets)
-        if stride:  # a view is ten times faster than to gather bytes
+        if stride:  # a view is ten times faster than gathering bytes
             first, dtype = int(offsets[0]), self.byte_order + code
             return np.ndarray(len(offsets), dtype, self._body, first, (stride,)).astype(code)
         words = self._codes[offsets[:, None] + np.arange(width)]
@@ -60,14 +60,14 @@ class BinaryCells:
         return numbers
 
     def integer_at(self, offset: int, code: str) -> int:
-        """The one integer that begins at that byte."""
+        """Return the integer at a byte offset."""
         word = self._body[offset : offset + self.width(code)]
         order: Literal["little", "big"] = "little" if self.byte_order == "<" else "big"
         return int.from_bytes(word, order, signed=code.startswith("i"))
 
 
 def _stride(offsets: Integers) -> int:
-    """From each offset to the next, if that is always as far and there are at least two; else 0."""
+    """Common distance of consecutive offsets; 0 if it varies or there are fewer than two."""
     if len(offsets) < 2:
         return 0
     stride = int(offsets[1]) - int(offsets[0])
@@ -75,14 +75,14 @@ def _stride(offsets: Integers) -> int:
 
 
 class WordCells:
-    """Cells that are words of an ASCII file; each number takes one.
+    """Cells that are words of an ASCII file, one for each number.
 
     Parameters
     ----------
     values : float64 array of shape (number of words,)
-        The words after the header.
+        The words after the header, parsed as numbers.
     place : function of a cell
-        Where that word stands in the file, in words.
+        Describes the location of a word for error messages, such as "line 7".
     """
 
     def __init__(self, values: npt.NDArray[np.float64], place: Callable[[int], str]) -> None:
@@ -91,16 +91,16 @@ class WordCells:
         self._place = place
 
     def width(self, code: str) -> int:
-        """One word, whatever the type."""
+        """Return 1: every number is one word."""
         return 1
 
     def take(self, offsets: Integers, code: str) -> npt.NDArray[Any]:
-        """The words of those numbers, in the declared type.
+        """Return the numbers at the given word offsets, in the declared type.
 
         Raises
         ------
         FormatError
-            If an integer is declared and the word is not one, or is out of its range.
+            If an integer type is declared and a word is not an integer in its range.
         """
         values = self._values[offsets]
         if code.startswith("f"):
@@ -114,5 +114,5 @@ class WordCells:
         return values.astype(code)
 
     def integer_at(self, offset: int, code: str) -> int:
-        """The one integer that that word is; errors as `take`."""
+        """Return the integer at a word offset; raises as `take`."""
         return int(self.take(np.array([offset]), code)[0])

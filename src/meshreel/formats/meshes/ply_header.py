@@ -1,4 +1,4 @@
-"""The header of a PLY file: which numbers follow, in which encoding."""
+"""Parser for PLY headers: the elements of a file and their encoding."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ ENCODINGS = ("ascii", "binary_little_endian", "binary_big_endian")
 HEADER_END = b"end_header"
 KEYWORDS = ("format", "element", "property", "end_header")
 
-# Both the names of the PLY description and those of later exporters, as numpy type codes.
+# Numpy type codes for the names of the PLY specification and those of later exporters.
 TYPE_CODES = {
     "char": "i1",
     "uchar": "u1",
@@ -33,16 +33,16 @@ TYPE_CODES = {
 
 @dataclass(frozen=True)
 class PlyProperty:
-    """A column of an element: one number a row, or a list of them after its length.
+    """A column of an element: one number per row, or a list preceded by its length.
 
     Parameters
     ----------
     name : str
-        As in the file.
+        Name in the file.
     code : str
         Numpy type code of the numbers, without byte order.
     count_code : str, default ""
-        Numpy type code of the length of a list; empty for one number a row.
+        Numpy type code of the length of a list; empty for a single number per row.
     """
 
     name: str
@@ -52,14 +52,14 @@ class PlyProperty:
 
 @dataclass(frozen=True)
 class PlyElement:
-    """A table of the file: its name, number of rows and columns."""
+    """A table of the file: name, number of rows, and columns."""
 
     name: str
     n_rows: int
     properties: tuple[PlyProperty, ...] = ()
 
     def property_named(self, *names: str) -> PlyProperty:
-        """The first property that has one of those names.
+        """Return the first property with one of the given names.
 
         Raises
         ------
@@ -77,9 +77,9 @@ class PlyElement:
 
 @dataclass(frozen=True)
 class PlyHeader:
-    """Encoding, elements in file order, and the byte at which their numbers begin.
+    """Encoding, elements in file order, and the byte offset of the data.
 
-    Lines that begin with no word of the format were skipped; they are there as "line 3 'made by'".
+    `skipped` describes ignored lines that begin with no PLY keyword, such as "line 3 'made by'".
     """
 
     encoding: str
@@ -89,12 +89,12 @@ class PlyHeader:
 
 
 def read_ply_header(data: bytes) -> PlyHeader:
-    """The header at the start of the bytes of a PLY file.
+    """Parse the header of a PLY file.
 
     Raises
     ------
     FormatError
-        If it is another kind of file, or naming the line of the header that is wrong.
+        If the data is not a PLY file, or a header line is invalid, which the error names.
     """
     if data[:3] != b"ply" or data[3:4] not in (b"\n", b"\r"):
         raise FormatError("does not begin with a line 'ply'; it is not a PLY file")
@@ -113,7 +113,7 @@ def read_ply_header(data: bytes) -> PlyHeader:
                 pass
             case words if words[0] not in KEYWORDS and TYPE_CODES.keys().isdisjoint(words):
                 skipped.append(f"line {number} {line.strip()[:60]!r}")
-            case _:  # also what looks like a property: numbers would be misread without it
+            case _:  # misspelled properties too: ignoring them would shift the data
                 raise FormatError(f"line {number}: {line[:60]!r} is not a line of a PLY header")
     if not encoding:
         raise FormatError(f"the header has no format line; expected one of {', '.join(ENCODINGS)}")
@@ -121,10 +121,9 @@ def read_ply_header(data: bytes) -> PlyHeader:
 
 
 def _end_of_header(data: bytes) -> tuple[int, int]:
-    """Where the line end before the last line of the header begins, and where the body begins.
+    """Offsets of the newline before "end_header" and of the body.
 
-    Lines end with LF, CRLF or CR as the first does; the last may end with CRLF where others end
-    with LF, and the other way round.
+    All lines end like the first one, with LF, CRLF or CR; the last line may mix LF and CRLF.
     """
     is_mac = data[3:4] == b"\r" and data[4:5] != b"\n"
     line_ends = [b"\r"] if is_mac else [b"\r\n", b"\n"]
@@ -147,7 +146,7 @@ def _with_property(element: PlyElement, words: list[str], number: int) -> PlyEle
     if found.count_code.startswith("f"):
         raise FormatError(f"line {number}: the length of a list must be an integer; got {words}")
     if any(found.name == before.name for before in element.properties):
-        raise FormatError(f"line {number}: property {found.name!r} is there twice")
+        raise FormatError(f"line {number}: property {found.name!r} is declared twice")
     return PlyElement(element.name, element.n_rows, (*element.properties, found))
 
 

@@ -1,8 +1,8 @@
 """Attributes of a PLY file.
 
-Colours, texture coordinates, and every other number of a vertex or a face under its own name;
-texture coordinates of corners as the list ``texcoord`` of a face. Normals are read where they
-change from frame to frame; other lists and other elements are passed over.
+Supports colors, texture coordinates, every other number of vertices and faces under its own name,
+and corner texture coordinates in the face list ``texcoord``. Normals are read if they change
+between frames; other lists and elements are ignored.
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,16 +24,16 @@ UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "t
 CORNER_UV_NAME = "texcoord"
 NORMALS = ("nx", "ny", "nz")
 NORMALS_NAME = "normals"
-PASSED_OVER = ("x", "y", "z", *NORMALS)
+NOT_ATTRIBUTES = ("x", "y", "z", *NORMALS)
 
 
 def parse_ply_surface(data: bytes, notes: list[str] | None = None) -> Surface:
-    """Attributes of the bytes of a PLY file; notes gain a sentence on what is left out.
+    """Return the attributes of a PLY file; the notes list what is left out.
 
     Raises
     ------
     FormatError
-        As `parse_ply`, and if a number is not of the type that is declared.
+        As `parse_ply`, and if a number does not have the declared type.
     """
     tables = read_ply_tables(data)
     counts = ply_mesh(tables).counts
@@ -49,7 +49,7 @@ def parse_ply_surface(data: bytes, notes: list[str] | None = None) -> Surface:
 
 
 def parse_ply_fields(data: bytes) -> Fields:
-    """All numbers of vertices, faces and corners of the bytes of a PLY file, in their own types.
+    """Return all numbers of vertices, faces and corners of a PLY file, in their own types.
 
     Raises
     ------
@@ -58,9 +58,9 @@ def parse_ply_fields(data: bytes) -> Fields:
     """
     tables = read_ply_tables(data)
     vertices, found = tables["vertex"], dict[Key, tuple[Values, Field]]()
-    left = {one.name: one for one in vertices.element.properties if not one.count_code}
-    if _are_alike(left, NORMALS, ("f4", "f8")):
-        values = np.stack([vertices.numbers(left[name]) for name in NORMALS], axis=1)
+    remaining = {one.name: one for one in vertices.element.properties if not one.count_code}
+    if _share_type(remaining, NORMALS, ("f4", "f8")):
+        values = np.stack([vertices.numbers(remaining[name]) for name in NORMALS], axis=1)
         _add_field(found, (Domain.VERTEX, NORMALS_NAME), values, "", NORMALS_ROLE)
     for table, domain in ((vertices, Domain.VERTEX), (tables.get("face"), Domain.FACE)):
         for name, kind, values in () if table is None else _columns(table, domain):
@@ -75,7 +75,7 @@ def parse_ply_fields(data: bytes) -> Fields:
 def _add_field(
     found: dict[Key, tuple[Values, Field]], key: Key, values: Values, kind: str, role: str = ""
 ) -> None:
-    """Add numbers, under a name that none of the others has."""
+    """Add values under a unique name."""
     while key in found:
         key = key[0], f"{key[1]}_"
     found[key] = values, Field(values.dtype, values.shape[1], role, kind)
@@ -86,12 +86,12 @@ def _note_left_out(tables: dict[str, PlyTable], notes: list[str], *, has_corner_
     names = {column.name for column in tables["vertex"].element.properties}
     if names & set(NORMALS):
         note_normals(notes)
-    taken = {*INDEX_NAMES, *([CORNER_UV_NAME] if has_corner_uv else [])}
+    known = {*INDEX_NAMES, *([CORNER_UV_NAME] if has_corner_uv else [])}
     lists = [
         f"{name}.{column.name}"
         for name in shape
         for column in tables[name].element.properties
-        if column.count_code and not (name != "vertex" and column.name in taken)
+        if column.count_code and not (name != "vertex" and column.name in known)
     ]
     note_kinds(notes, "lists", lists)
     others = [name for name, one in tables.items() if one.element.n_rows]
@@ -99,44 +99,46 @@ def _note_left_out(tables: dict[str, PlyTable], notes: list[str], *, has_corner_
 
 
 def _attributes(table: PlyTable, domain: Domain) -> Iterator[Attribute]:
-    """What the rows of a table hold, in types that attributes can have."""
+    """Yield the columns of a table as attributes, in types that attributes allow."""
     for name, kind, values in _columns(table, domain):
         wide_enough = (one for one in VALUE_TYPES if np.can_cast(values.dtype, one))
         yield Attribute(name, kind, domain, values.astype(next(wide_enough)))
 
 
 def _columns(table: PlyTable, domain: Domain) -> Iterator[tuple[str, Kind, Values]]:
-    """Colour, texture coordinates, and all other numbers of the rows of a table."""
-    left = {
+    """Yield color, texture coordinates, and all other numbers of the rows of a table."""
+    remaining = {
         column.name: column
         for column in table.element.properties
-        if not column.count_code and not (domain is Domain.VERTEX and column.name in PASSED_OVER)
+        if not column.count_code and not (domain is Domain.VERTEX and column.name in NOT_ATTRIBUTES)
     }
     for names in (COLOR_NAMES, COLOR_NAMES[:3]):
-        if _are_alike(left, names, ("u1", "f4", "f8")):
-            yield "color", Kind.COLOR, _taken(table, left, names)
+        if _share_type(remaining, names, ("u1", "f4", "f8")):
+            yield "color", Kind.COLOR, _pop_columns(table, remaining, names)
             break
     for pair in UV_NAMES if domain is Domain.VERTEX else ():
-        if _are_alike(left, pair, ("f4", "f8")):
-            yield "uv", Kind.UV, _taken(table, left, pair)
+        if _share_type(remaining, pair, ("f4", "f8")):
+            yield "uv", Kind.UV, _pop_columns(table, remaining, pair)
             break
-    for name in tuple(left):
-        yield name, Kind.OTHER, _taken(table, left, [name])
+    for name in tuple(remaining):
+        yield name, Kind.OTHER, _pop_columns(table, remaining, [name])
 
 
-def _are_alike(columns: dict[str, PlyProperty], names: Sequence[str], codes: Sequence[str]) -> bool:
-    """Whether there are columns of those names, of the same one of those types."""
+def _share_type(
+    columns: dict[str, PlyProperty], names: Sequence[str], codes: Sequence[str]
+) -> bool:
+    """Whether all named columns exist and share one of the given types."""
     types = {columns[name].code if name in columns else "" for name in names}
     return len(types) == 1 and types <= {*codes}
 
 
-def _taken(table: PlyTable, columns: dict[str, PlyProperty], names: Sequence[str]) -> Values:
-    """The numbers of those columns, which are removed."""
+def _pop_columns(table: PlyTable, columns: dict[str, PlyProperty], names: Sequence[str]) -> Values:
+    """Remove the named columns, and return their numbers of shape (N, C)."""
     return np.stack([table.numbers(columns.pop(name)) for name in names], axis=1)
 
 
 def _corner_coordinates(table: PlyTable, counts: npt.NDArray[np.int64]) -> Attribute | None:
-    """The texture coordinates of corners, if every face has two numbers for each."""
+    """Corner texture coordinates, if every face has two numbers for each corner."""
     for column in table.element.properties:
         if column.name == CORNER_UV_NAME and column.count_code and column.code in ("f4", "f8"):
             lengths, values = table.lists(column)

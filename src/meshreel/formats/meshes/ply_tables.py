@@ -13,21 +13,21 @@ from meshreel.formats.text.token_lines import split_lines
 from meshreel.model.geometry.ragged import Integers, ragged_indices
 
 STRIPS = "tristrips"
-"""The element of triangle strips."""
+"""Name of the element with triangle strips."""
 
 Offsets = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
 class ElementLayout:
-    """Where the numbers of an element stand.
+    """Cell offsets of the numbers of an element.
 
     Parameters
     ----------
     offsets : dict of str to int64 array of shape (number of rows,)
-        Cell of each property in each row; of a list, of its length.
+        Cell of each property in each row; for a list, the cell of its length.
     start, end : int
-        The first cell of the element, and the first one after it.
+        First cell of the element, and first cell after it.
     """
 
     offsets: dict[str, Offsets]
@@ -42,7 +42,7 @@ class PlyTable:
     Parameters
     ----------
     cells : PlyCells
-        What the layout is about.
+        Cells that the layout describes.
     """
 
     element: PlyElement
@@ -50,11 +50,11 @@ class PlyTable:
     cells: PlyCells
 
     def numbers(self, column: PlyProperty) -> npt.NDArray[Any]:
-        """The number of each row, in the type that is declared."""
+        """Return the number of each row, in the declared type."""
         return self.cells.take(self.layout.offsets[column.name], column.code)
 
     def lists(self, column: PlyProperty) -> tuple[Integers, npt.NDArray[Any]]:
-        """The length of the list of each row, and the numbers of all lists, one after the other."""
+        """Return the list length of each row, and the concatenated numbers of all lists."""
         lengths, starts = list_values(self.layout, self.cells, column)
         width = self.cells.width(column.code)
         if (lengths[:1] == lengths).all() and 0 < lengths.max(initial=0) < len(lengths):
@@ -66,15 +66,14 @@ class PlyTable:
 
 
 def read_ply_tables(data: bytes) -> dict[str, PlyTable]:
-    """The tables of the bytes of a PLY file, by the names of their elements.
+    """Return the tables of a PLY file by element name.
 
-    That of faces is left out if it is empty and there are triangle strips.
+    An empty face table is dropped if there are triangle strips.
 
     Raises
     ------
     FormatError
-        If the header is wrong, there is no table of vertices or of faces, or the declared rows are
-        not all there.
+        If the header is invalid, vertices or faces are not declared, or rows are missing.
     """
     header = read_ply_header(data)
     names = [element.name for element in header.elements]
@@ -99,7 +98,7 @@ def _cells(header: PlyHeader, data: bytes) -> PlyCells:
     if header.encoding != "ascii":
         order = "<" if header.encoding == "binary_little_endian" else ">"
         return BinaryCells(data[header.body_start :], order)
-    # The header goes through too, so that a wrong word is named with its line of the file.
+    # Tokenize the header too, so that errors name the right line.
     lines = split_lines(data)
     first = int(np.searchsorted(lines.starts, header.body_start))
     values = lines.floats(np.arange(first, len(lines.starts)))
@@ -107,7 +106,7 @@ def _cells(header: PlyHeader, data: bytes) -> PlyCells:
 
 
 def locate_element(element: PlyElement, cells: PlyCells, start: int) -> ElementLayout:
-    """The layout of an element that begins at cell `start`.
+    """Return the layout of an element that begins at cell `start`.
 
     Raises
     ------
@@ -125,14 +124,14 @@ def locate_element(element: PlyElement, cells: PlyCells, start: int) -> ElementL
 def list_values(
     layout: ElementLayout, cells: PlyCells, column: PlyProperty
 ) -> tuple[npt.NDArray[np.int64], Offsets]:
-    """Lengths of the lists of a property, and the cell at which each list's values begin."""
+    """Return the lengths of the lists of a property, and the first cell of their values."""
     offsets = layout.offsets[column.name]
     lengths = cells.take(offsets, column.count_code).astype(np.int64)
     return lengths, offsets + cells.width(column.count_code)
 
 
 def _locate_equal_rows(element: PlyElement, cells: PlyCells, start: int) -> ElementLayout | None:
-    """The layout if every list is as long as in the first row, as in most files; else None."""
+    """Layout if all lists are as long as in the first row, as in most files; otherwise None."""
     first, row_width = _walk_row(element, cells, start)
     if element.n_rows * row_width > cells.n_cells - start:
         return None
@@ -159,7 +158,7 @@ def _locate_each_row(element: PlyElement, cells: PlyCells, start: int) -> Elemen
 
 
 def _walk_row(element: PlyElement, cells: PlyCells, start: int) -> tuple[dict[str, int], int]:
-    """The cell of each property of the row at `start`, and the width of the row."""
+    """Return the cell of each property of the row at `start`, and the width of the row."""
     offsets, at = {}, start
     for column in element.properties:
         offsets[column.name] = at
@@ -178,6 +177,6 @@ def _walk_row(element: PlyElement, cells: PlyCells, start: int) -> tuple[dict[st
 def _check_fits(element: PlyElement, needed: int, left: int) -> None:
     if needed > left:
         raise FormatError(
-            f"element {element.name!r} with {element.n_rows} rows is longer than what is left of "
-            "the file; it is truncated or its header is wrong"
+            f"element {element.name!r} with {element.n_rows} rows is longer than the rest of the "
+            "file; it is truncated or its header is wrong"
         )

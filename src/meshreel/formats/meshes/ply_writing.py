@@ -1,7 +1,7 @@
-"""A frame to the bytes of a PLY file, binary little endian.
+"""Writer for binary little-endian PLY files, one frame per file.
 
-Written: positions as float or double, polygons, colours and texture coordinates, and single
-numbers of vertices and of faces under their own names; tracks in the same way.
+Writes positions as float or double, polygons, colors, texture coordinates, and scalars of vertices
+and faces under their own names; tracks are written in the same way.
 """
 
 import re
@@ -19,7 +19,7 @@ from meshreel.formats.meshes.ply_surface import (
     CORNER_UV_NAME,
     NORMALS,
     NORMALS_NAME,
-    PASSED_OVER,
+    NOT_ATTRIBUTES,
     UV_NAMES,
 )
 from meshreel.formats.notes import (
@@ -47,19 +47,19 @@ Column = tuple[str, Values]
 
 Lists = tuple[npt.NDArray[np.int64], npt.NDArray[Any]]
 
-RESERVED = {*PASSED_OVER, *COLOR_NAMES, *(name for names in UV_NAMES for name in names)}
+RESERVED = {*NOT_ATTRIBUTES, *COLOR_NAMES, *(name for names in UV_NAMES for name in names)}
 
 RESERVED |= {*INDEX_NAMES, CORNER_UV_NAME}
-"""Names of properties that mean something."""
+"""Property names with a fixed meaning."""
 
 READ_AS = {TrackKind.COLOR: "color", TrackKind.UV: "uv", TrackKind.NORMAL: NORMALS_NAME}
-"""What tracks of a kind are called when they are read again."""
+"""Names of tracks of these kinds when they are read back."""
 
-NO_PLACE = "vectors, or values of several numbers that are no colours, normals or coordinates"
+UNSUPPORTED = "vectors, or several components that are not colors, normals or UV coordinates"
 
-TOO_MANY = "more than one colour, normal or texture coordinate at a place"
+TOO_MANY = "more than one color, normal or UV track of each domain"
 
-TOO_LARGE = "whole numbers beyond 32 bits"
+TOO_LARGE = "integers beyond 32 bits"
 
 
 def ply_encoder(
@@ -68,41 +68,56 @@ def ply_encoder(
     notes: list[str] | None = None,
     tracks: Mapping[str, TrackSource] | None = None,
 ) -> Callable[..., bytes]:
-    """A function from the positions and track values of a frame to the bytes of its PLY file.
+    """Return a function that encodes the positions and track values of a frame as a PLY file.
 
-    Float32 and float64 positions read back exactly. What does not change is written out once.
+    Float32 and float64 positions round-trip exactly. Constant data is encoded once.
 
     Parameters
     ----------
     faces : int32 array of shape (M, 3)
     notes : list of str, optional
-        Gains a sentence on what a PLY file does not hold.
+        Receives a sentence for each thing that a PLY file cannot store.
     tracks : mapping of str to TrackSource, optional
-        The function takes their values, of shape (N, C), by their names, beside positions of
-        shape (V, 3).
+        The function takes positions of shape (V, 3) and a mapping of track names to values of
+        shape (N, C).
     """
-    of_verts, of_faces = _held(surface, Domain.VERTEX), _held(surface, Domain.FACE)
-    of_corners = _held(surface, Domain.CORNER)
-    note_unwritten(surface, (*of_verts, *of_faces, *of_corners), ".ply", notes)
-    columns = [column for one in of_verts for column in _columns(one)]
-    still = [column for one in of_faces for column in _columns(one)]
-    lists = [one.per_item() for one in of_corners]
-    held = (*of_verts, *of_faces, *of_corners)
-    moving = held_tracks(tracks or {}, held, notes if notes is not None else [])
-    own = {domain: [one for one in moving if one.domain is domain] for domain in Domain}
-    face_table = _face_table(faces, surface, still, lists)
+    vertex_attributes, face_attributes = (
+        _writable_attributes(surface, Domain.VERTEX),
+        _writable_attributes(surface, Domain.FACE),
+    )
+    corner_attributes = _writable_attributes(surface, Domain.CORNER)
+    note_unwritten(
+        surface, (*vertex_attributes, *face_attributes, *corner_attributes), ".ply", notes
+    )
+    columns = [column for one in vertex_attributes for column in _columns(one)]
+    face_columns = [column for one in face_attributes for column in _columns(one)]
+    lists = [one.per_item() for one in corner_attributes]
+    attributes = (*vertex_attributes, *face_attributes, *corner_attributes)
+    written_tracks = select_tracks(tracks or {}, attributes, notes if notes is not None else [])
+    by_domain = {
+        domain: [one for one in written_tracks if one.domain is domain] for domain in Domain
+    }
+    face_table = _face_table(faces, surface, face_columns, lists)
 
     def encode(vertices: Vertices, values: Mapping[str, Values] | None = None) -> bytes:
-        given = values or {}
+        frame_values = values or {}
         face_header, face_bytes = face_table
-        if own[Domain.FACE] or own[Domain.CORNER]:
-            of_frame = [pair for one in own[Domain.FACE] for pair in one.columns(given[one.name])]
-            pairs = [given[one.name] for one in own[Domain.CORNER]]
-            face_header, face_bytes = _face_table(faces, surface, still + of_frame, lists + pairs)
-        changing = [pair for one in own[Domain.VERTEX] for pair in one.columns(given[one.name])]
+        if by_domain[Domain.FACE] or by_domain[Domain.CORNER]:
+            frame_columns = [
+                pair
+                for one in by_domain[Domain.FACE]
+                for pair in one.columns(frame_values[one.name])
+            ]
+            pairs = [frame_values[one.name] for one in by_domain[Domain.CORNER]]
+            face_header, face_bytes = _face_table(
+                faces, surface, face_columns + frame_columns, lists + pairs
+            )
+        track_columns = [
+            pair for one in by_domain[Domain.VERTEX] for pair in one.columns(frame_values[one.name])
+        ]
         is_single = vertices.dtype == np.float32
         positions = vertices.astype("f4" if is_single else "f8", copy=False)
-        fields = [*zip("xyz", positions.T, strict=True), *columns, *changing]
+        fields = [*zip("xyz", positions.T, strict=True), *columns, *track_columns]
         rows = np.empty(len(vertices), [(name, _code(values)) for name, values in fields])
         for name, values in fields:
             rows[name] = values
@@ -114,12 +129,12 @@ def ply_encoder(
 
 
 def _face_table(
-    faces: Faces, surface: Surface, columns: list[Column], of_corners: list[Values]
+    faces: Faces, surface: Surface, columns: list[Column], corner_values: list[Values]
 ) -> tuple[list[str], bytes]:
-    """The lines of the header that declare faces, and the faces."""
+    """Header lines that declare the faces, and the bytes of the faces."""
     counts = surface.sizes(len(faces)).astype(np.int64)
     lists = [(INDEX_NAMES[0], counts, join_fans(counts, faces))]
-    lists += [(CORNER_UV_NAME, 2 * counts, pairs.ravel()) for pairs in of_corners]
+    lists += [(CORNER_UV_NAME, 2 * counts, pairs.ravel()) for pairs in corner_values]
     header, fields = [f"element face {len(counts)}"], list[Lists]()
     for name, lengths, values in lists:
         count_code = "<u1" if lengths.max() < 256 else "<i4"
@@ -129,11 +144,11 @@ def _face_table(
     for name, values in columns:
         header.append(f"property {TYPE_NAMES[_code(values)]} {name}")
         fields.append((np.ones_like(counts), values))
-    return [*header, "end_header"], _interleaved(fields)
+    return [*header, "end_header"], _interleave(fields)
 
 
-def _interleaved(fields: list[Lists]) -> bytes:
-    """Rows that have of each field its next numbers, as many as its length of the row says."""
+def _interleave(fields: list[Lists]) -> bytes:
+    """Interleave fields into rows; each row takes the given length from every field."""
     widths = [lengths * values.itemsize for lengths, values in fields]
     row_widths = np.sum(widths, axis=0)
     starts = np.cumsum(row_widths) - row_widths
@@ -145,18 +160,18 @@ def _interleaved(fields: list[Lists]) -> bytes:
     return table.tobytes()
 
 
-def _held(surface: Surface, domain: Domain) -> list[Attribute]:
-    """The attributes of that domain that a PLY file can hold, in the order of reading."""
+def _writable_attributes(surface: Surface, domain: Domain) -> list[Attribute]:
+    """Attributes of a domain that a PLY file can store, in reading order."""
     found: dict[str, Attribute] = {}
     for kind in (Kind.COLOR, Kind.UV, Kind.OTHER):
         for one in surface.of_kind(kind):
             key = one.name if kind is Kind.OTHER else kind
-            if one.domain is domain and key not in found and _can_be_held(one):
+            if one.domain is domain and key not in found and _is_writable(one):
                 found[key] = one
     return list(found.values())
 
 
-def _can_be_held(one: Attribute) -> bool:
+def _is_writable(one: Attribute) -> bool:
     code, width = _code(one.values), one.values.shape[1]
     if one.kind is Kind.COLOR:
         return one.domain is not Domain.CORNER and width in (3, 4) and code != "<i4"
@@ -167,28 +182,28 @@ def _can_be_held(one: Attribute) -> bool:
 
 
 def _columns(one: Attribute) -> Iterator[Column]:
-    """The properties that hold an attribute of vertices or faces."""
+    """Property columns of a vertex or face attribute."""
     names = {Kind.COLOR: COLOR_NAMES, Kind.UV: UV_NAMES[0], Kind.OTHER: (one.name,)}[one.kind]
     return zip(names, one.per_item().T, strict=False)
 
 
 def _code(values: npt.NDArray[Any]) -> str:
-    """Numpy type code, little endian."""
+    """Little-endian numpy type code."""
     return f"<{values.dtype.kind}{values.itemsize}"
 
 
 @dataclass(frozen=True)
 class PlyTrack:
-    """A track as a PLY file has it.
+    """How a track is stored in a PLY file.
 
     Attributes
     ----------
     name : str
-        Of the track.
+        Name of the track.
     properties : tuple of str
-        One for each number; of corners none, for they are a list.
+        One for each component; empty for corner tracks, which are stored as a list.
     dtype : dtype
-        Of the numbers in the file.
+        Type of the numbers in the file.
     """
 
     name: str
@@ -197,41 +212,41 @@ class PlyTrack:
     dtype: np.dtype[Any]
 
     def columns(self, values: Values) -> list[tuple[str, Values]]:
-        """The properties of a frame, whose values have the shape (N, C)."""
-        written = values.astype(self.dtype, copy=False).T
-        return list(zip(self.properties, written, strict=True))
+        """Return the property columns of a frame, given values of shape (N, C)."""
+        columns = values.astype(self.dtype, copy=False).T
+        return list(zip(self.properties, columns, strict=True))
 
 
-def held_tracks(
+def select_tracks(
     tracks: Mapping[str, TrackSource], attributes: Iterable[Attribute], notes: list[str]
 ) -> list[PlyTrack]:
-    """The tracks that a PLY file holds.
+    """Return the tracks that a PLY file can store.
 
     Parameters
     ----------
     tracks : mapping of str to TrackSource
     attributes : iterable of Attribute
-        Those that it holds, whose properties are taken.
+        Attributes that it stores; their property names are reserved.
     notes : list of str
-        Gains sentences on tracks that are left out, or have another name or type, or a unit.
+        Receives sentences on tracks that are left out, renamed, converted, or lose their unit.
     """
-    taken = {(one.domain, _attribute_key(one)) for one in attributes}
+    used = {(one.domain, _attribute_key(one)) for one in attributes}
     found: list[PlyTrack] = []
     missing: dict[str, list[str]] = {}
     for name, track in tracks.items():
         properties, dtype = _properties(name, track), _written_type(track)
         if properties is None or dtype is None:
-            reason = NO_PLACE if properties is None else TOO_LARGE
+            reason = UNSUPPORTED if properties is None else TOO_LARGE
             missing.setdefault(reason, []).append(name)
             continue
         is_scalar = len(properties) == 1
         key = properties[0] if is_scalar else READ_AS[track.kind]
-        while is_scalar and (track.domain, key) in taken:
+        while is_scalar and (track.domain, key) in used:
             key += "_"
-        if (track.domain, key) in taken:
+        if (track.domain, key) in used:
             missing.setdefault(TOO_MANY, []).append(name)
             continue
-        taken.add((track.domain, key))
+        used.add((track.domain, key))
         found.append(PlyTrack(name, track.domain, (key,) if is_scalar else properties, dtype))
         note_track_name(name, key, ".ply", notes)
         note_track_type(name, track.dtype, dtype, notes)
@@ -246,7 +261,7 @@ def _attribute_key(one: Attribute) -> str:
 
 
 def _properties(name: str, track: TrackSource) -> tuple[str, ...] | None:
-    """The properties that hold a track, none for a list of corners; None if there are none."""
+    """Properties for a track, empty for a corner list; None if PLY cannot store the track."""
     width, is_corner = track.shape[2], track.domain is Domain.CORNER
     can_be_color = track.dtype.kind == "f" or track.dtype == np.uint8
     if track.kind is TrackKind.COLOR and not is_corner and can_be_color:
@@ -262,7 +277,7 @@ def _properties(name: str, track: TrackSource) -> tuple[str, ...] | None:
 
 
 def _written_type(track: TrackSource) -> np.dtype[Any] | None:
-    """The type of the numbers in a file; None if none holds them."""
+    """Type of the numbers in the file; None if no PLY type can represent them."""
     if track.dtype.str[1:] not in ("i8", "u8"):
         return track.dtype
     low, high = value_range(track)

@@ -1,9 +1,8 @@
-"""STL, binary and ASCII: the triangles of one frame, every corner with its own position.
+"""STL, binary and ASCII: the triangles of one frame, where every corner has its own position.
 
-Our own reader: a binary STL is one numpy dtype, and the corners must come in file order for
-`meshreel.formats.surfaces.welding` to join the same ones in every frame. Written files are binary,
-so float64 positions are rounded to float32 (a relative error of 6e-8). Normals are recomputed on
-writing and passed over on reading.
+Corners are read in file order, so that `meshreel.formats.surfaces.welding` can join the same ones
+in every frame. Written files are binary: float64 positions are rounded to float32 (relative error
+6e-8). Normals are ignored on reading and computed on writing.
 """
 
 from collections.abc import Callable
@@ -23,12 +22,13 @@ TRIANGLE = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attr
 
 
 def parse_stl(data: bytes) -> PolygonMesh:
-    """The triangles of the bytes of an STL file; corner 3 f + i is vertex 3 f + i.
+    """Parse the triangles of an STL file; corner 3 f + i is vertex 3 f + i.
 
     Raises
     ------
     FormatError
-        If the size contradicts the declared number of triangles, or naming the wrong line.
+        If the size contradicts the declared number of triangles, or a line is invalid, which the
+        error names.
     """
     # Some binary files begin with "solid" too, so the size decides first.
     corners: Vertices
@@ -38,8 +38,8 @@ def parse_stl(data: bytes) -> PolygonMesh:
         corners = _parse_ascii(split_lines(data.lower()))
     else:
         raise FormatError(
-            f"is {len(data)} bytes long; a binary STL that declares its number of triangles as "
-            f"this one does has {_binary_size(data)}; the file is truncated or damaged"
+            f"is {len(data)} bytes long; a binary STL with the declared number of triangles has "
+            f"{_binary_size(data)}; the file is truncated or damaged"
         )
     n_faces = len(corners) // 3
     corners = _without_negative_zeros(corners)
@@ -47,18 +47,19 @@ def parse_stl(data: bytes) -> PolygonMesh:
 
 
 def parse_stl_surface(data: bytes, notes: list[str]) -> Surface:
-    """Nothing; the notes tell of colours that some programs put into spare bytes."""
+    """Return a plain surface; a note reports colors that some programs put into spare bytes."""
     if len(data) == _binary_size(data):
         table = np.frombuffer(data, TRIANGLE, offset=HEADER_BYTES + 4)
         if table["attribute"].any():
-            note_left_out(notes, "what the spare bytes of triangles hold, such as colours")
+            note_left_out(notes, "spare bytes of triangles, such as colors")
     return PLAIN
 
 
-def stl_positions_like(first: bytes, mesh: PolygonMesh) -> Callable[[bytes], Vertices | None]:
-    """A function from the bytes of another file to its corners, if it has as many triangles.
+def stl_positions_reader(first: bytes, mesh: PolygonMesh) -> Callable[[bytes], Vertices | None]:
+    """Return a function that reads the corners of binary files with as many triangles as `first`.
 
-    It gives None for a file that must be read whole. Text is always read whole.
+    It takes the bytes of a file and returns None if the file must be parsed completely, as every
+    ASCII file.
     """
     n_corners = len(mesh.vertices)
 
@@ -74,18 +75,18 @@ def stl_positions_like(first: bytes, mesh: PolygonMesh) -> Callable[[bytes], Ver
 def stl_encoder(
     faces: Faces, surface: Surface = PLAIN, notes: list[str] | None = None
 ) -> Callable[[Vertices], bytes]:
-    """A function from the positions of a frame, of shape (V, 3), to the bytes of its STL file.
+    """Return a function that encodes the positions of a frame, of shape (V, 3), as an STL file.
 
     Parameters
     ----------
     faces : int32 array of shape (M, 3)
     notes : list of str, optional
-        Gains a sentence on the surface, none of which an STL file holds.
+        Receives a sentence on the surface data, which STL cannot store.
 
     Raises
     ------
     InvalidInputError
-        By the function, if a position is too large for float32.
+        From the function, if a position is too large for float32.
     """
     note_unwritten(surface, (), ".stl", notes, polygons=False)
 
@@ -95,7 +96,7 @@ def stl_encoder(
             triangles["corners"] = vertices[faces]
         if not np.isfinite(triangles["corners"]).all():
             raise InvalidInputError(
-                "an STL file holds float32, up to 3.4e38; a position is larger; write .ply instead"
+                "STL stores float32, up to 3.4e38; a position is larger; write .ply instead"
             )
         triangles["normal"] = _normals(vertices[faces].astype(np.float64))
         header = b"binary STL".ljust(HEADER_BYTES, b" ")
@@ -105,7 +106,7 @@ def stl_encoder(
 
 
 def _without_negative_zeros(corners: Vertices) -> Vertices:
-    """The same corners; negative zeros would keep equal ones apart."""
+    """Replace negative zeros, so that welding by bytes finds equal corners."""
     with np.errstate(invalid="ignore"):
         return corners + 0.0
 

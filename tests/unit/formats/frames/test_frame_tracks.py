@@ -7,7 +7,7 @@ import pytest
 
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load, open_source
-from meshreel.formats.meshes.obj import obj_same_fields
+from meshreel.formats.meshes.obj import obj_fields_checker
 from meshreel.formats.meshes.obj_surface import parse_obj_fields
 from meshreel.formats.save import save
 from meshreel.model.surface import Attribute, Domain, Kind
@@ -133,11 +133,11 @@ def test_reasons_are_said_when_ply_cannot_hold_tracks(tmp_path):
         "track 'id' is written as int32, not int64",
         "track 'heat flux' is called 'heat_flux' in .ply files",
         "track 'red' is called 'red_' in .ply files",
-        "tracks left out: flow, tensor, wear: .ply does not hold vectors, or values of several "
-        "numbers that are no colours, normals or coordinates",
-        "tracks left out: paint: .ply does not hold more than one colour, normal or texture "
-        "coordinate at a place",
-        "tracks left out: hash: .ply does not hold whole numbers beyond 32 bits",
+        "tracks left out: flow, tensor, wear: .ply does not hold vectors, or several "
+        "components that are not colors, normals or UV coordinates",
+        "tracks left out: paint: .ply does not hold more than one color, normal or UV track of "
+        "each domain",
+        "tracks left out: hash: .ply does not hold integers beyond 32 bits",
         "units left out: heat flux (W/m²): .ply does not hold them",
     ]
     found = load(tmp_path).tracks
@@ -226,11 +226,11 @@ def test_reasons_are_said_when_obj_cannot_hold_tracks(tmp_path):
     assert [note for note in notes if not note.startswith("left out")] == [
         "track 'Cd' is called 'color' in .obj files",
         "track 'Cd' is written as float32, not float64",
-        "the fourth number of track 'Cd' left out: .obj has three",
+        "alpha of track 'Cd' left out: .obj does not store it",
         "track 'N' is called 'normals' in .obj files",
         "track 'N' is written as float32, not float64",
-        "tracks left out: stress: .obj does not hold tracks but colours of vertices, normals and "
-        "texture coordinates",
+        "tracks left out: stress: .obj does not hold tracks other than vertex colors, normals and "
+        "UV coordinates",
         "units left out: N (1): .obj does not hold them",
     ]
     found = load(tmp_path)
@@ -245,7 +245,7 @@ def test_colours_of_the_surface_are_kept_when_a_track_is_another_colour(tmp_path
     surface = replace(sheet.surface, attributes=(colors,))
     sheet = replace(sheet, surface=surface, tracks=tracks)
     save(sheet, tmp_path / "f_%02d.obj", notes=notes)
-    assert "tracks left out: glow: .obj does not hold more than one colour" in notes[0]
+    assert "tracks left out: glow: .obj does not hold more than one color" in notes[0]
     assert load(tmp_path).tracks == {}
 
 
@@ -297,7 +297,7 @@ PLAIN = "v 0 0 {0}\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nf 1/1 2/2 3/1\n"
     ],
 )
 def test_fields_are_known_to_be_the_same_only_when_the_text_is(text, is_same):
-    assert obj_same_fields(PLAIN.format(0).encode())(text.encode()) == is_same
+    assert obj_fields_checker(PLAIN.format(0).encode())(text.encode()) == is_same
 
 
 def test_coordinates_are_tracks_when_they_change_in_one_frame_of_many(tmp_path):

@@ -13,19 +13,19 @@ def corners(data):
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_parse_obj_gives_back_positions_when_our_encoder_wrote_them(make_sequence, dtype):
+def test_positions_round_trip_exactly(make_sequence, dtype):
     sequence = make_sequence(1, dtype, offset=1e3)
     mesh = parse_obj(obj_encoder(sequence.faces)(sequence.vertices[0]))
     np.testing.assert_array_equal(mesh.vertices.astype(dtype), sequence.vertices[0])
 
 
-def test_parse_obj_gives_back_faces_when_our_encoder_wrote_them(make_sequence):
+def test_faces_round_trip(make_sequence):
     sequence = make_sequence(1)
     mesh = parse_obj(obj_encoder(sequence.faces)(sequence.vertices[0]))
     np.testing.assert_array_equal(mesh.corners.reshape(-1, 3), sequence.faces)
 
 
-def test_parse_obj_reads_extreme_floats_exactly_when_our_encoder_wrote_them():
+def test_extreme_floats_round_trip_exactly():
     tiny, huge = np.finfo(np.float32).smallest_subnormal, np.finfo(np.float32).max
     vertices = np.array([[tiny, -huge, -0.0], [1 / 3, 1e-10, 16777217.0], [0, 1, 2]], np.float32)
     mesh = parse_obj(obj_encoder(np.array([[0, 1, 2]]))(vertices))
@@ -36,21 +36,21 @@ def test_parse_obj_reads_extreme_floats_exactly_when_our_encoder_wrote_them():
     "face",
     [b"f 1 2 3", b"f 1/1 2/2 3/3", b"f 1//7 2//7 3//7", b"f 1/9/7 2/9/7 3/9/7", b"f 1/ 2 3//4"],
 )
-def test_parse_obj_takes_only_vertices_of_corners_when_slashes_follow(face):
+def test_parse_obj_ignores_indices_after_slashes(face):
     assert corners(TRIANGLE + face) == [0, 1, 2]
 
 
-def test_parse_obj_counts_back_from_the_line_when_indices_are_negative():
+def test_negative_indices_count_back_from_their_line():
     data = TRIANGLE + b"f -3 -2 -1\nv 5 5 5\nf -4 -3 -1\n"
     assert corners(data) == [0, 1, 2, 0, 1, 3]
 
 
-def test_parse_obj_ignores_columns_after_z_when_lines_differ():
+def test_parse_obj_ignores_columns_after_z():
     data = b"v 0 1 2 1.0\nv 3 4 5\nv 6 7 8 0.5 0.5 0.5\nf 1 2 3"
     assert parse_obj(data).vertices.tolist() == [[0, 1, 2], [3, 4, 5], [6, 7, 8]]
 
 
-def test_parse_obj_passes_over_everything_else_when_it_stands_between():
+def test_parse_obj_ignores_other_statements():
     data = (
         b"mtllib a.mtl\no thing\nv 0 0 0\nvn 0 0 1\nv 1 0 0\nvt 0 0\nv 0 1 0 # last\n"
         b"g v f\ns off\nusemtl f 1 2 3\nl 1 2\np 1\nf 1 2 3\nvp 0.5\n\n"
@@ -62,15 +62,15 @@ def test_parse_obj_passes_over_everything_else_when_it_stands_between():
     )
 
 
-def test_parse_obj_keeps_vertices_when_no_face_uses_them():
+def test_parse_obj_keeps_unused_vertices():
     assert len(parse_obj(b"v 9 9 9\n" + TRIANGLE + b"f 2 3 4").vertices) == 4
 
 
-def test_parse_obj_reads_faces_when_they_come_before_vertices():
+def test_parse_obj_reads_faces_before_vertices():
     assert corners(b"f 1 2 3\n" + TRIANGLE) == [0, 1, 2]
 
 
-def test_parse_obj_reads_polygons_when_a_line_is_continued():
+def test_parse_obj_reads_continued_lines():
     data = TRIANGLE + b"v 1 1 0\r\nf 1 2 \\\r\n4 3\r\n"
     mesh = parse_obj(data)
     assert (mesh.counts.tolist(), mesh.corners.tolist()) == ([4], [0, 1, 3, 2])
@@ -92,6 +92,6 @@ def test_parse_obj_reads_polygons_when_a_line_is_continued():
         (b"\x89PNG\r\n\x1a\n\0\0\0", "holds 0 vertices and 0 faces"),
     ],
 )
-def test_parse_obj_names_the_line_when_it_is_wrong(data, message):
+def test_parse_obj_error_names_the_line(data, message):
     with pytest.raises(FormatError, match=message):
         parse_obj(data)

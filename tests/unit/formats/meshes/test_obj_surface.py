@@ -16,7 +16,7 @@ def attributes(data):
     return described(parse_obj_surface(data))["attributes"]
 
 
-def the_groups(data):
+def groups_of(data):
     return described(parse_obj_surface(data))["groups"]
 
 
@@ -25,7 +25,7 @@ def uv_rows(data):
     return uv.values.tolist(), uv.indices.tolist()
 
 
-def test_parse_obj_surface_keeps_the_table_when_rows_are_shared_or_unused():
+def test_uv_table_keeps_shared_and_unused_rows():
     (uv,) = parse_obj_surface(SQUARE + UVS + b"f 1/1 2/2/9 3/3 4/1\n").attributes
     assert (uv.name, uv.kind, uv.domain) == ("uv", Kind.UV, Domain.CORNER)
     expected = np.array([[0, 0], [0.1, 0], [0.1, 0.7], [9, 9]], np.float32)
@@ -33,22 +33,22 @@ def test_parse_obj_surface_keeps_the_table_when_rows_are_shared_or_unused():
     assert uv.indices.tolist() == [0, 1, 2, 0]
 
 
-def test_parse_obj_surface_counts_back_from_the_line_when_indices_are_negative():
+def test_negative_uv_indices_count_back_from_their_line():
     data = SQUARE + b"vt 1 2\nf 1/-1 2/-1 3/-1\nvt 3 4\nf 1/-1 3/-2 4/1\n"
     assert uv_rows(data) == ([[1, 2], [3, 4]], [0, 0, 0, 1, 0, 0])
 
 
-def test_parse_obj_surface_adds_a_row_of_zeros_when_some_corners_have_none():
+def test_corners_without_uv_get_zeros():
     values, rows = uv_rows(SQUARE + b"vt 1 2\nf 1/1 2/1 3/1\nf 1 3//5 4/1\nf 1/0 2/2 3/-9\n")
     assert (values, rows) == ([[1, 2], [0, 0]], [0, 0, 0, 1, 1, 0, 1, 1, 1])
 
 
-def test_parse_obj_surface_takes_v_for_0_when_a_texture_has_one_dimension():
+def test_one_dimensional_uv_has_v_0():
     assert uv_rows(SQUARE + b"vt 0.5\nvt 1 2 3\nf 1/1 2/2 3/2\n")[0] == [[0.5, 0], [1, 2]]
 
 
 @pytest.mark.parametrize("face", [b"f 1 2 3", b"f 1//1 2//1 3//1", b"f 1/7 2/7 3/7", b"f 1/ 2/ 3/"])
-def test_parse_obj_surface_has_nothing_when_no_corner_has_coordinates(face):
+def test_surface_without_corner_uv_is_plain(face):
     assert parse_obj_surface(SQUARE + UVS + face).is_plain
 
 
@@ -61,34 +61,34 @@ def test_parse_obj_surface_has_nothing_when_no_corner_has_coordinates(face):
         (["2.5 1 0", "1 1 1"], [[2.5, 1, 0], [1, 1, 1]]),
     ],
 )
-def test_parse_obj_surface_reads_colors_when_vertices_have_six_numbers(numbers, expected):
+def test_parse_obj_surface_reads_vertex_colors(numbers, expected):
     text = "".join(f"v {index} 0 0 {row}\n" for index, row in enumerate(numbers))
     (color,) = parse_obj_surface(text.encode() + b"f 1 2 1\n").attributes
     assert (color.kind, color.domain, color.indices) == (Kind.COLOR, Domain.VERTEX, None)
     np.testing.assert_array_equal(color.values, np.array(expected, np.float32), strict=True)
 
 
-def test_parse_obj_surface_passes_colors_over_when_a_vertex_has_none():
+def test_colors_of_only_some_vertices_are_ignored():
     assert attributes(b"v 0 0 0 1 1 1\nv 1 0 0\nv 2 0 0 1 1 1\nf 1 2 3\n") == []
 
 
-def test_parse_obj_surface_sorts_faces_by_material_when_usemtl_changes():
+def test_usemtl_assigns_faces_to_materials():
     data = SQUARE + (
         b"f 1 2 3\nusemtl red  wood\nf 1 2 4\nusemtl unused\nusemtl b\nf 2 3 4\n"
         b"usemtl red wood\nf 1 2 3\nusemtl\nf 1 2 3\n"
     )
-    assert the_groups(data) == [("material", ("red wood", "b"), [-1, 0, 1, 0, -1])]
+    assert groups_of(data) == [("material", ("red wood", "b"), [-1, 0, 1, 0, -1])]
 
 
-def test_parse_obj_surface_reads_names_when_they_are_not_ascii():
+def test_group_names_may_be_utf_8_or_latin_1():
     data = SQUARE + "g Gehäuse\nf 1 2 3\n".encode() + "g Gehäuse2\nf 1 2 3\n".encode("latin-1")
-    assert the_groups(data) == [("group", ("Gehäuse", "Gehäuse2"), [0, 1])]
+    assert groups_of(data) == [("group", ("Gehäuse", "Gehäuse2"), [0, 1])]
 
 
 OBJECTS = b"o a\n" + SQUARE + b"f 1 2 3\no b\n" + SQUARE + b"f 5 6 7 8\nf -4 -3 -2\n"
 
 
-def test_parse_obj_surface_makes_objects_parts_when_they_share_nothing():
+def test_disjoint_objects_are_parts():
     found = parse_obj_surface(OBJECTS)
     assert found.parts == (Part("a", 4, 1), Part("b", 4, 2))
     assert found.groups == ()
@@ -104,12 +104,12 @@ def test_parse_obj_surface_makes_objects_parts_when_they_share_nothing():
         (SQUARE + b"o a\nf 1 2 3\no b\nf 2 3 4\n", (("a", "b"), [0, 1])),
     ],
 )
-def test_parse_obj_surface_makes_objects_groups_when_they_are_no_parts(data, expected):
+def test_other_objects_are_groups(data, expected):
     found = described(parse_obj_surface(data))
     assert (found["groups"], found["parts"]) == ([("object", *expected)], ())
 
 
-def test_parse_obj_surface_has_nothing_when_there_is_one_object():
+def test_single_object_is_neither_part_nor_group():
     assert parse_obj_surface(b"o a\n" + SQUARE + b"s 1\nf 1 2 3\no unused\n").is_plain
 
 
@@ -120,7 +120,7 @@ def test_parse_obj_surface_has_nothing_when_there_is_one_object():
         (SQUARE + b"vt 0 0\n\nf 1/1 2/x 3/1\n", "line 7: expected an integer; got 'x'"),
     ],
 )
-def test_parse_obj_surface_names_the_line_when_it_is_wrong(data, message):
+def test_parse_obj_surface_error_names_the_line(data, message):
     with pytest.raises(FormatError, match=message):
         parse_obj_surface(data)
 
@@ -146,7 +146,7 @@ SURFACES = {
 
 @pytest.mark.parametrize("name", SURFACES)
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_load_gives_back_the_surface_when_save_wrote_obj(tmp_path, name, dtype):
+def test_obj_surface_round_trips(tmp_path, name, dtype):
     sequence, notes = rich_cube(**SURFACES[name], dtype=dtype), []
     save(sequence, tmp_path / "f_%d.obj", notes=notes)
     found = load(tmp_path)
@@ -156,7 +156,7 @@ def test_load_gives_back_the_surface_when_save_wrote_obj(tmp_path, name, dtype):
     assert notes == []
 
 
-def test_load_gives_back_parts_when_save_wrote_obj(tmp_path):
+def test_obj_parts_round_trip(tmp_path):
     sequence = two_cubes()
     save(sequence, tmp_path / "f_%d.obj")
     found = load(tmp_path)
@@ -164,14 +164,14 @@ def test_load_gives_back_parts_when_save_wrote_obj(tmp_path):
     np.testing.assert_array_equal(found.vertices, sequence.vertices)
 
 
-def test_every_frame_carries_the_surface_when_save_wrote_obj(tmp_path):
+def test_every_obj_frame_stores_the_surface(tmp_path):
     sequence = rich_cube(**SURFACES["all"])
     paths = save(sequence, tmp_path / "f_%d.obj")
     for path in paths:
         assert described(load(path).surface) == described(sequence.surface)
 
 
-def test_obj_encoder_states_groups_anew_when_a_part_begins(tmp_path):
+def test_obj_encoder_restates_groups_for_each_part(tmp_path):
     sequence = two_cubes(1)
     material = groups("material", ["m"], [0] * 7 + [-1] * 7)
     surface = Surface(sequence.surface.face_sizes, (), (material,), sequence.surface.parts)
@@ -180,7 +180,7 @@ def test_obj_encoder_states_groups_anew_when_a_part_begins(tmp_path):
     assert described(load(path).surface) == described(surface)
 
 
-def test_load_reads_floats_when_colors_were_bytes(tmp_path):
+def test_byte_colors_are_written_as_floats(tmp_path):
     color = attribute(Kind.COLOR, "vertex", 4, np.uint8)
     (path,) = save(rich_cube(1, attributes=[color]), tmp_path / "f.obj")
     (found,) = load(path).surface.attributes
@@ -188,7 +188,7 @@ def test_load_reads_floats_when_colors_were_bytes(tmp_path):
     np.testing.assert_array_equal(found.values, expected, strict=True)
 
 
-def test_load_reads_coordinates_of_corners_when_vertices_had_them(tmp_path):
+def test_vertex_uv_are_read_back_as_corner_uv(tmp_path):
     uv = attribute(Kind.UV, "vertex", 2)
     sequence = rich_cube(1, attributes=[uv])
     (path,) = save(sequence, tmp_path / "f.obj")
@@ -198,13 +198,13 @@ def test_load_reads_coordinates_of_corners_when_vertices_had_them(tmp_path):
     np.testing.assert_array_equal(found.values, uv.values, strict=True)
 
 
-def test_obj_encoder_replaces_characters_when_a_name_would_end_the_line(tmp_path):
+def test_obj_encoder_replaces_special_characters_of_names(tmp_path):
     material = groups("material", ["a#b\nc\\"], [0] * 7)
     (path,) = save(rich_cube(1, groups=[material]), tmp_path / "f.obj")
     assert load(path).surface.groups[0].labels == ("a_b c_",)
 
 
-def test_save_notes_what_is_left_out_when_obj_does_not_hold_it(tmp_path):
+def test_save_notes_what_obj_cannot_store(tmp_path):
     weight = attribute(Kind.OTHER, "vertex", 2, name="weight")
     sequence = rich_cube(1, attributes=[weight], groups=[groups("skin", ["a"], [0] * 7)])
     notes = []

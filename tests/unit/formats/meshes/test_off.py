@@ -8,13 +8,13 @@ BODY = b"0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_parse_off_gives_back_positions_when_our_encoder_wrote_them(make_sequence, dtype):
+def test_positions_round_trip_exactly(make_sequence, dtype):
     sequence = make_sequence(1, dtype, offset=1e3)
     mesh = parse_off(off_encoder(sequence.faces)(sequence.vertices[0]))
     np.testing.assert_array_equal(mesh.vertices.astype(dtype), sequence.vertices[0])
 
 
-def test_parse_off_gives_back_faces_when_our_encoder_wrote_them(make_sequence):
+def test_faces_round_trip(make_sequence):
     sequence = make_sequence(1)
     mesh = parse_off(off_encoder(sequence.faces)(sequence.vertices[0]))
     np.testing.assert_array_equal(mesh.corners.reshape(-1, 3), sequence.faces)
@@ -34,7 +34,7 @@ def test_parse_off_gives_back_faces_when_our_encoder_wrote_them(make_sequence):
         b"COFF3 1\n",
     ],
 )
-def test_parse_off_reads_the_mesh_when_headers_differ(header):
+def test_parse_off_reads_every_kind_of_header(header):
     mesh = parse_off(header + BODY)
     assert (mesh.vertices.tolist(), mesh.corners.tolist()) == (
         [[0, 0, 0], [1, 0, 0], [0, 1, 0]],
@@ -42,13 +42,13 @@ def test_parse_off_reads_the_mesh_when_headers_differ(header):
     )
 
 
-def test_parse_off_ignores_colours_when_vertices_and_faces_have_them():
+def test_parse_off_ignores_colors():
     data = b"COFF\n3 1 0\n0 0 0 255 0 0 255\n1 0 0 1 1 1 1\n0 1 0 0 0 0 0\n3 0 1 2 0.5 0.25 1\n"
     mesh = parse_off(data)
     assert (mesh.vertices[1].tolist(), mesh.corners.tolist()) == ([1, 0, 0], [0, 1, 2])
 
 
-def test_parse_off_reads_polygons_when_sizes_are_mixed():
+def test_parse_off_reads_mixed_polygons():
     data = b"OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3 9\n3 3 2 1\n"
     mesh = parse_off(data)
     assert (mesh.counts.tolist(), mesh.corners.tolist()) == ([4, 3], [0, 1, 2, 3, 3, 2, 1])
@@ -69,13 +69,13 @@ def test_parse_off_reads_polygons_when_sizes_are_mixed():
         (b"OFF\n3 2 0\n" + BODY, "declares 3 vertices and 2 faces.* but 4 lines follow"),
         (b"OFF\n3 0 0\n" + BODY, "declares 3 vertices and 0 faces.* but 4 lines follow"),
         (b"OFF\n9999999999999 1 0\n" + BODY, "but 4 lines follow"),
-        (b"OFF\n2 2 0\n" + BODY, "line 5: announces 0 corners; 2 numbers follow|three corners"),
+        (b"OFF\n2 2 0\n" + BODY, "line 5: declares 0 corners; 2 numbers follow|three corners"),
         (b"OFF\n3 1 0\n0 0\n1 0 0\n0 1 0\n3 0 1 2", "line 3: a vertex needs x, y and z; got 2"),
-        (b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n4 0 1 2", "line 6: announces 4 corners; 3 numbers"),
+        (b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n4 0 1 2", "line 6: declares 4 corners; 3 numbers"),
         (b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3", "line 6: names vertex 3"),
         (b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 x", "line 6: expected an integer; got 'x'"),
     ],
 )
-def test_parse_off_names_the_line_when_it_is_wrong(data, message):
+def test_parse_off_error_names_the_line(data, message):
     with pytest.raises(FormatError, match=message):
         parse_off(data)

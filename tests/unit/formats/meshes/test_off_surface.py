@@ -30,13 +30,13 @@ def attributes(data):
         (["256 0 1"] * 3, np.float32, [[256, 0, 1]] * 3),
     ],
 )
-def test_parse_off_surface_reads_bytes_when_colors_have_no_point(rows, dtype, expected):
+def test_colors_without_decimal_point_are_bytes(rows, dtype, expected):
     data = triangle("COFF", *(f"{index}.5 0 0 {row}" for index, row in enumerate(rows)))
     (color,) = parse_off_surface(data).attributes
     assert (color.values.dtype, color.values.tolist()) == (dtype, expected)
 
 
-def test_parse_off_surface_finds_columns_when_the_header_word_has_all():
+def test_keyword_selects_the_columns():
     rows = [f"{index} 0 0 9 9 9 0.5 0.25 0 1 {index} 7" for index in range(3)]
     assert attributes(triangle("STCNOFF", *rows)) == [
         (Kind.COLOR, Domain.VERTEX, [[0.5, 0.25, 0, 1]] * 3),
@@ -53,19 +53,19 @@ def test_parse_off_surface_finds_columns_when_the_header_word_has_all():
         ("", []),
     ],
 )
-def test_parse_off_surface_reads_colors_of_faces_when_they_have_three_numbers(face, expected):
+def test_face_colors_have_three_or_four_numbers(face, expected):
     assert attributes(triangle("OFF", "0 0 0", "1 0 0", "0 1 0", face=face)) == expected
 
 
-def test_parse_off_surface_has_nothing_when_the_header_word_says_nothing():
+def test_extra_columns_without_keyword_are_ignored():
     assert attributes(triangle("OFF", *["0 0 0 1 2 3"] * 3)) == []
 
 
-def test_parse_off_surface_has_nothing_when_only_some_vertices_have_colors():
+def test_colors_of_only_some_vertices_are_ignored():
     assert attributes(triangle("COFF", "0 0 0 1 2 3", "0 0 0", "0 0 0 1 2 3")) == []
 
 
-def test_parse_off_surface_names_the_line_when_a_color_is_no_number():
+def test_parse_off_surface_error_names_the_line():
     with pytest.raises(FormatError, match="line 4: expected a number; got 'red'"):
         parse_off_surface(triangle("COFF", "0 0 0 1 2 3", "0 0 0 red 0 0", "0 0 0 1 2 3"))
 
@@ -84,7 +84,7 @@ SURFACES = {
 
 
 @pytest.mark.parametrize("name", SURFACES)
-def test_load_gives_back_the_surface_when_save_wrote_off(tmp_path, name):
+def test_off_surface_round_trips(tmp_path, name):
     sequence, notes = rich_cube(attributes=SURFACES[name]), []
     save(sequence, tmp_path / "f_%d.off", notes=notes)
     found = load(tmp_path)
@@ -93,7 +93,7 @@ def test_load_gives_back_the_surface_when_save_wrote_off(tmp_path, name):
     assert notes == []
 
 
-def test_load_gives_back_floats_when_all_are_whole(tmp_path):
+def test_integral_float_colors_stay_floats(tmp_path):
     ones = attribute(Kind.COLOR, "vertex", 3)
     ones.values[:] = 1
     (path,) = save(rich_cube(1, attributes=[ones]), tmp_path / "f.off")
@@ -102,7 +102,7 @@ def test_load_gives_back_floats_when_all_are_whole(tmp_path):
     )
 
 
-def test_save_notes_what_is_left_out_when_off_does_not_hold_it(tmp_path):
+def test_save_notes_what_off_cannot_store(tmp_path):
     uv = attribute(Kind.UV, "corner", 2, rows=4)
     cube, notes = rich_cube(1, attributes=[uv], groups=[groups("material", "a", [0] * 7)]), []
     save(cube, tmp_path / "a.off", notes=notes)
@@ -113,7 +113,7 @@ def test_save_notes_what_is_left_out_when_off_does_not_hold_it(tmp_path):
     ]
 
 
-def test_save_notes_what_is_left_out_when_files_are_stl(tmp_path):
+def test_save_notes_what_stl_cannot_store(tmp_path):
     notes = []
     save(rich_cube(1), tmp_path / "a.stl", notes=notes)
     assert notes == [

@@ -27,13 +27,13 @@ ASCII_VERTICES = b"0 0 0\n1 0 0\n1 1 0\n0 1 0.1\n"
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_parse_ply_gives_back_positions_and_type_when_our_encoder_wrote_them(make_sequence, dtype):
+def test_positions_and_type_round_trip_exactly(make_sequence, dtype):
     sequence = make_sequence(1, dtype)
     found = parse_ply(ply_encoder(sequence.faces)(sequence.vertices[0])).vertices
     assert (found.dtype, found.tobytes()) == (dtype, sequence.vertices[0].tobytes())
 
 
-def test_parse_ply_gives_back_faces_when_our_encoder_wrote_them(make_sequence):
+def test_faces_round_trip(make_sequence):
     sequence = make_sequence(1)
     mesh = parse_ply(ply_encoder(sequence.faces)(sequence.vertices[0]))
     np.testing.assert_array_equal(mesh.corners.reshape(-1, 3), sequence.faces)
@@ -44,7 +44,7 @@ def test_parse_ply_gives_back_faces_when_our_encoder_wrote_them(make_sequence):
     ("encoding", "order"), [("binary_little_endian", "<"), ("binary_big_endian", ">")]
 )
 @pytest.mark.parametrize("faces", [[(0, 1, 2), (0, 2, 3)], [(0, 1, 2, 3), (3, 1, 2)]])
-def test_parse_ply_reads_positions_when_the_file_is_binary(number, dtype, encoding, order, faces):
+def test_parse_ply_reads_binary_positions(number, dtype, encoding, order, faces):
     body = QUAD.astype(order + dtype).tobytes() + binary_faces(order, faces)
     mesh = parse_ply(header(encoding, number=number) + body)
     assert mesh.vertices.dtype == dtype
@@ -54,32 +54,32 @@ def test_parse_ply_reads_positions_when_the_file_is_binary(number, dtype, encodi
 @pytest.mark.parametrize(
     ("encoding", "order"), [("binary_little_endian", "<"), ("binary_big_endian", ">")]
 )
-def test_parse_ply_reads_polygons_when_lists_differ_in_length(encoding, order):
+def test_parse_ply_reads_binary_lists_of_mixed_length(encoding, order):
     body = QUAD.astype(order + "f4").tobytes() + binary_faces(order, [(0, 1, 2, 3), (3, 1, 2)])
     mesh = parse_ply(header(encoding) + body)
     assert (mesh.counts.tolist(), mesh.corners.tolist()) == ([4, 3], [0, 1, 2, 3, 3, 1, 2])
 
 
 @pytest.mark.parametrize(("number", "dtype"), [("float", "f4"), ("float64", "f8"), ("uchar", "f4")])
-def test_parse_ply_keeps_the_declared_type_when_the_file_is_text(number, dtype):
+def test_ascii_positions_keep_the_declared_type(number, dtype):
     vertices = ASCII_VERTICES if number != "uchar" else b"0 0 0\n1 0 0\n1 1 0\n0 1 0\n"
     mesh = parse_ply(header(number=number) + vertices + b"3 0 1 2\n3 0 2 3\n")
     assert mesh.vertices.dtype == dtype
 
 
-def test_parse_ply_reads_polygons_when_the_file_is_text():
+def test_parse_ply_reads_ascii_polygons():
     mesh = parse_ply(header() + ASCII_VERTICES + b"4 0 1 2 3\n3 3 1 2\n")
     assert (mesh.counts.tolist(), mesh.corners.tolist()) == ([4, 3], [0, 1, 2, 3, 3, 1, 2])
 
 
 @pytest.mark.parametrize("line_end", [b"\r\n", b"\r"])
-def test_parse_ply_reads_the_mesh_when_header_lines_end_otherwise(line_end):
+def test_header_lines_may_end_with_cr_or_crlf(line_end):
     body = QUAD.astype("<f4").tobytes() + binary_faces("<", [(0, 1, 2), (0, 2, 3)])
     data = header("binary_little_endian").replace(b"\n", line_end) + body
     assert parse_ply(data).corners.tolist() == [0, 1, 2, 0, 2, 3]
 
 
-def test_parse_ply_finds_the_mesh_when_other_elements_and_properties_stand_around_it():
+def test_parse_ply_skips_other_elements_and_properties():
     before = "element camera 2\nproperty double f\nproperty list uchar short knots\n"
     face = (
         "property uchar red\nproperty list int float texcoord\n"
@@ -96,7 +96,7 @@ def test_parse_ply_finds_the_mesh_when_other_elements_and_properties_stand_aroun
     assert mesh.corners.tolist() == [0, 1, 2, 0, 2, 3]
 
 
-def test_parse_ply_takes_x_y_z_by_name_when_columns_are_in_another_order():
+def test_parse_ply_finds_x_y_z_by_name():
     data = (
         b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float nx\nproperty float z\n"
         b"property float y\nproperty double x\nelement face 1\n"
@@ -114,7 +114,7 @@ def test_parse_ply_takes_x_y_z_by_name_when_columns_are_in_another_order():
         (header().replace(b"format ascii 1.0\n", b""), "no format line; expected one of ascii"),
         (header().replace(b"ascii", b"binary"), "line 2: 'format binary 1.0' is not a line"),
         (header().replace(b"float x", b"real x"), "line 6: 'real' is not a PLY type"),
-        (header().replace(b"float y", b"float x"), "line 7: property 'x' is there twice"),
+        (header().replace(b"float y", b"float x"), "line 7: property 'x' is declared twice"),
         (header().replace(b"uchar int", b"float int"), "length of a list must be an integer"),
         (header().replace(b"vertex 4", b"vertex -4"), "line 5: 'element vertex -4' is not a line"),
         (
@@ -143,6 +143,6 @@ def test_parse_ply_takes_x_y_z_by_name_when_columns_are_in_another_order():
         ),
     ],
 )
-def test_parse_ply_says_what_is_wrong_when_the_file_is(data, message):
+def test_parse_ply_explains_errors(data, message):
     with pytest.raises(FormatError, match=message):
         parse_ply(data)

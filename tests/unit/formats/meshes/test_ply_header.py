@@ -24,19 +24,19 @@ def ply(line_end, last=None, lines=LINES, vertices=VERTICES):
 @pytest.mark.parametrize(
     ("line_end", "last"), [("\n", "\r\n"), ("\r\n", "\n"), ("\n", "\n"), ("\r", "\r")]
 )
-def test_parse_ply_finds_the_body_when_the_last_line_ends_otherwise(line_end, last):
+def test_last_header_line_may_end_differently(line_end, last):
     mesh = parse_ply(ply(line_end, last))
     assert (mesh.vertices.tobytes(), mesh.corners.tolist()) == (VERTICES.tobytes(), [0, 1, 2])
 
 
-def test_parse_ply_takes_a_line_feed_as_data_when_lines_end_with_a_return():
+def test_line_feed_after_a_cr_header_is_data():
     vertices = VERTICES.copy()
     vertices.view(np.uint8)[0, 0] = ord("\n")
     mesh = parse_ply(ply("\r", vertices=vertices))
     assert mesh.vertices.tobytes() == vertices.tobytes()
 
 
-def test_load_skips_lines_with_a_note_when_they_are_no_keyword(tmp_path):
+def test_unknown_header_lines_are_skipped_with_a_note(tmp_path):
     path = tmp_path / "a.ply"
     path.write_bytes(ply("\n", lines=(*LINES[:2], "made by hand", *LINES[2:6], "#", *LINES[6:])))
     notes = []
@@ -46,16 +46,16 @@ def test_load_skips_lines_with_a_note_when_they_are_no_keyword(tmp_path):
 
 
 @pytest.mark.parametrize("line", ["propetry float w", "element vertex x", "property float"])
-def test_parse_ply_refuses_a_line_when_it_may_be_a_property(line):
+def test_misspelled_properties_are_rejected(line):
     with pytest.raises(FormatError, match="line 7: "):
         parse_ply(ply("\n", lines=(*LINES[:6], line, *LINES[6:])))
 
 
-def test_skipped_lines_are_told_once_when_a_sequence_is_split(tmp_path):
+def test_skipped_lines_are_noted_once_for_a_split_sequence(tmp_path):
     lines = (*LINES[:2], "made by hand", *LINES[2:])
     (tmp_path / "0.ply").write_bytes(ply("\n", lines=lines))
-    turned = ply("\n", lines=lines)[: -len(FACE)] + FACE[:1] + np.array([0, 2, 1], "<i4").tobytes()
-    (tmp_path / "1.ply").write_bytes(turned)
+    flipped = ply("\n", lines=lines)[: -len(FACE)] + FACE[:1] + np.array([0, 2, 1], "<i4").tobytes()
+    (tmp_path / "1.ply").write_bytes(flipped)
     options = ReadOptions()
     assert [one.open().n_frames for one in find_stretches(tmp_path, options)] == [1, 1]
     assert options.notes == ["left out: lines of the header: line 3 'made by hand'"]

@@ -6,15 +6,15 @@ import trimesh
 
 from meshreel.errors import FormatError
 from meshreel.formats.load import load
-from meshreel.formats.meshes.ply import cut_strips, parse_ply
+from meshreel.formats.meshes.ply import parse_ply, split_strips
 
 GRID = np.array([[x, y, 0.0] for y in range(3) for x in range(4)], np.float32)
 STRIPS = [0, 4, 1, 5, 2, 6, 3, 7, -1, 4, 8, 5, 9, 6, 10, 7, 11]
-"""Two rows of the grid, seen from below."""
+"""Two rows of the grid, clockwise as seen from above."""
 
 
 def ply(lists, faces=(), encoding="binary_little_endian"):
-    """A file of triangle strips, each list in a row of its own."""
+    """A PLY file with one row of triangle strips for each list."""
     order = ">" if encoding.endswith("big_endian") else "<"
     lines = [
         "ply", f"format {encoding} 1.0", f"element vertex {len(GRID)}", "property float x",
@@ -31,27 +31,27 @@ def ply(lists, faces=(), encoding="binary_little_endian"):
 
 def cut(*lists):
     lengths = np.array([len(one) for one in lists], np.int64)
-    return cut_strips(lengths, np.array([vertex for one in lists for vertex in one])).tolist()
+    return split_strips(lengths, np.array([vertex for one in lists for vertex in one])).tolist()
 
 
-def test_strips_alternate_when_they_are_cut():
+def test_strip_triangles_have_consistent_orientation():
     assert cut([5, 6, 7, 8, 9]) == [[5, 6, 7], [6, 8, 7], [7, 8, 9]]
 
 
 @pytest.mark.parametrize("lists", [([0, 1, 2, 3, -1, 4, 5, 6],), ([0, 1, 2, 3], [4, 5, 6])])
-def test_strips_begin_anew_when_there_is_a_restart_or_another_list(lists):
+def test_restart_or_new_list_begins_a_strip(lists):
     assert cut(*lists) == [[0, 1, 2], [1, 3, 2], [4, 5, 6]]
 
 
 @pytest.mark.parametrize(
     "lists", [([-1, -1],), ([0, 1],), ([0, -1, 1, -1, 2],), ([],), ([0, 1], [2]), ([0, 1, -1, 2],)]
 )
-def test_strips_have_no_triangles_when_they_are_short(lists):
+def test_short_strips_have_no_triangles(lists):
     assert cut(*lists) == []
 
 
 @pytest.mark.parametrize("encoding", ["binary_little_endian", "binary_big_endian"])
-def test_load_gives_faces_of_one_side_when_a_file_has_strips(tmp_path, encoding):
+def test_faces_of_strips_point_to_one_side(tmp_path, encoding):
     path = tmp_path / "a.ply"
     path.write_bytes(ply([STRIPS], encoding=encoding))
     notes = []
@@ -64,18 +64,18 @@ def test_load_gives_faces_of_one_side_when_a_file_has_strips(tmp_path, encoding)
     assert color.values.tolist() == [[1, 2, 3]] * 12
 
 
-def test_strips_are_cut_as_trimesh_cuts_them_when_there_are_many():
+def test_strip_triangles_equal_those_of_trimesh():
     rng = np.random.default_rng(5)
     strips = [rng.permutation(40)[:size] for size in rng.integers(3, 12, 30)]
     row = [vertex for one in strips for vertex in (*one, -1)]
 
-    def turned(faces):
+    def canonical(faces):
         return [np.roll(face, -int(np.argmin(face))).tolist() for face in faces]
 
-    assert turned(cut(row)) == turned(trimesh.util.triangle_strips_to_faces(strips))
+    assert canonical(cut(row)) == canonical(trimesh.util.triangle_strips_to_faces(strips))
 
 
-def test_load_leaves_out_strips_when_there_are_faces_too(tmp_path):
+def test_strips_beside_faces_are_left_out_with_a_note(tmp_path):
     path = tmp_path / "a.ply"
     path.write_bytes(ply([STRIPS], faces=[(0, 1, 2)]))
     notes = []
@@ -84,6 +84,6 @@ def test_load_leaves_out_strips_when_there_are_faces_too(tmp_path):
 
 
 @pytest.mark.parametrize(("strip", "message"), [([0, 1, 99], "vertex 99"), ([0, 1, -2], "-2")])
-def test_parse_ply_names_the_vertex_when_a_strip_has_one_that_is_not_there(strip, message):
+def test_error_names_the_invalid_vertex_of_a_strip(strip, message):
     with pytest.raises(FormatError, match=message):
         parse_ply(ply([strip]))

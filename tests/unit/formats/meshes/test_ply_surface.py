@@ -31,7 +31,7 @@ RGB, RGBA = ["red", "green", "blue"], ["red", "green", "blue", "alpha"]
 
 @pytest.mark.parametrize(("number", "code"), [("uchar", "u1"), ("float", "f4"), ("double", "f8")])
 @pytest.mark.parametrize("names", [RGB, RGBA])
-def test_parse_ply_surface_reads_colors_when_vertices_have_them(number, code, names):
+def test_parse_ply_surface_reads_vertex_colors(number, code, names):
     values = "1 0 1 1"[: 2 * len(names)]
     data = triangle([f"{number} {name}" for name in names], [f"0 {values}"] * 3)
     expected = [[1, 0, 1, 1][: len(names)]] * 3
@@ -39,12 +39,12 @@ def test_parse_ply_surface_reads_colors_when_vertices_have_them(number, code, na
 
 
 @pytest.mark.parametrize("names", ["s t", "u v", "texture_u texture_v", "texture_s texture_t"])
-def test_parse_ply_surface_reads_coordinates_when_vertices_have_them(names):
+def test_parse_ply_surface_reads_vertex_uv(names):
     data = triangle([f"float {name}" for name in names.split()], ["0 0.5 2"] * 3)
     assert attributes(data) == [("uv", Kind.UV, Domain.VERTEX, "f4", [[0.5, 2]] * 3)]
 
 
-def test_parse_ply_surface_keeps_other_numbers_when_they_have_names():
+def test_parse_ply_surface_keeps_other_numbers():
     columns = ["float nx", "float confidence", "ushort flags", "uint id", "char a", "float red"]
     data = triangle(columns, ["0 9 .5 65535 4294967295 -1 1"] * 3, ["int label"], "-7")
     assert attributes(data) == [
@@ -57,7 +57,7 @@ def test_parse_ply_surface_keeps_other_numbers_when_they_have_names():
     ]
 
 
-def test_parse_ply_surface_reads_coordinates_of_corners_when_faces_have_them():
+def test_parse_ply_surface_reads_corner_uv():
     face = ["list uchar float texcoord", "uchar red", "uchar green", "uchar blue", "int texnumber"]
     assert attributes(triangle([], ["0"] * 3, face, "6 0 1 2 3 4 5 9 8 7 0")) == [
         ("color", Kind.COLOR, Domain.FACE, "u1", [[9, 8, 7]]),
@@ -67,11 +67,11 @@ def test_parse_ply_surface_reads_coordinates_of_corners_when_faces_have_them():
 
 
 @pytest.mark.parametrize("row", ["0", "2 0 1"])
-def test_parse_ply_surface_passes_coordinates_over_when_corners_have_none(row):
+def test_incomplete_corner_uv_are_ignored(row):
     assert attributes(triangle([], ["0"] * 3, ["list uchar float texcoord"], row)) == []
 
 
-def test_parse_ply_surface_names_the_line_when_a_color_is_out_of_range():
+def test_error_names_the_line_of_a_color_out_of_range():
     data = triangle([f"uchar {name}" for name in RGB], ["0 1 2 3", "0 1 2 300", "0 1 2 3"])
     with pytest.raises(FormatError, match="line 14: expected uint8; got 300"):
         parse_ply_surface(data)
@@ -96,7 +96,7 @@ SURFACES = {
 
 @pytest.mark.parametrize("name", SURFACES)
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_load_gives_back_the_surface_when_save_wrote_ply(tmp_path, name, dtype):
+def test_ply_surface_round_trips(tmp_path, name, dtype):
     sequence, notes = rich_cube(attributes=SURFACES[name], dtype=dtype), []
     save(sequence, tmp_path / "f_%d.ply", notes=notes)
     found = load(tmp_path)
@@ -106,14 +106,14 @@ def test_load_gives_back_the_surface_when_save_wrote_ply(tmp_path, name, dtype):
     assert notes == []
 
 
-def test_load_gives_back_values_when_they_were_indexed(tmp_path):
+def test_indexed_values_are_expanded(tmp_path):
     color = attribute(Kind.COLOR, "vertex", 3, np.uint8, rows=3)
     (path,) = save(rich_cube(1, attributes=[color]), tmp_path / "f.ply")
     (found,) = load(path).surface.attributes
     np.testing.assert_array_equal(found.values, color.per_item(), strict=True)
 
 
-def test_ply_encoder_counts_in_four_bytes_when_a_face_has_many_corners(tmp_path):
+def test_faces_may_have_more_than_255_corners(tmp_path):
     angle = np.linspace(0, 6, 300, dtype=np.float32)
     vertices = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     fan = np.stack([np.zeros(298), np.arange(1, 299), np.arange(2, 300)], axis=1).astype(int)
@@ -136,7 +136,7 @@ def test_ply_encoder_counts_in_four_bytes_when_a_face_has_many_corners(tmp_path)
         attribute(Kind.UV, "vertex", 3),
     ],
 )
-def test_save_notes_the_attribute_when_ply_does_not_hold_it(tmp_path, other):
+def test_save_notes_attributes_that_ply_cannot_store(tmp_path, other):
     notes = []
     (path,) = save(rich_cube(1, attributes=[other]), tmp_path / "f.ply", notes=notes)
     assert load(path).surface.attributes == ()
@@ -146,7 +146,7 @@ def test_save_notes_the_attribute_when_ply_does_not_hold_it(tmp_path, other):
     ]
 
 
-def test_save_notes_groups_and_parts_when_files_are_ply(tmp_path):
+def test_save_notes_groups_and_parts_for_ply(tmp_path):
     notes = []
     save(rich_cube(1, groups=[groups("material", "a", [0] * 7)]), tmp_path / "a.ply", notes=notes)
     save(two_cubes(1), tmp_path / "b.ply", notes=notes)

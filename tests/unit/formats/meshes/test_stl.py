@@ -23,41 +23,41 @@ endsolid a thing
 """
 
 
-def test_parse_stl_gives_back_corners_when_our_encoder_wrote_them(make_sequence):
+def test_corners_round_trip(make_sequence):
     sequence = make_sequence(1)
     mesh = parse_stl(stl_encoder(sequence.faces)(sequence.vertices[0]))
     expected = sequence.vertices[0][sequence.faces].reshape(-1, 3)
     assert (mesh.vertices.dtype, mesh.vertices.tobytes()) == (np.float32, expected.tobytes())
 
 
-def test_parse_stl_reads_binary_when_its_header_begins_with_solid(make_sequence):
+def test_binary_header_may_begin_with_solid(make_sequence):
     sequence = make_sequence(1)
     data = stl_encoder(sequence.faces)(sequence.vertices[0])
     assert len(parse_stl(b"solid " + data[6:]).counts) == sequence.n_faces
 
 
-def test_parse_stl_reads_corners_when_the_file_is_text():
+def test_parse_stl_reads_ascii():
     expected = [[0, 0, 0], [1, 0, 0], [0, 1.5, 0], [0, 0, 0], [1, 0, 0], [0, 0, 2]]
     assert parse_stl(ASCII).vertices.tolist() == expected
 
 
-def test_parse_stl_has_no_negative_zeros_when_the_file_has():
+def test_parse_stl_replaces_negative_zeros():
     assert not np.signbit(parse_stl(ASCII).vertices).any()
 
 
-def test_stl_encoder_writes_unit_normals_when_triangles_have_area():
+def test_stl_encoder_writes_unit_normals():
     vertices = np.array([[0, 0, 0], [2, 0, 0], [0, 3, 0]], np.float32)
     data = stl_encoder(np.array([[0, 1, 2]]))(vertices)
     assert np.frombuffer(data, "<f4", 3, 84).tolist() == [0, 0, 1]
 
 
-def test_stl_encoder_writes_zero_normals_when_triangles_have_no_area():
+def test_degenerate_triangles_get_zero_normals():
     data = stl_encoder(np.array([[0, 1, 1]]))(np.eye(3, dtype=np.float64))
     assert np.frombuffer(data, "<f4", 3, 84).tolist() == [0, 0, 0]
 
 
-def test_stl_encoder_is_refused_when_a_position_exceeds_float32():
-    with pytest.raises(InvalidInputError, match=r"an STL file holds float32"):
+def test_stl_encoder_rejects_positions_beyond_float32():
+    with pytest.raises(InvalidInputError, match=r"STL stores float32"):
         stl_encoder(np.array([[0, 1, 2]]))(np.eye(3) * 1e39)
 
 
@@ -73,14 +73,16 @@ def test_stl_encoder_is_refused_when_a_position_exceeds_float32():
         (ASCII.replace(b"VERTEX 1 0 0", b"VERTEX 1 0 o"), "line 12: expected a number; got 'o'"),
     ],
 )
-def test_parse_stl_names_the_line_when_text_is_wrong(data, message):
+def test_parse_stl_error_names_the_line(data, message):
     with pytest.raises(FormatError, match=message):
         parse_stl(data)
 
 
 @pytest.mark.parametrize("change", [lambda d: d[:-1], lambda d: d + b"\0", lambda d: d[:90]])
-def test_parse_stl_is_refused_when_the_size_contradicts_the_declared_count(make_sequence, change):
+def test_parse_stl_rejects_sizes_that_contradict_the_count(make_sequence, change):
     sequence = make_sequence(1)
     data = stl_encoder(sequence.faces)(sequence.vertices[0])
-    with pytest.raises(FormatError, match=r"a binary STL that declares .* has 484; the file is tr"):
+    with pytest.raises(
+        FormatError, match=r"a binary STL with the declared .* has 484; the file is tr"
+    ):
         parse_stl(change(data))

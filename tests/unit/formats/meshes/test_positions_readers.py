@@ -1,4 +1,4 @@
-"""Positions of files whose faces are known already: as those of a file that is read whole."""
+"""Functions that read only the positions of further frames agree with the full parsers."""
 
 import numpy as np
 import pytest
@@ -12,11 +12,13 @@ from samples.costs import draws
 from samples.surfaces import attribute, rich_cube, two_cubes
 
 N_DAMAGED = draws(400)
-ENDINGS = [found.ending for found in FRAME_FORMATS.values() if found.positions_like is not None]
+EXTENSIONS = [
+    found.ending for found in FRAME_FORMATS.values() if found.positions_reader is not None
+]
 
 
-def files_of(folder, ending):
-    """The bytes of two frames each of a plain cube, of a coloured one, and of two parts."""
+def files_of(folder, extension):
+    """Two encoded frames of each sample: plain, colored, in two parts, and float64."""
     colors = [attribute(Kind.COLOR, "vertex", 3), attribute(Kind.UV, "corner", 2, rows=9)]
     for index, sequence in enumerate(
         (
@@ -26,12 +28,12 @@ def files_of(folder, ending):
             rich_cube(2, dtype=np.float64),
         )
     ):
-        paths = save(sequence, folder / f"{index}_%d{ending}")
+        paths = save(sequence, folder / f"{index}_%d{extension}")
         yield [path.read_bytes() for path in paths]
 
 
 def damaged(data, rng):
-    """Some bytes changed, cut out or doubled, here and there."""
+    """Variants of data with random bytes changed, removed or duplicated."""
     for index in range(N_DAMAGED):
         changed = bytearray(data)
         begin = int(rng.integers(0, len(data)))
@@ -46,20 +48,20 @@ def damaged(data, rng):
         yield bytes(changed)
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_positions_like_are_those_of_the_file_when_faces_are_the_same(tmp_path, ending):
-    found = FRAME_FORMATS[ending]
-    for first, second in files_of(tmp_path, ending):
-        positions = found.positions_like(first, found.parse(first))(second)
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_positions_reader_agrees_with_parse(tmp_path, extension):
+    found = FRAME_FORMATS[extension]
+    for first, second in files_of(tmp_path, extension):
+        positions = found.positions_reader(first, found.parse(first))(second)
         np.testing.assert_array_equal(positions, found.parse(second).vertices, strict=True)
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_positions_like_are_none_or_those_of_the_file_when_it_is_damaged(tmp_path, ending):
-    found = FRAME_FORMATS[ending]
-    for first, second in files_of(tmp_path, ending):
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_positions_reader_never_misreads_damaged_files(tmp_path, extension):
+    found = FRAME_FORMATS[extension]
+    for first, second in files_of(tmp_path, extension):
         mesh = found.parse(first)
-        read = found.positions_like(first, mesh)
+        read = found.positions_reader(first, mesh)
         for data in damaged(second, np.random.default_rng(len(first))):
             if (positions := read(data)) is not None:
                 whole = found.parse(data)
@@ -84,9 +86,9 @@ OBJ = FRAME_FORMATS[".obj"]
         (b"usemtl m", b"usemtl no"),
     ],
 )
-def test_obj_positions_like_are_those_of_the_file_when_all_but_faces_changes(change):
+def test_obj_positions_reader_accepts_changes_outside_faces(change):
     second = FIRST.replace(*change)
-    positions = OBJ.positions_like(FIRST, OBJ.parse(FIRST))(second)
+    positions = OBJ.positions_reader(FIRST, OBJ.parse(FIRST))(second)
     np.testing.assert_array_equal(positions, OBJ.parse(second).vertices, strict=True)
 
 
@@ -106,25 +108,25 @@ def test_obj_positions_like_are_those_of_the_file_when_all_but_faces_changes(cha
         (b"v 0 1 2\n", b"v 0 1\n"),
     ],
 )
-def test_obj_positions_like_are_none_when_the_file_must_be_read_whole(change):
-    assert OBJ.positions_like(FIRST, OBJ.parse(FIRST))(FIRST.replace(*change)) is None
+def test_obj_positions_reader_gives_none_for_other_files(change):
+    assert OBJ.positions_reader(FIRST, OBJ.parse(FIRST))(FIRST.replace(*change)) is None
 
 
-def test_obj_positions_like_are_none_when_faces_count_back():
+def test_obj_positions_reader_gives_none_for_negative_indices():
     data = FIRST.replace(b"f 4 5 6", b"f -3 -2 -1")
-    assert OBJ.positions_like(data, OBJ.parse(data))(data) is None
+    assert OBJ.positions_reader(data, OBJ.parse(data))(data) is None
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_load_names_the_line_or_the_file_when_a_later_frame_is_damaged(tmp_path, ending):
-    save(rich_cube(3), tmp_path / f"f_%d{ending}")
-    path = tmp_path / f"f_1{ending}"
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_error_names_a_damaged_later_frame(tmp_path, extension):
+    save(rich_cube(3), tmp_path / f"f_%d{extension}")
+    path = tmp_path / f"f_1{extension}"
     path.write_bytes(path.read_bytes()[:-20])
-    with pytest.raises(MeshReelError, match=rf"f_1\{ending}"):
+    with pytest.raises(MeshReelError, match=rf"f_1\{extension}"):
         load(tmp_path)
 
 
-def test_load_names_the_line_when_a_later_frame_has_a_word_that_is_no_number(tmp_path):
+def test_error_names_the_line_of_a_later_frame(tmp_path):
     save(rich_cube(3), tmp_path / "f_%d.obj")
     path = tmp_path / "f_1.obj"
     path.write_text("# x\n" + path.read_text().replace("v 0 0 0", "v 0 zero 0"))
