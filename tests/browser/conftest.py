@@ -83,7 +83,8 @@ def kept_tabs():
 def shared_page(browser, kept_tabs):
     """Opens an address once in a module; an error in a script of the page fails the test.
 
-    For tests that change nothing but the frame, the number of modes, and the heat map.
+    Tests find the first frame, all modes and no heat map. They change nothing else, unless each
+    test that shares the address sets it first.
     """
     used = []
 

@@ -93,6 +93,12 @@ def chosen(page, selector, value):
     wait_until(page, f"document.getElementById('track-bar').ariaLabel !== {before!r}")
 
 
+def show_track(page, track):
+    """Choose a track, unless it is chosen."""
+    if page.locator("#track").input_value() != track:
+        chosen(page, "#track", track)
+
+
 def test_page_opens_with_the_track_that_is_named(new_page, stress_url, decoded):
     page = new_page(stress_url)
     assert page.locator("#track").input_value() == "stress"
@@ -144,11 +150,10 @@ def test_typed_range_has_to_be_one(new_page, stress_url):
 
 @pytest.mark.parametrize("track", ["stress", "heat", "part"])
 def test_values_are_plotted_over_time_at_a_number_that_is_typed(
-    new_page, stress_url, decoded, track
+    shared_page, stress_url, decoded, track
 ):
-    page = new_page(stress_url)
-    if track != "stress":
-        chosen(page, "#track", track)
+    page = shared_page(stress_url)
+    show_track(page, track)
     item = 123
     page.locator("#probe-item").fill(str(item))
     page.locator("#probe-item").press("Enter")
@@ -317,9 +322,9 @@ def test_original_has_the_colours_of_its_own_values(new_page, mirrored, command)
 
 
 @pytest.mark.parametrize("track", ["velocity", "part"])
-def test_original_says_so_when_it_lacks_the_values(new_page, mirrored, track):
-    page = new_page(mirrored["view"])
-    chosen(page, "#track", track)
+def test_original_says_so_when_it_lacks_the_values(shared_page, mirrored, track):
+    page = shared_page(mirrored["view"])
+    show_track(page, track)
     assert page.get_by_text("original, which lacks these values").is_visible()
     assert "error of velocity" not in page.locator("#heat option").all_inner_texts()
 
