@@ -112,7 +112,7 @@ def test_load_reads_a_mesh_when_its_unit_is_stored_as_float(folder):
     stage = Usd.Stage.Open(str(path))
     points = UsdGeom.Mesh(stage.GetPrimAtPath("/Suzanne/Suzanne")).GetPointsAttr().Get()
     np.testing.assert_array_equal(found.vertices[0], np.asarray(points))
-    assert any("z points upwards" in note and "a unit is" not in note for note in notes)
+    assert any("z points up" in note and "a unit is" not in note for note in notes)
 
 
 def test_load_names_the_mesh_when_it_is_empty_in_its_first_frame(folder):

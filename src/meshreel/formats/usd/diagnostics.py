@@ -1,4 +1,4 @@
-"""Diagnostics of USD about a file, as errors of meshreel and not on the terminal."""
+"""Diagnostics of USD, raised as errors of meshreel instead of printed to the terminal."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -6,25 +6,25 @@ from contextlib import contextmanager
 from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
 
-NOT_TEXT = "it holds text that is not UTF-8"
+NOT_UTF8 = "it contains text that is not UTF-8"
 
 
 @contextmanager
 def usd_errors(what: str) -> Iterator[None]:
-    """Within it, what USD raises is a `FormatError`, and what USD would print is dropped.
+    """Raise errors of USD within the context as `FormatError`, and drop what USD would print.
 
     Parameters
     ----------
     what : str
-        What has failed then, as in "USD cannot read the file".
+        Start of the message, such as "USD cannot read the file".
     """
     tf = USD.load("Tf")
-    # While it lives, it takes in what would go to the terminal.
+    # While it lives, it receives what would go to the terminal.
     delegate = USD.load("UsdUtils").CoalescingDiagnosticDelegate()
     try:
         yield
     except UnicodeDecodeError:
-        raise FormatError(f"{what}: {NOT_TEXT}") from None
+        raise FormatError(f"{what}: {NOT_UTF8}") from None
     except (tf.ErrorException, tf.CppException) as error:
         raise FormatError(f"{what}: {_reason(error)}") from None
     finally:
@@ -34,7 +34,7 @@ def usd_errors(what: str) -> Iterator[None]:
 def _reason(error: Exception) -> str:
     try:
         reasons = [str(getattr(one, "commentary", one)) for one in error.args]
-    except UnicodeDecodeError:  # it quotes the file
-        return NOT_TEXT
-    # Of an exception of C++, what follows the first line is a trace.
-    return reasons[0].partition("\n")[0] if reasons else "it does not say why"
+    except UnicodeDecodeError:  # the message quotes the file
+        return NOT_UTF8
+    # The message of a C++ exception continues with a stack trace.
+    return reasons[0].partition("\n")[0] if reasons else "USD gives no reason"

@@ -1,4 +1,4 @@
-"""Faces of a mesh that are holes, which are left out, with what they carry."""
+"""Removal of faces that are holes, and of their attributes."""
 
 from dataclasses import replace
 from typing import Any
@@ -14,19 +14,19 @@ Mask = npt.NDArray[np.bool_]
 
 
 def solid_faces(holes: Any, n_faces: int, path: str) -> Mask | None:
-    """Which faces are no holes; None if none is a hole.
+    """Return a mask of the faces that are not holes, or None without holes.
 
     Parameters
     ----------
     holes : array of int or None
-        Numbers of the faces that are; those of no face say nothing.
+        Indices of faces that are holes; indices out of range are ignored.
     path : str
-        Of the mesh.
+        Path of the mesh.
 
     Raises
     ------
     FormatError
-        If all are holes.
+        If all faces are holes.
     """
     numbers = np.asarray([] if holes is None else holes)
     numbers = numbers[(numbers >= 0) & (numbers < n_faces)]
@@ -35,27 +35,27 @@ def solid_faces(holes: Any, n_faces: int, path: str) -> Mask | None:
     solid = np.ones(n_faces, bool)
     solid[numbers] = False
     if not solid.any():
-        raise FormatError(f"mesh {path} has {n_faces} faces, which are all holes")
+        raise FormatError(f"mesh {path} has {n_faces} faces, and all of them are holes")
     return solid
 
 
-def faces_of(mesh: PolygonMesh, solid: Mask) -> PolygonMesh:
-    """The mesh with these faces only; all its vertices stay."""
+def select_faces(mesh: PolygonMesh, solid: Mask) -> PolygonMesh:
+    """Return the mesh with the selected faces and all of its vertices."""
     counts = mesh.counts[solid]
     return PolygonMesh(mesh.vertices, counts, mesh.corners[np.repeat(solid, mesh.counts)])
 
 
-def surface_of(surface: Surface, solid: Mask, counts: npt.NDArray[np.int64]) -> Surface:
-    """The surface of these faces, of that of all faces, which have so many corners."""
+def select_surface(surface: Surface, solid: Mask, counts: npt.NDArray[np.int64]) -> Surface:
+    """Return the surface of the selected faces; `counts` are the corners of all faces."""
     kept = {Domain.FACE: solid, Domain.CORNER: np.repeat(solid, counts)}
     return replace(
         surface,
-        attributes=tuple(_attribute_of(one, kept) for one in surface.attributes),
+        attributes=tuple(_select_items(one, kept) for one in surface.attributes),
         groups=tuple(FaceGroups(g.name, g.labels, g.numbers[solid]) for g in surface.groups),
     )
 
 
-def _attribute_of(attribute: Attribute, kept: dict[Domain, Mask]) -> Attribute:
+def _select_items(attribute: Attribute, kept: dict[Domain, Mask]) -> Attribute:
     if attribute.domain not in kept:
         return attribute
     items = kept[attribute.domain]

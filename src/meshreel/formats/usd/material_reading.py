@@ -1,4 +1,4 @@
-"""Materials that are bound to meshes of a stage: their labels, how they look, their images."""
+"""Reading materials that are bound to meshes of a stage: labels, appearance and images."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -19,9 +19,9 @@ class StageMaterials:
     Parameters
     ----------
     folder : Path or None
-        Where images must be, or below: that of the stage's file. None: anywhere.
+        Folder of the stage's file, which must contain the images; None allows any location.
     notes : list of str
-        Gains a sentence for each kind of thing that is not kept.
+        Gains a sentence for each kind of material property that is not read.
     """
 
     def __init__(self, folder: Path | None, notes: list[str]) -> None:
@@ -31,13 +31,13 @@ class StageMaterials:
 
     @property
     def images(self) -> list[Image]:
-        """Those read so far, which looks refer to."""
+        """The images read so far, to which materials refer."""
         return self._stage_images.images
 
     def look(self, material: Any) -> Material | None:
-        """How a ``UsdShade.Material`` looks, without a name; None if that is not said or not read.
+        """Return the appearance of a ``UsdShade.Material``, unnamed, or None if not readable.
 
-        It is the same for materials of instances.
+        Materials of instances share one result.
         """
         path = str(material.GetPath())
         if path not in self._looks:
@@ -49,10 +49,10 @@ class StageMaterials:
         shader, _, _ = material.ComputeSurfaceSource()
         if not shader:
             if any(output.HasConnectedSource() for output in material.GetOutputs()):
-                self._notes.add("how materials look that have no UsdPreviewSurface", name)
+                self._notes.add("appearance of materials without UsdPreviewSurface", name)
             return None
         if shader.GetShaderId() != "UsdPreviewSurface":
-            self._notes.add("how materials look that are no UsdPreviewSurface", name)
+            self._notes.add("appearance of materials other than UsdPreviewSurface", name)
             return None
         if any(material.GetOutput(one).HasConnectedSource() for one in ("displacement", "volume")
                if material.GetOutput(one)):  # fmt: skip
@@ -61,12 +61,14 @@ class StageMaterials:
 
 
 class MeshMaterials:
-    """The materials of a mesh, by labels of its faces.
+    """The materials of a mesh, by face label.
 
     Parameters
     ----------
     prim : Usd.Prim
-        The mesh.
+        Prim of the mesh.
+    materials : StageMaterials
+        Materials of the stage.
     """
 
     def __init__(self, prim: Any, materials: StageMaterials) -> None:
@@ -76,23 +78,23 @@ class MeshMaterials:
         self._looks: dict[str, Material | None] = {}
 
     def bound_label(self, prim: Any) -> str:
-        """The label of the material that is bound to a prim; empty if there is none.
+        """Return the label of the material bound to a prim; empty if there is none.
 
-        Two of one name that look different have different labels.
+        Materials with the same name but different appearance get different labels.
         """
         material, _ = USD.load("UsdShade").MaterialBindingAPI(prim).ComputeBoundMaterial()
         if not material:
             return ""
         look = self._materials.look(material)
-        free = (
+        candidates = (
             label
             for label in _numbered(label_of(material.GetPrim()))
             if self._looks.setdefault(label, look) == look
         )
-        return next(free)
+        return next(candidates)
 
     def look(self) -> tuple[tuple[Material, ...], tuple[Image, ...]]:
-        """The materials of all labels so far, and the images that they show."""
+        """Return the materials of all labels so far, and the images that they use."""
         found = [
             replace(look, name=label, double_sided=self._is_double_sided)
             for label, look in self._looks.items()
@@ -102,11 +104,11 @@ class MeshMaterials:
 
 
 def label_of(prim: Any) -> str:
-    """The name of a prim: that for people if it has one."""
+    """Return the display name of a prim, or else its name."""
     return str(prim.GetDisplayName() or prim.GetName())
 
 
 def _numbered(name: str) -> Iterator[str]:
-    """The name, then the name with 2, 3, ... behind it."""
+    """Yield the name, then the name with suffixes _2, _3 and so on."""
     yield name
     yield from (f"{name}_{number}" for number in count(2))

@@ -1,62 +1,63 @@
-"""Materials of a stage that is being written: UsdPreviewSurface with its textures."""
+"""Writing materials of a stage: UsdPreviewSurface with its textures."""
 
 from typing import Any
 
 from meshreel.formats.extras import USD
 from meshreel.formats.notes import LookNotes
-from meshreel.formats.usd.prim_names import different, prim_name
+from meshreel.formats.usd.prim_names import prim_name, unique_name
 from meshreel.formats.usd.texture_writing import TextureWriter
 from meshreel.model.materials import AlphaMode, Material
 from meshreel.model.surface import FaceGroups
 
 
 class Materials:
-    """The materials of a stage, each made when it is first bound.
+    """The materials of a stage, each created when it is first bound.
 
     Parameters
     ----------
     stage : Usd.Stage
     root : str
-        The path that they go under.
-    taken : set of str
-        Names of prims that are there already.
+        Path of the prim above the materials.
+    used : set of str
+        Names of existing prims below the root.
     looks : tuple of Material
-        How those look of which more than a name is known.
+        Appearance of materials, where it is known.
+    textures : TextureWriter
     notes : list of str
-        Gains a sentence for each kind of thing that USD does not have.
+        Gains a sentence for each kind of property that USD cannot store.
     """
 
     def __init__(
         self,
         stage: Any,
         root: str,
-        taken: set[str],
+        used: set[str],
         looks: tuple[Material, ...],
         textures: TextureWriter,
         notes: list[str],
     ) -> None:
         self._stage = stage
-        self._scope = f"{root}/{different('Materials', taken)}"
+        self._scope = f"{root}/{unique_name('Materials', used)}"
         self._names: set[str] = set()
-        self._made: dict[str, Any] = {}
+        self._created: dict[str, Any] = {}
         self._looks = {one.name: one for one in looks}
         self._textures, self._notes = textures, LookNotes(notes)
 
     def bind(self, prim: Any, label: str) -> None:
-        """Bind the material of that label to a prim."""
+        """Bind the material of a label to a prim."""
         shading = USD.load("UsdShade")
-        if not self._made:
+        if not self._created:
             USD.load("UsdGeom").Scope.Define(self._stage, self._scope)
-        if label not in self._made:
-            name = different(prim_name(label), self._names)
-            self._made[label] = shading.Material.Define(self._stage, f"{self._scope}/{name}")
-            show_as(self._made[label].GetPrim(), label)
+        if label not in self._created:
+            name = unique_name(prim_name(label), self._names)
+            self._created[label] = shading.Material.Define(self._stage, f"{self._scope}/{name}")
+            set_display_name(self._created[label].GetPrim(), label)
             if label in self._looks:
-                self._write(self._made[label], self._looks[label])
-        shading.MaterialBindingAPI.Apply(prim).Bind(self._made[label])
+                self._write(self._created[label], self._looks[label])
+        shading.MaterialBindingAPI.Apply(prim).Bind(self._created[label])
 
-    def show_both_sides(self, prim: Any, groups: FaceGroups) -> None:
-        """Tell the prim of a mesh that it has two sides if one of its materials has."""
+    def write_double_sided(self, prim: Any, groups: FaceGroups) -> None:
+        """Declare a mesh double-sided if any of its materials is."""
         looks = [self._looks[one] for one in groups.labels if one in self._looks]
         if not looks:
             return
@@ -66,21 +67,21 @@ class Materials:
             single = [one.name for one in looks if not one.double_sided]
             for name in single:
                 self._notes.add(
-                    "that materials have one side only, for others of the mesh have two", name
+                    "single-sidedness of materials on meshes with double-sided ones", name
                 )
 
     def note_unused(self) -> None:
-        """Add to the notes which materials no face has."""
+        """Note the materials that no face uses."""
         for name in self._looks:
-            if name not in self._made:
-                self._notes.add("materials that no face has", name)
+            if name not in self._created:
+                self._notes.add("materials that no face uses", name)
 
     def _write(self, material: Any, look: Material) -> None:
         shading, types = USD.load("UsdShade"), USD.load("Sdf").ValueTypeNames
         shader = shading.Shader.Define(self._stage, f"{material.GetPath()}/surface")
         shader.CreateIdAttr("UsdPreviewSurface")
         material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
-        made = self._textures.of(material, look, self._notes)
+        outputs = self._textures.write(material, look, self._notes)
         inputs = (
             ("base_color", "diffuseColor", types.Color3f, look.base_color[:3]),
             ("metallic", "metallic", types.Float, look.metallic),
@@ -90,13 +91,13 @@ class Materials:
             ("occlusion", "occlusion", types.Float, None),
         )
         for slot, name, kind, value in inputs:
-            if slot in made:
-                shader.CreateInput(name, kind).ConnectToSource(made[slot])
+            if slot in outputs:
+                shader.CreateInput(name, kind).ConnectToSource(outputs[slot])
             elif value is not None:
                 shader.CreateInput(name, kind).Set(value)
-        self._write_opacity(shader, look, made.get("alpha"))
+        self._write_opacity(shader, look, outputs.get("alpha"))
         if look.unlit:
-            self._notes.add("that materials are unlit, for USD does not have it", look.name)
+            self._notes.add("unlit shading of materials, which USD cannot store", look.name)
 
     def _write_opacity(self, shader: Any, look: Material, alpha: Any) -> None:
         types = USD.load("Sdf").ValueTypeNames
@@ -111,7 +112,7 @@ class Materials:
             shader.CreateInput("opacityThreshold", types.Float).Set(look.alpha_cutoff)
 
 
-def show_as(prim: Any, label: str) -> None:
-    """Give a prim the name that people are shown, if it is another."""
+def set_display_name(prim: Any, label: str) -> None:
+    """Set the display name of a prim, if it differs from its name."""
     if prim.GetName() != label:
         prim.SetDisplayName(label)

@@ -1,4 +1,4 @@
-"""Notes on all meshes of a USD file, one sentence for each kind of thing."""
+"""Notes on all meshes of a USD file, one sentence per topic."""
 
 from collections.abc import Sequence
 
@@ -13,35 +13,35 @@ from meshreel.formats.usd.revolution import N_AROUND
 
 
 class MeshNotes:
-    """Sentences on meshes of a file, told of one mesh after the other.
+    """Notes that grow with each mesh of a file.
 
     Parameters
     ----------
     plain : list of str
-        All notes.
+        All notes of the file.
 
     Attributes
     ----------
     sampled : GatheredNote
-        Of meshes whose samples are not their frames.
+        Lists meshes whose samples differ from their frames.
     final : GatheredNote
-        Of meshes whose last sample is between two frames.
+        Lists meshes whose last sample is between two frames.
     normals : NormalNotes
-        Of meshes with normals.
+        Covers meshes with normals.
     """
 
     def __init__(self, plain: list[str]) -> None:
         self.plain = plain
-        self.sampled = GatheredNote(plain, _sampled)
-        self.final = GatheredNote(plain, _final)
+        self.sampled = GatheredNote(plain, _describe_sampled)
+        self.final = GatheredNote(plain, _describe_final)
         self.normals = NormalNotes(plain)
         self._cages = GatheredNote(plain, describe_cages)
-        self._holes = GatheredNote(plain, _holes)
-        self._flat = GatheredNote(plain, _flat)
-        self._round = GatheredNote(plain, _round)
+        self._holes = GatheredNote(plain, _describe_holes)
+        self._flat = GatheredNote(plain, _describe_flat)
+        self._round = GatheredNote(plain, _describe_round)
 
     def add(self, shape: MeshShape | PrimitiveShape, solid: Mask | None) -> None:
-        """Tell of a mesh, only these faces of which are no holes, if it has any."""
+        """Note the properties of a mesh; `solid` is a mask of the faces that are not holes."""
         path = str(shape.prim.GetPath())
         if isinstance(shape, PrimitiveShape):
             note = self._round if PRIMITIVES[shape.kind].is_round else self._flat
@@ -52,22 +52,22 @@ class MeshNotes:
             self._holes.add(f"{np.count_nonzero(~solid)} of {len(solid)} of {path}")
 
 
-def _sampled(found: Sequence[str]) -> str:
-    return f"samples are not one to a frame; read as USD has it at each frame: {listed(found)}"
+def _describe_sampled(found: Sequence[str]) -> str:
+    return f"frames differ from samples; USD interpolates at each frame: {listed(found)}"
 
 
-def _final(found: Sequence[str]) -> str:
-    return f"the last frame shows the final pose, which comes before it: {listed(found)}"
+def _describe_final(found: Sequence[str]) -> str:
+    return f"the last frame shows the final pose, which is earlier: {listed(found)}"
 
 
-def _holes(found: Sequence[str]) -> str:
+def _describe_holes(found: Sequence[str]) -> str:
     return f"{LEFT_OUT}faces that are holes: {listed(found)}"
 
 
-def _flat(paths: Sequence[str]) -> str:
+def _describe_flat(paths: Sequence[str]) -> str:
     return f"read as {'a mesh' if len(paths) == 1 else 'meshes'}: {listed(paths)}"
 
 
-def _round(paths: Sequence[str]) -> str:
+def _describe_round(paths: Sequence[str]) -> str:
     kind = "a mesh" if len(paths) == 1 else "meshes"
-    return f"read as {kind} of {N_AROUND} faces around, within 1 % of the radius: {listed(paths)}"
+    return f"read as {kind} with {N_AROUND} faces around, within 1 % of the radius: {listed(paths)}"

@@ -1,4 +1,4 @@
-"""Points and faces of a mesh prim, as its attributes have them."""
+"""Points and faces of a mesh prim."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,12 +16,12 @@ from meshreel.model.sequence import Vertices
 from meshreel.runtime.counting import counted
 
 INFINITELY_SHARP = 10.0
-"""Sharpness of a crease that subdivision does not round, in USD."""
+"""Sharpness from which USD does not smooth a crease."""
 
 
 @dataclass(frozen=True, eq=False)
 class MeshShape:
-    """The shape of a mesh prim in its own space, at any time code.
+    """Points and faces of a mesh prim in local space, at any time code.
 
     Parameters
     ----------
@@ -32,47 +32,47 @@ class MeshShape:
 
     @property
     def stored(self) -> list[float]:
-        """The time codes where points and faces have samples."""
+        """Time codes where points and faces have samples."""
         shape = (self._mesh.GetPointsAttr(), *self._face_attributes, self._holes)
         return [code for one in shape for code in attribute_codes(one)]
 
     @property
     def keys(self) -> list[float]:
-        """None: its points have samples of their own."""
+        """Time codes of other animation, which a mesh does not have."""
         return []
 
     @cached_property
-    def has_one_topology(self) -> bool:
+    def has_constant_topology(self) -> bool:
         """Whether its faces are the same at all times."""
         attributes = (*self._face_attributes, self._holes)
         return not any(one.ValueMightBeTimeVarying() for one in attributes)
 
     @property
     def is_left_handed(self) -> bool:
-        """Whether its faces go around clockwise."""
+        """Whether its faces are clockwise."""
         left = USD.load("UsdGeom").Tokens.leftHanded
         return bool(self._mesh.GetOrientationAttr().Get() == left)
 
     def points(self, code: float) -> Vertices:
-        """Points at a time code, in the space of the mesh.
+        """Return the points at a time code, of shape (V, 3).
 
         Raises
         ------
         FormatError
-            If there are none.
+            If there are none, or they have another type.
         """
         points: Vertices = np.asarray(self._value(self._mesh.GetPointsAttr(), code))
         if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind != "f":
-            raise FormatError(f"mesh {self._path} has points of another kind than point3f")
+            raise FormatError(f"mesh {self._path} has points of a type other than point3f")
         return points if points.dtype.itemsize > 2 else points.astype(np.float32)
 
     def polygons(self, vertices: Vertices, code: float) -> PolygonMesh:
-        """The faces at a time code, checked, with these vertices.
+        """Return the validated faces at a time code, with these vertices.
 
         Raises
         ------
         FormatError
-            If they are missing, or do not fit.
+            If faces are missing or invalid.
         """
         counts, corners = (
             _integers(self._value(one, code), self._path) for one in self._face_attributes
@@ -84,34 +84,34 @@ class MeshShape:
             )
         if not len(vertices) or not len(counts):
             raise FormatError(
-                f"mesh {self._path} holds {counted(len(vertices), 'vertex')} and "
+                f"mesh {self._path} has {counted(len(vertices), 'vertex')} and "
                 f"{counted(len(counts), 'face')} at "
                 f"time code {code:g}; a triangle mesh needs both"
             )
         return polygon_mesh(vertices, counts, corners, place=f"mesh {self._path}, face {{}}".format)
 
     def solid_faces(self, n_faces: int, code: float) -> Mask | None:
-        """Which of its faces are no holes at a time code; None if none is a hole."""
+        """Return a mask of the faces that are not holes at a time code, or None without holes."""
         return solid_faces(self._holes.Get(code), n_faces, self._path)
 
     @property
     def is_subdivided(self) -> bool:
-        """Whether its faces are the cage of a smooth surface, as they are if it does not say."""
+        """Whether it is the cage of a subdivision surface, which is the default in USD."""
         none = USD.load("UsdGeom").Tokens.none
         return bool(self._mesh.GetSubdivisionSchemeAttr().Get() != none)
 
     def sharp_edges(self, code: float) -> npt.NDArray[np.int64] | None:
-        """Creases of a subdivision surface that stay infinitely sharp, of shape (N, 2); or None.
+        """Return the infinitely sharp creases of a subdivision surface, of shape (N, 2), or None.
 
-        What does not fit, such as numbers of vertices that are negative, is no crease.
+        Invalid creases are ignored.
         """
         mesh = self._mesh
-        given = (mesh.GetCreaseIndicesAttr(), mesh.GetCreaseLengthsAttr())
-        indices, lengths = (np.asarray(one.Get(code) or [], np.int64) for one in given)
+        attributes = (mesh.GetCreaseIndicesAttr(), mesh.GetCreaseLengthsAttr())
+        indices, lengths = (np.asarray(one.Get(code) or [], np.int64) for one in attributes)
         sharpness = np.asarray(mesh.GetCreaseSharpnessesAttr().Get(code) or [], np.float64)
         if not self.is_subdivided or (lengths < 2).any() or lengths.sum() != len(indices):
             return None
-        if len(sharpness) == len(lengths):  # one for each crease, else one for each of its edges
+        if len(sharpness) == len(lengths):  # one per crease, otherwise one per edge
             sharpness = np.repeat(sharpness, lengths - 1)
         if not len(indices) or len(sharpness) != len(indices) - len(lengths):
             return None
@@ -148,5 +148,5 @@ class MeshShape:
 def _integers(value: Any, path: str) -> npt.NDArray[np.int32]:
     found = np.asarray(value)
     if found.ndim != 1 or (found.size and found.dtype != np.int32):
-        raise FormatError(f"mesh {path} has faces of another kind than int[]")
+        raise FormatError(f"mesh {path} has faces of a type other than int[]")
     return found.astype(np.int32, copy=False)

@@ -1,4 +1,4 @@
-"""A mesh of a stage being written: faces and what it carries once, points frame by frame."""
+"""Writing a mesh of a stage: faces and attributes once, points frame by frame."""
 
 from typing import Any
 
@@ -7,9 +7,9 @@ import numpy.typing as npt
 
 from meshreel.formats.extras import USD
 from meshreel.formats.scenes.parts import PartMesh
-from meshreel.formats.usd.material_writing import Materials, show_as
-from meshreel.formats.usd.prim_names import different, prim_name
-from meshreel.formats.usd.primvars import MAIN_NAMES
+from meshreel.formats.usd.material_writing import Materials, set_display_name
+from meshreel.formats.usd.prim_names import prim_name, unique_name
+from meshreel.formats.usd.primvars import STANDARD_NAMES
 from meshreel.formats.usd.quantities import COMPUTED
 from meshreel.formats.usd.subsets import MATERIALS
 from meshreel.model.geometry.hard_edges import NormalRows, RowNormals
@@ -20,27 +20,30 @@ INTERPOLATIONS = {
     Domain.FACE: "uniform",
     Domain.CORNER: "faceVarying",
 }
-BYTE_COLORS = "colours of bytes are written as floats, as USD has them"
-NARROW_COLORS = "colours are rounded to float32, as USD has them"
+BYTE_COLORS = "colors are written as float32, not bytes, since USD has no byte colors"
+NARROW_COLORS = "colors are rounded to float32"
 
 
 class MeshWriter:
-    """A mesh at a path of a stage, whose faces are written and whose points are to come.
+    """Writes a mesh at a path of a stage: faces at once, points frame by frame.
 
     Parameters
     ----------
     stage : Usd.Stage
+    path : str
+    part : PartMesh
     has_normals : bool
-        Whether normals are written, by its hard edges.
+        Whether to write normals computed from hard edges.
 
     Attributes
     ----------
     prim : Usd.Prim
+    part : PartMesh
     """
 
     def __init__(self, stage: Any, path: str, part: PartMesh, *, has_normals: bool) -> None:
         geometry, arrays = USD.load("UsdGeom"), USD.load("Vt")
-        _define_above(stage, path)
+        _define_ancestors(stage, path)
         mesh = geometry.Mesh.Define(stage, path)
         mesh.CreateFaceVertexCountsAttr(arrays.IntArray.FromNumpy(part.counts))
         mesh.CreateFaceVertexIndicesAttr(arrays.IntArray.FromNumpy(part.corners))
@@ -56,14 +59,14 @@ class MeshWriter:
             self._normals = _normals_primvar(self.prim, self._shading.rows)
 
     def write_points(self, frame: npt.NDArray[np.float32], code: float | None) -> None:
-        """Add the points of a frame, of shape (V, 3), their extent, and normals by hard edges.
+        """Write points of a frame, their extent, and normals if the mesh has them.
 
         Parameters
         ----------
-        frame : float32 array
-            All vertices; those of this mesh are picked out.
+        frame : float32 array of shape (V, 3)
+            Positions of all vertices of the sequence.
         code : float or None
-            The time code; None for points that are the same at all times.
+            The time code; None writes the default value.
         """
         points = np.ascontiguousarray(frame[self._verts])
         extent = np.stack([points.min(axis=0), points.max(axis=0)])
@@ -76,7 +79,7 @@ class MeshWriter:
 
 
 def _normals_primvar(prim: Any, rows: NormalRows) -> Any:
-    """The normals of corners, which name one of several at a vertex; marked as computed."""
+    """Return a primvar of indexed corner normals, marked as computed."""
     api, sdf = USD.load("UsdGeom").PrimvarsAPI(prim), USD.load("Sdf")
     normals = api.CreatePrimvar("normals", sdf.ValueTypeNames.Normal3fArray, "faceVarying")
     normals.SetIndices(USD.load("Vt").IntArray.FromNumpy(rows.of_corner))
@@ -84,8 +87,8 @@ def _normals_primvar(prim: Any, rows: NormalRows) -> Any:
     return normals
 
 
-def _define_above(stage: Any, path: str) -> None:
-    """Make prims of no geometry of those above a path that are not there yet."""
+def _define_ancestors(stage: Any, path: str) -> None:
+    """Define missing prims above a path as transforms."""
     elements = path.split("/")[1:-1]
     for n_elements in range(1, len(elements) + 1):
         above = "/" + "/".join(elements[:n_elements])
@@ -96,26 +99,28 @@ def _define_above(stage: Any, path: str) -> None:
 def write_surface(
     prim: Any, surface: Surface, n_faces: int, materials: Materials, notes: list[str]
 ) -> None:
-    """Write attributes and groups of a mesh to its prim.
+    """Write the attributes and groups of a mesh to its prim.
 
-    The first texture coordinates are called ``st``, the first colours ``displayColor``, unless
-    others have that name.
+    The first UVs are called ``st`` and the first colors ``displayColor``, unless other attributes
+    have these names.
 
     Parameters
     ----------
     prim : Usd.Prim
     surface : Surface
         Without parts.
+    n_faces : int
+    materials : Materials
     notes : list of str
-        Gains a sentence where numbers have another type in USD.
+        Gains a sentence where USD stores another number type.
     """
     api = USD.load("UsdGeom").PrimvarsAPI(prim)
-    for attribute, name in named_attributes(surface):
+    for attribute, name in primvar_names(surface):
         _write_attribute(api, attribute, name, notes)
     subsets: set[str] = set()
     for groups in surface.groups:
         if groups.name == "material":
-            materials.show_both_sides(prim, groups)
+            materials.write_double_sided(prim, groups)
         if groups.name == "material" and len(groups.labels) == 1 and (groups.numbers == 0).all():
             materials.bind(prim, groups.labels[0])
         else:
@@ -123,20 +128,20 @@ def write_surface(
 
 
 def uv_primvars(surface: Surface) -> dict[str, str]:
-    """The primvar that texture coordinates of a name are written as."""
-    names = [(one.name, name) for one, name in named_attributes(surface) if one.kind is Kind.UV]
+    """Return the primvar of each UV set, by name of its attribute."""
+    names = [(one.name, name) for one, name in primvar_names(surface) if one.kind is Kind.UV]
     return dict(reversed(names))
 
 
-def named_attributes(surface: Surface) -> list[tuple[Attribute, str]]:
-    """Attributes with the names that they get, those that keep theirs first."""
+def primvar_names(surface: Surface) -> list[tuple[Attribute, str]]:
+    """Return attributes with their unique primvar names."""
     names = {id(one): prim_name(one.name) for one in surface.attributes}
-    for kind, main in MAIN_NAMES.items():
+    for kind, standard in STANDARD_NAMES.items():
         own = surface.of_kind(kind)
-        if own and main not in names.values():
-            names[id(own[0])] = main
-    taken: set[str] = set()
-    return [(one, different(names[id(one)], taken)) for one in surface.attributes]
+        if own and standard not in names.values():
+            names[id(own[0])] = standard
+    used: set[str] = set()
+    return [(one, unique_name(names[id(one)], used)) for one in surface.attributes]
 
 
 def _write_attribute(api: Any, attribute: Attribute, name: str, notes: list[str]) -> None:
@@ -154,7 +159,7 @@ def _write_attribute(api: Any, attribute: Attribute, name: str, notes: list[str]
 
 
 def _type_name(kind: Kind, values: npt.NDArray[Any]) -> str:
-    """Of the elements, as USD calls it."""
+    """Return USD's name of the element type."""
     letter = {"u1": "uchar", "i4": "int", "f4": "float", "f8": "double"}[values.dtype.str[1:]]
     if kind is Kind.UV and values.shape[1] == 2 and values.dtype.kind == "f":
         return f"texCoord2{letter[0]}"
@@ -186,22 +191,22 @@ def _write_primvar(
         primvar.SetIndices(arrays.IntArray.FromNumpy(indices))
 
 
-def _write_groups(prim: Any, groups: FaceGroups, materials: Materials, taken: set[str]) -> None:
+def _write_groups(prim: Any, groups: FaceGroups, materials: Materials, used: set[str]) -> None:
     geometry, arrays = USD.load("UsdGeom"), USD.load("Vt")
     is_material = groups.name == "material"
     family = MATERIALS if is_material else prim_name(groups.name)
     mesh = geometry.Imageable(prim)
     for number, label in enumerate(groups.labels):
         faces = np.flatnonzero(groups.numbers == number).astype(np.int32)
-        name = different(prim_name(label), taken)
+        name = unique_name(prim_name(label), used)
         subset = geometry.Subset.CreateGeomSubset(
             mesh, name, geometry.Tokens.face, arrays.IntArray.FromNumpy(faces), family
         )
-        show_as(subset.GetPrim(), label)
+        set_display_name(subset.GetPrim(), label)
         if is_material:
             materials.bind(subset.GetPrim(), label)
-    is_whole = (groups.numbers >= 0).all()
+    is_complete = (groups.numbers >= 0).all()
     tokens = geometry.Tokens
     geometry.Subset.SetFamilyType(
-        mesh, family, tokens.partition if is_whole else tokens.nonOverlapping
+        mesh, family, tokens.partition if is_complete else tokens.nonOverlapping
     )

@@ -1,4 +1,4 @@
-"""Materials of a stage, of what UsdPreviewSurface says."""
+"""Reading UsdPreviewSurface shaders as materials."""
 
 from dataclasses import replace
 from typing import Any
@@ -7,9 +7,9 @@ import numpy as np
 
 from meshreel.errors import FormatError
 from meshreel.formats.notes import LookNotes
-from meshreel.formats.usd.shading_inputs import Source, numbers, source_of
+from meshreel.formats.usd.shading_inputs import Source, read_numbers, source_of
 from meshreel.formats.usd.stage_images import StageImages
-from meshreel.formats.usd.texture_reading import FoundTexture, read_texture
+from meshreel.formats.usd.texture_reading import ScaledTexture, read_texture
 from meshreel.model.materials import AlphaMode, Material
 
 INPUTS = {
@@ -20,9 +20,9 @@ INPUTS = {
     "occlusion": ("occlusion", (1.0,)),
     "emissive": ("emissiveColor", (0.0, 0.0, 0.0)),
 }
-"""Inputs that may have textures, by what they are of, and what they are where a file is silent."""
+"""Shader inputs that may have textures, and their defaults, by texture slot."""
 
-UNKEPT = {
+UNSUPPORTED = {
     "useSpecularWorkflow": (0.0,),
     "specularColor": (0.0, 0.0, 0.0),
     "clearcoat": (0.0,),
@@ -31,24 +31,26 @@ UNKEPT = {
     "displacement": (0.0,),
 }
 IDENTITY = (1.0,) * 4, (0.0,) * 4
+"""Scale and bias that leave a texture unchanged."""
 
 
 class PreviewSurface:
-    """The look of a material, as a shader describes it.
+    """The appearance of a material, as defined by a UsdPreviewSurface shader.
 
     Parameters
     ----------
     shader : UsdShade.Shader
     name : str
-        Of the material, for the notes.
+        Name of the material, for the notes.
+    images : StageImages
     notes : LookNotes
-        Gains what is not kept.
+        Gains unsupported properties.
     """
 
     def __init__(self, shader: Any, name: str, images: StageImages, notes: LookNotes) -> None:
         self._shader, self._name = shader, name
         self._images, self._notes = images, notes
-        self._sources = {slot: self._source(told) for slot, (told, _) in INPUTS.items()}
+        self._sources = {slot: self._source(name) for slot, (name, _) in INPUTS.items()}
         self._textures = {
             slot: found
             for slot, source in self._sources.items()
@@ -56,18 +58,18 @@ class PreviewSurface:
         }
 
     def material(self) -> Material:
-        """The material, without a name."""
-        for name, usual in UNKEPT.items():
+        """Return the material, unnamed."""
+        for name, default in UNSUPPORTED.items():
             source = self._source(name)
-            if source.shader or not np.allclose(self._numbers(name, source, usual), usual):
-                self._left_out(f"{name} of UsdPreviewSurface")
+            if source.shader or not np.allclose(self._numbers(name, source, default), default):
+                self._note(f"{name} of UsdPreviewSurface")
         opacity, threshold = self._source("opacity"), self._value("opacityThreshold", 0.0)
         has_alpha = self._is_alpha_of_color(opacity)
         red, green, blue = self._factor("base_color", 3)
         alpha = self._alpha(opacity, has_alpha=has_alpha)
         mode = AlphaMode.BLEND if has_alpha or alpha < 1 else AlphaMode.OPAQUE
         (metallic,), (roughness,) = self._factor("metallic", 1), self._factor("roughness", 1)
-        glow = self._factor("emissive", 3)
+        emissive = self._factor("emissive", 3)
         textures = {slot: found.texture for slot, found in self._textures.items()}
         if has_alpha:
             textures["base_color"] = replace(textures["base_color"], channels="rgba")
@@ -76,7 +78,7 @@ class PreviewSurface:
             base_color=(red, green, blue, alpha),
             metallic=metallic,
             roughness=roughness,
-            emissive=(glow[0], glow[1], glow[2]),
+            emissive=(emissive[0], emissive[1], emissive[2]),
             normal_scale=self._normal_scale(),
             occlusion_strength=self._occlusion_strength(),
             alpha_mode=AlphaMode.MASK if threshold > 0 else mode,
@@ -85,41 +87,41 @@ class PreviewSurface:
 
     def _source(self, name: str) -> Source:
         found = source_of(self._shader, name)
-        if found.is_moving:
-            self._left_out(f"changes of {name} over time")
+        if found.is_animated:
+            self._note(f"changes of {name} over time")
         return found
 
-    def _texture(self, slot: str, source: Source) -> FoundTexture | None:
-        name, usual = INPUTS[slot]
+    def _texture(self, slot: str, source: Source) -> ScaledTexture | None:
+        name, default = INPUTS[slot]
         try:
             found = read_texture(source, self._images)
-            if (found.texture.channels == "rgb") != (len(usual) == 3):
-                raise FormatError(f"it takes {found.texture.channels}")
+            if (found.texture.channels == "rgb") != (len(default) == 3):
+                raise FormatError(f"it has the channels {found.texture.channels}")
         except FormatError as error:
-            self._left_out(f"the texture of {name} ({error})")
+            self._note(f"the texture of {name} ({error})")
             return None
         expected = "sRGB" if slot in ("base_color", "emissive") else "raw"
         if found.color_space not in ("auto", expected):
-            self._left_out(f"color space {found.color_space[:60]!r} of the texture of {name}")
+            self._note(f"color space {found.color_space[:60]!r} of the texture of {name}")
         if slot not in ("normal", "occlusion") and found.bias != IDENTITY[1]:
-            self._left_out(f"bias of the texture of {name}")
+            self._note(f"bias of the texture of {name}")
         return found
 
-    def _numbers(self, name: str, source: Source, usual: tuple[float, ...]) -> tuple[float, ...]:
+    def _numbers(self, name: str, source: Source, default: tuple[float, ...]) -> tuple[float, ...]:
         try:
-            return numbers(source, usual, name)
+            return read_numbers(source, default, name)
         except FormatError as error:
-            self._left_out(f"an input that is damaged ({error})")
-            return usual
+            self._note(f"invalid inputs ({error})")
+            return default
 
-    def _value(self, name: str, usual: float) -> float:
-        return self._numbers(name, self._source(name), (usual,))[0]
+    def _value(self, name: str, default: float) -> float:
+        return self._numbers(name, self._source(name), (default,))[0]
 
     def _factor(self, slot: str, width: int) -> tuple[float, ...]:
-        """The factor of the texture; the value if there is no texture."""
+        """Return the factor on the texture, or the value if there is no texture."""
         if slot not in self._textures:
-            name, usual = INPUTS[slot]
-            return self._numbers(name, self._sources[slot], usual)
+            name, default = INPUTS[slot]
+            return self._numbers(name, self._sources[slot], default)
         found = self._textures[slot]
         if width == 3:
             return found.scale[:3]
@@ -131,7 +133,7 @@ class PreviewSurface:
         is_same = opacity.path == self._sources["base_color"].path and opacity.output == "a"
         if is_same and "base_color" in self._textures:
             return True
-        self._left_out("opacity that is not the alpha of the color's image")
+        self._note("opacity that is not the alpha of the color texture")
         return False
 
     def _alpha(self, opacity: Source, *, has_alpha: bool) -> float:
@@ -142,17 +144,17 @@ class PreviewSurface:
     def _normal_scale(self) -> float:
         found = self._textures.get("normal")
         if found is None:
-            name, usual = INPUTS["normal"]
-            if self._numbers(name, self._sources["normal"], usual) != usual:
-                self._left_out("normal that is the same everywhere")
+            name, default = INPUTS["normal"]
+            if self._numbers(name, self._sources["normal"], default) != default:
+                self._note("constant normal")
             return 1.0
-        # Images of normals hold -1..1 as 0..1, whether a file says so or not.
+        # Normal maps store -1..1 as 0..1, even if scale and bias are missing.
         if (found.scale, found.bias) == IDENTITY:
             return 1.0
         scale = found.scale[0] / 2
         expected = (2 * scale, 2 * scale, 2.0), (-scale, -scale, -1.0)
         if not np.allclose((found.scale[:3], found.bias[:3]), expected):
-            self._left_out("scale and bias of the texture of normal")
+            self._note("scale and bias of the texture of normal")
             return 1.0
         return scale
 
@@ -161,14 +163,14 @@ class PreviewSurface:
         if found is None:
             value = self._numbers("occlusion", self._sources["occlusion"], (1.0,))
             if value != (1.0,):
-                self._left_out("occlusion that is the same everywhere")
+                self._note("constant occlusion")
             return 1.0
-        place = "rgba".index(found.texture.channels)
-        strength = found.scale[place]
-        if abs(found.bias[place] - (1 - strength)) > 1e-6:
-            self._left_out("scale and bias of the texture of occlusion")
+        channel = "rgba".index(found.texture.channels)
+        strength = found.scale[channel]
+        if abs(found.bias[channel] - (1 - strength)) > 1e-6:
+            self._note("scale and bias of the texture of occlusion")
             return 1.0
         return strength
 
-    def _left_out(self, what: str) -> None:
+    def _note(self, what: str) -> None:
         self._notes.add(what, self._name)

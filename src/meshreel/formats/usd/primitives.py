@@ -1,7 +1,7 @@
-"""Cubes, spheres and other primitives of USD as meshes, in their own space.
+"""Cubes, spheres and other primitives of USD as meshes, in local space.
 
-Cubes and planes have their corners and faces in the order that imaging with USD has them, so that
-colours of each fit. What is round is made of rings around its axis.
+Corners and faces of cubes and planes are in the order of UsdImaging, so that colors per face or
+corner match. Round primitives consist of rings around their axis.
 """
 
 from collections.abc import Callable
@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.formats.usd.revolution import Rings, revolved, revolved_faces, rims
+from meshreel.formats.usd.revolution import Rings, revolve, revolved_faces, rim_edges
 from meshreel.formats.usd.sampling import attribute_codes
 from meshreel.model.geometry.hard_edges import shared_edges
 from meshreel.model.sequence import Vertices
@@ -29,25 +29,25 @@ CUBE_CORNERS = [
 CUBE_FACES = [0, 1, 2, 3, 4, 5, 6, 7, 0, 6, 5, 1, 4, 7, 3, 2, 0, 3, 7, 6, 4, 2, 1, 5]
 
 N_ARCS = 8
-"""From the equator of a sphere, or of half of one, to its pole."""
+"""Number of arcs from the equator of a sphere to a pole."""
 
 
 @dataclass(frozen=True)
 class Primitive:
-    """A kind of primitive.
+    """A primitive type.
 
     Parameters
     ----------
     sizes : tuple of str
-        The attributes that say how large it is.
+        Names of its size attributes.
     points : function of the sizes and the axis
-        Gives points about the axis z.
+        Returns points around the z axis.
     faces : function
-        Gives the counts and corners of its faces, whatever the sizes.
+        Returns counts and corners of its faces, which do not depend on the sizes.
     is_round : bool
-        Whether the faces are only near the surface.
+        Whether the faces approximate a curved surface.
     n_rims : int
-        Of round ones, rings at which a flat end begins.
+        Number of rings, from the bottom, at which a flat end begins.
     """
 
     sizes: tuple[str, ...]
@@ -62,7 +62,7 @@ def _cube(sizes: Sizes, axis: str) -> Points:
 
 
 def _plane(sizes: Sizes, axis: str) -> Points:
-    """About x, the width is along z and the length along y; about y, along x and z."""
+    """Return a plane, with width along z and length along y around x, or x and z around y."""
     spans = (sizes["width"], sizes["length"])
     along = spans if axis == "Z" else spans[::-1]
     return np.array([(1, 1, 0), (-1, 1, 0), (-1, -1, 0), (1, -1, 0)]) * [*along, 0] / 2
@@ -70,17 +70,17 @@ def _plane(sizes: Sizes, axis: str) -> Points:
 
 def _sphere(sizes: Sizes, axis: str) -> Points:
     radius, angles = sizes["radius"], np.linspace(-np.pi / 2, np.pi / 2, 2 * N_ARCS + 1)[1:-1]
-    return revolved(Rings(radius * np.cos(angles), radius * np.sin(angles), -radius, radius))
+    return revolve(Rings(radius * np.cos(angles), radius * np.sin(angles), -radius, radius))
 
 
 def _cylinder(sizes: Sizes, axis: str) -> Points:
     half = sizes["height"] / 2
-    return revolved(Rings(np.array(_radii(sizes)), np.array([-half, half]), -half, half))
+    return revolve(Rings(np.array(_radii(sizes)), np.array([-half, half]), -half, half))
 
 
 def _cone(sizes: Sizes, axis: str) -> Points:
     half = sizes["height"] / 2
-    return revolved(Rings(np.array([sizes["radius"]]), np.array([-half]), -half, half))
+    return revolve(Rings(np.array([sizes["radius"]]), np.array([-half]), -half, half))
 
 
 def _capsule(sizes: Sizes, axis: str) -> Points:
@@ -88,11 +88,11 @@ def _capsule(sizes: Sizes, axis: str) -> Points:
     angles = np.linspace(0, np.pi / 2, N_ARCS, endpoint=False)
     radii = np.concatenate([low * np.cos(angles[::-1]), high * np.cos(angles)])
     heights = [-half - low * np.sin(angles[::-1]), half + high * np.sin(angles)]
-    return revolved(Rings(radii, np.concatenate(heights), -half - low, half + high))
+    return revolve(Rings(radii, np.concatenate(heights), -half - low, half + high))
 
 
 def _radii(sizes: Sizes) -> tuple[float, float]:
-    """At the bottom and at the top."""
+    """Return the radii at the bottom and at the top."""
     both = sizes.get("radius", 0.0)
     return sizes.get("radiusBottom", both), sizes.get("radiusTop", both)
 
@@ -116,73 +116,73 @@ PRIMITIVES = {
     "Capsule": Primitive(("radius", "height"), _capsule, _round_faces(2 * N_ARCS)),
     "Capsule_1": Primitive(ENDS, _capsule, _round_faces(2 * N_ARCS)),
 }
-"""By the names of their types."""
+"""Primitive types by name."""
 
-TURNS = {"X": 1, "Y": -1, "Z": 0}
-"""By how many places coordinates about z move along to be about another axis."""
+AXIS_ROLLS = {"X": 1, "Y": -1, "Z": 0}
+"""Rotation of the coordinate order that turns the z axis into another axis."""
 
 
 @dataclass(frozen=True, eq=False)
 class PrimitiveShape:
-    """The shape of a primitive in its own space, at any time code; as `MeshShape` is for a mesh.
+    """Points and faces of a primitive in local space; the counterpart of `MeshShape`.
 
     Parameters
     ----------
     prim : Usd.Prim
-        Of one of the types of `PRIMITIVES`.
+        Of a type in `PRIMITIVES`.
     """
 
     prim: Any
 
-    has_one_topology = True
+    has_constant_topology = True
     is_left_handed = False
     is_subdivided = False
 
     @property
     def kind(self) -> str:
-        """The name of its type."""
+        """The type name of the prim."""
         return str(self.prim.GetTypeName())
 
     @property
     def stored(self) -> list[float]:
-        """None: no points are stored."""
+        """Time codes of stored points, which a primitive does not have."""
         return []
 
     @property
     def keys(self) -> list[float]:
-        """The time codes where its sizes have samples."""
+        """Time codes where its sizes have samples."""
         sizes = map(self.prim.GetAttribute, PRIMITIVES[self.kind].sizes)
         return [code for one in sizes for code in attribute_codes(one)]
 
     def points(self, code: float) -> Vertices:
-        """Points at a time code.
+        """Return the points at a time code, of shape (V, 3).
 
         Raises
         ------
         FormatError
-            If a size is no number.
+            If a size is not a number.
         """
         primitive = PRIMITIVES[self.kind]
         axis = str(self.prim.GetAttribute("axis").Get()) if self.prim.HasAttribute("axis") else "Z"
         sizes = {name: self._size(name, code) for name in primitive.sizes}
-        with np.errstate(all="ignore"):  # what is not finite is found where frames are looked at
-            about_z = primitive.points(sizes, axis)
-            points: Vertices = np.roll(about_z, TURNS.get(axis, 0), axis=1).astype(np.float32)
+        with np.errstate(all="ignore"):  # non-finite values are reported when frames are checked
+            around_z = primitive.points(sizes, axis)
+            points: Vertices = np.roll(around_z, AXIS_ROLLS.get(axis, 0), axis=1).astype(np.float32)
         return points
 
     def polygons(self, vertices: Vertices, code: float) -> PolygonMesh:
-        """Its faces, with these vertices."""
+        """Return its faces, with these vertices."""
         return PolygonMesh(vertices, *PRIMITIVES[self.kind].faces())
 
     def sharp_edges(self, code: float) -> npt.NDArray[np.int64] | None:
-        """Edges of flat faces, as pairs of vertices; None if it has none."""
+        """Return the edges of its flat faces as pairs of vertices, or None without any."""
         primitive = PRIMITIVES[self.kind]
         if not primitive.is_round:
             return shared_edges(*primitive.faces()).ends
-        return rims(primitive.n_rims) if primitive.n_rims else None
+        return rim_edges(primitive.n_rims) if primitive.n_rims else None
 
     def solid_faces(self, n_faces: int, code: float) -> None:
-        """None: no face is a hole."""
+        """Return None: primitives have no holes."""
         return
 
     def _size(self, name: str, code: float) -> float:

@@ -1,4 +1,4 @@
-"""Primvars of a mesh as attributes: texture coordinates, colours and other numbers."""
+"""Reading primvars of a mesh as attributes: UVs, colors and other numbers."""
 
 import re
 from collections.abc import Collection
@@ -20,14 +20,14 @@ DOMAINS = {
     "faceVarying": Domain.CORNER,
     "constant": Domain.VERTEX,
 }
-MAIN_NAMES = {Kind.UV: "st", Kind.COLOR: "displayColor"}
-"""The names that programs look for first."""
+STANDARD_NAMES = {Kind.UV: "st", Kind.COLOR: "displayColor"}
+"""Standard names, which programs use by default."""
 
 UV_NAME = re.compile(r"(st|uv|map|texcoord)", re.IGNORECASE)
 DERIVED = re.compile(r"skel:|normals$|tangents$|bitangents$|binormals$")
-"""Primvars that are read as the motion, or follow from the positions."""
+"""Primvars that are read as motion, or follow from positions."""
 
-TYPES = {
+CONVERTED_TYPES = {
     np.dtype(np.float16): np.float32,
     np.dtype(bool): np.uint8,
     np.dtype(np.uint32): np.int32,
@@ -35,8 +35,8 @@ TYPES = {
 
 
 @dataclass(frozen=True)
-class _Found:
-    """A primvar that is an attribute, by its kind."""
+class _Candidate:
+    """A primvar that may become an attribute."""
 
     primvar: Any
     name: str
@@ -50,73 +50,76 @@ def read_attributes(
     mesh: PolygonMesh,
     order: npt.NDArray[np.int64] | None,
     notes: list[str],
-    moving: Collection[str] = (),
+    animated: Collection[str] = (),
 ) -> tuple[Attribute, ...]:
-    """Attributes of a mesh at a time code: texture coordinates, colours, others.
+    """Return the attributes of a mesh at a time code: UVs, colors, then others.
 
     Parameters
     ----------
     prim : Usd.Prim
-        The mesh; it has what prims above it have for all that is below them, too.
+        Prim of the mesh, which inherits primvars from prims above it.
+    code : float
     mesh : PolygonMesh
-        The same at that time code.
+        The mesh at that time code.
     order : int64 array, optional
-        The corner of the file that each corner of the mesh is.
+        The file corner of each corner of the mesh.
     notes : list of str
         Gains a sentence for each primvar that does not fit.
-    moving : collection of str, optional
-        Names of what is passed over, for it is a track.
+    animated : collection of str, optional
+        Names of primvars that are read as tracks, and skipped here.
     """
     n_items = {
         Domain.VERTEX: len(mesh.vertices),
         Domain.FACE: len(mesh.counts),
         Domain.CORNER: len(mesh.corners),
     }
-    found, unfit = {}, []
-    for one in _candidates(prim, notes, moving):
+    found, mismatched = {}, []
+    for one in _candidates(prim, notes, animated):
         attribute = _attribute(one, code, n_items)
         if attribute is None:
-            unfit.append(one.name)
+            mismatched.append(one.name)
         else:
             found[one.name] = _reordered(attribute, order)
-    note_kinds(notes, "primvars that do not fit their faces", unfit)
+    note_kinds(notes, "primvars that do not fit their faces", mismatched)
     _join_opacity(found)
     ranks = list(Kind)
-    main = MAIN_NAMES.values()
-    ordered = sorted(found.values(), key=lambda one: (ranks.index(one.kind), one.name not in main))
+    standard = STANDARD_NAMES.values()
+    ordered = sorted(
+        found.values(), key=lambda one: (ranks.index(one.kind), one.name not in standard)
+    )
     return tuple(ordered)
 
 
-def _candidates(prim: Any, notes: list[str], moving: Collection[str]) -> list[_Found]:
-    chosen, settings = [], []
+def _candidates(prim: Any, notes: list[str], animated: Collection[str]) -> list[_Candidate]:
+    candidates, settings = [], []
     for primvar in USD.load("UsdGeom").PrimvarsAPI(prim).FindPrimvarsWithInheritance():
         name = str(primvar.GetPrimvarName())
         interpolation = str(primvar.GetInterpolation())
         kind = primvar_kind(str(primvar.GetTypeName()), name)
         is_constant = interpolation == "constant"
-        # Beside a colour, what is the same everywhere is a setting and not of the surface.
+        # Constant primvars other than colors are settings of renderers, not attributes.
         is_setting = is_constant and kind is not Kind.COLOR and name != "displayOpacity"
-        if DERIVED.match(name) or name in moving:
+        if DERIVED.match(name) or name in animated:
             continue
         if is_setting or interpolation not in DOMAINS:
             settings.append(name)
             continue
-        chosen.append(_Found(primvar, name, kind, is_constant))
+        candidates.append(_Candidate(primvar, name, kind, is_constant))
     note_kinds(notes, "primvars for a whole mesh", settings)
-    _note_derived(prim, notes, moving)
-    return chosen
+    _note_derived(prim, notes, animated)
+    return candidates
 
 
-def _note_derived(prim: Any, notes: list[str], moving: Collection[str]) -> None:
-    """Add to the notes velocities that are no tracks."""
+def _note_derived(prim: Any, notes: list[str], animated: Collection[str]) -> None:
+    """Note velocities and accelerations that are not tracks."""
     mesh = USD.load("UsdGeom").Mesh(prim)
     rates = (mesh.GetVelocitiesAttr(), mesh.GetAccelerationsAttr())
-    still = [str(one.GetName()) for one in rates if one.HasAuthoredValue()]
-    note_kinds(notes, UNCHANGING, (name for name in still if name not in moving))
+    static = [str(one.GetName()) for one in rates if one.HasAuthoredValue()]
+    note_kinds(notes, UNCHANGING, (name for name in static if name not in animated))
 
 
 def primvar_kind(type_name: str, name: str) -> Kind:
-    """What a primvar of a type and a name means."""
+    """Return the kind of attribute for a primvar type and name."""
     if type_name.startswith("texCoord2"):
         return Kind.UV
     if re.match(r"(float|double|half)2\[", type_name) and UV_NAME.match(name):
@@ -124,8 +127,8 @@ def primvar_kind(type_name: str, name: str) -> Kind:
     return Kind.COLOR if re.match(r"color[34]", type_name) else Kind.OTHER
 
 
-def _attribute(found: _Found, code: float, n_items: dict[Domain, int]) -> Attribute | None:
-    """The attribute, or None if its values are not numbers or not as many as there must be."""
+def _attribute(found: _Candidate, code: float, n_items: dict[Domain, int]) -> Attribute | None:
+    """Return the attribute, or None if its values are not numeric or their count is wrong."""
     values = _values(found.primvar, code)
     if values is None:
         return None
@@ -133,36 +136,36 @@ def _attribute(found: _Found, code: float, n_items: dict[Domain, int]) -> Attrib
     expected = n_items[domain]
     if found.is_constant:
         indices = np.zeros(expected, np.int32)
-        is_fit = len(values) == 1
+        is_match = len(values) == 1
     elif found.primvar.IsIndexed():
-        given = found.primvar.GetIndices(code)
-        indices = np.asarray([] if given is None else given, np.int32)
-        is_fit = len(indices) == expected
-        is_fit = is_fit and indices.min(initial=0) >= 0 and indices.max(initial=0) < len(values)
+        stored = found.primvar.GetIndices(code)
+        indices = np.asarray([] if stored is None else stored, np.int32)
+        is_match = len(indices) == expected
+        is_match = is_match and indices.min(initial=0) >= 0 and indices.max(initial=0) < len(values)
     else:
         indices = None
-        is_fit = len(values) == expected
-    return Attribute(found.name, found.kind, domain, values, indices) if is_fit else None
+        is_match = len(values) == expected
+    return Attribute(found.name, found.kind, domain, values, indices) if is_match else None
 
 
 def _values(primvar: Any, code: float) -> npt.NDArray[Any] | None:
-    """Of shape (N, C); None if they are not numbers that an attribute can hold."""
-    given = primvar.Get(code)
-    if given is None:
+    """Return the values, of shape (N, C), or None if an attribute cannot store them."""
+    stored = primvar.Get(code)
+    if stored is None:
         return None
-    values = np.asarray(given)
+    values = np.asarray(stored)
     if values.dtype.kind not in "fiub" or values.size == 0:
         return None
     if not primvar.GetTypeName().isArray:
         values = values[np.newaxis]
     width = max(1, int(primvar.GetElementSize())) * int(np.prod(values.shape[1:]))
-    values = values.astype(TYPES.get(values.dtype, values.dtype), copy=False)
-    is_fit = width <= MAX_NUMBERS and values.size % width == 0 and values.dtype in VALUE_TYPES
-    return values.reshape(-1, width) if is_fit else None
+    values = values.astype(CONVERTED_TYPES.get(values.dtype, values.dtype), copy=False)
+    is_supported = width <= MAX_NUMBERS and values.size % width == 0 and values.dtype in VALUE_TYPES
+    return values.reshape(-1, width) if is_supported else None
 
 
 def _reordered(attribute: Attribute, order: npt.NDArray[np.int64] | None) -> Attribute:
-    """With corners that go around the other way."""
+    """Return the attribute with corners in the order of the mesh."""
     if order is None or attribute.domain is not Domain.CORNER:
         return attribute
     if attribute.indices is not None:
@@ -171,16 +174,16 @@ def _reordered(attribute: Attribute, order: npt.NDArray[np.int64] | None) -> Att
 
 
 def _join_opacity(found: dict[str, Attribute]) -> None:
-    """Make the opacity the fourth number of the colour, where both are given alike."""
+    """Append opacity to the color as a fourth component, if both have the same items."""
     color, opacity = found.get("displayColor"), found.get("displayOpacity")
     if color is None or opacity is None or opacity.values.shape[1] != 1:
         return
-    is_alike = (
+    is_same_layout = (
         color.domain is opacity.domain
         and len(color.values) == len(opacity.values)
         and np.array_equal(color.indices, opacity.indices)  # type: ignore[arg-type]
     )
-    if is_alike:
+    if is_same_layout:
         joined = np.concatenate([color.values, opacity.values], axis=1)
         found["displayColor"] = replace(color, values=joined)
         del found["displayOpacity"]

@@ -1,4 +1,4 @@
-"""What a mesh of a stage carries and may change over time: primvars, normals, velocities."""
+"""Primvars, normals and velocities of a mesh of a stage, which may change over time."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -17,39 +17,40 @@ from meshreel.model.surface import Domain, Kind
 from meshreel.model.tracks import NUMBER_TYPES, TrackKind
 
 READ_AS = {np.dtype(np.float16): np.float32, np.dtype(bool): np.uint8}
-"""Types of files that tracks do not have, and those that hold the same numbers."""
+"""Conversions of number types that tracks do not support, without loss."""
 
 TRACK_KIND, TRACK_NAME, UNIT = "meshreel:kind", "meshreel:name", "meshreel:unit"
-"""Custom data of an attribute that we write as a track."""
+"""Keys of the custom data that meshreel writes with tracks."""
 
 COMPUTED = "meshreel:computed"
-"""Custom data of normals that we compute from faces and hard edges: they are no track."""
+"""Key of the custom data of normals that meshreel computes from hard edges; they are no track."""
 
 
 @dataclass(frozen=True, eq=False)
 class Quantity:
-    """Values of each vertex, face or corner of a mesh, at any time code.
+    """A primvar or attribute with values per vertex, face or corner, at any time code.
 
     Parameters
     ----------
     name : str
-        Of the primvar or attribute.
+        Name of the primvar or attribute.
+    domain : Domain
     attribute : Usd.Attribute
-        Says where it has samples, and what we wrote of it.
-    given : function of a time code
-        Gives the numbers of the file, of shape (N, C), or None if there are none.
+        Has the time samples and the custom data.
+    read : function of a time code
+        Returns the stored numbers, of shape (N, C), or None.
     kind, role : str, default ""
-        As of a `Field`.
+        As in a `Field`.
     is_constant : bool, default False
-        Whether one value is that of all.
-    to_world : function of values and the transform of the mesh to the world, optional
-        Turns them as the mesh is turned.
+        Whether a single value applies to all items.
+    to_world : function of values and a world matrix, optional
+        Transforms the values with the mesh.
     """
 
     name: str
     domain: Domain
     attribute: Any
-    given: Callable[[float], Values | None]
+    read: Callable[[float], Values | None]
     kind: str = ""
     role: str = ""
     is_constant: bool = False
@@ -57,27 +58,27 @@ class Quantity:
 
     @property
     def codes(self) -> list[float]:
-        """Where it has samples."""
+        """Time codes where it has samples."""
         return attribute_codes(self.attribute)
 
-    def said(self, what: str) -> str:
-        """What we wrote of it as a track; empty if we did not."""
-        return str(self.attribute.GetCustomDataByKey(what) or "")
+    def custom_data(self, key: str) -> str:
+        """Return custom data that meshreel wrote; empty if there is none."""
+        return str(self.attribute.GetCustomDataByKey(key) or "")
 
-    def is_moving(self, codes: Codes) -> bool:
-        """Whether it is a track: its values are not the same at all of these codes."""
-        if self.said(TRACK_KIND):
+    def is_animated(self, codes: Codes) -> bool:
+        """Return whether it is a track: marked as one, or not constant over these time codes."""
+        if self.custom_data(TRACK_KIND):
             return True
         if self.attribute.GetCustomDataByKey(COMPUTED):
             return False
         if len(codes) < 2 or not self.attribute.ValueMightBeTimeVarying():
             return False
-        first = self.given(float(codes[0]))
-        return any(not _are_same(first, self.given(float(code))) for code in codes[1:])
+        first = self.read(float(codes[0]))
+        return any(not _are_equal(first, self.read(float(code))) for code in codes[1:])
 
     def values(self, code: float, n_items: int) -> Values | None:
-        """Its values at a time code, of shape (N, C); None if there are none, or not as many."""
-        values = self.given(code)
+        """Return its values at a time code, of shape (N, C); None if missing or miscounted."""
+        values = self.read(code)
         if values is None:
             return None
         if self.is_constant and len(values) == 1:
@@ -85,17 +86,17 @@ class Quantity:
         return values if len(values) == n_items else None
 
 
-def _are_same(first: Values | None, second: Values | None) -> bool:
+def _are_equal(first: Values | None, second: Values | None) -> bool:
     if first is None or second is None:
         return first is second
-    is_alike = first.shape == second.shape and first.dtype == second.dtype
-    return is_alike and first.tobytes() == second.tobytes()
+    is_same_type = first.shape == second.shape and first.dtype == second.dtype
+    return is_same_type and first.tobytes() == second.tobytes()
 
 
 def quantities(prim: Any) -> Iterator[Quantity]:
-    """All that a mesh carries for vertices, faces or corners: primvars, and what depends on them.
+    """Yield the quantities of a mesh: primvars, normals, velocities and accelerations.
 
-    Of normals those that are drawn: the primvar of that name stands before the attribute.
+    A primvar called normals takes precedence over the attribute.
     """
     api = USD.load("UsdGeom").PrimvarsAPI(prim)
     for primvar in api.FindPrimvarsWithInheritance():
@@ -118,7 +119,7 @@ def quantities(prim: Any) -> Iterator[Quantity]:
 
 
 def _derived(prim: Any) -> Iterator[Quantity]:
-    """Normals, velocities and accelerations, which are turned as the mesh is."""
+    """Yield normals, velocities and accelerations, which transform with the mesh."""
     geometry = USD.load("UsdGeom")
     if not prim.IsA(geometry.PointBased):
         return
@@ -151,11 +152,11 @@ def _attribute_values(attribute: Any, code: float) -> Values | None:
 
 
 def _primvar_values(primvar: Any, code: float) -> Values | None:
-    """Of shape (N, C), with one row for each item if there are indices."""
-    given = primvar.Get(code)
-    if given is not None and not primvar.GetTypeName().isArray:
-        given = np.asarray(given)[np.newaxis]
-    values = _numbers(given, int(primvar.GetElementSize()))
+    """Return the values, of shape (N, C), with indices applied."""
+    stored = primvar.Get(code)
+    if stored is not None and not primvar.GetTypeName().isArray:
+        stored = np.asarray(stored)[np.newaxis]
+    values = _numbers(stored, int(primvar.GetElementSize()))
     if values is None or not primvar.IsIndexed():
         return values
     indices = np.asarray(primvar.GetIndices(code), np.int64)
@@ -164,11 +165,11 @@ def _primvar_values(primvar: Any, code: float) -> Values | None:
     return values[indices]
 
 
-def _numbers(given: Any, element_size: int) -> Values | None:
-    """Of shape (N, C); None if they are none that tracks can have."""
-    if given is None:
+def _numbers(stored: Any, element_size: int) -> Values | None:
+    """Return values as an array of shape (N, C), or None if tracks do not support the type."""
+    if stored is None:
         return None
-    values = np.asarray(given)
+    values = np.asarray(stored)
     if values.size == 0:
         return None
     values = values.astype(READ_AS.get(values.dtype, values.dtype), copy=False)

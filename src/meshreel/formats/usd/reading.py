@@ -1,9 +1,9 @@
-"""USD files: every mesh that is drawn, in world space, moved by whatever moves it.
+"""Reading USD files: every mesh that is rendered, in world space, with its animation.
 
-Read through ``Usd.Stage``, which composes references, layers, instances and value clips. Points
-are read where they have samples, and what transforms or a skeleton move between its keys at every
-frame of the stage. Skinning and blend shapes are those of UsdSkel. Positions keep the units and
-the axes of the file.
+Files are read through ``Usd.Stage``, which composes references, layers, instances and value clips.
+Points are read at their samples; meshes that move between keys of transforms or skeletons are read
+at every frame of the stage. Skinning and blend shapes are evaluated by UsdSkel. Positions keep the
+units and axes of the file.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,7 +18,6 @@ from meshreel.formats.extras import USD
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh
 from meshreel.formats.usd.diagnostics import usd_errors
-from meshreel.formats.usd.drawn import DrawnMesh, drawn_meshes, shape_of
 from meshreel.formats.usd.instanced_mesh import InstancedMesh, note_instances
 from meshreel.formats.usd.instancers import Placements
 from meshreel.formats.usd.layers import (
@@ -34,13 +33,14 @@ from meshreel.formats.usd.layers import (
 from meshreel.formats.usd.material_reading import StageMaterials
 from meshreel.formats.usd.mesh_notes import MeshNotes
 from meshreel.formats.usd.mesh_reading import StageMesh
+from meshreel.formats.usd.rendered import RenderedMesh, rendered_meshes, shape_of
 from meshreel.formats.usd.sampling import (
     TOLERANCE,
     Codes,
     Samples,
     even_interval,
     frame_grid,
-    snapped,
+    snap,
 )
 from meshreel.formats.usd.skinning import find_skins
 from meshreel.formats.usd.track_reading import MeshTracks
@@ -49,41 +49,41 @@ from meshreel.model.sequence import validate_fps
 
 AnyMesh = StageMesh | InstancedMesh
 
-MAX_SHOWN_RATE = 120.0
-"""Where a stage has more time codes a second, and does not say how many frames, a code is none."""
+MAX_FRAME_RATE = 120.0
+"""Time codes per second above which a code is not a frame, unless the stage has a frame rate."""
 
 MAX_LISTED = 3
 
 
 def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
-    """The meshes of a USD file.
+    """Return the meshes of a USD file.
 
-    With a frame rate in the options, all meshes of a file in which one moves between its samples
-    are sampled as often as that, from the first sample of any to the last.
+    With a frame rate in the options, if any mesh moves between its samples, all meshes are sampled
+    at that rate, from the first sample of the file to the last.
 
     Raises
     ------
     FormatError
-        If USD cannot read the file, or it holds no mesh that is drawn.
+        If USD cannot read the file, or it contains no mesh that is rendered.
     """
     notes = options.notes
     stage = open_stage(path, options)
     with usd_errors("USD cannot read its meshes"):
         rate = codes_per_second(stage.GetRootLayer())
-        drawn = drawn_meshes(stage, notes)
-        transforms, skins = Transforms(), find_skins(one.prim for one in drawn)
+        rendered = rendered_meshes(stage, notes)
+        transforms, skins = Transforms(), find_skins(one.prim for one in rendered)
         materials = StageMaterials(None if options.allow_outside else path.parent, notes)
-        said = MeshNotes(notes)
+        mesh_notes = MeshNotes(notes)
 
-        def stage_mesh(found: DrawnMesh) -> AnyMesh:
+        def stage_mesh(found: RenderedMesh) -> AnyMesh:
             skin = skins.get(str(found.prim.GetPath()))
             above = found.levels[-1].to_root if found.levels else transforms
-            mesh = StageMesh(stage, shape_of(found.prim), skin, above, materials, said)
+            mesh = StageMesh(stage, shape_of(found.prim), skin, above, materials, mesh_notes)
             if not found.levels:
                 return mesh
             return InstancedMesh(found.name, mesh, Placements(found.levels, transforms))
 
-        meshes = [stage_mesh(one) for one in drawn]
+        meshes = [stage_mesh(one) for one in rendered]
         note_instances([one for one in meshes if isinstance(one, InstancedMesh)], notes)
         has_rate = stage.HasAuthoredMetadata("timeCodesPerSecond")
         codes_of = _frame_codes(meshes, rate, codes_per_frame(stage, rate), options)
@@ -105,34 +105,34 @@ def _scene_mesh(
         fps = rate
     if not len(codes):
         codes = np.zeros(1)
-    carried = MeshTracks(mesh, codes, notes)
+    tracks = MeshTracks(mesh, codes, notes)
     return SceneMesh(
         mesh.path,
-        snapped(codes) / rate,
+        snap(codes) / rate,
         lambda index: mesh.frame(float(codes[index])),
-        lambda index: mesh.surface(float(codes[index]), carried.moving),
+        lambda index: mesh.surface(float(codes[index]), tracks.animated),
         fps,
-        carried.tracks,
+        tracks.tracks,
     )
 
 
 def _frame_codes(
     meshes: Sequence[AnyMesh], rate: float, frame_interval: float, options: ReadOptions
 ) -> Callable[[AnyMesh], Codes]:
-    """A function to where a mesh has its frames, which are none if it does not move."""
-    every = [one for mesh in meshes if (one := _samples(mesh)) is not None]
-    between = [one.all for one in every if one.move_between(frame_interval)]
-    if (fps := validate_fps(options.fps or 0.0)) and between:
-        grid = cache(lambda: _common_grid([one.all for one in every], rate / fps))
+    """Return a function that gives the time codes of the frames of a mesh, empty if static."""
+    samples = [one for mesh in meshes if (one := _samples(mesh)) is not None]
+    interpolated = [one.all for one in samples if one.moves_between_samples(frame_interval)]
+    if (fps := validate_fps(options.fps or 0.0)) and interpolated:
+        grid = cache(lambda: _common_grid([one.all for one in samples], rate / fps))
 
         def common_codes(mesh: AnyMesh) -> Codes:
             if len(mesh.samples.all) < 2:
                 return mesh.samples.all
-            _note_final(mesh, grid(), max(float(one.all[-1]) for one in every if len(one.all)))
+            _note_final(mesh, grid(), max(float(one.all[-1]) for one in samples if len(one.all)))
             return grid()
 
         return common_codes
-    origin = min((float(one[0]) for one in between), default=0.0)
+    origin = min((float(one[0]) for one in interpolated), default=0.0)
 
     def codes_of(mesh: AnyMesh) -> Codes:
         codes = mesh.samples.frames(frame_interval, origin)
@@ -146,13 +146,13 @@ def _frame_codes(
 
 
 def _note_final(mesh: AnyMesh, codes: Codes, last: float) -> None:
-    """Tell of a mesh whose last sample is between two frames, so that a frame later shows it."""
+    """Note a mesh whose last sample is between two frames, and is shown by the later one."""
     if codes[-1] > last + TOLERANCE:
-        mesh.notes.final.add(f"{mesh.path} (of time code {last:g}, shown at {codes[-1]:g})")
+        mesh.notes.final.add(f"{mesh.path} (time code {last:g}, shown at {codes[-1]:g})")
 
 
 def _samples(mesh: AnyMesh) -> Samples | None:
-    """Where a mesh has samples; None if they cannot be."""
+    """Return the samples of a mesh, or None if they are invalid."""
     try:
         _ = mesh.samples.all
     except FormatError:
@@ -161,25 +161,26 @@ def _samples(mesh: AnyMesh) -> Samples | None:
 
 
 def _common_grid(samples: Sequence[Codes], interval: float) -> Codes:
-    """The same codes for all that moves, from the first sample of any to the last."""
-    moving = [one for one in samples if len(one) > 1]
-    first, last = min(one[0] for one in moving), max(one[-1] for one in moving)
+    """Return the common frames of all animated meshes, from the first sample to the last."""
+    animated = [one for one in samples if len(one) > 1]
+    first, last = min(one[0] for one in animated), max(one[-1] for one in animated)
     return frame_grid(float(first), float(last), interval)
 
 
 def open_stage(path: Path, options: ReadOptions) -> Any:
-    """The ``Usd.Stage`` of a file, as it is on disk now.
+    """Return the ``Usd.Stage`` of a file, as it is on disk now.
 
     Parameters
     ----------
+    path : Path
     options : ReadOptions
-        Its notes gain a sentence if anything that the file refers to is missing, and one if its
-        axes or units are not those that are written: y upwards, metres.
+        Their notes gain a sentence if referenced files are missing, and one if axes or units
+        differ from y up and meters.
 
     Raises
     ------
     FormatError
-        If USD cannot read it, it has a rate that cannot be, or names layers where they may not be.
+        If USD cannot read the file, a rate is invalid, or layers are outside of its folder.
     """
     layers = checked_layers(path, allow_outside=options.allow_outside)
     with usd_errors(DAMAGED):
@@ -192,15 +193,15 @@ def open_stage(path: Path, options: ReadOptions) -> Any:
 
 
 def codes_per_frame(stage: Any, rate: float) -> float:
-    """Time codes from one frame to the next, as players show a stage of so many codes a second.
+    """Return the time codes per frame of a stage with `rate` time codes per second.
 
-    Where the stage does not say it is one, unless codes are finer than any frames: then there are
-    as many frames a second as the standard takes.
+    Without a frame rate, it is one code per frame, unless codes are much finer than frames: then
+    the default frame rate applies.
     """
-    shown = layer_number(stage.GetRootLayer(), "framesPerSecond")
-    if shown is not None and MIN_RATE <= shown <= MAX_RATE:
-        return rate / shown
-    return 1.0 if rate <= MAX_SHOWN_RATE else rate / DEFAULT_RATE
+    fps = layer_number(stage.GetRootLayer(), "framesPerSecond")
+    if fps is not None and MIN_RATE <= fps <= MAX_RATE:
+        return rate / fps
+    return 1.0 if rate <= MAX_FRAME_RATE else rate / DEFAULT_RATE
 
 
 def _note_missing(stage: Any, notes: list[str]) -> None:
@@ -208,16 +209,17 @@ def _note_missing(stage: Any, notes: list[str]) -> None:
     if found:
         more = f" and {len(found) - MAX_LISTED} more" if len(found) > MAX_LISTED else ""
         listed = "; ".join(one.rstrip(".") for one in found[:MAX_LISTED])
-        notes.append(f"what the file refers to is not all there: {listed}{more}")
+        notes.append(f"the file refers to missing or invalid data: {listed}{more}")
 
 
 def _note_axes(stage: Any, notes: list[str]) -> None:
     geometry = USD.load("UsdGeom")
-    said = []
+    differences = []
     if geometry.GetStageUpAxis(stage) == geometry.Tokens.z:
-        said.append("z points upwards")
-    metres = layer_number(stage.GetRootLayer(), geometry.Tokens.metersPerUnit)
-    if metres not in (None, 1):
-        said.append(f"a unit is {metres:g} m")
-    if said:
-        notes.append(f"positions stay in the axes and units of the file, where {', '.join(said)}")
+        differences.append("z points up")
+    meters = layer_number(stage.GetRootLayer(), geometry.Tokens.metersPerUnit)
+    if meters not in (None, 1):
+        differences.append(f"a unit is {meters:g} m")
+    if differences:
+        facts = ", ".join(differences)
+        notes.append(f"positions stay in the axes and units of the file, where {facts}")

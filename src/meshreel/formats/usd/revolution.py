@@ -1,4 +1,4 @@
-"""Surfaces around the axis z: rings of points between two points on the axis."""
+"""Surfaces of revolution around the z axis: rings of points between two poles."""
 
 from dataclasses import dataclass
 
@@ -6,19 +6,19 @@ import numpy as np
 import numpy.typing as npt
 
 N_AROUND = 32
-"""Points of each ring."""
+"""Number of points in a ring."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rings:
-    """The profile of a surface at one angle, from the bottom to the top.
+    """The profile of a surface of revolution, from bottom to top.
 
     Attributes
     ----------
     radii, heights : float64 array of shape (R,)
-        Of the rings.
+        Radii and heights of the rings.
     bottom, top : float
-        Heights of the poles, which are points on the axis; of a flat end, that of its ring.
+        Heights of the poles on the axis; for a flat end, the height of its ring.
     """
 
     radii: npt.NDArray[np.float64]
@@ -27,8 +27,8 @@ class Rings:
     top: float
 
 
-def revolved(rings: Rings) -> npt.NDArray[np.float64]:
-    """Points of shape (V, 3): the pole at the bottom, the rings upwards, the pole at the top."""
+def revolve(rings: Rings) -> npt.NDArray[np.float64]:
+    """Return points of shape (V, 3): bottom pole, rings from bottom to top, top pole."""
     angles = np.arange(N_AROUND) * (2 * np.pi / N_AROUND)
     circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     points = np.empty((len(rings.radii), N_AROUND, 3))
@@ -39,10 +39,10 @@ def revolved(rings: Rings) -> npt.NDArray[np.float64]:
 
 
 def revolved_faces(n_rings: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int32]]:
-    """Counts and corners of the faces, counter-clockwise seen from outside.
+    """Return counts and corners of the faces, counterclockwise from outside.
 
-    Triangles at the poles, quads between rings. A flat end is made of triangles too: a face of
-    all corners would be cut into a fan, whose first corner would be shaded unlike the others.
+    There are triangles at the poles and quads between rings. Flat ends are triangles around a pole
+    too: the fan of a single polygon would shade its first corner differently.
     """
     around = np.arange(N_AROUND)
     after = np.roll(around, -1)
@@ -57,8 +57,8 @@ def revolved_faces(n_rings: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.
     return counts, np.concatenate([one.ravel() for one in faces]).astype(np.int32)
 
 
-def rims(n_rings: int) -> npt.NDArray[np.int64]:
-    """The edges of the lowest rings, as pairs of points, of shape (R * N_AROUND, 2)."""
+def rim_edges(n_rings: int) -> npt.NDArray[np.int64]:
+    """Return the edges of the lowest rings as pairs of points, of shape (R * N_AROUND, 2)."""
     around = np.arange(N_AROUND)
     starts = 1 + N_AROUND * np.arange(n_rings)[:, np.newaxis]
     return np.stack([starts + around, starts + np.roll(around, -1)], axis=2).reshape(-1, 2)

@@ -1,4 +1,4 @@
-"""Inputs of shaders: their values, or the outputs of other shaders that give them."""
+"""Values and connections of shader inputs."""
 
 import math
 from dataclasses import dataclass
@@ -10,35 +10,35 @@ from meshreel.formats.extras import USD
 
 @dataclass(frozen=True)
 class Source:
-    """Where an input has its value from; neither, if the file says nothing.
+    """The value of a shader input, or the shader output connected to it; empty if undeclared.
 
     Attributes
     ----------
     value : object
-        None if another shader gives it.
+        None if the input is connected to a shader.
     shader : UsdShade.Shader, optional
     output : str
-        The output of that shader.
-    is_moving : bool
-        Whether the value differs with time.
+        Name of the connected output.
+    is_animated : bool
+        Whether the value may change over time.
     """
 
     value: Any = None
     shader: Any = None
     output: str = ""
-    is_moving: bool = False
+    is_animated: bool = False
 
     @property
     def path(self) -> str:
-        """Of the shader that gives it; empty if none does."""
+        """Path of the connected shader; empty if there is none."""
         return str(self.shader.GetPath()) if self.shader else ""
 
 
 def source_of(shader: Any, name: str) -> Source:
-    """Where an input of a shader has its value from, through the interfaces of materials."""
+    """Return the source of a shader input, through the interface inputs of materials."""
     shading = USD.load("UsdShade")
-    given = shader.GetInput(name)
-    producers = given.GetValueProducingAttributes() if given else []
+    shader_input = shader.GetInput(name)
+    producers = shader_input.GetValueProducingAttributes() if shader_input else []
     if not producers:
         return Source()
     (first, *_) = producers
@@ -46,16 +46,16 @@ def source_of(shader: Any, name: str) -> Source:
         output = shading.Utils.GetBaseNameAndType(first.GetName())[0]
         return Source(None, shading.Shader(first.GetPrim()), str(output))
     earliest = USD.load("Usd").TimeCode.EarliestTime()
-    return Source(first.Get(earliest), is_moving=first.ValueMightBeTimeVarying())
+    return Source(first.Get(earliest), is_animated=first.ValueMightBeTimeVarying())
 
 
-def numbers(source: Source, default: tuple[float, ...], name: str) -> tuple[float, ...]:
-    """So many numbers as the default, which is taken where the file says nothing.
+def read_numbers(source: Source, default: tuple[float, ...], name: str) -> tuple[float, ...]:
+    """Return the numbers of an input, as many as the default, or else the default.
 
     Raises
     ------
     FormatError
-        If it is something else.
+        If the value is something else.
     """
     value = source.value
     if value is None:
@@ -65,5 +65,5 @@ def numbers(source: Source, default: tuple[float, ...], name: str) -> tuple[floa
     except (TypeError, ValueError):
         found = ()
     if len(found) != len(default) or not all(map(math.isfinite, found)):
-        raise FormatError(f"{name} is no {len(default)} finite numbers; got {str(value)[:60]!r}")
+        raise FormatError(f"{name} must be {len(default)} finite numbers; got {str(value)[:60]!r}")
     return found

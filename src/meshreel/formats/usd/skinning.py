@@ -1,4 +1,4 @@
-"""Meshes that a skeleton moves: blend shapes and skinning, by UsdSkel."""
+"""Meshes deformed by a skeleton: blend shapes and skinning with UsdSkel."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -8,23 +8,23 @@ import numpy as np
 
 from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
-from meshreel.formats.usd.instancers import all_prims
+from meshreel.formats.usd.instancers import all_prims_predicate
 from meshreel.formats.usd.sampling import attribute_codes
 from meshreel.formats.usd.transforms import Transforms
 from meshreel.model.sequence import Vertices
 
 
 @dataclass(frozen=True, eq=False)
-class Shapes:
+class BlendShapes:
     """The blend shapes of a mesh.
 
     Attributes
     ----------
     query : UsdSkel.BlendShapeQuery
     point_indices : list
-        Of each shape, which points it moves.
+        Per shape, the indices of the points that it moves.
     offsets : list
-        Of each shape and inbetween, how far it moves them.
+        Per shape and inbetween, the offsets of these points.
     """
 
     query: Any
@@ -34,32 +34,33 @@ class Shapes:
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """How a skeleton moves a mesh.
+    """The deformation of a mesh by a skeleton.
 
     Attributes
     ----------
     skeleton_prim : Usd.Prim
-        Where the skeleton is in the stage; of an instance the query only knows its prototype.
+        The skeleton in the stage; for an instance, the query has only its prototype.
     skeleton : UsdSkel.SkeletonQuery
     skinning : UsdSkel.SkinningQuery
+    shapes : BlendShapes or None
     """
 
     skeleton_prim: Any
     skeleton: Any
     skinning: Any
-    shapes: Shapes | None
+    shapes: BlendShapes | None
 
     @property
     def space(self) -> Any:
-        """The prim in whose space the points are when they are deformed."""
+        """The prim in whose space the deformed points are."""
         has_joints = self.skinning.HasJointInfluences()
         return self.skeleton_prim if has_joints else self.skinning.GetPrim()
 
     def codes(self, transforms: Transforms) -> list[float]:
-        """Where what moves the points, beside the points themselves, has samples."""
+        """Return the time codes where transforms, joints or blend shapes have samples."""
         codes = transforms.codes(self.space)
-        if binding := self.skinning.GetGeomBindTransformAttr():
-            codes = codes + attribute_codes(binding)
+        if bind_transform := self.skinning.GetGeomBindTransformAttr():
+            codes = codes + attribute_codes(bind_transform)
         if animation := self.skeleton.GetAnimQuery():
             if self.skinning.HasJointInfluences():
                 codes = codes + list(animation.GetJointTransformTimeSamples())
@@ -67,33 +68,33 @@ class Skin:
                 codes = codes + list(animation.GetBlendShapeWeightTimeSamples())
         return codes
 
-    def deformed(self, points: Vertices, code: float) -> Vertices:
-        """Points of shape (V, 3), from the space of the mesh to `space`; float32.
+    def deform(self, points: Vertices, code: float) -> Vertices:
+        """Return deformed points in `space`, from points in local space, as float32 of (V, 3).
 
         Raises
         ------
         FormatError
-            If weights, joints or shapes do not fit the points.
+            If weights, joints or shapes do not match the points.
         """
         array = USD.load("Vt").Vec3fArray.FromNumpy(np.ascontiguousarray(points, np.float32))
-        is_done = self.shapes is None or self._blend(self.shapes, array, code)
-        if is_done and self.skinning.HasJointInfluences():
+        is_valid = self.shapes is None or self._blend(self.shapes, array, code)
+        if is_valid and self.skinning.HasJointInfluences():
             joints = self.skeleton.ComputeSkinningTransforms(code)
-            is_done = bool(joints) and self.skinning.ComputeSkinnedPoints(joints, array, code)
-        if not is_done:
+            is_valid = bool(joints) and self.skinning.ComputeSkinnedPoints(joints, array, code)
+        if not is_valid:
             path = self.skinning.GetPrim().GetPath()
             raise FormatError(
-                f"mesh {path} has {len(points)} points that its joint weights or blend shapes do "
-                f"not fit at time code {code:g}; bind it to its skeleton again"
+                f"mesh {path} has {len(points)} points, which its joint weights or blend shapes do "
+                f"not match at time code {code:g}; bind it to its skeleton again"
             )
         return np.asarray(array)
 
-    def _blend(self, shapes: Shapes, points: Any, code: float) -> bool:
-        """Whether blend shapes could move the points, which they have then."""
+    def _blend(self, shapes: BlendShapes, points: Any, code: float) -> bool:
+        """Apply blend shapes to the points in place, and return whether that succeeded."""
         animation = self.skeleton.GetAnimQuery()
-        if not animation or not (given := animation.ComputeBlendShapeWeights(code)):
+        if not animation or not (all_weights := animation.ComputeBlendShapeWeights(code)):
             return True
-        own = self.skinning.GetBlendShapeMapper().Remap(given, type(given)(), 1)
+        own = self.skinning.GetBlendShapeMapper().Remap(all_weights, type(all_weights)(), 1)
         weights = shapes.query.ComputeSubShapeWeights(own)
         return bool(
             shapes.query.ComputeDeformedPoints(
@@ -103,7 +104,7 @@ class Skin:
 
 
 def find_skins(prims: Iterable[Any]) -> dict[str, Skin]:
-    """How skeletons move meshes, by the paths of those of the meshes that they do move."""
+    """Return the skins of the meshes that a skeleton deforms, by path of the mesh."""
     skel = USD.load("UsdSkel")
     roots = {str(root.GetPath()): root for root in map(skel.Root.Find, prims) if root}
     skins = {}
@@ -114,7 +115,7 @@ def find_skins(prims: Iterable[Any]) -> dict[str, Skin]:
 
 
 def _skins_below(root: Any) -> Iterator[Skin]:
-    predicate, cache = all_prims(), USD.load("UsdSkel").Cache()
+    predicate, cache = all_prims_predicate(), USD.load("UsdSkel").Cache()
     cache.Populate(root, predicate)
     for binding in cache.ComputeSkelBindings(root, predicate):
         skeleton = cache.GetSkelQuery(binding.GetSkeleton())
@@ -124,9 +125,11 @@ def _skins_below(root: Any) -> Iterator[Skin]:
                 yield Skin(prim, skeleton, skinning, _shapes(skinning))
 
 
-def _shapes(skinning: Any) -> Shapes | None:
+def _shapes(skinning: Any) -> BlendShapes | None:
     if not skinning.HasBlendShapes():
         return None
     skel = USD.load("UsdSkel")
     query = skel.BlendShapeQuery(skel.BindingAPI(skinning.GetPrim()))
-    return Shapes(query, query.ComputeBlendShapePointIndices(), query.ComputeSubShapePointOffsets())
+    return BlendShapes(
+        query, query.ComputeBlendShapePointIndices(), query.ComputeSubShapePointOffsets()
+    )

@@ -1,4 +1,4 @@
-"""Images that a stage refers to: in its package or beside its file, their bytes as they are."""
+"""Images that a stage refers to, in its package or next to its file, as unchanged bytes."""
 
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -16,35 +16,35 @@ class StageImages:
     Parameters
     ----------
     folder : Path or None
-        That of the stage's file; images are read from there and below. None: from anywhere.
+        Folder of the stage's file, which must contain the images; None allows any location.
 
     Attributes
     ----------
     images : list of Image
-        Those read so far.
+        The images read so far.
     """
 
     def __init__(self, folder: Path | None) -> None:
         self.images: list[Image] = []
         self._folder = None if folder is None else folder.resolve()
-        self._numbers: dict[str, int] = {}
+        self._indices: dict[str, int] = {}
 
-    def number(self, asset: Any) -> int:
-        """Which one of `images` an asset path means.
+    def index(self, asset: Any) -> int:
+        """Return the index of an asset path in `images`, after reading it if necessary.
 
         Raises
         ------
         FormatError
-            If it cannot be had.
+            If the image cannot be read.
         """
         authored = str(getattr(asset, "path", ""))
         resolved = str(getattr(asset, "resolvedPath", ""))
-        if resolved not in self._numbers:
+        if resolved not in self._indices:
             if not resolved:
                 raise FormatError(_why_unresolved(authored))
             self.images.append(self._image(authored, resolved))
-            self._numbers[resolved] = len(self.images) - 1
-        return self._numbers[resolved]
+            self._indices[resolved] = len(self.images) - 1
+        return self._indices[resolved]
 
     def _image(self, authored: str, resolved: str) -> Image:
         resolver = USD.load("Ar")
@@ -64,7 +64,7 @@ class StageImages:
 
 def _why_unresolved(authored: str) -> str:
     if not authored:
-        return "no file is named"
+        return "it names no file"
     if "<UDIM>" in authored:
-        return f"{authored[:200]!r} is of many tiles"
-    return f"{authored[:200]!r} is not there"
+        return f"{authored[:200]!r} consists of many tiles"
+    return f"{authored[:200]!r} does not exist"

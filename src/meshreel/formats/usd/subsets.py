@@ -1,4 +1,4 @@
-"""Subsets of the faces of a mesh as groups, materials first."""
+"""Reading face subsets of a mesh as groups, materials first."""
 
 from typing import Any
 
@@ -9,27 +9,29 @@ from meshreel.formats.usd.material_reading import MeshMaterials, label_of
 from meshreel.model.surface import FaceGroups, Int32s
 
 MATERIALS = "materialBind"
-"""The family of subsets that materials are bound to."""
+"""The subset family for material bindings."""
 
 UNNAMED = "group"
-"""The name under which subsets of no family are taken together."""
+"""Name of the group of subsets without a family."""
 
 
 def read_groups(
     prim: Any, code: float, n_faces: int, materials: MeshMaterials, notes: list[str]
 ) -> tuple[FaceGroups, ...]:
-    """Groups of the faces of a mesh at a time code.
+    """Return the face groups of a mesh at a time code.
 
-    Materials are those of subsets, and elsewhere that of the whole mesh. A label is the name that
-    people are shown if there is one, else that of the prim.
+    Materials are those of subsets or, elsewhere, of the whole mesh. A label is the display name of
+    the prim if it has one, otherwise its name.
 
     Parameters
     ----------
     prim : Usd.Prim
+    code : float
+    n_faces : int
     materials : MeshMaterials
-        Those of the mesh; gives their labels.
+        Materials of the mesh, which provide labels.
     notes : list of str
-        Gains a sentence for each family whose subsets overlap or name faces that are not there.
+        Gains a sentence for each family whose subsets overlap or refer to missing faces.
     """
     geometry = USD.load("UsdGeom")
     families: dict[str, list[tuple[str, Int32s]]] = {MATERIALS: []}
@@ -44,31 +46,33 @@ def read_groups(
         members.append((label, np.asarray([] if faces is None else faces, np.int32)))
     groups = []
     for family, members in families.items():
-        name, rest = (
+        name, default = (
             ("material", materials.bound_label(prim)) if family == MATERIALS else (family, "")
         )
-        group, is_clean = _group(name, members, rest, n_faces)
-        if not is_clean:
+        group, is_partition = _group(name, members, default, n_faces)
+        if not is_partition:
             notes.append(
-                f"{name} subsets of {prim.GetPath()} overlap or name faces that are not there; "
-                "a face is in the last one that names it"
+                f"{name} subsets of {prim.GetPath()} overlap or refer to missing faces; "
+                "a face belongs to the last subset that contains it"
             )
         groups.append(group)
     return tuple(group for group in groups if group.labels)
 
 
 def _group(
-    name: str, members: list[tuple[str, Int32s]], rest: str, n_faces: int
+    name: str, members: list[tuple[str, Int32s]], default: str, n_faces: int
 ) -> tuple[FaceGroups, bool]:
-    """Faces by their label, all others with the label `rest`; and whether each was named once."""
+    """Return a group, with `default` as label of the other faces, and whether subsets are disjoint
+    and valid.
+    """
     labels: dict[str, int] = {}
     numbers = np.full(n_faces, -1, np.int32)
-    n_named = 0
+    n_listed = 0
     for label, faces in members:
         inside = faces[(faces >= 0) & (faces < n_faces)]
         numbers[inside] = labels.setdefault(label, len(labels))
-        n_named += len(faces)
-    is_clean = n_named == np.count_nonzero(numbers >= 0)
-    if rest and (numbers < 0).any():
-        numbers[numbers < 0] = labels.setdefault(rest, len(labels))
-    return FaceGroups(name, tuple(labels), numbers), is_clean
+        n_listed += len(faces)
+    is_partition = n_listed == np.count_nonzero(numbers >= 0)
+    if default and (numbers < 0).any():
+        numbers[numbers < 0] = labels.setdefault(default, len(labels))
+    return FaceGroups(name, tuple(labels), numbers), is_partition

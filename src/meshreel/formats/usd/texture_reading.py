@@ -1,11 +1,11 @@
-"""Textures of a stage: UsdUVTexture, with what tells it where to look."""
+"""Reading UsdUVTexture shaders, with their UV reader and transform."""
 
 import math
 from dataclasses import dataclass, replace
 from typing import Any
 
 from meshreel.errors import FormatError
-from meshreel.formats.usd.shading_inputs import Source, numbers, source_of
+from meshreel.formats.usd.shading_inputs import Source, read_numbers, source_of
 from meshreel.formats.usd.stage_images import StageImages
 from meshreel.model.materials import Texture, Wrap
 
@@ -21,12 +21,14 @@ CHANNELS = ("rgb", "r", "g", "b", "a")
 
 
 @dataclass(frozen=True)
-class FoundTexture:
-    """A texture, and how its values are scaled and moved.
+class ScaledTexture:
+    """A texture with scale and bias of its values.
 
     Attributes
     ----------
+    texture : Texture
     scale, bias : tuple of 4 floats
+    color_space : str
     """
 
     texture: Texture
@@ -35,70 +37,74 @@ class FoundTexture:
     color_space: str
 
 
-def read_texture(source: Source, images: StageImages) -> FoundTexture:
-    """The texture that gives an input of a material.
+def read_texture(source: Source, images: StageImages) -> ScaledTexture:
+    """Return the texture connected to an input of a material.
 
     Raises
     ------
     FormatError
-        If it is something else than a texture, or its image cannot be had.
+        If the source is not a texture, or its image cannot be read.
     """
     shader = source.shader
     kind = str(shader.GetShaderId() or "") if shader else ""
     if kind != "UsdUVTexture" or source.output not in CHANNELS:
-        raise FormatError(f"{kind or 'a shader of an unknown kind'} is not read")
+        raise FormatError(f"{kind or 'a shader of unknown type'} is not supported")
     texture = Texture(
-        images.number(source_of(shader, "file").value),
+        images.index(source_of(shader, "file").value),
         channels=source.output,
         wrap_u=_wrap(shader, "wrapS"),
         wrap_v=_wrap(shader, "wrapT"),
     )
-    return FoundTexture(
-        _placed(texture, source_of(shader, "st").shader),
-        numbers(source_of(shader, "scale"), (1.0,) * 4, "its scale"),
-        numbers(source_of(shader, "bias"), (0.0,) * 4, "its bias"),
+    return ScaledTexture(
+        _with_coordinates(texture, source_of(shader, "st").shader),
+        read_numbers(source_of(shader, "scale"), (1.0,) * 4, "its scale"),
+        read_numbers(source_of(shader, "bias"), (0.0,) * 4, "its bias"),
         str(source_of(shader, "sourceColorSpace").value or "auto"),
     )
 
 
 def _wrap(shader: Any, name: str) -> Wrap:
-    told = str(source_of(shader, name).value or "useMetadata")
-    if told not in WRAPS:
-        raise FormatError(f"{name} is {told[:60]!r}; it must be one of {', '.join(WRAPS)}")
-    return WRAPS[told]
+    wrap = str(source_of(shader, name).value or "useMetadata")
+    if wrap not in WRAPS:
+        raise FormatError(f"{name} is {wrap[:60]!r}; it must be one of {', '.join(WRAPS)}")
+    return WRAPS[wrap]
 
 
-def _placed(texture: Texture, shader: Any) -> Texture:
-    """The texture with the coordinates that a shader gives, or another through a transform."""
+def _with_coordinates(texture: Texture, shader: Any) -> Texture:
+    """Return the texture with its primvar and transform, from the shader of its coordinates."""
     kind = str(shader.GetShaderId() or "") if shader else ""
     if kind == "UsdTransform2d":
-        rotation = math.radians(numbers(source_of(shader, "rotation"), (0.0,), "its rotation")[0])
-        scale = numbers(source_of(shader, "scale"), (1.0, 1.0), "its scale")
-        moved = numbers(source_of(shader, "translation"), (0.0, 0.0), "its translation")
+        rotation = math.radians(
+            read_numbers(source_of(shader, "rotation"), (0.0,), "its rotation")[0]
+        )
+        scale = read_numbers(source_of(shader, "scale"), (1.0, 1.0), "its scale")
+        translation = read_numbers(source_of(shader, "translation"), (0.0, 0.0), "its translation")
         shader = source_of(shader, "in").shader
         kind = str(shader.GetShaderId() or "") if shader else ""
-        texture = downwards(texture, rotation, (scale[0], scale[1]), (moved[0], moved[1]))
+        texture = with_usd_transform(
+            texture, rotation, (scale[0], scale[1]), (translation[0], translation[1])
+        )
     if kind != UV_READER:
-        raise FormatError(f"its coordinates are of {kind or 'no shader'}, not of {UV_READER}")
+        raise FormatError(f"its coordinates come from {kind or 'no shader'}, not {UV_READER}")
     name = str(source_of(shader, "varname").value or "")
     if not name:
-        raise FormatError(f"its {UV_READER} names no primvar")
+        raise FormatError(f"its {UV_READER} has no primvar name")
     return replace(texture, uv=name)
 
 
-def downwards(
-    texture: Texture, rotation: float, scale: tuple[float, float], moved: tuple[float, float]
+def with_usd_transform(
+    texture: Texture, rotation: float, scale: tuple[float, float], translation: tuple[float, float]
 ) -> Texture:
-    """The texture, placed as coordinates with v upwards are scaled, turned and moved."""
+    """Return the texture with a UV transform of USD, in which v points up; rotation in radians."""
     offset = (
-        moved[0] - math.sin(rotation) * scale[1],
-        1 - moved[1] - math.cos(rotation) * scale[1],
+        translation[0] - math.sin(rotation) * scale[1],
+        1 - translation[1] - math.cos(rotation) * scale[1],
     )
     return replace(texture, offset=offset, rotation=rotation, scale=scale)
 
 
-def upwards(texture: Texture) -> tuple[float, float]:
-    """How coordinates with v upwards are moved once they are scaled and turned."""
+def usd_translation(texture: Texture) -> tuple[float, float]:
+    """Return the translation of the UV transform in USD, in which v points up."""
     sine, cosine = math.sin(texture.rotation), math.cos(texture.rotation)
-    height = texture.scale[1]
-    return texture.offset[0] + sine * height, 1 - texture.offset[1] - cosine * height
+    scale_v = texture.scale[1]
+    return texture.offset[0] + sine * scale_v, 1 - texture.offset[1] - cosine * scale_v

@@ -1,4 +1,4 @@
-"""Textures of materials that are being written: UsdUVTexture, and where it looks."""
+"""Writing textures of materials: UsdUVTexture, with UV reader and transform."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -7,12 +7,12 @@ from typing import Any
 from meshreel.formats.extras import USD
 from meshreel.formats.notes import LookNotes
 from meshreel.formats.usd.prim_names import prim_name
-from meshreel.formats.usd.texture_reading import UV_READER, WRAPS, upwards
+from meshreel.formats.usd.texture_reading import UV_READER, WRAPS, usd_translation
 from meshreel.model.materials import AlphaMode, Image, Material, Texture
 
 WRAP_TOKENS = {wrap: token for token, wrap in WRAPS.items()}
-PACKED = ("image/png", "image/jpeg", "image/x-exr", "image/avif")
-"""Types of images that packages may hold."""
+PACKAGE_TYPES = ("image/png", "image/jpeg", "image/x-exr", "image/avif")
+"""Image types that USDZ packages may contain."""
 
 
 class TextureWriter:
@@ -23,11 +23,11 @@ class TextureWriter:
     stage : Usd.Stage
     images : sequence of Image
     paths : sequence of str
-        Of the file of each image, from that of the stage.
+        File of each image, relative to that of the stage.
     primvars : mapping of str to str
-        What texture coordinates are written as.
+        Primvar of each UV set.
     is_package : bool
-        Whether the file is one that holds images, which may be of some types only.
+        Whether images go into a USDZ package, which supports only some types.
     """
 
     def __init__(
@@ -42,39 +42,42 @@ class TextureWriter:
         self._stage, self._images, self._paths = stage, images, paths
         self._primvars, self._is_package = primvars, is_package
 
-    def of(self, material: Any, look: Material, notes: LookNotes) -> dict[str, Any]:
-        """The outputs that give the inputs of a material, by slot; "alpha" is of the base colour.
+    def write(self, material: Any, look: Material, notes: LookNotes) -> dict[str, Any]:
+        """Write the textures of a material, and return the shader outputs for its inputs, by slot.
+
+        The slot "alpha" is the alpha of the base color.
 
         Parameters
         ----------
         material : UsdShade.Material
-            The textures go below it.
+            Parent of the texture shaders.
+        look : Material
         notes : LookNotes
-            Gains what USD does not have.
+            Gains what USD cannot store.
         """
-        made: dict[str, Any] = {}
+        outputs: dict[str, Any] = {}
         for slot, texture in look.textures.items():
-            if reason := self._why_not(texture):
-                notes.add(f"textures that USD cannot have ({reason})", look.name)
+            if reason := self._unsupported_reason(texture):
+                notes.add(f"textures that USD cannot store ({reason})", look.name)
                 continue
             if texture.magnified or texture.shrunk:
-                notes.add("filters of textures, for USD does not have them", look.name)
+                notes.add("texture filters, which USD cannot store", look.name)
             shader = self._texture(f"{material.GetPath()}/{slot}_texture", texture)
-            self._scale(shader, slot, look)
+            self._write_scale(shader, slot, look)
             is_color = len(texture.channels) >= 3
             types = USD.load("Sdf").ValueTypeNames
             output = ("rgb", types.Float3) if is_color else (texture.channels, types.Float)
-            made[slot] = shader.CreateOutput(*output)
+            outputs[slot] = shader.CreateOutput(*output)
             if slot == "base_color" and _has_alpha(look):
-                made["alpha"] = shader.CreateOutput("a", types.Float)
-        return made
+                outputs["alpha"] = shader.CreateOutput("a", types.Float)
+        return outputs
 
-    def _why_not(self, texture: Texture) -> str:
+    def _unsupported_reason(self, texture: Texture) -> str:
         mime_type = self._images[texture.image].mime_type
-        if self._is_package and mime_type not in PACKED:
-            return f"packages hold no {mime_type}"
+        if self._is_package and mime_type not in PACKAGE_TYPES:
+            return f"packages do not support {mime_type}"
         if texture.uv not in self._primvars:
-            return f"there are no texture coordinates {texture.uv!r}"
+            return f"there are no UVs {texture.uv!r}"
         return ""
 
     def _texture(self, path: str, texture: Texture) -> Any:
@@ -89,21 +92,21 @@ class TextureWriter:
 
     def _coordinates(self, path: str, texture: Texture) -> Any:
         types, primvar = USD.load("Sdf").ValueTypeNames, self._primvars[texture.uv]
-        above = path.rpartition("/")[0]
-        reader = self._shader(f"{above}/uv_{prim_name(primvar)}", UV_READER)
+        parent = path.rpartition("/")[0]
+        reader = self._shader(f"{parent}/uv_{prim_name(primvar)}", UV_READER)
         reader.CreateInput("varname", types.String).Set(primvar)
-        found = reader.CreateOutput("result", types.Float2)
+        result = reader.CreateOutput("result", types.Float2)
         if not texture.is_placed:
-            return found
+            return result
         transform = self._shader(f"{path}_transform", "UsdTransform2d")
-        transform.CreateInput("in", types.Float2).ConnectToSource(found)
+        transform.CreateInput("in", types.Float2).ConnectToSource(result)
         transform.CreateInput("rotation", types.Float).Set(math.degrees(texture.rotation))
         transform.CreateInput("scale", types.Float2).Set(texture.scale)
-        transform.CreateInput("translation", types.Float2).Set(upwards(texture))
+        transform.CreateInput("translation", types.Float2).Set(usd_translation(texture))
         return transform.CreateOutput("result", types.Float2)
 
-    def _scale(self, shader: Any, slot: str, look: Material) -> None:
-        """Write what the texture is multiplied with, and in which space its colours are."""
+    def _write_scale(self, shader: Any, slot: str, look: Material) -> None:
+        """Write the color space, scale and bias of a texture."""
         types = USD.load("Sdf").ValueTypeNames
         is_color = slot in ("base_color", "emissive")
         shader.CreateInput("sourceColorSpace", types.Token).Set("sRGB" if is_color else "raw")
@@ -121,20 +124,20 @@ class TextureWriter:
 
 def _has_alpha(look: Material) -> bool:
     texture = look.base_color_texture
-    is_told = texture is not None and texture.channels == "rgba"
-    return is_told and look.alpha_mode is not AlphaMode.OPAQUE
+    has_alpha_channel = texture is not None and texture.channels == "rgba"
+    return has_alpha_channel and look.alpha_mode is not AlphaMode.OPAQUE
 
 
 def _scale_and_bias(slot: str, look: Material) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    nothing = (0.0,) * 4
+    no_bias = (0.0,) * 4
     if slot == "base_color":
-        return (*look.base_color[:3], look.base_color[3] if _has_alpha(look) else 1.0), nothing
+        return (*look.base_color[:3], look.base_color[3] if _has_alpha(look) else 1.0), no_bias
     if slot == "emissive":
-        return (*look.emissive, 1.0), nothing
+        return (*look.emissive, 1.0), no_bias
     if slot == "normal":
         scale = look.normal_scale
         return (2 * scale, 2 * scale, 2.0, 1.0), (-scale, -scale, -1.0, 0.0)
     if slot == "occlusion":
         strength = look.occlusion_strength
         return (strength,) * 4, (1 - strength,) * 4
-    return ({"metallic": look.metallic, "roughness": look.roughness}[slot],) * 4, nothing
+    return ({"metallic": look.metallic, "roughness": look.roughness}[slot],) * 4, no_bias

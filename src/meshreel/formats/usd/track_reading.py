@@ -1,4 +1,4 @@
-"""Tracks of a mesh of a stage: what of it changes from frame to frame."""
+"""Reading tracks of a mesh of a stage: quantities that change from frame to frame."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -21,57 +21,59 @@ from meshreel.formats.usd.sampling import TOLERANCE, Codes
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackSource
 
-UNFIT = "primvars that do not fit their faces"
+MISMATCHED = "primvars that do not fit their faces"
 COLOR, OPACITY = "displayColor", "displayOpacity"
 
 
 class MeshTracks:
-    """What a mesh carries that changes over its frames.
+    """The quantities of a mesh that change over its frames, as tracks.
 
     Parameters
     ----------
+    mesh : StageMesh or InstancedMesh
     codes : Codes
-        The time codes of its frames.
+        Time codes of its frames.
     notes : list of str
-        Gains a sentence for each thing that is not read.
+        Gains a sentence for each quantity that is not read.
     """
 
     def __init__(self, mesh: StageMesh | InstancedMesh, codes: Codes, notes: list[str]) -> None:
         self._mesh, self._codes, self._notes = mesh, codes, notes
 
     @cached_property
-    def moving(self) -> dict[str, Quantity]:
-        """What changes, by its name in the file.
+    def animated(self) -> dict[str, Quantity]:
+        """The animated quantities, by name in the file.
 
-        Of a mesh that a skeleton moves, normals and velocities are not moved, and none of it.
+        Normals and velocities of skinned meshes are skipped, since skinning does not deform them.
         """
         is_skinned = self._mesh.skin is not None
         found = (one for one in quantities(self._mesh.prim) if not (is_skinned and one.to_world))
-        with usd_errors(f"USD cannot read what {self._mesh.path} carries"):
-            return {one.name: one for one in found if one.is_moving(self._codes)}
+        with usd_errors(f"USD cannot read the properties of {self._mesh.path}"):
+            return {one.name: one for one in found if one.is_animated(self._codes)}
 
     def tracks(self, frames: range) -> Mapping[str, TrackSource]:
-        """The tracks of some frames, whose faces are the same."""
-        if not self.moving:
+        """Return the tracks over a range of frames with the same faces."""
+        if not self.animated:
             return {}
         codes = [float(self._codes[index]) for index in frames]
-        named = {(one.domain, name): one for name, one in _named(self.moving).items()}
-        with usd_errors(f"USD cannot read what {self._mesh.path} carries"):
+        tracks = {(one.domain, name): one for name, one in _by_track_name(self.animated).items()}
+        with usd_errors(f"USD cannot read the properties of {self._mesh.path}"):
             self._note_samples()
-            whole = self._mesh.whole(codes[0])
-            solid = self._mesh.shape.solid_faces(len(whole.counts), codes[0])
-            n_copies = self._mesh.n_copies(codes[0])
-            fields = [self._fields(named, code, whole) for code in codes]
+            mesh = self._mesh.all_faces(codes[0])
+            solid = self._mesh.shape.solid_faces(len(mesh.counts), codes[0])
+            n_instances = self._mesh.n_instances(codes[0])
+            fields = [self._fields(tracks, code, mesh) for code in codes]
         fitting = {key for frame in fields for key in frame}
-        note_kinds(self._notes, UNFIT, (name for _, name in named.keys() - fitting))
-        kept = {domain: np.tile(rows, n_copies) for domain, rows in _kept(whole, solid).items()}
-        sizes = {domain: int(np.count_nonzero(rows)) for domain, rows in kept.items()}
+        note_kinds(self._notes, MISMATCHED, (name for _, name in tracks.keys() - fitting))
+        masks = _item_masks(mesh, solid)
+        kept = {domain: np.tile(mask, n_instances) for domain, mask in masks.items()}
+        sizes = {domain: int(np.count_nonzero(mask)) for domain, mask in kept.items()}
 
         def read(index: int, key: Key) -> Values:
-            with usd_errors(f"USD cannot read what {self._mesh.path} carries"):
-                values = self._values(named[key], codes[index], whole)
+            with usd_errors(f"USD cannot read the properties of {self._mesh.path}"):
+                values = self._values(tracks[key], codes[index], mesh)
                 if values is not None:
-                    values = self._mesh.in_world(named[key], values, whole.counts, codes[index])
+                    values = self._mesh.in_world(tracks[key], values, mesh.counts, codes[index])
             if values is None or len(values) != len(kept[key[0]]):
                 raise changed_error(f"{self._mesh.path} (time code {codes[index]:g})")
             return values[kept[key[0]]]
@@ -79,68 +81,68 @@ class MeshTracks:
         return field_tracks(fields, sizes, read, self._notes)
 
     def _fields(
-        self, named: Mapping[Key, Quantity], code: float, whole: PolygonMesh
+        self, tracks: Mapping[Key, Quantity], code: float, mesh: PolygonMesh
     ) -> dict[Key, Field]:
         fields: dict[Key, Field] = {}
-        for key, one in named.items():
-            values = self._values(one, code, whole)
+        for key, one in tracks.items():
+            values = self._values(one, code, mesh)
             if values is not None:
-                kind = one.said(TRACK_KIND) or one.kind
-                unit = one.said(UNIT)
+                kind = one.custom_data(TRACK_KIND) or one.kind
+                unit = one.custom_data(UNIT)
                 fields[key] = Field(values.dtype, values.shape[1], one.role, kind, unit)
         return fields
 
-    def _values(self, one: Quantity, code: float, whole: PolygonMesh) -> Values | None:
-        """Values in the order of the file, of all faces of the mesh."""
-        counts = len(whole.vertices), len(whole.counts), len(whole.corners)
+    def _values(self, one: Quantity, code: float, mesh: PolygonMesh) -> Values | None:
+        """Return values in file order, for all faces of the mesh."""
+        counts = len(mesh.vertices), len(mesh.counts), len(mesh.corners)
         return one.values(code, dict(zip(Domain, counts, strict=True))[one.domain])
 
     def _note_samples(self) -> None:
-        """Tell of samples where there are no frames."""
+        """Note samples that no frame has, and velocities of animated transforms."""
         found = []
-        for one in self.moving.values():
+        for one in self.animated.values():
             own = np.asarray(one.codes)
-            places = np.searchsorted(self._codes, own - TOLERANCE).clip(0, len(self._codes) - 1)
-            n_other = int((np.abs(self._codes[places] - own) > TOLERANCE).sum())
+            nearest = np.searchsorted(self._codes, own - TOLERANCE).clip(0, len(self._codes) - 1)
+            n_other = int((np.abs(self._codes[nearest] - own) > TOLERANCE).sum())
             if n_other:
                 found.append(f"{one.name} ({n_other} of {len(own)})")
         note_kinds(self._notes, "samples where positions have no frame", found)
-        has_rates = any(one.to_world is turned_vectors for one in self.moving.values())
+        has_rates = any(one.to_world is turned_vectors for one in self.animated.values())
         if has_rates and self._mesh.has_moving_transform:
-            note_left_out(self._notes, f"what transforms add to velocities of {self._mesh.path}")
+            note_left_out(self._notes, f"velocity of the transforms above {self._mesh.path}")
 
 
-def _named(moving: Mapping[str, Quantity]) -> dict[str, Quantity]:
-    """What changes, by the names of tracks: those that we wrote if there are, or of the file.
+def _by_track_name(animated: Mapping[str, Quantity]) -> dict[str, Quantity]:
+    """Return animated quantities by track name: as written by meshreel, or else as in the file.
 
-    A colour and its opacity are one if they are given alike.
+    A color and its opacity become one quantity if they have the same items.
     """
-    found = dict(moving)
+    found = dict(animated)
     color, opacity = found.get(COLOR), found.get(OPACITY)
-    if color is not None and opacity is not None and _are_alike(color, opacity):
-        found[COLOR] = replace(color, given=partial(_joined, color, opacity))
+    if color is not None and opacity is not None and _have_same_items(color, opacity):
+        found[COLOR] = replace(color, read=partial(_read_rgba, color, opacity))
         del found[OPACITY]
-    said = {name: one.said(TRACK_NAME) or name for name, one in found.items()}
-    every = list(said.values())
-    return {said[name] if every.count(said[name]) == 1 else name: found[name] for name in found}
+    names = {name: one.custom_data(TRACK_NAME) or name for name, one in found.items()}
+    every = list(names.values())
+    return {names[name] if every.count(names[name]) == 1 else name: found[name] for name in found}
 
 
-def _are_alike(color: Quantity, opacity: Quantity) -> bool:
-    is_alike = (color.domain, color.is_constant) == (opacity.domain, opacity.is_constant)
-    is_one = color.said(TRACK_NAME) == opacity.said(TRACK_NAME)
-    return is_alike and is_one and color.codes == opacity.codes
+def _have_same_items(color: Quantity, opacity: Quantity) -> bool:
+    is_same_layout = (color.domain, color.is_constant) == (opacity.domain, opacity.is_constant)
+    is_same_track = color.custom_data(TRACK_NAME) == opacity.custom_data(TRACK_NAME)
+    return is_same_layout and is_same_track and color.codes == opacity.codes
 
 
-def _joined(color: Quantity, opacity: Quantity, code: float) -> Values | None:
-    """Four numbers; None where the two do not fit."""
-    first, second = color.given(code), opacity.given(code)
+def _read_rgba(color: Quantity, opacity: Quantity, code: float) -> Values | None:
+    """Return color and opacity as four components, or None if their counts differ."""
+    first, second = color.read(code), opacity.read(code)
     if first is None or second is None or len(first) != len(second) or second.shape[1] != 1:
         return None
     return np.concatenate([first, second], axis=1)
 
 
-def _kept(mesh: PolygonMesh, solid: Mask | None) -> dict[Domain, Mask]:
-    """The vertices, faces and corners that are not of holes."""
+def _item_masks(mesh: PolygonMesh, solid: Mask | None) -> dict[Domain, Mask]:
+    """Return masks of the vertices, faces and corners that do not belong to holes."""
     faces = np.ones(len(mesh.counts), bool) if solid is None else solid
     return {
         Domain.VERTEX: np.ones(len(mesh.vertices), bool),

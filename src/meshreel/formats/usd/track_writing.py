@@ -1,4 +1,4 @@
-"""Tracks of a stage being written: time-sampled primvars, normals and velocities of a mesh."""
+"""Writing tracks of a mesh: time-sampled primvars, normals and velocities."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -8,8 +8,8 @@ import numpy as np
 from meshreel.arrays import Values
 from meshreel.formats.extras import USD
 from meshreel.formats.frames.frame_stream import FrameStream
-from meshreel.formats.usd.mesh_writing import INTERPOLATIONS, MeshWriter, named_attributes
-from meshreel.formats.usd.prim_names import different, prim_name
+from meshreel.formats.usd.mesh_writing import INTERPOLATIONS, MeshWriter, primvar_names
+from meshreel.formats.usd.prim_names import prim_name, unique_name
 from meshreel.formats.usd.quantities import TRACK_KIND, TRACK_NAME, UNIT
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackKind, TrackSource
@@ -18,36 +18,36 @@ ELEMENTS = {
     "u1": "uchar", "i1": "int", "u2": "int", "i2": "int", "i4": "int", "u4": "uint",
     "i8": "int64", "u8": "uint64", "f4": "float", "f8": "double",
 }  # fmt: skip
-"""What USD calls numbers of a type, or of one that holds all of them."""
+"""USD's element type for each number type, without loss."""
 
 VELOCITIES, NORMALS = "velocities", "normals"
-COLOR, OPACITY, TEXTURE = "displayColor", "displayOpacity", "st"
-MAIN_NAMES = {
+COLOR, OPACITY, UVS = "displayColor", "displayOpacity", "st"
+STANDARD_NAMES = {
     TrackKind.VELOCITY: VELOCITIES,
     TrackKind.NORMAL: NORMALS,
     TrackKind.COLOR: COLOR,
-    TrackKind.UV: TEXTURE,
+    TrackKind.UV: UVS,
 }
-"""The names that programs look for first."""
+"""Standard names, which programs use by default."""
 
 
 class TrackWriter:
-    """A track of a mesh, whose values are to come.
+    """Writes a track of a mesh, frame by frame.
 
     Parameters
     ----------
     name : str
-        Of the track.
+        Name of the track.
     items : slice
-        Where the values of the mesh are among those of all.
+        Items of the mesh among those of the sequence.
     columns : slice
-        The numbers of each value that are written.
+        Components of a value to write.
     attribute : Usd.Attribute
     type_name : Sdf.ValueTypeName
     is_flat : bool
-        Whether several elements of USD are one value.
+        Whether a value consists of several elements.
     scale : float
-        By which numbers are divided.
+        Divisor of the numbers.
     """
 
     def __init__(
@@ -68,13 +68,14 @@ class TrackWriter:
         self._dtype = np.asarray(self._array(1)).dtype
 
     def write(self, values: Values, code: float | None) -> None:
-        """Add the values of a frame, of shape (N, C), those of other meshes too.
+        """Write the values of a frame.
 
         Parameters
         ----------
-        values : array
+        values : array of shape (N, C)
+            Values of all meshes of the sequence.
         code : float or None
-            The time code; None for values that are the same at all times.
+            The time code; None writes the default value.
         """
         own = values[self._items, self._columns]
         own = (own / self._scale if self._scale != 1 else own).astype(self._dtype)
@@ -83,67 +84,68 @@ class TrackWriter:
         self._attribute.Set(self._array.FromNumpy(data), when)
 
 
-def part_tracks(mesh: MeshWriter, stream: FrameStream) -> Iterator[TrackWriter]:
-    """The tracks of a stream for a mesh of it, whose attributes are written.
+def track_writers(mesh: MeshWriter, stream: FrameStream) -> Iterator[TrackWriter]:
+    """Yield writers for the tracks of a stream on one of its meshes.
 
-    The first velocities of vertices are those of the mesh, the first normals its normals; the
-    first colours are called ``displayColor``, the first texture coordinates ``st``, unless
-    attributes are. The notes of the stream gain a sentence where numbers have another type in USD.
+    The first vertex velocities and normals become those of the mesh; the first colors are called
+    ``displayColor`` and the first UVs ``st``, unless attributes have these names. Notes of the
+    stream gain a sentence where USD stores another number type.
     """
-    taken = {name for _, name in named_attributes(mesh.part.surface)}
-    taken |= {OPACITY} if COLOR in taken else set()
+    used = {name for _, name in primvar_names(mesh.part.surface)}
+    used |= {OPACITY} if COLOR in used else set()
     for name, track in stream.tracks.items():
-        yield from _writers(mesh, name, track, taken, stream.notes)
+        yield from _writers(mesh, name, track, used, stream.notes)
 
 
 def _writers(
-    mesh: MeshWriter, name: str, track: TrackSource, taken: set[str], notes: list[str]
+    mesh: MeshWriter, name: str, track: TrackSource, used: set[str], notes: list[str]
 ) -> Iterator[TrackWriter]:
-    found, n_columns = _free_name(name, track, taken), track.shape[2]
-    splits_opacity = found == COLOR and n_columns == 4
-    is_flat, kind = _type_name(found, track, 3 if splits_opacity else n_columns)
+    written_name, n_columns = _choose_name(name, track, used), track.shape[2]
+    splits_opacity = written_name == COLOR and n_columns == 4
+    is_flat, kind = _type_name(written_name, track, 3 if splits_opacity else n_columns)
     declared = USD.load("Sdf").ValueTypeNames.Find(f"{kind}[]")
     scale = 255.0 if track.kind is TrackKind.COLOR and track.dtype == np.uint8 else 1.0
     _note_type(name, track, kind, notes)
 
-    def writer(place: str, type_name: Any, columns: slice, element_size: int) -> TrackWriter:
-        attribute = _attribute(mesh, place, type_name, track, element_size)
-        _describe(attribute, name, track)
+    def writer(primvar: str, type_name: Any, columns: slice, element_size: int) -> TrackWriter:
+        attribute = _attribute(mesh, primvar, type_name, track, element_size)
+        _write_custom_data(attribute, name, track)
         items = mesh.part.items[track.domain]
-        is_single = type_name in _single_types()
+        is_element = type_name in _element_types()
         return TrackWriter(
-            name, items, columns, attribute, type_name, is_flat=is_single, scale=scale
+            name, items, columns, attribute, type_name, is_flat=is_element, scale=scale
         )
 
     if not splits_opacity:
-        yield writer(found, declared, slice(None), n_columns if is_flat else 1)
+        yield writer(written_name, declared, slice(None), n_columns if is_flat else 1)
         return
-    taken.add(OPACITY)
+    used.add(OPACITY)
     yield writer(COLOR, declared, slice(0, 3), 1)
     yield writer(OPACITY, USD.load("Sdf").ValueTypeNames.FloatArray, slice(3, 4), 1)
 
 
-def _single_types() -> list[Any]:
-    """Types of arrays of single numbers."""
+def _element_types() -> list[Any]:
+    """Return the array types of single numbers."""
     find = USD.load("Sdf").ValueTypeNames.Find
     return [find(f"{element}[]") for element in set(ELEMENTS.values())]
 
 
-def _free_name(name: str, track: TrackSource, taken: set[str]) -> str:
-    """The name of a primvar, or of an attribute of meshes, that nothing has yet; it is taken."""
-    main = MAIN_NAMES.get(track.kind, "")
-    can_be = main != VELOCITIES or track.domain is Domain.VERTEX
-    if main and can_be and main not in taken and not (main == COLOR and OPACITY in taken):
-        taken.add(main)
-        return main
-    # Primvars of these names would be taken for what they are not.
-    found = different(prim_name(name), taken | {*MAIN_NAMES.values(), OPACITY})
-    taken.add(found)
-    return found
+def _choose_name(name: str, track: TrackSource, used: set[str]) -> str:
+    """Return an unused name of a primvar or mesh attribute, and add it to `used`."""
+    standard = STANDARD_NAMES.get(track.kind, "")
+    is_possible = standard != VELOCITIES or track.domain is Domain.VERTEX
+    has_opacity = standard == COLOR and OPACITY in used
+    if standard and is_possible and standard not in used and not has_opacity:
+        used.add(standard)
+        return standard
+    # Programs would misinterpret other tracks with standard names.
+    unique = unique_name(prim_name(name), used | {*STANDARD_NAMES.values(), OPACITY})
+    used.add(unique)
+    return unique
 
 
 def _type_name(name: str, track: TrackSource, n_columns: int) -> tuple[bool, str]:
-    """Whether single numbers are written, and what USD calls the type of one or of a value."""
+    """Return whether single numbers are written, and USD's name of the type."""
     element = ELEMENTS[track.dtype.str[1:]]
     if name in (VELOCITIES, NORMALS):
         return False, {VELOCITIES: "vector3f", NORMALS: "normal3f"}[name]
@@ -162,14 +164,14 @@ def _type_name(name: str, track: TrackSource, n_columns: int) -> tuple[bool, str
 
 
 def _note_type(name: str, track: TrackSource, kind: str, notes: list[str]) -> None:
-    """Tell of numbers that are of another type in USD."""
+    """Note that USD stores another number type."""
     letter = kind[-1] if kind[-2].isdigit() else kind[0]
     is_rounded = track.dtype == np.float64 and letter == "f"
     is_scaled = track.dtype == np.uint8 and kind.startswith("color")
     is_widened = track.dtype.str[1:] in ("i1", "i2", "u2")
     if is_rounded or is_scaled or is_widened:
-        what = "int32" if is_widened else "float32"
-        note = f"track {name!r} is written as {what}, not {track.dtype}, as USD has it"
+        written = "int32" if is_widened else "float32"
+        note = f"track {name!r} is written as {written}, not {track.dtype}, a type that USD lacks"
         notes.extend([note] if note not in notes else [])
 
 
@@ -181,16 +183,16 @@ def _attribute(
     if name == VELOCITIES:
         return geometry.Mesh(mesh.prim).CreateVelocitiesAttr()
     if name == NORMALS:
-        drawn = geometry.Mesh(mesh.prim)
-        drawn.SetNormalsInterpolation(interpolation)
-        return drawn.CreateNormalsAttr()
+        usd_mesh = geometry.Mesh(mesh.prim)
+        usd_mesh.SetNormalsInterpolation(interpolation)
+        return usd_mesh.CreateNormalsAttr()
     api = geometry.PrimvarsAPI(mesh.prim)
     return api.CreatePrimvar(name, type_name, interpolation, element_size).GetAttr()
 
 
-def _describe(attribute: Any, name: str, track: TrackSource) -> None:
-    """Write what a track is, for which USD has no place, as custom data."""
-    said = {TRACK_KIND: str(track.kind), TRACK_NAME: name, UNIT: track.unit}
-    for key, text in said.items():
+def _write_custom_data(attribute: Any, name: str, track: TrackSource) -> None:
+    """Write the kind, name and unit of a track, for which USD has no schema, as custom data."""
+    entries = {TRACK_KIND: str(track.kind), TRACK_NAME: name, UNIT: track.unit}
+    for key, text in entries.items():
         if text:
             attribute.SetCustomDataByKey(key, text.encode("utf-8", "replace").decode())

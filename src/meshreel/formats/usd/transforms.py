@@ -1,4 +1,4 @@
-"""Transforms from prims to the world or to a prototype, at any time code."""
+"""Matrices from prims to the world or to a prototype, at any time code."""
 
 from typing import Any
 
@@ -15,12 +15,12 @@ Matrix = npt.NDArray[np.float64]
 
 
 class Transforms:
-    """Transforms of the prims of a stage, each looked up once.
+    """Transforms of the prims of a stage, cached per time code.
 
     Parameters
     ----------
     root : Usd.Prim, optional
-        A prim in whose space positions are then, of those below it. Default: the world.
+        Transform prims below it to its space; default: to the world.
     """
 
     def __init__(self, root: Any = None) -> None:
@@ -30,7 +30,7 @@ class Transforms:
         self._codes: dict[str, list[float]] = {}
 
     def codes(self, prim: Any) -> list[float]:
-        """Where transforms of a prim, or of those above it, have samples."""
+        """Return the time codes where transforms of a prim or its ancestors have samples."""
         if not prim or prim.IsPseudoRoot() or (self._root and prim == self._root):
             return []
         path = str(prim.GetPath())
@@ -39,19 +39,19 @@ class Transforms:
         return self._codes[path]
 
     def world(self, prim: Any, code: float) -> Matrix:
-        """Of shape (4, 4), from the prim to the world; positions are rows on its left.
+        """Return the matrix from the prim to the world, of shape (4, 4), for row vectors.
 
         Raises
         ------
         FormatError
-            If there is a root, which the prim is not below.
+            If the prim is not below the root.
         """
         self._cache.SetTime(code)
         if self._root:
             if not prim.GetPath().HasPrefix(self._root.GetPath()):
                 raise FormatError(
-                    f"{prim.GetPath()} moves a mesh of the prototype {self._root.GetPath()} and is "
-                    "not below it; put it there"
+                    f"{prim.GetPath()} moves a mesh of the prototype {self._root.GetPath()} but is "
+                    "not below it; move it there"
                 )
             relative, _ = self._cache.ComputeRelativeTransform(prim, self._root)
             return np.array(relative, np.float64)
@@ -59,7 +59,7 @@ class Transforms:
 
     @staticmethod
     def own_codes(prim: Any) -> list[float]:
-        """Where the transform of a prim alone has samples."""
+        """Return the time codes where the transform of a prim alone has samples."""
         xformable = USD.load("UsdGeom").Xformable(prim)
         operations = xformable.GetOrderedXformOps() if xformable else []
         return [code for one in operations for code in attribute_codes(one.GetAttr())]
@@ -72,24 +72,23 @@ class Transforms:
         return own + self.codes(prim.GetParent())
 
 
-def placed(points: Vertices, matrix: Matrix) -> Vertices:
-    """Positions of shape (V, 3) in world space, in their type unless that is not enough.
+def transform_points(points: Vertices, matrix: Matrix) -> Vertices:
+    """Return transformed points of shape (V, 3), in their own float type if that is enough.
 
-    They are computed in float64 and rounded once. Float32 stays float64 where a transform takes
-    the model so far from the origin that rounding would move a vertex by more than a millionth of
-    the model's size.
+    They are computed in float64 and rounded once. The result stays float64 if it is so far from
+    the origin that rounding would move a vertex by more than a millionth of the mesh size.
     """
     if np.array_equal(matrix, np.eye(4)):
         return points
-    return placed_copies(points, matrix[np.newaxis])
+    return transform_instances(points, matrix[np.newaxis])
 
 
-def placed_copies(points: Vertices, matrices: Matrix) -> Vertices:
-    """Positions of shape (V, 3), once for each of (I, 4, 4) transforms; of shape (I * V, 3).
+def transform_instances(points: Vertices, matrices: Matrix) -> Vertices:
+    """Return points of shape (V, 3) transformed by each of (I, 4, 4) matrices, as (I * V, 3).
 
-    Their type is as `placed` has it.
+    The float type is that of `transform_points`.
     """
-    with np.errstate(all="ignore"):  # what is not finite is found where all frames are looked at
+    with np.errstate(all="ignore"):  # non-finite values are reported when frames are checked
         moved = points.astype(np.float64) @ matrices[:, :3, :3] + matrices[:, np.newaxis, 3, :3]
         world: Vertices = moved.reshape(-1, 3)
         narrowing = Narrowing()
@@ -99,7 +98,7 @@ def placed_copies(points: Vertices, matrices: Matrix) -> Vertices:
     return vertices
 
 
-def mirrors(matrix: Matrix) -> bool:
-    """Whether a transform turns a surface inside out."""
+def is_mirroring(matrix: Matrix) -> bool:
+    """Return whether a transform reverses orientation."""
     with np.errstate(all="ignore"):
         return bool(np.linalg.det(matrix[:3, :3]) < 0)

@@ -1,7 +1,7 @@
-"""A sequence as a USD file: a mesh for each part, with a sample of its points for each frame.
+"""Writing a sequence as a USD file: one mesh per part, with one sample of points per frame.
 
-Written as binary (crate) first, some frames at a time, so that memory holds `UNSAVED_BYTES` of
-them however long the sequence is; text and packages are made of that file.
+Frames are written to a binary file (crate) first and saved whenever `UNSAVED_BYTES` are in memory;
+text files and packages are made from that file.
 """
 
 import re
@@ -24,56 +24,55 @@ from meshreel.formats.usd.layers import DEFAULT_RATE
 from meshreel.formats.usd.material_writing import Materials
 from meshreel.formats.usd.mesh_writing import MeshWriter, uv_primvars, write_surface
 from meshreel.formats.usd.prim_names import mesh_paths
-from meshreel.formats.usd.sampling import snapped
+from meshreel.formats.usd.sampling import snap
 from meshreel.formats.usd.texture_writing import TextureWriter
-from meshreel.formats.usd.track_writing import TrackWriter, part_tracks
+from meshreel.formats.usd.track_writing import TrackWriter, track_writers
 from meshreel.model.sequence import Corners
 from meshreel.model.tracks import TrackKind
 
 UNSAVED_BYTES = 1 << 25
-PACKED_FOLDER = "textures"
-"""Where a package has its images."""
+PACKAGE_FOLDER = "textures"
+"""Folder of the images in a package."""
 
 NOT_PORTABLE = r"[^A-Za-z0-9_-]"
-"""In names of files within packages."""
+"""Characters to replace in names of files in packages."""
 
 
 def write_usd(path: Path, stream: FrameStream, options: WriteOptions) -> None:
-    """Write a sequence into a USD file of the kind that the ending of its path says.
+    """Write a sequence to a USD file, in the format that its extension selects.
 
-    Positions are float32, as USD has them. Where float64 ones are so far from the origin that
-    this would move them, they are written about a point near them, to which all is moved by a
-    transform in float64.
+    Positions are float32, as in USD. If float64 positions are so far from the origin that this
+    would move them, they are written relative to a nearby point, with a float64 transform.
 
     Raises
     ------
     FormatError
-        If USD cannot write it.
+        If USD cannot write the file.
     """
     is_package = path.suffix.lower() == ".usdz"
     with (
-        # A file that cannot be removed is no reason to fail.
+        # A failure to remove temporary files is harmless.
         tempfile.TemporaryDirectory(dir=path.parent, ignore_cleanup_errors=True) as folder,
         usd_errors(f"USD cannot write {path.name}"),
     ):
         binary = Path(folder) / f"{re.sub(NOT_PORTABLE, '_', stream.name) or 'mesh'}.usdc"
         if is_package:
-            _write_images(Path(folder) / PACKED_FOLDER, stream)
+            _write_images(Path(folder) / PACKAGE_FOLDER, stream)
         _write_binary(binary, stream, is_package=is_package)
         if is_package:
             asset = USD.load("Sdf").AssetPath(str(binary))
-            is_done = USD.load("UsdUtils").CreateNewUsdzPackage(asset, str(path))
+            is_written = USD.load("UsdUtils").CreateNewUsdzPackage(asset, str(path))
         elif path.suffix.lower() == ".usda":
-            is_done = USD.load("Sdf").Layer.FindOrOpen(str(binary)).Export(str(path))
+            is_written = USD.load("Sdf").Layer.FindOrOpen(str(binary)).Export(str(path))
         else:
             binary.replace(path)
-            is_done = True
-        if not is_done:
-            raise FormatError(f"USD cannot write {path.name}, and does not say why")
+            is_written = True
+        if not is_written:
+            raise FormatError(f"USD cannot write {path.name}, and gives no reason")
 
 
 def _write_images(folder: Path, stream: FrameStream) -> None:
-    """Write the images of a package, which are put into it with the stage that names them."""
+    """Write the images of a package, which are added to it together with the stage."""
     if stream.surface.images:
         folder.mkdir()
     for name, image in zip(image_names(images := stream.surface.images), images, strict=True):
@@ -82,19 +81,19 @@ def _write_images(folder: Path, stream: FrameStream) -> None:
 
 def _write_binary(path: Path, stream: FrameStream, *, is_package: bool) -> None:
     stage = USD.load("Usd").Stage.CreateNew(str(path))
-    codes = _write_basis(stage, stream)
+    codes = _write_time_codes(stage, stream)
     origin = _origin(stream)
     images = stream.surface.images
-    beside = PACKED_FOLDER if is_package else stream.image_folder
+    folder = PACKAGE_FOLDER if is_package else stream.image_folder
     textures = TextureWriter(
         stage,
         images,
-        [f"./{beside}/{name}" for name in image_names(images)],
+        [f"./{folder}/{name}" for name in image_names(images)],
         uv_primvars(stream.surface),
         is_package=is_package,
     )
     meshes = _write_meshes(stage, stream, origin, textures)
-    tracks = [track for mesh in meshes for track in part_tracks(mesh, stream)]
+    tracks = [track for mesh in meshes for track in track_writers(mesh, stream)]
     n_unsaved, is_rounded = 0, False
     for index, (code, frame) in enumerate(zip(codes, stream.frames(), strict=True)):
         local = frame - origin if origin.any() else frame
@@ -108,27 +107,27 @@ def _write_binary(path: Path, stream: FrameStream, *, is_package: bool) -> None:
             n_unsaved = 0
     stage.GetRootLayer().Save()
     if is_rounded:
-        stream.notes.append("positions are rounded to float32, as USD has them")
+        stream.notes.append("positions are rounded to float32, as USD stores them")
 
 
 def _write_tracks(
     tracks: Sequence[TrackWriter], stream: FrameStream, index: int, code: float | None
 ) -> int:
-    """Write the values of a frame; gives their size in bytes."""
+    """Write the track values of a frame, and return their size in bytes."""
     values = stream.values(index)
     for one in tracks:
         one.write(values[one.name], code)
     return sum(one.nbytes for one in values.values())
 
 
-def _write_basis(stage: Any, stream: FrameStream) -> list[float | None]:
-    """The time code of each frame, which are written to the stage; None if there is no time."""
+def _write_time_codes(stage: Any, stream: FrameStream) -> list[float | None]:
+    """Write the rate and range of the stage, and return the time code of each frame, if any."""
     if stream.n_frames == 1 and not (stream.fps or stream.start_s):
         return [None]
     rate = stream.fps or DEFAULT_RATE
     if not stream.fps:
-        stream.notes.append(f"the frame rate is not known; written as {rate:g} frames per second")
-    codes = (float(snapped(np.array(stream.start_s * rate))) + np.arange(stream.n_frames)).tolist()
+        stream.notes.append(f"the frame rate is unknown; written as {rate:g} frames per second")
+    codes = (float(snap(np.array(stream.start_s * rate))) + np.arange(stream.n_frames)).tolist()
     stage.SetTimeCodesPerSecond(rate)
     stage.SetFramesPerSecond(rate)
     stage.SetStartTimeCode(codes[0])
@@ -137,14 +136,15 @@ def _write_basis(stage: Any, stream: FrameStream) -> list[float | None]:
 
 
 def _origin(stream: FrameStream) -> Corners:
-    """The point about which positions are written, of shape (3,): 0 if that is near enough."""
+    """Return the point to which positions are relative, of shape (3,): 0 if float32 suffices."""
     narrowing = Narrowing()
     narrowing.add(stream.first)
     if narrowing.is_harmless:
         return np.zeros(3)
     origin: Corners = np.round(stream.first.astype(np.float64).mean(axis=0))
     stream.notes.append(
-        f"positions are far from the origin; written about {origin.tolist()}, with a transform"
+        f"positions are far from the origin; written relative to {origin.tolist()}, with a "
+        "transform"
     )
     return origin
 
@@ -152,7 +152,7 @@ def _origin(stream: FrameStream) -> Corners:
 def _write_meshes(
     stage: Any, stream: FrameStream, origin: Corners, textures: TextureWriter
 ) -> list[MeshWriter]:
-    """Everything but points: the prims, and what the meshes carry."""
+    """Write the prims of the meshes with everything but points and tracks."""
     geometry = USD.load("UsdGeom")
     geometry.SetStageUpAxis(stage, geometry.Tokens.y)
     geometry.SetStageMetersPerUnit(stage, 1.0)
@@ -162,7 +162,7 @@ def _write_meshes(
         if len(part.counts):
             parts.append(part)
         else:
-            stream.notes.append(f"part {part.name} has no faces and is left out")
+            stream.notes.append(f"part {part.name} is left out, since it is empty")
     paths = mesh_paths([part.name for part in parts], stream.name or "scene")
     root = "/" + paths[0].split("/")[1]
     transform = geometry.Xform.Define(stage, root)

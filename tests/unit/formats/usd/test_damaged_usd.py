@@ -1,4 +1,4 @@
-"""Whatever bytes a USD file holds, reading it gives a sequence or an error of meshreel."""
+"""Reading arbitrary bytes as a USD file returns a sequence or raises an error of meshreel."""
 
 import contextlib
 
@@ -21,7 +21,7 @@ TRIANGLE = """def Mesh "m" {
 
 @pytest.fixture(scope="module")
 def whole_files(tmp_path_factory):
-    """The bytes of a small file of each kind."""
+    """The bytes of a small file of each format."""
     folder = tmp_path_factory.mktemp("whole")
     for ending in ENDINGS:
         save(waving_grid(3, 4, 4), folder / f"x.{ending}")
@@ -32,7 +32,7 @@ def whole_files(tmp_path_factory):
 @pytest.mark.parametrize(
     "data", [b"", b"\0", b"hello", b"PXR-USDC", b"#usda 1.0\n(", b"PK\3\4" * 9]
 )
-def test_load_refuses_when_a_file_is_something_else(tmp_path, capfd, ending, data):
+def test_load_rejects_other_data(tmp_path, capfd, ending, data):
     path = tmp_path / f"x.{ending}"
     path.write_bytes(data)
     with pytest.raises(FormatError, match=rf"x\.{ending}: "):
@@ -40,16 +40,16 @@ def test_load_refuses_when_a_file_is_something_else(tmp_path, capfd, ending, dat
     assert capfd.readouterr().err == ""
 
 
-def test_load_refuses_when_a_text_file_is_empty_but_for_its_header(tmp_path):
+def test_load_rejects_a_text_file_with_only_a_header(tmp_path):
     (tmp_path / "x.usda").write_text("#usda 1.0\n")
-    with pytest.raises(FormatError, match="holds no mesh that is drawn; it holds no geometry"):
+    with pytest.raises(FormatError, match="contains no mesh that is rendered, only no geometry"):
         load(tmp_path / "x.usda")
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_load_refuses_when_a_file_is_cut_anywhere(tmp_path, whole_files, ending):
+def test_load_rejects_truncated_files(tmp_path, whole_files, ending):
     data, path = whole_files[ending], tmp_path / f"x.{ending}"
-    # The last bytes of text are brackets; the list of files at the end of a package is not needed.
+    # Text ends with brackets, and a package with a directory that readers do not need.
     end = data.rindex(b"PK\1\2") if ending == "usdz" else len(data) - 4
     for length in np.linspace(0, end - 1, 40).astype(int):
         path.write_bytes(data[:length])
@@ -58,18 +58,18 @@ def test_load_refuses_when_a_file_is_cut_anywhere(tmp_path, whole_files, ending)
 
 
 @pytest.mark.parametrize("ending", ["usda", "usdz"])
-def test_load_raises_its_own_errors_when_bytes_are_changed(tmp_path, whole_files, ending):
+def test_load_raises_only_our_errors_for_changed_bytes(tmp_path, whole_files, ending):
     rng, path = np.random.default_rng(3), tmp_path / f"x.{ending}"
     for _ in range(N_FLIPPED):
         data = bytearray(whole_files[ending])
-        for place in rng.integers(0, len(data), rng.choice([1, 3])):
-            data[place] = rng.integers(0, 256)
+        for offset in rng.integers(0, len(data), rng.choice([1, 3])):
+            data[offset] = rng.integers(0, 256)
         path.write_bytes(data)
         with contextlib.suppress(MeshReelError):
             assert load(path).n_frames >= 1
 
 
-def test_load_refuses_when_attributes_are_of_another_type(tmp_path):
+def test_load_rejects_attributes_of_another_type(tmp_path):
     path = tmp_path / "x.usda"
     rows = {
         "points": 'string[] points = ["a", "b"]',
@@ -88,18 +88,18 @@ def test_load_refuses_when_attributes_are_of_another_type(tmp_path):
             load(path)
 
 
-def test_load_ends_when_a_file_refers_to_itself(tmp_path):
+def test_load_terminates_for_a_file_that_refers_to_itself(tmp_path):
     path, notes = tmp_path / "x.usda", []
     path.write_text(
         f'#usda 1.0\n{TRIANGLE}\ndef "a" (references = @x.usda@</a>) {{\n'
         'def "b" (references = </a>) {\n}\n}\n'
     )
     assert load(path, notes=notes).n_frames == 1
-    assert "not all there" in notes[0]
+    assert "missing or invalid" in notes[0]
 
 
-def test_load_refuses_when_instances_multiply_beyond_measure(tmp_path, monkeypatch):
-    monkeypatch.setattr("meshreel.formats.usd.drawn.MAX_PRIMS", 100)
+def test_load_rejects_too_many_nested_instances(tmp_path, monkeypatch):
+    monkeypatch.setattr("meshreel.formats.usd.rendered.MAX_PRIMS", 100)
     levels = [f'class "l0" {{\n{TRIANGLE}\n}}']
     for level in range(1, 8):
         copies = [

@@ -1,21 +1,21 @@
-"""Names of parts and groups as names that USD allows."""
+"""Valid USD names and paths for parts and groups."""
 
 import pytest
 
-from meshreel.formats.usd.prim_names import different, mesh_paths, prim_name
+from meshreel.formats.usd.prim_names import mesh_paths, prim_name, unique_name
 
 
 @pytest.mark.parametrize(
     ("name", "expected"),
     [("body", "body"), ("arm.L", "arm_L"), ("3d", "_3d"), ("", "mesh"), ("a b:c", "a_b_c")],
 )
-def test_prim_name_is_allowed_when_a_name_is_not(name, expected):
+def test_prim_name_replaces_forbidden_characters(name, expected):
     assert prim_name(name) == expected
 
 
-def test_different_counts_when_names_are_taken():
-    taken = set()
-    assert [different(name, taken) for name in ("a", "a", "a_2", "a")] == [
+def test_unique_name_appends_numbers():
+    used = set()
+    assert [unique_name(name, used) for name in ("a", "a", "a_2", "a")] == [
         "a",
         "a_2",
         "a_2_2",
@@ -36,5 +36,5 @@ def test_different_counts_when_names_are_taken():
         (["", "/"], ["/scene/mesh", "/scene/mesh_2"]),
     ],
 )
-def test_mesh_paths_are_different_and_under_one_root_when_names_are_any(names, expected):
+def test_mesh_paths_are_unique_and_below_one_root(names, expected):
     assert mesh_paths(names, "scene") == expected

@@ -1,4 +1,4 @@
-"""Skinned meshes of USD files against the formula written out here."""
+"""Skinned meshes of USD files, compared with linear blend skinning written out here."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from meshreel.errors import FormatError
 from meshreel.formats.load import load
 
 REST = np.array([[0, 0, 0], [1, 0, 0], [1, 2, 0], [0, 2, 0]], np.float64)
-UPPER = np.array([0, 0.25, 1, 0.5])  # how much each point belongs to the upper joint
+UPPER = np.array([0, 0.25, 1, 0.5])  # weights of the upper joint
 
 STAGE = """#usda 1.0
 (
@@ -51,7 +51,7 @@ def SkelRoot "root" {{
 }}
 {more}
 """
-# The mesh names its joints the other way round, and is moved to the skeleton when it is bound.
+# The mesh lists its joints in another order, and has a bind transform.
 JOINTS = """
     uniform token[] skel:joints = ["low/high", "low"]
     matrix4d primvars:skel:geomBindTransform = ( (1, 0, 0, 0), (0, 1, 0, 0),
@@ -95,19 +95,19 @@ def skinned_file(tmp_path):
     return write
 
 
-def posed(share):
-    """Where the points are when so much of the motion is done, by linear blend skinning."""
-    return REST + np.array([3, 0, 10]) + np.outer(UPPER, [4 * share, 0, 0])
+def posed(progress):
+    """Return the points at a fraction of the motion, by linear blend skinning."""
+    return REST + np.array([3, 0, 10]) + np.outer(UPPER, [4 * progress, 0, 0])
 
 
-def bulged(share):
-    """How far the shape moves the third point: by its inbetween to half the weight, then on."""
+def bulged(weight):
+    """Return the offsets of the blend shape, with an inbetween at half the weight."""
     offset = np.zeros((4, 3))
-    offset[2, 2] = 4 * share if share <= 0.5 else 2 + 12 * (share - 0.5)
+    offset[2, 2] = 4 * weight if weight <= 0.5 else 2 + 12 * (weight - 0.5)
     return offset
 
 
-def test_load_skins_at_every_frame_when_keys_are_further_apart(skinned_file):
+def test_load_skins_at_every_frame_between_keys(skinned_file):
     notes = []
     found = load(skinned_file(JOINTS), notes=notes)
     assert (found.fps, found.start_s, found.vertices.dtype) == (24.0, 1 / 24, np.float32)
@@ -115,19 +115,19 @@ def test_load_skins_at_every_frame_when_keys_are_further_apart(skinned_file):
     assert any("2 samples" in note and "5 frames" in note for note in notes)
 
 
-def test_load_adds_shapes_before_skinning_when_a_mesh_has_both(skinned_file):
+def test_load_applies_blend_shapes_before_skinning(skinned_file):
     found = load(skinned_file(JOINTS + SHAPES))
     expected = [posed(s) + bulged(s) for s in (0, 0.25, 0.5, 0.75, 1)]
     np.testing.assert_array_equal(found.vertices, expected)
 
 
-def test_load_moves_by_shapes_alone_when_there_are_no_joint_weights(skinned_file):
+def test_load_applies_blend_shapes_without_joint_weights(skinned_file):
     found = load(skinned_file(SHAPES))
     expected = [REST + np.array([0, 0, 10]) + bulged(s) for s in (0, 0.25, 0.5, 0.75, 1)]
     np.testing.assert_array_equal(found.vertices, expected)
 
 
-def test_load_skins_rigidly_when_weights_are_constant(skinned_file):
+def test_load_skins_rigidly_with_constant_weights(skinned_file):
     rigid = """
     int[] primvars:skel:jointIndices = [1] (
         elementSize = 1
@@ -141,33 +141,33 @@ def test_load_skins_rigidly_when_weights_are_constant(skinned_file):
     np.testing.assert_array_equal(found.vertices[-1], REST + np.array([4, 0, 10]))
 
 
-def test_load_samples_at_the_given_rate_when_motion_is_described(skinned_file):
+def test_load_samples_skinning_at_the_requested_rate(skinned_file):
     found = load(skinned_file(JOINTS), fps=48)
     assert (found.fps, found.start_s) == (48, 1 / 24)
     np.testing.assert_array_equal(found.vertices, [posed(s / 8) for s in range(9)])
 
 
-def test_load_samples_every_mesh_alike_when_one_of_them_is_skinned(skinned_file):
+def test_load_samples_all_meshes_alike_if_one_is_skinned(skinned_file):
     found = load(skinned_file(JOINTS, more=PROP), fps=12, merge=True)
     assert (found.n_frames, found.fps) == (3, 12)
     np.testing.assert_array_equal(found.vertices[:, :4], [posed(s) for s in (0, 0.5, 1)])
     np.testing.assert_array_equal(found.vertices[:, 4, 0], [0, 2, 4])
 
 
-def test_load_steps_by_the_frames_that_are_shown_when_codes_are_finer(skinned_file):
+def test_load_uses_the_frame_rate_of_the_stage_for_finer_time_codes(skinned_file):
     header = "framesPerSecond = 12"
     found = load(skinned_file(JOINTS, header=header))
     assert (found.fps, found.n_frames) == (12.0, 3)
 
 
-def test_load_is_in_the_pose_of_rest_when_nothing_animates_the_skeleton(skinned_file):
+def test_load_uses_the_rest_pose_of_a_skeleton_without_animation(skinned_file):
     path = skinned_file(JOINTS)
     path.write_text(path.read_text().replace("rel skel:animationSource", "rel other"))
     found = load(path)
     np.testing.assert_array_equal(found.vertices, posed(0)[None])
 
 
-def test_load_skins_every_copy_when_a_skinned_model_is_an_instance(skinned_file, tmp_path):
+def test_load_skins_every_instance_of_a_skinned_model(skinned_file, tmp_path):
     skinned_file(JOINTS + SHAPES)
     copies = [
         f"""def "copy{k}" (
@@ -195,7 +195,7 @@ def test_load_skins_every_copy_when_a_skinned_model_is_an_instance(skinned_file,
         ("pointIndices = [2]", "pointIndices = [9]"),
     ],
 )
-def test_load_refuses_when_weights_or_shapes_do_not_fit(skinned_file, capfd, old, new):
+def test_load_rejects_mismatched_weights_and_shapes(skinned_file, capfd, old, new):
     path = skinned_file(JOINTS + SHAPES)
     path.write_text(path.read_text().replace(old, new))
     with pytest.raises(FormatError, match=r"mesh /root/m .* weights or blend shapes"):
@@ -204,8 +204,8 @@ def test_load_refuses_when_weights_or_shapes_do_not_fit(skinned_file, capfd, old
 
 
 @pytest.mark.parametrize(
-    ("last", "message"), [(1e8, "at most 1000000 are read"), (1e300, "allowed are")]
+    ("last", "message"), [(1e8, "the limit is 1000000"), (1e300, "expected -")]
 )
-def test_load_refuses_when_a_skeleton_moves_for_ages(skinned_file, last, message):
+def test_load_rejects_a_skeleton_with_too_many_frames(skinned_file, last, message):
     with pytest.raises(FormatError, match=message):
         load(skinned_file(JOINTS, last=last))

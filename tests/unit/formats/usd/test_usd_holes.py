@@ -1,4 +1,4 @@
-"""Faces of USD meshes that are holes, and cages of subdivision surfaces."""
+"""Holes and subdivision cages of USD meshes."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from meshreel.formats.load import load
 STRIP = """point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (2, 0, 0), (2, 1, 0)]
 int[] faceVertexCounts = [4, 3, 3]
 int[] faceVertexIndices = [0, 1, 2, 3, 1, 4, 5, 1, 5, 2]"""
-CARRIED = """
+PROPERTIES = """
 int[] primvars:tag = [10, 11, 12] (interpolation = "uniform")
 float[] primvars:heat = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9] (interpolation = "faceVarying")
 texCoord2f[] primvars:st = [(0, 0), (1, 1)] (interpolation = "faceVarying")
@@ -28,7 +28,7 @@ def GeomSubset "right" {
 
 @pytest.fixture
 def mesh_file(tmp_path):
-    """A function from the lines of a mesh to the file that holds it."""
+    """A function that writes a mesh with the given lines, and returns its file."""
 
     def write(lines):
         path = tmp_path / "a.usda"
@@ -39,7 +39,7 @@ def mesh_file(tmp_path):
 
 
 @pytest.mark.parametrize("holes", ["[1]", "[1, 1]", "[1, -1, 3, 99]"])
-def test_load_leaves_holes_out_when_a_mesh_has_some(mesh_file, holes):
+def test_load_removes_faces_that_are_holes(mesh_file, holes):
     notes = []
     found = load(mesh_file(f"{STRIP}\nint[] holeIndices = {holes}"), notes=notes)
     np.testing.assert_array_equal(found.surface.face_sizes, [4, 3])
@@ -48,15 +48,13 @@ def test_load_leaves_holes_out_when_a_mesh_has_some(mesh_file, holes):
     assert "left out: faces that are holes: 1 of 3 of /m" in notes
 
 
-@pytest.mark.parametrize("flipped", [False, True])
-def test_load_leaves_out_what_holes_carry_when_attributes_are_of_faces_or_corners(
-    mesh_file, flipped
-):
-    way = "leftHanded" if flipped else "rightHanded"
-    lines = f'{STRIP}{CARRIED}\nuniform token orientation = "{way}"'
+@pytest.mark.parametrize("is_reversed", [False, True])
+def test_load_removes_attributes_of_holes(mesh_file, is_reversed):
+    orientation = "leftHanded" if is_reversed else "rightHanded"
+    lines = f'{STRIP}{PROPERTIES}\nuniform token orientation = "{orientation}"'
     found = load(mesh_file(f"{lines}\nint[] holeIndices = [1]")).surface
     values = {one.name: one.per_item() for one in found.attributes}
-    heat = [0, 3, 2, 1, 7, 9, 8] if flipped else [0, 1, 2, 3, 7, 8, 9]
+    heat = [0, 3, 2, 1, 7, 9, 8] if is_reversed else [0, 1, 2, 3, 7, 8, 9]
     np.testing.assert_array_equal(values["tag"][:, 0], [10, 12])
     np.testing.assert_array_equal(values["heat"][:, 0], heat)
     np.testing.assert_array_equal(values["st"][:, 0], np.isin(heat, [1, 3, 7, 8, 9]))
@@ -67,30 +65,29 @@ def test_load_leaves_out_what_holes_carry_when_attributes_are_of_faces_or_corner
     ]
 
 
-def test_load_refuses_when_all_faces_are_holes(mesh_file):
-    with pytest.raises(FormatError, match="mesh /m has 3 faces, which are all holes"):
+def test_load_rejects_a_mesh_with_only_holes(mesh_file):
+    with pytest.raises(FormatError, match="mesh /m has 3 faces, and all of them are holes"):
         load(mesh_file(f"{STRIP}\nint[] holeIndices = [0, 1, 2]"))
 
 
-def test_load_says_where_when_holes_change(mesh_file):
+def test_load_names_the_frame_where_holes_change(mesh_file):
     path = mesh_file(f"{STRIP}\nint[] holeIndices.timeSamples = {{ 0: [1], 1: [] }}")
     with pytest.raises(InvalidInputError, match="frame 1 of /m has 3 faces; expected 2"):
         load(path)
 
 
 @pytest.mark.parametrize(
-    ("scheme", "is_said"), [("catmullClark", True), ("loop", True), ("none", False), (None, True)]
+    ("scheme", "is_noted"),
+    [("catmullClark", True), ("loop", True), ("none", False), (None, True)],
 )
-def test_load_says_that_a_cage_is_read_when_a_mesh_is_a_subdivision_surface(
-    mesh_file, scheme, is_said
-):
+def test_load_notes_that_it_reads_the_cage_of_a_subdivision_surface(mesh_file, scheme, is_noted):
     notes = []
     lines = f'\nuniform token subdivisionScheme = "{scheme}"' if scheme else ""
     load(mesh_file(STRIP + lines), notes=notes)
-    assert ("left out: subdivision of /m, whose cage is read" in notes) == is_said
+    assert ("left out: subdivision of /m, whose cage is read" in notes) == is_noted
 
 
-def test_load_says_it_once_when_several_are_subdivision_surfaces(tmp_path):
+def test_load_notes_several_subdivision_surfaces_in_one_sentence(tmp_path):
     path, notes = tmp_path / "a.usda", []
     path.write_text(f'#usda 1.0\ndef Mesh "m" {{\n{STRIP}\n}}\ndef Mesh "n" {{\n{STRIP}\n}}\n')
     load(path, merge=True, notes=notes)

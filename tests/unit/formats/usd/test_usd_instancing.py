@@ -1,4 +1,4 @@
-"""Point instancers of USD, whose copies are baked; checked against matrices written out here."""
+"""Point instancers of USD, whose instances are baked, compared with matrices written out here."""
 
 import numpy as np
 import pytest
@@ -15,19 +15,19 @@ pytest.importorskip("pxr")
 POINTS = np.array([[0, 0, 0], [1, 0, 0], [1, 2, 0], [0, 2, 3]], np.float64)
 FACES = "int[] faceVertexCounts = [4]\nint[] faceVertexIndices = [0, 1, 2, 3]"
 CORNERS = [[0, 1, 2], [0, 2, 3]]
-TURN = (0.5, 0.5, 0.5, 0.5)
-"""w, x, y, z: 120 degrees about (1, 1, 1), which takes x to y, y to z and z to x."""
+ROTATION = (0.5, 0.5, 0.5, 0.5)
+"""Quaternion w, x, y, z of 120 degrees about (1, 1, 1): x becomes y, y becomes z, z becomes x."""
 
 
-def points(at=POINTS):
-    return f"point3f[] points = {[tuple(row) for row in np.asarray(at).tolist()]}"
+def points(rows=POINTS):
+    return f"point3f[] points = {[tuple(row) for row in np.asarray(rows).tolist()]}"
 
 
-def mesh(more="", name="m", at=None):
-    return f'def Mesh "{name}" {{\n{points() if at is None else at}\n{FACES}\n{more}\n}}\n'
+def mesh(more="", name="m", stored=None):
+    return f'def Mesh "{name}" {{\n{points() if stored is None else stored}\n{FACES}\n{more}\n}}\n'
 
 
-def moved(translate, name="xform", body="", more=""):
+def translated(translate, name="xform", body="", more=""):
     return (
         f'def Xform "{name}" {{\ndouble3 xformOp:translate = {translate}\n'
         f'uniform token[] xformOpOrder = ["xformOp:translate"]\n{more}\n{body}}}\n'
@@ -44,7 +44,7 @@ def instancer(arrays, body, prototypes=("/many/m",), name="many", metadata=""):
 
 @pytest.fixture
 def stage_file(tmp_path):
-    """A function from the text of a stage, below its header, to its file."""
+    """A function that writes a stage without its header, and returns its file."""
 
     def write(body, name="a.usda"):
         path = tmp_path / name
@@ -54,38 +54,38 @@ def stage_file(tmp_path):
     return write
 
 
-def copies(*offsets, of=POINTS):
+def translated_copies(*offsets, of=POINTS):
     return np.concatenate([of + np.asarray(one, np.float64) for one in offsets])
 
 
 THREE = "int[] protoIndices = [0, 0, 0]\npoint3f[] positions = [(0, 0, 0), (5, 0, 0), (0, 7, 0)]"
-AT = (0, 0, 0), (5, 0, 0), (0, 7, 0)
+OFFSETS = (0, 0, 0), (5, 0, 0), (0, 7, 0)
 
 
-def test_load_bakes_the_copies_of_a_mesh_when_it_is_a_prototype(stage_file):
+def test_load_bakes_the_instances_of_a_prototype_mesh(stage_file):
     notes = []
     found = load(stage_file(instancer(THREE, mesh())), notes=notes)
     assert (found.name, found.n_frames, found.dtype) == ("m", 1, np.float32)
-    np.testing.assert_allclose(found.vertices[0], copies(*AT), atol=1e-6)
+    np.testing.assert_allclose(found.vertices[0], translated_copies(*OFFSETS), atol=1e-6)
     expected = [[corner + 4 * one for corner in face] for one in range(3) for face in CORNERS]
     assert found.faces.tolist() == expected
-    assert notes[0] == "baked 3 instances, those of a mesh as one mesh"
+    assert notes[0] == "baked 3 instances into one mesh per prototype mesh"
 
 
 @pytest.mark.parametrize("kind", ["quath[] orientations", "quatf[] orientationsf"])
-def test_load_turns_scales_and_moves_copies_when_the_instancer_says_so(stage_file, kind):
+def test_load_rotates_scales_and_translates_instances(stage_file, kind):
     arrays = (
         f"int[] protoIndices = [0, 0]\npoint3f[] positions = [(1, 2, 3), (4, 5, 6)]\n"
-        f"{kind} = [(1, 0, 0, 0), {TURN}]\nfloat3[] scales = [(1, 1, 1), (2, 3, 4)]"
+        f"{kind} = [(1, 0, 0, 0), {ROTATION}]\nfloat3[] scales = [(1, 1, 1), (2, 3, 4)]"
     )
-    body = moved((0, 0, 50), "place", instancer(arrays, mesh(), ["/place/many/m"]))
+    body = translated((0, 0, 50), "place", instancer(arrays, mesh(), ["/place/many/m"]))
     found = load(stage_file(body))
-    turned = np.roll(POINTS * [2, 3, 4], 1, axis=1)
-    expected = np.concatenate([POINTS + np.array([1, 2, 53]), turned + np.array([4, 5, 56])])
+    rotated = np.roll(POINTS * [2, 3, 4], 1, axis=1)
+    expected = np.concatenate([POINTS + np.array([1, 2, 53]), rotated + np.array([4, 5, 56])])
     np.testing.assert_allclose(found.vertices[0], expected, atol=1e-4)
 
 
-def test_load_reverses_faces_of_copies_when_they_are_mirrored(stage_file):
+def test_load_reverses_the_faces_of_mirrored_instances(stage_file):
     arrays = THREE + "\nfloat3[] scales = [(1, 1, 1), (-1, 1, 1), (-1, -1, 1)]"
     uv = (
         "texCoord2f[] primvars:st = [(0, 0), (1, 0), (2, 0), (3, 0)] "
@@ -101,60 +101,66 @@ def test_load_reverses_faces_of_copies_when_they_are_mirrored(stage_file):
     assert rows == [0, 1, 2, 3, 0, 3, 2, 1, 0, 1, 2, 3]
 
 
-def test_load_takes_all_meshes_of_a_prototype_when_they_are_below_transforms(stage_file):
-    inner = moved((0, 10, 0), "up", mesh(name="second"))
-    root = moved((0, 0, 100), "root", mesh(name="first") + inner)
+def test_load_reads_all_meshes_of_a_prototype_below_transforms(stage_file):
+    inner = translated((0, 10, 0), "up", mesh(name="second"))
+    root = translated((0, 0, 100), "root", mesh(name="first") + inner)
     path = stage_file(instancer(THREE, root, ["/many/root"]))
     with pytest.raises(InvalidInputError, match=r"/many/root/first, /many/root/up/second"):
         load(path)
     first, second = load(path, object="first"), load(path, object="second")
-    np.testing.assert_allclose(first.vertices[0], copies(*AT) + np.array([0, 0, 100]), atol=1e-4)
-    np.testing.assert_allclose(second.vertices[0], copies(*AT) + np.array([0, 10, 100]), atol=1e-4)
+    np.testing.assert_allclose(
+        first.vertices[0], translated_copies(*OFFSETS) + np.array([0, 0, 100]), atol=1e-4
+    )
+    np.testing.assert_allclose(
+        second.vertices[0], translated_copies(*OFFSETS) + np.array([0, 10, 100]), atol=1e-4
+    )
     assert load(path, merge=True).n_verts == 24
 
 
-def test_load_gives_each_prototype_its_instances_when_there_are_several(stage_file):
+def test_load_assigns_instances_to_their_prototypes(stage_file):
     arrays = THREE.replace("[0, 0, 0]", "[1, 0, 1]")
-    body = mesh() + mesh(name="n", at=points(POINTS * 2)) + mesh(name="unused")
+    body = mesh() + mesh(name="n", stored=points(POINTS * 2)) + mesh(name="unused")
     notes = []
     path = stage_file(instancer(arrays, body, ["/many/m", "/many/n", "/many/unused"]))
     np.testing.assert_allclose(
-        load(path, object="m", notes=notes).vertices[0], copies(AT[1]), atol=1e-6
+        load(path, object="m", notes=notes).vertices[0], translated_copies(OFFSETS[1]), atol=1e-6
     )
     np.testing.assert_allclose(
-        load(path, object="n").vertices[0], copies(AT[0], AT[2], of=POINTS * 2), atol=1e-6
+        load(path, object="n").vertices[0],
+        translated_copies(OFFSETS[0], OFFSETS[2], of=POINTS * 2),
+        atol=1e-6,
     )
-    assert "left out: 1 mesh of prototypes without an instance that is drawn" in notes
+    assert "left out: 1 mesh of prototypes without a rendered instance" in notes
 
 
 @pytest.mark.parametrize("specifier", ["over", "def"])
-def test_load_finds_prototypes_when_they_are_outside_of_the_instancer(stage_file, specifier):
+def test_load_finds_prototypes_outside_of_the_instancer(stage_file, specifier):
     library = f'{specifier} "Library" {{\n{mesh(name="tree")}}}\n'
     path = stage_file(library + instancer(THREE, "", ["/Library/tree"]))
     found = load(path, object="/many/Library/tree")
-    np.testing.assert_allclose(found.vertices[0], copies(*AT), atol=1e-6)
+    np.testing.assert_allclose(found.vertices[0], translated_copies(*OFFSETS), atol=1e-6)
     n_meshes = len(inspect_source(path, ReadOptions()).meshes)
     assert n_meshes == (1 if specifier == "over" else 2)
 
 
-def test_load_moves_copies_when_positions_have_samples(stage_file):
+def test_load_animates_instances_at_their_samples(stage_file):
     arrays = (
         "int[] protoIndices = [0, 0]\npoint3f[] positions.timeSamples = {\n"
         "0: [(0, 0, 0), (5, 0, 0)], 1: [(0, 0, 1), (5, 2, 0)], 2: [(0, 0, 4), (5, 4, 0)] }\n"
-        f"quath[] orientations.timeSamples = {{ 1: [(1, 0, 0, 0), {TURN}] }}\n"
+        f"quath[] orientations.timeSamples = {{ 1: [(1, 0, 0, 0), {ROTATION}] }}\n"
         "float3[] scales.timeSamples = { 0: [(1, 1, 1), (2, 2, 2)], 2: [(1, 1, 1), (4, 4, 4)] }"
     )
     found = load(stage_file(instancer(arrays, mesh())))
     assert (found.n_frames, found.fps) == (3, 24)
-    turned = np.roll(POINTS, 1, axis=1)
+    rotated = np.roll(POINTS, 1, axis=1)
     for frame, (up, along, scale) in enumerate([(0, 0, 2), (1, 2, 3), (4, 4, 4)]):
         expected = np.concatenate(
-            [POINTS + np.array([0, 0, up]), turned * scale + np.array([5, along, 0])]
+            [POINTS + np.array([0, 0, up]), rotated * scale + np.array([5, along, 0])]
         )
         np.testing.assert_allclose(found.vertices[frame], expected, atol=2e-3)
 
 
-def test_load_moves_copies_when_the_mesh_its_root_and_the_instancer_move(stage_file):
+def test_load_combines_animation_of_mesh_prototype_and_instancer(stage_file):
     def keyed(axis, end):
         row = [0, 0, 0]
         row[axis] = end
@@ -169,27 +175,31 @@ def test_load_moves_copies_when_the_mesh_its_root_and_the_instancer_move(stage_f
         )
         + "}"
     )
-    body = f'def Xform "root" {{\n{keyed(1, 20)}{order}{mesh(at=deforming)}}}\n'
+    body = f'def Xform "root" {{\n{keyed(1, 20)}{order}{mesh(stored=deforming)}}}\n'
     whole = instancer(keyed(2, 200) + order + THREE, body, ["/many/root"])
     found = load(stage_file(whole))
     assert found.n_frames == 3
     for frame in range(3):
-        expected = copies(*AT, of=POINTS * (1 + frame / 2)) + np.array([0, 10 * frame, 100 * frame])
+        expected = translated_copies(*OFFSETS, of=POINTS * (1 + frame / 2)) + np.array(
+            [0, 10 * frame, 100 * frame]
+        )
         np.testing.assert_allclose(found.vertices[frame], expected, atol=1e-4)
 
 
-def test_load_leaves_out_instances_when_they_are_masked(stage_file):
+def test_load_leaves_out_masked_instances(stage_file):
     arrays = THREE + "\nint64[] ids = [10, 20, 30]\nint64[] invisibleIds = [30]"
     notes = []
     path = stage_file(instancer(arrays, mesh(), metadata="inactiveIds = [10]"))
-    np.testing.assert_allclose(load(path, notes=notes).vertices[0], copies(AT[1]), atol=1e-6)
+    np.testing.assert_allclose(
+        load(path, notes=notes).vertices[0], translated_copies(OFFSETS[1]), atol=1e-6
+    )
     assert notes[:2] == [
-        "baked 1 instance, those of a mesh as one mesh",
+        "baked 1 instance into one mesh per prototype mesh",
         "left out: instances that are inactive or invisible: 2 of 3 of /many",
     ]
 
 
-def test_load_is_refused_when_masks_change_the_vertices_and_split_writes_stretches(stage_file):
+def test_load_rejects_masks_that_change_the_vertices_and_stretches_separate_them(stage_file):
     path = stage_file(
         instancer(THREE + "\nint64[] invisibleIds.timeSamples = { 0: [], 1: [2] }", mesh())
     )
@@ -199,16 +209,20 @@ def test_load_is_refused_when_masks_change_the_vertices_and_split_writes_stretch
     assert [(one.n_frames, one.n_verts) for one in found] == [(1, 12), (1, 8)]
 
 
-def test_load_notes_it_when_other_instances_are_drawn_and_as_many(stage_file):
+def test_load_notes_when_as_many_but_other_instances_are_rendered(stage_file):
     notes = []
     arrays = THREE + "\nint64[] invisibleIds.timeSamples = { 0: [0], 1: [2] }"
     found = load(stage_file(instancer(arrays, mesh())), notes=notes)
-    np.testing.assert_allclose(found.vertices[0], copies(AT[1], AT[2]), atol=1e-6)
-    np.testing.assert_allclose(found.vertices[1], copies(AT[0], AT[1]), atol=1e-6)
-    assert any("which instances are drawn changes over time: /many;" in note for note in notes)
+    np.testing.assert_allclose(
+        found.vertices[0], translated_copies(OFFSETS[1], OFFSETS[2]), atol=1e-6
+    )
+    np.testing.assert_allclose(
+        found.vertices[1], translated_copies(OFFSETS[0], OFFSETS[1]), atol=1e-6
+    )
+    assert any("the rendered instances change over time: /many;" in note for note in notes)
 
 
-def test_load_is_refused_when_prototypes_of_instances_change(stage_file):
+def test_load_rejects_instances_that_change_their_prototype(stage_file):
     arrays = THREE.replace("[0, 0, 0]", "[0, 0, 1]", 1).replace(
         "int[] protoIndices = [0, 0, 1]",
         "int[] protoIndices.timeSamples = { 0: [0, 0, 1], 1: [0, 1, 1] }",
@@ -218,19 +232,19 @@ def test_load_is_refused_when_prototypes_of_instances_change(stage_file):
         load(path, object="m")
 
 
-def test_load_copies_copies_when_an_instancer_is_in_a_prototype(stage_file):
+def test_load_bakes_an_instancer_within_a_prototype(stage_file):
     inner = instancer(
         "int[] protoIndices = [0, 0]\npoint3f[] positions = [(0, 0, 0), (0, 0, 1)]",
         mesh(), ["/many/root/inner/m"], "inner",
     )  # fmt: skip
-    path = stage_file(instancer(THREE, moved((0, 0, 100), "root", inner), ["/many/root"]))
+    path = stage_file(instancer(THREE, translated((0, 0, 100), "root", inner), ["/many/root"]))
     found = load(path)
-    pair = copies((0, 0, 100), (0, 0, 101))
-    np.testing.assert_allclose(found.vertices[0], copies(*AT, of=pair), atol=1e-4)
+    pair = translated_copies((0, 0, 100), (0, 0, 101))
+    np.testing.assert_allclose(found.vertices[0], translated_copies(*OFFSETS, of=pair), atol=1e-4)
 
 
 @pytest.mark.parametrize("specifier", ["def", "over"])
-def test_load_copies_a_skinned_mesh_when_it_is_in_a_prototype(stage_file, specifier):
+def test_load_bakes_a_skinned_prototype(stage_file, specifier):
     skinned = """def SkelRoot "root" {
 def Skeleton "skeleton" (prepend apiSchemas = ["SkelBindingAPI"]) {
     uniform token[] joints = ["a"]
@@ -257,20 +271,20 @@ elementSize = 1
 interpolation = "constant"
 )
 """
-    binds = mesh(binding).replace('"m"', '"m" (prepend apiSchemas = ["SkelBindingAPI"])')
-    body = f'{specifier} "Library" {{\n{skinned % binds}}}\n'
+    bound = mesh(binding).replace('"m"', '"m" (prepend apiSchemas = ["SkelBindingAPI"])')
+    body = f'{specifier} "Library" {{\n{skinned % bound}}}\n'
     path = stage_file(body + instancer(THREE, "", ["/Library/root"]))
     found = load(path, object="/many/Library/root/m")
     assert found.n_frames == 3
     for frame in range(3):
-        expected = copies(*AT) + np.array([0, 0, 4 * frame])
+        expected = translated_copies(*OFFSETS) + np.array([0, 0, 4 * frame])
         np.testing.assert_allclose(found.vertices[frame], expected, atol=1e-5)
 
 
-def test_tracks_are_repeated_and_turned_when_the_mesh_carries_some(stage_file):
+def test_tracks_are_repeated_and_rotated_with_instances(stage_file):
     arrays = (
         "int[] protoIndices = [0, 0]\npoint3f[] positions = [(0, 0, 0), (5, 0, 0)]\n"
-        f"quath[] orientations = [(1, 0, 0, 0), {TURN}]"
+        f"quath[] orientations = [(1, 0, 0, 0), {ROTATION}]"
     )
     more = """float[] primvars:heat ( interpolation = "uniform" )
 float[] primvars:heat.timeSamples = { 0: [1], 1: [2] }
@@ -284,7 +298,7 @@ normal3f[] normals.timeSamples = {
     np.testing.assert_allclose(normals[1], [[0, 1, 0]] * 4 + [[0, 0, 1]] * 4, atol=1e-3)
 
 
-def test_tracks_of_corners_fit_their_faces_when_copies_are_mirrored_and_faces_are_holes(stage_file):
+def test_corner_tracks_match_mirrored_instances_with_holes(stage_file):
     arrays = (
         "int[] protoIndices = [0, 0]\npoint3f[] positions = [(0, 0, 0), (5, 0, 0)]\n"
         "float3[] scales = [(1, 1, 1), (-1, 1, 1)]"
@@ -300,58 +314,60 @@ float[] primvars:heat.timeSamples = { 0: [9, 9, 9, 0, 1, 2], 1: [8, 8, 8, 3, 4, 
     assert heat.tolist() == [[0, 1, 2, 0, 2, 1], [3, 4, 5, 3, 5, 4]]
 
 
-def test_load_notes_values_of_instances_when_there_are_some(stage_file):
+def test_load_notes_primvars_of_instances(stage_file):
     notes = []
     arrays = THREE + (
         "\ncolor3f[] primvars:displayColor = [(1, 0, 0), (0, 1, 0), (0, 0, 1)] "
         '(interpolation = "varying")'
     )
     load(stage_file(instancer(arrays, mesh())), notes=notes)
-    assert "left out: values of instances: displayColor" in notes
+    assert "left out: primvars of instances: displayColor" in notes
 
 
-def test_load_leaves_out_the_copies_when_the_instancer_is_invisible(stage_file):
+def test_load_rejects_an_invisible_instancer(stage_file):
     body = instancer(THREE + '\ntoken visibility = "invisible"', mesh())
-    with pytest.raises(FormatError, match="no mesh that is drawn; it holds 1 mesh invisible"):
+    with pytest.raises(FormatError, match="no mesh that is rendered, only 1 mesh invisible"):
         load(stage_file(body))
 
 
-def test_load_draws_copies_when_only_prims_above_the_prototype_are_invisible(stage_file):
+def test_visibility_above_an_external_prototype_does_not_hide_instances(stage_file):
     library = f'def Scope "Library" {{\ntoken visibility = "invisible"\n{mesh(name="tree")}}}\n'
     found = load(stage_file(library + instancer(THREE, "", ["/Library/tree"])))
     assert found.n_verts == 12
 
 
-def test_load_copies_when_the_instancer_is_in_an_instance(stage_file):
+def test_load_bakes_an_instancer_within_an_instance(stage_file):
     scene = f'def Xform "scene" {{\n{instancer(THREE, mesh(), ["/scene/many/m"])}}}\n'
-    facts = "(\ninstanceable = true\nreferences = </scene>\n)"
-    copy = moved((0, 0, 100), "copy").replace('"copy"', f'"copy" {facts}')
+    metadata = "(\ninstanceable = true\nreferences = </scene>\n)"
+    copy = translated((0, 0, 100), "copy").replace('"copy"', f'"copy" {metadata}')
     path = stage_file(scene + copy)
     found = load(path, object="/copy/many/m")
-    np.testing.assert_allclose(found.vertices[0], copies(*AT) + np.array([0, 0, 100]), atol=1e-4)
+    np.testing.assert_allclose(
+        found.vertices[0], translated_copies(*OFFSETS) + np.array([0, 0, 100]), atol=1e-4
+    )
 
 
 @pytest.mark.parametrize(
     ("arrays", "body", "message"),
     [
-        ("int[] protoIndices = [0, 3]", mesh(), "protoIndices of 0 to 3 .* and 1 prototypes"),
+        ("int[] protoIndices = [0, 3]", mesh(), "protoIndices from 0 to 3 .* but 1 prototypes"),
         (
             "int[] protoIndices = [0, 0]\npoint3f[] positions = [(0, 0, 0)]",
             mesh(),
-            "2 protoIndices and another number of positions, orientations or scales",
+            "2 protoIndices but another number of positions, orientations or scales",
         ),
-        ("", mesh(), "it holds 1 mesh of prototypes without an instance that is drawn"),
-        (THREE, "", "1 prototype of /many that is not there, 1 PointInstancer whose prototypes"),
+        ("", mesh(), "only 1 mesh of prototypes without a rendered instance"),
+        (THREE, "", "1 missing prototype of /many, 1 PointInstancer whose prototypes"),
         (
             THREE + "\nint64[] ids = [1, 2]\nint64[] invisibleIds = [2]",
             mesh(),
-            "3 protoIndices and another number of ids at time code 0",
+            "3 protoIndices but another number of ids at time code 0",
         ),
         (
             "int[] protoIndices.timeSamples = { 0: [], 1: [0] }\n"
             "point3f[] positions.timeSamples = { 0: [], 1: [(0, 0, 0)] }",
             mesh(),
-            "/many/m has no instance at time code 0, where its frame would be empty",
+            "/many/m has no instance at time code 0, so its frame would be empty",
         ),
         (
             "int[] protoIndices = [0]\npoint3f[] positions = [(nan, 0, 0)]",
@@ -360,20 +376,20 @@ def test_load_copies_when_the_instancer_is_in_an_instance(stage_file):
         ),
     ],
 )
-def test_load_is_refused_when_an_instancer_does_not_fit(stage_file, arrays, body, message):
+def test_load_rejects_invalid_instancers(stage_file, arrays, body, message):
     with pytest.raises((FormatError, InvalidInputError), match=message):
         load(stage_file(instancer(arrays, body)))
 
 
-def test_load_is_refused_when_a_prototype_holds_its_instancer(stage_file):
+def test_load_rejects_an_instancer_within_its_own_prototype(stage_file):
     with pytest.raises(FormatError, match="point instancer /root/many is in one of its prototypes"):
-        load(stage_file(moved((0, 0, 0), "root", instancer(THREE, mesh(), ["/root"]))))
+        load(stage_file(translated((0, 0, 0), "root", instancer(THREE, mesh(), ["/root"]))))
 
 
-def test_load_is_refused_when_copies_would_fill_the_memory(stage_file, monkeypatch):
+def test_load_rejects_instances_that_exceed_the_limits(stage_file, monkeypatch):
     monkeypatch.setattr("meshreel.formats.usd.instanced_mesh.MAX_FRAME_BYTES", 200)
-    with pytest.raises(FormatError, match=r"3 instances of 4 vertices take .* at most 200"):
+    with pytest.raises(FormatError, match=r"3 instances of 4 vertices need .* the limit is 200"):
         load(stage_file(instancer(THREE, mesh())))
     monkeypatch.setattr("meshreel.formats.usd.instancers.MAX_INSTANCES", 2)
-    with pytest.raises(FormatError, match="makes 3 copies of a prototype; at most 2 are read"):
+    with pytest.raises(FormatError, match="makes 3 instances of a prototype; the limit is 2"):
         load(stage_file(instancer(THREE, mesh())))

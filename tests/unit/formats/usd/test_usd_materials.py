@@ -1,4 +1,4 @@
-"""Materials of USD files: written, read, and what is said of the rest."""
+"""Materials of USD files, read and written, and notes on unsupported properties."""
 
 import contextlib
 import zipfile
@@ -19,8 +19,8 @@ from samples.materials import dressed_sheet, dressed_sheets, jpeg, look, png
 ENDINGS = ["usd", "usda", "usdc", "usdz"]
 
 
-def in_usd(material):
-    """What USD has of a material of the samples."""
+def as_usd(material):
+    """Return a material of the samples with the properties that USD can store."""
     textures = {
         slot: replace(one, magnified=None, shrunk=None) for slot, one in material.textures.items()
     }
@@ -30,15 +30,15 @@ def in_usd(material):
 
 
 def assert_same_look(found, expected):
-    """The same images, and the same materials but for rounding to float32."""
+    """Images are equal, and materials are equal except for rounding to float32."""
     assert found.images == expected.images
     assert [one.name for one in found.materials] == [one.name for one in expected.materials]
-    for one, other in zip(found.materials, map(in_usd, expected.materials), strict=True):
+    for one, other in zip(found.materials, map(as_usd, expected.materials), strict=True):
         assert rounded(one) == rounded(other)
 
 
 def rounded(value):
-    """Its numbers to 6 digits, so that they can be compared."""
+    """Return a value with its numbers rounded to 6 digits, for comparison."""
     if isinstance(value, float):
         return float(np.round(value, 6)) + 0.0
     if isinstance(value, tuple):
@@ -50,16 +50,16 @@ def rounded(value):
 
 @pytest.mark.parametrize("ending", ENDINGS)
 @pytest.mark.parametrize("make", [dressed_sheet, dressed_sheets])
-def test_look_comes_back_when_a_file_is_written(tmp_path, make, ending):
+def test_materials_round_trip(tmp_path, make, ending):
     sequence, notes = make(), []
     save(sequence, tmp_path / f"x.{ending}", notes=notes)
     found = load(tmp_path / f"x.{ending}", merge=True)
     assert_same_look(found.surface, sequence.surface)
-    said = [note for note in notes if note.startswith("left out")]
-    assert said == [
-        "left out: that materials have one side only, for others of the mesh have two: gr\u00fcn",
-        "left out: filters of textures, for USD does not have them: gr\u00fcn",
-        "left out: that materials are unlit, for USD does not have it: gr\u00fcn",
+    left_out = [note for note in notes if note.startswith("left out")]
+    assert left_out == [
+        "left out: single-sidedness of materials on meshes with double-sided ones: gr\u00fcn",
+        "left out: texture filters, which USD cannot store: gr\u00fcn",
+        "left out: unlit shading of materials, which USD cannot store: gr\u00fcn",
     ]
 
 
@@ -68,7 +68,7 @@ def test_materials_pass_every_validator_of_usd(tmp_path, ending):
     validation = pytest.importorskip("pxr.UsdValidation")
     sequence = dressed_sheets()
     red, cloth = look()[0]
-    # A validator takes normals that are scaled for an oversight.
+    # A validator rejects scaled normals.
     materials, images = (replace(red, normal_scale=1.0), cloth), (png(), png(64, "dark"))
     surface = replace(sequence.surface, materials=materials, images=images)
     save(replace(sequence, surface=surface), tmp_path / f"x.{ending}")
@@ -78,7 +78,7 @@ def test_materials_pass_every_validator_of_usd(tmp_path, ending):
     assert [(error.GetName(), error.GetMessage()) for error in found] == []
 
 
-def test_package_holds_images_as_they_are_when_it_is_written(tmp_path):
+def test_package_contains_unchanged_images(tmp_path):
     save(dressed_sheet(), tmp_path / "x.usdz")
     with zipfile.ZipFile(tmp_path / "x.usdz") as package:
         infos = package.infolist()
@@ -90,7 +90,7 @@ def test_package_holds_images_as_they_are_when_it_is_written(tmp_path):
 
 
 @pytest.mark.parametrize("ending", ["usd", "usda", "usdc"])
-def test_images_lie_beside_when_the_file_cannot_hold_them(tmp_path, ending):
+def test_images_are_next_to_a_file_that_cannot_contain_them(tmp_path, ending):
     paths = save(dressed_sheet(), tmp_path / f"x.{ending}")
     folder = tmp_path / "x_textures"
     assert paths == [tmp_path / f"x.{ending}", folder / "shade.png", folder / "photo.jpg"]
@@ -99,7 +99,7 @@ def test_images_lie_beside_when_the_file_cannot_hold_them(tmp_path, ending):
     assert sorted(folder.iterdir()) == sorted(paths[1:])
 
 
-def test_nothing_is_written_when_an_image_would_be_replaced(tmp_path):
+def test_existing_images_are_not_replaced_without_overwrite(tmp_path):
     (tmp_path / "x_textures").mkdir()
     kept = tmp_path / "x_textures" / "photo.jpg"
     kept.write_bytes(b"mine")
@@ -111,8 +111,8 @@ def test_nothing_is_written_when_an_image_would_be_replaced(tmp_path):
     assert kept.read_bytes() == jpeg().data
 
 
-def test_no_folder_is_left_when_writing_fails(tmp_path, monkeypatch):
-    def fail(*given, **options):
+def test_failed_save_leaves_no_folder(tmp_path, monkeypatch):
+    def fail(*_, **__):
         raise OSError("no space")
 
     monkeypatch.setattr("meshreel.formats.usd.writing._write_binary", fail)
@@ -121,13 +121,13 @@ def test_no_folder_is_left_when_writing_fails(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_no_folder_is_made_when_there_are_no_images(tmp_path):
+def test_no_image_folder_without_images(tmp_path):
     sheet = dressed_sheet()
     save(replace(sheet, surface=sheet.surface.without_materials()), tmp_path / "x.usda")
     assert [path.name for path in tmp_path.iterdir()] == ["x.usda"]
 
 
-def test_images_get_names_of_their_own_when_theirs_are_no_file_names(tmp_path):
+def test_images_get_valid_unique_file_names(tmp_path):
     sheet = dressed_sheet()
     images = (replace(png(), name="a/../b c"), replace(png(9), name="a/../B C"))
     surface = replace(sheet.surface, images=images)
@@ -136,7 +136,7 @@ def test_images_get_names_of_their_own_when_theirs_are_no_file_names(tmp_path):
     assert [one.data for one in load(paths[0]).surface.images] == [one.data for one in images]
 
 
-def test_network_is_what_viewers_expect_when_it_is_written(tmp_path):
+def test_shading_network_is_what_viewers_expect(tmp_path):
     save(dressed_sheet(), tmp_path / "x.usda")
     stage = Usd.Stage.Open(str(tmp_path / "x.usda"))
     mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/sheet/sheet"))
@@ -158,33 +158,35 @@ def test_network_is_what_viewers_expect_when_it_is_written(tmp_path):
     assert shader.GetInput("opacityThreshold").Get() == 0.25
 
 
-def test_coordinates_are_moved_alike_when_an_image_is_placed(tmp_path):
-    """The formula of glTF, with v downwards, and the transform of USD, with v upwards, agree."""
+def test_transformed_uvs_of_usd_match_those_of_gltf(tmp_path):
+    """The formula of glTF, with v downward, and the transform of USD, with v upward, agree."""
     save(dressed_sheet(), tmp_path / "x.usda")
     stage = Usd.Stage.Open(str(tmp_path / "x.usda"))
     (prim,) = [one for one in stage.Traverse() if one.GetName() == "base_color_texture_transform"]
-    given = {one.GetBaseName(): one.Get() for one in UsdShade.Shader(prim).GetInputs()}
-    turn = np.radians(given["rotation"])
-    placed = look()[0][1].base_color_texture
+    inputs = {one.GetBaseName(): one.Get() for one in UsdShade.Shader(prim).GetInputs()}
+    angle = np.radians(inputs["rotation"])
+    texture = look()[0][1].base_color_texture
     for u, v in ((0.25, 0.75), (0.0, 0.0), (1.0, 0.5)):
-        x, y = np.multiply((u, v), given["scale"])
-        moved = np.array([np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y])
-        moved = moved + given["translation"]
-        x, y = np.multiply((u, 1 - v), placed.scale)
-        sine, cosine = np.sin(placed.rotation), np.cos(placed.rotation)
-        expected = np.array([cosine * x + sine * y, -sine * x + cosine * y]) + placed.offset
+        x, y = np.multiply((u, v), inputs["scale"])
+        moved = np.array(
+            [np.cos(angle) * x - np.sin(angle) * y, np.sin(angle) * x + np.cos(angle) * y]
+        )
+        moved = moved + inputs["translation"]
+        x, y = np.multiply((u, 1 - v), texture.scale)
+        sine, cosine = np.sin(texture.rotation), np.cos(texture.rotation)
+        expected = np.array([cosine * x + sine * y, -sine * x + cosine * y]) + texture.offset
         np.testing.assert_allclose(moved, [expected[0], 1 - expected[1]], atol=1e-6)
 
 
 @pytest.mark.parametrize("ending", ["usda", "usdz"])
-def test_image_of_another_type_is_left_out_of_packages_only(tmp_path, ending):
+def test_packages_leave_out_unsupported_image_types(tmp_path, ending):
     sheet, notes = dressed_sheet(), []
     tga = Image("old", "image/x-tga", b"\x00\x00\x02")
     changed = replace(sheet, surface=replace(sheet.surface, images=(tga, jpeg())))
     save(changed, tmp_path / f"x.{ending}", notes=notes)
     found = load(tmp_path / f"x.{ending}").surface
     assert (tga in found.images) == (ending == "usda")
-    note = "left out: textures that USD cannot have (packages hold no image/x-tga): red"
+    note = "left out: textures that USD cannot store (packages do not support image/x-tga): red"
     assert (note in notes) == (ending == "usdz")
     if ending == "usdz":
         with zipfile.ZipFile(tmp_path / "x.usdz") as package:
@@ -241,7 +243,7 @@ COLOR = "color3f inputs:diffuseColor.connect = </a/skin/image.outputs:rgb>"
 
 @pytest.fixture
 def read(tmp_path):
-    """Surface and notes of a stage of one triangle with a material."""
+    """A function that returns surface and notes of a stage of one triangle with a material."""
 
     def get(surface="", *, texture="", mesh="", file="./skin.png"):
         folder = tmp_path / "in"
@@ -256,7 +258,7 @@ def read(tmp_path):
     return get
 
 
-def test_usual_values_are_those_of_the_standard_when_a_file_is_silent(read):
+def test_missing_inputs_have_the_defaults_of_the_standard(read):
     surface, notes = read()
     assert [rounded(one) for one in surface.materials] == [
         rounded(Material("skin", (0.18, 0.18, 0.18, 1.0), 0.0, 0.5))
@@ -264,7 +266,7 @@ def test_usual_values_are_those_of_the_standard_when_a_file_is_silent(read):
     assert notes == []
 
 
-def test_texture_is_found_when_its_primvar_comes_through_the_interface(read):
+def test_texture_is_found_through_the_interface_of_its_material(read):
     surface, notes = read(COLOR)
     texture = Texture(0, "st", "rgb", Wrap.METADATA, Wrap.METADATA)
     assert surface.materials[0].base_color_texture == texture
@@ -273,7 +275,7 @@ def test_texture_is_found_when_its_primvar_comes_through_the_interface(read):
     assert notes == []
 
 
-def test_material_is_double_sided_when_its_mesh_is(read):
+def test_material_is_double_sided_like_its_mesh(read):
     assert read(mesh="uniform bool doubleSided = 1")[0].materials[0].double_sided
 
 
@@ -300,35 +302,35 @@ def test_alpha_mode_follows_from_opacity(read, opacity, mode):
         ("float inputs:clearcoat = 1", {}, "clearcoat of UsdPreviewSurface: skin"),
         ("float inputs:ior = 1.33", {}, "ior of UsdPreviewSurface: skin"),
         ("int inputs:useSpecularWorkflow = 1", {}, "useSpecularWorkflow of"),
-        ("float inputs:occlusion = 0.5", {}, "occlusion that is the same everywhere: skin"),
-        ("normal3f inputs:normal = (1, 0, 0)", {}, "normal that is the same everywhere: skin"),
+        ("float inputs:occlusion = 0.5", {}, "constant occlusion: skin"),
+        ("normal3f inputs:normal = (1, 0, 0)", {}, "constant normal: skin"),
         (
             "float inputs:opacity.connect = </a/skin/image.outputs:r>",
             {},
-            "opacity that is not the alpha of the color's image: skin",
+            "opacity that is not the alpha of the color texture: skin",
         ),
         ("float inputs:roughness.timeSamples = { 0: 0.5, 1: 0.75 }", {}, "roughness over time"),
-        ('string inputs:roughness = "rough"', {}, "roughness is no 1 finite numbers"),
-        ("float inputs:roughness = inf", {}, "roughness is no 1 finite numbers"),
-        (COLOR, {"file": "./gone.png"}, "'./gone.png' is not there"),
+        ('string inputs:roughness = "rough"', {}, "roughness must be 1 finite numbers"),
+        ("float inputs:roughness = inf", {}, "roughness must be 1 finite numbers"),
+        (COLOR, {"file": "./gone.png"}, "'./gone.png' does not exist"),
         (COLOR, {"file": "../out.png"}, "names the file '../out.png' outside of its folder"),
-        (COLOR, {"file": "./skin.<UDIM>.png"}, "of many tiles"),
+        (COLOR, {"file": "./skin.<UDIM>.png"}, "consists of many tiles"),
         (COLOR, {"texture": 'token inputs:wrapS = "twist"'}, "wrapS is 'twist'"),
         (COLOR, {"texture": "float4 inputs:bias = (1, 0, 0, 0)"}, "bias of the texture of diff"),
         (COLOR, {"texture": 'token inputs:sourceColorSpace = "raw"'}, "color space 'raw' of"),
         (
             "float inputs:metallic.connect = </a/skin/image.outputs:rgb>",
             {},
-            "the texture of metallic (it takes rgb): skin",
+            "the texture of metallic (it has the channels rgb): skin",
         ),
         (
             "color3f inputs:diffuseColor.connect = </a/skin/reader.outputs:result>",
             {},
-            "UsdPrimvarReader_float2 is not read",
+            "UsdPrimvarReader_float2 is not supported",
         ),
     ],
 )
-def test_what_cannot_be_mapped_is_named_when_a_material_has_it(read, surface, options, note):
+def test_unsupported_material_properties_are_noted(read, surface, options, note):
     found, notes = read(surface, **options)
     assert len(found.materials) == 1
     assert len(notes) == 1
@@ -336,7 +338,7 @@ def test_what_cannot_be_mapped_is_named_when_a_material_has_it(read, surface, op
     assert note in notes[0]
 
 
-def test_material_is_a_label_only_when_it_is_no_preview_surface(tmp_path):
+def test_material_without_preview_surface_is_only_a_label(tmp_path):
     text = NETWORK.format(surface="", texture="", mesh="", file="").replace(
         '"UsdPreviewSurface"', '"ND_standard_surface"'
     )
@@ -344,10 +346,10 @@ def test_material_is_a_label_only_when_it_is_no_preview_surface(tmp_path):
     notes = []
     surface = load(tmp_path / "x.usda", notes=notes).surface
     assert (surface.materials, surface.groups[0].labels) == ((), ("skin",))
-    assert notes == ["left out: how materials look that are no UsdPreviewSurface: skin"]
+    assert notes == ["left out: appearance of materials other than UsdPreviewSurface: skin"]
 
 
-def test_load_raises_only_our_errors_when_a_network_is_changed(tmp_path):
+def test_load_raises_only_our_errors_for_changed_networks(tmp_path):
     (tmp_path / "skin.png").write_bytes(png().data)
     opacity = "float inputs:opacity.connect = </a/skin/image.outputs:a>"
     surface = f"{COLOR}\nfloat inputs:roughness = 0.5\n{opacity}"
@@ -358,28 +360,30 @@ def test_load_raises_only_our_errors_when_a_network_is_changed(tmp_path):
     n_tried = draws(300)
     for _ in range(n_tried):
         data = bytearray(text)
-        for place in rng.integers(start, len(data), rng.choice([1, 3])):
-            data[place] = rng.choice(np.frombuffer(b' 0-:"<>{}@.xr\xff', np.uint8))
+        for offset in rng.integers(start, len(data), rng.choice([1, 3])):
+            data[offset] = rng.choice(np.frombuffer(b' 0-:"<>{}@.xr\xff', np.uint8))
         (tmp_path / "x.usda").write_bytes(data)
         with contextlib.suppress(MeshReelError):
             n_read += load(tmp_path / "x.usda").n_faces == 1
     assert n_read > n_tried // 15
 
 
-def test_shaders_in_a_ring_are_told_when_a_file_has_them(read):
-    ring = COLOR.replace("image.outputs:rgb", "reader.outputs:result")
-    surface, notes = read(ring, texture="float4 inputs:scale.connect = </a/skin/image.outputs:rgb>")
+def test_cyclic_shader_connections_are_noted(read):
+    cycle = COLOR.replace("image.outputs:rgb", "reader.outputs:result")
+    surface, notes = read(
+        cycle, texture="float4 inputs:scale.connect = </a/skin/image.outputs:rgb>"
+    )
     assert len(surface.materials) == len(notes) == 1
 
 
-def test_look_comes_back_from_glb_through_stream_and_package_to_glb(tmp_path):
+def test_materials_round_trip_from_glb_through_stream_and_package(tmp_path):
     sheet = dressed_sheet()
     save(sheet, tmp_path / "a.glb")
-    given = load(tmp_path / "a.glb")
-    save(meshreel.decode(meshreel.encode(given)), tmp_path / "b.usdz")
+    original = load(tmp_path / "a.glb")
+    save(meshreel.decode(meshreel.encode(original)), tmp_path / "b.usdz")
     packed = load(tmp_path / "b.usdz")
     save(meshreel.decode(meshreel.encode(packed)), tmp_path / "c.glb")
-    found, expected = load(tmp_path / "c.glb").surface, given.surface
+    found, expected = load(tmp_path / "c.glb").surface, original.surface
     assert {one.data for one in found.images} == {one.data for one in expected.images}
     by_name = {one.name: one for one in found.materials}
     for one in expected.materials:
@@ -390,5 +394,5 @@ def test_look_comes_back_from_glb_through_stream_and_package_to_glb(tmp_path):
         assert other.alpha_mode is one.alpha_mode
         assert other.textures.keys() == one.textures.keys()
         for slot, texture in one.textures.items():
-            shown = found.images[other.textures[slot].image].data
-            assert shown == expected.images[texture.image].data
+            data = found.images[other.textures[slot].image].data
+            assert data == expected.images[texture.image].data

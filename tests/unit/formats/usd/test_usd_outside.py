@@ -1,4 +1,4 @@
-"""Layers outside of the folder of a USD file, which are read only when that is allowed."""
+"""Layers outside of the folder of a USD file, which are read only with permission."""
 
 import pytest
 from pxr import Sdf
@@ -52,7 +52,7 @@ ARCS = {
 
 @pytest.fixture
 def folder(tmp_path):
-    """A folder with a layer in it, a link, and the same layer above."""
+    """A folder with a layer, a link out of it, and the same layer in its parent."""
     found = tmp_path / "in"
     (found / "sub").mkdir(parents=True)
     for path in (tmp_path / "out.usda", found / "in.usda", found / "sub" / "deep.usda"):
@@ -63,8 +63,8 @@ def folder(tmp_path):
     return found
 
 
-def naming(folder, arc, asset):
-    """A file with a mesh of its own, that names a layer."""
+def file_with_reference(folder, arc, asset):
+    """Write a file with a mesh that also refers to a layer, and return its path."""
     header, body = (part % asset if "%s" in part else part for part in ARCS[arc])
     path = folder / "a.usda"
     path.write_text(f"#usda 1.0\n(\n{header}\n)\n{OWN}{body}\n")
@@ -73,10 +73,10 @@ def naming(folder, arc, asset):
 
 @pytest.mark.parametrize("arc", ARCS)
 @pytest.mark.parametrize("asset", ["../out.usda", "{above}/out.usda", "./link.usda", "../no.usda"])
-def test_load_refuses_a_layer_outside_of_the_folder_before_it_is_opened(folder, arc, asset):
+def test_load_rejects_a_layer_outside_of_the_folder_before_opening_it(folder, arc, asset):
     if arc == "template":
         asset = asset.replace(".usda", ".#.usda").replace("./link", "../link")
-    path = naming(folder, arc, asset.format(above=folder.parent))
+    path = file_with_reference(folder, arc, asset.format(above=folder.parent))
     with pytest.raises(FormatError, match=r"a\.usda: names the file .* outside of its folder"):
         load(path, merge=True)
     for name in ("out.usda", "out.1.usda", "in/link.usda"):
@@ -86,22 +86,28 @@ def test_load_refuses_a_layer_outside_of_the_folder_before_it_is_opened(folder, 
 
 @pytest.mark.parametrize("arc", ["sublayer", "reference", "payload", "variant", "clips"])
 @pytest.mark.parametrize("asset", ["./in.usda", "in.usda", "sub/deep.usda", "./gone.usda"])
-def test_load_reads_a_layer_when_it_is_in_the_folder_or_below(folder, arc, asset):
-    assert load(naming(folder, arc, asset), merge=True).n_verts >= 3
+def test_load_reads_layers_in_the_folder_or_below(folder, arc, asset):
+    assert load(file_with_reference(folder, arc, asset), merge=True).n_verts >= 3
 
 
-def test_load_reads_a_layer_above_another_when_that_is_within_the_folder_of_the_file(folder):
-    deep = naming(folder, "reference", "../in.usda").rename(folder / "sub" / "middle.usda")
-    assert load(naming(folder, "sublayer", f"./sub/{deep.name}"), merge=True).n_verts == 6
+def test_load_reads_a_layer_in_a_parent_folder_within_that_of_the_file(folder):
+    deep = file_with_reference(folder, "reference", "../in.usda").rename(
+        folder / "sub" / "middle.usda"
+    )
+    assert (
+        load(file_with_reference(folder, "sublayer", f"./sub/{deep.name}"), merge=True).n_verts == 6
+    )
 
 
-def test_load_refuses_when_a_layer_below_names_one_outside(folder):
-    deep = naming(folder, "reference", "../../out.usda").rename(folder / "sub" / "middle.usda")
+def test_load_rejects_an_outside_reference_of_a_nested_layer(folder):
+    deep = file_with_reference(folder, "reference", "../../out.usda").rename(
+        folder / "sub" / "middle.usda"
+    )
     with pytest.raises(FormatError, match=r"names the file '\.\./\.\./out\.usda' outside"):
-        load(naming(folder, "sublayer", f"./sub/{deep.name}"), merge=True)
+        load(file_with_reference(folder, "sublayer", f"./sub/{deep.name}"), merge=True)
 
 
-def test_load_refuses_when_an_expression_leads_outside(folder):
+def test_load_rejects_an_expression_that_leads_outside(folder):
     (folder / "low.usda").write_text(
         '#usda 1.0\ndef "a" (references = @`"${PLACE}/in.usda"`@</m>) {\n}\n'
     )
@@ -115,11 +121,11 @@ def test_load_refuses_when_an_expression_leads_outside(folder):
         load(path, merge=True)
 
 
-def test_load_refuses_a_layer_where_the_program_runs_when_it_is_not_beside(folder, monkeypatch):
+def test_load_rejects_a_layer_found_only_in_the_working_directory(folder, monkeypatch):
     monkeypatch.chdir(folder.parent)
     with pytest.raises(FormatError, match=r"names the file 'out\.usda' outside of"):
-        load(naming(folder, "reference", "out.usda"), merge=True)
+        load(file_with_reference(folder, "reference", "out.usda"), merge=True)
 
 
-def test_load_reads_a_file_when_it_is_a_link_itself(folder):
+def test_load_reads_a_file_that_is_a_link(folder):
     assert load(folder / "link.usda").n_verts == 3

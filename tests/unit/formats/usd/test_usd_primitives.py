@@ -1,4 +1,4 @@
-"""Cubes, spheres and other primitives of USD, which are read as meshes."""
+"""Cubes, spheres and other primitives of USD, read as meshes."""
 
 import math
 
@@ -8,13 +8,13 @@ import pytest
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load
 
-TURNED = {"X": [1, 2, 0], "Y": [2, 0, 1], "Z": [0, 1, 2]}
-"""Which coordinates are those about z, of a primitive about an axis."""
+Z_AXIS_ORDER = {"X": [1, 2, 0], "Y": [2, 0, 1], "Z": [0, 1, 2]}
+"""Order of coordinates that makes the axis of a primitive the z axis."""
 
 
 @pytest.fixture
 def prim_file(tmp_path):
-    """A function from text of prims to the file that holds them."""
+    """A function that writes prims, and returns their file."""
 
     def write(body):
         path = tmp_path / "a.usda"
@@ -26,16 +26,16 @@ def prim_file(tmp_path):
 
 
 def volume(sequence):
-    """Enclosed by the first frame; positive where faces are counter-clockwise from outside."""
+    """Return the volume of the first frame, positive for counterclockwise faces from outside."""
     corners = sequence.vertices[0].astype(np.float64)[sequence.faces]
     return np.linalg.det(corners).sum() / 6
 
 
 def is_closed(faces):
-    """Whether each edge has a face on either side, which goes along it the other way."""
+    """Return whether each edge has two faces with opposite directions along it."""
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    forth, back = (set(map(tuple, one.tolist())) for one in (edges, edges[:, ::-1]))
-    return len(forth) == len(edges) and forth == back
+    forward, backward = (set(map(tuple, one.tolist())) for one in (edges, edges[:, ::-1]))
+    return len(forward) == len(edges) and forward == backward
 
 
 @pytest.mark.parametrize(
@@ -61,45 +61,43 @@ def is_closed(faces):
     ],
 )
 @pytest.mark.parametrize("axis", ["X", "Y", "Z"])
-def test_load_gives_a_closed_mesh_of_that_size_when_a_prim_is_a_primitive(
+def test_load_reads_primitives_as_closed_meshes_of_their_size(
     prim_file, body, size, expected, axis
 ):
     if "Cube" not in body and "Sphere" not in body:
         body = body.replace("{", f'{{ uniform token axis = "{axis}";')
     found = load(prim_file(body))
     assert is_closed(found.faces)
-    about_z = found.vertices[0][:, TURNED[axis]]
-    np.testing.assert_allclose(np.ptp(about_z, axis=0), size, rtol=1e-6)
+    around_z = found.vertices[0][:, Z_AXIS_ORDER[axis]]
+    np.testing.assert_allclose(np.ptp(around_z, axis=0), size, rtol=1e-6)
     exact = "Cube" in body
     assert volume(found) == pytest.approx(expected, rel=1e-6 if exact else 0.025)
     assert found.vertices.dtype == np.float32
 
 
-def test_load_points_a_cone_along_its_axis_when_it_has_one(prim_file):
+def test_load_points_a_cone_along_its_axis(prim_file):
     found = load(prim_file('def Cone "p" { uniform token axis = "X" }'))
     tip = found.vertices[0][found.vertices[0][:, 0] > 0]
     np.testing.assert_allclose(tip, [[1, 0, 0]], rtol=0, atol=1e-7)
 
 
-def test_load_keeps_what_is_round_within_a_hundredth_when_it_is_a_sphere(prim_file):
+def test_load_approximates_a_sphere_within_one_percent(prim_file):
     notes = []
     found = load(prim_file('def Sphere "p" { double radius = 5 }'), notes=notes)
-    centres = found.vertices[0][found.faces].mean(axis=1)
+    centers = found.vertices[0][found.faces].mean(axis=1)
     middles = found.vertices[0][found.faces[:, [0, 2]]].mean(axis=1)
-    for points in (found.vertices[0], centres, middles):
+    for points in (found.vertices[0], centers, middles):
         distance = np.linalg.norm(points, axis=1)
         assert (distance <= 5 + 1e-5).all()
         assert (distance >= 5 * 0.99).all()
-    assert notes == ["read as a mesh of 32 faces around, within 1 % of the radius: /p (Sphere)"]
+    assert notes == ["read as a mesh with 32 faces around, within 1 % of the radius: /p (Sphere)"]
 
 
 @pytest.mark.parametrize(
     ("axis", "spans", "normal"),
     [("X", [0, 3, 2], [1, 0, 0]), ("Y", [2, 0, 3], [0, 1, 0]), ("Z", [2, 3, 0], [0, 0, 1])],
 )
-def test_load_gives_a_quad_that_looks_along_its_axis_when_a_prim_is_a_plane(
-    prim_file, axis, spans, normal
-):
+def test_load_reads_a_plane_as_a_quad_facing_its_axis(prim_file, axis, spans, normal):
     body = (
         f'def Plane "p" {{\nuniform token axis = "{axis}"\ndouble width = 2\ndouble length = 3\n}}'
     )
@@ -110,7 +108,7 @@ def test_load_gives_a_quad_that_looks_along_its_axis_when_a_prim_is_a_plane(
     np.testing.assert_array_equal(found.surface.face_sizes, [4])
 
 
-def test_load_moves_and_grows_a_primitive_when_transform_and_size_have_keys(prim_file):
+def test_load_animates_transform_and_size_of_a_primitive(prim_file):
     body = """def Sphere "p" {
         double radius.timeSamples = { 0: 1, 4: 3 }
         double3 xformOp:translate.timeSamples = { 0: (0, 0, 0), 4: (8, 0, 0) }
@@ -118,30 +116,30 @@ def test_load_moves_and_grows_a_primitive_when_transform_and_size_have_keys(prim
     }"""
     found = load(prim_file(body))
     assert (found.n_frames, found.fps) == (5, 24.0)
-    middle = (found.vertices.max(axis=1) + found.vertices.min(axis=1)) / 2
-    np.testing.assert_allclose(middle[:, 0], [0, 2, 4, 6, 8], atol=1e-6)
+    center = (found.vertices.max(axis=1) + found.vertices.min(axis=1)) / 2
+    np.testing.assert_allclose(center[:, 0], [0, 2, 4, 6, 8], atol=1e-6)
     height = np.ptp(found.vertices[..., 2], axis=1)
     np.testing.assert_allclose(height, [2, 3, 4, 5, 6], rtol=1e-6)
 
 
-def test_load_keeps_colours_of_faces_and_corners_when_a_cube_has_some(prim_file):
+def test_load_keeps_face_colors_of_a_cube(prim_file):
     body = """def Cube "p" {
         color3f[] primvars:displayColor = [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (0, 1, 1),
             (1, 0, 1)] (interpolation = "uniform")
         float[] primvars:displayOpacity = [0.5] (interpolation = "constant")
     }"""
     found = load(prim_file(body)).surface.attributes
-    colours = next(one for one in found if one.name == "displayColor")
-    assert colours.values[:, :3].shape == (6, 3)
+    colors = next(one for one in found if one.name == "displayColor")
+    assert colors.values[:, :3].shape == (6, 3)
 
 
-def test_load_keeps_the_colour_when_a_sphere_has_one(prim_file):
+def test_load_keeps_the_color_of_a_sphere(prim_file):
     body = 'def Sphere "p" { color3f[] primvars:displayColor = [(1, 0.5, 0)] }'
-    colours = load(prim_file(body)).surface.attributes[0]
-    np.testing.assert_array_equal(np.unique(colours.per_item(), axis=0), [[1, 0.5, 0]])
+    colors = load(prim_file(body)).surface.attributes[0]
+    np.testing.assert_array_equal(np.unique(colors.per_item(), axis=0), [[1, 0.5, 0]])
 
 
-def test_load_lists_and_merges_primitives_when_there_is_a_mesh_beside(prim_file):
+def test_load_lists_and_merges_primitives_with_meshes(prim_file):
     body = """def Cube "box" { }
     def Sphere "ball" { }
     def Mesh "m" {
@@ -159,12 +157,12 @@ def test_load_lists_and_merges_primitives_when_there_is_a_mesh_beside(prim_file)
     assert "read as a mesh: /box (Cube)" in notes
 
 
-def test_load_names_the_primitive_when_its_size_is_no_number(prim_file):
+def test_load_names_the_primitive_with_an_invalid_size(prim_file):
     with pytest.raises(FormatError, match="Sphere /p has no number as radius at time code 0"):
         load(prim_file('def Sphere "p" { string radius = "x" }'))
 
 
 @pytest.mark.parametrize("size", ["inf", "nan", "1e300"])
-def test_load_refuses_when_a_size_is_out_of_all_bounds(prim_file, size):
+def test_load_rejects_primitives_that_are_not_finite(prim_file, size):
     with pytest.raises(InvalidInputError, match="every position must be finite"):
         load(prim_file(f'def Cylinder "p" {{ double height = {size} }}'))

@@ -1,4 +1,4 @@
-"""Primvars and subsets of USD files as attributes and groups."""
+"""Primvars and face subsets of USD files, read as attributes and groups."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 from meshreel.formats.load import load
 from meshreel.model.surface import Domain, Kind
 
-# Two quads side by side.
+# Two adjacent quads.
 MESH = """#usda 1.0
 {above}
 def Mesh "m" {api} {{
@@ -21,7 +21,7 @@ BOUND = '(prepend apiSchemas = ["MaterialBindingAPI"])'
 
 @pytest.fixture
 def surface_of(tmp_path):
-    """A function from what a mesh carries to its surface as it is read."""
+    """A function that returns the surface of a mesh with the given properties."""
 
     def read(body, *, above="", api="", notes=None):
         path = tmp_path / "a.usda"
@@ -44,7 +44,7 @@ def primvar(declared, values, interpolation, more=""):
         ("faceVarying", Domain.CORNER, 8),
     ],
 )
-def test_attributes_have_the_domain_of_the_interpolation_when_read(
+def test_attributes_have_the_domain_of_the_interpolation(
     surface_of, interpolation, domain, n_items
 ):
     values = [(i / 8, i / 16) for i in range(n_items)]
@@ -54,7 +54,7 @@ def test_attributes_have_the_domain_of_the_interpolation_when_read(
     np.testing.assert_array_equal(found.values, values)
 
 
-def test_attributes_keep_their_indices_when_primvars_have_some(surface_of):
+def test_attributes_keep_their_indices(surface_of):
     body = primvar(
         "texCoord2f[] primvars:st",
         [(0, 0), (1, 1)],
@@ -66,21 +66,21 @@ def test_attributes_keep_their_indices_when_primvars_have_some(surface_of):
     np.testing.assert_array_equal(found.indices, [0, 1, 0, 1, 1, 1, 0, 0])
 
 
-def test_attributes_are_constant_when_a_colour_is(surface_of):
+def test_constant_color_becomes_an_indexed_attribute(surface_of):
     (found,) = surface_of("color3f[] primvars:displayColor = [(0.5, 0.25, 1)]").attributes
     assert (found.name, found.kind, found.domain) == ("displayColor", Kind.COLOR, Domain.VERTEX)
     np.testing.assert_array_equal(found.values, [[0.5, 0.25, 1]])
     np.testing.assert_array_equal(found.indices, np.zeros(6))
 
 
-def test_attributes_join_opacity_to_colour_when_both_are_alike(surface_of):
+def test_opacity_is_joined_to_a_color_with_the_same_items(surface_of):
     body = primvar("color3f[] primvars:displayColor", [(1, 0, 0), (0, 1, 0)], "uniform")
     opacity = primvar("float[] primvars:displayOpacity", [0.25, 0.75], "uniform")
     (found,) = surface_of(body + opacity).attributes
     np.testing.assert_array_equal(found.values, [[1, 0, 0, 0.25], [0, 1, 0, 0.75]])
 
 
-def test_attributes_keep_opacity_apart_when_it_is_not_given_as_the_colour_is(surface_of):
+def test_opacity_with_other_items_stays_separate(surface_of):
     body = primvar("color3f[] primvars:displayColor", [(1, 0, 0), (0, 1, 0)], "uniform")
     opacity = primvar("float[] primvars:displayOpacity", [0.5] * 6, "vertex")
     color, alpha = surface_of(body + opacity).attributes
@@ -104,7 +104,7 @@ def test_attributes_keep_opacity_apart_when_it_is_not_given_as_the_colour_is(sur
         ("matrix2d[] primvars:turn", ((1, 2), (3, 4)), Kind.OTHER, np.float64, 4),
     ],
 )
-def test_attributes_have_the_type_of_the_primvar_when_it_is_a_number(
+def test_attributes_have_the_number_type_of_the_primvar(
     surface_of, declared, value, kind, dtype, width
 ):
     (found,) = surface_of(primvar(declared, str([value] * 6), "vertex")).attributes
@@ -112,7 +112,7 @@ def test_attributes_have_the_type_of_the_primvar_when_it_is_a_number(
     np.testing.assert_array_equal(found.values, np.tile(np.ravel(value), (6, 1)))
 
 
-def test_attributes_come_with_texture_coordinates_first_when_there_are_several(surface_of):
+def test_attributes_start_with_texture_coordinates(surface_of):
     body = (
         primvar("float[] primvars:a", [0] * 6, "vertex")
         + "color3f[] primvars:displayColor = [(1, 0, 0)]\n"
@@ -123,7 +123,7 @@ def test_attributes_come_with_texture_coordinates_first_when_there_are_several(s
     assert found == ["st", "map2", "displayColor", "a"]
 
 
-def test_attributes_are_taken_from_above_when_a_colour_is_inherited(surface_of, tmp_path):
+def test_colors_are_inherited_from_ancestors(surface_of, tmp_path):
     path = tmp_path / "b.usda"
     text = MESH.format(above="", api="", body="").removeprefix("#usda 1.0")
     path.write_text(
@@ -154,7 +154,7 @@ def test_attributes_are_taken_from_above_when_a_colour_is_inherited(surface_of, 
         "normal3f[] primvars:normals = [(0, 0, 1)]",
     ],
 )
-def test_attributes_are_left_out_when_primvars_do_not_fit(surface_of, body):
+def test_primvars_that_do_not_fit_are_left_out(surface_of, body):
     notes = []
     assert surface_of(body, notes=notes).attributes == ()
     is_setting = "constant" in body and "texCoord" in body
@@ -175,21 +175,21 @@ def subset(name, faces, family, material=""):
     """
 
 
-def test_groups_are_materials_when_subsets_have_some(surface_of):
+def test_material_subsets_become_material_groups(surface_of):
     body = subset("one", [1], "materialBind", "red") + subset("two", [0], "materialBind", "b")
     (found,) = surface_of(body, above=MATERIALS).groups
     assert (found.name, found.labels) == ("material", ("red", "blåt"))
     np.testing.assert_array_equal(found.numbers, [1, 0])
 
 
-def test_groups_have_the_material_of_the_mesh_where_no_subset_has_one(surface_of):
+def test_faces_without_subset_have_the_material_of_the_mesh(surface_of):
     body = subset("one", [1], "materialBind", "red") + "rel material:binding = </b>"
     (found,) = surface_of(body, above=MATERIALS, api=BOUND).groups
     assert found.labels == ("red", "blåt")
     np.testing.assert_array_equal(found.numbers, [1, 0])
 
 
-def test_groups_have_names_of_subsets_when_there_are_no_materials(surface_of):
+def test_subsets_without_material_are_labeled_by_name(surface_of):
     body = subset("one", [1], "materialBind") + subset("left", [0], "side") + subset("x", [1], "")
     materials, sides, others = surface_of(body).groups
     assert (materials.name, materials.labels) == ("material", ("one",))
@@ -198,7 +198,7 @@ def test_groups_have_names_of_subsets_when_there_are_no_materials(surface_of):
     assert (others.name, others.labels) == ("group", ("x",))
 
 
-def test_groups_say_so_when_subsets_overlap_or_name_no_face(surface_of):
+def test_overlapping_or_invalid_subsets_are_noted(surface_of):
     notes = []
     body = subset("one", [0, 1], "side") + subset("two", [1, 2, -1], "side")
     (found,) = surface_of(body, notes=notes).groups

@@ -1,4 +1,4 @@
-"""Time-sampled primvars, normals and velocities of USD files as tracks, read and written."""
+"""Animated primvars, normals and velocities of USD files, read and written as tracks."""
 
 from dataclasses import replace
 
@@ -24,7 +24,7 @@ POINTS = RNG.normal(size=(4, 6, 3)).astype(np.float32)
 
 
 def new_mesh(path, points=POINTS):
-    """A stage with a mesh of two quads, whose points have a sample for each code from 1 on."""
+    """Return a stage and its mesh of two quads, with points sampled at codes 1, 2, ..."""
     stage = Usd.Stage.CreateNew(str(path))
     stage.SetTimeCodesPerSecond(10)
     mesh = UsdGeom.Mesh.Define(stage, "/world/m")
@@ -38,7 +38,7 @@ def new_mesh(path, points=POINTS):
 
 
 def add_primvar(mesh, name, kind, values, interpolation, codes=None):
-    """A primvar that has a sample for each code."""
+    """Add a primvar with a sample per time code."""
     declared = Sdf.ValueTypeNames.Find(f"{kind}[]")
     primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(name, declared, interpolation)
     array = getattr(Vt, declared.type.pythonClass.__name__)
@@ -67,7 +67,7 @@ def as_usd(values, dtype):
         ("float2", "f4", 2, "map1", "uv"),
     ],
 )
-def test_primvars_are_tracks_when_they_change(
+def test_animated_primvars_become_tracks(
     tmp_path, read, interpolation, kind, dtype, width, name, track_kind
 ):
     stage, mesh = new_mesh(tmp_path / "a.usdc")
@@ -86,7 +86,7 @@ def test_primvars_are_tracks_when_they_change(
     assert [note for note in notes if "left out" in note] == []
 
 
-def test_primvars_stay_attributes_when_all_samples_are_the_same(tmp_path):
+def test_constant_primvars_become_attributes(tmp_path):
     stage, mesh = new_mesh(tmp_path / "a.usdc")
     uv = np.tile(RNG.random((8, 2)).astype(np.float32), (4, 1, 1))
     add_primvar(mesh, "st", "texCoord2f", uv, "faceVarying")
@@ -97,7 +97,7 @@ def test_primvars_stay_attributes_when_all_samples_are_the_same(tmp_path):
     assert [one.name for one in found.surface.attributes] == ["st", "heat"]
 
 
-def test_values_have_their_indices_followed_when_primvars_have_some(tmp_path):
+def test_indices_of_animated_primvars_are_applied(tmp_path):
     stage, mesh = new_mesh(tmp_path / "a.usdc")
     values = RNG.random((4, 3, 3)).astype(np.float32)
     primvar = add_primvar(mesh, "paint", "color3f", values, "vertex")
@@ -109,7 +109,7 @@ def test_values_have_their_indices_followed_when_primvars_have_some(tmp_path):
     assert np.array_equal(load(tmp_path / "a.usdc").tracks["paint"].values, expected)
 
 
-def test_colour_of_all_is_that_of_each_vertex_when_it_changes(tmp_path):
+def test_animated_constant_color_is_repeated_per_vertex(tmp_path):
     stage, mesh = new_mesh(tmp_path / "a.usdc")
     values = RNG.random((4, 1, 3)).astype(np.float32)
     add_primvar(mesh, "displayColor", "color3f", values, "constant")
@@ -118,7 +118,7 @@ def test_colour_of_all_is_that_of_each_vertex_when_it_changes(tmp_path):
     assert np.array_equal(found.values, np.repeat(values, 6, axis=1))
 
 
-def test_opacity_is_the_fourth_number_when_both_change(tmp_path):
+def test_animated_opacity_becomes_the_fourth_color_component(tmp_path):
     stage, mesh = new_mesh(tmp_path / "a.usdc")
     values = RNG.random((4, 6, 4)).astype(np.float32)
     add_primvar(mesh, "displayColor", "color3f", values[..., :3], "vertex")
@@ -129,7 +129,7 @@ def test_opacity_is_the_fourth_number_when_both_change(tmp_path):
     assert np.array_equal(track.values, values)
 
 
-def test_mesh_has_the_frames_of_its_colours_when_it_does_not_move(tmp_path):
+def test_static_mesh_has_the_frames_of_its_animated_colors(tmp_path):
     stage, mesh = new_mesh(tmp_path / "a.usdc", POINTS[:1])
     values = RNG.random((5, 6, 3)).astype(np.float32)
     add_primvar(mesh, "displayColor", "color3f", values, "vertex")
@@ -139,7 +139,7 @@ def test_mesh_has_the_frames_of_its_colours_when_it_does_not_move(tmp_path):
     assert np.array_equal(found.tracks["displayColor"].values, values)
 
 
-def test_samples_are_named_when_positions_have_none_there(tmp_path):
+def test_samples_without_a_frame_are_noted(tmp_path):
     stage, mesh = new_mesh(tmp_path / "a.usdc")
     codes = [1, 2, 3, 4, 4.5, 6]
     add_primvar(mesh, "heat", "float", RNG.random((6, 6)).astype(np.float32), "vertex", codes)
@@ -149,7 +149,7 @@ def test_samples_are_named_when_positions_have_none_there(tmp_path):
     assert "left out: samples where positions have no frame: heat (2 of 6)" in notes
 
 
-def test_values_are_missing_when_they_do_not_fit_in_some_frames(tmp_path):
+def test_values_are_nan_in_frames_where_they_do_not_fit(tmp_path):
     stage, mesh = new_mesh(tmp_path / "a.usdc")
     add_primvar(mesh, "heat", "float", list(np.ones((3, 6), np.float32)), "vertex", [1, 2, 4])
     UsdGeom.PrimvarsAPI(mesh).GetPrimvar("heat").Set(Vt.FloatArray([1, 2]), 3)
@@ -165,7 +165,7 @@ def test_values_are_missing_when_they_do_not_fit_in_some_frames(tmp_path):
 
 
 @pytest.mark.parametrize("as_primvar", [False, True])
-def test_normals_and_velocities_are_turned_as_the_mesh_is(tmp_path, as_primvar):
+def test_normals_and_velocities_are_transformed_with_the_mesh(tmp_path, as_primvar):
     stage, mesh = new_mesh(tmp_path / "a.usdc")
     matrix = Gf.Matrix4d(0, 2, 0, 0, -1, 0, 0, 0, 0, 0, 3, 0, 5, 6, 7, 1)
     UsdGeom.Xformable(mesh).AddTransformOp().Set(matrix)
@@ -193,7 +193,7 @@ def test_normals_and_velocities_are_turned_as_the_mesh_is(tmp_path, as_primvar):
     assert not any("normals" in note or "velocities" in note for note in notes)
 
 
-def test_corners_are_in_the_order_of_the_faces_when_these_are_left_handed(tmp_path):
+def test_corner_tracks_follow_reversed_left_handed_faces(tmp_path):
     stage, mesh = new_mesh(tmp_path / "a.usdc")
     mesh.CreateOrientationAttr("leftHanded")
     corners = np.tile(np.array(CORNERS, np.int32), (4, 1))
@@ -206,7 +206,7 @@ def test_corners_are_in_the_order_of_the_faces_when_these_are_left_handed(tmp_pa
     assert np.array_equal(found.faces[0], quads[0, :3])
 
 
-def test_faces_that_are_holes_have_no_values(tmp_path):
+def test_tracks_leave_out_holes(tmp_path):
     stage, mesh = new_mesh(tmp_path / "a.usdc")
     mesh.CreateHoleIndicesAttr([0])
     add_primvar(mesh, "area", "int", np.arange(8, dtype="i4").reshape(4, 2), "uniform")
@@ -217,23 +217,23 @@ def test_faces_that_are_holes_have_no_values(tmp_path):
     assert tracks["mark"].values[1, :, 0].tolist() == [12, 13, 14, 15]
 
 
-def plain_types(sheet):
-    """The sheet with its tracks as USD holds them: no bytes of colours, no float64 velocities."""
-    shown = {}
+def with_usd_types(sheet):
+    """Return the sheet with tracks in number types of USD: float32 colors and velocities."""
+    tracks = {}
     for name, track in sheet.tracks.items():
         values = track.values
         if track.kind == "color":
             values = (values / 255.0).astype(np.float32)
         if track.kind == "velocity" and track.domain is Domain.VERTEX:
             values = values.astype(np.float32)
-        shown[name] = Track(values, track.domain, track.kind, track.unit)
-    return replace(sheet, tracks=shown)
+        tracks[name] = Track(values, track.domain, track.kind, track.unit)
+    return replace(sheet, tracks=tracks)
 
 
 @pytest.mark.parametrize("ending", ["usda", "usdc", "usdz"])
 @pytest.mark.parametrize("n_frames", [1, 5])
-def test_tracks_come_back_bit_for_bit_when_usd_was_saved(tmp_path, ending, n_frames):
-    sheet, notes = plain_types(tracked_sheet(n_frames)), []
+def test_tracks_round_trip_exactly(tmp_path, ending, n_frames):
+    sheet, notes = with_usd_types(tracked_sheet(n_frames)), []
     save(sheet, tmp_path / f"x.{ending}", notes=notes)
     found = load(tmp_path / f"x.{ending}")
     assert np.array_equal(found.vertices, sheet.vertices.astype(np.float32))
@@ -242,7 +242,7 @@ def test_tracks_come_back_bit_for_bit_when_usd_was_saved(tmp_path, ending, n_fra
     assert {one.name for one in found.surface.attributes} == {"st", "displayColor"}
 
 
-def test_each_part_has_its_values_when_there_are_several(tmp_path):
+def test_tracks_of_several_parts_round_trip(tmp_path):
     sheet = two_sheets()
     sizes = domain_sizes(sheet.n_verts, sheet.n_faces, sheet.surface)
     tracks = {
@@ -257,7 +257,7 @@ def test_each_part_has_its_values_when_there_are_several(tmp_path):
     assert_same_tracks(found.tracks, tracks)
 
 
-def test_usd_has_normals_velocities_and_colours_over_time_when_they_were_saved(tmp_path):
+def test_saved_tracks_are_normals_velocities_and_primvars_in_usd(tmp_path):
     sheet = replace(quad_sheet(3), surface=replace(quad_sheet(3).surface, attributes=()))
     n_verts = sheet.n_verts
     normals = RNG.normal(size=(3, n_verts, 3))
@@ -291,7 +291,7 @@ def test_usd_has_normals_velocities_and_colours_over_time_when_they_were_saved(t
 
 
 @pytest.mark.parametrize("n_frames", [1, 3])
-def test_save_passes_every_validator_of_usd_when_there_are_tracks(tmp_path, n_frames):
+def test_saved_tracks_pass_every_validator_of_usd(tmp_path, n_frames):
     validation = pytest.importorskip("pxr.UsdValidation")
     sheet = tracked_sheet(n_frames)
     normals = np.tile(np.array([0.0, 0, 1], np.float32), (n_frames, sheet.n_verts, 1))
@@ -311,7 +311,7 @@ def test_save_passes_every_validator_of_usd_when_there_are_tracks(tmp_path, n_fr
         (RNG.integers(0, 9, (2, 30)).astype("i2"), "scalar", "int32, not int16"),
     ],
 )
-def test_type_is_said_when_usd_has_another(tmp_path, values, kind, written_as):
+def test_conversions_of_number_types_are_noted(tmp_path, values, kind, written_as):
     sheet, notes = quad_sheet(2), []
     surface = replace(sheet.surface, attributes=())
     save(
@@ -319,7 +319,7 @@ def test_type_is_said_when_usd_has_another(tmp_path, values, kind, written_as):
         tmp_path / "x.usdc",
         notes=notes,
     )
-    assert f"track 'x' is written as {written_as}, as USD has it" in notes
+    assert f"track 'x' is written as {written_as}, a type that USD lacks" in notes
     scale = 255 if values.dtype == np.uint8 else 1
     found = load(tmp_path / "x.usdc").tracks["x"].values
     np.testing.assert_allclose(found, np.atleast_3d(values).reshape(found.shape) / scale, rtol=1e-6)

@@ -1,4 +1,4 @@
-"""Sequences as USD files, and back."""
+"""Round trips of sequences through USD files."""
 
 import zipfile
 
@@ -21,7 +21,7 @@ CORNERS = np.array([0, 1, 4, 3, 1, 2, 4, 3, 4, 5, 8, 7], np.int32)
 
 
 def sheets(n_frames=4, dtype=np.float32, *, fps=24.0, start_s=0.0, n_parts=2, offset=0.0):
-    """Two parts of polygons, with attributes of every kind and domain."""
+    """Return a sequence of polygons, in parts, with attributes of every kind and domain."""
     rng = np.random.default_rng(5)
     vertices = (rng.normal(size=(n_frames, 9 * n_parts, 3)) + offset).astype(dtype)
     faces = triangulate_fans(SIZES, CORNERS)
@@ -75,7 +75,7 @@ def assert_same_attributes(found, expected):
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_load_gives_back_everything_when_save_wrote_it(tmp_path, ending):
+def test_sequence_round_trips(tmp_path, ending):
     expected, notes = sheets(start_s=1001 / 24), []
     meshreel.save(expected, tmp_path / f"x.{ending}", notes=notes)
     found = meshreel.load(tmp_path / f"x.{ending}", merge=True)
@@ -97,7 +97,7 @@ def test_load_gives_back_everything_when_save_wrote_it(tmp_path, ending):
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_open_source_reads_any_frames_when_they_stay_in_the_file(tmp_path, ending):
+def test_open_source_reads_any_frames_from_the_file(tmp_path, ending):
     expected = sheets(7, n_parts=1)
     save(expected, tmp_path / f"x.{ending}")
     found = open_source(tmp_path / f"x.{ending}", max_loaded_bytes=0)
@@ -109,7 +109,7 @@ def test_open_source_reads_any_frames_when_they_stay_in_the_file(tmp_path, endin
 
 @pytest.mark.parametrize("fps", [1.0, 12.5, 23.976, 24000 / 1001, 25.0, 29.97, 30000 / 1001, 60.0])
 @pytest.mark.parametrize("first", [0, 1, 1001, -24, 100_000])
-def test_rate_and_start_survive_when_frames_begin_anywhere(tmp_path, fps, first):
+def test_frame_rate_and_start_round_trip(tmp_path, fps, first):
     expected = sheets(3, n_parts=1, fps=fps, start_s=first / fps)
     save(expected, tmp_path / "x.usdc")
     stage = Usd.Stage.Open(str(tmp_path / "x.usdc"))
@@ -122,7 +122,7 @@ def test_rate_and_start_survive_when_frames_begin_anywhere(tmp_path, fps, first)
 
 
 @pytest.mark.parametrize(("fps", "start_s"), [(30.0, 0.0), (24.0, 0.5), (24.0, 1.0), (0.0, 0.0)])
-def test_one_frame_comes_back_with_its_time_when_it_has_one(tmp_path, fps, start_s):
+def test_single_frame_round_trips_with_its_time(tmp_path, fps, start_s):
     expected, notes = sheets(1, n_parts=1, fps=fps, start_s=start_s), []
     save(expected, tmp_path / "x.usda", notes=notes)
     found = load(tmp_path / "x.usda")
@@ -131,29 +131,29 @@ def test_one_frame_comes_back_with_its_time_when_it_has_one(tmp_path, fps, start
     assert notes[:-1] == []
 
 
-def test_save_takes_24_frames_per_second_when_the_rate_is_unknown(tmp_path):
+def test_save_assumes_24_frames_per_second_without_a_frame_rate(tmp_path):
     notes = []
     save(sheets(fps=0.0), tmp_path / "x.usdc", notes=notes)
-    assert notes == ["the frame rate is not known; written as 24 frames per second"]
+    assert notes == ["the frame rate is unknown; written as 24 frames per second"]
     assert load(tmp_path / "x.usdc", merge=True).fps == 24
 
 
-def test_save_keeps_the_start_when_it_is_between_frames(tmp_path):
+def test_start_between_frames_round_trips(tmp_path):
     save(sheets(3, n_parts=1, start_s=0.37), tmp_path / "x.usdc")
     found = load(tmp_path / "x.usdc")
     assert found.fps == 24
     assert found.start_s == pytest.approx(0.37, rel=1e-15)
 
 
-def test_save_rounds_positions_when_they_are_float64(tmp_path):
+def test_save_notes_the_rounding_of_float64_positions(tmp_path):
     expected, notes = sheets(dtype=np.float64, n_parts=1), []
     save(expected, tmp_path / "x.usdc", notes=notes)
     found = load(tmp_path / "x.usdc")
     np.testing.assert_array_equal(found.vertices, expected.vertices.astype(np.float32))
-    assert notes[0] == "positions are rounded to float32, as USD has them"
+    assert notes[0] == "positions are rounded to float32, as USD stores them"
 
 
-def test_save_notes_nothing_when_float64_positions_are_float32_numbers(tmp_path):
+def test_save_notes_nothing_for_exact_float64_positions(tmp_path):
     exact = sheets(n_parts=1)
     notes = []
     save(
@@ -163,7 +163,7 @@ def test_save_notes_nothing_when_float64_positions_are_float32_numbers(tmp_path)
     assert notes == []
 
 
-def test_save_moves_the_origin_when_float64_positions_are_far_from_it(tmp_path):
+def test_save_centers_float64_positions_far_from_the_origin(tmp_path):
     expected, notes = sheets(dtype=np.float64, offset=4.5e8), []
     save(expected, tmp_path / "x.usdc", notes=notes)
     stage = Usd.Stage.Open(str(tmp_path / "x.usdc"))
@@ -175,14 +175,14 @@ def test_save_moves_the_origin_when_float64_positions_are_far_from_it(tmp_path):
     assert any("far from the origin" in note for note in notes)
 
 
-def test_save_keeps_float32_exactly_when_positions_are_far_from_the_origin(tmp_path):
+def test_save_keeps_float32_positions_far_from_the_origin_exact(tmp_path):
     expected, notes = sheets(offset=4.5e8, n_parts=1), []
     save(expected, tmp_path / "x.usdc", notes=notes)
     np.testing.assert_array_equal(load(tmp_path / "x.usdc").vertices, expected.vertices)
     assert notes == []
 
 
-def test_save_writes_floats_when_colours_are_bytes(tmp_path):
+def test_save_converts_byte_colors_to_floats(tmp_path):
     rgb = np.array([[0, 128, 255]] * 9, np.uint8)
     surface = Surface(SIZES, (Attribute("color", Kind.COLOR, Domain.VERTEX, rgb),))
     sheet, notes = sheets(n_parts=1), []
@@ -194,10 +194,10 @@ def test_save_writes_floats_when_colours_are_bytes(tmp_path):
     (found,) = load(tmp_path / "x.usda").surface.attributes
     assert (found.name, found.values.dtype) == ("displayColor", np.float32)
     np.testing.assert_array_equal(found.values, rgb.astype(np.float32) / np.float32(255))
-    assert notes == ["colours of bytes are written as floats, as USD has them"]
+    assert notes == ["colors are written as float32, not bytes, since USD has no byte colors"]
 
 
-def test_save_binds_one_material_when_all_faces_have_it(tmp_path):
+def test_save_binds_a_single_material_to_the_mesh(tmp_path):
     sheet = sheets(n_parts=1)
     groups = FaceGroups("material", ("skin",), np.zeros(3, np.int32))
     save(
@@ -211,7 +211,7 @@ def test_save_binds_one_material_when_all_faces_have_it(tmp_path):
     np.testing.assert_array_equal(found.numbers, [0, 0, 0])
 
 
-def test_save_writes_a_stage_that_others_understand(tmp_path):
+def test_saved_stage_declares_axes_units_and_extents(tmp_path):
     expected = sheets()
     save(expected, tmp_path / "x.usdc")
     stage = Usd.Stage.Open(str(tmp_path / "x.usdc"))
@@ -230,7 +230,7 @@ def test_save_writes_a_stage_that_others_understand(tmp_path):
 
 @pytest.mark.parametrize("ending", ENDINGS)
 @pytest.mark.parametrize("n_frames", [1, 3])
-def test_save_passes_every_validator_of_usd(tmp_path, ending, n_frames):
+def test_saved_files_pass_every_validator_of_usd(tmp_path, ending, n_frames):
     validation = pytest.importorskip("pxr.UsdValidation")
     save(sheets(n_frames, dtype=np.float64, offset=1e9), tmp_path / f"x.{ending}")
     stage = Usd.Stage.Open(str(tmp_path / f"x.{ending}"))
@@ -240,14 +240,14 @@ def test_save_passes_every_validator_of_usd(tmp_path, ending, n_frames):
     assert [(error.GetName(), error.GetMessage()) for error in found] == []
 
 
-def test_save_makes_a_package_of_one_binary_layer(tmp_path):
+def test_package_contains_one_binary_layer(tmp_path):
     save(sheets(), tmp_path / "x.usdz")
     with zipfile.ZipFile(tmp_path / "x.usdz") as package:
         (info,) = package.infolist()
     assert (info.filename, info.compress_type) == ("sheets.usdc", zipfile.ZIP_STORED)
 
 
-def test_save_leaves_only_the_file_when_it_is_done(tmp_path):
+def test_save_leaves_no_other_files(tmp_path):
     for ending in ENDINGS:
         save(sheets(), tmp_path / f"x.{ending}")
     assert sorted(path.name for path in tmp_path.iterdir()) == [
@@ -256,14 +256,14 @@ def test_save_leaves_only_the_file_when_it_is_done(tmp_path):
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_save_leaves_nothing_when_frames_break_off(tmp_path, ending):
+def test_failed_save_leaves_no_files(tmp_path, ending):
     sheet = sheets()
     with pytest.raises(InvalidInputError, match="4 frames were announced; 2 came"):
         save_frames([sheet.vertices[:2]], sheet.faces, tmp_path / f"x.{ending}", n_frames=4, fps=24)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_save_replaces_a_file_that_is_open(tmp_path):
+def test_save_replaces_an_open_file(tmp_path):
     save(sheets(3, n_parts=1), tmp_path / "x.usdc")
     source = open_source(tmp_path / "x.usdc")
     before = source.read(0, 3).copy()
@@ -272,7 +272,7 @@ def test_save_replaces_a_file_that_is_open(tmp_path):
     assert before.shape[0] == 3
 
 
-def test_save_writes_a_long_sequence_a_part_at_a_time(tmp_path, monkeypatch):
+def test_save_writes_long_sequences_in_pieces(tmp_path, monkeypatch):
     monkeypatch.setattr("meshreel.formats.usd.writing.UNSAVED_BYTES", 1000)
     expected = sheets(40)
     for ending in ENDINGS:
@@ -281,7 +281,7 @@ def test_save_writes_a_long_sequence_a_part_at_a_time(tmp_path, monkeypatch):
         np.testing.assert_array_equal(found.vertices, expected.vertices)
 
 
-def test_save_leaves_out_parts_when_they_have_no_faces(tmp_path):
+def test_save_leaves_out_parts_without_faces(tmp_path):
     sheet, notes = sheets(n_parts=1), []
     vertices = np.concatenate([sheet.vertices, sheet.vertices[:, :2]], axis=1)
     surface = Surface(SIZES, parts=(Part("a", 9, 3), Part("b", 2, 0)))
@@ -289,10 +289,10 @@ def test_save_leaves_out_parts_when_they_have_no_faces(tmp_path):
         MeshSequence(vertices, sheet.faces, 24.0, surface=surface), tmp_path / "x.usdc", notes=notes
     )
     np.testing.assert_array_equal(load(tmp_path / "x.usdc").vertices, sheet.vertices)
-    assert notes == ["part b has no faces and is left out"]
+    assert notes == ["part b is left out, since it is empty"]
 
 
-def test_save_says_so_when_usd_cannot_write(tmp_path, monkeypatch, capfd):
+def test_errors_of_usd_name_the_file(tmp_path, monkeypatch, capfd):
     def fail(*_, **__):
         from pxr import Tf
 
