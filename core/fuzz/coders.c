@@ -1,4 +1,4 @@
-/* Bits of integers, of fields, of tables and of orders: there and back, then damaged. */
+/* Fuzz targets of the entropy coders: round trips, then damaged bytes. */
 
 #include "fuzz.h"
 
@@ -14,39 +14,39 @@ typedef struct {
 
 static int32_t *decode_rows(const rows *all, fuzz_bytes from, int64_t *result) {
     size_t size = reel_integers_memory(all->n_tables);
-    int32_t *values = fuzz_take(all->n_values, sizeof *values);
-    *result = reel_integers_decode(fuzz_take((int64_t)size, 1), size, from.bytes, from.size,
+    int32_t *values = fuzz_allocate(all->n_values, sizeof *values);
+    *result = reel_integers_decode(fuzz_allocate((int64_t)size, 1), size, from.bytes, from.size,
                                    all->lengths, all->tables, all->n_rows, all->n_tables, values);
-    fuzz_claim_code(*result);
+    fuzz_check_code(*result);
     return values;
 }
 
 void fuzz_integers(void) {
     int64_t n_rows = fuzz_below(6), n_tables = 1 + fuzz_below(3);
     rows all = {.n_rows = n_rows, .n_tables = n_tables};
-    all.lengths = fuzz_take(all.n_rows, sizeof *all.lengths);
-    all.tables = fuzz_take(all.n_rows, sizeof *all.tables);
+    all.lengths = fuzz_allocate(all.n_rows, sizeof *all.lengths);
+    all.tables = fuzz_allocate(all.n_rows, sizeof *all.tables);
     for (int64_t i = 0; i < all.n_rows; i++) {
         all.lengths[i] = fuzz_below(120);
         all.tables[i] = (int32_t)fuzz_below(all.n_tables);
         all.n_values += all.lengths[i];
     }
-    int32_t *values = fuzz_take(all.n_values, sizeof *values);
+    int32_t *values = fuzz_allocate(all.n_values, sizeof *values);
     for (int64_t i = 0; i < all.n_values; i++) {
         values[i] = fuzz_integer();
     }
-    int64_t room = 16 * all.n_values + 16, result;
+    int64_t capacity = 16 * all.n_values + 16, result;
     size_t size = reel_integers_memory(all.n_tables);
-    uint8_t *out = fuzz_take(room, 1);
-    result = reel_integers_encode(fuzz_take((int64_t)size, 1), size, values, all.lengths,
-                                  all.tables, all.n_rows, all.n_tables, out, (size_t)room);
+    uint8_t *out = fuzz_allocate(capacity, 1);
+    result = reel_integers_encode(fuzz_allocate((int64_t)size, 1), size, values, all.lengths,
+                                  all.tables, all.n_rows, all.n_tables, out, (size_t)capacity);
     fuzz_bytes bytes = fuzz_written(out, result);
     int32_t *found = decode_rows(&all, bytes, &result);
-    FUZZ_CLAIM(result == (int64_t)bytes.size);
-    FUZZ_CLAIM(!memcmp(found, values, (size_t)all.n_values * sizeof *values));
+    FUZZ_CHECK(result == (int64_t)bytes.size);
+    FUZZ_CHECK(!memcmp(found, values, (size_t)all.n_values * sizeof *values));
     for (int i = 0; i < 3; i++) {
-        found = decode_rows(&all, fuzz_mutated(bytes), &result);
-        fuzz_note(found, result < 0 ? 0 : all.n_values, sizeof *found);
+        found = decode_rows(&all, fuzz_mutate(bytes), &result);
+        fuzz_hash(found, result < 0 ? 0 : all.n_values, sizeof *found);
     }
 }
 
@@ -57,20 +57,20 @@ typedef struct {
     int32_t *columns;
     int64_t *pass_starts, *near_starts;
     int32_t *near;
-} plan;
+} coding_plan;
 
-static plan make_plan(void) {
+static coding_plan make_plan(void) {
     int64_t n_rows = fuzz_below(6), n_columns = fuzz_below(80), n_passes = fuzz_below(5);
-    plan all = {.n_rows = n_rows, .n_columns = n_columns, .n_passes = n_passes};
+    coding_plan all = {.n_rows = n_rows, .n_columns = n_columns, .n_passes = n_passes};
     all.n_passes += all.n_columns > 0 && all.n_passes == 0;
     all.columns = fuzz_permutation(all.n_columns);
-    all.pass_starts = fuzz_take(all.n_passes + 1, sizeof(int64_t));
-    all.near_starts = fuzz_take(all.n_columns + 1, sizeof(int64_t));
-    int32_t *near = fuzz_take(16 * all.n_columns, sizeof *near);
-    int64_t n_near = 0, most = fuzz_below(17);
+    all.pass_starts = fuzz_allocate(all.n_passes + 1, sizeof(int64_t));
+    all.near_starts = fuzz_allocate(all.n_columns + 1, sizeof(int64_t));
+    int32_t *near = fuzz_allocate(16 * all.n_columns, sizeof *near);
+    int64_t n_near = 0, max_neighbors = fuzz_below(17);
     for (int64_t i = 0; i < all.n_columns; i++) {
         all.near_starts[i] = n_near;
-        for (int64_t j = i ? fuzz_below(most + 1) : 0; j > 0; j--) {
+        for (int64_t j = i ? fuzz_below(max_neighbors + 1) : 0; j > 0; j--) {
             near[n_near++] = all.columns[fuzz_below(i)];
         }
     }
@@ -82,23 +82,23 @@ static plan make_plan(void) {
     return all;
 }
 
-static size_t plan_memory(const plan *all) {
+static size_t plan_memory(const coding_plan *all) {
     return reel_fields_memory(all->n_columns, all->n_passes, all->near_starts[all->n_columns]);
 }
 
-static int32_t *decode_fields(const plan *all, fuzz_bytes from, int64_t *result) {
+static int32_t *decode_fields(const coding_plan *all, fuzz_bytes from, int64_t *result) {
     size_t size = plan_memory(all);
-    int32_t *values = fuzz_take(all->n_rows * all->n_columns, sizeof *values);
-    *result = reel_fields_decode(fuzz_take((int64_t)size, 1), size, from.bytes, from.size,
-                                 all->n_rows, all->n_rows, all->n_columns, all->columns,
-                                 all->pass_starts, all->n_passes, all->near_starts, all->near,
-                                 values);
-    fuzz_claim_code(*result);
+    int32_t *values = fuzz_allocate(all->n_rows * all->n_columns, sizeof *values);
+    *result =
+        reel_fields_decode(fuzz_allocate((int64_t)size, 1), size, from.bytes, from.size,
+                           all->n_rows, all->n_rows, all->n_columns, all->columns, all->pass_starts,
+                           all->n_passes, all->near_starts, all->near, values);
+    fuzz_check_code(*result);
     return values;
 }
 
-/* A plan that breaks its rules is refused, or harmless. */
-static void spoil_plan(plan *all) {
+/* Break a rule of a plan: the core must reject it, or decode it without harm. */
+static void damage_plan(coding_plan *all) {
     int64_t n_near = all->near_starts[all->n_columns], kind = fuzz_below(4);
     int64_t column = fuzz_below(all->n_columns), pass = fuzz_below(all->n_passes + 1);
     if (kind == 0 && all->n_columns) {
@@ -106,7 +106,7 @@ static void spoil_plan(plan *all) {
     } else if (kind == 1 && n_near) {
         int64_t place = fuzz_below(n_near);
         all->near[place] = fuzz_integer();
-    } else if (kind == 2 && all->n_columns) { /* the last says how long the list is */
+    } else if (kind == 2 && all->n_columns) { /* the last entry is the length of the list */
         all->near_starts[column] = fuzz_integer();
     } else {
         all->pass_starts[pass] = fuzz_integer();
@@ -114,26 +114,26 @@ static void spoil_plan(plan *all) {
 }
 
 void fuzz_fields(void) {
-    plan all = make_plan();
-    int64_t n_values = all.n_rows * all.n_columns, room = 16 * n_values + 65536, result;
-    int32_t *values = fuzz_take(n_values, sizeof *values);
+    coding_plan all = make_plan();
+    int64_t n_values = all.n_rows * all.n_columns, capacity = 16 * n_values + 65536, result;
+    int32_t *values = fuzz_allocate(n_values, sizeof *values);
     for (int64_t i = 0; i < n_values; i++) {
-        values[i] = fuzz_once_in(3) ? fuzz_integer() : 0;
+        values[i] = fuzz_one_in(3) ? fuzz_integer() : 0;
     }
     size_t size = plan_memory(&all);
-    uint8_t *out = fuzz_take(room, 1);
-    result = reel_fields_encode(fuzz_take((int64_t)size, 1), size, values, all.n_rows,
+    uint8_t *out = fuzz_allocate(capacity, 1);
+    result = reel_fields_encode(fuzz_allocate((int64_t)size, 1), size, values, all.n_rows,
                                 all.n_columns, all.columns, all.pass_starts, all.n_passes,
-                                all.near_starts, all.near, out, (size_t)room);
+                                all.near_starts, all.near, out, (size_t)capacity);
     fuzz_bytes bytes = fuzz_written(out, result);
     int32_t *found = decode_fields(&all, bytes, &result);
-    FUZZ_CLAIM(result == (int64_t)bytes.size);
-    FUZZ_CLAIM(!memcmp(found, values, (size_t)n_values * sizeof *values));
+    FUZZ_CHECK(result == (int64_t)bytes.size);
+    FUZZ_CHECK(!memcmp(found, values, (size_t)n_values * sizeof *values));
     for (int i = 0; i < 3; i++) {
-        found = decode_fields(&all, fuzz_mutated(bytes), &result);
-        fuzz_note(found, result < 0 ? 0 : n_values, sizeof *found);
+        found = decode_fields(&all, fuzz_mutate(bytes), &result);
+        fuzz_hash(found, result < 0 ? 0 : n_values, sizeof *found);
     }
-    spoil_plan(&all);
+    damage_plan(&all);
     decode_fields(&all, bytes, &result);
 }
 
@@ -144,59 +144,59 @@ typedef struct {
     int32_t *order;
     int64_t *starts;
     int32_t *triples;
-} expectation;
+} row_order;
 
-static uint8_t *decode_table(const expectation *all, fuzz_bytes from, int64_t *result) {
+static uint8_t *decode_table(const row_order *all, fuzz_bytes from, int64_t *result) {
     size_t size = reel_patterns_memory(all->width);
-    uint8_t *values = fuzz_take(all->n_rows * all->width, (size_t)all->item);
-    *result = reel_patterns_decode(fuzz_take((int64_t)size, 1), size, from.bytes, from.size,
+    uint8_t *values = fuzz_allocate(all->n_rows * all->width, (size_t)all->item);
+    *result = reel_patterns_decode(fuzz_allocate((int64_t)size, 1), size, from.bytes, from.size,
                                    values, all->n_rows, all->width, all->item, all->is_float,
                                    all->order, all->starts, all->triples);
-    fuzz_claim_code(*result);
+    fuzz_check_code(*result);
     return values;
 }
 
-/* From which rows others are expected, along the faces of a mesh. */
-static expectation expect_along(const fuzz_mesh *mesh) {
+/* Predict rows along the faces of a mesh. */
+static row_order predict_along(const fuzz_mesh *mesh) {
     static const int64_t items[] = {1, 4, 8};
-    expectation all = {.n_rows = mesh->n_verts, .width = 1 + fuzz_below(4)};
+    row_order all = {.n_rows = mesh->n_verts, .width = 1 + fuzz_below(4)};
     all.item = items[fuzz_below(3)];
-    all.is_float = all.item == 8 || (all.item == 4 && fuzz_once_in(2));
-    all.order = fuzz_take(all.n_rows, sizeof *all.order);
-    all.starts = fuzz_take(all.n_rows + 1, sizeof *all.starts);
-    int64_t most = 3 * mesh->n_faces + all.n_rows;
-    int32_t *triples = fuzz_take(3 * most, sizeof *triples);
+    all.is_float = all.item == 8 || (all.item == 4 && fuzz_one_in(2));
+    all.order = fuzz_allocate(all.n_rows, sizeof *all.order);
+    all.starts = fuzz_allocate(all.n_rows + 1, sizeof *all.starts);
+    int64_t max_neighbors = 3 * mesh->n_faces + all.n_rows;
+    int32_t *triples = fuzz_allocate(3 * max_neighbors, sizeof *triples);
     size_t size = reel_predictors_memory(all.n_rows, mesh->n_faces);
     all.n_triples =
-        reel_predictors_find(fuzz_take((int64_t)size, 1), size, mesh->faces, mesh->twins,
+        reel_predictors_find(fuzz_allocate((int64_t)size, 1), size, mesh->faces, mesh->twins,
                              all.n_rows, mesh->n_faces, all.order, all.starts, triples);
-    FUZZ_CLAIM(all.n_triples >= 0 && all.n_triples <= most);
+    FUZZ_CHECK(all.n_triples >= 0 && all.n_triples <= max_neighbors);
     all.triples = fuzz_copy(triples, 3 * all.n_triples, sizeof *triples);
     return all;
 }
 
 void fuzz_patterns(void) {
-    fuzz_mesh mesh = fuzz_any_mesh(60);
-    expectation all = expect_along(&mesh);
+    fuzz_mesh mesh = fuzz_make_mesh(60);
+    row_order all = predict_along(&mesh);
     int64_t n_bytes = all.n_rows * all.width * all.item, result;
-    int64_t room = 24 * all.n_rows * all.width + 32 * all.n_rows + 32;
-    uint8_t *values = fuzz_take(n_bytes, 1), *out = fuzz_take(room, 1);
+    int64_t capacity = 24 * all.n_rows * all.width + 32 * all.n_rows + 32;
+    uint8_t *values = fuzz_allocate(n_bytes, 1), *out = fuzz_allocate(capacity, 1);
     int64_t variety = 1 + fuzz_below(256);
     for (int64_t i = 0; i < n_bytes; i++) {
         values[i] = (uint8_t)fuzz_below(variety);
     }
-    uint8_t *kept = fuzz_copy(values, n_bytes, 1);
+    uint8_t *original = fuzz_copy(values, n_bytes, 1);
     size_t size = reel_patterns_memory(all.width);
-    result = reel_patterns_encode(fuzz_take((int64_t)size, 1), size, values, all.n_rows, all.width,
-                                  all.item, all.is_float, all.order, all.starts, all.triples, out,
-                                  (size_t)room);
+    result = reel_patterns_encode(fuzz_allocate((int64_t)size, 1), size, values, all.n_rows,
+                                  all.width, all.item, all.is_float, all.order, all.starts,
+                                  all.triples, out, (size_t)capacity);
     fuzz_bytes bytes = fuzz_written(out, result);
     uint8_t *found = decode_table(&all, bytes, &result);
-    FUZZ_CLAIM(result == (int64_t)bytes.size);
-    FUZZ_CLAIM(!memcmp(found, kept, (size_t)n_bytes));
+    FUZZ_CHECK(result == (int64_t)bytes.size);
+    FUZZ_CHECK(!memcmp(found, original, (size_t)n_bytes));
     for (int i = 0; i < 3; i++) {
-        found = decode_table(&all, fuzz_mutated(bytes), &result);
-        fuzz_note(found, result < 0 ? 0 : n_bytes, 1);
+        found = decode_table(&all, fuzz_mutate(bytes), &result);
+        fuzz_hash(found, result < 0 ? 0 : n_bytes, 1);
     }
 }
 
@@ -205,10 +205,10 @@ void fuzz_patterns(void) {
 static int64_t decode_order(const fuzz_mesh *mesh, bool with_faces, fuzz_bytes from,
                             int32_t *corners, int32_t *sequence) {
     size_t size = reel_order_memory(mesh->n_verts, mesh->n_faces);
-    int64_t result = reel_order_decode(fuzz_take((int64_t)size, 1), size, from.bytes, from.size,
+    int64_t result = reel_order_decode(fuzz_allocate((int64_t)size, 1), size, from.bytes, from.size,
                                        mesh->faces, with_faces ? mesh->twins : NULL, mesh->n_verts,
                                        mesh->n_faces, with_faces, corners, sequence);
-    fuzz_claim_code(result);
+    fuzz_check_code(result);
     return result;
 }
 
@@ -220,65 +220,65 @@ static int32_t *any_corners(int64_t n_faces) {
     return found;
 }
 
-/* All of 0..n-1 once, each by `share`. */
-static void claim_permutation(const int32_t *found, int64_t n, int32_t share) {
-    uint8_t *seen = fuzz_take(n, 1);
+/* Check that found[i] / share is a permutation of 0..n-1. */
+static void check_permutation(const int32_t *found, int64_t n, int32_t share) {
+    uint8_t *seen = fuzz_allocate(n, 1);
     memset(seen, 0, (size_t)n);
     for (int64_t i = 0; i < n; i++) {
-        FUZZ_CLAIM(found[i] >= 0 && found[i] / share < n && !seen[found[i] / share]);
+        FUZZ_CHECK(found[i] >= 0 && found[i] / share < n && !seen[found[i] / share]);
         seen[found[i] / share] = 1;
     }
 }
 
 void fuzz_order(void) {
-    fuzz_mesh mesh = fuzz_any_mesh(60);
-    bool with_faces = !fuzz_once_in(3);
-    if (fuzz_once_in(4)) {
-        fuzz_pair_sides(&mesh);
+    fuzz_mesh mesh = fuzz_make_mesh(60);
+    bool with_faces = !fuzz_one_in(3);
+    if (fuzz_one_in(4)) {
+        fuzz_shuffle_twins(&mesh);
     }
     int32_t *given_corners = with_faces ? any_corners(mesh.n_faces) : NULL;
     int32_t *given_sequence = fuzz_permutation(mesh.n_verts);
-    int64_t room = 32 * (mesh.n_verts + mesh.n_faces) + 32, result;
+    int64_t capacity = 32 * (mesh.n_verts + mesh.n_faces) + 32, result;
     int32_t *corners = with_faces ? fuzz_copy(given_corners, mesh.n_faces, 4) : NULL;
     int32_t *sequence = fuzz_copy(given_sequence, mesh.n_verts, 4);
     size_t size = reel_order_memory(mesh.n_verts, mesh.n_faces);
-    uint8_t *out = fuzz_take(room, 1);
-    result = reel_order_encode(fuzz_take((int64_t)size, 1), size, mesh.faces,
+    uint8_t *out = fuzz_allocate(capacity, 1);
+    result = reel_order_encode(fuzz_allocate((int64_t)size, 1), size, mesh.faces,
                                with_faces ? mesh.twins : NULL, mesh.n_verts, mesh.n_faces,
-                               with_faces, corners, sequence, out, (size_t)room);
+                               with_faces, corners, sequence, out, (size_t)capacity);
     fuzz_bytes bytes = fuzz_written(out, result);
-    FUZZ_CLAIM(!memcmp(sequence, given_sequence, (size_t)mesh.n_verts * sizeof *sequence));
+    FUZZ_CHECK(!memcmp(sequence, given_sequence, (size_t)mesh.n_verts * sizeof *sequence));
     for (int i = 0; i < 4; i++) {
-        corners = with_faces ? fuzz_take(mesh.n_faces, sizeof *corners) : NULL;
-        sequence = fuzz_take(mesh.n_verts, sizeof *sequence);
-        fuzz_bytes from = i ? fuzz_mutated(bytes) : bytes;
+        corners = with_faces ? fuzz_allocate(mesh.n_faces, sizeof *corners) : NULL;
+        sequence = fuzz_allocate(mesh.n_verts, sizeof *sequence);
+        fuzz_bytes from = i ? fuzz_mutate(bytes) : bytes;
         result = decode_order(&mesh, with_faces, from, corners, sequence);
-        FUZZ_CLAIM(i || result == (int64_t)bytes.size);
+        FUZZ_CHECK(i || result == (int64_t)bytes.size);
         if (result >= 0) {
-            claim_permutation(sequence, mesh.n_verts, 1);
-            fuzz_note(sequence, mesh.n_verts, sizeof *sequence);
+            check_permutation(sequence, mesh.n_verts, 1);
+            fuzz_hash(sequence, mesh.n_verts, sizeof *sequence);
         }
         if (result >= 0 && with_faces) {
-            claim_permutation(corners, mesh.n_faces, 3);
-            fuzz_note(corners, mesh.n_faces, sizeof *corners);
+            check_permutation(corners, mesh.n_faces, 3);
+            fuzz_hash(corners, mesh.n_faces, sizeof *corners);
         }
-        FUZZ_CLAIM(i || !memcmp(sequence, given_sequence, (size_t)mesh.n_verts * 4));
-        FUZZ_CLAIM(i || !with_faces || !memcmp(corners, given_corners, (size_t)mesh.n_faces * 4));
+        FUZZ_CHECK(i || !memcmp(sequence, given_sequence, (size_t)mesh.n_verts * 4));
+        FUZZ_CHECK(i || !with_faces || !memcmp(corners, given_corners, (size_t)mesh.n_faces * 4));
     }
 }
 
 /* ---- numbers over time on a graph ---- */
 
-/* Neighbours of some items: most are next to each other in their numbers. */
-static int32_t *any_neighbours(int64_t n_items, int32_t **near) {
-    int32_t *starts = fuzz_take(n_items + 1, sizeof *starts);
-    *near = fuzz_take(8 * n_items, sizeof **near);
-    int64_t most = fuzz_below(9);
+/* Random neighbors of items, mostly of nearby numbers. */
+static int32_t *any_neighbors(int64_t n_items, int32_t **near) {
+    int32_t *starts = fuzz_allocate(n_items + 1, sizeof *starts);
+    *near = fuzz_allocate(8 * n_items, sizeof **near);
+    int64_t max_neighbors = fuzz_below(9);
     starts[0] = 0;
     for (int64_t i = 0; i < n_items; i++) {
         int32_t at = starts[i];
-        for (int64_t j = fuzz_below(most + 1); j > 0; j--) {
-            int64_t other = fuzz_once_in(8) ? fuzz_below(n_items) : i + fuzz_below(7) - 3;
+        for (int64_t j = fuzz_below(max_neighbors + 1); j > 0; j--) {
+            int64_t other = fuzz_one_in(8) ? fuzz_below(n_items) : i + fuzz_below(7) - 3;
             (*near)[at++] = (int32_t)(other < 0 || other >= n_items ? i : other);
         }
         starts[i + 1] = at;
@@ -286,7 +286,7 @@ static int32_t *any_neighbours(int64_t n_items, int32_t **near) {
     return starts;
 }
 
-/* A number of a kind, as bytes: floats that are decimal, of few bits or any; or integers. */
+/* Store a random number: decimal floats, floats of few bits, any floats, or integers. */
 static void put_number(uint8_t *at, int64_t size, int64_t type, int64_t kind) {
     uint64_t bits = fuzz_next();
     double value = kind ? (double)(fuzz_integer() / 64) / 1000.0 : fuzz_float();
@@ -303,38 +303,39 @@ static void put_number(uint8_t *at, int64_t size, int64_t type, int64_t kind) {
 }
 
 void fuzz_exact(void) {
-    int64_t type = fuzz_below(3), kind = fuzz_below(3), still = 1 + fuzz_below(4);
+    int64_t type = fuzz_below(3), kind = fuzz_below(3), repetition = 1 + fuzz_below(4);
     int64_t size = type == REEL_FLOATS ? 4 << fuzz_below(2) : 1 << fuzz_below(4);
     int64_t n_frames = 1 + fuzz_below(9), n_items = 1 + fuzz_below(40), width = 1 + fuzz_below(4);
     int64_t count = n_frames * n_items * width, row = n_items * width;
-    int32_t *near, *starts = any_neighbours(n_items, &near);
-    uint8_t *values = fuzz_take(count, (size_t)size);
+    int32_t *near, *starts = any_neighbors(n_items, &near);
+    uint8_t *values = fuzz_allocate(count, (size_t)size);
     for (int64_t i = 0; i < count; i++) {
-        if (i >= row && fuzz_below(still)) {
+        if (i >= row && fuzz_below(repetition)) {
             memcpy(values + i * size, values + (i - row) * size, (size_t)size);
         } else {
             put_number(values + i * size, size, type, kind);
         }
     }
     uint8_t *given = fuzz_copy(values, count, (size_t)size);
-    size_t need = reel_exact_memory(n_frames, n_items, width);
-    int64_t room = count * size + 16;
-    uint8_t *out = fuzz_take(room, 1);
+    size_t memory_size = reel_exact_memory(n_frames, n_items, width);
+    int64_t capacity = count * size + 16;
+    uint8_t *out = fuzz_allocate(capacity, 1);
     int64_t result =
-        reel_exact_encode(fuzz_take((int64_t)need, 1), need, values, n_frames, n_items, width, size,
-                          type, starts, near, out, (size_t)room);
+        reel_exact_encode(fuzz_allocate((int64_t)memory_size, 1), memory_size, values, n_frames,
+                          n_items, width, size, type, starts, near, out, (size_t)capacity);
     fuzz_bytes bytes = fuzz_written(out, result);
-    FUZZ_CLAIM(!memcmp(values, given, (size_t)(count * size)));
+    FUZZ_CHECK(!memcmp(values, given, (size_t)(count * size)));
     for (int i = 0; i < 4; i++) {
-        fuzz_bytes from = i ? fuzz_mutated(bytes) : bytes;
-        uint8_t *back = fuzz_take(count, (size_t)size);
-        result = reel_exact_decode(fuzz_take((int64_t)need, 1), need, from.bytes, from.size, back,
-                                   n_frames, n_items, width, size, type, starts, near);
-        fuzz_claim_code(result);
-        FUZZ_CLAIM(i || result == (int64_t)bytes.size);
-        FUZZ_CLAIM(i || !memcmp(back, given, (size_t)(count * size)));
+        fuzz_bytes from = i ? fuzz_mutate(bytes) : bytes;
+        uint8_t *back = fuzz_allocate(count, (size_t)size);
+        result =
+            reel_exact_decode(fuzz_allocate((int64_t)memory_size, 1), memory_size, from.bytes,
+                              from.size, back, n_frames, n_items, width, size, type, starts, near);
+        fuzz_check_code(result);
+        FUZZ_CHECK(i || result == (int64_t)bytes.size);
+        FUZZ_CHECK(i || !memcmp(back, given, (size_t)(count * size)));
         if (result >= 0) {
-            fuzz_note(back, count, (size_t)size);
+            fuzz_hash(back, count, (size_t)size);
         }
     }
 }

@@ -1,8 +1,8 @@
-/* What tests of the core with hostile bytes share: where choices come from, and memory.
+/* Shared by the fuzz targets of the core: the source of choices, memory, assertions.
 
-   A run takes all that it does from some bytes: those that libFuzzer gives, or random ones. Every
-   array lies in a block of its own, of the size that the core states, and what is around it is
-   poisoned, so that the address sanitizer sees a step beside it. */
+   A run derives everything from some bytes: those of libFuzzer, or random ones. Every array is a
+   separate block of the size that the core states, surrounded by poisoned memory, so that the
+   address sanitizer detects overruns. */
 
 #ifndef REEL_FUZZ_H
 #define REEL_FUZZ_H
@@ -15,62 +15,62 @@
 
 /* ---- choices ---- */
 
-/* The next number that the bytes give; behind their end a random one that they decide. */
+/* Return the next number of the input; past its end, a pseudorandom one seeded by it. */
 uint64_t fuzz_next(void);
-/* One of 0..n-1. */
+/* Return one of 0..n-1. */
 int64_t fuzz_below(int64_t n);
-/* Is this the one case in n? */
-bool fuzz_once_in(int64_t n);
-/* An integer that is mostly small, at times as large as it can be. */
+/* Return true once in n cases. */
+bool fuzz_one_in(int64_t n);
+/* Return an integer that is mostly small, at times as large as possible. */
 int32_t fuzz_integer(void);
-/* A float that is mostly small, at times huge, infinite or not a number. */
+/* Return a float that is mostly small, at times huge, infinite or NaN. */
 double fuzz_float(void);
 
 /* ---- memory ---- */
 
-/* A block until the end of the run, aligned to 64 bytes. It is filled with what a caller's memory
-   may hold: anything, and in the repetition of a run something else. */
-void *fuzz_take(int64_t count, size_t item);
+/* Allocate a block until the end of the run, aligned to 64 bytes. It is filled with arbitrary
+   contents, which differ when the run is repeated. */
+void *fuzz_allocate(int64_t count, size_t item);
 void *fuzz_copy(const void *from, int64_t count, size_t item);
 /* The byte that this memory is filled with. */
-int fuzz_filling(void);
+int fuzz_fill_byte(void);
 
 typedef struct {
     uint8_t *bytes;
     size_t size;
 } fuzz_bytes;
 
-/* Bytes of `room` of which the core has written `size`, in a block of just this size. */
+/* Copy the `size` bytes that the core has written to a block of exactly this size. */
 fuzz_bytes fuzz_written(const uint8_t *out, int64_t size);
-/* The same bytes changed, cut, extended, or other ones. */
-fuzz_bytes fuzz_mutated(fuzz_bytes from);
+/* Return the bytes modified, truncated, extended, or replaced. */
+fuzz_bytes fuzz_mutate(fuzz_bytes from);
 
-/* ---- what is claimed ---- */
+/* ---- assertions ---- */
 
-#define FUZZ_CLAIM(holds) fuzz_claim((holds), #holds, __FILE__, __LINE__)
-void fuzz_claim(bool holds, const char *claim, const char *file, int line);
-/* Failures are those that reel.h names, and never for memory that was of the stated size. */
-void fuzz_claim_code(int64_t result);
-/* What a repetition of the run has to find again. */
-void fuzz_note(const void *found, int64_t count, size_t item);
-void fuzz_note_doubles(const double *found, int64_t count);
+#define FUZZ_CHECK(condition) fuzz_check((condition), #condition, __FILE__, __LINE__)
+void fuzz_check(bool condition, const char *text, const char *file, int line);
+/* Assert that a failure is one of reel.h, and not for memory, which had the stated size. */
+void fuzz_check_code(int64_t result);
+/* Add a result to the hash of the run, which a repetition must reproduce. */
+void fuzz_hash(const void *found, int64_t count, size_t item);
+void fuzz_hash_doubles(const double *found, int64_t count);
 
 /* ---- meshes ---- */
 
 typedef struct {
     int64_t n_verts, n_faces;
     int32_t *faces;
-    int32_t *twins; /* the other side on the same edge of each, or itself */
+    int32_t *twins; /* twin of each half-edge, or itself */
 } fuzz_mesh;
 
-fuzz_mesh fuzz_any_mesh(int64_t most_verts);
-/* Gives the sides of a mesh other twins: any involution. */
-void fuzz_pair_sides(fuzz_mesh *mesh);
+fuzz_mesh fuzz_make_mesh(int64_t most_verts);
+/* Replace the twins of a mesh by an arbitrary involution. */
+void fuzz_shuffle_twins(fuzz_mesh *mesh);
 int32_t *fuzz_permutation(int64_t n);
 
 /* ---- streams ---- */
 
-/* Decodes a file by meshreel.h in several ways, which have to agree. */
+/* Decode a file through meshreel.h in two ways, which must agree. */
 void fuzz_read_stream(fuzz_bytes bytes);
 
 /* ---- targets ---- */

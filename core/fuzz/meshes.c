@@ -1,9 +1,9 @@
-/* Meshes of all kinds: grids, fans, closed ones, and faces that make no sense. */
+/* Random meshes: grids, fans, closed surfaces, and arbitrary faces. */
 
 #include "fuzz.h"
 
 int32_t *fuzz_permutation(int64_t n) {
-    int32_t *found = fuzz_take(n, sizeof *found);
+    int32_t *found = fuzz_allocate(n, sizeof *found);
     for (int64_t i = 0; i < n; i++) {
         int64_t j = fuzz_below(i + 1);
         found[i] = found[j];
@@ -12,12 +12,14 @@ int32_t *fuzz_permutation(int64_t n) {
     return found;
 }
 
-/* The opposite side of each: the next on the same edge, whatever its direction and its face. */
+/* Find the twin of each half-edge by brute force: the next one on the same edge, regardless of
+   direction. */
 static void find_twins(fuzz_mesh *mesh) {
     int64_t n_sides = 3 * mesh->n_faces;
-    int32_t *last = fuzz_take(mesh->n_verts, sizeof *last); /* open side at each lower end */
-    int32_t *before = fuzz_take(n_sides, sizeof *before);
-    int32_t *high = fuzz_take(n_sides, sizeof *high);
+    /* Unpaired half-edges by lower end, as linked lists. */
+    int32_t *last = fuzz_allocate(mesh->n_verts, sizeof *last);
+    int32_t *before = fuzz_allocate(n_sides, sizeof *before);
+    int32_t *high = fuzz_allocate(n_sides, sizeof *high);
     for (int64_t v = 0; v < mesh->n_verts; v++) {
         last[v] = -1;
     }
@@ -40,12 +42,12 @@ static void find_twins(fuzz_mesh *mesh) {
     }
 }
 
-/* Any involution: sides in pairs, some by themselves. */
-void fuzz_pair_sides(fuzz_mesh *mesh) {
+/* Make any involution: pairs of half-edges, and some fixed points. */
+void fuzz_shuffle_twins(fuzz_mesh *mesh) {
     int64_t n_sides = 3 * mesh->n_faces, i = 0;
     const int32_t *order = fuzz_permutation(n_sides);
     for (; i + 1 < n_sides; i += 2) {
-        bool alone = fuzz_once_in(6);
+        bool alone = fuzz_one_in(6);
         mesh->twins[order[i]] = order[alone ? i : i + 1];
         mesh->twins[order[i + 1]] = order[alone ? i + 1 : i];
     }
@@ -59,34 +61,34 @@ static void make_grid(fuzz_mesh *mesh, int64_t side) {
     for (int64_t i = 0; i + 1 < side; i++) {
         for (int64_t j = 0; j + 1 < side; j++) {
             int32_t at = (int32_t)(i * side + j), below = at + (int32_t)side;
-            int32_t two[6] = {at, below, at + 1, at + 1, below, below + 1};
+            int32_t corners[6] = {at, below, at + 1, at + 1, below, below + 1};
             for (int k = 0; k < 6; k++) {
-                *face++ = two[k];
+                *face++ = corners[k];
             }
         }
     }
     mesh->n_faces = (face - mesh->faces) / 3;
 }
 
-/* Around a hub, or around each of two: then it is closed. */
+/* A fan around a hub, or a closed double fan around two. */
 static void make_fan(fuzz_mesh *mesh, bool closed) {
     int32_t n = (int32_t)mesh->n_verts, rim = n - 2, *face = mesh->faces;
     for (int32_t i = 0; i < rim; i++) {
         int32_t next = i + 1 < rim ? i + 1 : 0;
-        int32_t two[6] = {i, next, n - 2, next, i, n - 1};
+        int32_t corners[6] = {i, next, n - 2, next, i, n - 1};
         for (int k = 0; k < (closed ? 6 : 3); k++) {
-            *face++ = two[k];
+            *face++ = corners[k];
         }
     }
     mesh->n_faces = (face - mesh->faces) / 3;
 }
 
-static void spoil(fuzz_mesh *mesh) {
+static void damage_mesh(fuzz_mesh *mesh) {
     for (int64_t i = 1 + fuzz_below(6); i > 0 && mesh->n_faces; i--) {
         int64_t place = fuzz_below(3 * mesh->n_faces);
         mesh->faces[place] = (int32_t)fuzz_below(mesh->n_verts);
     }
-    if (fuzz_once_in(3)) { /* faces come in any order, and turned */
+    if (fuzz_one_in(3)) { /* permute and rotate the faces */
         int32_t *faces = fuzz_copy(mesh->faces, 3 * mesh->n_faces, sizeof *faces);
         const int32_t *order = fuzz_permutation(mesh->n_faces);
         for (int64_t i = 0; i < 3 * mesh->n_faces; i++) {
@@ -95,37 +97,38 @@ static void spoil(fuzz_mesh *mesh) {
     }
 }
 
-fuzz_mesh fuzz_any_mesh(int64_t most_verts) {
+fuzz_mesh fuzz_make_mesh(int64_t most_verts) {
     fuzz_mesh mesh = {.n_verts = fuzz_below(most_verts)};
     int64_t kind = fuzz_below(4), side = 0;
     while ((side + 1) * (side + 1) <= mesh.n_verts) {
         side++;
     }
     mesh.n_faces = mesh.n_verts ? fuzz_below(2 * mesh.n_verts) : 0;
-    int32_t *faces = fuzz_take(6 * mesh.n_verts, sizeof *faces);
+    int32_t *faces = fuzz_allocate(6 * mesh.n_verts, sizeof *faces);
     mesh.faces = faces;
     if (kind == 0) {
         make_grid(&mesh, side);
     } else if (kind == 1 && mesh.n_verts > 4) {
-        make_fan(&mesh, fuzz_once_in(2));
+        make_fan(&mesh, fuzz_one_in(2));
     } else {
-        int64_t near = 2 + fuzz_below(mesh.n_verts);
+        int64_t span = 2 + fuzz_below(mesh.n_verts);
         for (int64_t i = 0; i < 3 * mesh.n_faces; i++) {
-            int64_t from = i % 3 ? mesh.faces[i - i % 3] : fuzz_below(mesh.n_verts);
-            mesh.faces[i] = (int32_t)((from + fuzz_below(near)) % mesh.n_verts);
+            int64_t base = i % 3 ? mesh.faces[i - i % 3] : fuzz_below(mesh.n_verts);
+            mesh.faces[i] = (int32_t)((base + fuzz_below(span)) % mesh.n_verts);
         }
     }
-    if (fuzz_once_in(2)) {
-        spoil(&mesh);
+    if (fuzz_one_in(2)) {
+        damage_mesh(&mesh);
     }
     mesh.faces = fuzz_copy(faces, 3 * mesh.n_faces, sizeof *faces);
-    mesh.twins = fuzz_take(3 * mesh.n_faces, sizeof *mesh.twins);
+    mesh.twins = fuzz_allocate(3 * mesh.n_faces, sizeof *mesh.twins);
     find_twins(&mesh);
     size_t size = reel_twins_memory(mesh.n_verts, mesh.n_faces);
-    int32_t *twins = fuzz_take(3 * mesh.n_faces, sizeof *twins);
-    reel_twins(fuzz_take((int64_t)size, 1), size, mesh.faces, mesh.n_faces, mesh.n_verts, twins);
+    int32_t *twins = fuzz_allocate(3 * mesh.n_faces, sizeof *twins);
+    reel_twins(fuzz_allocate((int64_t)size, 1), size, mesh.faces, mesh.n_faces, mesh.n_verts,
+               twins);
     for (int64_t i = 0; i < 3 * mesh.n_faces; i++) {
-        FUZZ_CLAIM(twins[i] == mesh.twins[i]);
+        FUZZ_CHECK(twins[i] == mesh.twins[i]);
     }
     return mesh;
 }

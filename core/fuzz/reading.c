@@ -1,6 +1,5 @@
-/* Decodes whole files by meshreel.h: once with a host that gives all, and once with one that fails,
-   limits memory, and runs tasks in another order. What both find must be equal, and nothing may
-   leak. */
+/* Decodes whole files through meshreel.h with two hosts: a reliable one, and a hostile one that
+   fails, limits memory, and reorders tasks. Results must agree, and nothing may leak. */
 
 #include <stdlib.h>
 #include <string.h>
@@ -9,7 +8,7 @@
 #include "fuzz.h"
 
 #define LIMIT ((uint64_t)1 << 22)
-#define MAX_BYTES ((uint64_t)1 << 18) /* of values that are decoded at once */
+#define MAX_BYTES ((uint64_t)1 << 18) /* limit of values decoded at once */
 #define MAX_RETRIES 2000
 
 /* ---- a host ---- */
@@ -21,7 +20,7 @@ typedef struct {
 } host_state;
 
 static bool fails(host_state *state) {
-    return state->fails_once_in && fuzz_once_in(state->fails_once_in);
+    return state->fails_once_in && fuzz_one_in(state->fails_once_in);
 }
 
 static void *allocate(void *user, size_t size) {
@@ -30,23 +29,23 @@ static void *allocate(void *user, size_t size) {
     if (fails(state)) {
         return NULL;
     }
-    FUZZ_CLAIM(!posix_memalign(&memory, 64, size));
-    memset(memory, fuzz_filling(), size);
+    FUZZ_CHECK(!posix_memalign(&memory, 64, size));
+    memset(memory, fuzz_fill_byte(), size);
     state->held += size;
-    FUZZ_CLAIM(state->held <= 3 * state->limit); /* of a file, a segment of it and a decoder */
+    FUZZ_CHECK(state->held <= 3 * state->limit); /* of a file, a segment and a decoder */
     return memory;
 }
 
 static void release(void *user, void *memory, size_t size) {
     host_state *state = user;
-    FUZZ_CLAIM(size <= state->held);
+    FUZZ_CHECK(size <= state->held);
     state->held -= size;
     free(memory);
 }
 
 static int read_bytes(void *user, uint64_t offset, void *to, size_t size) {
     host_state *state = user;
-    FUZZ_CLAIM(size && offset <= state->bytes.size && size <= state->bytes.size - offset);
+    FUZZ_CHECK(size && offset <= state->bytes.size && size <= state->bytes.size - offset);
     if (fails(state)) {
         return 1;
     }
@@ -54,7 +53,7 @@ static int read_bytes(void *user, uint64_t offset, void *to, size_t size) {
     return 0;
 }
 
-/* The last task first. */
+/* Run the last task first. */
 static void run_backward(void *user, void (*task)(void *shared, uint32_t i), void *shared,
                          uint32_t n_tasks) {
     (void)user;
@@ -65,12 +64,13 @@ static void run_backward(void *user, void (*task)(void *shared, uint32_t i), voi
 
 /* ---- calls ---- */
 
-/* A file that is read, and what is done with it next. */
+/* A file being read. */
 typedef struct {
     host_state state;
     meshreel_source source;
     meshreel_host host;
-    meshreel_file *file, *whole; /* a segment, and the file that it is of, or NULL */
+    /* If a segment is open: the segment, and its file; else `whole` is NULL. */
+    meshreel_file *file, *whole;
     meshreel_decoder *decoder;
 } reading;
 
@@ -104,256 +104,256 @@ static int take_step(reading *r, const step *s, meshreel_error *error) {
     }
 }
 
-/* Takes a step until neither memory nor reading fails; returns its code. */
-static int settle(reading *r, const step *s) {
+/* Retry a step until neither allocation nor reading fails; returns its code. */
+static int retry_step(reading *r, const step *s) {
     for (int tries = 0;; tries++) {
         meshreel_error error = {.code = -1};
         int code = take_step(r, s, &error);
-        FUZZ_CLAIM(error.code == code && error.message);
+        FUZZ_CHECK(error.code == code && error.message);
         bool may_pass = code == MESHREEL_NO_MEMORY || code == MESHREEL_UNREADABLE;
-        FUZZ_CLAIM(!may_pass || r->state.fails_once_in);
-        FUZZ_CLAIM(code != MESHREEL_INVALID && code >= 0 && code <= MESHREEL_LIMIT);
-        FUZZ_CLAIM(code != MESHREEL_RANGE || (s->layout && s->layout->type));
-        FUZZ_CLAIM(code != MESHREEL_LIMIT || error.size > r->state.limit);
-        FUZZ_CLAIM(code != MESHREEL_UNREADABLE || error.offset < r->state.bytes.size);
+        FUZZ_CHECK(!may_pass || r->state.fails_once_in);
+        FUZZ_CHECK(code != MESHREEL_INVALID && code >= 0 && code <= MESHREEL_LIMIT);
+        FUZZ_CHECK(code != MESHREEL_RANGE || (s->layout && s->layout->type));
+        FUZZ_CHECK(code != MESHREEL_LIMIT || error.size > r->state.limit);
+        FUZZ_CHECK(code != MESHREEL_UNREADABLE || error.offset < r->state.bytes.size);
         if (!may_pass) {
             return code;
         }
-        FUZZ_CLAIM(tries < MAX_RETRIES);
-        r->state.fails_once_in += tries % 2; /* less often, so that long steps end */
+        FUZZ_CHECK(tries < MAX_RETRIES);
+        r->state.fails_once_in += tries % 2; /* fail less often, so that long steps end */
     }
 }
 
 /* ---- what is found ---- */
 
-/* Notes numbers; processors differ in the bits of what is no number. */
-static void note_numbers(const void *numbers, uint64_t count, uint32_t type) {
+/* Hash numbers, with canonical NaNs: processors differ in their bits. */
+static void hash_numbers(const void *numbers, uint64_t count, uint32_t type) {
     for (uint64_t i = 0; i < count && type == MESHREEL_FLOAT32; i++) {
-        float one = ((const float *)numbers)[i];
-        one = one == one ? one : __builtin_nanf("");
-        fuzz_note(&one, 1, sizeof one);
+        float value = ((const float *)numbers)[i];
+        value = value == value ? value : __builtin_nanf("");
+        fuzz_hash(&value, 1, sizeof value);
     }
     if (type == MESHREEL_FLOAT64) {
-        fuzz_note_doubles(numbers, (int64_t)count);
+        fuzz_hash_doubles(numbers, (int64_t)count);
     } else if (type != MESHREEL_FLOAT32) {
-        fuzz_note(numbers, (int64_t)count, type & 15U);
+        fuzz_hash(numbers, (int64_t)count, type & 15U);
     }
 }
 
-static void claim_text(meshreel_text text) { fuzz_note(text.bytes, (int64_t)text.size, 1); }
+static void hash_text(meshreel_text text) { fuzz_hash(text.bytes, (int64_t)text.size, 1); }
 
-static void claim_attribute(const meshreel_attribute *one) {
-    claim_text(one->name);
-    note_numbers(one->values, (uint64_t)one->n_rows * one->width, one->type);
-    FUZZ_CLAIM(one->rows || one->n_rows == one->n_items);
-    for (uint32_t i = 0; one->rows && i < one->n_items; i++) {
-        FUZZ_CLAIM(one->rows[i] >= 0 && (uint32_t)one->rows[i] < one->n_rows);
+static void check_attribute(const meshreel_attribute *value) {
+    hash_text(value->name);
+    hash_numbers(value->values, (uint64_t)value->n_rows * value->width, value->type);
+    FUZZ_CHECK(value->rows || value->n_rows == value->n_items);
+    for (uint32_t i = 0; value->rows && i < value->n_items; i++) {
+        FUZZ_CHECK(value->rows[i] >= 0 && (uint32_t)value->rows[i] < value->n_rows);
     }
 }
 
-static void claim_surface(const reading *r) {
+static void check_surface(const reading *r) {
     const meshreel_surface *surface = meshreel_surface_of(r->file);
     const meshreel_info *info = meshreel_info_of(r->file);
     uint64_t n_corners = 0, n_verts = 0;
     for (uint32_t i = 0; surface->face_sizes && i < info->n_faces; i++) {
-        FUZZ_CLAIM(surface->face_sizes[i] >= 3);
+        FUZZ_CHECK(surface->face_sizes[i] >= 3);
         n_corners += surface->face_sizes[i];
     }
-    FUZZ_CLAIM(!surface->face_sizes || n_corners == info->n_corners);
+    FUZZ_CHECK(!surface->face_sizes || n_corners == info->n_corners);
     for (uint32_t i = 0; i < surface->n_attributes; i++) {
-        claim_attribute(&surface->attributes[i]);
+        check_attribute(&surface->attributes[i]);
     }
     for (uint32_t i = 0; i < surface->n_groups; i++) {
         const meshreel_groups *groups = &surface->groups[i];
         for (uint32_t k = 0; k < groups->n_labels; k++) {
-            claim_text(groups->labels[k]);
+            hash_text(groups->labels[k]);
         }
         for (uint32_t k = 0; k < info->n_faces; k++) {
-            FUZZ_CLAIM(groups->of_faces[k] >= -1 &&
+            FUZZ_CHECK(groups->of_faces[k] >= -1 &&
                        groups->of_faces[k] < (int64_t)groups->n_labels);
         }
     }
     for (uint32_t i = 0; i < surface->n_parts; i++) {
         n_verts += surface->parts[i].n_verts;
     }
-    FUZZ_CLAIM(!surface->n_parts || n_verts == info->n_verts);
+    FUZZ_CHECK(!surface->n_parts || n_verts == info->n_verts);
     for (uint32_t i = 0; i < surface->n_materials; i++) {
         for (int slot = 0; slot < MESHREEL_SLOTS; slot++) {
             uint32_t image = surface->materials[i].textures[slot].image;
-            FUZZ_CLAIM(image == MESHREEL_NONE || image < surface->n_images);
+            FUZZ_CHECK(image == MESHREEL_NONE || image < surface->n_images);
         }
     }
     for (uint32_t i = 0; i < surface->n_images; i++) {
         uint64_t end = surface->images[i].offset + surface->images[i].size;
-        FUZZ_CLAIM(end <= r->state.bytes.size);
+        FUZZ_CHECK(end <= r->state.bytes.size);
     }
 }
 
-static void claim_layout(const reading *r) {
+static void check_layout(const reading *r) {
     const meshreel_info *info = meshreel_info_of(r->file);
     meshreel_section section;
     meshreel_error error;
     uint32_t frame = 0;
     for (uint64_t at = 0; !meshreel_section_at(r->file, at, 1, &section, &error);) {
         at = section.offset + section.size;
-        FUZZ_CLAIM(at <= info->size);
+        FUZZ_CHECK(at <= info->size);
     }
     for (uint32_t i = 0; i < info->n_blocks; i++) {
         meshreel_block block;
-        FUZZ_CLAIM(meshreel_block_of(r->file, i, info->n_tracks - 1, &block) == MESHREEL_OK);
-        FUZZ_CLAIM(block.first_frame == frame && block.n_frames);
-        FUZZ_CLAIM(meshreel_block_of_frame(r->file, frame) == i);
+        FUZZ_CHECK(meshreel_block_of(r->file, i, info->n_tracks - 1, &block) == MESHREEL_OK);
+        FUZZ_CHECK(block.first_frame == frame && block.n_frames);
+        FUZZ_CHECK(meshreel_block_of_frame(r->file, frame) == i);
         frame += block.n_frames;
     }
-    FUZZ_CLAIM(frame == info->n_frames);
+    FUZZ_CHECK(frame == info->n_frames);
 }
 
 /* ---- both hosts ---- */
 
-/* Takes a step with both files; returns its code. */
-static int take_both(reading *calm, reading *hostile, const step *calm_step,
+/* Take a step with both files; returns its code. */
+static int take_both(reading *reliable, reading *hostile, const step *reliable_step,
                      const step *hostile_step) {
-    int code = settle(calm, calm_step), other = settle(hostile, hostile_step);
+    int code = retry_step(reliable, reliable_step), other = retry_step(hostile, hostile_step);
     bool is_limited = code == MESHREEL_LIMIT || other == MESHREEL_LIMIT;
-    FUZZ_CLAIM(code == other || is_limited);
-    fuzz_note(&code, 1, sizeof code);
+    FUZZ_CHECK(code == other || is_limited);
+    fuzz_hash(&code, 1, sizeof code);
     return is_limited ? MESHREEL_LIMIT : code;
 }
 
-static int take_same(reading *calm, reading *hostile, const step *s) {
-    return take_both(calm, hostile, s, s);
+static int take_same(reading *reliable, reading *hostile, const step *s) {
+    return take_both(reliable, hostile, s, s);
 }
 
-/* A type and strides that are allowed. */
+/* A random valid type and strides. */
 static meshreel_layout any_layout(const meshreel_track *track) {
     meshreel_layout layout = {0};
-    if (track->type == MESHREEL_FLOAT64 && fuzz_once_in(2)) {
+    if (track->type == MESHREEL_FLOAT64 && fuzz_one_in(2)) {
         layout.type = MESHREEL_FLOAT32;
     }
     size_t size = (layout.type ? layout.type : track->type) & 15U;
-    if (fuzz_once_in(2)) {
+    if (fuzz_one_in(2)) {
         layout.value_stride = size * (track->n_columns + (size_t)fuzz_below(3));
         layout.frame_stride = layout.value_stride * (track->n_items + (size_t)fuzz_below(3));
     }
     return layout;
 }
 
-/* Decodes some frames of a track by both, to memory that is filled alike. */
-static void decode_both(reading *calm, reading *hostile) {
-    const meshreel_info *info = meshreel_info_of(calm->file);
+/* Decode some frames of a track with both, into identically filled memory. */
+static void decode_both(reading *reliable, reading *hostile) {
+    const meshreel_info *info = meshreel_info_of(reliable->file);
     meshreel_track track;
     step s = {.act = DECODE, .track = (uint32_t)fuzz_below(info->n_tracks)};
-    FUZZ_CLAIM(meshreel_track_of(calm->file, s.track, &track) == MESHREEL_OK);
+    FUZZ_CHECK(meshreel_track_of(reliable->file, s.track, &track) == MESHREEL_OK);
     meshreel_layout layout = any_layout(&track);
     size_t size = (layout.type ? layout.type : track.type) & 15U;
     uint64_t frame_bytes = layout.frame_stride ? layout.frame_stride
                                                : size * track.n_columns * track.n_items;
     s.first = (uint32_t)fuzz_below(info->n_frames);
-    uint64_t most = MAX_BYTES / frame_bytes, left = info->n_frames - s.first;
-    s.count = (uint32_t)fuzz_below((int64_t)(most < left ? most : left) + 1);
-    s.n_modes = !s.track && info->method == 7 && fuzz_once_in(3) ? 1 + (uint32_t)fuzz_below(20) : 0;
-    s.layout = fuzz_once_in(4) && !layout.type && !layout.frame_stride ? NULL : &layout;
+    uint64_t max_count = MAX_BYTES / frame_bytes, left = info->n_frames - s.first;
+    s.count = (uint32_t)fuzz_below((int64_t)(max_count < left ? max_count : left) + 1);
+    s.n_modes = !s.track && info->method == 7 && fuzz_one_in(3) ? 1 + (uint32_t)fuzz_below(20) : 0;
+    s.layout = fuzz_one_in(4) && !layout.type && !layout.frame_stride ? NULL : &layout;
     step other = s;
-    s.values = fuzz_take((int64_t)(s.count * frame_bytes), 1);
-    other.values = fuzz_take((int64_t)(s.count * frame_bytes), 1);
-    if (take_both(calm, hostile, &s, &other) == MESHREEL_OK) {
-        FUZZ_CLAIM(!memcmp(s.values, other.values, s.count * frame_bytes));
+    s.values = fuzz_allocate((int64_t)(s.count * frame_bytes), 1);
+    other.values = fuzz_allocate((int64_t)(s.count * frame_bytes), 1);
+    if (take_both(reliable, hostile, &s, &other) == MESHREEL_OK) {
+        FUZZ_CHECK(!memcmp(s.values, other.values, s.count * frame_bytes));
         if (!layout.value_stride) {
-            note_numbers(s.values, s.count * frame_bytes / size,
+            hash_numbers(s.values, s.count * frame_bytes / size,
                          layout.type ? layout.type : track.type);
         }
     }
 }
 
-static void find_normals(reading *calm, reading *hostile) {
-    const meshreel_info *info = meshreel_info_of(calm->file);
+static void find_normals(reading *reliable, reading *hostile) {
+    const meshreel_info *info = meshreel_info_of(reliable->file);
     uint64_t count = 3 * (uint64_t)info->n_verts;
     meshreel_layout floats = {.type = MESHREEL_FLOAT32};
-    float *positions = fuzz_take((int64_t)count, sizeof *positions);
-    float *normals = fuzz_take((int64_t)count, sizeof *normals);
+    float *positions = fuzz_allocate((int64_t)count, sizeof *positions);
+    float *normals = fuzz_allocate((int64_t)count, sizeof *normals);
     step s = {.act = DECODE, .count = 1, .layout = &floats, .values = positions};
-    if (count * sizeof *normals < MAX_BYTES && !take_same(calm, hostile, &s)) {
+    if (count * sizeof *normals < MAX_BYTES && !take_same(reliable, hostile, &s)) {
         s = (step){.act = NORMALS, .positions = positions, .values = normals};
-        if (!take_same(calm, hostile, &s)) {
-            note_numbers(normals, count, MESHREEL_FLOAT32);
+        if (!take_same(reliable, hostile, &s)) {
+            hash_numbers(normals, count, MESHREEL_FLOAT32);
         }
     }
 }
 
-static void decode_blocks(reading *calm, reading *hostile) {
-    const meshreel_info *info = meshreel_info_of(calm->file);
+static void decode_blocks(reading *reliable, reading *hostile) {
+    const meshreel_info *info = meshreel_info_of(reliable->file);
     for (int i = 0; i < 10; i++) {
-        if (fuzz_once_in(4)) {
+        if (fuzz_one_in(4)) {
             step s = {.act = LOAD, .track = (uint32_t)fuzz_below(info->n_tracks),
                       .first = (uint32_t)fuzz_below(info->n_blocks)};
             meshreel_group group;
-            if (!take_same(calm, hostile, &s)) {
-                FUZZ_CLAIM(meshreel_group_of(calm->file, s.first, s.track, 1, &group, NULL) ==
+            if (!take_same(reliable, hostile, &s)) {
+                FUZZ_CHECK(meshreel_group_of(reliable->file, s.first, s.track, 1, &group, NULL) ==
                            MESHREEL_OK);
-                FUZZ_CLAIM(group.key_block <= s.first);
+                FUZZ_CHECK(group.key_block <= s.first);
             }
         } else {
-            decode_both(calm, hostile);
+            decode_both(reliable, hostile);
         }
     }
-    find_normals(calm, hostile);
+    find_normals(reliable, hostile);
 }
 
-static void claim_segments(const meshreel_file *whole) {
+static void check_segments(const meshreel_file *whole) {
     const meshreel_info *info = meshreel_info_of(whole);
     uint64_t frame = 0, at = 0;
     for (uint32_t i = 0; i < info->n_segments; i++) {
         meshreel_segment segment;
-        FUZZ_CLAIM(meshreel_segment_of(whole, i, &segment) == MESHREEL_OK);
-        FUZZ_CLAIM(segment.first_frame == frame && segment.n_frames);
-        FUZZ_CLAIM(meshreel_segment_of_frame(whole, segment.first_frame) == i);
-        FUZZ_CLAIM(segment.n_verts && segment.n_triangles && segment.size);
-        FUZZ_CLAIM(segment.offset >= at && (!at || segment.offset == at));
+        FUZZ_CHECK(meshreel_segment_of(whole, i, &segment) == MESHREEL_OK);
+        FUZZ_CHECK(segment.first_frame == frame && segment.n_frames);
+        FUZZ_CHECK(meshreel_segment_of_frame(whole, segment.first_frame) == i);
+        FUZZ_CHECK(segment.n_verts && segment.n_triangles && segment.size);
+        FUZZ_CHECK(segment.offset >= at && (!at || segment.offset == at));
         frame += segment.n_frames;
         at = segment.offset + segment.size;
     }
-    FUZZ_CLAIM(frame == info->n_frames && at <= info->size);
-    FUZZ_CLAIM(meshreel_segment_of(whole, info->n_segments, NULL) == MESHREEL_INVALID);
+    FUZZ_CHECK(frame == info->n_frames && at <= info->size);
+    FUZZ_CHECK(meshreel_segment_of(whole, info->n_segments, NULL) == MESHREEL_INVALID);
 }
 
-/* Opens a segment by both. */
-static int open_any_segment(reading *calm, reading *hostile) {
-    uint32_t n_segments = meshreel_info_of(calm->file)->n_segments;
+/* Open a random segment with both. */
+static int open_any_segment(reading *reliable, reading *hostile) {
+    uint32_t n_segments = meshreel_info_of(reliable->file)->n_segments;
     step s = {.act = SEGMENT, .first = (uint32_t)fuzz_below(n_segments)};
     for (int i = 0; i < 2; i++) {
-        reading *r = i ? hostile : calm;
+        reading *r = i ? hostile : reliable;
         r->whole = r->file;
         r->file = NULL;
     }
-    return take_same(calm, hostile, &s);
+    return take_same(reliable, hostile, &s);
 }
 
-static void read_both(reading *calm, reading *hostile) {
-    if (take_same(calm, hostile, &(step){.act = OPEN})) {
+static void read_both(reading *reliable, reading *hostile) {
+    if (take_same(reliable, hostile, &(step){.act = OPEN})) {
         return;
     }
-    claim_segments(calm->file);
-    if (meshreel_info_of(calm->file)->n_segments > 1) {
-        FUZZ_CLAIM(meshreel_read_mesh(calm->file, NULL) == MESHREEL_SEGMENTS);
-        if (open_any_segment(calm, hostile)) {
+    check_segments(reliable->file);
+    if (meshreel_info_of(reliable->file)->n_segments > 1) {
+        FUZZ_CHECK(meshreel_read_mesh(reliable->file, NULL) == MESHREEL_SEGMENTS);
+        if (open_any_segment(reliable, hostile)) {
             return;
         }
     }
-    claim_layout(calm);
-    if (take_same(calm, hostile, &(step){.act = MESH})) {
+    check_layout(reliable);
+    if (take_same(reliable, hostile, &(step){.act = MESH})) {
         return;
     }
-    const meshreel_info *info = meshreel_info_of(calm->file);
-    const uint32_t *triangles = meshreel_triangles(calm->file);
+    const meshreel_info *info = meshreel_info_of(reliable->file);
+    const uint32_t *triangles = meshreel_triangles(reliable->file);
     for (uint64_t i = 0; i < 3 * (uint64_t)info->n_triangles; i++) {
-        FUZZ_CLAIM(triangles[i] < info->n_verts);
+        FUZZ_CHECK(triangles[i] < info->n_verts);
     }
-    fuzz_note(triangles, 3 * (int64_t)info->n_triangles, sizeof *triangles);
-    if (!take_same(calm, hostile, &(step){.act = SURFACE})) {
-        claim_surface(calm);
+    fuzz_hash(triangles, 3 * (int64_t)info->n_triangles, sizeof *triangles);
+    if (!take_same(reliable, hostile, &(step){.act = SURFACE})) {
+        check_surface(reliable);
     }
-    if (!take_same(calm, hostile, &(step){.act = BEGIN})) {
-        decode_blocks(calm, hostile);
+    if (!take_same(reliable, hostile, &(step){.act = BEGIN})) {
+        decode_blocks(reliable, hostile);
     }
 }
 
@@ -361,27 +361,27 @@ static void end_reading(reading *r) {
     meshreel_end(r->decoder);
     meshreel_close(r->whole);
     meshreel_close(r->file);
-    FUZZ_CLAIM(r->state.held == 0);
+    FUZZ_CHECK(r->state.held == 0);
 }
 
 void fuzz_read_stream(fuzz_bytes bytes) {
-    reading calm = {.state = {.bytes = bytes, .limit = LIMIT},
-                    .source = {.bytes = bytes.bytes, .size = bytes.size}};
+    reading reliable = {.state = {.bytes = bytes, .limit = LIMIT},
+                        .source = {.bytes = bytes.bytes, .size = bytes.size}};
     reading hostile = {.state = {.bytes = bytes, .limit = LIMIT},
                        .source = {.read = read_bytes, .size = bytes.size}};
-    calm.host = hostile.host = (meshreel_host){.allocate = allocate, .release = release,
-                                               .memory_limit = LIMIT};
-    calm.host.user = &calm.state;
+    reliable.host = hostile.host =
+        (meshreel_host){.allocate = allocate, .release = release, .memory_limit = LIMIT};
+    reliable.host.user = &reliable.state;
     hostile.host.user = hostile.source.user = &hostile.state;
-    hostile.state.fails_once_in = fuzz_once_in(3) ? 2 + fuzz_below(60) : 0;
-    if (fuzz_once_in(3)) {
+    hostile.state.fails_once_in = fuzz_one_in(3) ? 2 + fuzz_below(60) : 0;
+    if (fuzz_one_in(3)) {
         hostile.state.limit = hostile.host.memory_limit = (uint64_t)1 << (9 + fuzz_below(13));
     }
-    if (fuzz_once_in(2)) {
+    if (fuzz_one_in(2)) {
         hostile.host.run = run_backward;
         hostile.host.n_threads = 1 + (uint32_t)fuzz_below(5);
     }
-    read_both(&calm, &hostile);
-    end_reading(&calm);
+    read_both(&reliable, &hostile);
+    end_reading(&reliable);
     end_reading(&hostile);
 }

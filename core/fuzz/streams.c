@@ -1,4 +1,5 @@
-/* Whole streams for the decoder of ../reader: sound ones with hostile payloads, and damaged ones. */
+/* Fuzz target: whole files for the decoder in ../reader, valid containers with hostile payloads,
+   and damaged ones. */
 
 #include <string.h>
 
@@ -9,32 +10,32 @@
 #define MAX_BLOCKS 4
 #define MAX_TRACKS 5
 
-enum { CONNECTIVITY = 1, ORDER = 2, SEGMENT = 5, BLOCK = 16, BASIS = 17, COEFFICIENTS = 19, FIELDS = 21 };
-enum { CORRECTIONS = 22, TRACK_BLOCK = 23, VALUES = 24, MISSING = 25, UNKNOWN = 192, INDEX = 130 };
-enum { POLYGONS = 131, ATTRIBUTE = 132, GROUPS = 133, PARTS = 134, START = 135, MATERIAL = 136 };
+enum { CONNECTIVITY = 1, ORDER = 2, SEGMENT = 5, BLOCK = 16, BASIS = 17, COEFFICIENTS = 19 };
+enum { FIELDS = 21, CORRECTIONS = 22, TRACK_BLOCK = 23, VALUES = 24, MISSING = 25, UNKNOWN = 192 };
+enum { INDEX = 130, POLYGONS = 131, ATTRIBUTE = 132, GROUPS = 133, PARTS = 134, START = 135, MATERIAL = 136 };
 enum { IMAGE = 137, TRACK = 138, REEL = 7, GRID = 9 };
-enum { MODES = 0, EXACT = 1, TURNS = 2, BACKWARD = 3, EXACT_BACKWARD = 6 };
+enum { MODES = 0, EXACT = 1, ROTATIONS = 2, BACKWARD = 3, EXACT_BACKWARD = 6 };
 enum { OTHER = 0, VELOCITY = 2, NORMAL = 3, SCALAR = 6 };
 
-/* What is written of a track beside the positions. */
+/* A track other than the positions. */
 typedef struct {
     int coding;
     int64_t n_coded;
 } track;
 
-/* A stream that is written. */
+/* A file being written. */
 typedef struct {
     uint8_t *bytes;
     size_t size;
     fuzz_mesh mesh;
-    int method, order, n_tracks; /* with the positions */
+    int method, order, n_tracks; /* including the positions */
     track tracks[MAX_TRACKS];
     int64_t n_frames[MAX_BLOCKS], n_blocks, n_polygons;
     size_t begins[MAX_BLOCKS + 1], ends[MAX_BLOCKS][MAX_TRACKS];
 } stream;
 
 static void put(stream *s, const void *from, size_t size) {
-    FUZZ_CLAIM(size <= CAPACITY - s->size);
+    FUZZ_CHECK(size <= CAPACITY - s->size);
     if (size) {
         memcpy(s->bytes + s->size, from, size);
         s->size += size;
@@ -60,16 +61,16 @@ static void put_checksum(stream *s, size_t from) {
             sum = sum >> 1 ^ (sum & 1U ? 0xEDB88320U : 0U);
         }
     }
-    sum = fuzz_once_in(2000) ? sum : ~sum;
+    sum = fuzz_one_in(2000) ? sum : ~sum;
     put(s, &sum, sizeof sum);
 }
 
-/* What was written from `payload` on becomes a section. */
+/* Turn the bytes written since `payload` into a section. */
 static void end_section(stream *s, int64_t id, size_t payload) {
     size_t length = s->size - payload;
     fuzz_bytes copy = {fuzz_copy(s->bytes + payload, (int64_t)length, 1), length};
-    if (fuzz_once_in(60)) {
-        copy = fuzz_mutated(copy); /* below a checksum that fits */
+    if (fuzz_one_in(60)) {
+        copy = fuzz_mutate(copy); /* under a valid checksum */
     }
     s->size = payload;
     put_byte(s, id);
@@ -83,7 +84,7 @@ static void put_text(stream *s, const char *text) {
     put(s, text, strlen(text));
 }
 
-/* Rows of integers, as the core codes them. */
+/* Write rows of integers with the core's coder. */
 static void put_rows(stream *s, int32_t *values, const int64_t *lengths, int64_t n_rows) {
     int64_t count = 0, room;
     int32_t tables[8];
@@ -93,18 +94,18 @@ static void put_rows(stream *s, int32_t *values, const int64_t *lengths, int64_t
     }
     room = 16 * count + 16;
     size_t size = reel_integers_memory(n_rows);
-    uint8_t *out = fuzz_take(room, 1);
-    int64_t length = reel_integers_encode(fuzz_take((int64_t)size, 1), size, values, lengths,
+    uint8_t *out = fuzz_allocate(room, 1);
+    int64_t length = reel_integers_encode(fuzz_allocate((int64_t)size, 1), size, values, lengths,
                                           tables, n_rows, n_rows, out, (size_t)room);
-    FUZZ_CLAIM(length >= 0);
+    FUZZ_CHECK(length >= 0);
     put(s, out, (size_t)length);
 }
 
-/* Some bytes at random; the last is rarely 0. */
+/* Write some random bytes; the last is rarely 0. */
 static void put_bits(stream *s) {
     int64_t random = fuzz_below(12);
     for (int64_t i = 0; i < random; i++) {
-        put_byte(s, i < random - 1 || fuzz_once_in(9) ? (int64_t)fuzz_next() : 1);
+        put_byte(s, i < random - 1 || fuzz_one_in(9) ? (int64_t)fuzz_next() : 1);
     }
 }
 
@@ -115,7 +116,7 @@ static void put_header(stream *s, int64_t announced) {
     put(s, magic, sizeof magic);
     put(s, counts, sizeof counts);
     put_double(s, (double)fuzz_below(50));
-    put_byte(s, fuzz_once_in(3) ? 8 : 4);
+    put_byte(s, fuzz_one_in(3) ? 8 : 4);
     put_byte(s, s->method);
     put_byte(s, fuzz_below(2));
     put_byte(s, s->order);
@@ -130,12 +131,12 @@ static void put_header(stream *s, int64_t announced) {
 
 /* ---- the surface ---- */
 
-/* Triangles that follow one another become polygons. */
+/* Merge consecutive triangles to polygons. */
 static void put_polygons(stream *s) {
     int64_t n = s->mesh.n_faces, left = n;
-    int32_t *above = fuzz_take(n, sizeof *above);
+    int32_t *above = fuzz_allocate(n, sizeof *above);
     for (s->n_polygons = 0; left > 0; s->n_polygons++) {
-        int64_t triangles = fuzz_once_in(3) ? 1 + fuzz_below(left < 4 ? left : 4) : 1;
+        int64_t triangles = fuzz_one_in(3) ? 1 + fuzz_below(left < 4 ? left : 4) : 1;
         above[s->n_polygons] = (int32_t)(triangles - 1);
         left -= triangles;
     }
@@ -150,9 +151,9 @@ static int64_t count_items(const stream *s, int64_t domain) {
                                                        : s->mesh.n_faces + 2 * s->n_polygons;
 }
 
-/* Vertices that a face has. */
+/* Count the vertices used by faces. */
 static int64_t count_used(const stream *s) {
-    uint8_t *is_used = fuzz_take(s->mesh.n_verts, 1);
+    uint8_t *is_used = fuzz_allocate(s->mesh.n_verts, 1);
     int64_t count = 0;
     memset(is_used, 0, (size_t)s->mesh.n_verts);
     for (int64_t i = 0; i < 3 * s->mesh.n_faces; i++) {
@@ -162,17 +163,18 @@ static int64_t count_used(const stream *s) {
     return count;
 }
 
-/* References of items to rows; returns how many rows they need. */
+/* Write references of items to rows; returns the number of rows they need. */
 static int64_t put_references(stream *s, int64_t domain) {
     int64_t n_items = count_items(s, domain), n_first = domain == 2 ? count_used(s) : 1;
     int64_t n_rows = 0, n_explicit = 0, n = n_items > n_first ? n_items : n_first;
-    int32_t *values = fuzz_take(2 * n, sizeof *values), *differences = fuzz_take(n, sizeof *values);
+    int32_t *values = fuzz_allocate(2 * n, sizeof *values),
+            *differences = fuzz_allocate(n, sizeof *values);
     int32_t last = 0;
     for (int64_t i = 0; i < n; i++) {
         values[i] = i < n_first ? 1 : (int32_t)fuzz_below(3);
         n_rows += values[i] == 1;
         if (values[i] == 2) {
-            int32_t row = (int32_t)fuzz_below(n_rows + fuzz_once_in(20));
+            int32_t row = (int32_t)fuzz_below(n_rows + fuzz_one_in(20));
             differences[n_explicit++] = row - last;
             last = row;
         }
@@ -190,7 +192,7 @@ static void put_attribute(stream *s) {
     size_t payload = s->size, begin = s->size;
     fuzz_bytes references = {NULL, 0};
     if (layout) {
-        n_rows = put_references(s, domain) + (fuzz_once_in(9) ? fuzz_below(9) : 0);
+        n_rows = put_references(s, domain) + (fuzz_one_in(9) ? fuzz_below(9) : 0);
         references = (fuzz_bytes){fuzz_copy(s->bytes + begin, (int64_t)(s->size - begin), 1),
                                   s->size - begin};
         s->size = begin;
@@ -198,13 +200,15 @@ static void put_attribute(stream *s) {
     put_byte(s, fuzz_below(3));
     put_byte(s, domain);
     put_byte(s, type);
-    put_byte(s, 1 + fuzz_below(fuzz_once_in(9) ? 16 : 3));
+    put_byte(s, 1 + fuzz_below(fuzz_one_in(9) ? 16 : 3));
     put_text(s, "uv");
     put_byte(s, layout);
     put_varint(s, (uint64_t)n_rows);
     put_varint(s, references.size);
     put(s, references.bytes, references.size);
-    put_byte(s, type < 2 || fuzz_once_in(2) ? 255 : fuzz_once_in(2) ? fuzz_below(12) : 64 + fuzz_below(25));
+    put_byte(s, type < 2 || fuzz_one_in(2) ? 255
+                : fuzz_one_in(2)           ? fuzz_below(12)
+                                           : 64 + fuzz_below(25));
     put_byte(s, fuzz_below(domain == 1 ? 2 : 3));
     put_bits(s);
     end_section(s, ATTRIBUTE, payload);
@@ -212,7 +216,7 @@ static void put_attribute(stream *s) {
 
 static void put_groups(stream *s) {
     int64_t n_labels = 1 + fuzz_below(4);
-    int32_t *differences = fuzz_take(s->n_polygons, sizeof *differences), last = 0;
+    int32_t *differences = fuzz_allocate(s->n_polygons, sizeof *differences), last = 0;
     for (int64_t i = 0; i < s->n_polygons; i++) {
         int32_t label = (int32_t)fuzz_below(n_labels + 1) - 1;
         differences[i] = label - last;
@@ -255,7 +259,7 @@ static void put_material(stream *s, int64_t number, int64_t n_images) {
     const char *const names[] = {"red", "", "gold"};
     int64_t slots = n_images ? fuzz_below(64) : 0;
     size_t payload = s->size;
-    put_text(s, names[fuzz_once_in(20) ? 0 : number]);
+    put_text(s, names[fuzz_one_in(20) ? 0 : number]);
     put_byte(s, fuzz_below(3) | fuzz_below(4) << 2);
     put_numbers(s, 12);
     put_byte(s, slots);
@@ -264,7 +268,7 @@ static void put_material(stream *s, int64_t number, int64_t n_images) {
             bool is_color = slot == 0 || slot == 3 || slot == 5;
             put_varint(s, (uint64_t)fuzz_below(n_images));
             put_text(s, "uv");
-            put_byte(s, is_color ? (fuzz_once_in(2) ? 7 : 15) : 1 << fuzz_below(4));
+            put_byte(s, is_color ? (fuzz_one_in(2) ? 7 : 15) : 1 << fuzz_below(4));
             put_byte(s, fuzz_below(5) | fuzz_below(5) << 4);
             put_byte(s, fuzz_below(3) | fuzz_below(7) << 4);
             put_numbers(s, 5);
@@ -278,10 +282,10 @@ static void put_surface(stream *s) {
     for (int64_t i = fuzz_below(3); i > 0; i--) {
         put_attribute(s);
     }
-    if (fuzz_once_in(2)) {
+    if (fuzz_one_in(2)) {
         put_groups(s);
     }
-    if (fuzz_once_in(3)) {
+    if (fuzz_one_in(3)) {
         put_parts(s);
     }
     for (int64_t i = 0; i < n_materials; i++) {
@@ -298,18 +302,18 @@ static void put_surface(stream *s) {
 
 /* ---- tracks ---- */
 
-/* Rows of corners: which vertices have several, and the codes of their corners. */
+/* Write rows of corners: the vertices with several, and the codes of their corners. */
 static void put_corner_rows(stream *s) {
     int64_t n_verts = s->mesh.n_verts, n_corners = count_items(s, 2), n_codes = 0;
-    int32_t *values = fuzz_take(n_verts + n_corners, sizeof *values);
+    int32_t *values = fuzz_allocate(n_verts + n_corners, sizeof *values);
     for (int64_t v = 0; v < n_verts; v++) {
         int64_t n_here = 0;
-        for (int64_t i = 0; i < 3 * s->mesh.n_faces; i++) { /* as of triangles alone */
+        for (int64_t i = 0; i < 3 * s->mesh.n_faces; i++) { /* as if all faces were triangles */
             n_here += s->mesh.faces[i] == v;
         }
-        values[v] = n_here > 1 && n_codes + n_here - 1 <= n_corners && fuzz_once_in(3);
+        values[v] = n_here > 1 && n_codes + n_here - 1 <= n_corners && fuzz_one_in(3);
         for (int64_t k = 1; k < n_here && values[v]; k++) {
-            values[n_verts + n_codes++] = (int32_t)fuzz_below(fuzz_once_in(9) ? k + 2 : 2);
+            values[n_verts + n_codes++] = (int32_t)fuzz_below(fuzz_one_in(9) ? k + 2 : 2);
         }
     }
     const int64_t lengths[2] = {n_verts, n_codes};
@@ -321,24 +325,25 @@ static void put_track(stream *s, int number) {
     static const uint8_t types[] = {4, 8, 17, 18, 20, 24, 33, 34, 36, 40};
     char name[] = {(char)('a' + number), 0};
     track *own = &s->tracks[number];
-    int64_t domain = fuzz_below(5), type = types[fuzz_below(fuzz_once_in(2) ? 2 : 10)];
-    int64_t n_columns = 1 + fuzz_below(fuzz_once_in(9) ? 9 : 3), kind = n_columns == 1 ? SCALAR : OTHER;
+    int64_t domain = fuzz_below(5), type = types[fuzz_below(fuzz_one_in(2) ? 2 : 10)];
+    int64_t n_columns = 1 + fuzz_below(fuzz_one_in(9) ? 9 : 3),
+            kind = n_columns == 1 ? SCALAR : OTHER;
     bool is_of_vertices = domain == 0 || domain == 3;
-    own->coding = type > 8 || fuzz_once_in(3) ? EXACT : MODES;
-    if (type <= 8 && fuzz_once_in(3)) {
+    own->coding = type > 8 || fuzz_one_in(3) ? EXACT : MODES;
+    if (type <= 8 && fuzz_one_in(3)) {
         n_columns = 3;
-        kind = is_of_vertices && fuzz_once_in(2) ? VELOCITY : NORMAL;
-        own->coding = kind == NORMAL ? (fuzz_once_in(3) ? MODES : TURNS)
-                                     : BACKWARD + (int)fuzz_below(6);
+        kind = is_of_vertices && fuzz_one_in(2) ? VELOCITY : NORMAL;
+        own->coding =
+            kind == NORMAL ? (fuzz_one_in(3) ? MODES : ROTATIONS) : BACKWARD + (int)fuzz_below(6);
     }
-    own->n_coded = own->coding == TURNS ? 2 : n_columns;
+    own->n_coded = own->coding == ROTATIONS ? 2 : n_columns;
     bool is_exact = own->coding == EXACT || own->coding >= EXACT_BACKWARD;
     size_t payload = s->size;
     put_byte(s, kind);
     put_byte(s, domain);
     put_byte(s, type);
     put_byte(s, own->coding);
-    put_text(s, fuzz_once_in(50) ? "a" : name);
+    put_text(s, fuzz_one_in(50) ? "a" : name);
     put_text(s, "K");
     put_varint(s, (uint64_t)n_columns);
     if (!is_exact) {
@@ -361,29 +366,29 @@ static void put_leading(stream *s) {
     const fuzz_mesh *mesh = &s->mesh;
     size_t size = reel_connectivity_encode_memory(mesh->n_verts, mesh->n_faces);
     int64_t room = 96 * mesh->n_faces + 1024;
-    uint8_t *out = fuzz_take(room, 1);
-    int64_t length = reel_connectivity_encode(
-        fuzz_take((int64_t)size, 1), size, mesh->faces, mesh->n_faces, mesh->n_verts,
-        fuzz_once_in(6), fuzz_take(3 * mesh->n_faces, 4), fuzz_take(mesh->n_verts, 4), out,
-        (size_t)room);
-    FUZZ_CLAIM(length >= 0);
+    uint8_t *out = fuzz_allocate(room, 1);
+    int64_t length =
+        reel_connectivity_encode(fuzz_allocate((int64_t)size, 1), size, mesh->faces, mesh->n_faces,
+                                 mesh->n_verts, fuzz_one_in(6), fuzz_allocate(3 * mesh->n_faces, 4),
+                                 fuzz_allocate(mesh->n_verts, 4), out, (size_t)room);
+    FUZZ_CHECK(length >= 0);
     size_t payload = s->size;
     put(s, out, (size_t)length);
     end_section(s, CONNECTIVITY, payload);
     payload = s->size;
     if (s->order < 2) {
-        if (fuzz_once_in(2)) {
+        if (fuzz_one_in(2)) {
             put_byte(s, 1 + fuzz_below(2));
             put_bits(s);
-            s->size -= s->bytes[s->size - 1] ? 0 : 1; /* zeros at the end are left out */
+            s->size -= s->bytes[s->size - 1] ? 0 : 1; /* trailing zeros are not allowed */
         }
         end_section(s, ORDER, payload);
     }
     s->n_polygons = mesh->n_faces;
-    if (fuzz_once_in(3)) {
+    if (fuzz_one_in(3)) {
         put_polygons(s);
     }
-    if (fuzz_once_in(2)) {
+    if (fuzz_one_in(2)) {
         put_surface(s);
     }
     for (int i = 1; i < s->n_tracks; i++) {
@@ -391,7 +396,7 @@ static void put_leading(stream *s) {
     }
     payload = s->size;
     put_double(s, fuzz_float());
-    end_section(s, fuzz_once_in(8) ? START : UNKNOWN, payload);
+    end_section(s, fuzz_one_in(8) ? START : UNKNOWN, payload);
 }
 
 /* ---- blocks ---- */
@@ -409,13 +414,13 @@ static void put_corrections(stream *s, int64_t n_frames) {
 static void put_fields(stream *s, int64_t number, int64_t n_frames, int64_t n_modes,
                        bool may_miss) {
     size_t payload = s->size;
-    int64_t reference = fuzz_once_in(20) ? fuzz_below(9) : fuzz_once_in(2) ? number : 0;
-    put_byte(s, fuzz_once_in(2) ? 8 : 4);
+    int64_t reference = fuzz_one_in(20) ? fuzz_below(9) : fuzz_one_in(2) ? number : 0;
+    put_byte(s, fuzz_one_in(2) ? 8 : 4);
     put_varint(s, (uint64_t)reference);
     put(s, &(float){0x1p-12F}, sizeof(float));
-    put_varint(s, (uint64_t)(fuzz_once_in(9) ? 1 + fuzz_below(16) : 6));
+    put_varint(s, (uint64_t)(fuzz_one_in(9) ? 1 + fuzz_below(16) : 6));
     put_varint(s, (uint64_t)fuzz_below(9));
-    if (reference && fuzz_once_in(3)) {
+    if (reference && fuzz_one_in(3)) {
         put_varint(s, (uint64_t)(1 + fuzz_below(n_modes < 3 ? n_modes : 3)));
         put(s, &(float){2.0F}, sizeof(float));
     }
@@ -423,10 +428,10 @@ static void put_fields(stream *s, int64_t number, int64_t n_frames, int64_t n_mo
     payload = s->size;
     put_bits(s);
     end_section(s, BASIS, payload);
-    if (fuzz_once_in(3)) {
+    if (fuzz_one_in(3)) {
         put_corrections(s, n_frames);
     }
-    if (may_miss && fuzz_once_in(3)) {
+    if (may_miss && fuzz_one_in(3)) {
         payload = s->size;
         put_bits(s);
         end_section(s, MISSING, payload);
@@ -439,7 +444,7 @@ static void put_fields(stream *s, int64_t number, int64_t n_frames, int64_t n_mo
 static void put_exact(stream *s, bool is_grid) {
     size_t payload = s->size;
     if (is_grid) {
-        put_double(s, fuzz_once_in(4) ? 0.0 : 0x1p-20);
+        put_double(s, fuzz_one_in(4) ? 0.0 : 0x1p-20);
     }
     put_bits(s);
     end_section(s, VALUES, payload);
@@ -489,36 +494,37 @@ static void put_end(stream *s, const stream *index) {
 /* ---- segments ---- */
 
 static void choose_mesh(stream *s) {
-    s->mesh = fuzz_any_mesh(40);
-    if (!s->mesh.n_faces) { /* a stream has one at least */
+    s->mesh = fuzz_make_mesh(40);
+    if (!s->mesh.n_faces) { /* a file has at least one face */
         s->mesh = (fuzz_mesh){3, 1, fuzz_copy((int32_t[3]){0, 1, 2}, 3, sizeof(int32_t)), NULL};
     }
-    s->method = fuzz_once_in(40) ? (int)fuzz_below(11)
-                : fuzz_once_in(4) ? 8 + (int)fuzz_below(2) : REEL;
+    s->method = fuzz_one_in(40)  ? (int)fuzz_below(11)
+                : fuzz_one_in(4) ? 8 + (int)fuzz_below(2)
+                                 : REEL;
     s->order = (int)fuzz_below(3);
-    s->n_tracks = 1 + (fuzz_once_in(2) ? 1 + (int)fuzz_below(MAX_TRACKS - 1) : 0);
+    s->n_tracks = 1 + (fuzz_one_in(2) ? 1 + (int)fuzz_below(MAX_TRACKS - 1) : 0);
 }
 
 static void put_segment(stream *s) {
     const uint32_t counts[2] = {(uint32_t)s->mesh.n_verts, (uint32_t)s->mesh.n_faces};
     size_t payload = s->size;
     put(s, counts, sizeof counts);
-    put_byte(s, fuzz_once_in(3) ? 8 : 4);
+    put_byte(s, fuzz_one_in(3) ? 8 : 4);
     put_byte(s, s->method);
     put_byte(s, 0);
     put_byte(s, s->order);
-    for (int i = fuzz_once_in(2) ? 4 : 0; i > 0; i--) {
+    for (int i = fuzz_one_in(2) ? 4 : 0; i > 0; i--) {
         put_double(s, 1.0 + (double)fuzz_below(7));
     }
     end_section(s, SEGMENT, payload);
 }
 
-/* What the index says of the segment that was written from `at` on; 0 for the first. */
-static void note_segment(stream *index, const stream *s, size_t at) {
-    uint64_t tracks = (uint64_t)s->n_tracks + fuzz_once_in(50);
+/* Write the index entry of the segment that begins at `at`; 0 for the first. */
+static void put_index_entry(stream *index, const stream *s, size_t at) {
+    uint64_t tracks = (uint64_t)s->n_tracks + fuzz_one_in(50);
     if (at) {
         put_varint(index, (uint64_t)s->mesh.n_verts);
-        put_varint(index, (uint64_t)s->mesh.n_faces + fuzz_once_in(50));
+        put_varint(index, (uint64_t)s->mesh.n_faces + fuzz_one_in(50));
         put_varint(index, tracks);
     }
     put_varint(index, s->begins[0] - at);
@@ -534,8 +540,8 @@ static void note_segment(stream *index, const stream *s, size_t at) {
 }
 
 static fuzz_bytes make_stream(void) {
-    stream s = {.bytes = fuzz_take(CAPACITY, 1)}, index = {.bytes = fuzz_take(CAPACITY, 1)};
-    int64_t n_segments = fuzz_once_in(3) ? 1 + fuzz_below(MAX_SEGMENTS) : 1, announced = 0;
+    stream s = {.bytes = fuzz_allocate(CAPACITY, 1)}, index = {.bytes = fuzz_allocate(CAPACITY, 1)};
+    int64_t n_segments = fuzz_one_in(3) ? 1 + fuzz_below(MAX_SEGMENTS) : 1, announced = 0;
     int64_t n_blocks[MAX_SEGMENTS], n_frames[MAX_SEGMENTS][MAX_BLOCKS];
     for (int64_t k = 0; k < n_segments; k++) {
         n_blocks[k] = 1 + fuzz_below(MAX_BLOCKS);
@@ -550,16 +556,16 @@ static fuzz_bytes make_stream(void) {
         if (k) {
             put_segment(&s);
         } else {
-            put_header(&s, fuzz_once_in(2) ? 0 : announced);
+            put_header(&s, fuzz_one_in(2) ? 0 : announced);
         }
         put_leading(&s);
         s.n_blocks = n_blocks[k];
         for (int64_t i = 0; i < s.n_blocks; i++) {
             put_block(&s, i, n_frames[k][i]);
         }
-        note_segment(&index, &s, at);
+        put_index_entry(&index, &s, at);
     }
-    if (!fuzz_once_in(5)) {
+    if (!fuzz_one_in(5)) {
         put_end(&s, &index);
     }
     return (fuzz_bytes){fuzz_copy(s.bytes, (int64_t)s.size, 1), s.size};
@@ -568,7 +574,7 @@ static fuzz_bytes make_stream(void) {
 void fuzz_streams(void) {
     fuzz_bytes bytes = make_stream();
     fuzz_read_stream(bytes);
-    if (fuzz_once_in(3)) {
-        fuzz_read_stream(fuzz_mutated(bytes));
+    if (fuzz_one_in(3)) {
+        fuzz_read_stream(fuzz_mutate(bytes));
     }
 }

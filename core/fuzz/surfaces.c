@@ -1,4 +1,5 @@
-/* Connectivity there and back and damaged; hierarchies of any mesh, and fields on them. */
+/* Fuzz targets: connectivity round trips and damage; hierarchies of arbitrary meshes, and fields on
+   them. */
 
 #include "fuzz.h"
 
@@ -14,57 +15,57 @@ typedef struct {
     int64_t n_verts, n_levels, size;
 } levels;
 
-static int64_t find_neighbours(const fuzz_mesh *mesh, int32_t *starts, int32_t *near) {
+static int64_t find_neighbors(const fuzz_mesh *mesh, int32_t *starts, int32_t *near) {
     size_t size = reel_adjacency_memory(mesh->n_verts, mesh->n_faces);
-    int64_t n_near = reel_adjacency(fuzz_take((int64_t)size, 1), size, mesh->faces, mesh->n_faces,
-                                    mesh->n_verts, starts, near);
-    fuzz_claim_code(n_near);
+    int64_t n_near = reel_adjacency(fuzz_allocate((int64_t)size, 1), size, mesh->faces,
+                                    mesh->n_faces, mesh->n_verts, starts, near);
+    fuzz_check_code(n_near);
     return n_near;
 }
 
 static levels find_levels(const fuzz_mesh *mesh) {
     int64_t n = mesh->n_verts, size = 1 + fuzz_below(REEL_MAX_STENCIL);
-    int32_t *starts = fuzz_take(n + 1, sizeof *starts);
-    int32_t *near = fuzz_take(6 * mesh->n_faces, sizeof *near);
-    int64_t n_near = find_neighbours(mesh, starts, near);
-    FUZZ_CLAIM(n_near >= 0 && starts[n] == n_near);
+    int32_t *starts = fuzz_allocate(n + 1, sizeof *starts);
+    int32_t *near = fuzz_allocate(6 * mesh->n_faces, sizeof *near);
+    int64_t n_near = find_neighbors(mesh, starts, near);
+    FUZZ_CHECK(n_near >= 0 && starts[n] == n_near);
     near = fuzz_copy(near, n_near, sizeof *near);
     levels all = {.n_verts = n, .size = size};
-    all.order = fuzz_take(n, sizeof(int32_t));
-    all.level_starts = fuzz_take(REEL_MAX_LEVELS + 1, sizeof(int32_t));
-    all.level_resolutions = fuzz_take(REEL_MAX_LEVELS, sizeof(int32_t));
-    all.smooth_starts = fuzz_take(REEL_MAX_LEVELS, sizeof(int64_t));
-    all.stencil = fuzz_take(n * size, sizeof(int32_t));
-    all.hops = fuzz_take(n * size, 1);
-    all.contexts = fuzz_take(n * REEL_CONTEXT_NEIGHBORS, sizeof(int32_t));
-    all.smooth = fuzz_take(REEL_SMOOTH_ROWS * n, REEL_SMOOTH_FIELDS * sizeof(float));
-    size_t room = reel_hierarchy_memory(n, n_near);
-    all.n_levels = reel_hierarchy(fuzz_take((int64_t)room, 1), room, starts, near, n, size,
-                                  all.order, all.level_starts, all.level_resolutions,
-                                  all.smooth_starts, all.stencil, all.hops, all.contexts,
-                                  all.smooth);
-    FUZZ_CLAIM(all.n_levels >= 0 && all.n_levels <= REEL_MAX_LEVELS);
+    all.order = fuzz_allocate(n, sizeof(int32_t));
+    all.level_starts = fuzz_allocate(REEL_MAX_LEVELS + 1, sizeof(int32_t));
+    all.level_resolutions = fuzz_allocate(REEL_MAX_LEVELS, sizeof(int32_t));
+    all.smooth_starts = fuzz_allocate(REEL_MAX_LEVELS, sizeof(int64_t));
+    all.stencil = fuzz_allocate(n * size, sizeof(int32_t));
+    all.hops = fuzz_allocate(n * size, 1);
+    all.contexts = fuzz_allocate(n * REEL_CONTEXT_NEIGHBORS, sizeof(int32_t));
+    all.smooth = fuzz_allocate(REEL_SMOOTH_ROWS * n, REEL_SMOOTH_FIELDS * sizeof(float));
+    size_t capacity = reel_hierarchy_memory(n, n_near);
+    all.n_levels =
+        reel_hierarchy(fuzz_allocate((int64_t)capacity, 1), capacity, starts, near, n, size,
+                       all.order, all.level_starts, all.level_resolutions, all.smooth_starts,
+                       all.stencil, all.hops, all.contexts, all.smooth);
+    FUZZ_CHECK(all.n_levels >= 0 && all.n_levels <= REEL_MAX_LEVELS);
     return all;
 }
 
-/* Levels cover all vertices, stencils and contexts are of earlier ones. */
-static void claim_levels(const levels *all) {
-    FUZZ_CLAIM(all->level_starts[all->n_levels] == all->n_verts);
+/* Check that levels cover all vertices, and that stencils and contexts refer to earlier ones. */
+static void check_levels(const levels *all) {
+    FUZZ_CHECK(all->level_starts[all->n_levels] == all->n_verts);
     for (int64_t level = 0; level < all->n_levels; level++) {
         int32_t begin = all->level_starts[level], end = all->level_starts[level + 1];
-        FUZZ_CLAIM(begin <= end);
+        FUZZ_CHECK(begin <= end);
         for (int32_t v = begin; v < end; v++) {
-            FUZZ_CLAIM(level == 0 || all->stencil[v * all->size] >= 0);
+            FUZZ_CHECK(level == 0 || all->stencil[v * all->size] >= 0);
             for (int64_t j = 0; j < all->size; j++) {
-                FUZZ_CLAIM(all->stencil[v * all->size + j] < begin || !begin);
+                FUZZ_CHECK(all->stencil[v * all->size + j] < begin || !begin);
             }
             for (int j = 0; j < REEL_CONTEXT_NEIGHBORS; j++) {
-                FUZZ_CLAIM(all->contexts[v * REEL_CONTEXT_NEIGHBORS + j] < v);
+                FUZZ_CHECK(all->contexts[v * REEL_CONTEXT_NEIGHBORS + j] < v);
             }
         }
     }
-    fuzz_note(all->order, all->n_verts, sizeof *all->order);
-    fuzz_note(all->stencil, all->n_verts * all->size, sizeof *all->stencil);
+    fuzz_hash(all->order, all->n_verts, sizeof *all->order);
+    fuzz_hash(all->stencil, all->n_verts * all->size, sizeof *all->stencil);
 }
 
 static reel_mesh mesh_of(const levels *all) {
@@ -73,14 +74,14 @@ static reel_mesh mesh_of(const levels *all) {
 }
 
 static double *any_floats(int64_t n) {
-    double *found = fuzz_take(n, sizeof *found);
+    double *found = fuzz_allocate(n, sizeof *found);
     for (int64_t i = 0; i < n; i++) {
         found[i] = fuzz_float();
     }
     return found;
 }
 
-/* Vertices in two parts, the second from within a level or not. */
+/* Decode the vertices in two ranges that may split a level. */
 static int64_t decode_values(const reel_mesh *mesh, reel_fields *fields) {
     int64_t middle = fuzz_below(mesh->n_verts + 1);
     int64_t first = reel_predict_decode(mesh, fields, 0, middle);
@@ -88,26 +89,26 @@ static int64_t decode_values(const reel_mesh *mesh, reel_fields *fields) {
     return first ? first : second;
 }
 
-/* What is encoded, bit for bit, is decoded; what cannot be is refused. */
+/* Check that encoded values are decoded bit for bit, or rejected. */
 static void encode_fields(const reel_mesh *mesh, reel_fields *fields) {
     int64_t n_values = fields->n_verts * fields->n_modes;
     reel_quantizer quantizer = {.first_shaped = fuzz_below(mesh->n_levels + 1)};
     quantizer.gain = (double)fuzz_below(3) / 2.0;
     quantizer.rd_lambda = (double)fuzz_below(3) / 8.0;
     quantizer.targets = any_floats(n_values);
-    double *counts = fuzz_take(2 * fields->n_modes, sizeof *counts);
+    double *counts = fuzz_allocate(2 * fields->n_modes, sizeof *counts);
     memset(counts, 0, 2 * (size_t)fields->n_modes * sizeof *counts);
     quantizer.counts = counts;
-    quantizer.zones = fuzz_take(fields->n_modes, sizeof(double));
+    quantizer.zones = fuzz_allocate(fields->n_modes, sizeof(double));
     int64_t result = reel_predict_encode(mesh, fields, &quantizer, 0, mesh->n_verts);
-    fuzz_claim_code(result);
+    fuzz_check_code(result);
     if (result < 0) {
         return;
     }
     double *values = fields->values;
-    fields->values = fuzz_take(n_values, sizeof(double));
-    FUZZ_CLAIM(decode_values(mesh, fields) == 0);
-    FUZZ_CLAIM(!memcmp(values, fields->values, (size_t)n_values * sizeof *values));
+    fields->values = fuzz_allocate(n_values, sizeof(double));
+    FUZZ_CHECK(decode_values(mesh, fields) == 0);
+    FUZZ_CHECK(!memcmp(values, fields->values, (size_t)n_values * sizeof *values));
 }
 
 static void predict_on(const levels *all) {
@@ -116,29 +117,29 @@ static void predict_on(const levels *all) {
     int64_t n_values = fields.n_verts * fields.n_modes;
     fields.n_learned = fuzz_below(fields.n_modes + 2);
     fields.n_key = fuzz_below(3);
-    fields.residuals = fuzz_take(n_values, sizeof(int32_t));
-    fields.values = fuzz_take(n_values, sizeof(double));
+    fields.residuals = fuzz_allocate(n_values, sizeof(int32_t));
+    fields.values = fuzz_allocate(n_values, sizeof(double));
     fields.key = fields.n_key ? any_floats(fields.n_key * fields.n_verts) : NULL;
     for (int64_t i = 0; i < n_values; i++) {
         fields.residuals[i] = fuzz_integer();
     }
-    FUZZ_CLAIM(decode_values(&mesh, &fields) == 0);
-    fuzz_note_doubles(fields.values, n_values);
+    FUZZ_CHECK(decode_values(&mesh, &fields) == 0);
+    fuzz_hash_doubles(fields.values, n_values);
     encode_fields(&mesh, &fields);
 }
 
 void fuzz_hierarchy(void) {
-    fuzz_mesh mesh = fuzz_any_mesh(fuzz_once_in(8) ? 400 : 60);
-    if (mesh.n_faces && fuzz_once_in(16)) { /* a corner that is no vertex */
+    fuzz_mesh mesh = fuzz_make_mesh(fuzz_one_in(8) ? 400 : 60);
+    if (mesh.n_faces && fuzz_one_in(16)) { /* an invalid vertex */
         int64_t place = fuzz_below(3 * mesh.n_faces);
-        mesh.faces[place] = fuzz_once_in(2) ? -1 : (int32_t)mesh.n_verts;
-        int32_t *starts = fuzz_take(mesh.n_verts + 1, sizeof *starts);
-        int32_t *near = fuzz_take(6 * mesh.n_faces, sizeof *near);
-        FUZZ_CLAIM(find_neighbours(&mesh, starts, near) < 0);
+        mesh.faces[place] = fuzz_one_in(2) ? -1 : (int32_t)mesh.n_verts;
+        int32_t *starts = fuzz_allocate(mesh.n_verts + 1, sizeof *starts);
+        int32_t *near = fuzz_allocate(6 * mesh.n_faces, sizeof *near);
+        FUZZ_CHECK(find_neighbors(&mesh, starts, near) < 0);
         return;
     }
     levels all = find_levels(&mesh);
-    claim_levels(&all);
+    check_levels(&all);
     predict_on(&all);
 }
 
@@ -146,56 +147,56 @@ void fuzz_hierarchy(void) {
 
 static int64_t decode_faces(fuzz_bytes from, fuzz_mesh *mesh) {
     size_t size = reel_connectivity_decode_memory(mesh->n_verts, mesh->n_faces);
-    mesh->faces = fuzz_take(3 * mesh->n_faces, sizeof *mesh->faces);
-    int64_t result = reel_connectivity_decode(fuzz_take((int64_t)size, 1), size, from.bytes,
+    mesh->faces = fuzz_allocate(3 * mesh->n_faces, sizeof *mesh->faces);
+    int64_t result = reel_connectivity_decode(fuzz_allocate((int64_t)size, 1), size, from.bytes,
                                               from.size, mesh->n_verts, mesh->n_faces, mesh->faces);
-    fuzz_claim_code(result);
+    fuzz_check_code(result);
     return result;
 }
 
 static fuzz_bytes encode_faces(const fuzz_mesh *mesh, bool listed, int32_t *faces,
                                int32_t *given) {
-    int64_t room = 96 * mesh->n_faces + 1024;
+    int64_t capacity = 96 * mesh->n_faces + 1024;
     size_t size = reel_connectivity_encode_memory(mesh->n_verts, mesh->n_faces);
-    uint8_t *out = fuzz_take(room, 1);
-    int64_t result = reel_connectivity_encode(fuzz_take((int64_t)size, 1), size, mesh->faces,
-                                              mesh->n_faces, mesh->n_verts, listed, faces, given,
-                                              out, (size_t)room);
+    uint8_t *out = fuzz_allocate(capacity, 1);
+    int64_t result =
+        reel_connectivity_encode(fuzz_allocate((int64_t)size, 1), size, mesh->faces, mesh->n_faces,
+                                 mesh->n_verts, listed, faces, given, out, (size_t)capacity);
     return fuzz_written(out, result);
 }
 
-/* What damaged bytes make is a mesh like any other: it is there and back, too. */
-static void claim_mesh(const fuzz_mesh *mesh) {
+/* Check that a mesh from damaged bytes is valid, and survives a round trip. */
+static void check_mesh(const fuzz_mesh *mesh) {
     for (int64_t i = 0; i < 3 * mesh->n_faces; i++) {
-        FUZZ_CLAIM(mesh->faces[i] >= 0 && mesh->faces[i] < mesh->n_verts);
+        FUZZ_CHECK(mesh->faces[i] >= 0 && mesh->faces[i] < mesh->n_verts);
     }
-    int32_t *faces = fuzz_take(3 * mesh->n_faces, sizeof *faces);
-    int32_t *given = fuzz_take(mesh->n_verts, sizeof *given);
-    fuzz_bytes bytes = encode_faces(mesh, fuzz_once_in(4), faces, given);
+    int32_t *faces = fuzz_allocate(3 * mesh->n_faces, sizeof *faces);
+    int32_t *given = fuzz_allocate(mesh->n_verts, sizeof *given);
+    fuzz_bytes bytes = encode_faces(mesh, fuzz_one_in(4), faces, given);
     fuzz_mesh found = *mesh;
-    FUZZ_CLAIM(decode_faces(bytes, &found) == (int64_t)bytes.size);
-    FUZZ_CLAIM(!memcmp(found.faces, faces, 3 * (size_t)mesh->n_faces * sizeof *faces));
-    fuzz_note(faces, 3 * mesh->n_faces, sizeof *faces);
+    FUZZ_CHECK(decode_faces(bytes, &found) == (int64_t)bytes.size);
+    FUZZ_CHECK(!memcmp(found.faces, faces, 3 * (size_t)mesh->n_faces * sizeof *faces));
+    fuzz_hash(faces, 3 * mesh->n_faces, sizeof *faces);
 }
 
 void fuzz_connectivity(void) {
-    fuzz_mesh mesh = fuzz_any_mesh(60);
-    int32_t *faces = fuzz_take(3 * mesh.n_faces, sizeof *faces);
-    int32_t *given = fuzz_take(mesh.n_verts, sizeof *given);
-    fuzz_bytes bytes = encode_faces(&mesh, fuzz_once_in(6), faces, given);
+    fuzz_mesh mesh = fuzz_make_mesh(60);
+    int32_t *faces = fuzz_allocate(3 * mesh.n_faces, sizeof *faces);
+    int32_t *given = fuzz_allocate(mesh.n_verts, sizeof *given);
+    fuzz_bytes bytes = encode_faces(&mesh, fuzz_one_in(6), faces, given);
     fuzz_mesh found = mesh;
-    FUZZ_CLAIM(decode_faces(bytes, &found) == (int64_t)bytes.size);
-    FUZZ_CLAIM(!memcmp(found.faces, faces, 3 * (size_t)mesh.n_faces * sizeof *faces));
+    FUZZ_CHECK(decode_faces(bytes, &found) == (int64_t)bytes.size);
+    FUZZ_CHECK(!memcmp(found.faces, faces, 3 * (size_t)mesh.n_faces * sizeof *faces));
     for (int64_t v = 0; v < mesh.n_verts; v++) {
-        FUZZ_CLAIM(given[v] >= 0 && given[v] < mesh.n_verts);
+        FUZZ_CHECK(given[v] >= 0 && given[v] < mesh.n_verts);
     }
     for (int i = 0; i < 2; i++) {
-        if (fuzz_once_in(3)) { /* counts that are a lie */
+        if (fuzz_one_in(3)) { /* wrong counts */
             found.n_verts = fuzz_below(2 * mesh.n_verts + 3);
             found.n_faces = fuzz_below(2 * mesh.n_faces + 3);
         }
-        if (decode_faces(fuzz_mutated(bytes), &found) >= 0) {
-            claim_mesh(&found);
+        if (decode_faces(fuzz_mutate(bytes), &found) >= 0) {
+            check_mesh(&found);
         }
     }
 }
