@@ -1,8 +1,8 @@
-"""Prints what programs rely on that were compiled with `include/meshreel.h`: `python core/abi.py`.
+"""Print the binary interface of `include/meshreel.h`: `python core/abi.py`.
 
-Functions, the values of codes, and where the fields of structures lie are stored in
-`reader/abi.txt`; a test compares them. A line that changes or goes breaks programs: MESHREEL_ABI
-has to be raised with it. `--write` stores them anew.
+Functions, enum values, and the offsets of structure fields are stored in `reader/abi.txt`; a test
+compares them. A changed or removed line breaks compiled programs: raise MESHREEL_ABI with it.
+`--write` updates the file.
 """
 
 import argparse
@@ -19,12 +19,12 @@ STORED = core.READER / "abi.txt"
 
 
 def functions() -> list[str]:
-    """Names of the functions that the header declares."""
+    """Return the names of the functions that the header declares."""
     return sorted(re.findall(r"^MESHREEL_API [\w *]*?(\w+)\(", HEADER.read_text(), re.MULTILINE))
 
 
 def structures() -> dict[str, list[str]]:
-    """Names of the structures whose fields are known to programs, and of their fields."""
+    """Return the names of the public structures, with the names of their fields."""
     text = re.sub(r"/\*.*?\*/", "", HEADER.read_text(), flags=re.DOTALL)
     found = {}
     for name, body in re.findall(r"typedef struct (\w+) \{(.*?)\n\}", text, re.DOTALL):
@@ -41,21 +41,21 @@ def _names(declaration: str) -> list[str]:
 
 
 def _program() -> str:
-    """A program that tells values and places."""
+    """Return the source of a program that prints enum values and field offsets."""
     codes = re.findall(r"\b(MESHREEL_\w+) = ", HEADER.read_text())
     lines = [f'    printf("code {code} %d\\n", (int){code});' for code in codes]
     for name, fields in structures().items():
         lines.append(f'    printf("size {name} %zu\\n", sizeof({name}));')
         for field in fields:
-            place = f"offsetof({name}, {field})"
-            lines.append(f'    printf("offset {name}.{field} %zu\\n", {place});')
+            offset = f"offsetof({name}, {field})"
+            lines.append(f'    printf("offset {name}.{field} %zu\\n", {offset});')
     includes = f'#include <stdio.h>\n#include "{HEADER.as_posix()}"\n'
     start = '    printf("abi %d\\n", MESHREEL_ABI);'
     return "\n".join([includes, "int main(void) {", start, *lines, "    return 0;", "}", ""])
 
 
 def described() -> str:
-    """What programs rely on, one thing a line.
+    """Return the binary interface, one item per line.
 
     Raises
     ------
@@ -75,15 +75,15 @@ def described() -> str:
 
 
 def main() -> None:
-    """Print it, or store it."""
+    """Print the interface, or store it."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--write", action="store_true", help="store it")
-    given = parser.parse_args()
+    parser.add_argument("--write", action="store_true", help="update reader/abi.txt")
+    options = parser.parse_args()
     try:
         found = described()
     except RuntimeError as error:
         sys.exit(str(error))
-    if given.write:
+    if options.write:
         STORED.write_text(found)
     else:
         print(found, end="")

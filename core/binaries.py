@@ -1,4 +1,4 @@
-"""What shared libraries say of themselves: machine, functions, what they need; ELF, Mach-O, PE."""
+"""Read the headers of shared libraries (ELF, Mach-O, PE): machine, functions, dependencies."""
 
 import struct
 from collections.abc import Iterator
@@ -24,11 +24,11 @@ class Binary:
         "ELF", "Mach-O" or "PE".
     machine : str
     exported : set of str
-        Functions that it offers.
+        Functions that it exports.
     imported : set of str
-        Functions that others have to offer.
+        Functions that other libraries must provide.
     needed : set of str
-        Libraries that are loaded with it.
+        Libraries that it depends on.
     """
 
     kind: str
@@ -39,12 +39,12 @@ class Binary:
 
 
 def read_binary(data: bytes) -> Binary:
-    """What a library of 64 bits, little-endian, says of itself.
+    """Read the headers of a 64-bit little-endian library.
 
     Raises
     ------
     ValueError
-        If it is none.
+        If the format is unknown.
     """
     if data[:6] == b"\x7fELF\x02\x01":
         return _read_elf(data)
@@ -52,11 +52,11 @@ def read_binary(data: bytes) -> Binary:
         return _read_mach_o(data)
     if data[:2] == b"MZ":
         return _read_pe(data)
-    raise ValueError(f"it is no library: it begins with {data[:6].hex()}")
+    raise ValueError(f"not a 64-bit ELF, Mach-O or PE library: it begins with {data[:6].hex()}")
 
 
-def _text(data: bytes, place: int) -> str:
-    return data[place : data.index(b"\0", place)].decode()
+def _text(data: bytes, offset: int) -> str:
+    return data[offset : data.index(b"\0", offset)].decode()
 
 
 def _read_elf(data: bytes) -> Binary:
@@ -68,15 +68,15 @@ def _read_elf(data: bytes) -> Binary:
     needed: set[str] = set()
     for _, kind, _, _, start, length, link, _ in sections:
         strings = sections[link][4] if link else 0
-        for place in range(start + 24, start + length, 24) if kind == SHT_DYNSYM else ():
-            name, info, _, section, *_ = struct.unpack_from("<IBBHQQ", data, place)
+        for offset in range(start + 24, start + length, 24) if kind == SHT_DYNSYM else ():
+            name, info, _, section, *_ = struct.unpack_from("<IBBHQQ", data, offset)
             weak = info >> 4 == 2
             if section:
                 exported.add(_text(data, strings + name))
             elif not weak:
                 imported.add(_text(data, strings + name))
-        for place in range(start, start + length, 16) if kind == SHT_DYNAMIC else ():
-            tag, value = struct.unpack_from("<QQ", data, place)
+        for offset in range(start, start + length, 16) if kind == SHT_DYNAMIC else ():
+            tag, value = struct.unpack_from("<QQ", data, offset)
             if tag == DT_NEEDED:
                 needed.add(_text(data, strings + value))
     machine = ELF_MACHINES.get(struct.unpack_from("<H", data, 18)[0], "unknown")
@@ -88,19 +88,19 @@ def _read_mach_o(data: bytes) -> Binary:
     exported: set[str] = set()
     imported: set[str] = set()
     needed: set[str] = set()
-    place = 32
+    offset = 32
     for _ in range(count):
-        command, size = struct.unpack_from("<II", data, place)
+        command, size = struct.unpack_from("<II", data, offset)
         if command == LC_LOAD_DYLIB:
-            needed.add(_text(data, place + struct.unpack_from("<I", data, place + 8)[0]))
+            needed.add(_text(data, offset + struct.unpack_from("<I", data, offset + 8)[0]))
         elif command == LC_SYMTAB:
-            symbols, n_symbols, strings, _ = struct.unpack_from("<IIII", data, place + 8)
+            symbols, n_symbols, strings, _ = struct.unpack_from("<IIII", data, offset + 8)
             for i in range(n_symbols):
                 name, kind = struct.unpack_from("<IB", data, symbols + 16 * i)
                 if kind & N_EXT and not kind & N_STAB:
                     found = exported if kind & N_TYPE else imported
                     found.add(_text(data, strings + name).removeprefix("_"))
-        place += size
+        offset += size
     return Binary("Mach-O", MACH_O_MACHINES.get(machine, "unknown"), exported, imported, needed)
 
 
@@ -116,20 +116,20 @@ def _read_pe(data: bytes) -> Binary:
         for size, start, raw_size, raw in sections:
             if start <= address < start + max(size, raw_size):
                 return int(raw + address - start)
-        raise ValueError(f"there is nothing at {address:#x}")
+        raise ValueError(f"no section contains the address {address:#x}")
 
     exported, needed = set(), set()
     if exports:
         n_names, _, names = struct.unpack_from("<III", data, at(exports) + 24)
         for i in range(n_names):
             exported.add(_text(data, at(struct.unpack_from("<I", data, at(names) + 4 * i)[0])))
-    for place in _imports(data, at(imports)) if imports else ():
-        needed.add(_text(data, at(place)).lower())
+    for offset in _imports(data, at(imports)) if imports else ():
+        needed.add(_text(data, at(offset)).lower())
     return Binary("PE", PE_MACHINES.get(machine, "unknown"), exported, set(), needed)
 
 
-def _imports(data: bytes, place: int) -> Iterator[int]:
-    """Addresses of the names of the libraries that are needed."""
-    while name := struct.unpack_from("<I", data, place + 12)[0]:
+def _imports(data: bytes, offset: int) -> Iterator[int]:
+    """Yield the addresses of the names of imported libraries."""
+    while name := struct.unpack_from("<I", data, offset + 12)[0]:
         yield name
-        place += 20
+        offset += 20

@@ -1,7 +1,7 @@
-"""Makes an archive for each kind of machine of what programs in C link: `python core/libraries.py`.
+"""Build an archive of the C library for each platform: `python core/libraries.py`.
 
-Each holds the headers, the static and the shared library, and what CMake and pkg-config find them
-by. Needs CMake, ninja, and the package `ziglang`, which compiles for all of them.
+Each contains the headers, the static and the shared library, and the configuration files for CMake
+and pkg-config. Needs CMake, ninja, and the package `ziglang`, which compiles for all platforms.
 """
 
 import argparse
@@ -25,8 +25,8 @@ LIBRARIES = {
     "macosx": ("lib/libmeshreel.dylib", "lib/libmeshreel.a"),
     "win": ("bin/libmeshreel.dll", "lib/libmeshreel_static.a"),
 }
-"""The shared one and the static one."""
-ALWAYS = (
+"""Paths of the shared and of the static library."""
+COMMON_FILES = (
     "include/meshreel.h",
     "include/meshreel_threads.hpp",
     "lib/cmake/meshreel/meshreel-config.cmake",
@@ -36,7 +36,7 @@ ALWAYS = (
 
 
 def install(target: str, prefix: Path) -> None:
-    """Compile the libraries for a kind of machine, and install them in a folder.
+    """Compile the libraries for a platform, and install them in a folder.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def install(target: str, prefix: Path) -> None:
     with tempfile.TemporaryDirectory() as work:
         triple = core.TARGETS[target].triple
         tools = {name: _tool(Path(work, name), name, triple) for name in ("cc", "ar", "ranlib")}
-        given = {
+        settings = {
             "CMAKE_SYSTEM_NAME": SYSTEMS[system],
             "CMAKE_SYSTEM_PROCESSOR": processor,
             "CMAKE_C_COMPILER": tools["cc"],
@@ -56,7 +56,7 @@ def install(target: str, prefix: Path) -> None:
             "CMAKE_BUILD_TYPE": "Release",
             "CMAKE_INSTALL_LIBDIR": "lib",
         }
-        options = [f"-D{name}={value}" for name, value in given.items()]
+        options = [f"-D{name}={value}" for name, value in settings.items()]
         build = Path(work, "build")
         _run("cmake", "-G", "Ninja", "-S", core.CORE, "-B", build, *options)
         _run("cmake", "--build", build)
@@ -64,7 +64,7 @@ def install(target: str, prefix: Path) -> None:
 
 
 def _tool(path: Path, name: str, triple: str) -> Path:
-    """A program of ziglang, as a file that CMake can call."""
+    """Write a script that runs a program of ziglang, for CMake to call."""
     words = [sys.executable, "-m", "ziglang", name]
     words += ["-target", triple] if name == "cc" else []
     path.write_text(f'#!/bin/sh\nexec {shlex.join(words)} "$@"\n')
@@ -79,37 +79,37 @@ def _run(*command: str | Path) -> None:
 
 
 def faults(prefix: Path, target: str) -> list[str]:
-    """What is wrong with what was installed, in words."""
+    """Return a list of what is wrong with installed libraries."""
     libraries = LIBRARIES[target.split("-", 1)[0]]
-    wanted = (*ALWAYS, *libraries)
+    wanted = (*COMMON_FILES, *libraries)
     if lacking := [name for name in wanted if not (prefix / name).exists()]:
-        return [f"it lacks {lacking}"]
+        return [f"files are missing: {lacking}"]
     found, library = [], read_binary((prefix / libraries[0]).read_bytes())
     if (library.kind, library.machine) != MACHINES[target]:
-        found.append(f"its library is {library.kind} for {library.machine}")
+        found.append(f"the library is {library.kind} for {library.machine}")
     if lacking := sorted(set(abi.functions()) - library.exported):
-        found.append(f"its library lacks {lacking}")
+        found.append(f"the library does not export {lacking}")
     if more := sorted(name for name in library.exported if name.startswith("reel_")):
-        found.append(f"its library offers {more}")
+        found.append(f"the library exports internal functions {more}")
     needed = {name for name in library.needed if not SYSTEM.fullmatch(name)}
     if foreign := sorted(name for name in needed if not name.startswith("libc.so")):
-        found.append(f"its library needs {foreign}")
+        found.append(f"the library depends on {foreign}")
     if library.kind == "ELF" and (more := sorted(library.imported - MAY_IMPORT)):
-        found.append(f"its library takes {more} from others")
+        found.append(f"the library imports {more}")
     return found
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Make and check the archives that are asked for."""
+    """Build and check the requested archives."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("-o", "--output", type=Path, default=core.CORE.parent / "dist")
-    parser.add_argument("targets", nargs="*", help=f"of {', '.join(MACHINES)}; all of them if none")
-    given = parser.parse_args(arguments)
+    parser.add_argument("targets", nargs="*", help=f"of {', '.join(MACHINES)}; default: all")
+    options = parser.parse_args(arguments)
     if core.zig() is None or not (shutil.which("cmake") and shutil.which("ninja")):
         sys.exit("libraries for all machines need CMake, ninja, and the package ziglang")
-    given.output.mkdir(parents=True, exist_ok=True)
+    options.output.mkdir(parents=True, exist_ok=True)
     bad = False
-    for target in given.targets or MACHINES:
+    for target in options.targets or MACHINES:
         with tempfile.TemporaryDirectory() as work:
             prefix = Path(work, f"meshreel-{target}")
             install(target, prefix)
@@ -117,7 +117,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             problems = faults(prefix, target)
             kind = "zip" if target.startswith("win") else "gztar"
             made = shutil.make_archive(
-                os.fspath(given.output / prefix.name), kind, work, prefix.name
+                os.fspath(options.output / prefix.name), kind, work, prefix.name
             )
         print(f"{Path(made).name}: {'; '.join(problems) or 'checked'}", flush=True)
         bad |= bool(problems)

@@ -1,8 +1,8 @@
-"""Makes a wheel for each kind of machine, and checks what is in it: `python core/wheels.py`.
+"""Build and check a wheel for each platform: `python core/wheels.py`.
 
-Needs the packages `hatchling` and `ziglang`. A wheel that fits this machine is also run. The
-library of that for Linux on arm64 is run on all conformance streams, where qemu-aarch64 and a
-compiler with its libraries are there (Debian: qemu-user, gcc-aarch64-linux-gnu).
+Needs the packages `hatchling` and `ziglang`. The wheel for this machine is also run. The library
+for Linux on arm64 decodes all conformance streams if qemu-aarch64 and a cross compiler are
+installed (Debian: qemu-user, gcc-aarch64-linux-gnu).
 """
 
 import argparse
@@ -33,7 +33,7 @@ MACHINES = {
     "win-amd64": ("PE", "amd64"),
 }
 MAY_IMPORT = {"bcmp", "memcmp", "memcpy", "memmove", "memset"}
-"""What an ELF library takes from the process that it is loaded into."""
+"""Symbols that an ELF library may import from its process."""
 SYSTEM = re.compile(
     r"kernel32\.dll|ntdll\.dll|ucrtbase\.dll|api-ms-win-crt-.*|/usr/lib/libSystem.*"
 )
@@ -53,7 +53,7 @@ assert error < 0.01, error
 
 
 def make_wheel(target: str, folder: Path) -> Path:
-    """The wheel for a kind of machine, in a folder.
+    """Build the wheel for a platform in a folder.
 
     Raises
     ------
@@ -75,13 +75,13 @@ def make_wheel(target: str, folder: Path) -> Path:
 
 
 def declared() -> set[str]:
-    """The functions of `reel.h`, and of `meshreel.h`."""
+    """Return the functions declared in `reel.h` and `meshreel.h`."""
     text = (core.CORE / "reel.h").read_text()
     return {*re.findall(r"^REEL_API \w+ (reel_\w+)\(", text, re.MULTILINE), *abi.functions()}
 
 
 def faults(wheel: Path, target: str) -> list[str]:
-    """What is wrong with a wheel, in words."""
+    """Return a list of what is wrong with a wheel."""
     expected, found = core.TARGETS[target], []
     if not wheel.name.endswith(f"-py3-none-{expected.tag}.whl"):
         found.append(f"its name is {wheel.name}")
@@ -93,37 +93,37 @@ def faults(wheel: Path, target: str) -> list[str]:
         library = read_binary(archive.read(own[0]))
         metadata = archive.read(next(name for name in names if name.endswith("/WHEEL"))).decode()
     if not set(names) >= PAGE:
-        found.append("the page of the player is missing")
+        found.append("the player page is missing")
     if not any(name.endswith("/THIRD_PARTY_LICENSES.md") for name in names):
-        found.append("the licences of what the page contains are missing")
+        found.append("the licenses of the page's dependencies are missing")
     if lacking := HEADERS - set(names):
         found.append(f"the headers {sorted(lacking)} are missing")
     if "Root-Is-Purelib: false" not in metadata:
-        found.append("it claims to be for all machines")
+        found.append("its metadata claims that it is platform-independent")
     if (library.kind, library.machine) != MACHINES[target]:
-        found.append(f"its library is {library.kind} for {library.machine}")
+        found.append(f"the library is {library.kind} for {library.machine}")
     if lacking := declared() - library.exported:
-        found.append(f"its library lacks {sorted(lacking)}")
+        found.append(f"the library does not export {sorted(lacking)}")
     if foreign := {name for name in library.needed if not SYSTEM.fullmatch(name)}:
-        found.append(f"its library needs {sorted(foreign)}")
+        found.append(f"the library depends on {sorted(foreign)}")
     if library.kind == "ELF" and (more := library.imported - MAY_IMPORT):
-        found.append(f"its library takes {sorted(more)} from others")
+        found.append(f"the library imports {sorted(more)}")
     return found
 
 
-def fits(target: str) -> bool:
-    """Whether a wheel is for this machine."""
+def is_for_this_machine(target: str) -> bool:
+    """Return whether a wheel is for this machine."""
     system = {"linux": "linux", "darwin": "macosx", "win32": "win"}.get(sys.platform, "")
     return target == f"{system}-{platform.machine().lower()}"
 
 
 def run_wheel(wheel: Path) -> None:
-    """Encode and decode by what is in a wheel.
+    """Encode and decode with the contents of a wheel.
 
     Raises
     ------
     subprocess.CalledProcessError
-        If it does not work.
+        If encoding or decoding fails.
     """
     with tempfile.TemporaryDirectory() as work:
         with zipfile.ZipFile(wheel) as archive:
@@ -133,12 +133,12 @@ def run_wheel(wheel: Path) -> None:
 
 
 def run_emulated(wheel: Path) -> bool:
-    """Decode all conformance streams by the library in a wheel for arm64; False if it cannot be.
+    """Decode all conformance streams with an arm64 wheel; return False if that cannot run here.
 
     Raises
     ------
     RuntimeError
-        If it finds other numbers than the core that is compiled here.
+        If the results differ from those of the core compiled for this machine.
     """
     compilers = shutil.which("cc"), shutil.which("aarch64-linux-gnu-gcc")
     if None in compilers or shutil.which("qemu-aarch64") is None:
@@ -158,31 +158,31 @@ def run_emulated(wheel: Path) -> bool:
             for before, program, output in zip(([], emulator), programs, outputs, strict=True):
                 subprocess.run([*before, program, stream, output], check=True)
             if outputs[0].read_bytes() != outputs[1].read_bytes():
-                raise RuntimeError(f"{wheel.name} finds other numbers in {stream.name}")
+                raise RuntimeError(f"{wheel.name} decodes {stream.name} to other numbers")
     return True
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Make and check the wheels that are asked for."""
+    """Build and check the requested wheels."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "dist")
-    parser.add_argument("targets", nargs="*", help=f"of {', '.join(MACHINES)}; all of them if none")
-    given = parser.parse_args(arguments)
+    parser.add_argument("targets", nargs="*", help=f"of {', '.join(MACHINES)}; default: all")
+    options = parser.parse_args(arguments)
     if core.zig() is None:
         sys.exit("wheels for other machines need the package ziglang: pip install ziglang")
-    given.output.mkdir(parents=True, exist_ok=True)
+    options.output.mkdir(parents=True, exist_ok=True)
     bad = False
-    for target in given.targets or MACHINES:
-        wheel = make_wheel(target, given.output)
+    for target in options.targets or MACHINES:
+        wheel = make_wheel(target, options.output)
         problems = faults(wheel, target)
         was_run = False
-        if fits(target) and not problems:
+        if is_for_this_machine(target) and not problems:
             run_wheel(wheel)
             was_run = True
         elif target == "linux-aarch64" and not problems:
             was_run = run_emulated(wheel)
-        said = "checked, and run" if was_run else "checked, not run"
-        print(f"{wheel.name}: {'; '.join(problems) or said}", flush=True)
+        outcome = "checked and run" if was_run else "checked, not run"
+        print(f"{wheel.name}: {'; '.join(problems) or outcome}", flush=True)
         bad |= bool(problems)
     sys.exit(bad)
 
