@@ -1,19 +1,19 @@
 /* Decoder of .reel files for C and C++, and the library under meshreel's bindings for Python, web
-   pages and C#. docs/guides/engines.md has examples; docs/format.md describes the files.
+   pages and C#. docs/guides/engines.md has examples; docs/format.md specifies the files.
 
-   A file is opened from bytes in memory or through a callback that reads ranges. Opening parses the
-   container alone. `meshreel_read_mesh` and `meshreel_read_surface` decode what all frames share;
-   after that a file never changes, and any number of threads may use it. A decoder holds two blocks
-   of frames of each track; one thread uses it at a time. Several decoders of one file may work on
-   several threads at once.
+   A file is opened from bytes in memory, or through a callback that reads ranges. Opening parses
+   the container only. `meshreel_read_mesh` and `meshreel_read_surface` decode what all frames
+   share; after that a file never changes, and any number of threads may use it. A decoder holds two
+   blocks of frames of each track; only one thread may use it at a time. Several decoders of one
+   file may work on several threads at once.
 
    A file holds one or more segments: animated meshes of constant connectivity, shown in order. Most
    files have one. If a file has several, `meshreel_open_segment` opens one of them as a separate
-   `meshreel_file`, and functions that decode refuse the file itself.
+   `meshreel_file`, and functions that decode fail for the file itself.
 
-   The library has no global state, opens no files and starts no threads. Memory and threads are the
-   host's (`meshreel_host`). Bytes may be hostile: no input makes a function crash, hang, or hold
-   more memory than `memory_limit`.
+   The library has no global state, opens no files and starts no threads. The host provides memory
+   and threads (`meshreel_host`). Input may be hostile: no input makes a function crash, hang, or
+   hold more memory than `memory_limit`.
 
    Functions that can fail return a `meshreel_code` and fill `error`, which may be NULL. After a
    failure output buffers hold unspecified values; the file and the decoder remain usable. */
@@ -37,19 +37,19 @@ extern "C" {
 #endif
 
 #define MESHREEL_VERSION "0.1.0"
-#define MESHREEL_ABI 1 /* changes with every function or structure below that changes */
+#define MESHREEL_ABI 1 /* changes whenever a function or structure below changes */
 
-/* MESHREEL_ABI of the library that is running. */
+/* Return MESHREEL_ABI of the library that is running. */
 MESHREEL_API uint32_t meshreel_abi(void);
 
 enum meshreel_code {
     MESHREEL_OK = 0,
     MESHREEL_NO_MEMORY = 1,   /* `allocate` returned NULL */
     MESHREEL_TRUNCATED = 2,   /* the file ends too early */
-    MESHREEL_CORRUPT = 3,     /* the file is damaged, or is no .reel file */
+    MESHREEL_CORRUPT = 3,     /* the file is damaged, or is not a .reel file */
     MESHREEL_INVALID = 4,     /* an argument is out of range */
     MESHREEL_UNSUPPORTED = 5, /* the file needs a newer build, or exceeds what this one reads */
-    MESHREEL_METHOD = 6,      /* a method of the paper, which only Python decodes */
+    MESHREEL_METHOD = 6,      /* the file uses a method of the paper, which only Python decodes */
     MESHREEL_UNREADABLE = 7,  /* `read` of the source failed */
     MESHREEL_RANGE = 8,       /* a number exceeds float; decode to doubles */
     MESHREEL_LIMIT = 9,       /* decoding would exceed `memory_limit` */
@@ -59,110 +59,115 @@ enum meshreel_code {
 typedef struct meshreel_error {
     int32_t code;
     uint32_t reserved;
-    uint64_t offset;     /* byte of the file where the fault was found; UINT64_MAX: not known */
-    uint64_t size;       /* MESHREEL_UNREADABLE: size of the range at `offset`;
-                            MESHREEL_LIMIT, MESHREEL_NO_MEMORY: bytes that would be held */
+    uint64_t offset; /* byte of the file at which the fault was detected; UINT64_MAX: unknown */
+    /* MESHREEL_UNREADABLE: size of the range at `offset`; MESHREEL_LIMIT, MESHREEL_NO_MEMORY: bytes
+       that would have been held */
+    uint64_t size;
     const char *message; /* one sentence in English; valid as long as the library is loaded */
 } meshreel_error;
 
-/* The bytes of a file: in memory, or behind a callback. They must not change while the file is in
+/* The bytes of a file, in memory or behind a callback. They must not change while the file is in
    use. */
 typedef struct meshreel_source {
-    const void *bytes; /* all of them, or NULL */
+    const void *bytes; /* the whole file, or NULL */
     uint64_t size;
-    /* Without `bytes`: copy `size` bytes from byte `offset` of the file to `to` and return 0, or
-       return another number. Called on the thread that called the library. A host that fetches
-       asynchronously may fail, fetch the range that `error` names, and call again. */
+    /* Used if `bytes` is NULL: copy `size` bytes from byte `offset` of the file to `to` and return
+       0, or return another number to fail. Called on the thread that called the library. A host
+       that fetches asynchronously may fail, fetch the range that `error` states, and call again. */
     int (*read)(void *user, uint64_t offset, void *to, size_t size);
     void *user;
-    /* May be NULL. Called before a range is read piece by piece, so that it may be fetched at once;
+    /* May be NULL. Called before a range is read in pieces, so that it can be fetched at once;
        fails as `read` does. */
     int (*announce)(void *user, uint64_t offset, uint64_t size);
 } meshreel_source;
 
-/* What the library takes from the program that calls it. `allocate` and `release` are only called
-   on the thread that called the library. */
+/* What the host program provides. `allocate` and `release` are only called on the thread that
+   called the library. */
 typedef struct meshreel_host {
     void *user;
-    /* Memory aligned to 64 bytes, or NULL. */
+    /* Return memory aligned to 64 bytes, or NULL. */
     void *(*allocate)(void *user, size_t size);
     void (*release)(void *user, void *memory, size_t size);
     /* Call task(shared, i) for each i in 0..n_tasks-1, on any threads and in any order, and return
-       when all are done; NULL: the calling thread runs them. */
+       when all are done. NULL: tasks run on the calling thread. */
     void (*run)(void *user, void (*task)(void *shared, uint32_t i), void *shared,
                 uint32_t n_tasks);
-    uint32_t n_threads; /* threads that `run` uses; 0 and 1: work is not divided */
+    uint32_t n_threads; /* number of threads that `run` uses; 0 and 1: work is not divided */
     uint32_t reserved;
-    uint64_t memory_limit; /* bytes that a file, and each decoder, may hold; 0: 8 GiB */
+    uint64_t memory_limit; /* limit of the bytes held by a file, and by each decoder; 0: 8 GiB */
 } meshreel_host;
 
 typedef struct meshreel_file meshreel_file;
 typedef struct meshreel_decoder meshreel_decoder;
 
-/* UTF-8, `size` bytes, not terminated. */
+/* A UTF-8 text of `size` bytes, not terminated. */
 typedef struct meshreel_text {
     const char *bytes;
     size_t size;
 } meshreel_text;
 
-/* Of a file, or of a segment that is open as one. Of a file of several segments `promise_percent`
-   and all counts but `n_frames` are 0, and `center`, `diagonal` and the codes from `number_bytes` to
-   `order` are those of the first segment. */
+/* Properties of a file, or of an open segment. For a file with several segments `promise_percent`
+   and all counts but `n_frames` are 0, and `center`, `diagonal` and the codes from `number_bytes`
+   to `order` are those of the first segment. */
 typedef struct meshreel_info {
     meshreel_text name;
-    double fps;             /* frames per second; 0: not known */
-    double start_s;         /* time of the first frame, in seconds */
-    double promise_percent; /* bound of the displacement of any vertex, in percent of `diagonal`;
-                               0: none */
-    double center[3];       /* of the bounding box of all frames, in model units; segments may share
-                               the box of all of them */
-    double diagonal;        /* of that box; 1 where it is 0 */
-    uint64_t size;          /* bytes up to the end of the last complete block, or of the file; the
-                               same of a segment, counted from byte 0 of the file */
+    double fps;     /* frames per second; 0: unknown */
+    double start_s; /* time of the first frame, in seconds */
+    /* Guaranteed bound of the displacement of any vertex, in percent of `diagonal`; 0: none. */
+    double promise_percent;
+    /* Center of the bounding box of all frames, in model units; segments may share the box of all
+       of them. */
+    double center[3];
+    double diagonal; /* diagonal of that box; 1 if it is 0 */
+    /* Bytes up to the end of the last complete block, or of the file; for a segment also counted
+       from byte 0 of the file. */
+    uint64_t size;
     uint32_t n_frames, n_verts, n_triangles;
-    uint32_t n_faces;       /* polygons; n_triangles where all faces are triangles */
+    uint32_t n_faces;       /* polygons; n_triangles if all faces are triangles */
     uint32_t n_corners;     /* corners of all faces */
-    uint32_t n_blocks;      /* runs of frames that are decoded together */
-    uint32_t longest_block; /* frames of the longest one */
-    uint32_t n_tracks;      /* the positions, which are track 0, included */
-    uint32_t number_bytes;  /* positions were given as: 4: float, 8: double */
-    uint32_t method;        /* 7: reel; 8: lossless; 9: grid; below: the paper's methods */
-    uint32_t laplacian;     /* of the paper's methods */
-    uint32_t order;         /* kept: 0: of vertices and faces; 1: of vertices; 2: of neither */
-    uint32_t is_whole;      /* 0: the end of the file is missing; all blocks here are complete */
-    uint32_t n_segments;    /* at least 1 */
-    meshreel_error damage;  /* why it is not whole */
+    uint32_t n_blocks;      /* blocks of frames that are decoded together */
+    uint32_t longest_block; /* frames of the longest block */
+    uint32_t n_tracks;      /* including the positions, which are track 0 */
+    uint32_t number_bytes;  /* type of the original positions: 4: float, 8: double */
+    uint32_t method;        /* 7: reel; 8: lossless; 9: grid; below: methods of the paper */
+    uint32_t laplacian;     /* for methods of the paper */
+    uint32_t order; /* preserved order: 0: of vertices and faces; 1: of vertices; 2: of neither */
+    /* 0: the end of the file is missing or damaged; all blocks here are complete */
+    uint32_t is_whole;
+    uint32_t n_segments;   /* at least 1 */
+    meshreel_error damage; /* why it is not whole */
 } meshreel_info;
 
-/* Parse the container of a file. The structures are copied; what they point to must stay. Files of
-   the paper's methods are opened too, for their sections; their frames are refused. */
+/* Parse the container of a file. The structures are copied; what they point to must remain valid.
+   Files of the paper's methods can be opened to inspect their sections, but not decoded. */
 MESHREEL_API int meshreel_open(const meshreel_source *source, const meshreel_host *host,
                                meshreel_file **file, meshreel_error *error);
 
 /* Release a file, after its decoders. NULL is allowed. */
 MESHREEL_API void meshreel_close(meshreel_file *file);
 
+/* Return the properties of a file. Owned by the file. */
 MESHREEL_API const meshreel_info *meshreel_info_of(const meshreel_file *file);
 
 /* ---- Segments ---- */
 
-/* Frames are numbered through all segments of a file; in an open segment they begin at 0. */
+/* Frames are numbered across all segments of a file; in an open segment they begin at 0. */
 typedef struct meshreel_segment {
-    uint32_t first_frame; /* its number in the file */
+    uint32_t first_frame; /* in the numbering of the file */
     uint32_t n_frames, n_verts, n_triangles;
-    uint64_t offset, size; /* of its bytes, without the header of the file */
+    uint64_t offset, size; /* byte range of the segment, without the header of the file */
 } meshreel_segment;
 
-/* Segment `number` of 0..n_segments-1. */
+/* Describe segment `number` of 0..n_segments-1. */
 MESHREEL_API int meshreel_segment_of(const meshreel_file *file, uint32_t number,
                                      meshreel_segment *segment);
 
-/* The segment that holds a frame of 0..n_frames-1. */
+/* Return the segment that contains a frame of 0..n_frames-1. */
 MESHREEL_API uint32_t meshreel_segment_of_frame(const meshreel_file *file, uint32_t frame);
 
-/* Open a segment as a separate file with one segment: all functions of this header but this one apply
-   to it, and its frames begin at 0. It uses the source and the host of `file`, which may be closed
-   before it. Works for files of one segment, too. */
+/* Open a segment as a separate file with one segment. All functions but this one apply to it, and
+   its frames begin at 0. It uses the source and the host of `file`, which may be closed first. Also
+   works for files with one segment. */
 MESHREEL_API int meshreel_open_segment(const meshreel_file *file, uint32_t number,
                                        meshreel_file **segment, meshreel_error *error);
 
@@ -170,55 +175,56 @@ MESHREEL_API int meshreel_open_segment(const meshreel_file *file, uint32_t numbe
 
 typedef struct meshreel_section {
     uint32_t id;
-    uint32_t is_known;              /* to this build */
-    uint64_t offset, size;          /* of the whole section */
-    uint64_t payload, payload_size; /* of its payload */
+    uint32_t is_known;              /* whether this build knows it */
+    uint64_t offset, size;          /* byte range of the whole section */
+    uint64_t payload, payload_size; /* byte range of its payload */
 } meshreel_section;
 
-/* The section at a byte of the file: `offset` 0 is the first one, section->offset + section->size
-   the next. Of a segment that is open as a file these are its own sections. Checks its checksum
-   where `check` is not 0. MESHREEL_INVALID behind the last one. */
+/* Describe the section at a byte of the file: `offset` 0 is the first one, section->offset +
+   section->size the next. In an open segment these are its own sections. Verifies the checksum
+   unless `check` is 0. Returns MESHREEL_INVALID after the last section. */
 MESHREEL_API int meshreel_section_at(const meshreel_file *file, uint64_t offset, int check,
                                      meshreel_section *section, meshreel_error *error);
 
-/* The bytes of a track in a block of frames. */
+/* Byte range of a track in a block of frames. */
 typedef struct meshreel_block {
     uint32_t first_frame, n_frames;
     uint64_t offset, size;
 } meshreel_block;
 
-/* Block `number` of 0..n_blocks-1; the bytes are those of one track, 0..n_tracks-1. */
+/* Describe block `number` of 0..n_blocks-1; the byte range is that of one track, 0..n_tracks-1. */
 MESHREEL_API int meshreel_block_of(const meshreel_file *file, uint32_t number, uint32_t track,
                                    meshreel_block *block);
 
-/* What a block says of a track. */
+/* Coding parameters of a track in a block. */
 typedef struct meshreel_group {
-    uint32_t key_block;     /* the block whose fields it refers to, or itself */
-    uint32_t n_modes;       /* 0: values are stored exactly */
-    uint64_t n_corrections; /* of single values */
+    uint32_t key_block;     /* the block whose fields it refers to, or its own number */
+    uint32_t n_modes;       /* 0: values are lossless */
+    uint64_t n_corrections; /* corrections of single values */
     double step;            /* quantization step of the fields, in diagonals */
 } meshreel_group;
 
-/* Reads what a block says of a track, without decoding it; checks its checksums where `check` is
-   not 0, else reads some bytes of each section. Of methods of the paper n_modes alone is known. */
+/* Read the coding parameters of a track in a block, without decoding it. Verifies its checksums
+   unless `check` is 0, in which case only a few bytes of each section are read. For methods of the
+   paper only n_modes is known. */
 MESHREEL_API int meshreel_group_of(const meshreel_file *file, uint32_t number, uint32_t track,
                                    int check, meshreel_group *group, meshreel_error *error);
 
-/* The block that holds a frame of 0..n_frames-1. */
+/* Return the block that contains a frame of 0..n_frames-1. */
 MESHREEL_API uint32_t meshreel_block_of_frame(const meshreel_file *file, uint32_t frame);
 
 /* ---- What all frames share ---- */
 
-/* Decode the triangles and the order of vertices; needed before decoders. Does nothing the second
-   time. No other thread may use the file meanwhile. */
+/* Decode the triangles and the vertex order, which decoders need. Does nothing when called again.
+   No other thread may use the file meanwhile. */
 MESHREEL_API int meshreel_read_mesh(meshreel_file *file, meshreel_error *error);
 
-/* Triangles as three vertices each, n_triangles of them, counterclockwise from the front if they
-   were given so; NULL before `meshreel_read_mesh`. The file owns them. */
+/* Return the n_triangles triangles as three vertices each, counterclockwise seen from the front if
+   the original was; NULL before `meshreel_read_mesh`. Owned by the file. */
 MESHREEL_API const uint32_t *meshreel_triangles(const meshreel_file *file);
 
-/* The same in the order in which the file stores them, of vertices in its order; and the number in
-   that order of each of the n_verts vertices. For decoders of the paper's methods. */
+/* Return the triangles in stored order, with vertices in stored order; `stored_vertices` receives
+   the stored number of each of the n_verts vertices. Needed to decode methods of the paper. */
 MESHREEL_API const int32_t *meshreel_stored_triangles(const meshreel_file *file,
                                                       const int32_t **stored_vertices);
 
@@ -226,7 +232,7 @@ MESHREEL_API const int32_t *meshreel_stored_triangles(const meshreel_file *file,
 
 enum meshreel_domain { MESHREEL_VERTICES = 0, MESHREEL_FACES = 1, MESHREEL_CORNERS = 2 };
 
-/* Number types, of attributes and tracks. */
+/* Number types of attributes and tracks. */
 enum meshreel_type {
     MESHREEL_FLOAT32 = 4,
     MESHREEL_FLOAT64 = 8,
@@ -243,32 +249,33 @@ enum meshreel_type {
 enum meshreel_attribute_kind { MESHREEL_UV = 0, MESHREEL_COLOR = 1, MESHREEL_OTHER = 2 };
 
 /* Values that do not change over time. Item i of the domain has row rows[i] of `values`, or row i
-   where `rows` is NULL. */
+   if `rows` is NULL. */
 typedef struct meshreel_attribute {
     meshreel_text name;
     uint32_t kind, domain, type;
-    uint32_t width;       /* numbers of a row, 1..16 */
+    uint32_t width; /* numbers per row, 1..16 */
     uint32_t n_rows, n_items;
-    uint32_t is_indexed;  /* 0: the file names rows only to save space; items have their own values */
+    /* 0: the file uses rows only to save space; logically each item has its own value */
+    uint32_t is_indexed;
     uint32_t reserved;
-    const void *values;   /* n_rows x width */
-    const int32_t *rows;  /* n_items, or NULL */
+    const void *values;  /* n_rows x width */
+    const int32_t *rows; /* n_items, or NULL */
 } meshreel_attribute;
 
 typedef struct meshreel_groups {
-    meshreel_text name; /* what the groups are, such as "material" */
+    meshreel_text name; /* what the groups represent, such as "material" */
     uint32_t n_labels, reserved;
     const meshreel_text *labels;
-    const int32_t *of_faces; /* n_faces labels; -1: none */
+    const int32_t *of_faces; /* label of each of the n_faces faces; -1: none */
 } meshreel_groups;
 
-/* Vertices and faces of parts follow one another. */
+/* A part: consecutive vertices and faces, after those of the previous part. */
 typedef struct meshreel_part {
     meshreel_text name;
     uint32_t n_verts, n_faces;
 } meshreel_part;
 
-/* Slots of textures. */
+/* Texture slots of a material. */
 enum meshreel_slot {
     MESHREEL_BASE_COLOR = 0,
     MESHREEL_METALLIC = 1,
@@ -280,11 +287,11 @@ enum meshreel_slot {
 };
 
 typedef struct meshreel_texture {
-    uint32_t image;    /* number of the image, or MESHREEL_NONE: no texture in this slot */
+    uint32_t image;    /* index of the image, or MESHREEL_NONE: no texture in this slot */
     uint32_t channels; /* bits 0 to 3: red, green, blue, alpha */
-    uint32_t wrap_u, wrap_v;      /* 0: repeat, 1: mirror, 2: clamp, 3: black, 4: as the image says */
-    uint32_t magnified, shrunk;   /* 0: any, 1: nearest, 2: linear, 3 to 6: with mipmaps */
-    meshreel_text uv;  /* name of the attribute with its texture coordinates */
+    uint32_t wrap_u, wrap_v; /* 0: repeat, 1: mirror, 2: clamp, 3: black, 4: defined by the image */
+    uint32_t magnified, shrunk; /* 0: any, 1: nearest, 2: linear, 3 to 6: with mipmaps */
+    meshreel_text uv;           /* name of the attribute with its texture coordinates */
     double offset[2], rotation, scale[2];
 } meshreel_texture;
 
@@ -297,29 +304,31 @@ typedef struct meshreel_material {
     meshreel_texture textures[MESHREEL_SLOTS];
 } meshreel_material;
 
-/* The bytes of an image file are `size` bytes of the .reel file from `offset` on. */
+/* An image file: `size` bytes at byte `offset` of the .reel file. */
 typedef struct meshreel_image {
     meshreel_text name, media_type;
     uint64_t offset, size;
 } meshreel_image;
 
 typedef struct meshreel_surface {
-    const uint32_t *face_sizes; /* corners of each face, or NULL: all faces are triangles. A face of
-                                   n corners is the next n - 2 triangles, a fan from its first */
+    /* Corners of each face, or NULL if all are triangles. A face with n corners is the next n - 2
+       triangles, a fan around its first corner. */
+    const uint32_t *face_sizes;
     const meshreel_attribute *attributes;
     const meshreel_groups *groups;
     const meshreel_part *parts;
     const meshreel_material *materials;
     const meshreel_image *images;
-    const uint32_t *hard_edges; /* two vertices each: faces do not share normals across them */
+    /* Two vertices each; faces do not share normals across these edges. */
+    const uint32_t *hard_edges;
     uint32_t n_attributes, n_groups, n_parts, n_materials, n_images, n_hard_edges;
 } meshreel_surface;
 
-/* Decode polygons, attributes, groups, parts, materials and hard edges, and the mesh if need be; as
-   `meshreel_read_mesh`. */
+/* Decode polygons, attributes, groups, parts, materials and hard edges, and the mesh if necessary.
+   May be called like `meshreel_read_mesh`. */
 MESHREEL_API int meshreel_read_surface(meshreel_file *file, meshreel_error *error);
 
-/* The surface; NULL before `meshreel_read_surface`. The file owns it. */
+/* Return the surface; NULL before `meshreel_read_surface`. Owned by the file. */
 MESHREEL_API const meshreel_surface *meshreel_surface_of(const meshreel_file *file);
 
 /* ---- Frames and tracks ---- */
@@ -336,45 +345,46 @@ enum meshreel_track_kind {
 
 /* A quantity that changes over time. */
 typedef struct meshreel_track {
-    meshreel_text name, unit; /* empty for the positions */
+    meshreel_text name, unit; /* empty for positions */
     uint32_t kind, domain, type;
-    uint32_t n_columns; /* numbers of a value */
-    uint32_t n_items;   /* values of a frame */
+    uint32_t n_columns; /* numbers per value */
+    uint32_t n_items;   /* values per frame */
     uint32_t coding;    /* docs/format.md, TRACK */
-    uint32_t is_exact;  /* every bit is restored */
+    uint32_t is_exact;  /* lossless */
     uint32_t reserved;
-    double bound;       /* largest error of a value, in its unit, of normals in degrees; 0: none */
+    /* Guaranteed bound of the error of a value, in its unit, for normals in degrees; 0: none. */
+    double bound;
 } meshreel_track;
 
-/* Track `number`; 0 is the positions. */
+/* Describe track `number`; 0 is the positions. */
 MESHREEL_API int meshreel_track_of(const meshreel_file *file, uint32_t number,
                                    meshreel_track *track);
 
-/* Create a decoder of a file whose mesh was read. */
+/* Create a decoder for a file after `meshreel_read_mesh`. */
 MESHREEL_API int meshreel_begin(const meshreel_file *file, meshreel_decoder **decoder,
                                 meshreel_error *error);
 
 /* Release a decoder. NULL is allowed. */
 MESHREEL_API void meshreel_end(meshreel_decoder *decoder);
 
-/* Load a track of a block, unless the decoder holds it: what takes time. Decoding does it when it
-   was not done. With `n_modes` above 0, positions of `reel` are a preview: only the first n_modes
-   modes move, further ones of the first 16 stay at their mean over the block, and corrections are
-   omitted. */
+/* Load a track of a block unless the decoder holds it. This takes most of the time; decoding does
+   it if necessary. With `n_modes` above 0, positions of the method `reel` are a preview: only the
+   first n_modes modes move, further ones of the first 16 stay at their mean over the block, and
+   corrections are omitted. */
 MESHREEL_API int meshreel_load(meshreel_decoder *decoder, uint32_t track, uint32_t block,
                                uint32_t n_modes, meshreel_error *error);
 
-/* Where numbers go: value i of frame t begins at byte t frame_stride + i value_stride. A stride of
-   0 is the packed one. */
+/* Output layout: value i of frame t begins at byte t frame_stride + i value_stride. A stride of 0
+   means packed. */
 typedef struct meshreel_layout {
     uint32_t type; /* 0: the track's own; MESHREEL_FLOAT32 is allowed for a track of doubles */
     uint32_t reserved;
     size_t value_stride, frame_stride;
 } meshreel_layout;
 
-/* Decode frames first..first+count-1 of a track, the same bits on every machine. Vertices, faces
-   and corners are in the order that was encoded, as far as `order` of the file says it is kept.
-   `n_modes` as of `meshreel_load`; `layout` NULL is packed numbers of the track's type. `values` is
+/* Decode frames first..first+count-1 of a track, to the same bits on every machine. Vertices, faces
+   and corners are in the original order as far as `order` of the file preserves it. `n_modes` as
+   for `meshreel_load`; a NULL `layout` means packed numbers of the track's type. `values` must be
    aligned to that type. */
 MESHREEL_API int meshreel_decode(meshreel_decoder *decoder, uint32_t track, uint32_t first,
                                  uint32_t count, uint32_t n_modes, const meshreel_layout *layout,
@@ -389,15 +399,15 @@ MESHREEL_API int meshreel_decode(meshreel_decoder *decoder, uint32_t track, uint
    plus scale times its correction. Normals are not yet divided by their length. */
 typedef struct meshreel_modes {
     uint32_t n_frames, n_modes, n_columns;
-    uint32_t n_items;       /* all of the track, or fewer that corners share */
-    uint32_t has_missing;   /* some numbers may be missing: those that `meshreel_decode` finds NaN */
+    uint32_t n_items;     /* items of the track, or fewer if corners share them */
+    uint32_t has_missing; /* some numbers may be missing, which `meshreel_decode` returns as NaN */
     uint32_t reserved;
     double step, scale;
-    const double *origin;   /* n_columns */
-    const double *values;   /* n_items x n_modes, in steps */
-    const int32_t *rows;    /* n_items */
-    const double *basis;    /* n_columns x n_frames x n_modes */
-    const int32_t *shared;  /* the item of each of the track's items; NULL: its own */
+    const double *origin;  /* n_columns */
+    const double *values;  /* n_items x n_modes, in quantization steps */
+    const int32_t *rows;   /* n_items */
+    const double *basis;   /* n_columns x n_frames x n_modes */
+    const int32_t *shared; /* item of each of the track's values; NULL: its own */
     /* Corrections of frame t are correction_starts[t] .. correction_starts[t + 1] - 1: items,
        ascending, with n_columns numbers each. NULL: none. */
     const int64_t *correction_starts;
@@ -405,14 +415,14 @@ typedef struct meshreel_modes {
     const double *corrections;
 } meshreel_modes;
 
-/* Load a track of a block, and find its modes; n_modes is 0 where it is no sum of modes: exact
-   values, and values that positions predict. The decoder owns them until it loads another block of
-   this track. */
+/* Load a track of a block and describe its modes; n_modes is 0 if it is not a sum of modes:
+   lossless values, and values predicted from positions. The decoder owns the arrays until it loads
+   another block of this track. */
 MESHREEL_API int meshreel_modes_of(meshreel_decoder *decoder, uint32_t track, uint32_t block,
                                    meshreel_modes *modes, meshreel_error *error);
 
-/* Normals of vertices, of length 1, or 0 where undefined: the sum of the normals of the triangles
-   around by their area. `positions` and `normals` are n_verts x 3 packed numbers of `type`,
+/* Compute vertex normals of length 1, or 0 where undefined: the area-weighted sum of the normals of
+   adjacent triangles. `positions` and `normals` are n_verts x 3 packed numbers of `type`,
    MESHREEL_FLOAT32 or MESHREEL_FLOAT64. */
 MESHREEL_API int meshreel_normals(meshreel_decoder *decoder, uint32_t type, const void *positions,
                                   void *normals, meshreel_error *error);

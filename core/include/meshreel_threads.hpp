@@ -1,10 +1,10 @@
-/* A host for meshreel.h in C++11: memory from the heap, and work divided among threads.
+/* A host for meshreel.h in C++11: memory from the heap, and a thread pool.
 
        meshreel::Host host;
        meshreel_open(&source, host.get(), &file, &error);
 
-   The host must outlive the files that are opened with it. Any number of threads may decode with
-   one host at the same time; they share its threads. */
+   The host must outlive the files opened with it. Any number of threads may decode with one host at
+   the same time; they share its threads. */
 
 #ifndef MESHREEL_THREADS_HPP
 #define MESHREEL_THREADS_HPP
@@ -23,8 +23,8 @@ namespace meshreel {
 
 class Host {
   public:
-    /* `n_threads` counts the calling thread; 0: one for each core. Fewer are used where the system
-       starts no more. `memory_limit` is that of meshreel_host. */
+    /* `n_threads` includes the calling thread; 0: one per core. Fewer are used if the system cannot
+       start as many. `memory_limit` as in meshreel_host. */
     explicit Host(unsigned n_threads = 0, uint64_t memory_limit = 0) : host_() {
         n_threads = n_threads ? n_threads : std::thread::hardware_concurrency();
         try {
@@ -44,7 +44,7 @@ class Host {
     ~Host() {
         {
             std::lock_guard<std::mutex> lock(mutex_);
-            ends_ = true;
+            is_stopping_ = true;
         }
         has_work_.notify_all();
         for (std::thread &worker : workers_) {
@@ -66,15 +66,16 @@ class Host {
 
     static const size_t alignment = 64;
 
-    /* The address of the whole block is stored in front of the aligned one. */
+    /* The address of the allocation is stored in front of the aligned block. */
     static void *allocate(void *, size_t size) {
-        const size_t more = alignment + sizeof(void *);
-        void *whole = size <= SIZE_MAX - more ? std::malloc(size + more) : nullptr;
-        if (!whole) {
+        const size_t overhead = alignment + sizeof(void *);
+        void *allocation = size <= SIZE_MAX - overhead ? std::malloc(size + overhead) : nullptr;
+        if (!allocation) {
             return nullptr;
         }
-        uintptr_t aligned = (reinterpret_cast<uintptr_t>(whole) + more) / alignment * alignment;
-        reinterpret_cast<void **>(aligned)[-1] = whole;
+        uintptr_t address = reinterpret_cast<uintptr_t>(allocation);
+        uintptr_t aligned = (address + overhead) / alignment * alignment;
+        reinterpret_cast<void **>(aligned)[-1] = allocation;
         return reinterpret_cast<void *>(aligned);
     }
 
@@ -95,7 +96,7 @@ class Host {
         host.is_done_.wait(lock, [&job] { return job.n_done == job.n_tasks; });
     }
 
-    /* Run one task without the lock. */
+    /* Run one task, with the lock released. */
     void run_task(Job &job, std::unique_lock<std::mutex> &lock) {
         uint32_t i = job.n_begun++;
         if (job.n_begun == job.n_tasks) {
@@ -117,8 +118,8 @@ class Host {
     void work() {
         std::unique_lock<std::mutex> lock(mutex_);
         for (;;) {
-            has_work_.wait(lock, [this] { return ends_ || !jobs_.empty(); });
-            if (ends_) {
+            has_work_.wait(lock, [this] { return is_stopping_ || !jobs_.empty(); });
+            if (is_stopping_) {
                 return;
             }
             run_task(*jobs_.front(), lock);
@@ -128,9 +129,9 @@ class Host {
     meshreel_host host_;
     std::mutex mutex_;
     std::condition_variable has_work_, is_done_;
-    std::deque<Job *> jobs_; /* that have tasks which were not begun */
+    std::deque<Job *> jobs_; /* jobs with tasks that have not begun */
     std::vector<std::thread> workers_;
-    bool ends_ = false;
+    bool is_stopping_ = false;
 };
 
 } // namespace meshreel
