@@ -1,4 +1,5 @@
-/* The section ATTRIBUTE: a table of rows, and the row of each item: docs/format.md. */
+/* The section ATTRIBUTE: a table of rows, and the row of each item. docs/format.md, "Attributes,
+   groups, materials". */
 
 #include "attributes.h"
 
@@ -9,13 +10,14 @@
 #define MAX_ROWS INT32_MAX
 #define NONE (-1)
 
-/* Items have their own rows, or name rows; SHARED ones do so only to save space. */
+/* EACH: every item has its own row. INDEXED: items refer to rows. SHARED: they do so only to save
+   space. */
 enum layout_number { EACH = 0, INDEXED = 1, SHARED = 2 };
-enum reference_code { AGAIN = 0, NEW = 1, EXPLICIT = 2 };
-enum expected_from { NOTHING = 0, ROW_BEFORE = 1, ALONG_FACES = 2 };
+enum reference_code { REPEAT = 0, NEW = 1, EXPLICIT = 2 };
+enum row_predictor { NOTHING = 0, ROW_BEFORE = 1, ALONG_FACES = 2 };
 
-/* Forms of numbers: 0 to 9 are integers by a power of ten. */
-enum number_form { BY_BYTE = 10, BY_SHORT = 11, GRID = 64, FINEST_GRID = 88, AS_THEY_ARE = 255 };
+/* Stored forms of numbers; 0 to 9: integers divided by a power of ten. */
+enum number_form { BY_BYTE = 10, BY_SHORT = 11, GRID = 64, FINEST_GRID = 88, PLAIN = 255 };
 
 /* ---- type and layout ---- */
 
@@ -32,7 +34,7 @@ static int read_type(reel_call *call, reel_range *left, meshreel_attribute *foun
         return reel_corrupt(call, at, "the kind, domain or number type of an attribute is unknown");
     }
     if (!bytes[3] || bytes[3] > MAX_WIDTH) {
-        return reel_corrupt(call, at + 3, "values of an attribute have not 1 to 16 numbers");
+        return reel_corrupt(call, at + 3, "the values of an attribute do not have 1 to 16 numbers");
     }
     found->kind = bytes[0];
     found->domain = bytes[1];
@@ -53,7 +55,7 @@ static bool is_float(const meshreel_attribute *attribute) {
     return attribute->type == MESHREEL_FLOAT32 || attribute->type == MESHREEL_FLOAT64;
 }
 
-/* How values are laid out: rows of the table, and the bytes of references to them. */
+/* Layout of the values: rows of the table, and the coded references to them. */
 typedef struct {
     uint8_t number;
     uint64_t n_rows;
@@ -73,7 +75,7 @@ static int read_layout(reel_call *call, reel_range *left, const meshreel_attribu
         return reel_corrupt(call, at, "the layout of an attribute is unknown");
     }
     if (layout->number == EACH && (layout->n_rows != found->n_items || size)) {
-        return reel_corrupt(call, at, "an attribute has not one row for each item");
+        return reel_corrupt(call, at, "an attribute does not have one row for each item");
     }
     if (size > left->length) {
         return reel_fail(call, MESHREEL_TRUNCATED, left->at,
@@ -84,9 +86,9 @@ static int read_layout(reel_call *call, reel_range *left, const meshreel_attribu
     return MESHREEL_OK;
 }
 
-/* Takes memory for the rows of the table. */
-static int keep_values(reel_call *call, reel_pool *pool, const value_layout *layout,
-                       meshreel_attribute *found, void **values) {
+/* Allocate the rows of the table. */
+static int allocate_values(reel_call *call, reel_pool *pool, const value_layout *layout,
+                           meshreel_attribute *found, void **values) {
     *values = reel_pool_allocate(call, pool, layout->n_rows, found->width * size_of(found));
     if (!*values) {
         return call->error.code;
@@ -102,84 +104,85 @@ static int keep_values(reel_call *call, reel_pool *pool, const value_layout *lay
 
 /* ---- references ---- */
 
-/* Items at places: items[i] is at place of[i], or all at place 0 where `of` is NULL. */
+/* Groups of items that references are relative to: item i is in group of[i], or all are in group 0
+   if `of` is NULL. */
 typedef struct {
     const int32_t *of;
-    int32_t *last; /* row of the last item of each place, NONE before the first */
+    int32_t *last; /* row of the last item of each group, or NONE */
     uint64_t n, n_items;
-} item_places;
+} item_groups;
 
-static void forget_rows(item_places *places) {
-    for (uint64_t i = 0; i < places->n; i++) {
-        places->last[i] = NONE;
+static void reset_last_rows(item_groups *groups) {
+    for (uint64_t i = 0; i < groups->n; i++) {
+        groups->last[i] = NONE;
     }
 }
 
-/* Places that have items. */
-static uint64_t count_used(item_places *places) {
+/* Count the groups that have items. */
+static uint64_t count_used(item_groups *groups) {
     uint64_t n_used = 0;
-    forget_rows(places);
-    for (uint64_t i = 0; i < places->n_items; i++) {
-        int32_t *last = &places->last[places->of ? places->of[i] : 0];
+    reset_last_rows(groups);
+    for (uint64_t i = 0; i < groups->n_items; i++) {
+        int32_t *last = &groups->last[groups->of ? groups->of[i] : 0];
         n_used += *last == NONE;
         *last = 0;
     }
-    forget_rows(places);
+    reset_last_rows(groups);
     return n_used;
 }
 
-/* The places of items: corners of faces are at their vertices, all others at one place. */
-static int find_places(reel_call *call, const reel_faces *faces, const meshreel_attribute *found,
-                       item_places *places) {
+/* Find the groups: corners are grouped by vertex, all other items form one group. */
+static int find_groups(reel_call *call, const reel_faces *faces, const meshreel_attribute *found,
+                       item_groups *groups) {
     const reel_outline *outline = faces->outline;
-    bool at_vertices = found->domain == MESHREEL_CORNERS;
-    *places = (item_places){.n = at_vertices ? outline->n_verts : 1, .n_items = found->n_items};
-    if (at_vertices) {
+    bool by_vertex = found->domain == MESHREEL_CORNERS;
+    *groups = (item_groups){.n = by_vertex ? outline->n_verts : 1, .n_items = found->n_items};
+    if (by_vertex) {
         int32_t *vertices = reel_scratch(call, outline->n_corners, sizeof *vertices);
         if (!vertices) {
             return call->error.code;
         }
         reel_find_corner_vertices(outline, faces->triangles, faces->sizes, vertices);
-        places->of = vertices;
+        groups->of = vertices;
     }
-    places->last = reel_scratch(call, places->n, sizeof *places->last);
-    return places->last ? MESHREEL_OK : call->error.code;
+    groups->last = reel_scratch(call, groups->n, sizeof *groups->last);
+    return groups->last ? MESHREEL_OK : call->error.code;
 }
 
-/* What is decoded of references: codes of items that are the first of their place, and of others;
+/* Decoded references: codes of items that are the first of their group, and of the others;
    differences of explicit rows. */
 typedef struct {
     const int32_t *first, *later, *differences, *end;
 } reference_codes;
 
-static int decode_codes(reel_call *call, reel_range coded, item_places *places,
+static int decode_codes(reel_call *call, reel_range coded, item_groups *groups,
                         reference_codes *codes) {
     uint64_t at = coded.at, n_explicit;
     int failed = reel_read_varint(call, &coded, &n_explicit);
     if (failed) {
         return failed;
     }
-    if (n_explicit > places->n_items) {
+    if (n_explicit > groups->n_items) {
         return reel_corrupt(call, at, "an attribute has more explicit references than items");
     }
-    uint64_t n_first = count_used(places);
-    int64_t lengths[] = {(int64_t)n_first, (int64_t)(places->n_items - n_first),
+    uint64_t n_first = count_used(groups);
+    int64_t lengths[] = {(int64_t)n_first, (int64_t)(groups->n_items - n_first),
                          (int64_t)n_explicit};
     int32_t tables[] = {0, 1, 2}, *values;
     failed = reel_decode_rows(call, coded, lengths, tables, 3, 3, &values);
     if (!failed) {
-        *codes = (reference_codes){values, values + n_first, values + places->n_items,
-                                   values + places->n_items + n_explicit};
+        *codes = (reference_codes){values, values + n_first, values + groups->n_items,
+                                   values + groups->n_items + n_explicit};
     }
     return failed;
 }
 
-/* Finds the row of each item; returns NULL, or the message of a failure. */
-static const char *follow_references(reference_codes codes, const item_places *places,
+/* Find the row of each item; returns NULL, or an error message. */
+static const char *follow_references(reference_codes codes, const item_groups *groups,
                                      int64_t n_rows, int32_t *rows) {
     int64_t n_new = 0, last_explicit = 0;
-    for (uint64_t i = 0; i < places->n_items; i++) {
-        int32_t *last = &places->last[places->of ? places->of[i] : 0];
+    for (uint64_t i = 0; i < groups->n_items; i++) {
+        int32_t *last = &groups->last[groups->of ? groups->of[i] : 0];
         int32_t code = *last == NONE ? *codes.first++ : *codes.later++;
         int64_t row = *last;
         if (code == NEW) {
@@ -189,10 +192,10 @@ static const char *follow_references(reference_codes codes, const item_places *p
                 return "an attribute has more explicit references than announced";
             }
             row = last_explicit += *codes.differences++;
-        } else if (code != AGAIN) {
+        } else if (code != REPEAT) {
             return "a reference of an attribute is of an unknown kind";
         } else if (row == NONE) {
-            return "a reference repeats the last of its place, which has none";
+            return "the first reference of a vertex or item list repeats a row";
         }
         if (row < 0 || row >= n_rows) {
             return "an attribute refers to a row that does not exist";
@@ -207,10 +210,10 @@ static const char *follow_references(reference_codes codes, const item_places *p
 static int read_rows(reel_call *call, reel_pool *pool, const reel_faces *faces, reel_range coded,
                      meshreel_attribute *found) {
     const reel_chunk *mark = call->scratch.last;
-    item_places places;
+    item_groups groups;
     reference_codes codes = {0};
-    int failed = find_places(call, faces, found, &places);
-    failed = failed ? failed : decode_codes(call, coded, &places, &codes);
+    int failed = find_groups(call, faces, found, &groups);
+    failed = failed ? failed : decode_codes(call, coded, &groups, &codes);
     if (failed) {
         return failed;
     }
@@ -218,7 +221,7 @@ static int read_rows(reel_call *call, reel_pool *pool, const reel_faces *faces, 
     if (!rows) {
         return call->error.code;
     }
-    const char *message = follow_references(codes, &places, found->n_rows, rows);
+    const char *message = follow_references(codes, &groups, found->n_rows, rows);
     if (message) {
         return reel_corrupt(call, coded.at, message);
     }
@@ -227,36 +230,36 @@ static int read_rows(reel_call *call, reel_pool *pool, const reel_faces *faces, 
     return MESHREEL_OK;
 }
 
-/* ---- from which rows others are expected ---- */
+/* ---- row predictors ---- */
 
-/* As reel_patterns_decode takes it. */
+/* The coding order of rows and their predictors, as reel_patterns_decode takes them. */
 typedef struct {
     int32_t *order, *triples;
     int64_t *starts;
-} expectation;
+} row_order;
 
-static int take_expectation(reel_call *call, uint64_t n_rows, uint64_t n_triples,
-                            expectation *expected) {
-    expected->order = reel_scratch(call, n_rows, sizeof *expected->order);
-    expected->starts = reel_scratch(call, n_rows + 1, sizeof *expected->starts);
-    expected->triples = reel_scratch(call, n_triples, 3 * sizeof *expected->triples);
-    return expected->order && expected->starts && expected->triples ? MESHREEL_OK
-                                                                    : call->error.code;
+static int allocate_row_order(reel_call *call, uint64_t n_rows, uint64_t n_triples,
+                              row_order *rows_order) {
+    rows_order->order = reel_scratch(call, n_rows, sizeof *rows_order->order);
+    rows_order->starts = reel_scratch(call, n_rows + 1, sizeof *rows_order->starts);
+    rows_order->triples = reel_scratch(call, n_triples, 3 * sizeof *rows_order->triples);
+    return rows_order->order && rows_order->starts && rows_order->triples ? MESHREEL_OK
+                                                                          : call->error.code;
 }
 
-/* Rows in the order of the table, expected from nothing or each as the one before. */
-static int expect_in_order(reel_call *call, uint32_t n_rows, bool from_before,
-                           expectation *expected) {
-    int failed = take_expectation(call, n_rows, from_before ? n_rows : 0, expected);
+/* Code rows in table order, without predictor or each predicted by the previous one. */
+static int predict_in_order(reel_call *call, uint32_t n_rows, bool from_previous,
+                            row_order *rows_order) {
+    int failed = allocate_row_order(call, n_rows, from_previous ? n_rows : 0, rows_order);
     if (failed) {
         return failed;
     }
-    expected->starts[0] = 0;
+    rows_order->starts[0] = 0;
     for (uint32_t i = 0; i < n_rows; i++) {
-        expected->order[i] = (int32_t)i;
-        expected->starts[i + 1] = from_before ? i : 0;
-        if (from_before && i) {
-            int32_t *triple = expected->triples + 3 * (size_t)(i - 1);
+        rows_order->order[i] = (int32_t)i;
+        rows_order->starts[i + 1] = from_previous ? i : 0;
+        if (from_previous && i) {
+            int32_t *triple = rows_order->triples + 3 * (size_t)(i - 1);
             triple[0] = triple[1] = (int32_t)i - 1;
             triple[2] = NONE;
         }
@@ -264,57 +267,59 @@ static int expect_in_order(reel_call *call, uint32_t n_rows, bool from_before,
     return MESHREEL_OK;
 }
 
-/* The row at each corner of the triangles. */
+/* Find the row at each corner of the triangles. */
 static void find_rows_of_triangles(const reel_faces *faces, const meshreel_attribute *found,
-                                   int32_t *used) {
+                                   int32_t *triangle_rows) {
     uint64_t count = 3 * faces->outline->n_faces;
     if (found->domain == MESHREEL_CORNERS) {
-        reel_find_fans(faces->outline, faces->sizes, used);
+        reel_find_fans(faces->outline, faces->sizes, triangle_rows);
     } else {
-        reel_copy(used, faces->triangles, (size_t)count * sizeof *used);
+        reel_copy(triangle_rows, faces->triangles, (size_t)count * sizeof *triangle_rows);
     }
     for (uint64_t i = 0; found->rows && i < count; i++) {
-        used[i] = found->rows[used[i]];
+        triangle_rows[i] = found->rows[triangle_rows[i]];
     }
 }
 
-static int expect_along_faces(reel_call *call, const reel_faces *faces,
-                              const meshreel_attribute *found, expectation *expected) {
+static int predict_along_faces(reel_call *call, const reel_faces *faces,
+                               const meshreel_attribute *found, row_order *rows_order) {
     int64_t n_faces = (int64_t)faces->outline->n_faces, n_rows = found->n_rows;
     uint64_t n_sides = 3 * faces->outline->n_faces;
-    int failed = take_expectation(call, (uint64_t)n_rows, n_sides + (uint64_t)n_rows, expected);
+    int failed = allocate_row_order(call, (uint64_t)n_rows, n_sides + (uint64_t)n_rows, rows_order);
     const reel_chunk *mark = call->scratch.last;
-    int32_t *used = failed ? NULL : reel_scratch(call, n_sides, sizeof *used), *twins;
-    if (!used) {
+    int32_t *triangle_rows = failed ? NULL : reel_scratch(call, n_sides, sizeof *triangle_rows),
+            *twins;
+    if (!triangle_rows) {
         return call->error.code;
     }
-    find_rows_of_triangles(faces, found, used);
-    failed = reel_find_twins(call, used, faces->outline->n_faces, found->n_rows, &twins);
-    size_t needed = reel_predictors_memory(n_rows, n_faces);
-    void *memory = failed ? NULL : reel_scratch(call, needed, 1);
+    find_rows_of_triangles(faces, found, triangle_rows);
+    failed = reel_find_twins(call, triangle_rows, faces->outline->n_faces, found->n_rows, &twins);
+    size_t memory_size = reel_predictors_memory(n_rows, n_faces);
+    void *memory = failed ? NULL : reel_scratch(call, memory_size, 1);
     if (!memory) {
         return call->error.code;
     }
-    int64_t result = reel_predictors_find(memory, needed, used, twins, n_rows, n_faces,
-                                          expected->order, expected->starts, expected->triples);
+    int64_t result =
+        reel_predictors_find(memory, memory_size, triangle_rows, twins, n_rows, n_faces,
+                             rows_order->order, rows_order->starts, rows_order->triples);
     reel_drop_scratch(call, mark);
-    return reel_fail_core(call, result, REEL_UNKNOWN, "an attribute does not fit the faces");
+    return reel_fail_core(call, result, REEL_UNKNOWN, "an attribute does not match the faces");
 }
 
-static int find_expectation(reel_call *call, const reel_faces *faces,
-                            const meshreel_attribute *found, uint8_t way, expectation *expected) {
-    return way == ALONG_FACES
-               ? expect_along_faces(call, faces, found, expected)
-               : expect_in_order(call, found->n_rows, way == ROW_BEFORE, expected);
+static int find_row_order(reel_call *call, const reel_faces *faces, const meshreel_attribute *found,
+                          uint8_t predictor, row_order *rows_order) {
+    return predictor == ALONG_FACES
+               ? predict_along_faces(call, faces, found, rows_order)
+               : predict_in_order(call, found->n_rows, predictor == ROW_BEFORE, rows_order);
 }
 
 /* ---- values ---- */
 
-/* Decodes a table of numbers of `size` bytes. */
+/* Decode a table of numbers of `size` bytes. */
 static int decode_patterns(reel_call *call, reel_range coded, const meshreel_attribute *found,
-                           const expectation *expected, size_t size, bool of_floats, void *values) {
-    size_t needed = reel_patterns_memory(found->width);
-    void *memory = reel_scratch(call, needed, 1);
+                           const row_order *rows_order, size_t size, bool of_floats, void *values) {
+    size_t memory_size = reel_patterns_memory(found->width);
+    void *memory = reel_scratch(call, memory_size, 1);
     const uint8_t *bytes;
     int failed = memory ? reel_view(call, coded, &bytes) : call->error.code;
     if (failed) {
@@ -322,12 +327,12 @@ static int decode_patterns(reel_call *call, reel_range coded, const meshreel_att
     }
     if (!reel_is_stripped(bytes, coded.length)) {
         return reel_corrupt(call, coded.at + coded.length - 1,
-                            "the values of an attribute end with a byte of 0");
+                            "the values of an attribute end with a zero byte");
     }
     reel_zero(values, (size_t)found->n_rows * found->width * size);
-    int64_t result = reel_patterns_decode(memory, needed, bytes, (size_t)coded.length, values,
-                                          found->n_rows, found->width, (int64_t)size, of_floats,
-                                          expected->order, expected->starts, expected->triples);
+    int64_t result = reel_patterns_decode(
+        memory, memory_size, bytes, (size_t)coded.length, values, found->n_rows, found->width,
+        (int64_t)size, of_floats, rows_order->order, rows_order->starts, rows_order->triples);
     return reel_fail_core(call, result, coded.at, "the values of an attribute are damaged");
 }
 
@@ -339,7 +344,7 @@ static double divisor_of(uint8_t form) {
                               : (double)(1U << (form - GRID));
 }
 
-/* One division of exact numbers and one rounding: the same on every machine. */
+/* Divide integers; one division and one rounding give the same result on every machine. */
 static void divide(const meshreel_attribute *found, const int32_t *integers, uint8_t form,
                    void *values) {
     uint64_t count = (uint64_t)found->n_rows * found->width;
@@ -356,13 +361,13 @@ static void divide(const meshreel_attribute *found, const int32_t *integers, uin
 }
 
 static int check_form(reel_call *call, uint64_t at, const meshreel_attribute *found, uint8_t form,
-                      uint8_t way) {
+                      uint8_t predictor) {
     bool is_divided = form <= BY_SHORT || (form >= GRID && form <= FINEST_GRID);
-    if (form != AS_THEY_ARE && !(is_divided && is_float(found))) {
+    if (form != PLAIN && !(is_divided && is_float(found))) {
         return reel_corrupt(call, at, "the form of the numbers of an attribute is unknown");
     }
-    if (way > (found->domain == MESHREEL_FACES ? ROW_BEFORE : ALONG_FACES)) {
-        return reel_corrupt(call, at + 1, "the way in which rows are expected is unknown");
+    if (predictor > (found->domain == MESHREEL_FACES ? ROW_BEFORE : ALONG_FACES)) {
+        return reel_corrupt(call, at + 1, "the row predictor of an attribute is unknown");
     }
     return MESHREEL_OK;
 }
@@ -371,17 +376,17 @@ static int read_values(reel_call *call, const reel_faces *faces, reel_range code
                        const meshreel_attribute *found, void *values) {
     uint8_t head[2];
     uint64_t at = coded.at;
-    expectation expected;
+    row_order rows_order;
     int failed = reel_read_bytes(call, &coded, head, sizeof head);
     failed = failed ? failed : check_form(call, at, found, head[0], head[1]);
-    failed = failed ? failed : find_expectation(call, faces, found, head[1], &expected);
-    if (failed || head[0] == AS_THEY_ARE) {
+    failed = failed ? failed : find_row_order(call, faces, found, head[1], &rows_order);
+    if (failed || head[0] == PLAIN) {
         return failed ? failed
-                      : decode_patterns(call, coded, found, &expected, size_of(found),
+                      : decode_patterns(call, coded, found, &rows_order, size_of(found),
                                         is_float(found), values);
     }
     int32_t *integers = reel_scratch(call, found->n_rows, found->width * sizeof *integers);
-    failed = integers ? decode_patterns(call, coded, found, &expected, sizeof *integers, false,
+    failed = integers ? decode_patterns(call, coded, found, &rows_order, sizeof *integers, false,
                                         integers)
                       : call->error.code;
     if (!failed) {
@@ -401,7 +406,7 @@ int reel_read_attribute(reel_call *call, reel_pool *pool, const reel_faces *face
     failed = failed ? failed : reel_read_text(call, pool, &left, &found->name);
     found->n_items = count_items(faces->outline, found->domain);
     failed = failed ? failed : read_layout(call, &left, found, &layout);
-    failed = failed ? failed : keep_values(call, pool, &layout, found, &values);
+    failed = failed ? failed : allocate_values(call, pool, &layout, found, &values);
     if (!failed && layout.number != EACH) {
         found->is_indexed = layout.number == INDEXED;
         failed = read_rows(call, pool, faces, layout.references, found);

@@ -1,11 +1,11 @@
-/* Attributes: values of vertices, faces or corners that do not change over time. */
+/* Attributes: values of vertices, faces or corners that are constant over time. */
 
 #ifndef REEL_ATTRIBUTES_H
 #define REEL_ATTRIBUTES_H
 
 #include "polygons.h"
 
-/* Decodes a section ATTRIBUTE to memory of `pool`. */
+/* Decode a section ATTRIBUTE into memory of `pool`. */
 int reel_read_attribute(reel_call *call, reel_pool *pool, const reel_faces *faces,
                         reel_range payload, meshreel_attribute *found);
 

@@ -1,12 +1,12 @@
-/* Loads a track of a block: docs/format.md, FIELDS to "Prediction", and VALUES. */
+/* Decoding of a track's block: docs/format.md, FIELDS to "Prediction", and VALUES. */
 
 #include "decoder.h"
 
-#define AT_REST 16 /* modes of a preview whose mean over the block is kept */
+#define N_PREVIEW_MODES 16 /* modes of a preview that at least keep their mean over the block */
 #define MIN_TASK 512
 #define MAX_TASK 16384
-#define PACKED_TOGETHER 64 /* values: parts begin at multiples of this */
-#define BATCH 16 /* vertices that the predictor takes at once */
+#define PACK_TILE 64 /* ranges of values begin at multiples of this */
+#define BATCH 16     /* vertices that the predictor processes at once */
 
 static int corrupt(reel_call *call, const meshreel_decoder *decoder, uint64_t block, uint32_t track,
                    const char *message) {
@@ -16,32 +16,32 @@ static int corrupt(reel_call *call, const meshreel_decoder *decoder, uint64_t bl
 
 /* ---- items and hierarchies ---- */
 
-/* Whether the rows of two tracks are the same bytes. */
+/* Whether two tracks have the same items: equal domains and equal bytes of rows. */
 static int have_same_rows(reel_call *call, const reel_track *one, const reel_track *other,
-                          bool *are) {
-    const uint8_t *these, *those;
-    *are = one->info.domain == other->info.domain && one->sharing == other->sharing &&
-           one->rows.length == other->rows.length;
-    if (!*are || !one->rows.length) {
+                          bool *are_same) {
+    const uint8_t *bytes_a, *bytes_b;
+    *are_same = one->info.domain == other->info.domain && one->sharing == other->sharing &&
+                one->rows.length == other->rows.length;
+    if (!*are_same || !one->rows.length) {
         return MESHREEL_OK;
     }
     const reel_chunk *mark = call->scratch.last;
-    int failed = reel_view(call, one->rows, &these);
-    failed = failed ? failed : reel_view(call, other->rows, &those);
-    *are = !failed && reel_equal_bytes(these, those, (size_t)one->rows.length);
+    int failed = reel_view(call, one->rows, &bytes_a);
+    failed = failed ? failed : reel_view(call, other->rows, &bytes_b);
+    *are_same = !failed && reel_equal_bytes(bytes_a, bytes_b, (size_t)one->rows.length);
     reel_drop_scratch(call, mark);
     return failed;
 }
 
-/* Takes the items of a track on the same graph, if there is one whose items are known. */
+/* Share the items of another track on the same graph, if they are known. */
 static int share_items(reel_call *call, meshreel_decoder *decoder, uint32_t number) {
     const reel_track *tracks = decoder->file->tracks;
-    reel_track_state *held = &decoder->tracks[number];
+    reel_track_state *state = &decoder->tracks[number];
     int failed = MESHREEL_OK;
-    for (uint32_t i = 1; i < decoder->file->info.n_tracks && !held->has_items && !failed; i++) {
+    for (uint32_t i = 1; i < decoder->file->info.n_tracks && !state->has_items && !failed; i++) {
         if (decoder->tracks[i].has_items) {
-            failed = have_same_rows(call, &tracks[i], &tracks[number], &held->has_items);
-            held->items = decoder->tracks[i].items;
+            failed = have_same_rows(call, &tracks[i], &tracks[number], &state->has_items);
+            state->items = decoder->tracks[i].items;
         }
     }
     return failed;
@@ -49,24 +49,24 @@ static int share_items(reel_call *call, meshreel_decoder *decoder, uint32_t numb
 
 static int find_items(reel_call *call, meshreel_decoder *decoder, uint32_t number) {
     const meshreel_file *file = decoder->file;
-    reel_track_state *held = &decoder->tracks[number];
-    int failed = held->has_items ? MESHREEL_OK : share_items(call, decoder, number);
-    if (failed || held->has_items) {
+    reel_track_state *state = &decoder->tracks[number];
+    int failed = state->has_items ? MESHREEL_OK : share_items(call, decoder, number);
+    if (failed || state->has_items) {
         return failed;
     }
     reel_pool pool = {NULL, 0};
     failed = reel_find_items(call, &pool, &file->outline, &file->mesh, file->face_sizes,
-                                 &file->tracks[number], &held->items);
+                             &file->tracks[number], &state->items);
     if (failed) {
         reel_release(&file->host, &pool);
         return failed;
     }
     reel_append(&decoder->pool, &pool);
-    held->has_items = true;
+    state->has_items = true;
     return MESHREEL_OK;
 }
 
-/* A hierarchy that is here already: that of the file, or of a track on the same graph. */
+/* The hierarchy of the file, or of a track on the same graph, if it is known. */
 static const reel_field_mesh *known_mesh(const meshreel_decoder *decoder, const reel_graph *graph,
                                          int64_t stencil_size) {
     const reel_field_mesh *own = decoder->file->field_mesh;
@@ -79,11 +79,11 @@ static const reel_field_mesh *known_mesh(const meshreel_decoder *decoder, const 
     return NULL;
 }
 
-static int find_mesh(reel_call *call, meshreel_decoder *decoder, reel_track_state *held,
+static int find_mesh(reel_call *call, meshreel_decoder *decoder, reel_track_state *state,
                      int64_t stencil_size) {
-    const reel_graph *graph = &held->items.graph;
-    held->mesh = known_mesh(decoder, graph, stencil_size);
-    if (held->mesh) {
+    const reel_graph *graph = &state->items.graph;
+    state->mesh = known_mesh(decoder, graph, stencil_size);
+    if (state->mesh) {
         return MESHREEL_OK;
     }
     reel_pool pool = {NULL, 0};
@@ -91,10 +91,10 @@ static int find_mesh(reel_call *call, meshreel_decoder *decoder, reel_track_stat
     int failed = reel_prepare_hierarchy(call, &pool, graph, stencil_size, &job);
     if (!failed) {
         reel_find_hierarchy(job);
-        failed = reel_finish_hierarchy(call, job, &held->mesh);
+        failed = reel_finish_hierarchy(call, job, &state->mesh);
     }
     if (failed) {
-        held->mesh = NULL;
+        state->mesh = NULL;
         reel_release(&decoder->file->host, &pool);
         return failed;
     }
@@ -102,7 +102,7 @@ static int find_mesh(reel_call *call, meshreel_decoder *decoder, reel_track_stat
     return MESHREEL_OK;
 }
 
-/* What a block says of a track, whose items are known. */
+/* Parse the group of a track, whose items are known. */
 static int read_group(reel_call *call, const meshreel_decoder *decoder, uint32_t track,
                       uint64_t block, reel_group *group) {
     const reel_outline *outline = &decoder->file->outline;
@@ -117,28 +117,31 @@ static int read_group(reel_call *call, const meshreel_decoder *decoder, uint32_t
 
 /* ---- fields ---- */
 
-/* Rows of integers that are coded over columns in an order. */
+/* Coded rows of integers, and the order of their columns. */
 typedef struct {
     const reel_coding_order *order;
     const uint8_t *bytes;
     uint64_t at, size;
-    int64_t n_rows, n_wanted;
+    int64_t n_rows, n_read;
     int32_t *values;
     void *memory;
-    size_t needed;
+    size_t memory_size;
     int64_t result;
 } coded_fields;
 
 static int prepare_rows(reel_call *call, reel_range coded, const reel_coding_order *order,
-                        uint64_t n_rows, uint64_t n_wanted, coded_fields *found) {
-    *found = (coded_fields){.order = order, .at = coded.at, .size = coded.length,
-                            .n_rows = (int64_t)n_rows, .n_wanted = (int64_t)n_wanted};
-    found->needed = reel_fields_memory(order->n_columns, order->n_passes,
-                                       order->near_starts[order->n_columns]);
-    found->memory = reel_scratch(call, found->needed, 1);
-    bool is_small = n_wanted <= REEL_MAX_NUMBERS / (uint64_t)order->n_columns;
+                        uint64_t n_rows, uint64_t n_read, coded_fields *found) {
+    *found = (coded_fields){.order = order,
+                            .at = coded.at,
+                            .size = coded.length,
+                            .n_rows = (int64_t)n_rows,
+                            .n_read = (int64_t)n_read};
+    found->memory_size =
+        reel_fields_memory(order->n_columns, order->n_passes, order->near_starts[order->n_columns]);
+    found->memory = reel_scratch(call, found->memory_size, 1);
+    bool is_small = n_read <= REEL_MAX_NUMBERS / (uint64_t)order->n_columns;
     found->values =
-        reel_scratch(call, is_small ? n_wanted * (uint64_t)order->n_columns : REEL_MAX_NUMBERS,
+        reel_scratch(call, is_small ? n_read * (uint64_t)order->n_columns : REEL_MAX_NUMBERS,
                      sizeof *found->values);
     if (!found->memory || !found->values) {
         return call->error.code;
@@ -148,18 +151,18 @@ static int prepare_rows(reel_call *call, reel_range coded, const reel_coding_ord
         return failed;
     }
     return reel_fail(call, MESHREEL_CORRUPT, coded.at + coded.length - 1,
-                     "fields end with a byte of 0");
+                     "fields end with a zero byte");
 }
 
 static void decode_rows(coded_fields *rows) {
     const reel_coding_order *order = rows->order;
-    rows->result = reel_fields_decode(rows->memory, rows->needed, rows->bytes, (size_t)rows->size,
-                                      rows->n_rows, rows->n_wanted, order->n_columns,
-                                      order->columns, order->pass_starts, order->n_passes,
-                                      order->near_starts, order->near, rows->values);
+    rows->result = reel_fields_decode(
+        rows->memory, rows->memory_size, rows->bytes, (size_t)rows->size, rows->n_rows,
+        rows->n_read, order->n_columns, order->columns, order->pass_starts, order->n_passes,
+        order->near_starts, order->near, rows->values);
 }
 
-/* What is decoded of a block at the same time. */
+/* The parts of a block that are decoded in parallel. */
 typedef struct {
     coded_fields fields, times;
     reel_coding_order time_order;
@@ -168,7 +171,7 @@ typedef struct {
     int64_t n_columns, n_frames, n_reused, rest_bits;
     bool has_cosines;
     uint8_t *rests;
-    double *lengths, *basis; /* `basis` is NULL where only fields are wanted */
+    double *lengths, *basis; /* `basis` is NULL if only fields are needed */
     double finer;
     const reel_block_fields *key;
     const reel_mesh *mesh;
@@ -187,12 +190,12 @@ static void decode_basis(block_job *job) {
     }
     if (job->has_cosines) {
         job->result = reel_cosine_basis(job->basis_memory, job->basis_needed, job->times.values,
-                                        job->times.n_wanted, job->n_columns, job->n_frames,
+                                        job->times.n_read, job->n_columns, job->n_frames,
                                         job->lengths, job->n_reused, job->basis);
         return;
     }
     job->result = reel_basis(job->basis_memory, job->basis_needed, job->times.values,
-                             job->times.n_wanted, job->n_columns, job->n_frames, job->rests,
+                             job->times.n_read, job->n_columns, job->n_frames, job->rests,
                              job->rest_bits, job->lengths, job->n_reused, job->basis);
 }
 
@@ -210,51 +213,52 @@ static void run_block_job(void *shared, uint32_t i) {
     }
 }
 
-/* Parts of a level, or one part of several levels, that do not depend on each other. */
+/* Independent ranges of a level, or one range that spans several levels. */
 typedef struct {
     const reel_mesh *mesh;
     reel_fields *fields;
-    int64_t first, end, part;
-} level_parts;
+    int64_t first, end, task_size;
+} level_tasks;
 
-static void predict_part(void *shared, uint32_t i) {
-    level_parts *parts = shared;
-    reel_fields fields = *parts->fields;
-    int64_t first = parts->first + i * parts->part, end = first + parts->part;
-    reel_predict_decode(parts->mesh, &fields, first, end < parts->end ? end : parts->end);
+static void predict_task(void *shared, uint32_t i) {
+    level_tasks *tasks = shared;
+    reel_fields fields = *tasks->fields;
+    int64_t first = tasks->first + i * tasks->task_size, end = first + tasks->task_size;
+    reel_predict_decode(tasks->mesh, &fields, first, end < tasks->end ? end : tasks->end);
 }
 
-static void predict_parts(const reel_call *call, level_parts *parts) {
-    int64_t count = parts->end - parts->first;
+static void run_tasks(const reel_call *call, level_tasks *tasks) {
+    int64_t count = tasks->end - tasks->first;
     if (count > 0) {
-        reel_run(call, predict_part, parts, (uint32_t)((count + parts->part - 1) / parts->part));
+        reel_run(call, predict_task, tasks,
+                 (uint32_t)((count + tasks->task_size - 1) / tasks->task_size));
     }
 }
 
-/* Predicts fields level by level, large levels on several threads. */
+/* Predict fields level by level, large levels on several threads. */
 static void predict(const reel_call *call, const reel_mesh *mesh, reel_fields *fields) {
-    int64_t n_threads = reel_threads(call), begun = 0;
+    int64_t n_threads = reel_threads(call), done = 0;
     for (int64_t level = 0; level < mesh->n_levels; level++) {
         int64_t first = mesh->level_starts[level], end = mesh->level_starts[level + 1];
-        int64_t part = (end - first) / (4 * n_threads);
-        part = part < MIN_TASK ? MIN_TASK : part > MAX_TASK ? MAX_TASK : part;
-        part = (part + BATCH - 1) / BATCH * BATCH;
-        if (n_threads > 1 && end - first > part) {
-            predict_parts(call, &(level_parts){mesh, fields, begun, first, mesh->n_verts});
-            predict_parts(call, &(level_parts){mesh, fields, first, end, part});
-            begun = end;
+        int64_t task_size = (end - first) / (4 * n_threads);
+        task_size = task_size < MIN_TASK ? MIN_TASK : task_size > MAX_TASK ? MAX_TASK : task_size;
+        task_size = (task_size + BATCH - 1) / BATCH * BATCH;
+        if (n_threads > 1 && end - first > task_size) {
+            run_tasks(call, &(level_tasks){mesh, fields, done, first, mesh->n_verts});
+            run_tasks(call, &(level_tasks){mesh, fields, first, end, task_size});
+            done = end;
         }
     }
-    predict_parts(call, &(level_parts){mesh, fields, begun, mesh->n_verts, mesh->n_verts});
+    run_tasks(call, &(level_tasks){mesh, fields, done, mesh->n_verts, mesh->n_verts});
 }
 
-/* Puts fields of a block behind the first ones of its key block, item by item. */
-static void join(const reel_block_fields *key, uint64_t n_reused, const double *own, uint64_t n_own,
-                 uint64_t n_items, double *values) {
+/* Concatenate the first fields of the key block and those of a block, item by item. */
+static void concatenate_fields(const reel_block_fields *key, uint64_t n_reused, const double *own,
+                               uint64_t n_new, uint64_t n_items, double *values) {
     for (uint64_t i = 0; i < n_items; i++) {
-        double *here = values + i * (n_reused + n_own);
+        double *here = values + i * (n_reused + n_new);
         reel_copy(here, key->values + i * key->n_modes, (size_t)n_reused * sizeof *here);
-        reel_copy(here + n_reused, own + i * n_own, (size_t)n_own * sizeof *here);
+        reel_copy(here + n_reused, own + i * n_new, (size_t)n_new * sizeof *here);
     }
 }
 
@@ -283,34 +287,36 @@ static int prepare_basis(reel_call *call, const reel_group *group, uint32_t n_co
     return job->basis_memory && job->lengths ? MESHREEL_OK : call->error.code;
 }
 
-/* Decodes the fields of a block, of which n_modes are wanted, and its basis unless that is NULL. */
+/* Decode the first n_modes fields of a block, and its basis unless `basis` is NULL. */
 static int decode_fields(reel_call *call, const reel_field_mesh *mesh, uint64_t block,
                          const reel_group *group, uint32_t n_columns, uint64_t n_modes,
                          const reel_block_fields *key, double *basis, reel_block_fields *found) {
     uint64_t n_items = (uint64_t)mesh->mesh.n_verts, n_reused = group->n_reused;
-    uint64_t n_own = n_modes - n_reused;
+    uint64_t n_new = n_modes - n_reused;
     block_job job = {.mesh = &mesh->mesh, .key = key, .basis = basis};
     const reel_chunk *mark = call->scratch.last;
     found->values =
         reel_pool_allocate(call, &found->pool, n_items * n_modes, sizeof *found->values);
-    double *own = n_reused ? reel_scratch(call, n_items * n_own, sizeof *own) : found->values;
+    double *own = n_reused ? reel_scratch(call, n_items * n_new, sizeof *own) : found->values;
     if (!found->values || !own) {
         return call->error.code;
     }
     int failed = prepare_rows(call, group->coefficients, &mesh->order, group->n_modes - n_reused,
-                              n_own, &job.fields);
+                              n_new, &job.fields);
     if (!failed && basis) {
         failed = prepare_basis(call, group, n_columns, n_modes, &job);
     }
     if (failed) {
         return failed;
     }
-    job.predicted = (reel_fields){.n_verts = (int64_t)n_items, .n_modes = (int64_t)n_own,
+    job.predicted = (reel_fields){.n_verts = (int64_t)n_items,
+                                  .n_modes = (int64_t)n_new,
                                   .n_learned = (int64_t)group->n_learned,
-                                  .residuals = job.fields.values, .values = own,
+                                  .residuals = job.fields.values,
+                                  .values = own,
                                   .n_key = key ? (int64_t)key->n_modes : 0,
                                   .key = key ? key->values : NULL};
-    if (reel_threads(call) > 1 && n_own) {
+    if (reel_threads(call) > 1 && n_new) {
         size_t size = reel_predict_prepare_memory((int64_t)n_items, mesh->mesh.n_levels);
         job.predicted.prepared = reel_scratch(call, size, 1);
         if (!job.predicted.prepared) {
@@ -328,11 +334,11 @@ static int decode_fields(reel_call *call, const reel_field_mesh *mesh, uint64_t 
     if (failed) {
         return failed;
     }
-    if (n_own) {
+    if (n_new) {
         predict(call, &mesh->mesh, &job.predicted);
     }
     if (n_reused) {
-        join(key, n_reused, own, n_own, n_items, found->values);
+        concatenate_fields(key, n_reused, own, n_new, n_items, found->values);
     }
     reel_drop_scratch(call, mark);
     found->block = n_modes == group->n_modes ? block : REEL_NO_BLOCK;
@@ -342,52 +348,54 @@ static int decode_fields(reel_call *call, const reel_field_mesh *mesh, uint64_t 
     return MESHREEL_OK;
 }
 
-static void forget_fields(reel_call *call, reel_block_fields *fields) {
+static void release_fields(reel_call *call, reel_block_fields *fields) {
     call->held -= fields->pool.held;
     reel_release(call->host, &fields->pool);
     *fields = (reel_block_fields){.block = REEL_NO_BLOCK};
 }
 
-/* Makes held->key the fields of the block that another one refers to. */
+/* Load the fields of the key block of a group into state->key. */
 static int find_key(reel_call *call, meshreel_decoder *decoder, uint32_t track, uint64_t block,
                     const reel_group *group) {
-    reel_track_state *held = &decoder->tracks[track];
+    reel_track_state *state = &decoder->tracks[track];
     const reel_track *own = &decoder->file->tracks[track];
     if (group->reference > block) {
         return corrupt(call, decoder, block, track, "a block refers to one before the first");
     }
-    uint64_t wanted = block - group->reference;
-    if (held->key.block != wanted && held->before.fields.block == wanted) {
-        forget_fields(call, &held->key);
-        held->key = held->before.fields;
-        held->before.fields = (reel_block_fields){.block = REEL_NO_BLOCK};
+    uint64_t key_block = block - group->reference;
+    if (state->key.block != key_block && state->previous.fields.block == key_block) {
+        release_fields(call, &state->key);
+        state->key = state->previous.fields;
+        state->previous.fields = (reel_block_fields){.block = REEL_NO_BLOCK};
     }
-    if (held->key.block != wanted) {
+    if (state->key.block != key_block) {
         reel_group of_key;
-        forget_fields(call, &held->key);
-        int failed = read_group(call, decoder, track, wanted, &of_key);
+        release_fields(call, &state->key);
+        int failed = read_group(call, decoder, track, key_block, &of_key);
         if (!failed && (of_key.reference || of_key.stencil_size != group->stencil_size)) {
-            failed = corrupt(call, decoder, block, track,
-                             "a block refers to one that is no key block, or has other stencils");
+            failed =
+                corrupt(call, decoder, block, track,
+                        "a block refers to a block that is not a key block, or has other stencils");
         }
         failed = failed ? failed
-                        : decode_fields(call, held->mesh, wanted, &of_key, own->n_coded,
-                                        of_key.n_modes, NULL, NULL, &held->key);
+                        : decode_fields(call, state->mesh, key_block, &of_key, own->n_coded,
+                                        of_key.n_modes, NULL, NULL, &state->key);
         if (failed) {
-            forget_fields(call, &held->key);
+            release_fields(call, &state->key);
             return failed;
         }
     }
-    bool fits = !held->key.reference && held->key.stencil_size == group->stencil_size &&
-                group->n_reused <= held->key.n_modes;
+    bool fits = !state->key.reference && state->key.stencil_size == group->stencil_size &&
+                group->n_reused <= state->key.n_modes;
     return fits ? MESHREEL_OK
-                : corrupt(call, decoder, block, track,
-                          "a block refers to one that is no key block, or has fewer fields");
+                : corrupt(
+                      call, decoder, block, track,
+                      "a block refers to a block that is not a key block, or has too few fields");
 }
 
-/* Of a preview: basis vectors behind the first ones stay at their mean. */
-static void rest(double *basis, int64_t n_columns, int64_t n_frames, int64_t n_modes,
-                 int64_t n_moving) {
+/* Preview: replace the basis vectors after the first n_moving by their mean. */
+static void freeze_modes(double *basis, int64_t n_columns, int64_t n_frames, int64_t n_modes,
+                         int64_t n_moving) {
     for (int64_t column = 0; column < n_columns; column++) {
         double *rows = basis + column * n_frames * n_modes;
         for (int64_t mode = n_moving; mode < n_modes; mode++) {
@@ -405,105 +413,108 @@ static void rest(double *basis, int64_t n_columns, int64_t n_frames, int64_t n_m
 
 /* ---- packed fields ---- */
 
-const double *reel_loaded_fields(const reel_track_state *held) {
-    if (held->now.fields.values) {
-        return held->now.fields.values;
+const double *reel_loaded_fields(const reel_track_state *state) {
+    if (state->current.fields.values) {
+        return state->current.fields.values;
     }
-    return held->key.block == held->now.block ? held->key.values : NULL;
+    return state->key.block == state->current.block ? state->key.values : NULL;
 }
 
 typedef struct {
-    const reel_track_state *held;
+    const reel_track_state *state;
     const int32_t *rows;
-    int64_t part;
+    int64_t task_size;
     uint8_t *packed;
 } pack_job;
 
-static void pack_part(void *shared, uint32_t i) {
+static void pack_task(void *shared, uint32_t i) {
     const pack_job *job = shared;
-    const reel_track_state *held = job->held;
-    int64_t n_items = held->items.graph.n_items, n_modes = (int64_t)held->now.n_modes;
-    int64_t first = i * job->part, last = first + job->part;
-    reel_pack(reel_loaded_fields(held), 1, n_modes, (double)held->now.group.step,
-              (int64_t)held->now.group.precision, job->rows, n_modes, n_items, first,
+    const reel_track_state *state = job->state;
+    int64_t n_items = state->items.graph.n_items, n_modes = (int64_t)state->current.n_modes;
+    int64_t first = i * job->task_size, last = first + job->task_size;
+    reel_pack(reel_loaded_fields(state), 1, n_modes, (double)state->current.group.step,
+              (int64_t)state->current.group.precision, job->rows, n_modes, n_items, first,
               last < n_items ? last : n_items, job->packed);
 }
 
-void reel_find_rows(const reel_track_state *held, int32_t *rows) {
-    for (uint32_t i = 0; i < held->items.graph.n_items; i++) {
-        rows[i] = held->mesh->places[held->items.order ? held->items.order[i] : (int32_t)i];
+void reel_find_field_rows(const reel_track_state *state, int32_t *rows) {
+    for (uint32_t i = 0; i < state->items.graph.n_items; i++) {
+        rows[i] = state->mesh->positions[state->items.order ? state->items.order[i] : (int32_t)i];
     }
 }
 
-int reel_pack_fields(reel_call *call, reel_track_state *held) {
-    if (held->now.packed) {
+int reel_pack_fields(reel_call *call, reel_track_state *state) {
+    if (state->current.packed) {
         return MESHREEL_OK;
     }
-    uint32_t n_items = held->items.graph.n_items;
+    uint32_t n_items = state->items.graph.n_items;
     const reel_chunk *mark = call->scratch.last;
     int32_t *rows = reel_scratch(call, n_items, sizeof *rows);
-    uint64_t size = reel_packed_bytes((int64_t)held->now.n_modes, n_items,
-                                      (int64_t)held->now.group.precision);
-    uint8_t *packed = rows ? reel_pool_allocate(call, &held->now.pool, size, 1) : NULL;
+    uint64_t size = reel_packed_bytes((int64_t)state->current.n_modes, n_items,
+                                      (int64_t)state->current.group.precision);
+    uint8_t *packed = rows ? reel_pool_allocate(call, &state->current.pool, size, 1) : NULL;
     if (!packed) {
         return call->error.code;
     }
-    reel_find_rows(held, rows);
-    int64_t part = n_items / reel_threads(call) / PACKED_TOGETHER * PACKED_TOGETHER;
-    pack_job job = {held, rows, part + PACKED_TOGETHER, packed};
-    reel_run(call, pack_part, &job, (uint32_t)((n_items + job.part - 1) / job.part));
+    reel_find_field_rows(state, rows);
+    int64_t task_size = n_items / reel_threads(call) / PACK_TILE * PACK_TILE;
+    pack_job job = {state, rows, task_size + PACK_TILE, packed};
+    reel_run(call, pack_task, &job, (uint32_t)((n_items + job.task_size - 1) / job.task_size));
     reel_drop_scratch(call, mark);
-    held->now.packed = packed;
+    state->current.packed = packed;
     return MESHREEL_OK;
 }
 
 static int load_modes(reel_call *call, meshreel_decoder *decoder, uint32_t track, uint64_t block,
                       uint64_t n_moving) {
-    reel_track_state *held = &decoder->tracks[track];
-    const reel_group *group = &held->now.group;
-    uint64_t n_modes = group->n_modes, n_wanted = n_moving > AT_REST ? n_moving : AT_REST;
+    reel_track_state *state = &decoder->tracks[track];
+    const reel_group *group = &state->current.group;
+    uint64_t n_modes = group->n_modes,
+             n_read = n_moving > N_PREVIEW_MODES ? n_moving : N_PREVIEW_MODES;
     uint32_t n_columns = decoder->file->tracks[track].n_coded;
-    if (n_moving && !group->reference && n_wanted < n_modes) {
-        n_modes = n_wanted;
+    if (n_moving && !group->reference && n_read < n_modes) {
+        n_modes = n_read;
     }
-    int failed = find_mesh(call, decoder, held, (int64_t)group->stencil_size);
+    int failed = find_mesh(call, decoder, state, (int64_t)group->stencil_size);
     if (!failed && group->reference) {
         failed = find_key(call, decoder, track, block, group);
     }
     if (failed) {
         return failed;
     }
-    held->now.n_modes = n_modes;
-    held->now.basis = reel_pool_allocate(
-        call, &held->now.pool, n_columns * group->n_frames * n_modes, sizeof *held->now.basis);
-    if (!held->now.basis) {
+    state->current.n_modes = n_modes;
+    state->current.basis =
+        reel_pool_allocate(call, &state->current.pool, n_columns * group->n_frames * n_modes,
+                           sizeof *state->current.basis);
+    if (!state->current.basis) {
         return call->error.code;
     }
-    failed = decode_fields(call, held->mesh, block, group, n_columns, n_modes,
-                           group->reference ? &held->key : NULL, held->now.basis, &held->now.fields);
+    failed = decode_fields(call, state->mesh, block, group, n_columns, n_modes,
+                           group->reference ? &state->key : NULL, state->current.basis,
+                           &state->current.fields);
     if (!failed && !n_moving) {
-        failed =
-            reel_read_corrections(call, &held->now.pool, group, n_columns,
-                                  held->items.graph.n_items, held->items.inverse, &held->now.moves);
+        failed = reel_read_corrections(call, &state->current.pool, group, n_columns,
+                                       state->items.graph.n_items, state->items.inverse,
+                                       &state->current.corrections);
     }
     if (!failed && n_moving) {
-        rest(held->now.basis, n_columns, (int64_t)group->n_frames, (int64_t)n_modes,
-             (int64_t)n_moving);
+        freeze_modes(state->current.basis, n_columns, (int64_t)group->n_frames, (int64_t)n_modes,
+                     (int64_t)n_moving);
     }
     return failed;
 }
 
 /* ---- exact values ---- */
 
-/* Exact numbers on the graph of a track, to memory of `pool`. */
+/* Decode exact numbers on the graph of a track into memory of `pool`. */
 static int decode_exact(reel_call *call, reel_pool *pool, reel_range coded, const reel_graph *graph,
                         uint64_t n_frames, uint32_t n_columns, uint32_t size, enum reel_type type,
                         void **found) {
     int64_t frames = (int64_t)n_frames, columns = n_columns;
     *found = reel_pool_allocate(call, pool, n_frames * graph->n_items, (uint64_t)n_columns * size);
     const reel_chunk *mark = call->scratch.last;
-    size_t needed = reel_exact_memory(frames, graph->n_items, columns);
-    void *memory = reel_scratch(call, needed, 1);
+    size_t memory_size = reel_exact_memory(frames, graph->n_items, columns);
+    void *memory = reel_scratch(call, memory_size, 1);
     const uint8_t *bytes;
     if (!*found || !memory) {
         return call->error.code;
@@ -512,17 +523,17 @@ static int decode_exact(reel_call *call, reel_pool *pool, reel_range coded, cons
     if (failed) {
         return failed;
     }
-    int64_t result = reel_exact_decode(memory, needed, bytes, (size_t)coded.length, *found, frames,
-                                       graph->n_items, columns, size, type, graph->starts,
-                                       graph->near);
+    int64_t result =
+        reel_exact_decode(memory, memory_size, bytes, (size_t)coded.length, *found, frames,
+                          graph->n_items, columns, size, type, graph->starts, graph->near);
     reel_drop_scratch(call, mark);
     return reel_fail_core(call, result, coded.at, "exact values are damaged");
 }
 
 static int load_exact(reel_call *call, meshreel_decoder *decoder, uint32_t track) {
-    reel_track_state *held = &decoder->tracks[track];
+    reel_track_state *state = &decoder->tracks[track];
     const reel_track *own = &decoder->file->tracks[track];
-    const reel_group *group = &held->now.group;
+    const reel_group *group = &state->current.group;
     uint32_t size = own->size;
     enum reel_type type = own->is_float    ? REEL_FLOATS
                           : own->is_signed ? REEL_SIGNED_INTEGERS
@@ -534,23 +545,24 @@ static int load_exact(reel_call *call, meshreel_decoder *decoder, uint32_t track
         type = REEL_SIGNED_INTEGERS;
         size = sizeof(int32_t);
     }
-    return decode_exact(call, &held->now.pool, group->values, &held->items.graph, group->n_frames,
-                        own->n_coded, size, type, &held->now.exact);
+    return decode_exact(call, &state->current.pool, group->values, &state->items.graph,
+                        group->n_frames, own->n_coded, size, type, &state->current.exact);
 }
 
-/* Loads which values are missing: 1, or 0. */
+/* Load the flags of missing values, 1 or 0. */
 static int load_missing(reel_call *call, meshreel_decoder *decoder, uint32_t track) {
-    reel_loaded_block *now = &decoder->tracks[track].now;
+    reel_loaded_block *current = &decoder->tracks[track].current;
     const reel_graph *graph = &decoder->tracks[track].items.graph;
     uint32_t n_columns = decoder->file->tracks[track].info.n_columns;
     void *found;
-    int failed = decode_exact(call, &now->pool, now->group.missing, graph, now->group.n_frames,
-                              n_columns, 1, REEL_UNSIGNED_INTEGERS, &found);
-    now->missing = found;
-    for (uint64_t i = 0; !failed && i < now->group.n_frames * graph->n_items * n_columns; i++) {
-        if (now->missing[i] > 1) {
-            failed = reel_corrupt(call, now->group.missing.at,
-                                  "a value is neither missing nor there");
+    int failed =
+        decode_exact(call, &current->pool, current->group.missing, graph, current->group.n_frames,
+                     n_columns, 1, REEL_UNSIGNED_INTEGERS, &found);
+    current->missing = found;
+    for (uint64_t i = 0; !failed && i < current->group.n_frames * graph->n_items * n_columns; i++) {
+        if (current->missing[i] > 1) {
+            failed = reel_corrupt(call, current->group.missing.at,
+                                  "the flag of a missing value is neither 0 nor 1");
         }
     }
     return failed;
@@ -558,60 +570,61 @@ static int load_missing(reel_call *call, meshreel_decoder *decoder, uint32_t tra
 
 /* ---- a block ---- */
 
-static void forget(reel_call *call, reel_loaded_block *loaded) {
+static void release_block(reel_call *call, reel_loaded_block *loaded) {
     call->held -= loaded->pool.held;
     reel_release(call->host, &loaded->pool);
-    forget_fields(call, &loaded->fields);
+    release_fields(call, &loaded->fields);
     *loaded = (reel_loaded_block){.block = REEL_NO_BLOCK, .fields = {.block = REEL_NO_BLOCK}};
 }
 
-/* Whether a block is held with its fields, which another block may have taken as its key. */
-static bool is_loaded(const reel_track_state *held, uint64_t block, uint64_t n_moving) {
-    const reel_loaded_block *now = &held->now;
-    return now->block == block && now->n_moving == n_moving &&
-           (!now->basis || now->packed || reel_loaded_fields(held));
+/* Whether a block is loaded, with its fields if they are needed: another block may have taken them
+   as its key. */
+static bool is_loaded(const reel_track_state *state, uint64_t block, uint64_t n_moving) {
+    const reel_loaded_block *current = &state->current;
+    return current->block == block && current->n_moving == n_moving &&
+           (!current->basis || current->packed || reel_loaded_fields(state));
 }
 
 void reel_forget(reel_call *call, meshreel_decoder *decoder, uint32_t track) {
-    forget(call, &decoder->tracks[track].now);
+    release_block(call, &decoder->tracks[track].current);
 }
 
 int reel_load(reel_call *call, meshreel_decoder *decoder, uint32_t track, uint64_t block,
               uint64_t n_moving) {
-    reel_track_state *held = &decoder->tracks[track];
+    reel_track_state *state = &decoder->tracks[track];
     const reel_track *own = &decoder->file->tracks[track];
-    if (is_loaded(held, block, n_moving)) {
+    if (is_loaded(state, block, n_moving)) {
         return MESHREEL_OK;
     }
-    reel_loaded_block other = held->before;
-    held->before = held->now;
-    held->now = other;
-    if (is_loaded(held, block, n_moving)) {
+    reel_loaded_block other = state->previous;
+    state->previous = state->current;
+    state->current = other;
+    if (is_loaded(state, block, n_moving)) {
         return MESHREEL_OK;
     }
-    forget(call, &held->now);
+    release_block(call, &state->current);
     call->held = reel_decoder_bytes(decoder) + call->scratch.held;
     int failed = find_items(call, decoder, track);
-    failed = failed ? failed : read_group(call, decoder, track, block, &held->now.group);
+    failed = failed ? failed : read_group(call, decoder, track, block, &state->current.group);
     if (failed) {
         return failed;
     }
     bool has_modes = own->info.coding != REEL_EXACT && !own->info.is_exact;
     if (REEL_ONLY_POSITIONS && (track || !has_modes)) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, REEL_UNKNOWN,
-                         "this build decodes positions of the method reel alone");
+                         "this build only decodes positions of the method reel");
     }
     failed = has_modes || REEL_ONLY_POSITIONS
                  ? load_modes(call, decoder, track, block, n_moving)
                  : load_exact(call, decoder, track);
-    if (!failed && !REEL_ONLY_POSITIONS && held->now.group.missing.at) {
+    if (!failed && !REEL_ONLY_POSITIONS && state->current.group.missing.at) {
         failed = load_missing(call, decoder, track);
     }
     if (failed) {
-        forget(call, &held->now);
+        release_block(call, &state->current);
         return failed;
     }
-    held->now.block = block;
-    held->now.n_moving = n_moving;
+    state->current.block = block;
+    state->current.n_moving = n_moving;
     return MESHREEL_OK;
 }

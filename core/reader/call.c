@@ -6,10 +6,10 @@
 
 struct reel_chunk {
     reel_chunk *before;
-    uint64_t size; /* with this head */
+    uint64_t size; /* including this header */
 };
 
-_Static_assert(sizeof(reel_chunk) <= REEL_ALIGNMENT, "the head of a chunk keeps it aligned");
+_Static_assert(sizeof(reel_chunk) <= REEL_ALIGNMENT, "the header of a chunk preserves alignment");
 
 reel_call reel_begin_call(const meshreel_source *source, const meshreel_host *host, uint64_t held) {
     return (reel_call){.source = source, .host = host, .held = held};
@@ -45,7 +45,7 @@ int reel_fail_core(reel_call *call, int64_t result, uint64_t payload, const char
         return MESHREEL_OK;
     }
     uint64_t code = (uint64_t)-result & 0xFFU, place = (uint64_t)-result >> 8;
-    if (code == REEL_NO_MEMORY) { /* the reader gave less than the core states */
+    if (code == REEL_NO_MEMORY) { /* a bug of the reader: less memory than the core states */
         return reel_fail(call, MESHREEL_INVALID, REEL_UNKNOWN, "internal error: too little memory");
     }
     return reel_fail(call, code == REEL_TRUNCATED ? MESHREEL_TRUNCATED : MESHREEL_CORRUPT,
@@ -58,17 +58,18 @@ void *reel_pool_allocate(reel_call *call, reel_pool *pool, uint64_t count, uint6
     bool fits = !item || count <= (UINT64_MAX >> 8) / item;
     uint64_t payload = fits ? count * item : UINT64_MAX >> 8;
     uint64_t size = payload + REEL_ALIGNMENT;
-#ifndef REEL_GUARDED /* where sanitizers see a step beyond the last byte */
+#ifndef REEL_GUARDED /* unrounded sizes, so that sanitizers detect overruns */
     size = (size + REEL_ALIGNMENT - 1) / REEL_ALIGNMENT * REEL_ALIGNMENT;
 #endif
     if (call->held > limit || size > limit - call->held) {
-        reel_fail(call, MESHREEL_LIMIT, REEL_UNKNOWN, "decoding takes more memory than allowed");
+        reel_fail(call, MESHREEL_LIMIT, REEL_UNKNOWN,
+                  "decoding needs more memory than the limit allows");
         call->error.size = call->held + size;
         return NULL;
     }
     reel_chunk *chunk = call->host->allocate(call->host->user, (size_t)size);
     if (!chunk) {
-        reel_fail(call, MESHREEL_NO_MEMORY, REEL_UNKNOWN, "the host has no more memory");
+        reel_fail(call, MESHREEL_NO_MEMORY, REEL_UNKNOWN, "the host failed to allocate memory");
         call->error.size = call->held + size;
         return NULL;
     }

@@ -1,4 +1,5 @@
-/* The container of a file: docs/format.md, the header, the sections, and "Random access". */
+/* The container of a file: docs/format.md, the header, the sections, "Segments" and "Random
+   access". */
 
 #include "container.h"
 
@@ -15,13 +16,13 @@ static const uint8_t magic[8] = {0x89, 0x52, 0x45, 0x45, 0x4C, 0x0D, 0x0A, 0x1A}
 
 /* ---- the header ---- */
 
-static uint32_t uint32_at(const uint8_t *bytes) {
+static uint32_t load_uint32(const uint8_t *bytes) {
     uint32_t found;
     reel_copy(&found, bytes, sizeof found);
     return found;
 }
 
-static double double_at(const uint8_t *bytes) {
+static double load_double(const uint8_t *bytes) {
     double found;
     reel_copy(&found, bytes, sizeof found);
     return found;
@@ -29,18 +30,18 @@ static double double_at(const uint8_t *bytes) {
 
 static int check_counts(reel_call *call, uint64_t n_verts, uint64_t n_faces, uint64_t at) {
     if (!n_verts || !n_faces) {
-        return reel_corrupt(call, at, "a mesh without vertices or faces is announced");
+        return reel_corrupt(call, at, "the mesh has no vertices or no faces");
     }
     return n_verts > REEL_MAX_VERTS || n_faces > REEL_MAX_VERTS
                ? reel_fail(call, MESHREEL_UNSUPPORTED, at, "more than 2^26 vertices or faces")
                : MESHREEL_OK;
 }
 
-/* Vertices and faces; and vertex type, method, Laplacian and order. */
+/* Read the vertex and face counts, and vertex type, method, Laplacian and order. */
 static int set_mesh(reel_call *call, reel_outline *outline, const uint8_t *counts,
                     uint64_t counts_at, const uint8_t *codes, uint64_t codes_at) {
-    outline->n_verts = uint32_at(counts);
-    outline->n_faces = uint32_at(counts + 4);
+    outline->n_verts = load_uint32(counts);
+    outline->n_faces = load_uint32(counts + 4);
     outline->number_bytes = codes[0];
     outline->method = codes[1];
     outline->laplacian = codes[2];
@@ -54,17 +55,18 @@ static int set_mesh(reel_call *call, reel_outline *outline, const uint8_t *count
     }
     bool is_newer = outline->method > LAST_METHOD || outline->laplacian > 2 ||
                     outline->order > REEL_ORDER_DROPPED;
-    return is_newer ? reel_fail(call, MESHREEL_UNSUPPORTED, codes_at + 1,
-                                "a method, Laplacian or order of a newer version; update meshreel")
-                    : MESHREEL_OK;
+    return is_newer
+               ? reel_fail(call, MESHREEL_UNSUPPORTED, codes_at + 1,
+                           "the method, Laplacian or order needs a newer version; update meshreel")
+               : MESHREEL_OK;
 }
 
-/* Origin and scale. */
+/* Read origin and scale. */
 static int set_placement(reel_call *call, reel_outline *outline, const uint8_t *numbers,
                          uint64_t at) {
     bool is_placed = true;
-    for (int i = 0; i < 4; i++) { /* the scale comes last, and is kept first */
-        double number = double_at(numbers + 8 * i);
+    for (int i = 0; i < 4; i++) { /* stored last, but kept first */
+        double number = load_double(numbers + 8 * i);
         outline->placement[(i + 1) % 4] = number;
         is_placed &= reel_is_finite(number);
     }
@@ -87,10 +89,10 @@ static int read_header(reel_call *call, reel_pool *pool, reel_outline *outline) 
     }
     if (here >= sizeof magic + 2 && (fixed[8] != VERSION || fixed[9] != 0)) {
         bool is_older = fixed[8] && fixed[8] < VERSION && !fixed[9];
-        return reel_fail(call, MESHREEL_UNSUPPORTED, 8,
-                         is_older
-                             ? "a format from before the first release; encode the original again"
-                             : "a format of another version than 3; update meshreel");
+        return reel_fail(
+            call, MESHREEL_UNSUPPORTED, 8,
+            is_older ? "the format is older than the first release; encode the original again"
+                     : "the format version is not 3; update meshreel");
     }
     if (here < FIXED_BYTES) {
         return reel_fail(call, MESHREEL_TRUNCATED, size, "the file ends inside its header");
@@ -103,8 +105,8 @@ static int read_header(reel_call *call, reel_pool *pool, reel_outline *outline) 
     if (name > MAX_NAME_BYTES) {
         return reel_corrupt(call, 66, "the name has more than 4096 bytes");
     }
-    outline->announced = uint32_at(fixed + 10);
-    outline->fps = double_at(fixed + 22);
+    outline->announced = load_uint32(fixed + 10);
+    outline->fps = load_double(fixed + 22);
     outline->begin = FIXED_BYTES + name + 4;
     outline->is_first = true;
     reel_range left = {FIXED_BYTES, name};
@@ -119,14 +121,14 @@ static int read_header(reel_call *call, reel_pool *pool, reel_outline *outline) 
 
 /* ---- leading sections ---- */
 
-/* Makes space for one more item of an array that grows in a pool. */
-static int grow(reel_call *call, reel_pool *pool, void **items, uint64_t count, uint64_t *room,
+/* Make space for one more item of an array that grows in a pool. */
+static int grow(reel_call *call, reel_pool *pool, void **items, uint64_t count, uint64_t *capacity,
                 size_t item) {
-    if (count < *room) {
+    if (count < *capacity) {
         return MESHREEL_OK;
     }
-    uint64_t larger = *room ? 2 * *room : 16;
-    void *moved = reel_pool_allocate(call, pool, larger, item);
+    uint64_t new_capacity = *capacity ? 2 * *capacity : 16;
+    void *moved = reel_pool_allocate(call, pool, new_capacity, item);
     if (!moved) {
         return call->error.code;
     }
@@ -134,14 +136,15 @@ static int grow(reel_call *call, reel_pool *pool, void **items, uint64_t count, 
         reel_copy(moved, *items, (size_t)count * item);
     }
     *items = moved;
-    *room = larger;
+    *capacity = new_capacity;
     return MESHREEL_OK;
 }
 
 static int read_double(reel_call *call, const reel_section *section, double *found) {
     reel_range left = section->payload;
     if (left.length != sizeof *found) {
-        return reel_corrupt(call, section->at, "the start or the promised error has not 8 bytes");
+        return reel_corrupt(call, section->at,
+                            "the start or the promised error does not have 8 bytes");
     }
     int failed = reel_read_bytes(call, &left, found, sizeof *found);
     if (!failed && !reel_is_finite(*found)) {
@@ -161,16 +164,16 @@ static int read_polygons(reel_call *call, const reel_section *section, reel_outl
     return failed;
 }
 
-static int note_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
-                        const reel_section *section) {
-    uint64_t room = outline->leading_room;
+static int add_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
+                       const reel_section *section) {
+    uint64_t capacity = outline->leading_capacity;
     void *items = outline->leading;
-    int failed = grow(call, pool, &items, outline->n_leading, &room, sizeof *outline->leading);
+    int failed = grow(call, pool, &items, outline->n_leading, &capacity, sizeof *outline->leading);
     if (failed) {
         return failed;
     }
     outline->leading = items;
-    outline->leading_room = (uint32_t)room;
+    outline->leading_capacity = (uint32_t)capacity;
     outline->leading[outline->n_leading++] = (reel_leading_section){section->id, section->payload};
     if (section->id == REEL_TRACK && ++outline->n_tracks > MAX_TRACKS) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, section->at, "more than 2^20 tracks");
@@ -190,15 +193,15 @@ static int note_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
     return section->id == REEL_POLYGONS ? read_polygons(call, section, outline) : MESHREEL_OK;
 }
 
-/* What the sections will say. */
-static void forget(reel_outline *outline) {
-    outline->n_leading = outline->leading_room = 0;
+/* Reset what the sections define. */
+static void reset_outline(reel_outline *outline) {
+    outline->n_leading = outline->leading_capacity = 0;
     outline->n_tracks = 1;
     outline->start_s = outline->promise = 0.0;
     outline->n_polygons = outline->n_faces;
     outline->n_corners = 3 * outline->n_faces;
     outline->n_blocks = outline->n_frames = 0;
-    outline->blocks_room = 0; /* the ends of groups are as many as tracks, which may be others */
+    outline->blocks_capacity = 0; /* `ends` must be reallocated: the number of tracks may differ */
     outline->longest = 0;
 }
 
@@ -215,10 +218,10 @@ static int read_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
         if (!failed && reel_is_known(section.id)) {
             bool is_of_block = section.id >= REEL_BLOCK && !(section.id & REEL_OPTIONAL);
             failed = is_of_block
-                         ? reel_corrupt(call, at, "a section of a block is before the first block")
+                         ? reel_corrupt(call, at, "a section of a block precedes the first block")
                      : section.id == REEL_SEGMENT
                          ? reel_corrupt(call, at, "a segment is out of place")
-                         : note_leading(call, pool, outline, &section);
+                         : add_leading(call, pool, outline, &section);
         }
         if (failed) {
             return failed;
@@ -230,40 +233,40 @@ static int read_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
 
 /* ---- blocks ---- */
 
-/* Whether n_frames may follow n_before others of a segment. */
+/* Check that n_frames may follow n_before frames of a segment. */
 static int check_block(reel_call *call, uint64_t at, uint64_t n_verts, uint64_t n_before,
                        uint64_t n_frames) {
-    uint64_t most = REEL_MAX_NUMBERS / n_verts;
-    most = most < REEL_MAX_FRAMES ? most : REEL_MAX_FRAMES;
+    uint64_t max_frames = REEL_MAX_NUMBERS / n_verts;
+    max_frames = max_frames < REEL_MAX_FRAMES ? max_frames : REEL_MAX_FRAMES;
     if (!n_frames) {
         return reel_corrupt(call, at, "a block has no frames");
     }
-    return n_frames > most - n_before
+    return n_frames > max_frames - n_before
                ? reel_fail(call, MESHREEL_UNSUPPORTED, at,
                            "more frames than this build reads for this number of vertices")
                : MESHREEL_OK;
 }
 
-/* Adds a block, and makes space for the ends of its groups. */
+/* Add a block; `ends` receives its row of track ends, to be filled in. */
 static int add_block(reel_call *call, reel_pool *pool, reel_outline *outline, uint64_t at,
                      uint64_t n_frames, uint64_t **ends) {
     int failed = check_block(call, at, outline->n_verts, outline->n_frames, n_frames);
     if (failed) {
         return failed;
     }
-    uint64_t room = outline->blocks_room, count = outline->n_blocks;
-    void *places = outline->places, *all = outline->ends;
-    failed = grow(call, pool, &places, count, &room, sizeof *outline->places);
-    room = outline->blocks_room; /* both arrays grow together */
+    uint64_t capacity = outline->blocks_capacity, count = outline->n_blocks;
+    void *blocks = outline->blocks, *all = outline->ends;
+    failed = grow(call, pool, &blocks, count, &capacity, sizeof *outline->blocks);
+    capacity = outline->blocks_capacity; /* both arrays grow together */
     failed = failed ? failed
-                    : grow(call, pool, &all, count, &room, outline->n_tracks * sizeof **ends);
+                    : grow(call, pool, &all, count, &capacity, outline->n_tracks * sizeof **ends);
     if (failed) {
         return failed;
     }
-    outline->places = places;
+    outline->blocks = blocks;
     outline->ends = all;
-    outline->blocks_room = room;
-    outline->places[count] =
+    outline->blocks_capacity = capacity;
+    outline->blocks[count] =
         (reel_block_entry){at, (uint32_t)outline->n_frames, (uint32_t)n_frames};
     *ends = outline->ends + count * outline->n_tracks;
     outline->n_blocks++;
@@ -274,7 +277,7 @@ static int add_block(reel_call *call, reel_pool *pool, reel_outline *outline, ui
 
 reel_range reel_group_bytes(const reel_outline *outline, uint64_t block, uint32_t track) {
     const uint64_t *ends = outline->ends + block * outline->n_tracks;
-    uint64_t begin = track ? ends[track - 1] : outline->places[block].at;
+    uint64_t begin = track ? ends[track - 1] : outline->blocks[block].at;
     return (reel_range){begin, ends[track] - begin};
 }
 
@@ -301,18 +304,19 @@ static int find_index(reel_call *call, const reel_outline *outline, reel_section
         return failed;
     }
     if (index->id != REEL_INDEX || at < outline->begin) {
-        return reel_corrupt(call, at, "there is no index where the end of the file says");
+        return reel_corrupt(call, at, "the end of the file does not lead to an index");
     }
     reel_range left = index->payload;
     failed = reel_read_varint(call, &left, first);
     bool is_behind = *first >= outline->begin && *first <= at;
-    return failed || is_behind ? failed
-                               : reel_corrupt(call, at, "the index lists blocks in the header");
+    return failed || is_behind
+               ? failed
+               : reel_corrupt(call, at, "the first block of the index is out of range");
 }
 
-/* Takes what the index says of the blocks of a segment, which end before `limit`: to the outline of
-   the segment, if there is one, and in sum. */
-static int take_blocks(reel_call *call, reel_pool *pool, reel_outline *outline,
+/* Read the blocks of a segment, which end before `limit`, from the index: into the outline if not
+   NULL, and the totals into `segment`. */
+static int read_blocks(reel_call *call, reel_pool *pool, reel_outline *outline,
                        reel_segment *segment, reel_range *left, uint64_t limit) {
     uint64_t at = segment->first_block, n_blocks, n_frames, *ends = NULL;
     segment->n_frames = 0;
@@ -344,8 +348,9 @@ static int take_blocks(reel_call *call, reel_pool *pool, reel_outline *outline,
     return failed;
 }
 
-/* Takes what the index says of a segment behind the first, before its blocks. */
-static int take_segment(reel_call *call, reel_range *left, uint64_t limit, reel_segment *segment) {
+/* Read a segment other than the first from the index, up to its blocks. */
+static int read_segment_entry(reel_call *call, reel_range *left, uint64_t limit,
+                              reel_segment *segment) {
     uint64_t at = left->at, n_tracks, size;
     int failed = reel_read_varint(call, left, &segment->n_verts);
     failed = failed ? failed : reel_read_varint(call, left, &segment->n_faces);
@@ -369,7 +374,7 @@ static int add_segment(reel_call *call, reel_pool *pool, reel_segments *segments
         return reel_fail(call, MESHREEL_UNSUPPORTED, segment.at, "more than 2^28 frames");
     }
     void *all = segments->all;
-    int failed = grow(call, pool, &all, segments->count, &segments->room, sizeof segment);
+    int failed = grow(call, pool, &all, segments->count, &segments->capacity, sizeof segment);
     if (!failed) {
         segments->all = all;
         segment.first_frame = (uint32_t)segments->n_frames;
@@ -379,7 +384,7 @@ static int add_segment(reel_call *call, reel_pool *pool, reel_segments *segments
     return failed;
 }
 
-/* The first segment to `outline`, and all to `segments`. */
+/* Read the index: the first segment into `outline`, all into `segments`. */
 static int read_index(reel_call *call, reel_pool *pool, reel_outline *outline,
                       const reel_section *index, reel_segments *segments) {
     reel_range left = index->payload;
@@ -387,10 +392,11 @@ static int read_index(reel_call *call, reel_pool *pool, reel_outline *outline,
                             .n_faces = outline->n_faces, .n_tracks = outline->n_tracks};
     int failed = reel_read_varint(call, &left, &segment.first_block);
     for (bool is_first = true; !failed && (is_first || left.length); is_first = false) {
-        failed = is_first ? MESHREEL_OK : take_segment(call, &left, index->at, &segment);
+        failed = is_first ? MESHREEL_OK : read_segment_entry(call, &left, index->at, &segment);
         segment.blocks = left;
-        failed = failed ? failed : take_blocks(call, pool, is_first ? outline : NULL, &segment,
-                                               &left, index->at);
+        failed =
+            failed ? failed
+                   : read_blocks(call, pool, is_first ? outline : NULL, &segment, &left, index->at);
         failed = failed ? failed : add_segment(call, pool, segments, segment);
         segment.at = segment.end;
     }
@@ -405,9 +411,9 @@ typedef struct {
     reel_call *call;
     reel_pool *pool;
     reel_outline *outline;
-    uint64_t *ends; /* of the block that is open, or NULL */
+    uint64_t *ends; /* row of the open block, or NULL */
     uint32_t n_groups, last;
-    uint64_t index_at; /* the byte at which INDEX begins, or 0 */
+    uint64_t index_at; /* offset of INDEX, or 0 */
 } scan;
 
 static int open_block(scan *s, const reel_section *section) {
@@ -421,39 +427,39 @@ static int open_block(scan *s, const reel_section *section) {
 
 static int close_block(scan *s, uint64_t end) {
     if (s->n_groups != s->outline->n_tracks) {
-        return reel_corrupt(s->call, end, "a block has not as many groups as there are tracks");
+        return reel_corrupt(s->call, end, "a block does not have one group per track");
     }
     s->ends[s->n_groups - 1] = end;
     s->ends = NULL;
     return MESHREEL_OK;
 }
 
-/* The block that is open is not complete. */
+/* Drop the open block, which is incomplete. */
 static void drop_block(scan *s) {
     if (s->ends) {
-        s->outline->n_frames -= s->outline->places[--s->outline->n_blocks].n_frames;
+        s->outline->n_frames -= s->outline->blocks[--s->outline->n_blocks].n_frames;
     }
 }
 
-/* The end of the file leads to its index, if there is one. It is here because what it leads to is no
-   index, or contradicts the blocks: a file without an index is sound. */
+/* Check END after a scan. Scanning means that the index was unusable: a file without an index is
+   valid, but one whose END refers to a bad index is not. */
 static int check_end(scan *s, const reel_section *section) {
     if (section->end < s->call->source->size) {
-        return reel_corrupt(s->call, section->end, "bytes follow the end of the file");
+        return reel_corrupt(s->call, section->end, "bytes follow the section END");
     }
     return !s->index_at && !section->payload.length
                ? MESHREEL_OK
                : reel_corrupt(s->call, section->at, "the index contradicts the blocks");
 }
 
-/* The next segment begins behind a block. */
+/* Check that a SEGMENT follows at least one block. */
 static int check_next(scan *s, const reel_section *section) {
     return s->index_at || !s->outline->n_blocks
                ? reel_corrupt(s->call, section->at, "a segment is out of place")
                : MESHREEL_OK;
 }
 
-static int note_section(scan *s, const reel_section *section) {
+static int scan_section(scan *s, const reel_section *section) {
     uint32_t id = section->id;
     s->last = id;
     s->index_at = id == REEL_INDEX ? section->at : s->index_at;
@@ -478,12 +484,13 @@ static int note_section(scan *s, const reel_section *section) {
         return reel_corrupt(s->call, section->at, "a section of a block is outside of blocks");
     }
     return s->outline->n_blocks
-               ? reel_corrupt(s->call, section->at, "a section is behind the blocks")
-               : note_leading(s->call, s->pool, s->outline, section);
+               ? reel_corrupt(s->call, section->at,
+                              "a section that belongs before the blocks follows one")
+               : add_leading(s->call, s->pool, s->outline, section);
 }
 
-/* Up to the next segment, whose section is noted, or to END; or up to what is damaged: then `is_whole`
-   is false. */
+/* Scan sections up to the next segment, whose section is stored in `next`, or to END, or to damage:
+   then `is_whole` is false. */
 static int read_sections(reel_call *call, reel_pool *pool, reel_outline *outline, uint64_t begin,
                          reel_section *next) {
     scan s = {.call = call, .pool = pool, .outline = outline, .last = REEL_OPTIONAL};
@@ -495,7 +502,7 @@ static int read_sections(reel_call *call, reel_pool *pool, reel_outline *outline
         failed = reel_section_at(call, at, call->source->size, &section);
         failed = failed ? failed : reel_section_check(call, &section);
         if (!failed && reel_is_known(section.id)) {
-            failed = note_section(&s, &section);
+            failed = scan_section(&s, &section);
         }
         if (!failed && s.last == REEL_SEGMENT) {
             *next = section;
@@ -513,7 +520,7 @@ static int read_sections(reel_call *call, reel_pool *pool, reel_outline *outline
     if (is_complete) {
         close_block(&s, at);
     } else if (s.ends) {
-        outline->end = outline->places[outline->n_blocks - 1].at;
+        outline->end = outline->blocks[outline->n_blocks - 1].at;
         drop_block(&s);
     }
     if (outline->n_blocks) {
@@ -528,7 +535,7 @@ static uint64_t end_of_blocks(const reel_outline *outline) {
 
 /* ---- segments ---- */
 
-/* The segment that begins with a section, as far as this section says. */
+/* Begin a segment with the contents of its section SEGMENT. */
 static int begin_segment(reel_call *call, const reel_section *section, const reel_outline *file,
                          reel_outline *outline) {
     uint8_t mesh[SEGMENT_BYTES], placement[PLACEMENT_BYTES];
@@ -547,11 +554,11 @@ static int begin_segment(reel_call *call, const reel_section *section, const ree
         failed = reel_read_bytes(call, &left, placement, sizeof placement);
         failed = failed ? failed : set_placement(call, outline, placement, at);
     }
-    forget(outline);
+    reset_outline(outline);
     return failed;
 }
 
-/* The section that segment behind the first begins with, which was listed or found before. */
+/* Read the section SEGMENT of a segment other than the first, found earlier by index or scan. */
 static int read_beginning(reel_call *call, const reel_outline *file, const reel_segment *segment,
                           reel_section *section, reel_outline *outline) {
     uint64_t limit = segment->first_block ? segment->first_block : segment->end;
@@ -559,7 +566,7 @@ static int read_beginning(reel_call *call, const reel_outline *file, const reel_
     failed = failed ? failed : reel_section_at(call, segment->at, limit, section);
     failed = failed ? failed : reel_section_check(call, section);
     if (!failed && section->id != REEL_SEGMENT) {
-        return reel_corrupt(call, segment->at, "no segment begins where one should");
+        return reel_corrupt(call, segment->at, "no segment begins where the index lists one");
     }
     failed = failed ? failed : begin_segment(call, section, file, outline);
     bool is_other = outline->n_verts != segment->n_verts || outline->n_faces != segment->n_faces;
@@ -581,7 +588,7 @@ static int parse_segment(reel_call *call, reel_pool *pool, const reel_segment *s
         return reel_corrupt(call, segment->at, "the index contradicts the tracks of a segment");
     }
     outline->is_whole = true;
-    return failed ? failed : take_blocks(call, pool, outline, &found, &left, segment->end);
+    return failed ? failed : read_blocks(call, pool, outline, &found, &left, segment->end);
 }
 
 int reel_read_segment(reel_call *call, reel_pool *pool, const reel_outline *file,
@@ -593,7 +600,7 @@ int reel_read_segment(reel_call *call, reel_pool *pool, const reel_outline *file
         failed = read_beginning(call, file, segment, &section, outline);
     } else {
         *outline = *file;
-        forget(outline);
+        reset_outline(outline);
     }
     failed = failed ? failed : parse_segment(call, pool, segment, section.end, outline);
     if (failed) {
@@ -620,7 +627,7 @@ static int check_frames(reel_call *call, const reel_outline *outline,
     bool is_other = outline->announced && outline->announced != segments->n_frames;
     return outline->is_whole && is_other
                ? reel_corrupt(call, 10,
-                              "the blocks do not hold as many frames as the header announces")
+                              "the blocks have fewer or more frames than the header states")
                : MESHREEL_OK;
 }
 
@@ -647,8 +654,8 @@ static int add_scanned(reel_call *call, reel_pool *pool, const reel_outline *out
                                       .n_tracks = outline->n_tracks});
 }
 
-/* The segment that begins with section `next`, which is replaced by what follows it. One that is
-   damaged, and has no complete block, is left out. */
+/* Scan the segment that begins with section `next`, which is replaced by the section after it. A
+   damaged segment without a complete block is dropped. */
 static int scan_segment(reel_call *call, reel_pool *pool, reel_outline *file, reel_section *next,
                         reel_segments *segments) {
     const reel_chunk *mark = call->scratch.last;
@@ -695,12 +702,12 @@ int reel_read_outline(reel_call *call, reel_pool *pool, reel_outline *outline,
     if (failed) {
         return failed;
     }
-    forget(outline);
+    reset_outline(outline);
     failed = read_indexed(call, pool, outline, segments);
     if (failed != MESHREEL_TRUNCATED && failed != MESHREEL_CORRUPT) {
         return failed;
     }
-    forget(outline);
+    reset_outline(outline);
     *segments = (reel_segments){0};
     return read_scanned(call, pool, outline, segments);
 }

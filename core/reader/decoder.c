@@ -1,8 +1,8 @@
-/* Decoders: frames of tracks in the layout of a caller. */
+/* Decoders: frames of tracks in the caller's layout. docs/format.md, "Frames" and "Tracks". */
 
 #include "decoder.h"
 
-#define PIECE_BYTES ((uint64_t)16 << 20) /* of values that are converted or predicted together */
+#define PIECE_BYTES ((uint64_t)16 << 20) /* of values converted or predicted at once */
 
 int meshreel_begin(const meshreel_file *file, meshreel_decoder **decoder, meshreel_error *error) {
     if (!file || !decoder) {
@@ -14,9 +14,11 @@ int meshreel_begin(const meshreel_file *file, meshreel_decoder **decoder, meshre
     }
     reel_call call = reel_begin_call(&file->source, &file->host, 0);
     if (reel_is_of_paper(file)) {
-        return reel_end_call(&call, reel_fail(&call, MESHREEL_METHOD, 31,
-                                              "a method of the paper, which Python decodes"),
-                             error);
+        return reel_end_call(
+            &call,
+            reel_fail(&call, MESHREEL_METHOD, 31,
+                      "the file uses a method of the paper, which only Python decodes"),
+            error);
     }
     if (!file->has_mesh) {
         return reel_invalid(error, "the mesh of the file was not read");
@@ -32,7 +34,7 @@ int meshreel_begin(const meshreel_file *file, meshreel_decoder **decoder, meshre
     for (uint32_t i = 0; i < file->info.n_tracks; i++) {
         reel_loaded_block none = {.block = REEL_NO_BLOCK, .fields = {.block = REEL_NO_BLOCK}};
         tracks[i] =
-            (reel_track_state){.now = none, .before = none, .key = {.block = REEL_NO_BLOCK}};
+            (reel_track_state){.current = none, .previous = none, .key = {.block = REEL_NO_BLOCK}};
     }
     *own = (meshreel_decoder){.file = file, .pool = pool, .tracks = tracks};
     *decoder = own;
@@ -46,13 +48,13 @@ void meshreel_end(meshreel_decoder *decoder) {
     meshreel_host host = decoder->file->host;
     for (uint32_t i = 0; i < decoder->file->info.n_tracks; i++) {
         reel_track_state *held = &decoder->tracks[i];
-        reel_release(&host, &held->now.pool);
-        reel_release(&host, &held->now.fields.pool);
-        reel_release(&host, &held->before.pool);
-        reel_release(&host, &held->before.fields.pool);
+        reel_release(&host, &held->current.pool);
+        reel_release(&host, &held->current.fields.pool);
+        reel_release(&host, &held->previous.pool);
+        reel_release(&host, &held->previous.fields.pool);
         reel_release(&host, &held->key.pool);
     }
-    reel_pool pool = decoder->pool; /* holds the decoder itself */
+    reel_pool pool = decoder->pool; /* contains the decoder itself */
     reel_release(&host, &pool);
 }
 
@@ -60,8 +62,8 @@ uint64_t reel_decoder_bytes(const meshreel_decoder *decoder) {
     uint64_t held = decoder->pool.held;
     for (uint32_t i = 0; i < decoder->file->info.n_tracks; i++) {
         const reel_track_state *own = &decoder->tracks[i];
-        held += own->now.pool.held + own->now.fields.pool.held + own->before.pool.held +
-                own->before.fields.pool.held + own->key.pool.held;
+        held += own->current.pool.held + own->current.fields.pool.held + own->previous.pool.held +
+                own->previous.fields.pool.held + own->key.pool.held;
     }
     return held;
 }
@@ -72,7 +74,7 @@ static int check_track(const meshreel_decoder *decoder, uint32_t track, uint32_t
         return reel_invalid(error, "a pointer to a decoder is NULL");
     }
     if (track >= decoder->file->info.n_tracks) {
-        return reel_invalid(error, "there is no such track");
+        return reel_invalid(error, "the track does not exist");
     }
     bool may_rest = !track && decoder->file->outline.method == REEL_METHOD_REEL;
     return n_modes && !may_rest
@@ -87,7 +89,7 @@ int meshreel_load(meshreel_decoder *decoder, uint32_t track, uint32_t block, uin
         return failed;
     }
     if (block >= decoder->file->info.n_blocks) {
-        return reel_invalid(error, "there is no such block");
+        return reel_invalid(error, "the block does not exist");
     }
     reel_call call =
         reel_begin_call(&decoder->file->source, &decoder->file->host, reel_decoder_bytes(decoder));
@@ -104,67 +106,67 @@ int meshreel_modes_of(meshreel_decoder *decoder, uint32_t track, uint32_t block,
     }
     const reel_track *own = &decoder->file->tracks[track];
     reel_track_state *held = &decoder->tracks[track];
-    reel_loaded_block *now = &held->now;
-    *modes = (meshreel_modes){.n_frames = (uint32_t)now->group.n_frames,
+    reel_loaded_block *current = &held->current;
+    *modes = (meshreel_modes){.n_frames = (uint32_t)current->group.n_frames,
                               .n_items = held->items.graph.n_items};
-    if (!now->basis || own->difference || own->info.coding == REEL_ROTATIONS) {
+    if (!current->basis || own->difference || own->info.coding == REEL_ROTATIONS) {
         return MESHREEL_OK;
     }
     reel_call call =
         reel_begin_call(&decoder->file->source, &decoder->file->host, reel_decoder_bytes(decoder));
-    if (!reel_loaded_fields(held)) { /* packed alone */
+    if (!reel_loaded_fields(held)) { /* only the packed fields are left */
         reel_forget(&call, decoder, track);
         failed = reel_load(&call, decoder, track, block, 0);
     }
-    if (!failed && !now->rows) {
-        int32_t *rows = reel_pool_allocate(&call, &now->pool, modes->n_items, sizeof *rows);
+    if (!failed && !current->rows) {
+        int32_t *rows = reel_pool_allocate(&call, &current->pool, modes->n_items, sizeof *rows);
         failed = rows ? MESHREEL_OK : call.error.code;
         if (rows) {
-            reel_find_rows(held, rows);
+            reel_find_field_rows(held, rows);
         }
-        now->rows = rows;
+        current->rows = rows;
     }
     if (!failed) {
-        modes->n_modes = (uint32_t)now->n_modes;
+        modes->n_modes = (uint32_t)current->n_modes;
         modes->n_columns = own->n_coded;
-        modes->has_missing = now->missing != NULL;
-        modes->step = (double)now->group.step;
+        modes->has_missing = current->missing != NULL;
+        modes->step = (double)current->group.step;
         modes->scale = own->placement[0];
         modes->origin = own->placement + 1;
         modes->values = reel_loaded_fields(held);
-        modes->rows = now->rows;
-        modes->basis = now->basis;
-        modes->shared = held->items.spread;
-        modes->correction_starts = now->moves.starts;
-        modes->corrected = now->moves.items;
-        modes->corrections = now->moves.moves;
+        modes->rows = current->rows;
+        modes->basis = current->basis;
+        modes->shared = held->items.value_of;
+        modes->correction_starts = current->corrections.starts;
+        modes->corrected = current->corrections.items;
+        modes->corrections = current->corrections.offsets;
     }
     return reel_end_call(&call, failed, error);
 }
 
 /* ---- layouts ---- */
 
-/* Where values go, and what they are. */
+/* The output layout of values. */
 typedef struct {
-    const int32_t *spread; /* the value of each place, or NULL */
+    const int32_t *value_of; /* index of the value of each output item, or NULL */
     uint64_t n_values, n_places;
-    uint32_t n_columns, stored, size; /* bytes of a number as stored, and as it goes out */
+    uint32_t n_columns, stored, size; /* bytes per number: stored, and output */
     size_t value_stride, frame_stride;
     bool is_packed;
-} target;
+} output_layout;
 
-static int find_target(const meshreel_decoder *decoder, uint32_t number,
-                       const meshreel_layout *layout, target *found, meshreel_error *error) {
+static int find_layout(const meshreel_decoder *decoder, uint32_t number,
+                       const meshreel_layout *layout, output_layout *found, meshreel_error *error) {
     const reel_track *track = &decoder->file->tracks[number];
     const meshreel_track *info = &track->info;
     uint32_t type = layout && layout->type ? layout->type : info->type;
     if (type != info->type && !(type == MESHREEL_FLOAT32 && info->type == MESHREEL_FLOAT64)) {
-        return reel_invalid(error, "a track goes out in its own type, or doubles as floats");
+        return reel_invalid(error, "a track is decoded to its own type, or from doubles to floats");
     }
-    *found = (target){.n_places = info->n_items,
-                      .n_columns = info->n_columns,
-                      .stored = track->size,
-                      .size = type == info->type ? track->size : 4};
+    *found = (output_layout){.n_places = info->n_items,
+                             .n_columns = info->n_columns,
+                             .stored = track->size,
+                             .size = type == info->type ? track->size : 4};
     size_t value = found->size * found->n_columns;
     found->value_stride = layout && layout->value_stride ? layout->value_stride : value;
     size_t frame = found->value_stride * (size_t)found->n_places;
@@ -173,18 +175,19 @@ static int find_target(const meshreel_decoder *decoder, uint32_t number,
         return reel_invalid(error, "values overlap: their stride is below their size");
     }
     if (found->value_stride % found->size || found->frame_stride % found->size) {
-        return reel_invalid(error, "a stride is no multiple of the size of a number");
+        return reel_invalid(error, "a stride is not a multiple of the size of a number");
     }
     found->is_packed = found->value_stride == value && found->frame_stride == frame;
     return MESHREEL_OK;
 }
 
-/* Places the values of a frame. */
-static int place_frame(reel_call *call, const target *to, const uint8_t *values, uint8_t *out) {
+/* Store the values of a frame in the output layout. */
+static int store_frame(reel_call *call, const output_layout *to, const uint8_t *values,
+                       uint8_t *out) {
     size_t bytes = to->stored * to->n_columns;
     bool is_finite = true;
     for (uint64_t i = 0; i < to->n_places; i++) {
-        const uint8_t *value = values + bytes * (to->spread ? (uint64_t)to->spread[i] : i);
+        const uint8_t *value = values + bytes * (to->value_of ? (uint64_t)to->value_of[i] : i);
         uint8_t *place = out + to->value_stride * i;
         if (to->size == to->stored) {
             reel_copy(place, value, bytes);
@@ -202,11 +205,11 @@ static int place_frame(reel_call *call, const target *to, const uint8_t *values,
                                  "a number exceeds float; decode to doubles");
 }
 
-/* Decodes frames of the block that is loaded to where they go. */
+/* Decode frames of the current block into the output layout. */
 static int decode_to(reel_call *call, meshreel_decoder *decoder, uint32_t number, uint64_t first,
-                     uint64_t count, const target *to, uint8_t *out) {
+                     uint64_t count, const output_layout *to, uint8_t *out) {
     const reel_track *track = &decoder->file->tracks[number];
-    bool is_direct = to->is_packed && !to->spread && (!number || to->size == to->stored);
+    bool is_direct = to->is_packed && !to->value_of && (!number || to->size == to->stored);
     bool is_predicted = track->difference || track->info.coding == REEL_ROTATIONS;
     if (is_direct && !is_predicted) {
         return reel_values(call, decoder, number, first, count, to->size, out);
@@ -222,7 +225,7 @@ static int decode_to(reel_call *call, meshreel_decoder *decoder, uint32_t number
         failed = values ? reel_values(call, decoder, number, first + from, n, to->stored, values)
                         : call->error.code;
         for (uint64_t t = 0; t < n && !failed && !is_direct; t++) {
-            failed = place_frame(call, to, values + t * frame_bytes,
+            failed = store_frame(call, to, values + t * frame_bytes,
                                  out + (from + t) * to->frame_stride);
         }
         reel_drop_scratch(call, mark);
@@ -233,15 +236,15 @@ static int decode_to(reel_call *call, meshreel_decoder *decoder, uint32_t number
 int meshreel_decode(meshreel_decoder *decoder, uint32_t track, uint32_t first, uint32_t count,
                     uint32_t n_modes, const meshreel_layout *layout, void *values,
                     meshreel_error *error) {
-    target to = {0};
+    output_layout to = {0};
     int failed = check_track(decoder, track, n_modes, error);
-    failed = failed ? failed : find_target(decoder, track, layout, &to, error);
+    failed = failed ? failed : find_layout(decoder, track, layout, &to, error);
     if (failed) {
         return failed;
     }
     const reel_outline *outline = &decoder->file->outline;
     if (first > outline->n_frames || count > outline->n_frames - first || (!values && count)) {
-        return reel_invalid(error, "there are no such frames, or a pointer to values is NULL");
+        return reel_invalid(error, "the frames do not exist, or a pointer to values is NULL");
     }
     if ((uintptr_t)values % to.size) {
         return reel_invalid(error, "values are not aligned to their number type");
@@ -252,12 +255,12 @@ int meshreel_decode(meshreel_decoder *decoder, uint32_t track, uint32_t first, u
     while (done < count && !failed) {
         uint64_t frame = first + done;
         uint32_t block = meshreel_block_of_frame(decoder->file, (uint32_t)frame);
-        uint64_t within = frame - outline->places[block].first;
-        uint64_t n = outline->places[block].n_frames - within;
+        uint64_t within = frame - outline->blocks[block].first;
+        uint64_t n = outline->blocks[block].n_frames - within;
         n = n < count - done ? n : count - done;
         failed = reel_load(&call, decoder, track, block, n_modes);
         if (!failed) {
-            to.spread = decoder->tracks[track].items.spread;
+            to.value_of = decoder->tracks[track].items.value_of;
             to.n_values = decoder->tracks[track].items.graph.n_items;
             failed = decode_to(&call, decoder, track, within, n, &to,
                                (uint8_t *)values + done * to.frame_stride);
@@ -274,7 +277,7 @@ int meshreel_normals(meshreel_decoder *decoder, uint32_t type, const void *posit
         return reel_invalid(error, "a pointer to a decoder, positions or normals is NULL");
     }
     if (type != MESHREEL_FLOAT32 && type != MESHREEL_FLOAT64) {
-        return reel_invalid(error, "normals are of floats or doubles");
+        return reel_invalid(error, "normals are floats or doubles");
     }
     if ((uintptr_t)positions % type || (uintptr_t)normals % type) {
         return reel_invalid(error, "positions or normals are not aligned to their number type");
@@ -294,6 +297,6 @@ int meshreel_normals(meshreel_decoder *decoder, uint32_t type, const void *posit
     for (int64_t i = 0; i < 3 * n_verts && type == MESHREEL_FLOAT32; i++) {
         ((float *)normals)[i] = (float)found[i];
     }
-    return reel_end_call(&call, reel_fail_core(&call, result, 0, "a triangle has no such vertex"),
-                         error);
+    return reel_end_call(
+        &call, reel_fail_core(&call, result, 0, "a triangle has an invalid vertex"), error);
 }

@@ -1,17 +1,17 @@
-/* In which order fields are coded: docs/format.md, "Passes by vertices" and "Passes by times". */
+/* Coding orders of fields: docs/format.md, "Passes by vertices" and "Passes by times". */
 
 #include "field_mesh.h"
 
 #define SMOOTH_ROW (REEL_SMOOTH_FIELDS * sizeof(float))
 
 struct reel_hierarchy_job {
-    reel_field_mesh *own;
+    reel_field_mesh *field_mesh;
     int32_t *order, *level_starts, *resolutions, *stencil;
     int64_t *smooth_starts;
     uint8_t *hops;
     float *smooth;
     void *memory;
-    size_t needed;
+    size_t memory_size;
     int64_t result;
 };
 
@@ -19,21 +19,21 @@ int reel_prepare_hierarchy(reel_call *call, reel_pool *pool, const reel_graph *g
                            int64_t stencil_size, reel_hierarchy_job **found) {
     uint64_t n = graph->n_items;
     reel_hierarchy_job *job = reel_scratch(call, 1, sizeof *job);
-    reel_field_mesh *own = reel_pool_allocate(call, pool, 1, sizeof *own);
-    if (!job || !own) {
+    reel_field_mesh *field_mesh = reel_pool_allocate(call, pool, 1, sizeof *field_mesh);
+    if (!job || !field_mesh) {
         return call->error.code;
     }
     *found = job;
-    *job = (reel_hierarchy_job){.own = own};
-    *own = (reel_field_mesh){.graph = graph};
-    reel_coding_order *order = &own->order;
+    *job = (reel_hierarchy_job){.field_mesh = field_mesh};
+    *field_mesh = (reel_field_mesh){.graph = graph};
+    reel_coding_order *order = &field_mesh->order;
     order->n_columns = (int64_t)n;
     order->columns = reel_pool_allocate(call, pool, n, sizeof *order->columns);
     order->near_starts = reel_pool_allocate(call, pool, n + 1, sizeof *order->near_starts);
     order->near = reel_pool_allocate(call, pool, n * REEL_CONTEXT_NEIGHBORS, sizeof *order->near);
     order->pass_starts =
         reel_pool_allocate(call, pool, REEL_MAX_LEVELS + 1, sizeof *order->pass_starts);
-    own->places = reel_pool_allocate(call, pool, n, sizeof *own->places);
+    field_mesh->positions = reel_pool_allocate(call, pool, n, sizeof *field_mesh->positions);
     job->level_starts =
         reel_pool_allocate(call, pool, REEL_MAX_LEVELS + 1, sizeof *job->level_starts);
     job->smooth_starts =
@@ -43,19 +43,23 @@ int reel_prepare_hierarchy(reel_call *call, reel_pool *pool, const reel_graph *g
     job->smooth = reel_pool_allocate(call, pool, REEL_SMOOTH_ROWS * n, SMOOTH_ROW);
     job->order = reel_scratch(call, n, sizeof *job->order);
     job->resolutions = reel_scratch(call, REEL_MAX_LEVELS, sizeof *job->resolutions);
-    job->needed = reel_hierarchy_memory((int64_t)n, graph->starts[n]);
-    job->memory = reel_scratch(call, job->needed, 1);
-    own->mesh = (reel_mesh){.n_verts = (int64_t)n, .stencil_size = stencil_size,
-                            .level_starts = job->level_starts,
-                            .smooth_starts = job->smooth_starts, .stencil = job->stencil,
-                            .hops = job->hops, .smooth = job->smooth};
+    job->memory_size = reel_hierarchy_memory((int64_t)n, graph->starts[n]);
+    job->memory = reel_scratch(call, job->memory_size, 1);
+    field_mesh->mesh = (reel_mesh){.n_verts = (int64_t)n,
+                                   .stencil_size = stencil_size,
+                                   .level_starts = job->level_starts,
+                                   .smooth_starts = job->smooth_starts,
+                                   .stencil = job->stencil,
+                                   .hops = job->hops,
+                                   .smooth = job->smooth};
     bool has_all = order->columns && order->near_starts && order->near && order->pass_starts &&
-                   own->places && job->level_starts && job->smooth_starts && job->stencil &&
-                   job->hops && job->smooth && job->order && job->resolutions && job->memory;
+                   field_mesh->positions && job->level_starts && job->smooth_starts &&
+                   job->stencil && job->hops && job->smooth && job->order && job->resolutions &&
+                   job->memory;
     return has_all ? MESHREEL_OK : call->error.code;
 }
 
-/* A pass ends with each resolution. */
+/* Find the passes: one per resolution. */
 static void find_passes(reel_coding_order *order, const int32_t *level_starts,
                         const int32_t *resolutions, int64_t n_levels) {
     order->n_passes = 0;
@@ -67,7 +71,7 @@ static void find_passes(reel_coding_order *order, const int32_t *level_starts,
     }
 }
 
-/* Packs the rows of context neighbors, which -1 fills up. */
+/* Remove the padding of the rows of context neighbors. */
 static void pack_rows(reel_coding_order *order) {
     int64_t count = 0;
     for (int64_t i = 0; i < order->n_columns; i++) {
@@ -82,27 +86,27 @@ static void pack_rows(reel_coding_order *order) {
 }
 
 void reel_find_hierarchy(reel_hierarchy_job *job) {
-    reel_field_mesh *own = job->own;
-    const reel_graph *graph = own->graph;
+    reel_field_mesh *field_mesh = job->field_mesh;
+    const reel_graph *graph = field_mesh->graph;
     int64_t n = graph->n_items;
-    job->result = reel_hierarchy(job->memory, job->needed, graph->starts, graph->near, n,
-                                 own->mesh.stencil_size, job->order, job->level_starts,
+    job->result = reel_hierarchy(job->memory, job->memory_size, graph->starts, graph->near, n,
+                                 field_mesh->mesh.stencil_size, job->order, job->level_starts,
                                  job->resolutions, job->smooth_starts, job->stencil, job->hops,
-                                 own->order.near, job->smooth);
+                                 field_mesh->order.near, job->smooth);
     if (job->result < 0) {
         return;
     }
-    own->mesh.n_levels = job->result;
-    find_passes(&own->order, job->level_starts, job->resolutions, job->result);
-    pack_rows(&own->order);
-    for (int64_t place = 0; place < n; place++) {
-        own->places[job->order[place]] = (int32_t)place;
+    field_mesh->mesh.n_levels = job->result;
+    find_passes(&field_mesh->order, job->level_starts, job->resolutions, job->result);
+    pack_rows(&field_mesh->order);
+    for (int64_t position = 0; position < n; position++) {
+        field_mesh->positions[job->order[position]] = (int32_t)position;
     }
 }
 
 int reel_finish_hierarchy(reel_call *call, const reel_hierarchy_job *job,
                           const reel_field_mesh **found) {
-    *found = job->own;
+    *found = job->field_mesh;
     return reel_fail_core(call, job->result, 0, "the hierarchy of the mesh is too large");
 }
 
@@ -113,16 +117,17 @@ int reel_finish_hierarchy(reel_call *call, const reel_hierarchy_job *job,
 #define MAX_NEAR 6
 #define COLUMNS_BEFORE 2
 
-/* The first time of a level, how far its times are apart, and the distance of known ones. */
-static const int64_t first_of[N_LEVELS] = {0, 2, 1}, apart_of[N_LEVELS] = {4, 4, 2},
-                     known_of[N_LEVELS] = {2, 2, 1};
+/* Per level: its first time, the distance of its times, and the distance of their known
+   neighbors. */
+static const int64_t first_times[N_LEVELS] = {0, 2, 1}, time_strides[N_LEVELS] = {4, 4, 2},
+                     known_distances[N_LEVELS] = {2, 2, 1};
 
-/* Adds a time of a column, with these of its column and the columns before as context neighbors;
-   -1 is none. */
+/* Add a time of a column with its context neighbors: `near` in the same column (-1: none), and the
+   same time in the columns before. */
 static void add_time(reel_coding_order *order, int64_t n_frames, int64_t column, int64_t time,
                      const int64_t *near, int n_near) {
-    int64_t place = order->pass_starts[order->n_passes]++, count = order->near_starts[place];
-    order->columns[place] = (int32_t)(column * n_frames + time);
+    int64_t position = order->pass_starts[order->n_passes]++, count = order->near_starts[position];
+    order->columns[position] = (int32_t)(column * n_frames + time);
     for (int k = 0; k < n_near; k++) {
         if (near[k] >= 0) {
             order->near[count++] = (int32_t)(column * n_frames + near[k]);
@@ -133,7 +138,7 @@ static void add_time(reel_coding_order *order, int64_t n_frames, int64_t column,
             order->near[count++] = (int32_t)(before * n_frames + time);
         }
     }
-    order->near_starts[place + 1] = count;
+    order->near_starts[position + 1] = count;
 }
 
 static void begin_pass(reel_coding_order *order) {
@@ -141,17 +146,17 @@ static void begin_pass(reel_coding_order *order) {
     order->n_passes++;
 }
 
-/* A level of the moving times, whose places among them are far apart. */
+/* Add a level of the moving times, for all columns. */
 static void add_level(reel_coding_order *order, int level, int64_t n_columns, int64_t n_frames,
                       const int32_t *moving, int64_t n_moving) {
-    int64_t known = known_of[level];
+    int64_t known = known_distances[level];
     for (int64_t column = 0; column < n_columns; column++) {
-        for (int64_t i = first_of[level]; i < n_moving; i += apart_of[level]) {
-            const int64_t places[] = {i - known, i + known, i - 2 * known, i - 4 * known};
+        for (int64_t i = first_times[level]; i < n_moving; i += time_strides[level]) {
+            const int64_t positions[] = {i - known, i + known, i - 2 * known, i - 4 * known};
             int64_t near[4];
-            for (int k = 0; k < 4; k++) { /* on the first level none beside it are known */
-                bool is_known = (level || k >= 2) && places[k] >= 0 && places[k] < n_moving;
-                near[k] = is_known ? moving[places[k]] : -1;
+            for (int k = 0; k < 4; k++) { /* the first level has no neighbors on both sides */
+                bool is_known = (level || k >= 2) && positions[k] >= 0 && positions[k] < n_moving;
+                near[k] = is_known ? moving[positions[k]] : -1;
             }
             add_time(order, n_frames, column, moving[i], near, 4);
         }
@@ -171,7 +176,7 @@ static void add_resting(reel_coding_order *order, int64_t n_columns, int64_t n_f
     }
 }
 
-/* Frequencies in one pass; those below them are context neighbors. */
+/* Add all frequencies as one pass; lower ones are context neighbors. */
 static void add_frequencies(reel_coding_order *order, int64_t n_columns, int64_t n_frames) {
     for (int64_t column = 0; column < n_columns; column++) {
         for (int64_t k = 0; k < n_frames; k++) {

@@ -1,4 +1,5 @@
-/* Opens a file, and decodes what its blocks share. */
+/* Opens files, and decodes what their blocks share. docs/format.md, "Segments", CONNECTIVITY and
+   ORDER. */
 
 #include "file.h"
 
@@ -6,7 +7,7 @@
 #include "surfaces.h"
 
 #if __BYTE_ORDER__ != __ORDER_LITTLE_ENDIAN__
-#error "the core is for machines whose low bytes come first"
+#error "the core requires a little-endian machine"
 #endif
 
 uint32_t meshreel_abi(void) { return MESHREEL_ABI; }
@@ -50,7 +51,7 @@ static int parse(reel_call *call, meshreel_file *file) {
     int failed = MESHREEL_OK;
     if (reel_is_of_paper(file) && file->outline.n_tracks > 1) {
         failed = reel_fail(call, MESHREEL_CORRUPT, file->outline.begin,
-                           "a method of the paper has no tracks, and one is announced");
+                           "a file of a method of the paper has a track");
     }
     failed = failed ? failed
                     : reel_read_tracks(call, &file->pool, &file->outline, &file->tracks);
@@ -74,35 +75,37 @@ static int parse_segment(reel_call *call, meshreel_file *file, const meshreel_fi
                          uint32_t number) {
     int failed = reel_read_segment(call, &file->pool, &whole->outline, &whole->segments, number,
                                    &file->outline);
-    reel_segment *own = failed ? NULL : reel_pool_allocate(call, &file->pool, 1, sizeof *own);
-    if (!own) {
+    reel_segment *segment =
+        failed ? NULL : reel_pool_allocate(call, &file->pool, 1, sizeof *segment);
+    if (!segment) {
         return call->error.code;
     }
-    *own = whole->segments.all[number];
-    file->segments = (reel_segments){.all = own, .count = 1, .n_frames = own->n_frames};
+    *segment = whole->segments.all[number];
+    file->segments = (reel_segments){.all = segment, .count = 1, .n_frames = segment->n_frames};
     file->is_segment = true;
     return parse(call, file);
 }
 
-/* Opens a file, or a segment of one. */
+/* Open a file, or segment `number` of the file `whole` if that is not NULL. */
 static int open_file(const meshreel_source *source, const meshreel_host *host,
                      const meshreel_file *whole, uint32_t number, meshreel_file **file,
                      meshreel_error *error) {
     *file = NULL;
     reel_pool first = {NULL, 0};
     reel_call call = reel_begin_call(source, host, 0);
-    meshreel_file *own = reel_pool_allocate(&call, &first, 1, sizeof *own);
-    if (!own) {
+    meshreel_file *new_file = reel_pool_allocate(&call, &first, 1, sizeof *new_file);
+    if (!new_file) {
         return reel_end_call(&call, call.error.code, error);
     }
-    *own = (meshreel_file){.source = *source, .host = *host, .pool = first};
-    int failed = whole ? parse_segment(&call, own, whole, number) : parse_whole(&call, own);
+    *new_file = (meshreel_file){.source = *source, .host = *host, .pool = first};
+    int failed =
+        whole ? parse_segment(&call, new_file, whole, number) : parse_whole(&call, new_file);
     reel_end_call(&call, failed, error);
     if (failed) {
-        meshreel_close(own);
+        meshreel_close(new_file);
         return failed;
     }
-    *file = own;
+    *file = new_file;
     return MESHREEL_OK;
 }
 
@@ -118,10 +121,10 @@ int meshreel_open(const meshreel_source *source, const meshreel_host *host, mesh
 int meshreel_open_segment(const meshreel_file *file, uint32_t number, meshreel_file **segment,
                           meshreel_error *error) {
     if (!file || !segment || number >= file->info.n_segments) {
-        return reel_invalid(error, "there is no such segment, or a pointer is NULL");
+        return reel_invalid(error, "the segment does not exist, or a pointer is NULL");
     }
     if (file->is_segment) {
-        return reel_invalid(error, "the file is a segment itself");
+        return reel_invalid(error, "the file is a segment already");
     }
     const meshreel_file *whole = file->info.n_segments > 1 ? file : NULL;
     return open_file(&file->source, &file->host, whole, number, segment, error);
@@ -129,7 +132,7 @@ int meshreel_open_segment(const meshreel_file *file, uint32_t number, meshreel_f
 
 void meshreel_close(meshreel_file *file) {
     if (file) {
-        reel_pool pool = file->pool; /* holds the file itself */
+        reel_pool pool = file->pool; /* contains the file itself */
         meshreel_host host = file->host;
         reel_release(&host, &pool);
     }
@@ -172,7 +175,7 @@ int meshreel_section_at(const meshreel_file *file, uint64_t offset, int check,
     }
     uint64_t at = offset ? offset : file->outline.begin;
     if (at < file->outline.begin || at >= file->outline.end) {
-        return reel_invalid(error, "there is no section at this byte");
+        return reel_invalid(error, "no section begins at this byte");
     }
     reel_call call = reel_begin_call(&file->source, &file->host, 0);
     reel_section found;
@@ -192,7 +195,7 @@ int meshreel_block_of(const meshreel_file *file, uint32_t number, uint32_t track
     if (!file || !block || number >= file->info.n_blocks || track >= file->info.n_tracks) {
         return MESHREEL_INVALID;
     }
-    const reel_block_entry *place = &file->outline.places[number];
+    const reel_block_entry *place = &file->outline.blocks[number];
     reel_range bytes = reel_group_bytes(&file->outline, number, track);
     *block = (meshreel_block){place->first, place->n_frames, bytes.at, bytes.length};
     return MESHREEL_OK;
@@ -201,7 +204,7 @@ int meshreel_block_of(const meshreel_file *file, uint32_t number, uint32_t track
 int meshreel_group_of(const meshreel_file *file, uint32_t number, uint32_t track, int check,
                       meshreel_group *group, meshreel_error *error) {
     if (!file || !group || number >= file->info.n_blocks || track >= file->info.n_tracks) {
-        return reel_invalid(error, "there is no such block or track, or a pointer is NULL");
+        return reel_invalid(error, "the block or track does not exist, or a pointer is NULL");
     }
     reel_call call = reel_begin_call(&file->source, &file->host, 0);
     reel_group found;
@@ -225,7 +228,7 @@ uint32_t meshreel_block_of_frame(const meshreel_file *file, uint32_t frame) {
     uint32_t first = 0, end = file->info.n_blocks;
     while (end - first > 1) {
         uint32_t middle = first + (end - first) / 2;
-        if (file->outline.places[middle].first <= frame) {
+        if (file->outline.blocks[middle].first <= frame) {
             first = middle;
         } else {
             end = middle;
@@ -253,8 +256,8 @@ int reel_refuse_several(meshreel_error *error) {
     return MESHREEL_SEGMENTS;
 }
 
-/* Stencils of the positions of the first block; 0 where they are not needed, or the block is
-   damaged, which is found when it is loaded. */
+/* Find the stencil size of the first block, to compute the hierarchy in advance; 0 if none is
+   needed, or if the block is damaged, which is reported when it is loaded. */
 static int first_stencil(reel_call *call, const meshreel_file *file, int64_t *size) {
     const reel_outline *outline = &file->outline;
     *size = 0;
@@ -330,7 +333,7 @@ const uint32_t *meshreel_triangles(const meshreel_file *file) {
 
 const int32_t *meshreel_stored_triangles(const meshreel_file *file,
                                          const int32_t **stored_vertices) {
-    *stored_vertices = file->has_mesh ? file->mesh.sequence : NULL;
+    *stored_vertices = file->has_mesh ? file->mesh.to_internal : NULL;
     return file->has_mesh ? file->mesh.internal_faces : NULL;
 }
 

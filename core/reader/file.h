@@ -1,4 +1,4 @@
-/* An open file. */
+/* An open file: what the decoders of its blocks share. */
 
 #ifndef REEL_FILE_H
 #define REEL_FILE_H
@@ -13,22 +13,22 @@ struct meshreel_file {
     meshreel_info info;
     reel_outline outline;
     reel_segments segments;
-    bool is_segment; /* one of several of the source */
+    bool is_segment; /* one of several segments of the source */
     reel_track *tracks;
     bool has_mesh, has_surface;
     reel_mesh_data mesh;
     const uint32_t *face_sizes;
-    const reel_field_mesh *field_mesh; /* of the vertices, for the stencils of the first block; or
-                                          NULL */
+    /* Hierarchy of the vertices, for the stencil size of the first block; or NULL. */
+    const reel_field_mesh *field_mesh;
     meshreel_surface surface;
 };
 
-/* Whether only the container of a file is read here. */
+/* Whether the file uses a method of the paper, of which only the container is read here. */
 REEL_INLINE bool reel_is_of_paper(const meshreel_file *file) {
     return file->outline.method < REEL_METHOD_REEL;
 }
 
-/* Refuses a call that is for one segment, of a file of several. */
+/* Fail a call that needs a single segment, for a file of several. */
 int reel_refuse_several(meshreel_error *error);
 
 #endif

@@ -16,13 +16,15 @@ typedef struct {
     reel_range of[N_IDS];
 } payloads;
 
-static const reel_range *payload(const payloads *all, uint32_t id) { return &all->of[id - FIRST]; }
+static const reel_range *payload(const payloads *n_all, uint32_t id) {
+    return &n_all->of[id - FIRST];
+}
 
 static int find_payloads(reel_call *call, reel_range bytes, uint32_t first, bool is_checked,
-                         payloads *all) {
+                         payloads *n_all) {
     uint64_t end = bytes.at + bytes.length;
     bool is_begun = false;
-    reel_zero(all, sizeof *all);
+    reel_zero(n_all, sizeof *n_all);
     int announced = is_checked ? reel_announce(call, bytes) : MESHREEL_OK;
     if (announced) {
         return announced;
@@ -38,12 +40,12 @@ static int find_payloads(reel_call *call, reel_range bytes, uint32_t first, bool
         }
         bool is_known = reel_is_known(section.id);
         if (is_known && (section.id == first) == is_begun) {
-            return reel_corrupt(call, at,
-                                "a block does not begin with its one section BLOCK or TRACK_BLOCK");
+            return reel_corrupt(
+                call, at, "a block does not begin with its only section BLOCK or TRACK_BLOCK");
         }
         is_begun |= is_known;
         if (is_known && section.id >= FIRST && !(section.id & REEL_OPTIONAL)) {
-            reel_range *own = &all->of[section.id - FIRST];
+            reel_range *own = &n_all->of[section.id - FIRST];
             if (own->at) {
                 return reel_corrupt(call, at, "a block has a section twice");
             }
@@ -54,9 +56,9 @@ static int find_payloads(reel_call *call, reel_range bytes, uint32_t first, bool
     return is_begun ? MESHREEL_OK : reel_corrupt(call, bytes.at, "a block has no sections");
 }
 
-static int read_counts(reel_call *call, const payloads *all, uint32_t number,
+static int read_counts(reel_call *call, const payloads *n_all, uint32_t number,
                        const reel_track *track, uint64_t n_frames, reel_group *group) {
-    reel_range left = *payload(all, number ? REEL_TRACK_BLOCK : REEL_BLOCK);
+    reel_range left = *payload(n_all, number ? REEL_TRACK_BLOCK : REEL_BLOCK);
     uint64_t at = left.at;
     group->n_frames = n_frames;
     int failed = number ? MESHREEL_OK : reel_read_varint(call, &left, &group->n_frames);
@@ -65,16 +67,16 @@ static int read_counts(reel_call *call, const payloads *all, uint32_t number,
         return failed;
     }
     bool is_exact = track->info.coding == REEL_EXACT || track->info.is_exact;
-    uint64_t least = is_exact ? 0 : 1, most = is_exact ? 0 : track->n_coded * n_frames;
+    uint64_t min_modes = is_exact ? 0 : 1, max_modes = is_exact ? 0 : track->n_coded * n_frames;
     if (left.length || group->n_frames != n_frames) {
-        return reel_corrupt(call, at, "a block has another number of frames than the index says");
+        return reel_corrupt(call, at, "the block and the index disagree on the number of frames");
     }
-    if (most > MAX_TIMES) {
+    if (max_modes > MAX_TIMES) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, at, "a block has more than 2^31 times");
     }
-    return group->n_modes >= least && group->n_modes <= most
+    return group->n_modes >= min_modes && group->n_modes <= max_modes
                ? MESHREEL_OK
-               : reel_corrupt(call, at, "a block has no modes, or more than it can have");
+               : reel_corrupt(call, at, "a block has no modes, or more than its frames allow");
 }
 
 static int read_reused(reel_call *call, reel_range *left, reel_group *group) {
@@ -84,13 +86,14 @@ static int read_reused(reel_call *call, reel_range *left, reel_group *group) {
     uint64_t at = left->at;
     int failed = reel_read_varint(call, left, &group->n_reused);
     failed = failed ? failed : reel_read_bytes(call, left, &group->finer, sizeof group->finer);
-    bool is_sound = group->n_reused >= 1 && group->n_reused <= group->n_modes &&
+    bool is_valid = group->n_reused >= 1 && group->n_reused <= group->n_modes &&
                     group->finer > 0.0F && group->finer < MAX_STEP;
-    return failed || is_sound ? failed
-                              : reel_corrupt(call, at, "fields are reused that there cannot be");
+    return failed || is_valid
+               ? failed
+               : reel_corrupt(call, at, "the number or scale of reused fields is out of range");
 }
 
-/* The next run of resting times behind `end`, which becomes where it ends. */
+/* Read the next run of resting times after `end`, which receives its end. */
 static int read_run(reel_call *call, reel_range *left, uint64_t n_frames, uint64_t *start,
                     uint64_t *end) {
     uint64_t gap, length, at = left->at;
@@ -107,7 +110,7 @@ static int read_run(reel_call *call, reel_range *left, uint64_t n_frames, uint64
     return MESHREEL_OK;
 }
 
-static int find_rests(reel_call *call, reel_range *left, reel_group *group) {
+static int read_resting_runs(reel_call *call, reel_range *left, reel_group *group) {
     uint64_t start, end = 0, at = left->at;
     int failed = reel_read_varint(call, left, &group->rest_bits);
     failed = failed ? failed : reel_read_varint(call, left, &group->n_rests);
@@ -115,10 +118,10 @@ static int find_rests(reel_call *call, reel_range *left, reel_group *group) {
     for (uint64_t i = 0; !failed && i < group->n_rests; i++) {
         failed = read_run(call, left, group->n_frames, &start, &end);
     }
-    bool is_sound = group->n_rests >= 1 && group->rest_bits <= REEL_MAX_REST_BITS;
-    return failed || is_sound ? failed
-                              : reel_corrupt(call, at,
-                                             "resting times have no runs, or too many bits");
+    bool is_valid = group->n_rests >= 1 && group->rest_bits <= REEL_MAX_REST_BITS;
+    return failed || is_valid
+               ? failed
+               : reel_corrupt(call, at, "resting times have no runs, or too many fractional bits");
 }
 
 int reel_read_rests(reel_call *call, const reel_group *group, uint8_t **rests) {
@@ -156,25 +159,25 @@ static int read_fields(reel_call *call, reel_range left, reel_group *group) {
     group->has_cosines = layout & WITH_COSINES;
     if (group->precision != REEL_SUMS_4 && group->precision != REEL_SUMS_8) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, at,
-                         "fields have a layout of a newer version; update meshreel");
+                         "the layout of the fields needs a newer version; update meshreel");
     }
     if (group->has_cosines && (layout & WITH_RESTS || group->n_frames > REEL_MAX_COSINES)) {
-        return reel_corrupt(call, at, "cosines over time are of a block that rests or is too long");
+        return reel_corrupt(call, at, "a block with cosines over time rests or is too long");
     }
     failed = reel_read_varint(call, &left, &group->reference);
     failed = failed ? failed : reel_read_bytes(call, &left, &group->step, sizeof group->step);
     failed = failed ? failed : reel_read_varint(call, &left, &group->stencil_size);
     failed = failed ? failed : reel_read_varint(call, &left, &group->n_learned);
     if (!failed && layout & WITH_RESTS) {
-        failed = find_rests(call, &left, group);
+        failed = read_resting_runs(call, &left, group);
     }
     failed = failed ? failed : read_reused(call, &left, group);
-    bool is_sound = !left.length && group->stencil_size >= 1 &&
+    bool is_valid = !left.length && group->stencil_size >= 1 &&
                     group->stencil_size <= REEL_MAX_STENCIL && group->n_learned <= MAX_LEARNED &&
                     group->step > 0.0F && group->step < MAX_STEP;
-    return failed || is_sound ? failed
-                              : reel_corrupt(call, at,
-                                             "a number of a section FIELDS is out of range");
+    return failed || is_valid
+               ? failed
+               : reel_corrupt(call, at, "a number of a section FIELDS is out of range");
 }
 
 static int read_corrections(reel_call *call, reel_range left, reel_group *group) {
@@ -186,12 +189,12 @@ static int read_corrections(reel_call *call, reel_range left, reel_group *group)
         reel_read_bytes(call, &left, &group->correction_step, sizeof group->correction_step);
     failed = failed ? failed : reel_read_varint(call, &left, &group->n_corrected);
     failed = failed ? failed : reel_read_varint(call, &left, &group->n_corrections);
-    bool is_sound = group->n_corrected <= group->n_corrections && group->correction_step > 0.0F &&
+    bool is_valid = group->n_corrected <= group->n_corrections && group->correction_step > 0.0F &&
                     group->correction_step < MAX_STEP;
-    group->moves = left;
-    return failed || is_sound ? failed
-                              : reel_corrupt(call, at,
-                                             "corrections have a step or counts that cannot be");
+    group->corrections = left;
+    return failed || is_valid
+               ? failed
+               : reel_corrupt(call, at, "the step or the counts of corrections are out of range");
 }
 
 static int read_values(reel_call *call, bool is_grid, reel_range left, reel_group *group) {
@@ -202,43 +205,45 @@ static int read_values(reel_call *call, bool is_grid, reel_range left, reel_grou
     int failed =
         is_grid ? reel_read_bytes(call, &left, &group->grid, sizeof group->grid) : MESHREEL_OK;
     group->values = left;
-    bool is_sound = group->grid >= 0.0 && group->grid <= 1.0;
-    return failed || is_sound ? failed
-                              : reel_corrupt(call, at,
-                                             "the step of a grid is at most 1 diagonal, or 0");
+    bool is_valid = group->grid >= 0.0 && group->grid <= 1.0;
+    return failed || is_valid
+               ? failed
+               : reel_corrupt(call, at, "the step of a grid is not between 0 and 1 diagonal");
 }
 
 int reel_read_group(reel_call *call, const reel_outline *outline, const reel_track *track,
                     uint32_t number, uint64_t block, bool is_checked, reel_group *group) {
-    payloads all;
+    payloads n_all;
     reel_range bytes = reel_group_bytes(outline, block, number);
     *group = (reel_group){0};
-    int failed = find_payloads(call, bytes, number ? REEL_TRACK_BLOCK : REEL_BLOCK, is_checked, &all);
-    failed = failed ? failed : read_counts(call, &all, number, track,
-                                           outline->places[block].n_frames, group);
+    int failed =
+        find_payloads(call, bytes, number ? REEL_TRACK_BLOCK : REEL_BLOCK, is_checked, &n_all);
+    failed = failed
+                 ? failed
+                 : read_counts(call, &n_all, number, track, outline->blocks[block].n_frames, group);
     if (failed) {
         return failed;
     }
     if (track->info.is_exact || track->info.coding == REEL_EXACT) {
         bool is_grid = !number && outline->method == REEL_METHOD_GRID;
-        return read_values(call, is_grid, *payload(&all, REEL_VALUES), group);
+        return read_values(call, is_grid, *payload(&n_all, REEL_VALUES), group);
     }
-    failed = read_fields(call, *payload(&all, REEL_FIELDS), group);
-    failed = failed ? failed : read_corrections(call, *payload(&all, REEL_CORRECTIONS), group);
-    group->basis = *payload(&all, REEL_BASIS);
-    group->coefficients = *payload(&all, REEL_COEFFICIENTS);
-    group->missing = number ? *payload(&all, REEL_MISSING) : (reel_range){0, 0};
+    failed = read_fields(call, *payload(&n_all, REEL_FIELDS), group);
+    failed = failed ? failed : read_corrections(call, *payload(&n_all, REEL_CORRECTIONS), group);
+    group->basis = *payload(&n_all, REEL_BASIS);
+    group->coefficients = *payload(&n_all, REEL_COEFFICIENTS);
+    group->missing = number ? *payload(&n_all, REEL_MISSING) : (reel_range){0, 0};
     bool has_all = failed || (group->basis.at && group->coefficients.at);
     return has_all ? failed : reel_corrupt(call, bytes.at, "a block has no BASIS or COEFFICIENTS");
 }
 
 int reel_read_paper_group(reel_call *call, const reel_outline *outline, uint64_t block,
                           bool is_checked, reel_group *group) {
-    payloads all;
+    payloads n_all;
     *group = (reel_group){0};
-    int failed = find_payloads(call, reel_group_bytes(outline, block, 0), REEL_BLOCK, is_checked,
-                               &all);
-    reel_range left = *payload(&all, REEL_BLOCK);
+    int failed =
+        find_payloads(call, reel_group_bytes(outline, block, 0), REEL_BLOCK, is_checked, &n_all);
+    reel_range left = *payload(&n_all, REEL_BLOCK);
     failed = failed ? failed : reel_read_varint(call, &left, &group->n_frames);
     return failed ? failed : reel_read_varint(call, &left, &group->n_modes);
 }
@@ -248,32 +253,33 @@ int reel_read_paper_group(reel_call *call, const reel_outline *outline, uint64_t
 #define N_TABLES 4
 #define MAX_ROWS (3 + 256)
 
-/* The rows of integers, as they are coded. */
+/* The decoded rows of integers. */
 typedef struct {
-    int64_t n, all;
+    int64_t n, n_all;
     uint32_t n_columns;
     const int32_t *items, *counts, *frames, *offsets; /* offsets: n_columns rows */
-} coded_moves;
+} coded_corrections;
 
-static int read_rows(reel_call *call, const reel_group *group, uint32_t n_columns,
-                     coded_moves *found) {
-    int64_t n = (int64_t)group->n_corrected, all = (int64_t)group->n_corrections;
-    int64_t lengths[MAX_ROWS] = {n, n, all};
+static int read_correction_rows(reel_call *call, const reel_group *group, uint32_t n_columns,
+                                coded_corrections *found) {
+    int64_t n = (int64_t)group->n_corrected, n_all = (int64_t)group->n_corrections;
+    int64_t lengths[MAX_ROWS] = {n, n, n_all};
     int32_t tables[MAX_ROWS] = {0, 1, 2}, *values;
     for (uint32_t i = 0; i < n_columns; i++) {
-        lengths[3 + i] = all;
+        lengths[3 + i] = n_all;
         tables[3 + i] = 3;
     }
-    int failed = reel_decode_rows(call, group->moves, lengths, tables, 3 + (int64_t)n_columns,
+    int failed = reel_decode_rows(call, group->corrections, lengths, tables, 3 + (int64_t)n_columns,
                                   N_TABLES, &values);
-    *found = (coded_moves){n, all, n_columns, values, values + n, values + 2 * n,
-                           values + 2 * n + all};
+    *found = (coded_corrections){
+        n, n_all, n_columns, values, values + n, values + 2 * n, values + 2 * n + n_all};
     return failed;
 }
 
-/* Whether items and frames exist and ascend, and counts add up. Notes where the corrections of each
-   run begin, the run of each item that goes out, and how many corrections each frame has. */
-static bool find_runs(const coded_moves *coded, const int32_t *inverse, int64_t n_items,
+/* Check that items and frames exist and ascend, and that counts add up. Finds where the corrections
+   of each run begin, the run of each output item, and in starts[frame + 1] the number of
+   corrections of each frame. */
+static bool find_runs(const coded_corrections *coded, const int32_t *inverse, int64_t n_items,
                       int64_t n_frames, int64_t *begins, int32_t *run_of, int64_t *starts) {
     int64_t next = 0, item = 0;
     for (int64_t i = 0; i < n_items; i++) {
@@ -282,7 +288,7 @@ static bool find_runs(const coded_moves *coded, const int32_t *inverse, int64_t 
     for (int64_t i = 0; i < coded->n; i++) {
         item += coded->items[i];
         if (item < 0 || item >= n_items || (i && coded->items[i] <= 0) || coded->counts[i] < 0 ||
-            coded->counts[i] >= coded->all - next) {
+            coded->counts[i] >= coded->n_all - next) {
             return false;
         }
         begins[i] = next;
@@ -297,11 +303,11 @@ static bool find_runs(const coded_moves *coded, const int32_t *inverse, int64_t 
         }
     }
     begins[coded->n] = next;
-    return next == coded->all;
+    return next == coded->n_all;
 }
 
-/* Puts the corrections of a run at the next places of their frames. */
-static void place_run(const coded_moves *coded, int64_t begin, int64_t end, int32_t item,
+/* Store the corrections of a run at the next free index of their frames. */
+static void store_run(const coded_corrections *coded, int64_t begin, int64_t end, int32_t item,
                       double step, int64_t *offsets, int64_t *next, const reel_corrections *found) {
     int64_t frame = 0;
     uint32_t n_columns = coded->n_columns;
@@ -311,9 +317,9 @@ static void place_run(const coded_moves *coded, int64_t begin, int64_t end, int3
         int64_t place = next[frame]++;
         found->items[place] = item;
         for (uint32_t column = 0; column < n_columns; column++) {
-            int32_t offset = coded->offsets[column * coded->all + i];
+            int32_t offset = coded->offsets[column * coded->n_all + i];
             offsets[column] = (follows ? offsets[column] : 0) + offset;
-            found->moves[n_columns * place + column] = (double)offsets[column] * step;
+            found->offsets[n_columns * place + column] = (double)offsets[column] * step;
         }
     }
 }
@@ -321,39 +327,41 @@ static void place_run(const coded_moves *coded, int64_t begin, int64_t end, int3
 int reel_read_corrections(reel_call *call, reel_pool *pool, const reel_group *group,
                           uint32_t n_columns, uint64_t n_items, const int32_t *inverse,
                           reel_corrections *found) {
-    coded_moves coded;
+    coded_corrections coded;
     *found = (reel_corrections){NULL, NULL, NULL};
-    if (!group->moves.at) {
+    if (!group->corrections.at) {
         return MESHREEL_OK;
     }
     const reel_chunk *mark = call->scratch.last;
-    int failed = read_rows(call, group, n_columns, &coded);
+    int failed = read_correction_rows(call, group, n_columns, &coded);
     uint64_t n_frames = group->n_frames;
     int64_t *starts = found->starts = reel_pool_allocate(call, pool, n_frames + 1, sizeof *starts);
     found->items = reel_pool_allocate(call, pool, group->n_corrections, sizeof *found->items);
-    found->moves =
-        reel_pool_allocate(call, pool, group->n_corrections, n_columns * sizeof *found->moves);
+    found->offsets =
+        reel_pool_allocate(call, pool, group->n_corrections, n_columns * sizeof *found->offsets);
     int64_t *begins = reel_scratch(call, group->n_corrected + 1, sizeof *begins);
     int32_t *run_of = reel_scratch(call, n_items, sizeof *run_of);
-    if (failed || !starts || !found->items || !found->moves || !begins || !run_of) {
+    if (failed || !starts || !found->items || !found->offsets || !begins || !run_of) {
         return call->error.code;
     }
     reel_zero(starts, (n_frames + 1) * sizeof *starts);
     if (!find_runs(&coded, inverse, (int64_t)n_items, (int64_t)n_frames, begins, run_of, starts)) {
-        return reel_corrupt(call, group->moves.at,
-                            "a correction is of a value that does not exist, or out of order");
+        return reel_corrupt(call, group->corrections.at,
+                            "a correction is out of order, or its value does not exist");
     }
     for (uint64_t t = 0; t < n_frames; t++) {
         starts[t + 1] += starts[t];
     }
-    for (uint64_t i = 0; i < n_items; i++) { /* ascending in each frame */
+    for (uint64_t i = 0; i < n_items; i++) {
+        /* By output item, so that items ascend in each frame. */
         if (run_of[i] >= 0) {
             int64_t offsets[256];
-            place_run(&coded, begins[run_of[i]], begins[run_of[i] + 1], (int32_t)i,
+            store_run(&coded, begins[run_of[i]], begins[run_of[i] + 1], (int32_t)i,
                       (double)group->correction_step, offsets, starts, found);
         }
     }
-    for (uint64_t t = n_frames; t > 0; t--) { /* each has moved to where the next begins */
+    for (uint64_t t = n_frames; t > 0; t--) {
+        /* Each start has advanced to that of the next frame. */
         starts[t] = starts[t - 1];
     }
     starts[0] = 0;

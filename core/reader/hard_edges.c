@@ -1,14 +1,14 @@
-/* Edges across which faces do not share normals: docs/format.md, HARD_EDGES. */
+/* Hard edges, across which faces do not share normals: docs/format.md, HARD_EDGES. */
 
 #include "hard_edges.h"
 
-/* Sides of faces: the two vertices of each, the lower one in row 0. */
+/* Sides of faces: their lower vertices, then their higher ones. */
 typedef struct {
     uint32_t *ends[2];
     uint64_t count;
 } face_sides;
 
-/* Sides between two different vertices, in the order in which their corners come. */
+/* List the sides between two different vertices, in corner order. */
 static int find_sides(reel_call *call, const reel_faces *faces, face_sides *sides) {
     const reel_outline *outline = faces->outline;
     int32_t *vertices = reel_scratch(call, outline->n_corners, sizeof *vertices);
@@ -34,7 +34,7 @@ static int find_sides(reel_call *call, const reel_faces *faces, face_sides *side
     return MESHREEL_OK;
 }
 
-/* Sorts sides by one of their vertices, stably; `starts` has room for n_verts + 1 numbers. */
+/* Sort sides by one of their vertices, stably; `starts` has space for n_verts + 1 numbers. */
 static void sort_by(const uint32_t *keys, uint64_t n_verts, const uint32_t *from, uint64_t count,
                     uint32_t *starts, uint32_t *to) {
     reel_zero(starts, (n_verts + 1) * sizeof *starts);
@@ -50,7 +50,8 @@ static void sort_by(const uint32_t *keys, uint64_t n_verts, const uint32_t *from
     }
 }
 
-/* The edges that two sides or more lie on, in the order of their first sides: two vertices each. */
+/* Find the edges shared by two or more sides, in the order of their first sides, as pairs of
+   vertices. */
 static int find_edges(reel_call *call, const reel_faces *faces, uint32_t **edges,
                       uint64_t *n_edges) {
     face_sides sides;
@@ -97,7 +98,7 @@ int reel_read_hard_edges(reel_call *call, reel_pool *pool, const reel_faces *fac
     }
     if (!n_hard || n_hard > n_edges) {
         return reel_fail(call, MESHREEL_CORRUPT, payload.at,
-                         "no edges are hard, or more than lie between faces");
+                         "the number of hard edges is 0, or exceeds the edges between faces");
     }
     int64_t length = (int64_t)n_hard, number = -1;
     int32_t row = 0, *between;
@@ -110,7 +111,7 @@ int reel_read_hard_edges(reel_call *call, reel_pool *pool, const reel_faces *fac
         number += (int64_t)between[i] + 1;
         if (between[i] < 0 || number >= (int64_t)n_edges) {
             return reel_fail(call, MESHREEL_CORRUPT, left.at,
-                             "a hard edge is none of those between faces");
+                             "a hard edge does not lie between faces");
         }
         hard[2 * i] = edges[2 * number];
         hard[2 * i + 1] = edges[2 * number + 1];

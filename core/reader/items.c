@@ -1,11 +1,11 @@
-/* The graphs of faces, corners and rows, and corners that share values: docs/format.md, "Tracks". */
+/* Graphs of faces, corners and rows of corners: docs/format.md, "Tracks". */
 
 #include "items.h"
 
 #include "polygons.h"
 
-/* Corners of polygons, which are numbered face after face: of each corner of a triangle; the
-   polygon of each triangle. */
+/* Fan triangulation: the polygon corner, numbered face by face, at each corner of a triangle, and
+   the polygon of each triangle. */
 typedef struct {
     int32_t *corners;  /* 3 n_faces */
     int32_t *polygons; /* n_faces */
@@ -38,25 +38,24 @@ typedef struct {
     uint64_t n_rows;
 } corner_rows;
 
-/* Corners by internal vertex, ascending: those of v are listed[starts[v]..starts[v + 1]). */
-static int list_corners(reel_call *call, const int32_t *vertices, const int32_t *sequence,
-                        uint64_t n_corners, uint64_t n_verts, int32_t **starts,
-                        int32_t **listed) {
+/* List corners by internal vertex, ascending: those of v are listed[starts[v]..starts[v + 1]). */
+static int list_corners(reel_call *call, const int32_t *vertices, const int32_t *to_internal,
+                        uint64_t n_corners, uint64_t n_verts, int32_t **starts, int32_t **listed) {
     *starts = reel_scratch(call, n_verts + 2, sizeof **starts);
     *listed = reel_scratch(call, n_corners, sizeof **listed);
     if (!*starts || !*listed) {
         return call->error.code;
     }
-    int32_t *next = *starts + 1; /* behind the fill, next[v] is the end of v */
+    int32_t *next = *starts + 1; /* after filling, next[v] is the end of v */
     reel_zero(*starts, (n_verts + 2) * sizeof **starts);
     for (uint64_t i = 0; i < n_corners; i++) {
-        next[sequence[vertices[i]] + 1]++;
+        next[to_internal[vertices[i]] + 1]++;
     }
     for (uint64_t v = 0; v < n_verts; v++) {
         next[v + 1] += next[v];
     }
     for (uint64_t i = 0; i < n_corners; i++) {
-        (*listed)[next[sequence[vertices[i]]]++] = (int32_t)i;
+        (*listed)[next[to_internal[vertices[i]]]++] = (int32_t)i;
     }
     return MESHREEL_OK;
 }
@@ -65,9 +64,10 @@ static int damaged_rows(reel_call *call, const reel_track *track, const char *me
     return reel_fail(call, MESHREEL_CORRUPT, track->rows.at, message);
 }
 
-/* The rows of the corners of a vertex with several; returns how many codes it takes, or -1. */
-static int64_t place_rows(const int32_t *corners, int64_t n_corners, const int32_t *codes,
-                          int64_t n_codes, corner_rows *rows) {
+/* Assign rows to the corners of a vertex with several; returns the number of codes read, or -1 if
+   invalid. */
+static int64_t assign_rows(const int32_t *corners, int64_t n_corners, const int32_t *codes,
+                           int64_t n_codes, corner_rows *rows) {
     if (n_corners - 1 > n_codes) {
         return -1;
     }
@@ -83,50 +83,52 @@ static int64_t place_rows(const int32_t *corners, int64_t n_corners, const int32
 }
 
 static int read_rows(reel_call *call, reel_pool *pool, const reel_outline *outline,
-                     const reel_track *track, const int32_t *vertices, const int32_t *sequence,
+                     const reel_track *track, const int32_t *vertices, const int32_t *to_internal,
                      corner_rows *rows) {
     uint64_t n_codes, n_verts = outline->n_verts, n_corners = outline->n_corners;
     reel_range left = track->rows;
     int32_t *starts, *listed, *has_seam;
     int failed = reel_read_varint(call, &left, &n_codes);
     if (!failed && n_codes > n_corners) {
-        return damaged_rows(call, track, "more corners have a row of their own than there are");
+        return damaged_rows(call, track, "the row codes of corners exceed the number of corners");
     }
     const int64_t lengths[] = {(int64_t)n_verts, (int64_t)n_codes};
     const int32_t tables[] = {0, 1};
     failed = failed ? failed : reel_decode_rows(call, left, lengths, tables, 2, 2, &has_seam);
-    failed = failed ? failed
-                    : list_corners(call, vertices, sequence, n_corners, n_verts, &starts, &listed);
+    failed = failed
+                 ? failed
+                 : list_corners(call, vertices, to_internal, n_corners, n_verts, &starts, &listed);
     rows->of_corners = reel_pool_allocate(call, pool, n_corners, sizeof *rows->of_corners);
     rows->n_rows = n_verts;
     if (failed || !rows->of_corners) {
-        return call->error.code; /* of the later failure, if there were two */
+        return call->error.code; /* the later failure, if there are two */
     }
     const int32_t *codes = has_seam + n_verts;
-    int64_t taken = 0;
+    int64_t n_read = 0;
     for (uint64_t v = 0; v < n_verts; v++) {
         const int32_t *corners = listed + starts[v];
         int64_t count = starts[v + 1] - starts[v], used = 0;
         if (has_seam[v] != 0 && has_seam[v] != 1) {
-            return damaged_rows(call, track, "a vertex has neither one row nor several");
+            return damaged_rows(call, track,
+                                "the flag of a vertex with several rows is neither 0 nor 1");
         }
         for (int64_t k = 0; k < count; k++) {
             rows->of_corners[corners[k]] = (int32_t)v;
         }
         if (has_seam[v]) {
-            used = place_rows(corners, count, codes + taken, (int64_t)n_codes - taken, rows);
+            used = assign_rows(corners, count, codes + n_read, (int64_t)n_codes - n_read, rows);
         }
         if (used < 0) {
-            return damaged_rows(call, track, "a corner has a row that its vertex does not have");
+            return damaged_rows(call, track, "the row code of a corner is out of range");
         }
-        taken += used;
+        n_read += used;
     }
-    return taken == (int64_t)n_codes
+    return n_read == (int64_t)n_codes
                ? MESHREEL_OK
-               : damaged_rows(call, track, "there are fewer corners at seams than stated");
+               : damaged_rows(call, track, "there are more row codes than corners at seams");
 }
 
-/* The vertex, as it goes out, of each row. */
+/* Find the output vertex of each row. */
 static int find_row_vertices(reel_call *call, reel_pool *pool, const corner_rows *rows,
                              const reel_mesh_data *mesh, uint64_t n_verts, uint64_t n_corners,
                              const int32_t *vertices, const int32_t **found) {
@@ -135,7 +137,7 @@ static int find_row_vertices(reel_call *call, reel_pool *pool, const corner_rows
     if (!own) {
         return call->error.code;
     }
-    reel_copy(own, mesh->outward, n_verts * sizeof *own);
+    reel_copy(own, mesh->to_output, n_verts * sizeof *own);
     for (uint64_t i = 0; i < n_corners; i++) {
         own[rows->of_corners[i]] = vertices[i];
     }
@@ -144,44 +146,44 @@ static int find_row_vertices(reel_call *call, reel_pool *pool, const corner_rows
 
 /* ---- graphs ---- */
 
-/* Pairs of items as faces, whose second corner is there twice. */
+/* Edges between items, as degenerate faces whose last corner is repeated. */
 typedef struct {
     int32_t *faces;
     uint64_t count;
-} pairs;
+} edge_list;
 
-static void add_pair(pairs *all, int32_t one, int32_t other) {
+static void add_edge(edge_list *all, int32_t first_item, int32_t second_item) {
     int32_t *face = all->faces + 3 * all->count++;
-    face[0] = one;
-    face[1] = face[2] = other;
+    face[0] = first_item;
+    face[1] = face[2] = second_item;
 }
 
 static uint64_t side_after(uint64_t side) { return side % 3 == 2 ? side - 2 : side + 1; }
 
-/* Joins the corners at both ends of the edge that a side and its twin are of; where there are rows,
-   those that differ. */
-static void join_corners(pairs *all, const uint32_t *triangles, const fans *of, uint64_t side,
+/* Connect the corners at both ends of an edge with those of its twin; with rows, those rows that
+   differ. */
+static void join_corners(edge_list *all, const uint32_t *triangles, const fans *of, uint64_t side,
                          uint64_t twin, const int32_t *rows) {
-    bool runs_back = triangles[side] == triangles[side_after(twin)];
-    uint64_t first = runs_back ? side_after(twin) : twin;
-    uint64_t second = runs_back ? twin : side_after(twin);
+    bool is_opposite = triangles[side] == triangles[side_after(twin)];
+    uint64_t first = is_opposite ? side_after(twin) : twin;
+    uint64_t second = is_opposite ? twin : side_after(twin);
     int32_t ends[2][2] = {{of->corners[side], of->corners[first]},
                           {of->corners[side_after(side)], of->corners[second]}};
     for (int k = 0; k < 2; k++) {
-        int32_t one = rows ? rows[ends[k][0]] : ends[k][0];
-        int32_t other = rows ? rows[ends[k][1]] : ends[k][1];
-        if (!rows || one != other) {
-            add_pair(all, one, other);
+        int32_t first_item = rows ? rows[ends[k][0]] : ends[k][0];
+        int32_t second_item = rows ? rows[ends[k][1]] : ends[k][1];
+        if (!rows || first_item != second_item) {
+            add_edge(all, first_item, second_item);
         }
     }
 }
 
-/* The graph of faces, of corners, or of the rows of corners. */
+/* Build the graph of faces, of corners, or of rows of corners. */
 static int find_graph(reel_call *call, reel_pool *pool, const reel_outline *outline,
                       const reel_mesh_data *mesh, const fans *of, uint32_t domain,
                       const int32_t *rows, uint64_t n_items, reel_graph *graph) {
     uint64_t n_faces = outline->n_faces;
-    pairs all = {reel_scratch(call, 3 * 6 * n_faces, sizeof *all.faces), 0};
+    edge_list all = {reel_scratch(call, 3 * 6 * n_faces, sizeof *all.faces), 0};
     int32_t *twins;
     if (!all.faces) {
         return call->error.code;
@@ -194,7 +196,7 @@ static int find_graph(reel_call *call, reel_pool *pool, const reel_outline *outl
     for (uint64_t side = 0; side < 3 * n_faces; side++) {
         uint64_t twin = (uint64_t)twins[side];
         if (domain == MESHREEL_CORNERS && !rows) {
-            add_pair(&all, of->corners[side], of->corners[side_after(side)]);
+            add_edge(&all, of->corners[side], of->corners[side_after(side)]);
         } else if (rows && side % 3 == 0) {
             int32_t *face = all.faces + 3 * all.count++;
             for (int k = 0; k < 3; k++) {
@@ -205,7 +207,7 @@ static int find_graph(reel_call *call, reel_pool *pool, const reel_outline *outl
             continue;
         }
         if (domain == MESHREEL_FACES) {
-            add_pair(&all, of->polygons[side / 3], of->polygons[twin / 3]);
+            add_edge(&all, of->polygons[side / 3], of->polygons[twin / 3]);
         } else {
             join_corners(&all, mesh->triangles, of, side, twin, rows);
         }
@@ -217,7 +219,8 @@ int reel_find_items(reel_call *call, reel_pool *pool, const reel_outline *outlin
                     const reel_mesh_data *mesh, const uint32_t *face_sizes, const reel_track *track,
                     reel_items *items) {
     uint32_t domain = track->info.domain;
-    *items = (reel_items){.graph = mesh->graph, .order = mesh->sequence, .inverse = mesh->outward};
+    *items =
+        (reel_items){.graph = mesh->graph, .order = mesh->to_internal, .inverse = mesh->to_output};
     if (REEL_ONLY_POSITIONS || domain == MESHREEL_VERTICES) {
         return MESHREEL_OK;
     }
@@ -232,7 +235,7 @@ int reel_find_items(reel_call *call, reel_pool *pool, const reel_outline *outlin
         }
         reel_find_corner_vertices(outline, mesh->triangles, face_sizes, vertices);
         items->vertex = vertices;
-        items->spread = track->sharing == REEL_OF_VERTICES ? vertices : NULL;
+        items->value_of = track->sharing == REEL_OF_VERTICES ? vertices : NULL;
     }
     if (failed || track->sharing == REEL_OF_VERTICES) {
         items->vertex = NULL;
@@ -242,11 +245,11 @@ int reel_find_items(reel_call *call, reel_pool *pool, const reel_outline *outlin
     items->polygon = of.polygons;
     uint64_t n_items = domain == MESHREEL_FACES ? of.n_polygons : of.n_corners;
     if (track->sharing == REEL_OF_ROWS) {
-        failed = read_rows(call, pool, outline, track, vertices, mesh->sequence, &rows);
+        failed = read_rows(call, pool, outline, track, vertices, mesh->to_internal, &rows);
         failed = failed ? failed
                         : find_row_vertices(call, pool, &rows, mesh, outline->n_verts,
                                             of.n_corners, vertices, &items->vertex);
-        items->spread = rows.of_corners;
+        items->value_of = rows.of_corners;
         n_items = rows.n_rows;
     }
     return failed ? failed

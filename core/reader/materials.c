@@ -1,4 +1,4 @@
-/* The sections MATERIAL and IMAGE: docs/format.md. */
+/* The sections MATERIAL and IMAGE: docs/format.md, "Attributes, groups, materials". */
 
 #include "materials.h"
 
@@ -14,12 +14,12 @@
 #define RGB 7U
 #define RGBA 15U
 
-/* Replaces those of `count` numbers that are not as by default. */
+/* Replace those of `count` default numbers that the file stores. */
 static int read_numbers(reel_call *call, reel_range *left, unsigned count, double *numbers) {
     uint64_t at = left->at, present;
     int failed = reel_read_varint(call, left, &present);
     if (!failed && present >> count) {
-        return reel_corrupt(call, at, "a material sets numbers that are unknown");
+        return reel_corrupt(call, at, "a material sets unknown numbers");
     }
     for (unsigned i = 0; !failed && i < count; i++) {
         if (present >> i & 1U) {
@@ -35,22 +35,23 @@ static int read_numbers(reel_call *call, reel_range *left, unsigned count, doubl
 
 /* ---- textures ---- */
 
-static bool fits_slot(unsigned slot, uint8_t channels) {
+static bool is_valid_for_slot(unsigned slot, uint8_t channels) {
     bool is_color = slot == MESHREEL_BASE_COLOR || slot == MESHREEL_NORMAL ||
                     slot == MESHREEL_EMISSIVE;
     bool is_one = channels && !(channels & (channels - 1U));
     return is_color ? channels == RGB || channels == RGBA : is_one && channels < RGBA;
 }
 
-/* Channels, wrap modes and filters. */
-static int read_choices(reel_call *call, reel_range *left, unsigned slot, meshreel_texture *found) {
+/* Read the channels, wrap modes and filters of a texture. */
+static int read_sampling(reel_call *call, reel_range *left, unsigned slot,
+                         meshreel_texture *found) {
     uint64_t at = left->at;
     uint8_t bytes[3];
     int failed = reel_read_bytes(call, left, bytes, sizeof bytes);
     if (failed) {
         return failed;
     }
-    if (!fits_slot(slot, bytes[0])) {
+    if (!is_valid_for_slot(slot, bytes[0])) {
         return reel_corrupt(call, at, "a texture uses channels that its slot does not allow");
     }
     found->channels = bytes[0];
@@ -73,10 +74,10 @@ static int read_texture(reel_call *call, reel_pool *pool, reel_range *left, uint
     double numbers[TEXTURE_NUMBERS] = {0.0, 0.0, 0.0, 1.0, 1.0};
     int failed = reel_read_varint(call, left, &image);
     if (!failed && image >= n_images) {
-        return reel_corrupt(call, at, "a texture shows an image that does not exist");
+        return reel_corrupt(call, at, "a texture refers to an image that does not exist");
     }
     failed = failed ? failed : reel_read_text(call, pool, left, &found->uv);
-    failed = failed ? failed : read_choices(call, left, slot, found);
+    failed = failed ? failed : read_sampling(call, left, slot, found);
     failed = failed ? failed : read_numbers(call, left, TEXTURE_NUMBERS, numbers);
     if (failed) {
         return failed;
@@ -124,7 +125,7 @@ static int read_flags(reel_call *call, reel_range *left, meshreel_material *foun
                : reel_corrupt(call, at, "the flags or the alpha mode of a material are unknown");
 }
 
-static int read_looks(reel_call *call, reel_range *left, meshreel_material *found) {
+static int read_appearance(reel_call *call, reel_range *left, meshreel_material *found) {
     double numbers[MATERIAL_NUMBERS] = {1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.5};
     int failed = read_numbers(call, left, MATERIAL_NUMBERS, numbers);
     reel_copy(found->base_color, numbers, sizeof found->base_color);
@@ -143,7 +144,7 @@ int reel_read_material(reel_call *call, reel_pool *pool, reel_range payload, uin
     *found = (meshreel_material){0};
     int failed = reel_read_text(call, pool, &left, &found->name);
     failed = failed ? failed : read_flags(call, &left, found);
-    failed = failed ? failed : read_looks(call, &left, found);
+    failed = failed ? failed : read_appearance(call, &left, found);
     failed = failed ? failed : read_textures(call, pool, &left, n_images, found);
     return failed || !left.length ? failed
                                   : reel_corrupt(call, left.at, "bytes follow the last texture");

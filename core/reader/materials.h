@@ -1,15 +1,15 @@
-/* Materials, with their textures, and images. */
+/* Materials, their textures, and images. */
 
 #ifndef REEL_MATERIALS_H
 #define REEL_MATERIALS_H
 
 #include "source.h"
 
-/* Decodes a section MATERIAL of a file with n_images images. */
+/* Decode a section MATERIAL of a file with n_images images. */
 int reel_read_material(reel_call *call, reel_pool *pool, reel_range payload, uint32_t n_images,
                        meshreel_material *found);
 
-/* Decodes a section IMAGE. */
+/* Decode a section IMAGE. */
 int reel_read_image(reel_call *call, reel_pool *pool, reel_range payload, meshreel_image *found);
 
 #endif

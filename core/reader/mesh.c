@@ -1,4 +1,4 @@
-/* The triangles of a file, and the order of its vertices: docs/format.md, CONNECTIVITY and ORDER. */
+/* The triangles of a file, and the order of its vertices: docs/format.md, CONNECTIVITY, ORDER. */
 
 #include "mesh.h"
 
@@ -10,12 +10,13 @@ int reel_find_neighbors(reel_call *call, reel_pool *pool, const int32_t *faces, 
     int32_t *starts = reel_pool_allocate(call, pool, (uint64_t)n_items + 1, sizeof *starts);
     int32_t *near = reel_pool_allocate(call, pool, 6 * n_faces, sizeof *near);
     const reel_chunk *mark = call->scratch.last;
-    size_t needed = reel_adjacency_memory(n_items, (int64_t)n_faces);
-    void *memory = reel_scratch(call, needed, 1);
+    size_t memory_size = reel_adjacency_memory(n_items, (int64_t)n_faces);
+    void *memory = reel_scratch(call, memory_size, 1);
     if (!starts || !near || !memory) {
         return call->error.code;
     }
-    int64_t result = reel_adjacency(memory, needed, faces, (int64_t)n_faces, n_items, starts, near);
+    int64_t result =
+        reel_adjacency(memory, memory_size, faces, (int64_t)n_faces, n_items, starts, near);
     reel_drop_scratch(call, mark);
     *graph = (reel_graph){n_items, starts, near};
     return reel_fail_core(call, result, 0, "a face has a vertex that does not exist");
@@ -25,12 +26,13 @@ int reel_find_twins(reel_call *call, const int32_t *faces, uint64_t n_faces, uin
                     int32_t **twins) {
     *twins = reel_scratch(call, 3 * n_faces, sizeof **twins);
     const reel_chunk *mark = call->scratch.last;
-    size_t needed = reel_twins_memory((int64_t)n_verts, (int64_t)n_faces);
-    void *memory = reel_scratch(call, needed, 1);
+    size_t memory_size = reel_twins_memory((int64_t)n_verts, (int64_t)n_faces);
+    void *memory = reel_scratch(call, memory_size, 1);
     if (!*twins || !memory) {
         return call->error.code;
     }
-    int64_t result = reel_twins(memory, needed, faces, (int64_t)n_faces, (int64_t)n_verts, *twins);
+    int64_t result =
+        reel_twins(memory, memory_size, faces, (int64_t)n_faces, (int64_t)n_verts, *twins);
     reel_drop_scratch(call, mark);
     return reel_fail_core(call, result, 0, "a face has a vertex that does not exist");
 }
@@ -45,8 +47,8 @@ int reel_read_connectivity(reel_call *call, reel_pool *pool, const reel_outline 
     }
     mesh->internal_faces = reel_pool_allocate(call, pool, 3 * outline->n_faces, sizeof(int32_t));
     const reel_chunk *mark = call->scratch.last;
-    size_t needed = reel_connectivity_decode_memory(n_verts, n_faces);
-    void *memory = reel_scratch(call, needed, 1);
+    size_t memory_size = reel_connectivity_decode_memory(n_verts, n_faces);
+    void *memory = reel_scratch(call, memory_size, 1);
     const uint8_t *bytes;
     if (!mesh->internal_faces || !memory) {
         return call->error.code;
@@ -55,8 +57,8 @@ int reel_read_connectivity(reel_call *call, reel_pool *pool, const reel_outline 
     if (failed) {
         return failed;
     }
-    int64_t result = reel_connectivity_decode(memory, needed, bytes, (size_t)coded.length, n_verts,
-                                              n_faces, mesh->internal_faces);
+    int64_t result = reel_connectivity_decode(memory, memory_size, bytes, (size_t)coded.length,
+                                              n_verts, n_faces, mesh->internal_faces);
     reel_drop_scratch(call, mark);
     failed = reel_fail_core(call, result, coded.at, "the connectivity is damaged");
     return failed ? failed
@@ -67,7 +69,7 @@ int reel_read_connectivity(reel_call *call, reel_pool *pool, const reel_outline 
 struct reel_order_job {
     const reel_outline *outline;
     reel_mesh_data *mesh;
-    const uint8_t *bytes; /* of the section, or NULL: the internal order goes out */
+    const uint8_t *bytes; /* payload of the section, or NULL: output in internal order */
     size_t size;
     uint64_t at;
     bool with_faces;
@@ -99,17 +101,17 @@ static int view_order(reel_call *call, const reel_outline *outline, reel_order_j
     return coded.length == 1 || job->bytes[coded.length - 1]
                ? MESHREEL_OK
                : reel_fail(call, MESHREEL_CORRUPT, coded.at + coded.length - 1,
-                           "the order ends with a byte of 0");
+                           "the order ends with a zero byte");
 }
 
 int reel_prepare_order(reel_call *call, reel_pool *pool, const reel_outline *outline,
                        reel_mesh_data *mesh, reel_order_job **found) {
     int64_t n_verts = (int64_t)outline->n_verts, n_faces = (int64_t)outline->n_faces;
     reel_order_job *job = reel_scratch(call, 1, sizeof *job);
-    mesh->sequence = reel_pool_allocate(call, pool, outline->n_verts, sizeof(int32_t));
-    mesh->outward = reel_pool_allocate(call, pool, outline->n_verts, sizeof(int32_t));
+    mesh->to_internal = reel_pool_allocate(call, pool, outline->n_verts, sizeof(int32_t));
+    mesh->to_output = reel_pool_allocate(call, pool, outline->n_verts, sizeof(int32_t));
     mesh->triangles = reel_pool_allocate(call, pool, 3 * outline->n_faces, sizeof(uint32_t));
-    if (!job || !mesh->sequence || !mesh->outward || !mesh->triangles) {
+    if (!job || !mesh->to_internal || !mesh->to_output || !mesh->triangles) {
         return call->error.code;
     }
     *job = (reel_order_job){.outline = outline, .mesh = mesh};
@@ -126,19 +128,19 @@ int reel_prepare_order(reel_call *call, reel_pool *pool, const reel_outline *out
         job->twins = reel_scratch(call, 3 * outline->n_faces, sizeof *job->twins);
         job->corners = reel_scratch(call, outline->n_faces, sizeof *job->corners);
     }
-    bool has_all = job->order_memory && (!job->with_faces || (job->twins_memory && job->twins &&
-                                                              job->corners));
-    return has_all ? MESHREEL_OK : call->error.code;
+    bool has_memory = job->order_memory &&
+                      (!job->with_faces || (job->twins_memory && job->twins && job->corners));
+    return has_memory ? MESHREEL_OK : call->error.code;
 }
 
-/* The faces with the numbers of vertices that go out, by their first corners. */
-static void list_faces(int64_t n_faces, const int32_t *faces, const int32_t *outward,
+/* Write the output triangles, which start at `corners`. */
+static void list_faces(int64_t n_faces, const int32_t *faces, const int32_t *to_output,
                        const int32_t *corners, uint32_t *triangles) {
     for (int64_t i = 0; i < n_faces; i++) {
         int64_t first = corners ? corners[i] : 3 * i, face = first / 3 * 3;
         for (int64_t k = 0; k < 3; k++) {
             int64_t corner = face + (first - face + k) % 3;
-            triangles[3 * i + k] = (uint32_t)outward[faces[corner]];
+            triangles[3 * i + k] = (uint32_t)to_output[faces[corner]];
         }
     }
 }
@@ -148,7 +150,7 @@ void reel_decode_order(reel_order_job *job) {
     int64_t n_verts = (int64_t)job->outline->n_verts, n_faces = (int64_t)job->outline->n_faces;
     const int32_t *faces = mesh->internal_faces;
     for (int32_t v = 0; v < n_verts && !job->bytes; v++) {
-        mesh->sequence[v] = v;
+        mesh->to_internal[v] = v;
     }
     if (job->with_faces) {
         job->result =
@@ -157,15 +159,15 @@ void reel_decode_order(reel_order_job *job) {
     if (job->bytes && job->result >= 0) {
         job->result = reel_order_decode(job->order_memory, job->order_size, job->bytes + 1,
                                         job->size - 1, faces, job->twins, n_verts, n_faces,
-                                        job->with_faces, job->corners, mesh->sequence);
+                                        job->with_faces, job->corners, mesh->to_internal);
     }
     if (job->result < 0) {
         return;
     }
     for (int32_t v = 0; v < n_verts; v++) {
-        mesh->outward[mesh->sequence[v]] = v;
+        mesh->to_output[mesh->to_internal[v]] = v;
     }
-    list_faces(n_faces, faces, mesh->outward, job->corners, mesh->triangles);
+    list_faces(n_faces, faces, mesh->to_output, job->corners, mesh->triangles);
 }
 
 int reel_finish_order(reel_call *call, const reel_order_job *job) {

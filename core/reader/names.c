@@ -1,8 +1,8 @@
-/* Names that must differ: found by sorting, as a file may have a million of them. */
+/* Unique names, checked by a merge sort, because a file may have a million of them. */
 
 #include "names.h"
 
-/* Below 0, 0 or above 0: whether a text is before another, as bytes. */
+/* Compare two texts as bytes: negative, 0 or positive. */
 static int compare(const meshreel_text *one, const meshreel_text *other) {
     size_t shorter = one->size < other->size ? one->size : other->size;
     for (size_t i = 0; i < shorter; i++) {
@@ -14,7 +14,7 @@ static int compare(const meshreel_text *one, const meshreel_text *other) {
     return one->size < other->size ? -1 : one->size > other->size;
 }
 
-/* Merges from[start .. middle - 1] and from[middle .. end - 1], both sorted. */
+/* Merge the sorted ranges from[start .. middle - 1] and from[middle .. end - 1]. */
 static void merge(const meshreel_text *from, uint64_t start, uint64_t middle, uint64_t end,
                   meshreel_text *to) {
     uint64_t one = start, other = middle;

@@ -1,11 +1,11 @@
-/* Names that must differ, of tracks and of materials. */
+/* Unique names, of tracks and of materials. */
 
 #ifndef REEL_READER_NAMES_H
 #define REEL_READER_NAMES_H
 
 #include "call.h"
 
-/* Whether all names differ; they are sorted. If not, the call fails at byte `at` with `message`. */
+/* Check that all names differ; sorts them. If not, fails at byte `at` with `message`. */
 int reel_check_names(reel_call *call, meshreel_text *names, uint32_t count, uint64_t at,
                      const char *message);
 

@@ -1,5 +1,6 @@
-/* The host of the library in a page. JavaScript allocates memory and fetches bytes: a range that it
-   has not fetched fails as MESHREEL_UNREADABLE, and it calls again with the range. */
+/* The library's host in a web page. JavaScript allocates memory and fetches bytes. Reading a range
+   that is not fetched yet fails as MESHREEL_UNREADABLE; the page then fetches it and calls
+   again. */
 
 #include "call.h"
 
@@ -7,10 +8,10 @@
 
 #define IMPORT(name) __attribute__((import_module("page"), import_name(name)))
 
-/* Copies a range of the file; 0, or 1 if it has not been fetched. */
+/* Copy a range of the file; returns 0, or 1 if it is not fetched. */
 IMPORT("read") extern int page_read(double offset, void *to, size_t size);
 
-/* 0 if a range of the file has been fetched, or 1. */
+/* Return 0 if a range of the file is fetched, else 1. */
 IMPORT("announce") extern int page_announce(double offset, double size);
 
 IMPORT("allocate") extern void *page_allocate(size_t size);
@@ -36,7 +37,7 @@ static void release(void *user, void *memory, size_t size) {
     page_release(memory, size);
 }
 
-/* Open the file of the page, or one of its segments where `segment` is not below 0. */
+/* Open the page's file, or one of its segments if `segment` is not negative. */
 int page_open(double size, double memory_limit, int32_t segment, meshreel_file **file,
               meshreel_error *error) {
     meshreel_source source = {.size = (uint64_t)size, .read = read, .announce = announce};

@@ -2,7 +2,7 @@
 
 #include "polygons.h"
 
-/* Finds the section POLYGONS, and how many there are; more than one are refused. */
+/* Find the section POLYGONS, and the number of them; more than one is an error. */
 static int find_section(reel_call *call, const reel_outline *outline, reel_range *payload,
                         uint32_t *n_found) {
     *n_found = 0;
@@ -17,7 +17,8 @@ static int find_section(reel_call *call, const reel_outline *outline, reel_range
                                      "the file has more than one section POLYGONS");
 }
 
-/* Whether the corners above 3 of each face make as many triangles as there are. */
+/* Whether the corners of all faces yield the number of triangles; `above` are their counts less
+   3. */
 static bool fits_triangles(const reel_outline *outline, const int32_t *above) {
     int64_t left = (int64_t)(outline->n_faces - outline->n_polygons);
     for (uint64_t i = 0; i < outline->n_polygons; i++) {
@@ -59,7 +60,7 @@ int reel_read_face_sizes(reel_call *call, reel_pool *pool, const reel_outline *o
         return reel_fail(call, MESHREEL_CORRUPT, payload.at,
                          "the corners of polygons do not fit the number of triangles");
     }
-    if (n_polygons < outline->n_faces) { /* else all are triangles */
+    if (n_polygons < outline->n_faces) { /* otherwise all are triangles */
         uint32_t *sizes = reel_pool_allocate(call, pool, n_polygons, sizeof *sizes);
         if (!sizes) {
             return call->error.code;

@@ -1,15 +1,15 @@
-/* Bytes of a file, wherever they are: docs/format.md, the sections. */
+/* The bytes of a file, in memory or behind a callback: docs/format.md, the sections. */
 
 #include "source.h"
 
 #define MAX_VARINT_BYTES 9
 #define PIECE 4096
-#define LARGEST 0x1.fffffffffffffp1023
+#define MAX_DOUBLE 0x1.fffffffffffffp1023
 
-bool reel_is_finite(double number) { return number >= -LARGEST && number <= LARGEST; }
+bool reel_is_finite(double number) { return number >= -MAX_DOUBLE && number <= MAX_DOUBLE; }
 
 static int truncated(reel_call *call, uint64_t at) {
-    return reel_fail(call, MESHREEL_TRUNCATED, at, "the file ends too early; get it again");
+    return reel_fail(call, MESHREEL_TRUNCATED, at, "the file ends too early; fetch it again");
 }
 
 int reel_read(reel_call *call, uint64_t at, void *to, size_t size) {
@@ -57,18 +57,18 @@ int reel_view(reel_call *call, reel_range stretch, const uint8_t **found) {
     return copy ? reel_read(call, stretch.at, copy, (size_t)stretch.length) : call->error.code;
 }
 
-/* CRC-32 of half a byte. */
-static const uint32_t halves[16] = {
+/* CRC-32 table of 4-bit values. */
+static const uint32_t crc_table[16] = {
     0x00000000U, 0x1DB71064U, 0x3B6E20C8U, 0x26D930ACU, 0x76DC4190U, 0x6B6B51F4U,
     0x4DB26158U, 0x5005713CU, 0xEDB88320U, 0xF00F9344U, 0xD6D6A3E8U, 0xCB61B38CU,
     0x9B64C2B0U, 0x86D3D2D4U, 0xA00AE278U, 0xBDBDF21CU,
 };
 
-static uint32_t checksum(uint32_t sum, const uint8_t *bytes, size_t size) {
+static uint32_t update_crc(uint32_t sum, const uint8_t *bytes, size_t size) {
     for (size_t i = 0; i < size; i++) {
         sum ^= bytes[i];
-        sum = sum >> 4 ^ halves[sum & 15U];
-        sum = sum >> 4 ^ halves[sum & 15U];
+        sum = sum >> 4 ^ crc_table[sum & 15U];
+        sum = sum >> 4 ^ crc_table[sum & 15U];
     }
     return sum;
 }
@@ -82,16 +82,16 @@ int reel_check_crc(reel_call *call, uint64_t at, uint64_t length) {
         if (failed) {
             return failed;
         }
-        sum = checksum(sum, piece, size);
+        sum = update_crc(sum, piece, size);
         done += size;
     }
     int failed = reel_read(call, at + length, &stored, sizeof stored);
     if (failed) {
         return failed;
     }
-    return stored == ~sum
-               ? MESHREEL_OK
-               : reel_fail(call, MESHREEL_CORRUPT, at, "a checksum does not match; get the file again");
+    return stored == ~sum ? MESHREEL_OK
+                          : reel_fail(call, MESHREEL_CORRUPT, at,
+                                      "a checksum does not match; fetch the file again");
 }
 
 int reel_read_bytes(reel_call *call, reel_range *left, void *to, size_t size) {
@@ -123,8 +123,8 @@ int reel_read_varint(reel_call *call, reel_range *left, uint64_t *value) {
                : reel_fail(call, MESHREEL_CORRUPT, left->at, "an integer has more than 9 bytes");
 }
 
-/* Bytes of the UTF-8 character at the front of `bytes`, or 0 where there is none. */
-static size_t character(const uint8_t *bytes, size_t size) {
+/* Length of the UTF-8 character at the front of `bytes`, or 0 if invalid. */
+static size_t utf8_length(const uint8_t *bytes, size_t size) {
     uint8_t first = bytes[0];
     size_t length = first < 0x80 ? 1 : first < 0xC2 ? 0 : first < 0xE0 ? 2 : first < 0xF0 ? 3
                   : first < 0xF5 ? 4 : 0;
@@ -158,7 +158,7 @@ int reel_read_text_bytes(reel_call *call, reel_pool *pool, reel_range *left, uin
     int failed = bytes ? reel_read_bytes(call, left, bytes, (size_t)size) : call->error.code;
     *text = (meshreel_text){bytes, (size_t)size};
     for (size_t i = 0; i < size && !failed;) {
-        size_t length = character((const uint8_t *)bytes + i, (size_t)size - i);
+        size_t length = utf8_length((const uint8_t *)bytes + i, (size_t)size - i);
         failed = length ? MESHREEL_OK
                         : reel_fail(call, MESHREEL_CORRUPT, at + i, "a text is not UTF-8");
         i += length;
@@ -190,7 +190,7 @@ int reel_decode_rows(reel_call *call, reel_range coded, const int64_t *lengths,
     }
     if (!reel_is_stripped(bytes, coded.length)) {
         return reel_fail(call, MESHREEL_CORRUPT, coded.at + coded.length - 1,
-                         "integers end with a byte of 0");
+                         "integers end with a zero byte");
     }
     int64_t result = reel_integers_decode(memory, needed, bytes, (size_t)coded.length, lengths,
                                           tables, n_rows, n_tables, *values);
@@ -211,7 +211,8 @@ int reel_section_at(reel_call *call, uint64_t at, uint64_t limit, reel_section *
         return failed;
     }
     if (left.length < 4 || length > left.length - 4) {
-        return reel_fail(call, MESHREEL_TRUNCATED, at, "the file ends inside a section; get it again");
+        return reel_fail(call, MESHREEL_TRUNCATED, at,
+                         "the file ends inside a section; fetch it again");
     }
     *found = (reel_section){id, at, {left.at, length}, left.at + length + 4};
     return MESHREEL_OK;
@@ -231,6 +232,6 @@ int reel_section_check(reel_call *call, const reel_section *section) {
     }
     bool is_needed = !(section->id & REEL_OPTIONAL) && !reel_is_known(section->id);
     return is_needed ? reel_fail(call, MESHREEL_UNSUPPORTED, section->at,
-                                 "a section is of a newer version; update meshreel")
+                                 "a section needs a newer version; update meshreel")
                      : MESHREEL_OK;
 }

@@ -1,4 +1,4 @@
-/* Bytes of a file: ranges, numbers, texts and sections, each checked. */
+/* The bytes of a file: ranges, numbers, texts and sections, all bounds-checked. */
 
 #ifndef REEL_SOURCE_H
 #define REEL_SOURCE_H
@@ -38,55 +38,55 @@ enum reel_section_id {
     REEL_HARD_EDGES = 139
 };
 
-/* Bytes of a file that are still to be read. */
+/* A range of bytes of the file; readers consume it from the front. */
 typedef struct {
     uint64_t at, length;
 } reel_range;
 
 typedef struct {
     uint32_t id;
-    uint64_t at;          /* the byte at which it begins */
-    reel_range payload;   /* its checksum follows */
-    uint64_t end;         /* the byte behind the checksum */
+    uint64_t at;        /* offset of the section */
+    reel_range payload; /* followed by its checksum */
+    uint64_t end;       /* end of the checksum */
 } reel_section;
 
-/* Copies bytes of the file; MESHREEL_TRUNCATED where it ends before. */
+/* Copy bytes of the file; MESHREEL_TRUNCATED past its end. */
 int reel_read(reel_call *call, uint64_t at, void *to, size_t size);
 
-/* Tells the host that a range is going to be read. */
+/* Announce to the host that a range is about to be read. */
 int reel_announce(reel_call *call, reel_range stretch);
 
-/* Bytes of the file: where they are in memory, or a copy in scratch memory. */
+/* Return a range of the file: in place if it is in memory, else a copy in scratch memory. */
 int reel_view(reel_call *call, reel_range stretch, const uint8_t **found);
 
-/* Whether the CRC-32 of bytes of the file is behind them. */
+/* Verify that `length` bytes are followed by their CRC-32. */
 int reel_check_crc(reel_call *call, uint64_t at, uint64_t length);
 
-/* Takes numbers from the front of a stretch. */
+/* Read bytes or a varint from the front of a range. */
 int reel_read_bytes(reel_call *call, reel_range *left, void *to, size_t size);
 int reel_read_varint(reel_call *call, reel_range *left, uint64_t *value);
 
-/* Takes a text, which is UTF-8, from the front of a stretch, to memory of `pool`: its length and its
-   bytes; or bytes of a given length. */
+/* Read a UTF-8 text from the front of a range into memory of `pool`: a length and its bytes, or
+   bytes of a known length. */
 int reel_read_text(reel_call *call, reel_pool *pool, reel_range *left, meshreel_text *text);
 int reel_read_text_bytes(reel_call *call, reel_pool *pool, reel_range *left, uint64_t size,
                          meshreel_text *text);
 
-/* Decodes rows of integers that fill a stretch to its end, "Integers" in docs/format.md, into
-   scratch memory. Row i has lengths[i] integers and uses table tables[i] of n_tables. */
+/* Decode rows of integers, "Integers" in docs/format.md, from a whole range into scratch memory.
+   Row i has lengths[i] integers and uses table tables[i] of n_tables. */
 int reel_decode_rows(reel_call *call, reel_range coded, const int64_t *lengths,
                      const int32_t *tables, int64_t n_rows, int64_t n_tables, int32_t **values);
 
-/* The section at a byte of the file, which ends before `limit`. */
+/* Parse the section at a byte of the file, which must end before `limit`. */
 int reel_section_at(reel_call *call, uint64_t at, uint64_t limit, reel_section *found);
 
-/* Whether its checksum fits, and it is known or optional. */
+/* Verify the checksum of a section, and that it is known or optional. */
 int reel_section_check(reel_call *call, const reel_section *section);
 
-/* Whether this build knows sections of this id; others may be optional. */
+/* Whether this build knows sections with this id. */
 bool reel_is_known(uint32_t id);
 
-/* Whether a bit stream ends as it should: with a byte that is not 0, or empty. */
+/* Whether a bit stream is empty or ends with a nonzero byte. */
 bool reel_is_stripped(const uint8_t *bytes, uint64_t length);
 
 bool reel_is_finite(double number);

@@ -7,19 +7,19 @@
 #include "materials.h"
 #include "names.h"
 
-#define LABEL_BYTES 1 /* at least, of its length */
+#define LABEL_BYTES 1 /* minimum bytes of a label */
 #define PART_BYTES 3
 #define MAX_ITEMS INT32_MAX
 
-/* Takes the number of items that follow, each of at least `bytes_each` bytes. */
-static int take_count(reel_call *call, reel_range *left, uint64_t bytes_each, uint32_t *count) {
+/* Read the number of items that follow, each of at least `bytes_each` bytes. */
+static int read_count(reel_call *call, reel_range *left, uint64_t bytes_each, uint32_t *count) {
     uint64_t at = left->at, found;
     int failed = reel_read_varint(call, left, &found);
     if (failed) {
         return failed;
     }
     if (found > left->length / bytes_each) {
-        return reel_corrupt(call, at, "more labels or parts are announced than the section holds");
+        return reel_corrupt(call, at, "the count of labels or parts exceeds the section");
     }
     if (found > MAX_ITEMS) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, at, "more than 2^31 - 1 labels or parts");
@@ -31,7 +31,7 @@ static int take_count(reel_call *call, reel_range *left, uint64_t bytes_each, ui
 /* ---- groups ---- */
 
 static int read_labels(reel_call *call, reel_pool *pool, reel_range *left, meshreel_groups *found) {
-    int failed = take_count(call, left, LABEL_BYTES, &found->n_labels);
+    int failed = read_count(call, left, LABEL_BYTES, &found->n_labels);
     if (failed) {
         return failed;
     }
@@ -96,7 +96,7 @@ static int read_parts(reel_call *call, reel_pool *pool, const reel_outline *outl
                       reel_range payload, meshreel_surface *surface) {
     reel_range left = payload;
     uint64_t n_verts = outline->n_verts, n_faces = outline->n_polygons;
-    int failed = take_count(call, &left, PART_BYTES, &surface->n_parts);
+    int failed = read_count(call, &left, PART_BYTES, &surface->n_parts);
     if (failed) {
         return failed;
     }
@@ -120,7 +120,7 @@ static int read_parts(reel_call *call, reel_pool *pool, const reel_outline *outl
 
 /* ---- all sections ---- */
 
-/* The arrays of a surface, as they are filled. */
+/* The writable arrays of a surface. */
 typedef struct {
     meshreel_attribute *attributes;
     meshreel_groups *groups;
@@ -136,8 +136,8 @@ static uint32_t count_sections(const reel_outline *outline, uint32_t id) {
     return count;
 }
 
-static int keep_arrays(reel_call *call, reel_pool *pool, const reel_outline *outline,
-                       surface_arrays *arrays) {
+static int allocate_arrays(reel_call *call, reel_pool *pool, const reel_outline *outline,
+                           surface_arrays *arrays) {
     uint64_t n_attributes = count_sections(outline, REEL_ATTRIBUTE);
     uint64_t n_groups = count_sections(outline, REEL_GROUPS);
     uint64_t n_materials = count_sections(outline, REEL_MATERIAL);
@@ -213,7 +213,7 @@ int reel_read_surface(reel_call *call, reel_pool *pool, const reel_outline *outl
     if (count_sections(outline, REEL_PARTS) > 1 || count_sections(outline, REEL_HARD_EDGES) > 1) {
         return reel_corrupt(call, REEL_UNKNOWN, "the file has a section PARTS or HARD_EDGES twice");
     }
-    int failed = keep_arrays(call, pool, outline, &arrays);
+    int failed = allocate_arrays(call, pool, outline, &arrays);
     failed = failed ? failed : read_sections(call, pool, &faces, &arrays, surface);
     surface->attributes = arrays.attributes;
     surface->groups = arrays.groups;

@@ -5,8 +5,8 @@
 
 #include "polygons.h"
 
-/* Decodes the sections of a surface to memory of `pool`. `triangles` are as they go out,
-   `face_sizes` as reel_read_face_sizes finds them. */
+/* Decode the sections of a surface into memory of `pool`, for output triangles and the face sizes
+   from reel_read_face_sizes. */
 int reel_read_surface(reel_call *call, reel_pool *pool, const reel_outline *outline,
                       const uint32_t *triangles, const uint32_t *face_sizes,
                       meshreel_surface *surface);

@@ -1,4 +1,4 @@
-/* What a file says of its tracks: docs/format.md, "Tracks". */
+/* The tracks of a file: docs/format.md, "Tracks". */
 
 #include "tracks.h"
 
@@ -8,20 +8,21 @@
 #define LAST_KIND MESHREEL_TRACK_SCALAR
 #define LAST_DOMAIN (MESHREEL_CORNERS + REEL_OF_ROWS)
 
-static int refuse(reel_call *call, const reel_leading_section *section, const char *message) {
+static int fail_track(reel_call *call, const reel_leading_section *section, const char *message) {
     return reel_fail(call, MESHREEL_CORRUPT, section->payload.at, message);
 }
 
 static bool has_type(reel_track *track, uint32_t code) {
     uint32_t size = code & 15U, kind = code >> 4;
-    bool is_integer = (kind == 1 || kind == 2) && (size == 1 || size == 2 || size == 4 || size == 8);
+    bool is_integer =
+        (kind == 1 || kind == 2) && (size == 1 || size == 2 || size == 4 || size == 8);
     track->size = size;
     track->is_float = kind == 0;
     track->is_signed = kind == 2;
     return is_integer || (kind == 0 && (size == 4 || size == 8));
 }
 
-static bool fits_kind(uint32_t kind, uint64_t n_columns) {
+static bool is_valid_width(uint32_t kind, uint64_t n_columns) {
     switch (kind) {
     case MESHREEL_TRACK_VECTOR:
         return n_columns == 2 || n_columns == 3;
@@ -39,8 +40,8 @@ static bool fits_kind(uint32_t kind, uint64_t n_columns) {
     }
 }
 
-/* Whether a predicted coding fits the kind and the domain of a track. */
-static bool fits_coding(const reel_track *track) {
+/* Whether a predicted coding matches the kind and domain of a track. */
+static bool is_valid_coding(const reel_track *track) {
     const meshreel_track *info = &track->info;
     if (info->coding == REEL_ROTATIONS) {
         return info->kind == MESHREEL_TRACK_NORMAL;
@@ -49,7 +50,7 @@ static bool fits_coding(const reel_track *track) {
     return !track->difference || (info->kind == MESHREEL_TRACK_VELOCITY && is_of_vertices);
 }
 
-/* The numbers of a track: bound, scale, origins and rate, as its coding has them. */
+/* Read the numbers of a track that its coding stores: bound, scale, origins, rate. */
 static int read_numbers(reel_call *call, reel_range *left, reel_track *track) {
     meshreel_track *info = &track->info;
     double numbers[2] = {0.0, 1.0};
@@ -59,7 +60,7 @@ static int read_numbers(reel_call *call, reel_range *left, reel_track *track) {
     }
     info->bound = numbers[0];
     track->placement[0] = numbers[1];
-    bool are_sound = reel_is_finite(numbers[0]) && numbers[0] >= 0.0 &&
+    bool are_valid = reel_is_finite(numbers[0]) && numbers[0] >= 0.0 &&
                      reel_is_finite(numbers[1]) && numbers[1] > 0.0;
     for (uint32_t i = 0; i < track->n_coded && !failed; i++) {
         double origin = 0.0;
@@ -67,13 +68,13 @@ static int read_numbers(reel_call *call, reel_range *left, reel_track *track) {
             failed = reel_read_bytes(call, left, &origin, sizeof origin);
         }
         track->placement[1 + i] = origin;
-        are_sound &= reel_is_finite(origin);
+        are_valid &= reel_is_finite(origin);
     }
     if (!failed && track->difference) {
         failed = reel_read_bytes(call, left, &track->rate, sizeof track->rate);
-        are_sound &= reel_is_finite(track->rate);
+        are_valid &= reel_is_finite(track->rate);
     }
-    if (failed || are_sound) {
+    if (failed || are_valid) {
         return failed;
     }
     return reel_fail(call, MESHREEL_CORRUPT, left->at,
@@ -96,10 +97,11 @@ static int read_track(reel_call *call, reel_pool *pool, const reel_outline *outl
     if (codes[0] > LAST_KIND || codes[1] > LAST_DOMAIN || !has_type(track, codes[2]) ||
         codes[3] > REEL_EXACT_FORWARD) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, section->payload.at,
-                         "a track of a newer version; update meshreel");
+                         "a track needs a newer version; update meshreel");
     }
-    if (!n_columns || n_columns > MAX_COLUMNS || !fits_kind(codes[0], n_columns)) {
-        return refuse(call, section, "a track has more or fewer columns than its kind");
+    if (!n_columns || n_columns > MAX_COLUMNS || !is_valid_width(codes[0], n_columns)) {
+        return fail_track(call, section,
+                          "the number of columns of a track does not match its kind");
     }
     track->sharing = codes[1] > MESHREEL_CORNERS ? codes[1] - MESHREEL_CORNERS : REEL_EACH;
     info->kind = codes[0];
@@ -116,16 +118,16 @@ static int read_track(reel_call *call, reel_pool *pool, const reel_outline *outl
                         : codes[3] >= REEL_BACKWARD ? codes[3]
                                                     : 0;
     track->n_coded = info->coding == REEL_ROTATIONS ? 2 : (uint32_t)n_columns;
-    if (!fits_coding(track)) {
-        return refuse(call, section, "a track is predicted from positions as its kind cannot be");
+    if (!is_valid_coding(track)) {
+        return fail_track(call, section, "the coding of a track does not match its kind");
     }
     if (!track->is_float && info->coding != REEL_EXACT) {
-        return refuse(call, section, "a track of integers is not exact");
+        return fail_track(call, section, "a track of integers is not exact");
     }
     track->placement = reel_pool_allocate(call, pool, 1 + track->n_coded, sizeof(double));
     failed = track->placement ? read_numbers(call, &left, track) : call->error.code;
     if (!failed && left.length && track->sharing != REEL_OF_ROWS) {
-        return refuse(call, section, "bytes follow a track");
+        return fail_track(call, section, "bytes follow a track");
     }
     track->rows = left;
     return failed;

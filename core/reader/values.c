@@ -1,8 +1,8 @@
-/* Values of frames of a block that is loaded: docs/format.md, "Frames" and "Tracks". */
+/* Values of frames of a loaded block: docs/format.md, "Frames" and "Tracks". */
 
 #include "decoder.h"
 
-#define MAX_FRAMES_PER_CALL 256 /* frames that the product takes at once */
+#define MAX_FRAMES_PER_CALL 256 /* frames per call of reel_frames */
 
 static const uint32_t nan_of_float = 0x7FC00000U;
 static const uint64_t nan_of_double = 0x7FF8000000000000U;
@@ -11,57 +11,70 @@ static const uint64_t nan_of_double = 0x7FF8000000000000U;
 
 typedef struct {
     const meshreel_decoder *decoder;
-    const reel_track_state *held;
+    const reel_track_state *state;
     const double *placement;
     uint32_t n_columns;
-    int64_t first, count, part, layout;
+    int64_t first, count, frames_per_task, layout;
     uint8_t *out, *memory;
-    size_t frame_bytes, needed;
-    int32_t *wanted;
+    size_t frame_bytes, memory_size;
+    int32_t *frames;
     int64_t *results;
 } product;
 
-static void multiply_part(void *shared, uint32_t i) {
+static void multiply_task(void *shared, uint32_t i) {
     const product *p = shared;
-    const reel_track_state *held = p->held;
-    int64_t begin = i * p->part, end = begin + p->part < p->count ? begin + p->part : p->count;
+    const reel_track_state *state = p->state;
+    int64_t begin = i * p->frames_per_task,
+            end = begin + p->frames_per_task < p->count ? begin + p->frames_per_task : p->count;
     p->results[i] = 0;
     for (int64_t from = begin; from < end && p->results[i] >= 0; from += MAX_FRAMES_PER_CALL) {
         int64_t count = end - from < MAX_FRAMES_PER_CALL ? end - from : MAX_FRAMES_PER_CALL;
-        const int64_t *starts = held->now.moves.starts ? held->now.moves.starts + p->first + from : NULL;
+        const int64_t *starts = state->current.corrections.starts
+                                    ? state->current.corrections.starts + p->first + from
+                                    : NULL;
         p->results[i] = reel_frames(
-            p->memory + i * p->needed, p->needed, held->now.basis, held->now.packed,
-            (int64_t)held->now.group.precision, p->n_columns, (int64_t)held->now.group.n_frames,
-            (int64_t)held->now.n_modes, held->items.graph.n_items, p->wanted + from, count, starts,
-            held->now.moves.items, held->now.moves.moves, p->placement, p->layout,
-            p->out + (size_t)from * p->frame_bytes);
+            p->memory + i * p->memory_size, p->memory_size, state->current.basis,
+            state->current.packed, (int64_t)state->current.group.precision, p->n_columns,
+            (int64_t)state->current.group.n_frames, (int64_t)state->current.n_modes,
+            state->items.graph.n_items, p->frames + from, count, starts,
+            state->current.corrections.items, state->current.corrections.offsets, p->placement,
+            p->layout, p->out + (size_t)from * p->frame_bytes);
     }
 }
 
-/* Products of modes of some frames, as 4 or 8 byte floats. */
-static int multiply(reel_call *call, const meshreel_decoder *decoder, reel_track_state *held,
+/* Multiply the modes of some frames, into 4 or 8 byte floats. */
+static int multiply(reel_call *call, const meshreel_decoder *decoder, reel_track_state *state,
                     const reel_track *track, uint64_t first, uint64_t count, int64_t layout,
                     void *out) {
-    uint32_t n_parts = reel_threads(call) < count ? reel_threads(call) : (uint32_t)count;
-    product p = {.decoder = decoder, .held = held, .placement = track->placement,
-                 .n_columns = track->n_coded, .first = (int64_t)first, .count = (int64_t)count,
-                 .part = ((int64_t)count + n_parts - 1) / n_parts, .layout = layout, .out = out};
-    int64_t together = p.part < MAX_FRAMES_PER_CALL ? p.part : MAX_FRAMES_PER_CALL;
-    int failed = reel_pack_fields(call, held);
-    p.frame_bytes = (size_t)held->items.graph.n_items * track->n_coded * (size_t)layout;
-    p.needed = (reel_frames_memory(track->n_coded, (int64_t)held->now.n_modes, together) +
-                REEL_ALIGNMENT - 1) / REEL_ALIGNMENT * REEL_ALIGNMENT;
-    p.memory = reel_scratch(call, n_parts, p.needed);
-    p.wanted = reel_scratch(call, count, sizeof *p.wanted);
-    p.results = reel_scratch(call, n_parts, sizeof *p.results);
-    if (failed || !p.memory || !p.wanted || !p.results) {
+    uint32_t n_tasks = reel_threads(call) < count ? reel_threads(call) : (uint32_t)count;
+    product p = {.decoder = decoder,
+                 .state = state,
+                 .placement = track->placement,
+                 .n_columns = track->n_coded,
+                 .first = (int64_t)first,
+                 .count = (int64_t)count,
+                 .frames_per_task = ((int64_t)count + n_tasks - 1) / n_tasks,
+                 .layout = layout,
+                 .out = out};
+    int64_t max_count =
+        p.frames_per_task < MAX_FRAMES_PER_CALL ? p.frames_per_task : MAX_FRAMES_PER_CALL;
+    int failed = reel_pack_fields(call, state);
+    p.frame_bytes = (size_t)state->items.graph.n_items * track->n_coded * (size_t)layout;
+    p.memory_size =
+        (reel_frames_memory(track->n_coded, (int64_t)state->current.n_modes, max_count) +
+         REEL_ALIGNMENT - 1) /
+        REEL_ALIGNMENT * REEL_ALIGNMENT;
+    p.memory = reel_scratch(call, n_tasks, p.memory_size);
+    p.frames = reel_scratch(call, count, sizeof *p.frames);
+    p.results = reel_scratch(call, n_tasks, sizeof *p.results);
+    if (failed || !p.memory || !p.frames || !p.results) {
         return call->error.code;
     }
     for (uint64_t i = 0; i < count; i++) {
-        p.wanted[i] = (int32_t)(first + i);
+        p.frames[i] = (int32_t)(first + i);
     }
-    reel_run(call, multiply_part, &p, n_parts);
-    for (uint32_t i = 0; i < n_parts && !failed; i++) {
+    reel_run(call, multiply_task, &p, n_tasks);
+    for (uint32_t i = 0; i < n_tasks && !failed; i++) {
         failed = reel_fail_core(call, p.results[i], 0, "the frames of a block are damaged");
     }
     return failed;
@@ -69,7 +82,7 @@ static int multiply(reel_call *call, const meshreel_decoder *decoder, reel_track
 
 /* ---- numbers of any type ---- */
 
-/* Moves numbers of `size` bytes item by item in an order. */
+/* Copy items of `item_bytes` bytes in an order. */
 static void gather(const uint8_t *from, const int32_t *order, uint64_t n_items, size_t item_bytes,
                    uint8_t *to) {
     for (uint64_t i = 0; i < n_items; i++) {
@@ -92,12 +105,12 @@ static void put_number(void *numbers, uint32_t size, uint64_t i, double value) {
 
 /* ---- positions ---- */
 
-static void place_grid(const reel_track_state *held, const double *placement, uint32_t stored,
+static void store_grid(const reel_track_state *state, const double *placement, uint32_t stored,
                        const int32_t *units, uint64_t n_items, uint32_t size, void *out) {
     for (uint64_t i = 0; i < n_items; i++) {
-        const int32_t *item = units + 3 * (uint64_t)held->items.order[i];
+        const int32_t *item = units + 3 * (uint64_t)state->items.order[i];
         for (uint32_t axis = 0; axis < 3; axis++) {
-            double value = (double)item[axis] * held->now.group.grid;
+            double value = (double)item[axis] * state->current.group.grid;
             value = value * placement[0] + placement[1 + axis];
             value = stored == 4 ? (double)(float)value : value;
             put_number(out, size, 3 * i + axis, value);
@@ -105,29 +118,30 @@ static void place_grid(const reel_track_state *held, const double *placement, ui
     }
 }
 
-static void place_exact(const meshreel_decoder *decoder, const reel_track_state *held,
+static void store_exact(const meshreel_decoder *decoder, const reel_track_state *state,
                         uint64_t frame, uint32_t size, void *out) {
     const reel_outline *outline = &decoder->file->outline;
-    uint64_t n_items = held->items.graph.n_items;
+    uint64_t n_items = state->items.graph.n_items;
     uint32_t stored = outline->number_bytes;
-    if (held->now.group.grid > 0.0) {
-        place_grid(held, outline->placement, stored,
-                   (const int32_t *)held->now.exact + 3 * n_items * frame, n_items, size, out);
+    if (state->current.group.grid > 0.0) {
+        store_grid(state, outline->placement, stored,
+                   (const int32_t *)state->current.exact + 3 * n_items * frame, n_items, size, out);
         return;
     }
-    const uint8_t *from = (const uint8_t *)held->now.exact + (size_t)(3 * stored * n_items * frame);
+    const uint8_t *from =
+        (const uint8_t *)state->current.exact + (size_t)(3 * stored * n_items * frame);
     if (size == stored) {
-        gather(from, held->items.order, n_items, 3 * (size_t)size, out);
+        gather(from, state->items.order, n_items, 3 * (size_t)size, out);
         return;
     }
     for (uint64_t i = 0; i < 3 * n_items; i++) {
-        uint64_t item = 3 * (uint64_t)held->items.order[i / 3] + i % 3;
+        uint64_t item = 3 * (uint64_t)state->items.order[i / 3] + i % 3;
         put_number(out, size, i, number_at(from, stored, item));
     }
 }
 
 /* Whether floats or doubles are finite, 8 bytes at a time: adding 1 to an exponent of all ones
-   carries into the place of the sign, which is masked out before. */
+   carries into the sign bit, which is masked out first. */
 static bool are_finite(const void *numbers, uint32_t size, uint64_t count) {
     uint64_t mask = size == 4 ? 0x7FFFFFFF7FFFFFFFU : 0x7FFFFFFFFFFFFFFFU;
     uint64_t one = size == 4 ? 0x0080000000800000U : 0x0010000000000000U;
@@ -145,24 +159,24 @@ static bool are_finite(const void *numbers, uint32_t size, uint64_t count) {
 
 static int positions_of(reel_call *call, const meshreel_decoder *decoder, uint64_t first,
                         uint64_t count, uint32_t size, void *out) {
-    reel_track_state *held = decoder->tracks;
+    reel_track_state *state = decoder->tracks;
     const reel_outline *outline = &decoder->file->outline;
-    uint64_t n_items = held->items.graph.n_items;
+    uint64_t n_items = state->items.graph.n_items;
     if (REEL_ONLY_POSITIONS || outline->method == REEL_METHOD_REEL) {
-        int failed = multiply(call, decoder, held, decoder->file->tracks, first, count, size, out);
+        int failed = multiply(call, decoder, state, decoder->file->tracks, first, count, size, out);
         if (failed) {
             return failed;
         }
     } else {
         for (uint64_t i = 0; i < count; i++) {
-            place_exact(decoder, held, first + i, size,
+            store_exact(decoder, state, first + i, size,
                         (uint8_t *)out + (size_t)(3 * size * n_items * i));
         }
     }
     if (are_finite(out, size, 3 * n_items * count)) {
         return MESHREEL_OK;
     }
-    uint64_t at = reel_group_bytes(outline, held->now.block, 0).at;
+    uint64_t at = reel_group_bytes(outline, state->current.block, 0).at;
     return size < outline->number_bytes
                ? reel_fail(call, MESHREEL_RANGE, at, "a position exceeds float; decode to doubles")
                : reel_fail(call, MESHREEL_CORRUPT, at, "a position is not finite");
@@ -170,21 +184,23 @@ static int positions_of(reel_call *call, const meshreel_decoder *decoder, uint64
 
 /* ---- tracks that positions predict ---- */
 
-/* Positions of the frames around first..first+count-1 that are in the block: `before` is 1 where the
-   frame before is among them. */
+/* Positions of the frames around first..first+count-1 within the block; `before` is the number of
+   frames before `first` among them. */
 typedef struct {
     void *numbers;
     uint32_t size;
     uint64_t before, count, n_verts;
-} around;
+} position_window;
 
 static int positions_around(reel_call *call, meshreel_decoder *decoder, uint64_t block,
-                            uint64_t first, uint64_t count, uint64_t margin, around *found) {
+                            uint64_t first, uint64_t count, uint64_t margin,
+                            position_window *found) {
     const reel_outline *outline = &decoder->file->outline;
-    uint64_t n_frames = outline->places[block].n_frames;
+    uint64_t n_frames = outline->blocks[block].n_frames;
     uint64_t begin = first > margin ? first - margin : 0;
     uint64_t end = first + count + margin < n_frames ? first + count + margin : n_frames;
-    *found = (around){NULL, outline->number_bytes, first - begin, end - begin, outline->n_verts};
+    *found = (position_window){NULL, outline->number_bytes, first - begin, end - begin,
+                               outline->n_verts};
     int failed = reel_load(call, decoder, 0, block, 0);
     if (failed) {
         return failed;
@@ -195,12 +211,13 @@ static int positions_around(reel_call *call, meshreel_decoder *decoder, uint64_t
                : call->error.code;
 }
 
-static double coordinate(const around *p, uint64_t frame, uint64_t i) {
+static double coordinate(const position_window *p, uint64_t frame, uint64_t i) {
     return number_at(p->numbers, p->size, 3 * p->n_verts * frame + i);
 }
 
-/* The difference of positions over time that a velocity is expected by; the block has n_frames. */
-static double difference(const around *p, uint32_t kind, uint64_t frame, uint64_t i,
+/* Difference of positions over time that predicts a velocity, one-sided at the ends of the
+   block. */
+static double difference(const position_window *p, uint32_t kind, uint64_t frame, uint64_t i,
                          bool is_first, bool is_last) {
     if (is_first && is_last) {
         return 0.0;
@@ -214,8 +231,8 @@ static double difference(const around *p, uint32_t kind, uint64_t frame, uint64_
     return (coordinate(p, frame + 1, i) - coordinate(p, frame - 1, i)) / 2.0;
 }
 
-/* The place of a float among all of its type, and back: its bits, in ascending order. */
-static int64_t place_of(double value, uint32_t size) {
+/* Index of a float in the order of its type, and back. */
+static int64_t float_index(double value, uint32_t size) {
     if (size == 4) {
         float single = (float)value;
         int32_t bits;
@@ -227,13 +244,13 @@ static int64_t place_of(double value, uint32_t size) {
     return bits ^ ((bits >> 63) & INT64_MAX);
 }
 
-static void put_place(void *numbers, uint32_t size, uint64_t i, uint64_t place) {
+static void put_float_at(void *numbers, uint32_t size, uint64_t i, uint64_t index) {
     if (size == 4) {
-        int32_t bits = (int32_t)(uint32_t)place;
+        int32_t bits = (int32_t)(uint32_t)index;
         bits ^= (bits >> 31) & INT32_MAX;
         reel_copy((uint8_t *)numbers + 4 * i, &bits, sizeof bits);
     } else {
-        int64_t bits = (int64_t)place;
+        int64_t bits = (int64_t)index;
         bits ^= (bits >> 63) & INT64_MAX;
         reel_copy((uint8_t *)numbers + 8 * i, &bits, sizeof bits);
     }
@@ -247,96 +264,97 @@ static bool is_number(double value, uint32_t size) {
     return value - value == 0.0;
 }
 
-/* Adds what is coded to the place of an expected velocity. */
-static void put_exact(const reel_track_state *held, uint32_t size, uint64_t coded, double expected,
-                      void *out, uint64_t i) {
+/* Add a coded difference to the index of a predicted velocity. */
+static void put_difference(const reel_track_state *state, uint32_t size, uint64_t decoded,
+                           double expected, void *out, uint64_t i) {
     expected = is_number(expected, size) ? expected : 0.0;
-    int64_t more = size == 4 ? ((const int32_t *)held->now.exact)[coded]
-                             : ((const int64_t *)held->now.exact)[coded];
-    put_place(out, size, i, (uint64_t)place_of(expected, size) + (uint64_t)more);
+    int64_t difference_value = size == 4 ? ((const int32_t *)state->current.exact)[decoded]
+                                         : ((const int64_t *)state->current.exact)[decoded];
+    put_float_at(out, size, i, (uint64_t)float_index(expected, size) + (uint64_t)difference_value);
 }
 
-static int velocities_of(reel_call *call, meshreel_decoder *decoder, reel_track_state *held,
+static int velocities_of(reel_call *call, meshreel_decoder *decoder, reel_track_state *state,
                          const reel_track *track, uint64_t first, uint64_t count, void *out) {
-    around p;
-    uint64_t n_items = held->items.graph.n_items, n = 3 * n_items;
-    double *coded = NULL;
-    int failed = positions_around(call, decoder, held->now.block, first, count, 1, &p);
+    position_window p;
+    uint64_t n_items = state->items.graph.n_items, n = 3 * n_items;
+    double *decoded = NULL;
+    int failed = positions_around(call, decoder, state->current.block, first, count, 1, &p);
     if (!failed && !track->info.is_exact) {
-        coded = reel_scratch(call, n * count, sizeof *coded);
-        failed = coded ? multiply(call, decoder, held, track, first, count, REEL_VALUES_8, coded)
-                       : call->error.code;
+        decoded = reel_scratch(call, n * count, sizeof *decoded);
+        failed = decoded
+                     ? multiply(call, decoder, state, track, first, count, REEL_VALUES_8, decoded)
+                     : call->error.code;
     }
     for (uint64_t t = 0; t < count && !failed; t++) {
-        bool is_first = first + t == 0, is_last = first + t + 1 == held->now.group.n_frames;
+        bool is_first = first + t == 0, is_last = first + t + 1 == state->current.group.n_frames;
         for (uint64_t i = 0; i < n; i++) {
             double step = difference(&p, track->difference, p.before + t, i, is_first, is_last);
             double expected = track->rate * step;
-            if (coded) {
-                put_number(out, track->size, t * n + i, expected + coded[t * n + i]);
+            if (decoded) {
+                put_number(out, track->size, t * n + i, expected + decoded[t * n + i]);
             } else {
-                uint64_t item = (uint64_t)held->items.order[i / 3];
-                put_exact(held, track->size, ((first + t) * n_items + item) * 3 + i % 3, expected,
-                          out, t * n + i);
+                uint64_t item = (uint64_t)state->items.order[i / 3];
+                put_difference(state, track->size, ((first + t) * n_items + item) * 3 + i % 3,
+                               expected, out, t * n + i);
             }
         }
     }
     return failed;
 }
 
-/* Normals of a surface at the values of a track, of one frame; `of_vertices` has room for 3 n_verts
+/* Surface normals of one frame at the values of a track; `of_vertices` has space for 3 n_verts
    numbers. */
-static int surface_normals(reel_call *call, const meshreel_file *file, const reel_track_state *held,
-                           uint32_t domain, const int32_t *summed, const void *positions,
+static int surface_normals(reel_call *call, const meshreel_file *file,
+                           const reel_track_state *state, uint32_t domain,
+                           const int32_t *summed_faces_of, const void *positions,
                            double *of_vertices, double *normals) {
     const reel_outline *outline = &file->outline;
     int64_t n_verts = (int64_t)outline->n_verts, n_faces = (int64_t)outline->n_faces;
-    int64_t size = outline->number_bytes, n_items = held->items.graph.n_items;
+    int64_t size = outline->number_bytes, n_items = state->items.graph.n_items;
     bool is_of_faces = domain == MESHREEL_FACES;
-    const int32_t *vertex = held->items.vertex;
+    const int32_t *vertex = state->items.vertex;
     double *found = is_of_faces || !vertex ? normals : of_vertices;
-    int64_t result =
-        reel_normals(positions, size, 1, n_verts,
-                     is_of_faces ? (const int32_t *)file->mesh.triangles : summed, n_faces,
-                     is_of_faces ? held->items.polygon : NULL, is_of_faces ? n_items : n_verts,
-                     found);
+    int64_t result = reel_normals(
+        positions, size, 1, n_verts,
+        is_of_faces ? (const int32_t *)file->mesh.triangles : summed_faces_of, n_faces,
+        is_of_faces ? state->items.polygon : NULL, is_of_faces ? n_items : n_verts, found);
     for (int64_t i = 0; i < n_items && found != normals; i++) {
         reel_copy(normals + 3 * i, of_vertices + 3 * (int64_t)vertex[i], 3 * sizeof *normals);
     }
     return reel_fail_core(call, result, 0, "the normals of a surface cannot be found");
 }
 
-/* Triangles in internal order, in which normals of vertices are summed up, of vertices as they go
-   out. */
+/* Triangles in internal order, in which vertex normals are summed, with output vertices. */
 static int32_t *summed_faces(reel_call *call, const meshreel_file *file) {
     uint64_t count = 3 * file->outline.n_faces;
     int32_t *faces = reel_scratch(call, count, sizeof *faces);
     for (uint64_t i = 0; faces && i < count; i++) {
-        faces[i] = file->mesh.outward[file->mesh.internal_faces[i]];
+        faces[i] = file->mesh.to_output[file->mesh.internal_faces[i]];
     }
     return faces;
 }
 
-static int turned_normals(reel_call *call, meshreel_decoder *decoder, reel_track_state *held,
-                          const reel_track *track, uint64_t first, uint64_t count, void *out) {
+static int rotated_normals(reel_call *call, meshreel_decoder *decoder, reel_track_state *state,
+                           const reel_track *track, uint64_t first, uint64_t count, void *out) {
     const meshreel_file *file = decoder->file;
-    uint64_t n_items = held->items.graph.n_items, n_verts = file->outline.n_verts;
+    uint64_t n_items = state->items.graph.n_items, n_verts = file->outline.n_verts;
     uint32_t domain = track->sharing == REEL_OF_VERTICES ? MESHREEL_VERTICES : track->info.domain;
-    around p;
-    int failed = positions_around(call, decoder, held->now.block, first, count, 0, &p);
-    double *turns = reel_scratch(call, 2 * n_items * count, sizeof *turns);
+    position_window p;
+    int failed = positions_around(call, decoder, state->current.block, first, count, 0, &p);
+    double *rotations = reel_scratch(call, 2 * n_items * count, sizeof *rotations);
     double *normals = reel_scratch(call, 3 * n_items, sizeof *normals);
     double *of_vertices = reel_scratch(call, 3 * n_verts, sizeof *of_vertices);
-    int32_t *summed = summed_faces(call, file);
-    if (failed || !turns || !normals || !of_vertices || !summed) {
+    int32_t *summed_faces_of = summed_faces(call, file);
+    if (failed || !rotations || !normals || !of_vertices || !summed_faces_of) {
         return call->error.code;
     }
-    failed = multiply(call, decoder, held, track, first, count, REEL_VALUES_8, turns);
+    failed = multiply(call, decoder, state, track, first, count, REEL_VALUES_8, rotations);
     for (uint64_t t = 0; t < count && !failed; t++) {
         const uint8_t *positions = (const uint8_t *)p.numbers + 3 * n_verts * p.size * t;
-        failed = surface_normals(call, file, held, domain, summed, positions, of_vertices, normals);
+        failed = surface_normals(call, file, state, domain, summed_faces_of, positions, of_vertices,
+                                 normals);
         if (!failed) {
-            reel_rotate_normals(normals, turns + 2 * n_items * t, (int64_t)n_items, track->size,
+            reel_rotate_normals(normals, rotations + 2 * n_items * t, (int64_t)n_items, track->size,
                                 (uint8_t *)out + 3 * n_items * track->size * t);
         }
     }
@@ -345,7 +363,7 @@ static int turned_normals(reel_call *call, meshreel_decoder *decoder, reel_track
 
 /* ---- any track ---- */
 
-/* Normals divided by their length, or 0 where that is below a half. */
+/* Normalize; normals shorter than 1/2 become 0. */
 static void to_unit_length(void *normals, uint32_t size, uint64_t count) {
     for (uint64_t i = 0; i < count; i++) {
         double n[3], length;
@@ -359,13 +377,13 @@ static void to_unit_length(void *normals, uint32_t size, uint64_t count) {
     }
 }
 
-static void place_missing(const reel_track_state *held, const reel_track *track, uint64_t first,
+static void store_missing(const reel_track_state *state, const reel_track *track, uint64_t first,
                           uint64_t count, uint8_t *out) {
-    uint64_t n_items = held->items.graph.n_items, n_columns = track->info.n_columns;
-    for (uint64_t i = 0; i < count * n_items && held->now.missing; i++) {
+    uint64_t n_items = state->items.graph.n_items, n_columns = track->info.n_columns;
+    for (uint64_t i = 0; i < count * n_items && state->current.missing; i++) {
         uint64_t t = i / n_items, value = i % n_items;
-        uint64_t item = held->items.order ? (uint64_t)held->items.order[value] : value;
-        const uint8_t *flags = held->now.missing + ((first + t) * n_items + item) * n_columns;
+        uint64_t item = state->items.order ? (uint64_t)state->items.order[value] : value;
+        const uint8_t *flags = state->current.missing + ((first + t) * n_items + item) * n_columns;
         for (uint64_t column = 0; column < n_columns; column++) {
             uint8_t *number = out + (i * n_columns + column) * track->size;
             if (flags[column] && track->size == 4) {
@@ -380,31 +398,31 @@ static void place_missing(const reel_track_state *held, const reel_track *track,
 int reel_values(reel_call *call, meshreel_decoder *decoder, uint32_t number, uint64_t first,
                 uint64_t count, uint32_t size, void *out) {
     const reel_track *track = &decoder->file->tracks[number];
-    reel_track_state *held = &decoder->tracks[number];
-    uint64_t n_items = held->items.graph.n_items;
+    reel_track_state *state = &decoder->tracks[number];
+    uint64_t n_items = state->items.graph.n_items;
     int failed = MESHREEL_OK;
     if (REEL_ONLY_POSITIONS || !number) {
         return positions_of(call, decoder, first, count, size, out);
     }
     if (track->difference) {
-        failed = velocities_of(call, decoder, held, track, first, count, out);
+        failed = velocities_of(call, decoder, state, track, first, count, out);
     } else if (track->info.coding == REEL_ROTATIONS) {
-        failed = turned_normals(call, decoder, held, track, first, count, out);
+        failed = rotated_normals(call, decoder, state, track, first, count, out);
     } else if (track->info.coding == REEL_EXACT) {
         size_t item_bytes = (size_t)track->info.n_columns * track->size;
         for (uint64_t t = 0; t < count; t++) {
-            gather((const uint8_t *)held->now.exact + (first + t) * n_items * item_bytes,
-                   held->items.order, n_items, item_bytes,
+            gather((const uint8_t *)state->current.exact + (first + t) * n_items * item_bytes,
+                   state->items.order, n_items, item_bytes,
                    (uint8_t *)out + t * n_items * item_bytes);
         }
     } else {
-        failed = multiply(call, decoder, held, track, first, count, track->size, out);
+        failed = multiply(call, decoder, state, track, first, count, track->size, out);
         if (!failed && track->info.kind == MESHREEL_TRACK_NORMAL) {
             to_unit_length(out, track->size, n_items * count);
         }
     }
     if (!failed) {
-        place_missing(held, track, first, count, out);
+        store_missing(state, track, first, count, out);
     }
     return failed;
 }

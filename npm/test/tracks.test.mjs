@@ -261,7 +261,7 @@ test("a block is an error where what says that values are missing is damaged", a
     const stress = reel.track("stress");
     await assert.rejects(stress.frame(0), {
       name: "CorruptStreamError",
-      message: /a value is neither missing nor there/,
+      message: /the flag of a missing value is neither 0 nor 1/,
     });
     assert.equal((await stress.frame(13)).length, 42);
   });

@@ -529,7 +529,7 @@ def test_bytes_behind_the_end_of_a_file_are_named(name):
     with File(data + b"more") as file:
         assert not file.info.is_whole
         assert file.info.damage.offset == len(data)
-        assert file.info.damage.message == b"bytes follow the end of the file"
+        assert file.info.damage.message == b"bytes follow the section END"
 
 
 def read_leniently(data):

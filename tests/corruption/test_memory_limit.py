@@ -203,7 +203,7 @@ def test_a_zero_at_the_end_of_bits_is_refused_by_every_reader(section):
         encode(irregular_sequence(4), max_error=8.0, n_modes=2),
         lambda one, payload: payload + b"\0" if one is section else payload,
     )
-    with pytest.raises(CorruptStreamError, match="end with a byte of 0"):
+    with pytest.raises(CorruptStreamError, match="end with a zero byte"):
         decode(data)
     with pytest.raises(DamagedError):
         plain.read(data, Memory())

@@ -77,7 +77,7 @@ def test_one_line_names_the_compiler_when_cc_names_one_that_is_not_there(
     core, monkeypatch, tmp_path
 ):
     monkeypatch.setenv("CC", "no-such-compiler")
-    with pytest.raises(RuntimeError, match=r"^there is no compiler 'no-such-compiler'.*$"):
+    with pytest.raises(RuntimeError, match=r"^CC names the compiler 'no-such-compiler'.*$"):
         core["build"](tmp_path / "libreel.so")
 
 

@@ -54,10 +54,10 @@ def test_reading_raises_when_the_file_is_of_another_program():
 @pytest.mark.parametrize(
     ("version", "remedy"),
     [
-        (1, "before the first release; encode the original again"),
-        (2, "before the first release; encode the original again"),
-        (4, "another version than 3; update meshreel"),
-        (0, "another version than 3; update meshreel"),
+        (1, "older than the first release; encode the original again"),
+        (2, "older than the first release; encode the original again"),
+        (4, "format version is not 3; update meshreel"),
+        (0, "format version is not 3; update meshreel"),
     ],
 )
 def test_reading_says_what_to_do_when_the_version_is_another(version, remedy):

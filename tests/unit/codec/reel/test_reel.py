@@ -209,7 +209,7 @@ def test_other_layouts_are_refused_when_another_build_wrote_them(number):
         for section, payload in parts_of(stream)
     ]
     with pytest.raises(
-        UnsupportedVersionError, match="a layout of a newer version; update meshreel"
+        UnsupportedVersionError, match="needs a newer version; update meshreel"
     ):
         decode(raw_stream(stream.header, sections))
 
