@@ -138,7 +138,7 @@ class SequenceFormat:
         Whether images are files in a folder beside, for the file cannot hold them itself.
     holds_tracks : set of Domain
         Of which tracks a file that is written holds; others are left out, with a note.
-    files_beside : function of a path and a number of frames, optional
+    data_files : function of a path and a number of frames, optional
         Gives the files that are written beside, for the file names them; the `FrameStream` says
         where `write` puts them.
     list_animations : function of a path and `ReadOptions`, optional
@@ -157,7 +157,7 @@ class SequenceFormat:
     holds_materials: bool = False
     has_image_folder: bool = False
     holds_tracks: frozenset[Domain] = NO_TRACKS
-    files_beside: Callable[[Path, int], list[Path]] | None = None
+    data_files: Callable[[Path, int], list[Path]] | None = None
     list_animations: Callable[[Path, ReadOptions], Sequence[AnimationInfo]] | None = None
 
 
@@ -201,7 +201,7 @@ def scene_format(
     holds_materials: bool = False,
     has_image_folder: bool = False,
     holds_tracks: frozenset[Domain] = NO_TRACKS,
-    files_beside: Callable[[Path, int], list[Path]] | None = None,
+    data_files: Callable[[Path, int], list[Path]] | None = None,
     list_animations: Callable[[Path, ReadOptions], Sequence[AnimationInfo]] | None = None,
 ) -> SequenceFormat:
     """A format whose files hold one or several meshes, the faces of which may change.
@@ -215,5 +215,5 @@ def scene_format(
         ending, title, partial(OPEN_SCENE, read_meshes), write, extra,
         reads=frozenset(reads), writes=writes, read_meshes=read_meshes,
         holds_materials=holds_materials, has_image_folder=has_image_folder,
-        holds_tracks=holds_tracks, files_beside=files_beside, list_animations=list_animations,
+        holds_tracks=holds_tracks, data_files=data_files, list_animations=list_animations,
     )  # fmt: skip

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from meshreel.codec.byte_sizes import bytes_of
 from meshreel.codec.memory import DEFAULT_MEMORY
 from meshreel.formats.frames.mesh_files import MeshFiles
-from meshreel.formats.frames.selection import with_attributes
+from meshreel.formats.frames.selection import select_attributes
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.frames.survey import FrameSurvey
 from meshreel.formats.kinds import SequenceFormat
@@ -216,7 +216,7 @@ def _opened(found: SourceFiles, options: ReadOptions) -> FrameSource:
         opened = found.format.open(found.paths[0], options)
     else:
         opened = open_mesh_files(MeshFiles(found.paths, found.format), found.name, options)
-    return with_attributes(opened, options.attributes, found.paths[0])
+    return select_attributes(opened, options.attributes, found.paths[0])
 
 
 def open_mesh_files(
@@ -249,19 +249,19 @@ def read_frames(
     progress: Progress,
     notes: list[str],
 ) -> MeshSequence:
-    """The frames of all files, in memory.
+    """Load the frames of all files.
 
-    Memory holds the result and one frame. Files without shared vertices are read twice: first to
-    find the corners that coincide in every frame, then to keep one of each.
+    Needs memory for the result and one frame. Files without shared vertices are read twice: first
+    to find the corners that coincide in every frame, then to keep one of each.
 
     Parameters
     ----------
     fps, name, start_s
         As in `MeshSequence`.
     progress : Progress
-        Told of every frame read.
+        Called after every frame.
     notes : list of str
-        Gains a sentence for everything that was changed on the way.
+        Receives a sentence for each thing that reading changes or leaves out.
 
     Raises
     ------
@@ -290,9 +290,9 @@ def open_frames(
     progress: Progress,
     notes: list[str],
 ) -> StoredFrames:
-    """The frames that `read_frames` gives, each read when it is asked for.
+    """Return the frames of all files as a sequence that reads each frame on demand.
 
-    Every file is read once now, for what must be known of all; memory holds one frame.
+    Every file is read once now, to validate it and to find the extent; needs memory for one frame.
 
     Parameters
     ----------
@@ -302,7 +302,7 @@ def open_frames(
     Raises
     ------
     FormatError, InvalidInputError
-        As `MeshFiles.meshes`; when frames are read too, if a file has changed meanwhile.
+        As `MeshFiles.meshes`; also when frames are read, if a file has changed.
     """
     survey = FrameSurvey(is_decimal=files.format.is_decimal)
     kept: slice | npt.NDArray[np.int64] = slice(None)
@@ -338,8 +338,8 @@ def open_frames(
 
 
 def _weld(files: MeshFiles, survey: FrameSurvey, progress: Progress, notes: list[str]) -> Weld:
-    """The weld of all frames, which the survey has seen when it is made."""
-    # Every corner is a vertex of the same position: the survey of corners is that of vertices.
+    """Return the weld of all frames, and add the frames to the survey."""
+    # Surveying corners is enough: every vertex is one of the corners.
     meshes = files.meshes(progress, "welding")
     weld = weld_corners(survey.watch(mesh.vertices for mesh in meshes))
     notes.append(weld.description)
@@ -350,7 +350,7 @@ def _weld(files: MeshFiles, survey: FrameSurvey, progress: Progress, notes: list
 def _surveyed(
     files: MeshFiles, survey: FrameSurvey, progress: Progress, notes: list[str]
 ) -> tuple[Faces, Surface, Iterator[Vertices]]:
-    """Triangles, surface, and positions of each frame, which the survey sees as they pass."""
+    """Return triangles, surface, and an iterator over positions that also feeds the survey."""
     meshes = files.meshes(progress, "reading")
     first = next(meshes)
     faces = triangulate_fans(first.counts, first.corners)
@@ -359,7 +359,7 @@ def _surveyed(
 
 
 def _stack(frames: Iterator[Vertices], n_frames: int) -> Vertices:
-    """The frames as one array, in the widest float type of them, filled as they come."""
+    """Stack the frames into one array of their widest float type."""
     first = next(frames)
     stack = np.empty((n_frames, *first.shape), dtype=first.dtype)
     for index, frame in enumerate(chain([first], frames)):

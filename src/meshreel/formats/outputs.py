@@ -69,9 +69,9 @@ def check_output(
     paths = _files_of(path, n_frames, start_number)
     check_write_options(chosen := format_of(path), options)
     inputs = list(inputs)
-    if isinstance(chosen, SequenceFormat) and chosen.files_beside is not None:
+    if isinstance(chosen, SequenceFormat) and chosen.data_files is not None:
         check_output_paths([path], overwrite=overwrite, inputs=inputs)
-        beside = chosen.files_beside(path, n_frames or 1)
+        beside = chosen.data_files(path, n_frames or 1)
         check_output_paths(beside, overwrite=overwrite, inputs=inputs, makes_folder=True)
         return [path, *beside]
     check_output_paths(paths, overwrite=overwrite, inputs=inputs, makes_folder=is_pattern(path))

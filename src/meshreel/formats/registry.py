@@ -206,7 +206,7 @@ SEQUENCE_FORMATS = {
             Lazy("vtk.xml_writing:write_pvd"),
             names_files=True,
             holds_tracks=NOT_OF_CORNERS,
-            files_beside=Lazy("vtk.xml_writing:pvd_pieces"),
+            data_files=Lazy("vtk.xml_writing:pvd_pieces"),
         ),
         *(
             scene_format(
@@ -217,7 +217,7 @@ SEQUENCE_FORMATS = {
                 HDF,
                 names_files=True,
                 holds_tracks=NOT_OF_CORNERS,
-                files_beside=Lazy("vtk.xdmf_writing:xdmf_data_files"),
+                data_files=Lazy("vtk.xdmf_writing:xdmf_data_files"),
             )
             for ending in (".xdmf", ".xmf")
         ),

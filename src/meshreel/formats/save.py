@@ -237,9 +237,9 @@ def save_frames(
             path.write_bytes(image.data)
         temporaries = hidden[len(images) :]
         if isinstance(found, SequenceFormat):
-            if found.files_beside is not None:
+            if found.data_files is not None:
                 names = [path.relative_to(paths[0].parent).as_posix() for path in paths[1:]]
-                stream.beside = list(zip(names, temporaries[1:], strict=True))
+                stream.data_files = list(zip(names, temporaries[1:], strict=True))
             _write_sequence(found, temporaries, stream, options)
             progress("writing", 1.0)
             return [*paths, *images]

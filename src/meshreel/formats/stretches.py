@@ -8,7 +8,7 @@ from pathlib import Path
 
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.mesh_files import MeshFiles
-from meshreel.formats.frames.selection import with_attributes
+from meshreel.formats.frames.selection import select_attributes
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.load import open_mesh_files
 from meshreel.formats.options import ReadOptions
@@ -63,7 +63,9 @@ def find_stretches(source: Source, options: ReadOptions) -> list[Stretch]:
 
 def _selecting(stretch: Stretch, options: ReadOptions, path: Path) -> Stretch:
     """A stretch that has only the attributes that the options choose."""
-    return replace(stretch, open=lambda: with_attributes(stretch.open(), options.attributes, path))
+    return replace(
+        stretch, open=lambda: select_attributes(stretch.open(), options.attributes, path)
+    )
 
 
 def _stretches(found: SourceFiles, options: ReadOptions) -> list[Stretch]:

@@ -153,7 +153,10 @@ def test_open_source_reads_native_numbers_when_an_npz_is_big_endian(tmp_path, ma
     ("arrays", "message"),
     [
         ({"verts": np.zeros((2, 3, 3))}, "has no array 'vertices'"),
-        ({"vertices": np.zeros((3, 3))}, r"vertices must have shape \(T, V, 3\); got \(3, 3\)"),
+        (
+            {"vertices": np.zeros((3, 3))},
+            r"vertices must have shape \(T, V, 3\) or \(V, 3, T\); got \(3, 3\)",
+        ),
         ({"vertices": np.zeros((2, 3, 3), np.int32)}, "must be float32 or float64; got int32"),
         ({"vertices": np.zeros((0, 3, 3))}, "needs at least one frame"),
         ({"vertices": np.zeros((2, 2, 3))}, r"face 0 is \[0, 1, 2\]; indices must be in 0..1"),

@@ -28,7 +28,7 @@ N_ARGUMENTS = {
     "open": 2,
     "write": 3,
     "read_meshes": 2,
-    "files_beside": 2,
+    "data_files": 2,
     "list_animations": 2,
     "fields_checker": 1,
     "files": 2,

@@ -70,17 +70,17 @@ def test_save_frames_tells_of_every_frame_when_the_output_is_npz(write, make_seq
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda blocks: blocks[:4], "5 frames were announced; 4 came"),
-        (lambda blocks: [*blocks, blocks[0]], "5 frames were announced; 6 or more came"),
+        (lambda blocks: blocks[:4], "expected 5 frames; received 4"),
+        (lambda blocks: [*blocks, blocks[0]], "expected 5 frames; received 6 or more"),
         (lambda blocks: [], "needs at least one frame; got none"),
         (lambda blocks: [blocks[0][:0]], "needs at least one frame; got none"),
         (lambda blocks: [blocks[0][0]], r"shape \(T, V, 3\); got \(6, 3\)"),
         (lambda blocks: [blocks[0].astype(int)], "must be float32 or float64; got int64"),
         (
             lambda blocks: [*blocks[:2], blocks[2].astype(np.float64)],
-            r"frames 2 and after have shape \(1, 6, 3\) and type float64; .* and float32",
+            r"block at frame 2 has shape \(1, 6, 3\) and type float64; .* and float32",
         ),
-        (lambda blocks: [blocks[0], blocks[1][:, :5]], r"frames 1 and after have shape \(1, 5, 3"),
+        (lambda blocks: [blocks[0], blocks[1][:, :5]], r"block at frame 1 has shape \(1, 5, 3"),
         (
             lambda blocks: [*blocks[:3], blocks[3] * np.float32(np.nan), blocks[4]],
             "every position must be finite; vertex 0 of frame 3 has x = nan",

@@ -176,7 +176,7 @@ def _companions(files: list[Path]) -> set[Path]:
         path.with_suffix(found.companion) for path, found in formats if found and found.companion
     }
     return meshes.union(
-        *(found.files_beside(path, 1) for path, found in formats if found and found.files_beside)
+        *(found.data_files(path, 1) for path, found in formats if found and found.data_files)
     )
 
 

@@ -1,1 +1,1 @@
-"""Files of named arrays: NumPy archives and HDF5."""
+"""Formats that store a sequence as named arrays: NumPy archives and HDF5."""

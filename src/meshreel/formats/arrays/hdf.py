@@ -1,7 +1,7 @@
-"""A whole sequence in an HDF5 file, as `meshreel.formats.arrays.named_arrays` names its datasets.
+"""HDF5 files with one sequence, in datasets named as in `meshreel.formats.arrays.named_arrays`.
 
-Files of others are read too: positions in any dataset (T, V, 3) or (V, 3, T), as registered body
-scans have them, with ``faces`` beside it or in a group above.
+Files of other programs are supported too: positions in any dataset of shape (T, V, 3), or
+(V, 3, T) as in registered body scans, with ``faces`` in the same group or in a group above.
 """
 
 from collections.abc import Callable, Collection, Iterator
@@ -13,19 +13,18 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.arrays.named_arrays import (
-    NAMED,
+    RESERVED_NAMES,
     read_description,
     start_arrays,
     surface_arrays,
 )
-from meshreel.formats.arrays.named_tracks import FOLDER, Candidate, array_names, named_tracks
+from meshreel.formats.arrays.named_tracks import TRACKS_FOLDER, Candidate, array_names, named_tracks
 from meshreel.formats.arrays.position_layout import Layout, find_layout, has_positions
 from meshreel.formats.extras import HDF
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.array_frames import ArrayFrames, checksum
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.frames.stored_frames import changed_error
-from meshreel.formats.hdf.described_tracks import describe_track, said_of, unit_of
 from meshreel.formats.hdf.reading import (
     Dataset,
     Node,
@@ -37,6 +36,7 @@ from meshreel.formats.hdf.reading import (
     require_dataset,
     write_array,
 )
+from meshreel.formats.hdf.track_attributes import describe_track, read_text_attribute, read_unit
 from meshreel.formats.hdf.writing import HdfOutput, hdf_output
 from meshreel.formats.notes import note_kinds
 from meshreel.formats.options import ReadOptions, WriteOptions
@@ -44,22 +44,22 @@ from meshreel.formats.registry import SEQUENCE_FORMATS
 from meshreel.model.sequence import FrameSource, Vertices
 
 POSITIONS = "vertices"
-CHUNK_BYTES = 1 << 16  # of frames that are so small that several share a chunk
+CHUNK_BYTES = 1 << 16  # minimum, so that small frames share a chunk
 MAX_VISITED = 100_000
 MAX_LISTED = 20
 
 
 def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
-    """The sequence in an HDF5 file of named datasets; positions stay in the file if asked for.
+    """Open the sequence of an HDF5 file; large positions stay in the file.
 
-    A file that holds a group VTKHDF is read as `meshreel.formats.vtk.vtkhdf` does.
+    A file with a group VTKHDF is read by `meshreel.formats.vtk.vtkhdf`.
 
     Raises
     ------
     FormatError
-        If it is no HDF5 file, is damaged, or has no faces.
+        If the file is not HDF5, is damaged, or has no faces.
     InvalidInputError
-        If several datasets may hold the positions and none is chosen; they are listed.
+        If several datasets may be the positions and none is chosen; the message lists them.
     """
     with errors_naming(path), hdf_errors():
         root = open_hdf(path)
@@ -85,7 +85,7 @@ def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
     dtype = positions.dtype.newbyteorder("=")
     with errors_naming(path), hdf_errors():
         tracks = {
-            name: one.stored(_KeptNumbers(path, require_dataset(root, one.place)).read)
+            name: one.to_stored_track(_VerifiedDataset(path, require_dataset(root, one.place)).read)
             for name, one in named_tracks(
                 candidates, n_frames, n_verts, about, options.notes
             ).items()
@@ -102,11 +102,11 @@ def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
         found: Vertices = np.ascontiguousarray(block, dtype)
         return found
 
-    return ArrayFrames(path, n_frames, n_verts, dtype, read).opened(about, options, tracks)
+    return ArrayFrames(path, n_frames, n_verts, dtype, read).open(about, options, tracks)
 
 
 def write_hdf(path: Path, stream: FrameStream, options: WriteOptions) -> None:
-    """Write an HDF5 file, frame by frame, that reads back as exactly the frames of `stream`."""
+    """Write an HDF5 file frame by frame; positions and tracks round-trip exactly."""
     frame_bytes = stream.n_verts * 3 * stream.dtype.itemsize
     chunk_frames = min(stream.n_frames, max(1, CHUNK_BYTES // frame_bytes))
     described: dict[str, npt.NDArray[Any]] = {
@@ -131,10 +131,10 @@ def write_hdf(path: Path, stream: FrameStream, options: WriteOptions) -> None:
 
 
 def _write_tracks(output: HdfOutput, stream: FrameStream) -> None:
-    """Write each track into a dataset of the group of tracks, with what it is as attributes."""
+    """Write each track to a dataset of the track group, with its description as attributes."""
     if not stream.tracks:
         return
-    group = output.root.create_group(FOLDER)
+    group = output.root.create_group(TRACKS_FOLDER)
     places = array_names(stream.tracks)
     for name, track in stream.tracks.items():
         frame_bytes = track.shape[1] * track.shape[2] * track.dtype.itemsize
@@ -147,15 +147,15 @@ def _write_tracks(output: HdfOutput, stream: FrameStream) -> None:
             dataset[start : start + len(values)] = values
 
 
-class _KeptNumbers:
-    """Numbers of a dataset by frames, which must stay as they were when they were first read."""
+class _VerifiedDataset:
+    """A dataset with an axis of frames, checked for changes between reads."""
 
     def __init__(self, path: Path, dataset: Dataset) -> None:
         self._path, self._dataset = path, dataset
         self._checksums: dict[int, int] = {}
 
     def read(self, start: int, stop: int) -> npt.NDArray[Any]:
-        """Those of frames start..stop - 1."""
+        """Read frames start..stop - 1."""
         try:
             block: Any = self._dataset[start:stop]
         except (OSError, RuntimeError, ValueError) as error:
@@ -167,12 +167,12 @@ class _KeptNumbers:
 
 
 def _candidates_beside(root: Node, positions: Dataset) -> Iterator[Candidate]:
-    """Datasets that may be tracks: beside the positions, or in the folder of tracks there."""
+    """Yield datasets that may be tracks: next to the positions, or in the track group there."""
     beside = positions.name.rpartition("/")[0]
-    for folder in (beside, f"{beside}/{FOLDER}"):
+    for folder in (beside, f"{beside}/{TRACKS_FOLDER}"):
         group = find_group(root, folder or "/")
         for name in group if group is not None else ():
-            is_own = folder == beside and NAMED.fullmatch(name)
+            is_own = folder == beside and RESERVED_NAMES.fullmatch(name)
             place = f"{folder}/{name}".lstrip("/")
             if not is_own and f"/{place}" != positions.name:
                 yield from _candidate(group, name, place)
@@ -184,23 +184,23 @@ def _candidate(group: Node, name: str, place: str) -> Iterator[Candidate]:
         return
     try:
         dataset = find_dataset(group, name)
-    except FormatError:  # numbers that are not in the file: the notes name it
+    except FormatError:  # external data: listed in the notes
         yield Candidate(place, name, (), np.dtype(object))
         return
     if dataset is not None:
         yield Candidate(
             place,
-            said_of(dataset, "name") or name,
+            read_text_attribute(dataset, "name") or name,
             dataset.shape,
             dataset.dtype,
-            said_of(dataset, "domain"),
-            said_of(dataset, "kind"),
-            unit_of(dataset),
+            read_text_attribute(dataset, "domain"),
+            read_text_attribute(dataset, "kind"),
+            read_unit(dataset),
         )
 
 
 def _find_positions(root: Node, options: ReadOptions) -> Dataset:
-    """The dataset that the options name, that is called vertices, or the only one that can be."""
+    """Return the dataset of the options, or named vertices, or the only one with positions."""
     if options.dataset is None and (found := find_dataset(root, POSITIONS)) is not None:
         return found
     names = _candidates(root)
@@ -213,8 +213,7 @@ def _find_positions(root: Node, options: ReadOptions) -> Dataset:
         return require_dataset(root, wanted[0])
     if not names:
         raise FormatError(
-            "has no dataset of positions, which has shape (T, V, 3) or (V, 3, T) and is float32 "
-            "or float64"
+            "has no dataset of positions: float32 or float64, of shape (T, V, 3) or (V, 3, T)"
         )
     more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
     which = "" if options.dataset is None else f"has no dataset {options.dataset!r}; it "
@@ -231,30 +230,30 @@ def _note_left_out(
     candidates: Collection[str],
     notes: list[str],
 ) -> None:
-    """Add to the notes the datasets that are not of the sequence, and cannot be its tracks."""
+    """Add a note on datasets that belong to neither the sequence nor its tracks."""
     beside = positions.name.rpartition("/")[0]
-    taken = {positions.name, *(f"{beside}/{name}" for name in arrays)}
-    taken |= {f"/{place}" for place in candidates}
+    known = {positions.name, *(f"{beside}/{name}" for name in arrays)}
+    known |= {f"/{place}" for place in candidates}
     if "faces" not in (find_group(root, beside or "/") or ()):
         above = [f"{folder}/faces".replace("//", "/") for folder in _folders(positions)]
-        taken |= {next((one for one in above if find_dataset(root, one) is not None), "")}
-    others = [name for name in _datasets(root, lambda _: True) if f"/{name}" not in taken]
+        known |= {next((one for one in above if find_dataset(root, one) is not None), "")}
+    others = [name for name in _datasets(root, lambda _: True) if f"/{name}" not in known]
     note_kinds(notes, "datasets", others)
 
 
 def _folders(dataset: Dataset) -> list[str]:
-    """The groups that hold a dataset, the next one first."""
+    """Paths of the groups above a dataset, nearest first."""
     return [str(folder) for folder in PurePosixPath(dataset.name).parents]
 
 
 def _candidates(root: Node) -> list[str]:
-    """Paths of all datasets that can hold positions, and are no tracks."""
+    """Paths of all datasets outside the track group that can be positions."""
     found = _datasets(root, lambda node: node.dtype.kind == "f" and has_positions(node.shape))
-    return [name for name in found if PurePosixPath(name).parent.name != FOLDER]
+    return [name for name in found if PurePosixPath(name).parent.name != TRACKS_FOLDER]
 
 
 def _datasets(root: Node, is_wanted: Callable[[Dataset], bool]) -> list[str]:
-    """Paths of all datasets that are wanted; links are not followed."""
+    """Paths of all datasets that satisfy a predicate; links are not followed."""
     h5py = HDF.load()
     names: list[str] = []
     n_visited = 0
@@ -271,10 +270,10 @@ def _datasets(root: Node, is_wanted: Callable[[Dataset], bool]) -> list[str]:
 
 
 def _named_arrays(root: Node, positions: Dataset) -> dict[str, npt.NDArray[Any]]:
-    """The arrays beside the positions, with faces of a group above if there are none beside."""
+    """Read the named arrays next to the positions; faces may also be in a group above."""
     folders = _folders(positions)
     arrays = {}
-    for name in filter(NAMED.fullmatch, find_group(root, folders[0]) or ()):
+    for name in filter(RESERVED_NAMES.fullmatch, find_group(root, folders[0]) or ()):
         if (dataset := find_dataset(root, f"{folders[0]}/{name}")) is not None:
             arrays[name] = read_all(dataset)
     for folder in folders:
@@ -282,6 +281,6 @@ def _named_arrays(root: Node, positions: Dataset) -> dict[str, npt.NDArray[Any]]
             arrays.setdefault("faces", read_all(found))
     if "faces" not in arrays:
         raise FormatError(
-            f"has no dataset 'faces' beside {positions.name}, of shape (M, 3); store it there"
+            f"has no dataset 'faces' of shape (M, 3) next to {positions.name}; store it there"
         )
     return arrays

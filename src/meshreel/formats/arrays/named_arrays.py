@@ -1,34 +1,33 @@
-"""A sequence as arrays with names, the same in NumPy archives and in HDF5 files.
+"""Names of the arrays that store a sequence in NumPy archives and HDF5 files.
 
 ==============================  ===========  ===========================================
-name                            shape        what
+name                            shape        contents
 ==============================  ===========  ===========================================
 ``vertices``                    (T, V, 3)    positions, float32 or float64; or (V, 3, T)
 ``faces``                       (M, 3)       vertex indices of each triangle
 ``fps``, ``start_s``            ()           frames per second; time of the first frame
 ``name``                        ()           text
-``face_sizes``                  (P,)         corners of each face, whose triangles are a fan
-``hard_edges``                  (H, 2)       vertices of edges across which faces share no normals
-``part_names``                  (N,)         text: the meshes that were merged
+``face_sizes``                  (P,)         corners of each face, triangulated as a fan
+``hard_edges``                  (H, 2)       vertices of edges with separate normals on both sides
+``part_names``                  (N,)         text: names of the merged meshes
 ``part_sizes``                  (N, 2)       vertices and faces of each
 ``attribute_names``             (A,)         text
 ``attribute_kinds``             (A,)         text: uv, color or other
 ``attribute_domains``           (A,)         text: vertex, face or corner
-``attribute_0_values`` ...      (N, C)       of the first attribute, and so on
-``attribute_0_indices`` ...     (n_items,)   rows of the values, if they are not in order
-``group_names``                 (G,)         text: what groups of faces are, as "material"
+``attribute_0_values`` ...      (N, C)       values of each attribute, numbered from 0
+``attribute_0_indices`` ...     (n_items,)   row of the values for each item, if indexed
+``group_names``                 (G,)         text: names of the face groups, such as "material"
 ``group_0_labels`` ...          (L,)         text
 ``group_0_numbers`` ...         (P,)         label of each face; -1 is none
 ``track_names``                 (K,)         text
 ``track_kinds``                 (K,)         text: scalar, vector, velocity, ...
 ``track_domains``               (K,)         text: vertex, face or corner
 ``track_units``                 (K,)         text, such as Pa
-``tracks/NAME`` ...             (T, N, C)    of each track
+``tracks/NAME`` ...             (T, N, C)    values of each track
 ==============================  ===========  ===========================================
 
-All but the first two may be left out. Any other array of shape (T, N) or (T, N, C), for T frames
-and N vertices, faces or corners, is a track of its name. In HDF5 files tracks have attributes in
-place of the arrays that describe them.
+All but the first two are optional. Any other array of shape (T, N) or (T, N, C), for T frames and N
+vertices, faces or corners, is a track. HDF5 files describe tracks by attributes instead of arrays.
 """
 
 import re
@@ -45,47 +44,47 @@ from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Su
 
 Array = npt.NDArray[Any]
 
-NAMED = re.compile(
+RESERVED_NAMES = re.compile(
     r"faces|fps|start_s|name|face_sizes|hard_edges|part_(names|sizes)|attribute_(names|kinds|domains)"
     r"|attribute_\d+_(values|indices)|group_names|group_\d+_(labels|numbers)"
     r"|track_(names|kinds|domains|units)"
 )
-"""Names of all arrays but that of the positions."""
+"""Names of all arrays other than the positions."""
 
 
 def surface_arrays(surface: Surface) -> dict[str, Array]:
-    """The arrays of a surface by name; none for a plain one."""
+    """Return the arrays of a surface by name; empty for a plain surface."""
     arrays: dict[str, Array] = {}
     if surface.face_sizes is not None:
         arrays["face_sizes"] = surface.face_sizes
     if surface.hard_edges is not None:
         arrays["hard_edges"] = surface.hard_edges
     if surface.parts:
-        arrays["part_names"] = texts_array([part.name for part in surface.parts])
+        arrays["part_names"] = text_array([part.name for part in surface.parts])
         sizes = [(part.n_verts, part.n_faces) for part in surface.parts]
         arrays["part_sizes"] = np.array(sizes, np.int64)
     return arrays | _attribute_arrays(surface.attributes) | _group_arrays(surface.groups)
 
 
 def start_arrays(start_s: float) -> dict[str, Array]:
-    """The start by name; nothing for 0, so that such files are as they always were."""
+    """Return the start time by name; empty for 0, the default."""
     return {"start_s": np.asarray(np.float64(start_s))} if start_s else {}
 
 
 def read_description(arrays: Mapping[str, Array], name: str, options: ReadOptions) -> Description:
-    """Faces, times and surface of a sequence, from named arrays.
+    """Return faces, times and surface of a sequence from its named arrays.
 
     Parameters
     ----------
     arrays : mapping of names to arrays
-        Holds ``faces``.
+        Must contain ``faces``.
     name : str
-        Of the sequence, if the arrays say none.
+        Default name of the sequence.
 
     Raises
     ------
     FormatError
-        Naming the array that is missing, or not what its name says.
+        If an array is missing or invalid; the message names it.
     """
     fps = options.fps if options.fps is not None else _number(arrays, "fps")
     return Description(
@@ -98,12 +97,12 @@ def read_description(arrays: Mapping[str, Array], name: str, options: ReadOption
 
 
 def read_surface(arrays: Mapping[str, Array]) -> Surface:
-    """The surface of arrays by name; whether it fits a mesh is not checked.
+    """Return the surface of named arrays, without checking that it fits a mesh.
 
     Raises
     ------
     FormatError
-        Naming the array that is missing, or not what its name says.
+        If an array is missing or invalid; the message names it.
     """
     names, kinds, domains = (
         text_list(arrays, f"attribute_{what}") for what in ("names", "kinds", "domains")
@@ -111,7 +110,7 @@ def read_surface(arrays: Mapping[str, Array]) -> Surface:
     if not len(names) == len(kinds) == len(domains):
         raise FormatError(
             f"has {len(names)} attribute_names, {len(kinds)} attribute_kinds and "
-            f"{len(domains)} attribute_domains; they must be as many"
+            f"{len(domains)} attribute_domains; the numbers must be equal"
         )
     attributes = tuple(
         Attribute(
@@ -141,9 +140,9 @@ def _attribute_arrays(attributes: Sequence[Attribute]) -> dict[str, Array]:
     if not attributes:
         return {}
     arrays = {
-        "attribute_names": texts_array([one.name for one in attributes]),
-        "attribute_kinds": texts_array([one.kind for one in attributes]),
-        "attribute_domains": texts_array([one.domain for one in attributes]),
+        "attribute_names": text_array([one.name for one in attributes]),
+        "attribute_kinds": text_array([one.kind for one in attributes]),
+        "attribute_domains": text_array([one.domain for one in attributes]),
     }
     for index, one in enumerate(attributes):
         arrays[f"attribute_{index}_values"] = one.values
@@ -155,9 +154,9 @@ def _attribute_arrays(attributes: Sequence[Attribute]) -> dict[str, Array]:
 def _group_arrays(groups: Sequence[FaceGroups]) -> dict[str, Array]:
     if not groups:
         return {}
-    arrays = {"group_names": texts_array([one.name for one in groups])}
+    arrays = {"group_names": text_array([one.name for one in groups])}
     for index, one in enumerate(groups):
-        arrays[f"group_{index}_labels"] = texts_array(one.labels)
+        arrays[f"group_{index}_labels"] = text_array(one.labels)
         arrays[f"group_{index}_numbers"] = one.numbers
     return arrays
 
@@ -167,15 +166,15 @@ def _parts(arrays: Mapping[str, Array]) -> tuple[Part, ...]:
     sizes = arrays.get("part_sizes", np.empty((0, 2), np.int64))
     if sizes.shape != (len(names), 2) or sizes.dtype.kind not in "iu":
         raise FormatError(
-            f"part_sizes must be whole numbers of shape ({len(names)}, 2), for {len(names)} "
+            f"part_sizes must be integers of shape ({len(names)}, 2), for {len(names)} "
             f"part_names; got {sizes.dtype} of {sizes.shape}"
         )
     rows = sizes.tolist()
     return tuple(Part(name, *row) for name, row in zip(names, rows, strict=True))
 
 
-def texts_array(texts: Sequence[str]) -> Array:
-    """Texts as an array of shape (N,)."""
+def text_array(texts: Sequence[str]) -> Array:
+    """Return strings as an array of shape (N,)."""
     return np.array([str(text) for text in texts], dtype=np.str_)
 
 
@@ -185,12 +184,12 @@ def _text(array: Array | None) -> str:
 
 
 def text_list(arrays: Mapping[str, Array], name: str) -> list[str]:
-    """The texts of an array; none if it is not there.
+    """Return the strings of a named array; empty if it is missing.
 
     Raises
     ------
     FormatError
-        If it is no text of shape (N,).
+        If it is not text of shape (N,).
     """
     array = arrays.get(name)
     if array is None:
@@ -211,7 +210,7 @@ def _number(arrays: Mapping[str, Array], name: str) -> float:
 
 def _required(arrays: Mapping[str, Array], name: str) -> Array:
     if name not in arrays:
-        raise FormatError(f"has no array {name!r}, which others speak of")
+        raise FormatError(f"has no array {name!r}, which other arrays refer to")
     return arrays[name]
 
 

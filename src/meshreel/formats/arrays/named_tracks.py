@@ -1,8 +1,8 @@
-"""Arrays of a file that are tracks of its sequence, the same in NumPy archives and in HDF5 files.
+"""Detection of the arrays that are tracks, in NumPy archives and HDF5 files.
 
-They are those beside the positions of shape (T, N) or (T, N, C) for T frames and N vertices, faces
-or corners, and those in the folder ``tracks`` beside them. What a file says of one beside its
-numbers, domain, kind and unit, counts; else its size does.
+Candidates are arrays next to the positions, of shape (T, N) or (T, N, C) for T frames and N
+vertices, faces or corners, and arrays in the folder ``tracks``. The domain, kind and unit that a
+file declares take precedence; otherwise the size selects the domain.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -15,7 +15,7 @@ import numpy.typing as npt
 from meshreel.arrays import Values
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.array_frames import Description
-from meshreel.formats.frames.stored_tracks import StoredTrack, kind_said
+from meshreel.formats.frames.stored_tracks import StoredTrack, parse_track_kind
 from meshreel.formats.notes import listed, note_left_out
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import (
@@ -29,14 +29,14 @@ from meshreel.model.tracks import (
     domain_sizes,
 )
 
-FOLDER = "tracks"
-"""Where tracks are written to, beside the positions."""
+TRACKS_FOLDER = "tracks"
+"""Folder or group for tracks, next to the positions."""
 
-READ_AS: dict[np.dtype[Any], np.dtype[Any]] = {
+WIDENED_TYPES: dict[np.dtype[Any], np.dtype[Any]] = {
     np.dtype(np.bool_): np.dtype(np.uint8),
     np.dtype(np.float16): np.dtype(np.float32),
 }
-"""Types of files that tracks do not have, and those that hold the same numbers."""
+"""Lossless conversions of types that tracks do not support."""
 
 ReadNumbers = Callable[[int, int], npt.NDArray[Any]]
 
@@ -48,13 +48,13 @@ class Candidate:
     Parameters
     ----------
     place : str
-        Where it is in the file.
+        Path in the file.
     name : str
-        Of the track that it may be.
+        Name of the track.
     dtype : dtype
-        As in the file, in whatever byte order.
+        Type in the file, in any byte order.
     domain, kind, unit : str, default ""
-        What the file says of it.
+        Description in the file, if any.
     """
 
     place: str
@@ -73,7 +73,7 @@ class NamedTrack:
     Attributes
     ----------
     name, place : str
-        Of the track, and where its array is in the file.
+        Name of the track, and path of its array in the file.
     dtype : dtype
         Of the track.
     shape : tuple of int
@@ -90,25 +90,25 @@ class NamedTrack:
 
     @property
     def size_bytes(self) -> int:
-        """Size of all its values."""
+        """Bytes of all values."""
         return int(np.prod(self.shape, dtype=np.int64)) * self.dtype.itemsize
 
     def values(self, array: npt.NDArray[Any]) -> Values:
-        """Numbers of the file, of some frames or all, as values of shape (T, N, C)."""
+        """Convert frames of the array in the file to values of shape (T, N, C)."""
         found = array.astype(self.dtype, copy=False)
         return np.ascontiguousarray(found.reshape(len(array), *self.shape[1:]))
 
-    def loaded(self, array: npt.NDArray[Any]) -> Track:
-        """The track of an array that was read."""
+    def to_track(self, array: npt.NDArray[Any]) -> Track:
+        """Return the track of a loaded array."""
         return Track(self.values(array), self.domain, self.kind, self.unit)
 
-    def stored(self, read: ReadNumbers) -> TrackSource:
-        """The track of an array that stays in its file.
+    def to_stored_track(self, read: ReadNumbers) -> TrackSource:
+        """Return a track whose array stays in the file.
 
         Parameters
         ----------
         read : function of a start and a stop
-            Gives the numbers of frames start..stop - 1 as they are in the file.
+            Reads frames start..stop - 1 of the array.
         """
         read_values = _ReadValues(self, read)
         return StoredTrack(self.domain, self.kind, self.unit, self.dtype, self.shape, read_values)
@@ -116,7 +116,7 @@ class NamedTrack:
 
 @dataclass(frozen=True, eq=False)
 class _ReadValues:
-    """Values of frames, made of the numbers of a file; can be sent to another process."""
+    """Reads and converts the values of frames; can be pickled, unlike a closure."""
 
     track: NamedTrack
     read: ReadNumbers
@@ -132,12 +132,12 @@ def named_tracks(
     about: Description,
     notes: list[str],
 ) -> dict[str, NamedTrack]:
-    """The tracks among arrays, by their names; the notes say what would make the others fit.
+    """Return the tracks among the candidates by name; a note lists the others and what is needed.
 
     Raises
     ------
     InvalidInputError
-        If two of them have one name.
+        If two tracks share a name.
     """
     sizes = domain_sizes(n_verts, len(about.faces), about.surface)
     found: dict[str, NamedTrack] = {}
@@ -148,8 +148,8 @@ def named_tracks(
             others.append(one.place)
         elif one.name in found:
             raise InvalidInputError(
-                f"holds the track {one.name!r} twice, as {found[one.name].place!r} and "
-                f"{one.place!r}; rename one of the two"
+                f"contains the track {one.name!r} twice, as {found[one.name].place!r} and "
+                f"{one.place!r}; rename one of them"
             )
         else:
             found[one.name] = track
@@ -163,31 +163,28 @@ def named_tracks(
 
 
 def array_names(names: Iterable[str]) -> dict[str, str]:
-    """A name for the array of each track in its file, where some characters mean something.
-
-    No two are alike; the same names give the same ones.
-    """
+    """Return a valid and unique array name for each track; deterministic."""
     found: dict[str, str] = {}
-    taken: set[str] = set()
+    used: set[str] = set()
     for name in names:
         array = array_name(name)
-        while array in taken:
+        while array in used:
             array += "_"
-        taken.add(array)
+        used.add(array)
         found[name] = array
     return found
 
 
 def array_name(name: str) -> str:
-    """A name for an array in a file, where some characters mean something."""
+    """Return a name without the characters that have a meaning in archives and HDF5 paths."""
     name = name.encode("utf-8", "replace").decode().replace("/", "_").replace("\0", "_")
     return name.strip(".") or "unnamed"
 
 
 def _track(one: Candidate, n_frames: int, sizes: Mapping[Domain, int]) -> NamedTrack | None:
-    """The track that an array is; None if its shape or type are not of one."""
+    """Return the track of an array; None if its shape or type is unsuitable."""
     native = one.dtype.newbyteorder("=")
-    dtype = READ_AS.get(native, native)
+    dtype = WIDENED_TYPES.get(native, native)
     is_wide = len(one.shape) == 3
     if dtype not in NUMBER_TYPES or not (is_wide or len(one.shape) == 2):
         return None
@@ -198,5 +195,5 @@ def _track(one: Candidate, n_frames: int, sizes: Mapping[Domain, int]) -> NamedT
     if one.shape[0] != n_frames or not domains or not 1 <= n_columns <= MAX_COLUMNS:
         return None
     shape = n_frames, one.shape[1], n_columns
-    kind = kind_said(one.kind, n_columns, dtype) or default_kind(n_columns)
+    kind = parse_track_kind(one.kind, n_columns, dtype) or default_kind(n_columns)
     return NamedTrack(one.name, one.place, domains[0], kind, one.unit, dtype, shape)

@@ -1,4 +1,7 @@
-"""``.npz`` files: written, and read on demand where they are not compressed."""
+"""NumPy archives (``.npz``) with one sequence; uncompressed arrays are read on demand.
+
+The names of the arrays are those of `meshreel.formats.arrays.named_arrays`.
+"""
 
 import math
 import struct
@@ -15,12 +18,12 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError
 from meshreel.formats.arrays.named_arrays import (
-    NAMED,
+    RESERVED_NAMES,
     read_description,
     start_arrays,
     surface_arrays,
 )
-from meshreel.formats.arrays.named_tracks import FOLDER, NamedTrack, array_names
+from meshreel.formats.arrays.named_tracks import TRACKS_FOLDER, NamedTrack, array_names
 from meshreel.formats.arrays.npz_members import archive_errors, read_array_header, read_members
 from meshreel.formats.arrays.npz_tracks import find_tracks, track_arrays
 from meshreel.formats.arrays.position_layout import Layout, find_layout, has_positions
@@ -36,19 +39,18 @@ from meshreel.runtime.threads import chunks, in_threads, one_ahead
 
 Numbers = npt.NDArray[Any]
 
-LOCAL_HEADER = struct.Struct("<26xHH")  # of a member of a zip file; its name and an extra follow
+LOCAL_HEADER = struct.Struct("<26xHH")  # of a zip member: lengths of the name and extra after it
 
-READ_BYTES = 1 << 24  # of frames that are read together
+READ_BYTES = 1 << 24  # frames read at a time
 
 POSITIONS = "vertices"
 
 
 def open_npz(path: Path, options: ReadOptions) -> FrameSource:
-    """The sequence that `read_npz` gives, whose positions and tracks stay in the file if they can.
+    """Open the sequence of an ``.npz`` file; uncompressed positions and tracks stay in the file.
 
-    They can if they lie there plainly: not compressed, frame after frame. Then all of them are
-    read once now, some at a time, for their extent and to check them against the archive's sum.
-    Tracks that do not lie so are loaded.
+    They must be uncompressed and in C order. They are then read once now, in blocks, to find the
+    extent and to verify the archive's checksum. Other tracks are loaded.
 
     Parameters
     ----------
@@ -58,7 +60,7 @@ def open_npz(path: Path, options: ReadOptions) -> FrameSource:
     Raises
     ------
     FormatError, InvalidInputError
-        As `read_npz`; when frames are read too, if the file has changed meanwhile.
+        As `read_npz`; also when frames are read, if the file has changed.
     """
     positions, most = options.dataset or POSITIONS, options.max_loaded_bytes
     stored = None if most is None else _find_vertices(path, positions)
@@ -102,31 +104,31 @@ def _loaded(path: Path, options: ReadOptions) -> MeshSequence:
 
 
 def _track(path: Path, found: NamedTrack) -> TrackSource:
-    """A track that stays in the file, known to be as the archive says, or else a loaded one."""
+    """Return a track that stays in the file, after verifying it; a loaded one if compressed."""
     stored = _find_plain(path, found.place)
     if stored is None:
-        return found.loaded(read_members(path, [found.place])[found.place])
+        return found.to_track(read_members(path, [found.place])[found.place])
     for _ in stored.survey():
         pass
-    return found.stored(stored.read)
+    return found.to_stored_track(stored.read)
 
 
 @dataclass(frozen=True)
 class _StoredArray:
-    """Numbers of frames that lie plainly in a member of an archive, frame after frame.
+    """An uncompressed array in a zip member, in C order, whose first axis is frames.
 
     Attributes
     ----------
     start_byte : int
-        Where in the file the numbers begin.
+        Offset of the data in the file.
     shape : tuple of int
-        Its first axis is that of frames.
+        The first axis is frames.
     dtype : dtype
-        As in the file, in whatever byte order.
+        Type in the file, in any byte order.
     member_checksum : int
-        CRC-32 of the whole member, as the archive says.
+        CRC-32 of the whole member in the archive.
     checksums : list of int
-        Of the member up to frame 0, up to frame 1, and so on; `survey` adds to it.
+        Running CRC-32 of the member before frame 0, before frame 1, and so on; filled by `survey`.
     """
 
     path: Path
@@ -139,7 +141,7 @@ class _StoredArray:
 
     @property
     def size_bytes(self) -> int:
-        """Size of all frames."""
+        """Bytes of all frames."""
         return self.shape[0] * self._frame_bytes
 
     @property
@@ -147,21 +149,21 @@ class _StoredArray:
         return math.prod(self.shape[1:]) * self.dtype.itemsize
 
     def survey(self) -> Iterator[tuple[int, Numbers]]:
-        """All numbers, as blocks with the number of their first frame.
+        """Yield all frames as blocks with the number of their first frame.
 
         Raises
         ------
         FormatError
-            When all have been seen, if they are not what was written into the archive.
+            After the last block, if the checksum is wrong.
         """
-        yield from one_ahead(self._summed())
+        yield from one_ahead(self._checksummed_blocks())
         if self.checksums[-1] != self.member_checksum:
             raise FormatError(
                 f"{self.path}: is damaged: {self.member} does not have its checksum; save it again"
             )
 
-    def _summed(self) -> Iterator[tuple[int, Numbers]]:
-        """The blocks of `survey`, whose checksums are added."""
+    def _checksummed_blocks(self) -> Iterator[tuple[int, Numbers]]:
+        """Yield the blocks of `survey`, and record their checksums."""
         for piece in self._pieces(0, self.shape[0]):
             numbers = np.empty((piece.stop - piece.start, *self.shape[1:]), self.dtype)
             self._fill(numbers, piece.start)
@@ -170,7 +172,7 @@ class _StoredArray:
             yield piece.start, self._native(numbers)
 
     def read(self, start: int, stop: int) -> Numbers:
-        """Numbers of frames start..stop - 1, as they were when they were surveyed."""
+        """Read frames start..stop - 1, checked to be the same as in `survey`."""
         numbers = np.empty((stop - start, *self.shape[1:]), self.dtype)
 
         def fill(piece: slice) -> None:
@@ -193,7 +195,7 @@ class _StoredArray:
         return numbers.astype(self.dtype.newbyteorder("="), copy=False)
 
     def _fill(self, numbers: Numbers, start: int) -> None:
-        """Fill numbers of shape (n, ...) with those of the frames from `start` on."""
+        """Read frames from `start` on into an array of shape (n, ...)."""
         with os_errors_naming(self.path), self.path.open("rb", buffering=0) as stream:
             stream.seek(self.start_byte + start * self._frame_bytes)
             n_read = _read_into(stream, numbers.reshape(-1).view(np.uint8).data)
@@ -201,23 +203,23 @@ class _StoredArray:
             raise changed_error(f"{self.path} (frame {start + n_read // self._frame_bytes})")
 
 
-def _read_into(stream: RawIOBase, room: memoryview) -> int:
-    """Bytes that are read into a room, which is full unless the file ends before."""
+def _read_into(stream: RawIOBase, buffer: memoryview) -> int:
+    """Fill a buffer from a stream; return the number of bytes, less if the file ends."""
     n_read = 0
-    while n_read < len(room) and (count := stream.readinto(room[n_read:])):
+    while n_read < len(buffer) and (count := stream.readinto(buffer[n_read:])):
         n_read += count
     return n_read
 
 
 def _find_vertices(path: Path, positions: str) -> _StoredArray | None:
-    """Where the vertices lie; None if they must be loaded, and are checked there."""
+    """Locate positions that can stay in the file; None if they must be loaded."""
     found = _find_plain(path, positions)
     is_float = found is not None and found.dtype.kind == "f" and found.dtype.itemsize in (4, 8)
     return found if found is not None and is_float and _is_frames_first(found.shape) else None
 
 
 def _find_plain(path: Path, name: str) -> _StoredArray | None:
-    """Where the numbers of an array lie; None if they are not there, or not plainly."""
+    """Locate an uncompressed array in C order; None if it is missing or stored otherwise."""
     member = f"{name}.npy"
     with archive_errors(path):
         with zipfile.ZipFile(path) as archive:
@@ -234,33 +236,33 @@ def _find_plain(path: Path, name: str) -> _StoredArray | None:
             start_byte = stream.seek(sum(lengths), 1)
             checksum = zlib.crc32(stream.read(header.size_bytes))
         if start_byte + info.file_size > path.stat().st_size:
-            raise FormatError(f"{member} ends behind the end of the file")
+            raise FormatError(f"{member} extends beyond the end of the file")
     start_byte += header.size_bytes
     return _StoredArray(path, member, start_byte, header.shape, header.dtype, info.CRC, [checksum])
 
 
 def _is_frames_first(shape: tuple[int, ...]) -> bool:
-    """Whether positions are (T, V, 3) and nothing else; what may be another is loaded."""
+    """Whether positions can only be (T, V, 3); ambiguous ones are loaded."""
     return has_positions(shape) and shape[2] == 3 != shape[1]
 
 
 def read_npz(path: Path, options: ReadOptions | None = None) -> MeshSequence:
-    """The sequence in an ``.npz`` file, all in memory.
+    """Load the sequence of an ``.npz`` file.
 
     Parameters
     ----------
     path : Path
-        Holds the arrays of `formats.arrays.named_arrays`. Without a name, it is that of the
-        file.
+        Contains the arrays of `meshreel.formats.arrays.named_arrays`. The default name of the
+        sequence is the stem of the file.
     options : ReadOptions, optional
-        Its dataset is the array that holds the positions.
+        `dataset` names the array of positions.
 
     Raises
     ------
     FormatError
         If the file is not a numpy archive, is damaged, or lacks an array.
     InvalidInputError
-        If the arrays are no mesh sequence.
+        If the arrays are not a valid mesh sequence.
     """
     options = options or ReadOptions()
     positions = options.dataset or POSITIONS
@@ -285,15 +287,15 @@ def read_npz(path: Path, options: ReadOptions | None = None) -> MeshSequence:
             about.name,
             about.start_s,
             about.surface,
-            {name: one.loaded(values[one.place]) for name, one in found.items()},
+            {name: one.to_track(values[one.place]) for name, one in found.items()},
         )
 
 
 def write_npz(path: Path, stream: FrameStream, options: WriteOptions) -> None:
-    """Write an ``.npz`` file, frame by frame, that reads back as exactly the frames of `stream`.
+    """Write an ``.npz`` file frame by frame; positions and tracks round-trip exactly.
 
-    Its bytes are those of `numpy.savez`, which would need all frames together. What is as in every
-    plain sequence is left out: a start of 0, a surface without anything.
+    The bytes are those of `numpy.savez`, which would need all frames in memory. Defaults are
+    omitted: a start of 0, a plain surface.
     """
     rest: dict[str, npt.NDArray[Any]] = {
         "faces": stream.faces,
@@ -312,7 +314,7 @@ def write_npz(path: Path, stream: FrameStream, options: WriteOptions) -> None:
                 np.lib.format.write_array(member, array, allow_pickle=False)
         for name, track in stream.tracks.items():
             blocks = (values for _, values in track_blocks(track))
-            place = f"{FOLDER}/{places[name]}"
+            place = f"{TRACKS_FOLDER}/{places[name]}"
             _write_member(archive, place, track.dtype, track.shape, blocks)
 
 
@@ -323,7 +325,7 @@ def _write_member(
     shape: tuple[int, ...],
     blocks: Iterable[npt.NDArray[Any]],
 ) -> None:
-    """Write an array that comes in pieces, which are its rows in order."""
+    """Write an array given as consecutive blocks of rows."""
     descr = np.lib.format.dtype_to_descr(dtype)
     header = {"descr": descr, "fortran_order": False, "shape": shape}
     with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
@@ -335,30 +337,30 @@ def _write_member(
 def read_arrays(
     path: Path, positions: str, *, with_positions: bool = True
 ) -> dict[str, npt.NDArray[Any]]:
-    """The arrays of an ``.npz`` file that make a sequence, but for tracks.
+    """Read the named arrays of an ``.npz`` file, except tracks.
 
     Parameters
     ----------
     positions : str
-        The array that holds the positions, which must be there.
+        Name of the array of positions, which must exist.
     with_positions : bool, default True
-        Whether that is read too.
+        Whether the positions are read too.
 
     Raises
     ------
     FormatError
-        If the file is not a numpy archive, lacks positions or faces, or as `read_members`.
+        If the file is not a numpy archive or lacks positions or faces; also as `read_members`.
     """
     with archive_errors(path), zipfile.ZipFile(path) as archive:
         names = [info.filename.removesuffix(".npy") for info in archive.infolist()]
         missing = [name for name in (positions, "faces") if name not in names]
         if missing:
             raise FormatError(
-                f"has no array {' and no array '.join(map(repr, missing))}; it holds "
-                f"{', '.join(names) or 'nothing'}; save it by np.savez under the names vertices, "
-                "faces and fps, or say which holds the positions with --dataset (dataset=)"
+                f"has no array {' and no array '.join(map(repr, missing))}; it contains "
+                f"{', '.join(names) or 'nothing'}; save vertices, faces and fps with np.savez, or "
+                "name the array of positions with --dataset (dataset=)"
             )
-    wanted = [name for name in dict.fromkeys(names) if NAMED.fullmatch(name)]
+    wanted = [name for name in dict.fromkeys(names) if RESERVED_NAMES.fullmatch(name)]
     if with_positions and positions not in wanted:
         wanted.append(positions)
     return read_members(path, wanted)

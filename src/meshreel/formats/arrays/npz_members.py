@@ -1,4 +1,4 @@
-"""Arrays in a numpy archive, read with every size checked."""
+"""Safe reading of arrays in untrusted numpy archives."""
 
 import math
 import zipfile
@@ -13,21 +13,20 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError
 
-MAX_DEFLATE_RATIO = 1100  # deflate cannot do better than 1032 : 1
+MAX_DEFLATE_RATIO = 1100  # deflate compresses by at most 1032:1
 
-LEAST_UNPACKED_BYTES = 1 << 30
-EXPANSION = 32
-"""The arrays of a file may take so many bytes, or so many times its size, as in glTF."""
+MIN_UNPACKED_BYTES = 1 << 30
+MAX_EXPANSION = 32
+"""The arrays of a file may expand to the larger of this size and this multiple of its size."""
 
 
 def read_members(path: Path, names: Sequence[str]) -> dict[str, npt.NDArray[Any]]:
-    """Arrays of an archive by their names.
+    """Read arrays of an archive by name.
 
     Raises
     ------
     FormatError
-        If one is damaged, or they are compressed so well that they would fill the memory (see
-        `EXPANSION`).
+        If an array is damaged, or the arrays would expand too much (see `MAX_EXPANSION`).
     """
     with archive_errors(path), zipfile.ZipFile(path) as archive:
         members = [archive.getinfo(f"{name}.npy") for name in names]
@@ -39,26 +38,26 @@ def read_members(path: Path, names: Sequence[str]) -> dict[str, npt.NDArray[Any]
 
 
 def _check_expansion(unpacked_bytes: int, file_bytes: int) -> None:
-    """Refuse a small file that would fill the memory."""
-    if unpacked_bytes > max(LEAST_UNPACKED_BYTES, EXPANSION * file_bytes):
+    """Reject decompression bombs."""
+    if unpacked_bytes > max(MIN_UNPACKED_BYTES, MAX_EXPANSION * file_bytes):
         raise FormatError(
-            f"holds {file_bytes / 1e6:.3g} MB that would unpack to {unpacked_bytes / 1e9:.3g} GB; "
-            f"more than {EXPANSION} times the size of the file is unpacked up to "
-            f"{LEAST_UNPACKED_BYTES / 1e9:.3g} GB only; if it is so, save it without compression: "
-            "np.savez(path, **np.load(packed))"
+            f"has {file_bytes / 1e6:.3g} MB that would unpack to {unpacked_bytes / 1e9:.3g} GB; "
+            f"arrays beyond {MIN_UNPACKED_BYTES / 1e9:.3g} GB may unpack to at most "
+            f"{MAX_EXPANSION} times the size of the file; if the file is valid, save it without "
+            "compression: np.savez(path, **np.load(packed))"
         )
 
 
 @contextmanager
 def archive_errors(path: Path) -> Iterator[None]:
-    """Within it, whatever goes wrong with an archive is a `FormatError` that names it."""
+    """Within it, every error of reading an archive becomes a `FormatError` that names it."""
     try:
         yield
     except FormatError as error:
         raise FormatError(f"{path}: {error}") from None
-    except MemoryError:  # of a file whose headers fit it; a batch tries it with less
+    except MemoryError:  # not damage: a batch retries with fewer workers
         raise
-    # On damaged bytes zipfile, zlib and numpy raise nearly every type of exception there is.
+    # On damaged files zipfile, zlib and numpy raise many types of exceptions.
     except Exception as error:
         raise FormatError(
             f"{path}: is not a numpy archive, or is damaged ({error}); save it again with np.savez"
@@ -67,12 +66,12 @@ def archive_errors(path: Path) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class ArrayHeader:
-    """How an array lies in its member of an archive.
+    """The npy header of an array in an archive.
 
     Attributes
     ----------
     size_bytes : int
-        Of the header, after which the data begin.
+        Size of the header itself; the data follows it.
     """
 
     shape: tuple[int, ...]
@@ -82,12 +81,12 @@ class ArrayHeader:
 
 
 def read_array_header(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> ArrayHeader:
-    """The header of an array, whose size is known to agree with the declared shape.
+    """Read the header of an array, checked against the size of its member.
 
     Raises
     ------
     FormatError
-        If it does not, so before anything is allocated.
+        If they do not agree; nothing has been allocated yet.
     """
     with archive.open(info) as stream:
         version = np.lib.format.read_magic(stream)
@@ -96,15 +95,17 @@ def read_array_header(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> ArrayH
         elif version == (2, 0):
             shape, is_fortran_ordered, dtype = np.lib.format.read_array_header_2_0(stream)
         else:
-            raise FormatError(f"{info.filename} has npy version {version}; 1.0 and 2.0 are read")
+            raise FormatError(
+                f"{info.filename} has npy version {version}; 1.0 and 2.0 are supported"
+            )
         header = ArrayHeader(shape, is_fortran_ordered, dtype, stream.tell())
     if dtype.hasobject:
-        raise FormatError(f"{info.filename} holds Python objects; save it as numbers")
+        raise FormatError(f"{info.filename} contains Python objects; save it as numbers")
     if math.prod(shape) * dtype.itemsize + header.size_bytes != info.file_size:
         raise FormatError(
             f"{info.filename} declares shape {shape} of {dtype}, which is not its size of "
             f"{info.file_size - header.size_bytes} bytes; the file is damaged"
         )
     if info.file_size > MAX_DEFLATE_RATIO * info.compress_size:
-        raise FormatError(f"{info.filename} declares more than its packed bytes can hold")
+        raise FormatError(f"{info.filename} declares more than its compressed data can contain")
     return header

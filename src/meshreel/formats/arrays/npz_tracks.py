@@ -1,4 +1,4 @@
-"""Tracks in an ``.npz`` file, with the names of `meshreel.formats.arrays.named_arrays`."""
+"""Tracks of ``.npz`` files, named as in `meshreel.formats.arrays.named_arrays`."""
 
 import zipfile
 from collections.abc import Mapping
@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.arrays.named_arrays import NAMED, text_list, texts_array
+from meshreel.formats.arrays.named_arrays import RESERVED_NAMES, text_array, text_list
 from meshreel.formats.arrays.named_tracks import (
-    FOLDER,
+    TRACKS_FOLDER,
     Candidate,
     NamedTrack,
     array_names,
@@ -24,18 +24,18 @@ from meshreel.model.tracks import TrackSource
 Array = npt.NDArray[Any]
 
 NO_NUMBERS = np.dtype(object)
-"""Type of what is no array."""
+"""Type of members that are not arrays."""
 
 
 def track_arrays(tracks: Mapping[str, TrackSource]) -> dict[str, Array]:
-    """The arrays that describe tracks, by name; none if there are no tracks."""
+    """Return the arrays that describe tracks, by name; empty if there are no tracks."""
     if not tracks:
         return {}
     return {
-        "track_names": texts_array(list(tracks)),
-        "track_kinds": texts_array([one.kind for one in tracks.values()]),
-        "track_domains": texts_array([one.domain for one in tracks.values()]),
-        "track_units": texts_array([one.unit for one in tracks.values()]),
+        "track_names": text_array(list(tracks)),
+        "track_kinds": text_array([one.kind for one in tracks.values()]),
+        "track_domains": text_array([one.domain for one in tracks.values()]),
+        "track_units": text_array([one.unit for one in tracks.values()]),
     }
 
 
@@ -47,25 +47,25 @@ def find_tracks(
     about: Description,
     notes: list[str],
 ) -> dict[str, NamedTrack]:
-    """The tracks of an archive, none of which is read yet.
+    """Find the tracks of an archive, without reading their values.
 
     Parameters
     ----------
     arrays : mapping of str to array
-        Those that the archive has of `meshreel.formats.arrays.named_arrays`.
+        The named arrays of the archive.
     positions : str
-        The array that holds the positions.
+        Name of the array of positions.
     sizes : tuple of int
-        Frames and vertices.
+        Number of frames and vertices.
     notes : list of str
-        Gains a sentence on arrays that fit no track.
+        Receives a sentence on arrays that are not tracks.
 
     Raises
     ------
     FormatError
-        If a track is described that is not there, or the descriptions are not as many.
+        If a described track is missing, or the descriptions differ in number.
     InvalidInputError
-        If two tracks have one name.
+        If two tracks share a name.
     """
     described = _described(arrays)
     with archive_errors(path), zipfile.ZipFile(path) as archive:
@@ -73,10 +73,10 @@ def find_tracks(
             _candidate(archive, info, described)
             for info in archive.infolist()
             for name in [info.filename.removesuffix(".npy")]
-            if name != positions and not NAMED.fullmatch(name)
+            if name != positions and not RESERVED_NAMES.fullmatch(name)
         ]
         if missing := described.keys() - {one.place for one in candidates}:
-            raise FormatError(f"has no array {min(missing)!r}, which others speak of")
+            raise FormatError(f"has no array {min(missing)!r}, which other arrays refer to")
     return named_tracks(candidates, *sizes, about, notes)
 
 
@@ -84,30 +84,30 @@ def _candidate(
     archive: zipfile.ZipFile, info: zipfile.ZipInfo, described: Mapping[str, tuple[str, ...]]
 ) -> Candidate:
     place = info.filename.removesuffix(".npy")
-    name, *said = described.get(place, (place.removeprefix(f"{FOLDER}/"),))
+    name, *description = described.get(place, (place.removeprefix(f"{TRACKS_FOLDER}/"),))
     try:
         header = read_array_header(archive, info)
-    # What is no array, or a damaged one, is none of the sequence: the notes name it.
+    # Damaged or other members are not part of the sequence; the notes list them.
     except Exception:
         return Candidate(place, name, (), NO_NUMBERS)
-    if place == info.filename:  # numpy itself does not read an array without the ending
+    if place == info.filename:  # numpy does not load members without the extension .npy
         return Candidate(place, name, (), NO_NUMBERS)
-    return Candidate(place, name, header.shape, header.dtype, *said)
+    return Candidate(place, name, header.shape, header.dtype, *description)
 
 
 def _described(arrays: Mapping[str, Array]) -> dict[str, tuple[str, ...]]:
-    """Name, domain, kind and unit of tracks, by the names of their arrays."""
+    """Name, domain, kind and unit of each track, by the name of its array."""
     columns = [
         text_list(arrays, f"track_{what}") for what in ("names", "domains", "kinds", "units")
     ]
     if len({len(column) for column in columns}) > 1:
         counts = ", ".join(str(len(column)) for column in columns)
         raise FormatError(
-            f"has {counts} track_names, track_domains, track_kinds and track_units; they must be "
-            "as many"
+            f"has {counts} track_names, track_domains, track_kinds and track_units; the numbers "
+            "must be equal"
         )
     places = array_names(columns[0])
     if len(places) < len(columns[0]):
-        raise FormatError(f"has a track name twice among {', '.join(columns[0])}")
+        raise FormatError(f"has duplicate track names in {', '.join(columns[0])}")
     rows = zip(*columns, strict=True)
-    return {f"{FOLDER}/{places[row[0]]}": row for row in rows}
+    return {f"{TRACKS_FOLDER}/{places[row[0]]}": row for row in rows}

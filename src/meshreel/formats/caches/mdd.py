@@ -47,7 +47,7 @@ def open_mdd(path: Path, options: ReadOptions) -> FrameSource:
     frames = ArrayFrames(path, len(times), n_verts, np.dtype(np.float32), read)
     fps = options.fps or timing.fps
     about = Description(faces, fps, path.stem, timing.start_s, surface)
-    return frames.opened(about, options, {})
+    return frames.open(about, options, {})
 
 
 def write_mdd(path: Path, stream: FrameStream, options: WriteOptions) -> None:

@@ -48,7 +48,7 @@ def open_pc2(path: Path, options: ReadOptions) -> FrameSource:
     start_s = first_frame / (fps * interval) if fps else 0.0
     read = cache_reader(path, HEADER.size, n_verts, "<f4")
     frames = ArrayFrames(path, n_frames, n_verts, np.dtype(np.float32), read)
-    return frames.opened(Description(faces, fps, path.stem, start_s, surface), options, {})
+    return frames.open(Description(faces, fps, path.stem, start_s, surface), options, {})
 
 
 def write_pc2(path: Path, stream: FrameStream, options: WriteOptions) -> None:

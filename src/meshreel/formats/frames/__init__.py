@@ -1,1 +1,1 @@
-"""Frames one after the other: from a file each, kept in files until asked for, or to a writer."""
+"""Frame sequences: read from frame files or arrays, lazily or loaded, and streamed to writers."""

@@ -1,4 +1,4 @@
-"""Frames that lie in a file as one array: loaded, or read when they are asked for."""
+"""Positions stored as one array in a file: loaded, or read on demand."""
 
 import zlib
 from collections.abc import Callable, Iterator, Mapping
@@ -17,12 +17,12 @@ from meshreel.model.sequence import Faces, FrameSource, MeshSequence, Vertices, 
 from meshreel.model.surface import PLAIN, Surface
 from meshreel.model.tracks import TrackSource, copied, size_bytes
 
-BLOCK_BYTES = 1 << 24  # of positions that are read together
+BLOCK_BYTES = 1 << 24  # positions read at a time
 
 
 @dataclass(frozen=True, eq=False)
 class Description:
-    """Everything of a sequence but its positions, as in `MeshSequence`."""
+    """A sequence without its positions: faces, times, name and surface, as in `MeshSequence`."""
 
     faces: Faces
     fps: float
@@ -33,16 +33,16 @@ class Description:
 
 @dataclass(frozen=True, eq=False)
 class ArrayFrames:
-    """Positions of shape (T, V, 3) in a file, which is known to be large enough for them.
+    """Positions of shape (T, V, 3) in a file whose size was already checked.
 
     Parameters
     ----------
     n_frames, n_verts : int
         At least 1.
     dtype : float32 or float64
-        Of what `read` gives.
+        Type of the positions that `read` returns.
     read : function of a start and a stop
-        Gives the positions of frames start..stop - 1; its errors name the file.
+        Reads the positions of frames start..stop - 1; its errors name the file.
     """
 
     path: Path
@@ -52,16 +52,18 @@ class ArrayFrames:
     read: Callable[[int, int], Vertices]
     _checksums: dict[int, int] = field(default_factory=dict)
 
-    def opened(
+    def open(
         self, about: Description, options: ReadOptions, tracks: Mapping[str, TrackSource]
     ) -> FrameSource:
-        """The sequence, loaded if the options say so; all positions are read once now.
+        """Return the sequence, loaded if it is within `max_loaded_bytes`.
+
+        All positions are read and validated once now.
 
         Raises
         ------
         InvalidInputError
-            Naming the file, if a position is not finite or the description does not fit; when
-            frames are read later too, if the file has changed meanwhile.
+            If a position is not finite or the description does not fit; also when frames are read
+            later, if the file has changed. The error names the file.
         """
         size = self.n_frames * self.n_verts * 3 * self.dtype.itemsize
         size += sum(map(size_bytes, tracks.values()))
@@ -110,7 +112,7 @@ class ArrayFrames:
         )
 
     def _blocks(self, options: ReadOptions) -> Iterator[tuple[int, Vertices]]:
-        """Some frames at a time, known to be finite, with the number of the first."""
+        """Yield validated blocks of frames with the number of their first frame."""
         n_at_once = max(1, BLOCK_BYTES // (self.n_verts * 3 * self.dtype.itemsize))
         for start in range(0, self.n_frames, n_at_once):
             block = self.read(start, min(start + n_at_once, self.n_frames))
@@ -127,5 +129,5 @@ class ArrayFrames:
 
 
 def checksum(frame: npt.NDArray[Any]) -> int:
-    """A number that tells whether the numbers of a frame are those that were read before."""
+    """Return a checksum that detects whether a frame changes between reads."""
     return zlib.crc32(np.ascontiguousarray(frame).data)

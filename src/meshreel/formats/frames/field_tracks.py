@@ -1,4 +1,4 @@
-"""Arrays that every frame has for itself, as in files of VTK, to tracks that are read on demand."""
+"""Tracks from arrays that each frame file stores, such as VTK point data, read lazily."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -8,40 +8,40 @@ import numpy as np
 
 from meshreel.arrays import Values
 from meshreel.errors import InvalidInputError
-from meshreel.formats.frames.stored_tracks import StoredTrack, kind_said
+from meshreel.formats.frames.stored_tracks import StoredTrack, parse_track_kind
 from meshreel.formats.notes import note_kinds, note_left_out
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import MAX_COLUMNS, NUMBER_TYPES, TrackKind, default_kind
 from meshreel.runtime.counting import plural
 
 Key = tuple[Domain, str]
-"""Where the values of an array are, and its name."""
+"""Domain and name of an array."""
 
 NORMALS = "Normals"
 UV_NAMES = {"uv", "uvmap", "st", "tcoords", "texturecoordinates", "texture coordinates"}
 COLOR_NAMES = {"color", "colors", "colour", "colours", "rgb", "rgba", "cd"}
 
 SUFFIXES = {Domain.VERTEX: "_", Domain.FACE: " (faces)", Domain.CORNER: " (corners)"}
-"""What tells names of arrays apart that are there at several places."""
+"""Suffixes that make names unique if arrays of several domains share a name."""
 
 UNIT_LENGTH = 1e-3
-"""How far the length of normals may be from 1, as rounded numbers of files are."""
+"""Maximum deviation of unit normals from length 1, to allow for rounded values in files."""
 
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """What is known of an array of a frame without its numbers.
+    """Description of an array of a frame, without its values.
 
     Parameters
     ----------
     n_columns : int
-        Numbers of each value.
+        Number of components.
     role : str, default ""
-        What it is active as: "TCoords", "Normals" and others.
+        The active attribute of VTK that it is: "TCoords", "Normals" or another.
     kind, unit : str, default ""
-        What the file says of it as a track.
+        Track kind and unit that the file declares.
     is_track : bool, default False
-        Whether the file says that it is a track, even if it never changes.
+        Whether the file declares it a track, even if its values never change.
     """
 
     dtype: np.dtype[Any]
@@ -53,25 +53,25 @@ class Field:
 
 
 Fields = Mapping[Key, tuple[Values, Field]]
-"""The arrays of a frame on the surface: numbers, of shape (N,) or (N, C), and what is known."""
+"""Values, of shape (N,) or (N, C), and descriptions of the arrays of a frame."""
 
 ReadField = Callable[[int, Key], Values]
-"""Gives the numbers of an array in a frame on the surface, of shape (N,) or (N, C)."""
+"""Reads the values of an array in a frame, of shape (N,) or (N, C)."""
 
 
 def add_field(fields: dict[Key, Field], key: Key, field: Field) -> None:
-    """Add an array to those of a frame.
+    """Add the description of an array to those of a frame.
 
     Raises
     ------
     InvalidInputError
-        If there is one of that name.
+        If the domain already has an array of that name.
     """
     if key in fields:
         where = "points" if key[0] is Domain.VERTEX else "cells"
         raise InvalidInputError(
-            f"has two arrays {key[1]!r} at {where} in a frame, of {fields[key].n_columns} and of "
-            f"{field.n_columns} numbers; rename one of the two"
+            f"has two arrays {key[1]!r} at {where} in a frame, with {fields[key].n_columns} and "
+            f"{field.n_columns} components; rename one of them"
         )
     fields[key] = field
 
@@ -82,19 +82,18 @@ def field_tracks(
     read: ReadField,
     notes: list[str],
 ) -> dict[str, StoredTrack]:
-    """The tracks that arrays of frames are, by their names.
+    """Return the tracks that consist of the arrays of all frames, by name.
 
-    An array that is not in all frames is NaN in the others, and of float64 if its numbers are
-    whole. Of two arrays of one name, at points and at cells, that at cells is called "NAME
-    (faces)". The notes say so.
+    A track is NaN in frames without its array; integers become float64 then. If a point array and
+    a cell array share a name, the track of the cells is called "NAME (faces)". Notes report both.
 
     Parameters
     ----------
     frames : sequence of mappings
-        Arrays of each frame.
+        Descriptions of the arrays of each frame.
     sizes : mapping of Domain to int
-        Vertices, faces and, where arrays are of corners, these.
-    read : function of the number of a frame and the key of an array in it
+        Number of vertices, faces and, if there are corner arrays, corners.
+    read : function of a frame number and the key of an array in that frame
     """
     found: dict[str, StoredTrack] = {}
     for key in dict.fromkeys(key for frame in frames for key in frame):
@@ -106,7 +105,7 @@ def field_tracks(
             name += SUFFIXES[key[0]]
         if name != key[1]:
             where = "at points and at cells" if key[0] is Domain.FACE else "also at corners"
-            notes.append(f"{key[1]!r} is {where}; that of {plural(key[0])} is called {name!r}")
+            notes.append(f"{key[1]!r} is {where}; the one of {plural(key[0])} is called {name!r}")
         found[name] = track
     return found
 
@@ -122,11 +121,11 @@ def _track(
     fields = [frame[key] for frame in frames if key in frame]
     widths = sorted({field.n_columns for field in fields})
     if len(widths) > 1:
-        several = " and of ".join(map(str, widths))
-        note_left_out(notes, f"{key[1]!r}, of {several} numbers in different frames")
+        several = " or ".join(map(str, widths))
+        note_left_out(notes, f"{key[1]!r}, which has {several} components in different frames")
         return None
     if not 1 <= widths[0] <= MAX_COLUMNS or any(one.dtype not in NUMBER_TYPES for one in fields):
-        note_kinds(notes, f"fields of text, or of more than {MAX_COLUMNS} numbers", [key[1]])
+        note_kinds(notes, f"fields of text, or with more than {MAX_COLUMNS} components", [key[1]])
         return None
     dtype = np.result_type(*(field.dtype for field in fields))
     if not all(has):
@@ -156,10 +155,10 @@ def _kind(
     read: Callable[[int, int], Values],
     n_frames: int,
 ) -> TrackKind:
-    """What an array means, by what the file says of it, its name and its numbers."""
+    """Infer the track kind from the declared kind, the name and the values of an array."""
     width, is_float, lower = field.n_columns, dtype.kind == "f", name.lower()
-    if said := kind_said(field.kind, width, dtype):
-        return said
+    if declared := parse_track_kind(field.kind, width, dtype):
+        return declared
     if width in (3, 4) and (dtype == np.uint8 or (is_float and lower in COLOR_NAMES)):
         return TrackKind.COLOR
     if width == 2 and is_float and lower in UV_NAMES:
@@ -171,6 +170,6 @@ def _kind(
 
 
 def _are_unit(values: Values) -> bool:
-    """Whether vectors have the length 1, but for those that are missing."""
+    """Whether all vectors have length 1; missing ones (NaN) are ignored."""
     lengths = np.linalg.norm(values.astype(np.float64), axis=-1)
     return bool((np.isnan(lengths) | (abs(lengths - 1) <= UNIT_LENGTH)).all())

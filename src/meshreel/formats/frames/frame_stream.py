@@ -1,4 +1,4 @@
-"""Frames that come one after the other, to be written as they come."""
+"""Frames streamed to a writer as they are produced."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain
@@ -26,48 +26,45 @@ from meshreel.runtime.progress import Count, Progress, silent
 
 
 class FrameStream:
-    """A sequence whose positions pass by once, some frames at a time.
+    """A sequence whose positions can be read once, in blocks of frames.
 
     Parameters
     ----------
     blocks : iterable of float arrays of shape (T, V, 3)
-        The positions in model units, in order; the first block that has frames is read at once.
-        Blocks may differ in T, which may be 0.
+        Positions in model units, in order. The first block with frames is read immediately.
+        Blocks may differ in T, and T may be 0.
     faces : integer array of shape (M, 3)
     n_frames : int
-        Of all blocks together.
+        Total of all blocks.
     fps, name, start_s, surface
         As in `MeshSequence`.
     progress : Progress, default silent
-        Told of every frame that was done with.
+        Called after every frame.
     notes : list of str, optional
-        Gains one sentence for each thing that a format cannot hold as it is.
+        Receives a sentence for each thing that a format cannot store exactly.
     tracks : mapping of str to TrackSource, optional
-        Those that the file is to hold.
+        Tracks to write.
 
     Attributes
     ----------
-    is_told : bool
-        Whether anybody reads the notes.
-
-    Attributes
-    ----------
+    wants_notes : bool
+        Whether the caller passed a list for notes.
     n_verts : int
     dtype : dtype
-        Of every block.
+        Type of all positions.
     first : float array of shape (V, 3)
-        Positions of the first frame, known before any frame has passed.
+        Positions of the first frame, available before `frames` is read.
     image_folder : str
-        Name of the folder beside the file that is to have the images of the surface, in files of
-        the names of `meshreel.formats.surfaces.image_files.image_names`; empty if there is none.
-    beside : list of tuple of str and Path
-        Files to be written beside the file, for it names them: by which name, and where to.
+        Name of the folder next to the file for the images of the surface, whose file names are
+        those of `meshreel.formats.surfaces.images.image_names`; empty if there is none.
+    data_files : list of tuple of str and Path
+        Further files that the file refers to: name in the file, and path to write.
 
     Raises
     ------
     InvalidInputError
-        As `MeshSequence`, of tracks too; while frames pass too, if blocks differ in their vertex
-        count or type, a position is not finite, or there are not as many frames as were announced.
+        As `MeshSequence` and for invalid tracks; also while frames are read, if blocks differ in
+        vertex count or type, a position is not finite, or the number of frames is not `n_frames`.
     """
 
     def __init__(
@@ -96,15 +93,15 @@ class FrameStream:
         self.tracks = dict(tracks or {})
         check_tracks(self.tracks, n_frames, self.n_verts, len(self.faces), self.surface)
         self.first: Vertices = first[0]
-        self.is_told = notes is not None
+        self.wants_notes = notes is not None
         self.notes = notes if notes is not None else []
         self._blocks: Iterator[Vertices] = chain([first], filled)
         self.progress = progress
         self.image_folder = ""
-        self.beside: list[tuple[str, Path]] = []
+        self.data_files: list[tuple[str, Path]] = []
 
     def frames(self) -> Iterator[Vertices]:
-        """Positions of each frame, of shape (V, 3); they can be had only once."""
+        """Yield the positions of each frame, of shape (V, 3); can be called only once."""
         index = 0
         for block in self._checked_blocks():
             for frame in block:
@@ -113,11 +110,11 @@ class FrameStream:
                 self.progress("writing", Count(index, self.n_frames, "frames"))
 
     def values(self, index: int) -> dict[str, Values]:
-        """Values of each track in a frame, of shape (N, C); they are read now."""
+        """Read the values of each track in a frame, of shape (N, C)."""
         return {name: track.read(index, index + 1)[0] for name, track in self.tracks.items()}
 
     def gather(self) -> MeshSequence:
-        """All frames in memory; they can be had only once."""
+        """Load all frames into memory; can be called only once."""
         vertices = np.concatenate(list(self._checked_blocks()))
         tracks = {name: copied(one, range(self.n_frames)) for name, one in self.tracks.items()}
         return MeshSequence(
@@ -130,8 +127,8 @@ class FrameStream:
             expected = (len(block), self.n_verts, 3)
             if block.shape != expected or block.dtype != self.dtype:
                 raise InvalidInputError(
-                    f"frames {n_seen} and after have shape {block.shape} and type {block.dtype}; "
-                    f"those before have {expected} and {self.dtype}"
+                    f"the block at frame {n_seen} has shape {block.shape} and type {block.dtype}; "
+                    f"expected {expected} and {self.dtype}"
                 )
             validate_finite(block, first_frame=n_seen)
             n_seen += len(block)
@@ -139,7 +136,7 @@ class FrameStream:
                 break
             yield block
         if n_seen != self.n_frames:
-            come = f"{n_seen} or more" if n_seen > self.n_frames else str(n_seen)
+            received = f"{n_seen} or more" if n_seen > self.n_frames else str(n_seen)
             raise InvalidInputError(
-                f"{counted(self.n_frames, 'frame')} were announced; {come} came"
+                f"expected {counted(self.n_frames, 'frame')}; received {received}"
             )

@@ -1,4 +1,4 @@
-"""Files that hold a frame each, known to agree in their faces and to stay as they are."""
+"""Frame files, one mesh each, checked for equal faces and for changes between reads."""
 
 import zlib
 from collections.abc import Callable, Iterator, Sequence
@@ -24,24 +24,24 @@ from meshreel.model.surface import PLAIN, Domain, Surface
 from meshreel.model.surface_selection import differing_names
 from meshreel.runtime.progress import Count, Progress
 
-COMPARED_BYTES, LEAST_COMPARED = 1 << 24, 3
-"""Bytes of files, and least number of frames, in which attributes are compared."""
+COMPARED_BYTES, MIN_COMPARED = 1 << 24, 3
+"""Attributes are compared in as many frames as these bytes of files hold, at least in three."""
 
 
 class MeshFiles:
-    """The meshes of frame files, read one at a time and as often as needed.
+    """The meshes of frame files, read one at a time and as often as necessary.
 
     Parameters
     ----------
     paths : sequence of Path
-        One file a frame, in order.
-    found : FrameFormat
-        The format of all of them.
+        One file per frame, in order.
+    format : FrameFormat
+        Format of all files.
     """
 
-    def __init__(self, paths: Sequence[Path], found: FrameFormat) -> None:
+    def __init__(self, paths: Sequence[Path], format: FrameFormat) -> None:
         self.paths = tuple(paths)
-        self.format = found
+        self.format = format
         self._checksums: dict[int, int] = {}
         self._last_fields: tuple[int, Fields] | None = None
         self._faces: tuple[npt.NDArray[np.int64], npt.NDArray[np.int32]] | None = None
@@ -51,14 +51,14 @@ class MeshFiles:
         return len(self.paths)
 
     def meshes(self, progress: Progress, stage: str) -> Iterator[PolygonMesh]:
-        """Each frame, known to be finite and to have the vertex count and faces of the first.
+        """Yield each frame, checked to be finite and to have the vertices and faces of the first.
 
         Raises
         ------
         FormatError
-            Naming the file that cannot be read.
+            If a file cannot be read.
         InvalidInputError
-            Naming the file and the frame that differs, is not finite, or has changed.
+            If a frame differs, is not finite, or its file has changed. Errors name the file.
         """
         first = self.mesh(0)
         for index, path in enumerate(self.paths):
@@ -67,7 +67,7 @@ class MeshFiles:
                 raise InvalidInputError(
                     f"{path} (frame {index}) has {difference} in frame 0 "
                     f"({self.paths[0].name}); all frames of a sequence must have the same "
-                    "vertices and faces; --split writes a file for each stretch that has"
+                    "vertices and faces; --split writes a file for each range of frames that has"
                 )
             with errors_naming(path):
                 validate_finite(mesh.vertices[np.newaxis], first_frame=index)
@@ -75,60 +75,62 @@ class MeshFiles:
             progress(stage, Count(index + 1, len(self), "frames"))
 
     def mesh(self, index: int) -> PolygonMesh:
-        """One frame, as it was when it was first read.
+        """Return a frame, checked to be the same as when it was first read.
 
         Raises
         ------
         FormatError
-            Naming the file that cannot be read.
+            If the file is damaged.
         InvalidInputError
-            Naming the file that is not there, or has changed.
+            If the file does not exist or has changed. Errors name the file.
         """
         with self._contents(index) as data:
             if self._faces is None:
-                return self._learn(data)
+                return self._parse_first(data)
             if (vertices := self._positions(data)) is None:
                 return self.format.parse(data)
             return PolygonMesh(vertices, *self._faces)
 
     def surface(self, notes: list[str]) -> Surface:
-        """Attributes and groups of the first frame; raises as `mesh`.
+        """Return the attributes and groups of the first frame; raises as `mesh`.
 
         Parameters
         ----------
         notes : list of str
-            Gains a sentence on what is left out, such as what differs in other frames.
+            Receives a sentence for each thing that is left out, such as changes in later frames.
         """
-        said: list[str] = []
-        first, moving = self._surface(0, said), self._moving_fields
-        fields = self._described_fields[0].items()
-        if any(key in moving and field.role == NORMALS for key, (field, _) in fields):
-            said = [one for one in said if not one.startswith((NORMALS_LEFT_OUT, NORMALS_FAR))]
-        notes += [note for note in said if note not in notes]
+        first_notes: list[str] = []
+        first, changing = self._surface(0, first_notes), self._changing_fields
+        fields = self._field_descriptions[0].items()
+        if any(key in changing and field.role == NORMALS for key, (field, _) in fields):
+            first_notes = [
+                one for one in first_notes if not one.startswith((NORMALS_LEFT_OUT, NORMALS_FAR))
+            ]
+        notes += [note for note in first_notes if note not in notes]
         differing: list[str] = []
-        for index in self._looked_at():
+        for index in self._compared_frames():
             differing += differing_names(first, self._surface(index, []))
-        names = {name for _, name in moving}
+        names = {name for _, name in changing}
         note_frozen(notes, (name for name in differing if name not in names))
-        still = [one for one in first.attributes if (one.domain, one.name) not in moving]
-        return replace(first, attributes=tuple(still))
+        constant = [one for one in first.attributes if (one.domain, one.name) not in changing]
+        return replace(first, attributes=tuple(constant))
 
     def tracks(self, notes: list[str]) -> dict[str, StoredTrack]:
-        """What frames have at vertices, faces and corners that changes; raises as `mesh`.
+        """Return the vertex, face and corner data that change over time; raises as `mesh`.
 
-        All files are read once now, if the format has such, and again when values are asked for.
+        If the format supports fields, all files are read now, and again for the values.
 
         Parameters
         ----------
         notes : list of str
-            Gains a sentence on what only some frames have.
+            Receives a sentence for each array that only some frames have.
         """
         if self.format.parse_fields is None:
             return {}
-        first, moving = self.mesh(0), self._moving_fields
+        first, changing = self.mesh(0), self._changing_fields
         frames = [
-            {key: field for key, (field, _) in fields.items() if key in moving}
-            for fields in self._described_fields
+            {key: field for key, (field, _) in fields.items() if key in changing}
+            for fields in self._field_descriptions
         ]
 
         def read(index: int, key: Key) -> npt.NDArray[Any]:
@@ -139,47 +141,53 @@ class MeshFiles:
         return field_tracks(frames, sizes, read, notes)
 
     @cached_property
-    def _described_fields(self) -> list[dict[Key, tuple[Field, int]]]:
-        """What is known of the arrays of each frame, and a number that tells their values."""
+    def _field_descriptions(self) -> list[dict[Key, tuple[Field, int]]]:
+        """Descriptions of the arrays of each frame, with a checksum of their values."""
         if self.format.parse_fields is None:
             return [{} for _ in self.paths]
-        are_same = self._fields_checker
-        found: list[dict[Key, tuple[Field, int]]] = []
+        has_same_fields = self._fields_checker
+        descriptions: list[dict[Key, tuple[Field, int]]] = []
         for index in range(len(self)):
-            if index and are_same is not None:
+            if index and has_same_fields is not None:
                 with self._contents(index) as data:
-                    if are_same(data):
-                        found.append(found[0])
+                    if has_same_fields(data):
+                        descriptions.append(descriptions[0])
                         continue
             fields = self._fields(index).items()
-            found.append({key: (field, _sum(values)) for key, (values, field) in fields})
-        return found
+            descriptions.append(
+                {key: (field, _checksum(values)) for key, (values, field) in fields}
+            )
+        return descriptions
 
     @cached_property
     def _fields_checker(self) -> Callable[[bytes], bool] | None:
-        """Whether the bytes of a file have the fields of the first, if that can be told."""
+        """Function that tells whether a file has the fields of the first; None if unsupported."""
         if self.format.fields_checker is None or len(self) < 2:
             return None
         with self._contents(0) as data:
             return self.format.fields_checker(data)
 
     @cached_property
-    def _moving_fields(self) -> set[Key]:
-        """The arrays that change over time, that only some frames have, or that are said to."""
-        frames = self._described_fields
+    def _changing_fields(self) -> set[Key]:
+        """Arrays that change over time, are missing in some frames, or are declared tracks."""
+        frames = self._field_descriptions
         keys = {key for fields in frames for key in fields}
         sums = {
             key: {fields[key][1] if key in fields else None for fields in frames} for key in keys
         }
-        said = {key for fields in frames for key, (field, _) in fields.items() if field.is_track}
-        return said | {key for key in keys if len(sums[key]) > 1}
+        first_notes = {
+            key for fields in frames for key, (field, _) in fields.items() if field.is_track
+        }
+        return first_notes | {key for key in keys if len(sums[key]) > 1}
 
     @property
     def frame_bytes(self) -> int:
-        """Size of the positions and the tracks of the first frame in memory."""
-        moving = self._moving_fields
-        of_fields = sum(one.nbytes for key, (one, _) in self._fields(0).items() if key in moving)
-        return self.mesh(0).vertices.nbytes + of_fields
+        """Bytes of the positions and tracks of the first frame in memory."""
+        changing = self._changing_fields
+        field_bytes = sum(
+            one.nbytes for key, (one, _) in self._fields(0).items() if key in changing
+        )
+        return self.mesh(0).vertices.nbytes + field_bytes
 
     def _fields(self, index: int) -> Fields:
         if self.format.parse_fields is None:
@@ -195,21 +203,21 @@ class MeshFiles:
         with self._contents(index) as data:
             return self.format.parse_surface(data, notes)
 
-    def _looked_at(self) -> list[int]:
-        """The frames whose attributes are compared with the first: all, if files are small.
+    def _compared_frames(self) -> list[int]:
+        """Frames whose attributes are compared with those of the first: all, if files are small.
 
-        Reading what a frame carries takes about as long as reading its positions; of large files
-        some, from the first to the last, are enough to see what moves.
+        Reading the attributes of a frame takes about as long as reading its positions; of large
+        files, a few from the first to the last are enough to detect changes.
         """
         carries_nothing = self.format.parse_surface is None or self.format.has_unshared_vertices
         if carries_nothing or len(self) == 1:
             return []
         n_fitting = COMPARED_BYTES // max(1, self.paths[0].stat().st_size)
-        n_compared = min(len(self) - 1, max(LEAST_COMPARED, n_fitting))
+        n_compared = min(len(self) - 1, max(MIN_COMPARED, n_fitting))
         return sorted({*np.linspace(1, len(self) - 1, n_compared).round().astype(int).tolist()})
 
-    def _learn(self, data: bytes) -> PolygonMesh:
-        """The mesh of the file that is read first, whose faces the others most likely have."""
+    def _parse_first(self, data: bytes) -> PolygonMesh:
+        """Parse the file that is read first, and prepare faster reading of files with its faces."""
         mesh = self.format.parse(data)
         self._faces = mesh.counts, mesh.corners
         if len(self) > 1 and self.format.positions_reader is not None:
@@ -218,7 +226,7 @@ class MeshFiles:
 
     @contextmanager
     def _contents(self, index: int) -> Iterator[bytes]:
-        """The bytes of a frame's file; errors within name it."""
+        """Within it, the bytes of a frame's file; errors name the file."""
         path = self.paths[index]
         with os_errors_naming(path):
             data = path.read_bytes()
@@ -230,6 +238,6 @@ class MeshFiles:
             yield data
 
 
-def _sum(values: npt.NDArray[Any]) -> int:
-    """A number that tells values from others."""
+def _checksum(values: npt.NDArray[Any]) -> int:
+    """Checksum of the values of an array."""
     return zlib.crc32(np.ascontiguousarray(values).data)

@@ -1,4 +1,4 @@
-"""Sequences without the attributes that were not asked for."""
+"""Selection of the attributes of a sequence."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -10,8 +10,8 @@ from meshreel.model.surface import Surface
 from meshreel.model.surface_selection import Names, selected
 
 
-def with_attributes(sequence: FrameSource, names: Names, path: Path) -> FrameSource:
-    """The sequence with the attributes and groups of these names only.
+def select_attributes(sequence: FrameSource, names: Names, path: Path) -> FrameSource:
+    """Return the sequence with only the named attributes and groups.
 
     Parameters
     ----------
@@ -19,12 +19,12 @@ def with_attributes(sequence: FrameSource, names: Names, path: Path) -> FrameSou
     names : str or sequence of str
         As `meshreel.model.surface_selection.selected` takes them.
     path : Path
-        Where it was read, for errors.
+        File of the sequence, for errors.
 
     Raises
     ------
     InvalidInputError
-        If a name is not there; what is there is listed.
+        If a name does not exist; the message lists the available names.
     """
     with errors_naming(path):
         surface = selected(sequence.surface, names)
@@ -32,9 +32,9 @@ def with_attributes(sequence: FrameSource, names: Names, path: Path) -> FrameSou
 
 
 def with_surface(sequence: FrameSource, surface: Surface) -> FrameSource:
-    """The sequence with another surface."""
+    """Return the sequence with another surface."""
     if surface is sequence.surface:
         return sequence
     if not isinstance(sequence, MeshSequence | StoredFrames):
-        raise TypeError(f"a {type(sequence).__name__} was opened, whose surface is its own")
+        raise TypeError(f"cannot replace the surface of a {type(sequence).__name__}")
     return replace(sequence, surface=surface)

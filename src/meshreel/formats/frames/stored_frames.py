@@ -1,4 +1,4 @@
-"""Frames that stay in their files until they are asked for."""
+"""Sequences whose frames stay in their files until they are read."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -31,19 +31,19 @@ class StoredFrames:
     extent : Extent
         Of all frames, in `dtype`.
     read_range : function of a start and a stop
-        Gives the positions of frames start..stop - 1, of shape (stop - start, V, 3).
+        Reads the positions of frames start..stop - 1, of shape (stop - start, V, 3).
     start_s : float, default 0
     files : tuple of Path
-        Where the positions are.
+        Files with the positions.
     is_portable : bool, default False
-        Whether `read_range` can be sent to another process, and reads there.
+        Whether `read_range` can be pickled and used in another process.
     tracks : mapping of str to TrackSource, optional
 
     Raises
     ------
     InvalidInputError
-        If a face names a vertex that is not there, the frame rate is negative or not finite, or
-        the surface or a track does not fit.
+        If a face has a vertex index out of range, the frame rate is negative or not finite, or the
+        surface or a track does not fit.
     """
 
     n_frames: int
@@ -69,14 +69,14 @@ class StoredFrames:
         check_tracks(self.tracks, self.n_frames, self.n_verts, len(self.faces), surface)
 
     def read(self, start: int, stop: int) -> Vertices:
-        """Positions of frames start..stop - 1, counted as in a slice of all frames."""
+        """Read the positions of frames start..stop - 1, with the index rules of slices."""
         start, stop, _ = slice(start, stop).indices(self.n_frames)
         return self.read_range(start, max(start, stop))
 
 
 def changed_error(place: str) -> InvalidInputError:
-    """The error to raise where a file does not hold the bytes that it held at first."""
+    """Error for a file whose contents differ from those that were read first."""
     return InvalidInputError(
-        f"{place} changed after it was first read; leave the files as they are until all is "
-        "done, and start again"
+        f"{place} changed after it was first read; start again, and do not change the files "
+        "until it is done"
     )

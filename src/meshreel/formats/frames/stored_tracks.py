@@ -1,4 +1,4 @@
-"""Tracks whose values stay in their files until they are asked for."""
+"""Tracks whose values stay in their files until they are read."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,12 +23,12 @@ class StoredTrack:
     shape : tuple of int
         Frames, places and numbers of each value: (T, N, C).
     read_range : function of a start and a stop
-        Gives the values of frames start..stop - 1, of shape (stop - start, N, C).
+        Reads the values of frames start..stop - 1, of shape (stop - start, N, C).
 
     Raises
     ------
     InvalidInputError
-        If values are not such as their kind has.
+        If the kind does not allow the type or number of components.
     """
 
     domain: Domain
@@ -42,15 +42,15 @@ class StoredTrack:
         check_kind(self.kind, self.shape[2], self.dtype)
 
     def read(self, start: int, stop: int) -> Values:
-        """Values of frames start..stop - 1, counted as in a slice of all frames."""
+        """Read the values of frames start..stop - 1, with the index rules of slices."""
         start, stop, _ = slice(start, stop).indices(self.shape[0])
         return self.read_range(start, max(start, stop))
 
 
-def kind_said(said: str, n_columns: int, dtype: np.dtype[Any]) -> TrackKind | None:
-    """The kind that a file says, if there is such a one and values may be of it; else None."""
+def parse_track_kind(name: str, n_columns: int, dtype: np.dtype[Any]) -> TrackKind | None:
+    """Return the track kind of a name; None if it is unknown or does not fit the values."""
     try:
-        check_kind(kind := TrackKind(said), n_columns, dtype)
+        check_kind(kind := TrackKind(name), n_columns, dtype)
     except (ValueError, InvalidInputError):
         return None
     return kind

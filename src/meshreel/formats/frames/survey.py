@@ -1,4 +1,4 @@
-"""The type and the extent of all frames, which are known before the first one is given out."""
+"""Number type and extent of all frames, found before a sequence is returned."""
 
 from collections.abc import Iterable, Iterator
 
@@ -9,7 +9,7 @@ from meshreel.model.sequence import Corners, Extent, Vertices, bounding_boxes, e
 
 
 class FrameSurvey:
-    """Number type and extent of frames that pass by one after the other.
+    """Accumulates the number type and extent of frames.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ class FrameSurvey:
         self._narrowing = Narrowing() if is_decimal else None
 
     def add(self, vertices: Vertices) -> None:
-        """Take in the next frames: finite positions of shape (T, V, 3)."""
+        """Add frames: finite positions of shape (T, V, 3)."""
         self._widest = np.promote_types(self._widest, vertices.dtype)
         self._boxes.append(bounding_boxes(vertices))
         if self._narrowing is not None:
@@ -31,21 +31,21 @@ class FrameSurvey:
                 self._narrowing.add(frame)
 
     def watch(self, frames: Iterable[Vertices]) -> Iterator[Vertices]:
-        """The same frames, of shape (V, 3), each taken in as it passes."""
+        """Yield the given frames, of shape (V, 3), adding each."""
         for frame in frames:
             self.add(frame[np.newaxis])
             yield frame
 
     @property
     def dtype(self) -> np.dtype[np.floating]:
-        """The widest type that came; of decimal text float32, if that is enough."""
+        """The widest type of the frames; float32 for decimal text if that is precise enough."""
         narrow = self._narrowing is not None and self._narrowing.is_harmless
         return np.dtype(np.float32) if narrow else self._widest
 
     @property
     def extent(self) -> Extent:
         """The extent of the frames in `dtype`."""
-        # Rounding keeps order, so the box of rounded positions is the rounded box.
+        # Rounding is monotonic, so the box of rounded positions is the rounded box.
         low, high = (
             np.concatenate(corners).astype(self.dtype).astype(np.float64)
             for corners in zip(*self._boxes, strict=True)

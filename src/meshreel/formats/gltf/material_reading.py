@@ -63,10 +63,10 @@ class MaterialReader:
         given = [one.text("name", "") for one in self._document.lists["materials"]]
         # A single one without a name that looks like any other says nothing; several tell faces
         # apart.
-        is_told = given.count("") > 1 or self._has_unnamed_look(given)
-        named = [name or f"material_{i}" for i, name in enumerate(given) if name or is_told]
+        wants_notes = given.count("") > 1 or self._has_unnamed_look(given)
+        named = [name or f"material_{i}" for i, name in enumerate(given) if name or wants_notes]
         unique = iter(unique_names(named))
-        return [next(unique) if name or is_told else "" for name in given]
+        return [next(unique) if name or wants_notes else "" for name in given]
 
     def look(self, numbers: Iterable[int]) -> tuple[tuple[Material, ...], tuple[Image, ...]]:
         """The materials of these numbers that have labels, and the images that they show."""

@@ -1,1 +1,1 @@
-"""HDF5 files read and written with every size checked, for all formats that are HDF5."""
+"""HDF5 access shared by all HDF5-based formats, with size checks for untrusted files."""

@@ -1,4 +1,4 @@
-"""HDF5 files that may be damaged or hostile: nothing outside of them, nothing larger than them."""
+"""Safe reading of untrusted HDF5 files: no external files, no allocation beyond the file size."""
 
 import math
 from collections.abc import Iterator
@@ -13,9 +13,9 @@ from meshreel.errors import FormatError, MeshReelError
 from meshreel.formats.extras import HDF
 from meshreel.runtime.counting import counted
 
-MAX_RATIO = 1100  # deflate cannot do better than 1032 : 1
+MAX_RATIO = 1100  # deflate compresses by at most 1032:1
 MAX_LINKS = 64
-SMALL_BYTES = 1 << 20  # a chunk may take so much however small the file is
+SMALL_BYTES = 1 << 20  # chunk size that is allowed for any file
 
 Node = Any  # a group or a dataset of h5py, which has no types
 Dataset = Any
@@ -23,24 +23,24 @@ Dataset = Any
 
 @contextmanager
 def hdf_errors() -> Iterator[None]:
-    """Within it, whatever goes wrong in the HDF5 library is a `FormatError`."""
+    """Within it, every error of the HDF5 library becomes a `FormatError`."""
     try:
         yield
     except MeshReelError:
         raise
-    # On damaged bytes the library raises nearly every type of exception there is.
+    # On damaged files the library raises many types of exceptions.
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise FormatError(f"is not an HDF5 file, or is damaged ({reason[:200]})") from error
 
 
 def open_hdf(path: Path) -> Node:
-    """The root group of a file; it is closed when nothing refers to it any more.
+    """Open a file and return its root group; the file closes with the last reference to it.
 
     Raises
     ------
     FormatError
-        If it is no HDF5 file, or h5py is not installed.
+        If the file is not HDF5, or h5py is not installed.
     """
     h5py = HDF.load()
     with hdf_errors():
@@ -48,12 +48,12 @@ def open_hdf(path: Path) -> Node:
 
 
 def find_node(group: Node, name: str, n_links: int = 0) -> Node | None:
-    """A group or dataset at a path below a group; None if there is none.
+    """Return the group or dataset at a path below a group; None if there is none.
 
     Raises
     ------
     FormatError
-        If a link leads to another file, or links lead in circles.
+        If a link leads to another file, or links form a cycle.
     """
     h5py = HDF.load()
     node = group.file["/"] if name.startswith("/") else group
@@ -64,10 +64,12 @@ def find_node(group: Node, name: str, n_links: int = 0) -> Node | None:
         if link is None:
             return None
         if isinstance(link, h5py.ExternalLink):
-            raise FormatError(f"{part!r} is in another file ({link.filename}), which is not read")
+            raise FormatError(
+                f"{part!r} links to another file ({link.filename}), which is not read"
+            )
         if isinstance(link, h5py.SoftLink):
             if n_links >= MAX_LINKS:
-                raise FormatError(f"links lead from {name!r} in circles")
+                raise FormatError(f"has circular links from {name!r}")
             node = find_node(node, link.path, n_links + 1)
         else:
             node = node[part]
@@ -75,18 +77,18 @@ def find_node(group: Node, name: str, n_links: int = 0) -> Node | None:
 
 
 def find_group(group: Node, name: str) -> Node | None:
-    """A group at a path below a group; None if there is none."""
+    """Return the group at a path below a group; None if there is none."""
     node = find_node(group, name)
     return node if isinstance(node, HDF.load().Group) else None
 
 
 def find_dataset(group: Node, name: str) -> Dataset | None:
-    """A dataset at a path below a group, known to be stored in the file; None if there is none.
+    """Return the dataset at a path below a group, checked to be in the file; None if none.
 
     Raises
     ------
     FormatError
-        As `find_node`; if its numbers are in other files, or more than the file can hold.
+        As `find_node`; or if its data is in other files, or larger than the file can contain.
     """
     node = find_node(group, name)
     if not isinstance(node, HDF.load().Dataset):
@@ -96,12 +98,12 @@ def find_dataset(group: Node, name: str) -> Dataset | None:
 
 
 def require_dataset(group: Node, name: str) -> Dataset:
-    """As `find_dataset`, of one that must be there.
+    """Return the dataset at a path below a group; as `find_dataset`, but it must exist.
 
     Raises
     ------
     FormatError
-        If it is not.
+        As `find_dataset`, or if there is none.
     """
     if (found := find_dataset(group, name)) is None:
         raise FormatError(f"has no dataset {group.name.rstrip('/')}/{name}")
@@ -109,31 +111,31 @@ def require_dataset(group: Node, name: str) -> Dataset:
 
 
 def read_rows(dataset: Dataset, start: int, count: int) -> npt.NDArray[Any]:
-    """So many rows of a dataset from a start on, in native byte order.
+    """Read `count` rows of a dataset from row `start` on, in native byte order.
 
     Raises
     ------
     FormatError
-        If it does not have them.
+        If the dataset does not have them.
     """
     n_rows = dataset.shape[0] if dataset.shape else 0
     if not 0 <= start <= start + count <= n_rows:
         raise FormatError(
             f"dataset {dataset.name} has {counted(n_rows, 'row')}; {count} from row {start} on "
-            "are spoken of"
+            "are needed"
         )
     return _native(dataset[start : start + count])
 
 
 def read_all(dataset: Dataset) -> npt.NDArray[Any]:
-    """All of a dataset, in native byte order; text as numpy text."""
+    """Read a whole dataset, in native byte order; text as a numpy string array."""
     if HDF.load().check_string_dtype(dataset.dtype) is not None:
         return np.asarray(dataset.asstr(errors="replace")[()]).astype(np.str_)
     return _native(np.asarray(dataset[()]))
 
 
 def write_array(group: Node, name: str, array: npt.NDArray[Any]) -> None:
-    """Write an array as a dataset; text as UTF-8 of variable length."""
+    """Write an array as a dataset; text as variable-length UTF-8."""
     if array.dtype.kind == "U":
         encoded = np.array(
             [text.encode("utf-8", "replace") for text in array.ravel().tolist()], dtype=object
@@ -153,15 +155,15 @@ def _check_stored(dataset: Dataset) -> None:
     if dataset.external or dataset.is_virtual:
         raise FormatError(f"{where} is in other files, which are not read")
     if dataset.dtype.kind not in "iufSO" or dataset.shape is None:
-        raise FormatError(f"{where} holds {dataset.dtype}; numbers and text are read")
+        raise FormatError(f"{where} has type {dataset.dtype}; numbers and text are supported")
     if dataset.dtype.kind == "O" and HDF.load().check_string_dtype(dataset.dtype) is None:
-        raise FormatError(f"{where} holds lists; numbers and text are read")
+        raise FormatError(f"{where} contains lists; numbers and text are supported")
     file_bytes = Path(dataset.file.filename).stat().st_size
     size = math.prod(dataset.shape) * dataset.dtype.itemsize
     if size > MAX_RATIO * min(dataset.id.get_storage_size(), file_bytes):
         raise FormatError(
-            f"{where} declares {size} bytes of shape {dataset.shape}, more than the file holds"
+            f"{where} declares {size} bytes of shape {dataset.shape}, more than the file contains"
         )
     chunk = math.prod(dataset.chunks or (0,)) * dataset.dtype.itemsize
     if chunk > max(MAX_RATIO * file_bytes, SMALL_BYTES):
-        raise FormatError(f"{where} is in chunks of {chunk} bytes, more than the file holds")
+        raise FormatError(f"{where} has chunks of {chunk} bytes, more than the file contains")

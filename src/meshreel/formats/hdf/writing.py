@@ -1,7 +1,8 @@
-"""HDF5 files that are written, also where the disk may become full.
+"""Writing of HDF5 files that survives a full disk.
 
-The HDF5 library crashes when it cannot write all that it holds back. It is given a file that takes
-everything: what the disk refuses is kept in memory until the library is done, and told then.
+The HDF5 library crashes if it cannot flush its buffers. It gets a file object that accepts all
+writes: data that the disk refuses stays in memory, and the error is raised after the library has
+closed the file.
 """
 
 import io
@@ -17,8 +18,8 @@ from meshreel.model.sequence import Vertices
 from meshreel.model.tracks import TrackSource, track_blocks
 
 
-class PatientFile(io.RawIOBase):
-    """A file that never fails to write while it is open; `check` says whether it has.
+class DeferredErrorFile(io.RawIOBase):
+    """A file that accepts all writes; `check` raises the first error of the disk.
 
     Parameters
     ----------
@@ -33,7 +34,7 @@ class PatientFile(io.RawIOBase):
         self._error: OSError | None = None
 
     def check(self) -> None:
-        """Raise what the system said when it first refused to write.
+        """Raise the error of the first failed write, if any.
 
         Raises
         ------
@@ -43,7 +44,7 @@ class PatientFile(io.RawIOBase):
             raise self._error
 
     def write(self, data: memoryview) -> int:  # type: ignore[override]
-        """Write bytes, or keep those that the disk refuses."""
+        """Write bytes; keep those that the disk refuses."""
         left = memoryview(data).cast("B")
         n_bytes = len(left)
         try:
@@ -58,7 +59,7 @@ class PatientFile(io.RawIOBase):
         return n_bytes
 
     def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]
-        """Read back what was written; zeros where nothing was."""
+        """Read back written bytes; zeros where nothing was written."""
         self._file.seek(self._place)
         n_read = self._file.readinto(buffer) or 0
         buffer[n_read:] = bytes(len(buffer) - n_read)
@@ -71,18 +72,18 @@ class PatientFile(io.RawIOBase):
         return len(buffer)
 
     def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
-        """Go to a place in the file."""
+        """Move to an offset in the file."""
         ends = [start + len(data) for start, data in self._refused]
         size = max([self._file.seek(0, io.SEEK_END), *ends])
         self._place = offset + {io.SEEK_SET: 0, io.SEEK_CUR: self._place, io.SEEK_END: size}[whence]
         return self._place
 
     def tell(self) -> int:
-        """The place in the file."""
+        """Return the offset in the file."""
         return self._place
 
     def truncate(self, size: int | None = None) -> int:
-        """Cut the file, or make it longer by zeros."""
+        """Truncate the file, or extend it by zeros."""
         length = self._place if size is None else size
         try:
             self._file.truncate(length)
@@ -100,18 +101,18 @@ class HdfOutput:
         Its root group.
     """
 
-    def __init__(self, root: Node, file: PatientFile) -> None:
+    def __init__(self, root: Node, file: DeferredErrorFile) -> None:
         self.root = root
         self._file = file
 
     def frames(self, stream: FrameStream) -> Iterator[tuple[int, Vertices]]:
-        """Number and positions of each frame, as long as the disk takes them."""
+        """Yield number and positions of each frame; raises when the disk is full."""
         for numbered in enumerate(stream.frames()):
             self._file.check()
             yield numbered
 
     def blocks(self, track: TrackSource) -> Iterator[tuple[int, Values]]:
-        """Values of a track, some frames at a time, with the number of the first of them."""
+        """Yield blocks of frames of a track's values, with the number of their first frame."""
         for block in track_blocks(track):
             self._file.check()
             yield block
@@ -119,18 +120,18 @@ class HdfOutput:
 
 @contextmanager
 def hdf_output(path: Path) -> Iterator[HdfOutput]:
-    """A new HDF5 file, complete when the block ends.
+    """Create an HDF5 file that is complete when the block ends.
 
     Raises
     ------
     FormatError
         If h5py is not installed.
     OSError
-        If the system refuses to write, as it does when the disk is full.
+        If writing fails, for example because the disk is full.
     """
     h5py = HDF.load()
     with path.open("w+b", buffering=0) as raw:
-        file = PatientFile(raw)
+        file = DeferredErrorFile(raw)
         with h5py.File(file, "w") as root:
             yield HdfOutput(root, file)
         file.check()

@@ -19,7 +19,7 @@ def write_reel(path: Path, stream: FrameStream, options: WriteOptions) -> None:
     path.write_bytes(data)
     if options.lossless:
         stream.notes.append("coded bit for bit")
-    elif stream.is_told:
+    elif stream.wants_notes:
         achieved = measure_stream(sequence, data, order=DEFAULT_ORDER)
         stream.notes.append(
             f"coded with a largest error of {achieved.max_error_percent:.4f} % of the diagonal "

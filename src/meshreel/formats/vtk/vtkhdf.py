@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.arrays.named_arrays import NAMED, read_description, read_surface
+from meshreel.formats.arrays.named_arrays import RESERVED_NAMES, read_description, read_surface
 from meshreel.formats.hdf.reading import (
     Node,
     find_dataset,
@@ -122,5 +122,5 @@ def _scene_mesh(
 def _meshreel_arrays(own: Node | None) -> dict[str, npt.NDArray[Any]]:
     if own is None:
         return {}
-    found = {name: find_dataset(own, name) for name in own if NAMED.fullmatch(name)}
+    found = {name: find_dataset(own, name) for name in own if RESERVED_NAMES.fullmatch(name)}
     return {name: read_all(one) for name, one in found.items() if one is not None}

@@ -13,7 +13,6 @@ from meshreel.errors import FormatError
 from meshreel.formats.arrays.named_tracks import array_name
 from meshreel.formats.frames.field_tracks import Field, Key, add_field, field_tracks
 from meshreel.formats.frames.stored_tracks import StoredTrack
-from meshreel.formats.hdf.described_tracks import said_of, unit_of
 from meshreel.formats.hdf.reading import (
     Dataset,
     Node,
@@ -24,6 +23,7 @@ from meshreel.formats.hdf.reading import (
     read_rows,
     require_dataset,
 )
+from meshreel.formats.hdf.track_attributes import read_text_attribute, read_unit
 from meshreel.formats.notes import note_kinds, note_left_out
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.cells import (
@@ -121,7 +121,7 @@ class VtkSteps:
         for place, domain in DATA.items():
             for one in self._stored_arrays(place):
                 if one.is_track and self._fits(one, frames, counts[place]):
-                    key = domain, said_of(one.dataset, "name") or one.name
+                    key = domain, read_text_attribute(one.dataset, "name") or one.name
                     add_field(fields, key, one.field)
                     arrays[key] = one
 
@@ -279,13 +279,13 @@ class StepArray:
     @property
     def is_track(self) -> bool:
         """Whether it changes over time, or was written as a track."""
-        is_declared = said_of(self.dataset, "domain") in set(Domain)
+        is_declared = read_text_attribute(self.dataset, "domain") in set(Domain)
         return is_declared or bool((self.starts != self.starts[0]).any())
 
     @property
     def role(self) -> str:
         """The active attribute of VTK that it is, such as "Normals"; empty for none."""
-        return said_of(self.dataset, "Attribute")
+        return read_text_attribute(self.dataset, "Attribute")
 
     @property
     def field(self) -> Field:
@@ -294,8 +294,8 @@ class StepArray:
             self.dataset.dtype.newbyteorder("="),
             math.prod(self.dataset.shape[1:]),
             self.role,
-            said_of(self.dataset, "kind"),
-            unit_of(self.dataset),
+            read_text_attribute(self.dataset, "kind"),
+            read_unit(self.dataset),
         )
 
 

@@ -10,8 +10,8 @@ from meshreel.formats.arrays.named_arrays import surface_arrays
 from meshreel.formats.arrays.named_tracks import array_name
 from meshreel.formats.frames.field_tracks import NORMALS
 from meshreel.formats.frames.frame_stream import FrameStream
-from meshreel.formats.hdf.described_tracks import describe_track
 from meshreel.formats.hdf.reading import Node, write_array
+from meshreel.formats.hdf.track_attributes import describe_track
 from meshreel.formats.hdf.writing import HdfOutput, hdf_output
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.vtk.data_arrays import TEXTURE_COORDINATES

@@ -41,7 +41,7 @@ def write_xdmf(path: Path, stream: FrameStream, options: WriteOptions) -> None:
     if not stream.fps:
         stream.notes.append(f"the frame rate is unknown; written as {FRAME_RATE:g} fps")
     arrays = output_arrays(stream.surface, stream.tracks, ".xdmf", stream.notes)
-    [(name, data_path)] = stream.beside
+    [(name, data_path)] = stream.data_files
     grids = []
     with hdf_output(data_path) as output:
         numbers = _HdfItems(output.root, name)

@@ -82,7 +82,7 @@ def write_pvd(path: Path, stream: FrameStream, options: WriteOptions) -> None:
         stream.notes.append(f"the frame rate is unknown; written as {FRAME_RATE:g} fps")
     encode = _encoder(stream.faces, stream.surface, stream.notes, stream.tracks, ".pvd")
     rows = []
-    pieces = zip(stream.frames(), stream.beside, strict=True)
+    pieces = zip(stream.frames(), stream.data_files, strict=True)
     for index, (frame, (name, piece)) in enumerate(pieces):
         piece.write_bytes(encode(frame, stream.values(index)))
         time = stream.start_s + index / (stream.fps or FRAME_RATE)

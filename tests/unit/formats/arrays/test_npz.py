@@ -27,7 +27,7 @@ def store(path, **arrays):
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_read_npz_gives_back_the_sequence_when_save_wrote_it(tmp_path, make_sequence, dtype):
+def test_npz_round_trips_exactly(tmp_path, make_sequence, dtype):
     sequence = make_sequence(3, dtype, fps=23.976, name="Ödipus")
     save(sequence, tmp_path / "a.npz")
     found = read_npz(tmp_path / "a.npz")
@@ -37,7 +37,7 @@ def test_read_npz_gives_back_the_sequence_when_save_wrote_it(tmp_path, make_sequ
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_save_writes_the_bytes_of_savez_when_the_target_is_npz(tmp_path, make_sequence, dtype):
+def test_save_writes_the_bytes_of_savez(tmp_path, make_sequence, dtype):
     sequence = make_sequence(3, dtype, fps=23.976, name="Ödipus")
     save(sequence, tmp_path / "a.npz")
     arrays = {"vertices": sequence.vertices, "faces": sequence.faces}
@@ -45,17 +45,17 @@ def test_save_writes_the_bytes_of_savez_when_the_target_is_npz(tmp_path, make_se
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
 
 
-def test_read_npz_takes_the_file_stem_when_there_is_no_name(tmp_path):
+def test_default_name_is_the_file_stem(tmp_path):
     found = read_npz(store(tmp_path / "walk.npz", vertices=VERTICES, faces=FACES))
     assert (found.name, found.fps) == ("walk", 0.0)
 
 
-def test_read_npz_prefers_the_argument_when_fps_is_in_the_file_too(tmp_path):
+def test_fps_option_overrides_the_file(tmp_path):
     path = store(tmp_path / "a.npz", vertices=VERTICES, faces=FACES, fps=np.float32(25))
     assert read_npz(path, ReadOptions(fps=60)).fps == 60
 
 
-def test_read_npz_reads_arrays_when_they_are_big_endian_and_compressed(tmp_path):
+def test_read_npz_reads_big_endian_and_compressed_arrays(tmp_path):
     path = tmp_path / "a.npz"
     np.savez_compressed(path, vertices=VERTICES.astype(">f8"), faces=FACES.astype(">i8"))
     found = read_npz(path)
@@ -66,26 +66,26 @@ def test_read_npz_reads_arrays_when_they_are_big_endian_and_compressed(tmp_path)
 @pytest.mark.parametrize(
     ("arrays", "message"),
     [
-        ({"verts": VERTICES, "faces": FACES}, "no array 'vertices'; it holds verts, faces"),
-        ({}, "no array 'vertices' and no array 'faces'; it holds nothing"),
-        ({"vertices": np.array([None]), "faces": FACES}, r"vertices\.npy holds Python objects"),
+        ({"verts": VERTICES, "faces": FACES}, "no array 'vertices'; it contains verts, faces"),
+        ({}, "no array 'vertices' and no array 'faces'; it contains nothing"),
+        ({"vertices": np.array([None]), "faces": FACES}, r"vertices\.npy contains Python objects"),
         ({"vertices": VERTICES, "faces": FACES, "fps": np.ones(2)}, "fps must be one number"),
         ({"vertices": VERTICES, "faces": FACES, "fps": "fast"}, "fps must be one number"),
     ],
 )
-def test_read_npz_says_what_it_found_when_arrays_are_missing_or_odd(tmp_path, arrays, message):
+def test_errors_explain_missing_and_invalid_arrays(tmp_path, arrays, message):
     with pytest.raises(FormatError, match=rf"a\.npz: .*{message}"):
         read_npz(store(tmp_path / "a.npz", **arrays))
 
 
-def test_read_npz_names_the_file_when_the_arrays_are_no_sequence(tmp_path):
+def test_error_for_invalid_shapes_names_the_file(tmp_path):
     path = store(tmp_path / "a.npz", vertices=VERTICES[0], faces=FACES)
     with pytest.raises(InvalidInputError, match=r"a\.npz: vertices must have shape \(T, V, 3\)"):
         read_npz(path)
 
 
 @pytest.mark.parametrize("keep", [0, 10, -30])
-def test_read_npz_is_refused_when_the_archive_is_cut_short(tmp_path, keep):
+def test_read_npz_rejects_truncated_archives(tmp_path, keep):
     path = store(tmp_path / "a.npz", vertices=VERTICES, faces=FACES)
     path.write_bytes(path.read_bytes()[:keep])
     with pytest.raises(FormatError, match=r"a\.npz: is not a numpy archive, or is damaged"):
@@ -94,37 +94,35 @@ def test_read_npz_is_refused_when_the_archive_is_cut_short(tmp_path, keep):
 
 @pytest.fixture
 def packed(tmp_path, monkeypatch):
-    """60 kB of a mesh that does not move, in 2 kB, where 10 kB is what any file may unpack to."""
-    monkeypatch.setattr("meshreel.formats.arrays.npz_members.LEAST_UNPACKED_BYTES", 10_000)
+    """A static mesh of 60 kB compressed to 2 kB, with the limit for any file set to 10 kB."""
+    monkeypatch.setattr("meshreel.formats.arrays.npz_members.MIN_UNPACKED_BYTES", 10_000)
     still = np.eye(3, dtype=np.float32)[None].repeat(1700, axis=0)
     np.savez_compressed(tmp_path / "still.npz", vertices=still, faces=FACES)
     return tmp_path / "still.npz"
 
 
 @pytest.mark.parametrize("read", [load, open_source])
-def test_reading_refuses_with_sizes_and_the_remedy_when_a_small_file_unpacks_to_much(packed, read):
+def test_error_for_excessive_expansion_gives_sizes_and_remedy(packed, read):
     message = (
-        r"still\.npz: holds 0\.\d+ MB that would unpack to .* GB; more than 32 times .*np\.savez"
+        r"still\.npz: has 0\.\d+ MB that would unpack to .* GB; .* at most 32 times .*np\.savez"
     )
     with pytest.raises(FormatError, match=message):
         read(packed)
 
 
 @pytest.mark.parametrize("read", [load, open_source])
-def test_reading_takes_what_it_refused_when_it_is_saved_as_the_error_says(packed, tmp_path, read):
+def test_remedy_of_the_expansion_error_works(packed, tmp_path, read):
     np.savez(tmp_path / "plain.npz", **np.load(packed))
     found = read(tmp_path / "plain.npz")
     np.testing.assert_array_equal(found.read(0, 1700), np.load(packed)["vertices"])
 
 
-def test_reading_takes_what_is_within_the_least_when_it_unpacks_to_many_times_its_size(
-    packed, monkeypatch
-):
-    monkeypatch.setattr("meshreel.formats.arrays.npz_members.LEAST_UNPACKED_BYTES", 100_000)
+def test_small_arrays_may_expand_without_limit(packed, monkeypatch):
+    monkeypatch.setattr("meshreel.formats.arrays.npz_members.MIN_UNPACKED_BYTES", 100_000)
     assert read_npz(packed).n_frames == 1700
 
 
-def test_read_npz_allocates_nothing_when_the_declared_shape_exceeds_the_data(tmp_path):
+def test_oversized_declared_shape_is_rejected_before_allocation(tmp_path):
     path = tmp_path / "a.npz"
     with zipfile.ZipFile(path, "w") as archive:
         with archive.open("vertices.npy", "w") as stream:
@@ -138,7 +136,7 @@ def test_read_npz_allocates_nothing_when_the_declared_shape_exceeds_the_data(tmp
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("read", [load, open_source])
-def test_reading_gives_back_surface_and_start_when_npz_was_saved(tmp_path, dtype, read):
+def test_npz_surface_and_start_round_trip(tmp_path, dtype, read):
     sequence = surfaced_sequence(dtype=dtype, fps=29.97, start_s=1 / 3)
     save(sequence, tmp_path / "a.npz")
     found = read(tmp_path / "a.npz")
@@ -148,7 +146,7 @@ def test_reading_gives_back_surface_and_start_when_npz_was_saved(tmp_path, dtype
 
 
 @pytest.mark.parametrize("read", [load, open_source])
-def test_reading_takes_the_array_when_a_dataset_is_named(tmp_path, read):
+def test_dataset_option_selects_the_positions(tmp_path, read):
     positions = np.random.default_rng(0).random((7, 5, 3))
     store(tmp_path / "a.npz", other=positions, faces=FACES, vertices=VERTICES, fps=30)
     found = read(tmp_path / "a.npz", dataset="other")
@@ -157,7 +155,7 @@ def test_reading_takes_the_array_when_a_dataset_is_named(tmp_path, read):
 
 
 @pytest.mark.parametrize("read", [load, open_source])
-def test_reading_puts_frames_first_when_they_are_last_in_the_file(tmp_path, read):
+def test_positions_with_frames_last_are_transposed(tmp_path, read):
     positions = np.random.default_rng(0).random((7, 5, 3)).astype(np.float32)
     store(tmp_path / "a.npz", vertices=positions.transpose(1, 2, 0), faces=FACES)
     assert positions_of(read(tmp_path / "a.npz")).tobytes() == positions.tobytes()
@@ -173,7 +171,7 @@ def test_reading_puts_frames_first_when_they_are_last_in_the_file(tmp_path, read
                 "attribute_kinds": np.array(["uv"]),
                 "attribute_domains": np.array(["vertex"]),
             },
-            "has no array 'attribute_0_values', which others speak of",
+            "has no array 'attribute_0_values', which other arrays refer to",
         ),
         (
             {
@@ -185,20 +183,20 @@ def test_reading_puts_frames_first_when_they_are_last_in_the_file(tmp_path, read
         ),
         ({"attribute_names": np.arange(3)}, r"attribute_names must be text of shape \(N,\)"),
         ({"group_names": np.array(["a"])}, "has no array 'group_0_numbers'"),
-        ({"part_names": np.array(["a"])}, r"part_sizes must be whole numbers of shape \(1, 2\)"),
-        ({"part_sizes": np.array(["a"])}, r"part_sizes must be whole numbers of shape \(0, 2\)"),
+        ({"part_names": np.array(["a"])}, r"part_sizes must be integers of shape \(1, 2\)"),
+        ({"part_sizes": np.array(["a"])}, r"part_sizes must be integers of shape \(0, 2\)"),
         ({"face_sizes": np.array([4])}, "face_sizes make 2 triangles as fans; the mesh has 1"),
         ({"start_s": np.array([1, 2])}, "start_s must be one number"),
         ({"start_s": np.nan}, "start_s must be finite"),
     ],
 )
-def test_read_npz_says_what_it_found_when_the_surface_is_odd(tmp_path, arrays, message):
+def test_errors_explain_invalid_surface_arrays(tmp_path, arrays, message):
     path = store(tmp_path / "a.npz", vertices=VERTICES, faces=FACES, **arrays)
     with pytest.raises((FormatError, InvalidInputError), match=rf"a\.npz: .*{message}"):
         load(path)
 
 
-def test_load_raises_only_our_errors_when_a_surface_is_damaged(tmp_path):
+def test_damaged_surface_raises_only_meshreel_errors(tmp_path):
     [path] = save(surfaced_sequence(), tmp_path / "a.npz")
     for damaged in damaged_versions(path.read_bytes(), n_header=len(path.read_bytes())):
         path.write_bytes(damaged)
@@ -206,7 +204,7 @@ def test_load_raises_only_our_errors_when_a_surface_is_damaged(tmp_path):
             load(path)
 
 
-def test_lack_of_memory_is_not_taken_for_damage(tmp_path, monkeypatch):
+def test_memory_error_is_not_reported_as_damage(tmp_path, monkeypatch):
     save(waving_grid(), tmp_path / "walk.npz")
 
     def failing(*args, **options):

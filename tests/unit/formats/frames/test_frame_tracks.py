@@ -1,4 +1,4 @@
-"""Colours, normals, texture coordinates and other numbers of PLY and OBJ frames as tracks."""
+"""Tracks of PLY and OBJ frame files: colors, normals, UV coordinates and other numbers."""
 
 from dataclasses import replace
 
@@ -44,15 +44,15 @@ def sizes_of(sheet):
     return domain_sizes(sheet.n_verts, sheet.n_faces, sheet.surface)
 
 
-def frames_of(folder, ending, texts):
+def frames_of(folder, extension, texts):
     for number, text in enumerate(texts):
-        (folder / f"f_{number}{ending}").write_text(text)
+        (folder / f"f_{number}{extension}").write_text(text)
     return folder
 
 
 @READ
 @pytest.mark.parametrize("dtype", ["u1", "i1", "i2", "u2", "i4", "u4", "f4", "f8"])
-def test_numbers_come_back_bit_for_bit_when_ply_frames_were_saved(tmp_path, read, dtype):
+def test_ply_tracks_round_trip_exactly(tmp_path, read, dtype):
     sheet = quad_sheet(N_FRAMES)
     n_faces = sizes_of(sheet)[Domain.FACE]
     given = [(250 * RNG.random((N_FRAMES, n))).astype(dtype) for n in (sheet.n_verts, n_faces)]
@@ -70,9 +70,7 @@ def test_numbers_come_back_bit_for_bit_when_ply_frames_were_saved(tmp_path, read
 
 @READ
 @pytest.mark.parametrize("dtype", ["f4", "f8"])
-def test_colours_normals_and_coordinates_come_back_when_ply_frames_were_saved(
-    tmp_path, read, dtype
-):
+def test_ply_color_normal_and_uv_tracks_round_trip(tmp_path, read, dtype):
     sheet = bare(quad_sheet(N_FRAMES))
     sizes = sizes_of(sheet)
     shape = N_FRAMES, sheet.n_verts
@@ -93,7 +91,7 @@ def test_colours_normals_and_coordinates_come_back_when_ply_frames_were_saved(
     assert_same_tracks(read(tmp_path / "b").tracks, tracks)
 
 
-def test_trimesh_reads_the_colours_and_normals_of_each_frame_when_ply_was_saved(tmp_path):
+def test_trimesh_reads_colors_and_normals_of_ply_frames(tmp_path):
     trimesh = pytest.importorskip("trimesh")
     sheet = bare(two_sheets())
     shape = sheet.n_frames, sheet.n_verts
@@ -113,7 +111,7 @@ def test_trimesh_reads_the_colours_and_normals_of_each_frame_when_ply_was_saved(
         assert np.array_equal(np.stack([raw[n] for n in ("nx", "ny", "nz")], 1), normals[frame])
 
 
-def test_reasons_are_said_when_ply_cannot_hold_tracks(tmp_path):
+def test_notes_explain_tracks_that_ply_cannot_store(tmp_path):
     sheet = quad_sheet(2)
     shape, notes = (2, sheet.n_verts), []
     corners = sizes_of(sheet)[Domain.CORNER]
@@ -146,7 +144,7 @@ def test_reasons_are_said_when_ply_cannot_hold_tracks(tmp_path):
 
 
 @READ
-def test_property_is_missing_in_the_other_frames_when_it_is_in_some_only(tmp_path, read):
+def test_property_of_some_frames_is_nan_in_the_others(tmp_path, read):
     rows = "0 0 0{a}\n1 0 0{b}\n0 1 0{c}\n3 0 1 2\n"
     plain = PLY.format(vertex="", face="") + rows.format(a="", b="", c="")
     heat = PLY.format(vertex="property float heat\n", face="") + rows.format(a=" 1", b=" 2", c=" 3")
@@ -157,7 +155,7 @@ def test_property_is_missing_in_the_other_frames_when_it_is_in_some_only(tmp_pat
     assert notes == ["'heat' is in 1 of 3 frames, and NaN in the others"]
 
 
-def test_properties_stay_attributes_when_they_do_not_change(tmp_path):
+def test_constant_properties_are_attributes(tmp_path):
     rows = "0 0 {0} 1 0 0 1\n1 0 0 2 0 0 1\n0 1 0 3 0 0 1\n3 0 1 2 7\n"
     more = "".join(f"property float {name}\n" for name in ("heat", "nx", "ny", "nz"))
     text = PLY.format(vertex=more, face="property int id\n") + rows
@@ -172,7 +170,7 @@ def test_properties_stay_attributes_when_they_do_not_change(tmp_path):
 @READ
 @pytest.mark.parametrize("domain", [Domain.VERTEX, Domain.CORNER])
 @pytest.mark.parametrize("make", [lambda n: quad_sheet(n), lambda n: two_sheets(n)])
-def test_colours_and_normals_come_back_when_obj_frames_were_saved(tmp_path, read, domain, make):
+def test_obj_color_and_normal_tracks_round_trip(tmp_path, read, domain, make):
     sheet = bare(make(N_FRAMES))
     n_items = sizes_of(sheet)[domain]
     tracks = {
@@ -184,12 +182,12 @@ def test_colours_and_normals_come_back_when_obj_frames_were_saved(tmp_path, read
     found = read(tmp_path, notes=notes)
     assert_same_tracks(found.tracks, tracks)
     assert np.array_equal(found.read(0, N_FRAMES), sheet.vertices)
-    # The normals of corners are random, and part faces at their edges.
+    # Random corner normals make every edge hard.
     assert [note for note in notes if "hard edges" not in note] == []
 
 
 @READ
-def test_coordinates_of_corners_come_back_when_obj_frames_were_saved(tmp_path, read):
+def test_obj_corner_uv_tracks_round_trip(tmp_path, read):
     sheet = bare(quad_sheet(N_FRAMES))
     uv = RNG.random((N_FRAMES, sizes_of(sheet)[Domain.CORNER], 2)).astype("f4")
     normals = normals_of((N_FRAMES, sheet.n_verts))
@@ -198,7 +196,7 @@ def test_coordinates_of_corners_come_back_when_obj_frames_were_saved(tmp_path, r
     assert_same_tracks(read(tmp_path).tracks, tracks)
 
 
-def test_trimesh_reads_the_normals_and_colours_of_each_frame_when_obj_was_saved(tmp_path):
+def test_trimesh_reads_colors_and_normals_of_obj_frames(tmp_path):
     trimesh = pytest.importorskip("trimesh")
     sheet = bare(quad_sheet(2))
     shape = 2, sheet.n_verts
@@ -212,7 +210,7 @@ def test_trimesh_reads_the_normals_and_colours_of_each_frame_when_obj_was_saved(
         np.testing.assert_allclose(shown, colors[frame], atol=1 / 255)
 
 
-def test_reasons_are_said_when_obj_cannot_hold_tracks(tmp_path):
+def test_notes_explain_tracks_that_obj_cannot_store(tmp_path):
     sheet = quad_sheet(2)
     shape, notes = (2, sheet.n_verts), []
     tracks = {
@@ -238,7 +236,7 @@ def test_reasons_are_said_when_obj_cannot_hold_tracks(tmp_path):
     assert [one.kind for one in found.surface.attributes] == [Kind.UV]
 
 
-def test_colours_of_the_surface_are_kept_when_a_track_is_another_colour(tmp_path):
+def test_surface_colors_take_precedence_over_a_color_track(tmp_path):
     sheet, notes = bare(quad_sheet(2)), []
     colors = Attribute("paint", Kind.COLOR, Domain.VERTEX, np.full((sheet.n_verts, 3), 0.5, "f4"))
     tracks = {"glow": Track(RNG.random((2, sheet.n_verts, 3)).astype("f4"), kind="color")}
@@ -266,7 +264,7 @@ CORNERS = "v 0 0 0\nv 1 0 0\nv 0 1 0\n{}"
         ("vn 0 0\nvn 0 0 1\nf 1//1 2//2 3//2\n", "corner", [[np.nan] * 3, [0, 0, 1], [0, 0, 1]]),
     ],
 )
-def test_normals_are_those_that_corners_name_when_an_obj_file_has_some(text, domain, expected):
+def test_obj_normals_follow_the_indices_of_corners(text, domain, expected):
     [(key, (values, field))] = [
         one for one in parse_obj_fields(CORNERS.format(text).encode()).items() if one[0][1] != "uv"
     ]
@@ -275,7 +273,7 @@ def test_normals_are_those_that_corners_name_when_an_obj_file_has_some(text, dom
     assert np.array_equal(values, np.float32(expected), equal_nan=True)
 
 
-def test_there_are_no_normals_when_those_of_an_obj_file_are_no_numbers():
+def test_invalid_obj_normals_are_ignored():
     text = CORNERS.format("vn 0 0 -nan(ind)\nf 1//1 2//1 3//1\n")
     assert parse_obj_fields(text.encode()) == {}
 
@@ -296,11 +294,11 @@ PLAIN = "v 0 0 {0}\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nf 1/1 2/2 3/1\n"
         (PLAIN.format("\\\n5"), False),
     ],
 )
-def test_fields_are_known_to_be_the_same_only_when_the_text_is(text, is_same):
+def test_obj_fields_checker_compares_text(text, is_same):
     assert obj_fields_checker(PLAIN.format(0).encode())(text.encode()) == is_same
 
 
-def test_coordinates_are_tracks_when_they_change_in_one_frame_of_many(tmp_path):
+def test_uv_that_change_in_one_frame_are_a_track(tmp_path):
     texts = [PLAIN.format(i) for i in range(6)]
     texts[4] = texts[4].replace("vt 1 0", "vt 1 0.5")
     found = load(frames_of(tmp_path, ".obj", texts))

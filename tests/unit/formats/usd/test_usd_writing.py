@@ -258,7 +258,7 @@ def test_save_leaves_no_other_files(tmp_path):
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_failed_save_leaves_no_files(tmp_path, ending):
     sheet = sheets()
-    with pytest.raises(InvalidInputError, match="4 frames were announced; 2 came"):
+    with pytest.raises(InvalidInputError, match="expected 4 frames; received 2"):
         save_frames([sheet.vertices[:2]], sheet.faces, tmp_path / f"x.{ending}", n_frames=4, fps=24)
     assert list(tmp_path.iterdir()) == []
 

@@ -204,7 +204,7 @@ def test_field_with_varying_components_is_left_out_with_a_note(tmp_path, make):
     values = [np.zeros((N_POINTS, 2)), np.zeros((N_POINTS, 3))]
     notes = []
     assert not load(make(tmp_path, frames_of("Node", "odd", values)), notes=notes).tracks
-    assert notes == ["left out: 'odd', of 2 and of 3 numbers in different frames"]
+    assert notes == ["left out: 'odd', which has 2 or 3 components in different frames"]
 
 
 @ALL
@@ -237,7 +237,9 @@ def test_duplicate_array_names_in_a_step_are_an_error(tmp_path):
     path = xdmf(
         tmp_path, join_frames(heat, frames_of("Node", "heat", RNG.random((2, N_POINTS, 3))))
     )
-    with pytest.raises(InvalidInputError, match="two arrays 'heat' at points in a frame, of 1 and"):
+    with pytest.raises(
+        InvalidInputError, match="two arrays 'heat' at points in a frame, with 1 and"
+    ):
         load(path)
 
 

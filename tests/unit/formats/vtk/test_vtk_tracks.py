@@ -112,7 +112,7 @@ def test_face_track_is_renamed_if_a_vertex_track_has_its_name(tmp_path):
         "heat": "vertex",
         "heat (faces)": "face",
     }
-    assert notes == ["'heat' is at points and at cells; that of faces is called 'heat (faces)'"]
+    assert notes == ["'heat' is at points and at cells; the one of faces is called 'heat (faces)'"]
 
 
 def test_too_short_array_is_left_out_with_a_note(tmp_path):
@@ -135,4 +135,4 @@ def test_array_with_too_many_components_is_left_out_with_a_note(tmp_path):
     change(path, "PointData/spectrum", np.zeros((60, 257), np.uint8))
     notes = []
     assert not load(path, notes=notes).tracks
-    assert notes == ["left out: fields of text, or of more than 256 numbers: spectrum"]
+    assert notes == ["left out: fields of text, or with more than 256 components: spectrum"]

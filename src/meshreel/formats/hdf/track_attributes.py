@@ -1,4 +1,4 @@
-"""What HDF5 files say of a track: attributes of the dataset of its values."""
+"""HDF5 attributes that describe the track in a dataset."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ UNIT_NAMES = ("unit", "units")
 
 
 def describe_track(dataset: Dataset, name: str, track: TrackSource) -> None:
-    """Write what a track is beside its values: name, domain, kind and unit."""
+    """Write name, domain, kind and unit of a track as attributes of its dataset."""
     dataset.attrs["name"] = name.encode("utf-8", "replace").decode().replace("\0", "_")
     dataset.attrs["domain"] = str(track.domain)
     dataset.attrs["kind"] = str(track.kind)
@@ -17,14 +17,14 @@ def describe_track(dataset: Dataset, name: str, track: TrackSource) -> None:
         dataset.attrs["unit"] = track.unit.encode("utf-8", "replace").decode().replace("\0", "_")
 
 
-def said_of(dataset: Dataset, name: str) -> str:
-    """An attribute of a dataset that is a text; empty if there is none."""
+def read_text_attribute(dataset: Dataset, name: str) -> str:
+    """Return a text attribute of a dataset; empty if there is none."""
     value: Any = dataset.attrs.get(name, "")
     if isinstance(value, bytes):
         return value.decode("utf-8", "replace")
     return value if isinstance(value, str) else ""
 
 
-def unit_of(dataset: Dataset) -> str:
-    """The unit of the numbers of a dataset, or nothing."""
-    return next(filter(None, (said_of(dataset, name) for name in UNIT_NAMES)), "")
+def read_unit(dataset: Dataset) -> str:
+    """Return the unit of a dataset; empty if there is none."""
+    return next(filter(None, (read_text_attribute(dataset, name) for name in UNIT_NAMES)), "")
