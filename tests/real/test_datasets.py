@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meshreel.formats.load import load, open_source
+from meshreel.formats.load import load
 from meshreel.formats.save import save
 from meshreel.model.sequence import MeshSequence
+from samples.opening import open_source
 
 pytestmark = pytest.mark.real
 

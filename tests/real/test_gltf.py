@@ -9,7 +9,8 @@ import pytest
 
 import meshreel
 from meshreel.codec.surface.uv_errors import measure_uvs
-from meshreel.formats.load import load, open_source
+from meshreel.formats.load import load
+from samples.opening import open_source
 
 pytestmark = pytest.mark.real
 

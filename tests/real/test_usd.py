@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError
-from meshreel.formats.load import load, open_source
+from meshreel.formats.load import load
 from meshreel.formats.save import save
+from samples.opening import open_source
 
 pytestmark = pytest.mark.real
 

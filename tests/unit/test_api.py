@@ -13,8 +13,8 @@ import meshreel
 from meshreel.codec.decoder import decode as decode_bytes
 from meshreel.codec.encoder import encode as encode_sequence
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
-from meshreel.formats.load import open_source
 from samples.meshes import waving_grid
+from samples.opening import open_source
 
 GRID = waving_grid(9)
 DATA = encode_sequence(GRID, quality=60, block_frames=4)

@@ -123,70 +123,19 @@ def load(
 def load_with(source: Source, options: ReadOptions) -> MeshSequence:
     """The sequence that `load` gives, with options that limit no loaded bytes."""
     with at_hand(source, options.notes) as files:
-        sequence = _opened(find_files(files), options)
+        sequence = open_found(find_files(files), options)
     if not isinstance(sequence, MeshSequence):
         raise TypeError(f"a {type(sequence).__name__} was opened where all was to be loaded")
     return sequence
 
 
-def open_source(
-    source: Source,
-    *,
-    fps: float | None = None,
-    object: str | None = None,
-    merge: bool = False,
-    topology: str | os.PathLike[str] | None = None,
-    dataset: str | None = None,
-    attributes: Names = ALL,
-    max_loaded_bytes: int = 0,
-    skip_bad: bool = False,
-    allow_outside: bool = False,
-    animation: str | int | None = None,
-    memory: float | str | None = None,
-    progress: Progress = silent,
-    notes: list[str] | None = None,
-) -> FrameSource:
-    """The sequence that `load` gives, but of frames that may stay in their files.
-
-    Frame files, files of scenes and an ``.npz`` that is not compressed are read once now, a frame
-    at a time, for what must be known of all frames; then frames are read whenever they are asked
-    for. They must not change meanwhile. A compressed ``.npz``, a ``.reel`` and a single static
-    mesh are loaded.
-
-    Parameters
-    ----------
-    source, fps, object, merge, topology, dataset, attributes
-        As in `load`.
-    skip_bad, allow_outside, animation, memory, progress, notes
-        As in `load`.
-    max_loaded_bytes : int, default 0
-        What can be left in files is loaded all the same if its positions, in the type of the
-        files, take at most so many bytes: that reads each file only once.
-
-    Returns
-    -------
-    FrameSource
-        `meshreel.model.sequence.positions_size_bytes` says what all its positions take in memory.
-
-    Raises
-    ------
-    InvalidInputError, FormatError
-        As `load`; reading frames later, InvalidInputError if a file has changed.
-    """
-    options = ReadOptions(
-        fps, object, merge, _path(topology), dataset, max_loaded_bytes, progress,
-        notes if notes is not None else [], attributes, skip_bad, allow_outside, animation, memory,
-    )  # fmt: skip
-    return _opened(find_files(source), options)
-
-
 def open_for_inspection(found: SourceFiles, options: ReadOptions) -> FrameSource:
     """The sequence of files that were found; positions stay in them where they can."""
-    return _opened(found, replace(options, max_loaded_bytes=0))
+    return open_found(found, replace(options, max_loaded_bytes=0))
 
 
 def open_for_encoding(source: Source, memory: float | None, options: ReadOptions) -> FrameSource:
-    """`open_source`, loading what takes a small part of the memory that encoding may take.
+    """`open_found`, loading what takes a small part of the memory that encoding may take.
 
     Parameters
     ----------
@@ -197,7 +146,7 @@ def open_for_encoding(source: Source, memory: float | None, options: ReadOptions
     options : ReadOptions
         But for how much is loaded.
     """
-    return _opened(find_files(source), loading_for(memory, options))
+    return open_found(find_files(source), loading_for(memory, options))
 
 
 def loading_for(memory: float | None, options: ReadOptions) -> ReadOptions:
@@ -210,7 +159,19 @@ def loading_for(memory: float | None, options: ReadOptions) -> ReadOptions:
 
 
 @staged("reading")
-def _opened(found: SourceFiles, options: ReadOptions) -> FrameSource:
+def open_found(found: SourceFiles, options: ReadOptions) -> FrameSource:
+    """The sequence that `load` gives, but of frames that may stay in their files.
+
+    Frame files, files of scenes and an ``.npz`` that is not compressed are read once now, a frame
+    at a time, for what must be known of all frames; then frames are read whenever they are asked
+    for. They must not change meanwhile. A compressed ``.npz``, a ``.reel`` and a single static
+    mesh are loaded.
+
+    Raises
+    ------
+    InvalidInputError, FormatError
+        As `load`; reading frames later, InvalidInputError if a file has changed.
+    """
     check_read_options(found.format, options)
     if isinstance(found.format, SequenceFormat):
         opened = found.format.open(found.paths[0], options)

@@ -4,7 +4,6 @@ A new format is a row here and a module that the row names, which is imported wh
 ending is first read or written.
 """
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -270,12 +269,6 @@ def output_format_of(path: Path) -> FrameFormat | SequenceFormat | FolderFormat:
 def written_endings() -> list[str]:
     """The endings of all outputs that can be written."""
     return [*(one.ending for one in FORMATS.values() if is_written(one)), *FOLDER_FORMATS]
-
-
-def holds_meshes(path: str | os.PathLike[str]) -> bool:
-    """Whether a file of this ending may hold several meshes, one of which can be chosen."""
-    found = FORMATS.get(Path(path).suffix.lower())
-    return isinstance(found, SequenceFormat) and found.read_meshes is not None
 
 
 def is_written(found: FrameFormat | SequenceFormat) -> bool:

@@ -10,12 +10,12 @@ from meshreel.codec.encoder import encode
 from meshreel.codec.reel.encoding.block_coder import coder_of
 from meshreel.codec.source import Source
 from meshreel.formats.frames.stored_frames import StoredFrames
-from meshreel.formats.load import open_source
 from meshreel.formats.save import save
 from meshreel.runtime.engine.engine import Engine, open_engine
 from samples.costs import slow_but
 from samples.engines import InlineWorkers
 from samples.meshes import irregular_sequence, waving_grid
+from samples.opening import open_source
 from samples.waiting import TEST_S, time_limit
 
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from meshreel.errors import MeshReelError
-from meshreel.formats.load import load, open_source
+from meshreel.formats.load import load
 from meshreel.formats.save import save
 from samples.costs import draws
+from samples.opening import open_source
 
 N_DAMAGED = draws(300)
 

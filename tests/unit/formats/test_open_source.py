@@ -7,10 +7,11 @@ import pytest
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frames.stored_frames import StoredFrames
-from meshreel.formats.load import load, open_source
+from meshreel.formats.load import load
 from meshreel.formats.save import save
 from meshreel.model.sequence import MeshSequence, positions_size_bytes
 from samples.meshes import waving_grid
+from samples.opening import open_source
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n"
 ENDINGS = ["obj", "ply", "off", "stl"]

@@ -7,12 +7,13 @@ import pytest
 import meshreel
 from meshreel.errors import InvalidInputError
 from meshreel.formats.inspection import inspect_source
-from meshreel.formats.load import load, open_source
+from meshreel.formats.load import load
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.registry import FORMATS
 from meshreel.formats.save import save
 from samples.commands import run
 from samples.meshes import quad_sheet
+from samples.opening import open_source
 from samples.waiting import time_limit
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")

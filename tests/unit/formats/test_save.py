@@ -3,7 +3,7 @@ import pytest
 
 import meshreel
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.load import load, open_source
+from meshreel.formats.load import load
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.outputs import check_output
 from meshreel.formats.registry import FORMATS, is_written
@@ -11,6 +11,7 @@ from meshreel.formats.save import save
 from meshreel.model.sequence import MeshSequence
 from samples.materials import dressed_sheet
 from samples.meshes import waving_grid
+from samples.opening import open_source
 
 
 def names(paths):

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.formats.load import load, open_source
+from meshreel.formats.load import load
 from meshreel.formats.save import save, save_frames
 from samples.meshes import waving_grid
+from samples.opening import open_source
 
 OUTPUTS = ["f_%02d.obj", "f_%02d.ply", "f_%02d.off", "f_%02d.stl", "a.npz", "a.reel"]
 

@@ -78,10 +78,6 @@ class Document:
             raise holder.error(key, f"the number of {LISTS[kind]}")
         return self.lists[kind][index]
 
-    def uses(self, extension: str) -> bool:
-        """Whether the file says that it uses an extension."""
-        return extension in self.root.texts("extensionsUsed")
-
 
 def read_document(path: Path, *, allow_outside: bool = False) -> Document:
     """The glTF file at a path, `.gltf` or `.glb`; other files that it names are not read yet.

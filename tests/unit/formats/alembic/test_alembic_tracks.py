@@ -9,12 +9,13 @@ pytest.importorskip("alembic3d")
 import imath
 from alembic3d import Abc, AbcGeom
 
-from meshreel.formats.load import load, open_source
+from meshreel.formats.load import load
 from meshreel.formats.save import save
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import Track, domain_sizes
 from samples import alembic as sample
 from samples.meshes import quad_sheet, two_sheets
+from samples.opening import open_source
 from samples.tracks import assert_same_tracks, tracked_sheet
 
 RNG = np.random.default_rng(9)

@@ -2,10 +2,11 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.load import load, open_source
+from meshreel.formats.load import load
 from meshreel.model.geometry.fans import join_fans
 from meshreel.model.surface import Domain, Kind
 from samples import alembic as sample
+from samples.opening import open_source
 
 MOVES = [sample.POINTS, sample.POINTS * 2, sample.POINTS * 4]
 

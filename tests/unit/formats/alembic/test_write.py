@@ -6,12 +6,13 @@ import pytest
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.extras import Extra
-from meshreel.formats.load import load, open_source
+from meshreel.formats.load import load
 from meshreel.formats.save import save
 from meshreel.model.geometry.fans import triangulate_fans
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 from samples.meshes import quad_sheet
+from samples.opening import open_source
 from samples.surfaces import two_cubes
 
 pytest.importorskip("alembic3d")

@@ -8,12 +8,13 @@ import pytest
 
 from meshreel.errors import FormatError, InvalidInputError, MeshReelError
 from meshreel.formats.frames.stored_frames import StoredFrames
-from meshreel.formats.load import load, open_source
+from meshreel.formats.load import load
 from meshreel.formats.save import save, save_part
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import Track, TrackKind
 from samples.datasets import damaged_versions
 from samples.meshes import quad_sheet, waving_grid
+from samples.opening import open_source
 from samples.tracks import assert_same_tracks, tracked_sheet
 
 GRID = waving_grid(5)  # 99 vertices, 160 faces, 480 corners

@@ -5,7 +5,7 @@ import pytest
 
 from meshreel.errors import FormatError, InvalidInputError, MeshReelError
 from meshreel.formats.frames.stored_frames import StoredFrames
-from meshreel.formats.load import load, open_source
+from meshreel.formats.load import load
 from meshreel.formats.save import save
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import PLAIN
@@ -17,6 +17,7 @@ from samples.datasets import (
     surfaced_sequence,
 )
 from samples.meshes import assert_same_surface
+from samples.opening import open_source
 
 h5py = pytest.importorskip("h5py")
 

@@ -6,7 +6,7 @@ import pytest
 
 from meshreel.errors import FormatError, InvalidInputError, MeshReelError
 from meshreel.formats.arrays.npz import read_npz
-from meshreel.formats.load import load, open_source
+from meshreel.formats.load import load
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.save import save
 from samples.datasets import (
@@ -16,6 +16,7 @@ from samples.datasets import (
     surfaced_sequence,
 )
 from samples.meshes import assert_same_surface, waving_grid
+from samples.opening import open_source
 
 FACES = np.array([[0, 1, 2]])
 VERTICES = np.eye(3, dtype=np.float32)[None].repeat(2, axis=0)

@@ -7,7 +7,7 @@ import pytest
 
 from meshreel.errors import FormatError, InvalidInputError, MeshReelError
 from meshreel.formats.frames.stored_frames import StoredFrames
-from meshreel.formats.load import load, open_source
+from meshreel.formats.load import load
 from meshreel.formats.save import save
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import PLAIN
@@ -20,6 +20,7 @@ from samples.datasets import (
     surfaced_sequence,
 )
 from samples.meshes import assert_same_surface
+from samples.opening import open_source
 
 ENDINGS = ["pc2", "mdd"]
 RATES = [24.0, 25.0, 30.0, 60.0, 29.97, 30000 / 1001, 24000 / 1001, 1000.0]

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from meshreel.formats.frames.stored_frames import StoredFrames
-from meshreel.formats.load import load, open_source
+from meshreel.formats.load import load
 from meshreel.formats.meshes.obj import obj_fields_checker
 from meshreel.formats.meshes.obj_surface import parse_obj_fields
 from meshreel.formats.save import save
 from meshreel.model.surface import Attribute, Domain, Kind
 from meshreel.model.tracks import Track, domain_sizes
 from samples.meshes import quad_sheet, two_sheets
+from samples.opening import open_source
 from samples.tracks import assert_same_tracks
 
 RNG = np.random.default_rng(12)

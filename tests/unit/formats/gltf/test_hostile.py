@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError, MeshReelError
-from meshreel.formats.load import load, open_source
+from meshreel.formats.load import load
 from samples.costs import draws
 from samples.gltf import Gltf, glb, moving_triangle, rich_gltf
 from samples.json import DELETED, ODD, changed, places
+from samples.opening import open_source
 
 N_CHANGED = draws(500)
 

@@ -3,8 +3,9 @@ import pytest
 
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.stored_frames import StoredFrames
-from meshreel.formats.load import load, open_source
+from meshreel.formats.load import load
 from samples.gltf import SQUARE, SQUARE_FACES, TRIANGLE, Gltf, moving_triangle, rich_gltf, shifted
+from samples.opening import open_source
 
 HALF = np.sqrt(0.5)
 QUARTER_Z = [0, 0, HALF, HALF]

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.load import load, open_source
+from meshreel.formats.load import load
+from samples.opening import open_source
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
 POINTS = "point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]"

@@ -9,11 +9,12 @@ pytest.importorskip("pxr")
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 import meshreel
-from meshreel.formats.load import load, open_source
+from meshreel.formats.load import load
 from meshreel.formats.save import save
 from meshreel.model.surface import Domain, Part
 from meshreel.model.tracks import Track, domain_sizes
 from samples.meshes import quad_sheet, two_sheets
+from samples.opening import open_source
 from samples.tracks import assert_same_tracks, tracked_sheet
 
 RNG = np.random.default_rng(8)

@@ -8,11 +8,12 @@ from pxr import Usd, UsdGeom
 
 import meshreel
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.load import load, open_source
+from meshreel.formats.load import load
 from meshreel.formats.save import save, save_frames
 from meshreel.model.geometry.fans import triangulate_fans
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
+from samples.opening import open_source
 
 ENDINGS = ["usd", "usda", "usdc", "usdz"]
 # A quad, a triangle and a pentagon of nine vertices.

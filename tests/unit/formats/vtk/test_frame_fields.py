@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.formats.load import load, open_source
+from meshreel.formats.load import load
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.stretches import find_stretches
 from meshreel.model.tracks import TrackKind
+from samples.opening import open_source
 
 pytest.importorskip("vtkmodules")
 from vtkmodules.util.numpy_support import numpy_to_vtk

@@ -5,13 +5,14 @@ import pytest
 
 from meshreel.errors import FormatError, InvalidInputError, MeshReelError
 from meshreel.formats.frames.stored_frames import StoredFrames
-from meshreel.formats.load import load, open_source
+from meshreel.formats.load import load
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.save import save
 from meshreel.formats.stretches import find_stretches
 from meshreel.formats.vtk.legacy import read_vtk_legacy
 from meshreel.model.surface import Domain, Kind
 from samples.datasets import damaged_versions, plain_sequence, positions_of
+from samples.opening import open_source
 
 pytest.importorskip("vtkmodules")
 from vtkmodules.vtkIOLegacy import vtkPolyDataWriter, vtkUnstructuredGridWriter

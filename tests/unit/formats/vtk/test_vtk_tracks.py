@@ -5,10 +5,11 @@ import pytest
 
 from meshreel.errors import FormatError
 from meshreel.formats.frames.stored_frames import StoredFrames
-from meshreel.formats.load import load, open_source
+from meshreel.formats.load import load
 from meshreel.formats.save import save
 from meshreel.model.tracks import TrackKind
 from samples.meshes import assert_same_surface
+from samples.opening import open_source
 from samples.tracks import assert_same_tracks, tracked_sheet
 
 h5py = pytest.importorskip("h5py")

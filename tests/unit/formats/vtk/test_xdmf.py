@@ -5,9 +5,10 @@ import pytest
 
 from meshreel.errors import FormatError, InvalidInputError, MeshReelError
 from meshreel.formats.frames.stored_frames import StoredFrames
-from meshreel.formats.load import load, open_source
+from meshreel.formats.load import load
 from meshreel.model.surface import Domain, Kind
 from samples.datasets import CORNERS, COUNTS, N_VERTS, damaged_versions, positions_of
+from samples.opening import open_source
 
 POSITIONS = np.random.default_rng(0).standard_normal((5, N_VERTS, 3)).astype(np.float32)
 TRIANGLES = np.array([[0, 1, 2], [2, 3, 4], [5, 6, 10]])
