@@ -12,9 +12,14 @@ from rich.console import Console
 
 import meshreel
 from meshreel.app.cli import console
-from meshreel.app.cli.console import print_bars, print_columns, print_notes, print_table
+from meshreel.app.cli.console import (
+    print_bars,
+    print_columns,
+    print_notes,
+    print_table,
+    progress_lines,
+)
 from meshreel.app.cli.lines import escaped, print_error, print_line
-from meshreel.app.cli.progress_lines import progress_lines
 from meshreel.model.materials import Image, Material
 from meshreel.model.tracks import Track
 from samples.commands import assert_fails, finished, run, run_json

@@ -10,7 +10,7 @@ import pytest
 import meshreel
 from meshreel.app.cli import console
 from meshreel.app.cli.app import app
-from meshreel.app.cli.progress_lines import progress_lines
+from meshreel.app.cli.console import progress_lines
 from samples.figures import coarse_figures
 from samples.meshes import waving_grid
 

@@ -12,14 +12,17 @@ from meshreel.metrics.displacement import displacement_errors_percent
 from meshreel.metrics.kg import kg_error_percent
 from meshreel.metrics.nmsve import nmsve_per_frame
 from meshreel.metrics.normals import normal_angles
-from meshreel.metrics.reference import bounding_box_reference
-from meshreel.metrics.rest_motion import rest_motion
+from meshreel.metrics.reference import bounding_box_reference, shared_reference
 from meshreel.metrics.sted import sted
 from meshreel.metrics.track_errors import TrackErrors, errors_of_tracks
-from meshreel.model.sequence import Faces, FrameSource, MeshSequence
+from meshreel.model.sequence import Faces, FrameSource, MeshSequence, Vertices
 from meshreel.model.tracks import described_track
 from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Progress, silent
+
+REST_PERCENT = 0.001
+"""Vertices rest where they move by less from one frame to the next, in percent of the mean
+diagonal of the frames: a tenth of the quantization step of the default quality."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +40,7 @@ class Quality:
     n_degenerate_face_frames : int
         Faces without a normal, counted in each frame; the angles leave them out.
     n_rest_pairs : int
-        Pairs of vertex and frame at which the original rests; see `metrics.rest_motion`.
+        Pairs of vertex and frame at which the original rests; see `rest_motion`.
     rest_motion_median_percent, rest_motion_p99_percent : float
         How far the decoded vertices of these pairs move from the frame before, in percent of the
         mean diagonal of single frames: median and 99th percentile, 0 if nothing rests.
@@ -198,3 +201,60 @@ def _lowest_rotation(faces: Faces, n_verts: int) -> npt.NDArray[np.int64]:
     pairs = corners * n_verts + np.roll(corners, -1, axis=1)  # equal pairs: all corners equal
     order = (pairs.argmin(axis=1)[:, None] + np.arange(3)) % 3
     return np.take_along_axis(corners, order, axis=1)
+
+
+@dataclass(frozen=True)
+class RestMotion:
+    """How far decoded vertices move from frame to frame where the original ones rest.
+
+    Percentages are of the mean diagonal of the bounding boxes of single frames of the original, so
+    that a path that a model walks does not hide its motion.
+
+    Attributes
+    ----------
+    n_pairs : int
+        Pairs of a vertex and a frame, other than the first, at which the original rests: it moves
+        by less than `REST_PERCENT` from the frame before.
+    median_percent, p99_percent : float
+        Median and 99th percentile of the decoded motion over these pairs; 0 if there are none.
+    """
+
+    n_pairs: int
+    median_percent: float
+    p99_percent: float
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def rest_motion(original: Vertices, decoded: Vertices) -> RestMotion:
+    """Median and 99th percentile of decoded motion where the original rests.
+
+    Parameters
+    ----------
+    original, decoded : float arrays of shape (T, V, 3), in model units, all finite
+
+    Raises
+    ------
+    InvalidInputError
+        If the shapes differ.
+    """
+    scale = shared_reference(original, decoded).scale
+    sides = [np.ptp(frame.astype(np.float64) * scale, axis=0) for frame in original]
+    diagonal = float(np.linalg.norm(sides, axis=1).mean())
+    threshold = REST_PERCENT / 100.0 * diagonal
+    found = [np.empty(0, np.float32)]
+    for number in range(1, len(original)):
+        rests = _steps(original, number, scale) < threshold
+        if rests.any():
+            steps = _steps(decoded, number, scale)[rests]
+            found.append((100.0 / diagonal * steps).astype(np.float32))
+    moved = np.concatenate(found)
+    if not len(moved):
+        return RestMotion(0, 0.0, 0.0)
+    median, p99 = np.percentile(moved, [50, 99])
+    return RestMotion(len(moved), float(median), float(p99))
+
+
+def _steps(vertices: Vertices, number: int, scale: float) -> Floats:
+    """How far each vertex moves to a frame from the one before, in scaled units."""
+    moved = np.subtract(vertices[number], vertices[number - 1], dtype=np.float64) * scale
+    return np.asarray(np.sqrt(np.einsum("na,na->n", moved, moved)))

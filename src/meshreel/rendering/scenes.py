@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -11,15 +12,15 @@ from meshreel.errors import InvalidInputError
 from meshreel.metrics.compare import require_comparable
 from meshreel.metrics.heat import HEATS, Field, heat_field
 from meshreel.metrics.reference import reference_of_box
+from meshreel.model.geometry.fans import fan_corners
 from meshreel.model.geometry.hard_edges import RowNormals
-from meshreel.model.sequence import FrameSource
+from meshreel.model.sequence import Faces, FrameSource
+from meshreel.model.surface import Domain, Kind, Surface
 from meshreel.model.tracks import TrackSource, named_track
 from meshreel.rendering.camera import Camera
 from meshreel.rendering.colormap import colorize, round_up
-from meshreel.rendering.item_colors import colors_of_items
 from meshreel.rendering.painting import Color, Image
 from meshreel.rendering.rasterizer import CLAY, render
-from meshreel.rendering.surface_colors import surface_colors
 from meshreel.rendering.track_colors import FrameNumbers, TrackColors, TrackLook, TrackScale
 from meshreel.runtime.progress import Count, Progress, silent
 
@@ -27,6 +28,7 @@ HEAT_PERCENTILE = 99.5
 """The colours of a heat map end at a round number above this percentile of all values shown."""
 
 TRACK_HEAT = "track"
+
 HEAT_NAMES = (*HEATS, TRACK_HEAT)
 """What a heat map can show: how far vertices are off, or the values of the track."""
 
@@ -301,3 +303,55 @@ class ChosenFrames:
 def _frame(source: FrameSource, number: int) -> Frame:
     frame: Frame = source.read(number, number + 1)[0]
     return frame
+
+
+def surface_colors(surface: Surface, faces: Faces) -> npt.NDArray[np.float32] | None:
+    """The first colour attribute of a mesh, sRGB in 0..255; None if it has none.
+
+    Parameters
+    ----------
+    surface : Surface
+        Colours of bytes are taken as they are, others times 255; opacity is left out.
+    faces : int32 array of shape (M, 3)
+
+    Returns
+    -------
+    float32 array of shape (V, 3), of each vertex, or (M, 3, 3), of each corner of each face
+    """
+    found = surface.of_kind(Kind.COLOR)
+    if not found:
+        return None
+    values = found[0].per_item()[:, :3].astype(np.float32)
+    if values.shape[1] < 3:
+        values = np.repeat(values[:, :1], 3, axis=1)  # shades of grey
+    if found[0].values.dtype != np.uint8:
+        values = 255 * np.nan_to_num(values)
+    values = np.clip(values, 0, 255)
+    return np.asarray(colors_of_items(values, found[0].domain, surface, faces))
+
+
+def colors_of_items(
+    colors: npt.NDArray[Any], domain: Domain, surface: Surface, faces: Faces
+) -> npt.NDArray[Any]:
+    """Colours of vertices as they are, of shape (V, 3); those of others of each triangle's corners.
+
+    Parameters
+    ----------
+    colors : array of shape (N, 3)
+    domain : Domain
+        What the N are; faces are polygons, corners are theirs.
+    surface : Surface
+        Has the polygons.
+    faces : int32 array of shape (M, 3)
+
+    Returns
+    -------
+    array of shape (V, 3) or (M, 3, 3)
+    """
+    if domain is Domain.VERTEX:
+        return colors
+    sizes = surface.sizes(len(faces))
+    if domain is Domain.CORNER:
+        return np.asarray(colors[fan_corners(sizes)])
+    of_triangles = np.repeat(colors, sizes - 2, axis=0)
+    return np.repeat(of_triangles[:, np.newaxis], 3, axis=1)

@@ -6,12 +6,11 @@ import pytest
 
 from meshreel.app.cli.figures import quality_rows
 from meshreel.errors import InvalidInputError
-from meshreel.metrics.compare import compare
+from meshreel.metrics.compare import compare, rest_motion
 from meshreel.metrics.displacement import displacement_errors_percent
 from meshreel.metrics.kg import kg_error_percent
 from meshreel.metrics.nmsve import nmsve_per_frame
 from meshreel.metrics.normals import normal_angles
-from meshreel.metrics.rest_motion import rest_motion
 from meshreel.metrics.sted import sted
 from meshreel.model.sequence import MeshSequence
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.metrics.rest_motion import REST_PERCENT, RestMotion, rest_motion
+from meshreel.metrics.compare import REST_PERCENT, RestMotion, rest_motion
 
 DIAGONAL = 2.0
 

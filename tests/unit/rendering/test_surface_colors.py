@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
-from meshreel.rendering.surface_colors import surface_colors
+from meshreel.rendering.scenes import surface_colors
 from samples.meshes import quad_sheet
 
 RED, GREEN = [255, 0, 0], [0, 255, 0]

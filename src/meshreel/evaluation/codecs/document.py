@@ -1,23 +1,16 @@
 """The report on codecs: parts in their order."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from meshreel.evaluation.codecs.peers.protocol import Peer
-from meshreel.evaluation.codecs.results import CodecResults
-from meshreel.evaluation.codecs.tables import (
-    COMPARED,
-    bd_rate_parts,
-    lossless_table,
-    rate_table,
-    refusals,
-    runs_table,
-    seconds_table,
-)
+from meshreel.evaluation.codecs.results import ERRORS, RECORDED, CodecResults
 from meshreel.evaluation.pipeline import Measured
+from meshreel.evaluation.rate_distortion import RateDifference, bd_rate, rate_at_error
 from meshreel.evaluation.report.codecs import codecs_document
 from meshreel.evaluation.report.openings import sequence_opening
-from meshreel.evaluation.runs.store import done
-from meshreel.rendering.documents.parts import Bullets, Document, Paragraph, Part, Picture
+from meshreel.evaluation.runs.store import Result, done
+from meshreel.rendering.documents.cells import NONE, significant
+from meshreel.rendering.documents.parts import Bullets, Document, Paragraph, Part, Picture, Table
 
 TITLE = "meshreel beside other codecs: rate, distortion, seconds"
 
@@ -38,6 +31,12 @@ HOW = (
     "(in brackets), by piecewise cubic interpolation; -50 % is half the rate. Nothing is "
     "extrapolated.",
 )
+
+KG_LEVELS = (0.5, 0.2, 0.1)  # percent
+
+STED_LEVELS = (0.05, 0.02, 0.01)
+
+COMPARED = {"kg_error_percent": "KG error", "sted": "STED", "max_error_percent": "largest error"}
 
 
 def codec_document(
@@ -74,3 +73,126 @@ def _sequence_parts(results: CodecResults, pictures: Sequence[Picture]) -> list[
     refused = refusals(results)
     parts += [Bullets(refused)] if refused else []
     return [*parts, runs_table(results)]
+
+
+def rate_table(results: CodecResults) -> Table:
+    """Bits per vertex and frame at fixed errors, interpolated on each lower envelope."""
+    curves = {error: results.curves(error) for error in ("kg_error_percent", "sted")}
+    wanted = [("kg_error_percent", level) for level in KG_LEVELS]
+    wanted += [("sted", level) for level in STED_LEVELS]
+    header = ("codec", *(f"KG {level:g} %" for level in KG_LEVELS),
+              *(f"STED {level:g}" for level in STED_LEVELS))  # fmt: skip
+    rows = []
+    for label in _labels(curves.values()):
+        rates = [rate_at_error(curves[error].get(label, []), level) for error, level in wanted]
+        if any(rate is not None for rate in rates):
+            rows.append((label, *map(significant, rates)))
+    title = f"Bits per vertex and frame at equal error, {results.name}"
+    return Table(title, header, tuple(rows))
+
+
+def bd_rate_parts(results: CodecResults, error: str) -> list[Part]:
+    """BD-rates of our methods against all other codecs, and who could not be compared."""
+    curves = results.curves(error)
+    methods = [name for name in results.methods if name in curves]
+    rows: list[tuple[str, ...]] = []
+    left_out: dict[str, list[str]] = {}
+    for label in curves:
+        others = [name for name in methods if name != label]
+        found = {name: bd_rate(curves[name], curves[label]) for name in others}
+        if any(difference.percent is not None for difference in found.values()):
+            rows.append((label, *(bd_text(found.get(name)) for name in methods)))
+        elif found and label not in methods:
+            left_out.setdefault(found[others[0]].reason, []).append(label)
+    title = f"BD-rate at equal {COMPARED[error]}, {results.name}: rate of each column by that of"
+    parts: list[Part] = [Table(title, ("codec", *methods), tuple(rows))] if rows else []
+    if left_out:
+        texts = (f"{', '.join(labels)} ({reason})" for reason, labels in left_out.items())
+        parts.append(Paragraph(f"Not compared at equal {COMPARED[error]}: {'; '.join(texts)}."))
+    return parts
+
+
+def bd_text(difference: RateDifference | None) -> str:
+    """Such as "-62.3 % (0.1 to 1.5)", or why there is none; a dash for None."""
+    if difference is None:
+        return NONE
+    if difference.percent is None:
+        return difference.reason
+    low, high = significant(difference.low_error), significant(difference.high_error)
+    return f"{difference.percent:+.1f} % ({low} to {high})"
+
+
+def lossless_table(results: CodecResults) -> Table | None:
+    """Codecs that give every position back; None where there is none."""
+    rows: list[tuple[str, ...]] = [
+        (r["codec"], significant(r["rate_bpvf"]), *_seconds(r))
+        for r in done(results.measured)
+        if r["quality"]["max_error_percent"] == 0
+    ]
+    rows += [
+        (p.codec + RECORDED, significant(p.rate_bpvf), significant(p.encode_s),
+         significant(p.decode_s))
+        for p in results.recorded
+        if p.quality["max_error_percent"] == 0
+    ]  # fmt: skip
+    header = ("codec", "bits per vertex and frame", "encode, s", "decode, s")
+    return Table(f"Lossless, {results.name}", header, tuple(rows)) if rows else None
+
+
+def seconds_table(results: CodecResults) -> Table:
+    """Least and most seconds over the settings of each codec, and frames of a second."""
+    rows = []
+    for codec in (*results.methods, *results.peers):
+        runs = [result for result in done(results.measured) if result["codec"] == codec]
+        row = [codec, str(len(runs))]
+        for part in ("encode", "decode"):
+            seconds = [result["seconds"][part] for result in runs]
+            row += [_range(seconds), significant(results.sequence["n_frames"] / max(seconds))]
+        rows.append(tuple(row))
+    header = ("codec", "settings", "encode, s", "frames/s, slowest", "decode, s",
+              "frames/s, slowest")  # fmt: skip
+    return Table(f"Seconds, {results.name}", header, tuple(rows))
+
+
+def runs_table(results: CodecResults) -> Table:
+    """Every measured point."""
+    rows = []
+    for result in done(results.measured):
+        errors = [significant(result["quality"][error]) for error in ERRORS]
+        label = f"{result['codec']} {result['params']}".strip()
+        row = (label, str(result["size_bytes"]), significant(result["rate_bpvf"]), *errors)
+        rows.append((*row, *_seconds(result)))
+    header = ("codec and setting", "bytes", "bpvf", "KG error %", "STED", "largest error %",
+              "encode, s", "decode, s")  # fmt: skip
+    return Table(f"All runs, {results.name}", header, tuple(rows))
+
+
+def refusals(results: CodecResults) -> tuple[str, ...]:
+    """Why runs have no figures, a line for each codec and reason."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for result in results.measured:
+        if "refused" in result:
+            settings = found.setdefault((result["codec"], result["refused"]), [])
+            settings.append(result["params"])
+    return tuple(
+        f"`{codec}` has no figures for {results.name} ({_settings_text(settings)}): {why}"
+        for (codec, why), settings in found.items()
+    )
+
+
+def _settings_text(settings: Sequence[str]) -> str:
+    named = ", ".join(settings)
+    return named or "its one setting"
+
+
+def _seconds(result: Result) -> tuple[str, str]:
+    return significant(result["seconds"]["encode"]), significant(result["seconds"]["decode"])
+
+
+def _range(seconds: Sequence[float]) -> str:
+    low, high = significant(min(seconds)), significant(max(seconds))
+    return low if low == high else f"{low} to {high}"
+
+
+def _labels(curves: Iterable[dict[str, list[tuple[float, float]]]]) -> list[str]:
+    return list(dict.fromkeys(label for group in curves for label in group))

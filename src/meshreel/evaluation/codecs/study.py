@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,16 +11,25 @@ from meshreel.evaluation.codecs.document import codec_document
 from meshreel.evaluation.codecs.measure import method_run, peer_run
 from meshreel.evaluation.codecs.peers.protocol import Peer, is_available, why_missing
 from meshreel.evaluation.codecs.peers.registry import peers_named
-from meshreel.evaluation.codecs.plots import drawings
 from meshreel.evaluation.codecs.recorded import RecordedPoint, matching
-from meshreel.evaluation.codecs.results import CodecResults
+from meshreel.evaluation.codecs.results import ERRORS, RECORDED, CodecResults, family
 from meshreel.evaluation.codecs.settings import DEFAULT_METHODS, method_sweep
+from meshreel.evaluation.folder import file_name
 from meshreel.evaluation.pipeline import Measured, Subject
+from meshreel.evaluation.plots.axes import draw_envelopes
+from meshreel.evaluation.rate_distortion import Point
 from meshreel.evaluation.runs.run import Run
 from meshreel.evaluation.runs.store import Result
 from meshreel.model.sequence import MeshSequence
 from meshreel.rendering.documents.parts import Document, Picture
+from meshreel.rendering.plots import blank_figure, save_figure
 from meshreel.runtime.progress import Progress
+
+TITLES = {
+    "kg_error_percent": "Rate and KG error",
+    "sted": "Rate and STED",
+    "max_error_percent": "Rate and largest error",
+}
 
 
 @dataclass(frozen=True)
@@ -101,3 +111,45 @@ def _no_recorded(sequence: dict[str, Any]) -> str:
         f"no recorded row is of {sequence['name'] or 'a sequence without a name'} with "
         f"{sequence['n_verts']} vertices (n) and {sequence['n_frames']} frames (k)"
     )
+
+
+def drawings(results: CodecResults, folder: Path) -> Iterator[Callable[[], Picture]]:
+    """A function for each plot, of rate against an error that has points."""
+    for error in ERRORS:
+        curves = shown_curves(results.curves(error))
+        if curves:
+            yield partial(draw_curves, results, error, curves, folder)
+
+
+def draw_curves(
+    results: CodecResults, error: str, curves: Mapping[str, Sequence[Point]], folder: Path
+) -> Picture:
+    """The plot of curves of rate against this error."""
+    figure = blank_figure(9.5, 5.6)
+    draw_envelopes(figure.add_subplot(), curves, ERRORS[error])
+    path = folder / f"{results.slug}-{file_name(error)}.png"
+    save_figure(figure, path, overwrite=True)
+    return Picture(path, f"{TITLES[error]}, {results.name}", _caption(curves), 1)
+
+
+def shown_curves(curves: Mapping[str, Sequence[Point]]) -> dict[str, Sequence[Point]]:
+    """The curves without those recorded ones whose codec was measured here."""
+    measured = {family(label) for label in curves if not label.endswith(RECORDED)}
+    return {
+        label: points
+        for label, points in curves.items()
+        if not label.endswith(RECORDED) or family(label) not in measured
+    }
+
+
+def _caption(curves: Mapping[str, Sequence[Point]]) -> str:
+    text = (
+        "Rate of the whole with the order dropped. A point is a stream; a line joins those that no "
+        "other of its codec beats. Lossless codecs have no place on a log axis of errors."
+    )
+    if any(label.endswith(RECORDED) for label in curves):
+        text += (
+            " Dashed: recorded elsewhere; those of codecs that were measured here are left out, "
+            "and stand in the tables."
+        )
+    return text

@@ -3,25 +3,33 @@
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from meshreel.evaluation.codecs.peers.protocol import is_available, why_missing
+from meshreel.evaluation.folder import file_name
 from meshreel.evaluation.pipeline import Measured as MeasuredResults
 from meshreel.evaluation.pipeline import Subject
+from meshreel.evaluation.plots.axes import draw_envelopes
 from meshreel.evaluation.runs.run import Run
 from meshreel.evaluation.runs.store import Result
 from meshreel.evaluation.tracks.document import track_document
 from meshreel.evaluation.tracks.measure import Measured, our_run, peer_run
 from meshreel.evaluation.tracks.peers import TRACK_PEERS, TrackPeer
-from meshreel.evaluation.tracks.plots import drawings
 from meshreel.evaluation.tracks.results import TrackResults
 from meshreel.evaluation.tracks.settings import Level, levels_of
 from meshreel.metrics.track_errors import error_unit
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.tracks import Track, described_track, named_track
 from meshreel.rendering.documents.parts import Document, Picture
+from meshreel.rendering.plots import blank_figure, save_figure
 from meshreel.runtime.progress import Progress
+
+CAPTION = (
+    "Bits of the track alone by its numbers. A point is a stream; a line joins those that no other "
+    "of its codec beats. Streams that lose nothing have no place on a log axis of errors."
+)
 
 
 @dataclass(frozen=True)
@@ -115,3 +123,24 @@ def _identity(name: str, track: Track) -> dict[str, Any]:
     digest = hashlib.sha256(f"{described_track(track)} {track.shape}".encode())
     digest.update(track.values.tobytes())
     return {"name": name, "sha256": digest.hexdigest()}
+
+
+def drawings(results: TrackResults, folder: Path) -> Iterator[Callable[[], Picture]]:
+    """A function for the plot, if there are points."""
+    if results.curves():
+        yield partial(draw_curves, results, folder)
+
+
+def draw_curves(results: TrackResults, folder: Path) -> Picture:
+    """The plot of all codecs."""
+    unit = results.track["error_unit"]
+    figure = blank_figure(9.5, 5.6)
+    draw_envelopes(
+        figure.add_subplot(),
+        results.curves(),
+        f"largest error of {results.track['name']}" + (f", {unit}" if unit else ""),
+        "bits per number",
+    )
+    path = folder / f"{results.slug}-{file_name(results.track['name'])}.png"
+    save_figure(figure, path, overwrite=True)
+    return Picture(path, f"Rate and largest error, {results.name}", CAPTION, 1)

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from meshreel.app.cli.progress_lines import progress_lines
+from meshreel.app.cli.console import progress_lines
 from meshreel.runtime.progress import Count
 
 

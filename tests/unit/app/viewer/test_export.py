@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meshreel.app.viewer import original_stream
+from meshreel.app.viewer import export
 from meshreel.app.viewer.export import export_page
 from meshreel.app.viewer.textures import texture_for
 from meshreel.codec.decoder import decode
@@ -75,7 +75,7 @@ def test_a_file_is_kept_when_it_is_there_already(tmp_path):
 
 
 def test_original_is_refused_when_it_would_be_too_large(tmp_path, monkeypatch):
-    monkeypatch.setattr(original_stream, "MOST_ORIGINAL_BYTES", 1000)
+    monkeypatch.setattr(export, "MOST_ORIGINAL_BYTES", 1000)
     grid = waving_grid(5)
     told = r"0\.0 GB of positions, too many for a page; leave --original out"
     with opened_api(grid, grid) as api, pytest.raises(InvalidInputError, match=told):
@@ -135,7 +135,7 @@ def test_tracks_of_polygons_go_along(tmp_path):
 def test_tracks_are_left_out_and_named_when_there_is_no_room(tmp_path, monkeypatch):
     grid = with_tracks(waving_grid(5))
     room = 24 * 5 * grid.n_verts + 4 * 5 * grid.n_verts
-    monkeypatch.setattr(original_stream, "MOST_ORIGINAL_BYTES", room)
+    monkeypatch.setattr(export, "MOST_ORIGINAL_BYTES", room)
     notes = []
     with opened_api(grid, grid, encoding=ENCODING) as api:
         export_page(api, tmp_path / "p.html", page=PAGE, notes=notes)

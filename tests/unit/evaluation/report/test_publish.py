@@ -1,4 +1,4 @@
-from meshreel.evaluation.report.publish import to_markdown
+from meshreel.evaluation.pipeline import to_markdown
 from meshreel.rendering.documents.html import to_html
 from meshreel.rendering.documents.parts import Table
 

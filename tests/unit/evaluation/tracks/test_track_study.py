@@ -11,11 +11,11 @@ from PIL import Image
 import meshreel
 from meshreel.errors import InvalidInputError
 from meshreel.evaluation.pipeline import evaluate
+from meshreel.evaluation.tracks.document import refusals, runs_table, share_of_best, size_table
 from meshreel.evaluation.tracks.measure import NEAR, coarsest_tolerance
 from meshreel.evaluation.tracks.peers import Pcodec
 from meshreel.evaluation.tracks.settings import level_of, levels_of
 from meshreel.evaluation.tracks.study import TrackStudy, with_track_alone
-from meshreel.evaluation.tracks.tables import refusals, runs_table, share_of_best, size_table
 
 
 @dataclass(frozen=True)

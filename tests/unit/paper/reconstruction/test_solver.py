@@ -8,7 +8,7 @@ from scipy.spatial import Delaunay
 from meshreel.errors import SolverError
 from meshreel.model.geometry.connectivity import component_labels
 from meshreel.model.geometry.laplacian import uniform_laplacian
-from meshreel.paper.reconstruction.solver import CholeskySolver
+from meshreel.paper.reconstruction.system import CholeskySolver
 from samples.meshes import grid_faces, octahedron_faces
 
 

@@ -2,7 +2,7 @@ import re
 
 import pytest
 
-from meshreel.evaluation.report.publish import publish
+from meshreel.evaluation.pipeline import publish
 from meshreel.paper.study.document import paper_document
 from meshreel.rendering.documents.parts import Paragraph
 
