@@ -159,7 +159,6 @@ class PrototypeInstances:
 
     Parameters
     ----------
-    instancer : PointInstancer
     number : int
         Index of the prototype.
     """

@@ -33,7 +33,6 @@ def checked_layers(path: Path, *, allow_outside: bool) -> list[Any]:
 
     Parameters
     ----------
-    path : Path
     allow_outside : bool
         Whether layers may be outside of the folder of the file.
 

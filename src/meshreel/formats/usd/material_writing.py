@@ -22,7 +22,6 @@ class Materials:
         Names of existing prims below the root.
     looks : tuple of Material
         Appearance of materials, where it is known.
-    textures : TextureWriter
     notes : list of str
         Gains a sentence for each kind of property that USD cannot store.
     """

@@ -162,7 +162,6 @@ class StageMesh:
 
         Parameters
         ----------
-        one : Quantity
         values : array of shape (N, C)
             Values in file order.
         counts : int64 array

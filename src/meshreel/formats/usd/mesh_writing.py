@@ -30,15 +30,12 @@ class MeshWriter:
     Parameters
     ----------
     stage : Usd.Stage
-    path : str
-    part : PartMesh
     has_normals : bool
         Whether to write normals computed from hard edges.
 
     Attributes
     ----------
     prim : Usd.Prim
-    part : PartMesh
     """
 
     def __init__(self, stage: Any, path: str, part: PartMesh, *, has_normals: bool) -> None:
@@ -109,8 +106,6 @@ def write_surface(
     prim : Usd.Prim
     surface : Surface
         Without parts.
-    n_faces : int
-    materials : Materials
     notes : list of str
         Gains a sentence where USD stores another number type.
     """

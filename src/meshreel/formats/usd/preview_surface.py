@@ -42,7 +42,6 @@ class PreviewSurface:
     shader : UsdShade.Shader
     name : str
         Name of the material, for the notes.
-    images : StageImages
     notes : LookNotes
         Gains unsupported properties.
     """

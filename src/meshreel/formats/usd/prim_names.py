@@ -33,7 +33,6 @@ def mesh_paths(names: Sequence[str], root: str) -> list[str]:
     ----------
     names : sequence of str
         Paths such as "/root/body", or plain names.
-    root : str
 
     Returns
     -------

@@ -58,7 +58,6 @@ def read_attributes(
     ----------
     prim : Usd.Prim
         Prim of the mesh, which inherits primvars from prims above it.
-    code : float
     mesh : PolygonMesh
         The mesh at that time code.
     order : int64 array, optional

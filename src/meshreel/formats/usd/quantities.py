@@ -34,7 +34,6 @@ class Quantity:
     ----------
     name : str
         Name of the primvar or attribute.
-    domain : Domain
     attribute : Usd.Attribute
         Has the time samples and the custom data.
     read : function of a time code

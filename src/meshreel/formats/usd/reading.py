@@ -172,7 +172,6 @@ def open_stage(path: Path, options: ReadOptions) -> Any:
 
     Parameters
     ----------
-    path : Path
     options : ReadOptions
         Their notes gain a sentence if referenced files are missing, and one if axes or units
         differ from y up and meters.

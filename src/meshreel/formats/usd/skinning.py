@@ -42,7 +42,6 @@ class Skin:
         The skeleton in the stage; for an instance, the query has only its prototype.
     skeleton : UsdSkel.SkeletonQuery
     skinning : UsdSkel.SkinningQuery
-    shapes : BlendShapes or None
     """
 
     skeleton_prim: Any

@@ -26,8 +26,6 @@ def read_groups(
     Parameters
     ----------
     prim : Usd.Prim
-    code : float
-    n_faces : int
     materials : MeshMaterials
         Materials of the mesh, which provide labels.
     notes : list of str

@@ -26,9 +26,7 @@ class ScaledTexture:
 
     Attributes
     ----------
-    texture : Texture
     scale, bias : tuple of 4 floats
-    color_space : str
     """
 
     texture: Texture

@@ -51,7 +51,6 @@ class TextureWriter:
         ----------
         material : UsdShade.Material
             Parent of the texture shaders.
-        look : Material
         notes : LookNotes
             Gains what USD cannot store.
         """

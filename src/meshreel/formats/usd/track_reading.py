@@ -30,7 +30,6 @@ class MeshTracks:
 
     Parameters
     ----------
-    mesh : StageMesh or InstancedMesh
     codes : Codes
         Time codes of its frames.
     notes : list of str

@@ -71,7 +71,6 @@ class MeshSpace:
 
     Attributes
     ----------
-    axes : Axes
     rotation : tuple of float, optional
         The quaternion x y z w of the node, which rotates the vertices to glTF axes, if any.
     """

@@ -14,13 +14,7 @@ from meshreel.formats.vat.textures import Texels, TexelType
 
 @dataclass(frozen=True, eq=False)
 class Encoding:
-    """How offsets are stored in texels.
-
-    Attributes
-    ----------
-    texels : TexelType
-    remap : Remap
-    """
+    """How offsets are stored in texels."""
 
     texels: TexelType
     remap: Remap
@@ -33,9 +27,6 @@ def smallest_encoding(
 
     Parameters
     ----------
-    motion : Motion
-    layout : PlainLayout
-    grid : TexelGrid
     types : sequence of TexelType
     bound : float
         Largest distance of a vertex from its position, in model units.

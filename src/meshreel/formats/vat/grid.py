@@ -20,7 +20,6 @@ class TexelGrid:
 
     Attributes
     ----------
-    n_verts, n_frames : int
     width : int
         Texels per row; a frame with more vertices takes several rows.
     frame_by_frame : bool

@@ -35,8 +35,6 @@ class RestMesh:
     Parameters
     ----------
     faces : int32 array of shape (M, 3)
-    surface : Surface
-    n_verts : int
 
     Attributes
     ----------
@@ -72,7 +70,6 @@ class RestMesh:
 
         Parameters
         ----------
-        path : Path
         rest, normals : float32 arrays of shape (V, 3)
         uvs : float64 array of shape (V, 2)
             UVs of the texels of the first frame; v is 0 at the bottom.

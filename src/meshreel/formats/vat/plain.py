@@ -58,12 +58,8 @@ def write_plain(
 
     Parameters
     ----------
-    folder : Path
-    names : FileNames
     stream : FrameStream
         Its notes gain all losses, and the errors achieved.
-    options : WriteOptions
-    layout : PlainLayout
     types : sequence of TexelType
         Candidates; the first that meets the error bound is used.
 
@@ -153,11 +149,6 @@ def measure_playback(
     ----------
     images : list of arrays
         The texture of offsets and, if the layout separates them, the texture of normals.
-    motion : Motion
-    layout : PlainLayout
-    grid : TexelGrid
-    encoding : Encoding
-    normals : bool
     """
     errors = np.zeros(motion.n_frames)
     for frame in range(motion.n_frames):

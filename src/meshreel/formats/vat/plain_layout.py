@@ -18,7 +18,6 @@ class FileNames:
 
     Attributes
     ----------
-    mesh, positions, data : str
     normals : str, optional
         None if normals have no separate texture.
     """
@@ -35,7 +34,6 @@ class Remap:
 
     Attributes
     ----------
-    axes : Axes
     low, high : float32 arrays of shape (3,)
         Offsets at values 0 and 1, unless texels are raw offsets.
     is_raw : bool

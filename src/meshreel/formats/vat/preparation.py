@@ -26,14 +26,7 @@ DEFAULT_FPS = 24.0
 
 @dataclass(frozen=True, eq=False)
 class BakeInput:
-    """A sequence prepared for baking to textures.
-
-    Attributes
-    ----------
-    mesh : RestMesh
-    motion : Motion
-    budget : ErrorBudget
-    """
+    """A sequence prepared for baking to textures."""
 
     mesh: RestMesh
     motion: Motion
@@ -52,8 +45,6 @@ def prepare(
 
     Parameters
     ----------
-    stream : FrameStream
-    options : WriteOptions
     max_distance : float
         Limit of the coordinates of the mesh, in model units; beyond it, the mesh is centered.
 
@@ -86,8 +77,6 @@ def note_error(
 
     Parameters
     ----------
-    notes : list of str
-    budget : ErrorBudget
     errors : float64 array of shape (T,)
         Largest error of each frame, in model units.
     texels : TexelType

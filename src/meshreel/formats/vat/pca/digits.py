@@ -131,7 +131,6 @@ def allocate_digits(energies: Floats, coefficients: Floats, n_texels: int) -> np
         Sums of squares, descending.
     coefficients : float64 array of shape (K,)
         Sums of squared rounding errors times ``(15**n - 1)**2``.
-    n_texels : int
     """
     errors = _errors(energies, coefficients)
     # Along the lower convex hull, gains per digit descend.

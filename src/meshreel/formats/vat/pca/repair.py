@@ -78,10 +78,8 @@ def repair(
 
     Parameters
     ----------
-    fields : Fields
     residuals : Residuals
         Residuals of these fields.
-    bound : float
     """
     distances = residuals.distances()
     violating = np.flatnonzero(distances > BOUND_SHARE * bound)
@@ -119,7 +117,6 @@ class _IntegerDescent:
     weights : float32 array of shape (T, K)
     largest : int64 array of shape (K,)
         Largest integer of each field.
-    bound : float
     """
 
     def __init__(self, weights: Singles, largest: npt.NDArray[np.int64], bound: float) -> None:

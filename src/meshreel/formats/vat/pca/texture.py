@@ -53,7 +53,6 @@ class Section:
 
     Attributes
     ----------
-    first_row : int
     n_pair_texels, n_single_texels : int
         Texels per coordinate of a vertex.
     """
@@ -79,10 +78,8 @@ class Header:
 
     Attributes
     ----------
-    n_frames : int
     slice_rows : int
         Rows of texels per slice.
-    positions, normals : Section
     """
 
     n_frames: int

@@ -56,12 +56,7 @@ class PcaPlaybackErrors:
 
 @dataclass(frozen=True)
 class PcaNames:
-    """Names of the files of a folder.
-
-    Attributes
-    ----------
-    mesh, texture, data : str
-    """
+    """Names of the files of a folder."""
 
     mesh: str
     texture: str
@@ -208,7 +203,6 @@ def measure_pca_playback(
     Parameters
     ----------
     texels : uint8 array of shape (height, width, 4)
-    motion : Motion
     rest : float32 array of shape (V, 3)
         Rest positions in the mesh file.
     rest_normals : float32 array of shape (V, 3), optional
