@@ -211,11 +211,11 @@ ODDS = inverse_of_squash()
 
 def mixed_bit(stream, models, weights):
     """A bit that several models predict; weights, a list, are changed."""
-    opinions = [ODDS[one.probability // 16] if one.count else 0 for one in models]
-    total = sum(o * w for o, w in zip(opinions, weights, strict=True)) // 65536
+    logits = [ODDS[one.probability // 16] if one.count else 0 for one in models]
+    total = sum(o * w for o, w in zip(logits, weights, strict=True)) // 65536
     q = clip(squash(clip(total, -2047, 2047)), 24, 65512)
     bit = stream.bit(q)
-    for i, (model, o) in enumerate(zip(models, opinions, strict=True)):
+    for i, (model, o) in enumerate(zip(models, logits, strict=True)):
         weights[i] = clip(weights[i] + o * (65536 * bit - q) // 2**14, -(2**20), 2**20)
         if not model.count:
             model.quick, model.slow, model.count = q, q, 1

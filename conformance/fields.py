@@ -37,7 +37,7 @@ class Models:
                 self.upper[k + 1, c] = Model(65536 * g // (65536 + g), 32)
                 t = t * t // 65536
         self.wrong = [Model(32768, 8) for _ in range(16)]
-        self.stirs = [[[Model(16384, 8) for _ in range(16)] for _ in "01"] for _ in "01"]
+        self.becomes_active = [[[Model(16384, 8) for _ in range(16)] for _ in "01"] for _ in "01"]
 
 
 class FieldReader:
@@ -84,7 +84,7 @@ class FieldReader:
 
     def is_still(self, group, place, before):
         near = int(any(self.magnitudes[j] for i in group for j in self.near[i]))
-        return not self.stream.adaptive(self.models.stirs[before][near][self.quiet[place]])
+        return not self.stream.adaptive(self.models.becomes_active[before][near][self.quiet[place]])
 
     def inputs(self, number, i):
         fast, middle, slow = self.sums[i]

@@ -41,8 +41,8 @@ REEL_INLINE uint32_t reel_read_word(reel_range_coder *coder) {
     return word;
 }
 
-REEL_INLINE reel_range_coder reel_start_encoder(uint8_t *out, size_t room) {
-    return (reel_range_coder){.range = UINT64_MAX, .out = out, .size = room, .writes = true};
+REEL_INLINE reel_range_coder reel_start_encoder(uint8_t *out, size_t capacity) {
+    return (reel_range_coder){.range = UINT64_MAX, .out = out, .size = capacity, .writes = true};
 }
 
 REEL_INLINE reel_range_coder reel_start_decoder(const uint8_t *in, size_t size) {
@@ -125,8 +125,8 @@ REEL_INLINE uint32_t reel_code_raw(reel_range_coder *coder, int count, uint32_t 
         }
         coder->low = low;
     } else {
-        uint64_t found = coder->low / coder->range;
-        value = found < max ? (uint32_t)found : max; /* exceeds `max` only in damaged streams */
+        uint64_t result = coder->low / coder->range;
+        value = result < max ? (uint32_t)result : max; /* exceeds `max` only in damaged streams */
         coder->low -= coder->range * value;
     }
     if (coder->range < (uint64_t)1 << 32) {

@@ -1,5 +1,5 @@
-/* The encoder of exact values: chooses the number grid, similar frames and the prediction mode. The
-   format does not prescribe how. */
+/* The encoder of exact values: chooses the number grid, similar frames and the prediction mode.
+   docs/format.md, "Exact values", leaves these choices free. */
 
 #include "exact_state.h"
 
@@ -156,7 +156,7 @@ static void count_repeats(exact_coder *f, bool *many, bool *some) {
     *many = n_repeated > n_rows / 2 || n_constant > f->n_items / 2;
 }
 
-/* Prediction modes; labels may also be coded in the given order. */
+/* An additional mode to try: labels in the given order. */
 enum { LABELS_IN_GIVEN_ORDER = RAW + 1 };
 
 static void set_mode(exact_coder *f, int mode) {
@@ -165,9 +165,9 @@ static void set_mode(exact_coder *f, int mode) {
 }
 
 /* Return the size of the first items when coded in a mode. */
-static int64_t try_mode(exact_coder *f, int mode, uint8_t *out, size_t room) {
+static int64_t try_mode(exact_coder *f, int mode, uint8_t *out, size_t capacity) {
     exact_coder tried = *f;
-    reel_range_coder coder = reel_start_encoder(out, room);
+    reel_range_coder coder = reel_start_encoder(out, capacity);
     int64_t count = f->n_items / 32 + 64;
     set_mode(&tried, mode);
     tried.coder = &coder;
@@ -176,7 +176,7 @@ static int64_t try_mode(exact_coder *f, int mode, uint8_t *out, size_t room) {
     return size < 0 ? INT64_MAX : size;
 }
 
-static void choose_mode(exact_coder *f, uint8_t *out, size_t room) {
+static void choose_mode(exact_coder *f, uint8_t *out, size_t capacity) {
     static const int candidates[] = {LABELS, MEANS, LABELS_IN_GIVEN_ORDER};
     bool many_repeats;
     count_repeats(f, &many_repeats, &f->has_repeats);
@@ -184,12 +184,12 @@ static void choose_mode(exact_coder *f, uint8_t *out, size_t room) {
     int best = f->n_frames > 1 && (is_float || f->numbers.size > 1) ? FILTER : MEANS;
     if (!is_float || many_repeats) {
         int numeric = best;
-        int64_t least = try_mode(f, numeric, out, room);
+        int64_t min_bytes = try_mode(f, numeric, out, capacity);
         for (int i = 0; i < 3; i++) {
             bool is_new = candidates[i] != numeric && !(is_float && candidates[i] == MEANS);
-            int64_t found = is_new ? try_mode(f, candidates[i], out, room) : INT64_MAX;
-            if (found < least) {
-                least = found;
+            int64_t result = is_new ? try_mode(f, candidates[i], out, capacity) : INT64_MAX;
+            if (result < min_bytes) {
+                min_bytes = result;
                 best = candidates[i];
             }
         }
@@ -199,7 +199,8 @@ static void choose_mode(exact_coder *f, uint8_t *out, size_t room) {
 
 int64_t reel_exact_encode(void *memory, size_t memory_size, void *values, int64_t n_frames,
                           int64_t n_items, int64_t width, int64_t size, int64_t type,
-                          const int32_t *starts, const int32_t *near, uint8_t *out, size_t room) {
+                          const int32_t *starts, const int32_t *near, uint8_t *out,
+                          size_t capacity) {
     exact_coder f = coder_of(values, n_frames, n_items, width, size, type);
     enum reel_code code = reel_exact_prepare(&f, memory, memory_size, starts, near);
     if (code) {
@@ -210,12 +211,12 @@ int64_t reel_exact_encode(void *memory, size_t memory_size, void *values, int64_
         reel_set_scale(&f.numbers, 8 * f.numbers.size);
     }
     choose_lags(&f);
-    choose_mode(&f, out, room);
-    reel_range_coder coder = reel_start_encoder(out, room);
+    choose_mode(&f, out, capacity);
+    reel_range_coder coder = reel_start_encoder(out, capacity);
     f.coder = &coder;
     int64_t n_bytes = reel_exact_block(&f, n_items);
     if (n_bytes < 0) { /* incompressible */
-        coder = reel_start_encoder(out, room);
+        coder = reel_start_encoder(out, capacity);
         f.kind = RAW;
         n_bytes = reel_exact_block(&f, n_items);
     }

@@ -43,8 +43,8 @@ static void end_filter(exact_coder *f) {
     }
 }
 
-/* Store the motions of the neighbors for MOTION_FRAMES frames starting at `first`, and for the one
-   before; also relative to the lagged frames. */
+/* Store the motions of the neighbors, from the previous and from the lagged frame, for
+   MOTION_FRAMES frames starting at `first` and for the one before. */
 static void load_motions(exact_coder *f, int64_t first) {
     int64_t w = f->width, stride = f->n_frames * w, end = first + MOTION_FRAMES;
     int64_t from = first > 1 ? first - 1 : 1, origin = (first - 1) * w;

@@ -32,11 +32,11 @@ REEL_INLINE bool code_special(exact_coder *f, int64_t t, int64_t col, uint64_t *
                  reel_is_encoder(f->coder) && *pattern == last)) {
         *pattern = last;
     } else {
-        uint64_t found = 0;
+        uint64_t result = 0;
         for (int i = f->numbers.size - 1; i >= 0; i--) {
-            found = found << 8 | reel_code_raw(f->coder, 8, (uint32_t)(*pattern >> 8 * i & 0xFF));
+            result = result << 8 | reel_code_raw(f->coder, 8, (uint32_t)(*pattern >> 8 * i & 0xFF));
         }
-        *pattern = f->models->last_special = found;
+        *pattern = f->models->last_special = result;
     }
     (void)col;
     return true;

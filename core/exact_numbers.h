@@ -258,21 +258,21 @@ REEL_INLINE uint64_t reel_predict_index(const reel_numbers *numbers, double valu
         return index + (uint64_t)(int64_t)(difference < 0 ? difference - 0.5 : difference + 0.5);
     }
     uint64_t pattern = reel_nearest_float(numbers, value * numbers->up);
-    uint64_t sign = reel_sign_bit(numbers), size = pattern & (sign - 1), found;
+    uint64_t sign = reel_sign_bit(numbers), size = pattern & (sign - 1), result;
     if (numbers->digits) {
         double magnitude = reel_float_value(numbers, size);
         *decade = reel_decade_of(numbers, magnitude, *decade);
-        found = reel_decimal_index(numbers, magnitude, *decade);
+        result = reel_decimal_index(numbers, magnitude, *decade);
         *step = 53 * (*decade - numbers->places) - 16 * numbers->scale;
     } else {
         int mantissa = numbers->size == 8 ? 52 : 23, exponent = (int)(size >> mantissa);
         int min_exponent = numbers->size == 8 ? 1074 : 149;
-        found = (size + ((uint64_t)1 << numbers->shift >> 1)) >> numbers->shift;
+        result = (size + ((uint64_t)1 << numbers->shift >> 1)) >> numbers->shift;
         *step =
             16 * ((exponent ? exponent - 1 : 0) - min_exponent + numbers->shift - numbers->scale);
     }
     *step = *step < -REEL_MAX_SIZE ? -REEL_MAX_SIZE : *step;
-    return pattern & sign ? ~found : found;
+    return pattern & sign ? ~result : result;
 }
 
 /* Size of a standard deviation, in sixteenths of octaves, from its variance. */

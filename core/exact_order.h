@@ -158,7 +158,7 @@ REEL_INLINE int reel_walk_paths(reel_traversal *traversal, int32_t position, boo
 /* Find the earlier positions that predict an item: its neighbors, latest first, then items two
    edges away, by number of paths, then latest first. Returns how many. */
 REEL_INLINE int reel_find_near(reel_traversal *traversal, int32_t position, int max_near,
-                               int32_t *found) {
+                               int32_t *result) {
     const reel_graph *graph = &traversal->graph;
     int64_t keys[REEL_MAX_NEAR];
     int32_t item = traversal->order[position], first = graph->starts[item],
@@ -171,13 +171,13 @@ REEL_INLINE int reel_find_near(reel_traversal *traversal, int32_t position, int 
         }
     }
     for (int i = 0; i < n; i++) {
-        found[i] = (int32_t)keys[i];
+        result[i] = (int32_t)keys[i];
     }
     if (n < max_near) {
         reel_walk_paths(traversal, position, false, keys, 0, max_near - n);
         int more = reel_walk_paths(traversal, position, true, keys, 0, max_near - n);
         for (int i = 0; i < more; i++) {
-            found[n + i] = (int32_t)(keys[i] & INT32_MAX);
+            result[n + i] = (int32_t)(keys[i] & INT32_MAX);
         }
         n += more;
     }
@@ -188,16 +188,16 @@ REEL_INLINE int reel_find_near(reel_traversal *traversal, int32_t position, int 
 }
 
 /* Move or insert the previous position to the front of the predictors. */
-REEL_INLINE int reel_prepend_position(int32_t previous, int32_t *found, int n, int max_near) {
+REEL_INLINE int reel_prepend_position(int32_t previous, int32_t *result, int n, int max_near) {
     int index = 0;
-    while (index < n && found[index] != previous) {
+    while (index < n && result[index] != previous) {
         index++;
     }
     n += index == n && n < max_near;
     for (index = index < n ? index : n - 1; index > 0; index--) {
-        found[index] = found[index - 1];
+        result[index] = result[index - 1];
     }
-    found[0] = previous;
+    result[0] = previous;
     return n;
 }
 

@@ -40,8 +40,8 @@ typedef struct {
     uint64_t last_special;
 } exact_models;
 
-/* Size statistics of a column of the item, in 1/256 of octaves (sizes of differences are in
-   sixteenths). */
+/* Size statistics of a column of the item. Sizes are in sixteenths of octaves, `fast` and `slow` in
+   1/16 of that. */
 typedef struct {
     int32_t fast, slow, now, last, here;
     int decade; /* decade of the last number, for decimal floats */

@@ -20,12 +20,12 @@
 #define N_SIZES (8 * N_CLASSES) /* the same range in sixteenths of an octave */
 #define N_VOTES 13              /* bit lengths of a vote, 0 included */
 #define N_INPUTS 9              /* inputs of the regression */
-/* Zeros update the weights only above this share, which is a predicted magnitude of 1/15. */
+/* Zeros update the weights only if the predicted share exceeds this: a magnitude of 1/15. */
 #define MIN_LEARNED_SHARE 4096
 #define GROUP 64       /* positions of a pass that may be 0 together */
-#define N_ZERO_ROWS 16 /* values of the number of rows in which a group was 0, capped */
-/* Each row refreshes `neighbor_mean` of one position in STRIDE, the first rows of all; a power of
-   2. */
+#define N_ZERO_ROWS 16 /* number of latest rows in which a group was 0, capped */
+/* Each row updates `neighbor_mean` of every STRIDE-th position, the first STRIDE rows of all; a
+   power of 2. */
 #define STRIDE 4
 
 typedef struct {
@@ -33,8 +33,8 @@ typedef struct {
     reel_model longer[MAX_BITS][N_CLASSES]; /* by length so far, less 1: is the magnitude longer? */
     reel_model upper[MAX_BITS][N_CLASSES];  /* by length, less 2: second highest bit */
     reel_model sign_differs[N_VOTES]; /* by bit length of the vote: does the sign differ from it? */
-    /* Does a zero group become nonzero? by activity of the previous group, by activity of its
-       neighbors, by the number of rows in which it was 0. */
+    /* Does a zero group become nonzero? Contexts: was the previous group active, are its neighbors,
+       and for how many rows was it 0. */
     reel_model becomes_active[2][2][N_ZERO_ROWS];
     uint16_t share[N_SIZES]; /* m / (1 + m) for each predicted magnitude m, Q16 */
 } field_models;
@@ -260,7 +260,7 @@ REEL_INLINE bool code_positions(reel_range_coder *coder, field_coder *f, int32_t
     return !all;
 }
 
-/* Update the decaying means with a row; restrict, so that compilers vectorize. */
+/* Update the decaying means with a row; `restrict` lets compilers vectorize it. */
 REEL_INLINE void add_row(int64_t n, const int16_t *restrict magnitudes, int32_t *restrict fast_sums,
                          int32_t *restrict middle_sums, int32_t *restrict slow_sums,
                          int16_t *restrict fast, int16_t *restrict middle,
@@ -312,13 +312,13 @@ REEL_INLINE bool code_stays_zero(reel_range_coder *coder, field_coder *f, const 
     return !reel_bit(coder, model, nonzero != 0);
 }
 
-/* Code a row; the decoder passes zeros. */
+/* Code a row, which must be 0 when decoding. */
 REEL_INLINE void code_row(reel_range_coder *coder, field_coder *f, int64_t number, int32_t *row) {
     recent_magnitudes recent = {.row = 256, .row_mean = 256};
     for (int64_t pass = 0; pass < f->n_passes; pass++) {
         int32_t bias = f->pass_bias[pass];
         int64_t first = f->pass_starts[pass], end = f->pass_starts[pass + 1];
-        bool was_active = true; /* of the previous group */
+        bool was_active = true; /* whether the previous group was active */
         recent.pass = f->pass_means[pass];
         for (; end - first >= GROUP; first += GROUP) {
             uint8_t *zero_rows = &f->zero_rows[first / GROUP];

@@ -12,7 +12,7 @@
 /* Levels of a resolution; the last takes all remaining vertices. */
 #define N_LEVELS (REEL_STATES - 1)
 
-#define LEFT 8U /* states from here on: not yet in a level, after state - LEFT thinnings */
+#define LEFT 8U /* states >= LEFT: not in a level yet, after state - LEFT thinnings */
 
 /* Working memory; resolutions are processed from fine to coarse. */
 typedef struct {
@@ -126,7 +126,7 @@ static void list_levels(workspace *work, hierarchy_results *results, int32_t beg
     }
 }
 
-/* Find the context neighbors of a vertex: lower neighbors of its own level, then its stencil. */
+/* Find the context neighbors of a vertex: lower neighbors of its level, then its stencil. */
 static void list_contexts(const workspace *work, int32_t v, const int32_t *stencil, int32_t size,
                           int32_t *contexts) {
     const reel_graph *graph = &work->graph;

@@ -20,8 +20,8 @@ size_t reel_integers_memory(int64_t n_tables) {
    classes. */
 static int past_class(uint64_t past) {
     int above = 61 - __builtin_clzll(past + 4); /* index of the highest bit, less 2 */
-    int found = 2 * above + (int)((past + 4) >> (above + 1) & 1U);
-    return found < N_PAST_CLASSES ? found : N_PAST_CLASSES - 1;
+    int result = 2 * above + (int)((past + 4) >> (above + 1) & 1U);
+    return result < N_PAST_CLASSES ? result : N_PAST_CLASSES - 1;
 }
 
 static void code_row(reel_range_coder *coder, table *models, int32_t *values, int64_t length) {
@@ -57,12 +57,12 @@ static table *new_tables(void *memory, size_t size, int64_t n_tables) {
 
 int64_t reel_integers_encode(void *memory, size_t memory_size, int32_t *values,
                              const int64_t *lengths, const int32_t *tables, int64_t n_rows,
-                             int64_t n_tables, uint8_t *out, size_t room) {
+                             int64_t n_tables, uint8_t *out, size_t capacity) {
     table *models = new_tables(memory, memory_size, n_tables);
     if (!models && n_tables) {
         return reel_failure(REEL_NO_MEMORY, 0);
     }
-    reel_range_coder coder = reel_start_encoder(out, room);
+    reel_range_coder coder = reel_start_encoder(out, capacity);
     return code_rows(&coder, values, lengths, tables, n_rows, models);
 }
 

@@ -79,7 +79,7 @@ def _run(*command: str | Path) -> None:
 
 
 def faults(prefix: Path, target: str) -> list[str]:
-    """Return a list of what is wrong with installed libraries."""
+    """Return the faults of installed libraries, as messages."""
     libraries = LIBRARIES[target.split("-", 1)[0]]
     wanted = (*COMMON_FILES, *libraries)
     if lacking := [name for name in wanted if not (prefix / name).exists()]:

@@ -9,16 +9,16 @@
 #define NEAR_POLE 0x1p-20 /* if 1 + z is below it, the tangent frame of (0, 0, -1) is used */
 #define MIN_COSINE -0.999 /* cosine of 177 degrees, the largest rotation that the encoder codes */
 
-static void load_vector(const void *positions, int64_t size, int64_t vertex, double *found) {
+static void load_vector(const void *positions, int64_t size, int64_t vertex, double *result) {
     for (int axis = 0; axis < 3; axis++) {
         int64_t index = 3 * vertex + axis;
-        found[axis] =
+        result[axis] =
             size == 4 ? ((const float *)positions)[index] : ((const double *)positions)[index];
     }
 }
 
 /* Twice the area of a triangle times its normal. */
-static void area_vector(const void *positions, int64_t size, const int32_t *face, double *found) {
+static void area_vector(const void *positions, int64_t size, const int32_t *face, double *result) {
     double a[3], b[3], c[3];
     load_vector(positions, size, face[0], a);
     load_vector(positions, size, face[1], b);
@@ -27,9 +27,9 @@ static void area_vector(const void *positions, int64_t size, const int32_t *face
         b[axis] -= a[axis];
         c[axis] -= a[axis];
     }
-    found[0] = b[1] * c[2] - b[2] * c[1];
-    found[1] = b[2] * c[0] - b[0] * c[2];
-    found[2] = b[0] * c[1] - b[1] * c[0];
+    result[0] = b[1] * c[2] - b[2] * c[1];
+    result[1] = b[2] * c[0] - b[0] * c[2];
+    result[2] = b[0] * c[1] - b[1] * c[0];
 }
 
 static void add_vector(double *sum, const double *vector) {
@@ -102,12 +102,12 @@ static bool is_zero(const double *n) { return n[0] == 0.0 && n[1] == 0.0 && n[2]
 
 /* Rotate the normal n by (a, b), by the inverse stereographic projection from -n; 0 if a or b are
    too large. */
-static void rotate(const double *n, double a, double b, double *found) {
+static void rotate(const double *n, double a, double b, double *result) {
     double along_a[3], along_b[3], k = (a * a + b * b) / 4.0;
     bool is_finite = k <= MAX_DOUBLE;
     tangents(n, along_a, along_b);
     for (int axis = 0; axis < 3 && is_finite; axis++) {
-        found[axis] = ((1.0 - k) * n[axis] + (a * along_a[axis] + b * along_b[axis])) / (1.0 + k);
+        result[axis] = ((1.0 - k) * n[axis] + (a * along_a[axis] + b * along_b[axis])) / (1.0 + k);
     }
 }
 
@@ -118,15 +118,15 @@ int64_t reel_rotate_normals(const double *normals, const double *rotations, int6
     }
     for (int64_t i = 0; i < count; i++) {
         const double *n = normals + 3 * i;
-        double found[3] = {0.0, 0.0, 0.0};
+        double result[3] = {0.0, 0.0, 0.0};
         if (!is_zero(n)) {
-            rotate(n, rotations[2 * i], rotations[2 * i + 1], found);
+            rotate(n, rotations[2 * i], rotations[2 * i + 1], result);
         }
         for (int axis = 0; axis < 3; axis++) {
             if (size == 4) {
-                ((float *)rotated)[3 * i + axis] = (float)found[axis];
+                ((float *)rotated)[3 * i + axis] = (float)result[axis];
             } else {
-                ((double *)rotated)[3 * i + axis] = found[axis];
+                ((double *)rotated)[3 * i + axis] = result[axis];
             }
         }
     }

@@ -1,4 +1,5 @@
-/* The original order of the faces and vertices of a mesh that is known without it.
+/* Coding of the original order of faces and vertices, relative to the internal order of the
+   connectivity.
 
    docs/format.md, "ORDER". Face lists follow the mesh: the next face is usually near the last two,
    or across an open side of an earlier face. Open sides are kept in the order in which they opened,
@@ -93,7 +94,7 @@ typedef struct {
     int32_t *opened_at; /* opening time of each side, or -1 */
     int32_t *side_at;   /* side that opened at each time */
     int32_t clock;
-    /* Time of the side reached by the last leap; face of the last leap among all. */
+    /* Positions of the last leaps: opening time of the side reached, and face reached. */
     int64_t last_open, last_any;
 } face_state;
 
@@ -184,9 +185,9 @@ static int32_t code_near(reel_range_coder *coder, const mesh_order *mesh, face_s
     return near.entries[index];
 }
 
-/* The open side from which to reach a face: that with the rank nearest to the last one's. */
+/* Choose the open side to reach a face from: the one whose rank is nearest to that of the last. */
 static int64_t best_time(const mesh_order *mesh, const face_state *state, int64_t face) {
-    int64_t found = -1, least = 0, here = reel_ranks_rank(&state->open, state->last_open);
+    int64_t result = -1, min_distance = 0, here = reel_ranks_rank(&state->open, state->last_open);
     for (int i = 0; i < 3; i++) {
         int32_t twin = mesh->twins[3 * face + i];
         if (state->opened_at[twin] < 0 || twin == 3 * face + i) {
@@ -194,12 +195,12 @@ static int64_t best_time(const mesh_order *mesh, const face_state *state, int64_
         }
         int64_t far = reel_ranks_rank(&state->open, state->opened_at[twin]) - here;
         far = far < 0 ? -far : far;
-        if (found < 0 || far < least) {
-            found = state->opened_at[twin];
-            least = far;
+        if (result < 0 || far < min_distance) {
+            result = state->opened_at[twin];
+            min_distance = far;
         }
     }
-    return found;
+    return result;
 }
 
 /* Code a face across an open side, or among all. Returns the corner entered, or -1 - face for the
@@ -312,7 +313,7 @@ typedef struct {
     reel_ranks open;    /* opening times of uncoded vertices with a coded neighbor */
     int32_t *opened_at; /* opening time of each vertex, or -1 */
     int32_t *vertex_at; /* vertex that opened at each time */
-    /* Where the neighbors of each vertex begin, in the order of the faces, repeated. */
+    /* Where the neighbors of each vertex begin; listed face by face, with repetitions. */
     int64_t *starts;
     int32_t *neighbours;
     int32_t clock;
@@ -337,7 +338,7 @@ static void find_neighbours(vertex_state *state, const mesh_order *mesh) {
         starts[i + 2] += starts[i + 1];
     }
     for (int64_t i = 0; i < 3 * mesh->n_faces; i++) {
-        /* Starts[v + 1] advances to the end of v's list. */
+        /* the cursor starts[v + 1] ends behind v's list */
         int64_t face = i / 3 * 3, *end = &starts[mesh->faces[i] + 1];
         state->neighbours[(*end)++] = mesh->faces[face + (i + 1) % 3];
         state->neighbours[(*end)++] = mesh->faces[face + (i + 2) % 3];
@@ -372,7 +373,7 @@ static vertex_state start_vertex_coder(reel_arena *arena, const mesh_order *mesh
 
 /* Find up to 16 distinct uncoded neighbors, except `next`, in the order in which they opened;
    returns their number. */
-static int near_vertices(const vertex_state *state, int32_t last, int32_t next, int32_t *found) {
+static int near_vertices(const vertex_state *state, int32_t last, int32_t next, int32_t *result) {
     int n = 0;
     for (int64_t i = state->starts[last]; i < state->starts[last + 1] && n < MAX_NEIGHBORS; i++) {
         int32_t here = state->neighbours[i];
@@ -380,16 +381,16 @@ static int near_vertices(const vertex_state *state, int32_t last, int32_t next, 
         if (here == next || !reel_ranks_has(&state->uncoded, here)) {
             continue;
         }
-        while (last_open > 0 && state->opened_at[found[last_open - 1]] > state->opened_at[here]) {
+        while (last_open > 0 && state->opened_at[result[last_open - 1]] > state->opened_at[here]) {
             last_open--;
         }
-        if (last_open > 0 && found[last_open - 1] == here) {
+        if (last_open > 0 && result[last_open - 1] == here) {
             continue;
         }
         for (int j = n++; j > last_open; j--) {
-            found[j] = found[j - 1];
+            result[j] = result[j - 1];
         }
-        found[last_open] = here;
+        result[last_open] = here;
     }
     return n;
 }
@@ -409,14 +410,14 @@ static int32_t code_near_vertex(reel_range_coder *coder, vertex_state *state, in
             return next;
         }
     }
-    int32_t found[MAX_NEIGHBORS];
-    int n = last < 0 ? 0 : near_vertices(state, last, next, found);
+    int32_t result[MAX_NEIGHBORS];
+    int n = last < 0 ? 0 : near_vertices(state, last, next, result);
     for (int i = 0; i < n; i++) {
         reel_model *model =
             &models->near[i < 4 ? i : 4][n < N_VERTEX_WAYS ? n - 1 : N_VERTEX_WAYS - 1][h];
-        if (reel_bit(coder, model, target == found[i])) {
+        if (reel_bit(coder, model, target == result[i])) {
             *way = 1 + (i < 4 ? i : 3);
-            return found[i];
+            return result[i];
         }
     }
     return -1;
@@ -425,17 +426,17 @@ static int32_t code_near_vertex(reel_range_coder *coder, vertex_state *state, in
 static int32_t code_far_vertex(reel_range_coder *coder, vertex_state *state, int32_t target,
                                int *way) {
     vertex_models *models = state->models;
-    int64_t time = reel_is_encoder(coder) ? state->opened_at[target] : -1, found;
+    int64_t time = reel_is_encoder(coder) ? state->opened_at[target] : -1, result;
     if (state->open.size && reel_bit(coder, &models->open[models->last_ways[0]], time >= 0)) {
         *way = OPEN;
-        found = code_leap(coder, &models->leap, &state->open, state->last_open, time);
-        state->last_open = found;
-        return state->vertex_at[found];
+        result = code_leap(coder, &models->leap, &state->open, state->last_open, time);
+        state->last_open = result;
+        return state->vertex_at[result];
     }
     *way = ANY;
-    found = code_leap(coder, &models->leap_any, &state->uncoded, state->last_any, target);
-    state->last_any = found;
-    return (int32_t)found;
+    result = code_leap(coder, &models->leap_any, &state->uncoded, state->last_any, target);
+    state->last_any = result;
+    return (int32_t)result;
 }
 
 /* Mark a vertex as coded: it closes, its neighbors open. */
@@ -463,12 +464,12 @@ static int64_t code_vertices(reel_range_coder *coder, reel_arena *arena, const m
     for (int64_t i = 0; i < mesh->n_verts; i++) {
         int32_t target = reel_is_encoder(coder) ? mesh->sequence[i] : -1;
         int way;
-        int32_t found = code_near_vertex(coder, &state, mesh->n_verts, last, target, &way);
-        if (found < 0) {
-            found = code_far_vertex(coder, &state, target, &way);
+        int32_t result = code_near_vertex(coder, &state, mesh->n_verts, last, target, &way);
+        if (result < 0) {
+            result = code_far_vertex(coder, &state, target, &way);
         }
-        mesh->sequence[i] = last = found;
-        mark_vertex_coded(&state, found);
+        mesh->sequence[i] = last = result;
+        mark_vertex_coded(&state, result);
         state.models->last_ways[1] = state.models->last_ways[0];
         state.models->last_ways[0] = way;
     }

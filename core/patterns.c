@@ -69,9 +69,9 @@ static void start_patterns(pattern_models *models) {
 
 /* Bits of the number at an index. */
 static uint64_t bits_at(const number_table *table, int64_t index) {
-    uint64_t found = 0;
-    reel_copy(&found, table->values + index * table->size, (size_t)table->size);
-    return found;
+    uint64_t result = 0;
+    reel_copy(&result, table->values + index * table->size, (size_t)table->size);
+    return result;
 }
 
 static void put_bits(const number_table *table, int64_t index, uint64_t bits) {
@@ -97,14 +97,14 @@ static int64_t integer_of(const number_table *table, uint64_t bits) {
 
 static double float_of(const number_table *table, uint64_t bits) {
     if (table->size == 8) {
-        double found;
-        reel_copy(&found, &bits, sizeof found);
-        return found;
+        double result;
+        reel_copy(&result, &bits, sizeof result);
+        return result;
     }
     uint32_t half = (uint32_t)bits;
-    float found;
-    reel_copy(&found, &half, sizeof found);
-    return (double)found;
+    float result;
+    reel_copy(&result, &half, sizeof result);
+    return (double)result;
 }
 
 /* Bits of a value as a float of the table's type, or `otherwise` if out of range. */
@@ -158,8 +158,8 @@ static uint64_t predict_bits(const number_table *table, int64_t col, const int32
 /* Class of the decaying mean; each octave has two classes. */
 static int past_class(uint64_t past) {
     int above = 61 - __builtin_clzll(past + 4);
-    int found = 2 * above + (int)((past + 4) >> (above + 1) & 1U);
-    return found < N_PAST_CLASSES ? found : N_PAST_CLASSES - 1;
+    int result = 2 * above + (int)((past + 4) >> (above + 1) & 1U);
+    return result < N_PAST_CLASSES ? result : N_PAST_CLASSES - 1;
 }
 
 static int bit_length(uint64_t value) { return value ? 64 - __builtin_clzll(value) : 0; }

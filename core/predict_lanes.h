@@ -354,7 +354,8 @@ TARGET REEL_INLINE void NAMED(observe_smooth)(NAMED(batch) *b, int size, const f
 /* Gather the offsets of n fields at one entry of the stencil. The values of a vertex are
    contiguous, those of different vertices `stride` apart. */
 TARGET REEL_INLINE void NAMED(gather_slot)(const NAMED(batch) *b, const double *values,
-                                           int64_t stride, int n, int slot, NAMED(offsets) *found) {
+                                           int64_t stride, int n, int slot,
+                                           NAMED(offsets) *result) {
 #if HAS_TRANSPOSE
 #define VALUES(l)                                                                                  \
     NAMED(difference)(values + b->neighbors[slot][l] * stride, values + b->neighbors[0][l] * stride)
@@ -362,7 +363,7 @@ TARGET REEL_INLINE void NAMED(gather_slot)(const NAMED(batch) *b, const double *
         FOR_PARTS(p) {
             VEC rows[8];
             REEL_UNROLLED for (int l = 0; l < 8; l++) { rows[l] = LOAD_ROW(l + 8 * p, VALUES); }
-            NAMED(transpose)(rows, found->offset[0] + slot, p);
+            NAMED(transpose)(rows, result->offset[0] + slot, p);
         }
         return;
     }
@@ -371,40 +372,40 @@ TARGET REEL_INLINE void NAMED(gather_slot)(const NAMED(batch) *b, const double *
     for (int m = 0; m < n; m++) {
         float single[REEL_BATCH];
         FOR_LANES(l) {
-            single[l] = (float)(values[b->neighbors[slot][l] * stride + m] - found->base[m][l]);
+            single[l] = (float)(values[b->neighbors[slot][l] * stride + m] - result->base[m][l]);
         }
-        reel_copy(found->offset[m][slot], single, sizeof single);
+        reel_copy(result->offset[m][slot], single, sizeof single);
     }
 }
 
 /* Gather the offsets of the fields k..n_fields-1, at most FIELDS_PER_GATHER. */
 TARGET REEL_CALLED void NAMED(gather)(const NAMED(batch) *b, int size, const double *values,
                                       int64_t k, int64_t n_fields, bool with_own,
-                                      NAMED(offsets) *found) {
+                                      NAMED(offsets) *result) {
     int n = n_fields - k < FIELDS_PER_GATHER ? (int)(n_fields - k) : FIELDS_PER_GATHER;
     for (int m = 0; m < n; m++) {
         FOR_LANES(l)
-        found->base[m][l] = values[b->neighbors[0][l] * n_fields + k + m];
+        result->base[m][l] = values[b->neighbors[0][l] * n_fields + k + m];
     }
     for (int j = 0; j < size; j++) {
-        NAMED(gather_slot)(b, values + k, n_fields, n, j, found);
+        NAMED(gather_slot)(b, values + k, n_fields, n, j, result);
     }
     if (with_own) {
-        NAMED(gather_slot)(b, values + k, n_fields, n, SELF, found);
+        NAMED(gather_slot)(b, values + k, n_fields, n, SELF, result);
     }
 }
 
 /* Update the filters with the first modes of the key block. */
 TARGET REEL_INLINE void NAMED(observe_key)(NAMED(batch) *b, int size, const reel_fields *fields) {
-    NAMED(offsets) found;
+    NAMED(offsets) result;
     BATCH_VEC predicted, error, noise;
     int64_t n_key = fields->n_key;
     int64_t n_modes = n_key < fields->n_learned ? n_key : fields->n_learned;
     FOR_PARTS(p) noise[p] = ROUNDING_NOISE + (VEC){0};
     for (int64_t k = 0; k < n_modes; k++) {
-        BATCH_VEC *offset = found.offset[k % FIELDS_PER_GATHER];
+        BATCH_VEC *offset = result.offset[k % FIELDS_PER_GATHER];
         if (k % FIELDS_PER_GATHER == 0) {
-            NAMED(gather)(b, size, fields->key, k, n_key, true, &found);
+            NAMED(gather)(b, size, fields->key, k, n_key, true, &result);
         }
         NAMED(predict)(b, size, offset, predicted);
         FOR_PARTS(p) error[p] = offset[SELF][p] - predicted[p];
@@ -501,7 +502,7 @@ TARGET REEL_INLINE bool NAMED(quantize_batch)(const NAMED(batch) *b, int size, b
 TARGET REEL_INLINE bool NAMED(code_adaptive)(NAMED(batch) *b, int size, bool to_nearest,
                                              bool is_shaped, int64_t n_adaptive,
                                              reel_fields *fields, const reel_quantizer *quantizer) {
-    NAMED(offsets) found, shaped;
+    NAMED(offsets) result, shaped;
     BATCH_VEC predicted, error, noise;
     NAMED(batch_numbers) predictions;
     int64_t n_modes = fields->n_modes;
@@ -509,14 +510,14 @@ TARGET REEL_INLINE bool NAMED(code_adaptive)(NAMED(batch) *b, int size, bool to_
     for (int64_t k = 0; k < n_adaptive; k++) {
         int m = (int)(k % FIELDS_PER_GATHER);
         if (!m) {
-            NAMED(gather)(b, size, fields->values, k, n_modes, false, &found);
+            NAMED(gather)(b, size, fields->values, k, n_modes, false, &result);
         }
         if (!m && is_shaped) {
             NAMED(gather)(b, size, quantizer->targets, k, n_modes, false, &shaped);
         }
-        NAMED(predict)(b, size, found.offset[m], predicted);
+        NAMED(predict)(b, size, result.offset[m], predicted);
         FOR_LANES(l)
-        predictions.number[l] = found.base[m][l] + (double)AT(predicted, l);
+        predictions.number[l] = result.base[m][l] + (double)AT(predicted, l);
         if (quantizer && !NAMED(quantize_batch)(b, size, to_nearest, k, fields, quantizer,
                                                 &predictions, is_shaped ? &shaped : NULL)) {
             return false;
@@ -528,7 +529,7 @@ TARGET REEL_INLINE bool NAMED(code_adaptive)(NAMED(batch) *b, int size, bool to_
                 predictions.number[l] + (double)residual;
         }
         if (k < fields->n_learned) {
-            NAMED(observe)(b, size, found.offset[m], predicted, error, noise,
+            NAMED(observe)(b, size, result.offset[m], predicted, error, noise,
                            RELATIVE_NOISE / (float)size);
         }
     }

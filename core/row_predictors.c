@@ -1,4 +1,4 @@
-/* The rows that predict each row of a table, where faces tell which rows are near each other.
+/* Finds the rows that predict each row of a table, along the faces of the mesh.
 
    docs/format.md, "Along the faces". Faces are traversed across their sides. A new row is predicted
    by the parallelograms of the faces around it whose other rows are coded. Sides that lead to rows
@@ -12,7 +12,7 @@
 #define N_PRIORITIES 4
 
 typedef struct {
-    const int32_t *faces; /* rows of the corners */
+    const int32_t *faces; /* row of each corner */
     const int32_t *twins; /* of half-edges */
     int64_t n_rows, n_faces;
     int32_t *order, *triples;

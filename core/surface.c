@@ -219,15 +219,15 @@ size_t reel_surface_memory(int64_t n_verts, int64_t n_faces) {
 }
 
 bool reel_find_surface(reel_arena *arena, const int32_t *faces, int64_t n_faces, int64_t n_verts,
-                       reel_surface *found) {
+                       reel_surface *result) {
     size_t v = (size_t)n_verts, m = (size_t)n_faces, word = sizeof(int32_t);
-    *found = (reel_surface){.n_faces = n_faces};
-    found->twin = reel_allocate(arena, 12 * m, word);
-    found->point = reel_allocate(arena, 12 * m, word);
-    found->vertex = reel_allocate(arena, 6 * m, word);
-    found->degree = reel_allocate(arena, 6 * m, word);
-    found->flipped = reel_allocate(arena, m, 1);
-    found->flat = reel_allocate(arena, m, 1);
+    *result = (reel_surface){.n_faces = n_faces};
+    result->twin = reel_allocate(arena, 12 * m, word);
+    result->point = reel_allocate(arena, 12 * m, word);
+    result->vertex = reel_allocate(arena, 6 * m, word);
+    result->degree = reel_allocate(arena, 6 * m, word);
+    result->flipped = reel_allocate(arena, m, 1);
+    result->flat = reel_allocate(arena, m, 1);
     pairing sides = {.faces = faces};
     sides.order = reel_allocate(arena, 3 * m, word);
     sides.pair = reel_allocate(arena, 3 * m, word);
@@ -237,15 +237,15 @@ bool reel_find_surface(reel_arena *arena, const int32_t *faces, int64_t n_faces,
     if (arena->failed) {
         return false;
     }
-    int64_t n_sides = list_sides(&sides, found);
+    int64_t n_sides = list_sides(&sides, result);
     sort_by(faces, high_of, sides.order, scratch, n_sides, starts, n_verts);
     sort_by(faces, low_of, scratch, sides.order, n_sides, starts, n_verts);
     if (n_sides) {
         join_sides(&sides, n_sides);
     }
-    orient_faces(&sides, found, scratch, marks);
-    close_surface(found, sides.pair);
+    orient_faces(&sides, result, scratch, marks);
+    close_surface(result, sides.pair);
     reel_zero(marks, m + v);
-    name_points(found, faces, marks);
+    name_points(result, faces, marks);
     return true;
 }

@@ -44,6 +44,6 @@ size_t reel_surface_memory(int64_t n_verts, int64_t n_faces);
 /* Build the surface of faces with vertices 0..n_verts-1; returns false if the arena is too
    small. */
 bool reel_find_surface(reel_arena *arena, const int32_t *faces, int64_t n_faces, int64_t n_verts,
-                       reel_surface *found);
+                       reel_surface *result);
 
 #endif

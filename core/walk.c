@@ -130,7 +130,8 @@ static int32_t meet_point(reel_walk *walk, int32_t n, int32_t m, int32_t point) 
         degree = walk->surface.degree[point];
         walk->is_met[point] = 1;
     }
-    /* Only the first point of a part can start an open one; the second has n = NONE, too. */
+    /* Only the first point of a part may be a cap; the second also has n = NONE, but m is the
+       first. */
     bool starts = n == REEL_NONE;
     bool cap = (!starts || m == REEL_NONE) &&
                reel_code_is_cap(walk, vertex == REEL_CAP, starts);
@@ -141,12 +142,12 @@ static int32_t meet_point(reel_walk *walk, int32_t n, int32_t m, int32_t point) 
         degree = reel_code_degree(walk, n, m, degree);
         vertex = walk->failed ? 0 : reel_code_vertex(walk, vertex);
     }
-    int32_t found = walk->failed ? 0 : allocate_node(walk);
+    int32_t result = walk->failed ? 0 : allocate_node(walk);
     if (!walk->failed) {
-        walk->nodes[found] =
+        walk->nodes[result] =
             (reel_node){.vertex = vertex, .degree = degree, .remaining = degree - 2, .across = 6};
     }
-    return found;
+    return result;
 }
 
 /* Add the face left of the edge from n to m whose third point is new. */
@@ -165,7 +166,7 @@ static void grow_to_point(reel_walk *walk, int32_t n, int32_t m, int32_t point) 
 }
 
 /* Add the face left of the edge from n to m whose third point is node w: its ring splits, or two
-   rings merge. `share` of the remaining edges at w lie between n and its next. */
+   rings merge. `share` of the remaining edges at w lie between its edges to n and to its next. */
 static void grow_to_node(reel_walk *walk, int32_t n, int32_t m, int32_t w, int32_t share) {
     reel_node *nodes = walk->nodes;
     if (walk->failed || w == n || w == m || nodes[w].degree == 0 || nodes[w].remaining < 2) {
@@ -173,8 +174,8 @@ static void grow_to_node(reel_walk *walk, int32_t n, int32_t m, int32_t w, int32
         return;
     }
     int32_t max_share = nodes[w].remaining - 2;
-    uint32_t found = reel_code_count(&walk->coder, &walk->models->share, (uint32_t)share);
-    walk->failed |= found > (uint32_t)max_share;
+    uint32_t result = reel_code_count(&walk->coder, &walk->models->share, (uint32_t)share);
+    walk->failed |= result > (uint32_t)max_share;
     bool flipped = !walk->failed && add_face(walk, n, m, w);
     int32_t copy = walk->failed ? 0 : allocate_node(walk);
     if (walk->failed) {
@@ -185,9 +186,9 @@ static void grow_to_node(reel_walk *walk, int32_t n, int32_t m, int32_t w, int32
     link_nodes(walk, copy, m);
     link_nodes(walk, n, w);
     set_behind(walk, n, m, copy, flipped);
-    nodes[copy].remaining = max_share - (int32_t)found;
+    nodes[copy].remaining = max_share - (int32_t)result;
     push_node(walk, copy);
-    set_remaining(walk, w, (int32_t)found);
+    set_remaining(walk, w, (int32_t)result);
     set_remaining(walk, n, nodes[n].remaining - 1);
     set_remaining(walk, m, nodes[m].remaining - 1);
 }

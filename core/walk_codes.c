@@ -84,15 +84,15 @@ static int32_t code_in_contexts(reel_walk *walk, const uint32_t *row, int32_t de
         return 6;
     }
     if (decide(walk, row, 1, degree < 6)) {
-        int32_t found = 5;
-        while (found > 2 && !decide(walk, row, 7 - found, degree == found)) {
-            found--;
+        int32_t result = 5;
+        while (result > 2 && !decide(walk, row, 7 - result, degree == result)) {
+            result--;
         }
-        return found;
+        return result;
     }
-    for (int32_t found = 7; found <= REEL_MAX_MODELED_DEGREE; found++) {
-        if (decide(walk, row, found - 2, degree == found)) {
-            return found;
+    for (int32_t result = 7; result <= REEL_MAX_MODELED_DEGREE; result++) {
+        if (decide(walk, row, result - 2, degree == result)) {
+            return result;
         }
     }
     uint32_t more = (uint32_t)(degree - REEL_MAX_MODELED_DEGREE - 1);
@@ -133,10 +133,10 @@ bool reel_code_is_cap(reel_walk *walk, bool cap, bool starts) {
 int32_t reel_code_vertex(reel_walk *walk, int32_t vertex) {
     int32_t known = reel_is_encoder(&walk->coder) ? walk->name[vertex] : REEL_NONE;
     if (walk->pinched && reel_bit(&walk->coder, &walk->models->is_copy, known != REEL_NONE)) {
-        int64_t found = walk->last_copied;
-        found += reel_code_integer(&walk->coder, &walk->models->copy, known - walk->last_copied);
-        walk->failed |= found < 0 || found >= walk->n_named;
-        walk->last_copied = walk->failed ? 0 : (int32_t)found;
+        int64_t result = walk->last_copied;
+        result += reel_code_integer(&walk->coder, &walk->models->copy, known - walk->last_copied);
+        walk->failed |= result < 0 || result >= walk->n_named;
+        walk->last_copied = walk->failed ? 0 : (int32_t)result;
         return walk->last_copied;
     }
     if (walk->n_named == walk->n_verts) {

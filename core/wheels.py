@@ -81,7 +81,7 @@ def declared() -> set[str]:
 
 
 def faults(wheel: Path, target: str) -> list[str]:
-    """Return a list of what is wrong with a wheel."""
+    """Return the faults of a wheel, as messages."""
     expected, found = core.TARGETS[target], []
     if not wheel.name.endswith(f"-py3-none-{expected.tag}.whl"):
         found.append(f"its name is {wheel.name}")

@@ -41,12 +41,12 @@ void fuzz_integers(void) {
     result = reel_integers_encode(fuzz_allocate((int64_t)size, 1), size, values, all.lengths,
                                   all.tables, all.n_rows, all.n_tables, out, (size_t)capacity);
     fuzz_bytes bytes = fuzz_written(out, result);
-    int32_t *found = decode_rows(&all, bytes, &result);
+    int32_t *output = decode_rows(&all, bytes, &result);
     FUZZ_CHECK(result == (int64_t)bytes.size);
-    FUZZ_CHECK(!memcmp(found, values, (size_t)all.n_values * sizeof *values));
+    FUZZ_CHECK(!memcmp(output, values, (size_t)all.n_values * sizeof *values));
     for (int i = 0; i < 3; i++) {
-        found = decode_rows(&all, fuzz_mutate(bytes), &result);
-        fuzz_hash(found, result < 0 ? 0 : all.n_values, sizeof *found);
+        output = decode_rows(&all, fuzz_mutate(bytes), &result);
+        fuzz_hash(output, result < 0 ? 0 : all.n_values, sizeof *output);
     }
 }
 
@@ -126,12 +126,12 @@ void fuzz_fields(void) {
                                 all.n_columns, all.columns, all.pass_starts, all.n_passes,
                                 all.near_starts, all.near, out, (size_t)capacity);
     fuzz_bytes bytes = fuzz_written(out, result);
-    int32_t *found = decode_fields(&all, bytes, &result);
+    int32_t *output = decode_fields(&all, bytes, &result);
     FUZZ_CHECK(result == (int64_t)bytes.size);
-    FUZZ_CHECK(!memcmp(found, values, (size_t)n_values * sizeof *values));
+    FUZZ_CHECK(!memcmp(output, values, (size_t)n_values * sizeof *values));
     for (int i = 0; i < 3; i++) {
-        found = decode_fields(&all, fuzz_mutate(bytes), &result);
-        fuzz_hash(found, result < 0 ? 0 : n_values, sizeof *found);
+        output = decode_fields(&all, fuzz_mutate(bytes), &result);
+        fuzz_hash(output, result < 0 ? 0 : n_values, sizeof *output);
     }
     damage_plan(&all);
     decode_fields(&all, bytes, &result);
@@ -191,12 +191,12 @@ void fuzz_patterns(void) {
                                   all.width, all.item, all.is_float, all.order, all.starts,
                                   all.triples, out, (size_t)capacity);
     fuzz_bytes bytes = fuzz_written(out, result);
-    uint8_t *found = decode_table(&all, bytes, &result);
+    uint8_t *output = decode_table(&all, bytes, &result);
     FUZZ_CHECK(result == (int64_t)bytes.size);
-    FUZZ_CHECK(!memcmp(found, original, (size_t)n_bytes));
+    FUZZ_CHECK(!memcmp(output, original, (size_t)n_bytes));
     for (int i = 0; i < 3; i++) {
-        found = decode_table(&all, fuzz_mutate(bytes), &result);
-        fuzz_hash(found, result < 0 ? 0 : n_bytes, 1);
+        output = decode_table(&all, fuzz_mutate(bytes), &result);
+        fuzz_hash(output, result < 0 ? 0 : n_bytes, 1);
     }
 }
 
@@ -213,20 +213,20 @@ static int64_t decode_order(const fuzz_mesh *mesh, bool with_faces, fuzz_bytes f
 }
 
 static int32_t *any_corners(int64_t n_faces) {
-    int32_t *found = fuzz_permutation(n_faces);
+    int32_t *result = fuzz_permutation(n_faces);
     for (int64_t i = 0; i < n_faces; i++) {
-        found[i] = 3 * found[i] + (int32_t)fuzz_below(3);
+        result[i] = 3 * result[i] + (int32_t)fuzz_below(3);
     }
-    return found;
+    return result;
 }
 
 /* Check that found[i] / share is a permutation of 0..n-1. */
-static void check_permutation(const int32_t *found, int64_t n, int32_t share) {
+static void check_permutation(const int32_t *result, int64_t n, int32_t share) {
     uint8_t *seen = fuzz_allocate(n, 1);
     memset(seen, 0, (size_t)n);
     for (int64_t i = 0; i < n; i++) {
-        FUZZ_CHECK(found[i] >= 0 && found[i] / share < n && !seen[found[i] / share]);
-        seen[found[i] / share] = 1;
+        FUZZ_CHECK(result[i] >= 0 && result[i] / share < n && !seen[result[i] / share]);
+        seen[result[i] / share] = 1;
     }
 }
 

@@ -29,9 +29,9 @@ static double *any_basis(int64_t n_modes, int64_t n_columns, int64_t n_frames) {
     double *basis = fuzz_allocate(n, sizeof *basis);
     if (fuzz_one_in(3)) {
         size = reel_cosine_basis_memory(n_columns, n_frames);
-        int64_t found = reel_cosine_basis(fuzz_allocate((int64_t)size, 1), size, integers, n_modes,
-                                          n_columns, n_frames, lengths, n_reused, basis);
-        FUZZ_CHECK(found == n_modes);
+        int64_t output = reel_cosine_basis(fuzz_allocate((int64_t)size, 1), size, integers, n_modes,
+                                           n_columns, n_frames, lengths, n_reused, basis);
+        FUZZ_CHECK(output == n_modes);
         fuzz_hash_doubles(basis, n);
         return basis;
     }
@@ -55,11 +55,11 @@ static int64_t *any_starts(int64_t n_requested) {
 }
 
 static int32_t *any_numbers(int64_t n, int64_t below) {
-    int32_t *found = fuzz_allocate(n, sizeof *found);
+    int32_t *result = fuzz_allocate(n, sizeof *result);
     for (int64_t i = 0; i < n; i++) {
-        found[i] = fuzz_one_in(200) ? fuzz_integer() : (int32_t)fuzz_below(below);
+        result[i] = fuzz_one_in(200) ? fuzz_integer() : (int32_t)fuzz_below(below);
     }
-    return found;
+    return result;
 }
 
 void fuzz_frames(void) {
@@ -79,7 +79,7 @@ void fuzz_frames(void) {
     }
     bool by_mode = fuzz_one_in(2);
     int64_t precision = fuzz_one_in(2) ? REEL_SUMS_4 : REEL_SUMS_8;
-    int32_t *wanted = any_numbers(n_requested, n_frames);
+    int32_t *targets = any_numbers(n_requested, n_frames);
     int32_t *order = fuzz_one_in(2) ? any_numbers(n_verts, n_verts) : NULL;
     int64_t *starts = fuzz_one_in(2) ? any_starts(n_requested) : NULL;
     int64_t n_moves = starts ? starts[n_requested] : 0;
@@ -100,33 +100,33 @@ void fuzz_frames(void) {
     void *out = fuzz_allocate(n, item);
     if (result == 0) {
         result = reel_frames(fuzz_allocate((int64_t)size, 1), size, basis, packed, precision,
-                             n_columns, n_frames, n_modes, n_verts, wanted, n_requested, starts,
+                             n_columns, n_frames, n_modes, n_verts, targets, n_requested, starts,
                              corrected, offsets, placement, layout, out);
         fuzz_check_code(result);
     }
     int64_t n_found = result < 0 ? 0 : n;
-    double *found = fuzz_allocate(n_found, sizeof *found);
+    double *output = fuzz_allocate(n_found, sizeof *output);
     for (int64_t i = 0; i < n_found; i++) {
-        found[i] = item == 4 ? (double)((const float *)out)[i] : ((const double *)out)[i];
+        output[i] = item == 4 ? (double)((const float *)out)[i] : ((const double *)out)[i];
     }
-    fuzz_hash_doubles(found, n_found);
+    fuzz_hash_doubles(output, n_found);
 }
 
 /* Quantize arbitrary basis vectors, to nearest or rate-distortion optimized. */
 void fuzz_basis_encode(void) {
     int64_t n_modes = fuzz_below(5), n_columns = 1 + fuzz_below(5), n_frames = 1 + fuzz_below(40);
     int64_t n = n_modes * n_columns * n_frames;
-    double *wanted = fuzz_allocate(n, sizeof *wanted), rd_lambda = fuzz_one_in(2) ? 0.0 : 0.12;
+    double *targets = fuzz_allocate(n, sizeof *targets), rd_lambda = fuzz_one_in(2) ? 0.0 : 0.12;
     for (int64_t i = 0; i < n; i++) {
-        wanted[i] = fuzz_float();
+        targets[i] = fuzz_float();
     }
     int32_t *integers = fuzz_allocate(n, sizeof *integers);
     if (fuzz_one_in(3)) {
         size_t needed = reel_cosines_encode_memory(n_frames);
-        int64_t found = reel_cosines_encode(fuzz_allocate((int64_t)needed, 1), needed, wanted,
-                                            n_modes, n_columns, n_frames, rd_lambda, integers);
-        fuzz_check_code(found);
-        fuzz_hash(integers, found < 0 ? 0 : n, sizeof *integers);
+        int64_t output = reel_cosines_encode(fuzz_allocate((int64_t)needed, 1), needed, targets,
+                                             n_modes, n_columns, n_frames, rd_lambda, integers);
+        fuzz_check_code(output);
+        fuzz_hash(integers, output < 0 ? 0 : n, sizeof *integers);
         return;
     }
     size_t size = reel_basis_encode_memory(n_frames);
@@ -135,7 +135,7 @@ void fuzz_basis_encode(void) {
         rests[0] = 1; /* must be rejected, like 9 bits */
     }
     int64_t result =
-        reel_basis_encode(fuzz_allocate((int64_t)size, 1), size, wanted, n_modes, n_columns,
+        reel_basis_encode(fuzz_allocate((int64_t)size, 1), size, targets, n_modes, n_columns,
                           n_frames, rests, fuzz_below(10), rd_lambda, integers);
     fuzz_check_code(result);
     fuzz_hash(integers, result < 0 ? 0 : n, sizeof *integers);

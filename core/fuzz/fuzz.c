@@ -45,10 +45,10 @@ uint64_t fuzz_next(void) {
     if (input_size == 0) {
         return mix(state);
     }
-    uint64_t found = *input++;
+    uint64_t result = *input++;
     input_size--;
-    state ^= found;
-    return found | found << 8; /* single bytes give small numbers */
+    state ^= result;
+    return result | result << 8; /* single bytes give small numbers */
 }
 
 int64_t fuzz_below(int64_t n) { return n > 1 ? (int64_t)(fuzz_next() % (uint64_t)n) : 0; }
@@ -56,11 +56,11 @@ int64_t fuzz_below(int64_t n) { return n > 1 ? (int64_t)(fuzz_next() % (uint64_t
 bool fuzz_one_in(int64_t n) { return fuzz_below(n) == 0; }
 
 int32_t fuzz_integer(void) {
-    uint64_t found = fuzz_next();
-    int shift = (int)(found >> 8 & 31U);
+    uint64_t result = fuzz_next();
+    int shift = (int)(result >> 8 & 31U);
     shift = fuzz_one_in(8) ? shift : 28 + shift % 4;
-    int32_t size = (int32_t)((uint32_t)(found >> 16 ^ found << 23) >> 1) >> shift;
-    return found & 1U ? -size : size;
+    int32_t size = (int32_t)((uint32_t)(result >> 16 ^ result << 23) >> 1) >> shift;
+    return result & 1U ? -size : size;
 }
 
 double fuzz_float(void) {
@@ -79,19 +79,19 @@ void *fuzz_allocate(int64_t count, size_t item) {
         fprintf(stderr, "no memory\n");
         abort();
     }
-    void *found = pool + used;
+    void *result = pool + used;
     used += block;
-    ASAN_UNPOISON_MEMORY_REGION(found, size);
-    memset(found, fill, size);
-    return found;
+    ASAN_UNPOISON_MEMORY_REGION(result, size);
+    memset(result, fill, size);
+    return result;
 }
 
 void *fuzz_copy(const void *from, int64_t count, size_t item) {
-    void *found = fuzz_allocate(count, item);
+    void *result = fuzz_allocate(count, item);
     if (count) {
-        memcpy(found, from, (size_t)count * item);
+        memcpy(result, from, (size_t)count * item);
     }
-    return found;
+    return result;
 }
 
 int fuzz_fill_byte(void) { return fill; }
@@ -106,19 +106,19 @@ fuzz_bytes fuzz_mutate(fuzz_bytes from) {
     int64_t kind = fuzz_below(4), size = (int64_t)from.size;
     int64_t kept = kind == 1 ? fuzz_below(size + 1) : size;
     int64_t more = kind == 2 ? fuzz_below(40) : 0;
-    fuzz_bytes found = {fuzz_allocate(kept + more, 1), (size_t)(kept + more)};
+    fuzz_bytes result = {fuzz_allocate(kept + more, 1), (size_t)(kept + more)};
     if (kept) {
-        memcpy(found.bytes, from.bytes, (size_t)kept);
+        memcpy(result.bytes, from.bytes, (size_t)kept);
     }
     int64_t changes = kind == 3 ? kept : 1 + fuzz_below(4);
     for (int64_t i = 0; kept && i < changes; i++) {
         int64_t place = kind == 3 ? i : fuzz_below(kept);
-        found.bytes[place] = (uint8_t)fuzz_next();
+        result.bytes[place] = (uint8_t)fuzz_next();
     }
     for (int64_t i = 0; i < more; i++) {
-        found.bytes[kept + i] = (uint8_t)fuzz_next();
+        result.bytes[kept + i] = (uint8_t)fuzz_next();
     }
-    return found;
+    return result;
 }
 
 void fuzz_check(bool holds, const char *text, const char *file, int line) {
@@ -136,17 +136,17 @@ void fuzz_check_code(int64_t result) {
     fuzz_hash(&result, 1, sizeof result);
 }
 
-void fuzz_hash(const void *found, int64_t count, size_t item) {
-    const uint8_t *bytes = found;
+void fuzz_hash(const void *result, int64_t count, size_t item) {
+    const uint8_t *bytes = result;
     for (size_t i = 0; i < (size_t)count * item; i++) {
         run_hash = (run_hash ^ bytes[i]) * 0x100000001B3U;
     }
 }
 
 /* NaNs are canonicalized: processors differ in their bits. */
-void fuzz_hash_doubles(const double *found, int64_t count) {
+void fuzz_hash_doubles(const double *result, int64_t count) {
     for (int64_t i = 0; i < count; i++) {
-        double one = found[i] == found[i] ? found[i] : __builtin_nan("");
+        double one = result[i] == result[i] ? result[i] : __builtin_nan("");
         fuzz_hash(&one, 1, sizeof one);
     }
 }

@@ -52,8 +52,8 @@ void fuzz_check(bool condition, const char *text, const char *file, int line);
 /* Assert that a failure is one of reel.h, and not for memory, which had the stated size. */
 void fuzz_check_code(int64_t result);
 /* Add a result to the hash of the run, which a repetition must reproduce. */
-void fuzz_hash(const void *found, int64_t count, size_t item);
-void fuzz_hash_doubles(const double *found, int64_t count);
+void fuzz_hash(const void *result, int64_t count, size_t item);
+void fuzz_hash_doubles(const double *result, int64_t count);
 
 /* ---- meshes ---- */
 

@@ -3,13 +3,13 @@
 #include "fuzz.h"
 
 int32_t *fuzz_permutation(int64_t n) {
-    int32_t *found = fuzz_allocate(n, sizeof *found);
+    int32_t *result = fuzz_allocate(n, sizeof *result);
     for (int64_t i = 0; i < n; i++) {
         int64_t j = fuzz_below(i + 1);
-        found[i] = found[j];
-        found[j] = (int32_t)i;
+        result[i] = result[j];
+        result[j] = (int32_t)i;
     }
-    return found;
+    return result;
 }
 
 /* Find the twin of each half-edge by brute force: the next one on the same edge, regardless of
@@ -42,7 +42,7 @@ static void find_twins(fuzz_mesh *mesh) {
     }
 }
 
-/* Make any involution: pairs of half-edges, and some fixed points. */
+/* Pair the half-edges at random, and leave some unpaired. */
 void fuzz_shuffle_twins(fuzz_mesh *mesh) {
     int64_t n_sides = 3 * mesh->n_faces, i = 0;
     const int32_t *order = fuzz_permutation(n_sides);

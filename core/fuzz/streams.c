@@ -86,17 +86,17 @@ static void put_text(stream *s, const char *text) {
 
 /* Write rows of integers with the core's coder. */
 static void put_rows(stream *s, int32_t *values, const int64_t *lengths, int64_t n_rows) {
-    int64_t count = 0, room;
+    int64_t count = 0, capacity;
     int32_t tables[8];
     for (int32_t i = 0; i < n_rows; i++) {
         count += lengths[i];
         tables[i] = i;
     }
-    room = 16 * count + 16;
+    capacity = 16 * count + 16;
     size_t size = reel_integers_memory(n_rows);
-    uint8_t *out = fuzz_allocate(room, 1);
+    uint8_t *out = fuzz_allocate(capacity, 1);
     int64_t length = reel_integers_encode(fuzz_allocate((int64_t)size, 1), size, values, lengths,
-                                          tables, n_rows, n_rows, out, (size_t)room);
+                                          tables, n_rows, n_rows, out, (size_t)capacity);
     FUZZ_CHECK(length >= 0);
     put(s, out, (size_t)length);
 }
@@ -365,12 +365,12 @@ static void put_track(stream *s, int number) {
 static void put_leading(stream *s) {
     const fuzz_mesh *mesh = &s->mesh;
     size_t size = reel_connectivity_encode_memory(mesh->n_verts, mesh->n_faces);
-    int64_t room = 96 * mesh->n_faces + 1024;
-    uint8_t *out = fuzz_allocate(room, 1);
+    int64_t capacity = 96 * mesh->n_faces + 1024;
+    uint8_t *out = fuzz_allocate(capacity, 1);
     int64_t length =
         reel_connectivity_encode(fuzz_allocate((int64_t)size, 1), size, mesh->faces, mesh->n_faces,
                                  mesh->n_verts, fuzz_one_in(6), fuzz_allocate(3 * mesh->n_faces, 4),
-                                 fuzz_allocate(mesh->n_verts, 4), out, (size_t)room);
+                                 fuzz_allocate(mesh->n_verts, 4), out, (size_t)capacity);
     FUZZ_CHECK(length >= 0);
     size_t payload = s->size;
     put(s, out, (size_t)length);

@@ -74,11 +74,11 @@ static reel_mesh mesh_of(const levels *all) {
 }
 
 static double *any_floats(int64_t n) {
-    double *found = fuzz_allocate(n, sizeof *found);
+    double *result = fuzz_allocate(n, sizeof *result);
     for (int64_t i = 0; i < n; i++) {
-        found[i] = fuzz_float();
+        result[i] = fuzz_float();
     }
-    return found;
+    return result;
 }
 
 /* Decode the vertices in two ranges that may split a level. */
@@ -173,9 +173,9 @@ static void check_mesh(const fuzz_mesh *mesh) {
     int32_t *faces = fuzz_allocate(3 * mesh->n_faces, sizeof *faces);
     int32_t *given = fuzz_allocate(mesh->n_verts, sizeof *given);
     fuzz_bytes bytes = encode_faces(mesh, fuzz_one_in(4), faces, given);
-    fuzz_mesh found = *mesh;
-    FUZZ_CHECK(decode_faces(bytes, &found) == (int64_t)bytes.size);
-    FUZZ_CHECK(!memcmp(found.faces, faces, 3 * (size_t)mesh->n_faces * sizeof *faces));
+    fuzz_mesh result = *mesh;
+    FUZZ_CHECK(decode_faces(bytes, &result) == (int64_t)bytes.size);
+    FUZZ_CHECK(!memcmp(result.faces, faces, 3 * (size_t)mesh->n_faces * sizeof *faces));
     fuzz_hash(faces, 3 * mesh->n_faces, sizeof *faces);
 }
 
@@ -184,19 +184,19 @@ void fuzz_connectivity(void) {
     int32_t *faces = fuzz_allocate(3 * mesh.n_faces, sizeof *faces);
     int32_t *given = fuzz_allocate(mesh.n_verts, sizeof *given);
     fuzz_bytes bytes = encode_faces(&mesh, fuzz_one_in(6), faces, given);
-    fuzz_mesh found = mesh;
-    FUZZ_CHECK(decode_faces(bytes, &found) == (int64_t)bytes.size);
-    FUZZ_CHECK(!memcmp(found.faces, faces, 3 * (size_t)mesh.n_faces * sizeof *faces));
+    fuzz_mesh result = mesh;
+    FUZZ_CHECK(decode_faces(bytes, &result) == (int64_t)bytes.size);
+    FUZZ_CHECK(!memcmp(result.faces, faces, 3 * (size_t)mesh.n_faces * sizeof *faces));
     for (int64_t v = 0; v < mesh.n_verts; v++) {
         FUZZ_CHECK(given[v] >= 0 && given[v] < mesh.n_verts);
     }
     for (int i = 0; i < 2; i++) {
         if (fuzz_one_in(3)) { /* wrong counts */
-            found.n_verts = fuzz_below(2 * mesh.n_verts + 3);
-            found.n_faces = fuzz_below(2 * mesh.n_faces + 3);
+            result.n_verts = fuzz_below(2 * mesh.n_verts + 3);
+            result.n_faces = fuzz_below(2 * mesh.n_faces + 3);
         }
-        if (decode_faces(fuzz_mutate(bytes), &found) >= 0) {
-            check_mesh(&found);
+        if (decode_faces(fuzz_mutate(bytes), &result) >= 0) {
+            check_mesh(&result);
         }
     }
 }

@@ -21,7 +21,7 @@ enum number_form { BY_BYTE = 10, BY_SHORT = 11, GRID = 64, FINEST_GRID = 88, PLA
 
 /* ---- type and layout ---- */
 
-static int read_type(reel_call *call, reel_range *left, meshreel_attribute *found) {
+static int read_type(reel_call *call, reel_range *left, meshreel_attribute *result) {
     static const uint32_t types[] = {MESHREEL_UINT8, MESHREEL_INT32, MESHREEL_FLOAT32,
                                      MESHREEL_FLOAT64};
     uint8_t bytes[4];
@@ -36,10 +36,10 @@ static int read_type(reel_call *call, reel_range *left, meshreel_attribute *foun
     if (!bytes[3] || bytes[3] > MAX_WIDTH) {
         return reel_corrupt(call, at + 3, "the values of an attribute do not have 1 to 16 numbers");
     }
-    found->kind = bytes[0];
-    found->domain = bytes[1];
-    found->type = types[bytes[2]];
-    found->width = bytes[3];
+    result->kind = bytes[0];
+    result->domain = bytes[1];
+    result->type = types[bytes[2]];
+    result->width = bytes[3];
     return MESHREEL_OK;
 }
 
@@ -62,7 +62,7 @@ typedef struct {
     reel_range references;
 } value_layout;
 
-static int read_layout(reel_call *call, reel_range *left, const meshreel_attribute *found,
+static int read_layout(reel_call *call, reel_range *left, const meshreel_attribute *result,
                        value_layout *layout) {
     uint64_t at = left->at, size;
     int failed = reel_read_bytes(call, left, &layout->number, 1);
@@ -74,7 +74,7 @@ static int read_layout(reel_call *call, reel_range *left, const meshreel_attribu
     if (layout->number > SHARED) {
         return reel_corrupt(call, at, "the layout of an attribute is unknown");
     }
-    if (layout->number == EACH && (layout->n_rows != found->n_items || size)) {
+    if (layout->number == EACH && (layout->n_rows != result->n_items || size)) {
         return reel_corrupt(call, at, "an attribute does not have one row for each item");
     }
     if (size > left->length) {
@@ -88,8 +88,8 @@ static int read_layout(reel_call *call, reel_range *left, const meshreel_attribu
 
 /* Allocate the rows of the table. */
 static int allocate_values(reel_call *call, reel_pool *pool, const value_layout *layout,
-                           meshreel_attribute *found, void **values) {
-    *values = reel_pool_allocate(call, pool, layout->n_rows, found->width * size_of(found));
+                           meshreel_attribute *result, void **values) {
+    *values = reel_pool_allocate(call, pool, layout->n_rows, result->width * size_of(result));
     if (!*values) {
         return call->error.code;
     }
@@ -97,8 +97,8 @@ static int allocate_values(reel_call *call, reel_pool *pool, const value_layout 
         return reel_fail(call, MESHREEL_UNSUPPORTED, layout->references.at,
                          "an attribute has more than 2^31 - 1 rows");
     }
-    found->values = *values;
-    found->n_rows = (uint32_t)layout->n_rows;
+    result->values = *values;
+    result->n_rows = (uint32_t)layout->n_rows;
     return MESHREEL_OK;
 }
 
@@ -132,11 +132,11 @@ static uint64_t count_used(item_groups *groups) {
 }
 
 /* Find the groups: corners are grouped by vertex, all other items form one group. */
-static int find_groups(reel_call *call, const reel_faces *faces, const meshreel_attribute *found,
+static int find_groups(reel_call *call, const reel_faces *faces, const meshreel_attribute *result,
                        item_groups *groups) {
     const reel_outline *outline = faces->outline;
-    bool by_vertex = found->domain == MESHREEL_CORNERS;
-    *groups = (item_groups){.n = by_vertex ? outline->n_verts : 1, .n_items = found->n_items};
+    bool by_vertex = result->domain == MESHREEL_CORNERS;
+    *groups = (item_groups){.n = by_vertex ? outline->n_verts : 1, .n_items = result->n_items};
     if (by_vertex) {
         int32_t *vertices = reel_scratch(call, outline->n_corners, sizeof *vertices);
         if (!vertices) {
@@ -208,24 +208,24 @@ static const char *follow_references(reference_codes codes, const item_groups *g
 }
 
 static int read_rows(reel_call *call, reel_pool *pool, const reel_faces *faces, reel_range coded,
-                     meshreel_attribute *found) {
+                     meshreel_attribute *result) {
     const reel_chunk *mark = call->scratch.last;
     item_groups groups;
     reference_codes codes = {0};
-    int failed = find_groups(call, faces, found, &groups);
+    int failed = find_groups(call, faces, result, &groups);
     failed = failed ? failed : decode_codes(call, coded, &groups, &codes);
     if (failed) {
         return failed;
     }
-    int32_t *rows = reel_pool_allocate(call, pool, found->n_items, sizeof *rows);
+    int32_t *rows = reel_pool_allocate(call, pool, result->n_items, sizeof *rows);
     if (!rows) {
         return call->error.code;
     }
-    const char *message = follow_references(codes, &groups, found->n_rows, rows);
+    const char *message = follow_references(codes, &groups, result->n_rows, rows);
     if (message) {
         return reel_corrupt(call, coded.at, message);
     }
-    found->rows = rows;
+    result->rows = rows;
     reel_drop_scratch(call, mark);
     return MESHREEL_OK;
 }
@@ -268,22 +268,22 @@ static int predict_in_order(reel_call *call, uint32_t n_rows, bool from_previous
 }
 
 /* Find the row at each corner of the triangles. */
-static void find_rows_of_triangles(const reel_faces *faces, const meshreel_attribute *found,
+static void find_rows_of_triangles(const reel_faces *faces, const meshreel_attribute *result,
                                    int32_t *triangle_rows) {
     uint64_t count = 3 * faces->outline->n_faces;
-    if (found->domain == MESHREEL_CORNERS) {
+    if (result->domain == MESHREEL_CORNERS) {
         reel_find_fans(faces->outline, faces->sizes, triangle_rows);
     } else {
         reel_copy(triangle_rows, faces->triangles, (size_t)count * sizeof *triangle_rows);
     }
-    for (uint64_t i = 0; found->rows && i < count; i++) {
-        triangle_rows[i] = found->rows[triangle_rows[i]];
+    for (uint64_t i = 0; result->rows && i < count; i++) {
+        triangle_rows[i] = result->rows[triangle_rows[i]];
     }
 }
 
 static int predict_along_faces(reel_call *call, const reel_faces *faces,
-                               const meshreel_attribute *found, row_order *rows_order) {
-    int64_t n_faces = (int64_t)faces->outline->n_faces, n_rows = found->n_rows;
+                               const meshreel_attribute *output, row_order *rows_order) {
+    int64_t n_faces = (int64_t)faces->outline->n_faces, n_rows = output->n_rows;
     uint64_t n_sides = 3 * faces->outline->n_faces;
     int failed = allocate_row_order(call, (uint64_t)n_rows, n_sides + (uint64_t)n_rows, rows_order);
     const reel_chunk *mark = call->scratch.last;
@@ -292,8 +292,8 @@ static int predict_along_faces(reel_call *call, const reel_faces *faces,
     if (!triangle_rows) {
         return call->error.code;
     }
-    find_rows_of_triangles(faces, found, triangle_rows);
-    failed = reel_find_twins(call, triangle_rows, faces->outline->n_faces, found->n_rows, &twins);
+    find_rows_of_triangles(faces, output, triangle_rows);
+    failed = reel_find_twins(call, triangle_rows, faces->outline->n_faces, output->n_rows, &twins);
     size_t memory_size = reel_predictors_memory(n_rows, n_faces);
     void *memory = failed ? NULL : reel_scratch(call, memory_size, 1);
     if (!memory) {
@@ -306,19 +306,20 @@ static int predict_along_faces(reel_call *call, const reel_faces *faces,
     return reel_fail_core(call, result, REEL_UNKNOWN, "an attribute does not match the faces");
 }
 
-static int find_row_order(reel_call *call, const reel_faces *faces, const meshreel_attribute *found,
-                          uint8_t predictor, row_order *rows_order) {
+static int find_row_order(reel_call *call, const reel_faces *faces,
+                          const meshreel_attribute *result, uint8_t predictor,
+                          row_order *rows_order) {
     return predictor == ALONG_FACES
-               ? predict_along_faces(call, faces, found, rows_order)
-               : predict_in_order(call, found->n_rows, predictor == ROW_BEFORE, rows_order);
+               ? predict_along_faces(call, faces, result, rows_order)
+               : predict_in_order(call, result->n_rows, predictor == ROW_BEFORE, rows_order);
 }
 
 /* ---- values ---- */
 
 /* Decode a table of numbers of `size` bytes. */
-static int decode_patterns(reel_call *call, reel_range coded, const meshreel_attribute *found,
+static int decode_patterns(reel_call *call, reel_range coded, const meshreel_attribute *output,
                            const row_order *rows_order, size_t size, bool of_floats, void *values) {
-    size_t memory_size = reel_patterns_memory(found->width);
+    size_t memory_size = reel_patterns_memory(output->width);
     void *memory = reel_scratch(call, memory_size, 1);
     const uint8_t *bytes;
     int failed = memory ? reel_view(call, coded, &bytes) : call->error.code;
@@ -329,9 +330,9 @@ static int decode_patterns(reel_call *call, reel_range coded, const meshreel_att
         return reel_corrupt(call, coded.at + coded.length - 1,
                             "the values of an attribute end with a zero byte");
     }
-    reel_zero(values, (size_t)found->n_rows * found->width * size);
+    reel_zero(values, (size_t)output->n_rows * output->width * size);
     int64_t result = reel_patterns_decode(
-        memory, memory_size, bytes, (size_t)coded.length, values, found->n_rows, found->width,
+        memory, memory_size, bytes, (size_t)coded.length, values, output->n_rows, output->width,
         (int64_t)size, of_floats, rows_order->order, rows_order->starts, rows_order->triples);
     return reel_fail_core(call, result, coded.at, "the values of an attribute are damaged");
 }
@@ -345,14 +346,14 @@ static double divisor_of(uint8_t form) {
 }
 
 /* Divide integers; one division and one rounding give the same result on every machine. */
-static void divide(const meshreel_attribute *found, const int32_t *integers, uint8_t form,
+static void divide(const meshreel_attribute *result, const int32_t *integers, uint8_t form,
                    void *values) {
-    uint64_t count = (uint64_t)found->n_rows * found->width;
+    uint64_t count = (uint64_t)result->n_rows * result->width;
     double divisor = divisor_of(form), *doubles = values;
     float *floats = values;
     for (uint64_t i = 0; i < count; i++) {
         double value = (double)integers[i] / divisor;
-        if (found->type == MESHREEL_FLOAT64) {
+        if (result->type == MESHREEL_FLOAT64) {
             doubles[i] = value;
         } else {
             floats[i] = (float)value;
@@ -360,58 +361,58 @@ static void divide(const meshreel_attribute *found, const int32_t *integers, uin
     }
 }
 
-static int check_form(reel_call *call, uint64_t at, const meshreel_attribute *found, uint8_t form,
+static int check_form(reel_call *call, uint64_t at, const meshreel_attribute *result, uint8_t form,
                       uint8_t predictor) {
     bool is_divided = form <= BY_SHORT || (form >= GRID && form <= FINEST_GRID);
-    if (form != PLAIN && !(is_divided && is_float(found))) {
+    if (form != PLAIN && !(is_divided && is_float(result))) {
         return reel_corrupt(call, at, "the form of the numbers of an attribute is unknown");
     }
-    if (predictor > (found->domain == MESHREEL_FACES ? ROW_BEFORE : ALONG_FACES)) {
+    if (predictor > (result->domain == MESHREEL_FACES ? ROW_BEFORE : ALONG_FACES)) {
         return reel_corrupt(call, at + 1, "the row predictor of an attribute is unknown");
     }
     return MESHREEL_OK;
 }
 
 static int read_values(reel_call *call, const reel_faces *faces, reel_range coded,
-                       const meshreel_attribute *found, void *values) {
+                       const meshreel_attribute *result, void *values) {
     uint8_t head[2];
     uint64_t at = coded.at;
     row_order rows_order;
     int failed = reel_read_bytes(call, &coded, head, sizeof head);
-    failed = failed ? failed : check_form(call, at, found, head[0], head[1]);
-    failed = failed ? failed : find_row_order(call, faces, found, head[1], &rows_order);
+    failed = failed ? failed : check_form(call, at, result, head[0], head[1]);
+    failed = failed ? failed : find_row_order(call, faces, result, head[1], &rows_order);
     if (failed || head[0] == PLAIN) {
         return failed ? failed
-                      : decode_patterns(call, coded, found, &rows_order, size_of(found),
-                                        is_float(found), values);
+                      : decode_patterns(call, coded, result, &rows_order, size_of(result),
+                                        is_float(result), values);
     }
-    int32_t *integers = reel_scratch(call, found->n_rows, found->width * sizeof *integers);
-    failed = integers ? decode_patterns(call, coded, found, &rows_order, sizeof *integers, false,
+    int32_t *integers = reel_scratch(call, result->n_rows, result->width * sizeof *integers);
+    failed = integers ? decode_patterns(call, coded, result, &rows_order, sizeof *integers, false,
                                         integers)
                       : call->error.code;
     if (!failed) {
-        divide(found, integers, head[0], values);
+        divide(result, integers, head[0], values);
     }
     return failed;
 }
 
 int reel_read_attribute(reel_call *call, reel_pool *pool, const reel_faces *faces,
-                        reel_range payload, meshreel_attribute *found) {
+                        reel_range payload, meshreel_attribute *result) {
     const reel_chunk *mark = call->scratch.last;
     reel_range left = payload;
     value_layout layout;
     void *values;
-    *found = (meshreel_attribute){0};
-    int failed = read_type(call, &left, found);
-    failed = failed ? failed : reel_read_text(call, pool, &left, &found->name);
-    found->n_items = count_items(faces->outline, found->domain);
-    failed = failed ? failed : read_layout(call, &left, found, &layout);
-    failed = failed ? failed : allocate_values(call, pool, &layout, found, &values);
+    *result = (meshreel_attribute){0};
+    int failed = read_type(call, &left, result);
+    failed = failed ? failed : reel_read_text(call, pool, &left, &result->name);
+    result->n_items = count_items(faces->outline, result->domain);
+    failed = failed ? failed : read_layout(call, &left, result, &layout);
+    failed = failed ? failed : allocate_values(call, pool, &layout, result, &values);
     if (!failed && layout.number != EACH) {
-        found->is_indexed = layout.number == INDEXED;
-        failed = read_rows(call, pool, faces, layout.references, found);
+        result->is_indexed = layout.number == INDEXED;
+        failed = read_rows(call, pool, faces, layout.references, result);
     }
-    failed = failed ? failed : read_values(call, faces, left, found, values);
+    failed = failed ? failed : read_values(call, faces, left, result, values);
     reel_drop_scratch(call, mark);
     return failed;
 }

@@ -7,6 +7,6 @@
 
 /* Decode a section ATTRIBUTE into memory of `pool`. */
 int reel_read_attribute(reel_call *call, reel_pool *pool, const reel_faces *faces,
-                        reel_range payload, meshreel_attribute *found);
+                        reel_range payload, meshreel_attribute *result);
 
 #endif

@@ -2,7 +2,8 @@
 
 #include "decoder.h"
 
-#define N_PREVIEW_MODES 16 /* modes of a preview that at least keep their mean over the block */
+/* Modes that a preview includes at least, if only with their mean over the block. */
+#define N_PREVIEW_MODES 16
 #define MIN_TASK 512
 #define MAX_TASK 16384
 #define PACK_TILE 64 /* ranges of values begin at multiples of this */
@@ -69,12 +70,13 @@ static int find_items(reel_call *call, meshreel_decoder *decoder, uint32_t numbe
 /* The hierarchy of the file, or of a track on the same graph, if it is known. */
 static const reel_field_mesh *known_mesh(const meshreel_decoder *decoder, const reel_graph *graph,
                                          int64_t stencil_size) {
-    const reel_field_mesh *own = decoder->file->field_mesh;
+    const reel_field_mesh *candidate = decoder->file->field_mesh;
     for (uint32_t i = 0; i <= decoder->file->info.n_tracks; i++) {
-        if (own && own->graph->near == graph->near && own->mesh.stencil_size == stencil_size) {
-            return own;
+        if (candidate && candidate->graph->near == graph->near &&
+            candidate->mesh.stencil_size == stencil_size) {
+            return candidate;
         }
-        own = i < decoder->file->info.n_tracks ? decoder->tracks[i].mesh : NULL;
+        candidate = i < decoder->file->info.n_tracks ? decoder->tracks[i].mesh : NULL;
     }
     return NULL;
 }
@@ -130,24 +132,24 @@ typedef struct {
 } coded_fields;
 
 static int prepare_rows(reel_call *call, reel_range coded, const reel_coding_order *order,
-                        uint64_t n_rows, uint64_t n_read, coded_fields *found) {
-    *found = (coded_fields){.order = order,
-                            .at = coded.at,
-                            .size = coded.length,
-                            .n_rows = (int64_t)n_rows,
-                            .n_read = (int64_t)n_read};
-    found->memory_size =
+                        uint64_t n_rows, uint64_t n_read, coded_fields *result) {
+    *result = (coded_fields){.order = order,
+                             .at = coded.at,
+                             .size = coded.length,
+                             .n_rows = (int64_t)n_rows,
+                             .n_read = (int64_t)n_read};
+    result->memory_size =
         reel_fields_memory(order->n_columns, order->n_passes, order->near_starts[order->n_columns]);
-    found->memory = reel_scratch(call, found->memory_size, 1);
+    result->memory = reel_scratch(call, result->memory_size, 1);
     bool is_small = n_read <= REEL_MAX_NUMBERS / (uint64_t)order->n_columns;
-    found->values =
+    result->values =
         reel_scratch(call, is_small ? n_read * (uint64_t)order->n_columns : REEL_MAX_NUMBERS,
-                     sizeof *found->values);
-    if (!found->memory || !found->values) {
+                     sizeof *result->values);
+    if (!result->memory || !result->values) {
         return call->error.code;
     }
-    int failed = reel_view(call, coded, &found->bytes);
-    if (failed || reel_is_stripped(found->bytes, coded.length)) {
+    int failed = reel_view(call, coded, &result->bytes);
+    if (failed || reel_is_stripped(result->bytes, coded.length)) {
         return failed;
     }
     return reel_fail(call, MESHREEL_CORRUPT, coded.at + coded.length - 1,
@@ -253,12 +255,13 @@ static void predict(const reel_call *call, const reel_mesh *mesh, reel_fields *f
 }
 
 /* Concatenate the first fields of the key block and those of a block, item by item. */
-static void concatenate_fields(const reel_block_fields *key, uint64_t n_reused, const double *own,
-                               uint64_t n_new, uint64_t n_items, double *values) {
+static void concatenate_fields(const reel_block_fields *key, uint64_t n_reused,
+                               const double *new_values, uint64_t n_new, uint64_t n_items,
+                               double *values) {
     for (uint64_t i = 0; i < n_items; i++) {
-        double *here = values + i * (n_reused + n_new);
-        reel_copy(here, key->values + i * key->n_modes, (size_t)n_reused * sizeof *here);
-        reel_copy(here + n_reused, own + i * n_new, (size_t)n_new * sizeof *here);
+        double *row = values + i * (n_reused + n_new);
+        reel_copy(row, key->values + i * key->n_modes, (size_t)n_reused * sizeof *row);
+        reel_copy(row + n_reused, new_values + i * n_new, (size_t)n_new * sizeof *row);
     }
 }
 
@@ -290,15 +293,16 @@ static int prepare_basis(reel_call *call, const reel_group *group, uint32_t n_co
 /* Decode the first n_modes fields of a block, and its basis unless `basis` is NULL. */
 static int decode_fields(reel_call *call, const reel_field_mesh *mesh, uint64_t block,
                          const reel_group *group, uint32_t n_columns, uint64_t n_modes,
-                         const reel_block_fields *key, double *basis, reel_block_fields *found) {
+                         const reel_block_fields *key, double *basis, reel_block_fields *output) {
     uint64_t n_items = (uint64_t)mesh->mesh.n_verts, n_reused = group->n_reused;
     uint64_t n_new = n_modes - n_reused;
     block_job job = {.mesh = &mesh->mesh, .key = key, .basis = basis};
     const reel_chunk *mark = call->scratch.last;
-    found->values =
-        reel_pool_allocate(call, &found->pool, n_items * n_modes, sizeof *found->values);
-    double *own = n_reused ? reel_scratch(call, n_items * n_new, sizeof *own) : found->values;
-    if (!found->values || !own) {
+    output->values =
+        reel_pool_allocate(call, &output->pool, n_items * n_modes, sizeof *output->values);
+    double *new_values =
+        n_reused ? reel_scratch(call, n_items * n_new, sizeof *new_values) : output->values;
+    if (!output->values || !new_values) {
         return call->error.code;
     }
     int failed = prepare_rows(call, group->coefficients, &mesh->order, group->n_modes - n_reused,
@@ -313,7 +317,7 @@ static int decode_fields(reel_call *call, const reel_field_mesh *mesh, uint64_t 
                                   .n_modes = (int64_t)n_new,
                                   .n_learned = (int64_t)group->n_learned,
                                   .residuals = job.fields.values,
-                                  .values = own,
+                                  .values = new_values,
                                   .n_key = key ? (int64_t)key->n_modes : 0,
                                   .key = key ? key->values : NULL};
     if (reel_threads(call) > 1 && n_new) {
@@ -338,13 +342,13 @@ static int decode_fields(reel_call *call, const reel_field_mesh *mesh, uint64_t 
         predict(call, &mesh->mesh, &job.predicted);
     }
     if (n_reused) {
-        concatenate_fields(key, n_reused, own, n_new, n_items, found->values);
+        concatenate_fields(key, n_reused, new_values, n_new, n_items, output->values);
     }
     reel_drop_scratch(call, mark);
-    found->block = n_modes == group->n_modes ? block : REEL_NO_BLOCK;
-    found->reference = group->reference;
-    found->stencil_size = group->stencil_size;
-    found->n_modes = n_modes;
+    output->block = n_modes == group->n_modes ? block : REEL_NO_BLOCK;
+    output->reference = group->reference;
+    output->stencil_size = group->stencil_size;
+    output->n_modes = n_modes;
     return MESHREEL_OK;
 }
 
@@ -358,7 +362,7 @@ static void release_fields(reel_call *call, reel_block_fields *fields) {
 static int find_key(reel_call *call, meshreel_decoder *decoder, uint32_t track, uint64_t block,
                     const reel_group *group) {
     reel_track_state *state = &decoder->tracks[track];
-    const reel_track *own = &decoder->file->tracks[track];
+    const reel_track *definition = &decoder->file->tracks[track];
     if (group->reference > block) {
         return corrupt(call, decoder, block, track, "a block refers to one before the first");
     }
@@ -378,7 +382,7 @@ static int find_key(reel_call *call, meshreel_decoder *decoder, uint32_t track, 
                         "a block refers to a block that is not a key block, or has other stencils");
         }
         failed = failed ? failed
-                        : decode_fields(call, state->mesh, key_block, &of_key, own->n_coded,
+                        : decode_fields(call, state->mesh, key_block, &of_key, definition->n_coded,
                                         of_key.n_modes, NULL, NULL, &state->key);
         if (failed) {
             release_fields(call, &state->key);
@@ -509,14 +513,14 @@ static int load_modes(reel_call *call, meshreel_decoder *decoder, uint32_t track
 /* Decode exact numbers on the graph of a track into memory of `pool`. */
 static int decode_exact(reel_call *call, reel_pool *pool, reel_range coded, const reel_graph *graph,
                         uint64_t n_frames, uint32_t n_columns, uint32_t size, enum reel_type type,
-                        void **found) {
+                        void **output) {
     int64_t frames = (int64_t)n_frames, columns = n_columns;
-    *found = reel_pool_allocate(call, pool, n_frames * graph->n_items, (uint64_t)n_columns * size);
+    *output = reel_pool_allocate(call, pool, n_frames * graph->n_items, (uint64_t)n_columns * size);
     const reel_chunk *mark = call->scratch.last;
     size_t memory_size = reel_exact_memory(frames, graph->n_items, columns);
     void *memory = reel_scratch(call, memory_size, 1);
     const uint8_t *bytes;
-    if (!*found || !memory) {
+    if (!*output || !memory) {
         return call->error.code;
     }
     int failed = reel_view(call, coded, &bytes);
@@ -524,7 +528,7 @@ static int decode_exact(reel_call *call, reel_pool *pool, reel_range coded, cons
         return failed;
     }
     int64_t result =
-        reel_exact_decode(memory, memory_size, bytes, (size_t)coded.length, *found, frames,
+        reel_exact_decode(memory, memory_size, bytes, (size_t)coded.length, *output, frames,
                           graph->n_items, columns, size, type, graph->starts, graph->near);
     reel_drop_scratch(call, mark);
     return reel_fail_core(call, result, coded.at, "exact values are damaged");
@@ -532,13 +536,13 @@ static int decode_exact(reel_call *call, reel_pool *pool, reel_range coded, cons
 
 static int load_exact(reel_call *call, meshreel_decoder *decoder, uint32_t track) {
     reel_track_state *state = &decoder->tracks[track];
-    const reel_track *own = &decoder->file->tracks[track];
+    const reel_track *definition = &decoder->file->tracks[track];
     const reel_group *group = &state->current.group;
-    uint32_t size = own->size;
-    enum reel_type type = own->is_float    ? REEL_FLOATS
-                          : own->is_signed ? REEL_SIGNED_INTEGERS
-                                           : REEL_UNSIGNED_INTEGERS;
-    if (own->difference) {
+    uint32_t size = definition->size;
+    enum reel_type type = definition->is_float    ? REEL_FLOATS
+                          : definition->is_signed ? REEL_SIGNED_INTEGERS
+                                                  : REEL_UNSIGNED_INTEGERS;
+    if (definition->difference) {
         type = REEL_SIGNED_INTEGERS;
     }
     if (group->grid > 0.0) {
@@ -546,7 +550,7 @@ static int load_exact(reel_call *call, meshreel_decoder *decoder, uint32_t track
         size = sizeof(int32_t);
     }
     return decode_exact(call, &state->current.pool, group->values, &state->items.graph,
-                        group->n_frames, own->n_coded, size, type, &state->current.exact);
+                        group->n_frames, definition->n_coded, size, type, &state->current.exact);
 }
 
 /* Load the flags of missing values, 1 or 0. */
@@ -554,11 +558,11 @@ static int load_missing(reel_call *call, meshreel_decoder *decoder, uint32_t tra
     reel_loaded_block *current = &decoder->tracks[track].current;
     const reel_graph *graph = &decoder->tracks[track].items.graph;
     uint32_t n_columns = decoder->file->tracks[track].info.n_columns;
-    void *found;
+    void *result;
     int failed =
         decode_exact(call, &current->pool, current->group.missing, graph, current->group.n_frames,
-                     n_columns, 1, REEL_UNSIGNED_INTEGERS, &found);
-    current->missing = found;
+                     n_columns, 1, REEL_UNSIGNED_INTEGERS, &result);
+    current->missing = result;
     for (uint64_t i = 0; !failed && i < current->group.n_frames * graph->n_items * n_columns; i++) {
         if (current->missing[i] > 1) {
             failed = reel_corrupt(call, current->group.missing.at,
@@ -592,7 +596,7 @@ void reel_forget(reel_call *call, meshreel_decoder *decoder, uint32_t track) {
 int reel_load(reel_call *call, meshreel_decoder *decoder, uint32_t track, uint64_t block,
               uint64_t n_moving) {
     reel_track_state *state = &decoder->tracks[track];
-    const reel_track *own = &decoder->file->tracks[track];
+    const reel_track *definition = &decoder->file->tracks[track];
     if (is_loaded(state, block, n_moving)) {
         return MESHREEL_OK;
     }
@@ -609,7 +613,7 @@ int reel_load(reel_call *call, meshreel_decoder *decoder, uint32_t track, uint64
     if (failed) {
         return failed;
     }
-    bool has_modes = own->info.coding != REEL_EXACT && !own->info.is_exact;
+    bool has_modes = definition->info.coding != REEL_EXACT && !definition->info.is_exact;
     if (REEL_ONLY_POSITIONS && (track || !has_modes)) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, REEL_UNKNOWN,
                          "this build only decodes positions of the method reel");

@@ -17,20 +17,20 @@ static const uint8_t magic[8] = {0x89, 0x52, 0x45, 0x45, 0x4C, 0x0D, 0x0A, 0x1A}
 /* ---- the header ---- */
 
 static uint32_t load_uint32(const uint8_t *bytes) {
-    uint32_t found;
-    reel_copy(&found, bytes, sizeof found);
-    return found;
+    uint32_t result;
+    reel_copy(&result, bytes, sizeof result);
+    return result;
 }
 
 static double load_double(const uint8_t *bytes) {
-    double found;
-    reel_copy(&found, bytes, sizeof found);
-    return found;
+    double result;
+    reel_copy(&result, bytes, sizeof result);
+    return result;
 }
 
 static int check_counts(reel_call *call, uint64_t n_verts, uint64_t n_faces, uint64_t at) {
     if (!n_verts || !n_faces) {
-        return reel_corrupt(call, at, "the mesh has no vertices or no faces");
+        return reel_corrupt(call, at, "the mesh has 0 vertices or 0 faces");
     }
     return n_verts > REEL_MAX_VERTS || n_faces > REEL_MAX_VERTS
                ? reel_fail(call, MESHREEL_UNSUPPORTED, at, "more than 2^26 vertices or faces")
@@ -140,14 +140,14 @@ static int grow(reel_call *call, reel_pool *pool, void **items, uint64_t count, 
     return MESHREEL_OK;
 }
 
-static int read_double(reel_call *call, const reel_section *section, double *found) {
+static int read_double(reel_call *call, const reel_section *section, double *result) {
     reel_range left = section->payload;
-    if (left.length != sizeof *found) {
+    if (left.length != sizeof *result) {
         return reel_corrupt(call, section->at,
                             "the start or the promised error does not have 8 bytes");
     }
-    int failed = reel_read_bytes(call, &left, found, sizeof *found);
-    if (!failed && !reel_is_finite(*found)) {
+    int failed = reel_read_bytes(call, &left, result, sizeof *result);
+    if (!failed && !reel_is_finite(*result)) {
         return reel_corrupt(call, section->payload.at,
                             "the start or the promised error is not finite");
     }
@@ -581,14 +581,14 @@ static int parse_segment(reel_call *call, reel_pool *pool, const reel_segment *s
     if (!segment->first_block) {
         return read_sections(call, pool, outline, begin, &next);
     }
-    reel_segment found = *segment;
+    reel_segment result = *segment;
     reel_range left = segment->blocks;
     int failed = read_leading(call, pool, outline, begin, segment->first_block);
     if (!failed && outline->n_tracks != segment->n_tracks) {
         return reel_corrupt(call, segment->at, "the index contradicts the tracks of a segment");
     }
     outline->is_whole = true;
-    return failed ? failed : read_blocks(call, pool, outline, &found, &left, segment->end);
+    return failed ? failed : read_blocks(call, pool, outline, &result, &left, segment->end);
 }
 
 int reel_read_segment(reel_call *call, reel_pool *pool, const reel_outline *file,

@@ -24,10 +24,10 @@ int meshreel_begin(const meshreel_file *file, meshreel_decoder **decoder, meshre
         return reel_invalid(error, "the mesh of the file was not read");
     }
     reel_pool pool = {NULL, 0};
-    meshreel_decoder *own = reel_pool_allocate(&call, &pool, 1, sizeof *own);
+    meshreel_decoder *new_decoder = reel_pool_allocate(&call, &pool, 1, sizeof *new_decoder);
     reel_track_state *tracks =
         reel_pool_allocate(&call, &pool, file->info.n_tracks, sizeof *tracks);
-    if (!own || !tracks) {
+    if (!new_decoder || !tracks) {
         reel_release(&file->host, &pool);
         return reel_end_call(&call, call.error.code, error);
     }
@@ -36,8 +36,8 @@ int meshreel_begin(const meshreel_file *file, meshreel_decoder **decoder, meshre
         tracks[i] =
             (reel_track_state){.current = none, .previous = none, .key = {.block = REEL_NO_BLOCK}};
     }
-    *own = (meshreel_decoder){.file = file, .pool = pool, .tracks = tracks};
-    *decoder = own;
+    *new_decoder = (meshreel_decoder){.file = file, .pool = pool, .tracks = tracks};
+    *decoder = new_decoder;
     return reel_end_call(&call, MESHREEL_OK, error);
 }
 
@@ -47,25 +47,26 @@ void meshreel_end(meshreel_decoder *decoder) {
     }
     meshreel_host host = decoder->file->host;
     for (uint32_t i = 0; i < decoder->file->info.n_tracks; i++) {
-        reel_track_state *held = &decoder->tracks[i];
-        reel_release(&host, &held->current.pool);
-        reel_release(&host, &held->current.fields.pool);
-        reel_release(&host, &held->previous.pool);
-        reel_release(&host, &held->previous.fields.pool);
-        reel_release(&host, &held->key.pool);
+        reel_track_state *state = &decoder->tracks[i];
+        reel_release(&host, &state->current.pool);
+        reel_release(&host, &state->current.fields.pool);
+        reel_release(&host, &state->previous.pool);
+        reel_release(&host, &state->previous.fields.pool);
+        reel_release(&host, &state->key.pool);
     }
     reel_pool pool = decoder->pool; /* contains the decoder itself */
     reel_release(&host, &pool);
 }
 
 uint64_t reel_decoder_bytes(const meshreel_decoder *decoder) {
-    uint64_t held = decoder->pool.held;
+    uint64_t n_bytes = decoder->pool.held;
     for (uint32_t i = 0; i < decoder->file->info.n_tracks; i++) {
-        const reel_track_state *own = &decoder->tracks[i];
-        held += own->current.pool.held + own->current.fields.pool.held + own->previous.pool.held +
-                own->previous.fields.pool.held + own->key.pool.held;
+        const reel_track_state *track = &decoder->tracks[i];
+        n_bytes += track->current.pool.held + track->current.fields.pool.held +
+                   track->previous.pool.held + track->previous.fields.pool.held +
+                   track->key.pool.held;
     }
-    return held;
+    return n_bytes;
 }
 
 static int check_track(const meshreel_decoder *decoder, uint32_t track, uint32_t n_modes,
@@ -104,17 +105,17 @@ int meshreel_modes_of(meshreel_decoder *decoder, uint32_t track, uint32_t block,
     if (failed) {
         return failed;
     }
-    const reel_track *own = &decoder->file->tracks[track];
-    reel_track_state *held = &decoder->tracks[track];
-    reel_loaded_block *current = &held->current;
+    const reel_track *definition = &decoder->file->tracks[track];
+    reel_track_state *state = &decoder->tracks[track];
+    reel_loaded_block *current = &state->current;
     *modes = (meshreel_modes){.n_frames = (uint32_t)current->group.n_frames,
-                              .n_items = held->items.graph.n_items};
-    if (!current->basis || own->difference || own->info.coding == REEL_ROTATIONS) {
+                              .n_items = state->items.graph.n_items};
+    if (!current->basis || definition->difference || definition->info.coding == REEL_ROTATIONS) {
         return MESHREEL_OK;
     }
     reel_call call =
         reel_begin_call(&decoder->file->source, &decoder->file->host, reel_decoder_bytes(decoder));
-    if (!reel_loaded_fields(held)) { /* only the packed fields are left */
+    if (!reel_loaded_fields(state)) { /* only the packed fields are left */
         reel_forget(&call, decoder, track);
         failed = reel_load(&call, decoder, track, block, 0);
     }
@@ -122,21 +123,21 @@ int meshreel_modes_of(meshreel_decoder *decoder, uint32_t track, uint32_t block,
         int32_t *rows = reel_pool_allocate(&call, &current->pool, modes->n_items, sizeof *rows);
         failed = rows ? MESHREEL_OK : call.error.code;
         if (rows) {
-            reel_find_field_rows(held, rows);
+            reel_find_field_rows(state, rows);
         }
         current->rows = rows;
     }
     if (!failed) {
         modes->n_modes = (uint32_t)current->n_modes;
-        modes->n_columns = own->n_coded;
+        modes->n_columns = definition->n_coded;
         modes->has_missing = current->missing != NULL;
         modes->step = (double)current->group.step;
-        modes->scale = own->placement[0];
-        modes->origin = own->placement + 1;
-        modes->values = reel_loaded_fields(held);
+        modes->scale = definition->placement[0];
+        modes->origin = definition->placement + 1;
+        modes->values = reel_loaded_fields(state);
         modes->rows = current->rows;
         modes->basis = current->basis;
-        modes->shared = held->items.value_of;
+        modes->shared = state->items.value_of;
         modes->correction_starts = current->corrections.starts;
         modes->corrected = current->corrections.items;
         modes->corrections = current->corrections.offsets;
@@ -156,28 +157,29 @@ typedef struct {
 } output_layout;
 
 static int find_layout(const meshreel_decoder *decoder, uint32_t number,
-                       const meshreel_layout *layout, output_layout *found, meshreel_error *error) {
+                       const meshreel_layout *layout, output_layout *result,
+                       meshreel_error *error) {
     const reel_track *track = &decoder->file->tracks[number];
     const meshreel_track *info = &track->info;
     uint32_t type = layout && layout->type ? layout->type : info->type;
     if (type != info->type && !(type == MESHREEL_FLOAT32 && info->type == MESHREEL_FLOAT64)) {
         return reel_invalid(error, "a track is decoded to its own type, or from doubles to floats");
     }
-    *found = (output_layout){.n_places = info->n_items,
-                             .n_columns = info->n_columns,
-                             .stored = track->size,
-                             .size = type == info->type ? track->size : 4};
-    size_t value = found->size * found->n_columns;
-    found->value_stride = layout && layout->value_stride ? layout->value_stride : value;
-    size_t frame = found->value_stride * (size_t)found->n_places;
-    found->frame_stride = layout && layout->frame_stride ? layout->frame_stride : frame;
-    if (found->value_stride < value) {
+    *result = (output_layout){.n_places = info->n_items,
+                              .n_columns = info->n_columns,
+                              .stored = track->size,
+                              .size = type == info->type ? track->size : 4};
+    size_t value = result->size * result->n_columns;
+    result->value_stride = layout && layout->value_stride ? layout->value_stride : value;
+    size_t frame = result->value_stride * (size_t)result->n_places;
+    result->frame_stride = layout && layout->frame_stride ? layout->frame_stride : frame;
+    if (result->value_stride < value) {
         return reel_invalid(error, "values overlap: their stride is below their size");
     }
-    if (found->value_stride % found->size || found->frame_stride % found->size) {
+    if (result->value_stride % result->size || result->frame_stride % result->size) {
         return reel_invalid(error, "a stride is not a multiple of the size of a number");
     }
-    found->is_packed = found->value_stride == value && found->frame_stride == frame;
+    result->is_packed = result->value_stride == value && result->frame_stride == frame;
     return MESHREEL_OK;
 }
 
@@ -285,17 +287,17 @@ int meshreel_normals(meshreel_decoder *decoder, uint32_t type, const void *posit
     const meshreel_file *file = decoder->file;
     int64_t n_verts = file->info.n_verts, n_faces = file->info.n_triangles;
     reel_call call = reel_begin_call(&file->source, &file->host, reel_decoder_bytes(decoder));
-    double *found = type == MESHREEL_FLOAT64
-                        ? normals
-                        : reel_scratch(&call, 3 * (uint64_t)n_verts, sizeof *found);
-    if (!found) {
+    double *output = type == MESHREEL_FLOAT64
+                         ? normals
+                         : reel_scratch(&call, 3 * (uint64_t)n_verts, sizeof *output);
+    if (!output) {
         return reel_end_call(&call, call.error.code, error);
     }
-    int64_t result = reel_normals(positions, type, 1, n_verts,
-                                  (const int32_t *)file->mesh.triangles, n_faces, NULL, n_verts,
-                                  found);
+    int64_t result =
+        reel_normals(positions, type, 1, n_verts, (const int32_t *)file->mesh.triangles, n_faces,
+                     NULL, n_verts, output);
     for (int64_t i = 0; i < 3 * n_verts && type == MESHREEL_FLOAT32; i++) {
-        ((float *)normals)[i] = (float)found[i];
+        ((float *)normals)[i] = (float)output[i];
     }
     return reel_end_call(
         &call, reel_fail_core(&call, result, 0, "a triangle has an invalid vertex"), error);

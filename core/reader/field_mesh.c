@@ -16,14 +16,14 @@ struct reel_hierarchy_job {
 };
 
 int reel_prepare_hierarchy(reel_call *call, reel_pool *pool, const reel_graph *graph,
-                           int64_t stencil_size, reel_hierarchy_job **found) {
+                           int64_t stencil_size, reel_hierarchy_job **result) {
     uint64_t n = graph->n_items;
     reel_hierarchy_job *job = reel_scratch(call, 1, sizeof *job);
     reel_field_mesh *field_mesh = reel_pool_allocate(call, pool, 1, sizeof *field_mesh);
     if (!job || !field_mesh) {
         return call->error.code;
     }
-    *found = job;
+    *result = job;
     *job = (reel_hierarchy_job){.field_mesh = field_mesh};
     *field_mesh = (reel_field_mesh){.graph = graph};
     reel_coding_order *order = &field_mesh->order;
@@ -105,8 +105,8 @@ void reel_find_hierarchy(reel_hierarchy_job *job) {
 }
 
 int reel_finish_hierarchy(reel_call *call, const reel_hierarchy_job *job,
-                          const reel_field_mesh **found) {
-    *found = job->field_mesh;
+                          const reel_field_mesh **output) {
+    *output = job->field_mesh;
     return reel_fail_core(call, job->result, 0, "the hierarchy of the mesh is too large");
 }
 
@@ -187,14 +187,15 @@ static void add_frequencies(reel_coding_order *order, int64_t n_columns, int64_t
 }
 
 int reel_find_time_order(reel_call *call, int64_t n_columns, int64_t n_frames, bool has_cosines,
-                         const uint8_t *rests, reel_coding_order *found) {
+                         const uint8_t *rests, reel_coding_order *result) {
     uint64_t n = (uint64_t)(n_columns * n_frames);
-    found->columns = reel_scratch(call, n, sizeof *found->columns);
-    found->near_starts = reel_scratch(call, n + 1, sizeof *found->near_starts);
-    found->pass_starts = reel_scratch(call, MAX_PASSES + 1, sizeof *found->pass_starts);
-    found->near = reel_scratch(call, n * MAX_NEAR, sizeof *found->near);
+    result->columns = reel_scratch(call, n, sizeof *result->columns);
+    result->near_starts = reel_scratch(call, n + 1, sizeof *result->near_starts);
+    result->pass_starts = reel_scratch(call, MAX_PASSES + 1, sizeof *result->pass_starts);
+    result->near = reel_scratch(call, n * MAX_NEAR, sizeof *result->near);
     int32_t *moving = reel_scratch(call, (uint64_t)n_frames, sizeof *moving);
-    if (!found->columns || !found->near_starts || !found->pass_starts || !found->near || !moving) {
+    if (!result->columns || !result->near_starts || !result->pass_starts || !result->near ||
+        !moving) {
         return call->error.code;
     }
     int64_t n_moving = 0;
@@ -203,21 +204,21 @@ int reel_find_time_order(reel_call *call, int64_t n_columns, int64_t n_frames, b
             moving[n_moving++] = (int32_t)time;
         }
     }
-    found->n_columns = (int64_t)n;
-    found->n_passes = 0;
-    found->pass_starts[0] = found->near_starts[0] = 0;
+    result->n_columns = (int64_t)n;
+    result->n_passes = 0;
+    result->pass_starts[0] = result->near_starts[0] = 0;
     if (has_cosines) {
-        begin_pass(found);
-        add_frequencies(found, n_columns, n_frames);
+        begin_pass(result);
+        add_frequencies(result, n_columns, n_frames);
         return MESHREEL_OK;
     }
     for (int level = 0; level < N_LEVELS; level++) {
-        begin_pass(found);
-        add_level(found, level, n_columns, n_frames, moving, n_moving);
+        begin_pass(result);
+        add_level(result, level, n_columns, n_frames, moving, n_moving);
     }
     if (rests) {
-        begin_pass(found);
-        add_resting(found, n_columns, n_frames, rests);
+        begin_pass(result);
+        add_resting(result, n_columns, n_frames, rests);
     }
     return MESHREEL_OK;
 }

@@ -26,11 +26,11 @@ int reel_prepare_hierarchy(reel_call *call, reel_pool *pool, const reel_graph *g
                            int64_t stencil_size, reel_hierarchy_job **job);
 void reel_find_hierarchy(reel_hierarchy_job *job);
 int reel_finish_hierarchy(reel_call *call, const reel_hierarchy_job *job,
-                          const reel_field_mesh **found);
+                          const reel_field_mesh **result);
 
 /* Find the coding order of the temporal basis of a track, in scratch memory: for coefficients of a
    cosine transform, or for times with the flags `rests` of reel_basis. */
 int reel_find_time_order(reel_call *call, int64_t n_columns, int64_t n_frames, bool has_cosines,
-                         const uint8_t *rests, reel_coding_order *found);
+                         const uint8_t *rests, reel_coding_order *result);
 
 #endif

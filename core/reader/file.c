@@ -146,10 +146,10 @@ int meshreel_segment_of(const meshreel_file *file, uint32_t number, meshreel_seg
     if (!file || !segment || number >= file->info.n_segments) {
         return MESHREEL_INVALID;
     }
-    const reel_segment *found = &file->segments.all[number];
-    *segment = (meshreel_segment){found->first_frame,       found->n_frames,
-                                  (uint32_t)found->n_verts, (uint32_t)found->n_faces,
-                                  found->at,                found->end - found->at};
+    const reel_segment *result = &file->segments.all[number];
+    *segment =
+        (meshreel_segment){result->first_frame,       result->n_frames, (uint32_t)result->n_verts,
+                           (uint32_t)result->n_faces, result->at,       result->end - result->at};
     return MESHREEL_OK;
 }
 
@@ -178,14 +178,15 @@ int meshreel_section_at(const meshreel_file *file, uint64_t offset, int check,
         return reel_invalid(error, "no section begins at this byte");
     }
     reel_call call = reel_begin_call(&file->source, &file->host, 0);
-    reel_section found;
-    int failed = reel_section_at(&call, at, file->outline.end, &found);
+    reel_section result;
+    int failed = reel_section_at(&call, at, file->outline.end, &result);
     if (!failed && check) {
-        failed = reel_section_check(&call, &found);
+        failed = reel_section_check(&call, &result);
     }
     if (!failed) {
-        *section = (meshreel_section){found.id, reel_is_known(found.id), at, found.end - at,
-                                      found.payload.at, found.payload.length};
+        *section =
+            (meshreel_section){result.id,       reel_is_known(result.id), at,
+                               result.end - at, result.payload.at,        result.payload.length};
     }
     return reel_end_call(&call, failed, error);
 }
@@ -207,20 +208,20 @@ int meshreel_group_of(const meshreel_file *file, uint32_t number, uint32_t track
         return reel_invalid(error, "the block or track does not exist, or a pointer is NULL");
     }
     reel_call call = reel_begin_call(&file->source, &file->host, 0);
-    reel_group found;
+    reel_group result;
     int failed = reel_is_of_paper(file)
-                     ? reel_read_paper_group(&call, &file->outline, number, check != 0, &found)
+                     ? reel_read_paper_group(&call, &file->outline, number, check != 0, &result)
                      : reel_read_group(&call, &file->outline, &file->tracks[track], track, number,
-                                       check != 0, &found);
+                                       check != 0, &result);
     *group = (meshreel_group){.key_block = number,
-                              .n_modes = (uint32_t)found.n_modes,
-                              .n_corrections = found.n_corrections,
-                              .step = (double)found.step};
-    if (!failed && found.reference > number) {
+                              .n_modes = (uint32_t)result.n_modes,
+                              .n_corrections = result.n_corrections,
+                              .step = (double)result.step};
+    if (!failed && result.reference > number) {
         failed = reel_fail(&call, MESHREEL_CORRUPT, REEL_UNKNOWN,
                            "a block refers to one before the first");
     }
-    group->key_block -= failed ? 0 : (uint32_t)found.reference;
+    group->key_block -= failed ? 0 : (uint32_t)result.reference;
     return reel_end_call(&call, failed, error);
 }
 

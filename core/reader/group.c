@@ -1,13 +1,13 @@
-/* A track of a block as it is stored: docs/format.md, BLOCK, TRACK_BLOCK, FIELDS, CORRECTIONS,
+/* The stored group of a track in a block: docs/format.md, BLOCK, TRACK_BLOCK, FIELDS, CORRECTIONS,
    VALUES, MISSING. */
 
 #include "group.h"
 
-#define FIRST REEL_BLOCK
-#define N_IDS (REEL_ANCHOR_RESIDUALS + 1 - FIRST)
+#define FIRST_ID REEL_BLOCK
+#define N_IDS (REEL_ANCHOR_RESIDUALS + 1 - FIRST_ID)
 #define MAX_LEARNED 255U
 #define MAX_STEP 1e6F
-#define WITH_RESTS 16 /* these are added to the layout */
+#define WITH_RESTS 16 /* flags added to the layout */
 #define WITH_COSINES 32
 #define MAX_TIMES ((uint64_t)INT32_MAX)
 
@@ -16,15 +16,15 @@ typedef struct {
     reel_range of[N_IDS];
 } payloads;
 
-static const reel_range *payload(const payloads *n_all, uint32_t id) {
-    return &n_all->of[id - FIRST];
+static const reel_range *payload(const payloads *all, uint32_t id) {
+    return &all->of[id - FIRST_ID];
 }
 
 static int find_payloads(reel_call *call, reel_range bytes, uint32_t first, bool is_checked,
-                         payloads *n_all) {
+                         payloads *all) {
     uint64_t end = bytes.at + bytes.length;
     bool is_begun = false;
-    reel_zero(n_all, sizeof *n_all);
+    reel_zero(all, sizeof *all);
     int announced = is_checked ? reel_announce(call, bytes) : MESHREEL_OK;
     if (announced) {
         return announced;
@@ -44,21 +44,21 @@ static int find_payloads(reel_call *call, reel_range bytes, uint32_t first, bool
                 call, at, "a block does not begin with its only section BLOCK or TRACK_BLOCK");
         }
         is_begun |= is_known;
-        if (is_known && section.id >= FIRST && !(section.id & REEL_OPTIONAL)) {
-            reel_range *own = &n_all->of[section.id - FIRST];
-            if (own->at) {
+        if (is_known && section.id >= FIRST_ID && !(section.id & REEL_OPTIONAL)) {
+            reel_range *slot = &all->of[section.id - FIRST_ID];
+            if (slot->at) {
                 return reel_corrupt(call, at, "a block has a section twice");
             }
-            *own = section.payload;
+            *slot = section.payload;
         }
         at = section.end;
     }
     return is_begun ? MESHREEL_OK : reel_corrupt(call, bytes.at, "a block has no sections");
 }
 
-static int read_counts(reel_call *call, const payloads *n_all, uint32_t number,
+static int read_counts(reel_call *call, const payloads *all, uint32_t number,
                        const reel_track *track, uint64_t n_frames, reel_group *group) {
-    reel_range left = *payload(n_all, number ? REEL_TRACK_BLOCK : REEL_BLOCK);
+    reel_range left = *payload(all, number ? REEL_TRACK_BLOCK : REEL_BLOCK);
     uint64_t at = left.at;
     group->n_frames = n_frames;
     int failed = number ? MESHREEL_OK : reel_read_varint(call, &left, &group->n_frames);
@@ -213,37 +213,37 @@ static int read_values(reel_call *call, bool is_grid, reel_range left, reel_grou
 
 int reel_read_group(reel_call *call, const reel_outline *outline, const reel_track *track,
                     uint32_t number, uint64_t block, bool is_checked, reel_group *group) {
-    payloads n_all;
+    payloads all;
     reel_range bytes = reel_group_bytes(outline, block, number);
     *group = (reel_group){0};
     int failed =
-        find_payloads(call, bytes, number ? REEL_TRACK_BLOCK : REEL_BLOCK, is_checked, &n_all);
+        find_payloads(call, bytes, number ? REEL_TRACK_BLOCK : REEL_BLOCK, is_checked, &all);
     failed = failed
                  ? failed
-                 : read_counts(call, &n_all, number, track, outline->blocks[block].n_frames, group);
+                 : read_counts(call, &all, number, track, outline->blocks[block].n_frames, group);
     if (failed) {
         return failed;
     }
     if (track->info.is_exact || track->info.coding == REEL_EXACT) {
         bool is_grid = !number && outline->method == REEL_METHOD_GRID;
-        return read_values(call, is_grid, *payload(&n_all, REEL_VALUES), group);
+        return read_values(call, is_grid, *payload(&all, REEL_VALUES), group);
     }
-    failed = read_fields(call, *payload(&n_all, REEL_FIELDS), group);
-    failed = failed ? failed : read_corrections(call, *payload(&n_all, REEL_CORRECTIONS), group);
-    group->basis = *payload(&n_all, REEL_BASIS);
-    group->coefficients = *payload(&n_all, REEL_COEFFICIENTS);
-    group->missing = number ? *payload(&n_all, REEL_MISSING) : (reel_range){0, 0};
+    failed = read_fields(call, *payload(&all, REEL_FIELDS), group);
+    failed = failed ? failed : read_corrections(call, *payload(&all, REEL_CORRECTIONS), group);
+    group->basis = *payload(&all, REEL_BASIS);
+    group->coefficients = *payload(&all, REEL_COEFFICIENTS);
+    group->missing = number ? *payload(&all, REEL_MISSING) : (reel_range){0, 0};
     bool has_all = failed || (group->basis.at && group->coefficients.at);
     return has_all ? failed : reel_corrupt(call, bytes.at, "a block has no BASIS or COEFFICIENTS");
 }
 
 int reel_read_paper_group(reel_call *call, const reel_outline *outline, uint64_t block,
                           bool is_checked, reel_group *group) {
-    payloads n_all;
+    payloads all;
     *group = (reel_group){0};
     int failed =
-        find_payloads(call, reel_group_bytes(outline, block, 0), REEL_BLOCK, is_checked, &n_all);
-    reel_range left = *payload(&n_all, REEL_BLOCK);
+        find_payloads(call, reel_group_bytes(outline, block, 0), REEL_BLOCK, is_checked, &all);
+    reel_range left = *payload(&all, REEL_BLOCK);
     failed = failed ? failed : reel_read_varint(call, &left, &group->n_frames);
     return failed ? failed : reel_read_varint(call, &left, &group->n_modes);
 }
@@ -261,7 +261,7 @@ typedef struct {
 } coded_corrections;
 
 static int read_correction_rows(reel_call *call, const reel_group *group, uint32_t n_columns,
-                                coded_corrections *found) {
+                                coded_corrections *result) {
     int64_t n = (int64_t)group->n_corrected, n_all = (int64_t)group->n_corrections;
     int64_t lengths[MAX_ROWS] = {n, n, n_all};
     int32_t tables[MAX_ROWS] = {0, 1, 2}, *values;
@@ -271,7 +271,7 @@ static int read_correction_rows(reel_call *call, const reel_group *group, uint32
     }
     int failed = reel_decode_rows(call, group->corrections, lengths, tables, 3 + (int64_t)n_columns,
                                   N_TABLES, &values);
-    *found = (coded_corrections){
+    *result = (coded_corrections){
         n, n_all, n_columns, values, values + n, values + 2 * n, values + 2 * n + n_all};
     return failed;
 }
@@ -308,40 +308,41 @@ static bool find_runs(const coded_corrections *coded, const int32_t *inverse, in
 
 /* Store the corrections of a run at the next free index of their frames. */
 static void store_run(const coded_corrections *coded, int64_t begin, int64_t end, int32_t item,
-                      double step, int64_t *offsets, int64_t *next, const reel_corrections *found) {
+                      double step, int64_t *offsets, int64_t *next,
+                      const reel_corrections *result) {
     int64_t frame = 0;
     uint32_t n_columns = coded->n_columns;
     for (int64_t i = begin; i < end; i++) {
         bool follows = i > begin && coded->frames[i] == 1;
         frame += coded->frames[i];
         int64_t place = next[frame]++;
-        found->items[place] = item;
+        result->items[place] = item;
         for (uint32_t column = 0; column < n_columns; column++) {
             int32_t offset = coded->offsets[column * coded->n_all + i];
             offsets[column] = (follows ? offsets[column] : 0) + offset;
-            found->offsets[n_columns * place + column] = (double)offsets[column] * step;
+            result->offsets[n_columns * place + column] = (double)offsets[column] * step;
         }
     }
 }
 
 int reel_read_corrections(reel_call *call, reel_pool *pool, const reel_group *group,
                           uint32_t n_columns, uint64_t n_items, const int32_t *inverse,
-                          reel_corrections *found) {
+                          reel_corrections *result) {
     coded_corrections coded;
-    *found = (reel_corrections){NULL, NULL, NULL};
+    *result = (reel_corrections){NULL, NULL, NULL};
     if (!group->corrections.at) {
         return MESHREEL_OK;
     }
     const reel_chunk *mark = call->scratch.last;
     int failed = read_correction_rows(call, group, n_columns, &coded);
     uint64_t n_frames = group->n_frames;
-    int64_t *starts = found->starts = reel_pool_allocate(call, pool, n_frames + 1, sizeof *starts);
-    found->items = reel_pool_allocate(call, pool, group->n_corrections, sizeof *found->items);
-    found->offsets =
-        reel_pool_allocate(call, pool, group->n_corrections, n_columns * sizeof *found->offsets);
+    int64_t *starts = result->starts = reel_pool_allocate(call, pool, n_frames + 1, sizeof *starts);
+    result->items = reel_pool_allocate(call, pool, group->n_corrections, sizeof *result->items);
+    result->offsets =
+        reel_pool_allocate(call, pool, group->n_corrections, n_columns * sizeof *result->offsets);
     int64_t *begins = reel_scratch(call, group->n_corrected + 1, sizeof *begins);
     int32_t *run_of = reel_scratch(call, n_items, sizeof *run_of);
-    if (failed || !starts || !found->items || !found->offsets || !begins || !run_of) {
+    if (failed || !starts || !result->items || !result->offsets || !begins || !run_of) {
         return call->error.code;
     }
     reel_zero(starts, (n_frames + 1) * sizeof *starts);
@@ -357,7 +358,7 @@ int reel_read_corrections(reel_call *call, reel_pool *pool, const reel_group *gr
         if (run_of[i] >= 0) {
             int64_t offsets[256];
             store_run(&coded, begins[run_of[i]], begins[run_of[i] + 1], (int32_t)i,
-                      (double)group->correction_step, offsets, starts, found);
+                      (double)group->correction_step, offsets, starts, result);
         }
     }
     for (uint64_t t = n_frames; t > 0; t--) {

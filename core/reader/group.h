@@ -54,6 +54,6 @@ typedef struct {
    NULL. */
 int reel_read_corrections(reel_call *call, reel_pool *pool, const reel_group *group,
                           uint32_t n_columns, uint64_t n_items, const int32_t *inverse,
-                          reel_corrections *found);
+                          reel_corrections *result);
 
 #endif

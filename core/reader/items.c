@@ -13,19 +13,19 @@ typedef struct {
 } fans;
 
 static int find_fans(reel_call *call, reel_pool *pool, const reel_outline *outline,
-                     const uint32_t *face_sizes, fans *found) {
-    *found = (fans){.n_polygons = outline->n_polygons, .n_corners = outline->n_corners};
-    found->corners = reel_scratch(call, 3 * outline->n_faces, sizeof *found->corners);
-    found->polygons = reel_pool_allocate(call, pool, outline->n_faces, sizeof *found->polygons);
-    if (!found->corners || !found->polygons) {
+                     const uint32_t *face_sizes, fans *result) {
+    *result = (fans){.n_polygons = outline->n_polygons, .n_corners = outline->n_corners};
+    result->corners = reel_scratch(call, 3 * outline->n_faces, sizeof *result->corners);
+    result->polygons = reel_pool_allocate(call, pool, outline->n_faces, sizeof *result->polygons);
+    if (!result->corners || !result->polygons) {
         return call->error.code;
     }
-    reel_find_fans(outline, face_sizes, found->corners);
+    reel_find_fans(outline, face_sizes, result->corners);
     uint64_t triangle = 0;
     for (uint64_t polygon = 0; polygon < outline->n_polygons; polygon++) {
         uint32_t size = face_sizes ? face_sizes[polygon] : 3;
         for (uint32_t k = 2; k < size; k++) {
-            found->polygons[triangle++] = (int32_t)polygon;
+            result->polygons[triangle++] = (int32_t)polygon;
         }
     }
     return MESHREEL_OK;
@@ -131,15 +131,15 @@ static int read_rows(reel_call *call, reel_pool *pool, const reel_outline *outli
 /* Find the output vertex of each row. */
 static int find_row_vertices(reel_call *call, reel_pool *pool, const corner_rows *rows,
                              const reel_mesh_data *mesh, uint64_t n_verts, uint64_t n_corners,
-                             const int32_t *vertices, const int32_t **found) {
-    int32_t *own = reel_pool_allocate(call, pool, rows->n_rows, sizeof *own);
-    *found = own;
-    if (!own) {
+                             const int32_t *vertices, const int32_t **result) {
+    int32_t *row_vertices = reel_pool_allocate(call, pool, rows->n_rows, sizeof *row_vertices);
+    *result = row_vertices;
+    if (!row_vertices) {
         return call->error.code;
     }
-    reel_copy(own, mesh->to_output, n_verts * sizeof *own);
+    reel_copy(row_vertices, mesh->to_output, n_verts * sizeof *row_vertices);
     for (uint64_t i = 0; i < n_corners; i++) {
-        own[rows->of_corners[i]] = vertices[i];
+        row_vertices[rows->of_corners[i]] = vertices[i];
     }
     return MESHREEL_OK;
 }

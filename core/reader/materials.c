@@ -44,7 +44,7 @@ static bool is_valid_for_slot(unsigned slot, uint8_t channels) {
 
 /* Read the channels, wrap modes and filters of a texture. */
 static int read_sampling(reel_call *call, reel_range *left, unsigned slot,
-                         meshreel_texture *found) {
+                         meshreel_texture *result) {
     uint64_t at = left->at;
     uint8_t bytes[3];
     int failed = reel_read_bytes(call, left, bytes, sizeof bytes);
@@ -54,43 +54,43 @@ static int read_sampling(reel_call *call, reel_range *left, unsigned slot,
     if (!is_valid_for_slot(slot, bytes[0])) {
         return reel_corrupt(call, at, "a texture uses channels that its slot does not allow");
     }
-    found->channels = bytes[0];
-    found->wrap_u = bytes[1] & 15U;
-    found->wrap_v = bytes[1] >> 4;
-    found->magnified = bytes[2] & 15U;
-    found->shrunk = bytes[2] >> 4;
-    if (found->wrap_u > LAST_WRAP || found->wrap_v > LAST_WRAP) {
+    result->channels = bytes[0];
+    result->wrap_u = bytes[1] & 15U;
+    result->wrap_v = bytes[1] >> 4;
+    result->magnified = bytes[2] & 15U;
+    result->shrunk = bytes[2] >> 4;
+    if (result->wrap_u > LAST_WRAP || result->wrap_v > LAST_WRAP) {
         return reel_corrupt(call, at + 1, "the wrap mode of a texture is unknown");
     }
-    if (found->magnified > LAST_MAGNIFIED || found->shrunk > LAST_SHRUNK) {
+    if (result->magnified > LAST_MAGNIFIED || result->shrunk > LAST_SHRUNK) {
         return reel_corrupt(call, at + 2, "the filter of a texture is unknown");
     }
     return MESHREEL_OK;
 }
 
 static int read_texture(reel_call *call, reel_pool *pool, reel_range *left, uint32_t n_images,
-                        unsigned slot, meshreel_texture *found) {
+                        unsigned slot, meshreel_texture *result) {
     uint64_t at = left->at, image;
     double numbers[TEXTURE_NUMBERS] = {0.0, 0.0, 0.0, 1.0, 1.0};
     int failed = reel_read_varint(call, left, &image);
     if (!failed && image >= n_images) {
         return reel_corrupt(call, at, "a texture refers to an image that does not exist");
     }
-    failed = failed ? failed : reel_read_text(call, pool, left, &found->uv);
-    failed = failed ? failed : read_sampling(call, left, slot, found);
+    failed = failed ? failed : reel_read_text(call, pool, left, &result->uv);
+    failed = failed ? failed : read_sampling(call, left, slot, result);
     failed = failed ? failed : read_numbers(call, left, TEXTURE_NUMBERS, numbers);
     if (failed) {
         return failed;
     }
-    found->image = (uint32_t)image;
-    reel_copy(found->offset, numbers, sizeof found->offset);
-    found->rotation = numbers[2];
-    reel_copy(found->scale, numbers + 3, sizeof found->scale);
+    result->image = (uint32_t)image;
+    reel_copy(result->offset, numbers, sizeof result->offset);
+    result->rotation = numbers[2];
+    reel_copy(result->scale, numbers + 3, sizeof result->scale);
     return MESHREEL_OK;
 }
 
 static int read_textures(reel_call *call, reel_pool *pool, reel_range *left, uint32_t n_images,
-                         meshreel_material *found) {
+                         meshreel_material *result) {
     uint64_t at = left->at;
     uint8_t slots;
     int failed = reel_read_bytes(call, left, &slots, 1);
@@ -98,7 +98,7 @@ static int read_textures(reel_call *call, reel_pool *pool, reel_range *left, uin
         return reel_corrupt(call, at, "a material has textures in unknown slots");
     }
     for (unsigned slot = 0; !failed && slot < MESHREEL_SLOTS; slot++) {
-        meshreel_texture *texture = &found->textures[slot];
+        meshreel_texture *texture = &result->textures[slot];
         *texture = (meshreel_texture){
             .image = MESHREEL_NONE, .uv = {.bytes = ""}, .scale = {1.0, 1.0}};
         if (slots >> slot & 1U) {
@@ -110,54 +110,54 @@ static int read_textures(reel_call *call, reel_pool *pool, reel_range *left, uin
 
 /* ---- materials ---- */
 
-static int read_flags(reel_call *call, reel_range *left, meshreel_material *found) {
+static int read_flags(reel_call *call, reel_range *left, meshreel_material *result) {
     uint64_t at = left->at;
     uint8_t flags;
     int failed = reel_read_bytes(call, left, &flags, 1);
     if (failed) {
         return failed;
     }
-    found->alpha_mode = flags & 3U;
-    found->is_double_sided = (flags & DOUBLE_SIDED) != 0;
-    found->is_unlit = (flags & UNLIT) != 0;
-    return flags <= MAX_FLAGS && found->alpha_mode <= LAST_ALPHA_MODE
+    result->alpha_mode = flags & 3U;
+    result->is_double_sided = (flags & DOUBLE_SIDED) != 0;
+    result->is_unlit = (flags & UNLIT) != 0;
+    return flags <= MAX_FLAGS && result->alpha_mode <= LAST_ALPHA_MODE
                ? MESHREEL_OK
                : reel_corrupt(call, at, "the flags or the alpha mode of a material are unknown");
 }
 
-static int read_appearance(reel_call *call, reel_range *left, meshreel_material *found) {
+static int read_appearance(reel_call *call, reel_range *left, meshreel_material *result) {
     double numbers[MATERIAL_NUMBERS] = {1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.5};
     int failed = read_numbers(call, left, MATERIAL_NUMBERS, numbers);
-    reel_copy(found->base_color, numbers, sizeof found->base_color);
-    found->metallic = numbers[4];
-    found->roughness = numbers[5];
-    reel_copy(found->emissive, numbers + 6, sizeof found->emissive);
-    found->normal_scale = numbers[9];
-    found->occlusion_strength = numbers[10];
-    found->alpha_cutoff = numbers[11];
+    reel_copy(result->base_color, numbers, sizeof result->base_color);
+    result->metallic = numbers[4];
+    result->roughness = numbers[5];
+    reel_copy(result->emissive, numbers + 6, sizeof result->emissive);
+    result->normal_scale = numbers[9];
+    result->occlusion_strength = numbers[10];
+    result->alpha_cutoff = numbers[11];
     return failed;
 }
 
 int reel_read_material(reel_call *call, reel_pool *pool, reel_range payload, uint32_t n_images,
-                       meshreel_material *found) {
+                       meshreel_material *result) {
     reel_range left = payload;
-    *found = (meshreel_material){0};
-    int failed = reel_read_text(call, pool, &left, &found->name);
-    failed = failed ? failed : read_flags(call, &left, found);
-    failed = failed ? failed : read_appearance(call, &left, found);
-    failed = failed ? failed : read_textures(call, pool, &left, n_images, found);
+    *result = (meshreel_material){0};
+    int failed = reel_read_text(call, pool, &left, &result->name);
+    failed = failed ? failed : read_flags(call, &left, result);
+    failed = failed ? failed : read_appearance(call, &left, result);
+    failed = failed ? failed : read_textures(call, pool, &left, n_images, result);
     return failed || !left.length ? failed
                                   : reel_corrupt(call, left.at, "bytes follow the last texture");
 }
 
 /* ---- images ---- */
 
-int reel_read_image(reel_call *call, reel_pool *pool, reel_range payload, meshreel_image *found) {
+int reel_read_image(reel_call *call, reel_pool *pool, reel_range payload, meshreel_image *result) {
     reel_range left = payload;
-    *found = (meshreel_image){0};
-    int failed = reel_read_text(call, pool, &left, &found->name);
-    failed = failed ? failed : reel_read_text(call, pool, &left, &found->media_type);
-    found->offset = left.at;
-    found->size = left.length;
+    *result = (meshreel_image){0};
+    int failed = reel_read_text(call, pool, &left, &result->name);
+    failed = failed ? failed : reel_read_text(call, pool, &left, &result->media_type);
+    result->offset = left.at;
+    result->size = left.length;
     return failed;
 }

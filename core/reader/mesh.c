@@ -105,7 +105,7 @@ static int view_order(reel_call *call, const reel_outline *outline, reel_order_j
 }
 
 int reel_prepare_order(reel_call *call, reel_pool *pool, const reel_outline *outline,
-                       reel_mesh_data *mesh, reel_order_job **found) {
+                       reel_mesh_data *mesh, reel_order_job **result) {
     int64_t n_verts = (int64_t)outline->n_verts, n_faces = (int64_t)outline->n_faces;
     reel_order_job *job = reel_scratch(call, 1, sizeof *job);
     mesh->to_internal = reel_pool_allocate(call, pool, outline->n_verts, sizeof(int32_t));
@@ -115,7 +115,7 @@ int reel_prepare_order(reel_call *call, reel_pool *pool, const reel_outline *out
         return call->error.code;
     }
     *job = (reel_order_job){.outline = outline, .mesh = mesh};
-    *found = job;
+    *result = job;
     int failed = view_order(call, outline, job);
     if (failed || !job->bytes) {
         return failed;

@@ -32,29 +32,29 @@ int reel_read(reel_call *call, uint64_t at, void *to, size_t size) {
     return MESHREEL_OK;
 }
 
-int reel_announce(reel_call *call, reel_range stretch) {
+int reel_announce(reel_call *call, reel_range range) {
     const meshreel_source *source = call->source;
     if (source->bytes || !source->announce ||
-        !source->announce(source->user, stretch.at, stretch.length)) {
+        !source->announce(source->user, range.at, range.length)) {
         return MESHREEL_OK;
     }
-    reel_fail(call, MESHREEL_UNREADABLE, stretch.at, "the function that announces a range failed");
-    call->error.size = stretch.length;
+    reel_fail(call, MESHREEL_UNREADABLE, range.at, "the function that announces a range failed");
+    call->error.size = range.length;
     return MESHREEL_UNREADABLE;
 }
 
-int reel_view(reel_call *call, reel_range stretch, const uint8_t **found) {
+int reel_view(reel_call *call, reel_range range, const uint8_t **result) {
     const meshreel_source *source = call->source;
-    if (stretch.at > source->size || stretch.length > source->size - stretch.at) {
+    if (range.at > source->size || range.length > source->size - range.at) {
         return truncated(call, source->size);
     }
     if (source->bytes) {
-        *found = (const uint8_t *)source->bytes + stretch.at;
+        *result = (const uint8_t *)source->bytes + range.at;
         return MESHREEL_OK;
     }
-    uint8_t *copy = reel_scratch(call, stretch.length, 1);
-    *found = copy;
-    return copy ? reel_read(call, stretch.at, copy, (size_t)stretch.length) : call->error.code;
+    uint8_t *copy = reel_scratch(call, range.length, 1);
+    *result = copy;
+    return copy ? reel_read(call, range.at, copy, (size_t)range.length) : call->error.code;
 }
 
 /* CRC-32 table of 4-bit values. */
@@ -198,7 +198,7 @@ int reel_decode_rows(reel_call *call, reel_range coded, const int64_t *lengths,
     return reel_fail_core(call, result, coded.at, "integers are damaged");
 }
 
-int reel_section_at(reel_call *call, uint64_t at, uint64_t limit, reel_section *found) {
+int reel_section_at(reel_call *call, uint64_t at, uint64_t limit, reel_section *result) {
     uint8_t id;
     if (at >= limit) {
         return truncated(call, at);
@@ -214,7 +214,7 @@ int reel_section_at(reel_call *call, uint64_t at, uint64_t limit, reel_section *
         return reel_fail(call, MESHREEL_TRUNCATED, at,
                          "the file ends inside a section; fetch it again");
     }
-    *found = (reel_section){id, at, {left.at, length}, left.at + length + 4};
+    *result = (reel_section){id, at, {left.at, length}, left.at + length + 4};
     return MESHREEL_OK;
 }
 

@@ -54,10 +54,10 @@ typedef struct {
 int reel_read(reel_call *call, uint64_t at, void *to, size_t size);
 
 /* Announce to the host that a range is about to be read. */
-int reel_announce(reel_call *call, reel_range stretch);
+int reel_announce(reel_call *call, reel_range range);
 
 /* Return a range of the file: in place if it is in memory, else a copy in scratch memory. */
-int reel_view(reel_call *call, reel_range stretch, const uint8_t **found);
+int reel_view(reel_call *call, reel_range range, const uint8_t **result);
 
 /* Verify that `length` bytes are followed by their CRC-32. */
 int reel_check_crc(reel_call *call, uint64_t at, uint64_t length);
@@ -78,7 +78,7 @@ int reel_decode_rows(reel_call *call, reel_range coded, const int64_t *lengths,
                      const int32_t *tables, int64_t n_rows, int64_t n_tables, int32_t **values);
 
 /* Parse the section at a byte of the file, which must end before `limit`. */
-int reel_section_at(reel_call *call, uint64_t at, uint64_t limit, reel_section *found);
+int reel_section_at(reel_call *call, uint64_t at, uint64_t limit, reel_section *result);
 
 /* Verify the checksum of a section, and that it is known or optional. */
 int reel_section_check(reel_call *call, const reel_section *section);

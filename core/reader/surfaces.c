@@ -13,45 +13,46 @@
 
 /* Read the number of items that follow, each of at least `bytes_each` bytes. */
 static int read_count(reel_call *call, reel_range *left, uint64_t bytes_each, uint32_t *count) {
-    uint64_t at = left->at, found;
-    int failed = reel_read_varint(call, left, &found);
+    uint64_t at = left->at, result;
+    int failed = reel_read_varint(call, left, &result);
     if (failed) {
         return failed;
     }
-    if (found > left->length / bytes_each) {
+    if (result > left->length / bytes_each) {
         return reel_corrupt(call, at, "the count of labels or parts exceeds the section");
     }
-    if (found > MAX_ITEMS) {
+    if (result > MAX_ITEMS) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, at, "more than 2^31 - 1 labels or parts");
     }
-    *count = (uint32_t)found;
+    *count = (uint32_t)result;
     return MESHREEL_OK;
 }
 
 /* ---- groups ---- */
 
-static int read_labels(reel_call *call, reel_pool *pool, reel_range *left, meshreel_groups *found) {
-    int failed = read_count(call, left, LABEL_BYTES, &found->n_labels);
+static int read_labels(reel_call *call, reel_pool *pool, reel_range *left,
+                       meshreel_groups *result) {
+    int failed = read_count(call, left, LABEL_BYTES, &result->n_labels);
     if (failed) {
         return failed;
     }
-    meshreel_text *labels = reel_pool_allocate(call, pool, found->n_labels, sizeof *labels);
+    meshreel_text *labels = reel_pool_allocate(call, pool, result->n_labels, sizeof *labels);
     failed = labels ? MESHREEL_OK : call->error.code;
-    for (uint32_t i = 0; !failed && i < found->n_labels; i++) {
+    for (uint32_t i = 0; !failed && i < result->n_labels; i++) {
         failed = reel_read_text(call, pool, left, &labels[i]);
     }
-    found->labels = labels;
+    result->labels = labels;
     return failed;
 }
 
 static int read_groups(reel_call *call, reel_pool *pool, uint64_t n_faces, reel_range payload,
-                       meshreel_groups *found) {
+                       meshreel_groups *result) {
     reel_range left = payload;
     int64_t length = (int64_t)n_faces, label = 0;
     int32_t table = 0, *differences;
-    *found = (meshreel_groups){0};
-    int failed = reel_read_text(call, pool, &left, &found->name);
-    failed = failed ? failed : read_labels(call, pool, &left, found);
+    *result = (meshreel_groups){0};
+    int failed = reel_read_text(call, pool, &left, &result->name);
+    failed = failed ? failed : read_labels(call, pool, &left, result);
     failed = failed ? failed : reel_decode_rows(call, left, &length, &table, 1, 1, &differences);
     if (failed) {
         return failed;
@@ -62,31 +63,31 @@ static int read_groups(reel_call *call, reel_pool *pool, uint64_t n_faces, reel_
     }
     for (uint64_t i = 0; i < n_faces; i++) {
         label += differences[i];
-        if (label < -1 || label >= found->n_labels) {
+        if (label < -1 || label >= result->n_labels) {
             return reel_corrupt(call, left.at, "a face is in a group that does not exist");
         }
         of_faces[i] = (int32_t)label;
     }
-    found->of_faces = of_faces;
+    result->of_faces = of_faces;
     return MESHREEL_OK;
 }
 
 /* ---- parts ---- */
 
 static int read_part(reel_call *call, reel_pool *pool, reel_range *left, uint64_t *n_verts,
-                     uint64_t *n_faces, meshreel_part *found) {
+                     uint64_t *n_faces, meshreel_part *result) {
     uint64_t at = left->at, own_verts, own_faces;
     int failed = reel_read_varint(call, left, &own_verts);
     failed = failed ? failed : reel_read_varint(call, left, &own_faces);
-    failed = failed ? failed : reel_read_text(call, pool, left, &found->name);
+    failed = failed ? failed : reel_read_text(call, pool, left, &result->name);
     if (failed) {
         return failed;
     }
     if (own_verts > *n_verts || own_faces > *n_faces) {
         return reel_corrupt(call, at, "parts have more vertices or faces than the mesh");
     }
-    found->n_verts = (uint32_t)own_verts;
-    found->n_faces = (uint32_t)own_faces;
+    result->n_verts = (uint32_t)own_verts;
+    result->n_faces = (uint32_t)own_faces;
     *n_verts -= own_verts;
     *n_faces -= own_faces;
     return MESHREEL_OK;

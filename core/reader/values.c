@@ -146,15 +146,15 @@ static bool are_finite(const void *numbers, uint32_t size, uint64_t count) {
     uint64_t mask = size == 4 ? 0x7FFFFFFF7FFFFFFFU : 0x7FFFFFFFFFFFFFFFU;
     uint64_t one = size == 4 ? 0x0080000000800000U : 0x0010000000000000U;
     const uint8_t *bytes = numbers;
-    uint64_t n_bytes = count * size, n_words = n_bytes / 8, found = 0, word = 0;
+    uint64_t n_bytes = count * size, n_words = n_bytes / 8, result = 0, word = 0;
     for (uint64_t i = 0; i < n_words; i++) {
         reel_copy(&word, bytes + 8 * i, sizeof word);
-        found |= (word & mask) + one;
+        result |= (word & mask) + one;
     }
     word = 0;
     reel_copy(&word, bytes + 8 * n_words, (size_t)(n_bytes - 8 * n_words));
-    found |= (word & mask) + one;
-    return !(found & ~mask);
+    result |= (word & mask) + one;
+    return !(result & ~mask);
 }
 
 static int positions_of(reel_call *call, const meshreel_decoder *decoder, uint64_t first,
@@ -194,20 +194,20 @@ typedef struct {
 
 static int positions_around(reel_call *call, meshreel_decoder *decoder, uint64_t block,
                             uint64_t first, uint64_t count, uint64_t margin,
-                            position_window *found) {
+                            position_window *result) {
     const reel_outline *outline = &decoder->file->outline;
     uint64_t n_frames = outline->blocks[block].n_frames;
     uint64_t begin = first > margin ? first - margin : 0;
     uint64_t end = first + count + margin < n_frames ? first + count + margin : n_frames;
-    *found = (position_window){NULL, outline->number_bytes, first - begin, end - begin,
-                               outline->n_verts};
+    *result = (position_window){NULL, outline->number_bytes, first - begin, end - begin,
+                                outline->n_verts};
     int failed = reel_load(call, decoder, 0, block, 0);
     if (failed) {
         return failed;
     }
-    found->numbers = reel_scratch(call, 3 * outline->n_verts * found->count, found->size);
-    return found->numbers
-               ? positions_of(call, decoder, begin, found->count, found->size, found->numbers)
+    result->numbers = reel_scratch(call, 3 * outline->n_verts * result->count, result->size);
+    return result->numbers
+               ? positions_of(call, decoder, begin, result->count, result->size, result->numbers)
                : call->error.code;
 }
 
@@ -313,12 +313,12 @@ static int surface_normals(reel_call *call, const meshreel_file *file,
     int64_t size = outline->number_bytes, n_items = state->items.graph.n_items;
     bool is_of_faces = domain == MESHREEL_FACES;
     const int32_t *vertex = state->items.vertex;
-    double *found = is_of_faces || !vertex ? normals : of_vertices;
+    double *output = is_of_faces || !vertex ? normals : of_vertices;
     int64_t result = reel_normals(
         positions, size, 1, n_verts,
         is_of_faces ? (const int32_t *)file->mesh.triangles : summed_faces_of, n_faces,
-        is_of_faces ? state->items.polygon : NULL, is_of_faces ? n_items : n_verts, found);
-    for (int64_t i = 0; i < n_items && found != normals; i++) {
+        is_of_faces ? state->items.polygon : NULL, is_of_faces ? n_items : n_verts, output);
+    for (int64_t i = 0; i < n_items && output != normals; i++) {
         reel_copy(normals + 3 * i, of_vertices + 3 * (int64_t)vertex[i], 3 * sizeof *normals);
     }
     return reel_fail_core(call, result, 0, "the normals of a surface cannot be found");
