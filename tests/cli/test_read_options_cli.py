@@ -28,7 +28,7 @@ def half_bad(tmp_path):
 @pytest.mark.parametrize("command", ["encode", "convert"])
 def test_command_leaves_the_bad_mesh_out_when_told_to(half_bad, tmp_path, command):
     out = tmp_path / ("out.reel" if command == "encode" else "out.npz")
-    assert_fails(run(command, half_bad, "-o", out, "--merge"), "names vertex 9")
+    assert_fails(run(command, half_bad, "-o", out, "--merge"), "uses vertex 9")
     figures = run_json(command, half_bad, "-o", out, "--skip-bad")
     assert any("meshes that cannot be read: /bad (" in note for note in figures["notes"])
     assert meshreel.load(out).n_verts == 3

@@ -15,7 +15,7 @@ from meshreel.formats.notes import LEFT_OUT
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.remote import at_hand
 from meshreel.formats.scenes.scene_mesh import SceneMesh
-from meshreel.formats.scenes.scene_source import wanted_meshes
+from meshreel.formats.scenes.scene_source import selected_meshes
 from meshreel.formats.scenes.timing import frame_times
 from meshreel.formats.sources import Source, SourceFiles, find_files
 from meshreel.formats.supported_options import check_read_options
@@ -175,7 +175,7 @@ def _infos(found: SourceFiles, options: ReadOptions) -> Iterator[MeshInfo]:
     path = found.paths[0]
     if isinstance(found.format, SequenceFormat) and found.format.read_meshes is not None:
         with errors_naming(path):
-            meshes = wanted_meshes(found.format.read_meshes, path, options)
+            meshes = selected_meshes(found.format.read_meshes, path, options)
             for number, mesh in enumerate(meshes):
                 try:
                     yield _scene_mesh_info(mesh, options, number, len(meshes))
@@ -229,9 +229,7 @@ def _scene_mesh_info(mesh: SceneMesh, options: ReadOptions, number: int, n_meshe
         low, high = np.minimum(low, lows[0]), np.maximum(high, highs[0])
         progress("reading", Count(index + 1, n_frames, "frames"))
     if not timing.is_even:
-        options.notes.append(
-            f"times of frames are not even; taken as {timing.fps:g} frames per second"
-        )
+        options.notes.append(f"frame times are uneven; read as {timing.fps:g} frames per second")
     surface = mesh.surface(0)
     return replace(
         _shape_info(mesh, options),

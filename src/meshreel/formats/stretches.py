@@ -12,7 +12,7 @@ from meshreel.formats.frames.selection import select_attributes
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.load import open_mesh_files
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.scenes.scene_source import chosen_mesh, part_of, sequence_of
+from meshreel.formats.scenes.scene_source import frame_range, open_mesh, select_mesh
 from meshreel.formats.sources import Source, SourceFiles, find_files
 from meshreel.formats.supported_options import check_read_options
 from meshreel.formats.surfaces.polygons import PolygonMesh
@@ -75,11 +75,11 @@ def _stretches(found: SourceFiles, options: ReadOptions) -> list[Stretch]:
     if form.read_meshes is None:
         sequence = form.open(path, options)
         return [Stretch(0, sequence.n_frames, lambda: sequence)]
-    mesh = chosen_mesh(form.read_meshes, path, options)
+    mesh = select_mesh(form.read_meshes, path, options)
     with errors_naming(path):
         runs = _same_faces(mesh.frame, len(mesh.times_s), options)
     return [
-        Stretch(start, stop, partial(sequence_of, part_of(mesh, start, stop), path, options))
+        Stretch(start, stop, partial(open_mesh, frame_range(mesh, start, stop), path, options))
         for start, stop in runs
     ]
 

@@ -69,18 +69,18 @@ def only_our_errors_come(path, data):
 
 
 @pytest.mark.parametrize("name", ["a.obj", "a.ply", "a.off", "a.stl", "a.npz"])
-def test_load_raises_only_our_errors_when_our_own_files_are_damaged(tmp_path, make_sequence, name):
+def test_damaged_files_of_meshreel_raise_only_meshreel_errors(tmp_path, make_sequence, name):
     [path] = save(make_sequence(1), tmp_path / name)
     assert only_our_errors_come(path, path.read_bytes())
 
 
 @pytest.mark.parametrize("name", TEXTS)
-def test_load_raises_only_our_errors_when_text_files_are_damaged(tmp_path, name):
+def test_damaged_text_files_raise_only_meshreel_errors(tmp_path, name):
     assert only_our_errors_come(tmp_path / name, TEXTS[name].encode())
 
 
 @pytest.mark.parametrize("encoding", ["binary_little_endian", "binary_big_endian"])
-def test_load_raises_only_our_errors_when_mixed_binary_files_are_damaged(tmp_path, encoding):
+def test_damaged_binary_files_raise_only_meshreel_errors(tmp_path, encoding):
     order = "<" if encoding.startswith("binary_l") else ">"
     header = TEXTS["text.ply"].split("end_header")[0].replace("ascii", encoding)
     header = header.replace("double z", "float z") + "end_header\n"

@@ -70,7 +70,7 @@ def given(tmp_path_factory):
         list(itertools.product(ENDINGS, repeat=2)),
     ),
 )
-def test_positions_and_polygons_survive_from_format_to_format(source, target, given, tmp_path):
+def test_positions_and_polygons_survive_every_conversion(source, target, given, tmp_path):
     expected = given(source)
     found = written(expected, tmp_path / "out", target)
     assert found.n_frames == expected.n_frames == 6
@@ -106,7 +106,7 @@ def assert_same_triangles(found, expected):
 
 
 @pytest.mark.parametrize("ending", [one.ending for one in WRITTEN])
-def test_stream_gives_back_what_the_format_gave(ending, given):
+def test_stream_preserves_what_a_format_stores(ending, given):
     expected = given(ending)
     found = meshreel.decode(meshreel.encode(expected, max_error=0.01))
     np.testing.assert_array_equal(found.faces, expected.faces)
@@ -115,7 +115,7 @@ def test_stream_gives_back_what_the_format_gave(ending, given):
 
 
 @pytest.mark.parametrize("ending", sorted({one.ending for one in WRITTEN} - WITHOUT_UV))
-def test_texture_coordinates_survive_when_a_format_holds_them(ending, given):
+def test_texture_coordinates_survive_conversions(ending, given):
     (uv, *_) = given(ending).surface.of_kind(meshreel.Kind.UV)
     expected = quad_sheet().surface.attributes[0].per_item()
     items = uv.per_item()

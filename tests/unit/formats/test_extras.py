@@ -27,9 +27,7 @@ def without(monkeypatch):
 @pytest.mark.parametrize(
     ("module", "ending", "extra"), [("h5py", ".h5", HDF), ("pxr", ".usdc", USD)]
 )
-def test_save_names_the_extra_before_any_work_when_its_library_is_missing(
-    tmp_path, without, module, ending, extra
-):
+def test_save_names_a_missing_extra_before_any_work(tmp_path, without, module, ending, extra):
     without(module)
     with pytest.raises(FormatError) as error:
         save(waving_grid(), tmp_path / f"a{ending}")
@@ -39,9 +37,7 @@ def test_save_names_the_extra_before_any_work_when_its_library_is_missing(
 
 
 @pytest.mark.parametrize(("module", "ending"), [("h5py", ".h5"), ("pxr", ".usdc")])
-def test_load_names_the_file_and_the_extra_when_its_library_is_missing(
-    tmp_path, without, module, ending
-):
+def test_load_names_the_file_and_a_missing_extra(tmp_path, without, module, ending):
     path = tmp_path / f"a{ending}"
     path.write_bytes(b"whatever")
     without(module)
@@ -49,11 +45,11 @@ def test_load_names_the_file_and_the_extra_when_its_library_is_missing(
         load(path)
 
 
-def test_extra_is_not_installed_when_its_module_is_nowhere():
+def test_extra_without_its_module_is_not_installed():
     assert not MISSING.is_installed
 
 
-def test_formats_say_which_extra_brings_them():
+def test_described_formats_name_their_extra():
     extras = {one["ending"]: one["extra"] for one in described_formats()}
     assert extras[".usdz"] == "usd"
     assert extras[".abc"] == "alembic"

@@ -72,9 +72,7 @@ def limited(monkeypatch):
         ],
     ),
 )
-def test_convert_names_the_file_and_leaves_none_when_it_grows_too_large(
-    limited, reel, tmp_path, ending, limit
-):
+def test_full_disk_error_names_the_file_and_leaves_none(limited, reel, tmp_path, ending, limit):
     extra = getattr(output_format_of(Path(f"walk{ending}")), "extra", None)
     if extra is not None and not extra.is_installed:
         pytest.skip(f"{extra.library} is not installed")

@@ -46,7 +46,7 @@ def read(tmp_path):
     return loaded
 
 
-def test_rims_are_hard_when_a_glb_splits_vertices_there(read):
+def test_glb_with_split_vertices_has_hard_rims(read):
     found, notes = read(cake_file())
     assert found.n_verts == CAKE.n_verts
     assert places(found) == places(CAKE)
@@ -54,12 +54,12 @@ def test_rims_are_hard_when_a_glb_splits_vertices_there(read):
     assert NORMALS_LEFT_OUT not in notes
 
 
-def test_rims_are_hard_when_the_node_mirrors_its_mesh(read):
+def test_mirrored_glb_node_has_hard_rims(read):
     found, _ = read(cake_file(scale=[-1, 1, 1]))
     assert len(found.surface.hard_edges) == 48
 
 
-def test_rims_of_all_instances_are_hard(read):
+def test_all_gltf_instances_have_hard_rims(read):
     file = cake_file()
     shifts = file.accessor([[0, 0, 0], [5, 0, 0], [0, 7, 0]])
     file.json["nodes"][0]["extensions"] = {
@@ -75,7 +75,7 @@ def test_rims_of_all_instances_are_hard(read):
     assert places(found) == moved
 
 
-def test_hard_edges_are_those_of_all_parts_when_meshes_are_merged(read):
+def test_merged_mesh_has_the_hard_edges_of_all_parts(read):
     file = cake_file()
     file.node(mesh=file.mesh([[0, 0, 9], [1, 0, 9], [0, 1, 9]]))
     file.node(mesh=0, translation=[5, 0, 0])
@@ -85,7 +85,7 @@ def test_hard_edges_are_those_of_all_parts_when_meshes_are_merged(read):
     assert found.surface.hard_edges.max() == found.n_verts - 2 - 1
 
 
-def test_a_box_has_hard_edges_but_no_diagonals_when_a_glb_has_its_normals(read):
+def test_diagonals_of_a_glb_box_are_not_hard(read):
     file = Gltf()
     quads = BOX_CORNERS[BOX_QUADS]
     normals = np.cross(quads[:, 1] - quads[:, 0], quads[:, 2] - quads[:, 0])
@@ -120,13 +120,13 @@ def pxr():
     pytest.importorskip("pxr")
 
 
-def test_rims_are_hard_when_a_usd_mesh_has_normals_of_corners(read, pxr):
+def test_usd_corner_normals_give_hard_rims(read, pxr):
     found, notes = read(usda(normals=cake_normals(CAKE)), ".usda")
     assert places(found) == places(CAKE)
     assert "kept 48 of 120 edges as hard edges" in notes[-1]
 
 
-def test_rims_are_hard_when_faces_of_a_usd_mesh_go_the_other_way(read, pxr):
+def test_left_handed_usd_mesh_has_hard_rims(read, pxr):
     starts = np.repeat(np.cumsum(SIZES) - SIZES, SIZES)
     turned = starts + (starts - np.arange(len(starts))) % np.repeat(SIZES, SIZES)
     text = usda('uniform token orientation = "leftHanded"', corners=CORNERS[turned],
@@ -136,13 +136,13 @@ def test_rims_are_hard_when_faces_of_a_usd_mesh_go_the_other_way(read, pxr):
     assert not any("do not follow" in note for note in notes)
 
 
-def test_edges_of_holes_are_not_hard_when_a_usd_mesh_has_some(read, pxr):
+def test_edges_of_usd_holes_are_not_hard(read, pxr):
     holes = f"int[] holeIndices = {list(range(24, 48))}"  # the bottom
     found, _ = read(usda(holes, normals=cake_normals(CAKE)), ".usda")
     assert places(found) == {e for e in places(CAKE) if all(z for _, _, z in e)}
 
 
-def test_creases_are_hard_when_a_usd_subdivision_surface_keeps_them_sharp(read, pxr):
+def test_sharp_usd_creases_are_hard(read, pxr):
     loop = [*range(24), 0]
     more = f"""int[] creaseIndices = {[*loop, *(24 + np.array(loop)).tolist()]}
   int[] creaseLengths = [25, 25]
@@ -161,13 +161,13 @@ def test_creases_are_hard_when_a_usd_subdivision_surface_keeps_them_sharp(read, 
         "int[] creaseLengths = [-1]",
     ],
 )
-def test_no_edge_is_hard_when_creases_do_not_fit(read, pxr, more):
+def test_invalid_usd_creases_are_ignored(read, pxr, more):
     found, notes = read(usda(more, scheme="catmullClark"), ".usda")
     assert found.surface.hard_edges is None
     assert not any("hard edges" in note for note in notes)
 
 
-def test_edges_of_flat_faces_are_hard_when_usd_has_primitives(read, pxr):
+def test_usd_primitives_have_hard_edges(read, pxr):
     cube, _ = read('#usda 1.0\ndef Cube "a" {}\n', ".usda")
     assert len(cube.surface.hard_edges) == 12
     can, _ = read('#usda 1.0\ndef Cylinder "a" {}\n', ".usda")
@@ -177,7 +177,7 @@ def test_edges_of_flat_faces_are_hard_when_usd_has_primitives(read, pxr):
     assert NORMALS_LEFT_OUT not in notes
 
 
-def test_hard_edges_are_those_of_all_copies_when_usd_has_instances(read, pxr):
+def test_all_usd_instances_have_hard_edges(read, pxr):
     text = """#usda 1.0
 def PointInstancer "p" {
   rel prototypes = </p/c>
@@ -192,7 +192,7 @@ def PointInstancer "p" {
     np.testing.assert_allclose(lengths, 2)
 
 
-def test_rims_are_hard_when_an_alembic_mesh_has_normals_of_corners(tmp_path):
+def test_alembic_corner_normals_give_hard_rims(tmp_path):
     sample = pytest.importorskip("samples.alembic")
     from alembic3d import AbcGeom
 
@@ -229,25 +229,25 @@ def cake_lines(word="{}", statements=None):
     return lines
 
 
-def test_rims_are_hard_when_corners_of_an_obj_file_name_normals(read):
+def test_obj_normals_give_hard_rims(read):
     found, notes = read(obj(cake_lines("{}//{}"), cake_normals(CAKE).tolist()), ".obj")
     assert places(found) == places(CAKE)
     assert "kept 48 of 120 edges as hard edges" in notes[-1]
 
 
-def test_rims_are_hard_when_an_obj_file_has_smoothing_groups(read):
+def test_obj_smoothing_groups_give_hard_rims(read):
     found, _ = read(obj(cake_lines(statements={0: "s 1\n", 24: "s 2\n", 48: "s off\n"})), ".obj")
     inner = {e for e in places(found) if (0.0, 0.0, 0.5) in e}
     assert places(found) - inner == places(CAKE)
     assert len(inner) == 24  # faces of no group share no normals
 
 
-def test_no_edge_is_hard_when_an_obj_file_has_one_smoothing_group(read):
+def test_single_obj_smoothing_group_gives_no_hard_edges(read):
     found, notes = read(obj(cake_lines(statements={0: "s 1\n"})), ".obj")
     assert found.surface.hard_edges is None
     assert not any("normals" in note for note in notes)
 
 
-def test_no_edge_is_hard_when_an_obj_file_has_bad_normals(read):
+def test_invalid_obj_normals_give_no_hard_edges(read):
     found, _ = read(obj(cake_lines("{}//{}"), [["x", 0, 0]]), ".obj")
     assert found.surface.hard_edges is None

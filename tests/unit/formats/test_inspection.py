@@ -22,7 +22,7 @@ def only_mesh(source, **options):
 
 
 @pytest.mark.parametrize("ending", [".npz", ".glb", ".usda", ".abc", ".h5", ".vtkhdf", ".reel"])
-def test_figures_are_those_of_the_sequence_when_a_file_holds_one(tmp_path, ending):
+def test_inspection_agrees_with_the_loaded_sequence(tmp_path, ending):
     sequence = waving_grid()
     save(sequence, tmp_path / f"a{ending}")
     found = only_mesh(tmp_path / f"a{ending}")
@@ -34,7 +34,7 @@ def test_figures_are_those_of_the_sequence_when_a_file_holds_one(tmp_path, endin
     np.testing.assert_allclose(found.high, sequence.extent.high, atol=off)
 
 
-def test_files_and_frames_are_counted_when_each_holds_a_frame(tmp_path):
+def test_inspection_counts_frame_files(tmp_path):
     save(waving_grid(5), tmp_path / "f_%d.obj")
     found = inspect_source(tmp_path, ReadOptions(fps=10))
     size = sum(path.stat().st_size for path in tmp_path.iterdir())
@@ -43,7 +43,7 @@ def test_files_and_frames_are_counted_when_each_holds_a_frame(tmp_path):
 
 
 @pytest.mark.parametrize("ending", [".npz", ".h5", ".vtkhdf"])
-def test_tracks_are_told_when_a_file_holds_some(tmp_path, ending):
+def test_inspection_lists_tracks(tmp_path, ending):
     pytest.importorskip("h5py")
     save(tracked_sheet(3, ("vertex",)), tmp_path / f"a{ending}")
     assert set(only_mesh(tmp_path / f"a{ending}").tracks) == {
@@ -55,7 +55,7 @@ def test_tracks_are_told_when_a_file_holds_some(tmp_path, ending):
     }
 
 
-def test_each_mesh_is_told_when_a_file_holds_several(tmp_path):
+def test_inspection_lists_each_mesh(tmp_path):
     save(two_sheets(), tmp_path / "two.usda")
     found = inspect_source(tmp_path / "two.usda", ReadOptions()).meshes
     assert [mesh.name for mesh in found] == ["/root/a", "/root/b"]
@@ -69,19 +69,19 @@ def test_each_mesh_is_told_when_a_file_holds_several(tmp_path):
 @pytest.mark.parametrize(
     ("options", "name"), [({"object": "b"}, "/root/b"), ({"merge": True}, "two")]
 )
-def test_one_mesh_is_told_when_it_is_chosen_or_all_are_merged(tmp_path, options, name):
+def test_inspection_follows_object_and_merge(tmp_path, options, name):
     save(two_sheets(), tmp_path / "two.usda")
     assert only_mesh(tmp_path / "two.usda", **options).name == name
 
 
-def test_change_of_faces_is_refused_when_frames_are_files(tmp_path):
+def test_inspection_rejects_frame_files_with_changing_faces(tmp_path):
     for number, rows in enumerate((5, 5, 6)):
         save(waving_grid(1, rows, 6), tmp_path / f"s_{number}.obj")
     with pytest.raises(InvalidInputError, match="--split"):
         inspect_source(tmp_path, ReadOptions())
 
 
-def test_bad_mesh_has_a_problem_when_others_of_the_file_are_good(tmp_path):
+def test_inspection_reports_the_problem_of_an_unreadable_mesh(tmp_path):
     save(two_sheets(), tmp_path / "two.usda")
     text = (tmp_path / "two.usda").read_text()
     head, mesh, rest = text.partition('def Mesh "b"')
@@ -93,7 +93,7 @@ def test_bad_mesh_has_a_problem_when_others_of_the_file_are_good(tmp_path):
     assert "must be finite" in bad.problem
 
 
-def test_what_is_left_out_is_listed_when_a_reader_says_so(tmp_path):
+def test_inspection_lists_what_is_left_out(tmp_path):
     save(waving_grid(), tmp_path / "a.npz")
     found = inspect_source(tmp_path / "a.npz", ReadOptions())
     told = replace(found, notes=("left out: lights: sun", "welded 3 vertices"))
@@ -101,7 +101,7 @@ def test_what_is_left_out_is_listed_when_a_reader_says_so(tmp_path):
     assert told.as_dict()["left_out"] == ["lights: sun"]
 
 
-def test_animations_of_a_gltf_file_are_listed_with_their_durations(tmp_path):
+def test_inspection_lists_gltf_animations(tmp_path):
     file = moving_triangle()
     camera = file.node(name="camera")
     file.animate(0, "scale", [0.5, 1.75], np.ones((2, 3)), animation=1)

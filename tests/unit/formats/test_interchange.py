@@ -28,9 +28,7 @@ def exported(sequence, **options):
         ("ply", {"encoding": "binary"}, 0),
     ],
 )
-def test_load_reads_the_mesh_when_trimesh_wrote_it(
-    tmp_path, make_sequence, ending, options, tolerance
-):
+def test_load_reads_meshes_of_trimesh(tmp_path, make_sequence, ending, options, tolerance):
     sequence = make_sequence(1)
     path = tmp_path / f"a.{ending}"
     path.write_bytes(exported(sequence, file_type=ending, **options))
@@ -40,7 +38,7 @@ def test_load_reads_the_mesh_when_trimesh_wrote_it(
 
 
 @pytest.mark.parametrize(("kind", "tolerance"), [("stl", 0), ("stl_ascii", 1e-6)])
-def test_load_reads_the_triangles_when_trimesh_wrote_stl(tmp_path, make_sequence, kind, tolerance):
+def test_load_reads_stl_of_trimesh(tmp_path, make_sequence, kind, tolerance):
     sequence = make_sequence(1)
     (tmp_path / "a.stl").write_bytes(exported(sequence, file_type=kind))
     found = load(tmp_path / "a.stl")
@@ -49,9 +47,7 @@ def test_load_reads_the_triangles_when_trimesh_wrote_stl(tmp_path, make_sequence
 
 
 @pytest.mark.parametrize("ending", ["obj", "off", "ply", "stl"])
-def test_save_writes_what_trimesh_reads_when_the_mesh_has_one_frame(
-    tmp_path, make_sequence, ending
-):
+def test_trimesh_reads_saved_meshes(tmp_path, make_sequence, ending):
     sequence = make_sequence(1)
     [path] = save(sequence, tmp_path / f"a.{ending}")
     mesh = trimesh.load(io.BytesIO(path.read_bytes()), file_type=ending, process=False)
@@ -67,7 +63,7 @@ def vtk_mesh(module, reader, path):
     return vtk_reader.GetOutput()
 
 
-def test_vtk_reads_colors_and_coordinates_when_we_wrote_ply(tmp_path):
+def test_vtk_reads_colors_and_uv_of_saved_ply(tmp_path):
     color, uv = attribute(Kind.COLOR, "vertex", 4, np.uint8), attribute(Kind.UV, "vertex", 2)
     (path,) = save(rich_cube(1, attributes=[color, uv]), tmp_path / "a.ply")
     found = vtk_mesh("vtkIOPLY", "vtkPLYReader", path).GetPointData()
@@ -75,7 +71,7 @@ def test_vtk_reads_colors_and_coordinates_when_we_wrote_ply(tmp_path):
     np.testing.assert_array_equal(found.GetTCoords(), uv.values)
 
 
-def test_vtk_reads_polygons_and_coordinates_when_we_wrote_obj(tmp_path):
+def test_vtk_reads_polygons_and_uv_of_saved_obj(tmp_path):
     uv = attribute(Kind.UV, "corner", 2, rows=9)
     (path,) = save(rich_cube(1, attributes=[uv]), tmp_path / "a.obj")
     found = vtk_mesh("vtkIOGeometry", "vtkOBJReader", path)

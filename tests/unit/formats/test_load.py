@@ -28,9 +28,7 @@ def write_frames(folder, *texts, ending="obj"):
         (np.float64, 1e5),
     ],
 )
-def test_load_gives_back_the_sequence_when_save_wrote_it(
-    tmp_path, make_sequence, ending, dtype, offset
-):
+def test_frame_formats_round_trip(tmp_path, make_sequence, ending, dtype, offset):
     sequence = make_sequence(11, dtype, offset)
     save(sequence, tmp_path / f"f_%d.{ending}")
     found = load(tmp_path)
@@ -40,18 +38,18 @@ def test_load_gives_back_the_sequence_when_save_wrote_it(
 
 
 @pytest.mark.parametrize("ending", ["obj", "off", "stl"])
-def test_load_gives_float32_when_the_model_is_near_the_origin(tmp_path, make_sequence, ending):
+def test_decimal_text_near_the_origin_loads_as_float32(tmp_path, make_sequence, ending):
     save(make_sequence(2, np.float64), tmp_path / f"f_%d.{ending}")
     assert load(tmp_path).vertices.dtype == np.float32
 
 
 @pytest.mark.parametrize(("dtype"), [np.float32, np.float64])
-def test_load_keeps_the_declared_type_when_the_format_declares_one(tmp_path, make_sequence, dtype):
+def test_load_keeps_the_declared_type(tmp_path, make_sequence, dtype):
     save(make_sequence(2, dtype), tmp_path / "f_%d.ply")
     assert load(tmp_path).vertices.dtype == dtype
 
 
-def test_load_gives_the_geometry_back_when_frames_are_stl(tmp_path, make_sequence):
+def test_stl_frames_round_trip_geometry(tmp_path, make_sequence):
     sequence = make_sequence(3)
     save(sequence, tmp_path / "f_%d.stl")
     found = load(tmp_path)
@@ -61,14 +59,14 @@ def test_load_gives_the_geometry_back_when_frames_are_stl(tmp_path, make_sequenc
     )
 
 
-def test_load_notes_the_weld_when_frames_are_stl(tmp_path, make_sequence):
+def test_load_notes_the_weld_of_stl(tmp_path, make_sequence):
     save(make_sequence(3), tmp_path / "f_%d.stl")
     notes = []
     load(tmp_path, notes=notes)
     assert notes == ["welded 24 STL corners to 6 vertices"]
 
 
-def test_load_keeps_the_polygons_when_faces_are_quads(tmp_path):
+def test_load_keeps_quads(tmp_path):
     write_frames(tmp_path, *[SQUARE + "f 1 2 3 4\n"] * 2)
     notes = []
     found = load(tmp_path, notes=notes)
@@ -76,7 +74,7 @@ def test_load_keeps_the_polygons_when_faces_are_quads(tmp_path):
     assert (found.surface.face_sizes.tolist(), notes) == ([4], [])
 
 
-def test_load_notes_nothing_when_nothing_is_changed(tmp_path, make_sequence):
+def test_unchanged_load_adds_no_notes(tmp_path, make_sequence):
     save(make_sequence(2), tmp_path / "f_%d.obj")
     notes = []
     load(tmp_path, notes=notes)
@@ -84,36 +82,32 @@ def test_load_notes_nothing_when_nothing_is_changed(tmp_path, make_sequence):
 
 
 @pytest.mark.parametrize(("fps", "expected"), [(None, 0), (24, 24)])
-def test_load_takes_fps_from_the_argument_when_frames_say_nothing(
-    tmp_path, make_sequence, fps, expected
-):
+def test_fps_argument_sets_the_rate_of_frame_files(tmp_path, make_sequence, fps, expected):
     save(make_sequence(2), tmp_path / "f_%d.obj")
     assert load(tmp_path, fps=fps).fps == expected
 
 
 @pytest.mark.parametrize(("fps", "expected"), [(None, 30), (24, 24)])
-def test_load_prefers_the_argument_when_the_file_says_fps_too(
-    tmp_path, make_sequence, fps, expected
-):
+def test_fps_argument_overrides_the_file(tmp_path, make_sequence, fps, expected):
     save(make_sequence(2, fps=30), tmp_path / "a.npz")
     assert load(tmp_path / "a.npz", fps=fps).fps == expected
 
 
-def test_load_gives_one_frame_when_the_source_is_one_mesh(tmp_path, make_sequence):
+def test_single_mesh_loads_as_one_frame(tmp_path, make_sequence):
     sequence = make_sequence(1)
     save(sequence, tmp_path / "still.ply")
     found = load(str(tmp_path / "still.ply"))
     assert (found.name, found.vertices.tobytes()) == ("still", sequence.vertices.tobytes())
 
 
-def test_load_reports_every_frame_when_asked_for_progress(tmp_path, make_sequence):
+def test_load_reports_progress_for_every_frame(tmp_path, make_sequence):
     save(make_sequence(4), tmp_path / "f_%d.obj")
     seen = []
     load(tmp_path, progress=lambda stage, fraction: seen.append((stage, fraction)))
     assert seen == [("reading", 0.25), ("reading", 0.5), ("reading", 0.75), ("reading", 1.0)]
 
 
-def test_load_widens_the_sequence_when_a_later_frame_is_double(tmp_path, make_sequence):
+def test_later_float64_frame_widens_the_sequence(tmp_path, make_sequence):
     wide = make_sequence(1, np.float64)
     save(make_sequence(1, np.float32), tmp_path / "f_0.ply")
     save(wide, tmp_path / "f_1.ply")
@@ -129,13 +123,13 @@ def test_load_widens_the_sequence_when_a_later_frame_is_double(tmp_path, make_se
         (SQUARE + "f 1 2 4\n", "has vertex 3 in face 0; expected vertex 2 as"),
     ],
 )
-def test_load_names_file_and_frame_when_it_differs_from_the_first(tmp_path, second, message):
+def test_error_names_file_and_frame_with_other_faces(tmp_path, second, message):
     write_frames(tmp_path, SQUARE + "f 1 2 3\n", second)
     with pytest.raises(InvalidInputError, match=message):
         load(tmp_path)
 
 
-def test_load_names_file_and_frame_when_an_stl_has_other_triangles(tmp_path, make_sequence):
+def test_error_names_the_stl_frame_with_other_triangles(tmp_path, make_sequence):
     save(make_sequence(1), tmp_path / "f_0.stl")
     (tmp_path / "f_1.stl").write_bytes(bytes(84 - 4) + b"\1\0\0\0" + bytes(50))
     with pytest.raises(
@@ -144,27 +138,27 @@ def test_load_names_file_and_frame_when_an_stl_has_other_triangles(tmp_path, mak
         load(tmp_path)
 
 
-def test_load_names_frame_and_vertex_when_a_position_is_not_finite(tmp_path):
+def test_error_names_frame_and_vertex_of_a_non_finite_position(tmp_path):
     good = SQUARE + "f 1 2 3\n"
     write_frames(tmp_path, good, good.replace("v 1 1 0", "v 1 nan 0"))
     with pytest.raises(InvalidInputError, match="vertex 2 of frame 1 has y = nan"):
         load(tmp_path)
 
 
-def test_load_names_the_file_when_it_cannot_be_parsed(tmp_path):
+def test_parse_error_names_the_file(tmp_path):
     write_frames(tmp_path, SQUARE + "f 1 2 3\n", SQUARE + "f 1 2 x\n")
     with pytest.raises(FormatError, match=r"frame_1\.obj: line 5: expected an integer; got 'x'"):
         load(tmp_path)
 
 
 @pytest.mark.parametrize("ending", ["obj", "ply", "off", "stl"])
-def test_load_names_the_file_when_it_is_empty(tmp_path, ending):
+def test_error_for_an_empty_file_names_it(tmp_path, ending):
     (tmp_path / f"a.{ending}").touch()
     with pytest.raises(FormatError, match=rf"a\.{ending}: is empty"):
         load(tmp_path)
 
 
-def test_load_reads_a_stream_when_its_ending_is_reel(tmp_path):
+def test_load_reads_reel_streams(tmp_path):
     sequence = waving_grid()
     save(sequence, tmp_path / "a.reel")
     loaded = load(tmp_path / "a.reel", fps=50)

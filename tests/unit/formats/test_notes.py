@@ -1,19 +1,19 @@
 from meshreel.formats.notes import GatheredNote, listed, note_left_out
 
 
-def test_note_is_added_once_when_the_same_is_left_out_twice():
+def test_note_on_something_left_out_is_added_once():
     notes = ["read at 24 frames per second"]
     note_left_out(notes, "lights: key, rim")
     note_left_out(notes, "lights: key, rim")
     assert notes == ["read at 24 frames per second", "left out: lights: key, rim"]
 
 
-def test_names_are_counted_when_there_are_more_than_are_listed():
+def test_long_lists_end_with_a_count():
     assert listed("abc", most=3) == "a, b, c"
     assert listed("abcde", most=3) == "a, b, c and 2 more"
 
 
-def test_gathered_note_is_one_sentence_when_things_are_named_one_by_one():
+def test_gathered_note_grows_in_one_sentence():
     notes = ["before"]
     found = GatheredNote(notes, lambda names: f"all of {', '.join(names)}")
     found.add("a")
@@ -23,7 +23,7 @@ def test_gathered_note_is_one_sentence_when_things_are_named_one_by_one():
     assert notes == ["before", "between", "all of a, b"]
 
 
-def test_gathered_note_says_nothing_when_nothing_is_named():
+def test_gathered_note_without_names_adds_nothing():
     notes = []
     GatheredNote(notes, ", ".join)
     assert notes == []

@@ -45,9 +45,7 @@ def write_frames(folder, *texts):
 
 @pytest.mark.parametrize("ending", [*ENDINGS, "npz"])
 @pytest.mark.parametrize(("dtype", "offset"), CASES)
-def test_open_source_reads_the_bits_of_load_when_asked_for_any_frames(
-    save_as, ending, dtype, offset
-):
+def test_stored_frames_equal_loaded_ones(save_as, ending, dtype, offset):
     source = save_as(ending, 11, dtype, offset)
     opened, loaded = open_source(source), load(source)
     for start, stop in [(0, 11), (3, 4), (4, 9), (9, 20), (5, 5), (7, 2), (-2, 11)]:
@@ -59,7 +57,7 @@ def test_open_source_reads_the_bits_of_load_when_asked_for_any_frames(
 
 @pytest.mark.parametrize("ending", [*ENDINGS, "npz"])
 @pytest.mark.parametrize(("dtype", "offset"), CASES)
-def test_open_source_knows_what_load_does_when_nothing_is_loaded(save_as, ending, dtype, offset):
+def test_stored_frames_have_the_metadata_of_load(save_as, ending, dtype, offset):
     source = save_as(ending, 5, dtype, offset)
     opened, loaded = open_source(source, fps=24), load(source, fps=24)
     assert isinstance(opened, StoredFrames)
@@ -73,9 +71,7 @@ def test_open_source_knows_what_load_does_when_nothing_is_loaded(save_as, ending
 
 
 @pytest.mark.parametrize("first", [np.float32, np.float64])
-def test_open_source_reads_the_bits_of_load_when_declared_types_are_mixed(
-    tmp_path, make_sequence, first
-):
+def test_stored_frames_of_mixed_types_equal_loaded_ones(tmp_path, make_sequence, first):
     types = [first, np.float64, np.float32]
     for index, dtype in enumerate(types):
         save(make_sequence(1, dtype, offset=index), tmp_path / f"f_{index}.ply")
@@ -84,7 +80,7 @@ def test_open_source_reads_the_bits_of_load_when_declared_types_are_mixed(
     assert opened.read(0, 3).tobytes() == load(tmp_path).vertices.tobytes()
 
 
-def test_open_source_reads_the_bits_of_load_when_binary_and_text_stl_are_mixed(tmp_path):
+def test_stored_frames_of_mixed_stl_equal_loaded_ones(tmp_path):
     corners = np.array([[[0.1, 0, 1e4], [1, 0, 1e4], [0, 1, 1e4]]], np.float32)
     save(MeshSequence(corners, np.array([[0, 1, 2]])), tmp_path / "f_0.stl")
     lines = "".join(f"vertex {x!r} {y!r} {z!r}\n" for x, y, z in (corners[0] / 3 + 0.7).tolist())
@@ -94,7 +90,7 @@ def test_open_source_reads_the_bits_of_load_when_binary_and_text_stl_are_mixed(t
     assert opened.read(0, 2).tobytes() == loaded.vertices.tobytes()
 
 
-def test_open_source_notes_what_load_notes_when_something_is_changed(save_as):
+def test_open_source_adds_the_notes_of_load(save_as):
     source = save_as("stl", 3)
     notes, expected = [], []
     open_source(source, notes=notes)
@@ -103,7 +99,7 @@ def test_open_source_notes_what_load_notes_when_something_is_changed(save_as):
 
 
 @pytest.mark.parametrize(("ending", "stage"), [("obj", "reading"), ("stl", "welding")])
-def test_open_source_tells_of_every_frame_when_files_are_read(save_as, ending, stage):
+def test_open_source_reports_progress_for_every_frame(save_as, ending, stage):
     seen = []
     open_source(save_as(ending, 4), progress=lambda *step: seen.append(step))
     assert seen == [(stage, 0.25), (stage, 0.5), (stage, 0.75), (stage, 1.0)]
@@ -111,19 +107,17 @@ def test_open_source_tells_of_every_frame_when_files_are_read(save_as, ending, s
 
 @pytest.mark.parametrize("ending", ["obj", "npz"])
 @pytest.mark.parametrize(("surplus", "expected"), [(0, MeshSequence), (-1, StoredFrames)])
-def test_open_source_loads_when_positions_are_as_small_as_allowed(
-    save_as, ending, surplus, expected
-):
+def test_open_source_loads_up_to_max_loaded_bytes(save_as, ending, surplus, expected):
     size = 4 * 6 * 3 * (8 if ending == "obj" else 4)  # text is read as float64
     opened = open_source(save_as(ending, 4), max_loaded_bytes=size + surplus)
     assert isinstance(opened, expected)
 
 
-def test_open_source_loads_when_there_is_one_static_mesh(save_as):
+def test_open_source_loads_a_single_mesh(save_as):
     assert isinstance(open_source(save_as("obj", 1)), MeshSequence)
 
 
-def test_open_source_loads_when_the_source_is_a_stream(tmp_path):
+def test_open_source_loads_a_stream(tmp_path):
     save(waving_grid(), tmp_path / "a.reel")
     opened, loaded = open_source(tmp_path / "a.reel", fps=50), load(tmp_path / "a.reel")
     assert opened.read(0, opened.n_frames).tobytes() == loaded.vertices.tobytes()
@@ -131,7 +125,7 @@ def test_open_source_loads_when_the_source_is_a_stream(tmp_path):
 
 
 @pytest.mark.parametrize("shape", [{"fortran": True}, {"packed": True}])
-def test_open_source_loads_when_an_npz_cannot_be_read_in_parts(tmp_path, make_sequence, shape):
+def test_open_source_loads_compressed_npz(tmp_path, make_sequence, shape):
     sequence = make_sequence(3)
     order = np.asfortranarray if "fortran" in shape else np.asarray
     store = np.savez_compressed if "packed" in shape else np.savez
@@ -141,7 +135,7 @@ def test_open_source_loads_when_an_npz_cannot_be_read_in_parts(tmp_path, make_se
     np.testing.assert_array_equal(opened.vertices, sequence.vertices)
 
 
-def test_open_source_reads_native_numbers_when_an_npz_is_big_endian(tmp_path, make_sequence):
+def test_stored_frames_of_big_endian_npz_are_native(tmp_path, make_sequence):
     sequence = make_sequence(3)
     vertices = sequence.vertices.astype(">f4")
     np.savez(tmp_path / "a.npz", faces=sequence.faces, vertices=vertices, fps=30, name="b")
@@ -164,7 +158,7 @@ def test_open_source_reads_native_numbers_when_an_npz_is_big_endian(tmp_path, ma
         ({"vertices": np.zeros((2, 3, 3)), "fps": "fast"}, "fps must be one number"),
     ],
 )
-def test_open_source_says_what_load_says_when_an_npz_is_no_sequence(tmp_path, arrays, message):
+def test_open_source_raises_the_errors_of_load(tmp_path, arrays, message):
     np.savez(tmp_path / "a.npz", faces=np.array([[0, 1, 2]]), **arrays)
     with pytest.raises((FormatError, InvalidInputError), match=rf"a\.npz: .*{message}") as found:
         open_source(tmp_path / "a.npz")
@@ -175,14 +169,14 @@ def test_open_source_says_what_load_says_when_an_npz_is_no_sequence(tmp_path, ar
 
 @pytest.mark.parametrize("bad", ["nan", "inf", "-inf"])
 @pytest.mark.parametrize("read", [load, open_source])
-def test_reading_names_the_file_when_a_position_is_not_finite(tmp_path, read, bad):
+def test_error_names_the_file_with_a_non_finite_position(tmp_path, read, bad):
     write_frames(tmp_path, *[TRIANGLE] * 3, TRIANGLE.replace("v 1 1 0", f"v 1 {bad} 0"), TRIANGLE)
     message = rf"frame_3\.obj: every position must be finite; vertex 2 of frame 3 has y = {bad}"
     with pytest.raises(InvalidInputError, match=message):
         read(tmp_path)
 
 
-def test_open_source_names_the_frame_when_a_position_of_an_npz_is_not_finite(tmp_path):
+def test_error_names_the_npz_frame_with_a_non_finite_position(tmp_path):
     vertices = np.zeros((5, 3, 3))
     vertices[3, 2, 1] = np.nan
     np.savez(tmp_path / "a.npz", vertices=vertices, faces=np.array([[0, 1, 2]]))
@@ -190,26 +184,26 @@ def test_open_source_names_the_frame_when_a_position_of_an_npz_is_not_finite(tmp
         open_source(tmp_path / "a.npz")
 
 
-def test_open_source_names_file_and_frame_when_faces_differ(tmp_path):
+def test_open_source_error_names_file_and_frame_with_other_faces(tmp_path):
     write_frames(tmp_path, TRIANGLE, TRIANGLE, TRIANGLE.replace("f 1 2 3", "f 1 3 2"))
     message = r"frame_2\.obj \(frame 2\) has vertex 2 in face 0; expected vertex 1 as in frame 0"
     with pytest.raises(InvalidInputError, match=message):
         open_source(tmp_path)
 
 
-def test_open_source_is_refused_when_the_list_is_empty():
+def test_open_source_rejects_an_empty_list():
     with pytest.raises(InvalidInputError, match="the list of frame files is empty"):
         open_source([])
 
 
 @pytest.mark.parametrize("fps", [-1, float("nan")])
 @pytest.mark.parametrize("ending", ["obj", "npz"])
-def test_open_source_is_refused_when_fps_is_no_rate(save_as, ending, fps):
+def test_open_source_rejects_an_invalid_fps(save_as, ending, fps):
     with pytest.raises(InvalidInputError, match="fps must be finite and at least 0"):
         open_source(save_as(ending, 2), fps=fps)
 
 
-def test_open_source_names_the_file_when_a_later_one_is_truncated(tmp_path, save_as):
+def test_error_names_a_truncated_later_file(tmp_path, save_as):
     source = save_as("ply", 4)
     os.truncate(tmp_path / "f_2.ply", 150)
     with pytest.raises(FormatError, match=r"f_2\.ply: "):
@@ -217,7 +211,7 @@ def test_open_source_names_the_file_when_a_later_one_is_truncated(tmp_path, save
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_reading_frames_is_refused_when_a_file_changed_after_opening(tmp_path, save_as, ending):
+def test_reading_frames_fails_if_a_file_has_changed(tmp_path, save_as, ending):
     opened = open_source(save_as(ending, 4))
     path = tmp_path / f"f_2.{ending}"
     path.write_bytes(path.read_bytes() + b" ")
@@ -226,7 +220,7 @@ def test_reading_frames_is_refused_when_a_file_changed_after_opening(tmp_path, s
         opened.read(0, 4)
 
 
-def test_reading_frames_is_refused_when_a_file_vanished_after_opening(tmp_path, save_as):
+def test_reading_frames_fails_if_a_file_is_gone(tmp_path, save_as):
     opened = open_source(save_as("obj", 4))
     (tmp_path / "f_1.obj").unlink()
     with pytest.raises(InvalidInputError, match=r"f_1\.obj cannot be read: No such file"):
@@ -234,7 +228,7 @@ def test_reading_frames_is_refused_when_a_file_vanished_after_opening(tmp_path, 
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_load_is_refused_when_a_file_changed_between_two_readings(tmp_path, save_as, ending):
+def test_load_fails_if_a_file_changes_between_two_reads(tmp_path, save_as, ending):
     source = save_as("stl", 3)
     other = (tmp_path / "f_0.stl").read_bytes()
 
@@ -253,7 +247,7 @@ def vertex_bytes(path, frame):
     return path.read_bytes().index(header) + 128 + frame * 72
 
 
-def test_reading_frames_is_refused_when_an_npz_changed_after_opening(save_as):
+def test_reading_frames_fails_if_an_npz_has_changed(save_as):
     path = save_as("npz", 4)
     opened = open_source(path)
     data = bytearray(path.read_bytes())
@@ -264,7 +258,7 @@ def test_reading_frames_is_refused_when_an_npz_changed_after_opening(save_as):
         opened.read(1, 4)
 
 
-def test_reading_frames_is_refused_when_an_npz_was_cut_short_after_opening(save_as):
+def test_reading_frames_fails_if_an_npz_is_truncated(save_as):
     path = save_as("npz", 4)
     opened = open_source(path)
     os.truncate(path, vertex_bytes(path, 3) + 10)
@@ -272,7 +266,7 @@ def test_reading_frames_is_refused_when_an_npz_was_cut_short_after_opening(save_
         opened.read(2, 4)
 
 
-def test_reading_frames_is_refused_when_an_npz_vanished_after_opening(save_as):
+def test_reading_frames_fails_if_an_npz_is_gone(save_as):
     path = save_as("npz", 4)
     opened = open_source(path)
     path.unlink()
@@ -280,7 +274,7 @@ def test_reading_frames_is_refused_when_an_npz_vanished_after_opening(save_as):
         opened.read(0, 1)
 
 
-def test_open_source_is_refused_when_positions_of_an_npz_lack_their_checksum(save_as):
+def test_open_source_verifies_the_checksum_of_npz(save_as):
     path = save_as("npz", 200)
     data = bytearray(path.read_bytes())
     data[vertex_bytes(path, 150)] ^= 1  # so far behind that reading the header does not see it
@@ -299,9 +293,7 @@ def peak_bytes(work):
 
 
 @pytest.mark.parametrize("name", ["f_%03d.ply", "a.npz"])
-def test_opened_frames_take_an_eighth_of_the_whole_when_read_one_by_one(
-    tmp_path, name, monkeypatch
-):
+def test_stored_frames_need_an_eighth_of_the_memory(tmp_path, name, monkeypatch):
     monkeypatch.setattr("meshreel.formats.arrays.npz.READ_BYTES", 1 << 16)
     vertices = np.random.default_rng(0).standard_normal((200, 3000, 3)).astype(np.float32)
     save(MeshSequence(vertices, np.arange(3000).reshape(-1, 3)), tmp_path / name)

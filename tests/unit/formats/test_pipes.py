@@ -36,7 +36,7 @@ def inspected(path):
 
 
 @pytest.mark.parametrize("ending", sorted(FORMATS))
-def test_load_refuses_a_named_pipe_when_no_program_writes_into_it(tmp_path, ending):
+def test_load_rejects_a_named_pipe_without_writer(tmp_path, ending):
     path = pipe(tmp_path, f"a{ending}")
     with pytest.raises(InvalidInputError, match=r"a\.\w+ is a pipe, and inputs must be files"):
         load(path)
@@ -45,24 +45,24 @@ def test_load_refuses_a_named_pipe_when_no_program_writes_into_it(tmp_path, endi
 @pytest.mark.parametrize(
     "read", [open_source, inspected, meshreel.open, meshreel.decode, meshreel.info, meshreel.encode]
 )
-def test_reading_refuses_a_named_pipe_when_it_is_a_stream(tmp_path, read):
+def test_open_rejects_a_named_pipe(tmp_path, read):
     with pytest.raises(InvalidInputError, match=r"a\.reel is a pipe, and inputs must be files"):
         read(pipe(tmp_path, "a.reel"))
 
 
-def test_load_refuses_a_pipe_when_it_is_one_of_several_frames(tmp_path):
+def test_load_rejects_a_pipe_among_frames(tmp_path):
     [frame] = save(quad_sheet(1), tmp_path / "a.obj")
     with pytest.raises(InvalidInputError, match=r"b\.obj is a pipe"):
         load([frame, pipe(tmp_path, "b.obj")])
 
 
-def test_load_refuses_a_pipe_when_it_has_the_faces_of_a_cache(tmp_path):
+def test_load_rejects_a_pipe_as_topology(tmp_path):
     path, *_ = save(quad_sheet(2), tmp_path / "a.pc2")
     with pytest.raises(InvalidInputError, match=r"b\.obj is a pipe"):
         load(path, topology=pipe(tmp_path, "b.obj"))
 
 
-def test_load_refuses_a_pipe_when_it_is_a_layer(tmp_path):
+def test_load_rejects_a_pipe_as_usd_layer(tmp_path):
     pytest.importorskip("pxr")
     pipe(tmp_path, "b.usda")
     (tmp_path / "a.usda").write_text("#usda 1.0\n(\nsubLayers = [@./b.usda@]\n)\n")
@@ -70,7 +70,7 @@ def test_load_refuses_a_pipe_when_it_is_a_layer(tmp_path):
         load(tmp_path / "a.usda")
 
 
-def test_decode_refuses_a_pipe_when_a_program_has_written_into_it():
+def test_decode_rejects_a_pipe_with_data():
     reading, writing = os.pipe()
     os.write(writing, b"\x89REEL")
     try:
@@ -81,7 +81,7 @@ def test_decode_refuses_a_pipe_when_a_program_has_written_into_it():
         os.close(writing)
 
 
-def test_load_refuses_a_device(tmp_path):
+def test_load_rejects_a_device(tmp_path):
     with pytest.raises(InvalidInputError, match="/dev/zero is a device"):
         load("/dev/zero")
 
@@ -89,7 +89,7 @@ def test_load_refuses_a_device(tmp_path):
 @pytest.mark.parametrize(
     "words", [("info", "a.reel"), ("info", "a.obj"), ("decode", "a.reel", "-o", "b.npz")]
 )
-def test_program_names_the_pipe_and_what_to_do_when_an_input_is_one(tmp_path, words):
+def test_cli_error_for_a_pipe_gives_the_remedy(tmp_path, words):
     pipe(tmp_path, words[1])
     done = run(*words, cwd=tmp_path)
     assert done.returncode == 1

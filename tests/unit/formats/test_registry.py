@@ -70,7 +70,7 @@ FOLDERS = {lazy.values[0].place.split(".")[0] for lazy in functions()} - {"scene
 
 
 @pytest.mark.parametrize(("lazy", "n_arguments"), [*functions()])
-def test_row_names_a_function_that_takes_what_it_is_called_with(lazy, n_arguments):
+def test_registry_functions_have_the_expected_signature(lazy, n_arguments):
     inspect.signature(lazy.function).bind(*range(n_arguments))
 
 
@@ -89,9 +89,7 @@ def loaded_modules(path):
         [(".npz", {"arrays"}), (".stl", {"meshes"}), (".pc2", {"caches", "meshes"})],
     ),
 )
-def test_load_imports_no_other_format_and_no_large_library_when_a_file_needs_none(
-    tmp_path, ending, own
-):
+def test_load_imports_only_what_a_format_needs(tmp_path, ending, own):
     save(waving_grid(n_frames=1), tmp_path / f"a{ending}")
     found = loaded_modules(tmp_path / f"a{ending}")
     rooms = {name.split(".")[2] for name in found if name.startswith("meshreel.formats.")}
@@ -100,7 +98,7 @@ def test_load_imports_no_other_format_and_no_large_library_when_a_file_needs_non
     assert sum(name.split(".")[0] == "meshreel" for name in found) < 80
 
 
-def test_formats_are_reached_through_the_registry_when_imports_are_read():
+def test_formats_are_imported_through_the_registry_only():
     found = set()
     for path in ROOT.rglob("*.py"):
         room = path.relative_to(ROOT).parts[0]

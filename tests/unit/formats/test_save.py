@@ -35,41 +35,39 @@ def listing(folder):
         ("50%_%03d.stl", ["50%_000.stl", "50%_001.stl"]),
     ],
 )
-def test_save_numbers_files_from_zero_when_the_output_is_a_pattern(
-    tmp_path, make_sequence, pattern, expected
-):
+def test_pattern_numbers_files_from_zero(tmp_path, make_sequence, pattern, expected):
     paths = save(make_sequence(2), tmp_path / pattern)
     assert (names(paths), listing(tmp_path)) == (expected, sorted(expected))
 
 
-def test_save_writes_one_file_when_the_output_is_npz(tmp_path, make_sequence):
+def test_save_writes_all_frames_to_one_npz(tmp_path, make_sequence):
     assert names(save(make_sequence(5), str(tmp_path / "a.npz"))) == ["a.npz"]
 
 
-def test_save_writes_the_file_when_the_sequence_has_one_frame(tmp_path, make_sequence):
+def test_single_frame_needs_no_pattern(tmp_path, make_sequence):
     assert names(save(make_sequence(1), tmp_path / "a.obj")) == ["a.obj"]
 
 
-def test_save_reports_every_frame_when_asked_for_progress(tmp_path, make_sequence):
+def test_save_reports_progress_for_every_frame(tmp_path, make_sequence):
     seen = []
     save(make_sequence(2), tmp_path / "%d.obj", progress=lambda *step: seen.append(step))
     assert seen == [("writing", 0.5), ("writing", 1.0)]
 
 
-def test_save_replaces_files_when_overwriting_is_allowed(tmp_path, make_sequence):
+def test_overwrite_replaces_files(tmp_path, make_sequence):
     (tmp_path / "f_1.obj").write_text("old")
     save(make_sequence(2), tmp_path / "f_%d.obj", overwrite=True)
     assert (tmp_path / "f_1.obj").read_text().startswith("v ")
 
 
-def test_save_writes_nothing_when_one_of_the_files_is_there(tmp_path, make_sequence):
+def test_save_writes_nothing_if_a_file_exists(tmp_path, make_sequence):
     (tmp_path / "f_1.obj").write_text("old")
     with pytest.raises(InvalidInputError, match=r"f_1\.obj exists and is kept"):
         save(make_sequence(3), tmp_path / "f_%d.obj")
     assert (listing(tmp_path), (tmp_path / "f_1.obj").read_text()) == (["f_1.obj"], "old")
 
 
-def test_save_leaves_the_folder_as_it_was_when_a_later_frame_fails(tmp_path, make_sequence):
+def test_failed_save_leaves_the_folder_unchanged(tmp_path, make_sequence):
     (tmp_path / "f_0.stl").write_text("old")
     vertices = make_sequence(3, np.float64).vertices.copy()
     vertices[2, 0, 0] = 1e39
@@ -81,52 +79,52 @@ def test_save_leaves_the_folder_as_it_was_when_a_later_frame_fails(tmp_path, mak
 
 @pytest.mark.parametrize("n_frames", [None, 1, 3])
 @pytest.mark.parametrize("output", ["", "folder/", "new/"])
-def test_check_output_advises_a_pattern_when_the_output_is_a_folder(tmp_path, output, n_frames):
+def test_check_output_suggests_a_pattern_for_a_folder(tmp_path, output, n_frames):
     (tmp_path / "folder").mkdir()
     with pytest.raises(FormatError, match=r"is a folder.* pattern such as .*frame_%04d\.obj"):
         check_output(f"{tmp_path}/{output}", n_frames, overwrite=True)
 
 
-def test_check_output_advises_a_pattern_when_frames_exceed_one_file(tmp_path):
+def test_check_output_suggests_a_pattern_for_several_frames(tmp_path):
     with pytest.raises(
         InvalidInputError, match=r"there are 2; give a pattern such as .*a_%04d\.obj"
     ):
         check_output(tmp_path / "a.obj", 2, overwrite=False)
 
 
-def test_check_output_is_refused_when_a_pattern_has_two_fields(tmp_path):
+def test_check_output_rejects_two_number_fields(tmp_path):
     with pytest.raises(InvalidInputError, match="has 2 number fields"):
         check_output(tmp_path / "%d_%d.obj", 2, overwrite=False)
 
 
-def test_check_output_is_refused_when_an_npz_has_a_number_field(tmp_path):
+def test_check_output_rejects_a_number_field_for_npz(tmp_path):
     with pytest.raises(InvalidInputError, match=r"a \.npz file holds all frames"):
         check_output(tmp_path / "f_%d.npz", overwrite=False)
 
 
-def test_check_output_lists_the_endings_when_it_is_unknown(tmp_path):
+def test_check_output_lists_the_known_extensions(tmp_path):
     with pytest.raises(FormatError, match=r"\.fbx is not known; known are \.obj, \.ply"):
         check_output(tmp_path / "a.fbx", overwrite=False)
 
 
-def test_check_output_names_the_folder_when_it_does_not_exist(tmp_path):
+def test_check_output_names_a_missing_folder(tmp_path):
     with pytest.raises(InvalidInputError, match=r"the output folder .*none does not exist"):
         check_output(tmp_path / "none" / "a.npz", overwrite=False)
 
 
-def test_save_makes_the_folder_when_the_output_is_a_pattern(tmp_path, make_sequence):
+def test_save_creates_the_folder_of_a_pattern(tmp_path, make_sequence):
     paths = save(make_sequence(2), tmp_path / "new" / "er" / "f_%d.obj")
     assert [path.is_file() for path in paths] == [True, True]
     assert listing(tmp_path / "new" / "er") == ["f_0.obj", "f_1.obj"]
 
 
-def test_save_numbers_files_from_the_start_when_one_is_given(tmp_path, make_sequence):
+def test_start_number_numbers_the_files(tmp_path, make_sequence):
     paths = save(make_sequence(3), tmp_path / "f_%02d.obj", start_number=99)
     assert names(paths) == listing_by_number(tmp_path) == ["f_99.obj", "f_100.obj", "f_101.obj"]
 
 
 @pytest.mark.parametrize(("name", "number"), [("a.npz", 1), ("a.obj", 0), ("f_%d.obj", -1)])
-def test_save_refuses_a_start_when_it_has_no_effect(tmp_path, make_sequence, name, number):
+def test_start_number_without_pattern_is_rejected(tmp_path, make_sequence, name, number):
     with pytest.raises(InvalidInputError, match=r"--start-number \(start_number=\)"):
         save(make_sequence(1), tmp_path / name, start_number=number)
     assert listing(tmp_path) == []
@@ -141,28 +139,28 @@ def test_save_refuses_a_start_when_it_has_no_effect(tmp_path, make_sequence, nam
         ("f_%d.obj", WriteOptions(max_error=1), r"--max-error .* \.reel, \.glb, \.gltf"),
     ],
 )
-def test_save_refuses_an_option_when_it_has_no_effect(tmp_path, make_sequence, name, options, word):
+def test_options_without_effect_are_rejected(tmp_path, make_sequence, name, options, word):
     with pytest.raises(InvalidInputError, match=word):
         save(make_sequence(2), tmp_path / name, options=options)
     assert listing(tmp_path) == []
 
 
-def test_save_keeps_and_notes_the_error_when_it_writes_a_stream(tmp_path, make_sequence):
+def test_save_notes_the_error_of_a_stream(tmp_path, make_sequence):
     notes = []
     path = tmp_path / "a.reel"
     save(waving_grid(), path, options=WriteOptions(max_error=0.2), notes=notes)
     assert path.read_bytes() == meshreel.encode(waving_grid(), max_error=0.2)
     found = meshreel.compare(waving_grid(), load(path)).max_error_percent
     assert found <= 0.2
-    assert notes[0].startswith(f"coded with a largest error of {found:.4f} % of the diagonal")
+    assert notes[0].startswith(f"encoded with a largest error of {found:.4f} % of the diagonal")
 
 
-def test_save_writes_a_lossless_stream_when_it_is_asked_for_one(tmp_path):
+def test_lossless_option_writes_a_lossless_stream(tmp_path):
     notes = []
     path = tmp_path / "a.reel"
     save(waving_grid(), path, options=WriteOptions(lossless=True), notes=notes)
     assert path.read_bytes() == meshreel.encode(waving_grid(), lossless=True)
-    assert notes == ["coded bit for bit"]
+    assert notes == ["encoded losslessly"]
     with pytest.raises(InvalidInputError, match="lossless= keeps every bit, so that max_error="):
         save(
             waving_grid(),
@@ -173,7 +171,7 @@ def test_save_writes_a_lossless_stream_when_it_is_asked_for_one(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["a.npz", "a.h5", "f_%d.ply"])
-def test_save_keeps_the_files_when_it_reads_from_them(tmp_path, make_sequence, name):
+def test_save_never_replaces_its_inputs(tmp_path, make_sequence, name):
     if name == "a.h5":
         pytest.importorskip("h5py")
     paths = save(make_sequence(3), tmp_path / name)
@@ -184,7 +182,7 @@ def test_save_keeps_the_files_when_it_reads_from_them(tmp_path, make_sequence, n
     assert [path.read_bytes() for path in paths] == before
 
 
-def test_save_keeps_the_stream_when_it_reads_from_it(tmp_path):
+def test_save_never_replaces_its_input_stream(tmp_path):
     (tmp_path / "a.reel").write_bytes(data := meshreel.encode(waving_grid()))
     with (
         meshreel.open(tmp_path / "a.reel") as reel,
@@ -195,13 +193,13 @@ def test_save_keeps_the_stream_when_it_reads_from_it(tmp_path):
 
 
 @pytest.mark.parametrize(("name", "first"), [("a.npz", "a.npz"), ("f_%d.obj", "f_0.obj")])
-def test_check_output_is_refused_when_the_first_file_is_there(tmp_path, name, first):
+def test_check_output_rejects_an_existing_first_file(tmp_path, name, first):
     (tmp_path / first).touch()
     with pytest.raises(InvalidInputError, match="exists and is kept"):
         check_output(tmp_path / name, overwrite=False)
 
 
-def test_check_output_gives_the_files_when_all_is_well(tmp_path):
+def test_check_output_returns_the_files(tmp_path):
     found = check_output(tmp_path / "f_%02d.obj", 3, overwrite=False)
     assert names(found) == ["f_00.obj", "f_01.obj", "f_02.obj"]
 
@@ -209,7 +207,7 @@ def test_check_output_gives_the_files_when_all_is_well(tmp_path):
 @pytest.mark.parametrize(
     "ending", sorted(one.ending for one in FORMATS.values() if is_written(one))
 )
-def test_save_says_so_when_materials_are_left_out(ending, tmp_path):
+def test_save_notes_materials_that_are_left_out(ending, tmp_path):
     found = FORMATS[ending]
     extra = getattr(found, "extra", None)
     if extra is not None and not extra.is_installed:

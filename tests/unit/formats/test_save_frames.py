@@ -34,7 +34,7 @@ def write(tmp_path, make_sequence):
 
 @pytest.mark.parametrize("output", OUTPUTS)
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_save_frames_writes_the_bytes_of_save_when_frames_come_in_blocks(tmp_path, output, dtype):
+def test_save_frames_writes_the_bytes_of_save(tmp_path, output, dtype):
     sequence = waving_grid()
     vertices, n_frames = sequence.vertices.astype(dtype), sequence.n_frames
     folders = [tmp_path / "blocks", tmp_path / "whole"]
@@ -48,9 +48,7 @@ def test_save_frames_writes_the_bytes_of_save_when_frames_come_in_blocks(tmp_pat
 
 
 @pytest.mark.parametrize("output", OUTPUTS[:5])
-def test_save_writes_the_bytes_of_the_loaded_when_frames_stay_in_files(
-    tmp_path, make_sequence, output
-):
+def test_saving_stored_frames_writes_the_bytes_of_loaded_ones(tmp_path, make_sequence, output):
     save(make_sequence(4, np.float64, 1e5), tmp_path / "f_%d.ply")
     folders = [tmp_path / "opened", tmp_path / "loaded"]
     for folder, read in zip(folders, [open_source, load], strict=True):
@@ -59,7 +57,7 @@ def test_save_writes_the_bytes_of_the_loaded_when_frames_stay_in_files(
     assert contents(folders[0]) == contents(folders[1]) != {}
 
 
-def test_save_frames_tells_of_every_frame_when_the_output_is_npz(write, make_sequence):
+def test_save_frames_reports_progress_for_every_frame(write, make_sequence):
     seen = []
     blocks = np.split(make_sequence(4).vertices, [3])
     write(blocks, "a.npz", n_frames=4, progress=lambda *step: seen.append(step))
@@ -89,7 +87,7 @@ def test_save_frames_tells_of_every_frame_when_the_output_is_npz(write, make_seq
         (lambda blocks: failing(blocks[:3]), "the stream ends here"),
     ],
 )
-def test_save_frames_writes_nothing_when_frames_are_not_as_announced(
+def test_save_frames_writes_nothing_if_blocks_are_inconsistent(
     tmp_path, write, make_sequence, output, change, message
 ):
     blocks = np.split(make_sequence(5).vertices, 5)
@@ -98,24 +96,24 @@ def test_save_frames_writes_nothing_when_frames_are_not_as_announced(
     assert contents(tmp_path) == {}
 
 
-def test_save_frames_names_the_face_when_it_is_out_of_range(write, make_sequence):
+def test_save_frames_error_names_the_invalid_face(write, make_sequence):
     with pytest.raises(InvalidInputError, match=r"indices must be in 0\.\.3"):
         write([make_sequence(5).vertices[:, :4]])
 
 
-def test_save_frames_is_refused_when_no_frame_is_announced(write, make_sequence):
+def test_save_frames_rejects_zero_frames(write, make_sequence):
     with pytest.raises(InvalidInputError, match="needs at least one frame; got n_frames 0"):
         write([make_sequence(1).vertices], n_frames=0)
 
 
 @pytest.mark.parametrize("output", ["none/a.npz"])
-def test_save_frames_asks_for_no_frame_when_the_folder_does_not_exist(write, output):
+def test_save_frames_checks_the_folder_before_reading(write, output):
     with pytest.raises(InvalidInputError, match=r"the output folder .*none does not exist"):
         write(failing([]), output)
 
 
 @pytest.mark.parametrize("output", ["f_%03d.ply", "f_%03d.stl", "a.npz"])
-def test_save_frames_takes_a_tenth_of_the_whole_when_frames_come_one_by_one(tmp_path, output):
+def test_save_frames_needs_a_tenth_of_the_memory(tmp_path, output):
     n_frames, n_verts = 200, 3000
     faces = np.arange(n_verts).reshape(-1, 3)
 

@@ -17,42 +17,42 @@ def names(found):
     return [path.name for path in found.paths]
 
 
-def test_natural_order_sorts_by_number_when_digits_are_unpadded():
+def test_natural_order_sorts_unpadded_numbers():
     mixed = ["f10.obj", "F2.obj", "f1.obj", "f02.obj", "g.obj", "10.obj", "9.obj"]
     expected = ["9.obj", "10.obj", "f1.obj", "f02.obj", "F2.obj", "f10.obj", "g.obj"]
     assert [str(path) for path in natural_order(map(Path, mixed))] == expected
 
 
-def test_find_files_sorts_and_filters_when_the_source_is_a_folder(tmp_path):
+def test_folder_means_its_sorted_mesh_files(tmp_path):
     touch(tmp_path, "f_10.obj", "f_2.OBJ", ".f_1.obj", "f.mtl", "notes.txt", "._x.ply")
     found = find_files(tmp_path)
     assert (names(found), found.name) == (["f_2.OBJ", "f_10.obj"], tmp_path.name)
 
 
-def test_find_files_takes_matches_when_the_source_is_a_pattern(tmp_path):
+def test_pattern_means_its_matches(tmp_path):
     touch(tmp_path, "f_10.obj", "f_2.obj", "f_2.mtl", "g_1.obj", "f_3.ply")
     found = find_files(f"{tmp_path}/f_*.[om]*")
     assert (names(found), found.name) == (["f_2.obj", "f_10.obj"], tmp_path.name)
 
 
-def test_find_files_takes_the_file_when_its_name_looks_like_a_pattern(tmp_path):
+def test_existing_file_takes_precedence_over_a_pattern(tmp_path):
     touch(tmp_path, "a[1].obj", "a1.obj")
     found = find_files(str(tmp_path / "a[1].obj"))
     assert (names(found), found.name) == (["a[1].obj"], "a[1]")
 
 
-def test_find_files_keeps_the_order_when_the_source_is_a_list(tmp_path):
+def test_list_keeps_its_order(tmp_path):
     touch(tmp_path, "b.obj", "a.obj")
     found = find_files([tmp_path / "b.obj", str(tmp_path / "a.obj")])
     assert (names(found), found.name) == (["b.obj", "a.obj"], tmp_path.name)
 
 
-def test_find_files_opens_the_folder_when_a_list_holds_only_it(tmp_path):
+def test_list_of_one_folder_means_its_files(tmp_path):
     assert names(find_files((touch(tmp_path, "b.obj", "a.obj"),))) == ["a.obj", "b.obj"]
 
 
 @pytest.mark.parametrize("ending", [".npz", ".OBJ", ".ply", ".off", ".stl"])
-def test_find_files_takes_the_stem_as_name_when_the_source_is_one_file(tmp_path, ending):
+def test_name_of_a_single_file_is_its_stem(tmp_path, ending):
     assert find_files(touch(tmp_path, f"walk{ending}") / f"walk{ending}").name == "walk"
 
 
@@ -64,17 +64,17 @@ def test_find_files_takes_the_stem_as_name_when_the_source_is_one_file(tmp_path,
         ("none_*.obj", "the pattern '.*' matches no file"),
     ],
 )
-def test_find_files_repeats_the_source_when_nothing_is_there(tmp_path, source, message):
+def test_error_for_a_missing_source_repeats_it(tmp_path, source, message):
     with pytest.raises(InvalidInputError, match=message):
         find_files(f"{tmp_path}/{source}")
 
 
-def test_find_files_is_refused_when_the_list_is_empty():
+def test_empty_list_is_rejected():
     with pytest.raises(InvalidInputError, match="the list of frame files is empty"):
         find_files([])
 
 
-def test_find_files_names_the_file_when_one_of_a_list_is_missing(tmp_path):
+def test_error_names_a_missing_file_of_a_list(tmp_path):
     touch(tmp_path, "a.obj")
     with pytest.raises(InvalidInputError, match=r"there is no file '.*b\.obj'"):
         find_files([tmp_path / "a.obj", tmp_path / "b.obj"])
@@ -93,7 +93,7 @@ def test_find_files_names_the_file_when_one_of_a_list_is_missing(tmp_path):
         (["a.npz"], ".", r"holds no frames .*; it holds a\.npz: name that file"),
     ],
 )
-def test_find_files_says_what_there_is_when_formats_do_not_fit(tmp_path, files, source, message):
+def test_error_for_unsuitable_formats_lists_what_exists(tmp_path, files, source, message):
     touch(tmp_path, *files)
     with pytest.raises(FormatError, match=message):
         find_files(f"{tmp_path}/{source}")

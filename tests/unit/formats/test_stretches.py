@@ -21,7 +21,7 @@ def changing(tmp_path):
     return tmp_path
 
 
-def test_stretches_are_found_when_faces_change(changing):
+def test_changing_faces_begin_a_new_stretch(changing):
     first, second = find_stretches(changing, ReadOptions(fps=10))
     assert (first.start, first.stop, second.start, second.stop) == (0, 3, 3, 5)
     np.testing.assert_array_equal(positions_of(first.open()), waving_grid(3).vertices)
@@ -29,26 +29,26 @@ def test_stretches_are_found_when_faces_change(changing):
     assert (second.open().start_s, second.open().fps) == (0.3, 10)
 
 
-def test_stretches_have_names_of_their_own_when_there_are_several(changing, tmp_path):
+def test_stretch_paths_have_frame_ranges(changing, tmp_path):
     first, second = find_stretches(changing, ReadOptions())
     assert first.path(tmp_path / "walk.reel").name == "walk_0-2.reel"
     assert second.path(tmp_path / "walk.reel").name == "walk_3-4.reel"
 
 
-def test_stretches_are_one_when_faces_never_change(tmp_path):
+def test_constant_faces_give_one_stretch(tmp_path):
     save(waving_grid(4), tmp_path / "a.npz")
     (stretch,) = find_stretches(tmp_path / "a.npz", ReadOptions())
     assert (stretch.start, stretch.stop) == (0, 4)
     np.testing.assert_array_equal(positions_of(stretch.open()), waving_grid(4).vertices)
 
 
-def test_stretches_are_refused_when_nothing_is_there(tmp_path):
+def test_missing_source_of_stretches_is_an_error(tmp_path):
     with pytest.raises(InvalidInputError, match="there is no file"):
         find_stretches(tmp_path / "none.abc", ReadOptions())
 
 
 @pytest.mark.parametrize("ending", [".ply", ".vtp"])
-def test_each_stretch_has_its_tracks_when_faces_change(tmp_path, ending):
+def test_each_stretch_has_its_tracks(tmp_path, ending):
     rng = np.random.default_rng(4)
     wholes = []
     for name, sheet in (("a", waving_grid(3)), ("b", quad_sheet(2))):

@@ -54,7 +54,7 @@ def changing_frames(folder, ending, texts):
 
 
 @pytest.mark.parametrize("stretched", [False, True])
-def test_arrays_of_other_names_are_named_when_an_npz_has_them(tmp_path, stretched):
+def test_other_npz_arrays_are_noted(tmp_path, stretched):
     grid = waving_grid()
     arrays = {"vertices": grid.vertices, "faces": grid.faces, "fps": 24.0}
     write = np.savez_compressed if stretched else np.savez
@@ -65,13 +65,13 @@ def test_arrays_of_other_names_are_named_when_an_npz_has_them(tmp_path, stretche
     ]
 
 
-def test_nothing_is_named_when_a_file_of_our_own_is_read(tmp_path):
+def test_files_of_meshreel_leave_nothing_out(tmp_path):
     for ending in (".npz", ".h5", ".vtkhdf", ".reel"):
         save(two_sheets(), tmp_path / f"a{ending}")
         assert left_out(tmp_path / f"a{ending}") == []
 
 
-def test_datasets_are_named_when_an_hdf_file_has_others(tmp_path):
+def test_other_hdf_datasets_are_noted(tmp_path):
     h5py = pytest.importorskip("h5py")
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["faces"] = waving_grid().faces
@@ -82,7 +82,7 @@ def test_datasets_are_named_when_an_hdf_file_has_others(tmp_path):
     assert said == ["datasets: weights"]
 
 
-def test_groups_and_field_data_are_named_when_a_vtkhdf_file_has_them(tmp_path):
+def test_vtkhdf_groups_and_field_data_are_noted(tmp_path):
     h5py = pytest.importorskip("h5py")
     save(waving_grid(), tmp_path / "a.vtkhdf")
     with h5py.File(tmp_path / "a.vtkhdf", "a") as file:
@@ -97,12 +97,12 @@ def test_groups_and_field_data_are_named_when_a_vtkhdf_file_has_them(tmp_path):
 
 
 @pytest.mark.parametrize(("rows", "said"), [("0 1", ["lines"]), ("", [])])
-def test_statements_are_named_when_an_obj_file_has_others(tmp_path, rows, said):
+def test_other_obj_statements_are_noted(tmp_path, rows, said):
     text = OBJ.format(a="", u=0) + (f"l {rows}\n" if rows else "")
     assert left_out(stored(tmp_path, "a.obj", text)) == said
 
 
-def test_each_thing_is_named_once_when_an_obj_file_has_it_often(tmp_path):
+def test_repeated_obj_statements_are_noted_once(tmp_path):
     text = "mtllib a.mtl\nvn 0 0 1\nvn 0 0 1\ns 1\n" + OBJ.format(a="", u=0) + "s off\np 1\np 2\n"
     assert left_out(stored(tmp_path, "a.obj", text)) == [
         "normals, which programs compute",
@@ -111,7 +111,7 @@ def test_each_thing_is_named_once_when_an_obj_file_has_it_often(tmp_path):
     ]
 
 
-def test_lists_and_elements_are_named_when_a_ply_file_has_others(tmp_path):
+def test_other_ply_lists_and_elements_are_noted(tmp_path):
     head = PLY.format(
         properties="property float nx\n",
         face_properties="property list uchar int flags\n",
@@ -125,7 +125,7 @@ def test_lists_and_elements_are_named_when_a_ply_file_has_others(tmp_path):
     ]
 
 
-def test_numbers_of_colours_are_named_when_an_off_file_has_them(tmp_path):
+def test_incomplete_off_face_colors_are_noted(tmp_path):
     text = "NOFF\n3 1 0\n0 0 0 0 0 1\n1 0 0 0 0 1\n0 1 0 0 0 1\n3 0 1 2 4\n"
     assert left_out(stored(tmp_path, "a.off", text)) == [
         "normals, which programs compute",
@@ -133,7 +133,7 @@ def test_numbers_of_colours_are_named_when_an_off_file_has_them(tmp_path):
     ]
 
 
-def test_spare_bytes_are_named_when_an_stl_file_uses_them(tmp_path):
+def test_stl_spare_bytes_are_noted(tmp_path):
     save(waving_grid(1), tmp_path / "a.stl")
     data = bytearray((tmp_path / "a.stl").read_bytes())
     data[80 + 4 + 48] = 31
@@ -141,25 +141,25 @@ def test_spare_bytes_are_named_when_an_stl_file_uses_them(tmp_path):
     assert left_out(tmp_path / "a.stl") == ["spare bytes of triangles, such as colors"]
 
 
-def test_changes_are_named_when_materials_of_frames_differ(tmp_path):
+def test_changing_materials_are_noted(tmp_path):
     texts = [OBJ.format(a="", u=0).replace("f 1/1", f"usemtl m{i}\nf 1/1") for i in range(3)]
     changing_frames(tmp_path, ".obj", texts)
     assert left_out(tmp_path) == ["changes over time of material, kept as in the first frame"]
 
 
-def test_changes_are_named_when_colours_of_off_files_differ(tmp_path):
+def test_changing_off_colors_are_noted(tmp_path):
     rows = "0 0 0 {0}\n1 0 0 {0}\n0 1 0 {0}\n3 0 1 2\n"
     texts = ["COFF\n3 1 0\n" + rows.format(f"{i} 0 0 255") for i in range(3)]
     changing_frames(tmp_path, ".off", texts)
     assert left_out(tmp_path) == ["changes over time of color, kept as in the first frame"]
 
 
-def test_nothing_is_named_when_frames_carry_the_same(tmp_path):
+def test_constant_attributes_are_not_noted(tmp_path):
     changing_frames(tmp_path, ".obj", [OBJ.format(a=" 0 0 1", u=0)] * 4)
     assert left_out(tmp_path) == []
 
 
-def test_few_frames_are_compared_when_files_are_large(tmp_path, monkeypatch):
+def test_large_files_are_compared_at_a_few_frames(tmp_path, monkeypatch):
     monkeypatch.setattr("meshreel.formats.frames.mesh_files.COMPARED_BYTES", 1)
     rows = "0 0 0 {0}\n1 0 0 {0}\n0 1 0 {0}\n3 0 1 2\n"
     texts = ["COFF\n3 1 0\n" + rows.format(f"{i} 0 0 255") for i in range(40)]
@@ -167,7 +167,7 @@ def test_few_frames_are_compared_when_files_are_large(tmp_path, monkeypatch):
     assert left_out(tmp_path) == ["changes over time of color, kept as in the first frame"]
 
 
-def test_field_data_and_tables_are_named_when_a_legacy_file_has_them(tmp_path):
+def test_legacy_field_data_and_tables_are_noted(tmp_path):
     data = "FIELD all 1\nmass 1 1 float\n4\nPOINT_DATA 3\nSCALARS heat float 1\n"
     data += "LOOKUP_TABLE jet\n0 1 2\nLOOKUP_TABLE jet 1\n0 0 0 1\n"
     assert left_out(stored(tmp_path, "a.vtk", LEGACY.format(data=data))) == [
@@ -176,7 +176,7 @@ def test_field_data_and_tables_are_named_when_a_legacy_file_has_them(tmp_path):
     ]
 
 
-def test_field_data_and_text_are_named_when_an_xml_file_has_them(tmp_path):
+def test_xml_field_data_and_text_are_noted(tmp_path):
     field = '<FieldData><DataArray type="Float64" Name="TimeValue">1</DataArray>'
     field += '<DataArray type="Float32" Name="mass">4</DataArray></FieldData>'
     data = '<PointData><Array type="String" Name="tag">65 0</Array>'
@@ -187,7 +187,7 @@ def test_field_data_and_text_are_named_when_an_xml_file_has_them(tmp_path):
     ]
 
 
-def test_wide_arrays_are_named_when_a_collection_has_them(tmp_path):
+def test_wide_arrays_of_a_collection_are_noted(tmp_path):
     wide = " ".join(["1"] * 51)
     data = f'<PointData><DataArray type="Float32" Name="wide" NumberOfComponents="17">{wide}'
     data += "</DataArray></PointData>"
@@ -198,7 +198,7 @@ def test_wide_arrays_are_named_when_a_collection_has_them(tmp_path):
     assert said == ["arrays of text, or with more than 16 components: wide"]
 
 
-def test_arrays_are_named_when_only_some_pieces_have_them(tmp_path):
+def test_arrays_of_only_some_pieces_are_noted(tmp_path):
     data = '<PointData><DataArray type="Float32" Name="heat">1 2 3</DataArray></PointData>'
     one = XML.format(field="", data=data)
     piece = one[one.index("<Piece") : one.index("</Piece>") + 8].replace(data, "")
@@ -207,7 +207,7 @@ def test_arrays_are_named_when_only_some_pieces_have_them(tmp_path):
     assert said == ["arrays that differ between pieces: heat"]
 
 
-def test_grids_and_sets_are_named_when_an_xdmf_file_has_their_data(tmp_path):
+def test_xdmf_grid_data_and_sets_are_noted(tmp_path):
     pytest.importorskip("h5py")
     text = """<Xdmf><Domain><Grid>
     <Topology TopologyType="Triangle" NumberOfElements="1"><DataItem Dimensions="1 3"
@@ -219,7 +219,7 @@ def test_grids_and_sets_are_named_when_an_xdmf_file_has_their_data(tmp_path):
     assert said == ["data of neither nodes nor cells: total", "sets: wall"]
 
 
-def test_cameras_lights_and_values_are_named_when_a_gltf_file_has_them(tmp_path):
+def test_gltf_cameras_lights_and_attributes_are_noted(tmp_path):
     file = Gltf()
     values = {"NORMAL": file.accessor(TRIANGLE), "CUSTOM": file.accessor(TRIANGLE)}
     file.node(mesh=file.mesh(TRIANGLE, attributes=values))
@@ -251,7 +251,7 @@ def DistantLight "sun" { }
 """
 
 
-def test_what_a_stage_holds_is_named_when_it_is_not_taken(tmp_path):
+def test_unsupported_usd_prims_and_primvars_are_noted(tmp_path):
     pytest.importorskip("pxr")
     assert left_out(stored(tmp_path, "a.usda", USD)) == [
         "1 Camera, 1 DistantLight",
@@ -262,7 +262,7 @@ def test_what_a_stage_holds_is_named_when_it_is_not_taken(tmp_path):
     ]
 
 
-def test_other_objects_are_named_when_an_alembic_file_has_them(tmp_path):
+def test_other_alembic_objects_are_noted(tmp_path):
     from samples import alembic as sample  # which skips the test where the library is missing
 
     top = sample.archive(tmp_path / "a.abc").getTop()
@@ -272,21 +272,21 @@ def test_other_objects_are_named_when_an_alembic_file_has_them(tmp_path):
     assert left_out(tmp_path / "a.abc") == ["cameras (1)"]
 
 
-def test_normals_are_named_when_the_mesh_of_a_point_cache_has_them(tmp_path):
+def test_normals_of_a_topology_file_are_noted(tmp_path):
     save(waving_grid(), tmp_path / "a.pc2")
     with (tmp_path / "a.obj").open("a") as file:
         file.write("vn 0 0 1\n")
     assert left_out(tmp_path / "a.pc2") == ["normals, which programs compute"]
 
 
-def test_visibility_is_named_when_it_changes_on_a_stage(tmp_path):
+def test_changing_usd_visibility_is_noted(tmp_path):
     pytest.importorskip("pxr")
     samples = '  token visibility.timeSamples = { 0: "invisible", 1: "inherited" }\n}\n'
     text = "#usda 1.0\n" + USD[USD.index("def Mesh") : USD.index("  normal3f")] + samples
     assert left_out(stored(tmp_path, "a.usda", text)) == ["visibility that changes over time: /m"]
 
 
-def test_visibility_is_named_when_an_alembic_mesh_has_it(tmp_path):
+def test_alembic_visibility_is_noted(tmp_path):
     from samples import alembic as sample  # which skips the test where the library is missing
 
     top = sample.archive(tmp_path / "a.abc").getTop()
@@ -296,7 +296,7 @@ def test_visibility_is_named_when_an_alembic_mesh_has_it(tmp_path):
     assert left_out(tmp_path / "a.abc") == ["visibility of /m"]
 
 
-def test_fields_are_named_when_the_mesh_of_a_point_cache_has_them(tmp_path):
+def test_fields_of_a_topology_file_are_noted(tmp_path):
     data = "POINT_DATA 3\nSCALARS heat float 1\nLOOKUP_TABLE default\n0 1 2\n"
     mesh = stored(tmp_path, "a.vtk", LEGACY.format(data=data))
     [cache, _] = save(load(mesh), tmp_path / "a.pc2")

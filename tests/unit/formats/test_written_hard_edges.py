@@ -30,7 +30,7 @@ def assert_same_normals(found, expected, atol=1e-5):
 
 
 @pytest.mark.parametrize("ending", [".npz", ".h5"])
-def test_hard_edges_come_back_exactly_when_arrays_are_saved(tmp_path, ending):
+def test_array_formats_round_trip_hard_edges(tmp_path, ending):
     if ending == ".h5":
         pytest.importorskip("h5py")
     box = hard_box()
@@ -42,7 +42,7 @@ def test_hard_edges_come_back_exactly_when_arrays_are_saved(tmp_path, ending):
 
 @pytest.mark.parametrize("make", [hard_box, cake, hard_sheet])
 @pytest.mark.parametrize("ending", [".usdc", ".abc"])
-def test_normals_are_computed_again_and_no_track_when_scenes_are_saved(tmp_path, make, ending):
+def test_scene_formats_round_trip_hard_edges_without_a_track(tmp_path, make, ending):
     pytest.importorskip("pxr" if ending == ".usdc" else "alembic3d")
     sequence = make()
     save(sequence, tmp_path / f"a{ending}")
@@ -52,7 +52,7 @@ def test_normals_are_computed_again_and_no_track_when_scenes_are_saved(tmp_path,
     assert not any("do not follow" in note for note in notes)
 
 
-def test_normals_of_a_usd_file_are_those_of_its_corners_when_another_program_reads_it(tmp_path):
+def test_usd_stores_corner_normals_for_other_programs(tmp_path):
     pytest.importorskip("pxr")
     from pxr import Usd, UsdGeom
 
@@ -67,7 +67,7 @@ def test_normals_of_a_usd_file_are_those_of_its_corners_when_another_program_rea
         np.testing.assert_allclose(normals.ComputeFlattened(code), expected, atol=1e-6)
 
 
-def test_normals_of_all_parts_are_written_when_a_scene_has_several(tmp_path):
+def test_normals_of_all_parts_are_written(tmp_path):
     pytest.importorskip("pxr")
     box = hard_box()
     save(box, tmp_path / "a.usda")
@@ -76,7 +76,7 @@ def test_normals_of_all_parts_are_written_when_a_scene_has_several(tmp_path):
 
 
 @pytest.mark.parametrize("make", [hard_box, cake])
-def test_vertices_are_split_at_hard_edges_when_a_glb_is_written(tmp_path, make):
+def test_glb_splits_vertices_at_hard_edges(tmp_path, make):
     sequence, notes = make(), []
     glb = written(tmp_path, sequence, notes)
     primitive = glb.document["meshes"][0]["primitives"][0]
@@ -105,7 +105,7 @@ def triangle_corners(sizes):
 
 
 @pytest.mark.parametrize("make", [hard_box, cake])
-def test_hard_edges_come_back_when_a_glb_is_read_again(tmp_path, make):
+def test_glb_round_trips_hard_edges(tmp_path, make):
     sequence = make(1)
     save(sequence, tmp_path / "a.glb")
     found, _ = loaded(tmp_path / "a.glb")
@@ -113,7 +113,7 @@ def test_hard_edges_come_back_when_a_glb_is_read_again(tmp_path, make):
     assert len(found.surface.hard_edges) == len(sequence.surface.hard_edges)
 
 
-def test_no_vertex_is_split_when_a_glb_is_to_have_no_normals(tmp_path):
+def test_glb_without_normals_splits_no_vertices(tmp_path):
     glb = written(tmp_path, hard_box(), normals=False)
     attributes = glb.document["meshes"][0]["primitives"][0]["attributes"]
     assert "NORMAL" not in attributes
@@ -121,7 +121,7 @@ def test_no_vertex_is_split_when_a_glb_is_to_have_no_normals(tmp_path):
 
 
 @pytest.mark.parametrize("make", [hard_box, cake])
-def test_smoothing_groups_are_written_when_they_say_the_hard_edges_of_an_obj(tmp_path, make):
+def test_obj_hard_edges_become_smoothing_groups(tmp_path, make):
     sequence = make(2)
     save(sequence, tmp_path / "a_%04d.obj")
     text = next(tmp_path.glob("*.obj")).read_text()
@@ -136,7 +136,7 @@ def test_smoothing_groups_are_written_when_they_say_the_hard_edges_of_an_obj(tmp
     assert not any("left out" in note for note in notes)
 
 
-def test_normals_are_written_when_smoothing_groups_cannot_say_the_hard_edges_of_an_obj(tmp_path):
+def test_obj_falls_back_to_normals_for_hard_edges(tmp_path):
     sheet = hard_sheet(1)
     save(sheet, tmp_path / "a.obj")
     text = (tmp_path / "a.obj").read_text()
@@ -151,13 +151,13 @@ def test_normals_are_written_when_smoothing_groups_cannot_say_the_hard_edges_of_
 
 
 @pytest.mark.parametrize("ending", [".ply", ".off", ".stl", ".pvd"])
-def test_hard_edges_are_named_when_a_format_has_no_place_for_them(tmp_path, ending):
+def test_unsupported_hard_edges_are_noted(tmp_path, ending):
     notes = []
     save(hard_box(1), tmp_path / f"a{ending}", notes=notes)
     assert any("12 hard edges" in note for note in notes)
 
 
-def test_no_note_speaks_of_hard_edges_when_there_are_none(tmp_path):
+def test_surface_without_hard_edges_adds_no_note(tmp_path):
     notes = []
     save(waving_grid(1), tmp_path / "a.ply", notes=notes)
     assert notes == []

@@ -25,8 +25,8 @@ from meshreel.formats.alembic.transforms import Matrix, Transform, transform_poi
 from meshreel.formats.alembic.winding import reversed_corners
 from meshreel.formats.notes import GatheredNote, describe_cages, note_left_out
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.scenes.merging import united_times
-from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh
+from meshreel.formats.scenes.merging import unite_times
+from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
 from meshreel.formats.scenes.timing import frame_times
 from meshreel.formats.surfaces.hard_edges import NormalNotes, find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
@@ -93,7 +93,7 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     def read(node: Node) -> SceneMesh:
         return _AnimatedMesh(node, options.notes, cages, normals).scene_mesh()
 
-    return [readable_mesh(node.path, partial(read, node)) for node in meshes]
+    return [read_or_defer_error(node.path, partial(read, node)) for node in meshes]
 
 
 class _AnimatedMesh:
@@ -139,8 +139,8 @@ class _AnimatedMesh:
         """Return the times at which points, faces or transforms change, or else tracks do."""
         own = (self._points, self._corners, self._counts)
         above = (one for transform in self._node.chain for one in transform.times_s)
-        times = united_times([*(one.times_s for one in own), *above])
-        return times if len(times) > 1 else united_times([times, *self._animated.times_s])
+        times = unite_times([*(one.times_s for one in own), *above])
+        return times if len(times) > 1 else unite_times([times, *self._animated.times_s])
 
     def _frame(self, index: int) -> PolygonMesh:
         time_s = float(self._times_s[index])

@@ -17,7 +17,7 @@ from meshreel.formats.frames.field_tracks import Field, Key, field_tracks
 from meshreel.formats.frames.stored_frames import changed_error
 from meshreel.formats.notes import note_kinds, note_left_out
 from meshreel.formats.scenes.merged_tracks import BLENDED
-from meshreel.formats.scenes.turned_values import Matrix, turned_normals, turned_vectors
+from meshreel.formats.scenes.vector_transforms import Matrix, transform_normals, transform_vectors
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.surface import Domain, Kind
 from meshreel.model.tracks import NUMBER_TYPES, TrackKind, TrackSource
@@ -196,11 +196,11 @@ class MeshTracks:
         is_computed = user is not None and COMPUTED in user.properties
         if NORMALS in self.geometry and not (is_computed or _is_constant(self.geometry[NORMALS])):
             yield _AnimatedProperty(
-                self.geometry[NORMALS], NORMALS, "", NORMALS_ROLE, turned_normals
+                self.geometry[NORMALS], NORMALS, "", NORMALS_ROLE, transform_normals
             )
         if VELOCITIES in self.geometry and not self.geometry[VELOCITIES].is_constant:
             found, name = self.geometry[VELOCITIES], VELOCITIES.strip(".")
-            yield _AnimatedProperty(found, name, TrackKind.VELOCITY, "", turned_vectors)
+            yield _AnimatedProperty(found, name, TrackKind.VELOCITY, "", transform_vectors)
 
     def _fitting(
         self, times_s: Times, mesh: PolygonMesh

@@ -1,1 +1,1 @@
-"""Point caches, which hold positions and no faces: PC2 and MDD."""
+"""Point caches, which store positions without faces: PC2 and MDD."""

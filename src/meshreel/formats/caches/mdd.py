@@ -1,7 +1,7 @@
-"""Point caches of LightWave (``.mdd``): times, float32 positions and no faces.
+"""LightWave point caches (``.mdd``): times and float32 positions, without faces.
 
-All big endian: the number of frames, the number of vertices, the time of each frame in seconds,
-and the positions, frame after frame.
+Big endian throughout: number of frames, number of vertices, time of each frame in seconds, and the
+positions of each frame.
 """
 
 import struct
@@ -31,18 +31,16 @@ TIME = np.dtype(">f4")
 
 
 def open_mdd(path: Path, options: ReadOptions) -> FrameSource:
-    """The sequence of an ``.mdd`` file, named as the file."""
+    """Open the sequence of an ``.mdd`` file; its name is the file stem."""
     with errors_naming(path):
         n_verts, times = _read_header(path)
     faces, surface = read_topology(path, n_verts, options)
     timing = _timing(times)
     if (np.diff(times) <= 0).any():
         timing = FrameTimes(0.0, timing.start_s, is_even=True)
-        options.notes.append("times of frames do not ascend; the frame rate is unknown")
+        options.notes.append("frame times are not ascending; the frame rate is unknown")
     elif not timing.is_even:
-        options.notes.append(
-            f"times of frames are not even; taken as {timing.fps:g} frames per second"
-        )
+        options.notes.append(f"frame times are uneven; read as {timing.fps:g} frames per second")
     read = cache_reader(path, HEADER.size + times.nbytes, n_verts, ">f4")
     frames = ArrayFrames(path, len(times), n_verts, np.dtype(np.float32), read)
     fps = options.fps or timing.fps
@@ -51,11 +49,11 @@ def open_mdd(path: Path, options: ReadOptions) -> FrameSource:
 
 
 def write_mdd(path: Path, stream: FrameStream, options: WriteOptions) -> None:
-    """Write an ``.mdd`` file; what it cannot hold is noted."""
+    """Write an ``.mdd`` file; notes report what it cannot store exactly."""
     times = _times(stream.fps or FRAME_RATE, stream.start_s, stream.n_frames)
     if not np.isfinite(times).all():
         raise InvalidInputError(
-            f"start_s of {stream.start_s:g} is too large for MDD, which holds float32"
+            f"start_s of {stream.start_s:g} is too large for MDD, which stores float32"
         )
     _note_times(times, stream)
     with path.open("wb") as file:
@@ -65,7 +63,7 @@ def write_mdd(path: Path, stream: FrameStream, options: WriteOptions) -> None:
 
 
 def _note_times(times: npt.NDArray[Any], stream: FrameStream) -> None:
-    """Note what of frame rate and start will be read otherwise than it is."""
+    """Add notes if frame rate or start will be read back with another value."""
     found = _timing(times)
     if not stream.fps:
         stream.notes.append(f"the frame rate is unknown; written as {FRAME_RATE:g} fps")
@@ -73,20 +71,20 @@ def _note_times(times: npt.NDArray[Any], stream: FrameStream) -> None:
         stream.notes.append(f"MDD has no frame rate for one frame: {stream.fps:g} fps is lost")
     elif found.fps != stream.fps:
         stream.notes.append(
-            f"MDD holds times in float32: {stream.fps!r} fps reads as {found.fps!r}"
+            f"MDD stores times as float32: {stream.fps!r} fps reads as {found.fps!r}"
         )
     if found.start_s != stream.start_s:
         stream.notes.append(
-            f"MDD holds times in float32: the start at {stream.start_s!r} s reads as "
+            f"MDD stores times as float32: the start at {stream.start_s!r} s reads as "
             f"{found.start_s!r} s"
         )
 
 
 def _timing(times: npt.NDArray[Any]) -> FrameTimes:
-    """Frame rate and start of times in float32: those that round to just these times, if any do.
+    """Infer frame rate and start that round to the given float32 times, if possible.
 
-    Starts that are frame numbers come first, then the shortest decimal that is the first time
-    (0.1 rather than 0.10000000149).
+    Starts at a whole frame number are preferred, then the shortest decimal of the first time (0.1
+    rather than 0.10000000149).
     """
     timing = frame_times(times.astype(np.float64))
     decimal = float(str(np.float32(times[0])))
@@ -105,14 +103,14 @@ def _times(fps: float, start_s: float, n_frames: int) -> npt.NDArray[Any]:
 
 
 def _read_header(path: Path) -> tuple[int, npt.NDArray[Any]]:
-    """Vertices of a file, and the times of its frames."""
+    """Read the number of vertices and the frame times."""
     with os_errors_naming(path), path.open("rb") as file:
         head, size_bytes = file.read(HEADER.size), path.stat().st_size
         if len(head) < HEADER.size:
-            raise FormatError(f"is no MDD file: it has {size_bytes} bytes")
+            raise FormatError(f"is not an MDD file: it has only {size_bytes} bytes")
         n_frames, n_verts = HEADER.unpack(head)
         check_cache_size(HEADER.size + TIME.itemsize * n_frames, n_frames, n_verts, size_bytes)
         times = np.frombuffer(file.read(TIME.itemsize * n_frames), TIME)
     if not np.isfinite(times).all():
-        raise FormatError("is damaged: times of its frames are not finite")
+        raise FormatError("is damaged: frame times are not finite")
     return n_verts, times

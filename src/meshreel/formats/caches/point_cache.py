@@ -1,4 +1,4 @@
-"""The common part of point caches: float32 positions, frame after frame, behind a header."""
+"""Code shared by point caches: a header, then the float32 positions of each frame."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,25 +12,23 @@ from meshreel.formats.frames.stored_frames import changed_error
 from meshreel.model.sequence import Vertices
 from meshreel.runtime.counting import counted
 
-FRAME_RATE = 24.0  # of what has none, where a file needs one
+FRAME_RATE = 24.0  # written if a sequence has none but the file needs one
 VERTEX_BYTES = 12
 
 
 def check_cache_size(header_bytes: int, n_frames: int, n_verts: int, size_bytes: int) -> None:
-    """Refuse a point cache whose size is not what its header says.
+    """Reject a point cache whose size contradicts its header.
 
     Raises
     ------
     FormatError
-        Naming both sizes.
+        If the sizes differ; the message gives both.
     """
     if n_frames < 1 or n_verts < 1:
-        raise FormatError(
-            f"says that it holds {counted(n_frames, 'frame')} of {counted(n_verts, 'vertex')}"
-        )
+        raise FormatError(f"declares {counted(n_frames, 'frame')} of {counted(n_verts, 'vertex')}")
     expected = header_bytes + n_frames * n_verts * VERTEX_BYTES
     if size_bytes != expected:
-        problem = "is cut short" if size_bytes < expected else "is damaged"
+        problem = "is truncated" if size_bytes < expected else "is damaged"
         raise FormatError(
             f"{problem}: {counted(n_frames, 'frame')} of {counted(n_verts, 'vertex')} take "
             f"{expected} bytes; "
@@ -41,14 +39,14 @@ def check_cache_size(header_bytes: int, n_frames: int, n_verts: int, size_bytes:
 def cache_reader(
     path: Path, header_bytes: int, n_verts: int, number: str
 ) -> Callable[[int, int], Vertices]:
-    """A function from a start and a stop to those frames of a point cache, as native float32.
+    """Return a function that reads frames start..stop - 1 of a point cache as native float32.
 
     Parameters
     ----------
     header_bytes : int
-        Where the first frame begins.
+        Offset of the first frame.
     number : {"<f4", ">f4"}
-        How the file writes a number.
+        Number type in the file.
     """
 
     def read(start: int, stop: int) -> Vertices:
@@ -64,24 +62,24 @@ def cache_reader(
 
 
 def single_precision(stream: FrameStream) -> Iterator[Vertices]:
-    """Each frame in float32; a note says by how much that moves vertices, if it does.
+    """Yield each frame in float32; a note reports the rounding error, if any.
 
     Raises
     ------
     InvalidInputError
-        Naming the frame that is too large for float32.
+        If a frame exceeds float32; the message names it.
     """
-    furthest = 0.0
+    max_error = 0.0
     for index, frame in enumerate(stream.frames()):
         with np.errstate(over="ignore", under="ignore"):
             rounded: Vertices = frame.astype(np.float32, copy=False)
         if rounded is not frame:
             if not np.isfinite(rounded).all():
                 raise InvalidInputError(
-                    f"frame {index} reaches to {np.abs(frame).max():g}; point caches hold "
-                    "float32, up to 3.4e38; scale the model down"
+                    f"frame {index} has coordinates up to {np.abs(frame).max():g}; point caches "
+                    "store float32, up to 3.4e38; scale the model down"
                 )
-            furthest = max(furthest, float(np.abs(rounded - frame).max()))
+            max_error = max(max_error, float(np.abs(rounded - frame).max()))
         yield rounded
-    if furthest > 0:
-        stream.notes.append(f"positions were rounded to float32, by up to {furthest:.3g}")
+    if max_error > 0:
+        stream.notes.append(f"positions were rounded to float32, by up to {max_error:.3g}")

@@ -1,4 +1,4 @@
-"""The faces of a point cache, which are in a mesh file of their own."""
+"""The faces of a point cache, which are stored in a separate mesh file."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -17,28 +17,31 @@ from meshreel.runtime.counting import counted
 
 
 def read_topology(cache: Path, n_verts: int, options: ReadOptions) -> tuple[Faces, Surface]:
-    """The triangles and the surface for a point cache of so many vertices.
+    """Return the triangles and the surface for a point cache with `n_verts` vertices.
 
-    They are in the mesh that the options name, or else in that of the same name beside the cache.
+    They come from the mesh file of the options, or from the mesh file next to the cache with the
+    same name.
 
     Raises
     ------
     InvalidInputError
-        If there is no such mesh, or it has another number of vertices.
+        If there is no such mesh, or its number of vertices differs.
     FormatError
-        If it is of a format that faces are not read from, or damaged.
+        If the mesh has a format without shared vertices, or is damaged.
     """
     path = options.topology or cache.with_suffix(COMPANION)
     if options.topology is None and not path.is_file():
         raise InvalidInputError(
-            f"{cache} holds positions of {counted(n_verts, 'vertex')} and no faces; name "
-            f"the mesh file that has them with --topology mesh.obj (topology=), or put it beside "
-            f"as {path.name}"
+            f"{cache} has positions of {counted(n_verts, 'vertex')} and no faces; give the mesh "
+            f"file with the faces by --topology mesh.obj (topology=), or store it as {path.name} "
+            "in the same folder"
         )
     mesh_format = FRAME_FORMATS.get(path.suffix.lower())
     if mesh_format is None or mesh_format.has_unshared_vertices:
         known = [one.ending for one in FRAME_FORMATS.values() if not one.has_unshared_vertices]
-        raise FormatError(f"{path}: faces of a point cache are read from {', '.join(known)} files")
+        raise FormatError(
+            f"{path}: the faces of a point cache must be in a {', '.join(known)} file"
+        )
     refuse_pipe(path)
     with os_errors_naming(path):
         data = path.read_bytes()
@@ -47,13 +50,13 @@ def read_topology(cache: Path, n_verts: int, options: ReadOptions) -> tuple[Face
         parse_surface = mesh_format.parse_surface
         surface = parse_surface(data, options.notes) if parse_surface else PLAIN
         if mesh_format.parse_fields is not None:
-            looks = {(one.domain, one.name) for one in surface.attributes}
-            others = (key[1] for key in mesh_format.parse_fields(data) if key not in looks)
+            attributes = {(one.domain, one.name) for one in surface.attributes}
+            others = (key[1] for key in mesh_format.parse_fields(data) if key not in attributes)
             note_kinds(options.notes, "fields", others)
     if len(mesh.vertices) != n_verts:
         raise InvalidInputError(
             f"{cache} has {counted(n_verts, 'vertex')} and {path} {len(mesh.vertices)}; "
-            "give the mesh that the cache was made of"
+            "use the mesh that the cache was created from"
         )
     faces = triangulate_fans(mesh.counts, mesh.corners)
     return faces, replace(surface, face_sizes=mesh.counts.astype(np.int32))

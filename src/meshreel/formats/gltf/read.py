@@ -36,7 +36,7 @@ from meshreel.formats.gltf.shown import (
 from meshreel.formats.gltf.skinning import Skin, move
 from meshreel.formats.notes import listed, note_kinds, note_left_out
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh
+from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
 from meshreel.formats.surfaces.hard_edges import NormalNotes
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.model.sequence import validate_fps
@@ -108,7 +108,7 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         return _scene_mesh(name, placement, motion, times, lambda: shape(placement), document)
 
     return [
-        readable_mesh(name, partial(scene_mesh, name, one))
+        read_or_defer_error(name, partial(scene_mesh, name, one))
         for name, one in zip(names, placements, strict=True)
     ]
 

@@ -20,7 +20,7 @@ from meshreel.formats.notes import note_left_out, note_normals
 from meshreel.formats.surfaces.hard_edges import (
     HardEdges,
     NormalNotes,
-    edges_of_groups,
+    edges_between_groups,
     find_hard_edges,
 )
 from meshreel.formats.text.token_lines import TokenLines, split_lines
@@ -98,7 +98,7 @@ def _hard_edges(lines: TokenLines, face_lines: Integers) -> HardEdges | None:
     ]
     above = _last_above(statements, face_lines)
     # The format turns smoothing off above the first statement.
-    found = edges_of_groups(mesh, np.array([*statement_labels, 0])[above])
+    found = edges_between_groups(mesh, np.array([*statement_labels, 0])[above])
     return None if found.edges is None else found
 
 

@@ -1,1 +1,1 @@
-"""Streams of our own, read and written like any other file."""
+"""Streams of meshreel (``.reel``), read and written like other formats."""

@@ -1,4 +1,4 @@
-"""A `.reel` file as a sequence, or as frames that are decoded when they are asked for."""
+"""Reading of `.reel` files: as a whole sequence, or with frames decoded on demand."""
 
 import os
 from contextlib import ExitStack
@@ -25,38 +25,38 @@ def open(
     segment: int | None = None,
     memory: float | str | None = None,
 ) -> ReelFile:
-    """A `.reel` file to take frames from: its index is read, and nothing decoded yet.
+    """Open a `.reel` file for random access: reads its index, and decodes nothing yet.
 
     Parameters
     ----------
     path : str or path
-        Of a file, or an address such as ``s3://bucket/walk.reel`` (extra ``[remote]``): then only
-        what is asked for is fetched, each block with one request.
+        A file, or an address such as ``s3://bucket/walk.reel`` (extra ``[remote]``): then only the
+        required blocks are fetched, with one request each.
     n_modes : int, optional
-        Only the first so many modes of each block move; further ones, up to the 16th at least,
-        rest at their mean over the block: a coarser animation. Streams of `reel` only; corrections
-        are left out then.
+        Decode only the first `n_modes` modes of each block, for a coarser animation; other modes,
+        at least up to the 16th, stay at their mean over the block, and corrections are not applied.
+        Only for streams of method `reel`.
     segment : int, optional
-        Number of a segment, from 0, as `meshreel.info` lists them: frames begin at 0 in it. Needed
-        if the file has several segments, whose meshes differ.
+        Number of a segment, from 0, as `meshreel.info` lists them; its frames count from 0.
+        Required if the file has several segments, whose meshes differ.
     memory : float or str, optional
-        The most that the mesh, a block, or the frames or values that a call returns may take while
-        they are decoded, as in "2GiB", or bytes. Frames of a longer file than this are read a few
-        at a time. Default: 8 GiB.
+        Memory limit for decoding the mesh, a block, or the frames or values that a call returns,
+        such as "2GiB", or in bytes. Default: 8 GiB.
 
     Raises
     ------
     InvalidInputError
-        If `n_modes` is below 1 or not for this stream, there is no such segment, or there are
-        several and none is chosen, or the path is a pipe or a device.
+        If `n_modes` is below 1 or not supported by the stream, the segment does not exist, there
+        are several segments and none is chosen, or the path is a pipe or a device.
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
-        If it is not a stream that this build reads, or not even its first block is whole.
+        If the file is not a stream that this version supports, or its first block is incomplete.
     MemoryLimitError
-        If its mesh needs more memory than allowed. Reading raises it for blocks and frames.
+        If the mesh exceeds the memory limit; reading raises it for blocks and frames.
     OSError
         If the file cannot be read.
     StoreError
-        If a remote file is not there, cannot be reached, or its server gives no ranges of bytes.
+        If a remote file does not exist or cannot be reached, or its server does not support byte
+        ranges.
 
     Examples
     --------
@@ -65,9 +65,9 @@ def open(
     ...     for frame in reel:
     ...         show(frame)
     """
-    memory_limit(memory)  # a size that is none is no fault of the file
+    memory_limit(memory)  # an invalid size must not be reported as an error of the file
     with ExitStack() as on_error:
-        file = on_error.enter_context(_opened(path))
+        file = on_error.enter_context(_open_binary(path))
         with errors_naming(path):
             reel = ReelFile(file, n_modes, memory, segment)
         on_error.pop_all()
@@ -79,19 +79,19 @@ def read_info(
     segment: int | None = None,
     memory: float | str | None = None,
 ) -> StreamInfo:
-    """Contents of a `.reel` file of any number of segments, or of one of them.
+    """Return the contents of a `.reel` file, for all segments or one of them.
 
     Parameters and errors are those of `open`.
     """
     limit = memory_limit(memory)
-    with _opened(path) as file, errors_naming(path):
+    with _open_binary(path) as file, errors_naming(path):
         whole = OpenFile(file, limit.limit_bytes)
         for one in whole.segments if segment is None else whole.segments[segment : segment + 1]:
             limit.require_mesh(one.n_verts, one.n_triangles)
         return file_info(whole, segment, limit, is_remote=is_remote(path))
 
 
-def _opened(path: str | os.PathLike[str]) -> BinaryIO:
+def _open_binary(path: str | os.PathLike[str]) -> BinaryIO:
     if is_remote(path):
         return open_ranged(str(path))
     refuse_pipe(Path(path))
@@ -99,7 +99,7 @@ def _opened(path: str | os.PathLike[str]) -> BinaryIO:
 
 
 def origin_of_file(path: str | os.PathLike[str]) -> Origin | None:
-    """The origin that a `.reel` file states for its frames; None for any other file."""
+    """Return the origin that a `.reel` file declares for its frames; None for other files."""
     if Path(plain(path)).suffix.lower() != ".reel":
         return None
     with open(path) as reel:
@@ -107,17 +107,17 @@ def origin_of_file(path: str | os.PathLike[str]) -> Origin | None:
 
 
 def open_reel(path: Path, options: ReadOptions) -> MeshSequence:
-    """The sequence that a `.reel` file holds; of the file's name if the stream has none.
+    """Decode the sequence of a `.reel` file; its default name is the file stem.
 
     Raises
     ------
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
-        If it is not a whole stream that this build reads; they name the file.
+        If the file is not a complete stream that this version supports; errors name the file.
     """
     with errors_naming(path):
         sequence = decode(path.read_bytes(), memory=options.memory, progress=options.progress)
     options.progress("reading", 1.0)
     fps = sequence.fps if options.fps is None else options.fps
-    if sequence.name and fps == sequence.fps:  # all positions would be checked again
+    if sequence.name and fps == sequence.fps:  # replacing would validate all positions again
         return sequence
     return replace(sequence, fps=fps, name=sequence.name or path.stem)

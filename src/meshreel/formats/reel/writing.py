@@ -1,4 +1,4 @@
-"""Frames into a `.reel` file."""
+"""Writer for `.reel` files."""
 
 from pathlib import Path
 
@@ -10,18 +10,15 @@ from meshreel.formats.options import WriteOptions
 
 
 def write_reel(path: Path, stream: FrameStream, options: WriteOptions) -> None:
-    """Write the frames as a `.reel` file; all are gathered for it, and the error is noted.
-
-    What the options leave open is as `encode` does it by default.
-    """
+    """Write all frames as a `.reel` file, with the defaults of `encode`; a note gives the error."""
     sequence = stream.gather()
     data = encode(sequence, max_error=options.max_error, lossless=options.lossless)
     path.write_bytes(data)
     if options.lossless:
-        stream.notes.append("coded bit for bit")
+        stream.notes.append("encoded losslessly")
     elif stream.wants_notes:
         achieved = measure_stream(sequence, data, order=DEFAULT_ORDER)
         stream.notes.append(
-            f"coded with a largest error of {achieved.max_error_percent:.4f} % of the diagonal "
+            f"encoded with a largest error of {achieved.max_error_percent:.4f} % of the diagonal "
             f"and a KG error of {achieved.kg_error_percent:.4f} %"
         )

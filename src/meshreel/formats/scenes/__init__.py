@@ -1,1 +1,1 @@
-"""Meshes of files that hold several, each chosen, merged with the others, or taken apart again."""
+"""Files with several meshes: select one, merge them into one mesh of parts, or split it again."""

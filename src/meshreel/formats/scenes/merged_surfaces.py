@@ -1,4 +1,4 @@
-"""The surface of several meshes as one: attributes, groups, parts and materials of all of them."""
+"""Merging of the attributes, groups, parts and materials of several meshes."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,30 +14,30 @@ from meshreel.model.surface import Attribute, Domain, FaceGroups, Part, Surface
 Meaning = tuple[str, str, int]
 
 
-def merged_surface(
+def merge_surfaces(
     names: Sequence[str],
     surfaces: Sequence[Surface],
     frames: Sequence[PolygonMesh],
     notes: list[str],
 ) -> Surface:
-    """The surface of several meshes that are one, each a part of its name.
+    """Return the merged surface of several meshes, each of which becomes a named part.
 
     Parameters
     ----------
     names : sequence of str
     surfaces : sequence of Surface
-        Of each mesh, without face sizes.
+        Surface of each mesh, without face sizes.
     frames : sequence of PolygonMesh
         The mesh of each surface.
     notes : list of str
-        Gains a sentence for each attribute that only some of the meshes have.
+        Receives a sentence for each attribute that only some of the meshes have.
     """
     parts = tuple(
         Part(name, len(frame.vertices), len(frame.counts))
         for name, frame in zip(names, frames, strict=True)
     )
-    surfaces, materials, images = shared_look(surfaces)
-    attributes = _merged_attributes(in_one_domain(surfaces, frames), frames, notes)
+    surfaces, materials, images = merge_materials(surfaces)
+    attributes = _merged_attributes(unify_domains(surfaces, frames), frames, notes)
     groups = _merged_groups(surfaces, frames)
     hard_edges = joined_edges(
         [one.hard_edges for one in surfaces], [len(frame.vertices) for frame in frames]
@@ -45,11 +45,11 @@ def merged_surface(
     return Surface(None, attributes, groups, parts, materials, images, hard_edges)
 
 
-def in_one_domain(surfaces: Sequence[Surface], frames: Sequence[PolygonMesh]) -> list[Surface]:
-    """The surfaces, whose attributes of one kind, name and width are of the same domain.
+def unify_domains(surfaces: Sequence[Surface], frames: Sequence[PolygonMesh]) -> list[Surface]:
+    """Move attributes that are the same in all meshes to one domain.
 
-    Where they are not, as texture coordinates with and without seams, all become those of corners.
-    What a mesh has twice stays as it is.
+    Attributes with the same kind, name and width but different domains, such as texture coordinates
+    with and without seams, become corner attributes. Attributes that a mesh has twice stay.
 
     Parameters
     ----------
@@ -60,9 +60,9 @@ def in_one_domain(surfaces: Sequence[Surface], frames: Sequence[PolygonMesh]) ->
     domains: dict[Meaning, set[Domain]] = {}
     twice: set[Meaning] = set()
     for surface in surfaces:
-        own = [_meaning(one) for one in surface.attributes]
-        twice |= {meaning for meaning in own if own.count(meaning) > 1}
-        for meaning, one in zip(own, surface.attributes, strict=True):
+        matches = [_meaning(one) for one in surface.attributes]
+        twice |= {meaning for meaning in matches if matches.count(meaning) > 1}
+        for meaning, one in zip(matches, surface.attributes, strict=True):
             domains.setdefault(meaning, set()).add(one.domain)
     mixed = {meaning for meaning, found in domains.items() if len(found) > 1} - twice
     return [
@@ -82,7 +82,7 @@ def _of_corners(
 
 
 def _spread(attribute: Attribute, frame: PolygonMesh) -> Attribute:
-    """The attribute as one of corners; its values stay, and are referred to."""
+    """Return the attribute as an indexed corner attribute with the same values."""
     if attribute.domain is Domain.CORNER:
         return attribute
     item_of: npt.NDArray[np.integer] = frame.corners
@@ -103,20 +103,20 @@ def _n_items(frame: PolygonMesh, domain: Domain) -> int:
 def _merged_attributes(
     surfaces: Sequence[Surface], frames: Sequence[PolygonMesh], notes: list[str]
 ) -> tuple[Attribute, ...]:
-    """Attributes of the same kind, name, domain and width as one; zeros where a mesh has none."""
+    """Merge attributes by kind, name, domain and width; zeros where a mesh lacks one."""
     keys = {_key(one): one for surface in surfaces for one in surface.attributes}
     merged = []
     for key, sample in keys.items():
-        own = [
+        matches = [
             next((one for one in surface.attributes if _key(one) == key), None)
             for surface in surfaces
         ]
-        if any(one is None for one in own):
-            note = f"{sample.kind} {sample.name!r} is 0 where a mesh has none of its own"
+        if any(one is None for one in matches):
+            note = f"{sample.kind} {sample.name!r} is 0 in meshes without it"
             if note not in notes:
                 notes.append(note)
-        dtype = np.result_type(*(one.values.dtype for one in own if one is not None))
-        merged.append(_concatenated(sample, own, frames, dtype))
+        dtype = np.result_type(*(one.values.dtype for one in matches if one is not None))
+        merged.append(_concatenate(sample, matches, frames, dtype))
     return tuple(merged)
 
 
@@ -125,19 +125,19 @@ def _key(attribute: Attribute) -> tuple[str, str, str, int, bool]:
     return attribute.kind, attribute.name, attribute.domain, width, is_byte
 
 
-def _concatenated(
+def _concatenate(
     sample: Attribute,
-    own: Sequence[Attribute | None],
+    matches: Sequence[Attribute | None],
     frames: Sequence[PolygonMesh],
     dtype: np.dtype[np.generic],
 ) -> Attribute:
     width, start = sample.values.shape[1], 0
-    is_indexed = any(one is not None and one.indices is not None for one in own)
+    is_indexed = any(one is not None and one.indices is not None for one in matches)
     values, indices = [], []
-    for one, frame in zip(own, frames, strict=True):
+    for one, frame in zip(matches, frames, strict=True):
         n_items = _n_items(frame, sample.domain)
         if one is None:
-            # Without indices every item needs its row; with them, all share a single one.
+            # Unindexed attributes need a row per item; indexed ones share a single row.
             table = np.zeros((1 if is_indexed else n_items, width), dtype)
             rows = np.zeros(n_items, np.int32)
         else:
@@ -159,23 +159,23 @@ def _merged_groups(
         labels: dict[str, int] = {}
         numbers = []
         for surface, frame in zip(surfaces, frames, strict=True):
-            own = next((one for one in surface.groups if one.name == name), None)
-            if own is None:
+            matches = next((one for one in surface.groups if one.name == name), None)
+            if matches is None:
                 numbers.append(np.full(len(frame.counts), -1, np.int32))
                 continue
-            new = [labels.setdefault(label, len(labels)) for label in own.labels]
-            numbers.append(np.array([*new, -1], np.int32)[own.numbers])
+            new = [labels.setdefault(label, len(labels)) for label in matches.labels]
+            numbers.append(np.array([*new, -1], np.int32)[matches.numbers])
         merged.append(FaceGroups(name, tuple(labels), np.concatenate(numbers)))
     return tuple(merged)
 
 
-def shared_look(
+def merge_materials(
     surfaces: Sequence[Surface],
 ) -> tuple[list[Surface], tuple[Material, ...], tuple[Image, ...]]:
-    """The surfaces, and the materials and images of all of them.
+    """Return relabeled surfaces, and the materials and images of all of them.
 
-    Where two materials of one name differ, the second gets a number behind its name, and so do
-    the labels of its faces.
+    If two different materials share a name, the second one and the labels of its faces get a
+    numbered name.
     """
     images: dict[Image, int] = {}
     materials: dict[str, Material] = {}
@@ -186,22 +186,23 @@ def shared_look(
             for number, image in enumerate(surface.images)
         }
         names = {
-            one.name: _taken_in(renumbered(one, numbers), materials) for one in surface.materials
+            one.name: _add_material(renumbered(one, numbers), materials)
+            for one in surface.materials
         }
-        groups = tuple(_renamed(one, names) for one in surface.groups)
+        groups = tuple(_rename_labels(one, names) for one in surface.groups)
         relabelled.append(replace(surface, groups=groups))
     return relabelled, tuple(materials.values()), tuple(images)
 
 
-def _taken_in(material: Material, materials: dict[str, Material]) -> str:
-    """The name under which a material is among the others from now on."""
+def _add_material(material: Material, materials: dict[str, Material]) -> str:
+    """Add a material under a unique name; return that name."""
     found, number = material, 2
     while materials.setdefault(found.name, found) != found:
         found, number = replace(material, name=f"{material.name}_{number}"), number + 1
     return found.name
 
 
-def _renamed(groups: FaceGroups, names: dict[str, str]) -> FaceGroups:
+def _rename_labels(groups: FaceGroups, names: dict[str, str]) -> FaceGroups:
     if groups.name != "material":
         return groups
     return replace(groups, labels=tuple(names.get(one, one) for one in groups.labels))

@@ -1,4 +1,4 @@
-"""Several meshes as one of several parts."""
+"""Merging of several animated meshes into one mesh of parts."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.formats.scenes.merged_surfaces import merged_surface
-from meshreel.formats.scenes.merged_tracks import merged_tracks
+from meshreel.formats.scenes.merged_surfaces import merge_surfaces
+from meshreel.formats.scenes.merged_tracks import merge_tracks
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.timing import neighbours
 from meshreel.formats.surfaces.polygons import PolygonMesh
@@ -15,55 +15,53 @@ from meshreel.model.surface import Surface
 from meshreel.model.tracks import TrackSource
 
 
-def merged_mesh(meshes: Sequence[SceneMesh], name: str, notes: list[str]) -> SceneMesh:
-    """All meshes as one, whose parts have their names.
+def merge_meshes(meshes: Sequence[SceneMesh], name: str, notes: list[str]) -> SceneMesh:
+    """Merge meshes into one whose parts have their names.
 
-    Its frames are those of the mesh that has most of them within the time that any of them
-    covers. A mesh that has no frame at such a time is between two of its own there, on a straight
-    line, and before its first or behind its last stays as it is; so are its tracks, if they are
-    floats that can be.
+    Its frames are at all times of the moving meshes. A mesh without a frame at such a time is
+    interpolated linearly between its neighboring frames, and held before its first and after its
+    last one; so are its float tracks.
 
     Parameters
     ----------
     meshes : sequence of SceneMesh
     name : str
-        Of the whole.
+        Name of the merged mesh.
     notes : list of str
-        Gains a sentence for each attribute that only some of the meshes have.
+        Receives a sentence for each attribute that only some of the meshes have.
     """
-    times = united_times([mesh.times_s for mesh in meshes])
+    times = unite_times([mesh.times_s for mesh in meshes])
 
     def frame(index: int) -> PolygonMesh:
-        return _joined([_at(mesh, times[index]) for mesh in meshes])
+        return _concatenate([_at(mesh, times[index]) for mesh in meshes])
 
     def surface(index: int) -> Surface:
         numbers = [int(np.searchsorted(mesh.times_s, times[index], "right")) - 1 for mesh in meshes]
         numbers = [max(0, number) for number in numbers]
         frames = [mesh.frame(number) for mesh, number in zip(meshes, numbers, strict=True)]
         surfaces = [mesh.surface(number) for mesh, number in zip(meshes, numbers, strict=True)]
-        return merged_surface([mesh.name for mesh in meshes], surfaces, frames, notes)
+        return merge_surfaces([mesh.name for mesh in meshes], surfaces, frames, notes)
 
     def tracks(frames: range) -> Mapping[str, TrackSource]:
         places = [[neighbours(mesh.times_s, times[index]) for mesh in meshes] for index in frames]
-        return merged_tracks(meshes, places, notes)
+        return merge_tracks(meshes, places, notes)
 
     rates = {mesh.fps for mesh in meshes if mesh.fps}
     fps = rates.pop() if len(rates) == 1 else None
     return SceneMesh(name, times, frame, surface, fps, tracks)
 
 
-def united_times(times: Sequence[npt.NDArray[np.float64]]) -> npt.NDArray[np.float64]:
-    """All the times at which something changes, ascending; of what does not move, the first.
+def unite_times(times: Sequence[npt.NDArray[np.float64]]) -> npt.NDArray[np.float64]:
+    """Return the union of ascending times; those of static meshes are ignored if any moves.
 
-    Each is those of one thing, ascending; times that differ by less than a thousandth of the
-    shortest interval are one.
+    Times that differ by less than a thousandth of the shortest interval are merged.
     """
     moving = [one for one in times if len(one) > 1]
     if not moving:
         return np.asarray(times[0][:1], np.float64)
-    every = np.sort(np.concatenate(moving))
+    all_times = np.sort(np.concatenate(moving))
     least = min(float(np.diff(one).min()) for one in moving) / 1000
-    distinct: npt.NDArray[np.float64] = every[np.diff(every, prepend=-np.inf) > least]
+    distinct: npt.NDArray[np.float64] = all_times[np.diff(all_times, prepend=-np.inf) > least]
     return distinct
 
 
@@ -80,7 +78,7 @@ def _at(mesh: SceneMesh, time_s: float) -> PolygonMesh:
     return PolygonMesh(vertices, first.counts, first.corners)
 
 
-def _joined(frames: Sequence[PolygonMesh]) -> PolygonMesh:
+def _concatenate(frames: Sequence[PolygonMesh]) -> PolygonMesh:
     starts = np.cumsum([0] + [len(frame.vertices) for frame in frames])
     corners = [frame.corners + start for frame, start in zip(frames, starts, strict=False)]
     return PolygonMesh(

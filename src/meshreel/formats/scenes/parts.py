@@ -1,4 +1,4 @@
-"""The parts of a mesh that was made of several, each by itself."""
+"""Splitting of a merged mesh into its parts."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,18 +13,18 @@ from meshreel.model.surface import Attribute, Domain, FaceGroups, Int32s, Part, 
 
 @dataclass(frozen=True, eq=False)
 class PartMesh:
-    """A part of a mesh, by itself.
+    """A part of a mesh as a separate mesh.
 
     Attributes
     ----------
     verts : slice
-        Its vertices among those of the whole.
+        Range of its vertices in the whole mesh.
     counts, corners : integer arrays
-        Its faces, as in `PolygonMesh`, in its own vertices.
+        Its faces as in `PolygonMesh`, indexing its own vertices.
     surface : Surface
-        Its attributes, groups and hard edges; without parts. Only group labels in use are kept.
+        Its attributes, groups and hard edges, without parts and unused group labels.
     items : mapping of Domain to slice
-        Its vertices, faces and corners among those of the whole.
+        Ranges of its vertices, faces and corners in the whole mesh.
     """
 
     name: str
@@ -36,10 +36,10 @@ class PartMesh:
 
 
 def split_parts(faces: Faces, surface: Surface, n_verts: int, name: str) -> Iterator[PartMesh]:
-    """The parts of a mesh, in order; the whole, with this name, if it has none.
+    """Yield the parts of a mesh in order; the whole mesh under `name` if it has none.
 
-    Faces that name a vertex of another part cannot be, for parts are checked when they are made
-    of meshes; of a damaged stream the whole is given out as one part then.
+    Faces never use vertices of another part, except in damaged streams; then the whole mesh is
+    yielded as one part.
     """
     counts = surface.sizes(len(faces))
     corners = join_fans(counts, faces)
@@ -59,14 +59,14 @@ def split_parts(faces: Faces, surface: Surface, n_verts: int, name: str) -> Iter
 
 @dataclass(frozen=True)
 class _Piece:
-    """Where a part lies in the whole."""
+    """Ranges of a part in the whole mesh."""
 
     verts: slice
     faces: slice
     corners: slice
 
     def of(self, domain: Domain) -> slice:
-        """Where its values of a domain lie."""
+        """Return the range of its items of a domain."""
         return {Domain.VERTEX: self.verts, Domain.FACE: self.faces, Domain.CORNER: self.corners}[
             domain
         ]

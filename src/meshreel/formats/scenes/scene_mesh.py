@@ -1,4 +1,4 @@
-"""Animated meshes of a file that holds one or several, each frame read when it is asked for."""
+"""Animated meshes of a file with one or several meshes, whose frames are read on demand."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,36 +16,36 @@ from meshreel.model.tracks import TrackSource
 
 
 def no_surface(frame: int) -> Surface:
-    """The surface of a mesh that has nothing but positions and faces, in any frame."""
+    """Return the plain surface, for meshes with only positions and faces."""
     return PLAIN
 
 
 def no_tracks(frames: range) -> Mapping[str, TrackSource]:
-    """The tracks of a mesh that has none, in any frames."""
+    """Return no tracks, for meshes without any."""
     return {}
 
 
 @dataclass(frozen=True, eq=False)
 class SceneMesh:
-    """An animated mesh of a file, each frame of which is read when it is asked for.
+    """An animated mesh of a file, whose frames are read on demand.
 
     Parameters
     ----------
     name : str
-        Its path in the file, such as "/root/body"; no other mesh of the file has it.
+        Its path in the file, such as "/root/body"; unique in the file.
     times_s : float64 array of shape (T,)
-        When its frames are, in seconds, ascending; one for a mesh that does not move. Frames are
-        where positions, or any transform above the mesh, are sampled.
+        Ascending times of its frames in seconds; one for a static mesh. There is a frame at each
+        sample of the positions or of a transform above the mesh.
     frame : function of a frame number
-        The mesh in world space. Its faces may differ between frames: that is looked for.
+        Returns the mesh in world space. Its faces may differ between frames; callers check that.
     surface : function of a frame number, optional
-        Attributes and groups of the mesh, by its faces as that frame has them; without face
-        sizes, which the frame says. Only the first frame of a sequence is asked for them.
+        Returns attributes and groups for the faces of that frame, without face sizes. Called only
+        for the first frame of a sequence.
     fps : float, optional
-        Frames per second, if the file says so; else it follows from the times.
+        Frames per second that the file declares; None to infer it from the times.
     tracks : function of a range of frame numbers, optional
-        What changes over time beside the positions in these frames, whose faces are the same and
-        which were all asked for before. Of a track, frame 0 is the first of the range.
+        Returns the tracks of these frames, which share their faces and have all been read before.
+        Frame 0 of a track is the first frame of the range.
     """
 
     name: str
@@ -56,10 +56,10 @@ class SceneMesh:
     tracks: Callable[[range], Mapping[str, TrackSource]] = no_tracks
 
 
-def readable_mesh(name: str, read: Callable[[], SceneMesh]) -> SceneMesh:
-    """The mesh that a function gives; if it fails, one that fails so when a frame is asked for.
+def read_or_defer_error(name: str, read: Callable[[], SceneMesh]) -> SceneMesh:
+    """Read a mesh; if that fails, return a mesh that raises the error when a frame is read.
 
-    One bad mesh does not stand in the way of those beside it then.
+    This way a damaged mesh does not prevent reading the other meshes of the file.
     """
     try:
         return read()
@@ -73,4 +73,4 @@ def readable_mesh(name: str, read: Callable[[], SceneMesh]) -> SceneMesh:
 
 
 ReadMeshes = Callable[[Path, ReadOptions], Sequence[SceneMesh]]
-"""Gives the meshes of a file, at least one; raises `FormatError` naming what is wrong with it."""
+"""Returns the meshes of a file, at least one; raises `FormatError` if the file is invalid."""

@@ -1,4 +1,4 @@
-"""The meshes of a file to one sequence: chosen or merged, and checked."""
+"""Opening of one sequence from a file of several meshes: selected or merged, and checked."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -13,7 +13,7 @@ from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.frames.survey import FrameSurvey
 from meshreel.formats.notes import listed, note_left_out
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.scenes.merging import merged_mesh
+from meshreel.formats.scenes.merging import merge_meshes
 from meshreel.formats.scenes.scene_mesh import ReadMeshes, SceneMesh
 from meshreel.formats.scenes.timing import frame_times
 from meshreel.formats.surfaces.polygons import PolygonMesh
@@ -27,75 +27,76 @@ MAX_NAMED = 8
 
 
 def open_scene(read_meshes: ReadMeshes, path: Path, options: ReadOptions) -> FrameSource:
-    """The sequence that a file means of which `read_meshes` gives the meshes.
+    """Open the selected or merged mesh of a file whose meshes `read_meshes` returns.
 
     Raises
     ------
     FormatError, InvalidInputError
         As `chosen_mesh` and `sequence_of`.
     """
-    mesh = chosen_mesh(read_meshes, path, options, may_change=False)
-    return sequence_of(mesh, path, options)
+    mesh = select_mesh(read_meshes, path, options, may_change=False)
+    return open_mesh(mesh, path, options)
 
 
-def chosen_mesh(
+def select_mesh(
     read_meshes: ReadMeshes, path: Path, options: ReadOptions, *, may_change: bool = True
 ) -> SceneMesh:
-    """The mesh of a file that the options choose, or all of them as one.
+    """Return the mesh that the options select, or all meshes merged.
 
     Parameters
     ----------
     may_change : bool, default True
-        Whether meshes whose faces change are wanted, where bad ones are left out.
+        Whether `skip_bad` keeps meshes whose faces change.
 
     Raises
     ------
     FormatError
         As `read_meshes`.
     InvalidInputError
-        If there are several and none is chosen, or no mesh has the name; all are listed.
+        If there are several meshes and none is selected, or none has the name; all are listed.
     """
     with errors_naming(path):
-        meshes = wanted_meshes(read_meshes, path, options, may_change=may_change)
+        meshes = selected_meshes(read_meshes, path, options, may_change=may_change)
         if len(meshes) > 1:
             raise InvalidInputError(
-                f"holds {_listed(meshes)}; choose one with --object (object=), or take all as "
-                "one with --merge (merge=True)"
+                f"holds {_listed(meshes)}; choose one with --object (object=), or merge all "
+                "with --merge (merge=True)"
             )
         return meshes[0]
 
 
-def wanted_meshes(
+def selected_meshes(
     read_meshes: ReadMeshes, path: Path, options: ReadOptions, *, may_change: bool = True
 ) -> Sequence[SceneMesh]:
-    """The mesh of a file that the options name, all of them merged, or all if nothing is said.
+    """Return the mesh that the options name, all merged, or all separately by default.
 
-    Bad ones are left out if the options say so; faces may change in good ones, or not.
+    With `skip_bad`, unreadable meshes are left out; `may_change` says whether changing faces count.
 
     Raises
     ------
     FormatError
         As `read_meshes`.
     InvalidInputError
-        If no mesh has the name, or several do.
+        If no mesh or several meshes have the name.
     """
     meshes = read_meshes(path, options)
     if options.object is not None:
         return [_named(meshes, options.object)]
     if options.skip_bad:
-        meshes = good_meshes(meshes, options, may_change=may_change)
+        meshes = readable_meshes(meshes, options, may_change=may_change)
     if options.merge and len(meshes) > 1:
-        return [merged_mesh(meshes, path.stem, options.notes)]
+        return [merge_meshes(meshes, path.stem, options.notes)]
     return meshes
 
 
-def sequence_of(mesh: SceneMesh, path: Path, options: ReadOptions) -> FrameSource:
-    """The frames of a mesh, loaded if they are small enough; all are read once now.
+def open_mesh(mesh: SceneMesh, path: Path, options: ReadOptions) -> FrameSource:
+    """Open the frames of a mesh, loaded if they are small enough; all are read once now.
 
     Raises
     ------
     InvalidInputError
-        Naming the frame whose faces differ from those of the first, or that is not finite.
+        If the faces of a frame differ from those of the first, or a position is not finite; the
+        message names the frame.
     """
     frames: list[Vertices] = []
     survey = FrameSurvey()
@@ -117,7 +118,7 @@ def sequence_of(mesh: SceneMesh, path: Path, options: ReadOptions) -> FrameSourc
         timing = frame_times(mesh.times_s)
         if not timing.is_even:
             options.notes.append(
-                f"times of frames are not even; taken as {timing.fps:g} frames per second"
+                f"frame times are uneven; read as {timing.fps:g} frames per second"
             )
         rate = options.fps or mesh.fps or timing.fps
         faces = triangulate_fans(first.counts, first.corners)
@@ -146,8 +147,8 @@ def sequence_of(mesh: SceneMesh, path: Path, options: ReadOptions) -> FrameSourc
         )
 
 
-def part_of(mesh: SceneMesh, start: int, stop: int) -> SceneMesh:
-    """Frames start..stop - 1 of a mesh."""
+def frame_range(mesh: SceneMesh, start: int, stop: int) -> SceneMesh:
+    """Return a mesh of frames start..stop - 1."""
     return replace(
         mesh,
         times_s=mesh.times_s[start:stop],
@@ -163,16 +164,16 @@ def _named(meshes: Sequence[SceneMesh], wanted: str) -> SceneMesh:
     found = found or [
         mesh for mesh in meshes if f"/{mesh.name.strip('/')}".endswith(f"/{wanted.strip('/')}")
     ]
-    # A name above a mesh, such as that of its transform, means the only one that is below.
+    # The name of a parent node, such as a transform, selects the only mesh below it.
     found = found or [mesh for mesh in meshes if _is_below(mesh.name, wanted)]
     if len(found) != 1:
         which = "no mesh" if not found else f"{counted(len(found), 'mesh')}"
-        raise InvalidInputError(f"has {which} called {wanted!r}; it holds {_listed(meshes)}")
+        raise InvalidInputError(f"has {which} named {wanted!r}; it holds {_listed(meshes)}")
     return found[0]
 
 
 def _is_below(name: str, wanted: str) -> bool:
-    """Whether some node above a mesh has this path, or this last part of its path."""
+    """Whether a node above the mesh has this path, or a path that ends with it."""
     above, part = f"/{name.strip('/')}".rpartition("/")[0], wanted.strip("/")
     return not part or f"/{part}/" in f"{above}/"
 
@@ -189,7 +190,8 @@ def _check_same_faces(frame: PolygonMesh, first: PolygonMesh, index: int, name: 
     if difference := frame.difference(first):
         raise InvalidInputError(
             f"frame {index} of {name} has {difference} in frame 0; all frames of a sequence must "
-            "have the same vertices and faces; --split writes a file for each stretch that has"
+            "have the same vertices and faces; --split writes a file for each range of frames "
+            "that has"
         )
 
 
@@ -205,18 +207,18 @@ def _reader(
     return read_range
 
 
-def good_meshes(
+def readable_meshes(
     meshes: Sequence[SceneMesh], options: ReadOptions, *, may_change: bool
 ) -> list[SceneMesh]:
-    """The meshes that can be read in every frame, which are all read once now.
+    """Return the meshes whose frames can all be read; reads them all once now.
 
     Parameters
     ----------
     meshes : sequence of SceneMesh
     options : ReadOptions
-        Its notes gain a sentence that names the others, and what is wrong with each.
+        Its notes receive a sentence that lists the other meshes and their errors.
     may_change : bool
-        Whether a mesh is good whose faces change.
+        Whether the faces of a mesh may change.
 
     Raises
     ------
@@ -225,7 +227,7 @@ def good_meshes(
     """
     good, faults = [], []
     for number, mesh in enumerate(meshes):
-        # What it carries is read here, and not again: a note on it is said once.
+        # Cache the surface, so that its notes are added only once.
         kept = replace(mesh, surface=cache(mesh.surface))
         if fault := _fault(kept, may_change=may_change):
             faults.append(f"{mesh.name} ({fault})")
@@ -233,14 +235,14 @@ def good_meshes(
             good.append(kept)
         options.progress("checking", Count(number + 1, len(meshes), "meshes"))
     if not good:
-        raise FormatError(f"holds no mesh that can be read: {listed(faults, MAX_NAMED)}")
+        raise FormatError(f"has no readable mesh: {listed(faults, MAX_NAMED)}")
     if faults:
         note_left_out(options.notes, f"meshes that cannot be read: {listed(faults, MAX_NAMED)}")
     return good
 
 
 def _fault(mesh: SceneMesh, *, may_change: bool) -> str:
-    """The fault of a mesh, in words; empty if it has none."""
+    """Describe why a mesh cannot be read; empty if it can."""
     try:
         first = mesh.frame(0)
         sizes = first.counts.astype(np.int32)

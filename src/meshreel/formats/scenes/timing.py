@@ -1,4 +1,4 @@
-"""Times of frames to a frame rate and a start, and back."""
+"""Conversion between frame times and frame rate with start time."""
 
 from dataclasses import dataclass
 
@@ -6,24 +6,24 @@ import numpy as np
 import numpy.typing as npt
 
 NTSC = 1000 / 1001
-"""Film and video rates of NTSC are a whole number times this: 23.976, 29.97, 59.94."""
+"""NTSC frame rates are integers times this: 23.976, 29.97, 59.94."""
 
 RATE_TOLERANCE = 2e-6
-"""Relative; 29.97 and 30000/1001, which files both mean as written, differ by less: 1e-6."""
+"""Relative; it covers the difference between 29.97 and 30000/1001, 1e-6."""
 
 
 @dataclass(frozen=True)
 class FrameTimes:
-    """When frames are.
+    """Timing of frames.
 
     Attributes
     ----------
     fps : float
-        Frames per second, 0 if there is only one.
+        Frames per second; 0 for a single frame.
     start_s : float
-        Time of the first, in seconds.
+        Time of the first frame, in seconds.
     is_even : bool
-        Whether all are equally far apart.
+        Whether the frames are evenly spaced.
     """
 
     fps: float
@@ -32,16 +32,16 @@ class FrameTimes:
 
 
 def frame_times(times_s: npt.NDArray[np.floating]) -> FrameTimes:
-    """Frame rate and start of ascending times in seconds, of shape (T,).
+    """Return frame rate and start of ascending times in seconds, of shape (T,).
 
-    Rates are those that people use where the times agree with one: whole numbers, those of NTSC,
-    and decimals of up to three places. Uneven times give their mean rate.
+    The rate is rounded to a common one if the times agree with it: an integer, an NTSC rate, or a
+    decimal with up to three places. Uneven times give their mean rate.
     """
     times = np.asarray(times_s, np.float64)
     if len(times) < 2 or times[-1] <= times[0]:
         return FrameTimes(0.0, float(times[0]), is_even=True)
     rate = (len(times) - 1) / (times[-1] - times[0])
-    # Times stored as float32 are off by half a unit in their last place.
+    # Times stored as float32 have an error of half a unit in the last place.
     coarse = float(np.spacing(np.float32(np.abs(times).max())))
     tolerance = max(RATE_TOLERANCE, coarse / (times[-1] - times[0]))
     named = (round(rate), round(rate / NTSC) * NTSC, round(rate, 2), round(rate, 3))
@@ -54,28 +54,28 @@ def frame_times(times_s: npt.NDArray[np.floating]) -> FrameTimes:
 
 
 def file_order_times(n_frames: int, fps: float) -> npt.NDArray[np.float64]:
-    """Times of frames at a rate, of shape (T,), in seconds; the first is at 0."""
+    """Return the times of frames at a frame rate, of shape (T,), in seconds from 0."""
     times: npt.NDArray[np.float64] = np.arange(n_frames, dtype=np.float64) / fps
     return times
 
 
 def note_file_order(fps: float, notes: list[str]) -> None:
-    """Add to the notes, once, that frames are in file order because their times do not ascend."""
-    note = f"times of frames do not ascend; taken in file order at {fps:g} frames per second"
+    """Add a note that frames are in file order because their times are not ascending."""
+    note = f"frame times are not ascending; read in file order at {fps:g} frames per second"
     if note not in notes:
         notes.append(note)
 
 
 @dataclass(frozen=True)
 class Neighbours:
-    """The frames that a time is at or between.
+    """The frames at or around a time.
 
     Attributes
     ----------
     before, after : int
-        Numbers of frames; the same if the time is at one, before the first or behind the last.
+        Frame numbers; equal if the time is at a frame, before the first or after the last.
     share : float
-        How much of the way from the one to the other the time is.
+        Fraction of the way from `before` to `after`.
     """
 
     before: int
@@ -83,14 +83,14 @@ class Neighbours:
     share: float = 0.0
 
     def shifted(self, by: int) -> "Neighbours":
-        """The same frames, counted from another one."""
+        """Return the same frames with numbers shifted by `by`."""
         return Neighbours(self.before + by, self.after + by, self.share)
 
 
 def neighbours(times_s: npt.NDArray[np.float64], time_s: float) -> Neighbours:
-    """The frames at ascending times that a time is at or between.
+    """Return the frames at or around a time, given ascending frame times.
 
-    It is at one if it is nearer than a thousandth of the interval.
+    The time is at a frame if it is nearer than a thousandth of the interval.
     """
     after = int(np.searchsorted(times_s, time_s))
     if after == 0 or after == len(times_s):

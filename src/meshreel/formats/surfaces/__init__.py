@@ -1,1 +1,1 @@
-"""Faces and images as files have them: polygons, corners that are welded, types of images."""
+"""Polygons, welding, hard edges and images, shared by readers and writers."""

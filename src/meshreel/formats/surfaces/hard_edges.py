@@ -1,4 +1,4 @@
-"""Hard edges of a mesh whose file has a normal at each corner."""
+"""Detection of hard edges from corner normals, smoothing groups or creases."""
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
@@ -22,26 +22,26 @@ from meshreel.model.surface import Surface
 from meshreel.runtime.counting import counted
 
 SHARED_DEG = 0.1
-"""Normals of two faces at a vertex that are nearer than this are the same."""
+"""Normals of two faces at a vertex that differ by less are equal."""
 
 NEAR_DEG = 15.0
-"""Recomputed normals that are further off than this are told of."""
+"""Notes report recomputed normals with a larger error."""
 
 GAIN = 0.99
-"""More hard edges are taken if they make the mean error smaller than so much of what it was."""
+"""More hard edges must reduce the mean error below this fraction."""
 
 
 @dataclass(frozen=True, eq=False)
 class HardEdges:
-    """Hard edges, and how near normals by them are to those of the file.
+    """Hard edges, and the error of the normals computed with them.
 
     Attributes
     ----------
     edges : int32 array of shape (H, 2) or None
     n_shared : int
-        Edges between faces.
+        Number of edges between faces.
     n_far, n_corners : int
-        Corners whose normals are more than `NEAR_DEG` off, and all with a normal.
+        Number of corners whose normal error exceeds `NEAR_DEG`, and of all corners with a normal.
     """
 
     edges: Int32s | None
@@ -51,22 +51,22 @@ class HardEdges:
 
 
 def find_hard_edges(mesh: PolygonMesh, normals: npt.NDArray[np.floating]) -> HardEdges:
-    """The hard edges that bring recomputed normals nearest to given ones, if smooth ones are not.
+    """Find the hard edges with which recomputed normals are nearest to the given ones.
 
-    Tried are the edges across which normals differ at both ends, those where they do at one, and
-    all if these are most: a finely faceted surface has faces that lie flat beside each other.
-    Normals that point into the mesh as a whole are taken the other way round.
+    Candidates are no edges, the edges across which normals differ at both ends, those where they
+    differ at one end, and all edges if these are most, since finely faceted surfaces have coplanar
+    neighbors. Normals that point inward on average are reversed first.
 
     Parameters
     ----------
     normals : float array of shape (C, 3)
-        At each corner, of any length; 0 or NaN where there is none.
+        Normal of each corner, of any length; 0 or NaN if it has none.
     """
-    with np.errstate(all="ignore"):  # what is not finite is reported when frames are checked
-        return _found(mesh, normals)
+    with np.errstate(all="ignore"):  # frame validation reports non-finite positions
+        return _find_hard_edges(mesh, normals)
 
 
-def _found(mesh: PolygonMesh, normals: npt.NDArray[np.floating]) -> HardEdges:
+def _find_hard_edges(mesh: PolygonMesh, normals: npt.NDArray[np.floating]) -> HardEdges:
     counts, corners = mesh.counts, mesh.corners
     units = _units(normals)
     is_known = np.asarray(units.any(axis=1))
@@ -82,7 +82,7 @@ def _found(mesh: PolygonMesh, normals: npt.NDArray[np.floating]) -> HardEdges:
 
     def angles(edges: Int32s | None) -> Floats:
         found = corner_normals(mesh.vertices, faces, Surface(sizes, hard_edges=edges))
-        # By half the chord: the cosine of a small angle is known to 0.02 degrees at best.
+        # Half the chord: the cosine of a small angle resolves only 0.02 degrees.
         halves = np.linalg.norm(found - units, axis=1) / 2
         return np.asarray(2 * np.degrees(np.arcsin(halves.clip(0, 1))))
 
@@ -90,27 +90,27 @@ def _found(mesh: PolygonMesh, normals: npt.NDArray[np.floating]) -> HardEdges:
     at_low, at_high = _differences(counts, corners, shared.of_side, units, is_known)
     best, edges = angles(None), None
     both, either = at_low & at_high, at_low | at_high
-    tries = [both, either] if (either != both).any() else [both]
+    candidates = [both, either] if (either != both).any() else [both]
     if 2 * either.sum() > len(either) and not either.all():
-        tries.append(np.ones_like(either))
-    for is_hard in tries:
+        candidates.append(np.ones_like(either))
+    for is_hard in candidates:
         if not is_hard.any():
             continue
-        tried = shared.ends[is_hard].astype(np.int32)
-        found = angles(tried)
+        candidate = shared.ends[is_hard].astype(np.int32)
+        found = angles(candidate)
         if (weights * found).sum() < GAIN * (weights * best).sum():
-            best, edges = found, tried
+            best, edges = found, candidate
     n_far = int((best[is_known & (weights > 0)] > NEAR_DEG).sum())
     return HardEdges(edges, len(shared.ends), n_far, int(is_known.sum()))
 
 
-def edges_of_groups(mesh: PolygonMesh, groups: npt.NDArray[np.integer]) -> HardEdges:
-    """The hard edges of smoothing groups: those of faces that are not in the same.
+def edges_between_groups(mesh: PolygonMesh, groups: npt.NDArray[np.integer]) -> HardEdges:
+    """Return the edges between faces of different smoothing groups as hard edges.
 
     Parameters
     ----------
     groups : integer array of shape (P,)
-        The smoothing group of each face; faces of group 0 share normals with no other.
+        Smoothing group of each face; group 0 means no smoothing.
     """
     shared = shared_edges(mesh.counts, mesh.corners)
     sides = np.flatnonzero(shared.of_side >= 0)
@@ -122,66 +122,66 @@ def edges_of_groups(mesh: PolygonMesh, groups: npt.NDArray[np.integer]) -> HardE
     return HardEdges(found, len(shared.ends), 0, 0)
 
 
-def edges_of_creases(mesh: PolygonMesh, creases: npt.NDArray[np.integer]) -> HardEdges:
-    """The creases that lie between faces, of shape (N, 2), as hard edges."""
+def edges_from_creases(mesh: PolygonMesh, creases: npt.NDArray[np.integer]) -> HardEdges:
+    """Return the creases, of shape (N, 2), that are edges between faces as hard edges."""
     is_there = ((creases >= 0) & (creases < len(mesh.vertices))).all(axis=1)
     found = remaining_edges(creases[is_there].astype(np.int32), mesh.counts, mesh.corners)
     return HardEdges(found, len(shared_edges(mesh.counts, mesh.corners).ends), 0, 0)
 
 
 class NormalNotes:
-    """What became of the normals of the meshes of a file, in one or two sentences.
+    """Notes on what became of the normals of all meshes of a file, updated with each mesh.
 
     Parameters
     ----------
     notes : list of str
-        Gains the sentences, which change as meshes are told of.
+        Receives one or two sentences, which are replaced when a mesh is added.
     """
 
     def __init__(self, notes: list[str]) -> None:
         self._notes = notes
-        self._told: dict[str, HardEdges] = {}
+        self._meshes: dict[str, HardEdges] = {}
         self._sentences: list[str] = []
 
     def add(self, name: str, found: HardEdges, *, is_track: bool = False) -> None:
-        """Tell of a mesh; what was told of one of the same name is forgotten.
+        """Add a mesh, replacing an earlier one of the same name.
 
         Parameters
         ----------
         is_track : bool, default False
-            Whether its normals are kept as a track too.
+            Whether its normals are also stored as a track.
         """
         if is_track and found.edges is None:
             return
-        self._told[name] = replace(found, n_far=0) if is_track else found
+        self._meshes[name] = replace(found, n_far=0) if is_track else found
         for sentence in self._sentences:
             if sentence in self._notes:
                 self._notes.remove(sentence)
-        self._sentences = list(_described(self._told.values()))
+        self._sentences = list(_sentences_on(self._meshes.values()))
         self._notes += self._sentences
 
 
-def _described(meshes: Collection[HardEdges]) -> Iterator[str]:
+def _sentences_on(meshes: Collection[HardEdges]) -> Iterator[str]:
     n_hard = sum(len(one.edges) for one in meshes if one.edges is not None)
     n_shared, n_far, n_corners = (
         sum(getattr(one, name) for one in meshes) for name in ("n_shared", "n_far", "n_corners")
     )
     if n_hard:
         yield (
-            f"kept {n_hard} of {counted(n_shared, 'edge')} as hard edges, by which normals are "
+            f"kept {n_hard} of {counted(n_shared, 'edge')} as hard edges, from which normals are "
             "computed in every frame"
         )
     else:
         yield NORMALS_LEFT_OUT
     if n_far:
         yield (
-            f"{NORMALS_FAR}{n_far} of {counted(n_corners, 'corner')}, where those computed are "
-            f"more than {NEAR_DEG:g} degrees off"
+            f"{NORMALS_FAR}{n_far} of {counted(n_corners, 'corner')}, by more than "
+            f"{NEAR_DEG:g} degrees"
         )
 
 
 def _units(normals: npt.NDArray[np.floating]) -> Floats:
-    """Normals of length 1; 0 where there is none."""
+    """Normalize normals; 0 where there is none."""
     given = np.asarray(normals, np.float64)
     lengths = np.linalg.norm(np.nan_to_num(given), axis=1, keepdims=True)
     is_known = np.isfinite(given).all(axis=1, keepdims=True) & (lengths > 0)
@@ -195,7 +195,7 @@ def _differences(
     units: Floats,
     is_known: npt.NDArray[np.bool_],
 ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
-    """Whether normals differ across each shared edge, at its lower vertex and at its other one."""
+    """Whether normals differ across each shared edge, at its lower and at its higher vertex."""
     sides = np.flatnonzero(of_side >= 0)
     following = next_corners(counts)[sides]
     is_forward = corners[sides] < corners[following]

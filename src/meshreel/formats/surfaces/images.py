@@ -1,4 +1,4 @@
-"""Types of images, by their first bytes or names, and images as files; nothing is decoded."""
+"""Image types by signature or file name, and file names for images; nothing is decoded."""
 
 import re
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ SIGNATURES = (
     (0, b"II*\x00", "image/tiff"),
     (0, b"MM\x00*", "image/tiff"),
 )
-"""Where which bytes are in files of which type."""
+"""Offset and bytes of the signature of each type."""
 
 ENDINGS = {
     ".png": "image/png",
@@ -45,12 +45,12 @@ MAX_LENGTH = 80
 
 
 def image_type(data: bytes, name: str = "") -> str:
-    """The MIME type of an image; "application/octet-stream" if nothing tells.
+    """Return the MIME type of an image; "application/octet-stream" if it is unknown.
 
     Parameters
     ----------
     name : str
-        Of its file, for types that do not show in the bytes.
+        File name, for types without a signature.
     """
     for place, signature, mime_type in SIGNATURES:
         if data[place : place + len(signature)] == signature:
@@ -58,28 +58,28 @@ def image_type(data: bytes, name: str = "") -> str:
     return ENDINGS.get(PurePosixPath(name).suffix.lower(), UNKNOWN)
 
 
-def image_ending(mime_type: str) -> str:
-    """The ending of files of a type, with the dot; empty if none is known."""
+def image_extension(mime_type: str) -> str:
+    """Return the file extension of a MIME type, with the dot; empty if unknown."""
     return next((ending for ending, one in ENDINGS.items() if one == mime_type), "")
 
 
 def image_names(images: Sequence[Image]) -> list[str]:
-    """A file name for each image, as every system allows it, no two alike in any case."""
-    taken: set[str] = set()
+    """Return portable file names for images, unique even if case is ignored."""
+    used: set[str] = set()
     counts: dict[str, int] = {}
     names = []
     for image in images:
         stem = NOT_PORTABLE.sub("_", image.name)[:MAX_LENGTH] or "image"
-        ending = image_ending(image.mime_type)
+        ending = image_extension(image.mime_type)
         name, wanted = stem + ending, (stem + ending).lower()
-        while name.lower() in taken:
+        while name.lower() in used:
             counts[wanted] = counts.get(wanted, 1) + 1
             name = f"{stem}_{counts[wanted]}{ending}"
-        taken.add(name.lower())
+        used.add(name.lower())
         names.append(name)
     return names
 
 
 def image_folder(path: Path) -> Path:
-    """The folder of the images of a file that cannot hold them, beside it."""
+    """Return the folder next to a file for images that the file cannot contain."""
     return path.with_name(f"{path.stem}_textures")

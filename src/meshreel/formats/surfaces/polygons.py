@@ -1,4 +1,4 @@
-"""Faces of any number of corners, as files have them: checked and compared."""
+"""Polygon meshes as files store them, validated and compared between frames."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from meshreel.runtime.counting import counted
 
 @dataclass(frozen=True, eq=False)
 class PolygonMesh:
-    """One frame as its file gives it: vertices in file order, faces of any size.
+    """One frame of a file: vertices in file order, faces of any size.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ class PolygonMesh:
     counts : int64 array of shape (N,)
         Number of corners of each face, at least 3.
     corners : int32 array of shape (sum of counts,)
-        Vertex indices of each face, face after face, in 0..V-1.
+        Vertex indices of all faces, concatenated, in 0..V-1.
     """
 
     vertices: Vertices
@@ -32,9 +32,9 @@ class PolygonMesh:
     corners: npt.NDArray[np.int32]
 
     def difference(self, first: "PolygonMesh") -> str:
-        """How this frame differs from the first, as in "8 vertices; expected 12 as".
+        """Describe how this frame differs from the first, as in "8 vertices; expected 12 as".
 
-        Empty if both have as many vertices, and the same faces.
+        Empty if both have the same number of vertices and the same faces.
         """
         if len(self.vertices) != len(first.vertices):
             return f"{counted(len(self.vertices), 'vertex')}; expected {len(first.vertices)} as"
@@ -48,8 +48,8 @@ class PolygonMesh:
         if (self.corners != first.corners).any():
             corner = int(np.argmax(self.corners != first.corners))
             face = int(np.searchsorted(np.cumsum(self.counts), corner, side="right"))
-            came, expected = self.corners[corner], first.corners[corner]
-            return f"vertex {came} in face {face}; expected vertex {expected} as"
+            index, expected = self.corners[corner], first.corners[corner]
+            return f"vertex {index} in face {face}; expected vertex {expected} as"
         return ""
 
 
@@ -62,24 +62,24 @@ def polygon_mesh(
     given: Callable[[int], Any] | None = None,
     allowed: str = "",
 ) -> PolygonMesh:
-    """A `PolygonMesh` whose faces have three corners or more, each naming a vertex that is there.
+    """Return a `PolygonMesh` after validating corner counts and vertex indices.
 
     Parameters
     ----------
     vertices, counts, corners : arrays
         As in `PolygonMesh`, but of any integer type and unchecked.
     place : function of a face number
-        Where that face stands in its file, in words.
+        Describes the location of a face for messages.
     given : function of a corner number, optional
-        The index as the file writes it, where that is another number.
+        Returns the index as written in the file, if it differs from `corners`.
     allowed : str, optional
-        The indices the file may use, in words; default "0..V-1".
+        Describes the valid indices; default "0..V-1".
 
     Raises
     ------
     FormatError
-        If there are no vertices or no faces, a face has fewer than three corners, or names a
-        vertex that is not there.
+        If there are no vertices or no faces, a face has fewer than three corners, or an index is
+        out of range.
     """
     if len(vertices) == 0 or len(counts) == 0:
         raise FormatError(
@@ -97,14 +97,14 @@ def polygon_mesh(
         corner = int(np.argmax(outside))
         face = int(np.searchsorted(np.cumsum(counts), corner, side="right"))
         raise FormatError(
-            f"{place(face)}: names vertex {given(corner) if given else corners[corner]}; "
+            f"{place(face)}: uses vertex {given(corner) if given else corners[corner]}; "
             f"indices must be in {allowed or f'0..{len(vertices) - 1}'}"
         )
     return PolygonMesh(vertices, counts.astype(np.int64), corners.astype(np.int32))
 
 
 def describe_fans(counts: Integers) -> str:
-    """One sentence on the faces that are cut into fans; empty if all are triangles."""
+    """Return a sentence on polygons that are triangulated; empty if all faces are triangles."""
     n_cut = int((counts > 3).sum())
     if n_cut == 0:
         return ""

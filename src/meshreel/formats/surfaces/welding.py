@@ -1,4 +1,4 @@
-"""Shared vertices for triangles that have none: corners that coincide in every frame."""
+"""Welding of unconnected triangles: corners that coincide in every frame become one vertex."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ Numbers = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Weld:
-    """Which corners are one vertex.
+    """Assignment of corners to welded vertices.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class Weld:
 
     @property
     def description(self) -> str:
-        """One sentence on what was joined."""
+        """A sentence on the welded corners, for notes."""
         n_corners = self.faces.size
         return (
             f"welded {counted(n_corners, 'STL corner')} to "
@@ -39,32 +39,32 @@ class Weld:
 
 
 def weld_corners(frames: Iterable[Vertices]) -> Weld:
-    """The weld that joins corners whose positions have the same bits in all the frames.
+    """Weld corners whose positions are bitwise equal in all frames.
 
     Parameters
     ----------
     frames : iterable of float arrays of shape (3 M, 3)
-        Corner positions in model units, one array a frame, with no negative zeros; read once,
-        so that they need not be in memory together.
+        Corner positions in model units, one array per frame, without negative zeros. Iterated once,
+        so that frames need not be in memory together.
     """
     labels, representatives = weld_rows(frames)
     return Weld(representatives, labels.reshape(-1, 3).astype(np.int32))
 
 
 def weld_rows(blocks: Iterable[npt.NDArray[Any]]) -> tuple[Numbers, Numbers]:
-    """Which rows have the same bits in all of several arrays.
+    """Group rows that are bitwise equal in all arrays.
 
     Parameters
     ----------
     blocks : iterable of arrays of shape (N, C)
-        With no negative zeros; C may differ between them. Read once.
+        Without negative zeros; C may differ between them. Iterated once.
 
     Returns
     -------
     labels : int64 array of shape (N,)
-        The same for rows that are, numbered by their first.
+        Group of each row, numbered by first occurrence.
     representatives : int64 array
-        The first row of each label, ascending.
+        First row of each group, ascending.
     """
     labels, representatives = np.empty(0, np.int64), np.empty(0, np.int64)
     for index, rows in enumerate(blocks):
@@ -78,7 +78,7 @@ def weld_rows(blocks: Iterable[npt.NDArray[Any]]) -> tuple[Numbers, Numbers]:
 
 
 def _split(labels: Numbers, bits: npt.NDArray[np.unsignedinteger]) -> tuple[Numbers, Numbers]:
-    """Labels that differ where `labels` or `bits` do, numbered by their first row."""
+    """Split groups wherever `bits` differ; groups are numbered by their first row."""
     order = np.lexsort((*bits.T[::-1], labels))
     labels, bits = labels[order], bits[order]
     differs = (labels[1:] != labels[:-1]) | (bits[1:] != bits[:-1]).any(axis=1)

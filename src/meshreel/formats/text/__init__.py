@@ -1,1 +1,1 @@
-"""Words and numbers in text files."""
+"""Fast tokenizing, parsing and formatting of numbers in text files."""

@@ -1,4 +1,4 @@
-"""Numbers as decimal text and back, so that float32 comes back as the same float32."""
+"""Decimal text for numbers that round-trips exactly, and detection of float32 in decimal text."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -12,27 +12,27 @@ from meshreel.model.geometry.ragged import Integers
 from meshreel.model.sequence import Vertices, bounding_boxes
 
 FLOAT32_TOLERANCE = 1e-6  # of the model's size; float32 itself keeps 6e-8 of the coordinate
-# Nine digits are off by up to 5e-9 of the coordinate: half the tolerance at this distance.
+# Nine digits have an error of 5e-9 of the coordinate: half the tolerance at this distance.
 NEAR_DIAGONALS = 100
-BLOCK_ROWS = 1 << 16  # rows turned into Python objects at a time
+BLOCK_ROWS = 1 << 16  # rows formatted at a time
 
 
 def vertex_rows(
     vertices: Vertices, *, prefix: str = "", suffixes: Sequence[str] | None = None
 ) -> bytes:
-    """One line ``x y z`` for each vertex, with as many digits as it takes to read it back exactly.
+    """Return a line ``x y z`` for each vertex, with enough digits to round-trip exactly.
 
-    Nine digits tell all float32 apart. Float64 gets the shortest text that is exact, and so does
-    float32 far from the origin, where `Narrowing` must see that it is float32.
+    Nine digits are enough for float32. Float64 gets the shortest exact text, and so does float32
+    far from the origin, so that `Narrowing` recognizes it.
 
     Parameters
     ----------
     vertices : float32 or float64 array of shape (V, 3)
         Positions in model units, finite.
     prefix : str, default ""
-        What every line begins with.
+        Start of every line.
     suffixes : sequence of V str, optional
-        What follows in each line, after a blank; without percent signs.
+        Rest of each line, after a blank; without percent signs.
     """
     if len(vertices) == 0:
         return b""
@@ -49,28 +49,28 @@ def vertex_rows(
 
 
 def number_rows(values: npt.NDArray[Any]) -> list[str]:
-    """The numbers of each row of values, with as few digits as read back exactly."""
+    """Format each row of values with the fewest digits that round-trip exactly."""
     return [" ".join(map(str, row)) for row in values]
 
 
 def face_rows(counts: Integers, corners: Iterable[str]) -> list[str]:
-    """The words of the corners of each face, which has so many corners."""
+    """Join the words of the corners of each face, given the corner counts."""
     words = iter(corners)
     return [" ".join(islice(words, count)) for count in counts.tolist()]
 
 
 class Narrowing:
-    """Whether float32 is enough for positions that came as decimal text, gathered frame by frame.
+    """Decides whether float32 is precise enough for positions read from decimal text.
 
-    Decimal text does not say its precision. Float32 is what nearly all files were made from;
-    only a model far from the origin, in relation to its size, needs float64.
+    Decimal text does not declare its precision. Nearly all files were written from float32; only
+    models far from the origin, relative to their size, need float64.
     """
 
     def __init__(self) -> None:
         self._size = self._change = 0.0
 
     def add(self, frame: Vertices) -> None:
-        """Take in one more frame: finite positions of shape (V, 3), in model units; V may be 0."""
+        """Add a frame: finite positions of shape (V, 3), in model units; V may be 0."""
         if not len(frame):
             return
         with np.errstate(over="ignore"):
@@ -89,7 +89,7 @@ class Narrowing:
 
 
 def _filled(line: str, rows: Vertices, suffixes: Sequence[str] | None) -> bytes:
-    """The line for each row, with its numbers and suffix."""
+    """Fill the line template with the numbers and suffix of each row."""
     if suffixes is None:
         template = f"{line}\n" * len(rows)
     else:

@@ -1,9 +1,9 @@
-"""Plain decimal words, such as ``-12.345``, to float64: thousands at a time, correctly rounded.
+"""Vectorized parsing of plain decimals such as ``-12.345`` to float64, correctly rounded.
 
-Eight characters are one 64-bit integer: masks take the point out, and three multiplications make
-a number of the digits. A decimal of up to 2^53 without its point, divided by a power of ten of up
-to 10^22, is rounded once, for both are exact (Clinger, "How to read floating point numbers
-accurately", 1990).
+Eight characters are processed as one 64-bit integer: masks remove the decimal point, and three
+multiplications combine the digits. The digits as an integer up to 2^53, and a power of ten up to
+10^22, are both exact, so their quotient is rounded only once (Clinger, "How to read floating point
+numbers accurately", 1990).
 """
 
 import numpy as np
@@ -12,13 +12,13 @@ import numpy.typing as npt
 from meshreel.arrays import Integers
 
 Eights = npt.NDArray[np.uint64]
-Found = tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]
+Parsed = tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]
 
 MAX_LENGTH = 16
-"""Most characters, without the sign, of a word that is read here."""
+"""Maximum number of characters, without the sign."""
 
 MAX_EXACT = 1 << 53
-BLOCK_WORDS = 1 << 12  # words read at a time: what is computed of them stays in the cache
+BLOCK_WORDS = 1 << 12  # words parsed at a time, so that temporaries stay in the cache
 
 
 def _integer(value: int) -> np.uint64:
@@ -26,11 +26,11 @@ def _integer(value: int) -> np.uint64:
 
 
 def _each(byte: int) -> np.uint64:
-    """An integer of eight such bytes."""
+    """A 64-bit integer that repeats a byte eight times."""
     return np.uint64(byte * 0x0101010101010101)
 
 
-# Constants are made once: NumPy takes as long for one as for a hundred words.
+# Constants are created once: creating one takes NumPy as long as processing a hundred words.
 _ZEROS, _POINTS = _each(ord("0")), _each(ord(".") ^ ord("0"))
 _ONES, _SIXES, _HIGH_BITS, _HIGH_HALVES = _each(0x01), _each(0x06), _each(0x80), _each(0xF0)
 _1, _7, _8, _10, _16, _32, _56 = map(_integer, (1, 7, 8, 10, 16, 32, 56))
@@ -43,80 +43,79 @@ _NO_POINT = 16
 _DIVISORS = np.append(10.0 ** np.arange(_NO_POINT), 1.0)
 
 
-def decimal_values(text: bytes, starts: Integers, ends: Integers) -> Found:
-    """The words of a text as float64, and which of them were read; others have any value.
+def decimal_values(text: bytes, starts: Integers, ends: Integers) -> Parsed:
+    """Return the words of a text as float64, and which were parsed; others are undefined.
 
     Parameters
     ----------
     starts, ends : int64 arrays of shape (N,)
-        Byte range of each word, which is not empty.
+        Byte range of each word; not empty.
 
     Returns
     -------
-    float64 and bool arrays of shape (N,). Not read are words with an exponent, of more than
-    `MAX_LENGTH` characters or, without the point, of more than `MAX_EXACT`; and whatever is no
-    number.
+    float64 and bool arrays of shape (N,). Not parsed are words with an exponent, with more than
+    `MAX_LENGTH` characters, with digits beyond `MAX_EXACT`, and words that are not numbers.
     """
     padded = b" " * MAX_LENGTH + text
     codes = np.frombuffer(padded, np.uint8)
     eights: Eights = np.ndarray((len(padded) - 7,), "<u8", padded, strides=(1,))
-    values, is_read = np.empty(len(starts)), np.empty(len(starts), bool)
+    values, is_parsed = np.empty(len(starts)), np.empty(len(starts), bool)
     for begin in range(0, len(starts), BLOCK_WORDS):
         block = slice(begin, begin + BLOCK_WORDS)
         first, end = starts[block] + MAX_LENGTH, ends[block] + MAX_LENGTH
         sign = codes[first]
         is_negative = sign == ord("-")
         lengths = end - first - (is_negative | (sign == ord("+")))
-        found, is_read[block] = _unsigned_values(eights, end, lengths)
+        found, is_parsed[block] = _unsigned_values(eights, end, lengths)
         values[block] = np.where(is_negative, -found, found)
-    return values, is_read
+    return values, is_parsed
 
 
-def _unsigned_values(eights: Eights, ends: Integers, lengths: Integers) -> Found:
-    """As `decimal_values`, of words without a sign that end there and are so long."""
-    # Of each word the last eight characters and those before; digits as their values, none as 0.
+def _unsigned_values(eights: Eights, ends: Integers, lengths: Integers) -> Parsed:
+    """Parse words without sign, given their ends and lengths; returns as `decimal_values`."""
+    # Rows: the last eight characters, and those before; digits as values, missing characters 0.
     counts = np.minimum(lengths - (_BEFORE_END - 8), 8)
     characters = (eights[ends - _BEFORE_END] ^ _ZEROS) & _LAST[np.maximum(counts, 0)]
     points = _points(characters)
     numbers, are_digits = _numbers(_without_points(characters, points))
     number = numbers[1] * _UPPER + numbers[0]
-    n_behind = _n_behind(points)
-    is_read = are_digits & (number <= MAX_EXACT)
-    is_read &= (lengths > (n_behind < _NO_POINT)) & (lengths <= MAX_LENGTH)
-    return number / _DIVISORS[n_behind], is_read
+    n_decimals = _n_decimals(points)
+    is_parsed = are_digits & (number <= MAX_EXACT)
+    is_parsed &= (lengths > (n_decimals < _NO_POINT)) & (lengths <= MAX_LENGTH)
+    return number / _DIVISORS[n_decimals], is_parsed
 
 
 def _points(characters: Eights) -> Eights:
-    """The highest bit of the first byte of each integer that is a point; 0 if none is."""
+    """Highest bit of the first byte that is a decimal point, in each integer; 0 if none is."""
     differing = characters ^ _POINTS
-    # The lowest byte that is zero is the lowest whose highest bit gets set.
+    # The lowest zero byte is the lowest byte whose highest bit gets set.
     zeros = (differing - _ONES) & ~differing & _HIGH_BITS
     lowest: Eights = zeros & np.negative(zeros)
     return lowest
 
 
 def _without_points(characters: Eights, points: Eights) -> Eights:
-    """The characters with those before the point moved up to where it was."""
+    """Remove the points by moving the characters before them up by one."""
     begins = points >> _7  # the lowest bit of the byte
     before = begins - (points > 0)
-    behind = ~(before | ((points << _1) - begins))
-    closed: Eights = ((characters & before) << _8) | (characters & behind)
-    # A point in the last eight makes room for one that stands before them.
+    after = ~(before | ((points << _1) - begins))
+    closed: Eights = ((characters & before) << _8) | (characters & after)
+    # If the point was in the last eight, the last character before them moves in.
     is_last = points[0] > 0
     closed[0] |= np.where(is_last, characters[1] >> _56, _integer(0))
     closed[1] = np.where(is_last, characters[1] << _8, closed[1])
     return closed
 
 
-def _n_behind(points: Eights) -> Integers:
-    """How many characters stand behind the point of each word, or `_NO_POINT`."""
+def _n_decimals(points: Eights) -> Integers:
+    """Number of decimals of each word, or `_NO_POINT`."""
     _, exponents = np.frexp(points[0].astype(np.float64) * 2.0**64 + points[1])
     found: Integers = _NO_POINT - (exponents >> 3)
     return found
 
 
 def _numbers(digits: Eights) -> tuple[Eights, npt.NDArray[np.bool_]]:
-    """The number that each eight digits are, and for each word whether all are digits."""
+    """Value of each group of eight digits, and for each word whether all are digits."""
     wrong = (digits | (digits + _SIXES)) & _HIGH_HALVES
     pairs = digits * _10 + (digits >> _8)
     even = (pairs & _QUARTERS) * _EVEN

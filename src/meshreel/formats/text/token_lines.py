@@ -1,8 +1,8 @@
-"""The words of a text file and the lines they stand on, as arrays.
+"""Tokenizer that finds the words and lines of a text file as arrays.
 
-Mesh files in text are millions of short numbers, too many for a Python loop over lines. Here
-numpy finds all the words at once and reads the numbers of all words together, so that every layout
-(plain, with slashes, with extra columns, of mixed length) takes the same path.
+Text mesh files have millions of short numbers, too many for a Python loop over lines. numpy finds
+all words at once and parses all numbers together, in any layout: plain, with slashes, with extra
+columns, or of mixed length.
 """
 
 import codecs
@@ -18,35 +18,35 @@ from meshreel.errors import FormatError
 from meshreel.formats.text.decimal_words import decimal_values
 from meshreel.model.geometry.ragged import Integers
 
-BLOCK_WORDS = 1 << 16  # words read at a time: more would only take more memory
+BLOCK_WORDS = 1 << 16  # words parsed at a time, to bound memory
 
 WIDE_CODES = {
     "UTF-32": (codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE),
     "UTF-16": (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE),
 }
-"""How texts begin whose characters take more bytes than one."""
+"""Byte order marks of encodings with several bytes per character."""
 
 _Values = TypeVar("_Values", npt.NDArray[np.int64], npt.NDArray[np.float64])
 
-MAX_DIGITS = 18  # any more could overflow int64; no mesh has 10^18 vertices
+MAX_DIGITS = 18  # more could overflow int64; no mesh has 10^18 vertices
 
 Codes = npt.NDArray[np.uint8]
 
 
 @dataclass(frozen=True, eq=False)
 class TokenLines:
-    """The words of a text, and which of them stand on one line; empty lines are left out.
+    """The words of a text grouped by line; empty lines are omitted.
 
     Parameters
     ----------
     text : bytes
-        The text that the words are cut from, ending with a line feed.
+        The text that contains the words, ending with a line feed.
     physical : bytes
-        The text with its line ends as in the file, of the same length; only for line numbers.
+        Text of the same length with the line ends of the file; only for line numbers.
     starts, ends : int64 arrays of shape (number of words,)
         Byte range of each word.
     first, counts : int64 arrays of shape (number of lines,)
-        First word, and number of words, of each line.
+        First word and number of words of each line.
     """
 
     text: bytes
@@ -58,25 +58,25 @@ class TokenLines:
 
     @property
     def n_lines(self) -> int:
-        """Number of lines that hold at least one word."""
+        """Number of lines with at least one word."""
         return len(self.first)
 
     def word(self, token: int) -> str:
-        """The word of that number, shortened for messages."""
+        """Return a word, shortened for messages."""
         word = self.text[self.starts[token] : self.ends[token]].decode("latin-1")
         return word if len(word) <= 40 else word[:37] + "..."
 
     def place(self, line: int) -> str:
-        """Where the line of that number stands in the file, counted from 1: "line 12"."""
+        """Describe the location of a line in the file, such as "line 12"."""
         return self.place_of_word(int(self.first[line]))
 
     def place_of_word(self, token: int) -> str:
-        """The line on which the word of that number stands: "line 12"."""
+        """Describe the location of a word in the file, such as "line 12"."""
         lines_before = self.physical.count(b"\n", 0, int(self.starts[token]))
         return f"line {lines_before + 1}"
 
     def words_after_first(self, line: int) -> str:
-        """The words of the line of that number but the first, with a blank between any two."""
+        """Return all words of a line after the first, joined by blanks."""
         first, last = self.first[line], self.first[line] + self.counts[line] - 1
         text = b" ".join(self.text[self.ends[first] : self.ends[last]].split())
         try:
@@ -85,21 +85,21 @@ class TokenLines:
             return text.decode("latin-1")
 
     def begins_with(self, word: bytes) -> npt.NDArray[np.bool_]:
-        """Whether the first word of each line is `word`."""
+        """Return a mask of the lines whose first word is `word`."""
         start, codes = self.starts[self.first], self._codes()
         found: npt.NDArray[np.bool_] = self.ends[self.first] - start == len(word)
         for offset, code in enumerate(word):
-            # Words that are too short are already out; the clip only keeps the index legal.
+            # Shorter words are already excluded; the clip only keeps the index in range.
             found &= codes[np.minimum(start + offset, len(codes) - 1)] == code
         return found
 
     def floats(self, tokens: Integers) -> npt.NDArray[np.float64]:
-        """The words of those numbers as float64, correctly rounded; the shape of `tokens`.
+        """Parse words as correctly rounded float64, in the shape of `tokens`.
 
         Raises
         ------
         FormatError
-            Naming the first word that is not a number, and its line.
+            If a word is not a number; the message names the first one and its line.
         """
         flat = tokens.ravel()
         values, is_read = decimal_values(self.text, self.starts[flat], self.ends[flat])
@@ -108,19 +108,19 @@ class TokenLines:
         return values.reshape(tokens.shape)
 
     def integers(self, tokens: Integers, *, stop_at_slash: bool = False) -> npt.NDArray[np.int64]:
-        """The words of those numbers as int64, of shape (number of tokens,).
+        """Parse words as int64, of shape (number of tokens,).
 
         Parameters
         ----------
         tokens : integer array of shape (number of tokens,)
             Numbers of words.
         stop_at_slash : bool, default False
-            Whether a word may go on after a slash, as in ``7/3/1``; what follows is not read.
+            Whether to ignore a slash and the rest of a word, as in ``7/3/1``.
 
         Raises
         ------
         FormatError
-            Naming the first word that is not an integer, and its line.
+            If a word is not an integer; the message names the first one and its line.
         """
         values = np.empty(len(tokens), dtype=np.int64)
         for block, found in _blocks(tokens, values):
@@ -132,19 +132,19 @@ class TokenLines:
     def integers_after_slash(
         self, tokens: Integers, n_slashes: int = 1
     ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
-        """The integer behind a slash of each word, as 7 of ``3/7/1``; and where there is one.
+        """Parse the integer after a slash of each word, as 7 in ``3/7/1``, and tell which exist.
 
         Parameters
         ----------
         tokens : integer array of shape (number of tokens,)
             Numbers of words.
         n_slashes : int, default 1
-            Behind which slash: 2 is 1 of ``3/7/1``.
+            After which slash: 2 selects 1 in ``3/7/1``.
 
         Raises
         ------
         FormatError
-            Naming the first word with something else there, and its line.
+            If it is not an integer; the message names the first such word and its line.
         """
         codes = self._codes()
         slashes = np.append(np.flatnonzero(codes == ord("/")), [len(codes) - 1] * n_slashes)
@@ -152,13 +152,13 @@ class TokenLines:
         ends = self.ends[tokens]
         is_there = begins < ends
         is_there[is_there] = codes[begins[is_there]] != ord("/")
-        behind = replace(self, starts=begins[is_there], ends=ends[is_there])
+        suffixes = replace(self, starts=begins[is_there], ends=ends[is_there])
         values = np.zeros(len(tokens), dtype=np.int64)
-        values[is_there] = behind.integers(np.arange(len(behind.starts)), stop_at_slash=True)
+        values[is_there] = suffixes.integers(np.arange(len(suffixes.starts)), stop_at_slash=True)
         return values, is_there
 
     def have_points(self, tokens: Integers) -> bool:
-        """Whether any of the words of those numbers has a decimal point."""
+        """Whether any of the words has a decimal point."""
         points = np.flatnonzero(self._codes() == ord("."))
         starts, ends = self.starts[tokens.ravel()], self.ends[tokens.ravel()]
         return bool((np.searchsorted(points, starts) < np.searchsorted(points, ends)).any())
@@ -187,12 +187,12 @@ class TokenLines:
 
 
 def split_lines(data: bytes, *, continuation: bool = False) -> TokenLines:
-    r"""The words and lines of a text; comments from ``#`` to the end of the line are left out.
+    r"""Split a text into lines and words, without comments from ``#`` to the end of the line.
 
     Parameters
     ----------
     data : bytes
-        A text in ASCII or a code that contains it; lines end with LF, CRLF or CR.
+        Text in ASCII or a superset such as UTF-8; lines end with LF, CRLF or CR.
     continuation : bool, default False
         Whether a backslash at the end of a line joins the next line to it.
 
@@ -203,7 +203,7 @@ def split_lines(data: bytes, *, continuation: bool = False) -> TokenLines:
     """
     for code, mark in WIDE_CODES.items():
         if data.startswith(mark):
-            raise FormatError(f"is text in {code}, which is not read; save it as UTF-8")
+            raise FormatError(f"is text in {code}, which is not supported; save it as UTF-8")
     text = data.removeprefix(b"\xef\xbb\xbf") + b"\n"
     if b"\r" in text and text.count(b"\n") == 1:
         text = text.replace(b"\r", b"\n")
@@ -211,14 +211,14 @@ def split_lines(data: bytes, *, continuation: bool = False) -> TokenLines:
         text = re.sub(rb"#[^\n]*", lambda comment: b" " * len(comment[0]), text)
     physical = text
     if continuation and b"\\" in text:
-        # Blanks of the same length: byte positions still tell the line of the file.
+        # Blanks of the same length keep byte offsets valid for line numbers.
         text = text.replace(b"\\\r\n", b"   ").replace(b"\\\n", b"  ")
         text = text[:-1] + b"\n"
     return _find_words(text, physical)
 
 
 def _blocks(tokens: Integers, values: _Values) -> Iterator[tuple[Integers, _Values]]:
-    """Words, and the part of `values` that is theirs, some at a time."""
+    """Yield blocks of words with the matching part of `values`."""
     for begin in range(0, len(tokens), BLOCK_WORDS):
         end = begin + BLOCK_WORDS
         yield tokens[begin:end], values[begin:end]
@@ -244,8 +244,8 @@ def _find_words(text: bytes, physical: bytes) -> TokenLines:
 
 
 def are_spaces(codes: Codes) -> npt.NDArray[np.bool_]:
-    """Whether each character stands between words."""
-    # The blank, and the five from tab to carriage return: others wrap around to above 4.
+    """Return a mask of the whitespace characters."""
+    # The blank, and the five codes from tab to carriage return; others wrap around to above 4.
     found: npt.NDArray[np.bool_] = (codes == ord(" ")) | (codes - np.uint8(ord("\t")) < 5)
     return found
 
@@ -253,22 +253,22 @@ def are_spaces(codes: Codes) -> npt.NDArray[np.bool_]:
 def integer_values(
     codes: Codes, starts: npt.NDArray[np.int64], stop_at_slash: bool
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
-    """The words that begin at those places as int64, and which of them are whole numbers.
+    """Parse words at the given offsets as int64, and tell which are integers.
 
     Parameters
     ----------
     codes : uint8 array
-        The characters of a text, the last of them a space.
+        Characters of a text that ends with whitespace.
     starts : int64 array of shape (N,)
     stop_at_slash : bool
-        Whether a word may go on after a slash, as in ``7/3/1``; what follows is not read.
+        Whether to ignore a slash and the rest of a word, as in ``7/3/1``.
     """
     values = np.zeros(len(starts), dtype=np.int64)
     sign = codes[starts]
     begin = starts + ((sign == ord("-")) | (sign == ord("+")))
     at = begin.copy()
     for _ in range(MAX_DIGITS):
-        digit = codes[at] - np.uint8(ord("0"))  # wraps to above 9 for what is not a digit
+        digit = codes[at] - np.uint8(ord("0"))  # other characters wrap around to above 9
         more = digit < 10
         if not more.any():
             break

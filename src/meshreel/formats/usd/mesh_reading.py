@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Values
 from meshreel.formats.frames.field_tracks import NORMALS
-from meshreel.formats.surfaces.hard_edges import edges_of_creases, find_hard_edges
+from meshreel.formats.surfaces.hard_edges import edges_from_creases, find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.usd.diagnostics import usd_errors
 from meshreel.formats.usd.holes import select_faces, select_surface
@@ -127,7 +127,7 @@ class StageMesh:
             creases = self.shape.sharp_edges(code)
             if creases is None:
                 return None
-            found = edges_of_creases(mesh, creases)
+            found = edges_from_creases(mesh, creases)
             if found.edges is None:
                 return None
         else:

@@ -10,7 +10,7 @@ import numpy as np
 from meshreel.arrays import Values
 from meshreel.formats.extras import USD
 from meshreel.formats.frames.field_tracks import NORMALS
-from meshreel.formats.scenes.turned_values import Matrix, turned_normals, turned_vectors
+from meshreel.formats.scenes.vector_transforms import Matrix, transform_normals, transform_vectors
 from meshreel.formats.usd.primvars import DERIVED, DOMAINS, primvar_kind
 from meshreel.formats.usd.sampling import Codes, attribute_codes
 from meshreel.model.surface import Domain, Kind
@@ -132,7 +132,7 @@ def _derived(prim: Any) -> Iterator[Quantity]:
         read = partial(_attribute_values, normals)
     if normals.HasAuthoredValue() and interpolation in DOMAINS and interpolation != "constant":
         domain = DOMAINS[interpolation]
-        yield Quantity("normals", domain, normals, read, "", NORMALS, False, turned_normals)
+        yield Quantity("normals", domain, normals, read, "", NORMALS, False, transform_normals)
     velocities, accelerations = points.GetVelocitiesAttr(), points.GetAccelerationsAttr()
     for attribute, kind in ((velocities, TrackKind.VELOCITY), (accelerations, TrackKind.VECTOR)):
         if attribute.HasAuthoredValue():
@@ -142,7 +142,7 @@ def _derived(prim: Any) -> Iterator[Quantity]:
                 attribute,
                 partial(_attribute_values, attribute),
                 kind,
-                to_world=turned_vectors,
+                to_world=transform_vectors,
             )
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh
+from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
 from meshreel.formats.usd.diagnostics import usd_errors
 from meshreel.formats.usd.instanced_mesh import InstancedMesh, note_instances
 from meshreel.formats.usd.instancers import Placements
@@ -92,7 +92,7 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         with usd_errors(f"USD cannot read {mesh.path}"):
             return _scene_mesh(mesh, codes_of(mesh), rate, notes, has_rate=has_rate)
 
-    return [readable_mesh(mesh.path, partial(scene_mesh, mesh)) for mesh in meshes]
+    return [read_or_defer_error(mesh.path, partial(scene_mesh, mesh)) for mesh in meshes]
 
 
 def _scene_mesh(

@@ -10,7 +10,7 @@ from meshreel.arrays import Values
 from meshreel.formats.frames.field_tracks import Field, Key, field_tracks
 from meshreel.formats.frames.stored_frames import changed_error
 from meshreel.formats.notes import note_kinds, note_left_out
-from meshreel.formats.scenes.turned_values import turned_vectors
+from meshreel.formats.scenes.vector_transforms import transform_vectors
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.usd.diagnostics import usd_errors
 from meshreel.formats.usd.holes import Mask
@@ -106,7 +106,7 @@ class MeshTracks:
             if n_other:
                 found.append(f"{one.name} ({n_other} of {len(own)})")
         note_kinds(self._notes, "samples where positions have no frame", found)
-        has_rates = any(one.to_world is turned_vectors for one in self.animated.values())
+        has_rates = any(one.to_world is transform_vectors for one in self.animated.values())
         if has_rates and self._mesh.has_moving_transform:
             note_left_out(self._notes, f"velocity of the transforms above {self._mesh.path}")
 

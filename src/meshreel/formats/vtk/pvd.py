@@ -25,9 +25,9 @@ from meshreel.formats.frames.field_tracks import (
 from meshreel.formats.named_files import path_beside
 from meshreel.formats.notes import note_left_out
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.scenes.merged_tracks import merged_tracks
-from meshreel.formats.scenes.merging import merged_mesh
-from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh
+from meshreel.formats.scenes.merged_tracks import merge_tracks
+from meshreel.formats.scenes.merging import merge_meshes
+from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
 from meshreel.formats.scenes.timing import Neighbours, file_order_times, note_file_order
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.data_arrays import DataArray
@@ -63,7 +63,7 @@ def read_pvd(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
     if not parts:
         raise FormatError("lists no files")
     return [
-        readable_mesh(name, partial(_scene_mesh, name, files, options))
+        read_or_defer_error(name, partial(_scene_mesh, name, files, options))
         for (group, part), files in parts.items()
         for name in [path.stem if len(parts) == 1 else f"/{group or 'part'}_{part}"]
     ]
@@ -150,7 +150,7 @@ class _PieceFrames:
             SceneMesh(f"/piece_{number}", self._times, piece.frame, tracks=piece.tracks)
             for number, piece in enumerate(self._pieces[: counts.pop()])
         ]
-        return merged_tracks(pieces, places, self._notes)
+        return merge_tracks(pieces, places, self._notes)
 
     def _mesh(self, index: int) -> SceneMesh:
         time = self._times[index : index + 1]
@@ -159,7 +159,7 @@ class _PieceFrames:
             piece = self._pieces[number]
             frame, surface = partial(_at, piece.frame, place), partial(_at, piece.surface, place)
             meshes.append(SceneMesh(f"/piece_{number}", time, frame, surface))
-        return merged_mesh(meshes, self._name, self._notes) if len(meshes) > 1 else meshes[0]
+        return merge_meshes(meshes, self._name, self._notes) if len(meshes) > 1 else meshes[0]
 
 
 def _at(read: Callable[[int], Read], place: int, _: int) -> Read:

@@ -25,7 +25,7 @@ from meshreel.formats.hdf.reading import (
 )
 from meshreel.formats.notes import note_kinds
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh
+from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.vtkhdf_steps import VtkSteps
 from meshreel.model.surface import Surface
@@ -69,7 +69,7 @@ def read_vtkhdf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
                 return _scene_mesh(block, _type(block), name, None, options)
 
         found = [
-            readable_mesh(f"/{name}", partial(read, block, f"/{name}"))
+            read_or_defer_error(f"/{name}", partial(read, block, f"/{name}"))
             for name, block in blocks
             if block is not None and _type(block) in MESH_TYPES
         ]

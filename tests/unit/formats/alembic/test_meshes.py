@@ -193,4 +193,4 @@ def test_load_keeps_the_final_pose_of_a_transform_between_two_point_samples(tmp_
     found = load(tmp_path / "a.abc", notes=notes)
     np.testing.assert_allclose(found.vertices[-1], sample.POINTS * 2 + np.float32([6, 0, 0]))
     assert (found.n_frames, found.fps) == (9, 32)
-    assert notes == ["times of frames are not even; taken as 32 frames per second"]
+    assert notes == ["frame times are uneven; read as 32 frames per second"]

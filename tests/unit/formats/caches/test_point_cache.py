@@ -34,7 +34,7 @@ def round_trip(tmp_path, sequence, ending, **options):
 
 @pytest.mark.parametrize("ending", ENDINGS)
 @pytest.mark.parametrize("n_frames", [1, 7])
-def test_load_gives_back_frames_and_polygons_when_a_cache_was_saved(tmp_path, ending, n_frames):
+def test_point_caches_round_trip(tmp_path, ending, n_frames):
     sequence = surfaced_sequence(n_frames, surface=polygon_surface())
     cache, mesh = save(sequence, tmp_path / f"walk.{ending}")
     found = load(cache, topology=mesh)
@@ -44,7 +44,7 @@ def test_load_gives_back_frames_and_polygons_when_a_cache_was_saved(tmp_path, en
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_load_takes_faces_and_polygons_of_the_topology_when_it_is_given(tmp_path, ending):
+def test_topology_option_gives_faces_and_polygons(tmp_path, ending):
     cache, mesh = save(plain_sequence(), tmp_path / f"walk.{ending}")
     text = mesh.read_text().splitlines()
     rows = [line for line in text if line.startswith("v ")] + ["f 1 2 3 4", "f 6 7 8 9 10"]
@@ -56,42 +56,42 @@ def test_load_takes_faces_and_polygons_of_the_topology_when_it_is_given(tmp_path
 
 @pytest.mark.parametrize("fps", RATES)
 @pytest.mark.parametrize("start_s", [0.0, 0.1, 2.0, -1.5])
-def test_load_gives_back_rate_and_start_when_mdd_was_saved(tmp_path, fps, start_s):
+def test_mdd_round_trips_frame_rate_and_start(tmp_path, fps, start_s):
     found, notes = round_trip(tmp_path, plain_sequence(n_frames=9, fps=fps, start_s=start_s), "mdd")
     assert (found.fps, found.start_s, notes) == (fps, start_s, [])
 
 
 @pytest.mark.parametrize("fps", RATES)
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_load_gives_back_the_start_when_it_is_a_frame_number(tmp_path, fps, ending):
+def test_pc2_round_trips_a_start_at_a_whole_frame(tmp_path, fps, ending):
     start_s = 1001 / fps
     sequence = plain_sequence(n_frames=9, fps=fps, start_s=start_s)
     found, _ = round_trip(tmp_path, sequence, ending, fps=fps)
     assert (found.fps, found.start_s) == (fps, start_s)
 
 
-def test_save_notes_what_is_lost_when_pc2_has_no_rate(tmp_path):
+def test_save_notes_that_pc2_has_no_frame_rate(tmp_path):
     found, notes = round_trip(tmp_path, plain_sequence(fps=25.0), "pc2")
     assert found.fps == found.start_s == 0
-    assert notes == ["PC2 has no frame rate: say 25 fps again when it is read (--fps)"]
+    assert notes == ["PC2 has no frame rate: set 25 fps when reading it (--fps)"]
 
 
-def test_load_notes_the_first_frame_when_pc2_starts_later_and_no_rate_is_said(tmp_path):
+def test_load_notes_a_later_first_frame_of_pc2(tmp_path):
     cache, mesh = save(plain_sequence(fps=25.0, start_s=2.0), tmp_path / "walk.pc2")
     notes = []
     assert load(cache, topology=mesh, notes=notes).start_s == 0
-    assert "begins at frame 50, of unknown rate" in notes[0]
+    assert "begins at frame 50 of unknown rate" in notes[0]
     assert load(cache, topology=mesh, fps=25).start_s == 2.0
 
 
 @pytest.mark.parametrize(
     ("ending", "note"),
     [
-        ("pc2", "PC2 holds the start at 1.5 s as frame 36 of 24 a second, which is 1.5 s"),
+        ("pc2", "PC2 stores the start at 1.5 s as frame 36 at 24 fps, which is 1.5 s"),
         ("mdd", "the frame rate is unknown; written as 24 fps"),
     ],
 )
-def test_save_notes_the_rate_when_none_is_known(tmp_path, ending, note):
+def test_save_notes_an_unknown_frame_rate(tmp_path, ending, note):
     _, notes = round_trip(tmp_path, plain_sequence(fps=0.0, start_s=1.5), ending)
     assert notes == [note]
 
@@ -104,7 +104,7 @@ def test_save_notes_the_rate_when_none_is_known(tmp_path, ending, note):
         ({"fps": 23.98765}, "23.98765 fps reads as 23.98"),
     ],
 )
-def test_save_notes_what_is_lost_when_mdd_cannot_hold_it(tmp_path, options, note):
+def test_save_notes_what_mdd_cannot_store(tmp_path, options, note):
     found, notes = round_trip(tmp_path, plain_sequence(**options), "mdd")
     assert len(notes) == 1
     assert note in notes[0]
@@ -112,7 +112,7 @@ def test_save_notes_what_is_lost_when_mdd_cannot_hold_it(tmp_path, options, note
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_save_rounds_once_and_notes_by_how_much_when_positions_are_double(tmp_path, ending):
+def test_float64_positions_are_rounded_with_a_note(tmp_path, ending):
     sequence = plain_sequence(dtype=np.float64)
     found, notes = round_trip(tmp_path, sequence, ending, fps=25)
     np.testing.assert_array_equal(found.vertices, sequence.vertices.astype(np.float32))
@@ -121,7 +121,7 @@ def test_save_rounds_once_and_notes_by_how_much_when_positions_are_double(tmp_pa
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_save_notes_no_rounding_when_doubles_are_single(tmp_path, ending):
+def test_no_rounding_is_noted_for_exact_float64(tmp_path, ending):
     single = plain_sequence()
     double = MeshSequence(single.vertices.astype(np.float64), single.faces, 25.0)
     _, notes = round_trip(tmp_path, double, ending)
@@ -129,23 +129,23 @@ def test_save_notes_no_rounding_when_doubles_are_single(tmp_path, ending):
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_save_is_refused_when_positions_are_too_large_for_float32(tmp_path, ending):
+def test_save_rejects_positions_beyond_float32(tmp_path, ending):
     plain = plain_sequence(dtype=np.float64)
-    with pytest.raises(InvalidInputError, match=r"frame 0 reaches to .*e\+3.*; point caches hold"):
+    with pytest.raises(
+        InvalidInputError, match=r"frame 0 has coordinates up to .*e\+3.*; point caches store"
+    ):
         save(MeshSequence(plain.vertices * 1e39, plain.faces), tmp_path / f"a.{ending}")
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_save_is_refused_when_the_start_is_too_large(tmp_path, ending):
+def test_save_rejects_a_start_beyond_float32(tmp_path, ending):
     with pytest.raises(InvalidInputError, match=r"too large for (PC2|MDD)"):
         save(plain_sequence(start_s=1e300), tmp_path / f"a.{ending}")
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_open_source_reads_the_bits_of_load_when_frames_stay_in_the_cache(
-    tmp_path, ending, monkeypatch
-):
+def test_stored_frames_of_a_cache_equal_loaded_ones(tmp_path, ending, monkeypatch):
     monkeypatch.setattr("meshreel.formats.frames.array_frames.BLOCK_BYTES", 300)
     sequence = plain_sequence(n_frames=9)
     cache, mesh = save(sequence, tmp_path / f"walk.{ending}")
@@ -158,7 +158,7 @@ def test_open_source_reads_the_bits_of_load_when_frames_stay_in_the_cache(
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_reading_frames_is_refused_when_the_cache_changed_after_opening(tmp_path, ending):
+def test_reading_frames_fails_if_the_cache_has_changed(tmp_path, ending):
     cache, mesh = save(plain_sequence(n_frames=4), tmp_path / f"walk.{ending}")
     opened = open_source(cache, topology=mesh)
     data = bytearray(cache.read_bytes())
@@ -173,16 +173,16 @@ def test_reading_frames_is_refused_when_the_cache_changed_after_opening(tmp_path
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_load_says_what_to_give_when_there_is_no_topology(tmp_path, ending):
+def test_error_without_topology_gives_the_remedy(tmp_path, ending):
     cache, mesh = save(plain_sequence(), tmp_path / f"walk.{ending}")
     mesh.unlink()
-    message = r"holds positions of 11 vertices and no faces; .* --topology .* beside as walk.obj"
+    message = r"has positions of 11 vertices and no faces; .* --topology .* store it as walk.obj"
     with pytest.raises(InvalidInputError, match=message):
         load(cache)
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_load_takes_the_mesh_beside_when_no_topology_is_named(tmp_path, ending):
+def test_mesh_file_next_to_the_cache_is_the_default_topology(tmp_path, ending):
     cache, mesh = save(plain_sequence(), tmp_path / f"walk.{ending}")
     found = load(cache, fps=24)
     np.testing.assert_array_equal(found.faces, load(cache, fps=24, topology=mesh).faces)
@@ -193,14 +193,12 @@ def test_load_takes_the_mesh_beside_when_no_topology_is_named(tmp_path, ending):
     [
         ("few.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", InvalidInputError, "11 vertices and"),
         ("bad.obj", "v 0 0\n", FormatError, r"bad\.obj: line 1: a vertex needs x, y and z"),
-        ("a.stl", "", FormatError, r"are read from \.obj, \.ply, \.off"),
-        ("a.txt", "", FormatError, r"are read from \.obj"),
+        ("a.stl", "", FormatError, r"must be in a \.obj, \.ply, \.off"),
+        ("a.txt", "", FormatError, r"must be in a \.obj"),
         ("none.obj", None, InvalidInputError, r"none\.obj cannot be read: No such file"),
     ],
 )
-def test_load_says_what_is_wrong_when_the_topology_does_not_fit(
-    tmp_path, name, text, error, message
-):
+def test_errors_explain_an_unsuitable_topology(tmp_path, name, text, error, message):
     cache, _ = save(plain_sequence(), tmp_path / "walk.pc2")
     if text is not None:
         (tmp_path / name).write_text(text)
@@ -208,12 +206,12 @@ def test_load_says_what_is_wrong_when_the_topology_does_not_fit(
         load(cache, topology=tmp_path / name)
 
 
-def test_load_notes_uneven_times_when_mdd_has_them(tmp_path):
+def test_load_notes_uneven_times_of_mdd(tmp_path):
     cache, mesh = save(plain_sequence(n_frames=3), tmp_path / "walk.mdd")
     data = cache.read_bytes()
     for times, fps, note in [
-        ((0, 1, 3), 2 / 3, "times of frames are not even; taken as 0.66"),
-        ((0, 0, 0), 0, "times of frames do not ascend; the frame rate is unknown"),
+        ((0, 1, 3), 2 / 3, "frame times are uneven; read as 0.66"),
+        ((0, 0, 0), 0, "frame times are not ascending; the frame rate is unknown"),
     ]:
         cache.write_bytes(data[:8] + struct.pack(">3f", *times) + data[20:])
         notes = []
@@ -221,39 +219,39 @@ def test_load_notes_uneven_times_when_mdd_has_them(tmp_path):
         assert notes[0].startswith(note)
 
 
-def test_load_notes_the_step_when_samples_of_pc2_are_frames_apart(tmp_path):
+def test_load_notes_the_sample_interval_of_pc2(tmp_path):
     cache, mesh = save(plain_sequence(start_s=2.0), tmp_path / "walk.pc2")
     data = cache.read_bytes()
     cache.write_bytes(data[:24] + struct.pack("<f", 2) + data[28:])
     notes = []
     found = load(cache, topology=mesh, fps=12.5, notes=notes)
     assert (found.fps, found.start_s) == (12.5, 2.0)
-    assert notes == ["samples are 2 frames apart; each is taken as one frame"]
+    assert notes == ["samples are 2 frames apart; each is read as one frame"]
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
 @pytest.mark.parametrize("keep", [0, 3, 7, 11, 31, 60, -1])
-def test_load_names_the_file_when_a_cache_is_cut_short(tmp_path, ending, keep):
+def test_error_for_a_truncated_cache_names_the_file(tmp_path, ending, keep):
     cache, mesh = save(plain_sequence(), tmp_path / f"walk.{ending}")
     cache.write_bytes(cache.read_bytes()[:keep])
-    with pytest.raises(FormatError, match=rf"walk\.{ending}: is (cut short|no )"):
+    with pytest.raises(FormatError, match=rf"walk\.{ending}: is (truncated|not )"):
         load(cache, topology=mesh)
 
 
 @pytest.mark.parametrize(
     ("ending", "place", "bytes_", "message"),
     [
-        ("pc2", 0, b"POINT", "is no PC2 file"),
-        ("pc2", 12, struct.pack("<i", 2), "has PC2 version 2; version 1 is read"),
-        ("pc2", 16, struct.pack("<i", 2**31 - 1), "is cut short: 5 frames of 2147483647 vertices"),
-        ("pc2", 16, struct.pack("<i", -1), "says that it holds 5 frames of -1 vertices"),
+        ("pc2", 0, b"POINT", "is not a PC2 file"),
+        ("pc2", 12, struct.pack("<i", 2), "has PC2 version 2; version 1 is supported"),
+        ("pc2", 16, struct.pack("<i", 2**31 - 1), "is truncated: 5 frames of 2147483647 vertices"),
+        ("pc2", 16, struct.pack("<i", -1), "declares 5 frames of -1 vertices"),
         ("pc2", 20, struct.pack("<f", float("nan")), "begins at frame nan"),
-        ("mdd", 0, struct.pack(">i", 2**31 - 1), "is cut short: 2147483647 frames"),
-        ("mdd", 4, struct.pack(">i", 0), "says that it holds 5 frames of 0 vertices"),
-        ("mdd", 8, struct.pack(">f", float("inf")), "times of its frames are not finite"),
+        ("mdd", 0, struct.pack(">i", 2**31 - 1), "is truncated: 2147483647 frames"),
+        ("mdd", 4, struct.pack(">i", 0), "declares 5 frames of 0 vertices"),
+        ("mdd", 8, struct.pack(">f", float("inf")), "frame times are not finite"),
     ],
 )
-def test_load_names_the_file_when_a_header_lies(tmp_path, ending, place, bytes_, message):
+def test_error_for_an_invalid_header_names_the_file(tmp_path, ending, place, bytes_, message):
     cache, mesh = save(plain_sequence(), tmp_path / f"walk.{ending}")
     data = bytearray(cache.read_bytes())
     if bytes_ != b"POINT":
@@ -266,7 +264,7 @@ def test_load_names_the_file_when_a_header_lies(tmp_path, ending, place, bytes_,
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_load_raises_only_our_errors_when_caches_are_damaged(tmp_path, ending):
+def test_damaged_caches_raise_only_meshreel_errors(tmp_path, ending):
     cache, mesh = save(plain_sequence(), tmp_path / f"walk.{ending}")
     for damaged in damaged_versions(cache.read_bytes(), n_header=40):
         cache.write_bytes(damaged)
@@ -275,7 +273,7 @@ def test_load_raises_only_our_errors_when_caches_are_damaged(tmp_path, ending):
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_load_names_the_vertex_when_a_position_is_not_finite(tmp_path, ending):
+def test_error_names_the_vertex_of_a_non_finite_position(tmp_path, ending):
     cache, mesh = save(plain_sequence(), tmp_path / f"walk.{ending}")
     data = bytearray(cache.read_bytes())
     data[-12:] = np.array([np.nan] * 3, ">f4" if ending == "mdd" else "<f4").tobytes()
@@ -284,14 +282,14 @@ def test_load_names_the_vertex_when_a_position_is_not_finite(tmp_path, ending):
         load(cache, topology=mesh)
 
 
-def test_load_is_refused_when_topology_is_for_another_format(tmp_path):
+def test_topology_option_is_rejected_for_other_formats(tmp_path):
     save(plain_sequence(), tmp_path / "a.npz")
     with pytest.raises(InvalidInputError, match=r"--topology .* it is for \.pc2, \.mdd"):
         load(tmp_path / "a.npz", topology=tmp_path / "a.obj")
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_the_surface_is_plain_when_the_topology_is_triangles(tmp_path, ending):
+def test_triangle_topology_gives_a_plain_surface(tmp_path, ending):
     cache, mesh = save(plain_sequence(), tmp_path / f"walk.{ending}")
     found = load(cache, topology=mesh)
     assert_same_surface(found.surface, PLAIN)

@@ -80,9 +80,9 @@ def test_parse_obj_reads_continued_lines():
     ("data", "message"),
     [
         (b"v 0 0\nf 1 1 1", "line 1: a vertex needs x, y and z; got 2 numbers"),
-        (TRIANGLE + b"f 1 2 4", r"line 4: names vertex 4; indices must be in 1\.\.3"),
-        (TRIANGLE + b"f 1 2 0", "line 4: names vertex 0;"),
-        (TRIANGLE + b"f 1 2 -4", "line 4: names vertex -4;"),
+        (TRIANGLE + b"f 1 2 4", r"line 4: uses vertex 4; indices must be in 1\.\.3"),
+        (TRIANGLE + b"f 1 2 0", "line 4: uses vertex 0;"),
+        (TRIANGLE + b"f 1 2 -4", "line 4: uses vertex -4;"),
         (TRIANGLE + b"\nf 1 2", "line 5: a face needs at least three corners; got 2"),
         (TRIANGLE + b"f", "line 4: a face needs at least three corners; got 0"),
         (TRIANGLE + b"f 1 b 3", "line 4: expected an integer; got 'b'"),

@@ -72,7 +72,7 @@ def test_parse_off_reads_mixed_polygons():
         (b"OFF\n2 2 0\n" + BODY, "line 5: declares 0 corners; 2 numbers follow|three corners"),
         (b"OFF\n3 1 0\n0 0\n1 0 0\n0 1 0\n3 0 1 2", "line 3: a vertex needs x, y and z; got 2"),
         (b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n4 0 1 2", "line 6: declares 4 corners; 3 numbers"),
-        (b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3", "line 6: names vertex 3"),
+        (b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3", "line 6: uses vertex 3"),
         (b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 x", "line 6: expected an integer; got 'x'"),
     ],
 )

@@ -130,7 +130,7 @@ def test_parse_ply_finds_x_y_z_by_name():
             "needs a property vertex_indices or vertex_index; it has strip",
         ),
         (header() + ASCII_VERTICES + b"3 0 1 2\n", "element 'face' with 2 rows is longer than"),
-        (header() + ASCII_VERTICES + b"3 0 1 2\n3 0 1 4", "face 1: names vertex 4"),
+        (header() + ASCII_VERTICES + b"3 0 1 2\n3 0 1 4", "face 1: uses vertex 4"),
         (header() + ASCII_VERTICES + b"3 0 1 2\n3 0 1 x", "line 17: expected a number; got 'x'"),
         (header() + ASCII_VERTICES + b"3 0 1 2\n3 0 1 .5", "line 17: expected int32; got 0.5"),
         (header() + ASCII_VERTICES + b"3 0 1 2\n-3 0 1 2", "line 17: expected uint8; got -3"),

@@ -1,4 +1,4 @@
-"""Meshes of a file that cannot be read are left out where that is asked for."""
+"""The option skip_bad leaves out meshes that cannot be read."""
 
 import json
 from dataclasses import replace
@@ -10,8 +10,8 @@ import meshreel
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh
-from meshreel.formats.scenes.scene_source import good_meshes
+from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
+from meshreel.formats.scenes.scene_source import readable_meshes
 from meshreel.formats.stretches import find_stretches
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
@@ -57,35 +57,35 @@ BAD = {
 
 
 @pytest.mark.parametrize("reason", BAD)
-def test_good_meshes_leaves_one_out_when_it_cannot_be_read(reason):
+def test_unreadable_mesh_is_left_out_with_a_note(reason):
     options = ReadOptions()
-    found = good_meshes([BAD[reason], GOOD], options, may_change=False)
+    found = readable_meshes([BAD[reason], GOOD], options, may_change=False)
     assert [mesh.name for mesh in found] == ["/good"]
     assert options.notes[0].startswith("left out: meshes that cannot be read: /bad (")
 
 
-def test_good_meshes_keeps_one_whose_faces_change_when_that_is_wanted():
+def test_meshes_with_changing_faces_can_be_kept():
     changing = BAD["frame 1 has vertex 1 in face 0"]
-    found = good_meshes([changing, GOOD], ReadOptions(), may_change=True)
+    found = readable_meshes([changing, GOOD], ReadOptions(), may_change=True)
     assert [mesh.name for mesh in found] == ["/bad", "/good"]
 
 
-def test_good_meshes_refuses_when_none_can_be_read():
-    with pytest.raises(FormatError, match=r"no mesh that can be read: /bad \(its points are"):
-        good_meshes([BAD["its points are damaged"]], ReadOptions(), may_change=False)
+def test_file_without_readable_meshes_is_an_error():
+    with pytest.raises(FormatError, match=r"has no readable mesh: /bad \(its points are"):
+        readable_meshes([BAD["its points are damaged"]], ReadOptions(), may_change=False)
 
 
-def test_good_meshes_reads_what_a_mesh_carries_once():
+def test_surface_of_a_readable_mesh_is_read_once():
     asked = []
     mesh = replace(GOOD, surface=lambda frame: asked.append(frame) or Surface())
-    found = good_meshes([mesh], ReadOptions(), may_change=False)
+    found = readable_meshes([mesh], ReadOptions(), may_change=False)
     found[0].surface(0)
     assert asked == [0]
 
 
-def test_readable_mesh_fails_as_its_reader_when_a_frame_is_asked_for():
+def test_deferred_error_is_raised_when_a_frame_is_read():
     with pytest.raises(FormatError, match="its points are damaged"):
-        readable_mesh("/bad", lambda: fails(0)).frame(0)
+        read_or_defer_error("/bad", lambda: fails(0)).frame(0)
 
 
 @pytest.fixture
@@ -104,29 +104,29 @@ def usd_file(tmp_path):
     return path
 
 
-def test_load_merges_the_good_when_bad_ones_are_skipped(usd_file):
+def test_skip_bad_merges_the_readable_meshes(usd_file):
     notes = []
     found = load(usd_file, merge=True, skip_bad=True, notes=notes)
     assert (found.n_verts, found.n_frames, found.surface.parts) == (3, 1, ())
     said = next(note for note in notes if "cannot be read" in note)
-    for name in ("/bad (mesh /bad, face 0: names vertex 7", "/late (frame 1 has", "/far (has"):
+    for name in ("/bad (mesh /bad, face 0: uses vertex 7", "/late (frame 1 has", "/far (has"):
         assert name in said
 
 
-def test_load_reads_the_one_that_is_chosen_when_others_are_bad(usd_file):
+def test_selected_mesh_is_read_despite_unreadable_ones(usd_file):
     assert load(usd_file, object="good").n_verts == 3
-    with pytest.raises(FormatError, match=r"a.usda: mesh /bad, face 0: names vertex 7"):
+    with pytest.raises(FormatError, match=r"a.usda: mesh /bad, face 0: uses vertex 7"):
         load(usd_file, object="bad")
     with pytest.raises(FormatError, match=r"a.usda: has samples from time code 0 to 1e\+30"):
         load(usd_file, object="far")
 
 
-def test_stretches_keep_a_mesh_whose_faces_change_when_bad_ones_are_skipped(usd_file):
+def test_skip_bad_keeps_changing_faces_for_stretches(usd_file):
     found = find_stretches(usd_file, ReadOptions(merge=True, skip_bad=True))
     assert [(one.start, one.stop) for one in found] == [(0, 1), (1, 2)]
 
 
-def test_load_skips_a_bad_mesh_when_the_file_is_gltf(tmp_path):
+def test_skip_bad_works_for_gltf(tmp_path):
     meshreel.save(two_sheets(), tmp_path / "a.gltf")
     text = json.loads((tmp_path / "a.gltf").read_text())
     text["meshes"][0]["primitives"][0]["indices"] = 0  # the accessor of its positions
@@ -141,13 +141,13 @@ def test_load_skips_a_bad_mesh_when_the_file_is_gltf(tmp_path):
 
 @pytest.mark.parametrize("name", ["a.npz", "a.obj", "a.reel"])
 @pytest.mark.parametrize("option", ["skip_bad", "allow_outside"])
-def test_load_refuses_an_option_when_a_file_holds_one_mesh_by_itself(tmp_path, name, option):
+def test_skip_bad_is_rejected_for_single_mesh_formats(tmp_path, name, option):
     meshreel.save(waving_grid(1), tmp_path / name)
     flag = option.replace("_", "-")
     with pytest.raises(InvalidInputError, match=rf"--{flag} \({option}=\) has no effect on a"):
         load(tmp_path / name, **{option: True})
 
 
-def test_load_refuses_to_skip_when_one_is_chosen(usd_file):
+def test_skip_bad_is_rejected_with_object(usd_file):
     with pytest.raises(InvalidInputError, match=r"--object .* takes one mesh, so that --skip"):
         load(usd_file, object="good", skip_bad=True)

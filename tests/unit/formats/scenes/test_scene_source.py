@@ -20,7 +20,7 @@ PATH = Path("scene.abc")
 
 
 def scene_mesh(sequence, name, times_s=None):
-    """A mesh of a scene with the frames of a sequence."""
+    """A scene mesh with the frames of a sequence."""
     sizes = sequence.surface.sizes(len(sequence.faces))
     corners = join_fans(sizes, sequence.faces)
     times = sequence.start_s + np.arange(sequence.n_frames) / 24 if times_s is None else times_s
@@ -36,7 +36,7 @@ def opened(meshes, **options):
     return open_scene(lambda path, options: meshes, PATH, ReadOptions(**options))
 
 
-def test_scene_gives_the_sequence_when_it_holds_one_mesh():
+def test_single_mesh_is_opened_as_a_sequence():
     sequence = quad_sheet()
     found = opened([scene_mesh(sequence, "/root/sheet")])
     assert isinstance(found, MeshSequence)
@@ -47,7 +47,7 @@ def test_scene_gives_the_sequence_when_it_holds_one_mesh():
     assert_same_surface(found.surface, sequence.surface)
 
 
-def test_scene_leaves_frames_in_the_file_when_they_are_too_large():
+def test_large_frames_stay_in_the_file():
     sequence = quad_sheet()
     found = opened([scene_mesh(sequence, "/sheet")], max_loaded_bytes=100)
     assert not isinstance(found, MeshSequence)
@@ -56,14 +56,14 @@ def test_scene_leaves_frames_in_the_file_when_they_are_too_large():
     np.testing.assert_array_equal(found.extent.low, sequence.extent.low)
 
 
-def test_scene_lists_its_meshes_when_none_is_chosen():
+def test_error_lists_the_meshes_if_none_is_selected():
     meshes = [scene_mesh(quad_sheet(), name) for name in ("/a", "/b")]
     with pytest.raises(InvalidInputError, match=r"2 meshes: /a, /b; choose one with --object"):
         opened(meshes)
 
 
 @pytest.mark.parametrize("wanted", ["/root/b", "b", "root/b"])
-def test_scene_gives_the_mesh_when_it_is_called_by_its_path(wanted):
+def test_mesh_is_selected_by_path_or_its_end(wanted):
     meshes = [
         scene_mesh(quad_sheet(shift=k), name) for k, name in enumerate(("/root/a", "/root/b"))
     ]
@@ -71,14 +71,14 @@ def test_scene_gives_the_mesh_when_it_is_called_by_its_path(wanted):
     assert found.vertices.tobytes() == quad_sheet(shift=1).vertices.tobytes()
 
 
-@pytest.mark.parametrize(("wanted", "message"), [("c", "no mesh called 'c'"), ("x", "2 meshes")])
-def test_scene_says_what_there_is_when_the_name_does_not_choose_one(wanted, message):
+@pytest.mark.parametrize(("wanted", "message"), [("c", "no mesh named 'c'"), ("x", "2 meshes")])
+def test_error_for_an_unsuitable_name_lists_the_meshes(wanted, message):
     meshes = [scene_mesh(quad_sheet(), name) for name in ("/a/x", "/b/x")]
     with pytest.raises(InvalidInputError, match=message):
         opened(meshes, object=wanted)
 
 
-def test_scene_merges_meshes_when_asked_to():
+def test_merge_option_merges_all_meshes():
     meshes = [scene_mesh(quad_sheet(shift=k), n) for k, n in ((0, "/root/a"), (2, "/root/b"))]
     found, expected = opened(meshes, merge=True), two_sheets()
     assert found.vertices.tobytes() == expected.vertices.tobytes()
@@ -89,7 +89,7 @@ def test_scene_merges_meshes_when_asked_to():
     assert found.name == "scene"
 
 
-def test_merged_meshes_come_apart_again_when_parts_are_split():
+def test_split_parts_inverts_merging():
     sequence = two_sheets()
     pieces = list(split_parts(sequence.faces, sequence.surface, sequence.n_verts, "whole"))
     assert [piece.name for piece in pieces] == ["/root/a", "/root/b"]
@@ -107,7 +107,7 @@ def test_merged_meshes_come_apart_again_when_parts_are_split():
         assert labels.tolist() == np.array([*whole.labels])[whole.numbers].tolist()
 
 
-def test_parts_are_the_whole_when_faces_join_them():
+def test_faces_across_parts_give_one_part():
     sequence = two_sheets()
     faces = sequence.faces.copy()
     faces[0, 0] = 59
@@ -115,7 +115,7 @@ def test_parts_are_the_whole_when_faces_join_them():
     assert (piece.name, piece.verts) == ("whole", slice(0, 60))
 
 
-def test_still_mesh_stays_when_merged_with_a_moving_one():
+def test_static_mesh_can_be_merged_with_a_moving_one():
     still, moving = quad_sheet(1), quad_sheet(4, shift=2)
     meshes = [scene_mesh(still, "/still"), scene_mesh(moving, "/moving")]
     found = opened(meshes, merge=True)
@@ -123,7 +123,7 @@ def test_still_mesh_stays_when_merged_with_a_moving_one():
     np.testing.assert_array_equal(found.vertices[:, :30], np.repeat(still.vertices, 4, axis=0))
 
 
-def test_mesh_is_between_its_frames_when_others_have_more():
+def test_merging_interpolates_positions_between_frames():
     slow = scene_mesh(quad_sheet(2), "/slow", np.array([0.0, 1.0]))
     fast = scene_mesh(quad_sheet(5), "/fast", np.arange(5) / 4)
     found = opened([slow, fast], merge=True)
@@ -133,13 +133,13 @@ def test_mesh_is_between_its_frames_when_others_have_more():
     assert found.fps == 4.0
 
 
-def test_merging_says_so_when_only_some_meshes_have_an_attribute():
+def test_merging_notes_attributes_that_some_meshes_lack():
     bare = quad_sheet()
     bare = replace(bare, surface=Surface(bare.surface.face_sizes))
     notes = []
     meshes = [scene_mesh(quad_sheet(), "/full"), scene_mesh(bare, "/bare")]
     found = opened(meshes, merge=True, notes=notes)
-    assert any("uv 'st' is 0 where" in note for note in notes)
+    assert any("uv 'st' is 0 in meshes" in note for note in notes)
     uv = found.surface.attributes[0].per_item()
     assert not uv[len(uv) // 2 :].any()
     assert found.surface.groups[0].numbers[-1] == -1
@@ -147,7 +147,7 @@ def test_merging_says_so_when_only_some_meshes_have_an_attribute():
 
 
 @pytest.mark.parametrize("domain", [Domain.VERTEX, Domain.FACE])
-def test_merging_makes_one_attribute_when_it_is_of_corners_in_one_mesh_only(domain):
+def test_merging_unifies_domains_of_an_attribute(domain):
     sheet = quad_sheet()
     n_items = {Domain.VERTEX: 30, Domain.FACE: 21}[domain]
     values = np.random.default_rng(4).random((n_items, 2)).astype(np.float32)
@@ -167,7 +167,7 @@ def test_merging_makes_one_attribute_when_it_is_of_corners_in_one_mesh_only(doma
     assert not any("'st'" in note for note in notes)
 
 
-def test_merging_gives_a_second_name_when_two_materials_of_one_name_differ():
+def test_merging_renames_different_materials_of_one_name():
     materials, images = look()
     red, cloth = materials
     other = (replace(red, roughness=0.875), cloth)
@@ -184,7 +184,7 @@ def test_merging_gives_a_second_name_when_two_materials_of_one_name_differ():
     np.testing.assert_array_equal(found.groups[0].numbers[n_faces:], expected)
 
 
-def test_scene_names_the_frame_when_faces_change():
+def test_error_for_changing_faces_names_the_frame():
     mesh = scene_mesh(quad_sheet(4), "/a")
     other = PolygonMesh(np.zeros((9, 3), np.float32), np.array([3]), np.array([0, 1, 2], np.int32))
     changed = replace(mesh, frame=lambda index: mesh.frame(index) if index < 2 else other)
@@ -192,7 +192,7 @@ def test_scene_names_the_frame_when_faces_change():
         opened([changed])
 
 
-def test_scene_names_the_frame_when_a_position_is_not_finite():
+def test_error_for_a_non_finite_position_names_the_frame():
     sequence = quad_sheet(4)
     vertices = sequence.vertices.copy()
     vertices[3, 5, 1] = np.nan
@@ -205,7 +205,7 @@ def test_scene_names_the_frame_when_a_position_is_not_finite():
         opened([broken])
 
 
-def test_errors_name_the_file_when_it_cannot_be_read():
+def test_errors_name_the_file():
     def read_meshes(path, options):
         raise FormatError("is not an archive")
 
@@ -214,18 +214,18 @@ def test_errors_name_the_file_when_it_cannot_be_read():
 
 
 @pytest.mark.parametrize("wanted", ["/Bone", "Bone", "/Bone/Skin", "/", "/Bone/"])
-def test_scene_gives_its_only_mesh_when_the_name_is_above_it(wanted):
+def test_name_of_a_parent_selects_its_only_mesh(wanted):
     found = opened([scene_mesh(quad_sheet(), "/Bone/Skin/Shape")], object=wanted)
     assert found.name == "Shape"
 
 
-def test_scene_gives_the_only_mesh_below_when_others_are_elsewhere():
+def test_name_of_a_parent_ignores_meshes_elsewhere():
     meshes = [scene_mesh(quad_sheet(), name) for name in ("/Bone/Shape", "/Boneless/Shape2")]
     assert opened(meshes, object="/Bone").name == "Shape"
 
 
 @pytest.mark.parametrize(("wanted", "which"), [("/Bone", "2 meshes"), ("/Bon", "no mesh")])
-def test_scene_lists_its_meshes_when_a_name_above_means_none_or_several(wanted, which):
+def test_ambiguous_parent_name_lists_the_meshes(wanted, which):
     meshes = [scene_mesh(quad_sheet(), name) for name in ("/Bone/a", "/Bone/b")]
-    with pytest.raises(InvalidInputError, match=rf"{which} called '{wanted}'; it holds 2 meshes"):
+    with pytest.raises(InvalidInputError, match=rf"{which} named '{wanted}'; it holds 2 meshes"):
         opened(meshes, object=wanted)

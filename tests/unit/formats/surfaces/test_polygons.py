@@ -17,22 +17,22 @@ from meshreel.formats.surfaces.polygons import describe_fans, polygon_mesh
         ),
     ],
 )
-def test_describe_fans_counts_cut_faces_when_there_are_any(counts, expected):
+def test_describe_fans_counts_triangulated_faces(counts, expected):
     assert describe_fans(np.array(counts)) == expected
 
 
-def test_polygon_mesh_names_the_face_when_it_has_two_corners():
+def test_error_names_a_face_with_two_corners():
     with pytest.raises(FormatError, match=r"face 1: a face needs at least three corners; got 2"):
         polygon_mesh(np.zeros((4, 3)), np.array([3, 2]), np.array([0, 1, 2, 0, 1]))
 
 
 @pytest.mark.parametrize("index", [4, -1, 1 << 40])
-def test_polygon_mesh_names_face_and_index_when_it_is_out_of_range(index):
-    with pytest.raises(FormatError, match=rf"face 1: names vertex {index}; .* 0\.\.3"):
+def test_error_names_face_and_index_out_of_range(index):
+    with pytest.raises(FormatError, match=rf"face 1: uses vertex {index}; .* 0\.\.3"):
         polygon_mesh(np.zeros((4, 3)), np.array([3, 3]), np.array([0, 1, 2, 0, 1, index]))
 
 
 @pytest.mark.parametrize(("n_verts", "n_faces"), [(0, 0), (3, 0), (0, 1)])
-def test_polygon_mesh_is_refused_when_vertices_or_faces_are_missing(n_verts, n_faces):
+def test_mesh_without_vertices_or_faces_is_rejected(n_verts, n_faces):
     with pytest.raises(FormatError, match=f"holds {n_verts} vertices and {n_faces} face"):
         polygon_mesh(np.zeros((n_verts, 3)), np.full(n_faces, 3), np.arange(3 * n_faces))

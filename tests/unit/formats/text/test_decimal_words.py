@@ -7,7 +7,7 @@ from meshreel.formats.text.decimal_words import MAX_EXACT, decimal_values
 
 
 def read(words):
-    """Values and whether they were read, of words in one text."""
+    """Parse words joined into one text; return values and whether each was parsed."""
     text = b" ".join(words) + b"\n"
     lengths = np.array([len(word) for word in words])
     starts = np.cumsum(lengths + 1) - lengths - 1
@@ -15,7 +15,7 @@ def read(words):
 
 
 def number_of(word):
-    """What Python reads, without the underscores that it alone allows; None if no number."""
+    """Parse with Python, without the underscores that only Python allows; None if no number."""
     try:
         return None if b"_" in word else np.float64(word.decode("latin-1"))
     except ValueError:
@@ -30,7 +30,7 @@ ANY = st.binary(min_size=1, max_size=20).filter(lambda word: len(word.split()) =
 @example([b".", b"-", b"+.", b"5.", b".5", b"-.5", b"1.2.3", b"1..2", b"12345678.12345678"])
 @example([b"1.23456789012345", b"0.00000000000001", b"1234567890123456", b"9999999999999999"])
 @example([b"1-2", b"--1", b"1e5", b"nan", b"inf", b"0x10", b"1_0", b"/1", b":1", b"1.\xff"])
-def test_decimal_values_are_those_of_python_when_words_are_read(words):
+def test_decimal_values_equal_those_of_python(words):
     values, is_read = read(words)
     for word, value, was_read in zip(words, values, is_read, strict=True):
         if was_read:
@@ -38,7 +38,7 @@ def test_decimal_values_are_those_of_python_when_words_are_read(words):
 
 
 @given(st.lists(st.floats(width=32, allow_nan=False, allow_infinity=False), min_size=1))
-def test_decimal_values_are_read_when_nine_digits_are_not_tiny(numbers):
+def test_nine_digit_numbers_are_parsed(numbers):
     words = [b"%.9g" % number for number in numbers]
     _, is_read = read(words)
     assert is_read.tolist() == [b"e" not in word for word in words]
@@ -57,15 +57,15 @@ def test_decimal_values_are_read_when_nine_digits_are_not_tiny(numbers):
         (b"-", False),
     ],
 )
-def test_decimal_values_says_what_it_read_when_asked(word, expected):
+def test_decimal_values_tells_which_words_were_parsed(word, expected):
     assert read([word, b"1"])[1].tolist() == [expected, True]
 
 
-def test_decimal_values_keeps_the_sign_when_a_word_is_minus_zero():
+def test_decimal_values_keeps_the_sign_of_zero():
     assert np.signbit(read([b"-0.0", b"0.0", b"-0"])[0]).tolist() == [True, False, True]
 
 
-def test_decimal_values_reads_all_when_there_are_several_blocks():
+def test_decimal_values_parses_several_blocks():
     words = [b"%d.%d" % (n % 97, n) for n in range(10000)]
     values, is_read = read(words)
     assert is_read.all()

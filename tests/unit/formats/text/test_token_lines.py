@@ -13,41 +13,41 @@ def words(lines):
 
 
 @pytest.mark.parametrize("line_end", [b"\n", b"\r\n", b"\r"])
-def test_split_lines_finds_words_when_line_ends_differ(line_end):
+def test_split_lines_accepts_all_line_ends(line_end):
     lines = split_lines(line_end.join([b"v 1  2", b"", b"\tf 3", b" "]))
     assert words(lines) == [["v", "1", "2"], ["f", "3"]]
 
 
-def test_split_lines_leaves_out_comments_when_they_follow_words():
+def test_split_lines_skips_comments():
     assert words(split_lines(b"# all\nv 1 # rest\n#")) == [["v", "1"]]
 
 
-def test_split_lines_joins_lines_when_a_backslash_ends_them():
+def test_backslash_joins_lines():
     lines = split_lines(b"f 1 \\\n2 \\\r\n3\nv", continuation=True)
     assert words(lines) == [["f", "1", "2", "3"], ["v"]]
 
 
-def test_split_lines_counts_file_lines_when_lines_are_joined():
+def test_joined_lines_keep_their_line_numbers():
     lines = split_lines(b"f 1 \\\n2\n# comment\n\nv", continuation=True)
     assert lines.place(1) == "line 5"
 
 
-def test_split_lines_passes_over_the_byte_order_mark_when_there_is_one():
+def test_split_lines_skips_the_byte_order_mark():
     assert words(split_lines(b"\xef\xbb\xbfv 1")) == [["v", "1"]]
 
 
-def test_split_lines_finds_nothing_when_text_is_empty():
+def test_empty_text_has_no_lines():
     assert split_lines(b"").n_lines == 0
 
 
 @pytest.mark.parametrize("word", [b"v", b"vertex"])
-def test_begins_with_compares_whole_words_when_one_is_a_prefix(word):
+def test_begins_with_compares_whole_words(word):
     lines = split_lines(b"v 1\nvertex 1\nvn 1\nx\nvertices\nv")
     expected = [row[0].encode() == word for row in words(lines)]
     assert lines.begins_with(word).tolist() == expected
 
 
-def test_floats_equal_python_floats_when_digits_are_many():
+def test_floats_equal_those_of_python():
     texts = [
         "0.1",
         "1e-320",
@@ -62,31 +62,31 @@ def test_floats_equal_python_floats_when_digits_are_many():
     np.testing.assert_array_equal(found, np.array([float(text) for text in texts]))
 
 
-def test_integers_equal_python_integers_when_signs_and_slashes_come():
+def test_integers_accept_signs_and_slashes():
     lines = split_lines(b"7 -12 +3 007 5/6/7 8//9 999999999999999999")
     found = lines.integers(np.arange(7), stop_at_slash=True)
     assert found.tolist() == [7, -12, 3, 7, 5, 8, 999999999999999999]
 
 
 @pytest.mark.parametrize("word", ["1.5", "x", "-", "1/2", "1e3", "1234567890123456789", "1_0"])
-def test_integers_names_word_and_line_when_it_is_none(word):
+def test_integer_error_names_word_and_line(word):
     lines = split_lines(f"1 2\n3 {word}\n".encode())
     with pytest.raises(FormatError, match=r"line 2: expected an integer; got"):
         lines.integers(np.arange(4))
 
 
-def test_floats_names_word_and_line_when_it_is_no_number():
+def test_float_error_names_word_and_line():
     lines = split_lines(b"1 2\n3 1-2\n")
     with pytest.raises(FormatError, match=r"line 2: expected a number; got '1-2'"):
         lines.floats(np.arange(4))
 
 
 @pytest.mark.parametrize("code", ["utf-16-le", "utf-16-be", "utf-32-le", "utf-32-be"])
-def test_split_lines_names_the_code_when_characters_take_several_bytes(code):
+def test_wide_encodings_are_rejected_by_name(code):
     with pytest.raises(FormatError, match=f"text in {code[:6].upper()}, .* save it as UTF-8"):
         split_lines("\ufeffv 1 2 3".encode(code))
 
 
-def test_split_lines_passes_over_the_mark_when_text_is_utf_8():
+def test_utf_8_byte_order_mark_is_skipped():
     lines = split_lines("\ufeffv 1 2 3".encode())
     assert lines.word(0) == "v"

@@ -393,7 +393,7 @@ def test_load_rejects_transforms_that_are_not_finite(stage_file, operation, numb
         (POINTS, QUAD.replace("[4]", "[5]"), "has 4 faceVertexIndices .* need 5"),
         (POINTS, QUAD.replace("[4]", "[-4]"), "faceVertexCounts need -4"),
         (POINTS, QUAD.replace("[4]", "[2, 2]"), "face 0: a face needs at least three corners"),
-        (POINTS, QUAD.replace("3]", "4]"), "names vertex 4; indices must be in 0..3"),
+        (POINTS, QUAD.replace("3]", "4]"), "uses vertex 4; indices must be in 0..3"),
         ("point3f[] points = []", QUAD, "has 0 vertices and 1 face"),
         (POINTS, "int[] faceVertexCounts = [4]", "has no faceVertexIndices"),
         ("point3f[] points = [(nan, 0, 0), (1, 0, 0), (0, 0, 0), (0, 0, 0)]", QUAD, "be finite"),

@@ -289,7 +289,7 @@ def test_merged_files_share_one_track(tmp_path, make):
     assert track.shape == (2, 2 * N_POINTS, 1)
     assert np.array_equal(track.values[:, :N_POINTS, 0], heat)
     assert np.isnan(track.values[:, N_POINTS:]).all()
-    assert "track 'heat' is of 1 of 2 meshes, and NaN in the others" in notes
+    assert "track 'heat' is in 1 of 2 meshes, and NaN in the others" in notes
 
 
 def test_stretches_have_their_part_of_a_track(tmp_path):

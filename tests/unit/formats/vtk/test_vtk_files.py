@@ -195,7 +195,7 @@ def test_load_reads_every_section_of_a_legacy_file(tmp_path):
         ("POINTS 4 int", "POINTS 9 int", "expected numbers before byte"),
         ("POINTS 4 int", "POINTS four int", "has an invalid line 'POINTS four int'"),
         ("POINTS 4 int", "POINTS", "has an invalid line 'POINTS'"),
-        ("4 0 1 3 2", "4 0 1 3 9", "face 1: names vertex 9"),
+        ("4 0 1 3 2", "4 0 1 3 9", "face 1: uses vertex 9"),
         ("4 0 1 3 2", "9 0 1 3 2", "lists of 1 cells do not fit their 5 numbers"),
         ("4 0 1 3 2", "2 0 1 3 2", "lists of 1 cells do not fit their 5 numbers"),
         ("NORMALS", "PARANORMALS", "has an unknown section 'PARANORMALS'"),
@@ -452,7 +452,7 @@ def test_frame_rate_reads_files_of_equal_times_in_file_order(tmp_path, read, tim
     found = read(path, fps=12, notes=notes)
     assert positions_of(found).tobytes() == positions.tobytes()
     assert (found.fps, found.start_s, found.n_frames) == (12, 0, 4)
-    assert notes == ["times of frames do not ascend; taken in file order at 12 frames per second"]
+    assert notes == ["frame times are not ascending; read in file order at 12 frames per second"]
 
 
 def test_load_sorts_files_with_distinct_times(tmp_path):
@@ -516,7 +516,7 @@ def test_load_rejects_xml_entities_and_deep_nesting(tmp_path):
         (b'NumberOfComponents="3"', b'NumberOfComponents="7"', "array 'Points' is damaged"),
         (b"4 7 12", b"4 3 12", "offsets of Cells do not fit"),
         (b"4 7 12", b"4 7 11", "offsets of Cells do not fit"),
-        (b"0 1 2 3 1 4", b"0 1 2 3 1 99", "face 1: names vertex 99; indices must be in 0..9"),
+        (b"0 1 2 3 1 4", b"0 1 2 3 1 99", "face 1: uses vertex 99; indices must be in 0..9"),
         (b"0 1 2 3 1 4", b"0 1 2 3 1 x", "array 'connectivity' is damaged"),
     ],
 )

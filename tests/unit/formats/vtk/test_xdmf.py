@@ -203,7 +203,7 @@ def test_frame_rate_reads_unordered_steps_in_file_order(tmp_path, times):
     found = load(path, fps=12, notes=notes)
     assert positions_of(found).tobytes() == POSITIONS.tobytes()
     assert (found.fps, found.start_s) == (12, 0)
-    assert notes == ["times of frames do not ascend; taken in file order at 12 frames per second"]
+    assert notes == ["frame times are not ascending; read in file order at 12 frames per second"]
 
 
 def test_frame_rate_keeps_the_start_of_ascending_times(tmp_path):
@@ -306,7 +306,7 @@ WITHIN = item(SELF + "<DataItem/>", ItemType="HyperSlab", Dimensions="1")
         (at(item("1 2 3", Dimensions="-1")), "has '-1' where a non-negative integer is expected"),
         (at(item("1 2 3", Precision="3")), "has a DataItem of 'float' with Precision '3'"),
         (at(item("1 2", Dimensions="2")), "has a Geometry of type XYZ with 2 numbers"),
-        (at(inline(POSITIONS[0, :3])), "face 1: names vertex 3; indices must be in 0..2"),
+        (at(inline(POSITIONS[0, :3])), "face 1: uses vertex 3; indices must be in 0..2"),
         (at(SELF), "has circular references"),
         (at(WITHIN), "has a HyperSlab outside its source"),
         (
