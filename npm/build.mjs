@@ -1,7 +1,7 @@
-// Builds dist/: the C library as WebAssembly, bundles of the scripts with it inside, declarations.
+// Builds dist/: bundles with the C library as embedded WebAssembly, and type declarations.
 //
-// The core is compiled by core/compile.py, which needs Python with the package `ziglang`; PYTHON
-// names the interpreter.
+// core/compile.py compiles the core; it needs Python with the package `ziglang`. Set PYTHON to the
+// interpreter.
 
 import zopfli from "@gfx/zopfli";
 import { build } from "esbuild";
@@ -17,14 +17,14 @@ const core = join(here, "../core");
 const dist = join(here, "dist");
 const modules = join(here, "wasm");
 
-const started = promisify(execFile);
+const runAsync = promisify(execFile);
 
-function run(command, ...given) {
-  execFileSync(command, given, { cwd: here, stdio: "inherit" });
+function run(command, ...args) {
+  execFileSync(command, args, { cwd: here, stdio: "inherit" });
 }
 
-/** The bytes of a module, compiled where a source is newer. */
-async function compiled(target, name) {
+/** Return the bytes of a module; compiles it if a source is newer. */
+async function compile(target, name) {
   const path = join(modules, name);
   const sources = ["", "reader", "include"].flatMap((folder) =>
     readdirSync(join(core, folder)).map((file) => join(core, folder, file)),
@@ -33,13 +33,13 @@ async function compiled(target, name) {
   if (!existsSync(path) || sources.some(isNewer)) {
     mkdirSync(modules, { recursive: true });
     const python = process.env.PYTHON ?? "python3";
-    await started(python, [join(core, "compile.py"), "--target", target, "-o", path]);
+    await runAsync(python, [join(core, "compile.py"), "--target", target, "-o", path]);
   }
   return readFileSync(path);
 }
 
-/** Bytes as a zlib stream, in base 64. */
-function deflated(bytes) {
+/** Compress bytes to a zlib stream in base64. */
+function deflate(bytes) {
   return new Promise((resolve, reject) => {
     zopfli.zlib(bytes, { numiterations: 15 }, (error, packed) =>
       error ? reject(error) : resolve(Buffer.from(packed).toString("base64")),
@@ -47,15 +47,15 @@ function deflated(bytes) {
   });
 }
 
-const [quick, whole, plain] = await Promise.all([
-  compiled("wasm", "reel.wasm"),
-  compiled("wasm-whole", "reel_whole.wasm"),
-  compiled("wasm-plain", "reel_plain.wasm"),
+const [simd, whole, plain] = await Promise.all([
+  compile("wasm", "reel.wasm"),
+  compile("wasm-whole", "reel_whole.wasm"),
+  compile("wasm-plain", "reel_plain.wasm"),
 ]);
 
-/** The engine and all that it needs, inside one function: its text is the script of a worker. */
-const engineInside = {
-  name: "engine inside",
+/** Bundles the engine into one function, whose source text is the script of a worker. */
+const embedEngine = {
+  name: "embed engine",
   setup(bundler) {
     bundler.onLoad({ filter: /[\\/]engine_function\.ts$/ }, async () => {
       const { outputFiles } = await build({
@@ -65,7 +65,7 @@ const engineInside = {
         write: false,
         format: "iife",
         globalName: "engine",
-        // As old as can be: what bundlers would rewrite, they would rewrite with help from outside.
+        // An old target: bundlers that lower newer syntax would add helpers outside of the function.
         target: "es2020",
       });
       const script = outputFiles[0].text;
@@ -74,9 +74,9 @@ const engineInside = {
   },
 };
 
-/** What `meshreel` exports is that of the script beside, wherever it is imported. */
-const indexBeside = {
-  name: "index beside",
+/** Imports the exports of `meshreel` from its script, instead of bundling them again. */
+const externalIndex = {
+  name: "external index",
   setup(bundler) {
     bundler.onResolve({ filter: /^\.\.(\/\.\.)*\/(index|errors)\.js$/ }, () => ({
       path: "./index.js",
@@ -85,10 +85,10 @@ const indexBeside = {
   },
 };
 
-/** Keeps modules out of a bundle: it imports the scripts in dist/ that have their names. */
-function beside(filter) {
+/** Keeps modules out of a bundle, which imports their scripts in dist/ instead. */
+function externalScripts(filter) {
   return {
-    name: "scripts beside",
+    name: "external scripts",
     setup(bundler) {
       bundler.onResolve({ filter }, ({ path }) => ({ path: `./${basename(path)}`, external: true }));
     },
@@ -109,55 +109,54 @@ const common = {
 const threeLicense = readFileSync(join(here, "node_modules/three/LICENSE"), "utf8");
 
 rmSync(dist, { recursive: true, force: true });
-const modulesInside = {
-  // Deflated bytes in base 64 are packed by gzip to little more than the deflated bytes, and
-  // zopfli, which takes its time, deflates to 5 % less than zlib does.
-  SIMD_MODULE: JSON.stringify(await deflated(quick)),
+const embeddedModules = {
+  // Gzip compresses the base64 text to about the size of the deflated bytes, and zopfli, although slow,
+  // deflates 5 % better than zlib.
+  SIMD_MODULE: JSON.stringify(await deflate(simd)),
   PLAIN_MODULE: JSON.stringify(plain.toString("base64")),
-  WHOLE_MODULE: JSON.stringify(await deflated(whole)),
+  WHOLE_MODULE: JSON.stringify(await deflate(whole)),
 };
 const decoder = await build({
   ...common,
   entryPoints: ["src/index.ts"],
   splitting: true,
   outdir: dist,
-  plugins: [engineInside, beside(/\/local_file\.js$/)],
+  plugins: [embedEngine, externalScripts(/\/local_file\.js$/)],
   chunkNames: "[name]",
-  define: modulesInside,
+  define: embeddedModules,
 });
 const localFile = await build({
   ...common,
   entryPoints: ["src/source/local_file.ts"],
   outdir: dist,
-  minify: false, // it would drop the comments that tell bundlers to leave an import alone
+  minify: false, // keeps the comments that tell bundlers to ignore an import
 });
 const three = await build({
   ...common,
   entryPoints: { three: "src/three/index.ts" },
-  splitting: true, // textures, and pictures without a GPU, are scripts that few load
+  splitting: true, // textures, colors and the CPU backend are loaded on demand
   outdir: dist,
   external: ["three"],
-  plugins: [indexBeside],
+  plugins: [externalIndex],
   chunkNames: "three_[name]",
 });
-// For pages without a bundler: one script, with the decoder and what it takes of three.js inside.
-// The module for engines without vectors, which hardly any browser is, stays beside; so does that
-// which decodes tracks and exact values.
+// For pages without a bundler: one script with the decoder and three.js. The module for engines without
+// SIMD and the one for tracks and exact values remain separate scripts.
 const player = await build({
   ...common,
   entryPoints: ["src/player/index.ts"],
   outfile: join(dist, "player.js"),
-  // Modules that few need and files in Node are scripts of `meshreel`, too.
-  plugins: [engineInside, beside(/\/(plain_wasm|whole_wasm|local_file)\.js$/)],
-  define: modulesInside,
-  legalComments: "eof", // the notices of three.js, whose licence follows
+  // These scripts of `meshreel` are loaded on demand.
+  plugins: [embedEngine, externalScripts(/\/(plain_wasm|whole_wasm|local_file)\.js$/)],
+  define: embeddedModules,
+  legalComments: "eof", // copyright notices of three.js, whose license follows
   footer: { js: `/* Contains three.js.\n\n${threeLicense.trim()}\n*/` },
 });
 run(process.execPath, "node_modules/typescript/bin/tsc", "--declaration", "--emitDeclarationOnly", "--outDir", "dist");
-// Types only; the empty script is for those who import it all the same.
+// Types only; the empty script allows importing it at run time.
 copyFileSync(join(here, "src/player/jsx.d.ts"), join(dist, "player/jsx.d.ts"));
 writeFileSync(join(dist, "player/jsx.js"), "export {};\n");
-writeFileSync(join(dist, "built"), ""); // all is there
+writeFileSync(join(dist, "built"), ""); // marks a complete build
 
 const files = [decoder, localFile, three, player].flatMap(({ metafile }) => Object.keys(metafile.outputs));
 for (const file of files) {

@@ -1,36 +1,36 @@
-// What goes wrong, by type; messages are those of the Python package.
+// Error classes, with the names of the Python package.
 
-/** Base class of all errors that meshreel throws, but for aborted work (`AbortError`). */
+/** Base class of all errors that meshreel throws, except `AbortError` of canceled calls. */
 export class MeshReelError extends Error {
   override name = "MeshReelError";
 }
 
-/** An argument that cannot be used as given. */
+/** An invalid argument. */
 export class InvalidInputError extends MeshReelError {
   override name = "InvalidInputError";
 }
 
-/** A stream whose bytes are inconsistent or do not match their checksums. */
+/** A file whose bytes are inconsistent or do not match their checksums. */
 export class CorruptStreamError extends MeshReelError {
   override name = "CorruptStreamError";
 }
 
-/** A stream that ends before its end marker. */
+/** A file that ends before its end marker. */
 export class TruncatedStreamError extends CorruptStreamError {
   override name = "TruncatedStreamError";
 }
 
-/** A stream that needs a newer version of meshreel, or a method that pages do not decode. */
+/** A file that needs a newer version of meshreel, or a method that this package cannot decode. */
 export class UnsupportedVersionError extends MeshReelError {
   override name = "UnsupportedVersionError";
 }
 
-/** A stream whose decoding would take more memory than the reader may. */
+/** A file whose decoding needs more memory than the limit. */
 export class MemoryLimitError extends MeshReelError {
   override name = "MemoryLimitError";
 }
 
-/** Bytes that a server or a file did not give, or that are of another file than before. */
+/** Bytes that cannot be read, or a file that has changed since it was opened. */
 export class SourceError extends MeshReelError {
   override name = "SourceError";
 }

@@ -1,4 +1,4 @@
-// What `import ... from "meshreel"` gives. First comes what brings the core: see simd_wasm.ts.
+// Exports of `meshreel`. The module of the core must come first in the bundle: see simd_wasm.ts.
 
 import "./core/simd_wasm.js";
 

@@ -1,52 +1,55 @@
-// What the parts of the package agree on.
+// Types that are shared by all modules of the package.
 
-/** Where bytes come from: an address, a response, a blob or memory. */
+/** Random access to the bytes of a file. */
 export interface ByteSource {
-  /** Bytes in all; null as long as the source does not say. */
+  /** Size in bytes; null while unknown. */
   readonly size: number | null;
-  /** Whether parts can be had without what lies before them. */
+  /** Whether a range can be read without reading all bytes before it. */
   readonly hasRanges: boolean;
   /**
-   * A copy of the bytes `start` to `end - 1`, fewer where the source ends before.
+   * Read the bytes `start` to `end - 1`, or fewer if the source ends before; returns a copy.
    *
-   * @throws SourceError where they cannot be had, or are of another file than before.
+   * @throws SourceError if they cannot be read, or if the file has changed.
    */
   read(start: number, end: number, signal?: AbortSignal): Promise<Uint8Array>;
   close(): void;
 }
 
-/** Positions, x, y and z of each vertex, in the number type of the file. */
+/** Positions: x, y and z of each vertex, in the number type of the file. */
 export type Positions = Float32Array | Float64Array;
 
-/** Facts of a stream. */
+/** Metadata of a file. */
 export interface ReelInfo {
-  /** Positions are sums of modes; exact; or exact places of a grid. */
+  /**
+   * How positions are coded: "reel": as sums of modes; "lossless": exactly; "grid": on a grid.
+   */
   readonly method: "reel" | "lossless" | "grid";
   readonly name: string;
   readonly nFrames: number;
   readonly nVerts: number;
-  /** Triangles. */
+  /** Number of triangles. */
   readonly nFaces: number;
-  /** Frames per second; 0 where the file does not say. */
+  /** Frames per second; 0 if unknown. */
   readonly fps: number;
   /** Time of the first frame in seconds. */
   readonly startS: number;
-  /** Of the bounding box of all frames, in model units. */
+  /** Center of the bounding box of all frames, in model units. */
   readonly center: readonly [number, number, number];
+  /** Diagonal of that box. */
   readonly diagonal: number;
-  /** Largest displacement of any vertex that the encoder promises, in percent of the diagonal. */
-  readonly promisePercent: number | null;
+  /** Guaranteed bound of the error of any vertex, in percent of the diagonal; null if none. */
+  readonly maxErrorPercent: number | null;
   readonly numberType: "float32" | "float64";
-  /** Quantities that change over time beside the positions; `ReelFile.track` gives their values. */
+  /** Other quantities that change over time; `ReelFile.track` decodes their values. */
   readonly tracks: readonly TrackInfo[];
-  /** Frames that `fields` gives at once. */
+  /** Ranges of frames that `fields` returns. */
   readonly blocks: readonly BlockInfo[];
 }
 
 /** A track: a quantity of vertices, faces or corners that changes over time. */
 export interface TrackInfo {
   readonly name: string;
-  /** Such as "Pa"; empty where the file does not say. */
+  /** Unit, such as "Pa"; empty if unknown. */
   readonly unit: string;
   readonly kind:
     | "scalar"
@@ -56,31 +59,32 @@ export interface TrackInfo {
     | "color"
     | "uv"
     | "other";
-  /** What values are of; faces are polygons, and corners are theirs. */
+  /** What has values: vertices, polygons, or corners of polygons. */
   readonly domain: "vertex" | "face" | "corner";
-  /** Numbers of a value. */
+  /** Numbers per value. */
   readonly nColumns: number;
-  /** Vertices, faces or corners that have a value at each frame. */
+  /** Number of vertices, faces or corners. */
   readonly nItems: number;
   readonly numberType:
     | "float32"
     | "float64"
-    /** Of tracks that are coded exactly. */
+    /** Integers: exact tracks only. */
     | `${"u" | ""}int${8 | 16 | 32 | 64}`;
-  /** Whether numbers are those of the original, bit for bit. */
+  /** Whether values are bit-identical to the original. */
   readonly isExact: boolean;
   /**
-   * Largest error of a value that the encoder promises: the length of the difference, in the unit of
-   * the track; of normals the angle in degrees; of colours that of each number. Null: none.
+   * Guaranteed bound of the error of a value; null if none. The error is the length of the
+   * difference, in the unit of the track; for normals the angle in degrees; for colors the difference
+   * of each number.
    */
   readonly promisedError: number | null;
-  /** In all blocks. */
+  /** Compressed size in all blocks. */
   readonly sizeBytes: number;
 }
 
 /**
- * Numbers of a track, in the array of their type; integers of 64 bits are bigints. A number that is
- * missing is NaN.
+ * Values of a track, in an array of their number type; 64-bit integers are bigints. Missing values
+ * are NaN.
  */
 export type TrackValues =
   | Float32Array
@@ -95,93 +99,103 @@ export type TrackValues =
   | BigUint64Array;
 
 /**
- * A block of the file; where the method is not "reel", whose blocks may have thousands of frames, a
- * part of one, of up to 32.
+ * A block of the file. Blocks of methods other than "reel" may have thousands of frames; they are
+ * split into pieces of up to 32 frames.
  */
 export interface BlockInfo {
-  /** Number of its first frame. */
+  /** First frame. */
   readonly start: number;
   readonly nFrames: number;
-  /** Of a part its share of the block. */
+  /** Compressed size; of a piece, its share of the block. */
   readonly sizeBytes: number;
 }
 
 /**
- * A block of frames as small integers, for shaders: the position of vertex v at frame t of the
- * block, relative to `ReelInfo.center`, is, in each axis, the sum over modes k of
- * `fields[k nVerts + v] * weights[(t nModes + k) 3 + axis]`, plus its correction. In model units,
- * within 1e-5 of the diagonal of what `frame` gives. Where the method is not "reel", each axis at
- * each frame is a mode, and the last mode is 1 everywhere.
+ * A block of frames as 16-bit fields and weights, for shaders.
+ *
+ * The position of vertex v at frame t of the block, relative to `ReelInfo.center` and in model
+ * units, is in each axis the sum over modes k of
+ * `fields[k * nVerts + v] * weights[(t * nModes + k) * 3 + axis]`, plus its correction. It differs
+ * from the result of `frame` by less than 1e-5 of the diagonal. For methods other than "reel", each
+ * axis of each frame is a mode, and the last mode is 1 everywhere.
  */
 export interface BlockFields {
-  readonly number: number;
+  /** Index in `ReelInfo.blocks`. */
+  readonly index: number;
+  /** First frame. */
   readonly start: number;
   readonly nFrames: number;
   readonly nModes: number;
-  /** Modes of the block: those behind them are finer parts of some of these. */
+  /** Modes that the file stores; modes behind them are residuals of their rounding. */
   readonly nBlockModes: number;
   readonly nVerts: number;
-  /** nModes x nVerts, vertices as they go out. The first modes are the coarser animation. */
+  /** nModes x nVerts, vertices in file order. The first modes carry the coarse motion. */
   readonly fields: Int16Array;
-  /** Of each field, over all vertices. */
+  /** Mean of each field over all vertices. */
   readonly means: Float64Array;
-  /** nFrames x nModes x 3. Steps of the fields are multiplied in. */
+  /** nFrames x nModes x 3, multiplied by the quantization steps of the fields. */
   readonly weights: Float32Array;
   /** Corrections of frame t are correctionStarts[t] .. correctionStarts[t + 1] - 1. */
   readonly correctionStarts: Uint32Array;
+  /** Vertex of each correction. */
   readonly correctionVertices: Uint32Array;
-  /** Three for each, in model units. */
+  /** Three numbers per correction, in model units. */
   readonly correctionOffsets: Float32Array;
 }
 
 /**
- * A track in a block as small integers, for shaders: the number in column c of item i at frame t of
- * the block is the sum over modes k of `fields[k nItems + i] * weights[(t nModes + k) nColumns + c]`,
- * plus `origin[c]`, plus its correction; normals are not yet divided by their length. Where a number
- * is missing, that correction is NaN. Of a track that is exact, or predicted from positions, each
- * column at each frame is a mode, rounded to a part in 65534 of its range there, and the last mode
- * is 1 everywhere. The rest is as in `BlockFields`, where items are vertices.
+ * A track in a block as 16-bit fields and weights, for shaders.
+ *
+ * The value in column c of item i at frame t of the block is the sum over modes k of
+ * `fields[k * nItems + i] * weights[(t * nModes + k) * nColumns + c]`, plus `origin[c]`, plus its
+ * correction. Normals must still be normalized. Corrections of missing values are NaN. For tracks
+ * that are exact or predicted from positions, each column of each frame is a mode, rounded to
+ * 1/65534 of its range, and the last mode is 1 everywhere. For the rest see `BlockFields`, with
+ * items in place of vertices.
  */
 export interface TrackFields extends BlockFields {
-  /** Columns that were asked for: c counts these. */
+  /** Number of requested columns; c indexes these. */
   readonly nColumns: number;
-  /** Of each column. */
+  /** Origin of each requested column. */
   readonly origin: readonly number[];
 }
 
-/** A quantity that faces, corners or vertices have: texture coordinates, a colour. */
+/** Values of vertices, faces or corners that are the same in all frames: UVs, colors. */
 export interface Attribute {
   readonly name: string;
   readonly kind: "uv" | "color" | "other";
   readonly domain: "vertex" | "face" | "corner";
+  /** Numbers per value. */
   readonly width: number;
-  /** Rows of `width` numbers, one for each vertex, face or corner. */
+  /** Rows of `width` numbers, one per vertex, face or corner. */
   readonly values: Uint8Array | Int32Array | Float32Array | Float64Array;
 }
 
+/** An encoded image file. */
 export interface Image {
   readonly name: string;
-  /** Such as "image/png". */
+  /** MIME type, such as "image/png". */
   readonly mediaType: string;
   readonly bytes: Uint8Array;
 }
 
-/** How a slot of a material looks up an image. */
+/** The texture of a slot of a material. */
 export interface MaterialTexture {
   readonly slot: "baseColor" | "metallic" | "roughness" | "normal" | "occlusion" | "emissive";
-  /** Number among `Surface.images`. */
+  /** Index in `Surface.images`. */
   readonly image: number;
-  /** Name of the attribute that holds its texture coordinates. */
+  /** Name of the UV attribute. */
   readonly uv: string;
   readonly offset: readonly [number, number];
+  /** In radians. */
   readonly rotation: number;
   readonly scale: readonly [number, number];
-  /** docs/format.md: 0 repeat, 1 mirror, 2 clamp, 3 black, 4 as the image says. */
+  /** Wrap modes: 0 repeat, 1 mirror, 2 clamp, 3 black, 4 as set in the image (docs/format.md). */
   readonly wrapU: number;
   readonly wrapV: number;
 }
 
-/** Terms of materials in glTF 2.0. */
+/** A material with the parameters of glTF 2.0. */
 export interface Material {
   readonly name: string;
   readonly alphaMode: "opaque" | "mask" | "blend";
@@ -197,20 +211,24 @@ export interface Material {
   readonly textures: readonly MaterialTexture[];
 }
 
-/** What the mesh is beside its positions; the same at all frames. */
+/** Everything about a mesh but its positions; shared by all frames. */
 export interface Surface {
-  /** Triangles: 3 nFaces numbers of vertices. */
+  /** Vertex indices, three per triangle. */
   readonly triangles: Uint32Array;
-  /** Corners of each polygon, or null where all faces are triangles. */
+  /** Corners of each polygon; null if all faces are triangles. */
   readonly faceSizes: Uint32Array | null;
   readonly attributes: readonly Attribute[];
-  /** Groups of faces, such as "material": labels, and that of each face, -1 for none. */
-  readonly groups: readonly { name: string; labels: readonly string[]; ofFace: Int32Array }[];
+  /** Face groups, such as "material". `faceLabels` has the label index of each face; -1: none. */
+  readonly groups: readonly {
+    readonly name: string;
+    readonly labels: readonly string[];
+    readonly faceLabels: Int32Array;
+  }[];
   readonly materials: readonly Material[];
   readonly images: readonly Image[];
   /**
-   * Edges across which faces do not share normals: pairs of vertices, the lower first; null where
-   * the mesh is smooth.
+   * Edges across which faces do not share normals: pairs of vertices, the lower index first; null if
+   * the mesh has no hard edges.
    */
   readonly hardEdges: Uint32Array | null;
 }
@@ -219,36 +237,37 @@ export interface Surface {
 export interface OpenTrack {
   readonly info: TrackInfo;
   /**
-   * Values of a frame: nItems x nColumns, of the type of the track, into `into` where it is given.
+   * Decode the values of a frame: nItems x nColumns numbers of the type of the track, stored in
+   * `into` if given.
    */
   frame(
-    number: number,
+    index: number,
     into?: TrackValues,
     options?: { signal?: AbortSignal },
   ): Promise<TrackValues>;
-  /** A block for shaders. */
+  /** Decode a block for shaders. */
   fields(
     block: number,
     options?: { signal?: AbortSignal; columns?: readonly number[] },
   ): Promise<TrackFields>;
 }
 
-/** What the other parts see of an open file; `ReelFile` is it. */
+/** An open file; implemented by `ReelFile`. */
 export interface OpenReel {
   readonly info: ReelInfo;
   readonly surface: Surface;
   /**
-   * Positions of a frame: nVerts x 3 in model units, of the type of the file, into `into` where it
-   * is given.
+   * Decode the positions of a frame: nVerts x 3 numbers of the type of the file, in model units,
+   * stored in `into` if given.
    */
   frame(
-    number: number,
+    index: number,
     into?: Float32Array | Float64Array,
     options?: { signal?: AbortSignal },
   ): Promise<Float32Array | Float64Array>;
-  /** A block for shaders. */
+  /** Decode a block for shaders. */
   fields(block: number, options?: { signal?: AbortSignal }): Promise<BlockFields>;
-  /** @throws InvalidInputError where there is none of this name. */
+  /** Return a track by name. @throws InvalidInputError if there is no track of this name. */
   track(name: string): OpenTrack;
   close(): void;
 }

@@ -1,17 +1,17 @@
-// Every stream of conformance/ decodes to what is said of it, with and without vectors.
+// All streams of conformance/ decode to the documented values, with and without SIMD.
 
 import assert from "node:assert/strict";
 import { readdirSync, readFileSync } from "node:fs";
 import { test } from "node:test";
-import { engineOf, loadInternals } from "./support/bundle.mjs";
+import { openEngine, loadInternals } from "./support/bundle.mjs";
 import {
   OTHERS,
   PLAYED,
   REELS,
-  bytesOf,
-  framesOfBlocks,
-  hashOf,
-  said,
+  streamBytes,
+  blockLengths,
+  integerHash,
+  expectedOf,
   sha,
 } from "./support/streams.mjs";
 
@@ -23,7 +23,7 @@ const KINDS = ["other", "vector", "velocity", "normal", "color", "uv", "scalar"]
 const DOMAINS = ["vertex", "face", "corner"];
 const LETTERS = { Uint8Array: "B", Int32Array: "i", Float32Array: "f", Float64Array: "d" };
 
-async function hashOfFrames(engine, track) {
+async function framesHash(engine, track) {
   const frames = [];
   for (let t = 0; t < engine.info.nFrames; t++) frames.push(await engine.frame(track, t, signal));
   return sha(...frames);
@@ -36,52 +36,52 @@ function ascending(edges) {
 }
 
 for (const [module, names] of [["reel", REELS], ["reel_whole", PLAYED], ["reel_plain", PLAYED]]) {
-  test(`positions and tracks are those of every stream, by ${module}`, async () => {
+  test(`positions and tracks of every stream are right with ${module}`, async () => {
     assert.ok(names.length >= 69);
     for (const name of names) {
-      const engine = await engineOf(internals, bytesOf(name), module);
-      assert.equal(await hashOfFrames(engine, 0), said(name)["hash of positions"], name);
-      const tracks = module === "reel" ? [] : (said(name).tracks ?? []);
+      const engine = await openEngine(internals, streamBytes(name), module);
+      assert.equal(await framesHash(engine, 0), expectedOf(name)["hash of positions"], name);
+      const tracks = module === "reel" ? [] : (expectedOf(name).tracks ?? []);
       for (const [i, { name: track, "hash of values": hash }] of tracks.entries()) {
-        assert.equal(await hashOfFrames(engine, 1 + i), hash, `${name}: ${track}`);
+        assert.equal(await framesHash(engine, 1 + i), hash, `${name}: ${track}`);
       }
     }
   });
 }
 
-test("surfaces are those of every stream", async () => {
+test("surfaces of every stream are right", async () => {
   for (const name of PLAYED) {
-    const wanted = said(name);
-    const { surface } = await engineOf(internals, bytesOf(name), "reel");
-    assert.equal(hashOf(surface.triangles), wanted["hash of faces"], name);
-    assert.equal(surface.faceSizes?.length ?? null, wanted.polygons, name);
-    if (surface.faceSizes) assert.equal(hashOf(surface.faceSizes), wanted["hash of polygons"]);
+    const expected = expectedOf(name);
+    const { surface } = await openEngine(internals, streamBytes(name), "reel");
+    assert.equal(integerHash(surface.triangles), expected["hash of faces"], name);
+    assert.equal(surface.faceSizes?.length ?? null, expected.polygons, name);
+    if (surface.faceSizes) assert.equal(integerHash(surface.faceSizes), expected["hash of polygons"]);
     const hard = ascending(surface.hardEdges ?? []);
-    assert.equal(hard.length / 2, wanted["hard edges"] ?? 0, name);
-    if (hard.length) assert.equal(hashOf(hard), wanted["hash of hard edges"], name);
+    assert.equal(hard.length / 2, expected["hard edges"] ?? 0, name);
+    if (hard.length) assert.equal(integerHash(hard), expected["hash of hard edges"], name);
     assert.deepEqual(
       surface.attributes.map(({ name, kind, domain, width, values }) => ({
         ...{ name, kind, domain, width },
         type: LETTERS[values.constructor.name],
       })),
-      wanted.attributes.map(({ name, kind, domain, width, type }) => ({
+      expected.attributes.map(({ name, kind, domain, width, type }) => ({
         ...{ name, kind, domain, width, type },
       })),
     );
     surface.attributes.forEach(({ values, width }, i) => {
-      const { "hash of rows": rows, "hash of values": hash, "n rows": nRows } = wanted.attributes[i];
+      const { "hash of rows": rows, "hash of values": hash, "n rows": nRows } = expected.attributes[i];
       if (!rows) assert.equal(sha(values), hash, name);
-      const found = new Set(); // rows that are named are repeated
-      for (let at = 0; at < values.length; at += width) found.add(sha(values.subarray(at, at + width)));
-      assert.ok(found.size <= nRows, name);
+      const distinct = new Set(); // rows that the file shares are repeated
+      for (let i = 0; i < values.length; i += width) distinct.add(sha(values.subarray(i, i + width)));
+      assert.ok(distinct.size <= nRows, name);
     });
     assert.deepEqual(
-      surface.groups.map(({ name, labels, ofFace }) => ({
+      surface.groups.map(({ name, labels, faceLabels }) => ({
         name,
         labels,
-        "hash of numbers": hashOf(ofFace),
+        "hash of numbers": integerHash(faceLabels),
       })),
-      wanted.groups,
+      expected.groups,
     );
     assert.deepEqual(
       surface.images.map(({ name, mediaType, bytes }) => ({
@@ -89,7 +89,7 @@ test("surfaces are those of every stream", async () => {
         type: mediaType,
         hash: sha(bytes),
       })),
-      wanted.images,
+      expected.images,
     );
     assert.deepEqual(
       surface.materials.map((one) => ({
@@ -113,7 +113,7 @@ test("surfaces are those of every stream", async () => {
           numbers: [...texture.offset, texture.rotation, ...texture.scale],
         })),
       })),
-      wanted.materials.map(({ textures, ...one }) => ({
+      expected.materials.map(({ textures, ...one }) => ({
         ...one,
         textures: Object.values(textures).map(({ image, uv, wrap, numbers }) => ({
           image,
@@ -126,10 +126,10 @@ test("surfaces are those of every stream", async () => {
   }
 });
 
-test("facts are those of every stream", async () => {
+test("metadata of every stream is right", async () => {
   for (const name of PLAYED) {
-    const wanted = said(name);
-    const { info } = await engineOf(internals, bytesOf(name));
+    const expected = expectedOf(name);
+    const { info } = await openEngine(internals, streamBytes(name));
     assert.deepEqual(
       {
         method: info.method,
@@ -139,7 +139,7 @@ test("facts are those of every stream", async () => {
         fps: info.fps,
         name: info.name,
         start: info.startS,
-        promise: info.promisePercent,
+        promise: info.maxErrorPercent,
         type: info.numberType,
         tracks: info.tracks.map(({ name, unit, kind, domain, promisedError }) => ({
           ...{ name, unit, kind, domain, promisedError },
@@ -147,61 +147,61 @@ test("facts are those of every stream", async () => {
         blocks: info.blocks.map((block) => block.nFrames),
       },
       {
-        method: wanted.method,
-        frames: wanted.frames,
-        vertices: wanted.vertices,
-        faces: wanted.faces,
-        fps: wanted.fps,
-        name: wanted.name,
-        start: wanted.start ?? 0,
-        promise: wanted.promise,
-        type: wanted["vertex type"] === 4 ? "float32" : "float64",
-        tracks: (wanted.tracks ?? []).map(({ name, unit, kind, domain, coding, bound }) => ({
+        method: expected.method,
+        frames: expected.frames,
+        vertices: expected.vertices,
+        faces: expected.faces,
+        fps: expected.fps,
+        name: expected.name,
+        start: expected.start ?? 0,
+        promise: expected.promise,
+        type: expected["vertex type"] === 4 ? "float32" : "float64",
+        tracks: (expected.tracks ?? []).map(({ name, unit, kind, domain, coding, bound }) => ({
           name,
           unit,
           kind: KINDS[kind],
           domain: DOMAINS[domain],
           promisedError: coding === 1 || coding > 5 ? 0 : bound || null,
         })),
-        blocks: framesOfBlocks(wanted),
+        blocks: blockLengths(expected),
       },
       name,
     );
   }
 });
 
-test("other methods are refused with what to do", async () => {
+test("other methods are rejected with advice", async () => {
   assert.ok(OTHERS.length >= 8);
   for (const name of OTHERS) {
     await assert.rejects(
-      engineOf(internals, bytesOf(name)),
+      openEngine(internals, streamBytes(name)),
       (error) =>
         error instanceof UnsupportedVersionError &&
-        error.message.includes(said(name).method) &&
-        error.message.includes("pages decode reel, lossless and grid: encode the original again"),
+        error.message.includes(expectedOf(name).method) &&
+        error.message.includes("decodes reel, lossless and grid: encode the original again"),
     );
   }
 });
 
-test("streams that break a rule of the format are refused", async () => {
+test("streams that violate the format are rejected", async () => {
   const folder = new URL("../../conformance/refused/", import.meta.url);
   const names = readdirSync(folder);
   assert.ok(names.length >= 7);
   for (const name of names) {
     const data = new Uint8Array(readFileSync(new URL(name, folder)));
-    const decode = async () => (await engineOf(internals, data)).frame(0, 0, signal);
+    const decode = async () => (await openEngine(internals, data)).frame(0, 0, signal);
     await assert.rejects(decode, { name: "CorruptStreamError" }, name);
   }
 });
 
-test("the module for first pictures refuses what it leaves out", async () => {
-  const tracks = await engineOf(internals, bytesOf("tracks"), "reel");
+test("the module for positions rejects tracks and exact positions", async () => {
+  const tracks = await openEngine(internals, streamBytes("tracks"), "reel");
   await assert.rejects(tracks.frame(1, 0, signal), UnsupportedVersionError);
-  const exact = await engineOf(internals, bytesOf("lossless"), "reel");
+  const exact = await openEngine(internals, streamBytes("lossless"), "reel");
   await assert.rejects(exact.frame(0, 0, signal), UnsupportedVersionError);
 });
 
-test("segments are opened one by one", async () => {
+test("segments can be opened separately", async () => {
   const folder = new URL("../../conformance/segments/", import.meta.url);
   const names = readdirSync(folder).filter((file) => file.endsWith(".reel"));
   assert.ok(names.length >= 5);
@@ -211,16 +211,16 @@ test("segments are opened one by one", async () => {
     const { segments } = JSON.parse(text);
     const several = new RegExp(`has ${segments.length} segments.*segment 0 to ${segments.length - 1}`);
     if (segments[0].method === "reel") {
-      const open = engineOf(internals, data);
+      const open = openEngine(internals, data);
       await assert.rejects(open, { name: "InvalidInputError", message: several });
     }
-    for (const [number, wanted] of segments.entries()) {
-      if (!["reel", "lossless", "grid"].includes(wanted.method)) continue;
-      const engine = await engineOf(internals, data, "reel_whole", 2 ** 31, number);
-      assert.equal(await hashOfFrames(engine, 0), wanted["hash of positions"], name);
-      assert.equal(hashOf(engine.surface.triangles), wanted["hash of faces"], name);
+    for (const [number, expected] of segments.entries()) {
+      if (!["reel", "lossless", "grid"].includes(expected.method)) continue;
+      const engine = await openEngine(internals, data, "reel_whole", 2 ** 31, number);
+      assert.equal(await framesHash(engine, 0), expected["hash of positions"], name);
+      assert.equal(integerHash(engine.surface.triangles), expected["hash of faces"], name);
     }
-    const behind = engineOf(internals, data, "reel", 2 ** 31, segments.length);
-    await assert.rejects(behind, { name: "InvalidInputError" });
+    const outOfRange = openEngine(internals, data, "reel", 2 ** 31, segments.length);
+    await assert.rejects(outOfRange, { name: "InvalidInputError" });
   }
 });

@@ -1,8 +1,8 @@
-// Damaged and hostile bytes give an error of the package, or values that are right; never a hang.
+// Damaged and malicious bytes cause an error of the package or are harmless, and never hang.
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { engineOf, loadInternals } from "./support/bundle.mjs";
+import { openEngine, loadInternals } from "./support/bundle.mjs";
 import {
   BLOCK,
   COEFFICIENTS,
@@ -14,21 +14,21 @@ import {
   sealHeader,
   sectionsOf,
 } from "./support/container.mjs";
-import { EXACTS, PLAYED, bytesOf, said, sha } from "./support/streams.mjs";
+import { EXACTS, PLAYED, streamBytes, expectedOf, sha } from "./support/streams.mjs";
 
 const internals = await loadInternals();
 const { MemoryLimitError, MeshReelError, TruncatedStreamError } = internals;
 const { signal } = new AbortController();
 
-/** Small streams with every kind of section that is read. */
+/** Small streams that contain all kinds of sections. */
 const NAMES = ["example", "everything", "key_blocks", "max_error", "no_index", "named"];
-const WITH_TRACKS = PLAYED.filter((name) => said(name).tracks);
+const WITH_TRACKS = PLAYED.filter((name) => expectedOf(name).tracks);
 
 /**
- * Hashes of all frames of a stream and of its tracks, null where one is damaged, and the last error.
- * All errors must be of the package and have a message.
+ * Decode all frames of a stream, and of its tracks; returns their hashes, null for damaged ones, and
+ * the last error. All errors must be errors of the package with a message.
  */
-async function decoded(bytes, withTracks = false) {
+async function decodeAll(bytes, withTracks = false) {
   const frames = [];
   let failure = null;
   const attempt = async (work) => {
@@ -42,14 +42,14 @@ async function decoded(bytes, withTracks = false) {
     }
   };
   await attempt(async () => {
-    const engine = await engineOf(internals, bytes);
+    const engine = await openEngine(internals, bytes);
     assert.ok(engine.surface.triangles.length);
     const { nFrames, blocks, tracks } = engine.info;
     for (let track = 0; track <= (withTracks ? tracks.length : 0); track++) {
       for (let t = 0; t < nFrames; t++) {
-        const found = await attempt(() => engine.frame(track, t, signal));
-        if (found && !track) assert.ok(found.every(Number.isFinite));
-        frames.push(found && sha(found));
+        const frame = await attempt(() => engine.frame(track, t, signal));
+        if (frame && !track) assert.ok(frame.every(Number.isFinite));
+        frames.push(frame && sha(frame));
       }
       for (const [number, block] of blocks.entries()) {
         const fields = await attempt(() => engine.fields(track, number, [0], signal));
@@ -60,51 +60,51 @@ async function decoded(bytes, withTracks = false) {
   return { frames, failure };
 }
 
-/** Whether each frame is that which is wanted, or missing. */
-function areRight(frames, wanted) {
-  return frames.every((frame, i) => frame === null || frame === wanted[i]);
+/** Whether each frame is right or missing. */
+function areRight(frames, expected) {
+  return frames.every((frame, i) => frame === null || frame === expected[i]);
 }
 
-/** Numbers from 0 to n - 1, at most so many of them, evenly. */
-function sample(n, most) {
-  const count = Math.min(n, most);
+/** At most `maxCount` evenly spaced integers from 0 to n - 1. */
+function sample(n, maxCount) {
+  const count = Math.min(n, maxCount);
   return Array.from({ length: count }, (_, i) => Math.floor((i * n) / count));
 }
 
-test("a flipped bit gives an error, or leaves frames as they are", async () => {
-  for (const [names, nPlaces] of [[NAMES, 150], [EXACTS, 20]]) {
+test("a flipped bit causes an error or does not change frames", async () => {
+  for (const [names, nPositions] of [[NAMES, 150], [EXACTS, 20]]) {
     for (const name of names) {
-      const whole = bytesOf(name);
-      const wanted = (await decoded(whole)).frames;
-      assert.ok(!wanted.includes(null));
+      const whole = streamBytes(name);
+      const expected = (await decodeAll(whole)).frames;
+      assert.ok(!expected.includes(null));
       let nErrors = 0;
-      for (const place of sample(whole.length, nPlaces)) {
+      for (const position of sample(whole.length, nPositions)) {
         const bytes = whole.slice();
-        bytes[place] ^= 1 << (place % 8);
-        const { frames, failure } = await decoded(bytes);
-        assert.ok(areRight(frames, wanted), `${name}, byte ${place}`);
-        nErrors += failure !== null || frames.length < wanted.length;
+        bytes[position] ^= 1 << (position % 8);
+        const { frames, failure } = await decodeAll(bytes);
+        assert.ok(areRight(frames, expected), `${name}, byte ${position}`);
+        nErrors += failure !== null || frames.length < expected.length;
       }
-      assert.ok(nErrors > nPlaces / 3, `${name} is damaged without anything to say about it`);
+      assert.ok(nErrors > nPositions / 3, `damage of ${name} goes unnoticed`);
     }
   }
 });
 
-test("a stream that is cut off gives its complete blocks, or an error", async () => {
+test("a truncated stream yields its complete blocks or an error", async () => {
   for (const name of ["key_blocks", "no_index", "everything"]) {
-    const whole = bytesOf(name);
-    const wanted = (await decoded(whole)).frames;
+    const whole = streamBytes(name);
+    const expected = (await decodeAll(whole)).frames;
     for (const length of [...sample(whole.length, 200), whole.length - 1]) {
-      const { frames, failure } = await decoded(whole.subarray(0, length));
-      assert.deepEqual(frames, wanted.slice(0, frames.length), `${name}, ${length} bytes`);
+      const { frames, failure } = await decodeAll(whole.subarray(0, length));
+      assert.deepEqual(frames, expected.slice(0, frames.length), `${name}, ${length} bytes`);
       assert.ok(failure || frames.length, `${name}, ${length} bytes`);
     }
-    assert.ok((await decoded(whole.subarray(0, 20))).failure instanceof TruncatedStreamError);
+    assert.ok((await decodeAll(whole.subarray(0, 20))).failure instanceof TruncatedStreamError);
   }
 });
 
-/** Changes one to three bytes of a payload, and its checksum. */
-function damaged(whole, section, random) {
+/** Change one to three bytes of a payload, and update its checksum. */
+function damage(whole, section, random) {
   const bytes = whole.slice();
   const { begin, end } = section;
   for (let i = 0; i < 1 + Math.floor(3 * random()); i++) {
@@ -114,7 +114,7 @@ function damaged(whole, section, random) {
   return bytes;
 }
 
-test("damage with right checksums gives an error of the package, or some frames", async () => {
+test("damage with valid checksums causes an error of the package or yields frames", async () => {
   const random = randomNumbers(7);
   const hostile = ["everything", "key_blocks", "max_error", "example", "handles", "not_manifold"];
   let [nErrors, nFrames] = [0, 0];
@@ -125,31 +125,31 @@ test("damage with right checksums gives an error of the package, or some frames"
     [WITH_TRACKS, 20, [TRACK, VALUES, COEFFICIENTS]],
   ]) {
     for (const name of names) {
-      const whole = bytesOf(name);
+      const whole = streamBytes(name);
       const payloads = sectionsOf(whole).filter(({ payload }) => payload.length);
-      const of = ids ? payloads.filter(({ id }) => ids.includes(id)) : payloads;
+      const candidates = ids ? payloads.filter(({ id }) => ids.includes(id)) : payloads;
       for (let turn = 0; turn < nTurns; turn++) {
-        const bytes = damaged(whole, of[turn % of.length], random);
-        const { frames, failure } = await decoded(bytes, names === WITH_TRACKS);
+        const bytes = damage(whole, candidates[turn % candidates.length], random);
+        const { frames, failure } = await decodeAll(bytes, names === WITH_TRACKS);
         nErrors += failure !== null;
-        nFrames += frames.filter((one) => one !== null).length;
+        nFrames += frames.filter((hash) => hash !== null).length;
       }
     }
   }
   assert.ok(nErrors > 200 && nFrames > 1000, `${nErrors} errors, ${nFrames} frames`);
 });
 
-test("damaged hard edges give an error of the package, or edges of the mesh", async () => {
-  const whole = bytesOf("hard_edges");
+test("damaged hard edges cause an error of the package or yield edges of the mesh", async () => {
+  const whole = streamBytes("hard_edges");
   const section = sectionsOf(whole).find(({ id }) => id === HARD_EDGES);
   let nErrors = 0;
-  for (let place = section.begin; place < section.end - 4; place++) {
+  for (let position = section.begin; position < section.end - 4; position++) {
     for (let value = 0; value < 256; value += 5) {
       const bytes = whole.slice();
-      bytes[place] = value;
+      bytes[position] = value;
       seal(bytes, section);
       try {
-        const { hardEdges } = (await engineOf(internals, bytes)).surface;
+        const { hardEdges } = (await openEngine(internals, bytes)).surface;
         const edges = Array.from(hardEdges.keys()).filter((i) => i % 2 === 0);
         for (const i of edges) assert.ok(hardEdges[i] < hardEdges[i + 1]);
         assert.ok(hardEdges.every((vertex) => vertex < 16));
@@ -162,39 +162,40 @@ test("damaged hard edges give an error of the package, or edges of the mesh", as
   assert.ok(nErrors > 30, `${nErrors} errors`);
 });
 
-test("sizes in the header that the bytes cannot hold are refused before memory is taken", async () => {
-  for (const place of [14, 18]) {
-    const announced = bytesOf("example").slice();
-    new DataView(announced.buffer).setUint32(place, 0x3ffffff, true);
-    sealHeader(announced);
+test("header sizes that exceed the file are rejected before memory is allocated", async () => {
+  for (const position of [14, 18]) {
+    const bytes = streamBytes("example").slice();
+    new DataView(bytes.buffer).setUint32(position, 0x3ffffff, true);
+    sealHeader(bytes);
     const before = process.memoryUsage().arrayBuffers;
-    await assert.rejects(engineOf(internals, announced), MeshReelError);
+    await assert.rejects(openEngine(internals, bytes), MeshReelError);
     assert.ok(process.memoryUsage().arrayBuffers < before + 2 ** 26);
   }
 });
 
-test("what takes more memory than allowed is refused", async () => {
-  const bytes = bytesOf("geometry");
-  await assert.rejects(engineOf(internals, bytes, "reel", 10_000), (error) => {
-    assert.match(error.message, /^decoding takes \d+ bytes of memory; 10000 are allowed: open it with more `memory`$/);
+test("streams that exceed the memory limit are rejected", async () => {
+  const bytes = streamBytes("geometry");
+  await assert.rejects(openEngine(internals, bytes, "reel", 10_000), (error) => {
+    const message = /^decoding needs \d+ bytes of memory; the limit is 10000: open the file with a larger `memory`$/;
+    assert.match(error.message, message);
     return error instanceof MemoryLimitError;
   });
 });
 
-test("a header that is changed in any bit, or cut anywhere, is refused", async () => {
-  const bytes = bytesOf("named");
+test("a header with any bit flipped, or truncated anywhere, is rejected", async () => {
+  const bytes = streamBytes("named");
   const size = headerSize(bytes);
   for (let bit = 0; bit < 8 * size; bit++) {
     const changed = bytes.slice();
     changed[bit >> 3] ^= 1 << (bit & 7);
-    await assert.rejects(engineOf(internals, changed), { name: /^(Corrupt|Truncated|Unsupp)/ });
+    await assert.rejects(openEngine(internals, changed), { name: /^(Corrupt|Truncated|Unsupp)/ });
   }
   for (let length = 0; length < size; length++) {
-    await assert.rejects(engineOf(internals, bytes.subarray(0, length)), TruncatedStreamError);
+    await assert.rejects(openEngine(internals, bytes.subarray(0, length)), TruncatedStreamError);
   }
 });
 
-/** Random numbers of 0..1, the same each time. */
+/** Create a deterministic generator of random numbers in [0, 1). */
 function randomNumbers(seed) {
   let state = seed;
   return () => {

@@ -1,18 +1,18 @@
-// What an engine reads of a file, and the memory that it takes.
+// What an engine reads from a file, and the memory that it allocates.
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { engineOf, loadInternals, newLibrary } from "./support/bundle.mjs";
+import { openEngine, loadInternals, newLibrary } from "./support/bundle.mjs";
 import { BLOCK, groupsOf, sectionBytes, sectionsOf } from "./support/container.mjs";
-import { bytesOf, said, sha } from "./support/streams.mjs";
+import { streamBytes, expectedOf, sha } from "./support/streams.mjs";
 
 const internals = await loadInternals();
 const { Engine, Heap, Library, Ranges, SourceError } = internals;
 const { signal } = new AbortController();
 
-/** An engine of a file that is padded before its blocks, and what it reads. */
-async function notedEngine(name, { padding = 0, change = () => {} } = {}) {
-  const whole = bytesOf(name);
+/** Open a file that is padded before its blocks; returns the engine and its reads. */
+async function recordingEngine(name, { padding = 0, change = () => {} } = {}) {
+  const whole = streamBytes(name);
   const first = sectionsOf(whole).find(({ id }) => id === BLOCK).position;
   const skipped = sectionBytes(0xc0, new Uint8Array(padding));
   const bytes = Uint8Array.from(Buffer.concat([whole.slice(0, first), skipped, whole.slice(first)]));
@@ -22,71 +22,71 @@ async function notedEngine(name, { padding = 0, change = () => {} } = {}) {
     reads.push([start, end]);
     return bytes.slice(start, end);
   };
-  const opening = { size: bytes.length, hasRanges: true, memory: 2 ** 31, segment: null };
-  const engine = await Engine.open(await newLibrary(Library), read, opening, signal);
+  const parameters = { size: bytes.length, hasRanges: true, memory: 2 ** 31, segment: null };
+  const engine = await Engine.open(await newLibrary(Library), read, parameters, signal);
   return { engine, reads, bytes };
 }
 
-async function hashOf(engine) {
+async function framesHash(engine) {
   const frames = [];
   for (let t = 0; t < engine.info.nFrames; t++) frames.push(await engine.frame(0, t, signal));
   return sha(...frames);
 }
 
-test("a small file is read once", async () => {
-  const bytes = bytesOf("key_blocks");
-  const { engine, reads } = await notedEngine("key_blocks");
-  assert.equal(await hashOf(engine), said("key_blocks")["hash of positions"]);
+test("a small file is read by one request", async () => {
+  const bytes = streamBytes("key_blocks");
+  const { engine, reads } = await recordingEngine("key_blocks");
+  assert.equal(await framesHash(engine), expectedOf("key_blocks")["hash of positions"]);
   assert.equal(reads.length, 1);
   assert.ok(reads[0][1] > bytes.length);
 });
 
-test("a file whose index does not fit it is read as a whole, once", async () => {
-  // The index has the places of blocks before they were moved.
-  const { engine, reads, bytes } = await notedEngine("key_blocks", { padding: 200_000 });
-  assert.equal(await hashOf(engine), said("key_blocks")["hash of positions"]);
+test("a file with an invalid index is read entirely, once", async () => {
+  // The index has the positions of blocks before the padding.
+  const { engine, reads, bytes } = await recordingEngine("key_blocks", { padding: 200_000 });
+  assert.equal(await framesHash(engine), expectedOf("key_blocks")["hash of positions"]);
   const [head, tail, ...more] = reads;
   assert.deepEqual([head, tail], [[0, 65536], [bytes.length - 4096, bytes.length]]);
   assert.ok(more.length <= 2 && more.at(-1)[1] === bytes.length, String(more));
 });
 
-test("a file that is shorter than its source says is an error", async () => {
+test("a file that is shorter than its announced size is an error", async () => {
   const bytes = new Uint8Array(200_000);
-  bytes.set(bytesOf("key_blocks"));
+  bytes.set(streamBytes("key_blocks"));
   const read = async (start, end) => bytes.slice(start, Math.min(end, 70_000));
-  const opening = { size: bytes.length, hasRanges: true, memory: 2 ** 31, segment: null };
-  const open = Engine.open(await newLibrary(Library), read, opening, signal);
+  const parameters = { size: bytes.length, hasRanges: true, memory: 2 ** 31, segment: null };
+  const open = Engine.open(await newLibrary(Library), read, parameters, signal);
   await assert.rejects(open, SourceError);
 });
 
-test("a block is decoded from its bytes and those of its key block alone", async () => {
-  const whole = bytesOf("key_blocks");
+test("decoding a block needs only its bytes and those of its key block", async () => {
+  const whole = streamBytes("key_blocks");
   const groups = groupsOf(whole);
-  const wanted = await engineOf(internals, whole);
-  const { info } = wanted;
+  const original = await openEngine(internals, whole);
+  const { info } = original;
   for (const number of groups.keys()) {
-    // Of other blocks, all bytes are wrong.
+    // All bytes of other blocks are overwritten.
     const { start } = info.blocks[number];
-    const isWhole = async (others) => {
+    const decodeWithout = async (others) => {
       const bytes = whole.slice();
       groups.forEach(([[from, end]], i) => others.includes(i) && bytes.fill(0xff, from + 9, end));
-      const engine = await engineOf(internals, bytes).catch(() => null);
+      const engine = await openEngine(internals, bytes).catch(() => null);
       return engine?.frame(0, start, signal).catch(() => null);
     };
     const all = [...groups.keys()];
     const needed = [];
-    for (const other of all) if (!(await isWhole([other]))) needed.push(other);
+    for (const other of all) if (!(await decodeWithout([other]))) needed.push(other);
     assert.ok(needed.includes(number) && needed.length <= 2, `${number}: ${needed}`);
-    const found = await isWhole(all.filter((one) => !needed.includes(one)));
-    assert.deepEqual(found, await wanted.frame(0, start, signal));
+    const frame = await decodeWithout(all.filter((one) => !needed.includes(one)));
+    assert.deepEqual(frame, await original.frame(0, start, signal));
   }
 });
 
-test("memory is used again", async () => {
-  const engine = await engineOf(internals, bytesOf("key_blocks"));
+test("memory is reused", async () => {
+  const engine = await openEngine(internals, streamBytes("key_blocks"));
   const { heap, functions } = engine.library;
   const play = async () => {
-    await hashOf(engine);
+    await framesHash(engine);
     for (const number of engine.info.blocks.keys()) await engine.fields(0, number, [0, 1, 2], signal);
   };
   await play();
@@ -95,36 +95,36 @@ test("memory is used again", async () => {
   assert.deepEqual([functions.memory.buffer.byteLength, heap.usedBytes], sizes);
 });
 
-test("parts of a heap do not overlap, and all of it is free in the end", () => {
+test("allocations of a heap do not overlap, and release makes all memory available", () => {
   const memory = new WebAssembly.Memory({ initial: 1 });
   const heap = new Heap(memory, 100);
-  const parts = new Map();
+  const allocations = new Map();
   let state = 1;
   const random = (n) => (state = (Math.imul(state, 48271) >>> 0) % 2147483647) % n;
   for (let turn = 0; turn < 3000; turn++) {
-    if (parts.size && random(2)) {
-      const start = [...parts.keys()][random(parts.size)];
-      heap.release(start, parts.get(start));
-      parts.delete(start);
+    if (allocations.size && random(2)) {
+      const start = [...allocations.keys()][random(allocations.size)];
+      heap.release(start, allocations.get(start));
+      allocations.delete(start);
     } else {
       const size = random(5000);
-      const start = heap.take(size);
+      const start = heap.allocate(size);
       assert.ok(start % 64 === 0 && start >= 100 && start + size <= memory.buffer.byteLength);
-      for (const [other, length] of parts) {
+      for (const [other, length] of allocations) {
         assert.ok(start + Math.max(size, 1) <= other || other + Math.max(length, 1) <= start);
       }
-      parts.set(start, size);
+      allocations.set(start, size);
     }
   }
-  for (const [start, size] of parts) heap.release(start, size);
+  for (const [start, size] of allocations) heap.release(start, size);
   assert.equal(heap.usedBytes, 0);
   const size = memory.buffer.byteLength - 128;
-  assert.equal(heap.take(size), 128); // where the first part was: nothing is in between
+  assert.equal(heap.allocate(size), 128); // at the first address: the heap is empty
   assert.equal(memory.buffer.byteLength, size + 128);
-  assert.equal(heap.take(2 ** 33), 0);
+  assert.equal(heap.allocate(2 ** 33), 0);
 });
 
-test("ranges know what is missing of them, and copy what is here", () => {
+test("ranges report gaps and copy bytes", () => {
   const bytes = Uint8Array.from({ length: 100 }, (_, i) => i);
   const ranges = new Ranges([{ start: 10, bytes: bytes.slice(10, 20) }]);
   ranges.add(30, bytes.slice(30, 50));

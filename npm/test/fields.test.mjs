@@ -1,63 +1,63 @@
-// Blocks as small integers make the frames that the decoder makes, nearly.
+// Fields for shaders reproduce the decoded frames within a tolerance.
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { engineOf, loadInternals } from "./support/bundle.mjs";
+import { openEngine, loadInternals } from "./support/bundle.mjs";
 import { groupsOf } from "./support/container.mjs";
-import { EXACTS, REELS, bytesOf } from "./support/streams.mjs";
+import { EXACTS, REELS, streamBytes } from "./support/streams.mjs";
 
 const internals = await loadInternals();
 const { signal } = new AbortController();
 const AXES = [0, 1, 2];
 
-/** How far integers may move a vertex, in diagonals. */
-const ALLOWED = 1e-5;
+/** Largest allowed displacement of a vertex by rounding, in diagonals. */
+const TOLERANCE = 1e-5;
 
-/** Diagonals below this have no weights of single precision. */
-const SMALLEST = 2 ** -100;
+/** Weights of meshes with a smaller diagonal underflow float32. */
+const MIN_DIAGONAL = 2 ** -100;
 
 /**
- * The largest distance of frames from what small integers make of them: in diagonals, or in the
- * largest coordinate of the block where that is more, as in streams of random numbers.
+ * Largest distance between decoded positions and those from fields, in diagonals, or relative to
+ * the largest coordinate if that is much larger, as in streams of random numbers.
  */
-function largestError({ center, diagonal: announced }, frames, fields) {
+function largestError({ center, diagonal: stored }, frames, fields) {
   const { nVerts, nModes } = fields;
-  const sizes = frames.map((frame) => frame.reduce((most, one) => Math.max(most, Math.abs(one)), 0));
-  const isFar = Math.max(...sizes) > 1000 * announced;
-  const diagonal = isFar ? Math.max(...sizes) : announced;
-  let largest = 0;
+  const maxima = frames.map((frame) => frame.reduce((max, one) => Math.max(max, Math.abs(one)), 0));
+  const isFar = Math.max(...maxima) > 1000 * stored;
+  const diagonal = isFar ? Math.max(...maxima) : stored;
+  let maxError = 0;
   for (let t = 0; t < fields.nFrames; t++) {
-    const wanted = frames[t];
-    const found = new Float64Array(3 * nVerts);
+    const decoded = frames[t];
+    const sums = new Float64Array(3 * nVerts);
     for (let k = 0; k < nModes; k++) {
       const [x, y, z] = fields.weights.subarray(3 * (t * nModes + k));
       for (let v = 0; v < nVerts; v++) {
         const field = fields.fields[k * nVerts + v];
-        found[3 * v] += field * x;
-        found[3 * v + 1] += field * y;
-        found[3 * v + 2] += field * z;
+        sums[3 * v] += field * x;
+        sums[3 * v + 1] += field * y;
+        sums[3 * v + 2] += field * z;
       }
     }
     for (let i = fields.correctionStarts[t]; i < fields.correctionStarts[t + 1]; i++) {
       for (let axis = 0; axis < 3; axis++) {
-        found[3 * fields.correctionVertices[i] + axis] += fields.correctionOffsets[3 * i + axis];
+        sums[3 * fields.correctionVertices[i] + axis] += fields.correctionOffsets[3 * i + axis];
       }
     }
     for (let v = 0; v < nVerts; v++) {
       let [square, rounding] = [0, 0];
       for (let axis = 0; axis < 3; axis++) {
-        const position = wanted[3 * v + axis];
-        square += (found[3 * v + axis] + center[axis] - position) ** 2;
-        rounding += Math.abs(position) * 2 ** -23; // of positions to single precision
+        const position = decoded[3 * v + axis];
+        square += (sums[3 * v + axis] + center[axis] - position) ** 2;
+        rounding += Math.abs(position) * 2 ** -23; // of positions to float32
       }
-      largest = Math.max(largest, (Math.sqrt(square) - rounding) / diagonal);
+      maxError = Math.max(maxError, (Math.sqrt(square) - rounding) / diagonal);
     }
   }
-  return largest;
+  return maxError;
 }
 
-/** Fields of a block of positions, and its frames. */
-async function blockOf(engine, number) {
+/** Decode a block of positions as fields and as frames. */
+async function decodeBlock(engine, number) {
   const { start, nFrames } = engine.info.blocks[number];
   const fields = await engine.fields(0, number, AXES, signal);
   const frames = [];
@@ -65,34 +65,34 @@ async function blockOf(engine, number) {
   return { fields, frames };
 }
 
-test("small integers move no vertex by more than is allowed", async () => {
-  let [nCorrections, nTwice] = [0, 0];
+test("fields of positions are within the tolerance", async () => {
+  let [nCorrections, nResiduals] = [0, 0];
   for (const name of REELS) {
-    const engine = await engineOf(internals, bytesOf(name), "reel");
-    if (engine.info.diagonal < SMALLEST) continue;
+    const engine = await openEngine(internals, streamBytes(name), "reel");
+    if (engine.info.diagonal < MIN_DIAGONAL) continue;
     for (const number of engine.info.blocks.keys()) {
-      const { fields, frames } = await blockOf(engine, number);
-      assert.ok(largestError(engine.info, frames, fields) <= ALLOWED, name);
+      const { fields, frames } = await decodeBlock(engine, number);
+      assert.ok(largestError(engine.info, frames, fields) <= TOLERANCE, name);
       nCorrections += fields.correctionVertices.length;
-      nTwice += fields.nModes - fields.nBlockModes;
+      nResiduals += fields.nModes - fields.nBlockModes;
     }
   }
-  assert.ok(nCorrections > 0 && nTwice > 0);
+  assert.ok(nCorrections > 0 && nResiduals > 0);
 });
 
-test("small integers of exact positions are as near, and of 32 frames at most", async () => {
+test("fields of exact positions are within the tolerance, with at most 32 frames", async () => {
   let nParts = 0;
   for (const name of EXACTS) {
-    const bytes = bytesOf(name);
-    const engine = await engineOf(internals, bytes);
+    const bytes = streamBytes(name);
+    const engine = await openEngine(internals, bytes);
     const { info } = engine;
     for (const [number, { start, nFrames }] of info.blocks.entries()) {
-      const { fields, frames } = await blockOf(engine, number);
+      const { fields, frames } = await decodeBlock(engine, number);
       const { nModes, nVerts } = fields;
-      assert.deepEqual([fields.number, fields.start, fields.nFrames], [number, start, nFrames]);
+      assert.deepEqual([fields.index, fields.start, fields.nFrames], [number, start, nFrames]);
       assert.deepEqual([nModes, nVerts], [3 * nFrames + 1, info.nVerts]);
       assert.ok(nFrames <= 32);
-      assert.ok(largestError(info, frames, fields) <= ALLOWED, name);
+      assert.ok(largestError(info, frames, fields) <= TOLERANCE, name);
     }
     const sizes = info.blocks.reduce((sum, { sizeBytes }) => sum + sizeBytes, 0);
     const groups = groupsOf(bytes);
@@ -103,8 +103,8 @@ test("small integers of exact positions are as near, and of 32 frames at most", 
   assert.ok(nParts > 0);
 });
 
-test("each mode uses all of its integers", async () => {
-  const engine = await engineOf(internals, bytesOf("geometry"));
+test("each mode uses the full range of integers", async () => {
+  const engine = await openEngine(internals, streamBytes("geometry"));
   const { fields, means, nBlockModes, nVerts } = await engine.fields(0, 0, AXES, signal);
   assert.ok(nBlockModes > 1);
   for (let k = 0; k < nBlockModes; k++) {
@@ -115,11 +115,11 @@ test("each mode uses all of its integers", async () => {
   }
 });
 
-test("fields do not depend on what was decoded before", async () => {
-  const fresh = () => engineOf(internals, bytesOf("key_blocks"));
+test("fields do not depend on previously decoded blocks", async () => {
+  const fresh = () => openEngine(internals, streamBytes("key_blocks"));
   const { blocks } = (await fresh()).info;
-  const wanted = [];
-  for (const number of blocks.keys()) wanted.push(await blockOf(await fresh(), number));
+  const expected = [];
+  for (const number of blocks.keys()) expected.push(await decodeBlock(await fresh(), number));
   let nChecked = 0;
   for (const first of blocks.keys()) {
     for (const second of blocks.keys()) {
@@ -130,8 +130,8 @@ test("fields do not depend on what was decoded before", async () => {
         await engine.frame(0, blocks[third].start, signal);
         for (const number of [second, first]) {
           const { start } = blocks[number];
-          assert.deepEqual(await engine.frame(0, start, signal), wanted[number].frames[0]);
-          assert.deepEqual(await engine.fields(0, number, AXES, signal), wanted[number].fields);
+          assert.deepEqual(await engine.frame(0, start, signal), expected[number].frames[0]);
+          assert.deepEqual(await engine.fields(0, number, AXES, signal), expected[number].fields);
           nChecked++;
         }
       }

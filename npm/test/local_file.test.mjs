@@ -12,44 +12,44 @@ import { build } from "esbuild";
 
 import { InvalidInputError, ReelFile, SourceError } from "../dist/index.js";
 import { PACKAGE } from "./support/bundle.mjs";
-import { bytesOf, said, sha } from "./support/streams.mjs";
+import { streamBytes, expectedOf, sha } from "./support/streams.mjs";
 import { largeTracks } from "./support/track_streams.mjs";
 
 const FOLDER = mkdtempSync(join(tmpdir(), "meshreel files "));
 after(() => rmSync(FOLDER, { recursive: true }));
 
-/** The URL of a new file. */
-function stored(name, bytes) {
+/** Write a file and return its URL. */
+function writeTemporary(name, bytes) {
   const path = join(FOLDER, name);
   writeFileSync(path, bytes);
   return pathToFileURL(path);
 }
 
-for (const [what, given] of [
+for (const [what, convert] of [
   ["a URL object", (url) => url],
   ["a string", String],
 ]) {
-  test(`frames of a file are right when it is opened by ${what}`, async () => {
+  test(`frames of a file opened by ${what} are right`, async () => {
     const name = "blocks";
-    const reel = await ReelFile.open(given(stored("größe 100%.reel", bytesOf(name))));
+    const reel = await ReelFile.open(convert(writeTemporary("größe 100%.reel", streamBytes(name))));
     const frames = [];
-    for (let number = 0; number < reel.info.nFrames; number++) frames.push(await reel.frame(number));
+    for (let index = 0; index < reel.info.nFrames; index++) frames.push(await reel.frame(index));
     reel.close();
-    assert.equal(sha(...frames), said(name)["hash of positions"]);
+    assert.equal(sha(...frames), expectedOf(name)["hash of positions"]);
   });
 }
 
-test("only what is needed of a file is read", async (context) => {
+test("a file is only read partially", async (context) => {
   const bytes = largeTracks();
-  const url = stored("large.reel", bytes);
+  const url = writeTemporary("large.reel", bytes);
   let nRead = 0;
   let nClosed = 0;
   const { open } = files;
-  context.mock.method(files, "open", async (...given) => {
-    const handle = await open(...given);
+  context.mock.method(files, "open", async (...args) => {
+    const handle = await open(...args);
     const { read, close } = handle;
-    handle.read = async (...asked) => {
-      const result = await read.apply(handle, asked);
+    handle.read = async (...args) => {
+      const result = await read.apply(handle, args);
       nRead += result.bytesRead;
       return result;
     };
@@ -68,7 +68,7 @@ test("only what is needed of a file is read", async (context) => {
   assert.equal(nClosed, 1);
 });
 
-test("a file that is missing is an error with its path", async () => {
+test("a missing file is an error that contains its path", async () => {
   const path = join(FOLDER, "missing.reel");
   await assert.rejects(ReelFile.open(pathToFileURL(path)), (error) => {
     assert.ok(error instanceof SourceError, String(error));
@@ -77,14 +77,14 @@ test("a file that is missing is an error with its path", async () => {
   });
 });
 
-test("a folder, and a URL that names no path, are errors", async () => {
+test("a folder and a URL without a valid path are errors", async () => {
   await assert.rejects(ReelFile.open(pathToFileURL(FOLDER)), { name: "SourceError", message: /check/ });
   await assert.rejects(ReelFile.open("file://host.example/a%2Fb"), { name: "SourceError" });
   await assert.rejects(ReelFile.open("walk.reel"), InvalidInputError);
 });
 
-test("a file that changes is an error, and a file that is closed gives nothing more", async () => {
-  const url = stored("changed.reel", largeTracks());
+test("reading a changed or closed file is an error", async () => {
+  const url = writeTemporary("changed.reel", largeTracks());
   const reel = await ReelFile.open(url);
   appendFileSync(url, "more");
   await assert.rejects(reel.frame(reel.info.nFrames - 1), { name: "SourceError", message: /has changed.*open it again/ });
@@ -92,8 +92,8 @@ test("a file that changes is an error, and a file that is closed gives nothing m
   await assert.rejects(reel.frame(0), { name: "AbortError" });
 });
 
-test("an opening that is aborted throws the reason", async () => {
-  const url = stored("aborted.reel", bytesOf("sphere"));
+test("aborting while a file is opened throws the reason", async () => {
+  const url = writeTemporary("aborted.reel", streamBytes("sphere"));
   const controller = new AbortController();
   const opening = ReelFile.open(url, { signal: controller.signal });
   controller.abort(new Error("enough"));

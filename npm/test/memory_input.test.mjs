@@ -1,4 +1,4 @@
-// Bytes in memory that are opened stay the caller's: they are neither changed nor detached.
+// Opening bytes in memory neither changes nor detaches them.
 
 import assert from "node:assert/strict";
 import { readFile } from "node:fs/promises";
@@ -8,36 +8,36 @@ import { describe, test } from "node:test";
 import { ReelFile } from "../dist/index.js";
 import { PACKAGE } from "./support/bundle.mjs";
 import { PageWorker } from "./support/page_worker.mjs";
-import { bytesOf, said, sha } from "./support/streams.mjs";
+import { streamBytes, expectedOf, sha } from "./support/streams.mjs";
 
 const NAME = "sphere";
-const BYTES = bytesOf(NAME);
+const BYTES = streamBytes(NAME);
 
-/** Bytes in the middle of a larger buffer. */
+/** Return a view into the middle of a larger buffer. */
 function partOfLarger() {
   const larger = new Uint8Array(BYTES.length + 20).fill(7);
   larger.set(BYTES, 10);
   return larger.subarray(10, 10 + BYTES.length);
 }
 
-/** The buffer that several small Buffers share. */
+/** Return a Buffer from the pool that small Buffers share. */
 function pooled() {
   const bytes = Buffer.from(BYTES);
   assert.notEqual(bytes.buffer.byteLength, bytes.length, "Node no longer pools small Buffers");
   return bytes;
 }
 
-/** A Buffer with unshared memory. */
+/** Return a Buffer with its own memory. */
 function unpooled() {
   return Buffer.from(BYTES.slice().buffer);
 }
 
 const INPUTS = {
-  "a small Buffer, which shares its memory": pooled,
-  "a Buffer with unshared memory": unpooled,
-  "what readFile gives": () => readFile(join(PACKAGE, `../conformance/streams/${NAME}.reel`)),
+  "a small Buffer with pooled memory": pooled,
+  "a Buffer with its own memory": unpooled,
+  "the result of readFile": () => readFile(join(PACKAGE, `../conformance/streams/${NAME}.reel`)),
   "a Uint8Array": () => BYTES.slice(),
-  "a Uint8Array on a part of a larger buffer": partOfLarger,
+  "a view into a larger buffer": partOfLarger,
   "an ArrayBuffer": () => BYTES.slice().buffer,
   "a Blob": () => new Blob([BYTES]),
 };
@@ -47,14 +47,14 @@ async function assertOpens(from, options) {
   try {
     assert.equal(reel.isInWorker, options.worker);
     const frames = [];
-    for (let number = 0; number < reel.info.nFrames; number++) frames.push(await reel.frame(number));
-    assert.equal(sha(...frames), said(NAME)["hash of positions"]);
+    for (let index = 0; index < reel.info.nFrames; index++) frames.push(await reel.frame(index));
+    assert.equal(sha(...frames), expectedOf(NAME)["hash of positions"]);
   } finally {
     reel.close();
   }
 }
 
-/** All memory behind an input, which includes that of others. */
+/** Copy the whole memory of an input, including that outside of a view. */
 async function memoryOf(from) {
   const buffer = from instanceof Blob ? await from.arrayBuffer() : (from.buffer ?? from);
   return Buffer.from(new Uint8Array(buffer));
@@ -63,7 +63,7 @@ async function memoryOf(from) {
 for (const worker of [false, true]) {
   describe(worker ? "with a worker" : "without a worker", () => {
     for (const [what, input] of Object.entries(INPUTS)) {
-      test(`${what} is as it was after it was opened twice`, async (context) => {
+      test(`${what} is unchanged after it was opened twice`, async (context) => {
         if (worker) {
           globalThis.Worker = PageWorker;
           context.after(() => delete globalThis.Worker);

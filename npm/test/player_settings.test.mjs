@@ -1,16 +1,16 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { moduleOf } from "./three_modules.mjs";
+import { loadModule } from "./three_modules.mjs";
 
-const { settingsOf } = await moduleOf("../player/settings");
+const { parseSettings } = await loadModule("../player/settings");
 
-function said(attributes) {
-  return settingsOf((name) => attributes[name] ?? null);
+function parse(attributes) {
+  return parseSettings((name) => attributes[name] ?? null);
 }
 
-test("defaults hold when there are no attributes", () => {
-  assert.deepEqual(said({}), {
+test("missing attributes have defaults", () => {
+  assert.deepEqual(parse({}), {
     src: null,
     alt: null,
     autoplay: false,
@@ -35,8 +35,8 @@ test("defaults hold when there are no attributes", () => {
   });
 });
 
-test("every attribute is understood", () => {
-  const settings = said({
+test("all attributes are parsed", () => {
+  const settings = parse({
     src: "walk.reel",
     alt: "Anna walks",
     autoplay: "",
@@ -80,43 +80,43 @@ test("every attribute is understood", () => {
   });
 });
 
-test("a track comes with what is shown of it", () => {
+test("attributes of tracks are parsed", () => {
   const track = { track: "u", "track-range": "2%:98%", "track-colormap": "diverging" };
-  for (const [given, component] of [["2", 2], ["magnitude", "magnitude"], ["y", "y"]]) {
-    const { map, range, ...found } = said({ ...track, "track-component": given });
-    assert.deepEqual([found.track, found.component], ["u", component]);
-    assert.deepEqual([range, map], ["2%:98%", "diverging"]);
+  for (const [value, component] of [["2", 2], ["magnitude", "magnitude"], ["y", "y"]]) {
+    const settings = parse({ ...track, "track-component": value });
+    assert.deepEqual([settings.track, settings.component], ["u", component]);
+    assert.deepEqual([settings.range, settings.map], ["2%:98%", "diverging"]);
   }
 });
 
-test("loop alone repeats", () => {
-  for (const loop of ["", "loop", "repeat"]) assert.equal(said({ loop }).loop, "repeat");
+test("loop without a value repeats", () => {
+  for (const loop of ["", "loop", "repeat"]) assert.equal(parse({ loop }).loop, "repeat");
 });
 
-test("what is not understood is refused in words", () => {
+test("invalid values are rejected", () => {
   const wrong = [
-    [{ loop: "false" }, /loop has no value, or is "repeat" or "pingpong"; got loop="false"/],
-    [{ autoplay: "false" }, /autoplay is there or not.*got autoplay="false"/],
+    [{ loop: "false" }, /loop must have no value, or "repeat" or "pingpong"; got loop="false"/],
+    [{ autoplay: "false" }, /autoplay is a boolean attribute.*got autoplay="false"/],
     [{ speed: "fast" }, /speed must be a number; got speed="fast"/],
     [{ speed: "" }, /speed must be a number/],
     [{ "start-time": "Infinity" }, /start-time must be a number/],
-    [{ "start-time": "1", "start-frame": "2" }, /say the same; leave one of them away/],
-    [{ up: "x" }, /up is "y" or "z"; got up="x"/],
-    [{ interpolate: "no" }, /interpolate is "true" or "false"/],
-    [{ "texture-kind": "video" }, /texture-kind is for a texture only/],
-    [{ muted: "" }, /muted is for a texture only/],
-    [{ "track-range": "0:1" }, /track-range is for a track only; add track/],
-    [{ track: "u", texture: "a.png" }, /texture and track both say what is on the model/],
-    [{ track: "u", "track-colormap": "jet" }, /track-colormap is "sequential" or "diverging"/],
-    [{ texture: "a.png", "texture-kind": "film" }, /texture-kind is "image" or "video"/],
-    [{ texture: "a.mp4", "frame-number": "0 0 16" }, /frame-number is four numbers/],
+    [{ "start-time": "1", "start-frame": "2" }, /start-time and start-frame cannot be combined/],
+    [{ up: "x" }, /up must be "y" or "z"; got up="x"/],
+    [{ interpolate: "no" }, /interpolate must be "true" or "false"/],
+    [{ "texture-kind": "video" }, /texture-kind has no effect without texture/],
+    [{ muted: "" }, /muted has no effect without texture/],
+    [{ "track-range": "0:1" }, /track-range has no effect without track; add track/],
+    [{ track: "u", texture: "a.png" }, /texture and track cannot be combined/],
+    [{ track: "u", "track-colormap": "jet" }, /track-colormap must be "sequential" or "diverging"/],
+    [{ texture: "a.png", "texture-kind": "film" }, /texture-kind must be "image" or "video"/],
+    [{ texture: "a.mp4", "frame-number": "0 0 16" }, /frame-number must be four numbers/],
   ];
   for (const [attributes, message] of wrong) {
-    assert.throws(() => said(attributes), { name: "InvalidInputError", message });
+    assert.throws(() => parse(attributes), { name: "InvalidInputError", message });
   }
 });
 
-test("empty addresses are none, and not that of the page", () => {
-  const settings = said({ src: "", poster: " ", texture: "" });
+test("empty addresses are null", () => {
+  const settings = parse({ src: "", poster: " ", texture: "" });
   assert.deepEqual([settings.src, settings.poster, settings.texture], [null, null, null]);
 });

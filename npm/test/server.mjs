@@ -1,4 +1,4 @@
-// A server of one file that behaves badly in ways that its address says:
+// A server of one file that misbehaves as the query of its address requests:
 // http://127.0.0.1:PORT/file?ranges=no&latencyMs=200. `node test/server.mjs FILE [PORT]` runs it.
 
 import { readFile } from "node:fs/promises";
@@ -6,104 +6,103 @@ import { createServer } from "node:http";
 import { pathToFileURL } from "node:url";
 import { gzipSync } from "node:zlib";
 
-/** What an address can say, and what it means where it does not. */
-const BEHAVIOUR = {
-  /** Whether there are ranges: "yes", "no", "cut" (no answer where they are asked for). */
+/** Parameters of an address and their defaults. */
+const BEHAVIOR = {
+  /** Support of ranges: "yes", "no", "cut" (range requests get no response). */
   ranges: "yes",
-  /** Whether If-Range is heeded, as it must be where there are ranges: "yes", "no". */
+  /** Whether If-Range is supported: "yes", "no". */
   ifRange: "yes",
-  /** What tells versions apart: "both" ETag and Last-Modified, "etag", "modified", "none". */
+  /** Validators: "both" ETag and Last-Modified, "etag", "modified", "none". */
   validators: "both",
-  /** Before each answer. */
+  /** Delay of each response. */
   latencyMs: 0,
-  /** Bytes a second of each answer; 0 = at once. */
+  /** Bytes per second of each response; 0: unlimited. */
   rate: 0,
-  /** The connection is cut behind so many bytes of a body; 0 = never. */
+  /** Close the connection after this many bytes of a body; 0: never. */
   cut: 0,
-  /** How many answers are cut. */
+  /** Number of responses that are cut. */
   cuts: 1e9,
-  /** Nothing more comes behind so many bytes of a body, -1 = never, */
+  /** Stop sending after this many bytes of a body; -1: never. */
   stall: -1,
-  /** in so many answers. */
+  /** Number of responses that stall. */
   stalls: 1e9,
-  /** Status of the first answers, */
+  /** Status of the first responses. */
   status: 200,
-  /** as many as these. */
+  /** Number of responses with this status. */
   failures: 1e9,
-  /** Whether bodies are compressed: "yes", "ranges" (ranges of what is compressed), "no". */
+  /** Compression: "yes", "ranges" (ranges of the compressed body), "no". */
   gzip: "no",
-  /** Whether lengths are left out: "yes", "no". */
+  /** Whether Content-Length is omitted: "yes", "no". */
   chunked: "no",
-  /** After so many answers the file is another, as long as before unless `longer` is set. */
+  /** Number of responses after which the file changes, by `longer` bytes in size. */
   changeAfter: 1e9,
   longer: 0,
-  /** One of LIES or LIES_OF_ALL, */
-  lie: "",
-  /** told from this answer on, counted from 0. */
-  lieFrom: 0,
-  /** Other sites may: "all" read all, "plain" read without seeing further headers, "none". */
+  /** A wrong header or body: one of RANGE_FAULTS or BODY_FAULTS. */
+  fault: "",
+  /** Index of the first response with this fault. */
+  faultFrom: 0,
+  /** CORS: "all" headers are exposed, "plain" allows reads without exposed headers, "none". */
   cors: "all",
 };
 
-/** Each changes a truthful answer, `{ status, range, body, headers }`, that holds a range. */
-const LIES = {
-  totalLarger: (answer, size) => sayRange(answer, size + 1000),
-  totalSmaller: (answer, size) => sayRange(answer, size - 1000),
+/** Each modifies a correct range response `{ status, range, body, headers }`. */
+const RANGE_FAULTS = {
+  totalLarger: (reply, size) => setRangeHeader(reply, size + 1000),
+  totalSmaller: (reply, size) => setRangeHeader(reply, size - 1000),
   noVersion: ({ headers }) => {
     delete headers.etag;
     delete headers["last-modified"];
   },
   noRange: ({ headers }) => delete headers["content-range"],
   oddRange: ({ headers }) => (headers["content-range"] = "bytes 1-0/0, 99999999999999999999"),
-  /** Another range than was asked for, and says so. */
-  laterRange: (answer, size, file) => sendRange(answer, answer.range.start + 10, size, file),
-  earlierRange: (answer, size, file) =>
-    sendRange(answer, Math.max(0, answer.range.start - 10), size, file),
-  shortRange: (answer, size, file) =>
-    sendRange(answer, answer.range.start, size, file, answer.range.start + 5000),
-  oldRange: (answer, size, file) => sendRange(answer, 0, size, file, 100),
-  /** The body is the whole file, though the header says what was asked for. */
-  wholeBody: (answer, size, file) => (answer.body = file),
-  lengthLonger: sayLonger,
-  lengthShorter: sayShorter,
-  /** No ranges any more. */
-  whole: (answer, size, file) => {
-    Object.assign(answer, { status: 200, body: file });
-    delete answer.headers["content-range"];
+  /** Another range than requested, with a matching header. */
+  laterRange: (reply, size, file) => setRange(reply, reply.range.start + 10, size, file),
+  earlierRange: (reply, size, file) =>
+    setRange(reply, Math.max(0, reply.range.start - 10), size, file),
+  shortRange: (reply, size, file) =>
+    setRange(reply, reply.range.start, size, file, reply.range.start + 5000),
+  oldRange: (reply, size, file) => setRange(reply, 0, size, file, 100),
+  /** The whole file as body, with the header of the requested range. */
+  wholeBody: (reply, size, file) => (reply.body = file),
+  lengthLonger: announceLonger,
+  lengthShorter: announceShorter,
+  /** Ranges are no longer supported. */
+  whole: (reply, size, file) => {
+    Object.assign(reply, { status: 200, body: file });
+    delete reply.headers["content-range"];
   },
-  refused: (answer) => Object.assign(answer, { status: 416, body: Buffer.from("no") }),
+  refused: (reply) => Object.assign(reply, { status: 416, body: Buffer.from("no") }),
 };
 
-/** These change any other answer too. */
-const LIES_OF_ALL = {
-  bodyShorter: sayLonger,
-  bodyLonger: sayShorter,
+/** These modify other responses too. */
+const BODY_FAULTS = {
+  bodyShorter: announceLonger,
+  bodyLonger: announceShorter,
 };
 
-function sayLonger({ headers, body }) {
+function announceLonger({ headers, body }) {
   headers["content-length"] = body.length + 1000;
 }
 
-function sayShorter({ headers, body }) {
+function announceShorter({ headers, body }) {
   headers["content-length"] = body.length - 1000;
 }
 
-function sayRange({ headers, range }, total) {
+function setRangeHeader({ headers, range }, total) {
   headers["content-range"] = `bytes ${range.start}-${range.end - 1}/${total}`;
 }
 
-function sendRange(answer, start, size, file, end = answer.range.end) {
-  answer.range = { start, end: Math.min(end, size) };
-  answer.body = file.subarray(start, answer.range.end);
-  sayRange(answer, size);
+function setRange(reply, start, size, file, end = reply.range.end) {
+  reply.range = { start, end: Math.min(end, size) };
+  reply.body = file.subarray(start, reply.range.end);
+  setRangeHeader(reply, size);
 }
 
 /**
- * Serves `bytes`, and from `changeAfter` on a version in which each byte is another.
+ * Serve `bytes`, and after `changeAfter` responses a version in which all bytes differ.
  *
- * Returns `address(behaviour)`, one that nobody has asked for before; `requestsOf(address)`, the
- * ranges that were asked for; `bytesSentTo(address)`, the length of all bodies that were sent; and
- * `close()`.
+ * Returns `address(behavior)`, a new address; `requestsOf(address)`, the requested ranges;
+ * `bytesSentTo(address)`, the length of all bodies that were sent; and `close()`.
  */
 export async function startServer(bytes, port = 0) {
   const original = Buffer.from(bytes);
@@ -111,16 +110,16 @@ export async function startServer(bytes, port = 0) {
   const nSent = new Map();
   let nAddresses = 0;
   const server = createServer((request, response) => {
-    const asked = requests.get(request.url) ?? [];
-    requests.set(request.url, [...asked, request.headers.range ?? null]);
+    const previous = requests.get(request.url) ?? [];
+    requests.set(request.url, [...previous, request.headers.range ?? null]);
     const count = (nBytes) => nSent.set(request.url, (nSent.get(request.url) ?? 0) + nBytes);
-    serve(original, asked.length, request, response, count).catch((error) => response.destroy(error));
+    serve(original, previous.length, request, response, count).catch((error) => response.destroy(error));
   });
   await new Promise((resolve) => server.listen(port, "127.0.0.1", resolve));
   const origin = `http://127.0.0.1:${server.address().port}`;
   return {
-    address: (behaviour = {}) =>
-      `${origin}/file?${new URLSearchParams({ ...behaviour, number: nAddresses++ })}`,
+    address: (behavior = {}) =>
+      `${origin}/file?${new URLSearchParams({ ...behavior, number: nAddresses++ })}`,
     requestsOf: (address) => requests.get(address.slice(origin.length)) ?? [],
     bytesSentTo: (address) => nSent.get(address.slice(origin.length)) ?? 0,
     close: () => {
@@ -130,20 +129,20 @@ export async function startServer(bytes, port = 0) {
   };
 }
 
-function behaviourOf(url) {
-  const behaviour = { ...BEHAVIOUR };
+function behaviorOf(url) {
+  const behavior = { ...BEHAVIOR };
   for (const [name, value] of new URL(url, "http://host").searchParams) {
     if (name === "number") continue;
-    if (!(name in BEHAVIOUR)) throw new Error(`no behaviour "${name}"`);
-    behaviour[name] = typeof BEHAVIOUR[name] === "number" ? Number(value) : value;
+    if (!(name in BEHAVIOR)) throw new Error(`unknown parameter "${name}"`);
+    behavior[name] = typeof BEHAVIOR[name] === "number" ? Number(value) : value;
   }
-  return behaviour;
+  return behavior;
 }
 
 async function serve(original, nBefore, request, response, count) {
-  const how = behaviourOf(request.url);
+  const how = behaviorOf(request.url);
   const isChanged = nBefore >= how.changeAfter;
-  const file = isChanged ? changed(original, how.longer) : original;
+  const file = isChanged ? changedFile(original, how.longer) : original;
   const headers = { "content-type": "application/octet-stream", ...corsHeaders(how.cors) };
   if (request.method === "OPTIONS") return void response.writeHead(204, headers).end();
   await sleep(how.latencyMs);
@@ -155,20 +154,20 @@ async function serve(original, nBefore, request, response, count) {
   if (/both|modified/.test(how.validators)) {
     headers["last-modified"] = new Date(isChanged ? 2e12 : 1e12).toUTCString();
   }
-  const answer = answerFor(file, rangeOf(request, headers, how), headers, how);
-  if (how.lie && nBefore >= how.lieFrom) tell(how.lie, answer, file);
-  await send(answer, nBefore, response, how, count);
+  const reply = createResponse(file, rangeOf(request, headers, how), headers, how);
+  if (how.fault && nBefore >= how.faultFrom) applyFault(how.fault, reply, file);
+  await send(reply, nBefore, response, how, count);
 }
 
-function tell(lie, answer, file) {
-  const ofAll = LIES_OF_ALL[lie];
-  if (!ofAll && !LIES[lie]) throw new Error(`no lie "${lie}"`);
-  if (ofAll) ofAll(answer);
-  else if (answer.status === 206) LIES[lie](answer, file.length, file);
+function applyFault(fault, reply, file) {
+  const bodyFault = BODY_FAULTS[fault];
+  if (!bodyFault && !RANGE_FAULTS[fault]) throw new Error(`unknown fault "${fault}"`);
+  if (bodyFault) bodyFault(reply);
+  else if (reply.status === 206) RANGE_FAULTS[fault](reply, file.length, file);
 }
 
-function changed(original, nMore) {
-  return Buffer.concat([original.map((value) => value ^ 255), Buffer.alloc(nMore, 7)]);
+function changedFile(original, nExtraBytes) {
+  return Buffer.concat([original.map((value) => value ^ 255), Buffer.alloc(nExtraBytes, 7)]);
 }
 
 function corsHeaders(cors) {
@@ -180,31 +179,31 @@ function corsHeaders(cors) {
 
 function rangeOf(request, headers, how) {
   const version = how.ifRange === "yes" ? request.headers["if-range"] : undefined;
-  const isOfIt = [undefined, headers.etag, headers["last-modified"]].includes(version);
-  return isOfIt ? request.headers.range : undefined;
+  const isCurrent = [undefined, headers.etag, headers["last-modified"]].includes(version);
+  return isCurrent ? request.headers.range : undefined;
 }
 
-function answerFor(file, asked, headers, how) {
+function createResponse(file, requested, headers, how) {
   let body = file;
   if (how.gzip !== "no") {
     body = gzipSync(file);
     headers["content-encoding"] = "gzip";
   }
-  const found = /^bytes=(\d+)-(\d+)$/.exec(asked ?? "");
-  if (how.ranges === "no" || how.gzip === "yes" || !found) {
+  const match = /^bytes=(\d+)-(\d+)$/.exec(requested ?? "");
+  if (how.ranges === "no" || how.gzip === "yes" || !match) {
     return { status: 200, range: { start: 0, end: body.length }, body, headers };
   }
-  const [start, last] = found.slice(1).map(Number);
+  const [start, last] = match.slice(1).map(Number);
   if (start >= body.length) {
     headers["content-range"] = `bytes */${body.length}`;
     return { status: 416, range: { start: 0, end: 0 }, body: Buffer.alloc(0), headers };
   }
-  const answer = { status: 206, range: { start, end: last + 1 }, body, headers };
-  sendRange(answer, start, body.length, body);
-  return answer;
+  const reply = { status: 206, range: { start, end: last + 1 }, body, headers };
+  setRange(reply, start, body.length, body);
+  return reply;
 }
 
-/** In small steps where the line is slow or ends early. */
+/** Send a body, in small steps if the connection is slow or ends early. */
 async function send({ status, headers, body }, nBefore, response, how, count) {
   const isCut = how.cut > 0 && nBefore < how.cuts && how.cut < body.length;
   const isStalled = how.stall >= 0 && nBefore < how.stalls && how.stall < body.length;
@@ -222,7 +221,7 @@ async function send({ status, headers, body }, nBefore, response, how, count) {
     if (how.rate > 0) await sleep(50);
   }
   if (isStalled) return;
-  // What was written goes out before the connection is cut.
+  // Flush what was written before the connection is closed.
   if (isCut || length > body.length) {
     await sleep(20);
     response.destroy();

@@ -1,13 +1,13 @@
-// Colours of tracks: maps that look even, and ranges that follow from a few frames.
+// Color maps are perceptually uniform, and ranges are estimated from few frames.
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { moduleOf } from "./three_modules.mjs";
+import { loadModule } from "./three_modules.mjs";
 
-const { about0, colorAt, colorsOf, textureOf } = await moduleOf("color/color_map");
-const { rangeEnds, shownOf, shownRange } = await moduleOf("color/color_range");
+const { centerAtZero, colorAt, createColorTexture, resolveColorMap } = await loadModule("color/color_map");
+const { parseRange, resolveRange, selectColumns } = await loadModule("color/color_range");
 
-/** Lightness, and two coordinates of hue: OKLab, in which distances are as they look. */
+/** Convert a color to OKLab, in which distances are perceptual. */
 function labOf(color) {
   const [r, g, b] = color
     .map((one) => one / 255)
@@ -22,9 +22,9 @@ function labOf(color) {
   ];
 }
 
-/** Looks of a map at places that are evenly apart. */
-function looksOf(map, count) {
-  const colors = colorsOf(map);
+/** OKLab colors of a map at evenly spaced positions. */
+function sampleMap(map, count) {
+  const colors = resolveColorMap(map);
   return Array.from({ length: count }, (_, i) => labOf(colorAt(colors, i / (count - 1))));
 }
 
@@ -32,22 +32,22 @@ function distance(one, other) {
   return Math.hypot(...one.map((value, i) => value - other[i]));
 }
 
-test("the sequential map gets lighter evenly", () => {
-  const looks = looksOf("sequential", 17);
-  const steps = looks.slice(1).map(([lightness], i) => lightness - looks[i][0]);
+test("the lightness of the sequential map increases evenly", () => {
+  const labs = sampleMap("sequential", 17);
+  const steps = labs.slice(1).map(([lightness], i) => lightness - labs[i][0]);
   assert.ok(Math.min(...steps) > 0.5 * (steps.reduce((sum, one) => sum + one) / steps.length));
 });
 
-test("the diverging map has even steps, and is alike to both sides", () => {
-  const looks = looksOf("diverging", 17);
-  const steps = looks.slice(1).map((one, i) => distance(one, looks[i]));
+test("the diverging map has even steps and is symmetric", () => {
+  const labs = sampleMap("diverging", 17);
+  const steps = labs.slice(1).map((one, i) => distance(one, labs[i]));
   assert.ok(Math.max(...steps) < 1.1 * Math.min(...steps));
-  for (let i = 0; i < 8; i++) assert.ok(Math.abs(looks[i][0] - looks[16 - i][0]) < 0.01);
-  assert.deepEqual(colorAt(colorsOf("diverging"), 0.5), [238, 238, 238]);
+  for (let i = 0; i < 8; i++) assert.ok(Math.abs(labs[i][0] - labs[16 - i][0]) < 0.01);
+  assert.deepEqual(colorAt(resolveColorMap("diverging"), 0.5), [238, 238, 238]);
 });
 
-test("places outside have the colours of the ends, and NaN is grey", () => {
-  const colors = colorsOf(["#000", "red", 0xffffff]);
+test("positions are clamped to the map, and NaN is gray", () => {
+  const colors = resolveColorMap(["#000", "red", 0xffffff]);
   assert.deepEqual(colorAt(colors, -1), [0, 0, 0]);
   assert.deepEqual(colorAt(colors, 0.25), [128, 0, 0]);
   assert.deepEqual(colorAt(colors, 0.5), [255, 0, 0]);
@@ -55,8 +55,8 @@ test("places outside have the colours of the ends, and NaN is grey", () => {
   assert.deepEqual(colorAt(colors, NaN), [128, 128, 128]);
 });
 
-test("a texture has the colours in its first row, and grey in all others", () => {
-  const { data, width, height } = textureOf(colorsOf("sequential")).image;
+test("a texture has the colors in its first row, and gray in all others", () => {
+  const { data, width, height } = createColorTexture(resolveColorMap("sequential")).image;
   assert.deepEqual([...data.subarray(0, 4)], [0x41, 0x2b, 0x78, 255]);
   assert.deepEqual([...data.subarray(4 * width - 4, 4 * width)], [0xfa, 0xf2, 0x5e, 255]);
   const rest = data.subarray(4 * width);
@@ -64,60 +64,60 @@ test("a texture has the colours in its first row, and grey in all others", () =>
   assert.ok(rest.every((one, i) => one === (i % 4 === 3 ? 255 : 128)));
 });
 
-/** A track of frames that are given, which notes which of them were asked for. */
+/** A track with the given frames that records requests. */
 function trackOf(frames, nColumns = 1) {
-  const asked = [];
-  const frame = async (number) => {
-    asked.push(number);
-    return frames[number];
+  const requested = [];
+  const frame = async (index) => {
+    requested.push(index);
+    return frames[index];
   };
-  return { info: { name: "track", nColumns, nItems: frames[0].length / nColumns }, frame, asked };
+  return { info: { name: "track", nColumns, nItems: frames[0].length / nColumns }, frame, requested };
 }
 
 const { signal } = new AbortController();
-const ALONE = { columns: [0], as: "number" };
-const FULL = rangeEnds("0%:100%");
+const SINGLE_COLUMN = { columns: [0], as: "number" };
+const FULL = parseRange("0%:100%");
 
-/** The range of a track of 30 frames, 22 of which are the first block. */
-function rangeOf(track, ends, isOfFile = false, shown = ALONE) {
+/** Compute the range of a track with 30 frames, 22 of them in the first block. */
+function rangeOf(track, ends, wholeFile = false, selection = SINGLE_COLUMN) {
   const blocks = [{ start: 0, nFrames: 22 }];
-  return shownRange(track, { blocks, nFrames: 30 }, shown, ends, isOfFile, signal);
+  return resolveRange(track, { blocks, nFrames: 30 }, selection, ends, wholeFile, signal);
 }
 
-test("percentiles are of eight frames of the first block, its ends among them", async () => {
+test("percentiles use eight frames of the first block, including its ends", async () => {
   const frames = Array.from({ length: 30 }, (_, t) => [2 + t, 5]);
   const track = trackOf(frames);
   assert.deepEqual(await rangeOf(track, FULL), [2, 23]);
-  assert.deepEqual(track.asked, [0, 3, 6, 9, 12, 15, 18, 21]);
+  assert.deepEqual(track.requested, [0, 3, 6, 9, 12, 15, 18, 21]);
   const one = { blocks: [{ start: 0, nFrames: 1 }], nFrames: 1 };
-  assert.deepEqual(await shownRange(track, one, ALONE, FULL, false, signal), [2, 5]);
+  assert.deepEqual(await resolveRange(track, one, SINGLE_COLUMN, FULL, false, signal), [2, 5]);
 });
 
-test("percentiles of a file are of eight of its frames, or of all where they are its ends", async () => {
+test("percentiles of the whole file use eight frames, or all for the extremes", async () => {
   const frames = Array.from({ length: 30 }, (_, t) => Float32Array.of(t, 10 * (t === 13)));
   const track = trackOf(frames);
-  assert.deepEqual(await rangeOf(track, rangeEnds("40%:100%"), true), [0, 29]);
-  assert.equal(track.asked.length, 30);
+  assert.deepEqual(await rangeOf(track, parseRange("40%:100%"), true), [0, 29]);
+  assert.equal(track.requested.length, 30);
   const few = trackOf(frames);
-  await rangeOf(few, rangeEnds("2%:98%"), true);
-  assert.deepEqual(few.asked, [0, 4, 8, 12, 17, 21, 25, 29]);
+  await rangeOf(few, parseRange("2%:98%"), true);
+  assert.deepEqual(few.requested, [0, 4, 8, 12, 17, 21, 25, 29]);
 });
 
-test("a percentile lies between numbers as those of NumPy do", async () => {
+test("percentiles are interpolated as in NumPy", async () => {
   const values = Float64Array.from({ length: 101 }, (_, i) => 100 - i);
   const alone = trackOf(Array.from({ length: 30 }, () => values));
-  assert.deepEqual(await rangeOf(alone, rangeEnds("2%:98%")), [2, 98]);
-  assert.deepEqual(await rangeOf(alone, rangeEnds("-7:50%")), [-7, 50]);
-  await assert.rejects(rangeOf(alone, rangeEnds("50%:7")), /would be 50 to 7; give another/);
+  assert.deepEqual(await rangeOf(alone, parseRange("2%:98%")), [2, 98]);
+  assert.deepEqual(await rangeOf(alone, parseRange("-7:50%")), [-7, 50]);
+  await assert.rejects(rangeOf(alone, parseRange("50%:7")), /would be 50 to 7; set another one/);
 });
 
-test("percentiles on both sides of 0 are as far from it; numbers that are given stay", async () => {
-  const of = (values, ends = FULL, shown = ALONE, nColumns = 1) =>
-    rangeOf(trackOf(Array(30).fill(values), nColumns), ends, false, shown);
+test("percentiles of opposite sign become symmetric; explicit ends are kept", async () => {
+  const of = (values, ends = FULL, selection = SINGLE_COLUMN, nColumns = 1) =>
+    rangeOf(trackOf(Array(30).fill(values), nColumns), ends, false, selection);
   assert.deepEqual(await of([-1, 3]), [-3, 3]);
   assert.deepEqual(await of([-4, 3]), [-4, 4]);
   assert.deepEqual(await of([-4, 0]), [-4, 0]);
-  assert.deepEqual(await of([-4, 3], rangeEnds([-1, 3])), [-1, 3]);
+  assert.deepEqual(await of([-4, 3], parseRange([-1, 3])), [-1, 3]);
   assert.deepEqual(await of([NaN, 2, Infinity, 6]), [2, 6]);
   assert.deepEqual(await of([NaN]), [0, 1]);
   assert.deepEqual(await of([8, 8]), [4, 12]);
@@ -128,7 +128,7 @@ test("percentiles on both sides of 0 are as far from it; numbers that are given 
   assert.deepEqual(await of([3, 4, -6, 8], FULL, { columns: [1], as: "number" }, 2), [4, 8]);
 });
 
-test("a track within its error bound of 0 is not taken for one with both signs", async () => {
+test("values beyond 0 by less than the error bound do not count as the other sign", async () => {
   const of = (values, promisedError, kind = "scalar", ends = FULL) => {
     const track = trackOf(Array(30).fill(values));
     Object.assign(track.info, { promisedError, kind });
@@ -138,44 +138,44 @@ test("a track within its error bound of 0 is not taken for one with both signs",
   assert.deepEqual(await of([-7, 0.005], 0.02), [-7, 0]);
   assert.deepEqual(await of([-0.01, 0.015], 0.02), [0, 0.02]);
   assert.deepEqual(await of([0, 0], 0.02), [0, 0.02]);
-  assert.deepEqual(await of([-0.01, 7], 0.02, "scalar", rangeEnds("0%:5")), [0, 5]);
+  assert.deepEqual(await of([-0.01, 7], 0.02, "scalar", parseRange("0%:5")), [0, 5]);
   assert.deepEqual(await of([-0.03, 7], 0.02), [-7, 7]);
   assert.deepEqual(await of([-0.01, 7], null), [-7, 7]);
   assert.deepEqual(await of([-0.01, 0.9], 2, "normal"), [-0.9, 0.9]); // the bound is an angle
-  assert.deepEqual(await of([-0.01, 7], 0.02, "scalar", rangeEnds([-0.01, 7])), [-0.01, 7]);
+  assert.deepEqual(await of([-0.01, 7], 0.02, "scalar", parseRange([-0.01, 7])), [-0.01, 7]);
 });
 
-test("what is shown of a value is its column, its length or its colour", () => {
-  const shown = (nColumns, component, kind = "other") =>
-    shownOf({ name: "u", kind, nColumns }, component);
-  assert.deepEqual(shown(1), ALONE);
-  assert.deepEqual(shown(1, "magnitude"), { columns: [0], as: "magnitude" });
-  assert.deepEqual(shown(3), { columns: [0, 1, 2], as: "magnitude" });
-  assert.deepEqual(shown(3, "y"), { columns: [1], as: "number" });
-  assert.deepEqual(shown(9, 8), { columns: [8], as: "number" });
-  assert.deepEqual(shown(3, undefined, "normal"), { columns: [0], as: "number" });
-  assert.deepEqual(shown(4, undefined, "color"), { columns: [0, 1, 2], as: "color" });
-  assert.deepEqual(shown(4, 3, "color"), { columns: [3], as: "number" });
+test("a component selects a column, the magnitude or the color", () => {
+  const select = (nColumns, component, kind = "other") =>
+    selectColumns({ name: "u", kind, nColumns }, component);
+  assert.deepEqual(select(1), SINGLE_COLUMN);
+  assert.deepEqual(select(1, "magnitude"), { columns: [0], as: "magnitude" });
+  assert.deepEqual(select(3), { columns: [0, 1, 2], as: "magnitude" });
+  assert.deepEqual(select(3, "y"), { columns: [1], as: "number" });
+  assert.deepEqual(select(9, 8), { columns: [8], as: "number" });
+  assert.deepEqual(select(3, undefined, "normal"), { columns: [0], as: "number" });
+  assert.deepEqual(select(4, undefined, "color"), { columns: [0, 1, 2], as: "color" });
+  assert.deepEqual(select(4, 3, "color"), { columns: [3], as: "number" });
   for (const [nColumns, component] of [[4], [4, "magnitude"], [2, 2], [2, -1], [2, 0.5], [2, "z"]]) {
-    assert.throws(() => shown(nColumns, component), /component must be one of 0 to/);
+    assert.throws(() => select(nColumns, component), /component must be one of 0 to/);
   }
-  assert.throws(() => shown(2, "z"), { message: /one of 0 to 1, "x", "y", "magnitude"; got z/ });
+  assert.throws(() => select(2, "z"), { message: /one of 0 to 1, "x", "y", "magnitude"; got z/ });
 });
 
-test("a range is two ends, numbers or percentiles, low first", () => {
+test("a range is two numbers or percentiles in ascending order", () => {
   const number = (amount) => ({ amount, isPercent: false });
-  assert.deepEqual(rangeEnds([-1, 2]), [number(-1), number(2)]);
-  assert.deepEqual(rangeEnds("0:5e2"), [number(0), number(500)]);
-  assert.deepEqual(rangeEnds(" 2% : 40"), [{ amount: 2, isPercent: true }, number(40)]);
+  assert.deepEqual(parseRange([-1, 2]), [number(-1), number(2)]);
+  assert.deepEqual(parseRange("0:5e2"), [number(0), number(500)]);
+  assert.deepEqual(parseRange(" 2% : 40"), [{ amount: 2, isPercent: true }, number(40)]);
   const wrong = [[1, 1], [2, 1], [NaN, 1], [0, Infinity], [1], [0, 1, 2]];
   for (const range of [...wrong, "", ":", "1:", "3", "9%:8%", "-1%:5", "0:101%", "a:b", "1:2:3"]) {
-    assert.throws(() => rangeEnds(range), /range must be two finite numbers/, String(range));
+    assert.throws(() => parseRange(range), /range must be two finite numbers/, String(range));
   }
 });
 
-test("a diverging map keeps 0 in its middle, however far the ends are", () => {
-  const colors = about0(colorsOf("diverging"), -1, 3);
+test("a diverging map keeps 0 at its middle for asymmetric ranges", () => {
+  const colors = centerAtZero(resolveColorMap("diverging"), -1, 3);
   assert.deepEqual(colorAt(colors, 0.25).map((one) => Math.abs(one - 238) < 3), [true, true, true]);
-  assert.deepEqual(colorAt(colors, 1), colorAt(colorsOf("diverging"), 1));
-  assert.deepEqual(colorAt(colors, 0), colorAt(colorsOf("diverging"), 1 / 3));
+  assert.deepEqual(colorAt(colors, 1), colorAt(resolveColorMap("diverging"), 1));
+  assert.deepEqual(colorAt(colors, 0), colorAt(resolveColorMap("diverging"), 1 / 3));
 });

@@ -1,48 +1,47 @@
-// A mesh of three.js plays files without modes: positions are those of the file, and it has none
-// to leave out.
+// A three.js mesh plays files with exact positions, which have no modes.
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import { InvalidInputError, ReelFile } from "../dist/index.js";
 import { ReelMesh } from "../dist/three.js";
-import { bytesOf } from "./support/streams.mjs";
+import { streamBytes } from "./support/streams.mjs";
 
-/** Runs `work` with a mesh of a stream, computed on the CPU, whose first picture is there. */
+/** Call `work` with a mesh of a stream, computed on the CPU, that shows its first frame. */
 async function withMesh(name, work) {
-  const reel = await ReelFile.open(bytesOf(name));
+  const reel = await ReelFile.open(streamBytes(name));
   const mesh = new ReelMesh(reel, { gpu: false, ownsReel: true });
   try {
-    await shown(mesh, 0);
+    await showFrame(mesh, 0);
     await work(mesh);
   } finally {
     mesh.dispose();
   }
 }
 
-/** Goes to a frame, whose picture is there then. */
-async function shown(mesh, frame) {
-  const drawn = new Promise((resolve, reject) => {
+/** Seek to a frame and wait until it is shown. */
+async function showFrame(mesh, frame) {
+  const isShown = new Promise((resolve, reject) => {
     mesh.addEventListener("frame", (event) => event.frame === frame && resolve());
     mesh.addEventListener("error", ({ error }) => reject(error));
   });
   mesh.seek({ frame });
-  await drawn;
+  await isShown;
 }
 
 for (const name of ["lossless_still", "lossless_in_blocks", "grid_doubles", "grid_with_tracks"]) {
-  test(`frames of ${name} are shown where they are`, async () => {
+  test(`positions of ${name} are right`, async () => {
     await withMesh(name, async (mesh) => {
       const { nFrames, diagonal } = mesh.reel.info;
       for (const frame of [nFrames - 1, ...Array(nFrames - 1).keys()]) {
-        await shown(mesh, frame);
-        const wanted = await mesh.positionsAt(frame);
-        const found = mesh.geometry.getAttribute("position").array;
+        await showFrame(mesh, frame);
+        const expected = await mesh.positionsAt(frame);
+        const positions = mesh.geometry.getAttribute("position").array;
         mesh.sources.forEach((vertex, i) => {
           for (let axis = 0; axis < 3; axis++) {
-            const value = wanted[3 * vertex + axis];
-            const off = Math.abs(found[3 * i + axis] - value) - 2 ** -22 * Math.abs(value);
-            assert.ok(off < 1e-5 * diagonal, `${name}, frame ${frame}: ${off}`);
+            const value = expected[3 * vertex + axis];
+            const error = Math.abs(positions[3 * i + axis] - value) - 2 ** -22 * Math.abs(value);
+            assert.ok(error < 1e-5 * diagonal, `${name}, frame ${frame}: ${error}`);
           }
         });
       }
@@ -50,7 +49,7 @@ for (const name of ["lossless_still", "lossless_in_blocks", "grid_doubles", "gri
   });
 }
 
-test("a file is played from block to block, and between frames", async () => {
+test("a file with several blocks is played with interpolation", async () => {
   await withMesh("grid_doubles", async (mesh) => {
     const frames = new Set();
     mesh.addEventListener("frame", ({ frame }) => frames.add(frame));
@@ -65,7 +64,7 @@ test("a file is played from block to block, and between frames", async () => {
   });
 });
 
-test("modes are none, so that there is no number of them", async () => {
+test("setting the number of modes is an error", async () => {
   await withMesh("lossless", async (mesh) => {
     assert.throws(
       () => (mesh.modes = 2),

@@ -1,10 +1,10 @@
-// The modules of `meshreel/three` that need no three.js, built in memory.
+// Bundles modules of src/three in memory.
 
 import { build } from "esbuild";
 import { fileURLToPath } from "node:url";
 
-/** The exports of a module of src/three. */
-export async function moduleOf(name) {
+/** Return the exports of a module of src/three. */
+export async function loadModule(name) {
   const { outputFiles } = await build({
     entryPoints: [fileURLToPath(new URL(`../src/three/${name}.ts`, import.meta.url))],
     bundle: true,
@@ -16,7 +16,7 @@ export async function moduleOf(name) {
   return import(`data:text/javascript,${encodeURIComponent(outputFiles[0].text)}`);
 }
 
-/** Lets everything that waits for promises go on. */
+/** Wait until pending promise callbacks have run. */
 export function settled() {
   return new Promise((resolve) => setImmediate(resolve));
 }

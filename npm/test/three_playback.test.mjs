@@ -1,40 +1,40 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { moduleOf, settled } from "./three_modules.mjs";
+import { loadModule, settled } from "./three_modules.mjs";
 
-const { Playback } = await moduleOf("playback");
+const { Playback } = await loadModule("playback");
 
 const FRAMES = 4;
 
-/** A player of blocks of four frames at 10 a second; blocks come when they are answered. */
-class Stand {
+/** Playback of blocks of four frames at 10 fps; blocks load when the test calls `deliver`. */
+class Fixture {
   constructor(nBlocks = 3) {
     this.events = [];
     this.moments = [];
     this.held = new Set();
-    this.mostHeld = 0;
-    this.asked = [];
+    this.maxHeld = 0;
+    this.requests = [];
     const nFrames = FRAMES;
     const blocks = Array.from({ length: nBlocks }, (_, i) => ({ start: nFrames * i, nFrames }));
-    const screen = {
-      hold: (block) => {
-        this.held.add(block.number);
-        this.mostHeld = Math.max(this.mostHeld, this.held.size);
+    const display = {
+      upload: (block) => {
+        this.held.add(block.index);
+        this.maxHeld = Math.max(this.maxHeld, this.held.size);
         return block;
       },
-      release: (block) => this.held.delete(block.number),
-      show: ({ block, t, next, nextT, fraction, nMoving }) => {
-        this.moments.push([block.number, t, next.number, nextT, fraction]);
-        this.nMoving = nMoving;
+      release: (block) => this.held.delete(block.index),
+      show: ({ block, t, next, nextT, fraction, nActiveModes }) => {
+        this.moments.push([block.index, t, next.index, nextT, fraction]);
+        this.nActiveModes = nActiveModes;
       },
     };
     const load = (number, signal) =>
       new Promise((resolve, reject) => {
         signal.addEventListener("abort", () => reject(signal.reason));
-        this.asked.push({ number, signal, resolve, reject });
+        this.requests.push({ number, signal, resolve, reject });
       });
-    this.player = new Playback({ name: "", fps: 10, blocks }, load, screen, (event) =>
+    this.player = new Playback({ name: "", fps: 10, blocks }, load, display, (event) =>
       this.events.push(event),
     );
   }
@@ -43,16 +43,16 @@ class Stand {
     return this.events.map((event) => event.type);
   }
 
-  /** Answers what is asked for, until nothing more is. */
-  async answer(errors = {}) {
+  /** Deliver requested blocks, or errors, until there are no requests. */
+  async deliver(errors = {}) {
     for (;;) {
-      const open = this.asked.filter((one) => !one.isDone && !one.signal.aborted);
+      const open = this.requests.filter((one) => !one.isDone && !one.signal.aborted);
       if (!open.length) return;
       for (const one of open) {
         one.isDone = true;
         const { number } = one;
         if (errors[number]) one.reject(errors[number]);
-        else one.resolve({ number, start: FRAMES * number, nFrames: FRAMES });
+        else one.resolve({ index: number, start: FRAMES * number, nFrames: FRAMES });
       }
       await settled();
     }
@@ -60,37 +60,37 @@ class Stand {
 }
 
 async function started(nBlocks) {
-  const stand = new Stand(nBlocks);
-  stand.player.restart();
-  await stand.answer();
-  stand.events.length = 0;
-  stand.moments.length = 0;
-  return stand;
+  const fixture = new Fixture(nBlocks);
+  fixture.player.restart();
+  await fixture.deliver();
+  fixture.events.length = 0;
+  fixture.moments.length = 0;
+  return fixture;
 }
 
 function damaged() {
   return Object.assign(new Error("block 1 is damaged"), { name: "CorruptStreamError" });
 }
 
-test("nothing is loaded before there is a screen", async () => {
-  const stand = new Stand();
-  stand.player.play();
-  stand.player.update(1);
-  assert.deepEqual([stand.asked, stand.events, stand.player.clock.time], [[], [], 0]);
+test("nothing is loaded before the display is ready", async () => {
+  const fixture = new Fixture();
+  fixture.player.play();
+  fixture.player.update(1);
+  assert.deepEqual([fixture.requests, fixture.events, fixture.player.clock.time], [[], [], 0]);
 });
 
-test("the first frame is shown when it has come, and the next block asked for", async () => {
-  const stand = new Stand();
-  stand.player.restart();
-  assert.deepEqual(stand.asked.map((one) => one.number), [0]);
-  await stand.answer();
-  assert.deepEqual(stand.asked.map((one) => one.number), [0, 1]);
-  assert.deepEqual(stand.moments, [[0, 0, 0, 0, 0]]);
-  assert.deepEqual(stand.events, [{ type: "frame", frame: 0, time: 0 }]);
+test("the first frame is shown once loaded, and the next block is requested", async () => {
+  const fixture = new Fixture();
+  fixture.player.restart();
+  assert.deepEqual(fixture.requests.map((one) => one.number), [0]);
+  await fixture.deliver();
+  assert.deepEqual(fixture.requests.map((one) => one.number), [0, 1]);
+  assert.deepEqual(fixture.moments, [[0, 0, 0, 0, 0]]);
+  assert.deepEqual(fixture.events, [{ type: "frame", frame: 0, time: 0 }]);
 });
 
-test("a file without frames is refused", () => {
-  assert.throws(() => new Stand(0), { name: "InvalidInputError", message: /no frames/ });
+test("a file without frames is rejected", () => {
+  assert.throws(() => new Fixture(0), { name: "InvalidInputError", message: /no frames/ });
 });
 
 test("the same picture is not shown twice", async () => {
@@ -100,122 +100,122 @@ test("the same picture is not shown twice", async () => {
   assert.deepEqual(moments, []);
 });
 
-test("a picture between blocks is made of both", async () => {
+test("a picture between two blocks uses both", async () => {
   const { player, moments } = await started();
   player.seek(3.25);
   assert.deepEqual(moments, [[0, 3, 1, 0, 0.25]]);
 });
 
-test("at most two blocks are held when all are played, forwards and backwards", async () => {
+test("at most two blocks are in memory during playback in both directions", async () => {
   for (const [loop, speed] of [["repeat", 1], ["repeat", -1], ["pingpong", 1.5], ["once", 1]]) {
-    const stand = await started(5);
-    stand.player.clock.loop = loop;
-    stand.player.clock.speed = speed;
-    stand.player.play();
+    const fixture = await started(5);
+    fixture.player.clock.loop = loop;
+    fixture.player.clock.speed = speed;
+    fixture.player.play();
     for (let i = 0; i < 200; i++) {
-      stand.player.update(0.03);
-      await stand.answer();
+      fixture.player.update(0.03);
+      await fixture.deliver();
     }
-    assert.equal(stand.mostHeld, 2);
-    assert.ok(new Set(stand.moments.map(([block]) => block)).size === 5, loop);
-    assert.ok(!stand.types.includes("error"));
+    assert.equal(fixture.maxHeld, 2);
+    assert.ok(new Set(fixture.moments.map(([block]) => block)).size === 5, loop);
+    assert.ok(!fixture.types.includes("error"));
   }
 });
 
-test("playing never waits when blocks come ahead of it", async () => {
-  const stand = await started(5);
-  stand.player.play();
+test("playback never waits if blocks load in time", async () => {
+  const fixture = await started(5);
+  fixture.player.play();
   for (let i = 0; i < 100; i++) {
-    stand.player.update(0.03);
-    await stand.answer();
+    fixture.player.update(0.03);
+    await fixture.deliver();
   }
-  assert.ok(!stand.types.includes("waiting"));
-  assert.equal(stand.types.filter((type) => type === "loop").length, 1);
+  assert.ok(!fixture.types.includes("waiting"));
+  assert.equal(fixture.types.filter((type) => type === "loop").length, 1);
 });
 
-test("the time stands still as long as a block is missing", async () => {
-  const stand = await started();
-  stand.player.play();
-  stand.player.update(0.35);
-  stand.player.update(0.1); // block 2 is asked for, and does not come
-  stand.player.update(0.4);
-  const { time } = stand.player.clock;
-  const shown = stand.moments.length;
-  stand.player.update(0.3);
-  assert.deepEqual([stand.player.clock.time, stand.moments.length], [time, shown]);
-  assert.deepEqual(stand.events.at(-1), { type: "waiting", block: 2 });
-  assert.ok(stand.player.isWaiting);
-  await stand.answer();
-  assert.deepEqual(stand.types.slice(-2), ["playing", "frame"]);
+test("the time does not advance while a block is missing", async () => {
+  const fixture = await started();
+  fixture.player.play();
+  fixture.player.update(0.35);
+  fixture.player.update(0.1); // block 2 is requested but not delivered
+  fixture.player.update(0.4);
+  const { time } = fixture.player.clock;
+  const shown = fixture.moments.length;
+  fixture.player.update(0.3);
+  assert.deepEqual([fixture.player.clock.time, fixture.moments.length], [time, shown]);
+  assert.deepEqual(fixture.events.at(-1), { type: "waiting", block: 2 });
+  assert.ok(fixture.player.isWaiting);
+  await fixture.deliver();
+  assert.deepEqual(fixture.types.slice(-2), ["playing", "frame"]);
 });
 
-test("playing is told once the picture is there", async () => {
-  const stand = await started();
-  stand.player.play();
-  assert.deepEqual(stand.types, ["playing"]);
-  stand.player.pause();
-  stand.player.seek(9);
-  stand.player.play();
-  assert.deepEqual(stand.types, ["playing", "waiting"]);
-  await stand.answer();
-  assert.deepEqual(stand.types, ["playing", "waiting", "playing", "frame"]);
+test("the event playing is sent once the picture is available", async () => {
+  const fixture = await started();
+  fixture.player.play();
+  assert.deepEqual(fixture.types, ["playing"]);
+  fixture.player.pause();
+  fixture.player.seek(9);
+  fixture.player.play();
+  assert.deepEqual(fixture.types, ["playing", "waiting"]);
+  await fixture.deliver();
+  assert.deepEqual(fixture.types, ["playing", "waiting", "playing", "frame"]);
 });
 
-test("loading of blocks that are not wanted any more is aborted", async () => {
-  const stand = await started(6);
-  stand.player.seek(17);
-  stand.player.seek(9);
+test("loading of blocks that are no longer needed is aborted", async () => {
+  const fixture = await started(6);
+  fixture.player.seek(17);
+  fixture.player.seek(9);
   assert.deepEqual(
-    stand.asked.slice(2).map((one) => [one.number, one.signal.aborted]),
+    fixture.requests.slice(2).map((one) => [one.number, one.signal.aborted]),
     [[4, true], [2, false]],
   );
-  await stand.answer();
-  assert.deepEqual([...stand.held].sort(), [2, 3]);
-  assert.ok(!stand.types.includes("error"));
+  await fixture.deliver();
+  assert.deepEqual([...fixture.held].sort(), [2, 3]);
+  assert.ok(!fixture.types.includes("error"));
 });
 
-test("a damaged block is passed over, and told once, and the rest plays", async () => {
-  const stand = new Stand(3);
-  stand.player.restart();
-  await stand.answer({ 1: damaged() });
-  stand.player.play();
+test("a damaged block is reported once and skipped", async () => {
+  const fixture = new Fixture(3);
+  fixture.player.restart();
+  await fixture.deliver({ 1: damaged() });
+  fixture.player.play();
   for (let i = 0; i < 60; i++) {
-    stand.player.update(0.05);
-    await stand.answer();
+    fixture.player.update(0.05);
+    await fixture.deliver();
   }
-  const errors = stand.events.filter((event) => event.type === "error");
-  const told = errors.map(({ block, error }) => [block, error.name]);
-  assert.deepEqual(told, [[1, "CorruptStreamError"]]);
-  assert.deepEqual([...new Set(stand.moments.flatMap(([a, , b]) => [a, b]))], [0, 2]);
-  assert.equal(stand.asked.filter((one) => one.number === 1).length, 1);
-  assert.ok(!stand.types.includes("waiting"));
-  assert.equal(stand.types.filter((type) => type === "loop").length, 2);
+  const errors = fixture.events.filter((event) => event.type === "error");
+  const reported = errors.map(({ block, error }) => [block, error.name]);
+  assert.deepEqual(reported, [[1, "CorruptStreamError"]]);
+  assert.deepEqual([...new Set(fixture.moments.flatMap(([a, , b]) => [a, b]))], [0, 2]);
+  assert.equal(fixture.requests.filter((one) => one.number === 1).length, 1);
+  assert.ok(!fixture.types.includes("waiting"));
+  assert.equal(fixture.types.filter((type) => type === "loop").length, 2);
 });
 
-test("a block that a server did not give is asked for again when it is played", async () => {
-  const stand = new Stand(1);
-  stand.player.restart();
-  await stand.answer({ 0: new Error("no connection") });
-  stand.player.update(0.1);
-  assert.deepEqual([stand.types, stand.asked.length], [["error"], 1]);
-  stand.player.play();
-  assert.equal(stand.asked.length, 2);
-  await stand.answer();
-  assert.deepEqual(stand.types, ["error", "playing", "frame"]);
+test("a block that failed to load is requested again by play", async () => {
+  const fixture = new Fixture(1);
+  fixture.player.restart();
+  await fixture.deliver({ 0: new Error("no connection") });
+  fixture.player.update(0.1);
+  assert.deepEqual([fixture.types, fixture.requests.length], [["error"], 1]);
+  fixture.player.play();
+  assert.equal(fixture.requests.length, 2);
+  await fixture.deliver();
+  assert.deepEqual(fixture.types, ["error", "playing", "frame"]);
 });
 
-test("the end is told, and playing begins at the start again, when it plays once", async () => {
-  const stand = await started(1);
-  stand.player.clock.loop = "once";
-  stand.player.play();
-  stand.player.update(1);
-  assert.deepEqual(stand.types, ["playing", "frame", "ended"]);
-  assert.equal(stand.player.isPlaying, false);
-  stand.player.play();
-  assert.equal(stand.player.clock.time, 0);
+test("playing once sends ended, and playing again restarts", async () => {
+  const fixture = await started(1);
+  fixture.player.clock.loop = "once";
+  fixture.player.play();
+  fixture.player.update(1);
+  assert.deepEqual(fixture.types, ["playing", "frame", "ended"]);
+  assert.equal(fixture.player.isPlaying, false);
+  fixture.player.play();
+  assert.equal(fixture.player.clock.time, 0);
 });
 
-test("numbers that are no times are refused", async () => {
+test("invalid times are rejected", async () => {
   const { player } = await started();
   for (const seconds of [-0.1, NaN, Infinity]) {
     assert.throws(() => player.update(seconds), { name: "InvalidInputError" });
@@ -223,43 +223,43 @@ test("numbers that are no times are refused", async () => {
   assert.throws(() => player.seek(NaN), { name: "InvalidInputError" });
 });
 
-test("all is let go, and nothing more asked for, when it is disposed of", async () => {
-  const stand = await started(6);
-  stand.player.seek(17);
-  stand.player.dispose();
-  assert.ok(stand.asked.at(-1).signal.aborted);
-  const count = stand.asked.length;
-  stand.player.update(0.1);
-  stand.player.seek(3);
+test("dispose releases all blocks and stops loading", async () => {
+  const fixture = await started(6);
+  fixture.player.seek(17);
+  fixture.player.dispose();
+  assert.ok(fixture.requests.at(-1).signal.aborted);
+  const count = fixture.requests.length;
+  fixture.player.update(0.1);
+  fixture.player.seek(3);
   await settled();
-  assert.deepEqual([stand.held.size, stand.asked.length], [0, count]);
+  assert.deepEqual([fixture.held.size, fixture.requests.length], [0, count]);
 });
 
-test("a block that comes after it was aborted is released", async () => {
-  const stand = new Stand(6);
-  const { player, held } = stand;
+test("a block that loads after its request was aborted is released", async () => {
+  const fixture = new Fixture(6);
+  const { player, held } = fixture;
   player.restart();
-  const [first] = stand.asked;
-  first.resolve({ number: 0, start: 0, nFrames: FRAMES });
+  const [first] = fixture.requests;
+  first.resolve({ index: 0, start: 0, nFrames: FRAMES });
   player.dispose();
   await settled();
-  assert.deepEqual([held.size, stand.events], [0, []]);
+  assert.deepEqual([held.size, fixture.events], [0, []]);
 });
 
-test("blocks are loaded anew when the screen has lost them", async () => {
-  const stand = await started();
-  stand.player.seek(2);
-  stand.player.restart();
-  await stand.answer();
-  assert.deepEqual(stand.moments, [[0, 2, 0, 2, 0], [0, 2, 0, 2, 0]]);
+test("blocks are loaded again when the display has lost its data", async () => {
+  const fixture = await started();
+  fixture.player.seek(2);
+  fixture.player.restart();
+  await fixture.deliver();
+  assert.deepEqual(fixture.moments, [[0, 2, 0, 2, 0], [0, 2, 0, 2, 0]]);
 });
 
-test("a frame is shown again at once where another number of modes is to move", async () => {
-  const stand = await started(2);
-  const { player, moments } = stand;
+test("changing the number of active modes updates the picture", async () => {
+  const fixture = await started(2);
+  const { player, moments } = fixture;
   const shown = moments.length;
-  player.nMoving = 3;
-  assert.deepEqual([moments.length, stand.nMoving], [shown + 1, 3]);
-  player.nMoving = 3;
+  player.nActiveModes = 3;
+  assert.deepEqual([moments.length, fixture.nActiveModes], [shown + 1, 3]);
+  player.nActiveModes = 3;
   assert.equal(moments.length, shown + 1);
 });

@@ -1,15 +1,15 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { moduleOf } from "./three_modules.mjs";
+import { loadModule } from "./three_modules.mjs";
 
-const { commonOf, placeOf, timeOf } = await moduleOf("texture/frame_times");
-const { checkFrameNumber, numberIn, sizeOf } = await moduleOf("texture/frame_number");
+const { commonLength, frameAtTime, seekTime } = await loadModule("texture/frame_times");
+const { cellsSize, checkFrameNumber, readFrameNumber } = await loadModule("texture/frame_number");
 
 const CODE = { x: 0, y: 0, cell: 8, bits: 5 };
 
-/** Pixels of a row of cells of these levels of grey, 0 to 255. */
-function cellsOf(levels, { cell } = CODE) {
+/** Render cells with the given gray levels, 0..255. */
+function renderCells(levels, { cell } = CODE) {
   const pixels = new Uint8ClampedArray(4 * cell * cell * levels.length).fill(255);
   for (let i = 0; i < pixels.length; i++) {
     const level = levels[Math.floor(i / 4 / cell) % levels.length];
@@ -18,119 +18,119 @@ function cellsOf(levels, { cell } = CODE) {
   return pixels;
 }
 
-/** Levels of the cells of a number, as frameNumber says. */
-function levelsOf(number, { bits } = CODE) {
+/** Encode a number as gray levels of cells. */
+function encodeLevels(number, { bits } = CODE) {
   const text = number.toString(2).padStart(bits, "0");
   const isEven = [...text].filter((one) => one === "1").length % 2 === 0;
   return [...text, isEven ? "1" : "0"].map((one) => 255 * Number(one));
 }
 
-test("each frame is that of its picture when times are rounded to milliseconds", () => {
+test("times rounded to milliseconds yield the right frame", () => {
   for (const fps of [12, 23.976, 24, 25, 29.97, 30, 50, 59.94, 60, 120]) {
     for (const rounded of [Math.round, Math.floor, Math.ceil]) {
       for (let frame = 0; frame < 2000; frame++) {
-        assert.equal(placeOf(rounded((1000 * frame) / fps) / 1000, fps), frame);
+        assert.equal(frameAtTime(rounded((1000 * frame) / fps) / 1000, fps), frame);
       }
     }
   }
 });
 
-test("a picture between two frames is between them", () => {
-  assert.equal(placeOf(0.5 / 30, 30), 0.5);
-  assert.equal(placeOf(7.25 / 24, 24), 7.25);
+test("times between two frames yield fractional positions", () => {
+  assert.equal(frameAtTime(0.5 / 30, 30), 0.5);
+  assert.equal(frameAtTime(7.25 / 24, 24), 7.25);
 });
 
-test("a picture before the first frame is of the first", () => {
-  assert.equal(placeOf(-0.3, 30), 0);
+test("times before the first frame yield the first frame", () => {
+  assert.equal(frameAtTime(-0.3, 30), 0);
 });
 
-test("a video is sought inside of the picture of its frame", () => {
+test("seek times are inside of the frame", () => {
   for (const fps of [24, 29.97, 30]) {
     for (let frame = 0; frame < 500; frame++) {
       for (const videoFps of [fps, 2 * fps]) {
-        const shown = Math.floor(timeOf(frame, fps) * videoFps);
+        const shown = Math.floor(seekTime(frame, fps) * videoFps);
         assert.equal(Math.floor(shown * (fps / videoFps)), frame);
       }
     }
   }
 });
 
-test("a video is sought between two frames where the place is", () => {
-  assert.equal(timeOf(3.5, 10), 0.35);
-  assert.equal(timeOf(3.999, 10), 0.375);
+test("seek times of fractional positions are between frames", () => {
+  assert.equal(seekTime(3.5, 10), 0.35);
+  assert.equal(seekTime(3.999, 10), 0.375);
 });
 
-test("nothing is said when a video is longer or shorter by a frame at most", () => {
-  assert.deepEqual(commonOf(90, 30, 3.03), { nFrames: 90, warning: null });
-  assert.deepEqual(commonOf(90, 30, 2.967), { nFrames: 89, warning: null });
+test("a difference of one frame causes no warning", () => {
+  assert.deepEqual(commonLength(90, 30, 3.03), { nFrames: 90, warning: null });
+  assert.deepEqual(commonLength(90, 30, 2.967), { nFrames: 89, warning: null });
 });
 
-test("what both have is played when one is longer", () => {
-  const longer = commonOf(90, 30, 4);
+test("the common length is played if one is longer", () => {
+  const longer = commonLength(90, 30, 4);
   assert.equal(longer.nFrames, 90);
-  assert.match(longer.warning, /3\.00 s.*4\.00 s.*3\.00 s are played.*end of the video/);
-  const shorter = commonOf(90, 30, 2);
+  assert.match(longer.warning, /3\.00 s.*4\.00 s.*first 3\.00 s are played.*end of the video/);
+  const shorter = commonLength(90, 30, 2);
   assert.equal(shorter.nFrames, 60);
-  assert.match(shorter.warning, /2\.00 s are played.*end of the mesh/);
+  assert.match(shorter.warning, /first 2\.00 s are played.*end of the mesh/);
 });
 
-test("the mesh is played when it is not known how long a video is", () => {
-  assert.deepEqual(commonOf(90, 30, Infinity), { nFrames: 90, warning: null });
-  assert.deepEqual(commonOf(90, 30, NaN), { nFrames: 90, warning: null });
+test("the whole mesh is played if the duration of the video is unknown", () => {
+  assert.deepEqual(commonLength(90, 30, Infinity), { nFrames: 90, warning: null });
+  assert.deepEqual(commonLength(90, 30, NaN), { nFrames: 90, warning: null });
 });
 
-test("one frame is played when a video ends before it begins", () => {
-  assert.equal(commonOf(90, 30, -1).nFrames, 1);
+test("one frame is played if the video ends before the offset", () => {
+  assert.equal(commonLength(90, 30, -1).nFrames, 1);
 });
 
-test("every number is read as it was written", () => {
+test("all numbers are read correctly", () => {
   for (let number = 0; number < 2 ** CODE.bits; number++) {
-    assert.equal(numberIn(cellsOf(levelsOf(number)), CODE), number);
+    assert.equal(readFrameNumber(renderCells(encodeLevels(number)), CODE), number);
   }
 });
 
-test("numbers are read when black and white are those of television", () => {
-  const levels = levelsOf(19).map((level) => 16 + (level * 219) / 255);
-  assert.equal(numberIn(cellsOf(levels), CODE), 19);
+test("numbers are read with limited video range", () => {
+  const levels = encodeLevels(19).map((level) => 16 + (level * 219) / 255);
+  assert.equal(readFrameNumber(renderCells(levels), CODE), 19);
 });
 
-test("no number is read when any one cell is wrong", () => {
+test("no number is read if one cell is inverted", () => {
   for (let number = 0; number < 2 ** CODE.bits; number++) {
     for (let cell = 0; cell <= CODE.bits; cell++) {
-      const levels = levelsOf(number);
+      const levels = encodeLevels(number);
       levels[cell] = 255 - levels[cell];
-      assert.equal(numberIn(cellsOf(levels), CODE), null);
+      assert.equal(readFrameNumber(renderCells(levels), CODE), null);
     }
   }
 });
 
-test("no number is read when a cell is grey", () => {
-  const levels = levelsOf(5);
+test("no number is read if a cell is gray", () => {
+  const levels = encodeLevels(5);
   levels[2] = 128;
-  assert.equal(numberIn(cellsOf(levels), CODE), null);
+  assert.equal(readFrameNumber(renderCells(levels), CODE), null);
 });
 
-test("no number is read in a black picture", () => {
-  assert.equal(numberIn(cellsOf(Array(6).fill(0)), CODE), null);
+test("no number is read from a black image", () => {
+  assert.equal(readFrameNumber(renderCells(Array(6).fill(0)), CODE), null);
 });
 
-test("edges of cells do not count when they are blurred", () => {
-  const levels = levelsOf(22);
-  const pixels = cellsOf(levels);
-  const { width, height } = sizeOf(CODE);
+test("blurred edges of cells are ignored", () => {
+  const levels = encodeLevels(22);
+  const pixels = renderCells(levels);
+  const { width, height } = cellsSize(CODE);
   for (let i = 0; i < width * height; i++) {
     const [x, y] = [(i % width) % CODE.cell, Math.floor(i / width)];
     if (Math.min(x, y, CODE.cell - 1 - x, CODE.cell - 1 - y) < 2) pixels.fill(128, 4 * i, 4 * i + 3);
   }
-  assert.equal(numberIn(pixels, CODE), 22);
+  assert.equal(readFrameNumber(pixels, CODE), 22);
 });
 
-test("cells that cannot be are refused in words", () => {
+test("invalid layouts of cells are rejected", () => {
   const wrong = [{ x: -1 }, { y: 0.5 }, { cell: 3 }, { bits: 0 }, { bits: 31 }, { cell: NaN }];
   for (const one of wrong) {
     assert.throws(() => checkFrameNumber({ ...CODE, ...one }), {
       name: "InvalidInputError",
-      message: /frameNumber must have x and y from 0 on, cell from 4 on and bits from 1 to 30/,
+      message: /frameNumber must have integers x >= 0, y >= 0, cell >= 4 and bits from 1 to 30/,
     });
   }
   checkFrameNumber(CODE);

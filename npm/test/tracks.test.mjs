@@ -1,4 +1,4 @@
-// Tracks beside the positions: the same bits as in Python, and only what is asked for is read.
+// Tracks are bit-identical to Python, and only requested tracks are read.
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
@@ -11,7 +11,7 @@ import {
   UnsupportedVersionError,
 } from "../dist/index.js";
 import { groupsOf } from "./support/container.mjs";
-import { PLAYED, bytesOf, said, sha } from "./support/streams.mjs";
+import { PLAYED, streamBytes, expectedOf, sha } from "./support/streams.mjs";
 import {
   largeTracks,
   withExactTrack,
@@ -20,7 +20,7 @@ import {
 } from "./support/track_streams.mjs";
 
 const { signal } = new AbortController();
-const WITH_TRACKS = PLAYED.filter((name) => said(name).tracks);
+const WITH_TRACKS = PLAYED.filter((name) => expectedOf(name).tracks);
 
 async function withReel(from, work, options) {
   const reel = await ReelFile.open(from, options);
@@ -31,29 +31,30 @@ async function withReel(from, work, options) {
   }
 }
 
-async function valuesOf(reel, track) {
-  const found = [];
-  for (let number = 0; number < reel.info.nFrames; number++) found.push(await track.frame(number));
-  return found;
+/** Decode all frames of a track, or of the positions if `track` is the file. */
+async function decodeAll(reel, track) {
+  const frames = [];
+  for (let index = 0; index < reel.info.nFrames; index++) frames.push(await track.frame(index));
+  return frames;
 }
 
-/** A blob that notes which of its bytes are read. */
-function notedBlob(bytes) {
+/** A blob that records the ranges of reads. */
+function recordingBlob(bytes) {
   const blob = new Blob([bytes]);
-  const stretches = [];
+  const reads = [];
   const slice = blob.slice.bind(blob);
   blob.slice = (start, end) => {
-    stretches.push([start, end]);
+    reads.push([start, end]);
     return slice(start, end);
   };
-  return { blob, stretches };
+  return { blob, reads };
 }
 
-test("values of every track are those of Python, to the bit", async () => {
+test("values of every track are bit-identical to Python", async () => {
   for (const name of WITH_TRACKS) {
-    await withReel(bytesOf(name), async (reel) => {
-      for (const { name: track, "hash of values": hash } of said(name).tracks) {
-        assert.equal(sha(...(await valuesOf(reel, reel.track(track)))), hash, `${name}: ${track}`);
+    await withReel(streamBytes(name), async (reel) => {
+      for (const { name: track, "hash of values": hash } of expectedOf(name).tracks) {
+        assert.equal(sha(...(await decodeAll(reel, reel.track(track)))), hash, `${name}: ${track}`);
       }
     });
   }
@@ -69,11 +70,11 @@ const ARRAYS = {
   int64: BigInt64Array,
 };
 
-test("facts of a track say the shape and type of its values", async () => {
+test("metadata of a track matches the shape and type of its values", async () => {
   const types = new Set();
   let nMissing = 0;
   for (const name of WITH_TRACKS) {
-    await withReel(bytesOf(name), async (reel) => {
+    await withReel(streamBytes(name), async (reel) => {
       for (const info of reel.info.tracks) {
         const values = await reel.track(info.name).frame(0);
         assert.equal(values.length, info.nItems * info.nColumns);
@@ -85,7 +86,7 @@ test("facts of a track say the shape and type of its values", async () => {
   }
   assert.deepEqual([...types].sort(), Object.keys(ARRAYS).sort());
   assert.ok(nMissing > 0);
-  await withReel(bytesOf("tracks"), ({ info }) => {
+  await withReel(streamBytes("tracks"), ({ info }) => {
     assert.deepEqual(info.tracks[1], {
       name: "flow",
       unit: "m/s",
@@ -96,95 +97,95 @@ test("facts of a track say the shape and type of its values", async () => {
       numberType: "float64",
       isExact: false,
       promisedError: null,
-      sizeBytes: groupsOf(bytesOf("tracks")).reduce((sum, [, , [start, end]]) => sum + end - start, 0),
+      sizeBytes: groupsOf(streamBytes("tracks")).reduce((sum, [, , [start, end]]) => sum + end - start, 0),
     });
   });
 });
 
-test("frames of a track are the same in any order, and come into what is given", async () => {
-  await withReel(bytesOf("tracks"), async (reel) => {
+test("frames of a track do not depend on the order, and are stored in a given array", async () => {
+  await withReel(streamBytes("tracks"), async (reel) => {
     const stress = reel.track("stress");
-    const forwards = await valuesOf(reel, stress);
+    const forwards = await decodeAll(reel, stress);
     const into = new Float32Array(42);
     for (let number = reel.info.nFrames - 1; number >= 0; number--) {
       assert.equal(await stress.frame(number, into), into);
       assert.deepEqual(into, forwards[number]);
     }
-    await assert.rejects(stress.frame(0, new Float64Array(42)), /into must be a Float32Array of 42/);
-    await assert.rejects(stress.frame(14), /there are frames 0 to 13; got frame 14/);
+    await assert.rejects(stress.frame(0, new Float64Array(42)), /into must be a Float32Array of length 42/);
+    await assert.rejects(stress.frame(14), /frame must be an integer from 0 to 13; got 14/);
     await assert.rejects(stress.fields(3), InvalidInputError);
   });
 });
 
-test("a track that is not there is refused with the names of those that are", async () => {
-  await withReel(bytesOf("tracks"), (reel) => {
+test("the error for an unknown track lists the available ones", async () => {
+  await withReel(streamBytes("tracks"), (reel) => {
     assert.throws(() => reel.track("strain"), {
       name: "InvalidInputError",
-      message: 'there is no track "strain"; there are: "stress", "flow", "σ"',
+      message: 'there is no track "strain"; available: "stress", "flow", "σ"',
     });
   });
-  await withReel(bytesOf("sphere"), (reel) => {
-    assert.throws(() => reel.track("stress"), /there are: none/);
+  await withReel(streamBytes("sphere"), (reel) => {
+    assert.throws(() => reel.track("stress"), /available: none/);
   });
 });
 
-test("only bytes of the track that is asked for are read, block by block", async () => {
+test("only bytes of the requested track are read, block by block", async () => {
   const bytes = largeTracks(30_000);
   const groups = groupsOf(bytes);
   assert.ok(bytes.length > 2 * 65536 && groups.length > 2);
-  const { blob, stretches } = notedBlob(bytes);
+  const { blob, reads } = recordingBlob(bytes);
   const groupOf = (block, track) => groups[block][track];
   await withReel(blob, async (reel) => {
-    stretches.length = 0;
+    reads.length = 0;
     await reel.frame(reel.info.blocks[2].start);
-    assert.deepEqual(stretches, [groupOf(2, 0)]);
-    stretches.length = 0;
+    assert.deepEqual(reads, [groupOf(2, 0)]);
+    reads.length = 0;
     const flow = reel.track("flow");
     await flow.frame(reel.info.blocks[2].start);
-    assert.deepEqual(stretches, [groupOf(2, 2)]);
+    assert.deepEqual(reads, [groupOf(2, 2)]);
     await flow.frame(reel.info.blocks[2].start + 1);
-    assert.equal(stretches.length, 1, "a block was read again");
+    assert.equal(reads.length, 1, "a block was read again");
     await flow.frame(reel.info.blocks[1].start);
-    // With its key block, which begins before byte 65536: the file was opened with the rest.
-    assert.deepEqual(stretches.slice(1), [groupOf(1, 2), [65536, groupOf(0, 2)[1]]]);
+    // Its key block begins before byte 65536; those bytes were read when the file was opened.
+    assert.deepEqual(reads.slice(1), [groupOf(1, 2), [65536, groupOf(0, 2)[1]]]);
   });
 });
 
-test("fields and weights make values within 1e-5 of the scale", async () => {
+test("fields and weights yield values within 1e-5 of the scale", async () => {
   for (const [name, scales] of [
     ["tracks", [3e5, 0.125, 1]],
     ["tracks_of_polygons", [2, 2]],
   ]) {
-    await withReel(bytesOf(name), async (reel) => {
+    await withReel(streamBytes(name), async (reel) => {
       for (const [i, info] of reel.info.tracks.entries()) {
         const { nItems, nColumns } = info;
         const track = reel.track(info.name);
-        let [nCorrected, largest] = [0, 0];
+        let [nCorrected, maxError] = [0, 0];
         for (const number of reel.info.blocks.keys()) {
           const block = await track.fields(number);
           for (let t = 0; t < block.nFrames; t++) {
-            const wanted = await track.frame(block.start + t);
-            const found = Float64Array.from(wanted, (_, at) => block.origin[at % nColumns]);
+            const expected = await track.frame(block.start + t);
+            const sums = Float64Array.from(expected, (_, at) => block.origin[at % nColumns]);
             for (let k = 0; k < block.nModes; k++) {
-              for (let at = 0; at < found.length; at++) {
+              for (let at = 0; at < sums.length; at++) {
                 const weight = block.weights[(t * block.nModes + k) * nColumns + (at % nColumns)];
-                found[at] += weight * block.fields[k * nItems + Math.floor(at / nColumns)];
+                sums[at] += weight * block.fields[k * nItems + Math.floor(at / nColumns)];
               }
             }
             for (let j = block.correctionStarts[t]; j < block.correctionStarts[t + 1]; j++) {
               nCorrected++;
               for (let c = 0; c < nColumns; c++) {
                 const at = nColumns * block.correctionVertices[j] + c;
-                found[at] += block.correctionOffsets[nColumns * j + c];
+                sums[at] += block.correctionOffsets[nColumns * j + c];
               }
             }
-            wanted.forEach((one, at) => {
+            expected.forEach((one, at) => {
               const rounding = 2 ** -23 * Math.abs(one);
-              largest = Math.max(largest, (Math.abs(found[at] - one) - rounding) / scales[i]);
+              maxError = Math.max(maxError, (Math.abs(sums[at] - one) - rounding) / scales[i]);
             });
           }
         }
-        assert.ok(largest < 1e-5, `${name} ${info.name}: ${largest}`);
+        assert.ok(maxError < 1e-5, `${name} ${info.name}: ${maxError}`);
         if (info.name === "stress" || info.name === "σ") assert.ok(nCorrected > 0);
       }
     });
@@ -192,45 +193,45 @@ test("fields and weights make values within 1e-5 of the scale", async () => {
 });
 
 const CASES = [
-  ["a kind", { kind: 7 }, UnsupportedVersionError, /a newer version/],
-  ["a coding", { coding: 9 }, UnsupportedVersionError, /a newer version/],
-  ["turns", { coding: 2 }, CorruptStreamError, /the coding of a track does not match its kind/],
-  ["a rate", { coding: 4 }, CorruptStreamError, /the coding of a track does not match its kind/],
+  ["an unknown kind", { kind: 7 }, UnsupportedVersionError, /a newer version/],
+  ["an unknown coding", { coding: 9 }, UnsupportedVersionError, /a newer version/],
+  ["a coding of normals", { coding: 2 }, CorruptStreamError, /the coding of a track does not match its kind/],
+  ["a coding of velocities", { coding: 4 }, CorruptStreamError, /the coding of a track does not match its kind/],
   ["a bound and exact", { coding: 1 }, CorruptStreamError, /bytes follow a track/],
-  ["integers", { type: 34 }, CorruptStreamError, /a track of integers is not exact/],
-  ["a domain", { domain: 5 }, UnsupportedVersionError, /a newer version/],
-  ["a type", { type: 2 }, UnsupportedVersionError, /a newer version/],
-  ["more behind it", { more: 1 }, CorruptStreamError, /bytes follow a track/],
-  ["no columns", { nColumns: 0 }, CorruptStreamError, /the number of columns of a track does not match/],
-  ["257 columns", { nColumns: 257 }, CorruptStreamError, /the number of columns of a track does not match/],
-  ["columns of another kind", { kind: 2 }, CorruptStreamError, /the number of columns of a track does not match/],
+  ["a lossy coding of integers", { type: 34 }, CorruptStreamError, /a track of integers is not exact/],
+  ["an unknown domain", { domain: 5 }, UnsupportedVersionError, /a newer version/],
+  ["an unknown type", { type: 2 }, UnsupportedVersionError, /a newer version/],
+  ["trailing bytes", { more: 1 }, CorruptStreamError, /bytes follow a track/],
+  ["no columns", { nColumns: 0 }, CorruptStreamError, /number of columns of a track does not match its kind/],
+  ["257 columns", { nColumns: 257 }, CorruptStreamError, /number of columns of a track does not match its kind/],
+  ["columns of another kind", { kind: 2 }, CorruptStreamError, /number of columns of a track does not match its kind/],
   ["a bound below 0", { bound: -1 }, CorruptStreamError, /a bound, scale, origin or rate/],
   ["no scale", { scale: 0 }, CorruptStreamError, /a bound, scale, origin or rate/],
   ["an origin of NaN", { origin: NaN }, CorruptStreamError, /a bound, scale, origin or rate/],
-  ["nothing behind two bytes", { length: 2 }, TruncatedStreamError, /./],
+  ["only two bytes", { length: 2 }, TruncatedStreamError, /./],
 ];
 
-for (const [what, change, type, words] of CASES) {
-  test(`a file with a track with ${what} is refused`, async () => {
+for (const [what, change, type, message] of CASES) {
+  test(`a file with a track with ${what} is rejected`, async () => {
     const error = await ReelFile.open(withTrack(0, change)).catch((thrown) => thrown);
     assert.ok(error instanceof type, String(error));
-    assert.match(error.message, words);
+    assert.match(error.message, message);
   });
 }
 
-function hashOf(name, track) {
-  return said(name).tracks.find((one) => one.name === track)["hash of values"];
+function valuesHash(name, track) {
+  return expectedOf(name).tracks.find((one) => one.name === track)["hash of values"];
 }
 
-test("a file with two tracks of one name is refused", async () => {
+test("a file with two tracks of the same name is rejected", async () => {
   await assert.rejects(ReelFile.open(withTrack(1, { name: "stress" })), {
     name: "CorruptStreamError",
     message: /two tracks have the same name/,
   });
 });
 
-test("damage in a track is an error of its block alone", async () => {
-  const bytes = Uint8Array.from(bytesOf("tracks"));
+test("damage in a track affects only its block", async () => {
+  const bytes = Uint8Array.from(streamBytes("tracks"));
   const [, end] = groupsOf(bytes)[1][1];
   bytes[end - 9] ^= 1;
   await withReel(bytes, async (reel) => {
@@ -239,24 +240,24 @@ test("damage in a track is an error of its block alone", async () => {
     await assert.rejects(stress.frame(blocks[1].start), CorruptStreamError);
     assert.equal((await stress.frame(blocks[0].start)).length, 42);
     assert.equal((await stress.frame(blocks[2].start)).length, 42);
-    assert.equal(sha(...(await valuesOf(reel, reel))), said("tracks")["hash of positions"]);
+    assert.equal(sha(...(await decodeAll(reel, reel))), expectedOf("tracks")["hash of positions"]);
   });
 });
 
-test("an exact track is found where the stream has no index, and all else is decoded", async () => {
+test("an exact track in a file without an index is found, and the rest is decoded", async () => {
   await withReel(withExactTrack(), async (reel) => {
     assert.deepEqual(reel.info.tracks.map(({ isExact }) => isExact), [false, false, true]);
     assert.equal(reel.info.blocks.length, 3);
     await assert.rejects(reel.track("σ").frame(0), {
-      name: "CorruptStreamError", // its values are the coefficients of modes
+      name: "CorruptStreamError", // its values are coefficients of modes
       message: /exact values are damaged/,
     });
-    assert.equal(sha(...(await valuesOf(reel, reel.track("flow")))), hashOf("tracks", "flow"));
-    assert.equal(sha(...(await valuesOf(reel, reel))), said("tracks")["hash of positions"]);
+    assert.equal(sha(...(await decodeAll(reel, reel.track("flow")))), valuesHash("tracks", "flow"));
+    assert.equal(sha(...(await decodeAll(reel, reel))), expectedOf("tracks")["hash of positions"]);
   });
 });
 
-test("a block is an error where what says that values are missing is damaged", async () => {
+test("damaged flags of missing values are an error of their block", async () => {
   await withReel(withMissingValues(), async (reel) => {
     const stress = reel.track("stress");
     await assert.rejects(stress.frame(0), {
@@ -267,10 +268,10 @@ test("a block is an error where what says that values are missing is damaged", a
   });
 });
 
-test("fields of exact values, and of missing ones, make the same numbers", async () => {
+test("fields of exact and missing values yield the decoded values", async () => {
   let [nExact, nMissing] = [0, 0];
   for (const name of WITH_TRACKS) {
-    await withReel(bytesOf(name), async (reel) => {
+    await withReel(streamBytes(name), async (reel) => {
       for (const info of reel.info.tracks) {
         const track = reel.track(info.name);
         const columns = [info.nColumns - 1];
@@ -279,22 +280,22 @@ test("fields of exact values, and of missing ones, make the same numbers", async
           assert.equal(block.nColumns, 1);
           const frames = [];
           for (let t = 0; t < nFrames; t++) frames.push(await track.frame(start + t));
-          const wanted = frames.map((values) =>
+          const expected = frames.map((values) =>
             Array.from({ length: info.nItems }, (_, i) =>
               Number(values[i * info.nColumns + columns[0]]),
             ),
           );
-          const finite = wanted.flat().filter(Number.isFinite);
-          const most = finite.reduce((largest, one) => Math.max(largest, Math.abs(one)), 0);
-          const found = sumsOf(block);
-          if (info.kind === "normal" && !info.isExact) continue; // not yet divided by their length
-          wanted.forEach((values, t) =>
+          const finite = expected.flat().filter(Number.isFinite);
+          const maxAbs = finite.reduce((max, one) => Math.max(max, Math.abs(one)), 0);
+          const sums = sumFields(block);
+          if (info.kind === "normal" && !info.isExact) continue; // fields are not normalized
+          expected.forEach((values, t) =>
             values.forEach((value, i) => {
               if (Number.isFinite(value)) {
-                const off = Math.abs(found[t][i] - value);
-                assert.ok(off <= 2e-5 * most, `${name} ${info.name}: ${value}, ${found[t][i]}`);
+                const error = Math.abs(sums[t][i] - value);
+                assert.ok(error <= 2e-5 * maxAbs, `${name} ${info.name}: ${value}, ${sums[t][i]}`);
               } else {
-                assert.ok(Object.is(found[t][i], value), `${name}: ${value}, ${found[t][i]}`);
+                assert.ok(Object.is(sums[t][i], value), `${name}: ${value}, ${sums[t][i]}`);
                 nMissing++;
               }
             }),
@@ -307,8 +308,8 @@ test("fields of exact values, and of missing ones, make the same numbers", async
   assert.ok(nExact >= 8 && nMissing > 0, `${nExact} exact blocks, ${nMissing} values missing`);
 });
 
-/** Numbers that the only column of fields makes, frame after frame. */
-function sumsOf({ nFrames, nModes, nVerts, origin, fields, weights, ...corrections }) {
+/** Compute the values of the only column of fields, frame by frame. */
+function sumFields({ nFrames, nModes, nVerts, origin, fields, weights, ...corrections }) {
   const { correctionStarts, correctionVertices, correctionOffsets } = corrections;
   return Array.from({ length: nFrames }, (_, t) => {
     const sums = new Float64Array(nVerts).fill(origin[0]);
@@ -322,48 +323,48 @@ function sumsOf({ nFrames, nModes, nVerts, origin, fields, weights, ...correctio
   });
 }
 
-test("columns of an exact track as fields are at most four, and all are there", async () => {
+test("fields of an exact track have at most four valid columns", async () => {
   const names = WITH_TRACKS.filter((name) =>
-    said(name).tracks.some(({ coding }) => coding === 1),
+    expectedOf(name).tracks.some(({ coding }) => coding === 1),
   );
   assert.ok(names.length >= 8);
-  await withReel(bytesOf("tracks"), async (reel) => {
+  await withReel(streamBytes("tracks"), async (reel) => {
     await assert.rejects(reel.track("flow").fields(0, { columns: [2] }), {
       name: "InvalidInputError",
-      message: "there are columns 0 to 1; got column 2",
+      message: "column must be an integer from 0 to 1; got 2",
     });
   });
-  await withReel(bytesOf("exact_f4"), async (reel) => {
+  await withReel(streamBytes("exact_f4"), async (reel) => {
     const track = reel.track(reel.info.tracks[0].name);
     await assert.rejects(track.fields(0, { columns: [0, 0, 0, 0, 0] }), {
       name: "InvalidInputError",
-      message: /at most 4 columns are fields at once; got 5/,
+      message: /at most 4 columns of an exact track can be requested at once; got 5/,
     });
   });
 });
 
-test("a file that is closed answers nothing more of its tracks", async () => {
-  const reel = await ReelFile.open(bytesOf("tracks"));
+test("calls on tracks of a closed file throw", async () => {
+  const reel = await ReelFile.open(streamBytes("tracks"));
   const stress = reel.track("stress");
   await stress.frame(0);
-  const waiting = stress.frame(13);
+  const pending = stress.frame(13);
   reel.close();
-  await assert.rejects(waiting, { name: "AbortError" });
+  await assert.rejects(pending, { name: "AbortError" });
   await assert.rejects(stress.frame(0), { name: "AbortError" });
   await assert.rejects(reel.track("flow").frame(0), { name: "AbortError" });
 });
 
-test("a question about a track that is taken back throws the reason", async () => {
-  await withReel(bytesOf("tracks"), async (reel) => {
+test("a canceled call on a track throws the reason", async () => {
+  await withReel(streamBytes("tracks"), async (reel) => {
     assert.equal((await reel.track("flow").frame(0, undefined, { signal })).length, 84);
     const aborted = AbortSignal.abort(new Error("not now"));
     await assert.rejects(reel.track("flow").frame(0, undefined, { signal: aborted }), /not now/);
   });
 });
 
-test("fields of corners that share values are those of their frames", async () => {
+test("fields of corners with shared values yield the decoded values", async () => {
   for (const name of ["corners_of_vertices", "corners_in_rows"]) {
-    const reel = await ReelFile.open(bytesOf(name));
+    const reel = await ReelFile.open(streamBytes(name));
     for (const info of reel.info.tracks) {
       const track = reel.track(info.name);
       for (const number of reel.info.blocks.keys()) {
@@ -382,13 +383,13 @@ async function checkFields(track, { name, nItems, nColumns }, block) {
     assert.ok(Math.abs(block.means[k] - sum / nVerts) < 1e-9);
   }
   for (let t = 0; t < block.nFrames; t++) {
-    const wanted = await track.frame(block.start + t);
-    assert.equal(wanted.length, nItems * nColumns);
-    const found = Float64Array.from(wanted, (_, at) => block.origin[at % nColumns]);
+    const expected = await track.frame(block.start + t);
+    assert.equal(expected.length, nItems * nColumns);
+    const sums = Float64Array.from(expected, (_, at) => block.origin[at % nColumns]);
     for (let k = 0; k < nModes; k++) {
-      for (let at = 0; at < found.length; at++) {
+      for (let at = 0; at < sums.length; at++) {
         const weight = weights[(t * nModes + k) * nColumns + (at % nColumns)];
-        found[at] += weight * fields[k * nItems + Math.floor(at / nColumns)];
+        sums[at] += weight * fields[k * nItems + Math.floor(at / nColumns)];
       }
     }
     const corrected = correctionVertices.subarray(correctionStarts[t], correctionStarts[t + 1]);
@@ -396,12 +397,12 @@ async function checkFields(track, { name, nItems, nColumns }, block) {
     corrected.forEach((corner, i) => {
       for (let c = 0; c < nColumns; c++) {
         const from = nColumns * (correctionStarts[t] + i) + c;
-        found[nColumns * corner + c] += block.correctionOffsets[from];
+        sums[nColumns * corner + c] += block.correctionOffsets[from];
       }
     });
-    wanted.forEach((one, at) => {
-      const isSame = Number.isNaN(one) ? Number.isNaN(found[at]) : Math.abs(found[at] - one) < 2e-3;
-      assert.ok(isSame, `${name}: ${found[at]}, ${one}`);
+    expected.forEach((one, at) => {
+      const isSame = Number.isNaN(one) ? Number.isNaN(sums[at]) : Math.abs(sums[at] - one) < 2e-3;
+      assert.ok(isSame, `${name}: ${sums[at]}, ${one}`);
     });
   }
 }

@@ -79,7 +79,7 @@ def read(page, address, **options):
         ({}, True),
         ({"cut": 20_000, "cuts": 2}, True),
         ({"chunked": "yes"}, True),
-        ({"lie": "whole", "lieFrom": 1}, True),
+        ({"fault": "whole", "faultFrom": 1}, True),
         # Another site must let pages see Content-Range.
         ({"cors": "plain"}, False),
         ({"ranges": "no"}, False),
@@ -87,7 +87,7 @@ def read(page, address, **options):
         # Chromium takes no compressed ranges.
         ({"gzip": "yes"}, False),
         ({"gzip": "ranges", "cors": "plain"}, False),
-        ({"lie": "noRange"}, False),
+        ({"fault": "noRange"}, False),
     ],
 )
 def test_bytes_are_right_when_a_server_behaves_so(page, address_of, content, how, has_ranges):
@@ -106,9 +106,9 @@ def test_bytes_are_right_when_a_server_behaves_so(page, address_of, content, how
         # Chromium would give the old ETag with bytes that its cache has asked for by If-Range.
         ({"changeAfter": 1, "ifRange": "no"}, {}, "has changed"),
         ({"changeAfter": 1}, {"cache": "default"}, "has changed"),
-        ({"cors": "none"}, {"retries": 1}, "that it sends Access-Control-Allow-Origin"),
-        ({"ranges": "no", "lie": "bodyShorter"}, {"retries": 0}, "was cut at byte 200000"),
-        ({"stall": 100}, {"retries": 0, "stallSeconds": 0.2}, "nothing came for 0.2 s"),
+        ({"cors": "none"}, {"retries": 1}, "that the server sends Access-Control-Allow-Origin"),
+        ({"ranges": "no", "fault": "bodyShorter"}, {"retries": 0}, "was lost at byte 200000"),
+        ({"stall": 100}, {"retries": 0, "stallSeconds": 0.2}, "received nothing for 0.2 s"),
         ({"status": 404}, {}, "HTTP 404; there is no such file"),
     ],
 )

@@ -136,7 +136,7 @@ def test_error_is_cleared_when_the_browser_gives_graphics_back(shown):
         }"""
     )
     until(page, "player.error")
-    assert "graphics" in text_of(page, "[role=alert]")
+    assert "WebGL context" in text_of(page, "[role=alert]")
     page.evaluate("extension.restoreContext()")
     until(page, "player.error === null")
     assert text_of(page, "[role=alert]") == ""
@@ -377,10 +377,10 @@ def test_many_players_keep_their_pictures_and_give_contexts_back_out_of_sight(sh
         page.evaluate(f"{ALL}[{number}].scrollIntoView()")
         ready = "mesh && !mesh.isWaiting && mesh.geometry.drawRange.count > 0"
         until(page, f"(({{ mesh }}) => {ready})({ALL}[{number}])")
-    until(page, "!player.shadowRoot.querySelector('.still')")
+    until(page, "!player.shadowRoot.querySelector('.snapshot')")
     page.wait_for_timeout(300)
     assert (np.abs(picture(page) - 255).max(axis=2) > 12).mean() > 0.05
-    resting = page.evaluate(f"{ALL}.filter((one) => one.shadowRoot.querySelector('.still')).length")
-    assert resting >= 5
+    snapshots = f"{ALL}.filter((one) => one.shadowRoot.querySelector('.snapshot'))"
+    assert page.evaluate(f"{snapshots}.length") >= 5
     assert page.evaluate(f"{ALL}.every(({{ error }}) => error === null)")
     assert not [one for one in warnings if "Too many active WebGL contexts" in one]

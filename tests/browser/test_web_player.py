@@ -320,8 +320,11 @@ ERRORS = {
     'src="/missing.reel"': ("SourceError", "HTTP 404"),
     'src="/page.css"': ("CorruptStreamError", ""),
     'src="/flag.reel" speed="fast"': ("InvalidInputError", 'got speed="fast"'),
-    'src="/flag.reel" background="no color"': ("InvalidInputError", "background is a color"),
-    'src="/flag.reel" texture="/walk.webm"': ("InvalidInputError", "no texture coordinates"),
+    'src="/flag.reel" background="no color"': (
+        "InvalidInputError",
+        "must be a CSS color",
+    ),
+    'src="/flag.reel" texture="/walk.webm"': ("InvalidInputError", "no UVs"),
     'src="/sheet.reel" texture="/missing.png"': ("SourceError", "cannot load the image"),
     'src="/sheet.reel" texture="/missing.webm"': ("SourceError", "cannot play the video"),
     'src="/sheet.reel" texture="/walk.webm" loop="pingpong"': ("InvalidInputError", "forwards"),
@@ -405,18 +408,18 @@ def test_a_track_is_shown_in_colours_with_a_legend(shown):
     settled(page)
     until(page, f"!{LEGEND}.hidden")
     label = f"{LEGEND}.getAttribute('aria-label')"
-    assert page.evaluate(label) == "Colours: stress (Pa) from -400 to 400"
+    assert page.evaluate(label) == "Colors: stress (Pa) from -400 to 400"
     colors = picture(page)
     red, blue = colors[..., 0] - colors[..., 2], colors[..., 2] - colors[..., 0]
     assert (red > 60).mean() > 0.02
     assert (blue > 60).mean() > 0.02
     page.evaluate("Object.assign(player, { track: 'part', trackRange: '0%:100%' })")
     until(page, f"{label}.includes('part')")
-    assert page.evaluate(label).startswith("Colours: part from 0 to ")
+    assert page.evaluate(label).startswith("Colors: part from 0 to ")
     page.evaluate("Object.assign(player, { track: 'paint', trackComponent: 'x' })")
-    until(page, f"{label}.startsWith('Colours: paint, x from ')")
+    until(page, f"{label}.startsWith('Colors: paint, x from ')")
     page.evaluate("Object.assign(player, { trackComponent: null, trackRange: null })")
-    until(page, f"{label} === 'Colours: paint'")
+    until(page, f"{label} === 'Colors: paint'")
     page.wait_for_timeout(300)
     colors = picture(page)
     assert ((colors[..., 0] > 100) & (colors[..., 1:].max(axis=2) < 60)).mean() > 0.1
@@ -428,7 +431,7 @@ def test_a_track_is_shown_in_colours_with_a_legend(shown):
 def test_a_track_that_is_not_there_is_an_error_with_those_that_are(shown):
     page = shown('<reel-player src="/stress.reel" track="strain"></reel-player>')
     until(page, "player.error")
-    assert 'there are: "stress", "part", "paint"' in text_of(page, "[role=alert]")
+    assert 'available: "stress", "part", "paint"' in text_of(page, "[role=alert]")
     assert page.evaluate(f"{LEGEND}.hidden")
 
 

@@ -282,7 +282,7 @@ def test_only_what_both_have_is_played_when_one_is_longer(ask, film, last):
     assert found["wrong"] == []
     warnings = [one["message"] for one in found["events"] if one["type"] == "warning"]
     assert len(warnings) == 1
-    assert "are played, and the end of the" in warnings[0]
+    assert "are played, without the end of the" in warnings[0]
 
 
 @pytest.mark.slow
@@ -365,18 +365,18 @@ def test_image_is_shown_upright_in_its_colors(ask, source):
 
 
 ERRORS = {
-    '"/same.webm"|reel: "/plain.reel"': "InvalidInputError: the file has no texture coordinates",
-    '"/missing.webm"': "SourceError: cannot play the video .*missing.webm: there is no such",
+    '"/same.webm"|reel: "/plain.reel"': "InvalidInputError: the file has no UVs",
+    '"/missing.webm"': "SourceError: cannot play the video .*missing.webm: the video does not",
     '"/sheet.reel", { kind: "video" }': "SourceError: cannot play the video",
     '"/missing.png"': "SourceError: cannot load the image",
-    '"/walk"': "InvalidInputError: the name /walk does not say whether it is an image or a video",
-    '"/flag.png", { offset: 1 }': "InvalidInputError: offset is for videos only",
-    '"/flag.png", { uv: "map2" }': "InvalidInputError: the file has no texture coordinates map2",
-    'new Image(), { kind: "image" }': "InvalidInputError: kind is for addresses only",
+    '"/walk"': "InvalidInputError: cannot tell from /walk whether it is an image or a video",
+    '"/flag.png", { offset: 1 }': "InvalidInputError: offset applies only to videos",
+    '"/flag.png", { uv: "map2" }': "InvalidInputError: the file has no UV attribute map2",
+    'new Image(), { kind: "image" }': "InvalidInputError: kind applies only to addresses",
     '"/same.webm", { frameNumber: { x: 0, y: 0, cell: 1, bits: 9 } }': "InvalidInputError: frameN",
-    '"/same.webm"|loop: "pingpong"': "InvalidInputError: a video plays forwards only",
-    '"/same.webm"|speed: -1': "InvalidInputError: a video plays forwards only",
-    '"/same.webm"|speed: 1000': "InvalidInputError: this browser does not play videos at the speed",
+    '"/same.webm"|loop: "pingpong"': "InvalidInputError: videos play only forwards",
+    '"/same.webm"|speed: -1': "InvalidInputError: videos play only forwards",
+    '"/same.webm"|speed: 1000': "InvalidInputError: this browser does not play videos at speed",
 }
 
 
@@ -425,7 +425,7 @@ def test_video_of_another_site_is_an_error_when_it_may_not_be_read(ask, films):
               return [error().error, own];
             """,
         )
-    assert_matches(found[0], "SourceError: this page may not read the video .*same.webm")
+    assert_matches(found[0], "SourceError: this page must not read the video .*same.webm")
     assert_matches(found[1], "SourceError: cannot play the video .*same.webm")
 
 

@@ -90,7 +90,7 @@ OF_VALUES = """async () => {
     await mesh.colorBy(name);
     mesh.seek({ frame: 17 });
     while (mesh.isWaiting) await new Promise((resolve) => setTimeout(resolve, 5));
-    const found = mesh.colorsOf(await mesh.reel.track(name).frame(17));
+    const found = mesh.colorAttribute(await mesh.reel.track(name).frame(17));
     const { array } = mesh.geometry.getAttribute(found.name);
     if (array.length !== found.values.length) throw new Error(`${array.length} numbers`);
     off[name] = Math.max(...found.values.map((one, i) => Math.abs(one - array[i])));
@@ -98,7 +98,7 @@ OF_VALUES = """async () => {
   await mesh.colorBy("speed");
   off.refused = [];
   const refuse = (values) => {
-    try { mesh.colorsOf(values); } catch ({ message }) { off.refused.push(message); }
+    try { mesh.colorAttribute(values); } catch ({ message }) { off.refused.push(message); }
   };
   refuse(new Float32Array(5));
   await mesh.colorBy(null);
@@ -227,12 +227,12 @@ def test_range_of_a_track_of_colours_is_refused(page):
       const mesh = await new ReelLoader(undefined, { gpu: false }).loadAsync("/flag.reel");
       return mesh.colorBy("paint", { range: [0, 1] }).catch(({ message }) => message);
     }"""
-    assert "colours, which are shown as they are; leave range out" in page.evaluate(refused)
+    assert "consists of colors, to which range does not apply" in page.evaluate(refused)
 
 
 def test_other_values_get_the_colours_that_those_of_the_mesh_have(page):
     found = page.evaluate(OF_VALUES)
     refused = found.pop("refused")
     assert max(found.values()) < 2e-3, found
-    assert "values must be the 288 x 3 numbers of a frame; got 5" in refused[0]
-    assert "no track colours the mesh" in refused[1]
+    assert "values must have 288 x 3 numbers; got 5" in refused[0]
+    assert "call colorBy first" in refused[1]

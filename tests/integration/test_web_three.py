@@ -306,10 +306,10 @@ def test_colours_that_cannot_be_are_refused_with_what_is_possible(ask):
     assert "has 5 columns: component must be one of 0 to 4; got" in many
     assert "must be one of 0 to 4; got" in length
     assert 'must be one of 0 to 2, "x", "y", "z", "magnitude"; got 3' in column
-    assert "range must be two finite numbers, low < high, or a text LOW:HIGH" in span
+    assert "range must be two finite numbers, low < high, or a string LOW:HIGH" in span
     assert span.endswith("got 1,1")
     assert 'map must be "sequential", "diverging" or a list' in name
-    assert "two or more colours" in short
+    assert "two or more colors" in short
     assert answer["last"] == ["AbortError", "high"]
     assert "none has a map" in answer["other"]
 

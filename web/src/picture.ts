@@ -144,7 +144,7 @@ export class Picture {
   setOriginalValues(values: TrackValues): void {
     const { original, decoded, mesh } = this;
     if (!original) return;
-    original.mesh.setColors(mesh.colorsOf(values));
+    original.mesh.setColors(mesh.colorAttribute(values));
     if (this.isOriginalTracked) return;
     this.isOriginalTracked = true;
     original.figure.track.takeColors(decoded.track);
@@ -181,7 +181,7 @@ export class Picture {
     this.applyLook(); // colours dress the material that the mesh wears
     const legend = await this.mesh.colorBy(track, {
       component: component === null || isColor ? undefined : componentOf(component),
-      ...(isColor ? {} : { range: range ?? usual, isOfFile: true }),
+      ...(isColor ? {} : { range: range ?? usual, wholeFile: true }),
       ...(colormap ? { map: colormap } : {}),
     });
     this.refit();
@@ -247,7 +247,7 @@ export class Picture {
   }
 
   private middle(): THREE.Vector3 {
-    return this.mesh.getMiddle(new THREE.Vector3());
+    return this.mesh.getCentroid(new THREE.Vector3());
   }
 
   private paint(values: Float32Array): void {

@@ -12,7 +12,7 @@ import { ReelFile } from "meshreel";
 
 const engine = new Engine(document.querySelector("canvas"), true);
 const scene = new Scene(engine);
-scene.useRightHandedSystem = true; // as files of most programs are
+scene.useRightHandedSystem = true; // as in most file formats
 scene.clearColor = new Color4(0.87, 0.89, 0.92, 1);
 new HemisphericLight("light", new Vector3(0.3, 1, 1), scene);
 
@@ -39,14 +39,14 @@ const positions = new Float32Array(3 * nVerts);
 const normals = new Float32Array(3 * nVerts);
 
 async function decode(frame) {
-  positions.set(await reel.frame(frame)); // of files with double precision, too
+  positions.set(await reel.frame(frame)); // converts float64 files
   VertexData.ComputeNormals(positions, indices, normals, { useRightHandedSystem: true });
   mesh.metadata = { frame };
 }
 
 await decode(0);
 Object.assign(new VertexData(), { positions, normals, indices }).applyToMesh(mesh, true);
-mesh.alwaysSelectAsActiveMesh = true; // its bounds are those of the first frame
+mesh.alwaysSelectAsActiveMesh = true; // its bounds are those of the first frame only
 
 let isDecoding = false;
 const began = performance.now();

@@ -18,19 +18,19 @@ function fileOf(url: string) {
   return file;
 }
 
-/** Keeps a file open until the last of those that show it has gone. */
+/** Keeps a file open until its last user unmounts. */
 function keepOpen(url: string) {
   const file = fileOf(url);
   file.nUsers++;
-  const letGo = async () => {
+  const release = async () => {
     if (--file.nUsers > 0) return;
     files.delete(url);
     (await file.opening).close();
   };
-  return () => void setTimeout(letGo); // it may come back at once, as in StrictMode
+  return () => void setTimeout(release); // StrictMode remounts immediately
 }
 
-/** Plays a file, 1 unit in size around the origin. Suspends until it is open. */
+/** Plays a file, scaled to 1 unit around the origin. Suspends until it is open. */
 export function Reel({ url, ...props }: { url: string } & Omit<ThreeElements["reelMesh"], "args">) {
   const reel = use(fileOf(url).opening);
   useEffect(() => keepOpen(url), [url]);

@@ -1,4 +1,4 @@
-// An open file: what it says of itself.
+// Metadata of an open file: frames, blocks and tracks.
 
 import { InvalidInputError, UnsupportedVersionError } from "../errors.js";
 import type { ReelInfo, TrackInfo } from "../types.js";
@@ -12,23 +12,24 @@ const KINDS = ["other", "vector", "velocity", "normal", "color", "uv", "scalar"]
 const DOMAINS = ["vertex", "face", "corner"] as const;
 const STRUCT_BYTES = 64;
 
-/** A run of frames that are decoded together. */
+/** Consecutive frames that are decoded together. */
 export interface Block {
   readonly start: number;
   readonly nFrames: number;
-  /** Of all tracks. */
+  /** Compressed size of all tracks in the block. */
   readonly sizeBytes: number;
 }
 
-/** A track: what is known of it, and its type as the library has it. */
+/** Metadata of a track. */
 export interface Track {
   readonly info: TrackInfo;
+  /** Number type, a `meshreel_type`. */
   readonly type: number;
 }
 
-/** Facts of an open file; the positions are the first of its tracks. */
+/** Metadata of an open file. Track 0 is the positions. */
 export interface File {
-  /** Its address. */
+  /** Address of the `meshreel_file`. */
   readonly handle: number;
   readonly info: Omit<ReelInfo, "tracks" | "blocks">;
   readonly nPolygons: number;
@@ -37,70 +38,69 @@ export interface File {
 }
 
 /**
- * Facts of a file that the library has opened.
+ * Read the metadata of a file that the library has opened.
  *
- * @throws InvalidInputError where it has several segments.
- * @throws UnsupportedVersionError where it is of a method of the paper.
+ * @throws InvalidInputError if the file has several segments.
+ * @throws UnsupportedVersionError if the file uses a method that only the Python package decodes.
  */
 export function readFile(library: Library, handle: number): File {
-  const found = new Struct(library.buffer, library.functions.meshreel_info_of(handle) >>> 0);
-  const name = found.text();
-  const [fps, startS, promisePercent, x, y, z, diagonal] = found.float64s(7);
-  found.uint64();
+  const fields = new Struct(library.buffer, library.functions.meshreel_info_of(handle) >>> 0);
+  const name = fields.text();
+  const [fps, startS, maxErrorPercent, x, y, z, diagonal] = fields.float64s(7);
+  fields.uint64(); // size
   const [nFrames, nVerts, nFaces, nPolygons, , nBlocks, , nTracks, numberBytes, method] =
-    found.uint32s(10);
-  const [, , , nSegments] = found.uint32s(4);
+    fields.uint32s(10);
+  const [, , , nSegments] = fields.uint32s(4);
   if (nSegments > 1) {
     throw new InvalidInputError(
-      `the file has ${nSegments} segments, which differ in connectivity; open one of them: ` +
-        `segment 0 to ${nSegments - 1}`,
+      `the file has ${nSegments} segments; open one of them: segment 0 to ${nSegments - 1}`,
     );
   }
   if (method < REEL) {
     throw new UnsupportedVersionError(
-      `the file is of method ${METHODS[method]}; pages decode reel, lossless and grid: encode the ` +
-        "original again",
+      `the file uses the method ${METHODS[method]}; this package decodes reel, lossless and grid: ` +
+      "encode the original again",
     );
   }
-  const parts = Array.from({ length: nBlocks }, (_, block) =>
-    Array.from({ length: nTracks }, (_, track) => partOf(library, handle, block, track)),
+  const blocksByTrack = Array.from({ length: nBlocks }, (_, block) =>
+    Array.from({ length: nTracks }, (_, track) => readBlock(library, handle, block, track)),
   );
-  const sum = (found: readonly Block[]): number =>
-    found.reduce((all, { sizeBytes }) => all + sizeBytes, 0);
+  const totalBytes = (ofBlocks: readonly Block[]): number =>
+    ofBlocks.reduce((total, { sizeBytes }) => total + sizeBytes, 0);
   return {
     handle,
     info: {
       method: METHODS[method] as ReelInfo["method"],
       ...{ name, nFrames, nVerts, nFaces, fps, startS, center: [x, y, z], diagonal },
-      promisePercent: promisePercent || null,
+      maxErrorPercent: maxErrorPercent || null,
       numberType: numberBytes === 4 ? "float32" : "float64",
     },
     nPolygons,
-    blocks: parts.map((ofTracks) => ({ ...ofTracks[0], sizeBytes: sum(ofTracks) })),
+    blocks: blocksByTrack.map((ofTracks) => ({ ...ofTracks[0], sizeBytes: totalBytes(ofTracks) })),
     tracks: Array.from({ length: nTracks }, (_, track) =>
-      trackOf(library, handle, track, sum(parts.map((ofTracks) => ofTracks[track]))),
+      readTrack(library, handle, track, totalBytes(blocksByTrack.map((ofTracks) => ofTracks[track]))),
     ),
   };
 }
 
-/** The frames of a block, and the bytes of a track in it. */
-function partOf(library: Library, file: number, block: number, track: number): Block {
-  return library.during(STRUCT_BYTES, (at) => {
-    library.functions.meshreel_block_of(file, block, track, at);
-    const found = new Struct(library.buffer, at);
-    const [start, nFrames] = found.uint32s(2);
-    found.uint64();
-    return { start, nFrames, sizeBytes: found.uint64() };
+/** Read the frame range of a block and the size of one track in it. */
+function readBlock(library: Library, file: number, block: number, track: number): Block {
+  return library.withMemory(STRUCT_BYTES, (address) => {
+    library.functions.meshreel_block_of(file, block, track, address);
+    const fields = new Struct(library.buffer, address);
+    const [start, nFrames] = fields.uint32s(2);
+    fields.uint64(); // offset
+    return { start, nFrames, sizeBytes: fields.uint64() };
   });
 }
 
-function trackOf(library: Library, file: number, track: number, sizeBytes: number): Track {
-  return library.during(STRUCT_BYTES, (at) => {
-    library.functions.meshreel_track_of(file, track, at);
-    const found = new Struct(library.buffer, at);
-    const [name, unit] = [found.text(), found.text()];
-    const [kind, domain, type, nColumns, nItems, , isExact] = found.uint32s(8);
-    const bound = found.float64();
+function readTrack(library: Library, file: number, track: number, sizeBytes: number): Track {
+  return library.withMemory(STRUCT_BYTES, (address) => {
+    library.functions.meshreel_track_of(file, track, address);
+    const fields = new Struct(library.buffer, address);
+    const [name, unit] = [fields.text(), fields.text()];
+    const [kind, domain, type, nColumns, nItems, , isExact] = fields.uint32s(8);
+    const bound = fields.float64();
     return {
       type,
       info: {

@@ -1,4 +1,4 @@
-// Allocation in the linear memory of the library.
+// First-fit allocator in the linear memory of the library.
 
 const ALIGNMENT = 64;
 const PAGE = 65536;
@@ -8,33 +8,33 @@ interface Span {
   end: number;
 }
 
-/** Memory starting at `start`, allocated first fit. */
+/** Allocates the memory from address `start` upwards, first fit. */
 export class Heap {
-  /** In ascending order; adjacent spans are merged. */
+  /** Free spans in ascending order; adjacent spans are merged. */
   private readonly free: Span[] = [];
   private end: number;
-  /** Bytes allocated now. */
+  /** Bytes currently allocated. */
   usedBytes = 0;
 
   constructor(
     private readonly memory: WebAssembly.Memory,
     start: number,
   ) {
-    this.end = aligned(start);
+    this.end = alignUp(start);
   }
 
   /**
-   * Allocate memory, aligned to 64 bytes and not cleared; returns its address, or 0 if there is not
-   * enough. The memory may grow, which detaches views of it.
+   * Allocate memory, aligned to 64 bytes and not cleared; returns its address, or 0 if memory is
+   * exhausted. May grow the WebAssembly memory, which detaches existing views of it.
    */
-  take(sizeBytes: number): number {
-    const size = aligned(sizeBytes);
-    const place = this.free.findIndex((span) => span.end - span.start >= size);
-    if (place >= 0) {
-      const span = this.free[place];
+  allocate(sizeBytes: number): number {
+    const size = alignUp(sizeBytes);
+    const index = this.free.findIndex((span) => span.end - span.start >= size);
+    if (index >= 0) {
+      const span = this.free[index];
       const { start } = span;
       span.start += size;
-      if (span.start === span.end) this.free.splice(place, 1);
+      if (span.start === span.end) this.free.splice(index, 1);
       this.usedBytes += size;
       return start;
     }
@@ -47,28 +47,28 @@ export class Heap {
     return start;
   }
 
-  /** Release memory, of the size that was allocated. */
+  /** Release memory; `sizeBytes` is the size that was allocated. */
   release(start: number, sizeBytes: number): void {
-    const span = { start, end: start + aligned(sizeBytes) };
+    const span = { start, end: start + alignUp(sizeBytes) };
     this.usedBytes -= span.end - span.start;
     const found = this.free.findIndex((other) => other.start > start);
-    const place = found < 0 ? this.free.length : found;
-    this.free.splice(place, 0, span);
-    if (this.free[place + 1]?.start === span.end) {
-      span.end = this.free[place + 1].end;
-      this.free.splice(place + 1, 1);
+    const index = found < 0 ? this.free.length : found;
+    this.free.splice(index, 0, span);
+    if (this.free[index + 1]?.start === span.end) {
+      span.end = this.free[index + 1].end;
+      this.free.splice(index + 1, 1);
     }
-    if (this.free[place - 1]?.end === span.start) {
-      this.free[place - 1].end = span.end;
-      this.free.splice(place, 1);
+    if (this.free[index - 1]?.end === span.start) {
+      this.free[index - 1].end = span.end;
+      this.free.splice(index, 1);
     }
   }
 
   private grow(end: number): boolean {
-    const missing = Math.ceil((end - this.memory.buffer.byteLength) / PAGE);
-    if (missing <= 0) return true;
+    const nPages = Math.ceil((end - this.memory.buffer.byteLength) / PAGE);
+    if (nPages <= 0) return true;
     try {
-      this.memory.grow(missing);
+      this.memory.grow(nPages);
       return true;
     } catch {
       return false;
@@ -76,6 +76,6 @@ export class Heap {
   }
 }
 
-function aligned(size: number): number {
+function alignUp(size: number): number {
   return Math.ceil(Math.max(size, 1) / ALIGNMENT) * ALIGNMENT;
 }

@@ -1,4 +1,4 @@
-// The C library in a page: its functions, its memory, and the bytes of one file.
+// Binding of the C library: its functions, its memory, and access to the bytes of one file.
 
 import {
   CorruptStreamError,
@@ -11,20 +11,20 @@ import {
 import { Heap } from "./heap.js";
 import { Struct } from "./struct.js";
 
-/** MESHREEL_ABI of the `include/meshreel.h` that this package is written for. */
+/** The MESHREEL_ABI of `include/meshreel.h` that this package supports. */
 const ABI = 1;
 
 const ERROR_BYTES = 32;
 const [NO_MEMORY, UNREADABLE, LIMIT] = [1, 7, 9];
 
-/** Classes of the other values of `meshreel_code`. */
-const CLASSES = new Map([
+/** Error classes of the other values of `meshreel_code`; default: InvalidInputError. */
+const ERROR_CLASSES = new Map([
   [2, TruncatedStreamError],
   [3, CorruptStreamError],
   [5, UnsupportedVersionError],
 ]);
 
-/** Functions of core/compile.py's PAGE_FUNCTIONS; addresses and counts are numbers. */
+/** Exports of the module: PAGE_FUNCTIONS in core/compile.py. Addresses and counts are numbers. */
 interface Functions {
   readonly memory: WebAssembly.Memory;
   readonly __heap_base: WebAssembly.Global;
@@ -69,14 +69,14 @@ interface Functions {
   ): number;
 }
 
-/** Bytes of the file that have been fetched. */
+/** The bytes of a file that have been fetched so far. */
 export interface Bytes {
-  /** Fill `into` with the bytes from `start`; returns false if some have not been fetched. */
+  /** Copy bytes from position `start` to `into`; returns false if some have not been fetched. */
   copy(start: number, into: Uint8Array): boolean;
   has(start: number, end: number): boolean;
 }
 
-/** Thrown by a call that needs bytes: fetch them, and repeat it. */
+/** Thrown when decoding needs bytes that have not been fetched: fetch them, then repeat the call. */
 export class MissingBytes extends Error {
   constructor(
     readonly start: number,
@@ -86,33 +86,34 @@ export class MissingBytes extends Error {
   }
 }
 
+/** An instance of the C library; serves one file. */
 export class Library {
   readonly functions: Functions;
   readonly heap: Heap;
   private bytes: Bytes | null = null;
   private memoryLimit = 0;
 
-  /** @throws MeshReelError where the module was built from other sources than this package. */
+  /** @throws MeshReelError if the ABI of the module differs from that of this package. */
   private constructor(instance: WebAssembly.Instance) {
     this.functions = instance.exports as unknown as Functions;
-    const found = this.functions.meshreel_abi();
-    if (found !== ABI) {
-      throw new MeshReelError(`the decoder has interface ${found}; this meshreel needs ${ABI}`);
+    const abi = this.functions.meshreel_abi();
+    if (abi !== ABI) {
+      throw new MeshReelError(`the decoder has ABI ${abi}; this package needs ABI ${ABI}`);
     }
     this.heap = new Heap(this.functions.memory, this.functions.__heap_base.value);
   }
 
-  /** An instance of a module that `loadModule` gives. */
-  static async start(module: WebAssembly.Module): Promise<Library> {
+  /** Instantiate a module returned by `loadModule`. */
+  static async instantiate(module: WebAssembly.Module): Promise<Library> {
     let library: Library;
-    // Addresses come as signed integers.
+    // WebAssembly passes addresses as signed integers.
     const page = {
-      read: (start: number, to: number, size: number): number =>
-        Number(!library.bytes?.copy(start, new Uint8Array(library.buffer, to >>> 0, size >>> 0))),
-      announce: (start: number, size: number): number =>
-        Number(!library.bytes?.has(start, start + size)),
-      allocate: (size: number): number => library.heap.take(size >>> 0),
-      release: (start: number, size: number): void => library.heap.release(start >>> 0, size >>> 0),
+      read: (instantiate: number, to: number, size: number): number =>
+        Number(!library.bytes?.copy(instantiate, new Uint8Array(library.buffer, to >>> 0, size >>> 0))),
+      announce: (instantiate: number, size: number): number =>
+        Number(!library.bytes?.has(instantiate, instantiate + size)),
+      allocate: (size: number): number => library.heap.allocate(size >>> 0),
+      release: (instantiate: number, size: number): void => library.heap.release(instantiate >>> 0, size >>> 0),
     };
     library = new Library(await WebAssembly.instantiate(module, { page }));
     return library;
@@ -122,8 +123,8 @@ export class Library {
     return this.functions.memory.buffer as ArrayBuffer;
   }
 
-  /** Call `work`, whose calls of the library read the file from `bytes`; returns its result. */
-  reading<Result>(bytes: Bytes, work: () => Result): Result {
+  /** Call `work` with `bytes` as the file that the library reads; returns its result. */
+  withBytes<Result>(bytes: Bytes, work: () => Result): Result {
     this.bytes = bytes;
     try {
       return work();
@@ -132,41 +133,41 @@ export class Library {
     }
   }
 
-  /** Call `work` with the address of memory that is released afterwards; returns its result. */
-  during<Result>(sizeBytes: number, work: (start: number) => Result): Result {
-    const start = this.heap.take(sizeBytes);
-    if (!start) throw tooLarge(sizeBytes);
+  /** Call `work` with the address of temporary memory; returns its result. */
+  withMemory<Result>(sizeBytes: number, work: (instantiate: number) => Result): Result {
+    const instantiate = this.heap.allocate(sizeBytes);
+    if (!instantiate) throw outOfMemory(sizeBytes);
     try {
-      return work(start);
+      return work(instantiate);
     } finally {
-      this.heap.release(start, sizeBytes);
+      this.heap.release(instantiate, sizeBytes);
     }
   }
 
-  /** Open the file of this page, or one of its segments; returns its address. */
+  /** Open the file, or one of its segments; returns the address of the `meshreel_file`. */
   open(sizeBytes: number, memoryLimit: number, segment: number | null): number {
     this.memoryLimit = memoryLimit;
-    return this.addressOf((found, error) =>
-      this.functions.page_open(sizeBytes, memoryLimit, segment ?? -1, found, error),
+    return this.callForAddress((out, error) =>
+      this.functions.page_open(sizeBytes, memoryLimit, segment ?? -1, out, error),
     );
   }
 
-  /** The address that a function stores; throws as `check`. */
-  addressOf(call: (found: number, error: number) => number): number {
-    return this.during(8, (found) => {
-      this.check((error) => call(found, error));
-      return new Uint32Array(this.buffer, found, 1)[0];
+  /** Call a function that stores an address at `out`; returns that address. Throws as `check`. */
+  callForAddress(call: (out: number, error: number) => number): number {
+    return this.withMemory(8, (out) => {
+      this.check((error) => call(out, error));
+      return new Uint32Array(this.buffer, out, 1)[0];
     });
   }
 
   /**
-   * Call a function that gets the address of a `meshreel_error` and returns a code.
+   * Call a function that takes the address of a `meshreel_error` and returns a `meshreel_code`.
    *
-   * @throws MissingBytes if bytes of the file have to be fetched.
-   * @throws MeshReelError of the class of the code.
+   * @throws MissingBytes if bytes of the file must be fetched first.
+   * @throws MeshReelError for every other code, of the class that belongs to it.
    */
   check(call: (error: number) => number): void {
-    this.during(ERROR_BYTES, (error) => {
+    this.withMemory(ERROR_BYTES, (error) => {
       if (!call(error)) return;
       const fields = new Struct(this.buffer, error);
       const [code] = fields.uint32s(2);
@@ -174,17 +175,17 @@ export class Library {
       if (code === UNREADABLE) throw new MissingBytes(offset, offset + size);
       if (code === LIMIT) {
         throw new MemoryLimitError(
-          `decoding takes ${size} bytes of memory; ${this.memoryLimit} are allowed: open it with ` +
-            "more `memory`",
+          `decoding needs ${size} bytes of memory; the limit is ${this.memoryLimit}: open the file ` +
+          "with a larger `memory`",
         );
       }
-      if (code === NO_MEMORY) throw tooLarge(size);
+      if (code === NO_MEMORY) throw outOfMemory(size);
       const place = offset < 2 ** 53 ? ` (byte ${offset})` : "";
-      throw new (CLASSES.get(code) ?? InvalidInputError)(fields.message() + place);
+      throw new (ERROR_CLASSES.get(code) ?? InvalidInputError)(fields.cString() + place);
     });
   }
 }
 
-function tooLarge(sizeBytes: number): MeshReelError {
-  return new MeshReelError(`decoding takes ${sizeBytes} bytes, which this page does not have`);
+function outOfMemory(sizeBytes: number): MeshReelError {
+  return new MeshReelError(`decoding needs ${sizeBytes} bytes, more than are available`);
 }

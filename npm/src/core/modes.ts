@@ -1,4 +1,4 @@
-// A track in a block as a sum of modes, in the memory of the library.
+// Modes of a track in a block, read from the memory of the library.
 
 import type { Library } from "./library.js";
 import { Struct } from "./struct.js";
@@ -6,8 +6,8 @@ import { Struct } from "./struct.js";
 const STRUCT_BYTES = 128;
 
 /**
- * A track in a block: the formula is that of `meshreel_modes` in include/meshreel.h. `values` is a
- * view of memory that lasts until the library is called again; the rest are copies.
+ * A track in a block as a sum of modes; `meshreel_modes` in include/meshreel.h has the formula.
+ * `values` is a view that is valid until the next call of the library; the rest are copies.
  */
 export interface Modes {
   readonly nFrames: number;
@@ -18,21 +18,22 @@ export interface Modes {
   readonly step: number;
   readonly scale: number;
   readonly origin: readonly number[];
-  /** Rows of nModes numbers, in steps. */
+  /** Fields, in quantization steps: rows of nModes numbers. */
   readonly values: Float64Array;
-  /** The row of each item. */
+  /** Row of each item in `values`. */
   readonly rows: Int32Array;
-  /** Of shape (nColumns, nFrames, nModes). */
+  /** Temporal basis, of shape (nColumns, nFrames, nModes). */
   readonly basis: Float64Array;
-  /** Corrections of frame t are starts[t] .. starts[t + 1] - 1, items ascending. */
+  /** Corrections of frame t are starts[t] .. starts[t + 1] - 1, by ascending item. */
   readonly starts: Uint32Array;
+  /** Item of each correction. */
   readonly corrected: Uint32Array;
-  /** nColumns for each. */
+  /** nColumns numbers per correction. */
   readonly corrections: Float64Array;
 }
 
 /**
- * The modes of a track in a block, of each of its items; null where it is no sum of modes. Throws as
+ * Read the modes of a track in a block; null if the block is not stored as modes. Throws as
  * `Library.check`.
  */
 export function readModes(
@@ -42,16 +43,16 @@ export function readModes(
   block: number,
   nItems: number,
 ): Modes | null {
-  return library.during(STRUCT_BYTES, (at) => {
+  return library.withMemory(STRUCT_BYTES, (address) => {
     library.check((error) =>
-      library.functions.meshreel_modes_of(decoder, track, block, at, error),
+      library.functions.meshreel_modes_of(decoder, track, block, address, error),
     );
     const { buffer } = library;
-    const found = new Struct(buffer, at);
-    const [nFrames, nModes, nColumns, nStored, hasMissing] = found.uint32s(6);
+    const fields = new Struct(buffer, address);
+    const [nFrames, nModes, nColumns, nStored, hasMissing] = fields.uint32s(6);
     if (!nModes) return null;
-    const [step, scale] = found.float64s(2);
-    const [origin, values, rows, basis, shared, starts, corrected, corrections] = found.uint32s(8);
+    const [step, scale] = fields.float64s(2);
+    const [origin, values, rows, basis, shared, starts, corrected, corrections] = fields.uint32s(8);
     const modes = {
       ...{ nFrames, nModes, nColumns, nItems: nStored, hasMissing: hasMissing !== 0, step, scale },
       origin: [...new Float64Array(buffer, origin, nColumns)],
@@ -68,35 +69,35 @@ export function readModes(
       modes.corrected = Uint32Array.from(new Int32Array(buffer, corrected, count));
       modes.corrections = new Float64Array(buffer, corrections, count * nColumns).slice();
     }
-    return shared ? spread(modes, new Int32Array(buffer, shared, nItems)) : modes;
+    return shared ? expandShared(modes, new Int32Array(buffer, shared, nItems)) : modes;
   });
 }
 
-/** Modes of items that share those of others, with corrections of each. */
-function spread(modes: Modes, shared: Int32Array): Modes {
+/** Expand modes of shared items: item i gets the modes and corrections of item shared[i]. */
+function expandShared(modes: Modes, shared: Int32Array): Modes {
   const { nFrames, nItems, nColumns, starts, corrected, corrections } = modes;
-  const found = new Uint32Array(nFrames + 1);
+  const expandedStarts = new Uint32Array(nFrames + 1);
   const items: number[] = [];
-  const numbers: number[] = [];
-  const places = new Int32Array(nItems);
+  const offsets: number[] = [];
+  const correctionOf = new Int32Array(nItems); // -1: none
   for (let t = 0; t < nFrames; t++) {
     const [from, end] = [starts[t], starts[t + 1]];
-    places.fill(-1);
-    for (let i = from; i < end; i++) places[corrected[i]] = i;
+    correctionOf.fill(-1);
+    for (let i = from; i < end; i++) correctionOf[corrected[i]] = i;
     for (let item = 0; from < end && item < shared.length; item++) {
-      const place = places[shared[item]];
-      if (place < 0) continue;
+      const correction = correctionOf[shared[item]];
+      if (correction < 0) continue;
       items.push(item);
-      for (let c = 0; c < nColumns; c++) numbers.push(corrections[place * nColumns + c]);
+      for (let c = 0; c < nColumns; c++) offsets.push(corrections[correction * nColumns + c]);
     }
-    found[t + 1] = items.length;
+    expandedStarts[t + 1] = items.length;
   }
   return {
     ...modes,
     nItems: shared.length,
     rows: shared.map((item) => modes.rows[item]),
-    starts: found,
+    starts: expandedStarts,
     corrected: Uint32Array.from(items),
-    corrections: Float64Array.from(numbers),
+    corrections: Float64Array.from(offsets),
   };
 }

@@ -1,36 +1,37 @@
-// The library as a WebAssembly module, from bytes that are part of a script.
+// The library as a WebAssembly module, compiled from bytes embedded in a script.
 
 import { SIMD_WASM } from "./simd_wasm.js";
 
-/** A module whose only function has a vector: valid where engines know vectors of 128 bits. */
-const PROBE = [
+/** A module with one SIMD instruction; it validates only if the engine supports 128-bit SIMD. */
+const SIMD_PROBE = [
   0, 97, 115, 109, 1, 0, 0, 0, 1, 5, 1, 96, 0, 1, 123, 3, 2, 1, 0, 10, 10, 1, 8, 0, 65, 0, 253, 15,
   253, 98, 11,
 ];
 
-/** What a module decodes: positions of the method reel and surfaces, or everything. */
+/** What a module decodes: surfaces and positions of the method reel, or everything. */
 export type Scope = "positions" | "whole";
 
 const loading = new Map<Scope, Promise<WebAssembly.Module>>();
 
 /**
- * A module of the library, compiled once for all that ask; it may be sent to workers.
+ * Compile a module of the library once, and return it to all callers; it can be sent to workers.
  *
- * With vectors where the engine has them. Engines that have none, or cannot inflate, load a plain
- * one: a file beside this script, which decodes the same bits slower.
+ * The module uses SIMD if the engine supports it. Otherwise, or without DecompressionStream, a
+ * slower module with identical output is loaded from a separate script.
  *
- * @throws WebAssembly.CompileError where the content policy of the page forbids WebAssembly; it
- * has to allow `script-src 'wasm-unsafe-eval'`.
+ * @throws WebAssembly.CompileError if the Content-Security-Policy of the page forbids WebAssembly;
+ * it must allow `script-src 'wasm-unsafe-eval'`.
  */
 export function loadModule(scope: Scope): Promise<WebAssembly.Module> {
-  const found = loading.get(scope) ?? compile(scope).catch((error: unknown) => refuse(scope, error));
-  loading.set(scope, found);
-  return found;
+  const module =
+    loading.get(scope) ?? compile(scope).catch((error: unknown) => explainFailure(scope, error));
+  loading.set(scope, module);
+  return module;
 }
 
-function refuse(scope: Scope, error: unknown): never {
-  loading.delete(scope); // the file may come another time
-  // The bytes are ours, and sound: only a policy refuses them.
+function explainFailure(scope: Scope, error: unknown): never {
+  loading.delete(scope); // the next call tries again
+  // The module itself is valid, so that only a content policy can reject it.
   if (!(error instanceof WebAssembly.CompileError)) throw error;
   throw new WebAssembly.CompileError(
     "the Content-Security-Policy of this page forbids WebAssembly; add 'wasm-unsafe-eval' to its" +
@@ -39,24 +40,24 @@ function refuse(scope: Scope, error: unknown): never {
 }
 
 async function compile(scope: Scope): Promise<WebAssembly.Module> {
-  const isQuick =
-    typeof DecompressionStream !== "undefined" && WebAssembly.validate(new Uint8Array(PROBE));
-  if (!isQuick) {
+  const hasSimd =
+    typeof DecompressionStream !== "undefined" && WebAssembly.validate(new Uint8Array(SIMD_PROBE));
+  if (!hasSimd) {
     const { PLAIN_WASM } = await import("./plain_wasm.js");
     return WebAssembly.compile(fromBase64(PLAIN_WASM));
   }
   const packed = scope === "whole" ? (await import("./whole_wasm.js")).WHOLE_WASM : SIMD_WASM;
-  return WebAssembly.compile(await inflated(fromBase64(packed)));
+  return WebAssembly.compile(await inflate(fromBase64(packed)));
 }
 
 function fromBase64(text: string): Uint8Array<ArrayBuffer> {
-  const letters = atob(text);
-  const bytes = new Uint8Array(letters.length);
-  for (let i = 0; i < bytes.length; i++) bytes[i] = letters.charCodeAt(i);
+  const binary = atob(text);
+  const bytes = new Uint8Array(binary.length);
+  for (let i = 0; i < bytes.length; i++) bytes[i] = binary.charCodeAt(i);
   return bytes;
 }
 
-async function inflated(bytes: Uint8Array<ArrayBuffer>): Promise<ArrayBuffer> {
+async function inflate(bytes: Uint8Array<ArrayBuffer>): Promise<ArrayBuffer> {
   const { readable, writable } = new DecompressionStream("deflate");
   const writer = writable.getWriter();
   const parts: Uint8Array<ArrayBuffer>[] = [];

@@ -2,10 +2,10 @@
 
 import type { TrackInfo, TrackValues } from "../types.js";
 
-type Numbers = new (buffer: ArrayBuffer, start?: number, length?: number) => TrackValues;
+type NumberArray = new (buffer: ArrayBuffer, start?: number, length?: number) => TrackValues;
 
-/** Names, and arrays of such numbers. */
-export const NUMBER_TYPES: Readonly<Record<number, readonly [TrackInfo["numberType"], Numbers]>> = {
+/** Name and array type of each number type. */
+export const NUMBER_TYPES: Readonly<Record<number, readonly [TrackInfo["numberType"], NumberArray]>> = {
   4: ["float32", Float32Array],
   8: ["float64", Float64Array],
   17: ["uint8", Uint8Array],
@@ -18,18 +18,18 @@ export const NUMBER_TYPES: Readonly<Record<number, readonly [TrackInfo["numberTy
   40: ["int64", BigInt64Array],
 };
 
-/** Bytes of a number of a type. */
-export function sizeOf(type: number): number {
+/** Size of a number in bytes. */
+export function bytesPerNumber(type: number): number {
   return type & 15;
 }
 
-/** A copy of numbers in the memory of the library. */
-export function numbersAt(
+/** Copy numbers from the memory of the library. */
+export function copyNumbers(
   buffer: ArrayBuffer,
   type: number,
   start: number,
   length: number,
 ): TrackValues {
-  const [, Numbers] = NUMBER_TYPES[type];
-  return new Numbers(buffer.slice(start, start + length * sizeOf(type)));
+  const [, NumberArray] = NUMBER_TYPES[type];
+  return new NumberArray(buffer.slice(start, start + length * bytesPerNumber(type)));
 }

@@ -1,7 +1,7 @@
-// The whole library without vectors, for engines that have none; it is loaded where it is needed.
+// The whole library without SIMD, loaded on demand by engines that lack SIMD.
 
-/** The module in base 64; build.mjs puts it here. */
+/** Inserted by build.mjs. */
 declare const PLAIN_MODULE: string;
 
-/** The plain module, in base 64. */
+/** The module in base64. */
 export const PLAIN_WASM = PLAIN_MODULE;

@@ -1,8 +1,8 @@
-// The part of the library that decodes positions of the method reel and surfaces, with vectors,
-// inside the script; bundles begin with it, since they are packed best so.
+// The part of the library that decodes surfaces and positions of the method reel, with SIMD. It
+// comes first in bundles, where gzip compresses it best.
 
-/** The module, deflated, in base 64; build.mjs puts it here. */
+/** Inserted by build.mjs. */
 declare const SIMD_MODULE: string;
 
-/** The module as a zlib stream in base 64. */
+/** The module as a zlib stream in base64. */
 export const SIMD_WASM = SIMD_MODULE;

@@ -1,15 +1,15 @@
-// Structures of include/meshreel.h in the memory of the library.
+// Reads structures of include/meshreel.h from the memory of the library.
 
 const text = new TextDecoder();
 
-/** Reads the fields of a structure in order, each where a C compiler for WebAssembly puts it. */
+/** Reads the fields of a structure in order, at the offsets of the C ABI for WebAssembly. */
 export class Struct {
   private readonly view: DataView;
 
-  /** @param at - Address of the next field. */
+  /** @param offset - Address of the first field. */
   constructor(
     readonly buffer: ArrayBuffer,
-    private at: number,
+    private offset: number,
   ) {
     this.view = new DataView(buffer);
   }
@@ -26,7 +26,7 @@ export class Struct {
     return this.view.getFloat64(this.next(8, 8), true);
   }
 
-  /** A `uint64_t`, which is less than 2^53 or UINT64_MAX. */
+  /** A `uint64_t`; must be less than 2^53, or UINT64_MAX. */
   uint64(): number {
     return Number(this.view.getBigUint64(this.next(8, 8), true));
   }
@@ -45,25 +45,25 @@ export class Struct {
     return text.decode(new Uint8Array(this.buffer, start, size));
   }
 
-  /** A string that ends with a byte of 0. */
-  message(): string {
+  /** A null-terminated string. */
+  cString(): string {
     const bytes = new Uint8Array(this.buffer, this.uint32());
     return text.decode(bytes.subarray(0, bytes.indexOf(0)));
   }
 
-  /** Structures that follow one another. */
-  each<Found>(count: number, read: (one: Struct) => Found): Found[] {
+  /** An array of structures. */
+  array<Item>(count: number, read: (item: Struct) => Item): Item[] {
     return Array.from({ length: count }, () => read(this));
   }
 
-  /** Go on where a field of 8 bytes may begin, as structures with such fields do. */
+  /** Skip to the next multiple of 8 bytes, where structures with 8-byte fields begin. */
   align(): void {
     this.next(0, 8);
   }
 
   private next(size: number, alignment: number): number {
-    const start = Math.ceil(this.at / alignment) * alignment;
-    this.at = start + size;
+    const start = Math.ceil(this.offset / alignment) * alignment;
+    this.offset = start + size;
     return start;
   }
 }

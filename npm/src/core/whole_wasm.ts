@@ -1,8 +1,7 @@
-// The library with all it decodes, with vectors; it is loaded where tracks or exact positions are
-// asked for.
+// The whole library with SIMD, loaded on demand for tracks and exact positions.
 
-/** The module in base 64; build.mjs puts it here. */
+/** Inserted by build.mjs. */
 declare const WHOLE_MODULE: string;
 
-/** The module, deflated, in base 64. */
+/** The module as a zlib stream in base64. */
 export const WHOLE_WASM = WHOLE_MODULE;

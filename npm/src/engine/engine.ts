@@ -1,66 +1,67 @@
-// Decodes a file, fetching the bytes that it needs.
+// Decodes a file and fetches the bytes that decoding needs.
 
 import { type File, readFile } from "../core/file.js";
 import { type Library, MissingBytes } from "../core/library.js";
 import { readModes } from "../core/modes.js";
-import { numbersAt, sizeOf } from "../core/numbers.js";
+import { copyNumbers, bytesPerNumber } from "../core/numbers.js";
 import { readSurface } from "../core/surface.js";
 import { CorruptStreamError, SourceError } from "../errors.js";
-import { type Fields, fieldsOfModes, partOf, withMissing } from "../fields/of_modes.js";
-import { fieldsOfValues } from "../fields/of_values.js";
-import { type Piece, piecesOf } from "../fields/pieces.js";
+import { type Fields, fieldsOfModes, sliceFrames, markMissing } from "../fields/mode_fields.js";
+import { fieldsOfValues } from "../fields/value_fields.js";
+import { type Piece, splitBlocks } from "../fields/pieces.js";
 import type { ReelInfo, Surface, TrackFields, TrackValues } from "../types.js";
-import { foreignKind } from "./foreign.js";
+import { identifyOtherFormat } from "./other_formats.js";
 import { type Range, Ranges } from "./ranges.js";
 
-/** The bytes `start` to `end - 1`, fewer where there are no more. */
+/** Reads the bytes `start` to `end - 1`, or fewer at the end of the file. */
 export type Read = (start: number, end: number, signal: AbortSignal) => Promise<Uint8Array>;
 
-/** Bytes read first: they contain the connectivity of most files, and all of small ones. */
+/** Bytes read first: small files fit entirely, and of most others the connectivity. */
 const HEAD_BYTES = 65536;
 
-/** Bytes read from the end: they contain the index of most files. */
+/** Bytes read from the end of the file: they contain the index of most files. */
 const TAIL_BYTES = 4096;
 
-/** How a file is opened. */
-export interface Opening {
-  /** Bytes of the file, null if that is not known. */
+/** Parameters of `Engine.open`. */
+export interface OpenParameters {
+  /** Size of the file in bytes; null if unknown. */
   readonly size: number | null;
-  /** Whether the end can be read before the rest. */
+  /** Whether any range can be read without reading all bytes before it. */
   readonly hasRanges: boolean;
-  /** Bytes that decoding may take at once. */
+  /** Limit of the memory that decoding may use, in bytes. */
   readonly memory: number;
-  /** The one to open of a file of several segments. */
+  /** Segment to open; null if the file has only one. */
   readonly segment: number | null;
-  /** What another engine of the same file has read. */
+  /** Bytes that another engine has read from the same file. */
   readonly ranges?: readonly Range[];
 }
 
-/** Number of the positions among tracks. */
+/** Track index of the positions. */
 export const POSITIONS = 0;
 
+/** Decodes frames, and fields for shaders, of one file. */
 export class Engine {
   readonly info: ReelInfo;
   private readonly pieces: readonly Piece[];
   private readonly decoder: number;
   private lastTrack = POSITIONS;
   private lastFrame = -1;
-  /** Whether the last frames were requested in order. */
-  private isPlayed = false;
+  /** Whether the last two requests were for consecutive frames of one track. */
+  private isSequential = false;
   /** Whether the next block is being loaded. */
-  private isAhead = false;
+  private isPrefetching = false;
 
   private constructor(
     private readonly library: Library,
     private readonly read: Read,
     private readonly file: File,
     /** Bytes read to open the file. */
-    private readonly opened: Ranges,
+    private readonly openingBytes: Ranges,
     readonly surface: Surface,
   ) {
-    this.pieces = piecesOf(file);
-    this.decoder = library.addressOf((found, error) =>
-      library.functions.meshreel_begin(file.handle, found, error),
+    this.pieces = splitBlocks(file);
+    this.decoder = library.callForAddress((out, error) =>
+      library.functions.meshreel_begin(file.handle, out, error),
     );
     const blocks = this.pieces.map(({ start, nFrames, sizeBytes }) => ({ start, nFrames, sizeBytes }));
     this.info = { ...file.info, tracks: file.tracks.slice(1).map(({ info }) => info), blocks };
@@ -70,20 +71,20 @@ export class Engine {
    * Open a file: read everything before the first block, and the index. If the index is missing or
    * damaged, read the whole file.
    *
-   * @throws MeshReelError as `Library.check`, or as reading does.
+   * @throws MeshReelError as `Library.check` and `read` do.
    */
   static async open(
     library: Library,
     read: Read,
-    { size, hasRanges, memory, segment, ranges = [] }: Opening,
+    { size, hasRanges, memory, segment, ranges = [] }: OpenParameters,
     signal: AbortSignal,
   ): Promise<Engine> {
     const bytes = new Ranges(ranges);
     const fetch = async (start: number, end: number): Promise<Uint8Array> => {
       if (bytes.has(start, end)) return new Uint8Array();
-      const found = await read(start, end, signal);
-      bytes.add(start, found);
-      return found;
+      const range = await read(start, end, signal);
+      bytes.add(start, range);
+      return range;
     };
     const isLarge = size !== null && hasRanges && size > HEAD_BYTES;
     const parts = isLarge
@@ -91,17 +92,17 @@ export class Engine {
       : [fetch(0, size ?? Number.MAX_SAFE_INTEGER)];
     const [head] = await Promise.all(parts);
     const sizeBytes = isLarge ? size : head.length || (size ?? 0);
-    // Each read goes twice as far ahead as the one before: without an index, blocks are found section
-    // by section, and few reads have to do.
-    let ahead = HEAD_BYTES;
-    const readMore: Read = (start, end, ending) => {
-      const found = read(start, Math.min(end + ahead, sizeBytes), ending);
-      ahead *= 2;
-      return found;
+    // Without an index, blocks are found section by section. Doubling the read-ahead each time keeps
+    // the number of requests small.
+    let readAhead = HEAD_BYTES;
+    const readMore: Read = (start, end, abortSignal) => {
+      const range = read(start, Math.min(end + readAhead, sizeBytes), abortSignal);
+      readAhead *= 2;
+      return range;
     };
     const attempt = <T>(work: () => T): Promise<T> =>
-      attempted(library, bytes, readMore, signal, work);
-    const handle = await attempt(() => openedFile(library, sizeBytes, memory, segment, head));
+      fetchUntilDone(library, bytes, readMore, signal, work);
+    const handle = await attempt(() => openFile(library, sizeBytes, memory, segment, head));
     const file = readFile(library, handle);
     const surface = await attempt(() => {
       library.check((error) => library.functions.meshreel_read_surface(handle, error));
@@ -110,22 +111,22 @@ export class Engine {
     const images = await attempt(() =>
       surface.images.map(({ start, end, ...named }) => ({ ...named, bytes: bytes.slice(start, end) })),
     );
-    const isKept = isLarge || sizeBytes <= HEAD_BYTES;
-    return new Engine(library, read, file, isKept ? bytes : new Ranges(), { ...surface, images });
+    const keepsBytes = isLarge || sizeBytes <= HEAD_BYTES;
+    return new Engine(library, read, file, keepsBytes ? bytes : new Ranges(), { ...surface, images });
   }
 
-  /** Bytes read to open the file; none of a large file that was read as a whole. */
+  /** Bytes read when the file was opened; empty if a large file was read as a whole. */
   ranges(): readonly Range[] {
-    return this.opened.list();
+    return this.openingBytes.list();
   }
 
-  /** Values of a frame of a track, of shape (N, C). Both must exist. */
+  /** Decode a frame of a track, of shape (nItems, nColumns). Both indices must be valid. */
   async frame(track: number, number: number, signal: AbortSignal): Promise<TrackValues> {
-    this.note(track, number, 1);
-    return this.attempt(signal, () => this.frames(track, number, 1)[0]);
+    this.recordRequest(track, number, 1);
+    return this.attempt(signal, () => this.decodeFrames(track, number, 1)[0]);
   }
 
-  /** Columns of a track in a piece, for shaders. All must exist. */
+  /** Decode columns of a track in a piece as fields for shaders. All indices must be valid. */
   async fields(
     track: number,
     piece: number,
@@ -133,31 +134,32 @@ export class Engine {
     signal: AbortSignal,
   ): Promise<TrackFields> {
     const { start, nFrames, block } = this.pieces[piece];
-    // Pages request the next block late, but the next part of a block early.
-    if (nFrames < this.file.blocks[block].nFrames) this.note(track, start, nFrames);
-    const found = await this.attempt(signal, () => this.fieldsOf(track, piece, columns));
-    return { ...found, number: piece, start };
+    // Players request the next block late, but the next piece of the same block early: only the
+    // latter can drive prefetching.
+    if (nFrames < this.file.blocks[block].nFrames) this.recordRequest(track, start, nFrames);
+    const fields = await this.attempt(signal, () => this.decodeFields(track, piece, columns));
+    return { ...fields, index: piece, start };
   }
 
   /**
-   * Load the next block, if frames are requested in order and the last one is in the second half of
-   * its block. A failure is reported when a frame of that block is requested.
+   * Load the next block if frames are requested in order and the last one is in the second half of
+   * its block. Failures are ignored here: requesting a frame of that block reports them.
    */
-  async goAhead(): Promise<void> {
+  async prefetch(): Promise<void> {
     const { blocks } = this.file;
     const current = this.blockOf(this.lastFrame);
     const { start, nFrames } = blocks[current];
     const isNear = 2 * this.lastFrame >= 2 * start + nFrames;
-    if (!this.isPlayed || !isNear || this.isAhead || current + 1 >= blocks.length) return;
-    this.isAhead = true;
+    if (!this.isSequential || !isNear || this.isPrefetching || current + 1 >= blocks.length) return;
+    this.isPrefetching = true;
     const { library, decoder, lastTrack } = this;
     const load = (error: number): number =>
       library.functions.meshreel_load(decoder, lastTrack, current + 1, 0, error);
     await this.attempt(new AbortController().signal, () => library.check(load)).catch(() => {});
-    this.isAhead = false;
+    this.isPrefetching = false;
   }
 
-  private fieldsOf(track: number, piece: number, columns: readonly number[]): Fields {
+  private decodeFields(track: number, piece: number, columns: readonly number[]): Fields {
     const { library, decoder, file } = this;
     const { start, nFrames, block } = this.pieces[piece];
     const { nItems, nColumns } = file.tracks[track].info;
@@ -165,33 +167,33 @@ export class Engine {
     const modes = readModes(library, decoder, track, block, nItems);
     if (!modes) {
       const origin = track === POSITIONS ? file.info.center : undefined;
-      return fieldsOfValues(this.frames(track, start, nFrames), nColumns, columns, origin);
+      return fieldsOfValues(this.decodeFrames(track, start, nFrames), nColumns, columns, origin);
     }
     const whole = fieldsOfModes(modes, columns);
-    const part = nFrames < whole.nFrames ? partOf(whole, first, nFrames) : whole;
+    const part = nFrames < whole.nFrames ? sliceFrames(whole, first, nFrames) : whole;
     if (!modes.hasMissing) return part;
-    const frames = this.frames(track, start, nFrames) as Float64Array[];
-    return withMissing(part, (t, item, c) => Number.isNaN(frames[t][item * nColumns + columns[c]]));
+    const decodeFrames = this.decodeFrames(track, start, nFrames) as Float64Array[];
+    return markMissing(part, (t, item, c) => Number.isNaN(decodeFrames[t][item * nColumns + columns[c]]));
   }
 
-  /** Values of frames that lie in one block. */
-  private frames(track: number, first: number, count: number): TrackValues[] {
+  /** Decode consecutive frames of one block. */
+  private decodeFrames(track: number, first: number, count: number): TrackValues[] {
     const { library, decoder, file } = this;
     const { type, info } = file.tracks[track];
     const length = info.nItems * info.nColumns;
-    const frameBytes = length * sizeOf(type);
-    return library.during(count * frameBytes, (out) => {
+    const frameBytes = length * bytesPerNumber(type);
+    return library.withMemory(count * frameBytes, (out) => {
       library.check((error) =>
         library.functions.meshreel_decode(decoder, track, first, count, 0, 0, out, error),
       );
       return Array.from({ length: count }, (_, t) =>
-        numbersAt(library.buffer, type, out + t * frameBytes, length),
+        copyNumbers(library.buffer, type, out + t * frameBytes, length),
       );
     });
   }
 
-  private note(track: number, first: number, count: number): void {
-    this.isPlayed = track === this.lastTrack && first === this.lastFrame + 1;
+  private recordRequest(track: number, first: number, count: number): void {
+    this.isSequential = track === this.lastTrack && first === this.lastFrame + 1;
     this.lastTrack = track;
     this.lastFrame = first + count - 1;
   }
@@ -201,12 +203,12 @@ export class Engine {
   }
 
   private attempt<T>(signal: AbortSignal, work: () => T): Promise<T> {
-    return attempted(this.library, new Ranges(this.opened.list()), this.read, signal, work);
+    return fetchUntilDone(this.library, new Ranges(this.openingBytes.list()), this.read, signal, work);
   }
 }
 
-/** Call `work` until all bytes that it needs have been fetched; returns its result. */
-async function attempted<T>(
+/** Repeat `work`, fetching missing bytes in between, until it succeeds; returns its result. */
+async function fetchUntilDone<T>(
   library: Library,
   bytes: Ranges,
   read: Read,
@@ -216,21 +218,21 @@ async function attempted<T>(
   for (;;) {
     signal.throwIfAborted();
     try {
-      return library.reading(bytes, work);
+      return library.withBytes(bytes, work);
     } catch (error) {
       if (!(error instanceof MissingBytes)) throw error;
       const [start, end] = bytes.missing(error.start, error.end) ?? [error.start, error.end];
-      const found = await read(start, end, signal);
-      if (found.length < end - start) {
-        throw new SourceError(`bytes ${start} to ${end} of the file did not come whole`);
+      const range = await read(start, end, signal);
+      if (range.length < end - start) {
+        throw new SourceError(`the source returned only part of bytes ${start} to ${end}`);
       }
-      bytes.add(start, found);
+      bytes.add(start, range);
     }
   }
 }
 
-/** Open a file in the library; the error names the kind of a file that is no `.reel`. */
-function openedFile(
+/** Open a file in the library; if it is not a `.reel` file, the error names its format. */
+function openFile(
   library: Library,
   size: number,
   memory: number,
@@ -240,7 +242,7 @@ function openedFile(
   try {
     return library.open(size, memory, segment);
   } catch (error) {
-    const kind = error instanceof CorruptStreamError && foreignKind(head);
-    throw kind ? new CorruptStreamError(`not a .reel stream: ${kind}`) : error;
+    const kind = error instanceof CorruptStreamError && identifyOtherFormat(head);
+    throw kind ? new CorruptStreamError(`not a .reel file: ${kind}`) : error;
   }
 }

@@ -1,55 +1,60 @@
-// What a reel and its engines say to each other. They run in workers, or beside the reel.
+// Messages between a `ReelFile` and its engines, which run in workers or on the same thread.
 
 import type { ReelInfo, Surface, TrackFields, TrackValues } from "../types.js";
-import type { Opening } from "./engine.js";
+import type { OpenParameters } from "./engine.js";
 import type { Range } from "./ranges.js";
 
-/** An error on its way: what is thrown on the other side has this name and these words. */
+/** An error in a message: the receiver throws an error of this name and message. */
 export interface Failure {
   readonly name: string;
   readonly message: string;
 }
 
 /**
- * What engines are asked, by the name of the call, and what they answer. Track 0 is the positions;
- * `ranges` gives what was read to open the file, for another engine.
+ * Arguments of calls of an engine, by name. Track 0 is the positions. `ranges` returns the bytes
+ * that were read to open the file, for another engine.
  */
 export interface Calls {
-  open: Opening;
+  open: OpenParameters;
   ranges: object;
-  frame: { track: number; number: number };
+  frame: { track: number; frame: number };
   fields: { track: number; block: number; columns: readonly number[] };
 }
-export interface Answers {
+
+/** Results of the calls. */
+export interface Results {
   open: { info: ReelInfo; surface: Surface };
   ranges: readonly Range[];
   frame: TrackValues;
   fields: TrackFields;
 }
 
-export type Question = {
-  [Name in keyof Calls]: { readonly id: number; readonly call: Name; readonly of: Calls[Name] };
+/** A call; its response has the same id. */
+export type CallMessage = {
+  [Name in keyof Calls]: { readonly id: number; readonly call: Name; readonly args: Calls[Name] };
 }[keyof Calls];
 
+/** Messages to an engine. */
 export type ToEngine =
-  /** The library, which comes before all questions. */
+  /** The compiled library; sent before all calls. */
   | { readonly module: WebAssembly.Module }
-  | Question
-  /** Nobody waits for the answer any more. */
+  | CallMessage
+  /** Cancels the call of this id. */
   | { readonly cancel: number }
-  /** Bytes that it asked for. */
+  /** Response to a read request. */
   | { readonly read: number; readonly bytes: Uint8Array }
   | { readonly read: number; readonly failure: Failure };
 
+/** Messages from an engine. */
 export type FromEngine =
-  | { readonly id: number; readonly answer: Answers[keyof Answers] }
+  | { readonly id: number; readonly result: Results[keyof Results] }
   | { readonly id: number; readonly failure: Failure }
-  /** Bytes of the file that it asks for. */
+  /** Requests bytes of the file. */
   | { readonly read: number; readonly start: number; readonly end: number }
-  /** The bytes of this read are no longer needed. */
-  | { readonly drop: number };
+  /** Cancels the read request of this id. */
+  | { readonly cancelRead: number };
 
-/** The end of a channel: of a worker, from inside or outside, or a port. */
+/** One end of a channel: a worker, its global scope, or a `MessagePort`. */
 export interface Port {
   onmessage: ((event: MessageEvent) => void) | null;
   postMessage(message: unknown, transfer: Transferable[]): void;
@@ -57,21 +62,21 @@ export interface Port {
 
 const ABORTED = "AbortError";
 
-/** What is said of an error. */
-export function failureOf(error: unknown): Failure {
+/** Convert an error to a message. */
+export function toFailure(error: unknown): Failure {
   if (!(error instanceof Error || error instanceof DOMException)) {
     return { name: "Error", message: String(error) };
   }
   return { name: error.name, message: error.message };
 }
 
-/** The error that a failure stands for, of the class of `classes` that has its name. */
-export function errorOf(
+/** Create the error that a failure describes, of the class of `errorClasses` with its name. */
+export function toError(
   { name, message }: Failure,
-  classes: readonly (new (message: string) => Error)[],
+  errorClasses: readonly (new (message: string) => Error)[],
 ): Error {
-  const own = classes.map((made) => new made(message)).find((error) => error.name === name);
-  if (own) return own;
+  const known = errorClasses.map((Class) => new Class(message)).find((error) => error.name === name);
+  if (known) return known;
   if (name === ABORTED) return new DOMException(message, name) as unknown as Error;
   return Object.assign(new Error(message), { name });
 }

@@ -1,4 +1,4 @@
-// Bytes of a file that have been fetched.
+// The bytes of a file that have been fetched.
 
 import { type Bytes, MissingBytes } from "../core/library.js";
 
@@ -8,22 +8,22 @@ export interface Range {
   readonly bytes: Uint8Array;
 }
 
+/** A set of byte ranges. */
 export class Ranges implements Bytes {
-  /** Ascending by their first bytes; they may overlap. */
-  private readonly all: Range[];
+  /** Ascending by `start`; ranges may overlap. */
+  private readonly ranges: Range[];
 
   constructor(ranges: readonly Range[] = []) {
-    this.all = [...ranges];
+    this.ranges = [...ranges];
   }
 
   add(start: number, bytes: Uint8Array): void {
-    this.all.push({ start, bytes });
-    this.all.sort((one, other) => one.start - other.start);
+    this.ranges.push({ start, bytes });
+    this.ranges.sort((one, other) => one.start - other.start);
   }
 
-  /** All ranges. */
   list(): readonly Range[] {
-    return this.all;
+    return this.ranges;
   }
 
   has(start: number, end: number): boolean {
@@ -32,27 +32,27 @@ export class Ranges implements Bytes {
 
   /** The first gap between `start` and `end`; null if there is none. */
   missing(start: number, end: number): readonly [start: number, end: number] | null {
-    let at = start;
-    for (const range of this.all) {
-      if (at >= end) return null;
-      const behind = range.start + range.bytes.length;
-      if (range.start > at) return [at, Math.min(end, range.start)];
-      at = Math.max(at, behind);
+    let position = start;
+    for (const range of this.ranges) {
+      if (position >= end) return null;
+      const rangeEnd = range.start + range.bytes.length;
+      if (range.start > position) return [position, Math.min(end, range.start)];
+      position = Math.max(position, rangeEnd);
     }
-    return at >= end ? null : [at, end];
+    return position >= end ? null : [position, end];
   }
 
-  /** A copy of bytes. @throws MissingBytes if some have not been fetched. */
+  /** Copy bytes. @throws MissingBytes if some have not been fetched. */
   slice(start: number, end: number): Uint8Array {
-    const found = new Uint8Array(end - start);
-    if (!this.copy(start, found)) throw new MissingBytes(start, end);
-    return found;
+    const bytes = new Uint8Array(end - start);
+    if (!this.copy(start, bytes)) throw new MissingBytes(start, end);
+    return bytes;
   }
 
   copy(start: number, into: Uint8Array): boolean {
     const end = start + into.length;
     if (!this.has(start, end)) return false;
-    for (const range of this.all) {
+    for (const range of this.ranges) {
       const from = Math.max(start, range.start);
       const to = Math.min(end, range.start + range.bytes.length);
       if (from < to) into.set(range.bytes.subarray(from - range.start, to - range.start), from - start);

@@ -1,97 +1,97 @@
-// The engine at its end of a channel: answers questions in order.
+// Runs an engine at one end of a channel.
 
 import { Library } from "../core/library.js";
 import type { TrackFields } from "../types.js";
 import { Engine, type Read } from "./engine.js";
 import {
-  type Answers,
+  type Results,
   type Calls,
-  failureOf,
+  toFailure,
   type Port,
-  type Question,
+  type CallMessage,
   type ToEngine,
 } from "./messages.js";
 
-interface Waiting {
+interface PendingRead {
   resolve(bytes: Uint8Array): void;
   reject(reason: unknown): void;
 }
 
-/** Answer what comes through a port, as long as it is open; load ahead after each answer. */
+/** Serve calls that arrive at a port, in order, and prefetch after each of them. */
 export function start(port: Port): void {
-  const reads = new Map<number, Waiting>();
+  const reads = new Map<number, PendingRead>();
   const aborts = new Map<number, AbortController>();
   let nReads = 0;
   let library: Promise<Library>;
   let engine: Engine;
-  let last: Promise<void> = Promise.resolve();
+  let queue: Promise<void> = Promise.resolve();
 
   const read: Read = (start, end, signal) =>
     new Promise((resolve, reject) => {
       signal.throwIfAborted();
       const id = nReads++;
-      const drop = (): void => {
+      const cancel = (): void => {
         if (!reads.delete(id)) return;
-        port.postMessage({ drop: id }, []);
+        port.postMessage({ cancelRead: id }, []);
         reject(signal.reason);
       };
-      signal.addEventListener("abort", drop, { once: true });
-      const settled = (): void => signal.removeEventListener("abort", drop);
+      signal.addEventListener("abort", cancel, { once: true });
+      const removeListener = (): void => signal.removeEventListener("abort", cancel);
       reads.set(id, {
-        resolve: (bytes) => (settled(), resolve(bytes)),
-        reject: (reason) => (settled(), reject(reason)),
+        resolve: (bytes) => (removeListener(), resolve(bytes)),
+        reject: (reason) => (removeListener(), reject(reason)),
       });
       port.postMessage({ read: id, start, end }, []);
     });
 
-  const answerTo = async ({ call, of }: Question, signal: AbortSignal) => {
+  const execute = async ({ call, args }: CallMessage, signal: AbortSignal) => {
     if (call === "open") {
-      engine = await Engine.open(await library, read, of, signal);
+      engine = await Engine.open(await library, read, args, signal);
       return { info: engine.info, surface: engine.surface };
     }
-    if (call === "frame") return engine.frame(of.track, of.number, signal);
+    if (call === "frame") return engine.frame(args.track, args.frame, signal);
     if (call === "ranges") return engine.ranges();
-    const { track, block, columns } = of as Calls["fields"];
+    const { track, block, columns } = args as Calls["fields"];
     return engine.fields(track, block, columns, signal);
   };
 
-  const work = async (question: Question, controller: AbortController): Promise<void> => {
-    const { id } = question;
+  const respond = async (message: CallMessage, controller: AbortController): Promise<void> => {
+    const { id } = message;
     try {
       controller.signal.throwIfAborted();
-      const answer = await answerTo(question, controller.signal);
-      port.postMessage({ id, answer }, buffersOf(answer));
+      const result = await execute(message, controller.signal);
+      port.postMessage({ id, result }, transferablesOf(result));
     } catch (error) {
-      port.postMessage({ id, failure: failureOf(error) }, []);
+      port.postMessage({ id, failure: toFailure(error) }, []);
     } finally {
       aborts.delete(id);
     }
-    void engine?.goAhead();
+    void engine?.prefetch();
   };
 
   port.onmessage = ({ data }: MessageEvent<ToEngine>) => {
     if ("module" in data) {
-      library = Library.start(data.module);
-      library.catch(() => {}); // opening says it
+      library = Library.instantiate(data.module);
+      library.catch(() => {}); // reported when the file is opened
     } else if ("cancel" in data) {
       aborts.get(data.cancel)?.abort();
     } else if ("read" in data) {
-      const waiting = reads.get(data.read);
+      const pending = reads.get(data.read);
       reads.delete(data.read);
-      if ("bytes" in data) waiting?.resolve(data.bytes);
-      else waiting?.reject(Object.assign(new Error(data.failure.message), { name: data.failure.name }));
+      if ("bytes" in data) pending?.resolve(data.bytes);
+      else pending?.reject(Object.assign(new Error(data.failure.message), { name: data.failure.name }));
     } else {
       const controller = new AbortController();
       aborts.set(data.id, controller);
-      last = last.then(() => work(data, controller));
+      queue = queue.then(() => respond(data, controller));
     }
   };
 }
 
-/** What is handed over, and not copied. */
-function buffersOf(answer: Answers[keyof Answers]): Transferable[] {
-  if (ArrayBuffer.isView(answer)) return [answer.buffer];
-  if (!("fields" in answer)) return [];
-  const { fields, weights, correctionVertices, correctionOffsets } = answer as TrackFields;
+/** Buffers of a result that are transferred instead of copied. */
+function transferablesOf(result: Results[keyof Results]): Transferable[] {
+  if (ArrayBuffer.isView(result)) return [result.buffer];
+  if (!("fields" in result)) return [];
+  const { fields, weights, correctionVertices, correctionOffsets } = result as TrackFields;
   return [fields, weights, correctionVertices, correctionOffsets].map(({ buffer }) => buffer);
 }

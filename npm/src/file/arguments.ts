@@ -1,30 +1,30 @@
-// Arguments of calls, checked before an engine is asked.
+// Checks of arguments, made before an engine is called.
 
 import { InvalidInputError } from "../errors.js";
 import type { Positions, TrackInfo, TrackValues } from "../types.js";
 
-/** @throws InvalidInputError where there is no such number. */
-export function requireNumber(what: string, number: number, count: number): void {
-  if (!(Number.isInteger(number) && number >= 0 && number < count)) {
-    throw new InvalidInputError(`there are ${what}s 0 to ${count - 1}; got ${what} ${number}`);
+/** @throws InvalidInputError if an index is not an integer in 0..count-1. */
+export function requireIndex(what: string, index: number, count: number): void {
+  if (!(Number.isInteger(index) && index >= 0 && index < count)) {
+    throw new InvalidInputError(`${what} must be an integer from 0 to ${count - 1}; got ${index}`);
   }
 }
 
-/** @throws InvalidInputError where `into` is given, and of another type or length. */
-export function requireFitting(
+/** @throws InvalidInputError if `into` is defined and has another number type or length. */
+export function requireCompatible(
   into: TrackValues | undefined,
   numberType: TrackInfo["numberType"],
   length: number,
 ): void {
-  const big = /int64/.test(numberType) ? "Big" : "";
-  const kind = `${big}${numberType[0].toUpperCase()}${numberType.slice(1)}Array`;
-  if (into && (into[Symbol.toStringTag] !== kind || into.length !== length)) {
-    throw new InvalidInputError(`into must be a ${kind} of ${length} numbers`);
+  const prefix = /int64/.test(numberType) ? "Big" : "";
+  const arrayType = `${prefix}${numberType[0].toUpperCase()}${numberType.slice(1)}Array`;
+  if (into && (into[Symbol.toStringTag] !== arrayType || into.length !== length)) {
+    throw new InvalidInputError(`into must be a ${arrayType} of length ${length}`);
   }
 }
 
-/** The numbers, in `into` where that is given. */
-export function filled<Numbers extends TrackValues>(
+/** Copy numbers to `into` if it is defined; returns the array that holds them. */
+export function copyInto<Numbers extends TrackValues>(
   into: Numbers | undefined,
   numbers: Numbers,
 ): Numbers {

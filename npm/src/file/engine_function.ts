@@ -1,4 +1,4 @@
-// The engine as a function. build.mjs puts all that it needs inside it, so that its text is the
-// script of a worker: there is no second file, and bundlers need no set-up.
+// The engine as a function. build.mjs bundles all dependencies into its body, so that its source
+// text is a complete worker script: bundlers need no configuration, and no second file is fetched.
 
 export { start as startEngine } from "../engine/start.js";

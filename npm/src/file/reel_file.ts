@@ -1,8 +1,8 @@
-// A `.reel` that is open: its frames when they are asked for.
+// An open `.reel` file that decodes frames on request.
 
 import { loadModule } from "../core/module.js";
 import { CorruptStreamError, InvalidInputError } from "../errors.js";
-import { filled, requireFitting, requireNumber } from "./arguments.js";
+import { copyInto, requireCompatible, requireIndex } from "./arguments.js";
 import { openSource, type SourceInput, type SourceOptions } from "../source/open.js";
 import type {
   BlockFields,
@@ -16,38 +16,39 @@ import { startEngine } from "./engine_function.js";
 import { type CallOptions, ReelTrack } from "./reel_track.js";
 import { RemoteEngine } from "./remote_engine.js";
 
-/** Bytes that decoding may take at once where no limit is given: 2 GiB. */
+/** Default memory limit in bytes: 2 GiB. */
 const DEFAULT_MEMORY = 2 ** 31;
 
-/** Columns of positions. */
-const COLUMNS = [0, 1, 2];
+const POSITION_COLUMNS = [0, 1, 2];
 
-/** How a file is opened. */
+/** Options of `ReelFile.open`. */
 export interface OpenOptions extends SourceOptions {
   /**
-   * Whether frames are decoded in a worker, so that the page never waits for them. Default: true;
-   * where there are no workers, as in Node, or a content policy has no `worker-src blob:`, they are
-   * decoded on the thread that asks; `isInWorker` says which.
+   * Whether to decode in a worker, which keeps the thread of the page responsive. Default: true.
+   * Without support for workers, as in Node, or if the Content-Security-Policy lacks
+   * `worker-src blob:`, the calling thread decodes; see `ReelFile.isInWorker`.
    */
   worker?: boolean;
   /**
-   * Bytes that decoding may take at once: a small file may be made to exhaust memory. What needs more
-   * is refused with a `MemoryLimitError`. Default: 2 GiB.
+   * Limit of the memory that decoding may use, in bytes: a small malicious file could exhaust it.
+   * Files that need more throw a `MemoryLimitError`. Default: 2 GiB.
    */
   memory?: number;
   /**
-   * The segment to open of a file that has several, meshes of different connectivity that are shown
-   * in order; its frames begin at 0. Without it such a file is refused, with their number.
+   * Index of the segment to open, for files with several segments: meshes of different
+   * connectivity, played in order. Frames of a segment are counted from 0. Opening such a file
+   * without it throws an error that contains the number of segments.
    */
   segment?: number;
 }
 
 /**
- * A `.reel` file that is open.
+ * An open `.reel` file.
  *
- * Connectivity and index are read when it is opened, blocks of frames when they are needed; two
- * decoded blocks are kept. Positions are the same bits as those of the Python package. Those of the
- * methods "lossless" and "grid" are decoded by what decodes tracks: see `track`.
+ * Opening reads the connectivity and the index; blocks of frames are read when they are needed, and
+ * the last two decoded blocks are cached. Positions are bit-identical to those of the Python
+ * package. Positions of the methods "lossless" and "grid" are decoded by the module for tracks: see
+ * `track`.
  *
  * @example
  * const reel = await ReelFile.open("walk.reel");
@@ -55,45 +56,43 @@ export interface OpenOptions extends SourceOptions {
  * reel.close();
  */
 export class ReelFile implements OpenReel {
-  private whole: Promise<RemoteEngine> | null = null;
+  private full: Promise<RemoteEngine> | null = null;
 
   private constructor(
     private readonly source: ByteSource,
     private readonly engine: RemoteEngine,
     private readonly options: OpenOptions,
-    /** Facts of the file. */
     readonly info: ReelInfo,
-    /** What the mesh is beside its positions. */
+    /** Triangles, attributes, groups and materials: all that frames share. */
     readonly surface: Surface,
   ) {}
 
   /**
-   * Opens a file.
+   * Open a file.
    *
-   * @param from - An address, whose server is asked for ranges; a response; a blob, such as a file
-   *   that was dropped; or bytes, such as a `Buffer` of Node. Bytes are neither changed nor detached,
-   *   and must not change as long as the file is open.
-   * @throws SourceError where the bytes cannot be had.
-   * @throws CorruptStreamError, TruncatedStreamError where they are no `.reel`, or damaged.
-   * @throws UnsupportedVersionError where a newer version is needed, or the method is one of the
-   *   paper's.
-   * @throws MemoryLimitError where the mesh takes more than `memory`; frames and values throw it of
-   *   blocks.
-   * @throws WebAssembly.CompileError where the content policy of the page forbids WebAssembly; it
-   *   has to allow `script-src 'wasm-unsafe-eval'`.
+   * @param from - An address, read by range requests; a response; a blob, such as a dropped file; or
+   *   bytes, such as a `Buffer` of Node. Bytes are neither changed nor detached, and must not change
+   *   while the file is open.
+   * @throws SourceError if the bytes cannot be read.
+   * @throws CorruptStreamError, TruncatedStreamError if the file is damaged or not a `.reel` file.
+   * @throws UnsupportedVersionError if the file needs a newer version, or a method that only the
+   *   Python package decodes.
+   * @throws MemoryLimitError if the mesh needs more than `memory`; decoding a block can throw it too.
+   * @throws WebAssembly.CompileError if the Content-Security-Policy forbids WebAssembly; it must
+   *   allow `script-src 'wasm-unsafe-eval'`.
    */
   static async open(from: SourceInput, options: OpenOptions = {}): Promise<ReelFile> {
     const { worker: inWorker = true, memory = DEFAULT_MEMORY, segment = null } = options;
     if (segment !== null && !(Number.isInteger(segment) && segment >= 0)) {
-      throw new InvalidInputError(`segment must be a number from 0 up; got ${segment}`);
+      throw new InvalidInputError(`segment must be a non-negative integer; got ${segment}`);
     }
-    // All that decodes gets ready while bytes are on their way.
+    // The module compiles and the worker starts while bytes are being fetched.
     const opening = openSource(from, options);
     const engine = new RemoteEngine(startEngine, opening, inWorker);
     try {
-      const [source] = await Promise.all([opening, engine.begin(loadModule("positions"))]);
+      const [source] = await Promise.all([opening, engine.sendModule(loadModule("positions"))]);
       const { size, hasRanges } = source;
-      const { info, surface } = await engine.ask("open", { size, hasRanges, memory, segment }, options.signal);
+      const { info, surface } = await engine.call("open", { size, hasRanges, memory, segment }, options.signal);
       return new ReelFile(source, engine, options, info, surface);
     } catch (error) {
       engine.close(error);
@@ -103,98 +102,98 @@ export class ReelFile implements OpenReel {
   }
 
   /**
-   * Positions of a frame, of shape (V, 3) in model units: float32 or float64, as in the file.
+   * Decode the positions of a frame, of shape (V, 3) in model units: float32 or float64, as encoded.
    *
-   * @param number - From 0 on.
-   * @param into - Is filled and returned where it is given.
-   * @throws InvalidInputError where there is no such frame, or `into` is of another type or length.
-   * @throws CorruptStreamError where its block is damaged; others can still be decoded.
-   * @throws SourceError where the bytes cannot be had.
+   * @param index - Frame, counted from 0.
+   * @param into - If given, receives the positions and is returned.
+   * @throws InvalidInputError if there is no such frame, or `into` has another type or length.
+   * @throws CorruptStreamError if its block is damaged; frames of other blocks can be decoded.
+   * @throws SourceError if the bytes cannot be read.
    */
-  async frame(number: number, into?: Positions, { signal }: CallOptions = {}): Promise<Positions> {
+  async frame(index: number, into?: Positions, { signal }: CallOptions = {}): Promise<Positions> {
     const { nFrames, nVerts, numberType } = this.info;
-    requireNumber("frame", number, nFrames);
-    requireFitting(into, numberType, 3 * nVerts);
-    const engine = await this.positions();
-    return filled(into, (await engine.ask("frame", { track: 0, number }, signal)) as Positions);
+    requireIndex("frame", index, nFrames);
+    requireCompatible(into, numberType, 3 * nVerts);
+    const engine = await this.positionEngine();
+    return copyInto(into, (await engine.call("frame", { track: 0, frame: index }, signal)) as Positions);
   }
 
   /**
-   * A track, whose values come when they are asked for.
+   * Return a track by name. Its values are decoded on request.
    *
-   * A separate module and worker decode tracks; they are loaded with the first values, and positions
+   * A separate module and worker decode tracks. They are loaded with the first values, and positions
    * never wait for them. Only bytes of requested tracks are read.
    *
    * @example
    * const stress = reel.track("stress");
-   * const values = await stress.frame(10); // info.nColumns numbers of each of info.nItems
+   * const values = await stress.frame(10); // stress.info.nItems x stress.info.nColumns
    *
-   * @throws InvalidInputError where there is none.
-   * @throws CorruptStreamError where two tracks of the file have one name.
+   * @throws InvalidInputError if the file has no track of this name.
+   * @throws CorruptStreamError if two tracks of the file have the same name.
    */
   track(name: string): ReelTrack {
     const { tracks } = this.info;
-    const number = tracks.findIndex((one) => one.name === name);
-    if (number < 0) {
-      const names = tracks.map((one) => JSON.stringify(one.name)).join(", ") || "none";
-      throw new InvalidInputError(`there is no track ${JSON.stringify(name)}; there are: ${names}`);
+    const index = tracks.findIndex((track) => track.name === name);
+    if (index < 0) {
+      const names = tracks.map((track) => JSON.stringify(track.name)).join(", ") || "none";
+      throw new InvalidInputError(`there is no track ${JSON.stringify(name)}; available: ${names}`);
     }
-    if (new Set(tracks.map((one) => one.name)).size < tracks.length) {
-      throw new CorruptStreamError("two tracks of the stream have one name");
+    if (new Set(tracks.map((track) => track.name)).size < tracks.length) {
+      throw new CorruptStreamError("two tracks of the file have the same name");
     }
-    return new ReelTrack(this.info, number, () => this.wholeEngine());
+    return new ReelTrack(this.info, index, () => this.fullEngine());
   }
 
   /**
-   * A block of frames as small integers, for shaders.
+   * Decode a block of frames to 16-bit fields and weights, for shaders.
    *
-   * @param block - Number of the block in `info.blocks`, from 0 on.
+   * @param block - Index in `info.blocks`.
    * @throws InvalidInputError, CorruptStreamError, SourceError as `frame`.
    */
   async fields(block: number, { signal }: CallOptions = {}): Promise<BlockFields> {
-    requireNumber("block", block, this.info.blocks.length);
-    const engine = await this.positions();
-    return engine.ask("fields", { track: 0, block, columns: COLUMNS }, signal);
+    requireIndex("block", block, this.info.blocks.length);
+    const engine = await this.positionEngine();
+    return engine.call("fields", { track: 0, block, columns: POSITION_COLUMNS }, signal);
   }
 
-  /** Whether frames are decoded in a worker, and not on the thread that asks. */
+  /** Whether a worker decodes frames, rather than the calling thread. */
   get isInWorker(): boolean {
     return this.engine.isInWorker;
   }
 
-  /** Lets all memory and connections go. Calls that are under way throw an `AbortError`. */
+  /** Release all memory and connections. Pending calls throw an `AbortError`. */
   close(): void {
-    const reason = new DOMException("The file was closed", "AbortError");
+    const reason = new DOMException("the file was closed", "AbortError");
     this.engine.close(reason);
-    this.whole?.then((engine) => engine.close(reason)).catch(() => {});
+    this.full?.then((engine) => engine.close(reason)).catch(() => {});
     this.source.close();
   }
 
-  /** What decodes positions. */
-  private positions(): RemoteEngine | Promise<RemoteEngine> {
-    return this.info.method === "reel" ? this.engine : this.wholeEngine();
+  /** Return the engine that decodes positions. */
+  private positionEngine(): RemoteEngine | Promise<RemoteEngine> {
+    return this.info.method === "reel" ? this.engine : this.fullEngine();
   }
 
-  /** What decodes everything. */
-  private wholeEngine(): Promise<RemoteEngine> {
-    this.whole ??= this.openWhole().catch((error: unknown) => {
-      this.whole = null; // the script may come another time
+  /** Start, on the first call, the engine that decodes everything. */
+  private fullEngine(): Promise<RemoteEngine> {
+    this.full ??= this.openFullEngine().catch((error: unknown) => {
+      this.full = null; // the next call tries again
       throw error;
     });
-    return this.whole;
+    return this.full;
   }
 
-  private async openWhole(): Promise<RemoteEngine> {
+  private async openFullEngine(): Promise<RemoteEngine> {
     const { size, hasRanges } = this.source;
     const { worker: inWorker = true, memory = DEFAULT_MEMORY, segment = null } = this.options;
     const [module, ranges] = await Promise.all([
       loadModule("whole"),
-      this.engine.ask("ranges", {}),
+      this.engine.call("ranges", {}),
     ]);
     const engine = new RemoteEngine(startEngine, Promise.resolve(this.source), inWorker);
     try {
-      await engine.begin(Promise.resolve(module));
-      await engine.ask("open", { size, hasRanges, memory, segment, ranges });
+      await engine.sendModule(Promise.resolve(module));
+      await engine.call("open", { size, hasRanges, memory, segment, ranges });
       return engine;
     } catch (error) {
       engine.close(error);

@@ -1,80 +1,78 @@
-// A track of an open file: its values when they are asked for.
+// A track of an open file that decodes values on request.
 
 import type { OpenTrack, ReelInfo, TrackFields, TrackInfo, TrackValues } from "../types.js";
-import { filled, requireFitting, requireNumber } from "./arguments.js";
+import { copyInto, requireCompatible, requireIndex } from "./arguments.js";
 import type { RemoteEngine } from "./remote_engine.js";
 
-/** What a call may be given. */
+/** Options of calls that decode. */
 export interface CallOptions {
-  /** Takes the question back: the call then throws its reason, an `AbortError` by default. */
+  /** Cancels the call, which then throws the reason of the signal: an `AbortError` by default. */
   signal?: AbortSignal;
 }
 
-/** What `ReelTrack.fields` may be given. */
+/** Options of `ReelTrack.fields`. */
 export interface FieldsOptions extends CallOptions {
-  /** The columns that are wanted. Default: all. */
+  /** Columns to decode. Default: all. */
   columns?: readonly number[];
 }
 
 /**
- * A track of a `ReelFile`. Two decoded blocks of it are kept, until the file is closed. Values are the
- * same bits as those of the Python package.
+ * A track of a `ReelFile`. Its last two decoded blocks are cached until the file is closed. Values
+ * are bit-identical to those of the Python package.
  */
 export class ReelTrack implements OpenTrack {
-  /** Facts of the track. */
   readonly info: TrackInfo;
 
   /**
-   * @param reel - Facts of the file.
-   * @param number - Of the track, from 0 on.
-   * @param engine - What decodes tracks.
+   * @param index - Index in `reel.tracks`.
+   * @param engine - Starts, on the first call, the engine that decodes tracks.
    */
   constructor(
     private readonly reel: ReelInfo,
-    private readonly number: number,
+    private readonly index: number,
     private readonly engine: () => Promise<RemoteEngine>,
   ) {
-    this.info = reel.tracks[number];
+    this.info = reel.tracks[index];
   }
 
   /**
-   * Values of a frame, of shape (nItems, nColumns): vertices, faces or corners in their order, in the
-   * unit of the track, in the array of its number type: `Float32Array`, `Uint8Array`, ...; integers
-   * of 64 bits are bigints in a `BigInt64Array` or `BigUint64Array`. Numbers that are missing are NaN.
+   * Decode the values of a frame, of shape (nItems, nColumns), in the unit of the track and in file
+   * order. The array type matches `info.numberType`: `Float32Array`, `Uint8Array`, ...; 64-bit
+   * integers are bigints in a `BigInt64Array` or `BigUint64Array`. Missing values are NaN.
    *
-   * @param number - From 0 on.
-   * @param into - Is filled and returned where it is given.
-   * @throws InvalidInputError where there is no such frame, or `into` is of another type or length.
-   * @throws UnsupportedVersionError where the track is of a newer build.
-   * @throws CorruptStreamError where the track or its block is damaged; all else can be decoded.
-   * @throws SourceError where the bytes cannot be had.
+   * @param index - Frame, counted from 0.
+   * @param into - If given, receives the values and is returned.
+   * @throws InvalidInputError if there is no such frame, or `into` has another type or length.
+   * @throws UnsupportedVersionError if the track needs a newer version.
+   * @throws CorruptStreamError if the track or its block is damaged; the rest can be decoded.
+   * @throws SourceError if the bytes cannot be read.
    */
   async frame(
-    number: number,
+    index: number,
     into?: TrackValues,
     { signal }: CallOptions = {},
   ): Promise<TrackValues> {
     const { nItems, nColumns, numberType } = this.info;
-    requireNumber("frame", number, this.reel.nFrames);
-    requireFitting(into, numberType, nItems * nColumns);
+    requireIndex("frame", index, this.reel.nFrames);
+    requireCompatible(into, numberType, nItems * nColumns);
     const engine = await this.engine();
-    return filled(into, await engine.ask("frame", { track: 1 + this.number, number }, signal));
+    const values = await engine.call("frame", { track: 1 + this.index, frame: index }, signal);
+    return copyInto(into, values);
   }
 
   /**
-   * A block of the track as small integers, for shaders.
+   * Decode a block of the track to 16-bit fields and weights, for shaders.
    *
-   * @param block - Number of the block in `info.blocks` of the file, from 0 on.
-   * @throws InvalidInputError where an exact track has too many modes: more than 4 columns are asked
-   *   for at once.
+   * @param block - Index in `info.blocks` of the file.
+   * @throws InvalidInputError if more than 4 columns of an exact track are requested at once.
    * @throws InvalidInputError, UnsupportedVersionError, CorruptStreamError, SourceError as `frame`.
    */
   async fields(block: number, { signal, columns }: FieldsOptions = {}): Promise<TrackFields> {
     const { nColumns } = this.info;
-    requireNumber("block", block, this.reel.blocks.length);
-    for (const column of columns ?? []) requireNumber("column", column, nColumns);
+    requireIndex("block", block, this.reel.blocks.length);
+    for (const column of columns ?? []) requireIndex("column", column, nColumns);
     const engine = await this.engine();
-    const wanted = columns ?? Array.from({ length: nColumns }, (_, column) => column);
-    return engine.ask("fields", { track: 1 + this.number, block, columns: wanted }, signal);
+    const selected = columns ?? Array.from({ length: nColumns }, (_, column) => column);
+    return engine.call("fields", { track: 1 + this.index, block, columns: selected }, signal);
   }
 }

@@ -1,136 +1,140 @@
-// The engine from outside: in a worker where there are workers, else on this thread.
+// Client of an engine that runs in a worker, or on this thread if workers are unavailable.
 
 import {
-  type Answers,
+  type Results,
   type Calls,
-  errorOf,
-  failureOf,
+  toError,
+  toFailure,
   type FromEngine,
   type Port,
-  type Question,
+  type CallMessage,
   type ToEngine,
 } from "../engine/messages.js";
 import * as errors from "../errors.js";
 import type { ByteSource } from "../types.js";
 
-interface Waiting {
-  readonly question: Question;
-  resolve(answer: Answers[keyof Answers]): void;
+interface PendingCall {
+  readonly message: CallMessage;
+  resolve(result: Results[keyof Results]): void;
   reject(reason: unknown): void;
 }
 
-/** A port to an engine, and how it ends. */
-interface Line {
+/** A port to an engine. */
+interface Connection {
   readonly port: Port;
   readonly isWorker: boolean;
   close(): void;
 }
 
+/** Calls an engine and serves its read requests. */
 export class RemoteEngine {
-  private readonly waiting = new Map<number, Waiting>();
+  private readonly pending = new Map<number, PendingCall>();
   private readonly reads = new Map<number, AbortController>();
-  private line: Line;
-  private nQuestions = 0;
-  private hasAnswered = false;
+  private connection: Connection;
+  private nCalls = 0;
+  private hasResponded = false;
   private closed: unknown = null;
   private module: WebAssembly.Module | null = null;
 
   /**
-   * @param start - Begins it at its end of a channel; all that it needs is in the text of this.
-   * @param source - Whose bytes it decodes.
-   * @param inWorker - Whether it works in a worker; false: on this thread.
+   * @param start - Runs an engine at the other end of a channel; its source text must be complete.
+   * @param source - The bytes to decode.
+   * @param inWorker - Whether to use a worker; false: this thread.
    */
   constructor(
     private readonly start: (port: Port) => void,
     private readonly source: Promise<ByteSource>,
     inWorker: boolean,
   ) {
-    const failed = (reason: string): void => this.lose(reason);
-    this.line = (inWorker && workerLine(start, failed)) || threadLine(start);
-    this.listen();
+    const onFailure = (reason: string): void => this.recover(reason);
+    this.connection = (inWorker && connectWorker(start, onFailure)) || connectThread(start);
+    this.attach();
   }
 
-  /** Whether it works beside the page, and not on its thread. */
+  /** Whether the engine runs in a worker. */
   get isInWorker(): boolean {
-    return this.line.isWorker;
+    return this.connection.isWorker;
   }
 
-  /** Hands it the library: it gets ready. */
-  async begin(loading: Promise<WebAssembly.Module>): Promise<void> {
+  /** Send the compiled library to the engine. */
+  async sendModule(loading: Promise<WebAssembly.Module>): Promise<void> {
     this.module = await loading;
-    if (!this.closed) this.say({ module: this.module });
+    if (!this.closed) this.post({ module: this.module });
   }
 
-  /** Asks, and gives the answer; a signal takes the question back. */
-  async ask<Name extends keyof Calls>(
+  /** Call the engine and return the result; the signal cancels the call. */
+  async call<Name extends keyof Calls>(
     call: Name,
-    of: Calls[Name],
+    args: Calls[Name],
     signal?: AbortSignal,
-  ): Promise<Answers[Name]> {
+  ): Promise<Results[Name]> {
     signal?.throwIfAborted();
     if (this.closed) throw this.closed;
-    const id = this.nQuestions++;
+    const id = this.nCalls++;
     const cancel = (): void => {
-      this.say({ cancel: id });
-      this.waiting.get(id)?.reject(signal!.reason);
-      this.waiting.delete(id);
+      this.post({ cancel: id });
+      this.pending.get(id)?.reject(signal!.reason);
+      this.pending.delete(id);
     };
     signal?.addEventListener("abort", cancel, { once: true });
     try {
-      return await new Promise<Answers[Name]>((resolve, reject) => {
-        const question = { id, call, of } as Question;
-        this.waiting.set(id, { question, resolve: resolve as Waiting["resolve"], reject });
-        this.say(question);
+      return await new Promise<Results[Name]>((resolve, reject) => {
+        const message = { id, call, args } as CallMessage;
+        this.pending.set(id, { message, resolve: resolve as PendingCall["resolve"], reject });
+        this.post(message);
       });
     } finally {
       signal?.removeEventListener("abort", cancel);
     }
   }
 
-  /** Ends the engine; whoever waits gets the reason. */
+  /** Stop the engine; pending calls throw the reason. */
   close(reason: unknown): void {
     if (this.closed) return;
     this.closed = reason;
-    this.line.close();
-    for (const { reject } of this.waiting.values()) reject(reason);
+    this.connection.close();
+    for (const { reject } of this.pending.values()) reject(reason);
     for (const controller of this.reads.values()) controller.abort(reason);
-    this.waiting.clear();
+    this.pending.clear();
     this.reads.clear();
   }
 
-  private listen(): void {
-    this.line.port.onmessage = ({ data }: MessageEvent<FromEngine>) => this.hear(data);
+  private attach(): void {
+    this.connection.port.onmessage = ({ data }: MessageEvent<FromEngine>) => this.receive(data);
   }
 
-  /** Goes on without a worker that a content policy did not let begin; one that fell over is lost. */
-  private lose(reason: string): void {
+  /**
+   * Handle an error of the worker: if it never responded, as when a content policy blocks it, move to
+   * this thread; otherwise fail.
+   */
+  private recover(reason: string): void {
     if (this.closed) return;
-    if (this.hasAnswered) {
-      this.close(new errors.MeshReelError(`the worker that decodes has ended (${reason})`));
+    if (this.hasResponded) {
+      this.close(new errors.MeshReelError(`the decoding worker stopped (${reason})`));
       return;
     }
-    this.line.close();
-    this.line = threadLine(this.start);
-    this.listen();
-    if (this.module) this.say({ module: this.module });
-    for (const { question } of this.waiting.values()) this.say(question);
+    this.connection.close();
+    this.connection = connectThread(this.start);
+    this.attach();
+    if (this.module) this.post({ module: this.module });
+    for (const { message } of this.pending.values()) this.post(message);
   }
 
-  private say(message: ToEngine, transfer: Transferable[] = []): void {
-    this.line.port.postMessage(message, transfer);
+  private post(message: ToEngine, transfer: Transferable[] = []): void {
+    this.connection.port.postMessage(message, transfer);
   }
 
-  private hear(message: FromEngine): void {
-    this.hasAnswered = true;
+  private receive(message: FromEngine): void {
+    this.hasResponded = true;
     if ("read" in message) {
       void this.read(message);
-    } else if ("drop" in message) {
-      this.reads.get(message.drop)?.abort();
+    } else if ("cancelRead" in message) {
+      this.reads.get(message.cancelRead)?.abort();
     } else {
-      const waiting = this.waiting.get(message.id);
-      this.waiting.delete(message.id);
-      if ("answer" in message) waiting?.resolve(message.answer);
-      else waiting?.reject(errorOf(message.failure, Object.values(errors)));
+      const pending = this.pending.get(message.id);
+      this.pending.delete(message.id);
+      if ("result" in message) pending?.resolve(message.result);
+      else pending?.reject(toError(message.failure, Object.values(errors)));
     }
   }
 
@@ -139,20 +143,20 @@ export class RemoteEngine {
     this.reads.set(id, controller);
     try {
       const bytes = await (await this.source).read(start, end, controller.signal);
-      if (!this.closed) this.say({ read: id, bytes }, [bytes.buffer]);
+      if (!this.closed) this.post({ read: id, bytes }, [bytes.buffer]);
     } catch (error) {
-      if (!this.closed) this.say({ read: id, failure: failureOf(error) });
+      if (!this.closed) this.post({ read: id, failure: toFailure(error) });
     } finally {
       this.reads.delete(id);
     }
   }
 }
 
-/** A worker whose script is the text of the engine; null where there can be none. */
-function workerLine(
+/** Start a worker whose script is the source text of `start`; null if workers are unavailable. */
+function connectWorker(
   start: (port: Port) => void,
-  failed: (reason: string) => void,
-): Line | null {
+  onFailure: (reason: string) => void,
+): Connection | null {
   if (typeof Worker === "undefined") return null;
   const script = new Blob([`(${start})(self)`], { type: "text/javascript" });
   const url = URL.createObjectURL(script);
@@ -165,17 +169,17 @@ function workerLine(
     worker = new Worker(url);
   } catch {
     close();
-    return null; // as a content policy may want it
+    return null; // blocked by a content policy
   }
   worker.onerror = (event) => {
     event.preventDefault();
-    failed(event.message || "no reason is given");
+    onFailure(event.message || "unknown reason");
   };
   return { port: worker, isWorker: true, close };
 }
 
-/** The engine on this thread. */
-function threadLine(start: (port: Port) => void): Line {
+/** Run the engine on this thread. */
+function connectThread(start: (port: Port) => void): Connection {
   const { port1, port2 } = new MessageChannel();
   start(port2);
   const close = (): void => {

@@ -1,64 +1,64 @@
-// Attributes of a player as properties.
+// Reflects the attributes of a player as properties.
 
 import { type AttributeName, ATTRIBUTES } from "./settings.js";
 
 const BOOLEANS: readonly AttributeName[] = ["autoplay", "camera-controls", "controls", "muted"];
 const NUMBERS: readonly AttributeName[] = ["speed", "start-time", "start-frame", "texture-offset"];
 
-/** Servers that render pages have no elements; there the script may be imported, and does nothing. */
+/** Without a DOM, as in server-side rendering, importing the script must not fail. */
 const Element = typeof HTMLElement === "undefined" ? (class {} as typeof HTMLElement) : HTMLElement;
 
-/** An element with the attributes of a player, each of which is a property of its name. */
+/** Base class of the player: each attribute is also a property. */
 export abstract class PlayerAttributes extends Element {
   /** Address of the file. */
   declare src: string | null;
-  /** What the picture shows, in words. */
+  /** Text alternative: describes the animation. */
   declare alt: string | null;
-  /** Plays as soon as it can, unless people have asked their system for less motion. */
+  /** Plays once the file is open, unless the user prefers reduced motion. */
   declare autoplay: boolean;
-  /** Plays again and again: true or "repeat", or there and back: "pingpong". */
+  /** Repeats: true or "repeat" from the start, "pingpong" forwards and backwards. */
   declare loop: boolean | string;
-  /** Seconds of the animation in a second; 1 by default, backwards if negative. */
+  /** Playback rate; 1 by default, negative values play backwards. */
   declare speed: number | null;
-  /** Where it begins, in seconds. */
+  /** Initial time, in seconds. */
   declare startTime: number | null;
-  /** Where it begins, as a frame from 0 on. */
+  /** Initial frame, counted from 0. */
   declare startFrame: number | null;
-  /** Whether pictures between frames are shown; true by default. */
+  /** Whether to interpolate between frames; true by default. */
   declare interpolate: boolean;
-  /** Lets people turn, move and zoom the picture. */
+  /** Enables rotating, panning and zooming. */
   declare cameraControls: boolean;
-  /** Shows a bar with play, time, sound and full screen. */
+  /** Shows a control bar: play, timeline, sound, full screen. */
   declare controls: boolean;
-  /** The axis of the file that is upwards: "y", the default, or "z". */
+  /** The up axis of the file: "y", the default, or "z". */
   declare up: string | null;
-  /** A color of CSS behind the model; without it that of the style sheet of the page or the system. */
+  /** Background, a CSS color; by default the color of the style sheet or of the color scheme. */
   declare background: string | null;
-  /** Address of an image that is shown before the first picture is there. */
+  /** Address of an image that is shown until the first frame is drawn. */
   declare poster: string | null;
-  /** Address of an image or a video that is shown on the model. */
+  /** Address of an image or video to use as texture. */
   declare texture: string | null;
-  /** "image" or "video", where the address of the texture does not say so. */
+  /** "image" or "video", if the file extension of the texture does not tell. */
   declare textureKind: string | null;
-  /** Time of the video at the first frame of the model, in seconds. */
+  /** Time of the texture video at the first frame of the mesh, in seconds. */
   declare textureOffset: number | null;
-  /** Where pictures of the video hold the number of their frame: x, y, cell and bits. */
+  /** Where images of the video encode their frame number: x, y, cell and bits. */
   declare frameNumber: string | null;
-  /** Plays the video without its sound. */
+  /** Mutes the video. */
   declare muted: boolean;
-  /** Name of a track that the model has the colours of. */
+  /** Name of the track that colors the mesh. */
   declare track: string | null;
-  /** Of its values: "x", "y", "z", a number from 0 on, or "magnitude". */
+  /** Component of its values: "x", "y", "z", a column index, or "magnitude". */
   declare trackComponent: string | null;
-  /** Where its colours end, such as "0:500" or "2%:98%". */
+  /** Range of its color map, such as "0:500" or "2%:98%". */
   declare trackRange: string | null;
-  /** "sequential" or "diverging". */
+  /** Color map: "sequential" or "diverging". */
   declare trackColormap: string | null;
 
-  /** Takes properties that were set before the element was defined. */
-  protected upgrade(): void {
+  /** Apply properties that were set before the element was defined. */
+  protected upgradeProperties(): void {
     for (const name of ATTRIBUTES) {
-      const property = propertyOf(name);
+      const property = propertyName(name);
       if (!Object.hasOwn(this, property)) continue;
       const value: unknown = Reflect.get(this, property);
       Reflect.deleteProperty(this, property);
@@ -68,11 +68,11 @@ export abstract class PlayerAttributes extends Element {
 }
 
 for (const name of ATTRIBUTES) {
-  Object.defineProperty(PlayerAttributes.prototype, propertyOf(name), {
+  Object.defineProperty(PlayerAttributes.prototype, propertyName(name), {
     configurable: true,
     enumerable: true,
     get(this: HTMLElement) {
-      return valueOf(name, this.getAttribute(name));
+      return parseValue(name, this.getAttribute(name));
     },
     set(this: HTMLElement, value: unknown) {
       const isOff = value === null || value === undefined || value === false;
@@ -82,7 +82,7 @@ for (const name of ATTRIBUTES) {
   });
 }
 
-function valueOf(name: AttributeName, value: string | null): unknown {
+function parseValue(name: AttributeName, value: string | null): unknown {
   if (BOOLEANS.includes(name)) return value !== null;
   if (NUMBERS.includes(name)) return value === null ? null : Number(value);
   if (name === "interpolate") return value !== "false";
@@ -90,6 +90,6 @@ function valueOf(name: AttributeName, value: string | null): unknown {
   return value;
 }
 
-function propertyOf(name: AttributeName): string {
+function propertyName(name: AttributeName): string {
   return name.replace(/-(.)/g, (_, letter: string) => letter.toUpperCase());
 }

@@ -1,53 +1,53 @@
-// The bar of a player: play, time, sound, full screen.
+// The control bar of a player: play, timeline, sound, full screen.
 
-import { made, ShapeButton } from "./parts.js";
+import { createElement, IconButton } from "./dom.js";
 
-/** What the bar shows. */
+/** What the bar displays. */
 export interface BarState {
   readonly isPlaying: boolean;
   readonly frame: number;
   readonly nFrames: number;
-  /** Seconds. */
+  /** In seconds. */
   readonly time: number;
   readonly duration: number;
-  /** Null: there is no sound to be muted. */
+  /** Null if there is no sound. */
   readonly isMuted: boolean | null;
 }
 
-/** What people ask for by the bar. */
+/** Callbacks for input of the user. */
 export interface BarActions {
   toggle(): void;
   seek(frame: number): void;
-  /** The thumb of the timeline is held, or was released. */
-  hold(isHeld: boolean): void;
+  /** Called when the user grabs or releases the thumb of the timeline. */
+  scrub(isScrubbing: boolean): void;
   mute(): void;
 }
 
-/** The bar of a player. */
+/** The control bar of a player. */
 export class Bar {
   readonly element: HTMLElement;
-  readonly #play: ShapeButton;
-  readonly #mute: ShapeButton;
-  readonly #full: ShapeButton;
-  readonly #range = made("input", "time");
-  readonly #text = made("span", "text");
+  readonly #play: IconButton;
+  readonly #mute: IconButton;
+  readonly #full: IconButton;
+  readonly #range = createElement("input", "time");
+  readonly #text = createElement("span", "text");
   readonly #host: HTMLElement;
-  readonly #listening = new AbortController();
+  readonly #listeners = new AbortController();
 
-  /** @param host - what fills the screen when that is asked for */
+  /** @param host - the element that becomes full screen */
   constructor(host: HTMLElement, actions: BarActions) {
     this.#host = host;
-    this.#play = new ShapeButton("", "play", "Play", () => actions.toggle());
-    this.#mute = new ShapeButton("", "loud", "Mute", () => actions.mute());
-    this.#full = new ShapeButton("", "full", "Full screen", () => this.#toggleFull());
+    this.#play = new IconButton("", "play", "Play", () => actions.toggle());
+    this.#mute = new IconButton("", "loud", "Mute", () => actions.mute());
+    this.#full = new IconButton("", "full", "Full screen", () => this.#toggleFull());
     this.#full.element.hidden = !document.fullscreenEnabled;
     const range = this.#range;
     Object.assign(range, { type: "range", min: "0", step: "1", value: "0" });
     range.setAttribute("aria-label", "Time");
     range.addEventListener("input", () => actions.seek(Number(range.value)));
-    range.addEventListener("pointerdown", () => actions.hold(true));
-    this.#text.setAttribute("aria-hidden", "true"); // the range says it
-    this.element = made(
+    range.addEventListener("pointerdown", () => actions.scrub(true));
+    this.#text.setAttribute("aria-hidden", "true"); // the range announces the time
+    this.element = createElement(
       "div",
       "bar",
       this.#play.element,
@@ -56,15 +56,15 @@ export class Bar {
       this.#mute.element,
       this.#full.element,
     );
-    const { signal } = this.#listening;
+    const { signal } = this.#listeners;
     document.addEventListener("fullscreenchange", () => this.#showFull(), { signal });
-    // The thumb is often released beside the range.
+    // The pointer is often outside of the range when it is released.
     for (const type of ["pointerup", "pointercancel"]) {
-      window.addEventListener(type, () => actions.hold(false), { signal, capture: true });
+      window.addEventListener(type, () => actions.scrub(false), { signal, capture: true });
     }
   }
 
-  /** Shows a state; null: nothing is there to be played. */
+  /** Display a state; null: no file is open. */
   show(state: BarState | null): void {
     const range = this.#range;
     range.disabled = this.#play.element.disabled = state === null;
@@ -74,34 +74,34 @@ export class Bar {
       return;
     }
     const { isPlaying, frame, nFrames, time, duration, isMuted } = state;
-    this.#play.say(isPlaying ? "pause" : "play", isPlaying ? "Pause" : "Play");
-    this.#mute.say(isMuted ? "muted" : "loud", isMuted ? "Unmute" : "Mute");
+    this.#play.setAction(isPlaying ? "pause" : "play", isPlaying ? "Pause" : "Play");
+    this.#mute.setAction(isMuted ? "muted" : "loud", isMuted ? "Unmute" : "Mute");
     range.max = String(nFrames - 1);
     range.value = String(frame);
     const words = `${time.toFixed(1)} of ${duration.toFixed(1)} seconds, frame ${frame}`;
     range.setAttribute("aria-valuetext", words);
-    this.#text.textContent = `${clock(time)} / ${clock(duration)}`;
+    this.#text.textContent = `${formatTime(time)} / ${formatTime(duration)}`;
   }
 
   dispose(): void {
-    this.#listening.abort();
+    this.#listeners.abort();
     this.element.remove();
   }
 
   #toggleFull(): void {
-    // Refused, as a page in a frame may be, it stays as it is.
+    // Ignore refusals: an iframe may lack the permission.
     if (this.#host.matches(":fullscreen")) void document.exitFullscreen().catch(() => {});
     else void this.#host.requestFullscreen().catch(() => {});
   }
 
   #showFull(): void {
     const isFull = this.#host.matches(":fullscreen");
-    this.#full.say(isFull ? "small" : "full", isFull ? "Leave full screen" : "Full screen");
+    this.#full.setAction(isFull ? "small" : "full", isFull ? "Leave full screen" : "Full screen");
   }
 }
 
-/** Minutes, seconds and tenths. */
-function clock(seconds: number): string {
+/** Format a time as minutes, seconds and tenths. */
+function formatTime(seconds: number): string {
   const tenths = Math.floor(10 * seconds + 1e-6);
   const minutes = Math.floor(tenths / 600);
   const rest = (tenths % 600) / 10;

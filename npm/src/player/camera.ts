@@ -1,51 +1,51 @@
-// The camera of a player: where it stands, and how it is moved.
+// The camera of a player and its controls.
 
 import { PerspectiveCamera, Vector3 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 
-import type { Reach } from "./reach.js";
+import type { HalfExtents } from "./half_extents.js";
 
-/** Field of view upwards, in degrees. */
+/** Vertical field of view, in degrees. */
 const FOV = 30;
 
-/** From where it looks at first: a little from above. */
-const FROM = new Vector3(0, 0.2, 1).normalize();
+/** Direction from the model to the initial camera: slightly above. */
+const VIEW_DIRECTION = new Vector3(0, 0.2, 1).normalize();
 
-/** Share of the picture that a box fills; the rest is a margin. */
-const FILLED = 0.95;
+/** Fraction of the canvas that the model fills; the rest is a margin. */
+const FILL_RATIO = 0.95;
 
-/** A press of a key turns it by this angle, in radians, or comes nearer by this factor. */
-const TURN = Math.PI / 18;
-const STEP = 1.15;
+/** Rotation in radians, and zoom factor, of a key press. */
+const ROTATION_STEP = Math.PI / 18;
+const ZOOM_FACTOR = 1.15;
 
-/** Distances that people may take, of that from which all is seen. */
-const [NEAREST, FARTHEST] = [0.1, 4];
+/** Limits of the distance, relative to the one that frames the model. */
+const [MIN_DISTANCE, MAX_DISTANCE] = [0.1, 4];
 
-/** A camera that sees a box around the origin, and turns around it. */
+/** A camera that frames a box around the origin and orbits around it. */
 export class PlayerCamera {
   readonly camera = new PerspectiveCamera(FOV);
   readonly #canvas: HTMLCanvasElement;
-  readonly #onMoved: () => void;
-  readonly #listening = new AbortController();
+  readonly #onChange: () => void;
+  readonly #listeners = new AbortController();
   #controls: OrbitControls | null = null;
-  #reach: Reach = [1, 1, 1];
-  #isMoved = false;
+  #extents: HalfExtents = [1, 1, 1];
+  #isUserControlled = false;
 
-  /** @param onMoved - is told when people have moved it */
-  constructor(canvas: HTMLCanvasElement, onMoved: () => void) {
+  /** @param onChange - called when the user moves the camera */
+  constructor(canvas: HTMLCanvasElement, onChange: () => void) {
     this.#canvas = canvas;
-    this.#onMoved = onMoved;
-    // The wheel scrolls the page, until the picture has been chosen or a key says what is meant.
+    this.#onChange = onChange;
+    // The wheel scrolls the page, unless the canvas has the focus or Ctrl (Cmd) is pressed.
     const parent = canvas.parentElement as HTMLElement;
-    const keep = (event: WheelEvent) => {
+    const filterWheel = (event: WheelEvent) => {
       const root = canvas.getRootNode() as ShadowRoot;
-      const isMeant = root.activeElement === canvas || event.ctrlKey || event.metaKey;
-      if (!isMeant) event.stopPropagation();
+      const isZoom = root.activeElement === canvas || event.ctrlKey || event.metaKey;
+      if (!isZoom) event.stopPropagation();
     };
-    parent.addEventListener("wheel", keep, { capture: true, signal: this.#listening.signal });
+    parent.addEventListener("wheel", filterWheel, { capture: true, signal: this.#listeners.signal });
   }
 
-  /** Whether people can move it. */
+  /** Whether the user can move the camera. */
   set hasControls(has: boolean) {
     if (has === (this.#controls !== null)) return;
     if (!has) {
@@ -54,85 +54,85 @@ export class PlayerCamera {
       return;
     }
     const controls = new OrbitControls(this.camera, this.#canvas);
-    this.#canvas.style.touchAction = "pan-y"; // a finger that goes up scrolls the page
-    this.#limit(controls);
-    controls.addEventListener("change", this.#onMoved);
+    this.#canvas.style.touchAction = "pan-y"; // vertical swipes scroll the page
+    this.#limitDistance(controls);
+    controls.addEventListener("change", this.#onChange);
     controls.addEventListener("start", () => {
-      this.#isMoved = true;
+      this.#isUserControlled = true;
     });
     this.#controls = controls;
   }
 
-  /** Looks at a box around the origin, y upwards, so that all of it is seen. */
-  fit(reach: Reach): void {
-    this.#reach = reach;
-    const radius = Math.hypot(...reach);
+  /** Frame a box around the origin, with y up. */
+  fit(extents: HalfExtents): void {
+    this.#extents = extents;
+    const radius = Math.hypot(...extents);
     this.camera.near = radius / 100;
     this.camera.far = 100 * radius;
     this.reset();
   }
 
-  /** Goes back to where it was at first. */
+  /** Return to the initial view. */
   reset(): void {
-    this.#isMoved = false;
-    this.camera.position.copy(FROM).multiplyScalar(this.#distance);
+    this.#isUserControlled = false;
+    this.camera.position.copy(VIEW_DIRECTION).multiplyScalar(this.#distance);
     this.camera.updateProjectionMatrix();
     this.camera.lookAt(0, 0, 0);
     if (this.#controls) {
-      this.#limit(this.#controls);
+      this.#limitDistance(this.#controls);
       this.#controls.target.set(0, 0, 0);
       this.#controls.update();
     }
-    this.#onMoved();
+    this.#onChange();
   }
 
-  /** Sees a picture of another shape; what people have chosen stays. */
-  reshape(aspect: number): void {
+  /** Set the aspect ratio; a view that the user has chosen is kept. */
+  setAspect(aspect: number): void {
     this.camera.aspect = aspect;
-    if (this.#isMoved) this.camera.updateProjectionMatrix();
+    if (this.#isUserControlled) this.camera.updateProjectionMatrix();
     else this.reset();
   }
 
-  /** Does what a key says; false where it says nothing to cameras. */
-  press(key: string): boolean {
+  /** Apply a key press; returns false if the key does not move the camera. */
+  handleKey(key: string): boolean {
     const controls = this.#controls;
     if (!controls) return false;
     const moves: Record<string, () => void> = {
-      ArrowLeft: () => controls.rotateLeft(TURN),
-      ArrowRight: () => controls.rotateLeft(-TURN),
-      ArrowUp: () => controls.rotateUp(TURN),
-      ArrowDown: () => controls.rotateUp(-TURN),
-      "+": () => controls.dollyIn(STEP),
-      "-": () => controls.dollyOut(STEP),
+      ArrowLeft: () => controls.rotateLeft(ROTATION_STEP),
+      ArrowRight: () => controls.rotateLeft(-ROTATION_STEP),
+      ArrowUp: () => controls.rotateUp(ROTATION_STEP),
+      ArrowDown: () => controls.rotateUp(-ROTATION_STEP),
+      "+": () => controls.dollyIn(ZOOM_FACTOR),
+      "-": () => controls.dollyOut(ZOOM_FACTOR),
       "0": () => this.reset(),
     };
     if (!(key in moves)) return false;
-    this.#isMoved = key !== "0";
+    this.#isUserControlled = key !== "0";
     moves[key]();
     return true;
   }
 
   dispose(): void {
-    this.#listening.abort();
+    this.#listeners.abort();
     this.hasControls = false;
   }
 
-  /** From where the box fills the picture: that from which each of its corners is seen. */
+  /** Distance at which the box fills the canvas: the smallest one that shows all of its corners. */
   get #distance(): number {
-    const upwards = FILLED * Math.tan((FOV * Math.PI) / 360);
+    const upwards = FILL_RATIO * Math.tan((FOV * Math.PI) / 360);
     const sideways = upwards * this.camera.aspect;
-    const [x, y, z] = this.#reach;
+    const [x, y, z] = this.#extents;
     const corners = [y, -y].flatMap((y) => [z, -z].map((z) => [y, z]));
     const distances = corners.map(([y, z]) => {
-      const nearer = y * FROM.y + z * FROM.z;
-      const higher = Math.abs(y * FROM.z - z * FROM.y);
+      const nearer = y * VIEW_DIRECTION.y + z * VIEW_DIRECTION.z;
+      const higher = Math.abs(y * VIEW_DIRECTION.z - z * VIEW_DIRECTION.y);
       return nearer + Math.max(x / sideways, higher / upwards);
     });
     return Math.max(...distances);
   }
 
-  #limit(controls: OrbitControls): void {
-    controls.minDistance = NEAREST * this.#distance;
-    controls.maxDistance = FARTHEST * this.#distance;
+  #limitDistance(controls: OrbitControls): void {
+    controls.minDistance = MIN_DISTANCE * this.#distance;
+    controls.maxDistance = MAX_DISTANCE * this.#distance;
   }
 }

@@ -1,4 +1,4 @@
-// <reel-player>: a file that plays in a page.
+// The element <reel-player>.
 
 import { InvalidInputError } from "../errors.js";
 import { ReelMesh } from "../three/reel_mesh.js";
@@ -7,112 +7,112 @@ import { PlayerAttributes } from "./attributes.js";
 import { Bar, type BarState } from "./bar.js";
 import { Legend } from "./legend.js";
 import { Messages } from "./messages.js";
-import { made, ShapeButton } from "./parts.js";
-import { type Reach, reachOf } from "./reach.js";
-import { ATTRIBUTES, type PlayerSettings, settingsOf } from "./settings.js";
+import { createElement, IconButton } from "./dom.js";
+import { type HalfExtents, estimateHalfExtents } from "./half_extents.js";
+import { ATTRIBUTES, type PlayerSettings, parseSettings } from "./settings.js";
 import { openShared } from "./shared_reels.js";
-import { playerSheet } from "./sheet.js";
+import { playerStyleSheet } from "./style_sheet.js";
 import { View } from "./view.js";
 
-/** Label of the picture where the page gives none. */
+/** Label of the canvas if the page sets no `alt`. */
 const NO_ALT = "Animated 3D model";
 
-/** Settings of what is on the model: one that changes brings it anew. */
-const OF_DRESS = [
+/** Settings that determine the texture or the colors: a change applies them again. */
+const APPEARANCE_KEYS = [
   ...["texture", "kind", "offset", "frameNumber"],
   ...["track", "component", "range", "map"],
 ] as (keyof PlayerSettings)[];
 
-/** What went wrong, and how it may end. */
+/** An error and the conditions that clear it. */
 interface Failure {
   readonly error: Error;
-  /** Tries again; null where that cannot help. */
+  /** Retries; null if a retry cannot help. */
   readonly retry: (() => void) | null;
-  /** It ends when a frame of this block is shown. */
+  /** Cleared when a frame of this block is shown. */
   readonly block: number | null;
-  /** It ends when the browser gives the graphics back. */
-  readonly isOfGraphics: boolean;
+  /** Cleared when the WebGL context is restored. */
+  readonly isContextLoss: boolean;
 }
 
-/** All that is there while a player is in a page. */
-interface Shown {
+/** The parts of a player that exist while it is connected to a document. */
+interface Ui {
   readonly view: View;
   readonly bar: Bar;
   readonly messages: Messages;
   readonly legend: Legend;
-  readonly start: ShapeButton;
+  readonly start: IconButton;
   readonly poster: HTMLImageElement;
 }
 
 /**
  * The element `<reel-player>`: opens a `.reel` file and plays it.
  *
- * Attributes, all of which are properties too: `src`, `alt`, `autoplay`, `loop` (or
+ * Attributes, which are also properties: `src`, `alt`, `autoplay`, `loop` (or
  * `loop="pingpong"`), `speed`, `start-time` or `start-frame`, `interpolate`, `camera-controls`,
  * `controls`, `up`, `background`, `poster`, `texture`, `texture-kind`, `texture-offset`,
- * `frame-number`, `muted`, `track`, `track-component`, `track-range` and `track-colormap`. Each may
- * change at any time.
+ * `frame-number`, `muted`, `track`, `track-component`, `track-range` and `track-colormap`. All of
+ * them may change at any time.
  *
  * Events, which do not bubble: `load` (the file is open), `play`, `pause`, `timeupdate` (another
- * picture is shown), `waiting`, `playing`, `ended`, `warning` (a `CustomEvent` whose `detail` has
- * the `message`) and `error` (an `ErrorEvent`). Errors are shown in the element as well, until the
- * player works again. It requests what a server did not give again when the browser is back online;
- * a button does so too.
+ * frame is shown), `waiting`, `playing`, `ended`, `warning` (a `CustomEvent` whose `detail` has the
+ * `message`) and `error` (an `ErrorEvent`). The element also displays errors until they are
+ * resolved. Failed requests are retried when the browser is back online, or when the user presses
+ * "Try again".
  *
- * Out of sight it stands still. Taken out of the page, it frees all that it holds.
+ * The player pauses while it is off-screen. Removing it from the document frees its resources.
  */
 export class ReelPlayerElement extends PlayerAttributes {
   static readonly observedAttributes = ATTRIBUTES;
-  readonly #stage = made("div", "stage");
-  #shown: Shown | null = null;
+  readonly #stage = createElement("div", "stage");
+  #ui: Ui | null = null;
   #settings: PlayerSettings | null = null;
   #loading: AbortController | null = null;
   #mesh: ReelMesh | null = null;
-  /** Releases the file, which other players may show too. */
+  /** Releases the file, which other players may share. */
   #release: (() => void) | null = null;
-  #reach: Reach = [1, 1, 1];
+  #extents: HalfExtents = [1, 1, 1];
   #isRefreshing = false;
   #wasPlaying = false;
-  /** Whether the attributes could not be understood. */
-  #isRefused = false;
-  /** Whether it plays on once it is seen again and the thumb of the timeline is released. */
+  /** Whether the last attributes were invalid. */
+  #hasInvalidAttributes = false;
+  /** Whether to resume once the player is visible and the thumb of the timeline is released. */
   #isSuspended = false;
-  /** Whether people hold the thumb of the timeline. */
-  #isHeld = false;
-  /** Whether it would play by itself, but was not allowed to. */
-  #isHeldBack = false;
+  /** Whether the user holds the thumb of the timeline. */
+  #isScrubbing = false;
+  /** Whether autoplay was prevented. */
+  #isAutoplayBlocked = false;
   #failure: Failure | null = null;
-  #listening = new AbortController();
+  #listeners = new AbortController();
 
   constructor() {
     super();
     const root = this.attachShadow({ mode: "open" });
-    root.adoptedStyleSheets = [playerSheet()];
+    root.adoptedStyleSheets = [playerStyleSheet()];
     root.append(this.#stage);
-    root.addEventListener("keydown", (event) => this.#press(event as KeyboardEvent));
+    root.addEventListener("keydown", (event) => this.#handleKey(event as KeyboardEvent));
   }
 
-  /** The file; null before it is open. */
+  /** The open file; null before the event `load`. */
   get reel(): OpenReel | null {
     return this.#mesh?.reel ?? null;
   }
 
-  /** What three.js draws; null before the file is open. Its classes are those of this script. */
+  /** The three.js mesh; null before the event `load`. It uses the three.js inside this script. */
   get mesh(): ReelMesh | null {
     return this.#mesh;
   }
 
-  /** What went wrong last; null where nothing did, or it works again. */
+  /** The last error; null if there was none or it is resolved. */
   get error(): Error | null {
     return this.#failure?.error ?? null;
   }
 
-  /** Seconds of the whole animation; NaN before the file is open. */
+  /** Duration in seconds; NaN before the event `load`. */
   get duration(): number {
     return this.#mesh?.duration ?? NaN;
   }
 
-  /** Seconds since the first frame; 0 before the file is open. Setting it is `seek`. */
+  /** Time in seconds since the first frame; 0 before the event `load`. Setting it seeks. */
   get currentTime(): number {
     return this.#mesh?.time ?? 0;
   }
@@ -121,66 +121,66 @@ export class ReelPlayerElement extends PlayerAttributes {
     this.seek(seconds);
   }
 
-  /** Whether it stands still. Out of sight, it is not paused: it goes on when it is seen again. */
+  /** Whether playback is paused; false while it is only suspended because it is off-screen. */
   get paused(): boolean {
     return !this.#isPlaying;
   }
 
   /**
-   * Plays on, or from the start if the end was reached.
+   * Play from the current time, or from the start if the end was reached.
    *
    * @throws InvalidInputError before the file is open: wait for the event `load`.
    */
   play(): void {
-    const mesh = this.#required();
-    if (this.#canMove) mesh.play();
+    const mesh = this.#requireMesh();
+    if (this.#canPlay) mesh.play();
     else this.#isSuspended = true;
-    this.#changed();
+    this.#updateUi();
   }
 
-  /** Stands still. Before the file is open this does away with `autoplay`. */
+  /** Pause. Before the file is open this removes `autoplay`. */
   pause(): void {
     this.#isSuspended = false;
     if (this.#mesh) this.#mesh.pause();
     else this.autoplay = false;
-    this.#changed();
+    this.#updateUi();
   }
 
   /**
-   * Goes to a time: seconds since the first frame, or a frame.
+   * Seek to a time in seconds since the first frame, or to a frame.
    *
    * @throws InvalidInputError before the file is open, or if it is not a finite number.
    */
   seek(to: number | { frame: number }): void {
-    this.#required().seek(to);
-    this.#changed();
+    this.#requireMesh().seek(to);
+    this.#updateUi();
   }
 
-  /** Has the camera look from where it did at first. */
+  /** Return the camera to its initial view. */
   resetCamera(): void {
-    this.#shown?.view.camera.reset();
+    this.#ui?.view.camera.reset();
   }
 
   connectedCallback(): void {
-    if (this.#shown) return; // moved within the page
-    this.upgrade();
+    if (this.#ui) return; // moved within the document
+    this.upgradeProperties();
     this.#build();
     this.attributeChangedCallback();
   }
 
   disconnectedCallback(): void {
     queueMicrotask(() => {
-      if (!this.isConnected) this.#free();
+      if (!this.isConnected) this.#dispose();
     });
   }
 
-  /** Attributes are read together, once the script that changes them is done. */
+  /** Changes of several attributes are applied together, in a microtask. */
   attributeChangedCallback(): void {
-    if (!this.#shown || this.#isRefreshing) return;
+    if (!this.#ui || this.#isRefreshing) return;
     this.#isRefreshing = true;
     queueMicrotask(() => {
       this.#isRefreshing = false;
-      if (this.#shown) this.#refresh();
+      if (this.#ui) this.#refresh();
     });
   }
 
@@ -188,83 +188,83 @@ export class ReelPlayerElement extends PlayerAttributes {
     return this.#isSuspended || (this.#mesh?.isPlaying ?? false);
   }
 
-  /** Whether time may pass: not out of sight, nor while the thumb of the timeline is held. */
-  get #canMove(): boolean {
-    return !!this.#shown?.view.isSeen && !this.#isHeld;
+  /** Whether time may advance: the player is visible, and the user does not hold the thumb. */
+  get #canPlay(): boolean {
+    return !!this.#ui?.view.isVisible && !this.#isScrubbing;
   }
 
-  #required(): ReelMesh {
+  #requireMesh(): ReelMesh {
     if (this.#mesh) return this.#mesh;
-    throw new InvalidInputError('no file is open yet; wait for the event "load" of the player');
+    throw new InvalidInputError('no file is open; wait for the event "load" of the player');
   }
 
   #build(): void {
     const view = new View(this.#stage, {
       hasPicture: () => !!this.#mesh && !this.#mesh.isWaiting,
-      isMoving: () => !!this.#mesh && (this.#mesh.isPlaying || this.#mesh.isWaiting),
-      pass: (seconds) => {
+      isAnimating: () => !!this.#mesh && (this.#mesh.isPlaying || this.#mesh.isWaiting),
+      advance: (seconds) => {
         this.#mesh?.update(seconds);
-        this.#changed();
+        this.#updateUi();
       },
-      onSeen: () => this.#see(),
-      onError: (error) => this.#fail(error),
-      onLost: (error) => this.#fail(error, { isOfGraphics: true }),
-      onRestored: () => {
-        if (this.#failure?.isOfGraphics) this.#forgive();
+      onVisibilityChange: () => this.#onVisibilityChange(),
+      onError: (error) => this.#reportError(error),
+      onContextLost: (error) => this.#reportError(error, { isContextLoss: true }),
+      onContextRestored: () => {
+        if (this.#failure?.isContextLoss) this.#clearError();
       },
     });
     const bar = new Bar(this, {
       toggle: () => this.#toggle(),
       seek: (frame) => this.seek({ frame }),
-      hold: (isHeld) => {
-        if (isHeld === this.#isHeld) return;
-        this.#isHeld = isHeld;
-        this.#suspendOrGoOn();
+      scrub: (isHeld) => {
+        if (isHeld === this.#isScrubbing) return;
+        this.#isScrubbing = isHeld;
+        this.#suspendOrResume();
       },
       mute: () => {
         const video = this.#mesh?.video;
         if (video) this.muted = !video.muted;
       },
     });
-    const start = new ShapeButton("start", "play", "Play", () => this.#toggle());
-    const poster = made("img", "poster");
+    const start = new IconButton("start", "play", "Play", () => this.#toggle());
+    const poster = createElement("img", "poster");
     poster.alt = "";
     const messages = new Messages(() => this.#retry());
     const legend = new Legend();
     this.#stage.append(poster, legend.element, start.element);
     this.#stage.append(messages.waiting, bar.element, messages.alert);
-    this.#shown = { view, bar, start, poster, messages, legend };
-    this.#listening = new AbortController();
-    const { signal } = this.#listening;
+    this.#ui = { view, bar, start, poster, messages, legend };
+    this.#listeners = new AbortController();
+    const { signal } = this.#listeners;
     window.addEventListener("online", () => this.#retry(), { signal });
   }
 
-  #free(): void {
-    if (!this.#shown) return;
-    const { view, bar } = this.#shown;
-    this.#listening.abort();
-    this.#isHeld = false;
+  #dispose(): void {
+    if (!this.#ui) return;
+    const { view, bar } = this.#ui;
+    this.#listeners.abort();
+    this.#isScrubbing = false;
     this.#close();
     bar.dispose();
     view.dispose();
     this.#stage.replaceChildren();
-    this.#shown = null;
+    this.#ui = null;
     this.#settings = null;
   }
 
-  /** Does what the attributes say, as far as it is new. */
+  /** Apply attributes that have changed. */
   #refresh(): void {
-    const { view, bar, poster } = this.#shown as Shown;
+    const { view, bar, poster } = this.#ui as Ui;
     view.canvas.setAttribute("aria-label", this.alt || NO_ALT);
     let next: PlayerSettings;
     try {
-      next = settingsOf((name) => this.getAttribute(name));
+      next = parseSettings((name) => this.getAttribute(name));
       requireColor(next.background);
     } catch (error) {
-      this.#isRefused = true;
-      return this.#fail(error as Error);
+      this.#hasInvalidAttributes = true;
+      return this.#reportError(error as Error);
     }
-    if (this.#isRefused) this.#forgive();
+    if (this.#hasInvalidAttributes) this.#clearError();
     const last = this.#settings;
     this.#settings = next;
     view.camera.hasControls = next.cameraControls;
@@ -275,203 +275,203 @@ export class ReelPlayerElement extends PlayerAttributes {
       else poster.src = next.poster;
     }
     if (!last || last.src !== next.src) {
-      this.#forgive();
+      this.#clearError();
       void this.#open(next);
     } else if (this.#mesh) {
-      this.#adapt(this.#mesh, next);
-      if (last.up !== next.up) this.#aim(next);
-      if (OF_DRESS.some((name) => !isSame(last[name], next[name]))) {
-        void this.#dress(this.#mesh, next);
+      this.#applySettings(this.#mesh, next);
+      if (last.up !== next.up) this.#frameModel(next);
+      if (APPEARANCE_KEYS.some((name) => !isEqual(last[name], next[name]))) {
+        void this.#applyAppearance(this.#mesh, next);
       }
     }
-    this.#changed();
+    this.#updateUi();
   }
 
   async #open(settings: PlayerSettings): Promise<void> {
     this.#close();
     if (settings.src === null) return;
     const { signal } = (this.#loading = new AbortController());
-    this.#changed();
+    this.#updateUi();
     let mesh: ReelMesh;
     try {
       const { reel, release } = await openShared(settings.src, signal);
       if (signal.aborted) return release();
       this.#release = release;
-      // What is wrong with frames is told when they are shown.
-      const reach = await reachOf(reel, settings.start, { signal }).catch(() => null);
+      // Errors of frames are reported when they are shown.
+      const extents = await estimateHalfExtents(reel, settings.start, { signal }).catch(() => null);
       if (signal.aborted) return;
       const radius = reel.info.diagonal / 2;
-      this.#reach = reach ?? [radius, radius, radius];
+      this.#extents = extents ?? [radius, radius, radius];
       mesh = new ReelMesh(reel, { origin: reel.info.center });
     } catch (error) {
       if (signal.aborted) return;
-      this.#letGo();
+      this.#releaseReel();
       this.#loading = null;
       const retry = () => this.#settings && void this.#open(this.#settings);
-      return this.#fail(error as Error, { retry });
+      return this.#reportError(error as Error, { retry });
     }
     this.#loading = null;
     this.#settings ??= settings;
-    this.#begin(mesh, this.#settings);
+    this.#showMesh(mesh, this.#settings);
     this.dispatchEvent(new Event("load"));
-    await this.#dress(mesh, this.#settings);
+    await this.#applyAppearance(mesh, this.#settings);
     if (this.#mesh !== mesh || !this.#settings?.autoplay) return;
-    this.#isHeldBack = matchMedia("(prefers-reduced-motion: reduce)").matches;
-    if (this.#isHeldBack) this.#changed();
+    this.#isAutoplayBlocked = matchMedia("(prefers-reduced-motion: reduce)").matches;
+    if (this.#isAutoplayBlocked) this.#updateUi();
     else this.play();
   }
 
-  #begin(mesh: ReelMesh, settings: PlayerSettings): void {
-    const { view } = this.#shown as Shown;
+  #showMesh(mesh: ReelMesh, settings: PlayerSettings): void {
+    const { view } = this.#ui as Ui;
     this.#mesh = mesh;
     this.#listen(mesh);
-    this.#adapt(mesh, settings);
+    this.#applySettings(mesh, settings);
     mesh.seek(settings.start);
     view.add(mesh);
-    this.#aim(settings);
+    this.#frameModel(settings);
     if (view.renderer) mesh.setRenderer(view.renderer);
-    this.#changed();
+    this.#updateUi();
   }
 
-  /** Has the camera look at all of the file. */
-  #aim({ up }: PlayerSettings): void {
-    const [x, y, z] = this.#reach;
-    this.#shown?.view.camera.fit(up === "z" ? [x, z, y] : [x, y, z]);
+  /** Frame the model. */
+  #frameModel({ up }: PlayerSettings): void {
+    const [x, y, z] = this.#extents;
+    this.#ui?.view.camera.fit(up === "z" ? [x, z, y] : [x, y, z]);
   }
 
-  /** Has a mesh play as the attributes say. */
-  #adapt(mesh: ReelMesh, { loop, speed, interpolate, up, muted }: PlayerSettings): void {
+  /** Apply the playback settings to a mesh. */
+  #applySettings(mesh: ReelMesh, { loop, speed, interpolate, up, muted }: PlayerSettings): void {
     try {
       Object.assign(mesh, { loop, speed, interpolate });
     } catch (error) {
-      this.#fail(error as Error);
+      this.#reportError(error as Error);
     }
     mesh.rotation.x = up === "z" ? -Math.PI / 2 : 0;
     if (mesh.video) mesh.video.muted = muted;
-    this.#shown?.view.invalidate();
+    this.#ui?.view.invalidate();
   }
 
-  async #dress(mesh: ReelMesh, settings: PlayerSettings): Promise<void> {
+  async #applyAppearance(mesh: ReelMesh, settings: PlayerSettings): Promise<void> {
     const { texture, kind, offset, frameNumber, muted } = settings;
     const { track, component, range, map } = settings;
-    this.#shown?.legend.show(null);
+    this.#ui?.legend.show(null);
     try {
       if (track === null) await mesh.setTexture(texture, { kind, offset, frameNumber });
       else {
         const legend = await mesh.colorBy(track, { component, range, map });
-        this.#shown?.legend.show(legend, mesh.reel.track(track).info.nColumns);
+        this.#ui?.legend.show(legend, mesh.reel.track(track).info.nColumns);
       }
       if (mesh.video) mesh.video.muted = muted;
-      this.#shown?.view.invalidate();
+      this.#ui?.view.invalidate();
     } catch (error) {
       if ((error as Error).name === "AbortError") return;
-      this.#fail(error as Error, { retry: () => this.#dressAgain(mesh) });
+      this.#reportError(error as Error, { retry: () => this.#retryAppearance(mesh) });
     }
   }
 
-  #dressAgain(mesh: ReelMesh): void {
-    if (this.#settings && this.#mesh === mesh) void this.#dress(mesh, this.#settings);
+  #retryAppearance(mesh: ReelMesh): void {
+    if (this.#settings && this.#mesh === mesh) void this.#applyAppearance(mesh, this.#settings);
   }
 
   #listen(mesh: ReelMesh): void {
-    mesh.addEventListener("change", () => this.#shown?.view.invalidate());
+    mesh.addEventListener("change", () => this.#ui?.view.invalidate());
     mesh.addEventListener("frame", ({ frame }) => {
       const { block = null } = this.#failure ?? {};
-      if (block !== null && blockOf(mesh, frame) === block) this.#forgive();
-      this.#shown?.view.invalidate();
-      this.#changed();
+      if (block !== null && blockOf(mesh, frame) === block) this.#clearError();
+      this.#ui?.view.invalidate();
+      this.#updateUi();
       this.dispatchEvent(new Event("timeupdate"));
     });
     for (const type of ["waiting", "playing", "ended"] as const) {
       mesh.addEventListener(type, () => {
-        this.#changed();
+        this.#updateUi();
         this.dispatchEvent(new Event(type));
       });
     }
     mesh.addEventListener("warning", ({ message }) => {
       console.warn(`<reel-player>: ${message}`);
-      this.#isHeldBack = !mesh.isPlaying;
-      this.#changed();
+      this.#isAutoplayBlocked = !mesh.isPlaying;
+      this.#updateUi();
       this.dispatchEvent(new CustomEvent("warning", { detail: { message } }));
     });
     mesh.addEventListener("error", ({ error, block, track }) => {
-      if (block === null) return this.#fail(error);
-      const retry = () => (track === undefined ? mesh.retry() : this.#dressAgain(mesh));
-      const where = `${framesOf(mesh, block)} are missing: `;
-      this.#fail(error, { where, retry, block: track === undefined ? block : null });
+      if (block === null) return this.#reportError(error);
+      const retry = () => (track === undefined ? mesh.retry() : this.#retryAppearance(mesh));
+      const prefix = `${framesOf(mesh, block)} are missing: `;
+      this.#reportError(error, { prefix, retry, block: track === undefined ? block : null });
     });
   }
 
-  /** Lets the file go, or what is under way. */
+  /** Close the file, or cancel opening it. */
   #close(): void {
     this.#loading?.abort();
     this.#loading = null;
-    this.#isSuspended = this.#isHeldBack = false;
+    this.#isSuspended = this.#isAutoplayBlocked = false;
     const mesh = this.#mesh;
     this.#mesh = null;
     if (mesh) {
-      this.#shown?.legend.show(null);
-      this.#shown?.view.remove(mesh);
+      this.#ui?.legend.show(null);
+      this.#ui?.view.remove(mesh);
       mesh.dispose();
     }
-    this.#letGo();
+    this.#releaseReel();
   }
 
-  #letGo(): void {
+  #releaseReel(): void {
     this.#release?.();
     this.#release = null;
   }
 
   /**
-   * Shows an error and dispatches it.
+   * Display an error and dispatch it as an event.
    *
-   * @param how - `where`: what the message begins with; the rest as `Failure` has it. `retry` counts
-   *   only where a server did not give what was asked for: other errors would be the same again.
+   * @param details - `prefix` precedes the message; for the rest see `Failure`. `retry` is used only
+   *   for errors of the source: others would recur.
    */
-  #fail(error: Error, how: Partial<Failure & { where: string }> = {}): void {
-    const { where = "", block = null, isOfGraphics = false } = how;
-    const retry = (error.name === "SourceError" && how.retry) || null;
-    this.#failure = { error, retry, block, isOfGraphics };
-    this.#shown?.messages.say(`${where}${error.message}`, !this.#mesh, retry !== null);
-    this.#changed();
+  #reportError(error: Error, details: Partial<Failure & { prefix: string }> = {}): void {
+    const { prefix = "", block = null, isContextLoss = false } = details;
+    const retry = (error.name === "SourceError" && details.retry) || null;
+    this.#failure = { error, retry, block, isContextLoss };
+    this.#ui?.messages.showError(`${prefix}${error.message}`, !this.#mesh, retry !== null);
+    this.#updateUi();
     const { message } = error;
     this.dispatchEvent(new ErrorEvent("error", { error, message }));
   }
 
-  /** Clears the error. */
-  #forgive(): void {
-    this.#isRefused = false;
+  /** Clear the error. */
+  #clearError(): void {
+    this.#hasInvalidAttributes = false;
     this.#failure = null;
-    this.#shown?.messages.clear();
+    this.#ui?.messages.clearError();
   }
 
-  /** Asks again for what a server did not give. */
+  /** Retry after an error of the source. */
   #retry(): void {
     const retry = this.#failure?.retry;
     if (!retry) return;
-    this.#forgive();
+    this.#clearError();
     retry();
-    this.#changed();
+    this.#updateUi();
   }
 
-  #see(): void {
-    const renderer = this.#shown?.view.renderer;
+  #onVisibilityChange(): void {
+    const renderer = this.#ui?.view.renderer;
     if (renderer) this.#mesh?.setRenderer(renderer);
-    this.#suspendOrGoOn();
+    this.#suspendOrResume();
   }
 
-  /** Pauses while time may not pass, and then plays on. */
-  #suspendOrGoOn(): void {
+  /** Pause playback while time must not advance, and resume it afterwards. */
+  #suspendOrResume(): void {
     const mesh = this.#mesh;
     if (!mesh) return;
-    if (this.#canMove && this.#isSuspended) {
+    if (this.#canPlay && this.#isSuspended) {
       this.#isSuspended = false;
       mesh.play();
-    } else if (!this.#canMove && mesh.isPlaying) {
+    } else if (!this.#canPlay && mesh.isPlaying) {
       this.#isSuspended = true;
       mesh.pause();
     }
-    this.#changed();
+    this.#updateUi();
   }
 
   #toggle(): void {
@@ -480,40 +480,40 @@ export class ReelPlayerElement extends PlayerAttributes {
     else this.play();
   }
 
-  /** Shows how things are, and tells of playing and pausing. */
-  #changed(): void {
-    if (!this.#shown) return;
-    const { view, bar, start, messages, poster } = this.#shown;
+  /** Update the user interface; dispatch `play` or `pause` if that has changed. */
+  #updateUi(): void {
+    if (!this.#ui) return;
+    const { view, bar, start, messages, poster } = this.#ui;
     const mesh = this.#mesh;
     const isPlaying = this.#isPlaying;
     const hasPicture = !!mesh && mesh.geometry.drawRange.count > 0;
     poster.hidden = hasPicture || !poster.hasAttribute("src");
-    const isWaiting = !!mesh && mesh.isWaiting && view.isSeen && !this.#failure?.retry;
-    messages.wait(this.#loading !== null || isWaiting);
-    if (isPlaying) this.#isHeldBack = false;
-    start.element.hidden = !this.#isHeldBack || !!this.#settings?.controls;
-    bar.show(mesh && stateOf(mesh, isPlaying));
-    view.wake();
+    const isWaiting = !!mesh && mesh.isWaiting && view.isVisible && !this.#failure?.retry;
+    messages.showLoading(this.#loading !== null || isWaiting);
+    if (isPlaying) this.#isAutoplayBlocked = false;
+    start.element.hidden = !this.#isAutoplayBlocked || !!this.#settings?.controls;
+    bar.show(mesh && barState(mesh, isPlaying));
+    view.scheduleFrame();
     if (isPlaying === this.#wasPlaying) return;
     this.#wasPlaying = isPlaying;
     this.dispatchEvent(new Event(isPlaying ? "play" : "pause"));
   }
 
-  #press(event: KeyboardEvent): void {
-    if (event.ctrlKey || event.metaKey || event.altKey || !this.#shown || !this.#mesh) return;
+  #handleKey(event: KeyboardEvent): void {
+    if (event.ctrlKey || event.metaKey || event.altKey || !this.#ui || !this.#mesh) return;
     const target = event.composedPath()[0];
-    const { view } = this.#shown;
+    const { view } = this.#ui;
     const isHandled =
       event.key === " " && !(target instanceof HTMLButtonElement)
-        ? this.#do(() => this.#toggle())
-        : target === view.canvas && (view.camera.press(event.key) || this.#step(event.key));
+        ? this.#run(() => this.#toggle())
+        : target === view.canvas && (view.camera.handleKey(event.key) || this.#seekByKey(event.key));
     if (isHandled) event.preventDefault();
   }
 
-  /** Goes to where a key says; false where it says nothing. */
-  #step(key: string): boolean {
-    const { frame, nFrames } = this.#required();
-    const places: Record<string, number> = {
+  /** Seek by a key press; returns false for other keys. */
+  #seekByKey(key: string): boolean {
+    const { frame, nFrames } = this.#requireMesh();
+    const frames: Record<string, number> = {
       Home: 0,
       End: nFrames - 1,
       ArrowLeft: frame - 1,
@@ -521,16 +521,16 @@ export class ReelPlayerElement extends PlayerAttributes {
       ",": frame - 1,
       ".": frame + 1,
     };
-    return key in places && this.#do(() => this.seek({ frame: places[key] }));
+    return key in frames && this.#run(() => this.seek({ frame: frames[key] }));
   }
 
-  #do(action: () => void): true {
+  #run(action: () => void): true {
     action();
     return true;
   }
 }
 
-function stateOf(mesh: ReelMesh, isPlaying: boolean): BarState {
+function barState(mesh: ReelMesh, isPlaying: boolean): BarState {
   const { frame, nFrames, time, duration, video } = mesh;
   return { isPlaying, frame, nFrames, time, duration, isMuted: video?.muted ?? null };
 }
@@ -544,12 +544,12 @@ function framesOf(mesh: ReelMesh, block: number): string {
   return `Frames ${start} to ${start + nFrames - 1}`;
 }
 
-function isSame(one: unknown, other: unknown): boolean {
+function isEqual(one: unknown, other: unknown): boolean {
   return JSON.stringify(one) === JSON.stringify(other);
 }
 
-/** @throws InvalidInputError where CSS has no such colour. */
+/** @throws InvalidInputError if a value is not a CSS color. */
 function requireColor(value: string | null): void {
   if (value === null || CSS.supports("color", value)) return;
-  throw new InvalidInputError(`background is a color of CSS; got background="${value}"`);
+  throw new InvalidInputError(`background must be a CSS color; got background="${value}"`);
 }

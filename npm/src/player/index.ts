@@ -1,4 +1,4 @@
-// `meshreel/player`: defines the element <reel-player>. All that it needs is in its script.
+// `meshreel/player`: defines the element <reel-player>. The bundle has no dependencies.
 
 import { ReelPlayerElement } from "./element.js";
 

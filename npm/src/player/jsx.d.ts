@@ -1,4 +1,4 @@
-// `meshreel/jsx`: types of <reel-player> in JSX, for React 18 and 19. Types only: nothing is loaded.
+// `meshreel/jsx`: types of <reel-player> in JSX, for React 18 and 19. Contains no code.
 
 import type { DetailedHTMLProps, HTMLAttributes } from "react";
 

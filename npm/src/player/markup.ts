@@ -1,8 +1,8 @@
-// The attributes of a player in markup that is written as JSX.
+// Types of the attributes of a player in JSX.
 
 import type { AttributeName } from "./settings.js";
 
-/** A boolean attribute. React 18 writes `true` as text: pass "". */
+/** A boolean attribute. React 18 renders `true` as the text "true": pass "" instead. */
 type Flag = boolean | "";
 
 interface Values {
@@ -30,5 +30,5 @@ interface Values {
   "track-colormap": "sequential" | "diverging";
 }
 
-/** Attributes of `<reel-player>`, by their names in HTML; all are optional. */
+/** Attributes of `<reel-player>` by their HTML names; all are optional. */
 export type ReelPlayerMarkup = { [Name in AttributeName]?: Values[Name] | undefined };

@@ -1,40 +1,40 @@
-// What a player says: that it waits, and what is wrong.
+// Status messages and errors of a player.
 
-import { made } from "./parts.js";
+import { createElement } from "./dom.js";
 
-/** Messages over the picture. */
+/** Messages over the canvas. */
 export class Messages {
-  readonly waiting = made("p", "waiting");
-  readonly alert = made("div", "alert");
-  readonly #text = made("p", "");
-  readonly #retry = made("button", "", "Try again");
-  readonly #close = made("button", "", "Dismiss");
+  readonly waiting = createElement("p", "waiting");
+  readonly alert = createElement("div", "alert");
+  readonly #text = createElement("p", "");
+  readonly #retry = createElement("button", "", "Try again");
+  readonly #close = createElement("button", "", "Dismiss");
 
-  /** @param onRetry - called when people press "Try again" */
+  /** @param onRetry - called when the user presses "Try again" */
   constructor(onRetry: () => void) {
     this.waiting.setAttribute("role", "status");
     this.alert.setAttribute("role", "alert");
     this.#retry.type = this.#close.type = "button";
     this.#retry.addEventListener("click", onRetry);
-    this.#close.addEventListener("click", () => this.clear());
+    this.#close.addEventListener("click", () => this.clearError());
   }
 
-  /** Says that something is on its way, or that it is there. */
-  wait(isWaiting: boolean): void {
+  /** Show or hide the loading indicator. */
+  showLoading(isWaiting: boolean): void {
     const text = isWaiting ? "Loading…" : "";
     if (this.waiting.textContent !== text) this.waiting.textContent = text;
   }
 
-  /** Shows an error; `isFatal`: nothing can be played; `canRetry`: another try may help. */
-  say(text: string, isFatal: boolean, canRetry: boolean): void {
+  /** Show an error; `isFatal`: it cannot be dismissed; `canRetry`: show the button "Try again". */
+  showError(text: string, isFatal: boolean, canRetry: boolean): void {
     this.#text.textContent = text;
     const buttons = [...(canRetry ? [this.#retry] : []), ...(isFatal ? [] : [this.#close])];
     this.alert.classList.toggle("bare", !buttons.length);
     this.alert.replaceChildren(this.#text, ...buttons);
   }
 
-  /** Takes back what was said. */
-  clear(): void {
+  /** Remove the error. */
+  clearError(): void {
     this.alert.replaceChildren();
   }
 }

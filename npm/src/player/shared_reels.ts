@@ -1,4 +1,4 @@
-// Files that several players of a page show: each is opened once.
+// Shares open files between the players of a page.
 
 import { ReelFile } from "../index.js";
 
@@ -8,24 +8,24 @@ interface Shared {
   nUsers: number;
 }
 
-/** By address. */
+/** Open files by address. */
 const shared = new Map<string, Shared>();
 
-/** A file that is open, and what a player calls once it needs it no more. */
+/** An open file, and the function that releases it. */
 export interface SharedReel {
   readonly reel: ReelFile;
   release(): void;
 }
 
 /**
- * Opens a file, or joins the players that have it open: they share its worker, its first bytes and
- * its two decoded blocks. The last one that releases it closes it.
+ * Open a file, or return the one that other players have opened: they share its worker, its cached
+ * bytes and its two decoded blocks. It is closed when its last user releases it.
  *
- * @throws what `ReelFile.open` throws, to all that wait for it; the next call tries again.
+ * @throws like `ReelFile.open`, for all callers that wait for it; the next call tries again.
  */
 export async function openShared(src: string, signal: AbortSignal): Promise<SharedReel> {
   const address = new URL(src, document.baseURI).href;
-  const found = shared.get(address) ?? begin(address);
+  const found = shared.get(address) ?? startOpening(address);
   found.nUsers++;
   let isReleased = false;
   const release = (): void => {
@@ -48,11 +48,11 @@ export async function openShared(src: string, signal: AbortSignal): Promise<Shar
   }
 }
 
-function begin(address: string): Shared {
+function startOpening(address: string): Shared {
   const aborting = new AbortController();
   const { signal } = aborting;
   const opened = { opening: ReelFile.open(address, { signal }), aborting, nUsers: 0 };
-  opened.opening.catch(() => {}); // those who wait for it get it
+  opened.opening.catch(() => {}); // callers that wait for it handle the error
   shared.set(address, opened);
   return opened;
 }

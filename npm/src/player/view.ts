@@ -1,4 +1,4 @@
-// The picture of a player: a canvas, drawn when something has changed and can be seen.
+// The canvas of a player, which is redrawn only when it has changed and is visible.
 
 import {
   DirectionalLight,
@@ -10,101 +10,99 @@ import {
 
 import { MeshReelError } from "../errors.js";
 import { PlayerCamera } from "./camera.js";
-import { type ContextHolder, giveContextBack, takeContext } from "./contexts.js";
-import { studioTexture, WHITEST } from "./studio.js";
+import { type ContextHolder, releaseContext, acquireContext } from "./context_pool.js";
+import { studioEnvironment, MAX_RADIANCE } from "./studio_environment.js";
 
-/** Pixels of the canvas for one of CSS, at most: more are not seen, but cost. */
-const MOST_DENSE = 2;
+/** Limit of canvas pixels per CSS pixel: more take time without a visible gain. */
+const MAX_PIXEL_RATIO = 2;
 
-/** Most seconds between two pictures that are played: a page that slept does not jump. */
-const LONGEST_S = 0.25;
+/** Limit of the time step between two redraws: playback does not jump after the page slept. */
+const MAX_STEP_S = 0.25;
 
-/** What a view asks and tells. */
-export interface Viewed {
-  /** Whether time passes, so that pictures follow one another. */
-  isMoving(): boolean;
-  /** Whether the picture of the time is there. */
+/** State and callbacks that a view needs from the player. */
+export interface ViewDelegate {
+  /** Whether time advances, so that the canvas must be redrawn continuously. */
+  isAnimating(): boolean;
+  /** Whether the current frame is ready to be drawn. */
   hasPicture(): boolean;
-  /** Seconds have passed since the last picture. */
-  pass(seconds: number): void;
-  /** Whether it can be seen has changed. */
-  onSeen(isSeen: boolean): void;
+  /** Called before each redraw with the seconds since the last one. */
+  advance(seconds: number): void;
+  onVisibilityChange(isVisible: boolean): void;
   onError(error: Error): void;
-  /** The browser took the graphics away; `onRestored` follows if it gives them back. */
-  onLost(error: Error): void;
-  onRestored(): void;
+  /** The WebGL context was lost; `onContextRestored` follows if the browser restores it. */
+  onContextLost(error: Error): void;
+  onContextRestored(): void;
 }
 
 /** A canvas with a scene. */
 export class View implements ContextHolder {
   readonly canvas = document.createElement("canvas");
   readonly camera: PlayerCamera;
-  readonly #viewed: Viewed;
+  readonly #delegate: ViewDelegate;
   readonly #scene = new Scene();
   readonly #sky = new HemisphereLight(0xffffff, 0x8a8f98, Math.PI / 2);
-  readonly #resizing: ResizeObserver;
-  readonly #looking: IntersectionObserver;
-  readonly #listening = new AbortController();
+  readonly #resizeObserver: ResizeObserver;
+  readonly #visibilityObserver: IntersectionObserver;
+  readonly #listeners = new AbortController();
   #renderer: WebGLRenderer | null = null;
-  /** Whether the context is in use, being given back, or given back. */
-  #context: "used" | "leaving" | "resting" = "used";
-  /** The last picture, while there is no context to draw another. */
-  #still: HTMLCanvasElement | null = null;
-  #isSeen = false;
+  #context: "active" | "releasing" | "released" = "active";
+  /** A copy of the last drawn frame, shown while there is no context. */
+  #snapshot: HTMLCanvasElement | null = null;
+  #isVisible = false;
   #isStale = true;
   #hasFailed = false;
-  #asked: number | null = null;
-  #last = 0;
+  #frameRequest: number | null = null;
+  #lastTime = 0;
 
-  /** @param parent - gets the canvas, and gives it its size */
-  constructor(parent: HTMLElement, viewed: Viewed) {
-    this.#viewed = viewed;
+  /** @param parent - the element to which the canvas is added and whose size it takes */
+  constructor(parent: HTMLElement, delegate: ViewDelegate) {
+    this.#delegate = delegate;
     this.canvas.tabIndex = 0;
     this.canvas.setAttribute("role", "img");
     parent.prepend(this.canvas);
     this.camera = new PlayerCamera(this.canvas, () => this.invalidate());
-    this.#light();
-    this.#resizing = new ResizeObserver(() => this.#resize());
-    this.#resizing.observe(this.canvas);
-    this.#looking = new IntersectionObserver(([...entries]) => {
-      this.#see(entries.at(-1)?.isIntersecting ?? false);
+    this.#addLights();
+    this.#resizeObserver = new ResizeObserver(() => this.#resize());
+    this.#resizeObserver.observe(this.canvas);
+    this.#visibilityObserver = new IntersectionObserver(([...entries]) => {
+      this.#setVisible(entries.at(-1)?.isIntersecting ?? false);
     });
-    this.#looking.observe(this.canvas);
-    const { signal } = this.#listening;
+    this.#visibilityObserver.observe(this.canvas);
+    const { signal } = this.#listeners;
     const lost = (event: Event) => {
-      event.preventDefault(); // so that it may come back
-      if (this.#context === "leaving") {
-        this.#context = "resting";
-        if (this.#isSeen) this.#wakeContext();
+      event.preventDefault(); // allows the browser to restore it
+      if (this.#context === "releasing") {
+        this.#context = "released";
+        if (this.#isVisible) this.#reacquireContext();
         return;
       }
-      const message = "the browser took the graphics away from this player, and may give them back";
-      viewed.onLost(new MeshReelError(message));
+      const message = "the browser has dropped the WebGL context of this player; it may restore it";
+      delegate.onContextLost(new MeshReelError(message));
     };
     const restored = () => {
-      this.#context = "used";
-      viewed.onRestored();
+      this.#context = "active";
+      delegate.onContextRestored();
       this.invalidate();
     };
     this.canvas.addEventListener("webglcontextlost", lost, { signal });
     this.canvas.addEventListener("webglcontextrestored", restored, { signal });
   }
 
-  /** What draws, once it could be seen; null before, and where there is no WebGL 2. */
+  /** The renderer; null before the view was visible for the first time, and without WebGL 2. */
   get renderer(): WebGLRenderer | null {
     return this.#renderer;
   }
 
-  /** Whether any of it is in the window. */
-  get isSeen(): boolean {
-    return this.#isSeen;
+  /** Whether any part of the canvas is in the viewport. */
+  get isVisible(): boolean {
+    return this.#isVisible;
   }
 
-  /** Metals get something to reflect, in place of the light from above that others have. */
+  /** Add a mesh. Metals need an environment to reflect; others are lit by a hemisphere light. */
   add(mesh: Mesh): void {
     const hasMetal = [mesh.material].flat().some((one) => "metalness" in one && one.metalness);
-    this.#scene.environment = hasMetal ? studioTexture() : null;
-    this.#scene.environmentIntensity = WHITEST;
+    this.#scene.environment = hasMetal ? studioEnvironment() : null;
+    this.#scene.environmentIntensity = MAX_RADIANCE;
     this.#sky.visible = !hasMetal;
     this.#scene.add(mesh);
     this.invalidate();
@@ -117,55 +115,55 @@ export class View implements ContextHolder {
     this.invalidate();
   }
 
-  /** Draws anew before long. */
+  /** Request a redraw. */
   invalidate(): void {
     this.#isStale = true;
-    this.wake();
+    this.scheduleFrame();
   }
 
-  /** Begins to draw, if something moves or has changed. */
-  wake(): void {
-    if (this.#asked !== null || !this.#isSeen || !this.#renderer) return;
-    if (this.#context !== "used") return;
-    if (!this.#isStale && !this.#viewed.isMoving()) return;
-    this.#last ||= performance.now();
-    this.#asked = requestAnimationFrame((now) => this.#tick(now));
+  /** Schedule a redraw if the view is animating or has changed. */
+  scheduleFrame(): void {
+    if (this.#frameRequest !== null || !this.#isVisible || !this.#renderer) return;
+    if (this.#context !== "active") return;
+    if (!this.#isStale && !this.#delegate.isAnimating()) return;
+    this.#lastTime ||= performance.now();
+    this.#frameRequest = requestAnimationFrame((now) => this.#tick(now));
   }
 
-  /** Gives the context of WebGL back until it is seen again; the last picture stays. */
-  rest(): void {
+  /** Release the WebGL context until the view is visible again; a snapshot stays. */
+  suspend(): void {
     const renderer = this.#renderer;
-    if (!renderer || this.#context !== "used" || renderer.getContext().isContextLost()) return;
-    renderer.render(this.#scene, this.camera.camera); // what was drawn before is not kept
-    const still = document.createElement("canvas");
-    [still.width, still.height] = [this.canvas.width, this.canvas.height];
-    still.getContext("2d")?.drawImage(this.canvas, 0, 0);
-    still.className = "still";
-    this.#still?.remove();
-    this.#still = still;
-    this.canvas.after(still);
-    this.#context = "leaving";
+    if (!renderer || this.#context !== "active" || renderer.getContext().isContextLost()) return;
+    renderer.render(this.#scene, this.camera.camera); // the drawing buffer is not preserved
+    const snapshot = document.createElement("canvas");
+    [snapshot.width, snapshot.height] = [this.canvas.width, this.canvas.height];
+    snapshot.getContext("2d")?.drawImage(this.canvas, 0, 0);
+    snapshot.className = "snapshot";
+    this.#snapshot?.remove();
+    this.#snapshot = snapshot;
+    this.canvas.after(snapshot);
+    this.#context = "releasing";
     renderer.forceContextLoss();
   }
 
-  /** Frees all that it has made; it must not be used any more. */
+  /** Free all resources; the view must not be used afterwards. */
   dispose(): void {
-    giveContextBack(this);
-    this.#still?.remove();
-    this.#listening.abort();
-    this.#resizing.disconnect();
-    this.#looking.disconnect();
-    if (this.#asked !== null) cancelAnimationFrame(this.#asked);
+    releaseContext(this);
+    this.#snapshot?.remove();
+    this.#listeners.abort();
+    this.#resizeObserver.disconnect();
+    this.#visibilityObserver.disconnect();
+    if (this.#frameRequest !== null) cancelAnimationFrame(this.#frameRequest);
     this.camera.dispose();
     this.#renderer?.dispose();
-    // Browsers have few contexts, and are slow to free them.
-    if (this.#context === "used") this.#renderer?.forceContextLoss();
+    // Contexts are scarce, and browsers free them late.
+    if (this.#context === "active") this.#renderer?.forceContextLoss();
     this.#renderer = null;
     this.canvas.remove();
   }
 
-  /** The sum of light on a white surface that faces the camera is white. */
-  #light(): void {
+  /** Add lights of such intensities that a white surface that faces the camera appears white. */
+  #addLights(): void {
     const { camera } = this.camera;
     const key = new DirectionalLight(0xffffff, Math.PI / 2);
     key.position.set(-0.5, 1, 2);
@@ -173,64 +171,64 @@ export class View implements ContextHolder {
     this.#scene.add(this.#sky, camera);
   }
 
-  #see(isSeen: boolean): void {
-    if (isSeen === this.#isSeen) return;
-    this.#isSeen = isSeen;
-    if (isSeen && !this.#renderer && !this.#hasFailed) this.#start();
-    else if (isSeen) this.#wakeContext();
-    this.#viewed.onSeen(isSeen);
-    this.wake();
+  #setVisible(isSeen: boolean): void {
+    if (isSeen === this.#isVisible) return;
+    this.#isVisible = isSeen;
+    if (isSeen && !this.#renderer && !this.#hasFailed) this.#createRenderer();
+    else if (isSeen) this.#reacquireContext();
+    this.#delegate.onVisibilityChange(isSeen);
+    this.scheduleFrame();
   }
 
-  /** Takes a context again where it was given back. */
-  #wakeContext(): void {
+  /** Restore the context if it was released. */
+  #reacquireContext(): void {
     if (!this.#renderer) return;
-    takeContext(this); // also where it has one: it is the one seen last
-    if (this.#context === "resting") this.#renderer.forceContextRestore();
+    acquireContext(this); // even if it has one: marks it as the one visible last
+    if (this.#context === "released") this.#renderer.forceContextRestore();
   }
 
-  #start(): void {
-    takeContext(this);
+  #createRenderer(): void {
+    acquireContext(this);
     try {
       this.#renderer = new WebGLRenderer({ canvas: this.canvas, antialias: true, alpha: true });
       this.#resize();
     } catch (error) {
-      giveContextBack(this);
+      releaseContext(this);
       this.#hasFailed = true;
       const reason = error instanceof Error ? error.message : String(error);
-      const words = `this browser gives no WebGL 2, which draws the player (${reason})`;
-      this.#viewed.onError(new MeshReelError(words));
+      const message = `this browser does not support WebGL 2, which the player needs (${reason})`;
+      this.#delegate.onError(new MeshReelError(message));
     }
   }
 
   #resize(): void {
     const { clientWidth, clientHeight } = this.canvas;
     if (!this.#renderer || !clientWidth || !clientHeight) return;
-    this.#renderer.setPixelRatio(density());
+    this.#renderer.setPixelRatio(pixelRatio());
     this.#renderer.setSize(clientWidth, clientHeight, false);
-    this.camera.reshape(clientWidth / clientHeight);
+    this.camera.setAspect(clientWidth / clientHeight);
     this.invalidate();
   }
 
   #tick(now: number): void {
-    this.#asked = null;
-    if (!this.#renderer || this.#context !== "used") return;
-    if (this.#renderer.getPixelRatio() !== density()) this.#resize();
-    this.#viewed.pass(Math.min(Math.max(now - this.#last, 0) / 1000, LONGEST_S));
-    this.#last = now;
+    this.#frameRequest = null;
+    if (!this.#renderer || this.#context !== "active") return;
+    if (this.#renderer.getPixelRatio() !== pixelRatio()) this.#resize();
+    this.#delegate.advance(Math.min(Math.max(now - this.#lastTime, 0) / 1000, MAX_STEP_S));
+    this.#lastTime = now;
     if (this.#isStale) {
       this.#isStale = false;
       this.#renderer.render(this.#scene, this.camera.camera);
-      if (this.#still && this.#viewed.hasPicture()) {
-        this.#still.remove();
-        this.#still = null;
+      if (this.#snapshot && this.#delegate.hasPicture()) {
+        this.#snapshot.remove();
+        this.#snapshot = null;
       }
     }
-    this.wake();
-    if (this.#asked === null) this.#last = 0;
+    this.scheduleFrame();
+    if (this.#frameRequest === null) this.#lastTime = 0;
   }
 }
 
-function density(): number {
-  return Math.min(devicePixelRatio, MOST_DENSE);
+function pixelRatio(): number {
+  return Math.min(devicePixelRatio, MAX_PIXEL_RATIO);
 }

@@ -1,45 +1,45 @@
-// A run of bytes on its way: grows as they come, and asks again for what is missing.
+// Downloads a range of bytes, and retries after failures with the bytes that are missing.
 
 import { SourceError } from "../errors.js";
-import { changedError, PassingError, reasonOf } from "./server.js";
-import type { Answer, Patience, Server } from "./server.js";
+import { fileChangedError, TransientError, errorReason } from "./transport.js";
+import type { ResponseBody, RetryPolicy, Transport } from "./transport.js";
 
 const FIRST_PAUSE_MS = 250;
-/** Where so many new bytes came, a connection that is cut does not count as a failure. */
+/** A lost connection does not count as a failure if it delivered at least this many bytes. */
 const PROGRESS_BYTES = 4096;
-/** What is kept of one download at most: a body without end must not fill the memory. */
-const LARGEST_BYTES = 2 ** 30;
+/** Limit of the memory of a download: an endless body must not exhaust it. */
+const MAX_BUFFER_BYTES = 2 ** 30;
 
-/** Consecutive bytes of a file, and how they come. */
+/** Consecutive bytes of a file that are being received. */
 export class Download {
-  /** How many wait for some of it. */
+  /** Number of pending reads. */
   nReaders = 0;
   private bytes = new Uint8Array(0);
   private nReceived = 0;
-  /** Bytes that are what they seem to be, and may be given away. */
-  private nSure = 0;
-  private isRunning = false;
+  /** Received bytes that are known to be right and may be returned. */
+  private nVerified = 0;
+  private isReceiving = false;
   private waiting: ((failure: Error | null) => void)[] = [];
-  private readonly stopping = new AbortController();
+  private readonly controller = new AbortController();
 
-  /** The bytes `start` to `end - 1`; up to the end of the file where `end` is infinite. */
+  /** Bytes `start` to `end - 1`; an infinite `end` means the end of the file. */
   constructor(
-    private readonly server: Pick<Server, "name" | "ask">,
+    private readonly transport: Pick<Transport, "name" | "request">,
     readonly start: number,
     public end: number,
-    private readonly patience: Patience,
+    private readonly retryPolicy: RetryPolicy,
   ) {}
 
-  /** The position behind the last byte, once all are here. */
+  /** The position after the last byte, once all are received; else null. */
   get size(): number | null {
-    return this.start + this.nSure >= this.end ? this.end : null;
+    return this.start + this.nVerified >= this.end ? this.end : null;
   }
 
-  /** A copy of some of the bytes, once they are here; fewer where the file ends before. */
-  async take(start: number, end: number): Promise<Uint8Array> {
-    while (this.start + this.nSure < Math.min(end, this.end)) {
-      this.stopping.signal.throwIfAborted();
-      if (!this.isRunning) void this.run();
+  /** Wait for bytes and return a copy, which is shorter if the file ends before. */
+  async read(start: number, end: number): Promise<Uint8Array> {
+    while (this.start + this.nVerified < Math.min(end, this.end)) {
+      this.controller.signal.throwIfAborted();
+      if (!this.isReceiving) void this.startReceiving();
       await new Promise<void>((resolve, reject) => {
         this.waiting.push((failure) => (failure ? reject(failure) : resolve()));
       });
@@ -47,107 +47,107 @@ export class Download {
     return this.bytes.slice(start - this.start, Math.min(end, this.end) - this.start);
   }
 
-  /** Lets the connection go; who waits gets the reason. */
+  /** Close the connection; pending reads throw the reason. */
   stop(reason: unknown): void {
-    this.stopping.abort(reason);
+    this.controller.abort(reason);
   }
 
-  private wake(failure: Error | null = null): void {
+  private notify(failure: Error | null = null): void {
     for (const settle of this.waiting.splice(0)) settle(failure);
   }
 
-  private async run(): Promise<void> {
-    this.isRunning = true;
+  private async startReceiving(): Promise<void> {
+    this.isReceiving = true;
     const failure = await this.receiveAll().then(
       () => null,
       (error: Error) => error,
     );
-    this.isRunning = false;
-    this.wake(failure);
+    this.isReceiving = false;
+    this.notify(failure);
   }
 
   private async receiveAll(): Promise<void> {
-    let [nLeft, pauseMs] = [this.patience.retries, FIRST_PAUSE_MS];
-    while (this.start + this.nSure < this.end) {
-      const nBefore = this.nSure;
+    let [nLeft, pauseMs] = [this.retryPolicy.retries, FIRST_PAUSE_MS];
+    while (this.start + this.nVerified < this.end) {
+      const nBefore = this.nVerified;
       try {
         await this.receive();
       } catch (error) {
-        if (!(error instanceof PassingError)) throw error;
-        if (this.nSure - nBefore >= PROGRESS_BYTES) {
-          [nLeft, pauseMs] = [this.patience.retries, FIRST_PAUSE_MS];
+        if (!(error instanceof TransientError)) throw error;
+        if (this.nVerified - nBefore >= PROGRESS_BYTES) {
+          [nLeft, pauseMs] = [this.retryPolicy.retries, FIRST_PAUSE_MS];
           continue;
         }
         if (nLeft-- <= 0) throw error;
-        await pause(pauseMs, this.stopping.signal);
+        await pause(pauseMs, this.controller.signal);
         pauseMs *= 2;
       }
     }
   }
 
-  /** Takes what one answer gives. */
+  /** Receive the body of one response. */
   private async receive(): Promise<void> {
     const attempt = new AbortController();
-    const stop = () => attempt.abort(this.stopping.signal.reason);
-    this.stopping.signal.addEventListener("abort", stop, { signal: attempt.signal });
+    const stop = () => attempt.abort(this.controller.signal.reason);
+    this.controller.signal.addEventListener("abort", stop, { signal: attempt.signal });
     let timer: ReturnType<typeof setTimeout> | undefined;
-    const watch = () => {
+    const resetTimer = () => {
       clearTimeout(timer);
-      timer = setTimeout(() => attempt.abort(this.stalled()), this.patience.stallMs);
+      timer = setTimeout(() => attempt.abort(this.stallError()), this.retryPolicy.stallMs);
     };
     try {
-      this.stopping.signal.throwIfAborted();
-      watch();
-      const position = this.start + this.nSure;
-      const answer = await this.server.ask(position, this.end, attempt.signal);
-      await this.fill(answer, watch, attempt.signal);
+      this.controller.signal.throwIfAborted();
+      resetTimer();
+      const position = this.start + this.nVerified;
+      const response = await this.transport.request(position, this.end, attempt.signal);
+      await this.receiveBody(response, resetTimer, attempt.signal);
     } catch (error) {
       throw attempt.signal.aborted ? attempt.signal.reason : error;
     } finally {
       clearTimeout(timer);
       attempt.abort();
-      this.nReceived = this.nSure;
+      this.nReceived = this.nVerified;
     }
   }
 
-  private async fill(answer: Answer, watch: () => void, signal: AbortSignal): Promise<void> {
-    const { name } = this.server;
-    const reader = answer.body?.getReader();
+  private async receiveBody(response: ResponseBody, resetTimer: () => void, signal: AbortSignal): Promise<void> {
+    const { name } = this.transport;
+    const reader = response.body?.getReader();
     signal.addEventListener("abort", () => void reader?.cancel().catch(() => {}));
-    let at = answer.start;
+    let position = response.start;
     while (reader) {
       const { done, value } = await reader.read().catch((error: unknown) => {
-        throw this.cut(at, reasonOf(error), error);
+        throw this.connectionLost(position, errorReason(error), error);
       });
       signal.throwIfAborted();
       if (done) break;
-      watch();
-      if (at + value.length > (answer.end ?? Infinity)) {
+      resetTimer();
+      if (position + value.length > (response.end ?? Infinity)) {
         throw new SourceError(
-          `${name}: more bytes came than the server had announced, ${answer.end! - answer.start};` +
-            " it must send the file as it is",
+          `${name}: the server sent more bytes than it announced, ${response.end! - response.start};` +
+            " it must send the file unchanged",
         );
       }
-      this.append(value, at);
-      at += value.length;
-      if (!answer.isFramed) continue;
-      this.nSure = this.nReceived;
-      this.wake();
-      if (this.start + this.nSure >= this.end) return;
+      this.append(value, position);
+      position += value.length;
+      if (!response.isFramed) continue;
+      this.nVerified = this.nReceived;
+      this.notify();
+      if (this.start + this.nVerified >= this.end) return;
     }
-    if (answer.end === null && at < this.start + this.nReceived) throw changedError(name);
-    this.nSure = this.nReceived;
-    this.wake();
-    if (this.end === Infinity && at >= (answer.end ?? 0)) this.end = at;
-    if (this.start + this.nSure < this.end) throw this.cut(at, "it ended early");
+    if (response.end === null && position < this.start + this.nReceived) throw fileChangedError(name);
+    this.nVerified = this.nReceived;
+    this.notify();
+    if (this.end === Infinity && position >= (response.end ?? 0)) this.end = position;
+    if (this.start + this.nVerified < this.end) throw this.connectionLost(position, "the body ended early");
   }
 
-  /** Takes bytes from a position on: those before the next one must be as they were. */
-  private append(value: Uint8Array, at: number): void {
-    const offset = at - this.start;
+  /** Append received bytes; those that overlap earlier ones must be equal. */
+  private append(value: Uint8Array, position: number): void {
+    const offset = position - this.start;
     const nKnown = Math.min(this.nReceived - offset, value.length);
     for (let i = Math.max(0, -offset); i < nKnown; i++) {
-      if (value[i] !== this.bytes[offset + i]) throw changedError(this.server.name);
+      if (value[i] !== this.bytes[offset + i]) throw fileChangedError(this.transport.name);
     }
     const end = Math.min(offset + value.length, this.end - this.start);
     if (end <= this.nReceived) return;
@@ -158,9 +158,9 @@ export class Download {
 
   private reserve(nBytes: number): void {
     if (nBytes <= this.bytes.length) return;
-    if (nBytes > LARGEST_BYTES) {
+    if (nBytes > MAX_BUFFER_BYTES) {
       throw new SourceError(
-        `${this.server.name}: more than ${LARGEST_BYTES} bytes would have to be kept in memory;` +
+        `${this.transport.name}: more than ${MAX_BUFFER_BYTES} bytes would have to be buffered;` +
           " serve the file with byte ranges",
       );
     }
@@ -170,18 +170,18 @@ export class Download {
     this.bytes = larger;
   }
 
-  private cut(at: number, reason: string, cause?: unknown): PassingError {
-    return new PassingError(
-      `${this.server.name}: the connection was cut at byte ${at} (${reason});` +
+  private connectionLost(position: number, reason: string, cause?: unknown): TransientError {
+    return new TransientError(
+      `${this.transport.name}: the connection was lost at byte ${position} (${reason});` +
         " check the network, and try again",
       { cause },
     );
   }
 
-  private stalled(): PassingError {
-    return new PassingError(
-      `${this.server.name}: nothing came for ${this.patience.stallMs / 1000} s behind byte` +
-        ` ${this.start + this.nReceived}; check the network, and try again`,
+  private stallError(): TransientError {
+    return new TransientError(
+      `${this.transport.name}: received nothing for ${this.retryPolicy.stallMs / 1000} s` +
+        ` after byte ${this.start + this.nReceived}; check the network, and try again`,
     );
   }
 }

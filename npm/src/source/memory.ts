@@ -1,10 +1,10 @@
-// Bytes that are here already.
+// Bytes in memory and blobs.
 
 import { InvalidInputError, SourceError } from "../errors.js";
 import type { ByteSource } from "../types.js";
-import { reasonOf } from "./server.js";
+import { errorReason } from "./transport.js";
 
-/** Bytes in memory. What is read is a copy, which a worker may take over. */
+/** Bytes in memory. Reads return copies, which can be transferred to a worker. */
 export class MemorySource implements ByteSource {
   readonly hasRanges = true;
 
@@ -16,14 +16,14 @@ export class MemorySource implements ByteSource {
 
   async read(start: number, end: number, signal?: AbortSignal): Promise<Uint8Array> {
     signal?.throwIfAborted();
-    // Not `slice`: that of a Buffer, the Uint8Array of Node, copies nothing.
-    return new Uint8Array(this.bytes.subarray(...checkedRange(start, end, this.size)));
+    // Not `slice`: on Node's Buffer, a Uint8Array, it returns a view.
+    return new Uint8Array(this.bytes.subarray(...clampRange(start, end, this.size)));
   }
 
   close(): void {}
 }
 
-/** A blob, such as a file that was chosen or dropped. */
+/** A blob, such as a selected or dropped file. */
 export class BlobSource implements ByteSource {
   readonly hasRanges = true;
 
@@ -35,11 +35,11 @@ export class BlobSource implements ByteSource {
 
   async read(start: number, end: number, signal?: AbortSignal): Promise<Uint8Array> {
     signal?.throwIfAborted();
-    const slice = this.blob.slice(...checkedRange(start, end, this.size));
+    const slice = this.blob.slice(...clampRange(start, end, this.size));
     const buffer = await slice.arrayBuffer().catch((error: unknown) => {
       const { name = "the file" } = this.blob as Partial<File>;
       throw new SourceError(
-        `${name} cannot be read (${reasonOf(error)}); if it has changed since, choose it again`,
+        `${name} cannot be read (${errorReason(error)}); if it has changed, select it again`,
         { cause: error },
       );
     });
@@ -51,13 +51,13 @@ export class BlobSource implements ByteSource {
 }
 
 /**
- * The positions of a read, both at most the size.
+ * Clamp the range of a read to the size.
  *
- * @throws InvalidInputError where they are none.
+ * @throws InvalidInputError if it is no range.
  */
-export function checkedRange(start: number, end: number, size: number | null): [number, number] {
+export function clampRange(start: number, end: number, size: number | null): [number, number] {
   if (!(Number.isSafeInteger(start) && Number.isSafeInteger(end) && 0 <= start && start <= end)) {
-    throw new InvalidInputError(`bytes ${start} to ${end} cannot be read; give 0 <= start <= end`);
+    throw new InvalidInputError(`bytes ${start} to ${end} are no range; 0 <= start <= end must hold`);
   }
   return [Math.min(start, size ?? start), Math.min(end, size ?? end)];
 }

@@ -1,47 +1,47 @@
-// Opens whatever bytes come from.
+// Opens the source of the bytes of a file.
 
 import { InvalidInputError, SourceError } from "../errors.js";
 import type { ByteSource } from "../types.js";
-import { Address, partOf } from "./address.js";
-import { BlobSource, checkedRange, MemorySource } from "./memory.js";
+import { HttpTransport, parseResponse } from "./http_transport.js";
+import { BlobSource, clampRange, MemorySource } from "./memory.js";
 import { RemoteSource } from "./remote.js";
-import { changedError, reasonOf, type Server } from "./server.js";
+import { fileChangedError, errorReason, type Transport } from "./transport.js";
 
 /**
- * What can be opened: an address (in Node also a `file:` URL), a response of `fetch`, or the bytes
- * themselves.
+ * A source: an address (in Node also a `file:` URL), a response of `fetch`, a blob, or bytes.
  */
 export type SourceInput = string | URL | Response | ArrayBuffer | Uint8Array | Blob;
 
+/** Options of `openSource`. */
 export interface SourceOptions {
-  /** Ends the opening and, later, all reads, with its reason: an `AbortError` by default. */
+  /** Cancels opening and all later reads with its reason: an `AbortError` by default. */
   signal?: AbortSignal;
-  /** Sent with each request. Some make browsers ask the server first whether it allows them. */
+  /** Headers of each request. For other origins, some headers make browsers send a preflight. */
   headers?: HeadersInit;
-  /** As of `fetch`; "include" sends cookies to other sites too. */
+  /** As in `fetch`; "include" sends cookies to other origins too. */
   credentials?: RequestCredentials;
   /**
-   * As of `fetch`; "no-store" by default: Chromium gives ranges of a changed file with the ETag of
-   * that in its cache, unless the server heeds If-Range. "default" is for servers that do.
+   * As in `fetch`. Default: "no-store", since Chromium returns ranges of a changed file with the ETag
+   * of its cached version, unless the server supports If-Range. "default" is for servers that do.
    */
   cache?: RequestCache;
-  /** How often a request is repeated where nothing new comes; 3 by default. */
+  /** Number of retries that receive nothing new before a read fails. Default: 3. */
   retries?: number;
-  /** How long to wait for a server that sends nothing, in seconds; 20 by default. */
+  /** Seconds without received bytes after which a connection counts as lost. Default: 20. */
   stallSeconds?: number;
 }
 
 /**
- * Bytes of a file that are had when they are read.
+ * Open a source whose bytes are fetched when they are read.
  *
- * Requests have ranges. If the server has none, or sends neither ETag nor Last-Modified, the file
- * comes as a whole, once, and is kept in memory; what is here can be read while the rest is on its way. Connections that are cut are taken up
- * where they ended.
+ * Reads become range requests. If the server does not support ranges, or sends neither ETag nor
+ * Last-Modified, the whole file is downloaded once and kept in memory; received bytes can be read
+ * while the rest is being downloaded. Lost connections are resumed where they ended.
  *
- * @param from - An address, a response whose body nobody has read, or bytes. Those in memory are
- *   never changed or detached, and must not change as long as the source is open.
- * @throws InvalidInputError for what cannot be opened; SourceError where the server does not give
- *   the file: the message says what to do.
+ * @param from - An address, a response whose body is unread, a blob, or bytes. Bytes in memory are
+ *   neither changed nor detached, and must not change while the source is open.
+ * @throws InvalidInputError if `from` cannot be opened; SourceError if the server does not send the
+ *   file.
  */
 export async function openSource(
   from: SourceInput,
@@ -60,15 +60,15 @@ export async function openSource(
   if (from instanceof Uint8Array) return new MemorySource(from);
   if (/^file:/i.test(String(from)) && isNode()) {
     const { openLocalFile } = await import("./local_file.js");
-    const shared = { SourceError, checkedRange, changedError, reasonOf };
+    const shared = { SourceError, clampRange, fileChangedError, errorReason };
     return openLocalFile(String(from), shared, signal);
   }
-  const server = serverOf(from, { headers, credentials, cache });
+  const server = createTransport(from, { headers, credentials, cache });
   const nRetries = from instanceof Response ? 0 : retries;
   const source = new RemoteSource(server, { retries: nRetries, stallMs: 1000 * stallSeconds });
   signal?.addEventListener("abort", () => source.close(signal.reason), { signal: source.closed });
   try {
-    // Once a byte is here, it is known whether there are ranges.
+    // The first response tells whether the server supports ranges.
     await source.read(0, 1);
   } catch (error) {
     source.close();
@@ -77,39 +77,39 @@ export async function openSource(
   return source;
 }
 
-/** Whether files can be read: `fetch` of Node knows no `file:` URLs. */
+/** Whether this is Node, whose `fetch` does not support `file:` URLs. */
 function isNode(): boolean {
   return !!(globalThis as { process?: { versions?: { node?: string } } }).process?.versions?.node;
 }
 
-function serverOf(from: string | URL | Response, init: RequestInit): Server {
-  if (typeof from === "string" || from instanceof URL) return new Address(String(from), init);
-  if (from instanceof Response) return givenBody(from);
+function createTransport(from: string | URL | Response, init: RequestInit): Transport {
+  if (typeof from === "string" || from instanceof URL) return new HttpTransport(String(from), init);
+  if (from instanceof Response) return responseTransport(from);
   throw new InvalidInputError(
-    `a source cannot be opened from ${Object.prototype.toString.call(from)}; give an address, a` +
+    `a source cannot be opened from ${Object.prototype.toString.call(from)}; pass an address, a` +
       " Response, a Blob, an ArrayBuffer or a Uint8Array",
   );
 }
 
-/** A response of the user's, which can be read once. */
-function givenBody(response: Response): Server {
+/** A transport for the response of a caller, which can be read only once. */
+function responseTransport(response: Response): Transport {
   const name = response.url || "the response";
-  const part = partOf(response);
+  const part = parseResponse(response);
   if (response.bodyUsed || response.body?.locked) {
-    throw new InvalidInputError(`${name} has been read already; give one that nobody reads`);
+    throw new InvalidInputError(`${name} has been read already; pass an unread response`);
   }
   if (!response.ok || !part || part.start > 0 || part.end !== part.size) {
-    throw new SourceError(`${name} is not of a whole file (HTTP ${response.status})`);
+    throw new SourceError(`${name} does not contain a whole file (HTTP ${response.status})`);
   }
-  let isGiven = false;
+  let isUsed = false;
   const ask = async () => {
-    if (isGiven) {
+    if (isUsed) {
       throw new SourceError(
-        `${name} cannot be asked for what is missing; open the address instead`,
+        `${name} cannot be requested again; open the address instead`,
       );
     }
-    isGiven = true;
+    isUsed = true;
     return part;
   };
-  return { name, size: part.size, hasRanges: false, ask };
+  return { name, size: part.size, hasRanges: false, request: ask };
 }

@@ -1,111 +1,111 @@
-// Bytes that come from a server when they are read.
+// Reads a remote file by ranges.
 
 import type { ByteSource } from "../types.js";
 import { Download } from "./download.js";
-import { checkedRange } from "./memory.js";
-import type { Patience, Server } from "./server.js";
+import { clampRange } from "./memory.js";
+import type { RetryPolicy, Transport } from "./transport.js";
 
-/** What the first question is for. It is kept, for a reader goes over it in small steps. */
-const LEAD_BYTES = 65536;
-/** Of files that are not larger, the rest follows unasked: all is here as soon as it can be. */
-const WHOLE_BYTES = 2 * LEAD_BYTES;
+/** Bytes of the first request. They are kept, since opening a file reads them in small steps. */
+const HEAD_BYTES = 65536;
+/** Files up to this size are downloaded entirely, without waiting for further reads. */
+const SMALL_FILE_BYTES = 2 * HEAD_BYTES;
 
-/** Some bytes, and the download that brings them. */
-interface Piece {
+/** A range of bytes and the download that contains it. */
+interface RangeRead {
   readonly download: Download;
   readonly start: number;
   readonly end: number;
 }
 
-/** A file of which a server gives what is read. */
+/** A remote file. */
 export class RemoteSource implements ByteSource {
-  /** The first bytes; all where the server has no ranges. */
-  private readonly lead: Download;
-  /** What else is on its way. */
+  /** The first bytes, or all bytes if the server does not support ranges. */
+  private readonly head: Download;
+  /** Other downloads with pending reads. */
   private readonly downloads = new Set<Download>();
-  private readonly closing = new AbortController();
+  private readonly controller = new AbortController();
   /** Aborted once the source is closed. */
-  readonly closed = this.closing.signal;
+  readonly closed = this.controller.signal;
 
   constructor(
-    private readonly server: Server,
-    private readonly patience: Patience,
+    private readonly transport: Transport,
+    private readonly retryPolicy: RetryPolicy,
   ) {
-    const ask: Server["ask"] = async (start, end, signal) => {
-      const answer = await server.ask(start, end, signal);
-      const size = server.size ?? Infinity;
-      this.lead.end = server.hasRanges && size > WHOLE_BYTES ? LEAD_BYTES : size;
-      return answer;
+    const ask: Transport["request"] = async (start, end, signal) => {
+      const response = await transport.request(start, end, signal);
+      const size = transport.size ?? Infinity;
+      this.head.end = transport.hasRanges && size > SMALL_FILE_BYTES ? HEAD_BYTES : size;
+      return response;
     };
-    this.lead = new Download({ name: server.name, ask }, 0, LEAD_BYTES, patience);
+    this.head = new Download({ name: transport.name, request: ask }, 0, HEAD_BYTES, retryPolicy);
   }
 
   get size(): number | null {
-    return this.server.size ?? this.lead.size;
+    return this.transport.size ?? this.head.size;
   }
 
   get hasRanges(): boolean {
-    return this.server.hasRanges;
+    return this.transport.hasRanges;
   }
 
   async read(start: number, end: number, signal?: AbortSignal): Promise<Uint8Array> {
     signal?.throwIfAborted();
     this.closed.throwIfAborted();
-    const pieces = this.plan(...checkedRange(start, end, this.size));
+    const pieces = this.planReads(...clampRange(start, end, this.size));
     try {
-      const takes = pieces.map(({ download, start, end }) => download.take(start, end));
-      return joined(await untilAborted(Promise.all(takes), signal));
+      const reads = pieces.map(({ download, start, end }) => download.read(start, end));
+      return concatenate(await untilAborted(Promise.all(reads), signal));
     } finally {
       for (const { download } of pieces) this.release(download);
     }
   }
 
-  /** Ends all reads with the reason, an `AbortError` if none is given. */
-  close(reason: unknown = new DOMException("The source was closed", "AbortError")): void {
-    this.closing.abort(reason);
-    for (const download of [this.lead, ...this.downloads]) download.stop(reason);
+  /** Cancel all reads with the reason: an `AbortError` by default. */
+  close(reason: unknown = new DOMException("the source was closed", "AbortError")): void {
+    this.controller.abort(reason);
+    for (const download of [this.head, ...this.downloads]) download.stop(reason);
   }
 
-  /** Where to take bytes from: what is on its way is not asked for again. */
-  private plan(start: number, end: number): Piece[] {
-    const pieces: Piece[] = [];
-    for (let at = start; at < end; ) {
-      const downloads = [this.lead, ...this.downloads];
-      let download = downloads.find((other) => other.start <= at && at < other.end);
+  /** Split a read into downloads; bytes that are being received are not requested again. */
+  private planReads(start: number, end: number): RangeRead[] {
+    const pieces: RangeRead[] = [];
+    for (let position = start; position < end; ) {
+      const downloads = [this.head, ...this.downloads];
+      let download = downloads.find((other) => other.start <= position && position < other.end);
       if (!download) {
-        const starts = downloads.map((other) => other.start).filter((other) => other > at);
-        download = new Download(this.server, at, Math.min(end, ...starts), this.patience);
+        const starts = downloads.map((other) => other.start).filter((other) => other > position);
+        download = new Download(this.transport, position, Math.min(end, ...starts), this.retryPolicy);
         this.downloads.add(download);
       }
       download.nReaders += 1;
       const pieceEnd = Math.min(end, download.end);
-      pieces.push({ download, start: at, end: pieceEnd });
-      at = pieceEnd;
+      pieces.push({ download, start: position, end: pieceEnd });
+      position = pieceEnd;
     }
     return pieces;
   }
 
-  /** Nothing is kept that nobody waits for, but the first bytes. */
+  /** End a read; a download without pending reads is canceled, except for the first bytes. */
   private release(download: Download): void {
     download.nReaders -= 1;
-    if (download.nReaders > 0 || download === this.lead) return;
-    download.stop(new DOMException("Nobody waits for these bytes", "AbortError"));
+    if (download.nReaders > 0 || download === this.head) return;
+    download.stop(new DOMException("no read needs these bytes", "AbortError"));
     this.downloads.delete(download);
   }
 }
 
-function joined(parts: Uint8Array[]): Uint8Array {
+function concatenate(parts: Uint8Array[]): Uint8Array {
   if (parts.length === 1) return parts[0];
   const whole = new Uint8Array(parts.reduce((nBytes, { length }) => nBytes + length, 0));
-  let at = 0;
+  let position = 0;
   for (const part of parts) {
-    whole.set(part, at);
-    at += part.length;
+    whole.set(part, position);
+    position += part.length;
   }
   return whole;
 }
 
-/** What the work gives, unless the signal is aborted before: then its reason is thrown. */
+/** Wait for a promise; if the signal is aborted first, throw its reason. */
 function untilAborted<T>(work: Promise<T>, signal?: AbortSignal): Promise<T> {
   if (!signal) return work;
   return new Promise((resolve, reject) => {

@@ -1,32 +1,32 @@
-// The time of the animation while it plays.
+// The playback time.
 
-/** What happens at the end: from the start again, there and back, or nothing more. */
+/** What happens at the end: start again, reverse, or stop. */
 export type Loop = "repeat" | "pingpong" | "once";
 
-/** What time has passed while the clock was advanced. */
-export type Passed = "loop" | "end" | null;
+/** What happened while the clock advanced. */
+export type ClockEvent = "loop" | "end" | null;
 
-/** A picture: a frame, or `fraction` of the way from it to the next. */
-export interface Place {
+/** A position in the animation: a frame, or `fraction` of the way to the next one. */
+export interface FramePosition {
   readonly frame: number;
-  /** 0 up to, but not, 1. */
+  /** In [0, 1). */
   readonly fraction: number;
 }
 
 /**
- * Time in frames, 0 to `nFrames`: each frame is there for as long as every other, and from the last
- * one to the first nothing lies between.
+ * Time in frames, 0 to `nFrames`. All frames last equally long; the last frame is not interpolated
+ * with the first.
  */
 export class Clock {
-  /** Seconds of the animation in a second; backwards if negative. */
+  /** Playback rate; negative values play backwards. */
   speed = 1;
   #loop: Loop = "repeat";
-  #place = 0;
-  /** -1 on the way back of "pingpong", else 1. */
-  #heading = 1;
+  #position = 0;
+  /** -1 while "pingpong" plays in reverse, else 1. */
+  #direction = 1;
 
   /**
-   * @param nFrames - that are played, at least 1
+   * @param nFrames - number of frames to play, at least 1
    * @param fps - frames per second, above 0
    */
   constructor(
@@ -34,84 +34,83 @@ export class Clock {
     readonly fps: number,
   ) {}
 
-  /** What happens at the end. */
   get loop(): Loop {
     return this.#loop;
   }
 
   set loop(loop: Loop) {
     this.#loop = loop;
-    if (loop !== "pingpong") this.#heading = 1; // only "pingpong" turns around
+    if (loop !== "pingpong") this.#direction = 1;
   }
 
-  /** Frames since the first frame. */
-  get place(): number {
-    return this.#place;
+  /** Time in frames. */
+  get position(): number {
+    return this.#position;
   }
 
-  /** Seconds since the first frame. */
+  /** Time in seconds. */
   get time(): number {
-    return this.#place / this.fps;
+    return this.#position / this.fps;
   }
 
-  /** Of all frames, in seconds. */
+  /** Duration of all frames, in seconds. */
   get duration(): number {
     return this.nFrames / this.fps;
   }
 
   get isForward(): boolean {
-    return this.speed * this.#heading >= 0;
+    return this.speed * this.#direction >= 0;
   }
 
-  /** Where the time is, in frames; `between` says whether pictures between frames are wanted. */
-  at(between: boolean): Place {
+  /** Return the current position, between frames only if `interpolate` is true. */
+  current(interpolate: boolean): FramePosition {
     const last = this.nFrames - 1;
-    const frame = Math.min(Math.floor(this.#place), last);
-    return { frame, fraction: between && frame < last ? this.#place - frame : 0 };
+    const frame = Math.min(Math.floor(this.#position), last);
+    return { frame, fraction: interpolate && frame < last ? this.#position - frame : 0 };
   }
 
-  /** Sets the time, in frames; what lies outside is moved to the first or the last frame. */
-  set(place: number): void {
-    this.#place = Math.min(Math.max(place, 0), this.nFrames - 1);
+  /** Set the time in frames, clamped to the first and the last frame. */
+  seek(position: number): void {
+    this.#position = Math.min(Math.max(position, 0), this.nFrames - 1);
   }
 
-  /** Goes to where nothing more is played. */
-  finish(): void {
-    this.#place = this.nFrames;
+  /** Move to the end of the last frame. */
+  goToEnd(): void {
+    this.#position = this.nFrames;
   }
 
-  /** Goes to where playing begins, if the time is where it ends. */
+  /** Move to the start if the end was reached, with the loop "once". */
   rewind(): void {
     if (this.loop !== "once") return;
-    if (this.isForward && this.#place >= this.nFrames) this.#place = 0;
-    if (!this.isForward && this.#place <= 0) this.#place = this.nFrames;
+    if (this.isForward && this.#position >= this.nFrames) this.#position = 0;
+    if (!this.isForward && this.#position <= 0) this.#position = this.nFrames;
   }
 
-  /** Lets seconds pass. */
-  advance(seconds: number): Passed {
-    const to = this.#place + seconds * this.fps * this.speed * this.#heading;
+  /** Advance by real time, in seconds. */
+  advance(seconds: number): ClockEvent {
+    const to = this.#position + seconds * this.fps * this.speed * this.#direction;
     if (this.loop === "pingpong") return this.#reflect(to);
     const isOver = this.isForward ? to >= this.nFrames : to < 0;
     if (this.loop === "once") {
-      this.#place = Math.min(Math.max(to, 0), this.nFrames);
+      this.#position = Math.min(Math.max(to, 0), this.nFrames);
       return isOver ? "end" : null;
     }
-    this.#place = to - Math.floor(to / this.nFrames) * this.nFrames;
-    if (this.#place >= this.nFrames) this.#place = 0; // by rounding
+    this.#position = to - Math.floor(to / this.nFrames) * this.nFrames;
+    if (this.#position >= this.nFrames) this.#position = 0; // by rounding
     return isOver ? "loop" : null;
   }
 
-  #reflect(to: number): Passed {
+  #reflect(to: number): ClockEvent {
     const last = this.nFrames - 1;
     if ((to >= 0 && to <= last) || last === 0) {
-      this.#place = last && to;
+      this.#position = last && to;
       return null;
     }
     const lengths = Math.floor(to / last);
     const rest = to - lengths * last;
     const isBack = lengths % 2 !== 0;
-    this.#place = isBack ? last - rest : rest;
-    if (isBack) this.#heading = -this.#heading;
+    this.#position = isBack ? last - rest : rest;
+    if (isBack) this.#direction = -this.#direction;
     return "loop";
   }
 }

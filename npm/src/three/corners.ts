@@ -1,16 +1,16 @@
-// Corners of the triangles of a mesh, as vertices, faces and corners of its polygons.
+// Maps corners of triangles to the vertices, faces and corners of polygons.
 
 import type { Attribute, Surface } from "../types.js";
 
-/** Which item of a domain a corner of a triangle is; corners are counted through. */
-export type ItemOf = (corner: number) => number;
+/** Returns the item of a domain at a corner of a triangle; corner c belongs to triangle c / 3. */
+export type ItemLookup = (corner: number) => number;
 
-/** For each domain, which of its items corners are. */
-export type Corners = (domain: Attribute["domain"]) => ItemOf;
+/** Returns the lookup of a domain. */
+export type DomainLookup = (domain: Attribute["domain"]) => ItemLookup;
 
-/** Which vertex, face or corner of a polygon each corner of a triangle is. */
-export function cornersOf({ faceSizes, triangles }: Surface): Corners {
-  const { faces, corners } = fansOf(faceSizes ?? [], triangles.length);
+/** Create the lookup of the vertex, face or polygon corner at each corner of a triangle. */
+export function createItemLookup({ faceSizes, triangles }: Surface): DomainLookup {
+  const { faces, corners } = triangulatePolygons(faceSizes ?? [], triangles.length);
   return (domain) => {
     if (domain === "vertex") return (corner) => triangles[corner];
     if (domain === "face") return (corner) => faces[corner] ?? Math.floor(corner / 3);
@@ -18,8 +18,8 @@ export function cornersOf({ faceSizes, triangles }: Surface): Corners {
   };
 }
 
-/** Polygons are fans of triangles from their first corners. */
-function fansOf(sizes: ArrayLike<number>, nCorners: number) {
+/** Split polygons into fans of triangles around their first corners. */
+function triangulatePolygons(sizes: ArrayLike<number>, nCorners: number) {
   const faces = new Uint32Array(sizes.length && nCorners);
   const corners = new Uint32Array(faces.length);
   let to = 0;

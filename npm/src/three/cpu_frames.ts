@@ -1,17 +1,17 @@
-// Positions and normals without a GPU.
+// Computes positions and normals on the CPU.
 
-import type { HeldBlock, Picture } from "./held_block.js";
+import type { LoadedBlock, Picture } from "./loaded_block.js";
 
-/** The fields of the block of a share: nModes x nVerts. */
-export type FieldsOf = (block: HeldBlock) => Int16Array;
+/** Returns the fields of a block: nModes x nVerts. */
+export type FieldsOf = (block: LoadedBlock) => Int16Array;
 
 /**
- * Positions of a picture, plus `shift`: three numbers for each vertex, in model units.
+ * Compute the positions of a picture plus `shift`, three numbers per vertex in model units.
  *
- * @param into - gets them, and is given back
+ * @param into - receives the positions and is returned
  */
-export function positionsOf(
-  { shares, corrections }: Picture,
+export function computePositions(
+  { blocks: shares, corrections }: Picture,
   fieldsOf: FieldsOf,
   shift: readonly number[],
   into: Float32Array,
@@ -31,7 +31,7 @@ function addFields(fields: Int16Array, weights: Float32Array, into: Float32Array
   const nVerts = into.length / 3;
   for (let mode = 0; 3 * mode < weights.length; mode++) {
     const [x, y, z] = weights.subarray(3 * mode, 3 * mode + 3);
-    if (x === 0 && y === 0 && z === 0) continue; // as most are of exact tracks
+    if (x === 0 && y === 0 && z === 0) continue; // most weights of exact tracks are 0
     const from = mode * nVerts;
     for (let vertex = 0, to = 0; vertex < nVerts; vertex++, to += 3) {
       const field = fields[from + vertex];
@@ -43,12 +43,12 @@ function addFields(fields: Int16Array, weights: Float32Array, into: Float32Array
 }
 
 /**
- * Normals: of the faces around each row, by their areas; z upwards without faces.
+ * Compute area-weighted normals of each row; +z for rows without faces.
  *
- * @param into - gets three numbers for each row, and is given back
- * @param rows - the row of each corner of the triangles; vertices without it, and all is smooth
+ * @param into - receives three numbers per row and is returned
+ * @param rows - the normal row of each corner of the triangles; default: its vertex (no hard edges)
  */
-export function normalsOf(
+export function computeNormals(
   positions: Float32Array,
   triangles: Uint32Array,
   into: Float32Array,

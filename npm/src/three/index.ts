@@ -1,4 +1,4 @@
-// `meshreel/three`: files in scenes of three.js.
+// `meshreel/three`: plays files in three.js.
 
 export type { Loop } from "./clock.js";
 export type { ColorMap } from "./color/color_map.js";

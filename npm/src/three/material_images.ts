@@ -1,11 +1,11 @@
-// Images of materials, as the file says how faces look: a script of its own, for most files have none.
+// Decodes the images of materials. Loaded on demand, since most files have none.
 
 import * as THREE from "three";
 
 import { InvalidInputError } from "../errors.js";
 import type { Image, MaterialTexture } from "../types.js";
 
-/** Sends what `ReelMesh` tells of its images. */
+/** Dispatches an event of `ReelMesh`. */
 export type SendEvent = (
   event: { type: "change" } | { type: "error"; error: Error; block: null },
 ) => void;
@@ -22,7 +22,7 @@ const SLOTS: Record<MaterialTexture["slot"], MapSlot> = {
   emissive: "emissiveMap",
 };
 
-/** By number of a way to wrap: three.js has no black outside. */
+/** By wrap mode of the file; three.js does not support black. */
 const WRAPS = [
   THREE.RepeatWrapping,
   THREE.MirroredRepeatWrapping,
@@ -31,19 +31,19 @@ const WRAPS = [
   THREE.RepeatWrapping,
 ] as const;
 
-/** Shows the images of a file on materials, as soon as they are decoded. */
+/** Assigns the images of a file to materials as they are decoded. */
 export class MaterialImages {
   readonly #images: readonly Image[];
   readonly #uvNames: readonly string[];
   readonly #send: SendEvent;
   readonly #textures: THREE.Texture[] = [];
-  /** By number of the image; one that several textures show is decoded once. */
-  readonly #decoded: Promise<THREE.Texture>[] = [];
-  #isOver = false;
+  /** By image index: an image that several textures use is decoded once. */
+  readonly #decodedImages: Promise<THREE.Texture>[] = [];
+  #isDisposed = false;
 
   /**
-   * @param uvNames - of texture coordinates, by channel
-   * @param send - called with "change" for each image that is shown, else with "error"
+   * @param uvNames - names of UV attributes, by channel
+   * @param send - called with "change" when an image is shown, or with "error"
    */
   constructor(
     images: readonly Image[],
@@ -56,32 +56,32 @@ export class MaterialImages {
   }
 
   dispose(): void {
-    this.#isOver = true;
+    this.#isDisposed = true;
     for (const texture of this.#textures) texture.dispose();
-    for (const image of this.#decoded) {
+    for (const image of this.#decodedImages) {
       image?.then(
         (texture) => (texture.image as ImageBitmap).close(),
-        () => {}, // it was told when it came
+        () => {}, // reported when decoding failed
       );
     }
   }
 
-  /** Shows an image on a material, if that has a slot for it. */
-  async dress(material: THREE.Material, given: MaterialTexture): Promise<void> {
-    const slot = SLOTS[given.slot];
-    if (!(slot in material)) return; // without light only the colour counts
-    const image = this.#images[given.image];
+  /** Assign an image to a material, if the material has the slot. */
+  async apply(material: THREE.Material, reference: MaterialTexture): Promise<void> {
+    const slot = SLOTS[reference.slot];
+    if (!(slot in material)) return; // unlit materials have only the base color
+    const image = this.#images[reference.image];
     try {
-      const shared = await (this.#decoded[given.image] ??= decoded(image));
-      if (this.#isOver) return;
-      const channel = this.#uvNames.indexOf(given.uv);
-      if (channel < 0) throw new Error(`there are no texture coordinates ${given.uv}`);
+      const shared = await (this.#decodedImages[reference.image] ??= decode(image));
+      if (this.#isDisposed) return;
+      const channel = this.#uvNames.indexOf(reference.uv);
+      if (channel < 0) throw new Error(`there is no UV attribute ${reference.uv}`);
       const texture = shared.clone();
       texture.channel = channel;
-      texture.wrapS = WRAPS[given.wrapU];
-      texture.wrapT = WRAPS[given.wrapV];
+      texture.wrapS = WRAPS[reference.wrapU];
+      texture.wrapT = WRAPS[reference.wrapV];
       texture.matrixAutoUpdate = false;
-      texture.matrix.copy(transformOf(given));
+      texture.matrix.copy(uvTransform(reference));
       if (slot === "map" || slot === "emissiveMap") texture.colorSpace = THREE.SRGBColorSpace;
       texture.needsUpdate = true;
       this.#textures.push(texture);
@@ -89,15 +89,15 @@ export class MaterialImages {
       material.needsUpdate = true;
       this.#send({ type: "change" });
     } catch (thrown) {
-      if (this.#isOver) return;
+      if (this.#isDisposed) return;
       const error = new InvalidInputError(`cannot show ${image.name}: ${thrown}`);
       this.#send({ type: "error", error, block: null });
     }
   }
 }
 
-/** With v upwards, as texture coordinates are, and numbers as they are in the file. */
-async function decoded({ bytes, mediaType }: Image): Promise<THREE.Texture> {
+/** Decode an image with v up and without color conversion. */
+async function decode({ bytes, mediaType }: Image): Promise<THREE.Texture> {
   const blob = new Blob([bytes as Uint8Array<ArrayBuffer>], { type: mediaType });
   const bitmap = await createImageBitmap(blob, {
     imageOrientation: "flipY",
@@ -109,8 +109,8 @@ async function decoded({ bytes, mediaType }: Image): Promise<THREE.Texture> {
   return texture;
 }
 
-/** Of texture coordinates with v upwards; the file says it with v downwards, as glTF does. */
-function transformOf({ offset, rotation, scale }: MaterialTexture): THREE.Matrix3 {
+/** Convert a UV transform from v down, as in glTF, to v up. */
+function uvTransform({ offset, rotation, scale }: MaterialTexture): THREE.Matrix3 {
   const [c, s] = [Math.cos(rotation), Math.sin(rotation)];
   const [x, y] = scale;
   const [u, v] = offset;

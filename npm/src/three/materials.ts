@@ -1,4 +1,4 @@
-// Materials of three.js as the file says how faces look.
+// Creates three.js materials from those of the file.
 
 import * as THREE from "three";
 
@@ -8,22 +8,22 @@ import type { MaterialImages, SendEvent } from "./material_images.js";
 
 type Standard = THREE.MeshStandardMaterial;
 
-/** Colour of faces about which the file says nothing. */
-const PLAIN = 0x9eb0c4;
+/** Color of faces without a material. */
+const DEFAULT_COLOR = 0x9eb0c4;
 
-/** The materials of a surface; their images appear as they are decoded. */
+/** The materials of a surface; their images are assigned as they are decoded. */
 export class Materials {
   readonly #send: SendEvent;
-  /** By number in the groups of the drawing. */
+  /** By `materialIndex` of the drawing. */
   readonly list: (Standard | THREE.MeshBasicMaterial)[];
   #images: MaterialImages | null = null;
-  #isOver = false;
-  /** Those of faces about which the file says nothing. */
-  readonly #plain = new Set<THREE.Material>();
-  /** When all images that can be shown are. */
-  readonly dressed: Promise<unknown>;
+  #isDisposed = false;
+  /** Materials that the file does not define. */
+  readonly #defaults = new Set<THREE.Material>();
+  /** Resolves when all images that can be decoded are shown. */
+  readonly imagesReady: Promise<unknown>;
 
-  /** @param send - called with "change" for each image that is shown, else with "error" */
+  /** @param send - called with "change" when an image is shown, or with "error" */
   constructor(
     surface: Surface,
     drawing: Drawing,
@@ -32,51 +32,53 @@ export class Materials {
   ) {
     this.#send = send;
     const hasColors = drawing.attributes.some(({ name }) => name === "color");
-    const worn: [THREE.Material, MaterialTexture][] = [];
+    const textureSlots: [THREE.Material, MaterialTexture][] = [];
     this.list = drawing.materialNames.map((name) => {
-      const given = surface.materials.find((one) => one.name === name);
-      const made = given ? materialOf(given) : plainMaterial(hasColors);
-      if (!given) this.#plain.add(made);
-      made.vertexColors = hasColors;
-      if ("flatShading" in made) made.flatShading = !!isFlat;
-      for (const texture of given?.textures ?? []) worn.push([made, texture]);
-      return made;
+      const definition = surface.materials.find((one) => one.name === name);
+      const material = definition ? createMaterial(definition) : createDefaultMaterial(hasColors);
+      if (!definition) this.#defaults.add(material);
+      material.vertexColors = hasColors;
+      if ("flatShading" in material) material.flatShading = !!isFlat;
+      for (const texture of definition?.textures ?? []) textureSlots.push([material, texture]);
+      return material;
     });
-    this.dressed = worn.length ? this.#dress(worn, surface.images, drawing.uvNames) : Promise.resolve();
+    this.imagesReady = textureSlots.length
+      ? this.#loadImages(textureSlots, surface.images, drawing.uvNames)
+      : Promise.resolve();
   }
 
-  /** Whether the file says nothing of how it looks. */
-  isPlain(material: THREE.Material): boolean {
-    return this.#plain.has(material);
+  /** Whether the file does not define a material. */
+  isDefault(material: THREE.Material): boolean {
+    return this.#defaults.has(material);
   }
 
   dispose(): void {
-    this.#isOver = true;
+    this.#isDisposed = true;
     this.#images?.dispose();
     for (const material of this.list) material.dispose();
   }
 
-  async #dress(
-    worn: readonly [THREE.Material, MaterialTexture][],
-    ...given: [images: readonly Image[], uvNames: readonly string[]]
+  async #loadImages(
+    textureSlots: readonly [THREE.Material, MaterialTexture][],
+    ...definition: [images: readonly Image[], uvNames: readonly string[]]
   ): Promise<void> {
     try {
       const { MaterialImages } = await import("./material_images.js");
-      if (this.#isOver) return;
-      const images = (this.#images = new MaterialImages(...given, this.#send));
-      await Promise.all(worn.map(([material, texture]) => images.dress(material, texture)));
+      if (this.#isDisposed) return;
+      const images = (this.#images = new MaterialImages(...definition, this.#send));
+      await Promise.all(textureSlots.map(([material, texture]) => images.apply(material, texture)));
     } catch (error) {
       this.#send({ type: "error", error: error as Error, block: null });
     }
   }
 }
 
-function plainMaterial(hasColors: boolean): Standard {
-  const color = hasColors ? 0xffffff : PLAIN;
+function createDefaultMaterial(hasColors: boolean): Standard {
+  const color = hasColors ? 0xffffff : DEFAULT_COLOR;
   return new THREE.MeshStandardMaterial({ color, roughness: 0.8, side: THREE.DoubleSide });
 }
 
-function materialOf(given: Material): Standard | THREE.MeshBasicMaterial {
+function createMaterial(given: Material): Standard | THREE.MeshBasicMaterial {
   const [red, green, blue, opacity] = given.baseColor;
   const isBlend = given.alphaMode === "blend";
   const common = {

@@ -1,36 +1,37 @@
-// Which corners of faces share a normal: at a vertex, those joined across edges that are not hard.
+// Groups the face corners that share a normal: corners of a vertex that are connected across smooth
+// edges.
 
 import type { Surface } from "../types.js";
-import { cornersOf } from "./corners.js";
+import { createItemLookup } from "./corners.js";
 
-/** Normals of a mesh with hard edges, one for each row. */
+/** Normal rows of a mesh with hard edges: one normal per row. */
 export interface NormalRows {
-  /** The row of each corner of the faces; of most corners it is their vertex. */
-  readonly ofCorner: Uint32Array<ArrayBuffer>;
-  /** The vertex of each row. */
+  /** Row of each face corner; for most corners the index of their vertex. */
+  readonly cornerRows: Uint32Array<ArrayBuffer>;
+  /** Vertex of each row. */
   readonly vertices: Uint32Array;
-  /** Triangles in rows: the one of each of their corners. */
+  /** Row of each corner of the triangles. */
   readonly triangles: Uint32Array;
 }
 
-/** The rows of a surface of `nVerts` vertices; null where no edge is hard. */
-export function normalRowsOf(surface: Surface, nVerts: number): NormalRows | null {
+/** Create the normal rows of a surface; null if it has no hard edges. */
+export function createNormalRows(surface: Surface, nVerts: number): NormalRows | null {
   const { hardEdges, triangles } = surface;
   if (!hardEdges) return null;
-  const itemOf = cornersOf(surface)("corner");
+  const itemOf = createItemLookup(surface)("corner");
   const nTriangles = triangles.length / 3;
   const sizes = surface.faceSizes;
   const vertexOf = new Uint32Array(nTriangles + 2 * (sizes?.length ?? nTriangles));
   for (let i = 0; i < triangles.length; i++) vertexOf[itemOf(i)] = triangles[i];
-  const isSplit = new Uint8Array(nVerts);
-  for (const vertex of hardEdges) isSplit[vertex] = 1;
-  const fans = smoothFans(vertexOf, sizes, hardEdges, isSplit);
+  const isAtHardEdge = new Uint8Array(nVerts);
+  for (const vertex of hardEdges) isAtHardEdge[vertex] = 1;
+  const fans = smoothFans(vertexOf, sizes, hardEdges, isAtHardEdge);
   const vertices = Array.from({ length: nVerts }, (_, vertex) => vertex);
-  const rowOf = new Map<number, number>(); // of each fan of a vertex at a hard edge
+  const rowOf = new Map<number, number>(); // row of each fan at a hard edge
   const hasRow = new Uint8Array(nVerts);
-  const ofCorner = vertexOf.map((vertex, corner) => {
-    if (!isSplit[vertex]) return vertex;
-    const fan = rootOf(fans, corner);
+  const cornerRows = vertexOf.map((vertex, corner) => {
+    if (!isAtHardEdge[vertex]) return vertex;
+    const fan = findRoot(fans, corner);
     let row = rowOf.get(fan);
     if (row === undefined) {
       row = hasRow[vertex] ? vertices.push(vertex) - 1 : vertex;
@@ -40,46 +41,46 @@ export function normalRowsOf(surface: Surface, nVerts: number): NormalRows | nul
     return row;
   });
   return {
-    ofCorner,
+    cornerRows,
     vertices: Uint32Array.from(vertices),
-    triangles: triangles.map((_, i) => ofCorner[itemOf(i)]),
+    triangles: triangles.map((_, i) => cornerRows[itemOf(i)]),
   };
 }
 
-/** Corners that are joined across edges that are not hard, as a forest: the parent of each. */
+/** Union-find forest of corners that are connected across smooth edges: the parent of each. */
 function smoothFans(
   vertexOf: Uint32Array,
   sizes: Uint32Array | null,
   hardEdges: Uint32Array,
-  isSplit: Uint8Array,
+  isAtHardEdge: Uint8Array,
 ): Uint32Array {
-  const nVerts = isSplit.length;
+  const nVerts = isAtHardEdge.length;
   const hard = new Set<number>();
   for (let i = 0; i < hardEdges.length; i += 2) hard.add(hardEdges[i] * nVerts + hardEdges[i + 1]);
   const fans = vertexOf.map((_, corner) => corner);
   const firstSides = new Map<number, readonly [atLow: number, atHigh: number]>();
   const join = (one: number, other: number) => {
-    fans[rootOf(fans, other)] = rootOf(fans, one);
+    fans[findRoot(fans, other)] = findRoot(fans, one);
   };
   for (let first = 0, face = 0; first < vertexOf.length; face++) {
-    const behind = first + (sizes?.[face] ?? 3);
-    for (let corner = first; corner < behind; corner++) {
-      const next = corner + 1 < behind ? corner + 1 : first;
+    const end = first + (sizes?.[face] ?? 3);
+    for (let corner = first; corner < end; corner++) {
+      const next = corner + 1 < end ? corner + 1 : first;
       const [a, b] = [vertexOf[corner], vertexOf[next]];
       const key = Math.min(a, b) * nVerts + Math.max(a, b);
-      if (a === b || !(isSplit[a] || isSplit[b]) || hard.has(key)) continue;
-      const side = a < b ? ([corner, next] as const) : ([next, corner] as const);
-      const before = firstSides.get(key);
-      if (!before) firstSides.set(key, side);
-      else side.forEach((at, i) => join(before[i], at));
+      if (a === b || !(isAtHardEdge[a] || isAtHardEdge[b]) || hard.has(key)) continue;
+      const endpoints = a < b ? ([corner, next] as const) : ([next, corner] as const);
+      const firstSide = firstSides.get(key);
+      if (!firstSide) firstSides.set(key, endpoints);
+      else endpoints.forEach((at, i) => join(firstSide[i], at));
     }
-    first = behind;
+    first = end;
   }
   return fans;
 }
 
-/** The corner that stands for the fan of a corner; ways to it are halved as they are gone. */
-function rootOf(fans: Uint32Array, corner: number): number {
+/** Find the root of the fan of a corner, with path halving. */
+function findRoot(fans: Uint32Array, corner: number): number {
   while (fans[corner] !== corner) corner = fans[corner] = fans[fans[corner]];
   return corner;
 }

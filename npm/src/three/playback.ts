@@ -1,119 +1,118 @@
-// Playing: which picture is shown when, and what is told about it. Nothing here draws.
+// Playback: decides which picture is shown when, and dispatches events. Independent of rendering.
 
 import { InvalidInputError } from "../errors.js";
 import type { BlockFields, BlockInfo, ReelInfo } from "../types.js";
-import { BlockWindow, MOST_HELD } from "./block_window.js";
+import { BlockCache, MAX_BLOCKS } from "./block_cache.js";
 import { Clock, type Loop } from "./clock.js";
-import type { HeldBlock, Moment } from "./held_block.js";
+import type { LoadedBlock, Moment } from "./loaded_block.js";
 
-/** Frames per second to play at where the file does not say. */
+/** Frames per second if the file does not define them. */
 export const DEFAULT_FPS = 24;
 
-/** What playing tells. */
+/** Events of playback. */
 export interface PlaybackEvents {
-  /** Another picture is shown: the frame, and the time in seconds since the first. */
+  /** Another picture is shown: its frame, and the time in seconds. */
   frame: { frame: number; time: number };
-  /** The end was passed, and it goes on. */
+  /** Playback passed the end and continues. */
   loop: object;
-  /** The end was reached. */
+  /** Playback reached the end and stopped. */
   ended: object;
   /**
-   * The picture of the time is not there yet; the last one stays, and so does the time. It waits
-   * for a block, or for the video of its texture (then the block is null).
+   * Playback waits for a block, or for the video of the texture (then the block is null). The time
+   * and the picture do not change meanwhile.
    */
   waiting: { block: number | null };
-  /** Pictures follow one another: after `play()`, and after waiting. */
+  /** Playback starts, or resumes after waiting. */
   playing: object;
   /**
-   * A block cannot be had, or a texture cannot be shown (then the block is null). `track` names the
-   * track whose values are missing in the block; without it the positions are missing.
+   * A block cannot be loaded, or a texture cannot be shown (then the block is null). `track` is the
+   * track that cannot be loaded; without it, the positions cannot.
    */
   error: { error: Error; block: number | null; track?: string };
-  /** It plays otherwise than was asked for, such as where a video is longer than the mesh. */
+  /** Playback differs from the request, such as when the video is longer than the mesh. */
   warning: { message: string };
   /**
-   * The number of its frame cannot be read in the picture of the video at a time in seconds; the
-   * last picture stays, with its mesh.
+   * The frame number in the video cannot be read at a time, in seconds. The last picture and its
+   * mesh stay.
    */
   unreadable: { time: number };
 }
 
-/** One of `PlaybackEvents`, with its type. */
+/** An event of `PlaybackEvents` with its type. */
 export type PlaybackEvent = {
   [Type in keyof PlaybackEvents]: { type: Type } & PlaybackEvents[Type];
 }[keyof PlaybackEvents];
 
-/** Where pictures go. */
-export interface Screen {
-  /** Takes the fields of a block, which may come into pictures until it is released. */
-  hold(block: BlockFields): HeldBlock | Promise<HeldBlock>;
-  release(block: HeldBlock): void;
+/** Displays pictures. */
+export interface Display {
+  /** Store the fields of a block, which pictures may use until it is released. */
+  upload(block: BlockFields): LoadedBlock | Promise<LoadedBlock>;
+  release(block: LoadedBlock): void;
   show(moment: Moment): void;
 }
 
-/** What leads the time in place of the clock: a video, whose pictures the mesh follows. */
-export interface Leader {
+/** Drives the time in place of the clock: a video that the mesh follows. */
+export interface MasterClock {
   /**
-   * Its picture of the time: to come, taken, or of a frame that is not known. What is taken has
-   * been told to `Playback.follow`.
+   * State of its picture at the current time: not available yet, captured, or captured with an
+   * unknown frame. `Playback.follow` has been called for captured pictures.
    */
-  readonly picture: "awaited" | "taken" | "unknown";
-  /** Shows what was taken; false where nothing was since the last time. */
+  readonly picture: "pending" | "captured" | "unknown";
+  /** Show the captured picture; returns false if it is shown already. */
   show(): boolean;
   play(): void;
   pause(): void;
-  /** Goes to a place in frames; the picture is awaited from now on. */
-  seek(place: number): void;
-  /** @throws InvalidInputError where it cannot play that fast. */
+  /** Seek to a position in frames; the picture becomes pending. */
+  seek(position: number): void;
+  /** @throws InvalidInputError if it does not support the speed. */
   setSpeed(speed: number): void;
-  /** Whether the mesh is not there yet: it stands still meanwhile. */
-  hold(isHeld: boolean): void;
-  /** A picture of the page is about to be drawn. */
+  /** Pause while the mesh is not loaded, and resume afterwards. */
+  setBlocked(isHeld: boolean): void;
+  /** Called before each redraw of the page. */
   update(): void;
 }
 
-/** Plays the blocks of a file on a screen. */
+/** Plays the blocks of a file on a display. */
 export class Playback {
-  readonly #screen: Screen;
+  readonly #display: Display;
   readonly #send: (event: PlaybackEvent) => void;
-  /** The time, and how it passes. */
   readonly clock: Clock;
-  /** Of the file. */
+  /** Number of frames of the file. */
   readonly nFrames: number;
-  /** Whether pictures between frames are shown. */
+  /** Whether to interpolate between frames. */
   isInterpolating = true;
-  #nMoving = Infinity;
-  /** Whether it plays, or will once it need not wait. */
+  #nActiveModes = Infinity;
+  /** Whether it plays, or will once it no longer waits. */
   isPlaying = false;
-  /** Whether the picture of the time is not there yet; at first it is not. */
+  /** Whether the picture at the current time is not available yet. */
   isWaiting = true;
-  readonly #window: BlockWindow<HeldBlock>;
+  readonly #cache: BlockCache<LoadedBlock>;
   readonly #blocks: readonly BlockInfo[];
-  #leader: Leader | null = null;
-  #hasScreen = false;
+  #masterClock: MasterClock | null = null;
+  #hasDisplay = false;
   #shown: { frame: number; fraction: number } | null = null;
 
-  /** @throws InvalidInputError where the file has no frames. */
+  /** @throws InvalidInputError if the file has no frames. */
   constructor(
     info: ReelInfo,
     load: (block: number, signal: AbortSignal) => Promise<BlockFields>,
-    screen: Screen,
+    display: Display,
     send: (event: PlaybackEvent) => void,
   ) {
-    this.#screen = screen;
+    this.#display = display;
     this.#send = send;
     this.#blocks = info.blocks;
     const end = info.blocks.at(-1);
-    if (!end) throw new InvalidInputError(`the reel ${info.name} has no frames`);
+    if (!end) throw new InvalidInputError(`the file ${info.name} has no frames`);
     this.nFrames = end.start + end.nFrames;
     this.clock = new Clock(this.nFrames, info.fps > 0 ? info.fps : DEFAULT_FPS);
-    this.#window = new BlockWindow(
+    this.#cache = new BlockCache(
       async (number, signal) => {
         const block = await load(number, signal);
         signal.throwIfAborted();
-        return screen.hold(block);
+        return display.upload(block);
       },
-      (block) => screen.release(block),
+      (block) => display.release(block),
       () => this.show(),
       (block, error) => {
         send({ type: "error", error, block });
@@ -122,186 +121,185 @@ export class Playback {
     );
   }
 
-  /** Plays on, or from the start if it has ended; asks again for what could not be had. */
+  /** Play, from the start if the end was reached; retries blocks that failed to load. */
   play(): void {
     const wasWaiting = this.isWaiting;
     if (this.isPlaying) return this.retry();
-    const place = this.clock.place;
+    const position = this.clock.position;
     this.clock.rewind();
     this.isPlaying = true;
-    if (this.clock.place !== place) this.#leader?.seek(this.clock.place);
-    this.#leader?.play();
+    if (this.clock.position !== position) this.#masterClock?.seek(this.clock.position);
+    this.#masterClock?.play();
     this.retry();
     if (!wasWaiting && !this.isWaiting) this.#send({ type: "playing" });
   }
 
-  /** Asks again for what could not be had for another reason than damage. */
+  /** Retry blocks that failed to load, except for damaged ones. */
   retry(): void {
-    this.#window.retry();
+    this.#cache.retry();
     this.show();
   }
 
-  /** Stands still at the time. */
   pause(): void {
     this.isPlaying = false;
-    this.#leader?.pause();
+    this.#masterClock?.pause();
   }
 
   /**
-   * Goes to a time, in frames.
+   * Seek to a time in frames.
    *
    * @throws InvalidInputError if it is not a finite number.
    */
-  seek(place: number): void {
-    if (!Number.isFinite(place)) {
-      throw new InvalidInputError(`a time must be a finite number; got ${place}`);
+  seek(position: number): void {
+    if (!Number.isFinite(position)) {
+      throw new InvalidInputError(`a time must be a finite number; got ${position}`);
     }
-    this.clock.set(place);
-    this.#leader?.seek(this.clock.place);
+    this.clock.seek(position);
+    this.#masterClock?.seek(this.clock.position);
     this.retry();
   }
 
-  /** @throws InvalidInputError if a video leads that cannot do it. */
+  /** @throws InvalidInputError if a video drives the time and does not support the loop. */
   setLoop(loop: Loop): void {
-    if (this.#leader) requireForward(loop, this.clock.speed);
+    if (this.#masterClock) requireForward(loop, this.clock.speed);
     this.clock.loop = loop;
   }
 
-  /** @throws InvalidInputError if it is not finite, or a video leads that cannot do it. */
+  /** @throws InvalidInputError if the speed is not finite, or not supported by the video. */
   setSpeed(speed: number): void {
     if (!Number.isFinite(speed)) {
       throw new InvalidInputError(`speed must be a finite number; got ${speed}`);
     }
-    if (this.#leader) requireForward(this.clock.loop, speed);
-    this.#leader?.setSpeed(speed);
+    if (this.#masterClock) requireForward(this.clock.loop, speed);
+    this.#masterClock?.setSpeed(speed);
     this.clock.speed = speed;
   }
 
   /**
-   * Lets seconds pass, and shows what is there then.
+   * Advance by real time, in seconds, and show the picture.
    *
-   * @throws InvalidInputError if they are negative or not finite.
+   * @throws InvalidInputError if `seconds` is negative or not finite.
    */
   update(seconds: number): void {
     if (!(seconds >= 0 && seconds < Infinity)) {
-      throw new InvalidInputError(`seconds must be a finite number from 0 on; got ${seconds}`);
+      throw new InvalidInputError(`seconds must be finite and at least 0; got ${seconds}`);
     }
-    if (this.#leader) {
-      this.#leader.update();
+    if (this.#masterClock) {
+      this.#masterClock.update();
       return this.show();
     }
-    const isMoving = this.isPlaying && !this.isWaiting;
-    const passed = isMoving ? this.clock.advance(seconds) : null;
-    if (passed === "end") this.isPlaying = false;
+    const isAdvancing = this.isPlaying && !this.isWaiting;
+    const clockEvent = isAdvancing ? this.clock.advance(seconds) : null;
+    if (clockEvent === "end") this.isPlaying = false;
     this.show();
-    if (passed === "loop") this.#send({ type: "loop" });
-    if (passed === "end") this.#send({ type: "ended" });
+    if (clockEvent === "loop") this.#send({ type: "loop" });
+    if (clockEvent === "end") this.#send({ type: "ended" });
   }
 
   /**
-   * Has something lead the time; null: the clock does again.
+   * Set what drives the time; null: the clock.
    *
-   * @param nFrames - that are played, where these are fewer than the file has
-   * @throws InvalidInputError where time goes backwards, which it does for no leader.
+   * @param nFrames - frames to play, at most those of the file
+   * @throws InvalidInputError if playback is backwards, which videos do not support.
    */
-  setLeader(leader: Leader | null, nFrames = this.nFrames): void {
-    if (leader) requireForward(this.clock.loop, this.clock.speed);
-    this.#leader = leader;
+  setMasterClock(masterClock: MasterClock | null, nFrames = this.nFrames): void {
+    if (masterClock) requireForward(this.clock.loop, this.clock.speed);
+    this.#masterClock = masterClock;
     this.clock.nFrames = nFrames;
-    if (this.clock.place > nFrames - 1) this.clock.set(nFrames - 1);
+    if (this.clock.position > nFrames - 1) this.clock.seek(nFrames - 1);
   }
 
-  /** The leader is at a place in frames, whose picture is awaited or taken. */
-  follow(place: number): void {
-    this.clock.set(place);
+  /** Called by the master clock at a new position in frames, whose picture is pending or captured. */
+  follow(position: number): void {
+    this.clock.seek(position);
     this.show();
   }
 
-  /** The leader is at the end of what is played. */
+  /** Called by the master clock at the end of the last frame. */
   finish(): void {
     const { clock } = this;
     if (!this.isPlaying) {
-      clock.set(clock.nFrames - 1);
-      this.#leader?.seek(clock.place);
+      clock.seek(clock.nFrames - 1);
+      this.#masterClock?.seek(clock.position);
     } else if (clock.loop === "once") {
       this.isPlaying = false;
-      this.#leader?.pause();
-      clock.finish();
+      this.#masterClock?.pause();
+      clock.goToEnd();
       this.#send({ type: "ended" });
     } else {
-      clock.set(0);
-      this.#leader?.seek(0);
-      this.#leader?.play();
+      clock.seek(0);
+      this.#masterClock?.seek(0);
+      this.#masterClock?.play();
       this.#send({ type: "loop" });
     }
     this.show();
   }
 
-  /** Loads anew: the screen is there now, or has lost what it held. Nothing is loaded before. */
+  /** Load all blocks again. Must be called once the display is ready, and when it lost its data. */
   restart(): void {
-    this.#window.clear();
-    this.#hasScreen = true;
+    this.#cache.clear();
+    this.#hasDisplay = true;
     this.#shown = null;
     this.show();
   }
 
-  /** Lets all blocks go for good. */
+  /** Release all blocks. */
   dispose(): void {
     this.isPlaying = false;
-    this.#hasScreen = false;
-    this.#window.clear();
+    this.#hasDisplay = false;
+    this.#cache.clear();
   }
 
-  /** Modes of each block that move. */
-  get nMoving(): number {
-    return this.#nMoving;
+  /** Number of modes of each block that are animated. */
+  get nActiveModes(): number {
+    return this.#nActiveModes;
   }
 
-  set nMoving(count: number) {
-    if (count === this.#nMoving) return;
-    this.#nMoving = count;
+  set nActiveModes(count: number) {
+    if (count === this.#nActiveModes) return;
+    this.#nActiveModes = count;
     this.#shown = null;
     this.show();
   }
 
-  /** Shows the picture of the time if it is there, and asks for what it needs and what follows. */
+  /** Show the current picture if it is available, and request its blocks and the next one. */
   show(): void {
-    if (!this.#hasScreen) return this.#leader?.hold(true);
-    const { frame, fraction } = this.#pictureOfNow();
+    if (!this.#hasDisplay) return this.#masterClock?.setBlocked(true);
+    const { frame, fraction } = this.#currentPosition();
     const number = this.#blockOf(frame);
     const next = fraction > 0 ? this.#blockOf(frame + 1) : number;
-    const wanted = new Set([number, next, ...this.#following(number, next)]);
-    this.#window.want([...wanted].slice(0, MOST_HELD));
-    if (this.#window.isDamaged(number)) return this.#setWaiting(null);
-    const [block, nextBlock] = [this.#window.get(number), this.#window.get(next)];
+    const wanted = new Set([number, next, ...this.#nextBlocks(number, next)]);
+    this.#cache.request([...wanted].slice(0, MAX_BLOCKS));
+    if (this.#cache.isDamaged(number)) return this.#setWaiting(null);
+    const [block, nextBlock] = [this.#cache.get(number), this.#cache.get(next)];
     if (!block || !nextBlock) return this.#setWaiting({ block: block ? next : number });
-    if (this.#leader?.picture === "awaited") return this.#setWaiting({ block: null });
+    if (this.#masterClock?.picture === "pending") return this.#setWaiting({ block: null });
     this.#setWaiting(null);
-    if (this.#leader?.picture === "unknown") return;
-    const isOther = this.#shown?.frame !== frame || this.#shown.fraction !== fraction;
-    if (isOther) {
+    if (this.#masterClock?.picture === "unknown") return;
+    const isNewPosition = this.#shown?.frame !== frame || this.#shown.fraction !== fraction;
+    if (isNewPosition) {
       this.#shown = { frame, fraction };
       const nextT = fraction > 0 ? frame + 1 - nextBlock.start : frame - block.start;
-      const [t, nMoving] = [frame - block.start, this.#nMoving];
-      this.#screen.show({ block, t, next: nextBlock, nextT, fraction, nMoving });
+      const [t, nActiveModes] = [frame - block.start, this.#nActiveModes];
+      this.#display.show({ block, t, next: nextBlock, nextT, fraction, nActiveModes });
     }
-    const isOtherPicture = this.#leader?.show() ?? false;
-    if (isOther || isOtherPicture) this.#send({ type: "frame", frame, time: this.clock.time });
+    const isNewPicture = this.#masterClock?.show() ?? false;
+    if (isNewPosition || isNewPicture) this.#send({ type: "frame", frame, time: this.clock.time });
   }
 
-  /** Nothing lies between a frame and one of a damaged block. */
-  #pictureOfNow(): { frame: number; fraction: number } {
-    const { frame, fraction } = this.clock.at(this.isInterpolating);
-    const isAlone = fraction > 0 && this.#window.isDamaged(this.#blockOf(frame + 1));
-    return { frame, fraction: isAlone ? 0 : fraction };
+  /** The current position; frames are not interpolated with those of a damaged block. */
+  #currentPosition(): { frame: number; fraction: number } {
+    const { frame, fraction } = this.clock.current(this.isInterpolating);
+    const isNextDamaged = fraction > 0 && this.#cache.isDamaged(this.#blockOf(frame + 1));
+    return { frame, fraction: isNextDamaged ? 0 : fraction };
   }
 
   #blockOf(frame: number): number {
     return this.#blocks.findLastIndex((block) => block.start <= frame);
   }
 
-  /** The block that comes after these, as it is played now; none behind the end. */
-  #following(number: number, next: number): number[] {
+  /** The block that will be played after these, if any. */
+  #nextBlocks(number: number, next: number): number[] {
     const count = this.#blocks.length;
     const step = this.clock.isForward ? 1 : -1;
     let after = step > 0 ? next : number;
@@ -312,7 +310,7 @@ export class Playback {
         if (this.clock.loop === "repeat") after = (after + count) % count;
         else return [step > 0 ? number - 1 : next + 1].filter((one) => one in this.#blocks);
       }
-      if (!this.#window.isDamaged(after)) return [after];
+      if (!this.#cache.isDamaged(after)) return [after];
     }
     return [];
   }
@@ -320,15 +318,15 @@ export class Playback {
   #setWaiting(missing: { block: number | null } | null): void {
     const wasWaiting = this.isWaiting;
     this.isWaiting = missing !== null;
-    this.#leader?.hold(missing !== null && missing.block !== null);
+    this.#masterClock?.setBlocked(missing !== null && missing.block !== null);
     if (missing && !wasWaiting) this.#send({ type: "waiting", ...missing });
     if (!missing && wasWaiting && this.isPlaying) this.#send({ type: "playing" });
   }
 }
 
-/** @throws InvalidInputError where time goes backwards, which videos cannot. */
+/** @throws InvalidInputError if playback is backwards, which videos do not support. */
 function requireForward(loop: Loop, speed: number): void {
   if (loop !== "pingpong" && speed >= 0) return;
   const what = speed < 0 ? `the speed ${speed}` : 'the loop "pingpong"';
-  throw new InvalidInputError(`a video plays forwards only, and its mesh with it; got ${what}`);
+  throw new InvalidInputError(`videos play only forwards; got ${what}`);
 }

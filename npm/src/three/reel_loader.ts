@@ -1,30 +1,30 @@
-// Loads files as three.js does.
+// A loader in the style of three.js.
 
 import * as THREE from "three";
 
 import { ReelFile } from "../index.js";
 import { ReelMesh, type ReelMeshOptions } from "./reel_mesh.js";
 
-/** Options of a `ReelLoader`: those of its meshes. */
+/** Options of a `ReelLoader`, which are passed to its meshes. */
 export type ReelLoaderOptions = Omit<ReelMeshOptions, "ownsReel">;
 
 /**
- * Loads a file as a `ReelMesh`, as soon as its surface is known: blocks of frames come while it
- * plays, and with them the event "frame". `dispose()` of the mesh closes the file.
+ * Loads a file as a `ReelMesh`, which resolves once the surface is decoded. Blocks of frames are
+ * loaded during playback. `dispose()` of the mesh closes the file.
  */
 export class ReelLoader extends THREE.Loader<ReelMesh> {
   readonly #options: ReelLoaderOptions;
 
   /**
-   * @param manager - that tells of what is loaded
-   * @param options - of the meshes
+   * @param manager - tracks what is being loaded
+   * @param options - options of the meshes
    */
   constructor(manager?: THREE.LoadingManager, options: ReelLoaderOptions = {}) {
     super(manager);
     this.#options = options;
   }
 
-  /** Loads a file; progress is not told, for it comes in parts as it plays. */
+  /** Load a file. There are no progress events, since blocks are loaded during playback. */
   override load(
     url: string,
     onLoad: (mesh: ReelMesh) => void,
@@ -34,7 +34,7 @@ export class ReelLoader extends THREE.Loader<ReelMesh> {
     const { manager } = this;
     const address = manager.resolveURL(THREE.LoaderUtils.resolveURL(url, this.path));
     manager.itemStart(url);
-    this.#opened(address)
+    this.#open(address)
       .then(onLoad)
       .catch((error: unknown) => {
         if (onError) onError(error);
@@ -45,15 +45,15 @@ export class ReelLoader extends THREE.Loader<ReelMesh> {
   }
 
   /**
-   * The mesh of a file in memory.
+   * Create the mesh of a file in memory.
    *
-   * @throws what `ReelFile.open` throws
+   * @throws like `ReelFile.open`
    */
   parse(data: ArrayBuffer): Promise<ReelMesh> {
-    return this.#opened(data);
+    return this.#open(data);
   }
 
-  async #opened(source: string | ArrayBuffer): Promise<ReelMesh> {
+  async #open(source: string | ArrayBuffer): Promise<ReelMesh> {
     const reel = await ReelFile.open(source, {
       headers: this.requestHeader,
       credentials: this.withCredentials ? "include" : "same-origin",

@@ -1,4 +1,4 @@
-// A mesh of three.js that plays a file.
+// A three.js mesh that plays a file.
 
 import * as THREE from "three";
 
@@ -11,28 +11,28 @@ import type {
   ColorOptions,
   TrackColors,
 } from "./color/track_colors.js";
-import { type Drawing, drawingOf } from "./drawing.js";
-import { canDecode, GpuStage, type Renderer } from "./gpu/gpu_stage.js";
-import { middleOf, pictureOf, withoutFields } from "./held_block.js";
+import { type Drawing, createDrawing } from "./drawing.js";
+import { canDecode, GpuBackend, type Renderer } from "./gpu/gpu_backend.js";
+import { meanPosition, composePicture, withoutFields } from "./loaded_block.js";
 import { Materials } from "./materials.js";
 import { Playback, type PlaybackEvent, type PlaybackEvents } from "./playback.js";
-import type { Setting, Stage } from "./stage.js";
-import type { TextureOptions, WornTexture } from "./texture/mesh_texture.js";
+import type { MeshSetup, Backend } from "./backend.js";
+import type { TextureOptions, AppliedTexture } from "./texture/mesh_texture.js";
 import type { TextureSource } from "./texture/texture_source.js";
 
-/** Of a frame: what is sought is rounded to these, so that seconds of a frame lead to it. */
-const PARTS = 1e6;
+/** Seek positions are rounded to 1 / this of a frame, so that the time of a frame selects it. */
+const SEEK_STEPS_PER_FRAME = 1e6;
 
-/** How much positions may be off, of the diagonal, where the file does not say. */
-const UNKNOWN_PERCENT = 10;
+/** Assumed error of positions, in percent of the diagonal, if the file guarantees no bound. */
+const DEFAULT_ERROR_PERCENT = 10;
 
 const RESTORED = "webglcontextrestored";
 
-/** Events of a `ReelMesh`, beside those of every object: see `PlaybackEvents`. */
+/** Events of a `ReelMesh`: those of `PlaybackEvents` and of every object of three.js. */
 export interface ReelMeshEventMap extends THREE.Object3DEventMap, PlaybackEvents {
   /**
-   * The mesh looks different at the same frame: an image of the file was decoded. Pages that draw
-   * only after a change draw again.
+   * The appearance changed while the frame did not: an image of the file was decoded. Pages that
+   * render on demand must render again.
    */
   change: object;
 }
@@ -40,41 +40,40 @@ export interface ReelMeshEventMap extends THREE.Object3DEventMap, PlaybackEvents
 /** Options of a `ReelMesh`. */
 export interface ReelMeshOptions {
   /**
-   * Material, or one for each label of the groups "material" of the file and one more, for faces
-   * without a label. The mesh does not dispose of it. Without it materials are those of the file.
+   * A material, or one per label of the face groups "material" plus one for faces without a label.
+   * The mesh does not dispose of them. Default: the materials of the file.
    */
   material?: THREE.Material | THREE.Material[];
-  /** Whether materials of the mesh's own making show each triangle flat; false by default. */
+  /** Whether the default materials use flat shading. Default: false. */
   flat?: boolean;
   /**
-   * What draws the mesh: a `WebGLRenderer`, or any other. Without it the first renderer that draws
-   * the mesh is taken, and its first picture comes without the mesh.
+   * The renderer of the mesh. Default: the first renderer that draws the mesh; its first image will
+   * not contain the mesh.
    */
   renderer?: Renderer;
-  /** False: positions are computed on the CPU, whatever the renderer can do. True by default. */
+  /** False forces the computation of positions on the CPU. Default: true. */
   gpu?: boolean;
   /**
-   * Point of the model that lies at the origin of the mesh, in model units; (0, 0, 0) by default.
-   * For models far away from there, for which single precision is coarse, `reel.info.center`.
+   * Point of the model that becomes the origin of the mesh, in model units. Default: (0, 0, 0). Use
+   * `reel.info.center` for models far from the origin, where float32 is imprecise.
    */
   origin?: readonly [number, number, number];
-  /** Whether `dispose()` closes the file too; false by default. */
+  /** Whether `dispose()` also closes the file. Default: false. */
   ownsReel?: boolean;
 }
 
 /**
- * A mesh that plays a file, in model units. It is paused at first, at time 0.
+ * A mesh that plays a file, in model units. Initially it is paused at time 0.
  *
- * Positions and normals are computed on the GPU, by WebGL 2, into the attributes of the geometry,
- * so that every material, shadow and effect works with them as with any mesh. Other renderers, such
- * as `WebGPURenderer`, and graphics cards that cannot draw into textures of floats get them from
- * the CPU; `isOnGpu` tells.
+ * Positions and normals are computed on the GPU with WebGL 2, into the attributes of the geometry,
+ * so that every material, shadow and effect works as with any other mesh. For other renderers, such
+ * as `WebGPURenderer`, and GPUs that cannot render to float textures, the CPU computes them; see
+ * `isOnGpu`.
  *
- * It cannot be cloned: make another one of the same file.
+ * Meshes cannot be cloned: create another one of the same file.
  *
- * A page calls `update` each time before it draws. At most two blocks of frames are held: that of
- * the time and the one played next. A damaged block is passed over: the last picture stays for its
- * time, and the rest plays.
+ * The page must call `update` before each redraw. At most two blocks of frames are in memory: the
+ * current one and the next. During a damaged block the last picture stays; then playback continues.
  */
 export class ReelMesh extends THREE.Mesh<
   THREE.BufferGeometry,
@@ -83,39 +82,39 @@ export class ReelMesh extends THREE.Mesh<
 > {
   override readonly type = "ReelMesh";
   readonly #send = (event: PlaybackEvent | { type: "change" }) => this.dispatchEvent(event);
-  #setting: Setting;
+  #setup: MeshSetup;
   readonly #playback: Playback;
   readonly #materials: Materials | undefined;
-  #stage: Stage | null = null;
-  #becomesCpu: Promise<void> | null = null;
+  #backend: Backend | null = null;
+  #cpuSwitch: Promise<void> | null = null;
   #isDisposed = false;
-  #drawer: THREE.WebGLRenderer | null = null;
+  #renderer: THREE.WebGLRenderer | null = null;
   readonly #ownsReel: boolean | undefined;
-  #worn: WornTexture | null = null;
-  #wearing: AbortController | null = null;
+  #texture: AppliedTexture | null = null;
+  #appearanceRequest: AbortController | null = null;
   #colors: TrackColors | null = null;
-  /** Of a block on its way, the fields of the track that colours the mesh. */
-  readonly #coloring = new WeakMap<BlockFields, BlockFields>();
-  /** What vertices of the geometry are split for. */
+  /** Fields of the coloring track, by block of the mesh that is being loaded. */
+  readonly #pendingColors = new WeakMap<BlockFields, BlockFields>();
+  /** Domain by which the vertices of the geometry are split. */
   #split: TrackColors["split"] = null;
-  readonly #picked = new THREE.Mesh();
-  #isPickedStale = true;
-  readonly #middle = new THREE.Vector3();
+  readonly #pickMesh = new THREE.Mesh();
+  #isPickMeshStale = true;
+  readonly #centroid = new THREE.Vector3();
 
-  /** @throws InvalidInputError where the file has no frames. */
+  /** @throws InvalidInputError if the file has no frames. */
   constructor(
     readonly reel: OpenReel,
     options: ReelMeshOptions = {},
   ) {
     const { info, surface } = reel;
-    const drawing = drawingOf(surface, info.nVerts);
+    const drawing = createDrawing(surface, info.nVerts);
     const origin = options.origin ?? [0, 0, 0];
     const [x, y, z] = info.center;
     const shift = [x - origin[0], y - origin[1], z - origin[2]] as const;
-    super(geometryOf(drawing));
+    super(createGeometry(drawing));
     this.name = info.name;
-    this.#setting = { info, triangles: surface.triangles, drawing, shift };
-    this.#boundAll();
+    this.#setup = { info, triangles: surface.triangles, drawing, shift };
+    this.#setBounds();
     this.#ownsReel = options.ownsReel;
     if (options.material) this.material = options.material;
     else {
@@ -125,136 +124,134 @@ export class ReelMesh extends THREE.Mesh<
     }
     this.#playback = new Playback(
       info,
-      (block, signal) => this.#load(block, signal),
+      (block, signal) => this.#loadBlock(block, signal),
       {
-        hold: async (block) => {
-          const colors = this.#coloring.get(block);
-          const canHold = (one: BlockFields) => this.#stage?.canHold(one);
-          if (!(canHold(block) && canHold(colors ?? block))) await this.#useCpu();
-          const held = withoutFields(block);
-          this.#stage?.hold(block, held);
-          if (colors) this.#colors?.hold(colors, withoutFields(colors), held);
-          return held;
+        upload: async (block) => {
+          const colors = this.#pendingColors.get(block);
+          const canHold = (one: BlockFields) => this.#backend?.canHold(one);
+          if (!(canHold(block) && canHold(colors ?? block))) await this.#switchToCpu();
+          const loaded = withoutFields(block);
+          this.#backend?.upload(block, loaded);
+          if (colors) this.#colors?.addBlock(colors, withoutFields(colors), loaded);
+          return loaded;
         },
         release: (block) => {
-          this.#stage?.release(block);
-          this.#colors?.release(block);
+          this.#backend?.release(block);
+          this.#colors?.removeBlock(block);
         },
         show: (moment) => {
-          const picture = pictureOf(moment);
-          this.#stage?.show(picture);
-          const ofColors = this.#colors?.momentOf(moment);
-          if (ofColors) this.#colors?.show(pictureOf(ofColors));
-          this.#isPickedStale = true;
-          this.#middle.set(...middleOf(picture));
+          const picture = composePicture(moment);
+          this.#backend?.show(picture);
+          const colorMoment = this.#colors?.toTrackMoment(moment);
+          if (colorMoment) this.#colors?.show(composePicture(colorMoment));
+          this.#isPickMeshStale = true;
+          this.#centroid.set(...meanPosition(picture));
           this.geometry.setDrawRange(0, Infinity);
         },
       },
       this.#send,
     );
-    if (options.gpu === false) void this.#useCpu();
+    if (options.gpu === false) void this.#switchToCpu();
     else if (options.renderer) this.setRenderer(options.renderer);
   }
 
-  // Nothing is computed while a renderer draws: its state is not ours then.
+  // Deferred, since passes must not change the state of a renderer that is drawing.
   override onBeforeRender = (renderer: THREE.WebGLRenderer): void => {
-    if (!this.#stage) queueMicrotask(() => this.setRenderer(renderer));
+    if (!this.#backend) queueMicrotask(() => this.setRenderer(renderer));
   };
 
-  /** Tells what draws the mesh; the first one counts. Blocks are loaded from now on. */
+  /** Set the renderer, once; starts loading blocks. Later calls have no effect. */
   setRenderer(renderer: Renderer): void {
-    if (this.#stage || this.#becomesCpu) return;
-    if (!canDecode(renderer, this.#setting)) return void this.#useCpu();
-    this.#drawer = renderer;
-    renderer.domElement.addEventListener(RESTORED, this.#useGpu);
-    this.#useGpu();
+    if (this.#backend || this.#cpuSwitch) return;
+    if (!canDecode(renderer, this.#setup)) return void this.#switchToCpu();
+    this.#renderer = renderer;
+    renderer.domElement.addEventListener(RESTORED, this.#switchToGpu);
+    this.#switchToGpu();
   }
 
-  /** Whether positions are computed on the GPU; false as long as no renderer is known. */
+  /** Whether positions are computed on the GPU; false until the renderer is set. */
   get isOnGpu(): boolean {
-    return this.#stage?.isOnGpu ?? false;
+    return this.#backend?.isOnGpu ?? false;
   }
 
   /**
-   * The vertex of the file that each vertex of the geometry is: there are more, at seams and hard
-   * edges.
+   * Vertex of the file of each vertex of the geometry, which has additional vertices at UV seams and
+   * hard edges.
    */
   get sources(): Uint32Array {
-    return this.#setting.drawing.sources;
+    return this.#setup.drawing.sources;
   }
 
   /**
-   * Plays from the time on, or from the start if the end was reached. Blocks that could not be had,
-   * such as for want of a connection, are asked for again; damaged ones are not.
+   * Play from the current time, or from the start if the end was reached. Retries blocks that failed
+   * to load, except for damaged ones.
    */
   play(): void {
     this.#playback.play();
   }
 
-  /** Asks again for blocks that could not be had, such as for want of a connection. */
+  /** Retry blocks that failed to load, such as without a connection; damaged ones are not retried. */
   retry(): void {
     this.#playback.retry();
   }
 
-  /** Stands still at the time. */
   pause(): void {
     this.#playback.pause();
   }
 
-  /** Whether it plays, or will as soon as it need not wait any more. */
+  /** Whether it plays, or will once it no longer waits. */
   get isPlaying(): boolean {
     return this.#playback.isPlaying;
   }
 
-  /** Whether the picture of the time is not there yet; the last one stays, and so does the time. */
+  /** Whether it waits for a block or a video; the time and the picture do not change meanwhile. */
   get isWaiting(): boolean {
     return this.#playback.isWaiting;
   }
 
   /**
-   * Goes to a time: seconds since the first frame, or a frame, whose fractions lie on the way to
-   * the next. What is beyond the first or last frame is moved there.
+   * Seek to a time in seconds since the first frame, or to a frame, which may be fractional. The
+   * position is clamped to the first and the last frame.
    *
    * @throws InvalidInputError if it is not a finite number.
    */
   seek(to: number | { frame: number }): void {
     const { clock } = this.#playback;
-    const place = typeof to === "number" ? to * clock.fps : to.frame;
-    this.#playback.seek(Math.round(place * PARTS) / PARTS);
+    const position = typeof to === "number" ? to * clock.fps : to.frame;
+    this.#playback.seek(Math.round(position * SEEK_STEPS_PER_FRAME) / SEEK_STEPS_PER_FRAME);
   }
 
   /**
-   * Lets the time pass, if it plays, and computes what is shown then. To be called before each
-   * picture that the page draws.
+   * Advance the time, if playing, and compute the picture. Call it before each redraw of the page.
    *
-   * @param deltaSeconds - since the last call
+   * @param deltaSeconds - seconds since the last call
    * @throws InvalidInputError if it is negative or not finite.
    */
   update(deltaSeconds: number): void {
     this.#playback.update(deltaSeconds);
   }
 
-  /** Seconds since the first frame; `seek` changes it. */
+  /** Time in seconds since the first frame; `seek` changes it. */
   get time(): number {
     return this.#playback.clock.time;
   }
 
-  /** Seconds from the first frame to the end of the last, or that of its video if it is shorter. */
+  /** Duration of the played frames, in seconds. */
   get duration(): number {
     return this.#playback.clock.duration;
   }
 
-  /** Frames that are played: those of the file, or of its video if these are fewer. */
+  /** Number of played frames: those of the file, or of the video if it is shorter. */
   get nFrames(): number {
     return this.#playback.clock.nFrames;
   }
 
-  /** The frame of the time, from 0 on. */
+  /** Current frame, counted from 0. */
   get frame(): number {
-    return this.#playback.clock.at(false).frame;
+    return this.#playback.clock.current(false).frame;
   }
 
-  /** What happens at the end; "repeat" by default. */
+  /** What happens at the end. Default: "repeat". */
   get loop(): Loop {
     return this.#playback.clock.loop;
   }
@@ -263,7 +260,7 @@ export class ReelMesh extends THREE.Mesh<
     this.#playback.setLoop(loop);
   }
 
-  /** Seconds of the animation in a second, 1 by default; backwards if negative. */
+  /** Playback rate; negative values play backwards. Default: 1. */
   get speed(): number {
     return this.#playback.clock.speed;
   }
@@ -272,7 +269,7 @@ export class ReelMesh extends THREE.Mesh<
     this.#playback.setSpeed(speed);
   }
 
-  /** Whether pictures between frames are shown; true by default. */
+  /** Whether to interpolate between frames. Default: true. */
   get interpolate(): boolean {
     return this.#playback.isInterpolating;
   }
@@ -282,13 +279,13 @@ export class ReelMesh extends THREE.Mesh<
   }
 
   /**
-   * How many modes of each block move, most important first: with fewer than all, the others rest
-   * at their mean over the block, and vertices are not corrected. A coarser animation, that tells
-   * what a mode is good for. Infinity, by default, for all. Only files of the method "reel" have
-   * modes: others throw an `InvalidInputError`, but for Infinity.
+   * Number of animated modes of each block, most important first. The others stay at their mean over
+   * the block, and corrections are omitted: a coarser animation that shows what modes contribute.
+   * Default: Infinity, all modes. Only files of the method "reel" have modes: for others, all values
+   * but Infinity throw an `InvalidInputError`.
    */
   get modes(): number {
-    return this.#playback.nMoving;
+    return this.#playback.nActiveModes;
   }
 
   set modes(count: number) {
@@ -297,125 +294,125 @@ export class ReelMesh extends THREE.Mesh<
       throw new InvalidInputError(`files of the method ${method} have no modes; got ${count}`);
     }
     if (!(count >= 1)) throw new InvalidInputError(`modes must be at least 1; got ${count}`);
-    this.#playback.nMoving = count;
+    this.#playback.nActiveModes = count;
   }
 
   /**
-   * The mean of all vertices in the picture that is shown, in model units from the origin of the
-   * mesh: what a camera follows. Nothing is read from the GPU. Corrections are left out.
+   * Compute the mean of all vertices in the current picture, in the space of the mesh, such as for a
+   * camera that follows the model. Ignores corrections; reads nothing back from the GPU.
    *
-   * @param target - gets it, and is given back
+   * @param target - receives the result and is returned
    */
-  getMiddle(target: THREE.Vector3): THREE.Vector3 {
-    return target.set(...this.#setting.shift).add(this.#middle);
+  getCentroid(target: THREE.Vector3): THREE.Vector3 {
+    return target.set(...this.#setup.shift).add(this.#centroid);
   }
 
   /**
-   * Shows an image or a video in place of the images of the file, on all materials that the mesh
-   * has now; null: none. Texture coordinates and all else of the materials stay. The last call
-   * counts: one that is under way throws an `AbortError`.
+   * Show an image or a video in place of the images of the file, on all current materials of the
+   * mesh; null removes it. UVs and other properties of the materials do not change. A new call
+   * cancels a pending one, which throws an `AbortError`.
    *
-   * With a video, the mesh follows the picture that the video shows, and both are shown at once;
-   * `play`, `pause`, `seek`, `loop` and `speed` drive the video, whose sound plays, and its own
-   * controls drive the mesh. Where a block is not there yet, the video waits for it. Only what both
-   * have in common is played; if one is longer by more than a frame, the event "warning" says so.
-   * Both play forwards only. A video element is not disposed of with the mesh.
+   * With a video, the mesh follows the displayed image of the video, and both are updated together.
+   * `play`, `pause`, `seek`, `loop` and `speed` control the video, and controls of the video element
+   * control the mesh. The video waits for blocks that are not loaded. Only the common duration is
+   * played; the event "warning" reports a difference of more than one frame. Videos play only
+   * forwards. The mesh does not dispose of a video element that was passed.
    *
-   * @param source - an address, whose name says whether it is an image or a video (or `kind` does);
-   *   an element, a bitmap or a texture of three.js, whose orientation and colour space are its own
-   * @throws InvalidInputError where the file has no texture coordinates, or an option is of no use.
-   * @throws SourceError where the image or the video cannot be had, or the page may not read it.
+   * @param source - an address, whose extension (or `kind`) tells an image from a video; an element,
+   *   a bitmap, or a three.js texture, whose orientation and color space are used as they are
+   * @throws InvalidInputError if the file has no UVs, or an option has no effect.
+   * @throws SourceError if the image or video cannot be loaded, or the page must not read it.
    */
   async setTexture(source: TextureSource | null, options: TextureOptions = {}): Promise<void> {
-    this.#takeOff();
+    this.#removeTexture();
     void this.#setColors(null);
     if (source === null) return;
-    const { signal } = (this.#wearing = new AbortController());
-    const { wear } = await import("./texture/mesh_texture.js");
+    const { signal } = (this.#appearanceRequest = new AbortController());
+    const { applyTexture } = await import("./texture/mesh_texture.js");
     signal.throwIfAborted();
     const { material } = this;
     const mesh = {
       materials: Array.isArray(material) ? material : [material],
-      isPlain: (one: THREE.Material) => this.#materials?.isPlain(one) ?? false,
-      dressed: this.#materials?.dressed,
-      uvNames: this.#setting.drawing.uvNames,
+      isDefault: (one: THREE.Material) => this.#materials?.isDefault(one) ?? false,
+      imagesReady: this.#materials?.imagesReady,
+      uvNames: this.#setup.drawing.uvNames,
       playback: this.#playback,
       send: this.#send,
     };
-    this.#worn = await wear(mesh, source, options, signal);
+    this.#texture = await applyTexture(mesh, source, options, signal);
   }
 
-  /** What `setTexture` shows; null for nothing. */
+  /** The texture of `setTexture`, or null. */
   get texture(): THREE.Texture | null {
-    return this.#worn?.texture ?? null;
+    return this.#texture?.texture ?? null;
   }
 
-  /** The video that `setTexture` shows, for its sound; null where there is none. */
+  /** The video of `setTexture`, such as to control its sound, or null. */
   get video(): HTMLVideoElement | null {
-    return this.#worn?.video ?? null;
+    return this.#texture?.video ?? null;
   }
 
   /**
-   * Shows a track in colours, on all materials that the mesh has now, in place of their colours and
-   * images; null: the mesh looks as before. The last call of this and `setTexture` counts: one that
-   * is under way throws an `AbortError`.
+   * Color the mesh by a track, on all its current materials, in place of their colors and images;
+   * null restores them. A new call of this method or of `setTexture` cancels a pending one, which
+   * throws an `AbortError`.
    *
-   * Numbers are computed where positions are, and looked up in the map for each pixel; what has no
-   * number is grey. Pictures between frames have numbers between theirs. Blocks are loaded anew, with
-   * those of the track; for a track of faces or corners vertices of the geometry are split, so that
-   * `geometry` and `sources` are others then. A block of the track that cannot be had is grey, and
-   * told by the event "error".
+   * Values are computed like positions and looked up in the color map per pixel; missing values are
+   * gray. Values are interpolated between frames. All blocks are loaded again, together with those
+   * of the track. For tracks of faces or corners the vertices of the geometry are split, which
+   * changes `geometry` and `sources`. A block of the track that cannot be loaded is gray, and
+   * reported by the event "error".
    *
    * @example
    * const { range, unit } = await mesh.colorBy("stress");
    * await mesh.colorBy("velocity", { component: 2, range: [-1, 1] });
    *
-   * @param name - of a track of the file
-   * @returns What the colours mean, for a legend; null without a track.
-   * @throws InvalidInputError where there is no such track, or an option does not fit it; where no
-   *   material has a map, or the file has four sets of texture coordinates or more.
-   * @throws what `OpenTrack.frame` throws
+   * @param name - name of the track
+   * @returns The data of a legend; null without a track.
+   * @throws InvalidInputError if there is no such track, or an option does not apply to it; if no
+   *   material has a map, or the file has four or more UV sets.
+   * @throws like `OpenTrack.frame`
    */
   async colorBy(name: string, options?: ColorOptions): Promise<ColorLegend>;
   async colorBy(name: null): Promise<null>;
   async colorBy(name: string | null, options: ColorOptions = {}): Promise<ColorLegend | null> {
-    this.#takeOff();
+    this.#removeTexture();
     if (name === null) {
       await this.#setColors(null);
       return null;
     }
-    const { signal } = (this.#wearing = new AbortController());
+    const { signal } = (this.#appearanceRequest = new AbortController());
     const track = this.reel.track(name);
     const { TrackColors } = await import("./color/track_colors.js");
     signal.throwIfAborted();
-    const { info, drawing } = this.#setting;
+    const { info, drawing } = this.#setup;
     const materials = Array.isArray(this.material) ? this.material : [this.material];
     const onError = (error: Error, block: number) =>
       this.#send({ type: "error", error, block, track: name });
     const mesh = { info, materials, uvNames: drawing.uvNames, onError };
-    const colors = await TrackColors.of(track, options, mesh, signal);
+    const colors = await TrackColors.create(track, options, mesh, signal);
     signal.throwIfAborted();
     await this.#setColors(colors);
     return colors.legend;
   }
 
   /**
-   * Other values of the track that colours the mesh, such as those of an original, in its colours:
-   * the attribute of another mesh with the index and vertices of this `geometry`. The material of
-   * that mesh takes over `map` and `vertexColors` of this one, until the next `colorBy`.
+   * Encode other values of the coloring track, such as those of an original, as an attribute for
+   * another mesh with the same index. The material of that mesh must use `map` and `vertexColors` of
+   * this one. Valid until the next `colorBy`.
    *
-   * @param values - of a frame: each vertex, face or corner of the file has its row of numbers
-   * @throws InvalidInputError where no track colours the mesh, or it has not so many numbers.
+   * @param values - values of a frame: one row per vertex, face or corner of the file
+   * @throws InvalidInputError if no track colors the mesh, or the number of values differs.
    */
-  colorsOf(values: TrackValues): ColorAttribute {
-    if (!this.#colors) throw new InvalidInputError("no track colours the mesh; see colorBy");
-    return this.#colors.attributeOf(values, this.#setting.drawing.items);
+  colorAttribute(values: TrackValues): ColorAttribute {
+    if (!this.#colors) throw new InvalidInputError("call colorBy first");
+    return this.#colors.colorAttribute(values, this.#setup.drawing.items);
   }
 
   /**
-   * Positions of a frame as the file has them: 3 numbers for each of its vertices, in model units.
+   * Decode the positions of a frame: 3 numbers per vertex of the file, in model units.
    *
-   * @throws what `OpenReel.frame` throws
+   * @throws like `OpenReel.frame`
    */
   positionsAt(
     frame: number,
@@ -425,87 +422,87 @@ export class ReelMesh extends THREE.Mesh<
   }
 
   /**
-   * Hits of the picture that is shown; none before there is one. `faceIndex` is the triangle of the
-   * file; `face` has vertices of the geometry, see `sources`.
+   * Intersect the current picture. `faceIndex` is a triangle of the file; `face` has vertices of the
+   * geometry, see `sources`.
    */
   override raycast(raycaster: THREE.Raycaster, intersects: THREE.Intersection[]): void {
     if (this.geometry.drawRange.count === 0) return;
-    const picked = this.#shownMesh();
-    picked.matrixWorld.copy(this.matrixWorld);
-    picked.material = this.material;
+    const pickMesh = this.#readableMesh();
+    pickMesh.matrixWorld.copy(this.matrixWorld);
+    pickMesh.material = this.material;
     const hits: THREE.Intersection[] = [];
-    picked.raycast(raycaster, hits);
+    pickMesh.raycast(raycaster, hits);
     for (const hit of hits) {
       const faceIndex = hit.faceIndex as number;
-      const { order } = this.#setting.drawing;
+      const { order } = this.#setup.drawing;
       intersects.push({ ...hit, object: this, faceIndex: order ? order[faceIndex] : faceIndex });
     }
   }
 
-  /** Position of a vertex of the geometry in the picture that is shown. */
+  /** Position of a vertex of the geometry in the current picture. */
   override getVertexPosition(index: number, target: THREE.Vector3): THREE.Vector3 {
-    return this.#shownMesh().getVertexPosition(index, target);
+    return this.#readableMesh().getVertexPosition(index, target);
   }
 
-  /** Frees all that the mesh has made, and aborts loading. It must not be used any more. */
+  /** Free all resources and cancel loading; the mesh must not be used afterwards. */
   override dispose(): void {
     this.dispatchEvent({ type: "dispose" });
     this.#isDisposed = true;
-    this.#takeOff();
+    this.#removeTexture();
     this.#colors?.dispose();
     this.onBeforeRender = () => {};
     this.#playback.dispose();
-    this.#drawer?.domElement.removeEventListener(RESTORED, this.#useGpu);
-    this.#stage?.dispose();
+    this.#renderer?.domElement.removeEventListener(RESTORED, this.#switchToGpu);
+    this.#backend?.dispose();
     this.geometry.dispose();
     this.#materials?.dispose();
     if (this.#ownsReel) this.reel.close();
   }
 
-  /** Also when a lost context has come back, without what it held. */
-  readonly #useGpu = (): void => {
-    this.#renewGeometry();
-    let stage: Stage;
+  /** Also called when a lost context is restored, without its data. */
+  readonly #switchToGpu = (): void => {
+    this.#rebuildGeometry();
+    let backend: Backend;
     try {
-      const renderer = this.#drawer as THREE.WebGLRenderer;
-      stage = new GpuStage(renderer, this.#setting, this.geometry);
+      const renderer = this.#renderer as THREE.WebGLRenderer;
+      backend = new GpuBackend(renderer, this.#setup, this.geometry);
     } catch {
-      return void this.#useCpu(); // the driver refuses
+      return void this.#switchToCpu(); // the driver rejects a program
     }
-    this.#setStage(stage);
+    this.#setBackend(backend);
   };
 
-  /** Few need it, so that it is a script of its own. */
-  #useCpu(): Promise<void> {
-    this.#becomesCpu ??= import("./cpu_stage.js").then(
-      ({ CpuStage }) => {
-        this.#renewGeometry();
-        this.#setStage(new CpuStage(this.#setting, this.geometry));
+  /** Loaded on demand, since few pages need it. */
+  #switchToCpu(): Promise<void> {
+    this.#cpuSwitch ??= import("./cpu_backend.js").then(
+      ({ CpuBackend }) => {
+        this.#rebuildGeometry();
+        this.#setBackend(new CpuBackend(this.#setup, this.geometry));
       },
       (error: Error) => this.#send({ type: "error", error, block: null }),
     );
-    return this.#becomesCpu;
+    return this.#cpuSwitch;
   }
 
-  #setStage(stage: Stage): void {
-    this.#becomesCpu = null;
-    if (this.#isDisposed) return stage.dispose();
-    this.#stage?.dispose();
-    this.#stage = stage;
-    this.#restart(stage);
+  #setBackend(backend: Backend): void {
+    this.#cpuSwitch = null;
+    if (this.#isDisposed) return backend.dispose();
+    this.#backend?.dispose();
+    this.#backend = backend;
+    this.#restart(backend);
   }
 
-  #restart(stage: Stage): void {
-    this.#colors?.begin(stage, this.#setting.drawing.items);
+  #restart(backend: Backend): void {
+    this.#colors?.attach(backend, this.#setup.drawing.items);
     this.#playback.restart();
   }
 
-  async #load(number: number, signal: AbortSignal): Promise<BlockFields> {
+  async #loadBlock(number: number, signal: AbortSignal): Promise<BlockFields> {
     const [block, colors] = await Promise.all([
       this.reel.fields(number, { signal }),
       this.#colors?.fields(number, signal),
     ]);
-    if (colors) this.#coloring.set(block, colors);
+    if (colors) this.#pendingColors.set(block, colors);
     return block;
   }
 
@@ -513,50 +510,50 @@ export class ReelMesh extends THREE.Mesh<
     if (colors === this.#colors) return;
     this.#colors?.dispose();
     this.#colors = colors;
-    const stage = this.#stage;
-    if (!stage) return;
-    if ((colors?.split ?? null) === this.#split) this.#restart(stage);
-    else if (stage.isOnGpu) this.#useGpu();
-    else await this.#useCpu();
+    const backend = this.#backend;
+    if (!backend) return;
+    if ((colors?.split ?? null) === this.#split) this.#restart(backend);
+    else if (backend.isOnGpu) this.#switchToGpu();
+    else await this.#switchToCpu();
   }
 
-  /** Has the geometry be such as a new stage and the colours need it. */
-  #renewGeometry(): void {
-    this.geometry.dispose(); // also buffers of attributes that others take the place of
+  /** Prepare the geometry for a new backend and for the split that the colors need. */
+  #rebuildGeometry(): void {
+    this.geometry.dispose(); // also frees the buffers of attributes that will be replaced
     const split = this.#colors?.split ?? null;
     if (split === this.#split) return;
     this.#split = split;
     const { surface, info } = this.reel;
-    const drawing = drawingOf(surface, info.nVerts, split);
-    this.#setting = { ...this.#setting, drawing };
-    this.geometry = geometryOf(drawing);
-    this.#picked.geometry = new THREE.BufferGeometry();
-    this.#boundAll();
+    const drawing = createDrawing(surface, info.nVerts, split);
+    this.#setup = { ...this.#setup, drawing };
+    this.geometry = createGeometry(drawing);
+    this.#pickMesh.geometry = new THREE.BufferGeometry();
+    this.#setBounds();
   }
 
-  #takeOff(): void {
-    this.#wearing?.abort();
-    this.#worn?.remove();
-    this.#worn = null;
+  #removeTexture(): void {
+    this.#appearanceRequest?.abort();
+    this.#texture?.remove();
+    this.#texture = null;
   }
 
-  /** Those of all frames, with what the decoded ones may be off. */
-  #boundAll(): void {
-    const { info, shift } = this.#setting;
-    const radius = info.diagonal * (0.5 + (info.promisePercent ?? UNKNOWN_PERCENT) / 100);
+  /** Set bounds that contain all frames, including the coding error. */
+  #setBounds(): void {
+    const { info, shift } = this.#setup;
+    const radius = info.diagonal * (0.5 + (info.maxErrorPercent ?? DEFAULT_ERROR_PERCENT) / 100);
     const sphere = new THREE.Sphere(new THREE.Vector3(...shift), radius);
     this.geometry.boundingSphere = sphere;
     this.geometry.boundingBox = sphere.getBoundingBox(new THREE.Box3());
   }
 
-  /** The same picture with positions that the CPU can read. */
-  #shownMesh(): THREE.Mesh {
-    const { geometry } = this.#picked;
+  /** Return a mesh with the current positions in memory. */
+  #readableMesh(): THREE.Mesh {
+    const { geometry } = this.#pickMesh;
     if (!geometry.index) {
       const { index, groups, boundingSphere, attributes } = this.geometry;
-      // Those in memory that do not change.
+      // Static attributes, which are in memory already.
       const others = Object.fromEntries(
-        this.#setting.drawing.attributes.map(({ name }) => [name, attributes[name]]),
+        this.#setup.drawing.attributes.map(({ name }) => [name, attributes[name]]),
       );
       const position = new THREE.BufferAttribute(new Float32Array(3 * this.sources.length), 3);
       Object.assign(geometry, {
@@ -566,19 +563,19 @@ export class ReelMesh extends THREE.Mesh<
         attributes: { ...others, position },
       });
     }
-    if (this.#isPickedStale) {
-      this.#stage?.read(geometry.attributes.position.array as Float32Array);
-      this.#isPickedStale = false;
+    if (this.#isPickMeshStale) {
+      this.#backend?.read(geometry.attributes.position.array as Float32Array);
+      this.#isPickMeshStale = false;
     }
-    return this.#picked;
+    return this.#pickMesh;
   }
 }
 
-/** Nothing is drawn of it until there is a picture. */
-function geometryOf(drawing: Drawing): THREE.BufferGeometry {
+/** Create a geometry that draws nothing until there is a picture. */
+function createGeometry(drawing: Drawing): THREE.BufferGeometry {
   const geometry = new THREE.BufferGeometry();
   geometry.setIndex(new THREE.BufferAttribute(drawing.index, 1));
-  const none = { width: 3, values: new Float32Array(3) }; // until a stage brings its own
+  const none = { width: 3, values: new Float32Array(3) }; // until a backend replaces it
   const [position, normal] = ["position", "normal"].map((name) => ({ name, ...none }));
   for (const { name, width, values } of [position, normal, ...drawing.attributes]) {
     geometry.setAttribute(name, new THREE.BufferAttribute(values, width));

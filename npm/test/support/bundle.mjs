@@ -1,4 +1,4 @@
-// Modules of src/ for tests, and instances of the library.
+// Bundles internal modules of src/ for tests, and creates instances of the library.
 
 import { build } from "esbuild";
 import { mkdtempSync, readFileSync, rmSync } from "node:fs";
@@ -8,10 +8,10 @@ import { fileURLToPath, pathToFileURL } from "node:url";
 
 const here = dirname(fileURLToPath(import.meta.url));
 
-/** The folder of the package. */
+/** Root folder of the package. */
 export const PACKAGE = join(here, "../..");
 
-/** What internals.ts exports. */
+/** Return the exports of internals.ts. */
 export async function loadInternals() {
   const folder = mkdtempSync(join(tmpdir(), "meshreel-"));
   try {
@@ -24,16 +24,16 @@ export async function loadInternals() {
   }
 }
 
-/** A new instance of a module that was built: "reel_whole" has vectors, "reel_plain" has none. */
+/** Instantiate a built module: "reel_whole" uses SIMD, "reel_plain" does not. */
 export function newLibrary(Library, name = "reel_whole") {
-  return Library.start(new WebAssembly.Module(readFileSync(join(PACKAGE, "wasm", `${name}.wasm`))));
+  return Library.instantiate(new WebAssembly.Module(readFileSync(join(PACKAGE, "wasm", `${name}.wasm`))));
 }
 
-/** An engine of bytes in memory. */
-export async function engineOf({ Engine, Library }, bytes, name, memory = 2 ** 31, segment = null) {
+/** Open an engine for bytes in memory. */
+export async function openEngine({ Engine, Library }, bytes, name, memory = 2 ** 31, segment = null) {
   const read = async (start, end) => bytes.slice(start, end);
-  const opening = { size: bytes.length, hasRanges: true, memory, segment };
+  const parameters = { size: bytes.length, hasRanges: true, memory, segment };
   const library = await newLibrary(Library, name);
-  const engine = await Engine.open(library, read, opening, new AbortController().signal);
+  const engine = await Engine.open(library, read, parameters, new AbortController().signal);
   return Object.assign(engine, { library });
 }

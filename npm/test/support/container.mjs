@@ -1,4 +1,4 @@
-// The container of streams, for tests that take it apart: docs/format.md.
+// Reads and writes the container of streams (docs/format.md), for tests that modify streams.
 
 export const END = 0;
 export const BLOCK = 16;
@@ -26,19 +26,19 @@ export function headerSize(bytes) {
   return 68 + bytes[66] + 256 * bytes[67] + 4;
 }
 
-/** All sections of a stream: where each begins and ends, and where its payload begins. */
+/** Parse all sections of a stream: `position` to `end`, with the payload at `begin`. */
 export function sectionsOf(bytes) {
-  const found = [];
+  const sections = [];
   for (let position = headerSize(bytes); position < bytes.length;) {
     const [length, begin] = varintAt(bytes, position + 1);
     const end = begin + length + 4;
-    found.push({ id: bytes[position], position, begin, end, payload: bytes.subarray(begin, end - 4) });
+    sections.push({ id: bytes[position], position, begin, end, payload: bytes.subarray(begin, end - 4) });
     position = end;
   }
-  return found;
+  return sections;
 }
 
-/** Of each block, where each of its tracks begins and ends. */
+/** Return the byte range of each track in each block. */
 export function groupsOf(bytes) {
   const blocks = [];
   for (const { id, position, end } of sectionsOf(bytes)) {
@@ -49,13 +49,13 @@ export function groupsOf(bytes) {
   return blocks;
 }
 
-/** Gives a section, whose bytes were changed in place, its checksum. */
+/** Update the checksum of a section that was changed in place. */
 export function seal(bytes, { position, end }) {
   const sum = crc32(bytes.subarray(position, end - 4));
   new DataView(bytes.buffer, bytes.byteOffset).setUint32(end - 4, sum, true);
 }
 
-/** The same of the header. */
+/** Update the checksum of the header. */
 export function sealHeader(bytes) {
   const end = headerSize(bytes);
   seal(bytes, { position: 0, end });

@@ -1,4 +1,4 @@
-// Modules of the package that tests look into.
+// Internal modules of the package for tests.
 
 export { Heap } from "../../src/core/heap.js";
 export { Library } from "../../src/core/library.js";

@@ -1,16 +1,16 @@
-// A `Worker` for Node that runs the script of a blob, as browsers do.
+// A browser-like `Worker` for Node that runs the script of a blob.
 
 import { resolveObjectURL } from "node:buffer";
 import { Worker } from "node:worker_threads";
 
-/** What the script of a page's worker expects around it. */
+/** Globals of a browser worker. */
 const GLOBALS = `
   const { parentPort } = require("node:worker_threads");
   globalThis.self = { postMessage: (message, transfer) => parentPort.postMessage(message, transfer) };
   parentPort.on("message", (data) => self.onmessage({ data }));
 `;
 
-/** Runs the script in a thread; messages sent before it has started wait. */
+/** Runs the script in a thread; messages are queued until it has started. */
 export class PageWorker {
   onmessage = null;
   onerror = null;
@@ -29,7 +29,7 @@ export class PageWorker {
   }
 
   postMessage(message, transfer) {
-    // The transfer detaches at once, as in browsers.
+    // Transfers detach immediately, as in browsers.
     const sent = structuredClone(message.module ? {} : message, { transfer });
     const whole = message.module ? message : sent;
     this.#thread.then((thread) => thread?.postMessage(whole));

@@ -1,4 +1,4 @@
-// The streams of conformance/, and what is said of them.
+// The streams of conformance/ and their expected values.
 
 import { createHash } from "node:crypto";
 import { readFileSync, readdirSync } from "node:fs";
@@ -11,33 +11,33 @@ const all = readdirSync(FOLDER)
   .filter((file) => file.endsWith(".reel"))
   .map((file) => file.slice(0, -".reel".length));
 
-/** What is said of a stream. */
-export function said(name) {
+/** Return the expected values of a stream. */
+export function expectedOf(name) {
   return JSON.parse(readFileSync(join(FOLDER, `${name}.json`), "utf8"));
 }
 
-/** The bytes of a stream. */
-export function bytesOf(name) {
+/** Read a stream. */
+export function streamBytes(name) {
   return new Uint8Array(readFileSync(join(FOLDER, `${name}.reel`)));
 }
 
-/** Names of the streams whose positions have modes, and are exact: pages decode both; of the others. */
-export const REELS = all.filter((name) => said(name).method === "reel");
-export const EXACTS = all.filter((name) => ["lossless", "grid"].includes(said(name).method));
+/** Names of streams with modes, with exact positions, both, and of other methods. */
+export const REELS = all.filter((name) => expectedOf(name).method === "reel");
+export const EXACTS = all.filter((name) => ["lossless", "grid"].includes(expectedOf(name).method));
 export const PLAYED = [...REELS, ...EXACTS];
 export const OTHERS = all.filter((name) => !PLAYED.includes(name));
 
-/** Frames in each of `info.blocks`, of what is said of a stream. */
-export function framesOfBlocks({ method, blocks }) {
-  const most = method === "reel" ? Infinity : 32;
+/** Expected number of frames of each of `info.blocks`. */
+export function blockLengths({ method, blocks }) {
+  const maxFrames = method === "reel" ? Infinity : 32;
   return blocks.flatMap(({ frames }) => {
     const parts = [];
-    for (let left = frames; left > 0; left -= most) parts.push(Math.min(left, most));
+    for (let left = frames; left > 0; left -= maxFrames) parts.push(Math.min(left, maxFrames));
     return parts;
   });
 }
 
-/** SHA-256 of arrays, one after another. */
+/** SHA-256 of concatenated arrays. */
 export function sha(...arrays) {
   const hash = createHash("sha256");
   for (const array of arrays) {
@@ -46,7 +46,7 @@ export function sha(...arrays) {
   return hash.digest("hex");
 }
 
-/** SHA-256 of integers, as of numbers of 64 bits. */
-export function hashOf(integers) {
+/** SHA-256 of integers as int64. */
+export function integerHash(integers) {
   return sha(BigInt64Array.from(integers, BigInt));
 }

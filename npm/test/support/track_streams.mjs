@@ -1,4 +1,4 @@
-// Streams of conformance/ that have tracks, changed: large, or with another TRACK.
+// Modified streams with tracks: padded, or with another section TRACK.
 
 import {
   BLOCK,
@@ -14,14 +14,14 @@ import {
   sectionsOf,
   varint,
 } from "./container.mjs";
-import { bytesOf } from "./streams.mjs";
+import { streamBytes } from "./streams.mjs";
 
-/** A section that readers skip. */
+/** Id of a section that readers skip. */
 const UNKNOWN = 0xc0;
 
-/** A stream of three blocks and tracks whose groups are each `padding` bytes larger. */
+/** A stream with three blocks in which each track is padded by `padding` bytes. */
 export function largeTracks(padding = 20_000) {
-  return rewritten(bytesOf("tracks"), (sections) =>
+  return rewrite(streamBytes("tracks"), (sections) =>
     sections.flatMap((one) => {
       const isFirst = one.id === BLOCK || one.id === TRACK_BLOCK;
       return isFirst ? [one, { id: UNKNOWN, payload: new Uint8Array(padding) }] : [one];
@@ -29,14 +29,14 @@ export function largeTracks(padding = 20_000) {
   );
 }
 
-/** The stream "tracks" whose last track is exact, and whose end is missing, with its index. */
+/** The stream "tracks" with an exact last track, and without the index and the end. */
 export function withExactTrack() {
   let nTracks = 0;
   let place = 0;
-  const bytes = rewritten(bytesOf("tracks"), (sections) =>
+  const bytes = rewrite(streamBytes("tracks"), (sections) =>
     sections.flatMap(({ id, payload }) => {
       if (id === TRACK && ++nTracks === 3) {
-        return [{ id, payload: changed(payload, { coding: 1, exact: true }) }];
+        return [{ id, payload: changeTrack(payload, { coding: 1, exact: true }) }];
       }
       place = id === BLOCK ? 0 : place + (id === TRACK_BLOCK);
       if (nTracks < 3 || place < 3) return [{ id, payload }];
@@ -48,12 +48,12 @@ export function withExactTrack() {
   return bytes.subarray(0, Number(end.getBigUint64(0, true)));
 }
 
-/** The stream "tracks" with a section MISSING, of bytes of 255, in a block of its first track. */
+/** The stream "tracks" with a section MISSING of bytes 255 in a block of its first track. */
 export function withMissingValues() {
-  const nFlags = 42 * sectionsOf(bytesOf("tracks")).find(({ id }) => id === BLOCK).payload[0];
+  const nFlags = 42 * sectionsOf(streamBytes("tracks")).find(({ id }) => id === BLOCK).payload[0];
   const payload = new Uint8Array(nFlags + 1).fill(255);
   let count = 0;
-  return rewritten(bytesOf("tracks"), (sections) =>
+  return rewrite(streamBytes("tracks"), (sections) =>
     sections.flatMap((one) => {
       const isFirst = one.id === TRACK_BLOCK && count++ === 0;
       return isFirst ? [one, { id: MISSING, payload }] : [one];
@@ -62,22 +62,22 @@ export function withMissingValues() {
 }
 
 /**
- * The stream "tracks" with something else in one of its sections TRACK.
+ * The stream "tracks" with a modified section TRACK.
  *
- * @param change - Codes `kind`, `domain`, `type`, `coding`; the `name`; `nColumns`;
- *   `bound`, `scale` or the first `origin`; how many bytes come `more`; or the `length` that is left.
+ * @param change - Codes `kind`, `domain`, `type`, `coding`; the `name`; `nColumns`; `bound`,
+ *   `scale` or the first `origin`; number of `more` bytes to append; or `length` to truncate to.
  */
 export function withTrack(number, change) {
   let count = 0;
-  return rewritten(bytesOf("tracks"), (sections) =>
+  return rewrite(streamBytes("tracks"), (sections) =>
     sections.map((one) => {
       if (one.id !== TRACK || count++ !== number) return one;
-      return { ...one, payload: changed(one.payload, change) };
+      return { ...one, payload: changeTrack(one.payload, change) };
     }),
   );
 }
 
-function changed(before, change) {
+function changeTrack(before, change) {
   const keys = ["kind", "domain", "type", "coding"];
   const codes = keys.map((key, i) => change[key] ?? before[i]);
   const unit = 5 + before[4];
@@ -95,21 +95,21 @@ function changed(before, change) {
   return Uint8Array.from(all.slice(0, length));
 }
 
-/** A stream with other sections, and an index of these. */
-function rewritten(bytes, change) {
+/** Write a stream with changed sections and a new index. */
+function rewrite(bytes, change) {
   const start = headerSize(bytes);
-  const isOfEnd = ({ id }) => id === INDEX || id === END;
+  const isTrailer = ({ id }) => id === INDEX || id === END;
   const parts = [bytes.slice(0, start)];
   const blocks = [];
   let position = start;
-  for (const { id, payload } of change(sectionsOf(bytes).filter((one) => !isOfEnd(one)))) {
+  for (const { id, payload } of change(sectionsOf(bytes).filter((one) => !isTrailer(one)))) {
     if (id === BLOCK) blocks.push({ position, nFrames: payload[0], sizes: [] });
     if (id === BLOCK || id === TRACK_BLOCK) blocks.at(-1).sizes.push(0);
-    const written = sectionBytes(id, payload);
-    parts.push(written);
-    position += written.length;
+    const section = sectionBytes(id, payload);
+    parts.push(section);
+    position += section.length;
     const sizes = blocks.at(-1)?.sizes;
-    if (sizes) sizes[sizes.length - 1] += written.length;
+    if (sizes) sizes[sizes.length - 1] += section.length;
   }
   const listed = blocks.flatMap(({ nFrames, sizes }) => [nFrames, ...sizes]);
   const index = [blocks[0].position, blocks.length, ...listed].flatMap(varint);

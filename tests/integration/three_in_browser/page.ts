@@ -6,7 +6,7 @@ import { WebGPURenderer } from "three/webgpu";
 import { ReelFile } from "../../../npm/src/index";
 import { ReelLoader, ReelMesh, type ReelMeshOptions } from "../../../npm/src/three/index";
 import type { ColorOptions } from "../../../npm/src/three/index";
-import { cornersOf } from "../../../npm/src/three/corners";
+import { createItemLookup } from "../../../npm/src/three/corners";
 import { type GridOptions, truth, wavingGrid } from "./waving_grid";
 
 let shownStand: Stand | null = null;
@@ -181,7 +181,7 @@ function middleColors(
   place: number,
 ) {
   const { surface } = mesh.reel;
-  const itemOf = cornersOf(surface)(domain);
+  const itemOf = createItemLookup(surface)(domain);
   const vertices = truth(place);
   const found: { color: number[]; value: number }[] = [];
   const ray = new THREE.Raycaster();

@@ -51,7 +51,7 @@ function blockOf(number: number): BlockFields {
   const offsets = Float32Array.from({ length: 3 * vertices.length }, (_, i) => 0.1 * Math.cos(i));
   const fields = fieldsOf(nModes);
   return {
-    number,
+    index: number,
     start,
     nFrames,
     nModes,
@@ -161,7 +161,7 @@ async function surfaceOf(): Promise<Surface> {
     attributes: [
       { name: "uv", kind: "uv", domain: "corner", width: 2, values: Float32Array.from(uv) },
     ],
-    groups: [{ name: "material", labels: ["board", "hem"], ofFace: Int32Array.from(materials) }],
+    groups: [{ name: "material", labels: ["board", "hem"], faceLabels: Int32Array.from(materials) }],
     materials: [
       { ...look, name: "board", baseColor: [1, 1, 1, 1], textures: [texture] },
       { ...look, name: "hem", baseColor: [0.1, 0.02, 0.3, 1], textures: [] },
@@ -208,7 +208,7 @@ export async function wavingGrid(options: GridOptions = {}): Promise<OpenReel> {
       startS: 0,
       center,
       diagonal: Math.hypot(...high.map((one, axis) => one - low[axis])),
-      promisePercent: null,
+      maxErrorPercent: null,
       numberType: "float32",
       tracks: [],
       blocks: BLOCKS.map(({ start, nFrames }) => ({ start, nFrames, sizeBytes: 1000 })),

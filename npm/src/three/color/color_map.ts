@@ -1,13 +1,13 @@
-// From numbers to colours: maps whose steps look alike everywhere, for every kind of vision.
+// Color maps that are perceptually uniform and safe for color-blind viewers.
 
 import * as THREE from "three";
 
 import { InvalidInputError } from "../../errors.js";
 
 /**
- * A map of colours: "sequential" from violet over blue and green to yellow, as in the pictures of
- * `meshreel render`; "diverging" from blue over light grey to red, alike to both sides; or at least
- * two colours of your own, from the lowest number to the highest.
+ * A color map: "sequential" from violet through blue and green to yellow, as in `meshreel render`;
+ * "diverging" from blue through light gray to red; or a list of at least two colors, from the lowest
+ * value to the highest.
  */
 export type ColorMap = "sequential" | "diverging" | readonly THREE.ColorRepresentation[];
 
@@ -20,66 +20,66 @@ const MAPS = {
     " b86f66 aa564c 9c3b33 8d1b17",
 };
 
-/** What has no number. */
-const MISSING = [128, 128, 128] as const;
+/** Color of missing values. */
+const MISSING_COLOR = [128, 128, 128] as const;
 
-/** Colours of a texture, along a row. */
+/** Width of a color texture. */
 const N_COLORS = 256;
 
 /**
- * Rows of a texture: the first has the colours, all others are of what has no number. A triangle one
- * of whose corners has none so turns grey just beside the others.
+ * Height of a color texture. The first row is the color map, all others have the color of missing
+ * values: a triangle with a missing value at one corner is gray except close to the others.
  */
 const N_ROWS = 64;
 
-/** Colours of a map, red, green and blue as screens show them, 0..255. */
+/** Colors of a map: red, green and blue in sRGB, 0..255. */
 export type Colors = readonly (readonly [number, number, number])[];
 
-/** @throws InvalidInputError where a map is neither a name nor two colours. */
-export function colorsOf(map: ColorMap): Colors {
+/** Return the colors of a map. @throws InvalidInputError if it is no name or list of colors. */
+export function resolveColorMap(map: ColorMap): Colors {
   const isName = typeof map === "string";
-  const given = isName ? MAPS[map]?.split(" ").map((one) => `#${one}`) : map;
-  if (!Array.isArray(given) || given.length < 2) {
+  const colors = isName ? MAPS[map]?.split(" ").map((hex) => `#${hex}`) : map;
+  if (!Array.isArray(colors) || colors.length < 2) {
     throw new InvalidInputError(
-      'map must be "sequential", "diverging" or a list of two or more colours; got ' +
-        JSON.stringify(map),
+      'map must be "sequential", "diverging" or a list of two or more colors; got ' +
+      JSON.stringify(map),
     );
   }
-  return given.map((one) => {
-    const hex = new THREE.Color(one).getHex(THREE.SRGBColorSpace);
+  return colors.map((color) => {
+    const hex = new THREE.Color(color).getHex(THREE.SRGBColorSpace);
     return [hex >> 16, (hex >> 8) & 255, hex & 255];
   });
 }
 
 /**
- * Those of a map about 0, as far as a range goes: what is in its middle stays at 0, and both sides
- * are as far from it as the farther end.
+ * Resample a color map for a range that contains 0: the middle of the map moves to 0, and both
+ * halves keep the same scale, so that the shorter side ends before the end of the map.
  */
-export function about0(colors: Colors, low: number, high: number): Colors {
-  const most = Math.max(-low, high);
+export function centerAtZero(colors: Colors, low: number, high: number): Colors {
+  const maxAbs = Math.max(-low, high);
   return Array.from({ length: N_COLORS }, (_, i) => {
     const value = low + ((high - low) * i) / (N_COLORS - 1);
-    return colorAt(colors, (value / most + 1) / 2);
+    return colorAt(colors, (value / maxAbs + 1) / 2);
   });
 }
 
-/** The colour at a place of a map, 0..1; places outside are those at its ends. */
-export function colorAt(colors: Colors, place: number): [number, number, number] {
-  if (Number.isNaN(place)) return [...MISSING];
-  const at = Math.min(Math.max(place, 0), 1) * (colors.length - 1);
+/** Return the color at a position of a map, clamped to 0..1; gray for NaN. */
+export function colorAt(colors: Colors, position: number): [number, number, number] {
+  if (Number.isNaN(position)) return [...MISSING_COLOR];
+  const at = Math.min(Math.max(position, 0), 1) * (colors.length - 1);
   const below = Math.min(Math.floor(at), colors.length - 2);
-  const mixed = (channel: number) => {
+  const interpolate = (channel: number) => {
     const [low, high] = [colors[below][channel], colors[below + 1][channel]];
     return Math.round(low + (at - below) * (high - low));
   };
-  return [mixed(0), mixed(1), mixed(2)];
+  return [interpolate(0), interpolate(1), interpolate(2)];
 }
 
-/** Colours as a texture; whoever asks disposes of it. */
-export function textureOf(colors: Colors): THREE.DataTexture {
+/** Create a texture of a color map; the caller disposes of it. */
+export function createColorTexture(colors: Colors): THREE.DataTexture {
   const data = new Uint8Array(4 * N_COLORS * N_ROWS);
   for (let i = 0; i < N_COLORS * N_ROWS; i++) {
-    const color = i < N_COLORS ? colorAt(colors, i / (N_COLORS - 1)) : MISSING;
+    const color = i < N_COLORS ? colorAt(colors, i / (N_COLORS - 1)) : MISSING_COLOR;
     data.set([...color, 255], 4 * i);
   }
   const texture = new THREE.DataTexture(data, N_COLORS, N_ROWS);
@@ -89,8 +89,9 @@ export function textureOf(colors: Colors): THREE.DataTexture {
   return texture;
 }
 
-/** Texture coordinates of places are (place * SCALE + OFFSET, ROW); of what has no number, NOWHERE. */
-export const SCALE = (N_COLORS - 1) / N_COLORS;
-export const OFFSET = 0.5 / N_COLORS;
-export const ROW = 0.5 / N_ROWS;
-export const NOWHERE = [0.5, 1] as const;
+/** UVs of a position in the map are (position * U_SCALE + U_OFFSET, V_ROW). */
+export const U_SCALE = (N_COLORS - 1) / N_COLORS;
+export const U_OFFSET = 0.5 / N_COLORS;
+export const V_ROW = 0.5 / N_ROWS;
+/** UVs of a missing value. */
+export const MISSING_UV = [0.5, 1] as const;

@@ -1,82 +1,82 @@
-// Which numbers of a track are shown, and in which range.
+// Selects the values of a track to show, and the range of the color map.
 
 import { InvalidInputError } from "../../errors.js";
 import type { BlockInfo, OpenTrack, ReelInfo, TrackInfo, TrackValues } from "../../types.js";
 
-/** Columns of a value that are shown at once: the axes of a sum on the GPU. */
-const MOST_COLUMNS = 3;
+/** Limit of selected columns: the GPU computes sums of three components. */
+const MAX_COLUMNS = 3;
 
-/** Frames that say in which range a track is. */
-const N_SAMPLES = 8;
+/** Frames that are sampled for percentiles. */
+const N_SAMPLED_FRAMES = 8;
 
-/** Numbers of a frame that stand for all of them. */
-const MOST_NUMBERS = 65_536;
+/** Limit of values that are sampled from a frame. */
+const MAX_SAMPLES_PER_FRAME = 65_536;
 
 const AXES = ["x", "y", "z"];
 
-/** Where the colours end, where nothing is said. */
+/** Default range of the color map. */
 export const DEFAULT_RANGE = "2%:98%";
 
-/** What is shown of a value: a column, by its number or axis, or the length of up to three. */
+/** A component of a value: a column index, an axis, or the length of up to three columns. */
 export type Component = number | "x" | "y" | "z" | "magnitude";
 
-/** The columns that are shown: one, their magnitude, or as a colour. */
-export interface Shown {
+/** Selected columns, shown as a number, by their magnitude, or as a color. */
+export interface Selection {
   readonly columns: readonly number[];
   readonly as: "number" | "magnitude" | "color";
 }
 
 /**
- * What is shown of a track: of colours these, of normals their x, of up to three columns the length,
- * where nothing else is said.
+ * Select the columns of a component. Default: the color of a color track, x of normals, and the
+ * magnitude of two or three columns.
  *
- * @throws InvalidInputError where a track has no such component, or more than can be shown.
+ * @throws InvalidInputError if a track has no such component, or no default.
  */
-export function shownOf(
+export function selectColumns(
   { name, kind, nColumns }: Pick<TrackInfo, "name" | "kind" | "nColumns">,
   component: Component | undefined,
-): Shown {
+): Selection {
   const all = Array.from({ length: nColumns }, (_, column) => column);
   if (component === undefined && kind === "color") return { columns: [0, 1, 2], as: "color" };
-  const axes = nColumns > 1 && nColumns <= MOST_COLUMNS ? AXES.slice(0, nColumns) : [];
-  const usual = nColumns === 1 ? 0 : kind === "normal" ? "x" : "magnitude";
-  const wanted = component ?? usual;
-  if (wanted === "magnitude" && nColumns <= MOST_COLUMNS) return { columns: all, as: "magnitude" };
-  const column = axes.includes(wanted as string) ? axes.indexOf(wanted as string) : wanted;
+  const axes = nColumns > 1 && nColumns <= MAX_COLUMNS ? AXES.slice(0, nColumns) : [];
+  const defaultComponent = nColumns === 1 ? 0 : kind === "normal" ? "x" : "magnitude";
+  const requested = component ?? defaultComponent;
+  if (requested === "magnitude" && nColumns <= MAX_COLUMNS) return { columns: all, as: "magnitude" };
+  const column = axes.includes(requested as string) ? axes.indexOf(requested as string) : requested;
   if (all.includes(column as number)) return { columns: [column as number], as: "number" };
-  const words = nColumns <= MOST_COLUMNS ? [...axes, "magnitude"] : [];
-  const others = words.map((one) => `, "${one}"`).join("");
+  const names = nColumns <= MAX_COLUMNS ? [...axes, "magnitude"] : [];
+  const others = names.map((axis) => `, "${axis}"`).join("");
   throw new InvalidInputError(
     `track ${JSON.stringify(name)} has ${nColumns} columns: component must be one of 0 to ` +
       `${nColumns - 1}${others}; got ${component}`,
   );
 }
 
-/** The number that is shown of an item; NaN where it has none. */
-export function shownValue(values: TrackValues, from: number, { columns, as }: Shown): number {
-  const found = columns.map((column) => Number(values[from + column]));
-  return as === "magnitude" ? Math.hypot(...found) : found[0];
+/** Return the number of an item that is shown; NaN if it is missing. */
+export function selectedValue(values: TrackValues, from: number, { columns, as }: Selection): number {
+  const numbers = columns.map((column) => Number(values[from + column]));
+  return as === "magnitude" ? Math.hypot(...numbers) : numbers[0];
 }
 
-/** An end of a range: a number, or the number that so many percent of all are below. */
-interface End {
+/** An end of a range: a number, or a percentile. */
+interface RangeEnd {
   readonly amount: number;
   readonly isPercent: boolean;
 }
 
 /**
- * Both ends of a range: numbers, or a text such as "0:500" or "2%:98%".
+ * Parse a range: two numbers, or a string such as "0:500" or "2%:98%".
  *
- * @throws InvalidInputError where it is none.
+ * @throws InvalidInputError if it is invalid.
  */
-export function rangeEnds(range: readonly [number, number] | string): [End, End] {
+export function parseRange(range: readonly [number, number] | string): [RangeEnd, RangeEnd] {
   const parts = typeof range === "string" ? range.split(":") : range.map(String);
   const ends = parts.map((part) => {
     const isPercent = part.trim().endsWith("%");
     const digits = isPercent ? part.trim().slice(0, -1) : part;
     const amount = digits.trim() ? Number(digits) : NaN;
-    const isThere = Number.isFinite(amount) && (!isPercent || (amount >= 0 && amount <= 100));
-    return isThere ? { amount, isPercent } : null;
+    const isValid = Number.isFinite(amount) && (!isPercent || (amount >= 0 && amount <= 100));
+    return isValid ? { amount, isPercent } : null;
   });
   const [low, high] = ends;
   const isPair = ends.length === 2 && low && high;
@@ -84,72 +84,73 @@ export function rangeEnds(range: readonly [number, number] | string): [End, End]
     return [low, high];
   }
   throw new InvalidInputError(
-    "range must be two finite numbers, low < high, or a text LOW:HIGH, each a number or a " +
+    "range must be two finite numbers, low < high, or a string LOW:HIGH, each a number or a " +
       `percentile of 0% to 100%, such as 2%:98%; got ${range}`,
   );
 }
 
-/** The number that a share of sorted numbers, 0..1, are below. */
-function quantile(sorted: Float64Array, share: number): number {
-  const at = share * (sorted.length - 1);
+/** Interpolated quantile of sorted numbers; `fraction` is in 0..1. */
+function quantile(sorted: Float64Array, fraction: number): number {
+  const at = fraction * (sorted.length - 1);
   const below = Math.floor(at);
   const above = Math.min(below + 1, sorted.length - 1);
   return sorted[below] + (at - below) * (sorted[above] - sorted[below]);
 }
 
 /**
- * The range of a track that is shown. Percentiles are of eight frames, evenly spaced, of its first
- * block, or of the whole file, and then of all frames where they are 0 or 100. A percentile that is
- * on the other side of 0 than the other end by no more than the error bound of the track is 0.
- * Symmetric about 0 where two percentiles lie on both sides of it; of a track that is the same everywhere, around that.
+ * Compute the range of the color map.
  *
- * @throws InvalidInputError where it leaves no room between its ends.
- * @throws what `OpenTrack.frame` throws
+ * Percentiles are estimated from eight evenly spaced frames of the first block, or of the whole
+ * file; for the percentiles 0 and 100 of the whole file all frames are decoded. A percentile that
+ * passes 0 by no more than the error bound of the track becomes 0. If two percentiles have opposite
+ * signs, the range is symmetric about 0. The range of a constant track is centered at its value.
+ *
+ * @throws InvalidInputError if the low end is above the high end.
+ * @throws like `OpenTrack.frame`
  */
-export async function shownRange(
+export async function resolveRange(
   track: OpenTrack,
   { blocks, nFrames }: Pick<ReelInfo, "blocks" | "nFrames">,
-  shown: Shown,
-  [first, last]: readonly [End, End],
-  isOfFile: boolean,
+  selection: Selection,
+  [first, last]: readonly [RangeEnd, RangeEnd],
+  wholeFile: boolean,
   signal: AbortSignal,
 ): Promise<[number, number]> {
   const ends = [first, last];
   if (!ends.some(({ isPercent }) => isPercent)) return [first.amount, last.amount];
   const all = { start: 0, nFrames };
-  const isWhole = isOfFile && ends.some(({ amount, isPercent }) => isPercent && amount % 100 === 0);
-  const count = isWhole ? nFrames : N_SAMPLES;
-  const sorted = await sampledNumbers(track, isOfFile ? all : blocks[0], count, shown, signal);
-  if (!sorted.length) return [0, 1]; // there is no number
-  const found = ends.map(({ amount, isPercent }) =>
+  const isWhole = wholeFile && ends.some(({ amount, isPercent }) => isPercent && amount % 100 === 0);
+  const count = isWhole ? nFrames : N_SAMPLED_FRAMES;
+  const sorted = await sampleValues(track, wholeFile ? all : blocks[0], count, selection, signal);
+  if (!sorted.length) return [0, 1]; // all values are missing
+  const bounds = ends.map(({ amount, isPercent }) =>
     isPercent ? quantile(sorted, amount / 100) : amount,
   );
-  const [low, high] = withoutErrorSign(found, ends, errorBound(track.info));
+  const [low, high] = snapToZero(bounds, ends, errorBound(track.info));
   if (ends.every(({ isPercent }) => isPercent) && low < 0 && high > 0) {
-    const most = Math.max(-low, high);
-    return [-most, most];
+    const maxAbs = Math.max(-low, high);
+    return [-maxAbs, maxAbs];
   }
   if (low < high) return [low, high];
   if (low > high) {
-    throw new InvalidInputError(`the range of the track would be ${low} to ${high}; give another`);
+    throw new InvalidInputError(`the range of the track would be ${low} to ${high}; set another one`);
   }
   const half = Math.abs(low) / 2 || 0.5;
   return [low - half, high + half];
 }
 
-/** How far a number may be from the original, in its own unit; 0 where that is not known. */
+/** Error bound of a value, in its unit; 0 if unknown. */
 function errorBound({ kind, promisedError }: Pick<TrackInfo, "kind" | "promisedError">): number {
-  return kind === "normal" ? 0 : (promisedError ?? 0); // that of normals is an angle
+  return kind === "normal" ? 0 : (promisedError ?? 0); // the bound of normals is an angle
 }
 
 /**
- * Ends of a range in which a percentile is 0 where only the error of decoding may have put it on the
- * other side of 0: a track that is never negative must not look as if it were. Where both may be
- * such errors, the range is 0 to the bound.
+ * Set percentiles to 0 whose sign may be due to the coding error: a track without negative values
+ * must not appear to have some. If that applies to both ends, the range is 0 to the bound.
  */
-function withoutErrorSign(
+function snapToZero(
   [low, high]: readonly number[],
-  [first, last]: readonly End[],
+  [first, last]: readonly RangeEnd[],
   bound: number,
 ): readonly number[] {
   if (bound === 0 || low > 0 || high < 0) return [low, high];
@@ -159,29 +160,29 @@ function withoutErrorSign(
   return [isLowError ? 0 : low, isHighError ? 0 : high];
 }
 
-/** Numbers that are shown in frames, evenly spaced, ascending. */
-async function sampledNumbers(
+/** Sample values of evenly spaced frames; returns them in ascending order. */
+async function sampleValues(
   track: OpenTrack,
   { start, nFrames }: Pick<BlockInfo, "start" | "nFrames">,
   count: number,
-  shown: Shown,
+  selection: Selection,
   signal: AbortSignal,
 ): Promise<Float64Array> {
   const last = Math.min(count, nFrames) - 1;
   const { nColumns, nItems } = track.info;
-  // The least and the largest are always among them, where all frames are asked for.
-  const step = count === N_SAMPLES ? Math.ceil(nItems / MOST_NUMBERS) : 1;
+  // All values are used if all frames are requested, so that the minimum and maximum are exact.
+  const step = count === N_SAMPLED_FRAMES ? Math.ceil(nItems / MAX_SAMPLES_PER_FRAME) : 1;
   const perFrame: Float64Array[] = [];
   for (let i = 0; i <= last; i++) {
     const number = start + (last && Math.round((i * (nFrames - 1)) / last));
     const values = await track.frame(number, undefined, { signal });
-    const found: number[] = [];
+    const samples: number[] = [];
     for (let item = 0; item < nItems; item += step) {
-      const value = shownValue(values, item * nColumns, shown);
-      if (Number.isFinite(value)) found.push(value);
+      const value = selectedValue(values, item * nColumns, selection);
+      if (Number.isFinite(value)) samples.push(value);
     }
-    const sorted = Float64Array.from(found).sort();
-    perFrame.push(sorted.length > N_KEPT && last >= N_SAMPLES ? thinned(sorted) : sorted);
+    const sorted = Float64Array.from(samples).sort();
+    perFrame.push(sorted.length > N_QUANTILES && last >= N_SAMPLED_FRAMES ? thin(sorted) : sorted);
   }
   const joined = new Float64Array(perFrame.reduce((sum, { length }) => sum + length, 0));
   let to = 0;
@@ -192,10 +193,10 @@ async function sampledNumbers(
   return joined.sort();
 }
 
-/** So many numbers of a frame are kept of long files. */
-const N_KEPT = 1000;
+/** Quantiles per frame that are kept if many frames are sampled. */
+const N_QUANTILES = 1000;
 
-/** Sorted numbers that stand for more, the first and the last among them. */
-function thinned(sorted: Float64Array): Float64Array {
-  return Float64Array.from({ length: N_KEPT }, (_, i) => quantile(sorted, i / (N_KEPT - 1)));
+/** Reduce sorted numbers to N_QUANTILES evenly spaced quantiles. */
+function thin(sorted: Float64Array): Float64Array {
+  return Float64Array.from({ length: N_QUANTILES }, (_, i) => quantile(sorted, i / (N_QUANTILES - 1)));
 }

@@ -1,4 +1,4 @@
-// A track as the colours of a mesh: a script of its own, which comes with the first `colorBy`.
+// Colors a mesh by a track. Loaded with the first `colorBy`.
 
 import * as THREE from "three";
 
@@ -11,140 +11,141 @@ import type {
   TrackFields,
   TrackValues,
 } from "../../types.js";
-import type { HeldBlock, Moment } from "../held_block.js";
-import type { Stage, ValueSetup, ValueStage } from "../stage.js";
+import type { LoadedBlock, Moment } from "../loaded_block.js";
+import type { Backend, AttributeSetup, AttributeBackend } from "../backend.js";
 import {
-  about0,
+  centerAtZero,
   colorAt,
   type ColorMap,
   type Colors,
-  colorsOf,
-  NOWHERE,
-  OFFSET,
-  ROW,
-  SCALE,
-  textureOf,
+  resolveColorMap,
+  MISSING_UV,
+  U_OFFSET,
+  V_ROW,
+  U_SCALE,
+  createColorTexture,
 } from "./color_map.js";
 import {
   type Component,
   DEFAULT_RANGE,
-  rangeEnds,
-  type Shown,
-  shownOf,
-  shownRange,
+  parseRange,
+  type Selection,
+  selectColumns,
+  resolveRange,
 } from "./color_range.js";
 
-/** Sets of texture coordinates that three.js has. */
-const MOST_UVS = 4;
+/** UV sets that three.js supports. */
+const MAX_UV_SETS = 4;
 
-/** Numbers of this size and beyond are none; places in a range are of the size of 1. */
-const MISSING = 1e35;
+/** Magnitudes from here on mark missing values; valid ones are normalized to about 1. */
+const MISSING_THRESHOLD = 1e35;
 
-/** So large that a part of it, on the way to another frame, is still missing. */
-const BEYOND = 3e38;
+/** Marks missing values; large enough to stay above the threshold after interpolation. */
+const MISSING_VALUE = 3e38;
 
-/** How a track is shown. */
+/** Options of `ReelMesh.colorBy`. */
 export interface ColorOptions {
   /**
-   * Default: "diverging" if the range has 0 inside, else "sequential".
+   * Color map. Default: "diverging" if the range contains 0, else "sequential".
    */
   map?: ColorMap;
   /**
-   * The numbers at the ends of the map; what is beyond has the colours of the ends. Two numbers, or a
-   * text such as "0:500" or "2%:98%", whose percentiles are of eight frames of the first block and,
-   * if they lie on both sides of 0, as far on both; one that is beyond 0 by no more than the error
-   * bound of the track is 0. Default: "2%:98%"; of normals -1 to 1.
+   * Values at the ends of the map; values outside are clamped. Two numbers, or a string such as
+   * "0:500" or "2%:98%". Percentiles are estimated from eight frames of the first block. If two
+   * percentiles have opposite signs, the range is symmetric about 0; one that passes 0 by no more
+   * than the error bound of the track becomes 0. Default: "2%:98%"; for normals [-1, 1].
    */
   range?: readonly [number, number] | string;
   /**
-   * Whether percentiles are of eight frames of the whole file (of all its frames, if one is 0 or
-   * 100), the blocks of which are read for them. Default: false.
+   * Whether to estimate percentiles from eight frames of the whole file (from all frames for 0% and
+   * 100%), which downloads their blocks. Default: false.
    */
-  isOfFile?: boolean;
+  wholeFile?: boolean;
   /**
-   * A column, from 0 on, the same as "x", "y" or "z" of up to three, or their length, "magnitude".
-   * Default: the column; of colours these; of normals "x"; else the length.
+   * Component to show: a column index; "x", "y" or "z" if there are up to three columns; or their
+   * length, "magnitude". Default: the only column; the color of a color track; "x" of normals; else
+   * the magnitude.
    */
   component?: Component;
 }
 
-/** What colours mean: for a legend. */
+/** The meaning of the colors, for a legend. */
 export interface ColorLegend {
   readonly name: string;
-  /** Such as "Pa"; empty where the file does not say. */
+  /** Unit, such as "Pa"; empty if unknown. */
   readonly unit: string;
-  /** Null where the track has colours, which are shown as they are. */
+  /** Range of the color map; null if the track consists of colors. */
   readonly range: readonly [number, number] | null;
   readonly component: number | "magnitude" | "color";
-  /** Red, green and blue of a number, 0..255; grey of NaN. */
+  /** Return the color of a value: red, green and blue, 0..255; gray for NaN. */
   colorOf(value: number): [number, number, number];
 }
 
-/** An attribute of a geometry that has the colours of values, by the map of the material. */
+/** An attribute of a geometry that encodes values of a track as colors. */
 export interface ColorAttribute {
-  /** "color", or texture coordinates such as "uv1". */
+  /** "color", or UVs into the color map such as "uv1". */
   readonly name: string;
-  /** Numbers of each vertex. */
+  /** Numbers per vertex. */
   readonly width: 2 | 3;
   readonly values: Float32Array;
 }
 
-/** What is coloured. */
+/** The mesh to color. */
 export interface ColoredMesh {
   readonly info: ReelInfo;
   readonly materials: readonly THREE.Material[];
-  /** Names of texture coordinates, by channel. */
+  /** Names of UV attributes, by channel. */
   readonly uvNames: readonly string[];
-  /** Is told of a block of the track that cannot be had. */
+  /** Called for each block of the track that cannot be loaded. */
   readonly onError: (error: Error, block: number) => void;
 }
 
-/** Options that say how numbers are shown. */
-const OF_NUMBERS = ["range", "map", "isOfFile"] as const;
+/** Options that apply only to numbers. */
+const NUMBER_OPTIONS = ["range", "map", "wholeFile"] as const;
 
-/** A material, perhaps with a map. */
-type Dressed = THREE.Material & { map?: THREE.Texture | null; color?: THREE.Color };
+/** A material that may have a map. */
+type MappedMaterial = THREE.Material & { map?: THREE.Texture | null; color?: THREE.Color };
 
-/** Grey of what has no colour, as light. */
-const NO_COLOR = 0.2158;
+/** Gray of missing colors, linear. */
+const MISSING_INTENSITY = 0.2158;
 
-/** Colours of a mesh by a track, from `begin` until `dispose`. */
+/** Colors a mesh by a track from `attach` until `dispose`. */
 export class TrackColors {
   readonly legend: ColorLegend;
   readonly #track: OpenTrack;
-  readonly #shown: Shown;
+  readonly #selection: Selection;
   readonly #range: readonly [number, number];
   readonly #mesh: ColoredMesh;
   readonly #channel: number;
-  readonly #materials: readonly Dressed[];
+  readonly #materials: readonly MappedMaterial[];
   readonly #texture: THREE.DataTexture;
-  /** Gives the materials back what they had. */
-  readonly #undress: (() => void)[] = [];
-  /** The sums of fields of the track, of each block that is there. */
-  readonly #held = new Map<HeldBlock, HeldBlock>();
-  #values: ValueStage | null = null;
+  /** Functions that restore the materials. */
+  readonly #restore: (() => void)[] = [];
+  /** Loaded blocks of the track, by the block of the mesh. */
+  readonly #colorBlocks = new Map<LoadedBlock, LoadedBlock>();
+  #backend: AttributeBackend | null = null;
 
   private constructor(
     track: OpenTrack,
-    shown: Shown,
+    selection: Selection,
     range: [number, number],
     colors: Colors,
     mesh: ColoredMesh,
   ) {
     this.#track = track;
-    this.#shown = shown;
+    this.#selection = selection;
     this.#range = range;
     this.#mesh = mesh;
     this.#channel = mesh.uvNames.length;
-    this.#materials = dressedOf(mesh, shown);
-    this.#texture = textureOf(colors);
+    this.#materials = colorableMaterials(mesh, selection);
+    this.#texture = createColorTexture(colors);
     this.#texture.channel = this.#channel;
     const [low, high] = range;
     const { name, unit, kind } = track.info;
-    const { as, columns } = shown;
+    const { as, columns } = selection;
     this.legend = {
       name,
-      unit: kind === "normal" || as === "color" ? "" : unit, // parts of a length of 1; colours
+      unit: kind === "normal" || as === "color" ? "" : unit, // components of unit vectors and colors have no unit
       range: as === "color" ? null : range,
       component: as === "number" ? columns[0] : as,
       colorOf: (value) => colorAt(colors, (value - low) / (high - low)),
@@ -152,118 +153,118 @@ export class TrackColors {
   }
 
   /**
-   * The colours of a mesh by a track, once it is known that the track can be decoded.
+   * Decode a frame to validate the track, and create its colors.
    *
-   * @throws InvalidInputError where options or materials do not allow it.
-   * @throws what `OpenTrack.frame` throws
+   * @throws InvalidInputError if options or materials do not allow it.
+   * @throws like `OpenTrack.frame`
    */
-  static async of(
+  static async create(
     track: OpenTrack,
     options: ColorOptions,
     mesh: ColoredMesh,
     signal: AbortSignal,
   ): Promise<TrackColors> {
-    const { map, isOfFile = false } = options;
+    const { map, wholeFile = false } = options;
     const isNormal = track.info.kind === "normal" && options.component !== "magnitude";
-    const ends = rangeEnds(options.range ?? (isNormal ? [-1, 1] : DEFAULT_RANGE));
-    if (map !== undefined) colorsOf(map);
-    await track.frame(0, undefined, { signal }); // says what is wrong with the track
-    const shown = shownOf(track.info, options.component);
-    dressedOf(mesh, shown);
-    if (shown.as === "color") {
-      const useless = OF_NUMBERS.find((key) => options[key] !== undefined);
-      if (useless) {
+    const ends = parseRange(options.range ?? (isNormal ? [-1, 1] : DEFAULT_RANGE));
+    if (map !== undefined) resolveColorMap(map);
+    await track.frame(0, undefined, { signal }); // throws if the track cannot be decoded
+    const selection = selectColumns(track.info, options.component);
+    colorableMaterials(mesh, selection);
+    if (selection.as === "color") {
+      const unused = NUMBER_OPTIONS.find((key) => options[key] !== undefined);
+      if (unused) {
         throw new InvalidInputError(
-          `track ${JSON.stringify(track.info.name)} has colours, which are shown as they are; leave` +
-            ` ${useless} out, or show one of their numbers by component`,
+          `track ${JSON.stringify(track.info.name)} consists of colors, to which ${unused} does not` +
+            " apply; omit it, or select one number by component",
         );
       }
-      return new TrackColors(track, shown, [0, whiteOf(track)], colorsOf("sequential"), mesh);
+      return new TrackColors(track, selection, [0, fullIntensity(track)], resolveColorMap("sequential"), mesh);
     }
-    const range = await shownRange(track, mesh.info, shown, ends, isOfFile, signal);
-    const is0Inside = range[0] < 0 && range[1] > 0;
-    const name = map ?? (is0Inside ? "diverging" : "sequential");
-    const colors = colorsOf(name);
-    const isAbout0 = name === "diverging" && is0Inside;
-    const shownColors = isAbout0 ? about0(colors, ...range) : colors;
-    return new TrackColors(track, shown, range, shownColors, mesh);
+    const range = await resolveRange(track, mesh.info, selection, ends, wholeFile, signal);
+    const spansZero = range[0] < 0 && range[1] > 0;
+    const name = map ?? (spansZero ? "diverging" : "sequential");
+    const colors = resolveColorMap(name);
+    const isCentered = name === "diverging" && spansZero;
+    const shownColors = isCentered ? centerAtZero(colors, ...range) : colors;
+    return new TrackColors(track, selection, range, shownColors, mesh);
   }
 
-  /** What the vertices of the drawing have to be split for; null for nothing. */
+  /** Domain by which vertices of the drawing must be split; null if no split is needed. */
   get split(): "face" | "corner" | null {
     const { domain } = this.#track.info;
     return domain === "face" || domain === "corner" ? domain : null;
   }
 
   /**
-   * Goes on a stage, or on another; blocks have to be held anew.
+   * Attach to a backend; all blocks must be added again.
    *
-   * @param items - vertex, face or corner of each vertex of the drawing
+   * @param items - item of the track of each vertex of the drawing
    */
-  begin(stage: Stage, items: Uint32Array): void {
-    this.#values?.dispose();
-    this.#held.clear();
+  attach(stage: Backend, items: Uint32Array): void {
+    this.#backend?.dispose();
+    this.#colorBlocks.clear();
     const { nItems } = this.#track.info;
-    this.#values = stage.values({ nItems, items, ...this.#attribute() });
+    this.#backend = stage.createAttribute({ nItems, items, ...this.#attribute() });
   }
 
-  /** The attribute of vertices of a drawing, from values of the track at a frame. */
-  attributeOf(values: TrackValues, items: Uint32Array): ColorAttribute {
+  /** Compute the attribute of the vertices of a drawing from values of the track. */
+  colorAttribute(values: TrackValues, items: Uint32Array): ColorAttribute {
     const { nItems, nColumns } = this.#track.info;
     if (values.length !== nItems * nColumns) {
       throw new InvalidInputError(
-        `values must be the ${nItems} x ${nColumns} numbers of a frame; got ${values.length}`,
+        `values must have ${nItems} x ${nColumns} numbers; got ${values.length}`,
       );
     }
-    const { name, width, coordinates } = this.#attribute();
-    const { columns } = this.#shown;
+    const { name, width, evaluate } = this.#attribute();
+    const { columns } = this.#selection;
     const parts = new Float32Array(3 * nItems);
     for (let item = 0; item < nItems; item++) {
       columns.forEach((column, axis) => {
-        parts[3 * item + axis] = this.#partOf(Number(values[item * nColumns + column]));
+        parts[3 * item + axis] = this.#normalize(Number(values[item * nColumns + column]));
       });
     }
-    const found = new Float32Array(width * items.length);
-    items.forEach((item, i) => found.set(coordinates(parts, 3 * item), width * i));
-    return { name, width, values: found };
+    const encoded = new Float32Array(width * items.length);
+    items.forEach((item, i) => encoded.set(evaluate(parts, 3 * item), width * i));
+    return { name, width, values: encoded };
   }
 
-  /** What shaders make of parts of the range, as `#places` has them. */
-  #attribute(): Omit<ValueSetup, "nItems" | "items"> {
-    if (this.#shown.as === "color") return COLOR_ATTRIBUTE;
-    const isMagnitude = this.#shown.as === "magnitude";
+  /** The attribute that shaders compute from normalized values; see `#normalize`. */
+  #attribute(): Omit<AttributeSetup, "nItems" | "items"> {
+    if (this.#selection.as === "color") return COLOR_ATTRIBUTE;
+    const isMagnitude = this.#selection.as === "magnitude";
     const [low, high] = this.#range;
-    // All is in parts of the range, so that no unit is too large or too small for shaders.
+    // Values are normalized by the range, so that units cannot overflow in shaders.
     const lowest = low / (high - low);
     const name = `uv${this.#channel || ""}`;
-    const place = isMagnitude ? `length(value) - ${float(lowest)}` : "value.x";
+    const place = isMagnitude ? `length(value) - ${glslFloat(lowest)}` : "value.x";
     return {
       name,
       width: 2,
-      glsl: `${name} = all(lessThan(abs(value), vec3(${float(MISSING)})))
-        ? vec2(clamp(${place}, 0.0, 1.0) * ${float(SCALE)} + ${float(OFFSET)}, ${float(ROW)})
-        : vec2(${NOWHERE.map(float)});`,
-      coordinates: (values, from) => {
+      glsl: `${name} = all(lessThan(abs(value), vec3(${glslFloat(MISSING_THRESHOLD)})))
+        ? vec2(clamp(${place}, 0.0, 1.0) * ${glslFloat(U_SCALE)} + ${glslFloat(U_OFFSET)}, ${glslFloat(V_ROW)})
+        : vec2(${MISSING_UV.map(glslFloat)});`,
+      evaluate: (values, from) => {
         const [x, y, z] = [values[from], values[from + 1], values[from + 2]];
-        const isThere = Math.max(Math.abs(x), Math.abs(y), Math.abs(z)) < MISSING;
+        const isThere = Math.max(Math.abs(x), Math.abs(y), Math.abs(z)) < MISSING_THRESHOLD;
         const at = isMagnitude ? Math.hypot(x, y, z) - lowest : x;
-        return isThere ? [Math.min(Math.max(at, 0), 1) * SCALE + OFFSET, ROW] : NOWHERE;
+        return isThere ? [Math.min(Math.max(at, 0), 1) * U_SCALE + U_OFFSET, V_ROW] : MISSING_UV;
       },
     };
   }
 
-  /** A number in parts of the range: of magnitudes from 0 on, else from its low end. */
-  #partOf(value: number): number {
+  /** Divide a number by the length of the range, after subtracting its low end (not for magnitudes). */
+  #normalize(value: number): number {
     const [low, high] = this.#range;
-    const part = (value - (this.#shown.as === "magnitude" ? 0 : low)) / (high - low);
-    return Number.isFinite(part) ? part : BEYOND;
+    const part = (value - (this.#selection.as === "magnitude" ? 0 : low)) / (high - low);
+    return Number.isFinite(part) ? part : MISSING_VALUE;
   }
 
-  /** The track in a block, or that it is missing there, which is told. */
+  /** Load a block of the track; if it fails, report the error and return missing values. */
   async fields(block: number, signal: AbortSignal): Promise<BlockFields> {
     try {
-      const { columns } = this.#shown;
-      return this.#places(await this.#track.fields(block, { signal, columns }));
+      const { columns } = this.#selection;
+      return this.#toPositionFields(await this.#track.fields(block, { signal, columns }));
     } catch (error) {
       signal.throwIfAborted();
       this.#mesh.onError(error as Error, block);
@@ -271,55 +272,55 @@ export class TrackColors {
     }
   }
 
-  /** Takes the track in a block of the mesh. */
-  hold(fields: BlockFields, held: HeldBlock, ofMesh: HeldBlock): void {
-    this.#values?.hold(fields, held);
-    this.#held.set(ofMesh, held);
+  /** Add a loaded block of the track that belongs to a block of the mesh. */
+  addBlock(fields: BlockFields, colorBlock: LoadedBlock, meshBlock: LoadedBlock): void {
+    this.#backend?.upload(fields, colorBlock);
+    this.#colorBlocks.set(meshBlock, colorBlock);
   }
 
-  release(ofMesh: HeldBlock): void {
-    const held = this.#held.get(ofMesh);
-    if (held) this.#values?.release(held);
-    this.#held.delete(ofMesh);
+  removeBlock(meshBlock: LoadedBlock): void {
+    const colorBlock = this.#colorBlocks.get(meshBlock);
+    if (colorBlock) this.#backend?.release(colorBlock);
+    this.#colorBlocks.delete(meshBlock);
   }
 
-  /** The same moment of the track; null where it is not there. */
-  momentOf(moment: Moment): Moment | null {
-    const [block, next] = [moment.block, moment.next].map((one) => this.#held.get(one));
-    return block && next ? { ...moment, block, next, nMoving: Infinity } : null;
+  /** Return the same moment of the track; null if its blocks are not loaded. */
+  toTrackMoment(moment: Moment): Moment | null {
+    const [block, next] = [moment.block, moment.next].map((one) => this.#colorBlocks.get(one));
+    return block && next ? { ...moment, block, next, nActiveModes: Infinity } : null;
   }
 
-  /** Shows a picture of the track. */
-  show(picture: Parameters<ValueStage["show"]>[0]): void {
-    this.#values?.show(picture);
-    if (!this.#undress.length) this.#dress();
+  /** Show a picture of the track. */
+  show(picture: Parameters<AttributeBackend["show"]>[0]): void {
+    this.#backend?.show(picture);
+    if (!this.#restore.length) this.#applyToMaterials();
   }
 
-  /** Gives the mesh its own look back. */
+  /** Restore the materials of the mesh. */
   dispose(): void {
-    for (const undress of this.#undress) undress();
-    this.#values?.dispose();
+    for (const restore of this.#restore) restore();
+    this.#backend?.dispose();
     this.#texture.dispose();
   }
 
-  #dress(): void {
+  #applyToMaterials(): void {
     for (const material of this.#materials) {
       const { map, vertexColors } = material;
       const maps = (one: typeof map) => ("map" in material ? { map: one } : {});
       const color = material.color?.clone();
-      this.#undress.push(() => {
+      this.#restore.push(() => {
         Object.assign(material, maps(map), { vertexColors, needsUpdate: true });
         if (color) material.color?.copy(color);
       });
-      const isColor = this.#shown.as === "color";
+      const isColor = this.#selection.as === "color";
       const worn = maps(isColor ? null : this.#texture);
       Object.assign(material, worn, { vertexColors: isColor, needsUpdate: true });
       material.color?.set(0xffffff);
     }
   }
 
-  /** Columns that are shown as the three axes of positions, in parts of the range. */
-  #places(block: TrackFields): BlockFields {
+  /** Convert the selected columns, normalized, to the three axes of position fields. */
+  #toPositionFields(block: TrackFields): BlockFields {
     const { nColumns, origin, nFrames, nModes, nBlockModes, nVerts } = block;
     const [low, high] = this.#range;
     const axes = (numbers: Float32Array) => {
@@ -327,15 +328,15 @@ export class TrackColors {
       for (let row = 0; 3 * row < found.length; row++) {
         for (let axis = 0; axis < nColumns; axis++) {
           const part = numbers[row * nColumns + axis] / (high - low);
-          found[3 * row + axis] = Number.isFinite(part) ? part : BEYOND;
+          found[3 * row + axis] = Number.isFinite(part) ? part : MISSING_VALUE;
         }
       }
       return found;
     };
-    // One more mode, which rests: the origin of each column, from the low end of the range on.
+    // An additional constant mode adds the origin of each column.
     const weights = axes(block.weights);
     const resting = [0, 0, 0];
-    origin.forEach((one, axis) => (resting[axis] = this.#partOf(one)));
+    origin.forEach((one, axis) => (resting[axis] = this.#normalize(one)));
     const all = new Float32Array(3 * (nModes + 1) * nFrames);
     for (let t = 0; t < nFrames; t++) {
       all.set(weights.subarray(3 * nModes * t, 3 * nModes * (t + 1)), 3 * (nModes + 1) * t);
@@ -352,64 +353,64 @@ export class TrackColors {
   }
 }
 
-/** A block without numbers. */
+/** Fields of a block with only missing values. */
 function missingFields({ start, nFrames }: BlockInfo, number: number, nItems: number): BlockFields {
   return {
-    ...{ number, start, nFrames, nModes: 1, nBlockModes: 1, nVerts: nItems },
+    ...{ index: number, start, nFrames, nModes: 1, nBlockModes: 1, nVerts: nItems },
     fields: new Int16Array(nItems).fill(1),
     means: Float64Array.of(1),
-    weights: new Float32Array(3 * nFrames).fill(BEYOND),
+    weights: new Float32Array(3 * nFrames).fill(MISSING_VALUE),
     correctionStarts: new Uint32Array(nFrames + 1),
     correctionVertices: new Uint32Array(0),
     correctionOffsets: new Float32Array(0),
   };
 }
 
-/** The number of a colour that is all there. */
-function whiteOf({ info }: OpenTrack): number {
+/** The number that means full intensity of a color. */
+function fullIntensity({ info }: OpenTrack): number {
   return { uint8: 255, uint16: 65535 }[info.numberType as string] ?? 1;
 }
 
-/** Colours as they are; three.js counts in light, and files as screens show them. */
+/** Colors of the file are sRGB; vertex colors of three.js are linear. */
 const COLOR_ATTRIBUTE = {
   name: "color",
   width: 3,
-  glsl: `bool isThere = all(lessThan(abs(value), vec3(${float(MISSING)})));
+  glsl: `bool isThere = all(lessThan(abs(value), vec3(${glslFloat(MISSING_THRESHOLD)})));
     vec3 screen = clamp(value, 0.0, 1.0);
     vec3 light = mix(pow((screen + 0.055) / 1.055, vec3(2.4)), screen / 12.92,
       vec3(lessThanEqual(screen, vec3(0.04045))));
-    color = isThere ? light : vec3(${float(NO_COLOR)});`,
-  coordinates(values: Float32Array, from: number) {
+    color = isThere ? light : vec3(${glslFloat(MISSING_INTENSITY)});`,
+  evaluate(values: Float32Array, from: number) {
     const [...color] = values.subarray(from, from + 3);
-    const isThere = color.every((one) => Math.abs(one) < MISSING);
-    return color.map((one) => (isThere ? lightOf(one) : NO_COLOR));
+    const isThere = color.every((one) => Math.abs(one) < MISSING_THRESHOLD);
+    return color.map((one) => (isThere ? toLinear(one) : MISSING_INTENSITY));
   },
 } as const;
 
-/** The materials that can show colours. @throws InvalidInputError where none can. */
-function dressedOf({ materials, uvNames }: ColoredMesh, { as }: Shown): readonly Dressed[] {
+/** Return the materials that can show colors. @throws InvalidInputError if there are none. */
+function colorableMaterials({ materials, uvNames }: ColoredMesh, { as }: Selection): readonly MappedMaterial[] {
   if (as === "color") return materials;
-  if (uvNames.length >= MOST_UVS) {
+  if (uvNames.length >= MAX_UV_SETS) {
     throw new InvalidInputError(
-      `the file has ${MOST_UVS} or more sets of texture coordinates, which are all that three.js` +
-        " has; colours of a track need one",
+      `the file has ${MAX_UV_SETS} or more UV sets, which are all that three.js supports; coloring by` +
+        " a track needs one",
     );
   }
-  const found = materials.filter((material): material is Dressed => "map" in material);
-  if (found.length) return found;
+  const mapped = materials.filter((material): material is MappedMaterial => "map" in material);
+  if (mapped.length) return mapped;
   throw new InvalidInputError(
-    "no material of the mesh can show colours of a track: none has a map; use one such as" +
+    "no material of the mesh can be colored by a track: none has a map; use one such as" +
       " MeshStandardMaterial",
   );
 }
 
-/** Light of a colour as screens show it, 0..1. */
-function lightOf(value: number): number {
-  const shown = Math.min(Math.max(value, 0), 1);
-  return shown <= 0.04045 ? shown / 12.92 : ((shown + 0.055) / 1.055) ** 2.4;
+/** Convert a number from sRGB to linear, 0..1. */
+function toLinear(value: number): number {
+  const selection = Math.min(Math.max(value, 0), 1);
+  return selection <= 0.04045 ? selection / 12.92 : ((selection + 0.055) / 1.055) ** 2.4;
 }
 
-/** A number in GLSL. */
-function float(value: number): string {
+/** Format a number in GLSL. */
+function glslFloat(value: number): string {
   return `(${value.toExponential()})`;
 }

@@ -1,22 +1,21 @@
-// What passes have computed, from textures into buffers of vertices, as every material of three.js
-// reads them: no shader of a page is changed. WebGL calls this transform feedback.
+// Copies computed textures to vertex buffers by transform feedback, so that every material of
+// three.js works without changes to its shader.
 
 import * as THREE from "three";
 
 import { PRECISION, type VertexGrid } from "./vertex_grid.js";
 
-/** Attributes of a geometry, and what they are made of. */
+/** Computes attributes of a geometry from textures. */
 export interface AttributeShader {
-  /** Names of the textures; NAME in GLSL is the texel of one at the vertex, a vec3. */
+  /** Names of the textures. In GLSL, the variable of that name is the texel of the vertex, a vec3. */
   readonly textures: readonly string[];
-  /** Names of the attributes, and how many numbers they have. */
+  /** Names and widths of the attributes. */
   readonly attributes: readonly (readonly [name: string, width: 2 | 3])[];
-  /** Sets the attributes. */
+  /** GLSL that sets the attributes. */
   readonly glsl: string;
 }
 
-/** Positions and normals. */
-export const SHAPE: AttributeShader = {
+export const POSITION_AND_NORMAL: AttributeShader = {
   textures: ["positions", "normals"],
   attributes: [
     ["position", 3],
@@ -25,7 +24,7 @@ export const SHAPE: AttributeShader = {
   glsl: "position = positions; normal = normals;",
 };
 
-/** Which texel of all textures but the first each vertex has, where it is another. */
+/** The texel of each vertex in all textures but the first. */
 export interface Rows {
   readonly grid: VertexGrid;
   readonly numbers: Uint32Array;
@@ -45,11 +44,11 @@ layout(location = 1) in uint row;
 void main() {
   ivec2 texel = texelOf(int(source));
   ivec2 rowTexel = rowTexelOf(int(row));
-  ${textures.map((name, i) => fetched(name, i ? "rowTexel" : "texel")).join("")}
+  ${textures.map((name, i) => fetchTexel(name, i ? "rowTexel" : "texel")).join("")}
   ${glsl}
 }`;
 
-const fetched = (name: string, texel: string) =>
+const fetchTexel = (name: string, texel: string) =>
   `vec3 ${name} = texelFetch(${name}Texels, ${texel}, 0).xyz;`;
 
 const FRAGMENT = `#version 300 es
@@ -57,7 +56,7 @@ ${PRECISION}
 out vec4 color;
 void main() { color = vec4(0.0); }`;
 
-/** Copies what passes have computed into the attributes of a geometry. */
+/** Copies computed textures to the attributes of a geometry. */
 export class AttributePass {
   readonly #renderer: THREE.WebGLRenderer;
   readonly #sources: Uint32Array;
@@ -65,15 +64,15 @@ export class AttributePass {
   readonly #program: WebGLProgram;
   readonly #array: WebGLVertexArrayObject;
   readonly #feedback: WebGLTransformFeedback;
-  /** The source of each vertex, and its row. */
+  /** Source and row of each vertex. */
   readonly #inputs: readonly WebGLBuffer[];
   readonly #buffers: readonly WebGLBuffer[];
 
   /**
-   * @param sources - the vertex, in the textures, of each vertex of the geometry
-   * @param shader - of the attributes that the geometry gets
-   * @param rows - the same as the sources, by default
-   * @throws Error if the driver refuses
+   * @param sources - the texel of each vertex of the geometry
+   * @param shader - the attributes to add to the geometry
+   * @param rows - default: the sources
+   * @throws Error if the driver rejects the program
    */
   constructor(
     renderer: THREE.WebGLRenderer,
@@ -88,7 +87,7 @@ export class AttributePass {
     const gl = (this.#gl = renderer.getContext() as WebGL2RenderingContext);
     const { textures, attributes } = shader;
     const names = attributes.map(([name]) => name);
-    this.#program = linked(gl, vertexShader(grid, rows.grid, shader), names);
+    this.#program = linkProgram(gl, vertexShader(grid, rows.grid, shader), names);
     renderer.state.useProgram(this.#program);
     textures.forEach((name, i) => {
       gl.uniform1i(gl.getUniformLocation(this.#program, `${name}Texels`), i);
@@ -115,12 +114,12 @@ export class AttributePass {
     gl.bindBuffer(gl.TRANSFORM_FEEDBACK_BUFFER, null);
   }
 
-  /** Must not be called while the renderer draws something else. */
+  /** Run the pass; must not be called while the renderer is drawing. */
   run(...textures: readonly THREE.Texture[]): void {
     const [gl, renderer] = [this.#gl, this.#renderer];
     renderer.state.useProgram(this.#program);
     textures.forEach((texture, slot) => {
-      renderer.state.bindTexture(gl.TEXTURE_2D, handleOf(renderer, texture), gl.TEXTURE0 + slot);
+      renderer.state.bindTexture(gl.TEXTURE_2D, webglTexture(renderer, texture), gl.TEXTURE0 + slot);
     });
     const array = gl.getParameter(gl.VERTEX_ARRAY_BINDING) as WebGLVertexArrayObject | null;
     gl.bindVertexArray(this.#array);
@@ -129,7 +128,7 @@ export class AttributePass {
       gl.enableVertexAttribArray(location);
       gl.vertexAttribIPointer(location, 1, gl.UNSIGNED_INT, 0, 0);
     });
-    gl.bindBuffer(gl.ARRAY_BUFFER, null); // what is written must not be bound elsewhere
+    gl.bindBuffer(gl.ARRAY_BUFFER, null); // output buffers must not be bound elsewhere
     gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.#feedback);
     gl.enable(gl.RASTERIZER_DISCARD);
     gl.beginTransformFeedback(gl.POINTS);
@@ -149,12 +148,12 @@ export class AttributePass {
   }
 }
 
-/** The texture of WebGL that one of three.js is, which has been drawn into. */
-function handleOf(renderer: THREE.WebGLRenderer, texture: THREE.Texture): WebGLTexture {
+/** Return the WebGL texture of a three.js texture that has been rendered to. */
+function webglTexture(renderer: THREE.WebGLRenderer, texture: THREE.Texture): WebGLTexture {
   return (renderer.properties.get(texture) as { __webglTexture: WebGLTexture }).__webglTexture;
 }
 
-function linked(
+function linkProgram(
   gl: WebGL2RenderingContext,
   vertexSource: string,
   names: readonly string[],

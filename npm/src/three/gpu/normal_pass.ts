@@ -1,5 +1,5 @@
-// Normals, computed for each vertex, or row of a vertex at a hard edge, from the faces around it; on
-// the GPU, since positions never leave it.
+// Computes normals on the GPU from the faces around each vertex, or around each normal row of a
+// vertex at a hard edge.
 
 import * as THREE from "three";
 
@@ -7,10 +7,11 @@ import { Pass } from "./pass.js";
 import type { NormalRows } from "../normal_rows.js";
 import { dataTexture, type VertexGrid } from "./vertex_grid.js";
 
-/** Texels in a row of corners. */
-const WIDTH = 2048;
+/** Width of the texture of corners. */
+const CORNERS_WIDTH = 2048;
 
-// Scaled, so that the squares of very small and very large sides can be told from 0 and infinity.
+// Edges are scaled so that the products of very small or very large ones neither underflow nor
+// overflow.
 const normalShader = (grid: VertexGrid) => `${grid.glsl}
 uniform sampler2D positions;
 uniform usampler2D rings;
@@ -26,7 +27,7 @@ void main() {
   vec3 here = texelFetch(positions, texelOf(int(ring.z)), 0).xyz;
   vec3 sum = vec3(0.0);
   for (uint i = ring.x; i < ring.x + ring.y; i++) {
-    ivec2 place = ivec2(int(i) & ${WIDTH - 1}, int(i) >> ${Math.log2(WIDTH)});
+    ivec2 place = ivec2(int(i) & ${CORNERS_WIDTH - 1}, int(i) >> ${Math.log2(CORNERS_WIDTH)});
     uvec2 corner = texelFetch(corners, place, 0).xy;
     sum += cross(sideTo(corner.x, here), sideTo(corner.y, here));
   }
@@ -34,18 +35,18 @@ void main() {
   normal = vec4(size > 0.0 ? sum / size : vec3(0.0, 0.0, 1.0), 0.0);
 }`;
 
-/** Rows of a texture of the corners of triangles. */
-export function cornerRows(triangles: Uint32Array): number {
-  return Math.ceil(triangles.length / WIDTH);
+/** Height of the texture of corners. */
+export function cornerTextureHeight(triangles: Uint32Array): number {
+  return Math.ceil(triangles.length / CORNERS_WIDTH);
 }
 
 /**
- * A pass that computes normals from positions.
+ * Create a pass that computes normals from positions.
  *
- * @param grid - of vertices
- * @param rowGrid - of rows, the texels of the target; they are vertices where no edge is hard
- * @param shading - rows, where an edge is hard
- * @param diagonal - of the mesh, in model units
+ * @param grid - grid of the vertices
+ * @param rowGrid - grid of the normal rows, the texels of the target: vertices without hard edges
+ * @param shading - normal rows of a mesh with hard edges
+ * @param diagonal - diagonal of the mesh, in model units
  */
 export function normalPass(
   renderer: THREE.WebGLRenderer,
@@ -55,20 +56,20 @@ export function normalPass(
   shading: NormalRows | null,
   diagonal: number,
 ): Pass {
-  const { ring, corner } = ringsOf(triangles, rowGrid, shading);
+  const { ring, corner } = buildRings(triangles, rowGrid, shading);
   return new Pass(renderer, rowGrid, normalShader(grid), {
     positions: { value: positions },
     rings: { value: dataTexture(ring, rowGrid.width, 4) },
-    corners: { value: dataTexture(corner, WIDTH, 2) },
+    corners: { value: dataTexture(corner, CORNERS_WIDTH, 2) },
     scale: { value: 1e4 / diagonal },
   });
 }
 
 /**
- * For each row where its corners start, how many it has, and its vertex; a corner names the other
- * two vertices of its triangle.
+ * Build the texels of rows (first corner, number of corners, vertex) and of corners (the other two
+ * vertices of the triangle).
  */
-function ringsOf(triangles: Uint32Array, grid: VertexGrid, shading: NormalRows | null) {
+function buildRings(triangles: Uint32Array, grid: VertexGrid, shading: NormalRows | null) {
   const rows = shading?.triangles ?? triangles;
   const ring = new Uint32Array(grid.nTexels * 4);
   for (const row of rows) ring[4 * row + 1]++;
@@ -76,7 +77,7 @@ function ringsOf(triangles: Uint32Array, grid: VertexGrid, shading: NormalRows |
     if (row) ring[4 * row] = ring[4 * row - 4] + ring[4 * row - 3];
     ring[4 * row + 2] = shading?.vertices[row] ?? row;
   }
-  const corner = new Uint32Array(WIDTH * cornerRows(triangles) * 2);
+  const corner = new Uint32Array(CORNERS_WIDTH * cornerTextureHeight(triangles) * 2);
   const next = Uint32Array.from({ length: grid.nVerts }, (_, row) => ring[4 * row]);
   for (let i = 0; i < triangles.length; i++) {
     const face = i - (i % 3);

@@ -1,11 +1,11 @@
-// A pass: a shader that runs once for each texel of a target, that is for each vertex.
+// A render pass that computes one texel per vertex.
 
 import * as THREE from "three";
 
 import { PRECISION, type VertexGrid } from "./vertex_grid.js";
 
-// A triangle over all of the target. What is drawn over it may say how its texels differ.
-const COVER = `
+// A triangle that covers the target. Objects drawn over it may pass other corrections.
+const FULL_SCREEN_TRIANGLE = `
 flat out vec3 correction;
 void main() {
   gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0);
@@ -14,12 +14,12 @@ void main() {
 
 const CAMERA = new THREE.Camera();
 
-type Drawn = THREE.Object3D & {
+type PassObject = THREE.Object3D & {
   readonly geometry: THREE.BufferGeometry;
   readonly material: THREE.RawShaderMaterial;
 };
 
-/** A material that is nothing but our own shaders; targets have no depth, and nothing blends. */
+/** Create a material of raw shaders; targets have no depth buffer, and blending is off. */
 export function passMaterial(
   vertexShader: string,
   fragmentShader: string,
@@ -33,17 +33,17 @@ export function passMaterial(
   });
 }
 
-/** Computes the texels of a target. */
+/** Computes the texels of a render target. */
 export class Pass {
   readonly target: THREE.WebGLRenderTarget;
   readonly #renderer: THREE.WebGLRenderer;
   readonly #uniforms: Record<string, THREE.IUniform>;
   readonly #scene = new THREE.Scene();
-  readonly #drawn: Drawn[] = [];
+  readonly #objects: PassObject[] = [];
 
   /**
    * @param fragmentShader - computes the texel at gl_FragCoord
-   * @param uniforms - data textures of which are disposed of with the pass
+   * @param uniforms - data textures among them are disposed of with the pass
    */
   constructor(
     renderer: THREE.WebGLRenderer,
@@ -54,19 +54,19 @@ export class Pass {
     this.target = grid.target();
     this.#renderer = renderer;
     this.#uniforms = uniforms;
-    const cover = new THREE.BufferGeometry();
-    cover.setDrawRange(0, 3);
-    this.add(new THREE.Mesh(cover, passMaterial(COVER, fragmentShader, uniforms)));
+    const triangle = new THREE.BufferGeometry();
+    triangle.setDrawRange(0, 3);
+    this.add(new THREE.Mesh(triangle, passMaterial(FULL_SCREEN_TRIANGLE, fragmentShader, uniforms)));
   }
 
-  /** Draws something more into the target, after the texels are computed. */
-  add(object: Drawn): void {
+  /** Add an object that is drawn over the computed texels. */
+  add(object: PassObject): void {
     object.frustumCulled = false;
-    object.renderOrder = this.#drawn.push(object);
+    object.renderOrder = this.#objects.push(object);
     this.#scene.add(object);
   }
 
-  /** Must not be called while the renderer draws something else. */
+  /** Run the pass; must not be called while the renderer is drawing. */
   run(): void {
     const renderer = this.#renderer;
     const before = renderer.getRenderTarget();
@@ -83,7 +83,7 @@ export class Pass {
 
   dispose(): void {
     this.target.dispose();
-    for (const { geometry, material } of this.#drawn) {
+    for (const { geometry, material } of this.#objects) {
       geometry.dispose();
       material.dispose();
     }

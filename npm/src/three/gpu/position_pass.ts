@@ -1,21 +1,21 @@
-// Positions of a picture, computed once for each vertex into a texture: the sum over the modes of
-// field times weight, plus corrections.
+// Computes positions on the GPU: per vertex, the sum over the modes of field times weight, plus a
+// correction.
 
 import * as THREE from "three";
 
 import type { BlockFields } from "../../types.js";
-import type { HeldBlock, Picture, Share } from "../held_block.js";
+import type { LoadedBlock, Picture, WeightedBlock } from "../loaded_block.js";
 import { Pass, passMaterial } from "./pass.js";
 import { dataTexture, type VertexGrid } from "./vertex_grid.js";
 
-/** Modes of a texel of fields, which has four numbers. */
-export const MODES_A_TEXEL = 4;
+/** Fields of four modes share a texel. */
+export const MODES_PER_TEXEL = 4;
 
-/** Texels in a row of corrections. */
-const WIDTH = 1024;
+/** Width of the texture of corrections. */
+const CORRECTIONS_WIDTH = 1024;
 
-// A picture may lie between the last frame of a block and the first of another.
-const POSITION = `
+// A picture between the last frame of a block and the first frame of the next uses both blocks.
+const POSITION_SHADER = `
 uniform isampler2DArray fields;
 uniform isampler2DArray nextFields;
 uniform sampler2D weights;
@@ -40,13 +40,13 @@ void main() {
   position = vec4(sum + shift, 1.0);
 }`;
 
-// Corrected vertices are computed again, as points over their texels: no blending of floats, which
-// not every GPU can do. A texel of corrections is the vertex, then the bits of three floats.
+// Corrected vertices are drawn again, as points over their texels, since not every GPU can blend
+// floats. A texel of corrections has the vertex and the bits of three floats.
 const correctedVertex = (grid: VertexGrid) => `${grid.glsl}
 uniform usampler2D corrections;
 flat out vec3 correction;
 void main() {
-  ivec2 place = ivec2(gl_VertexID & ${WIDTH - 1}, gl_VertexID >> ${Math.log2(WIDTH)});
+  ivec2 place = ivec2(gl_VertexID & ${CORRECTIONS_WIDTH - 1}, gl_VertexID >> ${Math.log2(CORRECTIONS_WIDTH)});
   uvec4 found = texelFetch(corrections, place, 0);
   vec2 texel = vec2(texelOf(int(found.x))) + 0.5;
   gl_Position = vec4(texel / vec2(${grid.width}, ${grid.height}) * 2.0 - 1.0, 0.0, 1.0);
@@ -54,16 +54,16 @@ void main() {
   correction = uintBitsToFloat(found.yzw);
 }`;
 
-/** Computes positions of pictures. */
+/** Computes the positions of pictures. */
 export class PositionPass {
   readonly #renderer: THREE.WebGLRenderer;
   readonly #grid: VertexGrid;
-  readonly #fields = new Map<HeldBlock, THREE.DataArrayTexture>();
+  readonly #fields = new Map<LoadedBlock, THREE.DataArrayTexture>();
   readonly #uniforms = {
     fields: { value: null as THREE.DataArrayTexture | null },
     nextFields: { value: null as THREE.DataArrayTexture | null },
     weights: { value: dataTexture(new Float32Array(12), 3) },
-    corrections: { value: dataTexture(new Uint32Array(4 * WIDTH), WIDTH) },
+    corrections: { value: dataTexture(new Uint32Array(4 * CORRECTIONS_WIDTH), CORRECTIONS_WIDTH) },
     nGroups: { value: 0 },
     nNextGroups: { value: 0 },
     shift: { value: new THREE.Vector3() },
@@ -71,7 +71,7 @@ export class PositionPass {
   readonly #pass: Pass;
   readonly #corrected: THREE.Points<THREE.BufferGeometry, THREE.RawShaderMaterial>;
 
-  /** @param shift - is added to all positions, in model units */
+  /** @param shift - added to all positions, in model units */
   constructor(
     renderer: THREE.WebGLRenderer,
     grid: VertexGrid,
@@ -80,33 +80,33 @@ export class PositionPass {
     this.#renderer = renderer;
     this.#grid = grid;
     this.#uniforms.shift.value.set(...shift);
-    const material = passMaterial(correctedVertex(grid), POSITION, this.#uniforms);
+    const material = passMaterial(correctedVertex(grid), POSITION_SHADER, this.#uniforms);
     this.#corrected = new THREE.Points(new THREE.BufferGeometry(), material);
-    this.#pass = new Pass(renderer, grid, POSITION, this.#uniforms);
+    this.#pass = new Pass(renderer, grid, POSITION_SHADER, this.#uniforms);
     this.#pass.add(this.#corrected);
   }
 
-  /** Positions of the picture, four numbers for each texel of the grid. */
+  /** Computed positions, four numbers per texel of the grid. */
   get target(): THREE.WebGLRenderTarget {
     return this.#pass.target;
   }
 
-  /** Sends the fields of a block to the GPU; they are not kept elsewhere. */
-  hold(block: BlockFields, held: HeldBlock): void {
+  /** Upload the fields of a block to the GPU and release the copy in memory. */
+  upload(block: BlockFields, loaded: LoadedBlock): void {
     const texture = fieldTexture(block, this.#grid);
     texture.onUpdate = () => {
       texture.image.data = null;
     };
     this.#renderer.initTexture(texture);
-    this.#fields.set(held, texture);
+    this.#fields.set(loaded, texture);
   }
 
-  release(block: HeldBlock): void {
+  release(block: LoadedBlock): void {
     this.#fields.get(block)?.dispose();
     this.#fields.delete(block);
   }
 
-  run({ shares, corrections }: Picture): void {
+  run({ blocks: shares, corrections }: Picture): void {
     const [fields, nextFields = fields] = shares.map(({ block }) => this.#fields.get(block) ?? null);
     this.#uniforms.fields.value = fields;
     this.#uniforms.nextFields.value = nextFields;
@@ -115,7 +115,7 @@ export class PositionPass {
     this.#pass.run();
   }
 
-  /** Positions of the picture at some vertices, read back: three numbers for each. */
+  /** Read the positions of vertices back, three numbers per vertex. */
   read(vertices: Uint32Array, into: Float32Array): void {
     const { width, height, nTexels } = this.#grid;
     const texels = new Float32Array(nTexels * 4);
@@ -130,8 +130,8 @@ export class PositionPass {
     this.#pass.dispose();
   }
 
-  #setWeights(shares: readonly Share[]): void {
-    const [nGroups, nNextGroups = 0] = shares.map(({ block }) => groupsOf(block.nModes));
+  #setWeights(shares: readonly WeightedBlock[]): void {
+    const [nGroups, nNextGroups = 0] = shares.map(({ block }) => layersFor(block.nModes));
     const data = new Float32Array(12 * (nGroups + nNextGroups));
     let row = 0;
     for (const { block, weights } of shares) {
@@ -139,9 +139,9 @@ export class PositionPass {
         const mode = Math.floor(i / 3);
         data[12 * (row + (mode >> 2)) + 4 * (i % 3) + (mode & 3)] = weight;
       });
-      row += groupsOf(block.nModes);
+      row += layersFor(block.nModes);
     }
-    replace(this.#uniforms.weights, data);
+    setTextureData(this.#uniforms.weights, data);
     this.#uniforms.nGroups.value = nGroups;
     this.#uniforms.nNextGroups.value = nNextGroups;
   }
@@ -151,7 +151,7 @@ export class PositionPass {
     this.#corrected.visible = size > 0;
     if (size === 0) return;
     this.#corrected.geometry.setDrawRange(0, size);
-    const data = new Uint32Array(4 * WIDTH * Math.ceil(size / WIDTH));
+    const data = new Uint32Array(4 * CORRECTIONS_WIDTH * Math.ceil(size / CORRECTIONS_WIDTH));
     const floats = new Float32Array(data.buffer);
     let at = 0;
     for (const [vertex, offset] of corrections) {
@@ -159,12 +159,12 @@ export class PositionPass {
       floats.set(offset, at + 1);
       at += 4;
     }
-    replace(this.#uniforms.corrections, data);
+    setTextureData(this.#uniforms.corrections, data);
   }
 }
 
-/** Has a uniform hold these data, in a texture of the same width. */
-function replace(
+/** Set the data of a texture, replacing it if the size differs. */
+function setTextureData(
   uniform: { value: THREE.DataTexture },
   data: Float32Array<ArrayBuffer> | Uint32Array<ArrayBuffer>,
 ): void {
@@ -178,13 +178,13 @@ function replace(
   }
 }
 
-function groupsOf(nModes: number): number {
-  return Math.ceil(nModes / MODES_A_TEXEL);
+function layersFor(nModes: number): number {
+  return Math.ceil(nModes / MODES_PER_TEXEL);
 }
 
 function fieldTexture(block: BlockFields, grid: VertexGrid): THREE.DataArrayTexture {
   const { fields, nModes, nVerts } = block;
-  const nGroups = groupsOf(nModes);
+  const nGroups = layersFor(nModes);
   const packed = new Int16Array(nGroups * grid.nTexels * 4);
   for (let mode = 0; mode < nModes; mode++) {
     let to = (mode >> 2) * grid.nTexels * 4 + (mode & 3);

@@ -1,8 +1,8 @@
-// Vertices in textures: vertex v is the texel (v mod width, v div width) of each.
+// The layout of vertices in textures: vertex v is texel (v mod width, v div width).
 
 import * as THREE from "three";
 
-/** GLSL that every shader here begins with. */
+/** GLSL at the start of every shader. */
 export const PRECISION = `
 precision highp float;
 precision highp int;
@@ -11,7 +11,7 @@ precision highp usampler2D;
 precision highp isampler2DArray;
 `;
 
-/** The texels of the vertices of a mesh. */
+/** The layout of a number of vertices. */
 export class VertexGrid {
   readonly width: number;
   readonly height: number;
@@ -25,12 +25,12 @@ export class VertexGrid {
     return this.width * this.height;
   }
 
-  /** GLSL: the texel of a vertex. */
+  /** GLSL function `texelOf`, which maps a vertex to its texel. */
   get glsl(): string {
     return this.glslOf("texelOf");
   }
 
-  /** The same as a function of this name. */
+  /** The same function under another name. */
   glslOf(name: string): string {
     return `
 ivec2 ${name}(int vertex) {
@@ -38,7 +38,7 @@ ivec2 ${name}(int vertex) {
 }`;
   }
 
-  /** A target whose texels are computed, four floats for each vertex. */
+  /** Create a render target with four floats per vertex. */
   target(): THREE.WebGLRenderTarget {
     return new THREE.WebGLRenderTarget(this.width, this.height, {
       type: THREE.FloatType,
@@ -49,7 +49,7 @@ ivec2 ${name}(int vertex) {
   }
 }
 
-/** A texture of floats, or of 2 or 4 integers, that is fetched from texel by texel. */
+/** Create a data texture of 4 floats, or of 2 or 4 integers, for texelFetch. */
 export function dataTexture(
   data: Float32Array<ArrayBuffer> | Uint32Array<ArrayBuffer>,
   width: number,
@@ -61,7 +61,7 @@ export function dataTexture(
   if (data instanceof Uint32Array) {
     texture.type = THREE.UnsignedIntType;
     texture.format = isPair ? THREE.RGIntegerFormat : THREE.RGBAIntegerFormat;
-    // Older versions of three.js do not know it from these.
+    // Older versions of three.js do not infer the internal format.
     texture.internalFormat = isPair ? "RG32UI" : "RGBA32UI";
   }
   texture.needsUpdate = true;

@@ -1,61 +1,60 @@
-// The number of a frame as black and white cells in a picture.
+// Reads frame numbers that are encoded as black and white cells in images of a video.
 
 import { InvalidInputError } from "../../errors.js";
 
 /**
- * Where pictures of a video hold the number of their frame: a row of square cells from left to
- * right, white for 1 and black for 0, most significant bit first. One more cell follows, white
- * where the number of white cells before it is even: white cells are odd in number, so that a black
- * picture holds no number.
+ * Where images of a video encode their frame number: a row of square cells from left to right,
+ * white for 1 and black for 0, most significant bit first, followed by a parity cell. The total
+ * number of white cells is odd, so that a black image encodes no number.
  */
 export interface FrameNumber {
   /** Left edge of the first cell, in pixels of the video. */
   readonly x: number;
-  /** Upper edge of the cells, in pixels of the video. */
+  /** Top edge of the cells, in pixels of the video. */
   readonly y: number;
-  /** Side of a cell, in pixels of the video; at least 4, and 8 or more survive most encoders. */
+  /** Size of a cell, in pixels of the video: at least 4; 8 or more survive most video encoders. */
   readonly cell: number;
-  /** Bits of a number, 1 to 30; the cell of parity is not counted. */
+  /** Bits of a number, 1 to 30, without the parity cell. */
   readonly bits: number;
 }
 
-/** Brightness, 0 to 1, up to which a cell is black, and from which on it is white. */
+/** Brightness in 0..1 up to which a cell is black, and from which it is white. */
 const [BLACK, WHITE] = [0.35, 0.65];
 
-/** Smallest cell whose middle encoders leave alone. */
-const LEAST_CELL = 4;
+/** Smallest size of a cell whose center survives video encoders. */
+const MIN_CELL = 4;
 
-/** So that numbers are positive in 32 bits. */
-const MOST_BITS = 30;
+/** Keeps numbers positive in 32-bit integers. */
+const MAX_BITS = 30;
 
-/** @throws InvalidInputError where cells cannot be as they are said to be. */
+/** @throws InvalidInputError if the layout of cells is invalid. */
 export function checkFrameNumber({ x, y, cell, bits }: FrameNumber): void {
-  const isWhole = (value: number, least: number, most: number) =>
-    Number.isInteger(value) && value >= least && value <= most;
-  const places = [x, y].every((value) => isWhole(value, 0, Infinity));
-  if (places && isWhole(cell, LEAST_CELL, Infinity) && isWhole(bits, 1, MOST_BITS)) return;
+  const isIntegerInRange = (value: number, min: number, max: number) =>
+    Number.isInteger(value) && value >= min && value <= max;
+  const isInside = [x, y].every((value) => isIntegerInRange(value, 0, Infinity));
+  if (isInside && isIntegerInRange(cell, MIN_CELL, Infinity) && isIntegerInRange(bits, 1, MAX_BITS)) return;
   throw new InvalidInputError(
-    `frameNumber must have x and y from 0 on, cell from ${LEAST_CELL} on and bits from 1 to` +
-      ` ${MOST_BITS}, all of them whole; got x ${x}, y ${y}, cell ${cell}, bits ${bits}`,
+    `frameNumber must have integers x >= 0, y >= 0, cell >= ${MIN_CELL} and bits from 1 to` +
+      ` ${MAX_BITS}; got x ${x}, y ${y}, cell ${cell}, bits ${bits}`,
   );
 }
 
-/** Pixels that the cells cover. */
-export function sizeOf({ cell, bits }: FrameNumber): { width: number; height: number } {
+/** Size of all cells in pixels. */
+export function cellsSize({ cell, bits }: FrameNumber): { width: number; height: number } {
   return { width: cell * (bits + 1), height: cell };
 }
 
 /**
- * The number that cells hold; null where one is neither black nor white, or their parity is wrong.
+ * Read the number in the cells; null if a cell is neither black nor white, or the parity is wrong.
  *
- * @param pixels - red, green, blue and opacity of each pixel that the cells cover, row by row
+ * @param pixels - RGBA of the pixels that the cells cover, row by row
  */
-export function numberIn(pixels: Uint8ClampedArray, { cell, bits }: FrameNumber): number | null {
+export function readFrameNumber(pixels: Uint8ClampedArray, { cell, bits }: FrameNumber): number | null {
   const width = cell * (bits + 1);
   let number = 0;
   let isOdd = false;
   for (let i = 0; i <= bits; i++) {
-    const brightness = brightnessOf(pixels, width, cell * i, cell);
+    const brightness = cellBrightness(pixels, width, cell * i, cell);
     if (brightness > BLACK && brightness < WHITE) return null;
     const isWhite = brightness >= WHITE;
     if (isWhite) isOdd = !isOdd;
@@ -64,8 +63,8 @@ export function numberIn(pixels: Uint8ClampedArray, { cell, bits }: FrameNumber)
   return isOdd ? number : null;
 }
 
-/** Mean of the middle of a cell, 0 to 1: encoders blur its edges. */
-function brightnessOf(
+/** Mean brightness of the center of a cell, 0..1; video encoders blur its edges. */
+function cellBrightness(
   pixels: Uint8ClampedArray,
   width: number,
   left: number,
@@ -75,8 +74,8 @@ function brightnessOf(
   let sum = 0;
   for (let y = edge; y < cell - edge; y++) {
     for (let x = edge; x < cell - edge; x++) {
-      const at = 4 * (y * width + left + x);
-      sum += pixels[at] + pixels[at + 1] + pixels[at + 2];
+      const offset = 4 * (y * width + left + x);
+      sum += pixels[offset] + pixels[offset + 1] + pixels[offset + 2];
     }
   }
   return sum / (3 * 255 * (cell - 2 * edge) ** 2);

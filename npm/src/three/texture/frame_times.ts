@@ -1,45 +1,45 @@
-// Which frame of a mesh belongs to a picture of a video, and where that video is sought.
+// Converts between times of a video and frames of a mesh.
 
-/** Times of containers are rounded, to milliseconds in WebM: this much off is the frame itself. */
+/** Tolerance for times that containers round: WebM rounds to milliseconds. */
 const ROUNDING_S = 0.002;
 
-/** A video is sought a little behind the beginning of a picture, never on the edge of two. */
-const INSIDE = 0.25;
+/** Distance of seek times from the borders of a frame, in frames. */
+const MARGIN = 0.25;
 
 /**
- * The place in frames that belongs to a picture of a video.
+ * Return the position in frames at a time of the video.
  *
- * @param timeS - of the picture, in seconds since the first frame of the mesh
+ * @param timeS - time of an image in seconds since the first frame of the mesh
  */
-export function placeOf(timeS: number, fps: number): number {
-  const place = timeS * fps;
-  const nearest = Math.round(place);
-  const isFrame = Math.abs(place - nearest) <= Math.min(ROUNDING_S * fps, INSIDE);
-  return Math.max(isFrame ? nearest : place, 0);
+export function frameAtTime(timeS: number, fps: number): number {
+  const position = timeS * fps;
+  const nearest = Math.round(position);
+  const isFrame = Math.abs(position - nearest) <= Math.min(ROUNDING_S * fps, MARGIN);
+  return Math.max(isFrame ? nearest : position, 0);
 }
 
-/** The time in seconds at which a video shows the picture of a place in frames. */
-export function timeOf(place: number, fps: number): number {
-  const frame = Math.floor(place);
-  const inside = Math.min(Math.max(place - frame, INSIDE), 1 - INSIDE);
+/** Return the time in seconds to which the video must seek for a position in frames. */
+export function seekTime(position: number, fps: number): number {
+  const frame = Math.floor(position);
+  const inside = Math.min(Math.max(position - frame, MARGIN), 1 - MARGIN);
   return (frame + inside) / fps;
 }
 
-/** What a mesh and a video have in common. */
-export interface Common {
-  /** Frames that both have, at least 1. */
+/** The common length of a mesh and a video. */
+export interface CommonLength {
+  /** Frames that both have; at least 1. */
   readonly nFrames: number;
-  /** What is to be said where one of them is longer; null where they are of one length. */
+  /** Warning if one is longer than the other, else null. */
   readonly warning: string | null;
 }
 
 /**
- * The length that a mesh and a video have in common.
+ * Compute the common length of a mesh and a video.
  *
- * @param nFrames - of the mesh
+ * @param nFrames - frames of the mesh
  * @param videoS - seconds of the video after the first frame of the mesh; not finite if unknown
  */
-export function commonOf(nFrames: number, fps: number, videoS: number): Common {
+export function commonLength(nFrames: number, fps: number, videoS: number): CommonLength {
   if (!Number.isFinite(videoS)) return { nFrames, warning: null };
   const pictures = Math.max(Math.round(videoS * fps), 1);
   const common = Math.min(nFrames, pictures);
@@ -47,7 +47,7 @@ export function commonOf(nFrames: number, fps: number, videoS: number): Common {
   const [mesh, video] = [nFrames / fps, videoS].map((seconds) => `${seconds.toFixed(2)} s`);
   const longer = pictures > nFrames ? "video" : "mesh";
   const warning =
-    `the mesh lasts ${mesh} and its video ${video}: ${(common / fps).toFixed(2)} s are played,` +
-    ` and the end of the ${longer} is not shown`;
+    `the mesh lasts ${mesh} and the video ${video}: only the first ${(common / fps).toFixed(2)} s` +
+      ` are played, without the end of the ${longer}`;
   return { nFrames: common, warning };
 }

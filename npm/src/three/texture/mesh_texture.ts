@@ -1,129 +1,127 @@
-// The image or video that a mesh shows in place of the images of its file.
+// Shows an image or a video on a mesh. Loaded with the first `setTexture`.
 
 import * as THREE from "three";
 
 import { InvalidInputError } from "../../errors.js";
 import type { Playback, PlaybackEvent } from "../playback.js";
-import { Cover } from "./cover.js";
+import { MaterialOverride } from "./material_override.js";
 import { checkFrameNumber, type FrameNumber } from "./frame_number.js";
 import {
   closeVideo,
   type CrossOrigin,
-  imageOf,
-  type Kind,
-  kindOf,
-  kindOfObject,
-  loaded,
-  metadataOf,
+  openImage,
+  type TextureKind,
+  kindFromAddress,
+  kindFromObject,
+  waitForImage,
+  waitForMetadata,
   openVideo,
-  type StillSource,
+  type ImageSource,
   type TextureSource,
 } from "./texture_source.js";
-import { VideoLeader } from "./video_leader.js";
+import { VideoClock } from "./video_clock.js";
 import { VideoPicture } from "./video_picture.js";
 
-/** How a texture is put on a mesh. */
+/** Options of `ReelMesh.setTexture`. */
 export interface TextureOptions {
-  /** What is at an address whose name does not say so by its ending. */
-  kind?: Kind;
-  /** How another site is asked for what is at an address; "anonymous" by default. */
+  /** Type of the resource, if the file extension of the address does not tell. */
+  kind?: TextureKind;
+  /** CORS mode of requests to other origins. Default: "anonymous". */
   crossOrigin?: CrossOrigin;
-  /** Name of the texture coordinates of the file; the first ones by default. */
+  /** Name of the UV attribute. Default: the first one of the file. */
   uv?: string;
-  /** Time of the video at the first frame of the mesh, in seconds; 0 by default. */
+  /** Time of the video at the first frame of the mesh, in seconds. Default: 0. */
   offset?: number;
   /**
-   * Where each picture of the video holds the number of its frame, which then counts more than the
+   * Where each image of the video encodes its frame number, which then takes precedence over the
    * time of the video.
    */
   frameNumber?: FrameNumber;
 }
 
-/** What a texture is put on. */
+/** The mesh that gets a texture. */
 export interface TexturedMesh {
   readonly materials: readonly THREE.Material[];
-  /** Whether colours of a material are not those of the file or of the page. */
-  readonly isPlain: (material: THREE.Material) => boolean;
-  /** When the images of the file are there, if it has any. */
-  readonly dressed: Promise<unknown> | undefined;
-  /** Names of texture coordinates, by channel. */
+  /** Whether a material is a default one, defined neither by the file nor by the page. */
+  readonly isDefault: (material: THREE.Material) => boolean;
+  /** Resolves when the images of the file are decoded. */
+  readonly imagesReady: Promise<unknown> | undefined;
+  /** Names of UV attributes, by channel. */
   readonly uvNames: readonly string[];
   readonly playback: Playback;
   readonly send: (event: PlaybackEvent) => void;
 }
 
-/** A texture that is on a mesh. */
-export interface WornTexture {
+/** A texture on a mesh. */
+export interface AppliedTexture {
   readonly texture: THREE.Texture;
   readonly video: HTMLVideoElement | null;
-  /** Takes it off. */
   remove(): void;
 }
 
 /**
- * Puts a texture on a mesh. It is there when the promise is kept; of a video, as soon as its first
- * picture and the frame of the mesh are.
+ * Show a texture on a mesh. The promise resolves when an image is shown; a video is shown as soon
+ * as its first image and the frame of the mesh are available.
  *
- * @param signal - aborts it; what was made is freed then
- * @throws InvalidInputError, SourceError as `ReelMesh.setTexture` says
+ * @param signal - cancels the call and frees its resources
+ * @throws InvalidInputError, SourceError as `ReelMesh.setTexture`
  */
-export async function wear(
+export async function applyTexture(
   mesh: TexturedMesh,
   source: TextureSource,
   options: TextureOptions,
   signal: AbortSignal,
-): Promise<WornTexture> {
-  const channel = channelOf(mesh.uvNames, options.uv);
-  const kind = checked(source, options);
+): Promise<AppliedTexture> {
+  const channel = findChannel(mesh.uvNames, options.uv);
+  const kind = validateOptions(source, options);
   const { crossOrigin = "anonymous" } = options;
-  await mesh.dressed;
+  await mesh.imagesReady;
   signal.throwIfAborted();
   if (kind === "video") {
-    const isOwn = typeof source === "string";
-    const video = isOwn ? openVideo(source, crossOrigin) : (source as HTMLVideoElement);
+    const isOwned = typeof source === "string";
+    const video = isOwned ? openVideo(source, crossOrigin) : (source as HTMLVideoElement);
     try {
-      await metadataOf(video, signal);
-      return wearVideo(mesh, video, channel, options, isOwn);
+      await waitForMetadata(video, signal);
+      return applyVideo(mesh, video, channel, options, isOwned);
     } catch (error) {
-      if (isOwn) closeVideo(video);
+      if (isOwned) closeVideo(video);
       throw error;
     }
   }
-  const image = typeof source === "string" ? imageOf(source, crossOrigin) : source;
-  if (image instanceof HTMLImageElement) await loaded(image);
+  const image = typeof source === "string" ? openImage(source, crossOrigin) : source;
+  if (image instanceof HTMLImageElement) await waitForImage(image);
   signal.throwIfAborted();
-  return wearImage(mesh, image as StillSource, channel);
+  return applyImage(mesh, image as ImageSource, channel);
 }
 
-function channelOf(uvNames: readonly string[], wanted: string | undefined): number {
+function findChannel(uvNames: readonly string[], requested: string | undefined): number {
   if (!uvNames.length) {
     throw new InvalidInputError(
-      "the file has no texture coordinates, so that no texture can be shown; encode the mesh" +
-        " with its UVs",
+      "the file has no UVs, which textures need; encode the mesh with its UVs",
     );
   }
-  if (wanted === undefined) return 0;
-  const channel = uvNames.indexOf(wanted);
+  if (requested === undefined) return 0;
+  const channel = uvNames.indexOf(requested);
   if (channel >= 0) return channel;
   throw new InvalidInputError(
-    `the file has no texture coordinates ${wanted}; it has ${uvNames.join(", ")}`,
+    `the file has no UV attribute ${requested}; available: ${uvNames.join(", ")}`,
   );
 }
 
-/** What a source is; options that would have no effect on it are refused. */
-function checked(source: TextureSource, options: TextureOptions): Kind {
+/** Return the type of a source. @throws InvalidInputError for options without effect on it. */
+function validateOptions(source: TextureSource, options: TextureOptions): TextureKind {
   const isAddress = typeof source === "string";
-  const kind = isAddress ? (options.kind ?? kindOf(source)) : kindOfObject(source);
-  const refuse = (name: keyof TextureOptions, what: string) => {
-    if (options[name] !== undefined) throw new InvalidInputError(`${name} is for ${what} only`);
+  const kind = isAddress ? (options.kind ?? kindFromAddress(source)) : kindFromObject(source);
+  const reject = (name: keyof TextureOptions, what: string) => {
+    if (options[name] !== undefined) throw new InvalidInputError(`${name} applies only to ${what}`);
   };
   if (!isAddress) {
-    refuse("kind", "addresses");
-    refuse("crossOrigin", "addresses");
+    reject("kind", "addresses");
+    reject("crossOrigin", "addresses");
   }
   if (kind === "image") {
-    refuse("offset", "videos");
-    refuse("frameNumber", "videos");
+    reject("offset", "videos");
+    reject("frameNumber", "videos");
   }
   if (options.frameNumber) checkFrameNumber(options.frameNumber);
   const { offset = 0 } = options;
@@ -131,28 +129,28 @@ function checked(source: TextureSource, options: TextureOptions): Kind {
   throw new InvalidInputError(`offset must be a finite number of seconds; got ${offset}`);
 }
 
-function wearImage(mesh: TexturedMesh, source: StillSource, channel: number): WornTexture {
-  const isOwn = !("isTexture" in source);
-  const texture = isOwn ? textureOf(source) : source;
-  const cover = new Cover(texture, mesh.materials, mesh.isPlain);
-  const before = texture.channel;
+function applyImage(mesh: TexturedMesh, source: ImageSource, channel: number): AppliedTexture {
+  const isOwned = !("isTexture" in source);
+  const texture = isOwned ? createImageTexture(source) : source;
+  const materialOverride = new MaterialOverride(texture, mesh.materials, mesh.isDefault);
+  const previousChannel = texture.channel;
   texture.channel = channel;
-  cover.put();
+  materialOverride.apply();
   const remove = () => {
-    cover.remove();
-    if (isOwn) texture.dispose();
-    else texture.channel = before;
+    materialOverride.remove();
+    if (isOwned) texture.dispose();
+    else texture.channel = previousChannel;
   };
   return { texture, video: null, remove };
 }
 
-/** With the upper edge at v = 1, as images of files are. */
-function textureOf(image: HTMLImageElement | ImageBitmap): THREE.Texture {
+/** Create a texture with the top edge at v = 1, as for images of the file. */
+function createImageTexture(image: HTMLImageElement | ImageBitmap): THREE.Texture {
   const texture = new THREE.Texture(image);
   texture.colorSpace = THREE.SRGBColorSpace;
   texture.wrapS = texture.wrapT = THREE.RepeatWrapping;
   if (image instanceof ImageBitmap) {
-    texture.flipY = false; // WebGL does not turn bitmaps over
+    texture.flipY = false; // WebGL ignores flipY for bitmaps
     texture.repeat.y = -1;
     texture.offset.y = 1;
   }
@@ -160,25 +158,25 @@ function textureOf(image: HTMLImageElement | ImageBitmap): THREE.Texture {
   return texture;
 }
 
-function wearVideo(
+function applyVideo(
   mesh: TexturedMesh,
   video: HTMLVideoElement,
   channel: number,
   { offset = 0, frameNumber }: TextureOptions,
-  isOwn: boolean,
-): WornTexture {
+  isOwned: boolean,
+): AppliedTexture {
   const picture = new VideoPicture(frameNumber ?? null);
   const { texture } = picture;
   texture.channel = channel;
-  const cover = new Cover(texture, mesh.materials, mesh.isPlain);
+  const materialOverride = new MaterialOverride(texture, mesh.materials, mesh.isDefault);
   const { playback, send } = mesh;
-  const onShown = () => cover.put();
-  const leader = new VideoLeader({ video, picture, playback, offset, send, onShown });
+  const onShown = () => materialOverride.apply();
+  const videoClock = new VideoClock({ video, picture, playback, offset, send, onShown });
   const remove = () => {
-    leader.dispose();
-    cover.remove();
+    videoClock.dispose();
+    materialOverride.remove();
     picture.dispose();
-    if (isOwn) closeVideo(video);
+    if (isOwned) closeVideo(video);
   };
   return { texture, video, remove };
 }

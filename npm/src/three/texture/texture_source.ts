@@ -1,70 +1,70 @@
-// What textures are made of: addresses, elements, bitmaps, textures of three.js.
+// Sources of textures: addresses, elements, bitmaps and three.js textures.
 
 import * as THREE from "three";
 
 import { InvalidInputError, SourceError } from "../../errors.js";
 
-/** What stands still. */
-export type StillSource = HTMLImageElement | ImageBitmap | THREE.Texture;
+/** A source of a static texture. */
+export type ImageSource = HTMLImageElement | ImageBitmap | THREE.Texture;
 
-/** What a texture can be made of; a string is an address. */
-export type TextureSource = string | HTMLVideoElement | StillSource;
+/** A source of a texture; a string is an address. */
+export type TextureSource = string | HTMLVideoElement | ImageSource;
 
-/** What is at an address. */
-export type Kind = "image" | "video";
+/** The type of a texture. */
+export type TextureKind = "image" | "video";
 
-/** Who may see what comes from another site; see `crossorigin` of HTML. */
+/** CORS mode, as the attribute `crossorigin` in HTML. */
 export type CrossOrigin = "anonymous" | "use-credentials";
 
 const VIDEOS = /\.(mp4|m4v|webm|mov|ogv|mkv)$/i;
 const IMAGES = /\.(png|jpe?g|webp|avif|gif|bmp|svg)$/i;
 
-/** By `MediaError.code`. */
+/** Reasons by `MediaError.code`. */
 const MEDIA_ERRORS = [
   "",
   "loading was stopped",
   "the connection failed",
   "it cannot be decoded",
-  "there is no such video, or this browser does not play it, or its server does not allow this page" +
-    " to read it (Access-Control-Allow-Origin)",
+  "the video does not exist, or the browser does not support it, or its server does not allow this" +
+    " page to read it (Access-Control-Allow-Origin)",
 ];
 
 /**
- * What is at an address, as its name says.
+ * Return the type of a texture by the file extension of its address.
  *
- * @throws InvalidInputError where it does not say so.
+ * @throws InvalidInputError if the extension is unknown.
  */
-export function kindOf(address: string): Kind {
+export function kindFromAddress(address: string): TextureKind {
   const data = /^data:(image|video)\//i.exec(address);
-  if (data) return data[1].toLowerCase() as Kind;
+  if (data) return data[1].toLowerCase() as TextureKind;
   const path = address.replace(/[?#].*$/s, "");
   if (VIDEOS.test(path)) return "video";
   if (IMAGES.test(path)) return "image";
   throw new InvalidInputError(
-    `the name ${address} does not say whether it is an image or a video; say so with kind`,
+    `cannot tell from ${address} whether it is an image or a video; set the option kind`,
   );
 }
 
 /**
- * What an object is.
+ * Return the type of a texture source.
  *
- * @throws InvalidInputError where textures are not made of it.
+ * @throws InvalidInputError if it is not supported.
  */
-export function kindOfObject(source: Exclude<TextureSource, string>): Kind {
+export function kindFromObject(source: Exclude<TextureSource, string>): TextureKind {
   if (source instanceof HTMLVideoElement) return "video";
   if ("isVideoTexture" in source) {
-    throw new InvalidInputError("a VideoTexture is not in step with a mesh; give its video");
+    throw new InvalidInputError("a VideoTexture cannot be synchronized with a mesh; pass its video element");
   }
   const isImage = source instanceof HTMLImageElement || source instanceof ImageBitmap;
   if (isImage || "isTexture" in source) return "image";
   throw new InvalidInputError(
-    "a texture is made of an address, an image or video element, an ImageBitmap or a Texture of" +
-      ` three.js; got ${Object.prototype.toString.call(source)}`,
+    "a texture source must be an address, an image or video element, an ImageBitmap or a three.js" +
+      ` Texture; got ${Object.prototype.toString.call(source)}`,
   );
 }
 
-/** An image of an address, which begins to load. */
-export function imageOf(address: string, access: CrossOrigin): HTMLImageElement {
+/** Start to load an image. */
+export function openImage(address: string, access: CrossOrigin): HTMLImageElement {
   const image = new Image();
   image.crossOrigin = access;
   image.src = address;
@@ -72,44 +72,44 @@ export function imageOf(address: string, access: CrossOrigin): HTMLImageElement 
 }
 
 /**
- * Waits until an image is there.
+ * Wait until an image is decoded.
  *
- * @throws SourceError where there is none that can be shown.
+ * @throws SourceError if it cannot be loaded or decoded.
  */
-export async function loaded(image: HTMLImageElement): Promise<void> {
+export async function waitForImage(image: HTMLImageElement): Promise<void> {
   try {
     await image.decode();
   } catch {
     throw new SourceError(
-      `cannot load the image ${image.src}: there is no such image, or this browser does not show` +
-        " it, or its server does not allow this page to read it (Access-Control-Allow-Origin)",
+      `cannot load the image ${image.src}: it does not exist, or the browser does not support it, or` +
+        " its server does not allow this page to read it (Access-Control-Allow-Origin)",
     );
   }
   requireReadable(image, image.naturalWidth, `image ${image.currentSrc}`);
 }
 
 /**
- * Refuses what a page may show, but not read, since textures are read.
+ * Check that the page may read an image, as textures require, and not only display it.
  *
- * @param width - of the picture, in pixels
- * @throws SourceError where it may not be read.
+ * @param width - width of the image, in pixels
+ * @throws SourceError if the image is tainted.
  */
 export function requireReadable(picture: CanvasImageSource, width: number, name: string): void {
   const canvas = document.createElement("canvas");
   [canvas.width, canvas.height] = [1, 1];
-  const pen = canvas.getContext("2d") as CanvasRenderingContext2D;
-  pen.drawImage(picture, 0, 0, width, width, 0, 0, 1, 1);
+  const context = canvas.getContext("2d") as CanvasRenderingContext2D;
+  context.drawImage(picture, 0, 0, width, width, 0, 0, 1, 1);
   try {
-    pen.getImageData(0, 0, 1, 1);
+    context.getImageData(0, 0, 1, 1);
   } catch {
     throw new SourceError(
-      `this page may not read the ${name}: its server has to allow it by` +
-        " Access-Control-Allow-Origin, and its element has to have the attribute crossorigin",
+      `this page must not read the ${name}: its server must send Access-Control-Allow-Origin, and` +
+        " its element must have the attribute crossorigin",
     );
   }
 }
 
-/** A video of an address, which begins to load. */
+/** Start to load a video. */
 export function openVideo(address: string, access: CrossOrigin): HTMLVideoElement {
   const video = document.createElement("video");
   video.crossOrigin = access;
@@ -120,35 +120,35 @@ export function openVideo(address: string, access: CrossOrigin): HTMLVideoElemen
 }
 
 /**
- * Waits until the size and the length of a video are known.
+ * Wait until the size and the duration of a video are known.
  *
- * @throws SourceError where it cannot be had; the reason of the signal, if that is aborted
+ * @throws SourceError if it cannot be loaded; the reason of the signal if that is aborted
  */
-export function metadataOf(video: HTMLVideoElement, signal: AbortSignal): Promise<void> {
+export function waitForMetadata(video: HTMLVideoElement, signal: AbortSignal): Promise<void> {
   return new Promise((resolve, reject) => {
     if (video.error) return reject(videoError(video));
     if (video.readyState >= video.HAVE_METADATA) return resolve();
-    const end = new AbortController();
-    const over = (settle: () => void) => () => {
-      end.abort();
+    const cleanup = new AbortController();
+    const finish = (settle: () => void) => () => {
+      cleanup.abort();
       settle();
     };
-    const listen = { signal: end.signal };
-    video.addEventListener("loadedmetadata", over(resolve), listen);
-    video.addEventListener("error", over(() => reject(videoError(video))), listen);
-    signal.addEventListener("abort", over(() => reject(signal.reason)), listen);
+    const options = { signal: cleanup.signal };
+    video.addEventListener("loadedmetadata", finish(resolve), options);
+    video.addEventListener("error", finish(() => reject(videoError(video))), options);
+    signal.addEventListener("abort", finish(() => reject(signal.reason)), options);
   });
 }
 
-/** What is wrong with a video, in words. */
+/** Create an error that describes the failure of a video. */
 export function videoError(video: HTMLVideoElement): SourceError {
   const { code = 0, message = "" } = video.error ?? {};
-  const reason = MEDIA_ERRORS[code] || "no reason is given";
+  const reason = MEDIA_ERRORS[code] || "unknown reason";
   const name = video.currentSrc || video.src || "without an address";
   return new SourceError(`cannot play the video ${name}: ${reason}${message && ` (${message})`}`);
 }
 
-/** Lets go what a video holds: its connection and decoded pictures. */
+/** Release the connection and the decoded images of a video. */
 export function closeVideo(video: HTMLVideoElement): void {
   video.pause();
   video.removeAttribute("src");

@@ -1,139 +1,149 @@
-// Pictures of a video as a texture: one is shown, another may be ready to be.
+// Images of a video as a texture: one is shown, another one may be captured.
 
 import * as THREE from "three";
 
 import { InvalidInputError } from "../../errors.js";
-import { type FrameNumber, numberIn, sizeOf } from "./frame_number.js";
+import { type FrameNumber, readFrameNumber, cellsSize } from "./frame_number.js";
 import { requireReadable } from "./texture_source.js";
 
-type Pen = CanvasRenderingContext2D;
+type Context2D = CanvasRenderingContext2D;
 
-/** Times that mean nothing are up to the first, or farther than the other from what is told. */
-const [EARLY_S, NEAR_S] = [0.02, 0.5];
+/** Frame timestamps are trusted if above the first, and if closer than this to the callback time. */
+const [MIN_TIMESTAMP_S, MAX_TIMESTAMP_DEVIATION_S] = [0.02, 0.5];
 
 /**
- * The picture of a video that is shown, and one that was taken and waits for its mesh.
+ * The shown image of a video, and a captured one that waits for its mesh.
  *
- * A video goes on by itself, also between two lines of a script. Hence a picture is copied when it
- * is taken, so that what is read in it and what the texture shows is one picture.
+ * A video advances concurrently with scripts. Images are therefore copied, so that the frame number
+ * and the texture come from the same image.
  */
 export class VideoPicture {
   readonly texture: THREE.CanvasTexture;
-  #shown = pen();
-  #taken = pen();
-  readonly #cells: { at: FrameNumber; pen: Pen } | null;
-  #isWaiting = false;
+  #shown = createContext();
+  #captured = createContext();
+  readonly #cells: { layout: FrameNumber; context: Context2D } | null;
+  #hasCaptured = false;
   #isReadable = false;
   /**
-   * Whether stills of the video have its times: in Chromium they do, also at the first picture,
-   * whose time tells nothing; in Firefox 153 not.
+   * Whether timestamps of `VideoFrame` are times of the video. True for Chromium, where the timestamp
+   * of the first image cannot show it; not for Firefox 153.
    */
-  #areStillsTimed = "userAgentData" in navigator;
+  #hasFrameTimestamps = "userAgentData" in navigator;
 
-  /** @param frameNumber - where pictures hold their numbers; null if they do not */
+  /** @param frameNumber - where images encode their frame number; null if they do not */
   constructor(frameNumber: FrameNumber | null) {
-    this.#cells = frameNumber && { at: frameNumber, pen: pen({ willReadFrequently: true }) };
+    this.#cells = frameNumber && {
+      layout: frameNumber,
+      context: createContext({ willReadFrequently: true }),
+    };
     this.texture = new THREE.CanvasTexture(this.#shown.canvas);
     this.texture.colorSpace = THREE.SRGBColorSpace;
     this.texture.wrapS = this.texture.wrapT = THREE.RepeatWrapping;
-    this.texture.generateMipmaps = false; // they would be made anew for each picture
+    this.texture.generateMipmaps = false; // they would be rebuilt for each image
     this.texture.minFilter = THREE.LinearFilter;
   }
 
   /**
-   * Takes the picture that the video shows now, and gives its time in seconds.
+   * Capture the current image of the video and return its time in seconds.
    *
-   * @param timeS - of the picture, as the browser says
-   * @throws SourceError where the page may not read the video.
-   * @throws InvalidInputError where the cells of numbers lie outside of it.
+   * @param timeS - time of the image as reported by the browser
+   * @throws SourceError if the page must not read the video.
+   * @throws InvalidInputError if the cells of frame numbers are outside of the image.
    */
-  take(video: HTMLVideoElement, timeS: number): number {
+  capture(video: HTMLVideoElement, timeS: number): number {
     const { videoWidth, videoHeight } = video;
-    fit(this.#taken.canvas, videoWidth, videoHeight);
-    const still = stillOf(video);
-    this.#taken.drawImage(still ?? video, 0, 0, videoWidth, videoHeight);
-    const stillS = still ? still.timestamp / 1e6 : NaN;
-    still?.close();
+    resize(this.#captured.canvas, videoWidth, videoHeight);
+    const videoFrame = captureVideoFrame(video);
+    this.#captured.drawImage(videoFrame ?? video, 0, 0, videoWidth, videoHeight);
+    const timestampS = videoFrame ? videoFrame.timestamp / 1e6 : NaN;
+    videoFrame?.close();
     if (!this.#isReadable) this.#check(video);
-    this.#isWaiting = true;
-    if (stillS > EARLY_S && Math.abs(stillS - timeS) < NEAR_S) this.#areStillsTimed = true;
-    return this.#areStillsTimed && !Number.isNaN(stillS) ? stillS : timeS;
+    this.#hasCaptured = true;
+    const deviationS = Math.abs(timestampS - timeS);
+    if (timestampS > MIN_TIMESTAMP_S && deviationS < MAX_TIMESTAMP_DEVIATION_S) {
+      this.#hasFrameTimestamps = true;
+    }
+    return this.#hasFrameTimestamps && !Number.isNaN(timestampS) ? timestampS : timeS;
   }
 
-  /** Whether pictures hold the numbers of their frames. */
-  get isNumbered(): boolean {
+  /** Whether images encode their frame numbers. */
+  get hasFrameNumbers(): boolean {
     return this.#cells !== null;
   }
 
-  /** The number of the frame in the picture that was taken; null where it cannot be read. */
+  /** Read the frame number in the captured image; null if it is unreadable. */
   readNumber(): number | null {
     if (!this.#cells) return null;
-    const { at, pen } = this.#cells;
-    const { width, height } = sizeOf(at);
-    fit(pen.canvas, width, height);
-    pen.drawImage(this.#taken.canvas, at.x, at.y, width, height, 0, 0, width, height);
-    return numberIn(pen.getImageData(0, 0, width, height).data, at);
+    const { layout, context } = this.#cells;
+    const { width, height } = cellsSize(layout);
+    resize(context.canvas, width, height);
+    context.drawImage(
+      this.#captured.canvas,
+      ...([layout.x, layout.y, width, height] as const),
+      ...([0, 0, width, height] as const),
+    );
+    return readFrameNumber(context.getImageData(0, 0, width, height).data, layout);
   }
 
-  /** Shows the picture that was taken; false where none was since the last one. */
+  /** Show the captured image; returns false if there is none. */
   show(): boolean {
-    if (!this.#isWaiting) return false;
-    this.#isWaiting = false;
-    [this.#shown, this.#taken] = [this.#taken, this.#shown];
+    if (!this.#hasCaptured) return false;
+    this.#hasCaptured = false;
+    [this.#shown, this.#captured] = [this.#captured, this.#shown];
     const [{ canvas }, { texture }] = [this.#shown, this];
-    const { width, height } = this.#taken.canvas;
-    if (canvas.width !== width || canvas.height !== height) texture.dispose(); // is made anew
+    const { width, height } = this.#captured.canvas;
+    if (canvas.width !== width || canvas.height !== height) texture.dispose(); // it cannot be resized
     texture.image = canvas;
     texture.needsUpdate = true;
     return true;
   }
 
-  /** Forgets the picture that was taken. */
-  drop(): void {
-    this.#isWaiting = false;
+  /** Discard the captured image. */
+  discard(): void {
+    this.#hasCaptured = false;
   }
 
-  /** Frees the pictures. */
+  /** Free the images. */
   dispose(): void {
     this.texture.dispose();
-    for (const { canvas } of [this.#shown, this.#taken]) fit(canvas, 0, 0);
+    for (const { canvas } of [this.#shown, this.#captured]) resize(canvas, 0, 0);
   }
 
   #check({ videoWidth, videoHeight, currentSrc }: HTMLVideoElement): void {
-    requireReadable(this.#taken.canvas, videoWidth, `video ${currentSrc}`);
+    requireReadable(this.#captured.canvas, videoWidth, `video ${currentSrc}`);
     this.#isReadable = true;
     if (!this.#cells) return;
-    const { x, y } = this.#cells.at;
-    const { width, height } = sizeOf(this.#cells.at);
+    const { x, y } = this.#cells.layout;
+    const { width, height } = cellsSize(this.#cells.layout);
     if (x + width <= videoWidth && y + height <= videoHeight) return;
     throw new InvalidInputError(
-      `cells of ${width} x ${height} pixels at (${x}, ${y}) do not lie in a video of ` +
-        `${videoWidth} x ${videoHeight}`,
+      `cells of ${width} x ${height} pixels at (${x}, ${y}) exceed the video of ` +
+        `${videoWidth} x ${videoHeight} pixels`,
     );
   }
 }
 
 /**
- * A still of a video: its picture and the time of that, where a busy page would get the time of one
- * picture and the pixels of the next. Null where there are none, as on pages without https.
+ * Capture the current image together with its timestamp; on a busy page, separate calls could mix
+ * two images. Null if `VideoFrame` is unavailable, as on pages without https.
  */
-function stillOf(video: HTMLVideoElement): VideoFrame | null {
+function captureVideoFrame(video: HTMLVideoElement): VideoFrame | null {
   if (typeof VideoFrame === "undefined") return null;
   try {
     return new VideoFrame(video);
   } catch {
-    return null; // it has no picture now, or may not be read, which is told where it is read
+    return null; // there is no image, or the page must not read it, which is reported when drawing
   }
 }
 
-function pen(settings?: CanvasRenderingContext2DSettings): Pen {
+function createContext(settings?: CanvasRenderingContext2DSettings): Context2D {
   const canvas = document.createElement("canvas");
   [canvas.width, canvas.height] = [1, 1];
-  return canvas.getContext("2d", settings) as Pen;
+  return canvas.getContext("2d", settings) as Context2D;
 }
 
-/** Keeps what is drawn where the size is the same. */
-function fit(canvas: HTMLCanvasElement, width: number, height: number): void {
+/** Resize a canvas, which clears it, only if necessary. */
+function resize(canvas: HTMLCanvasElement, width: number, height: number): void {
   if (canvas.width !== width) canvas.width = width;
   if (canvas.height !== height) canvas.height = height;
 }

@@ -1,4 +1,4 @@
-// How a player looks. A sheet of its own, which no content policy forbids.
+// The style sheet of players: a constructed one, which content policies always allow.
 
 const CSS = `
 :host {
@@ -28,7 +28,7 @@ const CSS = `
 [hidden] { display: none !important; }
 .stage, .poster, canvas { position: absolute; inset: 0; width: 100%; height: 100%; }
 canvas { display: block; outline: none; }
-.still { pointer-events: none; }
+.snapshot { pointer-events: none; }
 :host([controls]) :is(canvas, .poster) { height: calc(100% - 48px); }
 .poster { object-fit: contain; pointer-events: none; }
 canvas:focus-visible { box-shadow: inset 0 0 0 3px #1668b8, inset 0 0 0 5px #fff; }
@@ -157,8 +157,8 @@ input {
 
 let sheet: CSSStyleSheet | null = null;
 
-/** The sheet that all players share. */
-export function playerSheet(): CSSStyleSheet {
+/** Return the style sheet that all players share. */
+export function playerStyleSheet(): CSSStyleSheet {
   if (!sheet) {
     sheet = new CSSStyleSheet();
     sheet.replaceSync(CSS);

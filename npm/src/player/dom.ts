@@ -1,9 +1,9 @@
-// Elements of the page that a player is made of.
+// Creates the DOM elements of a player.
 
 const SVG = "http://www.w3.org/2000/svg";
 
-/** Shapes of 24 x 24, filled. */
-const SHAPES = {
+/** Icons as SVG paths, filled, in a box of 24 x 24. */
+const ICONS = {
   play: "M8 5v14l11-7z",
   pause: "M6 5h4v14H6zM14 5h4v14h-4z",
   loud: "M4 9v6h4l5 4V5L8 9zM15 9a4 4 0 0 1 0 6l1.3 1.5a6 6 0 0 0 0-9z",
@@ -12,11 +12,11 @@ const SHAPES = {
   small: "M9 4h2v7H4V9h5zM13 4h2v5h5v2h-7zM4 13h7v7H9v-5H4zM13 13h7v2h-5v5h-2z",
 } as const;
 
-/** The name of a shape. */
-export type Shape = keyof typeof SHAPES;
+/** The name of an icon. */
+export type Icon = keyof typeof ICONS;
 
-/** An element of a class with children. */
-export function made<Name extends keyof HTMLElementTagNameMap>(
+/** Create an element with a CSS class and children. */
+export function createElement<Name extends keyof HTMLElementTagNameMap>(
   name: Name,
   className: string,
   ...children: (Node | string)[]
@@ -27,26 +27,26 @@ export function made<Name extends keyof HTMLElementTagNameMap>(
   return element;
 }
 
-/** A button with a shape, whose label and shape say what it does. */
-export class ShapeButton {
+/** A button with an icon and a label. */
+export class IconButton {
   readonly element: HTMLButtonElement;
   readonly #path = document.createElementNS(SVG, "path");
 
-  constructor(className: string, shape: Shape, label: string, onClick: () => void) {
-    const picture = document.createElementNS(SVG, "svg");
-    picture.setAttribute("viewBox", "0 0 24 24");
-    picture.setAttribute("aria-hidden", "true");
-    picture.append(this.#path);
-    this.element = made("button", className, picture);
+  constructor(className: string, icon: Icon, label: string, onClick: () => void) {
+    const svg = document.createElementNS(SVG, "svg");
+    svg.setAttribute("viewBox", "0 0 24 24");
+    svg.setAttribute("aria-hidden", "true");
+    svg.append(this.#path);
+    this.element = createElement("button", className, svg);
     this.element.type = "button";
     this.element.addEventListener("click", onClick);
-    this.say(shape, label);
+    this.setAction(icon, label);
   }
 
-  /** Changes what it does. */
-  say(shape: Shape, label: string): void {
+  /** Set the icon and the label. */
+  setAction(icon: Icon, label: string): void {
     if (this.element.title === label) return;
-    this.#path.setAttribute("d", SHAPES[shape]);
+    this.#path.setAttribute("d", ICONS[icon]);
     this.element.title = label;
     this.element.setAttribute("aria-label", label);
   }

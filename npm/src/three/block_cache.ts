@@ -1,74 +1,74 @@
-// The blocks around the time: at most two are held, one is loaded at a time.
+// Caches the blocks around the current time: at most two blocks, loaded one at a time.
 
-/** The most blocks that are held. */
-export const MOST_HELD = 2;
+/** Limit of cached blocks. */
+export const MAX_BLOCKS = 2;
 
-/** Blocks by number, the wanted ones of which are loaded, and all others let go. */
-export class BlockWindow<Block> {
+/** Loads requested blocks and evicts all others. */
+export class BlockCache<Block> {
   readonly #load: (number: number, signal: AbortSignal) => Promise<Block>;
   readonly #release: (block: Block) => void;
-  readonly #onHeld: () => void;
+  readonly #onLoaded: () => void;
   readonly #onError: (number: number, error: Error) => void;
-  readonly #held = new Map<number, Block>();
+  readonly #blocks = new Map<number, Block>();
   readonly #damaged = new Set<number>();
   readonly #failed = new Set<number>();
   #loading: { number: number; abort: AbortController } | null = null;
 
   /**
-   * @param load - gives a block, or throws; its signal is aborted when the block is not wanted
-   * @param release - frees what a block holds beyond memory
-   * @param onHeld - is told when another block is there, and says again what is wanted
-   * @param onError - is told of a block that cannot be had, and says again what is wanted
+   * @param load - loads a block; its signal is aborted when the block is no longer requested
+   * @param release - frees resources of a block that is evicted
+   * @param onLoaded - called when a block is loaded; must call `request` again
+   * @param onError - called when a block fails to load; must call `request` again
    */
   constructor(
     load: (number: number, signal: AbortSignal) => Promise<Block>,
     release: (block: Block) => void,
-    onHeld: () => void,
+    onLoaded: () => void,
     onError: (number: number, error: Error) => void,
   ) {
     this.#load = load;
     this.#release = release;
-    this.#onHeld = onHeld;
+    this.#onLoaded = onLoaded;
     this.#onError = onError;
   }
 
-  /** The block if it is here. */
+  /** Return a block if it is loaded. */
   get(number: number): Block | undefined {
-    return this.#held.get(number);
+    return this.#blocks.get(number);
   }
 
-  /** Whether the bytes of a block are damaged, so that it will never be there. */
+  /** Whether a block is damaged; it is never requested again. */
   isDamaged(number: number): boolean {
     return this.#damaged.has(number);
   }
 
-  /** Has up to `MOST_HELD` blocks loaded, the first of them first, and no others. */
-  want(numbers: readonly number[]): void {
-    for (const [number, block] of this.#held) {
-      if (!numbers.includes(number)) this.#letGo(number, block);
+  /** Load up to `MAX_BLOCKS` blocks by descending priority, and evict all others. */
+  request(numbers: readonly number[]): void {
+    for (const [number, block] of this.#blocks) {
+      if (!numbers.includes(number)) this.#evict(number, block);
     }
     const missing = numbers.find((number) => this.#isMissing(number));
     if (this.#loading && this.#loading.number !== missing) this.#abort();
     if (missing !== undefined && !this.#loading) void this.#start(missing);
   }
 
-  /** Tries again what could not be had for another reason than damage. */
+  /** Allow blocks that failed to load to be requested again, except for damaged ones. */
   retry(): void {
     this.#failed.clear();
   }
 
-  /** Lets all blocks go, and aborts loading. */
+  /** Evict all blocks and abort loading. */
   clear(): void {
     this.#abort();
-    for (const [number, block] of this.#held) this.#letGo(number, block);
+    for (const [number, block] of this.#blocks) this.#evict(number, block);
   }
 
   #isMissing(number: number): boolean {
-    return !this.#held.has(number) && !this.#damaged.has(number) && !this.#failed.has(number);
+    return !this.#blocks.has(number) && !this.#damaged.has(number) && !this.#failed.has(number);
   }
 
-  #letGo(number: number, block: Block): void {
-    this.#held.delete(number);
+  #evict(number: number, block: Block): void {
+    this.#blocks.delete(number);
     this.#release(block);
   }
 
@@ -87,17 +87,17 @@ export class BlockWindow<Block> {
       if (abort.signal.aborted) return;
       this.#loading = null;
       const error = thrown instanceof Error ? thrown : new Error(String(thrown));
-      (isDamage(error) ? this.#damaged : this.#failed).add(number);
+      (isDamageError(error) ? this.#damaged : this.#failed).add(number);
       return this.#onError(number, error);
     }
     if (abort.signal.aborted) return this.#release(block);
     this.#loading = null;
-    this.#held.set(number, block);
-    this.#onHeld();
+    this.#blocks.set(number, block);
+    this.#onLoaded();
   }
 }
 
-// By name: a page may hold this class twice, once in each module of the package.
-function isDamage(error: Error): boolean {
+// Compares names, since a page may load the error classes twice, once per entry point.
+function isDamageError(error: Error): boolean {
   return /^(Corrupt|Truncated)StreamError$/.test(error.name);
 }

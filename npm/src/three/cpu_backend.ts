@@ -1,0 +1,100 @@
+// Fallback without WebGL 2: computes on the CPU.
+
+import * as THREE from "three";
+
+import type { BlockFields } from "../types.js";
+import { computeNormals, computePositions } from "./cpu_frames.js";
+import type { LoadedBlock, Picture } from "./loaded_block.js";
+import type { MeshSetup, Backend, AttributeSetup, AttributeBackend } from "./backend.js";
+
+/** Computes positions and normals on the CPU; three.js uploads them to the GPU. */
+export class CpuBackend implements Backend {
+  readonly #setup: MeshSetup;
+  readonly #geometry: THREE.BufferGeometry;
+  readonly isOnGpu = false;
+  readonly #fields = new Map<LoadedBlock, Int16Array>();
+  readonly #positions: Float32Array;
+  readonly #normals: Float32Array;
+  readonly #attributes: readonly (readonly [THREE.BufferAttribute, Float32Array, Uint32Array])[];
+
+  constructor(
+    setup: MeshSetup,
+    geometry: THREE.BufferGeometry,
+  ) {
+    this.#setup = setup;
+    this.#geometry = geometry;
+    const { info, drawing } = setup;
+    this.#positions = new Float32Array(3 * info.nVerts);
+    this.#normals = new Float32Array(3 * (drawing.shading?.vertices.length ?? info.nVerts));
+    const attribute = (name: string) => {
+      const created = new THREE.BufferAttribute(new Float32Array(3 * drawing.sources.length), 3);
+      geometry.setAttribute(name, created.setUsage(THREE.DynamicDrawUsage));
+      return created;
+    };
+    this.#attributes = [
+      [attribute("position"), this.#positions, drawing.sources],
+      [attribute("normal"), this.#normals, drawing.rows],
+    ];
+  }
+
+  canHold(): boolean {
+    return true;
+  }
+
+  upload(block: BlockFields, loaded: LoadedBlock): void {
+    this.#fields.set(loaded, block.fields);
+  }
+
+  release(block: LoadedBlock): void {
+    this.#fields.delete(block);
+  }
+
+  show(picture: Picture): void {
+    const { triangles, drawing, shift } = this.#setup;
+    const fieldsOf = (block: LoadedBlock) => this.#fields.get(block) as Int16Array;
+    computePositions(picture, fieldsOf, shift, this.#positions);
+    computeNormals(this.#positions, triangles, this.#normals, drawing.shading?.triangles);
+    for (const [attribute, values, rows] of this.#attributes) {
+      gather(values, rows, attribute.array as Float32Array);
+      attribute.needsUpdate = true;
+    }
+  }
+
+  read(into: Float32Array): void {
+    gather(this.#positions, this.#setup.drawing.sources, into);
+  }
+
+  createAttribute({ nItems, items, name, width, evaluate: coordinates }: AttributeSetup): AttributeBackend {
+    const geometry = this.#geometry;
+    const fields = new Map<LoadedBlock, Int16Array>();
+    const sums = new Float32Array(3 * nItems);
+    const previous = geometry.getAttribute(name);
+    const attribute = new THREE.BufferAttribute(new Float32Array(width * items.length), width);
+    geometry.setAttribute(name, attribute.setUsage(THREE.DynamicDrawUsage));
+    return {
+      upload: (block, loaded) => void fields.set(loaded, block.fields),
+      release: (block) => void fields.delete(block),
+      show(picture) {
+        computePositions(picture, (block) => fields.get(block) as Int16Array, [0, 0, 0], sums);
+        items.forEach((item, i) => attribute.array.set(coordinates(sums, 3 * item), width * i));
+        attribute.needsUpdate = true;
+      },
+      dispose() {
+        geometry.dispose(); // frees the buffers of all attributes; three.js uploads the rest again
+        geometry.deleteAttribute(name);
+        if (previous) geometry.setAttribute(name, previous);
+      },
+    };
+  }
+
+  dispose(): void {
+    this.#fields.clear();
+  }
+}
+
+/** Gather three numbers per source. */
+function gather(values: Float32Array, sources: Uint32Array, into: Float32Array): void {
+  for (let i = 0; i < into.length; i++) {
+    into[i] = values[3 * sources[Math.floor(i / 3)] + (i % 3)];
+  }
+}

@@ -1,0 +1,108 @@
+// Blocks without their fields, which only the backend holds.
+
+import type { BlockFields } from "../types.js";
+
+/** A block without its fields. */
+export interface LoadedBlock extends Omit<BlockFields, "fields"> {
+  /** Mean of the weights over its frames: nModes x 3. */
+  readonly meanWeights: Float32Array;
+}
+
+/** Remove the fields of a block. */
+export function withoutFields(block: BlockFields): LoadedBlock {
+  const { fields: _, ...rest } = block;
+  return { ...rest, meanWeights: meanWeights(block) };
+}
+
+function meanWeights({ weights, nModes, nFrames }: BlockFields): Float32Array {
+  const sums = new Float64Array(3 * nModes);
+  weights.forEach((weight, i) => (sums[i % sums.length] += weight));
+  return Float32Array.from(sums, (sum) => sum / nFrames);
+}
+
+/** A time: frame `t` of a block, or between it and frame `nextT` of the same or the next block. */
+export interface Moment {
+  readonly block: LoadedBlock;
+  readonly t: number;
+  readonly next: LoadedBlock;
+  readonly nextT: number;
+  /** Interpolation weight of the next frame, in [0, 1). */
+  readonly fraction: number;
+  /** Modes of each block that are animated; the others stay at their mean over the block. */
+  readonly nActiveModes: number;
+}
+
+/** A block and the weights of its modes: nModes x 3. */
+export interface WeightedBlock {
+  readonly block: LoadedBlock;
+  readonly weights: Float32Array;
+}
+
+/** The operands of a picture. */
+export interface Picture {
+  /** One block, or the two blocks between which the picture lies. */
+  readonly blocks: readonly WeightedBlock[];
+  /**
+   * Offsets of corrected vertices, three numbers each. Blocks are not corrected if some of their
+   * modes are inactive.
+   */
+  readonly corrections: ReadonlyMap<number, readonly number[]>;
+}
+
+/** Compute the operands of the picture at a moment. */
+export function composePicture(moment: Moment): Picture {
+  return { blocks: weightedBlocks(moment), corrections: blendCorrections(moment) };
+}
+
+function weightedBlocks({ block, t, next, nextT, fraction, nActiveModes }: Moment): WeightedBlock[] {
+  const current = frameWeights(block, t, 1 - fraction, nActiveModes);
+  if (fraction === 0) return [{ block, weights: current }];
+  const following = frameWeights(next, nextT, fraction, nActiveModes);
+  if (block === next) return [{ block, weights: current.map((one, i) => one + following[i]) }];
+  return [
+    { block, weights: current },
+    { block: next, weights: following },
+  ];
+}
+
+function frameWeights(block: LoadedBlock, t: number, factor: number, nActiveModes: number): Float32Array {
+  const { nModes, weights, meanWeights } = block;
+  const resting = usesAllModes(block, nActiveModes) ? Infinity : 3 * nActiveModes;
+  return weights
+    .subarray(3 * nModes * t, 3 * nModes * (t + 1))
+    .map((one, i) => factor * (i < resting ? one : meanWeights[i]));
+}
+
+function usesAllModes({ nBlockModes }: LoadedBlock, nActiveModes: number): boolean {
+  return nActiveModes >= nBlockModes;
+}
+
+/** Mean of all vertices in a picture, relative to the center of the file; ignores corrections. */
+export function meanPosition({ blocks }: Picture): [number, number, number] {
+  const mean: [number, number, number] = [0, 0, 0];
+  for (const { block, weights } of blocks) {
+    weights.forEach((weight, i) => {
+      mean[i % 3] += weight * block.means[Math.floor(i / 3)];
+    });
+  }
+  return mean;
+}
+
+function blendCorrections(moment: Moment): Map<number, number[]> {
+  const { block, t, next, nextT, fraction, nActiveModes } = moment;
+  const sums = new Map<number, number[]>();
+  const add = (from: LoadedBlock, frame: number, factor: number) => {
+    if (!usesAllModes(from, nActiveModes)) return;
+    for (let i = from.correctionStarts[frame]; i < from.correctionStarts[frame + 1]; i++) {
+      const vertex = from.correctionVertices[i];
+      const sum = sums.get(vertex) ?? [0, 0, 0];
+      sums.set(
+        vertex,
+        sum.map((one, axis) => one + factor * from.correctionOffsets[3 * i + axis]),
+      );
+    }
+  };
+  add(block, t, 1 - fraction);
+  if (fraction > 0) add(next, nextT, fraction);
+  return sums;
+}

@@ -1,0 +1,74 @@
+// Overrides the maps of materials by a texture, and restores them.
+
+import * as THREE from "three";
+
+import { InvalidInputError } from "../../errors.js";
+
+/** A material with a map. */
+type MappedMaterial = THREE.Material & { map: THREE.Texture | null; color?: THREE.Color };
+
+/** The original state of a material. */
+interface SavedState {
+  readonly material: MappedMaterial;
+  readonly map: THREE.Texture | null;
+  readonly color: THREE.Color | undefined;
+  readonly vertexColors: boolean;
+}
+
+/** Shows a texture on all materials that have a map. */
+export class MaterialOverride {
+  readonly #texture: THREE.Texture;
+  readonly #materials: readonly MappedMaterial[];
+  readonly #isDefault: (material: THREE.Material) => boolean;
+  #saved: SavedState[] = [];
+
+  /**
+   * @param materials - their colors are multiplied with the texture, except for default materials
+   * @param isDefault - whether a material is a default one, whose color must not tint the texture
+   * @throws InvalidInputError if no material has a map.
+   */
+  constructor(
+    texture: THREE.Texture,
+    materials: readonly THREE.Material[],
+    isDefault: (material: THREE.Material) => boolean,
+  ) {
+    this.#texture = texture;
+    this.#isDefault = isDefault;
+    this.#materials = materials.filter(hasMap);
+    if (this.#materials.length) return;
+    throw new InvalidInputError(
+      "no material of the mesh can show a texture: none has a map; use one such as" +
+        " MeshStandardMaterial",
+    );
+  }
+
+  /** Apply the texture to the materials. */
+  apply(): void {
+    if (this.#saved.length) return;
+    for (const material of this.#materials) {
+      const { map, color, vertexColors } = material;
+      this.#saved.push({ material, map, color: color?.clone(), vertexColors });
+      material.map = this.#texture;
+      if (this.#isDefault(material)) {
+        color?.set(0xffffff);
+        material.vertexColors = false;
+      }
+      material.needsUpdate = true;
+    }
+  }
+
+  /** Restore the materials. */
+  remove(): void {
+    for (const { material, map, color, vertexColors } of this.#saved) {
+      material.map = map;
+      material.vertexColors = vertexColors;
+      if (color) material.color?.copy(color);
+      material.needsUpdate = true;
+    }
+    this.#saved = [];
+  }
+}
+
+function hasMap(material: THREE.Material): material is MappedMaterial {
+  return "map" in material;
+}
