@@ -1,4 +1,4 @@
-"""Builds the add-on as an extension that Blender installs, with all Python packages it needs.
+"""Build the add-on as a Blender extension with all required Python packages.
 
     python integrations/blender/build.py -o meshreel_blender.zip
     python integrations/blender/build.py -o meshreel_blender.zip --platform linux-x64
@@ -23,7 +23,7 @@ REPOSITORY = Path(__file__).parents[2]
 MANIFEST = "blender_manifest.toml"
 
 PYTHON_VERSION = "3.11"
-"""Of Blender 4.2 to 5.0."""
+"""Python version of Blender 4.2 to 5.0."""
 
 PLATFORMS = {
     "linux-x64": [f"manylinux_2_{minor}_x86_64" for minor in (28, 27, 24, 17)]
@@ -32,7 +32,7 @@ PLATFORMS = {
     "macos-arm64": [f"macosx_{major}_0_arm64" for major in (12, 11)],
     "macos-x64": [f"macosx_{version}_x86_64" for version in ("11_0", "10_15", "10_14", "10_9")],
 }
-"""Blender's name of each platform, and the tags of wheels that run there."""
+"""Blender's name of each platform, and its wheel tags."""
 
 TARGETS = {
     "linux-x64": "linux-x86_64",
@@ -40,17 +40,17 @@ TARGETS = {
     "macos-arm64": "macosx-arm64",
     "macos-x64": "macosx-x86_64",
 }
-"""What the core calls each platform, in `core/compile.py`."""
+"""Name of each platform in `core/compile.py`."""
 
 NOT_NEEDED = frozenset({"click", "numpy", "pillow", "rich"})
-"""Blender brings NumPy; the others serve the command line and pictures."""
+"""Blender includes NumPy; the others are for the command line and rendering."""
 
 BOUNDS = {"scipy": "<1.16"}
-"""Newer ones do not run with NumPy 1.24, which Blender 4.2 and 4.3 have."""
+"""Newer versions do not run with NumPy 1.24 of Blender 4.2 and 4.3."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Build the zip that the command line asks for, and print its size."""
+    """Build the zip and print its size."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("-o", "--output", type=Path, required=True, help="the .zip to write")
     parser.add_argument(
@@ -66,7 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def collect_wheels(platforms: Iterable[str], folder: Path) -> list[Path]:
-    """The wheels that Blender needs on these platforms, downloaded or built into a folder."""
+    """Download or build the wheels for these platforms into a folder; return their paths."""
     for platform in platforms:
         _pip("wheel", "--no-deps", "--wheel-dir", folder, REPOSITORY, target=TARGETS[platform])
         tags = [part for tag in PLATFORMS[platform] for part in ("--platform", tag)]
@@ -78,9 +78,9 @@ def collect_wheels(platforms: Iterable[str], folder: Path) -> list[Path]:
 
 
 def requirements() -> list[str]:
-    """Requirements of meshreel that Blender does not bring, as pip writes them."""
+    """Requirements of meshreel that Blender does not include, in pip syntax."""
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text("utf-8"))["project"]
-    # Markers only leave out platforms that Blender does not run on.
+    # Markers exclude only platforms that Blender does not support.
     stated = [requirement.partition(";")[0].strip() for requirement in project["dependencies"]]
     names = [re.split(r"[<>=!~ \[]", one, maxsplit=1)[0] for one in stated]
     return [
@@ -99,12 +99,12 @@ def write_extension(output: Path, platforms: Iterable[str], wheels: Iterable[Pat
         archive.write(REPOSITORY / "LICENSE", "LICENSE")
         for module in sorted(ADD_ON.glob("*.py")):
             archive.write(module, module.name)
-        for wheel in wheels:  # they are compressed already
+        for wheel in wheels:  # already compressed
             archive.write(wheel, f"wheels/{wheel.name}", zipfile.ZIP_STORED)
 
 
 def manifest_with(manifest: str, platforms: Iterable[str], wheels: Iterable[Path]) -> str:
-    """A manifest that names platforms and wheels, before its first table."""
+    """Manifest with platforms and wheels inserted before its first table."""
     top, table, rest = manifest.partition("\n[")
     return (
         top

@@ -1,5 +1,5 @@
-// Decodes .reel files in C#, with the C library of meshreel: docs/guides/engines.md has examples. Needs Native.cs, and
-// libmeshreel.so, libmeshreel.dylib or libmeshreel.dll where the runtime looks for libraries. C# 7.2 without unsafe code,
+// C# binding of the C library of meshreel; docs/guides/engines.md has examples. Needs Native.cs, and
+// libmeshreel.so, libmeshreel.dylib or libmeshreel.dll in the library path of the runtime. C# 7.2 without unsafe code,
 // for .NET Framework 4.6, Mono, Unity 2019 and later, and .NET.
 
 using System;
@@ -20,7 +20,7 @@ namespace Meshreel
 
     public enum ReelDomain { Vertices = 0, Faces = 1, Corners = 2 }
 
-    /// <summary>Type of a number; `Own` is that of the track.</summary>
+    /// <summary>Number type; `Own` is that of the track.</summary>
     public enum ReelType
     {
         Own = 0, Float32 = 4, Float64 = 8, UInt8 = 17, UInt16 = 18, UInt32 = 20, UInt64 = 24, Int8 = 33, Int16 = 34,
@@ -42,9 +42,9 @@ namespace Meshreel
     public sealed class ReelException : Exception
     {
         public ReelCode Code { get; }
-        /// <summary>Byte of the file where the fault was found; null if not known.</summary>
+        /// <summary>Byte of the file at which the error was found; null if unknown.</summary>
         public long? Offset { get; }
-        /// <summary>Unreadable: size of the range at `Offset`. Limit, NoMemory: bytes that would be held.</summary>
+        /// <summary>Unreadable: size of the range at `Offset`. Limit, NoMemory: bytes that would be allocated.</summary>
         public long Size { get; }
 
         internal ReelException(ReelCode code, string message, long? offset, long size, Exception cause)
@@ -61,14 +61,14 @@ namespace Meshreel
         private int threads;
         private long memoryLimit;
 
-        /// <summary>Threads that share the work of a call, at least 1; by default one for each core.</summary>
+        /// <summary>Threads that share the work of a call, at least 1; by default one per core.</summary>
         public int Threads
         {
             get { return threads == 0 ? Environment.ProcessorCount : threads; }
             set { threads = value > 0 ? value : throw new ArgumentOutOfRangeException("value", value, "at least 1"); }
         }
 
-        /// <summary>Bytes that a file, and each decoder, may hold; 0: 8 GiB.</summary>
+        /// <summary>Memory limit of a file and of each decoder, in bytes; 0: 8 GiB.</summary>
         public long MemoryLimit
         {
             get { return memoryLimit; }
@@ -78,7 +78,7 @@ namespace Meshreel
         internal ReelOptions Copy() => (ReelOptions)MemberwiseClone();
     }
 
-    /// <summary>What a file holds, or a segment that is open as one; see `meshreel_info` of meshreel.h.</summary>
+    /// <summary>Metadata of a file, or of a segment opened as one; see `meshreel_info` in meshreel.h.</summary>
     public sealed class ReelInfo
     {
         private Native.info c;
@@ -90,10 +90,10 @@ namespace Meshreel
         }
 
         public string Name { get; }
-        /// <summary>Frames per second; 0: not known.</summary>
+        /// <summary>Frames per second; 0 if unknown.</summary>
         public double Fps => c.fps;
         public double StartSeconds => c.start_s;
-        /// <summary>Bound of the displacement of any vertex, in percent of `Diagonal`; 0: none.</summary>
+        /// <summary>Error bound of any vertex, in percent of `Diagonal`; 0 if none.</summary>
         public double PromisePercent => c.promise_percent;
         /// <summary>x, y and z of the center of the bounding box of all frames.</summary>
         public double[] Center => new[] { c.center.x, c.center.y, c.center.z };
@@ -106,26 +106,26 @@ namespace Meshreel
         public int CornerCount => checked((int)c.n_corners);
         public int BlockCount => checked((int)c.n_blocks);
         public int LongestBlock => checked((int)c.longest_block);
-        /// <summary>Tracks with the positions, which are track 0; 0 of a file of several segments.</summary>
+        /// <summary>Number of tracks including the positions, track 0; 0 for a file with several segments.</summary>
         public int TrackCount => checked((int)c.n_tracks);
         public int SegmentCount => checked((int)c.n_segments);
         /// <summary>Number type of the positions.</summary>
         public ReelType PositionType => (ReelType)c.number_bytes;
         public int Method => (int)c.method;
-        /// <summary>0: vertices and faces keep the order that was encoded; 1: vertices do; 2: neither.</summary>
+        /// <summary>Preserved order: 0: of vertices and faces; 1: of vertices; 2: none.</summary>
         public int Order => (int)c.order;
-        /// <summary>Why the end of the file is missing, or null: it is whole.</summary>
+        /// <summary>Why the end of the file is missing; null if the file is complete.</summary>
         public ReelException Damage { get; }
     }
 
-    /// <summary>Frames, mesh and bytes of a segment.</summary>
+    /// <summary>Frames, mesh size and byte range of a segment.</summary>
     public struct ReelSegment
     {
         public int FirstFrame, FrameCount, VertexCount, TriangleCount;
         public long Offset, SizeBytes;
     }
 
-    /// <summary>Frames of a block, and the bytes of one track in it.</summary>
+    /// <summary>Frames of a block, and the byte range of one track in it.</summary>
     public struct ReelBlock
     {
         public int FirstFrame, FrameCount;
@@ -148,12 +148,12 @@ namespace Meshreel
         public ReelTrackKind Kind => (ReelTrackKind)c.kind;
         public ReelDomain Domain => (ReelDomain)c.domain;
         public ReelType Type => (ReelType)c.type;
-        /// <summary>Numbers of a value.</summary>
+        /// <summary>Numbers per value.</summary>
         public int ColumnCount => checked((int)c.n_columns);
-        /// <summary>Values of a frame.</summary>
+        /// <summary>Values per frame.</summary>
         public int ItemCount => checked((int)c.n_items);
         public bool IsExact => c.is_exact != 0;
-        /// <summary>Largest error of a value, in its unit, of normals in degrees; 0: none.</summary>
+        /// <summary>Error bound of a value, in its unit, for normals in degrees; 0 if none.</summary>
         public double Bound => c.bound;
     }
 
@@ -164,12 +164,12 @@ namespace Meshreel
         public string Name { get; internal set; }
         public ReelAttributeKind Kind { get; internal set; }
         public ReelDomain Domain { get; internal set; }
-        /// <summary>Numbers of a row.</summary>
+        /// <summary>Numbers per row.</summary>
         public int Width { get; internal set; }
         /// <summary>Rows of `Width` numbers: float[], double[], byte[] or another array of numbers.</summary>
         public Array Values { get; internal set; }
         public int[] Rows { get; internal set; }
-        /// <summary>Items refer to rows; else rows only save space, and each item has its own value.</summary>
+        /// <summary>Items share rows as in an indexed attribute; otherwise rows only save space.</summary>
         public bool IsIndexed { get; internal set; }
 
         /// <summary>Number `column` of an item, as a double.</summary>
@@ -179,7 +179,7 @@ namespace Meshreel
         }
     }
 
-    /// <summary>Groups of faces: face i is in group `Labels[OfFaces[i]]`, or in none where it is -1.</summary>
+    /// <summary>Face groups: face i is in group `Labels[OfFaces[i]]`, or in none if that is -1.</summary>
     public sealed class ReelGroups
     {
         public string Name { get; internal set; }
@@ -203,14 +203,14 @@ namespace Meshreel
         public ReelWrap WrapV { get; internal set; }
         public ReelFilter Magnified { get; internal set; }
         public ReelFilter Shrunk { get; internal set; }
-        /// <summary>Name of the attribute with its texture coordinates.</summary>
+        /// <summary>Name of the UV attribute.</summary>
         public string Uv { get; internal set; }
         public double[] Offset { get; internal set; }
         public double Rotation { get; internal set; }
         public double[] Scale { get; internal set; }
     }
 
-    /// <summary>A material as in glTF. Textures are null where there is none.</summary>
+    /// <summary>A material with the parameters of glTF. Missing textures are null.</summary>
     public sealed class ReelMaterial
     {
         public string Name { get; internal set; }
@@ -232,7 +232,7 @@ namespace Meshreel
         public ReelTexture EmissiveTexture { get; internal set; }
     }
 
-    /// <summary>An image file: bytes of the .reel file, which `ReelFile.Read` returns.</summary>
+    /// <summary>An image file: a byte range of the .reel file, for `ReelFile.Read`.</summary>
     public sealed class ReelImage
     {
         public string Name { get; internal set; }
@@ -241,7 +241,7 @@ namespace Meshreel
         public long SizeBytes { get; internal set; }
     }
 
-    /// <summary>What the surface has beside triangles.</summary>
+    /// <summary>The surface: everything about the mesh but positions and triangles.</summary>
     public sealed class ReelSurface
     {
         /// <summary>Corners of each face, or null: all are triangles. A face of n corners is the next n - 2 triangles,
@@ -252,7 +252,7 @@ namespace Meshreel
         public ReelPart[] Parts { get; internal set; }
         public ReelMaterial[] Materials { get; internal set; }
         public ReelImage[] Images { get; internal set; }
-        /// <summary>Two vertices each: faces do not share normals across them. Empty: there are none.</summary>
+        /// <summary>Edges, two vertices each, across which faces do not share normals.</summary>
         public int[] HardEdges { get; internal set; }
 
         internal ReelSurface(Native.surface c, int faceCount)
@@ -306,12 +306,12 @@ namespace Meshreel
         }
     }
 
-    /// <summary>A track in a block as a sum of modes, to multiply on a graphics card; see `meshreel_modes` of
+    /// <summary>A track in a block as a sum of modes, for evaluation on the GPU; see `meshreel_modes` in
     /// meshreel.h.</summary>
     public sealed class ReelModes
     {
         public int FrameCount { get; internal set; }
-        /// <summary>0: the track is no sum of modes in this block.</summary>
+        /// <summary>0: the track has no modes in this block.</summary>
         public int ModeCount { get; internal set; }
         public int ColumnCount { get; internal set; }
         public int ItemCount { get; internal set; }
@@ -324,9 +324,9 @@ namespace Meshreel
         public int[] Rows { get; internal set; }
         /// <summary>For each column, `FrameCount` rows of `ModeCount` numbers.</summary>
         public double[] Basis { get; internal set; }
-        /// <summary>The item of each item of the track, or null: its own.</summary>
+        /// <summary>Item whose modes each item of the track shares; null: its own.</summary>
         public int[] Shared { get; internal set; }
-        /// <summary>Corrections of frame t are `CorrectionStarts[t]` up to `CorrectionStarts[t + 1]`; null: none.</summary>
+        /// <summary>Corrections of frame t: `CorrectionStarts[t]` to `CorrectionStarts[t + 1] - 1`; null if none.</summary>
         public long[] CorrectionStarts { get; internal set; }
         public int[] Corrected { get; internal set; }
         public double[] Corrections { get; internal set; }
@@ -359,7 +359,7 @@ namespace Meshreel
         }
     }
 
-    /// <summary>An open .reel file, or one of its segments. All members may be used by any threads at the same time. It is
+    /// <summary>An open .reel file, or one of its segments. All members are thread-safe. It is
     /// closed once it and its decoders are disposed.</summary>
     public sealed class ReelFile : IDisposable
     {
@@ -371,7 +371,7 @@ namespace Meshreel
         internal FileHandle Handle { get; }
 
         public ReelInfo Info { get; }
-        /// <summary>Descriptions of the tracks, the positions first; empty of a file of several segments.</summary>
+        /// <summary>Tracks, with the positions first; empty for a file with several segments.</summary>
         public IReadOnlyList<ReelTrack> Tracks => tracks;
 
         private ReelFile(Host host, ReelFile whole, uint segment)
@@ -419,13 +419,13 @@ namespace Meshreel
             return new ReelFile(new Host(bytes, null, false, options), null, 0);
         }
 
-        /// <summary>Open a file on disk; the ranges that a call needs are read when it needs them.</summary>
+        /// <summary>Open a file on disk; ranges are read on demand.</summary>
         public static ReelFile Open(string path, ReelOptions options = null)
         {
             return Open(File.OpenRead(path), false, options);
         }
 
-        /// <summary>Open a file in a stream that can seek, such as an asset in an archive. Only one call reads at a time.
+        /// <summary>Open a file in a seekable stream, such as an asset in an archive. Reads are serialized.
         /// The stream is disposed with the file, unless `leaveOpen`.</summary>
         public static ReelFile Open(Stream stream, bool leaveOpen = false, ReelOptions options = null)
         {
@@ -438,7 +438,7 @@ namespace Meshreel
 
         public void Dispose() => Handle.Dispose();
 
-        /// <summary>Describe segment `number`, from 0.</summary>
+        /// <summary>Describe segment `number`, counted from 0.</summary>
         public ReelSegment Segment(int number)
         {
             Native.segment c;
@@ -457,14 +457,14 @@ namespace Meshreel
             return checked((int)Native.meshreel_segment_of_frame(Handle, (uint)frame));
         }
 
-        /// <summary>Open a segment as a separate file, whose frames begin at 0; also of files with a single one.</summary>
+        /// <summary>Open a segment as a separate file, whose frames are counted from 0.</summary>
         public ReelFile OpenSegment(int number)
         {
             Segment(number); // throws if there is none
             return new ReelFile(Handle.Host, this, (uint)number);
         }
 
-        /// <summary>Describe block `number`, with the bytes of a track.</summary>
+        /// <summary>Describe block `number`, with the byte range of a track.</summary>
         public ReelBlock Block(int number, int track = 0)
         {
             Native.block c;
@@ -482,7 +482,7 @@ namespace Meshreel
             return checked((int)Native.meshreel_block_of_frame(Handle, (uint)frame));
         }
 
-        /// <summary>Number of modes of a track in a block; 0: its values are exact. Decodes nothing.</summary>
+        /// <summary>Number of modes of a track in a block; 0 if its values are exact.</summary>
         public int ModeCount(int block, int track = 0)
         {
             Native.group c;
@@ -491,7 +491,7 @@ namespace Meshreel
             return checked((int)c.n_modes);
         }
 
-        /// <summary>Three vertices each, counterclockwise from the front if they were given so. The same array each time:
+        /// <summary>Three vertices per triangle, counterclockwise from the front if encoded so. A shared array:
         /// do not change it. The first call decodes the mesh.</summary>
         public int[] Triangles
         {
@@ -502,7 +502,7 @@ namespace Meshreel
             }
         }
 
-        /// <summary>What the surface has beside triangles. The first call decodes it.</summary>
+        /// <summary>The surface. The first call decodes it.</summary>
         public ReelSurface Surface
         {
             get
@@ -586,8 +586,8 @@ namespace Meshreel
         }
     }
 
-    /// <summary>Where decoded numbers go: value i of frame t begins at byte `Offset + t FrameStride + i ValueStride`. A
-    /// stride of 0 is the packed one.</summary>
+    /// <summary>Layout of decoded values: value i of frame t begins at byte `Offset + t FrameStride + i ValueStride`. A
+    /// stride of 0 means packed.</summary>
     public struct ReelLayout
     {
         /// <summary>`Own`, or `Float32` for a track of doubles.</summary>
@@ -595,8 +595,8 @@ namespace Meshreel
         public long Offset, ValueStride, FrameStride;
     }
 
-    /// <summary>Decodes frames. It holds two blocks of each track that it has decoded. Calls of several threads take turns;
-    /// decoders of their own work at the same time.</summary>
+    /// <summary>Decodes frames. Caches two decoded blocks of each track. Calls from several threads are serialized;
+    /// separate decoders work in parallel.</summary>
     public sealed class ReelDecoder : IDisposable
     {
         private readonly ReelFile file;
@@ -628,8 +628,8 @@ namespace Meshreel
 
         public void Dispose() => handle.Dispose();
 
-        /// <summary>Load a track of a block, which takes time; decoding does it otherwise. With `modes` above 0 it is a
-        /// preview, in which only so many modes move.</summary>
+        /// <summary>Load a track of a block in advance, which is the slow part of decoding. With `modes` above 0 it is a
+        /// preview with only that many animated modes.</summary>
         public void Load(int track, int block, int modes = 0)
         {
             using (Use())
@@ -640,8 +640,8 @@ namespace Meshreel
             }
         }
 
-        /// <summary>Decode `count` frames to an array of numbers or of blittable structures. A float[] gets floats of
-        /// doubles, too; other arrays of numbers must have the type of the track.</summary>
+        /// <summary>Decode `count` frames to an array of numbers or of blittable structures. A float[] receives converted
+        /// doubles too; other arrays of numbers must have the type of the track.</summary>
         /// <exception cref="ReelException">The file is damaged, or a frame is out of range.</exception>
         /// <exception cref="ArgumentException">The array is too short, or of another type.</exception>
         public void Decode<T>(
@@ -725,7 +725,7 @@ namespace Meshreel
             return values;
         }
 
-        /// <summary>Decode `count` frames to a new array of the track's own type: float[], byte[] or another.</summary>
+        /// <summary>Decode `count` frames to a new array of the number type of the track.</summary>
         public Array Frames(int track, int first, int count, int modes = 0)
         {
             ReelTrack what = Track(track);
@@ -757,8 +757,8 @@ namespace Meshreel
             }
         }
 
-        /// <summary>Normals of the vertices of a frame, from its positions: float[], double[], or structures of three of
-        /// them such as Vector3. Of length 1, or 0 where undefined.</summary>
+        /// <summary>Compute vertex normals from the positions of a frame: float[], double[], or structures of three of
+        /// them such as Vector3. Normals have length 1, or 0 if undefined.</summary>
         public void Normals<T>(T[] positions, T[] normals) where T : struct
         {
             if (positions == null || normals == null)
@@ -802,7 +802,7 @@ namespace Meshreel
 
         private Turn Use() => new Turn(this);
 
-        /// <summary>One thread uses a decoder, and none writes the file meanwhile.</summary>
+        /// <summary>Lock the decoder, and keep other threads from modifying the file.</summary>
         private struct Turn : IDisposable
         {
             private readonly ReelDecoder decoder;
@@ -821,7 +821,7 @@ namespace Meshreel
             }
         }
 
-        /// <summary>What elements of arrays are in memory.</summary>
+        /// <summary>The memory layout of array elements.</summary>
         private static class Element<T>
         {
             internal static readonly bool IsBlittable = HasNumbersOnly(typeof(T));

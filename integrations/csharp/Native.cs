@@ -1,5 +1,5 @@
 // Functions, structures and callbacks of core/include/meshreel.h, for Meshreel.cs. Names of structures and fields are
-// those of the header, which says what they mean; a test compares sizes and offsets with core/reader/abi.txt.
+// those of the header, which documents them; a test compares sizes and offsets with core/reader/abi.txt.
 #pragma warning disable 169, 649 // fields that the library alone reads or fills
 
 using System;
@@ -13,7 +13,7 @@ using System.Threading.Tasks;
 
 namespace Meshreel
 {
-    /// <summary>Unity's ahead-of-time compiler finds callbacks by an attribute of this name.</summary>
+    /// <summary>Unity's ahead-of-time compiler finds callbacks by this attribute name.</summary>
     [AttributeUsage(AttributeTargets.Method)]
     internal sealed class MonoPInvokeCallbackAttribute : Attribute
     {
@@ -169,7 +169,7 @@ namespace Meshreel
         [DllImport(Library, CallingConvention = C)] internal static extern int meshreel_normals(
             DecoderHandle decoder, uint type, IntPtr positions, IntPtr normals, out error error);
 
-        /// <summary>Throw what a function reported, unless it succeeded.</summary>
+        /// <summary>Throw the error that a function reported, unless it succeeded.</summary>
         internal static void Check(int code, ref error error)
         {
             if (code != 0)
@@ -188,7 +188,7 @@ namespace Meshreel
 
         internal static T At<T>(IntPtr address) => (T)Marshal.PtrToStructure(address, typeof(T));
 
-        /// <summary>Make an object of each structure of an array in C.</summary>
+        /// <summary>Convert an array of C structures to objects.</summary>
         internal static TResult[] Each<T, TResult>(IntPtr address, uint count, Func<T, TResult> make)
         {
             var made = new TResult[checked((int)count)];
@@ -208,7 +208,7 @@ namespace Meshreel
             { ReelType.Int64, typeof(long) },
         };
 
-        /// <summary>Copy an array of numbers; null of NULL.</summary>
+        /// <summary>Copy an array of numbers; null for NULL.</summary>
         internal static T[] Copied<T>(IntPtr address, long count)
         {
             return (T[])Copied(address, NumberTypes.First(number => number.Value == typeof(T)).Key, count);
@@ -231,7 +231,7 @@ namespace Meshreel
         }
     }
 
-    /// <summary>What the library takes from this program: bytes, memory and threads. Files and their segments share one,
+    /// <summary>The host of the library: provides bytes, memory and threads. Files and their segments share one,
     /// which the last of them releases.</summary>
     internal sealed class Host
     {
@@ -246,7 +246,7 @@ namespace Meshreel
         [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
         private delegate void TaskFunction(IntPtr shared, uint i);
 
-        // Static, so that they are never collected.
+        // Static, so that the garbage collector keeps them.
         private static readonly ReadFunction ReadDelegate = Read;
         private static readonly AllocateFunction AllocateDelegate = Allocate;
         private static readonly ReleaseFunction ReleaseDelegate = Release;
@@ -273,7 +273,7 @@ namespace Meshreel
             piece = stream == null ? null : new byte[1 << 16];
         }
 
-        /// <summary>The exception that `Read` of this thread ended with last.</summary>
+        /// <summary>The last exception of `Read` on this thread.</summary>
         internal static Exception TakeFault()
         {
             Exception found = fault;
@@ -329,7 +329,7 @@ namespace Meshreel
             }
         }
 
-        /// <summary>Copy bytes of the file, called on any thread.</summary>
+        /// <summary>Copy bytes of the file; callable on any thread.</summary>
         internal void Read(long offset, long size, Action<byte[], int> take)
         {
             lock (turn)
@@ -377,7 +377,7 @@ namespace Meshreel
             }
         }
 
-        /// <summary>Memory aligned to 64 bytes; the address of the whole block is stored in front of it.</summary>
+        /// <summary>Memory aligned to 64 bytes; the address of the allocation is stored before it.</summary>
         [MonoPInvokeCallback(typeof(AllocateFunction))]
         private static IntPtr Allocate(IntPtr user, UIntPtr size)
         {
@@ -411,7 +411,7 @@ namespace Meshreel
             }
             catch (Exception exception)
             {
-                // It must not cross the library, which cannot go on without its tasks.
+                // The exception must not pass through the library, which waits for its tasks.
                 Environment.FailFast("meshreel cannot run tasks on threads", exception);
             }
         }
@@ -438,7 +438,7 @@ namespace Meshreel
         }
     }
 
-    /// <summary>A file in C; it is closed after its decoders, which hold references.</summary>
+    /// <summary>The handle of a file; it is closed after its decoders, which hold references.</summary>
     internal sealed class FileHandle : SafeHandle
     {
         internal readonly Host Host;

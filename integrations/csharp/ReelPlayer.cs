@@ -1,5 +1,5 @@
 // Plays a .reel file in Unity, 2019.3 and later: a component that fills the mesh of a MeshFilter. Needs Meshreel.cs and
-// Native.cs. docs/guides/engines.md says how to use it, and what was tested.
+// Native.cs. docs/guides/engines.md describes how to use it, and what was tested.
 
 using System;
 using System.Collections.Generic;
@@ -40,12 +40,12 @@ namespace Meshreel
         private Task<Clip> pending;
         private Mesh mesh;
 
-        /// <summary>What the file holds; null before `Open`.</summary>
+        /// <summary>Metadata of the file; null before `Open`.</summary>
         public ReelInfo Info => file?.Info;
         public bool isPlaying { get; private set; }
-        /// <summary>Seconds from the first frame.</summary>
+        /// <summary>Time in seconds since the first frame.</summary>
         public double time { get; set; }
-        /// <summary>The frame that is shown; -1: none yet.</summary>
+        /// <summary>The current frame; -1 if none is shown yet.</summary>
         public int frame { get; private set; } = -1;
         public double duration => file == null ? 0 : file.Info.FrameCount / Fps;
         private double Fps => file.Info.Fps > 0 ? file.Info.Fps : defaultFps;
@@ -53,7 +53,7 @@ namespace Meshreel
         public void Play() => isPlaying = true;
         public void Pause() => isPlaying = false;
 
-        /// <summary>Open the file of `asset` or `path`, and close the one before.</summary>
+        /// <summary>Open the file of `asset` or `path`, and close the previous one.</summary>
         /// <exception cref="ReelException">The file is damaged.</exception>
         public void Open()
         {
@@ -73,7 +73,7 @@ namespace Meshreel
 
         public void Close()
         {
-            // A task may still use the file; handles close once it is done.
+            // A task may still use the file; its handle is closed afterwards.
             pending?.ContinueWith(task => (task.Exception == null ? task.Result : null)?.Dispose());
             pending = null;
             clip?.Dispose();
@@ -136,7 +136,7 @@ namespace Meshreel
             }
         }
 
-        /// <summary>Show a frame, unless it is shown or its block has yet to be loaded.</summary>
+        /// <summary>Show a frame, unless it is current or its block is not loaded yet.</summary>
         private void Show(int wanted)
         {
             if (wanted == frame || !IsLoaded(wanted))
@@ -198,7 +198,7 @@ namespace Meshreel
             return clip.Holds(wanted) || IsLoaded(wanted); // another frame may be wanted by now
         }
 
-        /// <summary>Load the block of a frame by the spare decoder, or open its segment.</summary>
+        /// <summary>Load the block of a frame with the spare decoder, or open its segment.</summary>
         private Task<Clip> Prepare(int wanted)
         {
             ReelFile from = file;
@@ -223,7 +223,7 @@ namespace Meshreel
             return done.Task;
         }
 
-        /// <summary>An open segment, with two decoders: one shows a block, the other one loads the next.</summary>
+        /// <summary>An open segment with two decoders: one for the current block, one to load the next.</summary>
         private sealed class Clip : IDisposable
         {
             private readonly ReelFile file;
@@ -285,7 +285,7 @@ namespace Meshreel
 
             internal bool Holds(int frame) => IsHere(frame) && file.BlockOfFrame(frame - frames.FirstFrame) == block;
 
-            /// <summary>The first frame, counted in the whole file, of what is played after the block of a frame.</summary>
+            /// <summary>First frame, counted in the whole file, that is played after the block of a frame.</summary>
             internal int After(int frame, bool backwards)
             {
                 ReelBlock now = file.Block(file.BlockOfFrame(frame - frames.FirstFrame));
@@ -351,8 +351,8 @@ namespace Meshreel
 
             private static Vector2 Uv(ReelAttribute uv, int item) => new Vector2((float)uv.At(item, 0), (float)uv.At(item, 1));
 
-            /// <summary>Make a vertex of each vertex and texture coordinate that occur together, as a mesh of Unity has one
-            /// coordinate for each vertex.</summary>
+            /// <summary>Create a Unity vertex for each combination of vertex and UV, since Unity meshes have one
+            /// UV per vertex.</summary>
             private int[] Split(int[] corners, ReelAttribute uv, out Vector2[] coordinates)
             {
                 var numbers = new Dictionary<long, int>();
@@ -378,7 +378,7 @@ namespace Meshreel
                 return vertices.ToArray();
             }
 
-            /// <summary>Triangles of each material, in the order of its labels; those of faces without one come last.</summary>
+            /// <summary>Triangles of each material, in the order of labels; faces without one come last.</summary>
             private int[][] Submeshes(int[] corners)
             {
                 ReelGroups groups = file.Surface.Groups.FirstOrDefault(one => one.Name == "material");
@@ -396,7 +396,7 @@ namespace Meshreel
                     .Select(list => list.ToArray()).ToArray();
             }
 
-            /// <summary>Call with the number of each triangle, of its face, and of its first and second corner; the third
+            /// <summary>Call with the index of each triangle, of its face, and of its first and second corner; the third
             /// follows the second.</summary>
             private void EachTriangle(Action<int, int, int, int> act)
             {

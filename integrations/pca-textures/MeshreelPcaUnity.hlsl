@@ -1,6 +1,6 @@
-// Plays PCA textures of meshreel in Unity: for a Custom Function node of a Shader Graph, with
-// meshreel_pca.hlsl in the same folder. UV1 is what the second texture coordinates of the mesh say,
-// as glTFast imports them; Frame counts from 0.
+// Plays PCA textures of meshreel in Unity: the code of a Custom Function node of a Shader Graph. Needs
+// meshreel_pca.hlsl in the same folder. UV1 is the second UV set of the mesh, as glTFast imports it; Frame is
+// counted from 0.
 #ifndef MESHREEL_PCA_UNITY
 #define MESHREEL_PCA_UNITY
 
@@ -12,7 +12,7 @@ float3 MeshreelPcaAdded(Texture2D<float4> Tex, float2 Place, float Frame, float 
 void MeshreelPca_float(UnityTexture2D Tex, float2 UV1, float Frame, float3 Position, float3 Normal,
                        out float3 MovedPosition, out float3 MovedNormal)
 {
-    // Importers of glTF for Unity mirror x, and turn v over.
+    // glTF importers for Unity mirror x and flip v.
     float2 place = float2(UV1.x, 1.0 - UV1.y);
     float3 mirror = float3(-1.0, 1.0, 1.0);
     MovedPosition = Position + mirror * MeshreelPcaAdded(Tex.tex, place, Frame, 0.0);

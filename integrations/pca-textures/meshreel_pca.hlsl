@@ -1,5 +1,5 @@
-// What PCA textures of meshreel add to a vertex at rest (Section 0) or to its normal (Section 1), in
-// the axes of glTF: the body of a function, or the code of a Custom node of Unreal, of
+// Offset of the rest position of a vertex (Section 0) or of its normal (Section 1) from PCA textures of
+// meshreel, in glTF axes. This is the body of a function, or of a Custom node in Unreal, with the inputs
 //   Texture2D Tex, float2 Place (column and row of the vertex), float Frame (from 0), float Section
 #define PCA_BYTES(place) uint4(Tex.Load(int3(place, 0)) * 255.0 + 0.5)
 #define PCA_TEXEL(index) PCA_BYTES(int2((index) % width, (index) / width))

@@ -98,6 +98,6 @@ export function playPcaTexture(mesh, texture, frame = { value: 0 }) {
   mesh.geometry.setAttribute("pcaPlace", mesh.geometry.getAttribute("uv1"));
   mesh.customDepthMaterial = new MeshDepthMaterial({ depthPacking: RGBADepthPacking });
   [mesh.material, mesh.customDepthMaterial].flat().forEach(addTo);
-  mesh.frustumCulled = false; // the box of the geometry is that of the mesh at rest
+  mesh.frustumCulled = false; // the bounding box of the geometry is that of the rest pose
   return frame;
 }

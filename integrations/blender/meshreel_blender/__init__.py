@@ -1,4 +1,4 @@
-"""Blender add-on that plays `.reel` files on the timeline, and writes them."""
+"""Blender add-on that imports and exports `.reel` files."""
 
 try:
     import meshreel  # noqa: F401
@@ -10,7 +10,7 @@ except ImportError as error:
 
 from . import export_operator, import_operator, panel, player, settings
 
-bl_info = {  # read where this folder is installed as a legacy add-on
+bl_info = {  # for installation as a legacy add-on
     "name": "Meshreel",
     "description": "Play and write compressed mesh animations (.reel)",
     "author": "The meshreel authors",
@@ -24,12 +24,12 @@ _MODULES = (settings, player, import_operator, export_operator, panel)
 
 
 def register() -> None:
-    """Add the operators, menus, panel, settings of objects and handlers."""
+    """Register the operators, menus, panel, object settings and handlers."""
     for module in _MODULES:
         module.register()
 
 
 def unregister() -> None:
-    """Take away what `register` added."""
+    """Unregister what `register` has registered."""
     for module in reversed(_MODULES):
         module.unregister()

@@ -1,4 +1,4 @@
-"""The axis that is up: z in Blender, y in most files."""
+"""Conversion of up axes: z in Blender, y in most files."""
 
 from enum import StrEnum
 from math import pi
@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 
 class Up(StrEnum):
-    """The axis that points up in a file."""
+    """Up axis of a file."""
 
     Y = "Y"
     Z = "Z"
@@ -21,12 +21,12 @@ UP_ITEMS = (
 
 
 def rotation_from_file(up: str) -> tuple[float, float, float]:
-    """Euler angles that turn the model of a file upright in Blender."""
+    """Euler angles that rotate the up axis of a file to that of Blender."""
     return (pi / 2, 0.0, 0.0) if up == Up.Y else (0.0, 0.0, 0.0)
 
 
 def matrix_to_file(up: str) -> npt.NDArray[np.float64]:
-    """Rotation of shape (3, 3) from Blender's axes to those of a file, exact."""
+    """Exact rotation matrix (3, 3) from Blender's axes to those of a file."""
     if up == Up.Y:
         return np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
     return np.eye(3)

@@ -14,7 +14,7 @@ from .exporter import ExportChoices, export_reel
 from .scene_reading import ExportError
 
 SURFACES = frozenset({"MESH", "CURVE", "SURFACE", "FONT", "META"})
-"""Types of objects that have a surface."""
+"""Object types with a surface."""
 
 TICK_S = 0.01
 TARGET_ITEMS = (
@@ -24,7 +24,7 @@ TARGET_ITEMS = (
 
 
 class ExportReel(bpy.types.Operator, ExportHelper):
-    """The operator that exports the selected objects; in a window, Esc stops it."""
+    """Operator that exports the selected objects; Esc cancels it in a window."""
 
     bl_idname = "export_scene.meshreel"
     bl_label = "Export Meshreel"
@@ -33,7 +33,7 @@ class ExportReel(bpy.types.Operator, ExportHelper):
 
     filename_ext = ".reel"
     filter_glob: bpy.props.StringProperty(default="*.reel", options={"HIDDEN"})
-    target: bpy.props.EnumProperty(name="Meet", items=TARGET_ITEMS, default="QUALITY")
+    target: bpy.props.EnumProperty(name="Target", items=TARGET_ITEMS, default="QUALITY")
     quality: bpy.props.FloatProperty(
         name="Quality",
         description="1 to 100; every 12 points halve the error",
@@ -54,7 +54,7 @@ class ExportReel(bpy.types.Operator, ExportHelper):
     frame_step: bpy.props.IntProperty(name="Step", default=1, min=1)
     up: bpy.props.EnumProperty(
         name="Up Axis",
-        description="The axis that is to point up in the file",
+        description="Up axis of the file",
         items=UP_ITEMS,
         default=Up.Y.value,
     )
@@ -66,12 +66,12 @@ class ExportReel(bpy.types.Operator, ExportHelper):
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        """Whether something can be exported."""
+        """Whether an object that can be exported is selected."""
         cls.poll_message_set("Select an object that has a surface, in Object Mode")
         return context.mode == "OBJECT" and bool(_exportable(context))
 
     def invoke(self, context: Any, event: Any) -> Any:
-        """Ask for a file; the scene's frames are proposed."""
+        """Open the file browser, with the frame range of the scene as default."""
         self._is_from_window = True
         scene = context.scene
         self.frame_start, self.frame_end = scene.frame_start, scene.frame_end
@@ -79,7 +79,7 @@ class ExportReel(bpy.types.Operator, ExportHelper):
         return super().invoke(context, event)
 
     def draw(self, context: Any) -> None:
-        """Draw the options beside the file browser."""
+        """Draw the options in the file browser."""
         layout = self.layout
         layout.use_property_split = True
         layout.prop(self, "target")
@@ -88,7 +88,7 @@ class ExportReel(bpy.types.Operator, ExportHelper):
             layout.prop(self, name)
 
     def execute(self, context: Any) -> set[str]:
-        """Export: between events of the window, or else at once."""
+        """Export: in steps between window events, or at once without a window."""
         if self.frame_end < self.frame_start:
             self.report(
                 {"ERROR"}, f"no frames in {self.frame_start} to {self.frame_end}; swap them"
@@ -107,14 +107,14 @@ class ExportReel(bpy.types.Operator, ExportHelper):
         return status
 
     def modal(self, context: Any, event: Any) -> set[str]:
-        """Go on at each tick of the timer; nothing else is done meanwhile."""
+        """Run one step at each timer event; block other events."""
         if event.type == "ESC":
-            self.report({"INFO"}, "the export was stopped; no file was written")
+            self.report({"INFO"}, "the export was canceled; no file was written")
             return self._end(context, {"CANCELLED"})
         return self._go_on(context) if event.type == "TIMER" else {"RUNNING_MODAL"}
 
     def cancel(self, context: Any) -> None:
-        """Give up, where Blender closes meanwhile."""
+        """Cancel the export when Blender closes."""
         if self._timer:
             self._end(context, {"CANCELLED"})
 
@@ -153,7 +153,7 @@ class ExportReel(bpy.types.Operator, ExportHelper):
 
 
 def _exportable(context: Any) -> list[Any]:
-    """The selected objects that have a surface, by name."""
+    """Selected objects with a surface, by name."""
     objects = (obj for obj in context.selected_objects if obj.type in SURFACES)
     return sorted(objects, key=lambda obj: obj.name)
 
@@ -163,12 +163,12 @@ def _draw_menu(menu: Any, context: Any) -> None:
 
 
 def register() -> None:
-    """Add the operator and its entry in the menu."""
+    """Register the operator and its menu entry."""
     bpy.utils.register_class(ExportReel)
     bpy.types.TOPBAR_MT_file_export.append(_draw_menu)
 
 
 def unregister() -> None:
-    """Take them away."""
+    """Unregister them."""
     bpy.types.TOPBAR_MT_file_export.remove(_draw_menu)
     bpy.utils.unregister_class(ExportReel)

@@ -1,4 +1,4 @@
-"""Evaluated meshes of a range of frames into a `.reel` file, as work that can be given up."""
+"""Export evaluated meshes of a range of frames to a `.reel` file, in steps that can be canceled."""
 
 import os
 import tempfile
@@ -20,25 +20,25 @@ from .scene_reading import SceneReading
 from .timeline import scene_rate
 
 FRAMES_SHARE = 0.8
-"""Share of the progress that evaluating the frames is given."""
+"""Fraction of the progress for evaluating the frames."""
 
 POLL_S = 0.05
 
 
-class _GivenUpError(Exception):
-    """Raised in the thread that encodes, once nobody waits for it."""
+class _CanceledError(Exception):
+    """Raised in the encoding thread when the export was canceled."""
 
 
 @dataclass(frozen=True)
 class ExportChoices:
-    """Frames to export, and how.
+    """Frames to export, and export options.
 
     Parameters
     ----------
     frames : range
         Scene frames; at least one.
     up : {"Y", "Z"}
-        The axis that is to point up in the file.
+        Up axis of the file.
     target : dict
         The target of `meshreel.encode`, such as ``{"quality": 80}``.
     """
@@ -51,7 +51,7 @@ class ExportChoices:
 def export_reel(
     context: Any, objects: Sequence[Any], path: Path, choices: ExportChoices, notes: list[str]
 ) -> Generator[float, None, None]:
-    """Write the objects as the parts of a reel: work that gives its progress, 0..1, as it goes.
+    """Write the objects as parts of one file; yields the progress, 0..1.
 
     The file appears whole, at the end, in place of an earlier one. Closing the generator gives the
     work up. Until all are there, frames are kept in a temporary file: they are coded together.
@@ -59,13 +59,13 @@ def export_reel(
     Parameters
     ----------
     context : bpy.types.Context
-        Its scene goes from frame to frame, and back at the end.
+        The scene steps through the frames and is restored at the end.
     objects : sequence of bpy.types.Object
         With a surface; at least one.
     path : Path
     choices : ExportChoices
     notes : list of str
-        Gains a sentence for everything that the file does not hold.
+        Receives a sentence for everything that the file cannot store.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def export_reel(
     MeshReelError
         If the frames cannot be coded.
     OSError
-        If there is no room for the frames, or the file cannot be written.
+        If there is no space for the frames, or the file cannot be written.
     """
     with tempfile.TemporaryFile(dir=bpy.app.tempdir or None) as spool:
         reading = yield from _evaluate(context, objects, choices, spool, notes)
@@ -122,7 +122,7 @@ def _encode(
         nonlocal done
         done = max(done, fraction)
         if is_given_up.is_set():
-            raise _GivenUpError
+            raise _CanceledError
 
     with ThreadPoolExecutor(1, "meshreel-export") as pool:
         future = pool.submit(meshreel.encode, sequence, progress=progress, **target)  # type: ignore[arg-type]

@@ -14,7 +14,7 @@ from .open_reels import UnplayableError
 
 
 class ImportReel(bpy.types.Operator, ImportHelper):
-    """The operator that imports a reel."""
+    """Operator that imports a file."""
 
     bl_idname = "import_scene.meshreel"
     bl_label = "Import Meshreel"
@@ -22,11 +22,11 @@ class ImportReel(bpy.types.Operator, ImportHelper):
     bl_options = {"REGISTER", "UNDO", "PRESET"}  # noqa: RUF012
 
     filename_ext = ".reel"
-    # Not kept for the next time, where it would be taken for a file that was dropped.
+    # Not remembered: the next call would mistake it for a dropped file.
     filepath: bpy.props.StringProperty(subtype="FILE_PATH", options={"HIDDEN", "SKIP_SAVE"})
     filter_glob: bpy.props.StringProperty(default="*.reel", options={"HIDDEN"})
     up: bpy.props.EnumProperty(
-        name="Up Axis", description="The axis that points up in the file", items=UP_ITEMS,
+        name="Up Axis", description="Up axis of the file", items=UP_ITEMS,
         default=Up.Y.value,
     )  # fmt: skip
     scale: bpy.props.FloatProperty(
@@ -34,23 +34,23 @@ class ImportReel(bpy.types.Operator, ImportHelper):
     )
     set_range: bpy.props.BoolProperty(
         name="Set Frame Range",
-        description="Let the scene begin and end with the reel",
+        description="Set the frame range of the scene to that of the file",
         default=True,
     )
     set_rate: bpy.props.BoolProperty(
         name="Set Frame Rate",
-        description="Give the scene the frame rate of the reel. Else the reel keeps its speed, "
-        "and frames that fall between two are blended",
+        description="Set the frame rate of the scene to that of the file. Otherwise the file keeps "
+        "its speed, and frames are interpolated",
         default=False,
     )
     relative_path: bpy.props.BoolProperty(
         name="Relative Path",
-        description="Keep the path of the file relative to the .blend file, once that is saved",
+        description="Store the path relative to the .blend file, once that is saved",
         default=True,
     )
 
     def execute(self, context: Any) -> set[str]:
-        """Import the file that was chosen."""
+        """Import the selected file."""
         path = Path(bpy.path.abspath(self.filepath))
         try:
             imported = import_reel(
@@ -66,7 +66,7 @@ class ImportReel(bpy.types.Operator, ImportHelper):
         return {"FINISHED"}
 
     def invoke(self, context: Any, event: Any) -> Any:
-        """Ask for the file, or, if one was dropped, for the options."""
+        """Open the file browser, or, for a dropped file, a dialog with the options."""
         if not self.filepath:
             return super().invoke(context, event)
         return context.window_manager.invoke_props_dialog(
@@ -83,7 +83,7 @@ class ImportReel(bpy.types.Operator, ImportHelper):
 
 
 class ReelFileHandler(bpy.types.FileHandler):
-    """Takes `.reel` files that are dropped on a viewport."""
+    """Handler of `.reel` files that are dropped on a viewport."""
 
     bl_idname = "IO_FH_meshreel"
     bl_label = "Meshreel"
@@ -92,7 +92,7 @@ class ReelFileHandler(bpy.types.FileHandler):
 
     @classmethod
     def poll_drop(cls, context: Any) -> bool:
-        """Whether a file can be dropped there."""
+        """Whether a file can be dropped here."""
         return bool(context.area and context.area.type == "VIEW_3D")
 
 
@@ -109,14 +109,14 @@ def _draw_menu(menu: Any, context: Any) -> None:
 
 
 def register() -> None:
-    """Add the operator and its entry in the menu."""
+    """Register the operator and its menu entry."""
     bpy.utils.register_class(ImportReel)
     bpy.utils.register_class(ReelFileHandler)
     bpy.types.TOPBAR_MT_file_import.append(_draw_menu)
 
 
 def unregister() -> None:
-    """Take them away."""
+    """Unregister them."""
     bpy.types.TOPBAR_MT_file_import.remove(_draw_menu)
     bpy.utils.unregister_class(ReelFileHandler)
     bpy.utils.unregister_class(ImportReel)

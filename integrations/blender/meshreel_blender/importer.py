@@ -1,4 +1,4 @@
-"""A `.reel` file into a scene: objects that play it."""
+"""Import a `.reel` file: create objects that play it."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,12 +19,12 @@ from .timeline import (
 
 @dataclass(frozen=True)
 class Imported:
-    """Objects that an import adds to the scene.
+    """Result of an import.
 
     Attributes
     ----------
     objects : list of bpy.types.Object
-        One for each part of the reel.
+        One per part of the file.
     notes : list of str
         A sentence for whatever Blender cannot hold.
     """
@@ -44,7 +44,7 @@ def import_reel(
     set_rate: bool,
     set_range: bool,
 ) -> Imported:
-    """Objects that play a reel, linked to a collection.
+    """Create objects that play a file, and link them to a collection.
 
     Parameters
     ----------
@@ -54,11 +54,11 @@ def import_reel(
     stored_path : str
         The path as objects keep it: absolute, or with // from the .blend file.
     up : {"Y", "Z"}
-        The file's axis that points up.
+        Up axis of the file.
     scale : float
         Of the objects.
     set_rate, set_range : bool
-        Give the scene the frame rate of the reel, and its range of frames.
+        Whether to set the frame rate and the frame range of the scene to those of the file.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def import_reel(
 
 
 def _start_frame(scene: Any, opened: OpenReel) -> float:
-    """The scene frame of the reel's first, where second 0 is frame 0."""
+    """Scene frame of the first frame of the file, where second 0 is frame 0."""
     rate = scene_rate(scene.render.fps, scene.render.fps_base)
     return round(opened.reel.start_s * rate, 4)
 
@@ -103,4 +103,4 @@ def _attach(obj: Any, opened: OpenReel, part: int, start_frame: float, stored_pa
     settings = obj.meshreel
     settings.part, settings.fingerprint = part, opened.fingerprint
     settings.start_frame = start_frame
-    settings.filepath = stored_path  # last: from now on it plays
+    settings.filepath = stored_path  # last: this starts playback

@@ -1,4 +1,4 @@
-"""Blender meshes of the parts of a reel."""
+"""Create Blender meshes from the parts of a file."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ MATERIALS = "material"
 
 
 def build_mesh(part: PartMesh, positions: npt.NDArray[Any], notes: list[str]) -> Any:
-    """A new mesh of a part: polygons, UV maps, colour attributes, materials and sharp edges.
+    """Create the mesh of a part: polygons, UV maps, color attributes, materials and sharp edges.
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ def build_mesh(part: PartMesh, positions: npt.NDArray[Any], notes: list[str]) ->
     positions : float array of shape (V, 3)
         Of the part's vertices.
     notes : list of str
-        Gains a sentence for whatever Blender cannot hold.
+        Receives a sentence for everything that Blender cannot store.
     """
     mesh = bpy.data.meshes.new(object_name(part))
     mesh.vertices.add(len(positions))
@@ -49,17 +49,17 @@ def build_mesh(part: PartMesh, positions: npt.NDArray[Any], notes: list[str]) ->
 
 
 def write_positions(mesh: Any, positions: npt.NDArray[Any]) -> None:
-    """Give a mesh other positions, of shape (V, 3)."""
+    """Set the positions of a mesh, of shape (V, 3)."""
     if len(positions) == 0:
-        return  # an empty mesh does not even have the attribute
-    # The attribute takes the array as a block of memory; `vertices` goes one by one.
+        return  # an empty mesh lacks the attribute
+    # `foreach_set` on the attribute copies a block of memory; on `vertices` it loops.
     flat = np.ascontiguousarray(positions, np.float32).ravel()
     mesh.attributes["position"].data.foreach_set("vector", flat)
     mesh.update()
 
 
 def object_name(part: PartMesh) -> str:
-    """The last name of a part's path: "body" of "/root/body"."""
+    """Last component of the path of a part: "body" of "/root/body"."""
     return part.name.rstrip("/").rpartition("/")[2] or part.name
 
 
@@ -88,12 +88,12 @@ def _add_colors(mesh: Any, part: PartMesh, notes: list[str]) -> None:
         )
         opaque = np.ones((len(values), 4), np.float32)
         opaque[:, : values.shape[1]] = values / 255 if is_bytes else values
-        # Bytes are taken as they are, and not as linear light.
+        # Bytes are stored as sRGB, without conversion to linear.
         layer.data.foreach_set("color_srgb" if is_bytes else "color", opaque.ravel())
 
 
 def _mark_sharp(mesh: Any, hard_edges: npt.NDArray[np.int32], n_verts: int) -> None:
-    """Mark edges sharp, so that Blender splits normals there in every frame."""
+    """Mark hard edges sharp, so that Blender splits normals there in every frame."""
     ends = np.empty(2 * len(mesh.edges), np.int32)
     mesh.edges.foreach_get("vertices", ends)
     ends = np.sort(ends.reshape(-1, 2), axis=1).astype(np.int64)
@@ -103,7 +103,7 @@ def _mark_sharp(mesh: Any, hard_edges: npt.NDArray[np.int32], n_verts: int) -> N
 
 
 def _at_corners(attribute: Attribute, part: PartMesh) -> npt.NDArray[Any]:
-    """The value of each corner of each face."""
+    """Values of an attribute at each face corner."""
     values = attribute.per_item()
     if attribute.domain is Domain.VERTEX:
         return values[part.corners]
@@ -113,7 +113,7 @@ def _at_corners(attribute: Attribute, part: PartMesh) -> npt.NDArray[Any]:
 
 
 def _add_groups(mesh: Any, groups: FaceGroups, notes: list[str]) -> None:
-    """Material slots by name; faces without a material have an empty slot, the last."""
+    """Assign material slots by name; faces without a material get an empty last slot."""
     if groups.name != MATERIALS:
         notes.append(f"{mesh.name}: left out face groups {groups.name!r}; only materials are read")
         return

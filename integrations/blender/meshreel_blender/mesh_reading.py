@@ -1,4 +1,4 @@
-"""The shape of an object at the scene's frame: its mesh after all modifiers, in world space."""
+"""Read the evaluated mesh of an object at the current frame, in world space."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,13 +20,13 @@ Matrix = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class MeshReading:
-    """How the meshes of one object are read, the same in every frame.
+    """Reads the meshes of one object in the same way in every frame.
 
     Parameters
     ----------
     obj : bpy.types.Object
     axes : float64 array of shape (3, 3)
-        From world space to the axes of the file.
+        Transform from world space to the axes of the file.
     is_mirrored : bool
         Whether the object's transform mirrors it: faces are turned round then, so that they look
         the same way.
@@ -37,7 +37,7 @@ class MeshReading:
     is_mirrored: bool
 
     def frame(self, depsgraph: Any) -> PolygonMesh:
-        """The mesh at the frame that a depsgraph is evaluated for."""
+        """Read the mesh at the frame of an evaluated depsgraph."""
         with _evaluated(self.obj, depsgraph) as mesh:
             return PolygonMesh(
                 _positions(mesh, self.axes, self.obj.evaluated_get(depsgraph).matrix_world),
@@ -46,7 +46,7 @@ class MeshReading:
             )
 
     def surface(self, depsgraph: Any) -> Surface:
-        """UV maps, colour attributes, materials and hard edges, without face sizes."""
+        """UV maps, color attributes, materials and hard edges, without face sizes."""
         with _evaluated(self.obj, depsgraph, with_all_layers=True) as mesh:
             uvs = [
                 Attribute(layer.name, Kind.UV, Domain.CORNER, self._corners(mesh, _uv(layer)))
@@ -58,7 +58,7 @@ class MeshReading:
             return Surface(None, (*uvs, *colors), materials, hard_edges=hard_edges)
 
     def _hard_edges(self, mesh: Any) -> npt.NDArray[np.int32] | None:
-        """Sharp edges, and those of flat faces; or those of custom normals."""
+        """Sharp edges and edges of flat faces, or edges split by custom normals."""
         counts, corners = _counts(mesh), _ints(mesh.loops, "vertex_index")
         if not len(counts):
             return None
@@ -70,7 +70,7 @@ class MeshReading:
         is_flat = ~_flags(mesh.polygons, "use_smooth")
         sides = np.stack([corners, corners[next_corners(counts)]], axis=1)
         sharp = np.concatenate([ends, sides[np.repeat(is_flat, counts)]])
-        # Blender marks edges of a single face too, where there is nothing to part.
+        # Blender also marks boundary edges, which cannot be hard.
         return remaining_edges(sharp, counts, corners) if len(sharp) else None
 
     def _color(self, mesh: Any, layer: Any) -> Attribute:
@@ -83,12 +83,12 @@ class MeshReading:
         return Attribute(layer.name, Kind.COLOR, Domain.CORNER, self._corners(mesh, values))
 
     def _corners(self, mesh: Any, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """Values of corners, in the order that the file has them."""
+        """Values of corners in the order of the file."""
         return values[_turned(_counts(mesh))] if self.is_mirrored else values
 
 
 def mesh_reading(obj: Any, depsgraph: Any, axes: Matrix) -> MeshReading:
-    """How to read an object whose transform is that of the depsgraph's frame."""
+    """Create the reader of an object from its transform at the frame of the depsgraph."""
     matrix = _matrix(obj.evaluated_get(depsgraph).matrix_world)
     return MeshReading(obj, axes, bool(np.linalg.det(matrix[:3, :3]) < 0))
 
@@ -103,7 +103,7 @@ def _evaluated(obj: Any, depsgraph: Any, *, with_all_layers: bool = False) -> It
 
 
 def _positions(mesh: Any, axes: Matrix, matrix_world: Any) -> npt.NDArray[np.float32]:
-    if not mesh.vertices:  # an empty mesh does not even have the attribute
+    if not mesh.vertices:  # an empty mesh lacks the attribute
         return np.empty((0, 3), np.float32)
     matrix = _matrix(matrix_world)
     own = _floats(mesh.attributes["position"].data, "vector", 3).astype(np.float64)
@@ -112,7 +112,7 @@ def _positions(mesh: Any, axes: Matrix, matrix_world: Any) -> npt.NDArray[np.flo
 
 
 def _materials(obj: Any, mesh: Any) -> tuple[FaceGroups, ...]:
-    """The material of each face, by name; -1 where its slot is empty."""
+    """Material of each face as a face group; -1 for empty slots."""
     materials = list(mesh.materials)
     for number, slot in enumerate(obj.material_slots[: len(materials)]):
         if slot.link == "OBJECT":
@@ -126,7 +126,7 @@ def _materials(obj: Any, mesh: Any) -> tuple[FaceGroups, ...]:
 
 
 def _turned(counts: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """The corners of all faces, each face turned round and begun at the same corner."""
+    """Permutation of corners that reverses each face and keeps its first corner."""
     starts = np.cumsum(counts) - counts
     within = np.arange(int(counts.sum())) - np.repeat(starts, counts)
     return np.repeat(starts, counts) + -within % np.repeat(counts, counts)

@@ -1,4 +1,4 @@
-"""Reels that are open, one for each file, however many objects play it."""
+"""Cache of open files, shared by all objects that play them."""
 
 import hashlib
 import os
@@ -16,11 +16,11 @@ Positions = npt.NDArray[np.floating[Any]]
 
 
 class UnplayableError(Exception):
-    """A reel that an object cannot play, in one sentence for the user."""
+    """An object cannot play its file; the message is one sentence for the user."""
 
 
 class OpenReel:
-    """A `.reel` file that is played.
+    """An open `.reel` file.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class OpenReel:
     reel : meshreel.ReelFile
     parts : list of PartMesh
     fingerprint : str
-        Of its faces: another reel with the same has the same vertices in the same order.
+        Fingerprint of its faces: equal for files with the same vertices in the same order.
 
     Raises
     ------
@@ -54,7 +54,7 @@ class OpenReel:
         self._shown: tuple[float, Positions] | None = None
 
     def positions(self, position: float) -> Positions:
-        """Positions of all vertices, (V, 3), on a straight line between two frames of the reel."""
+        """Positions (V, 3), linearly interpolated between two frames of the file."""
         if self._shown is None or self._shown[0] != position:
             self._shown = position, self._decoded(position)
         return self._shown[1]
@@ -74,7 +74,7 @@ _opened: dict[Path, tuple[Stamp, OpenReel | UnplayableError]] = {}
 
 
 def open_reel(path: Path) -> OpenReel:
-    """The reel of a file, opened now or before; opened again if the file has changed.
+    """Return the open file of a path; reopens it if it has changed.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def open_reel(path: Path) -> OpenReel:
         stat = path.stat()
     except OSError:
         release(path)
-        raise UnplayableError(f"{path} is missing; bring it back, or choose another file") from None
+        raise UnplayableError(f"{path} is missing; restore it, or select another file") from None
     stamp = stat.st_mtime_ns, stat.st_size
     if path not in _opened or _opened[path][0] != stamp:
         release(path)
@@ -110,13 +110,13 @@ def _naming(path: Path, error: Exception) -> str:
 
 
 def release(path: Path) -> None:
-    """Close a reel, so that its file can be replaced."""
+    """Close a file, so that it can be replaced."""
     _, found = _opened.pop(path, (None, None))
     if isinstance(found, OpenReel):
         found.reel.close()
 
 
 def release_all() -> None:
-    """Close every reel."""
+    """Close all files."""
     for path in list(_opened):
         release(path)

@@ -1,4 +1,4 @@
-"""The panel of an object that plays a reel."""
+"""Panel of an object that plays a file."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from .open_reels import UnplayableError
 
 
 class ReelPanel(bpy.types.Panel):
-    """Object properties > Meshreel: the file that is played, its settings, and its problems."""
+    """Object properties > Meshreel: the file, playback settings, and errors."""
 
     bl_idname = "OBJECT_PT_meshreel"
     bl_label = "Meshreel"
@@ -19,11 +19,11 @@ class ReelPanel(bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        """Whether the object was made by importing a reel."""
+        """Whether the object was created by an import."""
         return bool(context.object and context.object.meshreel.fingerprint)
 
     def draw(self, context: Any) -> None:
-        """Draw the settings, and a line on the file."""
+        """Draw the settings and the status of the file."""
         layout, obj = self.layout, context.object
         layout.use_property_split = True
         for name in ("filepath", "start_frame", "end", "interpolate"):
@@ -34,7 +34,7 @@ class ReelPanel(bpy.types.Panel):
 
 
 def description(obj: Any) -> tuple[bool, str]:
-    """Whether an object cannot play, and why, or else the contents of its reel."""
+    """Status of an object: why it cannot play, or the contents of its file."""
     if player.problem(obj):
         return True, player.problem(obj)
     try:
@@ -47,10 +47,10 @@ def description(obj: Any) -> tuple[bool, str]:
 
 
 def register() -> None:
-    """Add the panel."""
+    """Register the panel."""
     bpy.utils.register_class(ReelPanel)
 
 
 def unregister() -> None:
-    """Take it away."""
+    """Unregister it."""
     bpy.utils.unregister_class(ReelPanel)

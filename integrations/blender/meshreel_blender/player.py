@@ -1,4 +1,4 @@
-"""Objects that follow a reel: each frame is decoded when the scene comes to it."""
+"""Playback: decodes a frame when the timeline reaches it."""
 
 import logging
 from pathlib import Path
@@ -16,27 +16,27 @@ from .timeline import reel_position, scene_frames_per_reel_frame, scene_rate
 logger = logging.getLogger(__name__)
 
 _problems: dict[str, str] = {}
-"""Why an object does not play, by its full name."""
+"""Reasons why objects do not play, by full name."""
 
 
 def problem(obj: Any) -> str:
-    """Why an object does not play its reel; empty if it does."""
+    """Reason why an object does not play; empty if it does."""
     return _problems.get(obj.name_full, "")
 
 
 def reel_path(obj: Any) -> Path:
-    """The file that an object plays, where a path with // begins at the .blend file."""
+    """Absolute path of the file of an object; // is the folder of the .blend file."""
     absolute = bpy.path.abspath(obj.meshreel.filepath, library=obj.library)
     return Path(bpy.path.native_pathsep(absolute))
 
 
 def reel_of(obj: Any) -> OpenReel:
-    """The reel that an object plays.
+    """Return the open file of an object.
 
     Raises
     ------
     UnplayableError
-        If it is missing, unreadable, or another than the object's mesh was made from.
+        If it is missing, unreadable, or differs from the one that was imported.
     """
     opened = open_reel(reel_path(obj))
     if opened.fingerprint != obj.meshreel.fingerprint or obj.meshreel.part >= len(opened.parts):
@@ -47,9 +47,9 @@ def reel_of(obj: Any) -> OpenReel:
 
 
 def show(obj: Any, scene: Any) -> None:
-    """Give an object the shape that its reel has at the scene's frame.
+    """Update the shape of an object to the current frame.
 
-    Where that cannot be, its shape stays, and `problem` says why.
+    If that fails, the shape does not change, and `problem` returns the reason.
     """
     if not obj.meshreel.filepath or obj.type != "MESH" or obj.data.is_editmode:
         return
@@ -73,7 +73,7 @@ def _write_positions(obj: Any, scene: Any) -> None:
             "changed the mesh, or import the reel again"
         )
     if mesh.shape_keys:
-        raise UnplayableError(f"{obj.name} has shape keys, which hide its reel; remove them")
+        raise UnplayableError(f"{obj.name} has shape keys, which override its file; remove them")
     duration = scene_frames_per_reel_frame(
         scene_rate(scene.render.fps, scene.render.fps_base), opened.reel.fps
     )
@@ -86,7 +86,7 @@ def _write_positions(obj: Any, scene: Any) -> None:
 
 
 def show_all(scene: Any) -> None:
-    """Give every object that plays a reel its shape at the scene's frame."""
+    """Update all objects that play a file to the current frame."""
     for obj in bpy.data.objects:
         if obj.type == "MESH" and obj.meshreel.filepath:
             show(obj, scene)
@@ -105,13 +105,13 @@ def _on_load(*_: Any) -> None:
 
 
 def register() -> None:
-    """Follow the timeline from now on, whatever file is opened."""
+    """Register the handlers; they persist when another .blend file is opened."""
     bpy.app.handlers.frame_change_pre.append(_on_frame_change)
     bpy.app.handlers.load_post.append(_on_load)
 
 
 def unregister() -> None:
-    """Follow no more, and close all files."""
+    """Unregister the handlers and close all files."""
     bpy.app.handlers.frame_change_pre.remove(_on_frame_change)
     bpy.app.handlers.load_post.remove(_on_load)
     release_all()

@@ -1,4 +1,4 @@
-"""Several objects as one mesh, whose parts they are."""
+"""Read several objects as parts of one mesh."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,11 +17,11 @@ from .mesh_reading import Matrix, mesh_reading
 
 
 class ExportError(Exception):
-    """A scene that cannot be exported, in one sentence for the user."""
+    """A scene cannot be exported; the message is one sentence for the user."""
 
 
 class SceneReading:
-    """Objects whose faces are those of the frame at which this is made.
+    """Objects with the faces of the frame at which this is created.
 
     Parameters
     ----------
@@ -30,9 +30,9 @@ class SceneReading:
     context : bpy.types.Context
         At the first frame.
     axes : float64 array of shape (3, 3)
-        From world space to the axes of the file.
+        Transform from world space to the axes of the file.
     notes : list of str
-        Gains a sentence for each attribute that only some of the objects have.
+        Receives a sentence for each attribute that only some of the objects have.
 
     Attributes
     ----------
@@ -57,17 +57,17 @@ class SceneReading:
         names = [obj.name for obj in objects]
         whole, surface = _merged(names, self._first, surfaces, notes)
         if len(whole.counts) == 0:
-            raise ExportError(f"{', '.join(names)}: no faces; a .reel needs a surface")
+            raise ExportError(f"{', '.join(names)}: no faces; a .reel file needs a surface")
         self.faces = triangulate_fans(whole.counts, whole.corners)
         self.surface = replace(surface, face_sizes=whole.counts.astype(np.int32))
 
     def positions(self) -> npt.NDArray[np.float32]:
-        """Positions of all vertices at the scene's frame, (V, 3).
+        """Read the positions of all vertices at the current frame, (V, 3).
 
         Raises
         ------
         ExportError
-            If the faces of an object are not those of the first frame; it names both.
+            If the faces of an object differ from the first frame; the message names both.
         """
         depsgraph = self._context.evaluated_depsgraph_get()
         found = [reading.frame(depsgraph) for reading in self._readings]

@@ -1,4 +1,4 @@
-"""Settings of an object that plays a reel."""
+"""Settings of an object that plays a file."""
 
 from typing import Any
 
@@ -14,26 +14,26 @@ END_ITEMS = (
 
 
 def _show(settings: "ReelSettings", context: Any) -> None:
-    """Show the frame of now, after a setting was changed."""
+    """Update the object after a setting was changed."""
     player.show(settings.id_data, context.scene)
 
 
 class ReelSettings(bpy.types.PropertyGroup):
-    """`Object.meshreel`: an object that has a file plays it."""
+    """`Object.meshreel`: an object with a file path plays the file."""
 
     filepath: bpy.props.StringProperty(
         name="File",
-        description="The .reel file that gives this mesh its shape; none to keep the shape",
+        description="The .reel file that animates this mesh; empty to keep the current shape",
         subtype="FILE_PATH",
         update=_show,
     )
-    part: bpy.props.IntProperty(name="Part", description="Its part of the reel", min=0)
+    part: bpy.props.IntProperty(name="Part", description="Part of the file", min=0)
     fingerprint: bpy.props.StringProperty(
-        name="Fingerprint", description="Of the faces that the reel had when it was imported"
+        name="Fingerprint", description="Fingerprint of the faces of the imported file"
     )
     start_frame: bpy.props.FloatProperty(
         name="Start Frame",
-        description="Scene frame that shows the first frame of the reel",
+        description="Scene frame of the first frame of the file",
         default=1.0,
         precision=2,
         step=100,
@@ -41,14 +41,14 @@ class ReelSettings(bpy.types.PropertyGroup):
     )
     end: bpy.props.EnumProperty(
         name="Outside",
-        description="What is shown before the first and after the last frame",
+        description="Behavior before the first and after the last frame",
         items=END_ITEMS,
         default=End.HOLD.value,
         update=_show,
     )
     interpolate: bpy.props.BoolProperty(
         name="Interpolate",
-        description="Blend two frames of the reel where the scene is between them: at other "
+        description="Interpolate when the scene is between two frames of the file: at other "
         "frame rates, and for motion blur",
         default=True,
         update=_show,
@@ -56,12 +56,12 @@ class ReelSettings(bpy.types.PropertyGroup):
 
 
 def register() -> None:
-    """Give every object these settings."""
+    """Register the settings for all objects."""
     bpy.utils.register_class(ReelSettings)
     bpy.types.Object.meshreel = bpy.props.PointerProperty(type=ReelSettings)
 
 
 def unregister() -> None:
-    """Take them away."""
+    """Unregister them."""
     del bpy.types.Object.meshreel
     bpy.utils.unregister_class(ReelSettings)

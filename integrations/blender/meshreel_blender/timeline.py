@@ -1,25 +1,25 @@
-"""Scene frames to frames of a reel, and frame rates to Blender's two numbers."""
+"""Convert scene frames to frames of a file, and frame rates to Blender's two numbers."""
 
 import math
 from enum import StrEnum
 
 NTSC = 1000 / 1001
 RATE_TOLERANCE = 1e-6
-"""Relative; Blender stores the divisor of a frame rate as float32."""
+"""Relative tolerance; Blender stores the divisor of a frame rate as float32."""
 
 FRAME_TOLERANCE = 1e-4
-"""A reel frame as near as this is shown as it is, and not between two."""
+"""Positions this close to a frame are not interpolated."""
 
 
 class End(StrEnum):
-    """The frames shown before the first and after the last frame of a reel."""
+    """Behavior before the first and after the last frame of a file."""
 
     HOLD = "HOLD"
     LOOP = "LOOP"
 
 
 def scene_rate(fps: float, fps_base: float) -> float:
-    """Frames per second of a scene: the rate that people call it where one is near."""
+    """Frames per second of a scene, rounded to a common rate if one is close."""
     rate = fps / fps_base
     named = (round(rate), round(rate / NTSC) * NTSC, round(rate, 2), round(rate, 3))
     near = (one for one in named if one > 0 and abs(one - rate) <= RATE_TOLERANCE * rate)
@@ -33,27 +33,27 @@ def rate_numbers(rate: float) -> tuple[int, float]:
 
 
 def scene_frames_per_reel_frame(scene_fps: float, reel_fps: float) -> float:
-    """Scene frames that a frame of a reel is shown for; 1 where the reel's rate is unknown (0)."""
+    """Scene frames per frame of a file; 1 if the rate of the file is unknown (0)."""
     return scene_fps / reel_fps if reel_fps else 1.0
 
 
 def reel_position(
     scene_frame: float, start_frame: float, duration: float, n_frames: int, end: str
 ) -> float:
-    """Position of a scene frame in a reel, in frames of the reel: 0 to n_frames - 1.
+    """Position of a scene frame in a file, in frames: 0 to n_frames - 1.
 
     Parameters
     ----------
     scene_frame : float
         With its subframe.
     start_frame : float
-        Scene frame that shows the first frame of the reel.
+        Scene frame of the first frame of the file.
     duration : float
-        Scene frames for each frame of the reel.
+        Scene frames per frame of the file.
     n_frames : int
         Of the reel.
     end : str
-        One of `End`. Looped, the last frame stays for its whole duration before the first.
+        One of `End`. When looping, the last frame lasts as long as the others.
     """
     position = (scene_frame - start_frame) / duration
     nearest = round(position)
@@ -65,5 +65,5 @@ def reel_position(
 
 
 def last_scene_frame(start_frame: float, duration: float, n_frames: int) -> int:
-    """The last scene frame at which a reel moves."""
+    """Last scene frame of the range of a file."""
     return math.floor(start_frame + (n_frames - 1) * duration + FRAME_TOLERANCE)
