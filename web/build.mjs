@@ -1,7 +1,7 @@
-// Builds the page: its HTML with styles inside, and its script, beside it and packed.
+// Builds the page: one HTML file with inline styles, and one script.
 //
-// It uses the package in ../npm, which has to be built first. The page is part of the repository, so that
-// installing meshreel needs no Node; `node build.mjs FOLDER` writes it elsewhere, for comparison.
+// Build the package in ../npm first. The built page is committed, so that installing meshreel does not need
+// Node; `node build.mjs FOLDER` writes it to another folder, for comparison.
 import { build } from "esbuild";
 import { mkdir, readFile, rename, writeFile } from "node:fs/promises";
 import { dirname, join } from "node:path";
@@ -21,7 +21,7 @@ const common = {
   legalComments: "eof", // notices of three.js
 };
 
-/** The package is a link to a folder that has a three.js of its own; there is to be one. */
+/** The linked package has its own copy of three.js; bundle only that of this folder. */
 const oneThree = {
   name: "one three",
   setup(bundler) {
@@ -31,7 +31,7 @@ const oneThree = {
   },
 };
 
-/** `import text from "./name.ts?script"` gives the text of a script: that of a worker. */
+/** `import text from "./name.ts?script"` imports a bundled module as text, for workers. */
 const scriptText = {
   name: "script text",
   setup(bundler) {
@@ -46,7 +46,7 @@ const scriptText = {
   },
 };
 
-/** Packages inside the page, whose licences go with it. */
+/** Bundled packages, whose licenses are included in the page. */
 const LICENSED = ["three"];
 
 async function bundle(entry) {
@@ -54,7 +54,7 @@ async function bundle(entry) {
   for (const input of Object.keys(result.metafile.inputs)) {
     const name = /.*node_modules\/((?:@[^/]+\/)?[^/]+)/.exec(input)?.[1];
     if (name && !LICENSED.includes(name)) {
-      throw new Error(`the page bundles ${name}, whose licence is not in LICENSED and THIRD_PARTY_LICENSES`);
+      throw new Error(`the page bundles ${name}, whose license is not in LICENSED and THIRD_PARTY_LICENSES`);
     }
   }
   return result.outputFiles[0].text;
@@ -67,7 +67,7 @@ const [template, script, style, license] = await Promise.all([
   readFile(join(here, "node_modules/three/LICENSE"), "utf8"),
 ]);
 
-// Functions, since "$&" in a bundle would mean something to replace().
+// Replacement functions, since "$&" in a bundle would be special in a replacement string.
 const html = template
   .replace("<!--license-->", () => `<!-- Contains three.js.\n${license.trim()}\n-->`)
   .replace("<!--style-->", () => `<style>${style.replaceAll("</style", "<\\/style")}</style>`);

@@ -1,62 +1,63 @@
-// Things that are loaded by number, each once, the latest used of which are kept.
+// A least-recently-used cache with asynchronous loading.
 
+/** Loads values by index and caches the most recently used ones. */
 export class Cache<T> {
-  private readonly kept = new Map<number, T>();
+  private readonly entries = new Map<number, T>();
   private readonly loading = new Map<number, Promise<T>>();
 
-  /** Keeps up to `capacity` things; `discard` frees what one holds beyond memory. */
+  /** @param discard - frees resources of an evicted value */
   constructor(
-    private readonly fetch: (number: number) => Promise<T>,
+    private readonly fetch: (index: number) => Promise<T>,
     private readonly capacity: number,
-    private readonly discard: (thing: T) => void = () => {},
+    private readonly discard: (value: T) => void = () => {},
   ) {}
 
-  /** How many are on their way. */
+  /** Number of values that are being loaded. */
   get nLoading(): number {
     return this.loading.size;
   }
 
-  /** The thing if it is here. */
-  peek(number: number): T | undefined {
-    const thing = this.kept.get(number);
-    if (thing !== undefined) this.touch(number, thing);
-    return thing;
+  /** Return a value if it is cached. */
+  peek(index: number): T | undefined {
+    const value = this.entries.get(index);
+    if (value !== undefined) this.touch(index, value);
+    return value;
   }
 
-  isKnown(number: number): boolean {
-    return this.kept.has(number) || this.loading.has(number);
+  hasOrLoads(index: number): boolean {
+    return this.entries.has(index) || this.loading.has(index);
   }
 
-  /** The thing, fetched if need be; asking twice fetches once. */
-  async load(number: number): Promise<T> {
-    const here = this.peek(number);
-    if (here !== undefined) return here;
-    const coming = this.loading.get(number) ?? this.start(number);
-    return coming;
+  /** Return a value, loading it if necessary; concurrent calls load it once. */
+  async load(index: number): Promise<T> {
+    const cached = this.peek(index);
+    if (cached !== undefined) return cached;
+    const promise = this.loading.get(index) ?? this.start(index);
+    return promise;
   }
 
-  private start(number: number): Promise<T> {
-    const coming = this.fetch(number)
-      .then((thing) => {
-        this.touch(number, thing);
+  private start(index: number): Promise<T> {
+    const promise = this.fetch(index)
+      .then((value) => {
+        this.touch(index, value);
         this.trim();
-        return thing;
+        return value;
       })
-      .finally(() => this.loading.delete(number));
-    this.loading.set(number, coming);
-    return coming;
+      .finally(() => this.loading.delete(index));
+    this.loading.set(index, promise);
+    return promise;
   }
 
-  private touch(number: number, thing: T): void {
-    this.kept.delete(number);
-    this.kept.set(number, thing);
+  private touch(index: number, value: T): void {
+    this.entries.delete(index);
+    this.entries.set(index, value);
   }
 
   private trim(): void {
-    for (const [number, thing] of this.kept) {
-      if (this.kept.size <= this.capacity) return;
-      this.kept.delete(number);
-      this.discard(thing);
+    for (const [index, value] of this.entries) {
+      if (this.entries.size <= this.capacity) return;
+      this.entries.delete(index);
+      this.discard(value);
     }
   }
 }

@@ -1,5 +1,5 @@
-// The camera convention of `meshreel render`: a long lens, a little from the side and from above,
-// as near as every point that it is given stays in view.
+// The camera of `meshreel render`: a long focal length, slightly from the side and above, as close as
+// possible with all given points in view.
 
 import * as THREE from "three";
 
@@ -8,30 +8,30 @@ const AZIMUTH_DEG = 30;
 const ELEVATION_DEG = 12;
 const MARGIN = 0.05;
 
-/** 13 lines through the middle of a cube. */
+/** 13 directions: half of the neighbors of a cell in a 3 x 3 x 3 grid. */
 const DIRECTIONS = [-1, 0, 1]
   .flatMap((x) => [-1, 0, 1].flatMap((y) => [-1, 0, 1].map((z) => new THREE.Vector3(x, y, z))))
   .slice(14);
 
-/** The outermost of positions (V, 3), both ways along some lines: they frame all. */
-export function outermost(positions: Float32Array): THREE.Vector3[] {
-  const point = (at: number) => new THREE.Vector3().fromArray(positions, at);
+/** Return the extreme positions of (V, 3) along 13 lines, which suffice to frame all. */
+export function extremePoints(positions: Float32Array): THREE.Vector3[] {
+  const point = (offset: number) => new THREE.Vector3().fromArray(positions, offset);
   return DIRECTIONS.flatMap(({ x, y, z }) => {
-    let [least, most, low, high] = [0, 0, Infinity, -Infinity];
+    let [lowest, highest, low, high] = [0, 0, Infinity, -Infinity];
     for (let at = 0; at < positions.length; at += 3) {
-      const along = x * positions[at] + y * positions[at + 1] + z * positions[at + 2];
-      if (along < low) [least, low] = [at, along];
-      if (along > high) [most, high] = [at, along];
+      const projection = x * positions[at] + y * positions[at + 1] + z * positions[at + 2];
+      if (projection < low) [lowest, low] = [at, projection];
+      if (projection > high) [highest, high] = [at, projection];
     }
-    return [point(least), point(most)];
+    return [point(lowest), point(highest)];
   });
 }
 
-export function makeCamera(): THREE.PerspectiveCamera {
+export function createCamera(): THREE.PerspectiveCamera {
   return new THREE.PerspectiveCamera(FIELD_OF_VIEW_DEG, 1, 0.01, 100);
 }
 
-/** Gives the view the shape of its part of the screen; the field of view is of the shorter side. */
+/** Set the aspect ratio; the field of view applies to the shorter side. */
 export function setAspect(camera: THREE.PerspectiveCamera, aspect: number): void {
   const tangent = Math.tan(THREE.MathUtils.degToRad(FIELD_OF_VIEW_DEG / 2));
   camera.aspect = aspect;
@@ -39,7 +39,7 @@ export function setAspect(camera: THREE.PerspectiveCamera, aspect: number): void
   camera.updateProjectionMatrix();
 }
 
-/** Puts the depth range around the box, wherever the camera has gone. */
+/** Set the near and far planes around a box. */
 export function setDepthRange(camera: THREE.PerspectiveCamera, box: THREE.Box3): void {
   const radius = box.getSize(new THREE.Vector3()).length() / 2 || 1;
   const distance = camera.position.distanceTo(box.getCenter(new THREE.Vector3()));
@@ -48,31 +48,31 @@ export function setDepthRange(camera: THREE.PerspectiveCamera, box: THREE.Box3):
   camera.updateProjectionMatrix();
 }
 
-/** Moves the camera to where it sees all points; returns the point that it looks at. */
+/** Move the camera so that all points are in view; returns the point that it looks at. */
 export function framePoints(
   camera: THREE.PerspectiveCamera,
   points: THREE.Vector3[],
 ): THREE.Vector3 {
-  const centre = new THREE.Box3().setFromPoints(points).getCenter(new THREE.Vector3());
+  const center = new THREE.Box3().setFromPoints(points).getCenter(new THREE.Vector3());
   const elevation = THREE.MathUtils.degToRad(90 - ELEVATION_DEG);
   const azimuth = THREE.MathUtils.degToRad(AZIMUTH_DEG);
   const back = new THREE.Vector3().setFromSphericalCoords(1, elevation, azimuth);
-  camera.position.copy(centre).add(back);
-  camera.lookAt(centre);
+  camera.position.copy(center).add(back);
+  camera.lookAt(center);
   camera.updateMatrixWorld();
   const eye = nearestEye(camera, points);
   camera.position.copy(eye);
   camera.updateMatrixWorld();
-  // Looks straight on, at the depth of the centre, so that turning keeps the points in the middle.
-  const depth = eye.clone().sub(centre).dot(back);
+  // The target is on the view axis at the depth of the center, so that orbiting keeps the points centered.
+  const depth = eye.clone().sub(center).dot(back);
   return eye.clone().addScaledVector(back, -depth);
 }
 
-// A point p is inside where |p_k - e_k| <= slope_k (e_z - p_z) for k = x, y in camera axes: each
-// side is bounded by one maximum over all points, and those maxima place the eye.
+// A point p is in view if |p_k - e_k| <= slope_k (e_z - p_z) for k = x, y in camera axes. Each side of
+// the frustum gives one maximum over all points; these maxima determine the eye e.
 function nearestEye(camera: THREE.PerspectiveCamera, points: THREE.Vector3[]): THREE.Vector3 {
-  const turn = camera.quaternion.clone().invert();
-  const local = points.map((point) => point.clone().applyQuaternion(turn));
+  const toCamera = camera.quaternion.clone().invert();
+  const local = points.map((point) => point.clone().applyQuaternion(toCamera));
   const tangent = Math.tan(THREE.MathUtils.degToRad(camera.fov / 2));
   const slopeY = tangent - 2 * MARGIN * tangent;
   const slopeX = tangent * camera.aspect - 2 * MARGIN * tangent;

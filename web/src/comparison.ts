@@ -1,49 +1,49 @@
-// The part of the panel that compares with the original: heat maps, and errors of all frames, which
-// the server still measures when the page is opened.
+// The panel section that compares with the original: heat maps, and errors of all frames, which the
+// server may still be measuring.
 
-import { loadMeasured } from "./data";
-import { fillRows, input, part } from "./page";
-import { shortNumber } from "./heat/map";
+import { loadErrorProgress } from "./data";
+import { fillRows, inputById, byId } from "./page";
+import { formatNumber } from "./heat/map";
 import type { Opening } from "./opening";
 import type { Player } from "./player";
 import { Plot } from "./plots";
-import { type Errors, type HeatInfo, heatsOf, isOfTrack, type OriginalInfo } from "./facts";
+import { type Errors, type HeatInfo, allHeats, isTrackHeat, type OriginalInfo } from "./facts";
 
-/** While playing, values are written this seldom: faster, nobody reads them. */
-const BETWEEN_VALUES_MS = 200;
-const BETWEEN_QUESTIONS_MS = 700;
+/** Update interval of displayed values during playback: faster updates are unreadable. */
+const VALUE_INTERVAL_MS = 200;
+const POLL_INTERVAL_MS = 700;
 
 export class ComparisonPanel {
-  private readonly heat = part<HTMLSelectElement>("heat");
-  private readonly perFrame = input("per-frame");
+  private readonly heat = byId<HTMLSelectElement>("heat");
+  private readonly perFrame = inputById("per-frame");
   private plots: Plot[] = [];
-  private writtenMs = 0;
+  private lastWriteMs = 0;
 
   constructor(
     private readonly player: Player,
     private readonly original: OriginalInfo,
     private readonly opening: Opening,
   ) {
-    part("compare").hidden = false;
-    for (const { kind, label } of heatsOf(original)) {
-      const name = isOfTrack(kind) ? label.replace(/, up to [^,]*$/, "") : label.split(/[,:]/)[0];
+    byId("compare").hidden = false;
+    for (const { kind, label } of allHeats(original)) {
+      const name = isTrackHeat(kind) ? label.replace(/, up to [^,]*$/, "") : label.split(/[,:]/)[0];
       this.heat.append(new Option(name, kind));
     }
     this.heat.addEventListener("change", () => this.chooseHeat());
     this.perFrame.addEventListener("change", () => {
-      void this.player.setPerFrameRange(this.perFrame.checked).catch(this.player.failed);
+      void this.player.setPerFrameRange(this.perFrame.checked).catch(this.player.onError);
     });
-    this.show(original);
-    if (original.plots.length === 0) void this.follow().catch(player.failed);
+    this.render(original);
+    if (original.plots.length === 0) void this.pollErrors().catch(player.onError);
   }
 
-  /** The heat map that is chosen. */
+  /** The selected heat map. */
   get heatInfo(): HeatInfo | null {
     const { heat } = this.player.state();
-    return heatsOf(this.original).find(({ kind }) => kind === heat) ?? null;
+    return allHeats(this.original).find(({ kind }) => kind === heat) ?? null;
   }
 
-  /** Takes the next heat map of the list, or none. */
+  /** Select the next heat map of the list, or none. */
   nextHeat(): void {
     this.heat.selectedIndex = (this.heat.selectedIndex + 1) % this.heat.options.length;
     this.chooseHeat();
@@ -54,61 +54,61 @@ export class ComparisonPanel {
     this.heat.value = heat ?? "";
     this.perFrame.disabled = heat === null;
     const now = performance.now();
-    const isWritten = !playing || now - this.writtenMs > BETWEEN_VALUES_MS;
-    if (isWritten) this.writtenMs = now;
-    for (const plot of this.plots) plot.update(frame, isWritten);
-    this.markFew(isFew);
-    if (isWritten) this.writeErrorsOfFew();
+    const writesValues = !playing || now - this.lastWriteMs > VALUE_INTERVAL_MS;
+    if (writesValues) this.lastWriteMs = now;
+    for (const plot of this.plots) plot.update(frame, writesValues);
+    this.markReducedModes(isFew);
+    if (writesValues) this.writeFrameErrors();
   }
 
-  /** Greys out the errors of all modes while fewer are shown, and says so. */
-  private markFew(isFew: boolean): void {
-    part("few").hidden = !isFew;
-    for (const id of ["plots", "original-rows"]) part(id).classList.toggle("of-all", isFew);
+  /** Gray out the errors of all modes while fewer modes are shown. */
+  private markReducedModes(isFew: boolean): void {
+    byId("few").hidden = !isFew;
+    for (const id of ["plots", "original-rows"]) byId(id).classList.toggle("of-all", isFew);
   }
 
-  private writeErrorsOfFew(): void {
+  private writeFrameErrors(): void {
     const { modes, frameErrors } = this.player.state();
     if (!frameErrors) return;
     const { frame } = frameErrors;
-    const percent = (value: number) => `${shortNumber(Number(value.toPrecision(3)))} %`;
-    part("few-title").textContent = `Frame ${frame} with ${modes === 1 ? "1 mode" : `${modes} modes`}`;
-    fillRows(part("few-rows"), [
-      ["largest error", `${percent(frameErrors.largest)} of the diagonal`],
+    const percent = (value: number) => `${formatNumber(Number(value.toPrecision(3)))} %`;
+    byId("few-title").textContent = `Frame ${frame} with ${modes === 1 ? "1 mode" : `${modes} modes`}`;
+    fillRows(byId("few-rows"), [
+      ["largest error", `${percent(frameErrors.maxFinite)} of the diagonal`],
       ["RMS error", `${percent(frameErrors.rms)} of the diagonal`],
     ]);
   }
 
   private chooseHeat(): void {
-    void this.player.setHeat(this.heat.value || null).catch(this.player.failed);
+    void this.player.setHeat(this.heat.value || null).catch(this.player.onError);
   }
 
-  private async follow(): Promise<void> {
-    const note = part("measuring");
+  private async pollErrors(): Promise<void> {
+    const note = byId("measuring");
     for (;;) {
-      const measured = await loadMeasured();
+      const measured = await loadErrorProgress();
       note.hidden = measured.ready;
       note.textContent = measured.error
         ? `The errors could not be measured: ${measured.error}`
         : `Measuring the errors of all frames: ${Math.floor(100 * measured.share)} %`;
       if (measured.error) return;
-      if (measured.ready) return this.take(measured);
-      await new Promise((resolve) => setTimeout(resolve, BETWEEN_QUESTIONS_MS));
+      if (measured.ready) return this.setErrors(measured);
+      await new Promise((resolve) => setTimeout(resolve, POLL_INTERVAL_MS));
     }
   }
 
-  private async take({ heats, plots, rows, worst_frame }: Errors): Promise<void> {
+  private async setErrors({ heats, plots, rows, worst_frame }: Errors): Promise<void> {
     Object.assign(this.original, { heats, plots, rows, worst_frame });
-    this.show(this.original);
+    this.render(this.original);
     await this.player.setHeat(this.player.state().heat);
-    await this.opening.toLargestError();
+    await this.opening.seekLargestError();
   }
 
-  private show({ plots, rows }: Errors): void {
-    fillRows(part("original-rows"), rows);
-    const seek = (frame: number) => void this.player.seek(frame).catch(this.player.failed);
+  private render({ plots, rows }: Errors): void {
+    fillRows(byId("original-rows"), rows);
+    const seek = (frame: number) => void this.player.seek(frame).catch(this.player.onError);
     this.plots = plots.map((info) => new Plot(info, seek));
-    part("plots").replaceChildren(...this.plots.map(({ figure }) => figure));
+    byId("plots").replaceChildren(...this.plots.map(({ figure }) => figure));
     this.update();
   }
 }

@@ -1,10 +1,10 @@
-// Controls and keys, and their actions.
+// Connects controls and keys with their actions.
 
 import { ComparisonPanel } from "./comparison";
 import { HeatBar } from "./heat/bar";
 import { Labels } from "./labels";
 import type { Opening } from "./opening";
-import { Choice, input, part, showError } from "./page";
+import { Choice, inputById, byId, showError } from "./page";
 import { Panel } from "./panel";
 import type { Arrangement, Look, Picture, Shading } from "./picture";
 import type { Player } from "./player";
@@ -16,7 +16,7 @@ import { TrackPanel } from "./tracks/panel";
 
 const PHONE = "(max-width: 720px)";
 
-/** Connects every control of the page, and keeps it up to date. */
+/** Connect all controls of the page. */
 export function connectControls(
   reel: Reel,
   stage: Stage,
@@ -28,8 +28,8 @@ export function connectControls(
   const panel = new Panel(player, reel);
   const comparison = reel.original && new ComparisonPanel(player, reel.original, opening);
   const tracks = new TrackPanel(reel, picture, player);
-  part("canvas").addEventListener("dblclick", ({ clientX, clientY }) => {
-    if (player.hasTrack) tracks.pick(picture.picked(clientX, clientY));
+  byId("canvas").addEventListener("dblclick", ({ clientX, clientY }) => {
+    if (player.hasTrack) tracks.pick(picture.pickAt(clientX, clientY));
   });
   const actions: Actions = {
     ...timelineKeys(timeline, reel),
@@ -40,7 +40,7 @@ export function connectControls(
     t: () => tracks.next(),
     g: toggleFullscreen,
     p: togglePanel,
-    "?": () => part<HTMLDialogElement>("help").showModal(),
+    "?": () => byId<HTMLDialogElement>("help").showModal(),
   };
   listenForKeys(actions);
   const buttons = {
@@ -50,11 +50,11 @@ export function connectControls(
     "panel-button": "p",
     "help-button": "?",
   };
-  for (const [id, key] of Object.entries(buttons)) part(id).addEventListener("click", actions[key]);
+  for (const [id, key] of Object.entries(buttons)) byId(id).addEventListener("click", actions[key]);
   const isFramed = window.self !== window.top;
   if (isFramed || (window.matchMedia(PHONE).matches && !reel.original)) togglePanel();
   const [bar, labels] = [new HeatBar(), new Labels()];
-  player.changed = () => {
+  player.onChange = () => {
     timeline.update();
     panel.update();
     comparison?.update();
@@ -63,9 +63,9 @@ export function connectControls(
     const heat = comparison?.heatInfo ?? null;
     const isClipped = heat !== null && !isFew && !perFrameRange && hottest < heat.maximum;
     bar.update(heat, hottest, isClipped, isFew ? panel.modesText : "");
-    labels.update(picture.look.arrangement, stage.isUpright, player.isTrackMissing);
+    labels.update(picture.look.arrangement, stage.isPortrait, player.isTrackMissing);
   };
-  stage.changed = () => player.redraw();
+  stage.onChange = () => player.redraw();
   return tracks;
 }
 
@@ -85,7 +85,7 @@ function timelineKeys(timeline: Timeline, reel: Reel): Actions {
   };
 }
 
-/** Connects the controls of the look; returns their keys. */
+/** Connect the controls of the view; returns their keys. */
 function viewKeys(reel: Reel, stage: Stage, picture: Picture, player: Player): Actions {
   const { look } = picture;
   const choose =
@@ -104,11 +104,11 @@ function viewKeys(reel: Reel, stage: Stage, picture: Picture, player: Player): A
     choose("arrangement"),
   );
   const up = new Choice<"y" | "z">("up", reel.up, (axis) => stage.setUp(axis));
-  const wire = tick("wire", choose("wire"));
-  const follow = tick("follow", (isFollowed) => picture.setFollowed(isFollowed));
-  part("own-look-row").hidden = !picture.hasOwnLook;
-  tick("own-look", choose("ownLook"));
-  tick("smooth-play", (isSmooth) => player.setSmoothPlay(isSmooth));
+  const wire = checkbox("wire", choose("wire"));
+  const follow = checkbox("follow", (isFollowed) => picture.setFollowed(isFollowed));
+  byId("own-look-row").hidden = !picture.hasFileMaterials;
+  checkbox("own-look", choose("usesFileMaterials"));
+  checkbox("smooth-play", (isSmooth) => player.setSmoothPlay(isSmooth));
   return {
     f: () => shading.next(),
     b: () => background.next(),
@@ -119,20 +119,20 @@ function viewKeys(reel: Reel, stage: Stage, picture: Picture, player: Player): A
     r: () => stage.reset(),
     s: () => {
       player.drawNow();
-      saveScreenshot(part("canvas"), `${reel.name}-${player.frame}.png`);
+      saveScreenshot(byId("canvas"), `${reel.name}-${player.frame}.png`);
     },
   };
 }
 
-function tick(id: string, changed: (isOn: boolean) => void): HTMLInputElement {
-  const box = input(id);
-  box.addEventListener("change", () => changed(box.checked));
+function checkbox(id: string, onChange: (isOn: boolean) => void): HTMLInputElement {
+  const box = inputById(id);
+  box.addEventListener("change", () => onChange(box.checked));
   return box;
 }
 
 function togglePanel(): void {
-  const isHidden = part("app").classList.toggle("no-panel");
-  part("panel-button").setAttribute("aria-expanded", String(!isHidden));
+  const isHidden = byId("app").classList.toggle("no-panel");
+  byId("panel-button").setAttribute("aria-expanded", String(!isHidden));
 }
 
 function toggleFullscreen(): void {
@@ -142,10 +142,10 @@ function toggleFullscreen(): void {
 
 type Actions = Record<string, () => unknown>;
 
-/** Listens for keys, except where one is typed into a control that uses it itself. */
+/** Handle keys, except those that the focused control handles. */
 function listenForKeys(actions: Actions): void {
   document.addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.metaKey || event.altKey || isUsedBy(event)) return;
+    if (event.ctrlKey || event.metaKey || event.altKey || isHandledByControl(event)) return;
     const key = event.shiftKey && event.key.startsWith("Arrow") ? `Shift${event.key}` : event.key;
     const action = actions[key] ?? actions[key.toLowerCase()];
     if (!action) return;
@@ -154,15 +154,15 @@ function listenForKeys(actions: Actions): void {
   });
 }
 
-function isUsedBy({ target, key }: KeyboardEvent): boolean {
+function isHandledByControl({ target, key }: KeyboardEvent): boolean {
   if (document.querySelector("dialog[open]")) return true;
   if (!(target instanceof HTMLElement)) return false;
   if (target instanceof HTMLSelectElement) return true;
   if (target instanceof HTMLInputElement)
-    return key === " " || (target.id !== "scrub" && isMove(key));
+    return key === " " || (target.id !== "scrub" && isNavigationKey(key));
   return target instanceof HTMLButtonElement && (key === " " || key === "Enter");
 }
 
-function isMove(key: string): boolean {
+function isNavigationKey(key: string): boolean {
   return key.startsWith("Arrow") || key === "Home" || key === "End";
 }

@@ -1,20 +1,19 @@
-// Where the data come from: an exported page carries them or says where they are, else the server
-// has them.
+// Loads data: exported pages embed or reference them; otherwise the server provides them.
 
 import { ReelFile, type TrackValues } from "meshreel";
 
-import type { Facts, Measured, Reel } from "./facts";
+import type { Facts, ErrorProgress, Reel } from "./facts";
 
-/** A file inside the page, or beside it. */
-type Carried = { base64: string } | { url: string };
+/** A file embedded in the page, or its address. */
+type EmbeddedFile = { base64: string } | { url: string };
 
-/** What an exported page carries. */
+/** Data of an exported page. */
 interface Exported {
   facts: Facts;
-  stream: Carried;
-  /** Frames of the original, as a file of their own. */
-  original?: Carried;
-  texture?: Carried & { mediaType: string };
+  stream: EmbeddedFile;
+  /** Frames of the original, as a separate file. */
+  original?: EmbeddedFile;
+  texture?: EmbeddedFile & { mediaType: string };
 }
 
 declare global {
@@ -23,37 +22,37 @@ declare global {
   }
 }
 
-/** Frames of the original. */
+/** Access to frames of the original. */
 export interface Originals {
-  /** Positions (V, 3) from the centre of the file. */
+  /** Positions (V, 3) relative to the center of the file. */
   frame(number: number): Promise<Float32Array>;
-  /** Values of a track, as those of the file. */
+  /** Values of a track, in the layout of the file. */
   values(track: string, number: number): Promise<TrackValues>;
 }
 
-/** The file, and what is said of it. */
+/** Open the file and load its metadata. */
 export async function openReel(): Promise<Reel> {
   const { MESHREEL: exported } = window;
   const facts = exported?.facts ?? ((await (await request("api/facts")).json()) as Facts);
-  const file = await ReelFile.open(exported ? carried(exported.stream) : "stream.reel");
+  const file = await ReelFile.open(exported ? fileSource(exported.stream) : "stream.reel");
   return { ...facts, file };
 }
 
-/** Errors of all frames against the original, as far as they are measured. */
-export async function loadMeasured(): Promise<Measured> {
+/** Load the errors of all frames, or the progress of measuring them. */
+export async function loadErrorProgress(): Promise<ErrorProgress> {
   return (await request("api/plots")).json();
 }
 
-/** The frames of the original of a file that has one. */
+/** Open the original of a file that has one. */
 export async function openOriginals({ file, original: info }: Reel): Promise<Originals> {
   const { nVerts, center } = file.info;
-  const given = window.MESHREEL?.original;
-  if (!given) {
+  const embedded = window.MESHREEL?.original;
+  if (!embedded) {
     return {
       frame: async (number) => {
         const url = `api/original/${number}`;
         const positions = new Float32Array(await (await request(url)).arrayBuffer());
-        if (positions.length !== 3 * nVerts) throw new Error(`${url} arrived damaged.`);
+        if (positions.length !== 3 * nVerts) throw new Error(`${url} is damaged.`);
         return positions;
       },
       values: async (track, number) => {
@@ -63,37 +62,37 @@ export async function openOriginals({ file, original: info }: Reel): Promise<Ori
         const width = bytes.byteLength / (nItems * nColumns);
         if (width === 4) return new Float32Array(bytes);
         if (width === 8) return new Float64Array(bytes);
-        throw new Error(`${url} arrived damaged.`);
+        throw new Error(`${url} is damaged.`);
       },
     };
   }
-  const original = await ReelFile.open(carried(given));
+  const original = await ReelFile.open(fileSource(embedded));
   return {
     frame: async (number) =>
       Float32Array.from(await original.frame(number), (value, i) => value - center[i % 3]),
     values: (track, number) => {
-      // A track that is not carried along is the same in the file.
-      const isCarried = original.info.tracks.some(({ name }) => name === track);
-      return (isCarried ? original : file).track(track).frame(number);
+      // Tracks that are identical to those of the file are not embedded.
+      const isEmbedded = original.info.tracks.some(({ name }) => name === track);
+      return (isEmbedded ? original : file).track(track).frame(number);
     },
   };
 }
 
-/** An image or a video to show on the mesh, where the page carries one. */
-export function carriedTexture(): { url: string; kind: "image" | "video" } | null {
-  const given = window.MESHREEL?.texture;
-  if (!given) return null;
-  const { mediaType } = given;
+/** Return the embedded image or video for the mesh, if any. */
+export function embeddedTexture(): { url: string; kind: "image" | "video" } | null {
+  const embedded = window.MESHREEL?.texture;
+  if (!embedded) return null;
+  const { mediaType } = embedded;
   const kind = mediaType.startsWith("video/") ? "video" : "image";
-  if ("url" in given) return { url: given.url, kind };
-  return { url: URL.createObjectURL(new Blob([bytesOf(given)], { type: mediaType })), kind };
+  if ("url" in embedded) return { url: embedded.url, kind };
+  return { url: URL.createObjectURL(new Blob([decodeBase64(embedded)], { type: mediaType })), kind };
 }
 
-function carried(given: Carried): string | Uint8Array {
-  return "url" in given ? given.url : bytesOf(given);
+function fileSource(embedded: EmbeddedFile): string | Uint8Array {
+  return "url" in embedded ? embedded.url : decodeBase64(embedded);
 }
 
-function bytesOf({ base64 }: { base64: string }): Uint8Array<ArrayBuffer> {
+function decodeBase64({ base64 }: { base64: string }): Uint8Array<ArrayBuffer> {
   return Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
 }
 
@@ -103,17 +102,17 @@ async function request(url: string): Promise<Response> {
     response = await fetch(url);
   } catch {
     throw new Error(
-      "The meshreel server does not answer. Start `meshreel view` again and reload this page.",
+      "The meshreel server does not respond. Start `meshreel view` again and reload this page.",
     );
   }
   if (!response.ok) {
-    throw new Error(`The server cannot give ${url}: ${reasonIn(await response.text())}`);
+    throw new Error(`The server cannot provide ${url}: ${errorMessage(await response.text())}`);
   }
   return response;
 }
 
-/** The reason in a refusal: JSON with an error, or plain text. */
-function reasonIn(body: string): string {
+/** Return the message of an error response: JSON with an error, or plain text. */
+function errorMessage(body: string): string {
   try {
     return (JSON.parse(body) as { error: string }).error;
   } catch {

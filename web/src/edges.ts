@@ -1,7 +1,7 @@
 // Edges of triangles.
 
-/** Each edge of the faces once, as pairs of vertices. */
-export function edgesOf(faces: Uint32Array, nVerts: number): Uint32Array {
+/** Return the unique edges of triangles, as pairs of vertices. */
+export function uniqueEdges(faces: Uint32Array, nVerts: number): Uint32Array {
   const keys = new Float64Array(faces.length);
   for (let i = 0; i < faces.length; i++) {
     const a = faces[i];

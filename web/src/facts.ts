@@ -1,97 +1,102 @@
-// What the server, or an exported page, says of a file beside the file itself.
+// Metadata from the server or the exported page, in addition to those of the file.
 
 import type { ReelFile } from "meshreel";
 
-import type { TrackLook } from "./tracks/look";
+import type { TrackSettings } from "./tracks/settings";
 
+/** A heat map. */
 export interface HeatInfo {
   kind: string;
   label: string;
   unit: string;
   maximum: number;
   range: number;
-  /** Whose error it is, where it is of a track. */
+  /** The track, for errors of a track. */
   track?: string;
 }
 
+/** A curve of one value per frame. */
 export interface PlotInfo {
   label: string;
   values: (number | null)[];
-  /** Whether they are of a track, and no errors. */
-  isOfTrack?: boolean;
+  /** Whether the values are those of a track, rather than errors. */
+  isTrack?: boolean;
 }
 
-/** Ranges are of the first frame, and plots and rows are empty, until all frames are measured. */
+/** Until all frames are measured, ranges are those of the first frame, and plots and rows are empty. */
 export interface Errors {
   heats: HeatInfo[];
   plots: PlotInfo[];
   rows: [string, string][];
-  /** That of the largest error; null until all frames are measured. */
+  /** Frame with the largest error; null until all frames are measured. */
   worst_frame: number | null;
 }
 
+/** Metadata of the original. */
 export interface OriginalInfo extends Errors {
   name: string;
-  /** Of the box of all its frames, in model units. */
+  /** Diagonal of the bounding box of all its frames, in model units. */
   diagonal: number;
-  /** Tracks that it has as the file has them. */
+  /** Tracks that it shares with the file. */
   tracks: string[];
-  /** Errors of those that are not exact in the file. */
+  /** Heat maps of tracks that are not exact. */
   track_heats: HeatInfo[];
 }
 
-/** All heat maps that can be shown. */
-export function heatsOf(original: OriginalInfo): HeatInfo[] {
+/** Return all available heat maps. */
+export function allHeats(original: OriginalInfo): HeatInfo[] {
   return [...original.heats, ...original.track_heats];
 }
 
-/** Whether a heat map is of a track. */
-export function isOfTrack(kind: string | null): kind is string {
+/** Whether a heat map shows errors of a track. */
+export function isTrackHeat(kind: string | null): kind is string {
   return kind?.startsWith("track ") ?? false;
 }
 
-export interface Measured extends Errors {
+/** Errors, or the progress of measuring them. */
+export interface ErrorProgress extends Errors {
   ready: boolean;
-  /** Of the frames that are measured. */
+  /** Fraction of the measured frames. */
   share: number;
-  /** Why not all can be measured; empty if nothing went wrong. */
+  /** Error message; empty if there was no error. */
   error: string;
 }
 
+/** Metadata of a file. */
 export interface Facts {
   name: string;
-  /** Of the box of all frames, in model units. */
+  /** Bounding box of all frames, in model units. */
   low: [number, number, number];
   high: [number, number, number];
-  /** The outermost of all positions of all frames, from the centre of the file. */
+  /** Extreme positions of all frames, relative to the center of the file. */
   swept: [number, number, number][];
   up: "y" | "z";
   is_whole: boolean;
-  /** Of each block. */
+  /** Number of modes of each block. */
   n_modes: number[];
   rows: [string, string][];
   budget: [string, number][];
   original: OriginalInfo | null;
-  /** The track that it opens with; null for none. */
-  colored_by: TrackLook | null;
+  /** The track that initially colors the mesh, or null. */
+  colored_by: TrackSettings | null;
 }
 
-/** A file that is open, and what is said of it. */
+/** An open file and its metadata. */
 export interface Reel extends Facts {
   readonly file: ReelFile;
 }
 
-/** Frames per second to play at; 24 where the file does not say. */
-export function playingFps({ file }: Reel): number {
+/** Playback rate in frames per second; 24 if the file does not define it. */
+export function playbackFps({ file }: Reel): number {
   return file.info.fps > 0 ? file.info.fps : 24;
 }
 
-/** Time of a frame in seconds, as the file counts it. */
-export function secondsOf(reel: Reel, frame: number): number {
-  return reel.file.info.startS + frame / playingFps(reel);
+/** Time of a frame in seconds, including the start time of the file. */
+export function frameTime(reel: Reel, frame: number): number {
+  return reel.file.info.startS + frame / playbackFps(reel);
 }
 
-/** The most modes that any block has. */
-export function mostModes(reel: Reel): number {
+/** Largest number of modes of a block. */
+export function maxModes(reel: Reel): number {
   return Math.max(0, ...reel.n_modes);
 }

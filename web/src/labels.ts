@@ -1,31 +1,33 @@
-// Which mesh is which, written over the views.
+// Labels of the views.
 
-import { element, part } from "./page";
+import { createElement, byId } from "./page";
 import type { Arrangement } from "./picture";
 
 export class Labels {
   private shown = "";
 
   /**
-   * At the top middle of each view; `isUpright` where views lie below each other, `lacks` where the
-   * original has not the track that colours the other.
+   * Label each view at its top center.
+   *
+   * @param isPortrait - whether views are stacked vertically
+   * @param lacksTrack - whether the original lacks the track that colors the decoded mesh
    */
-  update(arrangement: Arrangement, isUpright: boolean, lacks: boolean): void {
-    const key = `${arrangement} ${isUpright} ${lacks}`;
+  update(arrangement: Arrangement, isUpright: boolean, lacksTrack: boolean): void {
+    const key = `${arrangement} ${isUpright} ${lacksTrack}`;
     if (key === this.shown) return;
     this.shown = key;
     const texts = {
       decoded: [],
-      beside: ["decoded", lacks ? "original, which lacks these values" : "original"],
+      beside: ["decoded", lacksTrack ? "original, which lacks these values" : "original"],
       over: ["decoded", "original, as lines"],
     }[arrangement];
     const isBelow = arrangement === "beside" && isUpright;
-    part("labels").replaceChildren(
+    byId("labels").replaceChildren(
       ...texts.map((text, i) => {
-        const label = element("span", text);
+        const label = createElement("span", text);
         if (i === 1) label.className = "original";
-        const across = arrangement === "beside" ? 25 + 50 * i : 40 + 20 * i;
-        label.style.left = isBelow ? "60px" : `${across}%`;
+        const left = arrangement === "beside" ? 25 + 50 * i : 40 + 20 * i;
+        label.style.left = isBelow ? "60px" : `${left}%`;
         label.style.top = isBelow ? `calc(${50 * i}% + 10px)` : "10px";
         return label;
       }),

@@ -1,10 +1,10 @@
-// Puts the page together.
+// Entry point of the page.
 
 import { connectControls } from "./controls";
-import { carriedTexture, openReel } from "./data";
+import { embeddedTexture, openReel } from "./data";
 import type { Reel } from "./facts";
 import { Opening } from "./opening";
-import { part, showError } from "./page";
+import { byId, showError } from "./page";
 import { Picture, type Look } from "./picture";
 import { Player } from "./player";
 import { Stage } from "./stage";
@@ -13,18 +13,18 @@ import { exposeForTests } from "./window_player";
 async function start(): Promise<void> {
   const reel = await openReel();
   document.title = `${reel.name} – meshreel`;
-  part("name").textContent = reel.name;
-  const canvas = part<HTMLCanvasElement>("canvas");
+  byId("name").textContent = reel.name;
+  const canvas = byId<HTMLCanvasElement>("canvas");
   const stage = new Stage(canvas, reel);
   canvas.addEventListener("webglcontextlost", () =>
-    showError(new Error("The graphics card has dropped this page. Reload it.")),
+    showError(new Error("The browser has dropped the WebGL context of this page. Reload it.")),
   );
-  const texture = carriedTexture();
+  const texture = embeddedTexture();
   const picture = new Picture(stage, reel, firstLook(reel), texture !== null);
   stage.setUp(reel.up);
   const player = new Player(reel, picture);
   const opening = new Opening(reel, player);
-  player.failed = showError;
+  player.onError = showError;
   const tracks = connectControls(reel, stage, picture, player, opening);
   exposeForTests(player, picture, opening, tracks);
   if (texture) {
@@ -33,14 +33,14 @@ async function start(): Promise<void> {
   await player.seek(0);
   await opening.begin();
   if (reel.colored_by) await tracks.show(reel.colored_by).catch(showError);
-  if (picture.travelsFar()) part<HTMLInputElement>("follow").click();
+  if (picture.movesFar()) byId<HTMLInputElement>("follow").click();
 }
 
 function firstLook(reel: Reel): Look {
   return {
     shading: "flat",
     wire: false,
-    ownLook: true,
+    usesFileMaterials: true,
     background: "light",
     arrangement: reel.original ? "beside" : "decoded",
     isFollowed: false,

@@ -1,39 +1,39 @@
-// How the page opens: playing; or, beside an original, at the frame of the largest error with the
-// heat map of distances on.
+// The initial state of the page: playing, or, with an original, at the frame of the largest error with
+// the heat map of distances.
 
 import type { Player } from "./player";
 import type { Reel } from "./facts";
 
 export class Opening {
-  private isOver = false;
+  private isCanceled = false;
 
   constructor(
     private readonly reel: Reel,
     private readonly player: Player,
   ) {
     const touches = ["pointerdown", "keydown"];
-    for (const kind of touches) addEventListener(kind, () => this.end(), { capture: true });
+    for (const kind of touches) addEventListener(kind, () => this.cancel(), { capture: true });
   }
 
-  /** Says that somebody has taken over: nothing moves by itself from now on. */
-  end(): void {
-    this.isOver = true;
+  /** Cancel automatic seeks, since the user has started to interact. */
+  cancel(): void {
+    this.isCanceled = true;
   }
 
   async begin(): Promise<void> {
     const { original, file } = this.reel;
     if (original) {
-      const [nearest] = original.heats;
-      await this.player.setHeat(nearest.kind);
-      await this.toLargestError();
+      const [distance] = original.heats;
+      await this.player.setHeat(distance.kind);
+      await this.seekLargestError();
     } else if (file.info.nFrames > 1 && !matchMedia("(prefers-reduced-motion: reduce)").matches) {
       this.player.play();
     }
   }
 
-  /** Goes to the frame of the largest error once it is known, unless somebody has taken over. */
-  async toLargestError(): Promise<void> {
+  /** Seek to the frame of the largest error once it is known, unless canceled. */
+  async seekLargestError(): Promise<void> {
     const worst = this.reel.original?.worst_frame ?? null;
-    if (worst !== null && !this.isOver) await this.player.seek(worst);
+    if (worst !== null && !this.isCanceled) await this.player.seek(worst);
   }
 }

@@ -1,11 +1,11 @@
-// The panel: figures of the file, where its bytes are, modes.
+// The panel: file properties, sizes of its parts, and modes.
 
-import { element, fillRows, input, part } from "./page";
+import { createElement, fillRows, inputById, byId } from "./page";
 import type { Player } from "./player";
-import { mostModes, type Reel } from "./facts";
+import { maxModes, type Reel } from "./facts";
 
 export class Panel {
-  private readonly modes = input("modes");
+  private readonly modes = inputById("modes");
   private shownModes = 0;
 
   constructor(
@@ -14,12 +14,12 @@ export class Panel {
   ) {
     const missing: [string, string][] = reel.is_whole
       ? []
-      : [["end", "missing: the file was cut off"]];
-    fillRows(part("rows"), [...reel.rows, ...missing]);
+      : [["end", "missing: the file is truncated"]];
+    fillRows(byId("rows"), [...reel.rows, ...missing]);
     fillBudget(reel.budget);
     const hasModes = reel.file.info.method === "reel";
     for (const one of document.querySelectorAll<HTMLElement>(".of-modes")) one.hidden = !hasModes;
-    this.modes.max = String(mostModes(reel));
+    this.modes.max = String(maxModes(reel));
     this.modes.addEventListener("input", () => player.setModes(Number(this.modes.value)));
   }
 
@@ -28,18 +28,18 @@ export class Panel {
     if (modes === this.shownModes) return;
     this.shownModes = modes;
     this.modes.value = String(modes);
-    part("modes-label").textContent = this.modesText;
+    byId("modes-label").textContent = this.modesText;
   }
 
-  /** How many modes are shown, in words. */
+  /** Describe how many modes are shown. */
   get modesText(): string {
-    const [{ modes }, most] = [this.player.state(), mostModes(this.reel)];
+    const [{ modes }, most] = [this.player.state(), maxModes(this.reel)];
     return modes < most ? `first ${modes} of ${most} modes` : `all ${most} modes`;
   }
 }
 
-/** Bytes with three digits that count and a unit. */
-export function bytesText(bytes: number): string {
+/** Format a size in bytes with one decimal place and a unit. */
+export function formatBytes(bytes: number): string {
   if (bytes < 1000) return `${bytes} B`;
   const [unit, name] = bytes < 1e6 ? [1e3, "kB"] : bytes < 1e9 ? [1e6, "MB"] : [1e9, "GB"];
   return `${(bytes / unit).toFixed(1)} ${name}`;
@@ -47,13 +47,13 @@ export function bytesText(bytes: number): string {
 
 function fillBudget(budget: [string, number][]): void {
   const total = budget.reduce((sum, [, bytes]) => sum + bytes, 0) || 1;
-  const most = budget.reduce((largest, [, bytes]) => Math.max(largest, bytes), 1);
-  part("budget").replaceChildren(
+  const maxBytes = budget.reduce((largest, [, bytes]) => Math.max(largest, bytes), 1);
+  byId("budget").replaceChildren(
     ...budget.map(([name, bytes]) => {
-      const [item, bar] = [element("li"), element("i")];
-      bar.style.width = `${(100 * bytes) / most}%`;
-      const share = `${bytesText(bytes)}, ${((100 * bytes) / total).toFixed(1)} %`;
-      item.append(element("span", name), element("b", share), bar);
+      const [item, bar] = [createElement("li"), createElement("i")];
+      bar.style.width = `${(100 * bytes) / maxBytes}%`;
+      const share = `${formatBytes(bytes)}, ${((100 * bytes) / total).toFixed(1)} %`;
+      item.append(createElement("span", name), createElement("b", share), bar);
       return item;
     }),
   );

@@ -1,17 +1,17 @@
-// The picture: the decoded mesh, the original beside or over it, heat, and how all is shaded.
+// The contents of the views: the decoded mesh, the original, heat maps and shading.
 
 import type { TrackValues } from "meshreel";
 import { type ColorLegend, ReelMesh } from "meshreel/three";
 import * as THREE from "three";
 
-import { outermost } from "./camera";
-import { edgesOf } from "./edges";
+import { extremePoints } from "./camera";
+import { uniqueEdges } from "./edges";
 import type { Reel } from "./facts";
-import { Figure } from "./shading/figure";
+import { MeshView } from "./shading/mesh_view";
 import { OriginalMesh } from "./shading/original";
 import type { Background, Stage } from "./stage";
-import { componentOf, type TrackLook, USUAL_RANGE } from "./tracks/look";
-import { type Picked, pickedBy } from "./tracks/pick";
+import { parseComponent, type TrackSettings, DEFAULT_RANGE } from "./tracks/settings";
+import { type Picked, pickFirst } from "./tracks/pick";
 
 export type Shading = "flat" | "smooth";
 export type Arrangement = "decoded" | "beside" | "over";
@@ -19,19 +19,19 @@ export type Arrangement = "decoded" | "beside" | "over";
 export interface Look {
   shading: Shading;
   wire: boolean;
-  /** Colours and materials of the file, where it has some. */
-  ownLook: boolean;
+  /** Whether to show colors and materials of the file. */
+  usesFileMaterials: boolean;
   background: Background;
   arrangement: Arrangement;
-  /** The mesh is kept in the middle, wherever it goes. */
+  /** Whether the camera follows the mesh. */
   isFollowed: boolean;
 }
 
-/** Around the pose of the shown frame, so that others fit as well. */
-const ROOM = 1.25;
+/** Margin around the pose of the shown frame, so that other poses fit too. */
+const POSE_MARGIN = 1.25;
 
-/** A mesh that the camera comes so much nearer to when it follows it is followed from the start. */
-const NEARER = 1.15;
+/** The camera follows the mesh initially if that brings it closer by this factor. */
+const FOLLOW_RATIO = 1.15;
 
 const INK: Record<Background, [number, number, number]> = {
   light: [0.08, 0.1, 0.14],
@@ -39,29 +39,29 @@ const INK: Record<Background, [number, number, number]> = {
   none: [0.08, 0.1, 0.14],
 };
 /**
- * How much nearer than they are lines are drawn, as shares of the diagonal: edges of the mesh that is
- * drawn, and those of the original, which is off by the errors of the other.
+ * Offset of lines towards the camera, as fractions of the diagonal: for edges of the same mesh, and for
+ * edges of the original over the decoded mesh, which differ by the coding error.
  */
-const LIFT = { wire: 0.001, over: 0.02 };
+const LINE_LIFT = { wire: 0.001, over: 0.02 };
 const ORIGINAL_INK: [number, number, number] = [0.93, 0.42, 0.1];
 const MARKER: [number, number, number] = [1, 0.1, 0.6];
 
 export class Picture {
   readonly mesh: ReelMesh;
-  /** Whether the file says how its faces look. */
-  readonly hasOwnLook: boolean;
-  private readonly decoded: Figure;
-  private readonly original: { mesh: OriginalMesh; figure: Figure } | null = null;
+  /** Whether the file has colors or materials, or a texture is shown. */
+  readonly hasFileMaterials: boolean;
+  private readonly decoded: MeshView;
+  private readonly original: { mesh: OriginalMesh; figure: MeshView } | null = null;
   private heat: THREE.BufferAttribute;
   private hasHeat = false;
-  private isTracked = false;
-  /** Whether the original has the colours of the track. */
-  private isOriginalTracked = false;
+  private hasTrackColors = false;
+  /** Whether the original is colored by the track. */
+  private hasOriginalTrackColors = false;
   private readonly marker = new THREE.Points(
     new THREE.BufferGeometry().setFromPoints([new THREE.Vector3()]),
     new THREE.PointsMaterial({ size: 11, sizeAttenuation: false, depthTest: false }),
   );
-  private marked: number | null = null;
+  private markedVertex: number | null = null;
 
   constructor(
     private readonly stage: Stage,
@@ -74,10 +74,10 @@ export class Picture {
     this.mesh = new ReelMesh(file, { renderer, origin: file.info.center });
     const { geometry, material, sources } = this.mesh;
     const { materials } = file.surface;
-    this.hasOwnLook = hasTexture || "color" in geometry.attributes || materials.length > 0;
+    this.hasFileMaterials = hasTexture || "color" in geometry.attributes || materials.length > 0;
     this.heat = new THREE.BufferAttribute(new Float32Array(sources.length), 1);
     geometry.setAttribute("heat", this.heat.setUsage(THREE.DynamicDrawUsage));
-    this.decoded = new Figure(this.mesh, material);
+    this.decoded = new MeshView(this.mesh, material);
     this.marker.frustumCulled = false;
     this.marker.renderOrder = 2;
     this.marker.visible = false;
@@ -86,29 +86,29 @@ export class Picture {
     stage.add(this.decoded.group);
     if (reel.original) {
       const mesh = new OriginalMesh(this.mesh);
-      this.original = { mesh, figure: new Figure(mesh, material) };
+      this.original = { mesh, figure: new MeshView(mesh, material) };
       stage.add(this.original.figure.group);
     }
     this.applyLook();
   }
 
-  /** Takes over the changes in `look`. */
+  /** Apply changes of `look`. */
   applyLook(): void {
     const { arrangement, background, wire, shading } = this.look;
-    const isOwn = this.hasOwnLook && this.look.ownLook;
+    const usesOwn = this.hasFileMaterials && this.look.usesFileMaterials;
     const isSmooth = shading === "smooth";
     const ink = [...INK[background], 0.45] as const;
-    const own = isOwn ? "own" : "plain";
-    this.decoded.dress(this.hasHeat ? "plain" : this.isTracked ? "track" : own, isSmooth);
-    this.rule(this.decoded, this.mesh, wire, ink, LIFT.wire);
+    const own = usesOwn ? "own" : "plain";
+    this.decoded.setAppearance(this.hasHeat ? "plain" : this.hasTrackColors ? "track" : own, isSmooth);
+    this.setLines(this.decoded, this.mesh, wire, ink, LINE_LIFT.wire);
     const { stage, decoded, original } = this;
     if (original) {
       const isOver = arrangement === "over";
       original.mesh.visible = !isOver;
-      original.figure.dress(this.isOriginalTracked ? "track" : own, isSmooth);
+      original.figure.setAppearance(this.hasOriginalTrackColors ? "track" : own, isSmooth);
       if (isOver) {
-        this.rule(original.figure, original.mesh, true, [...ORIGINAL_INK, 0.4], LIFT.over);
-      } else this.rule(original.figure, original.mesh, wire, ink, LIFT.wire);
+        this.setLines(original.figure, original.mesh, true, [...ORIGINAL_INK, 0.4], LINE_LIFT.over);
+      } else this.setLines(original.figure, original.mesh, wire, ink, LINE_LIFT.wire);
     }
     if (!original || arrangement === "decoded") stage.setViews([[decoded.group]]);
     else if (arrangement === "over") stage.setViews([[decoded.group, original.figure.group]]);
@@ -120,86 +120,86 @@ export class Picture {
     return this.original !== null && this.look.arrangement !== "decoded";
   }
 
-  /** Whether faces of the original are seen. */
+  /** Whether faces of the original are visible. */
   get showsOriginal(): boolean {
     return this.original !== null && this.look.arrangement === "beside";
   }
 
-  /** Turns following on or off, and frames the shown frame, or all that the mesh sweeps. */
+  /** Turn following on or off, and frame the current pose, or the whole animation. */
   setFollowed(isFollowed: boolean): void {
     this.look.isFollowed = isFollowed;
-    this.stage.frame(isFollowed ? this.pose() : null);
+    this.stage.frame(isFollowed ? this.posePoints() : null);
   }
 
-  /** Whether the shown frame is small beside all that the mesh sweeps. */
-  travelsFar(): boolean {
-    return this.stage.distanceTo(null) > NEARER * this.stage.distanceTo(this.pose());
+  /** Whether the current pose is small compared to the whole animation. */
+  movesFar(): boolean {
+    return this.stage.distanceTo(null) > FOLLOW_RATIO * this.stage.distanceTo(this.posePoints());
   }
 
   setOriginal(positions: Float32Array): void {
     this.original?.mesh.setPositions(positions);
   }
 
-  /** Colours the original by values of a frame of the track that colours the mesh. */
+  /** Color the original by values of the track that colors the mesh. */
   setOriginalValues(values: TrackValues): void {
     const { original, decoded, mesh } = this;
     if (!original) return;
     original.mesh.setColors(mesh.colorAttribute(values));
-    if (this.isOriginalTracked) return;
-    this.isOriginalTracked = true;
-    original.figure.track.takeColors(decoded.track);
+    if (this.hasOriginalTrackColors) return;
+    this.hasOriginalTrackColors = true;
+    original.figure.track.copyColors(decoded.track);
     this.applyLook();
   }
 
-  /** Paints the decoded mesh by values, the hottest of which is given; null: no heat map. */
-  setHeat(heat: { values: Float32Array; hottest: number } | null): void {
-    const had = this.hasHeat;
+  /** Show a heat map on the decoded mesh; null: none. */
+  setHeat(heat: { values: Float32Array; heatMaximum: number } | null): void {
+    const hadHeat = this.hasHeat;
     this.hasHeat = heat !== null;
-    this.decoded.faces.hottest = heat?.hottest ?? null;
+    this.decoded.faces.heatMaximum = heat?.heatMaximum ?? null;
     if (heat) this.paint(heat.values);
-    if (had !== this.hasHeat) this.applyLook();
+    if (hadHeat !== this.hasHeat) this.applyLook();
   }
 
   /**
-   * Shows a track in colours in place of the look of the file; null: none. The last call counts: one
-   * that is under way throws an `AbortError`.
+   * Color the mesh by a track in place of the materials of the file; null: none. A new call cancels a
+   * pending one, which throws an `AbortError`.
    */
-  async setTrack(look: TrackLook | null): Promise<ColorLegend | null> {
-    this.isOriginalTracked = false;
+  async setTrack(look: TrackSettings | null): Promise<ColorLegend | null> {
+    this.hasOriginalTrackColors = false;
     if (!look) {
-      this.isTracked = false;
+      this.hasTrackColors = false;
       await this.mesh.colorBy(null);
-      this.refit();
+      this.rebuildAttributes();
       this.applyLook();
       return null;
     }
     const { track, component, range, colormap } = look;
     const { kind } = this.reel.file.track(track).info;
     const isColor = kind === "color" && (component ?? "color") === "color";
-    const usual = kind === "normal" ? undefined : USUAL_RANGE;
-    this.isTracked = true;
-    this.applyLook(); // colours dress the material that the mesh wears
+    const defaultRange = kind === "normal" ? undefined : DEFAULT_RANGE;
+    this.hasTrackColors = true;
+    this.applyLook(); // `colorBy` applies to the current material
     const legend = await this.mesh.colorBy(track, {
-      component: component === null || isColor ? undefined : componentOf(component),
-      ...(isColor ? {} : { range: range ?? usual, wholeFile: true }),
+      component: component === null || isColor ? undefined : parseComponent(component),
+      ...(isColor ? {} : { range: range ?? defaultRange, wholeFile: true }),
       ...(colormap ? { map: colormap } : {}),
     });
-    this.refit();
+    this.rebuildAttributes();
     return legend;
   }
 
-  /** What of the mesh lies at a place of the page; null: nothing. */
-  picked(clientX: number, clientY: number): Picked | null {
+  /** Return the vertex, face and corner at a position on the page; null outside of the mesh. */
+  pickAt(clientX: number, clientY: number): Picked | null {
     const ray = this.stage.rayAt(clientX, clientY);
-    return ray && pickedBy(ray, this.mesh);
+    return ray && pickFirst(ray, this.mesh);
   }
 
-  /** Marks a vertex of the file while nothing plays; null: none. */
-  mark(vertex: number | null): void {
-    this.marked = vertex === null ? null : this.mesh.sources.indexOf(vertex);
+  /** Mark a vertex of the file while playback is paused; null: none. */
+  setMarker(vertex: number | null): void {
+    this.markedVertex = vertex === null ? null : this.mesh.sources.indexOf(vertex);
   }
 
-  /** Positions (V, 3) as they are drawn, from the centre of the file; read back from the GPU. */
+  /** Read the drawn positions (V, 3) back from the GPU, relative to the center of the file. */
   positions(): Float32Array {
     const positions = new Float32Array(3 * this.reel.file.info.nVerts);
     const point = new THREE.Vector3();
@@ -209,7 +209,7 @@ export class Picture {
     return positions;
   }
 
-  /** Values at each vertex by which it is painted; null where it is not. */
+  /** Return the heat map values of the vertices; null without a heat map. */
   heatValues(): Float32Array | null {
     if (!this.hasHeat) return null;
     const values = new Float32Array(this.reel.file.info.nVerts);
@@ -217,36 +217,35 @@ export class Picture {
     return values;
   }
 
-  /** Draws all. */
   draw(): void {
     const { original } = this;
-    this.stage.follow(this.look.isFollowed ? this.middle() : null);
-    this.decoded.join();
-    this.marker.visible = this.marked !== null && !this.mesh.isPlaying;
+    this.stage.follow(this.look.isFollowed ? this.centroid() : null);
+    this.decoded.syncPositions();
+    this.marker.visible = this.markedVertex !== null && !this.mesh.isPlaying;
     if (this.marker.visible) {
-      this.mesh.getVertexPosition(this.marked as number, this.marker.position);
+      this.mesh.getVertexPosition(this.markedVertex as number, this.marker.position);
     }
     if (original && this.needsOriginal) {
-      if (this.look.shading === "smooth") original.mesh.bend();
-      original.figure.join();
+      if (this.look.shading === "smooth") original.mesh.computeNormals();
+      original.figure.syncPositions();
     }
     this.stage.draw();
   }
 
-  /** Has heat and lines fit the geometry, whose vertices a track may have split. */
-  private refit(): void {
+  /** Rebuild attributes and lines for the current geometry, whose vertices a track may have split. */
+  private rebuildAttributes(): void {
     const { geometry, sources } = this.mesh;
-    this.original?.mesh.refit();
+    this.original?.mesh.rebuildGeometry();
     if (geometry.getAttribute("heat") === this.heat) return;
-    const vertex = this.marked;
+    const vertex = this.markedVertex;
     this.heat = new THREE.BufferAttribute(new Float32Array(sources.length), 1);
     geometry.setAttribute("heat", this.heat.setUsage(THREE.DynamicDrawUsage));
     for (const figure of [this.decoded, this.original?.figure]) figure?.lines.geometry.setIndex(null);
-    if (vertex !== null) this.marked = null;
+    if (vertex !== null) this.markedVertex = null;
     this.applyLook();
   }
 
-  private middle(): THREE.Vector3 {
+  private centroid(): THREE.Vector3 {
     return this.mesh.getCentroid(new THREE.Vector3());
   }
 
@@ -258,24 +257,24 @@ export class Picture {
     this.heat.needsUpdate = true;
   }
 
-  private rule(
-    { lines }: Figure,
+  private setLines(
+    { lines }: MeshView,
     { geometry }: THREE.Mesh,
     isVisible: boolean,
     ink: readonly [number, number, number, number],
     lift: number,
   ): void {
     lines.visible = isVisible;
-    lines.rule(ink, lift * this.reel.file.info.diagonal);
+    lines.setStyle(ink, lift * this.reel.file.info.diagonal);
     if (!isVisible || lines.geometry.index) return;
     const nVerts = geometry.getAttribute("position").count;
-    const edges = edgesOf(geometry.index?.array as Uint32Array, nVerts);
+    const edges = uniqueEdges(geometry.index?.array as Uint32Array, nVerts);
     lines.geometry.setIndex(new THREE.BufferAttribute(edges, 1));
   }
 
-  /** The outermost points of the shown frame about its middle, with room around. */
-  private pose(): THREE.Vector3[] {
-    const middle = this.middle();
-    return outermost(this.positions()).map((point) => point.sub(middle).multiplyScalar(ROOM));
+  /** Extreme points of the current pose about its centroid, with a margin. */
+  private posePoints(): THREE.Vector3[] {
+    const centroid = this.centroid();
+    return extremePoints(this.positions()).map((point) => point.sub(centroid).multiplyScalar(POSE_MARGIN));
   }
 }

@@ -1,22 +1,22 @@
-// Plays: has the data of the frame fetched that is due, and draws when something has changed.
+// Playback: loads data of the current frame, and redraws when something has changed.
 
 import { CorruptStreamError, TruncatedStreamError } from "meshreel";
 import type { ColorLegend, ReelMesh } from "meshreel/three";
 
-import { Extras } from "./extras";
-import { mostModes, type Reel } from "./facts";
-import type { FrameErrors } from "./heat/fields";
+import { FrameData } from "./frame_data";
+import { maxModes, type Reel } from "./facts";
+import type { FrameErrors } from "./heat/error_fields";
 import type { Picture } from "./picture";
-import type { TrackLook } from "./tracks/look";
+import type { TrackSettings } from "./tracks/settings";
 
 export interface PlayerState {
   frame: number;
   playing: boolean;
   buffering: boolean;
   modes: number;
-  /** Whether fewer modes are shown than there are. */
+  /** Whether fewer modes than all are shown. */
   isFew: boolean;
-  /** Of the shown frame of few modes, where there is an original. */
+  /** Errors of the shown frame with reduced modes, if there is an original. */
   frameErrors: (FrameErrors & { frame: number }) | null;
   heat: string | null;
   hottest: number;
@@ -27,10 +27,11 @@ export interface PlayerState {
   drawMs: number;
 }
 
+/** Controls playback of the page. */
 export class Player {
   /** Called when anything in `state()` may have changed. */
-  changed: () => void = () => {};
-  failed: (error: unknown) => void = () => {};
+  onChange: () => void = () => {};
+  onError: (error: unknown) => void = () => {};
   private nModes: number;
   private isDirty = true;
   private isMeasuring = false;
@@ -38,8 +39,8 @@ export class Player {
   private drawMs = 0;
   private lastMs = 0;
   private readonly mesh: ReelMesh;
-  private readonly extras: Extras;
-  private settling: Promise<void> | null = null;
+  private readonly extras: FrameData;
+  private loadingFrameData: Promise<void> | null = null;
 
   constructor(
     private readonly reel: Reel,
@@ -47,18 +48,18 @@ export class Player {
   ) {
     this.mesh = picture.mesh;
     this.mesh.interpolate = false;
-    this.nModes = mostModes(reel);
-    const dirty = () => {
+    this.nModes = maxModes(reel);
+    const markDirty = () => {
       this.isDirty = true;
-      this.changed();
+      this.onChange();
     };
-    this.extras = new Extras(reel, picture, dirty, (error) => this.fail(error));
-    this.mesh.addEventListener("frame", dirty);
-    this.mesh.addEventListener("waiting", () => this.changed());
-    this.mesh.addEventListener("playing", () => this.changed());
+    this.extras = new FrameData(reel, picture, markDirty, (error) => this.fail(error));
+    this.mesh.addEventListener("frame", markDirty);
+    this.mesh.addEventListener("waiting", () => this.onChange());
+    this.mesh.addEventListener("playing", () => this.onChange());
     this.mesh.addEventListener("ended", () => this.pause());
-    this.mesh.addEventListener("warning", ({ message }) => this.failed(new Error(message)));
-    this.mesh.addEventListener("error", ({ error, block }) => this.tell(error, block));
+    this.mesh.addEventListener("warning", ({ message }) => this.onError(new Error(message)));
+    this.mesh.addEventListener("error", ({ error, block }) => this.reportError(error, block));
     requestAnimationFrame((now) => this.tick(now));
   }
 
@@ -89,10 +90,10 @@ export class Player {
       playing: mesh.isPlaying,
       buffering: mesh.isWaiting,
       modes: this.nModes,
-      isFew: extras.fewModes !== null,
+      isFew: extras.reducedModes !== null,
       frameErrors: extras.frameErrors,
       heat: extras.heatKind,
-      hottest: extras.hottest,
+      hottest: extras.heatMaximum,
       speed: mesh.speed,
       loop: this.isLooping,
       smoothPlay: mesh.interpolate,
@@ -103,15 +104,15 @@ export class Player {
 
   play(): void {
     this.mesh.play();
-    this.changed();
+    this.onChange();
   }
 
   pause(): void {
     this.mesh.pause();
-    void this.seek(this.mesh.frame).catch(this.failed);
+    void this.seek(this.mesh.frame).catch(this.onError);
   }
 
-  /** Shows a frame exactly, with its heat and original; resolves once it is drawn. */
+  /** Show a frame with its heat map and original; resolves once it is drawn. */
   async seek(frame: number): Promise<void> {
     const last = this.reel.file.info.nFrames - 1;
     this.mesh.seek({ frame: Math.min(Math.max(0, Math.round(frame)), last) });
@@ -119,33 +120,33 @@ export class Player {
   }
 
   setModes(nModes: number): void {
-    const most = mostModes(this.reel);
-    this.nModes = Math.min(Math.max(1, Math.round(nModes)), most);
-    const isFew = this.nModes < most;
-    this.extras.fewModes = isFew ? this.nModes : null;
-    this.mesh.modes = isFew ? this.nModes : Infinity;
+    const maxCount = maxModes(this.reel);
+    this.nModes = Math.min(Math.max(1, Math.round(nModes)), maxCount);
+    const hasReducedModes = this.nModes < maxCount;
+    this.extras.reducedModes = hasReducedModes ? this.nModes : null;
+    this.mesh.modes = hasReducedModes ? this.nModes : Infinity;
     this.redraw();
   }
 
-  /** The track whose colours the mesh has, or will have. */
+  /** The track that colors the mesh, or will once it is loaded. */
   private track: string | null = null;
 
   get hasTrack(): boolean {
     return this.track !== null;
   }
 
-  /** Whether the original has not the track that colours the mesh. */
+  /** Whether the original lacks the track that colors the mesh. */
   get isTrackMissing(): boolean {
     const { original } = this.reel;
     return this.track !== null && original !== null && !original.tracks.includes(this.track);
   }
 
-  /** Colours the mesh by a track, in place of a heat map; null: by none. */
-  async setTrack(look: TrackLook | null): Promise<ColorLegend | null> {
+  /** Color the mesh by a track in place of a heat map; null: none. */
+  async setTrack(look: TrackSettings | null): Promise<ColorLegend | null> {
     this.track = look?.track ?? null;
     if (look) {
       this.extras.heatKind = null;
-      this.extras.forgetHeat();
+      this.extras.invalidateHeat();
     }
     this.extras.setTrack(null);
     const legend = await this.picture.setTrack(look).catch((error: Error) => {
@@ -160,13 +161,13 @@ export class Player {
   async setHeat(kind: string | null): Promise<void> {
     if (kind !== null && this.hasTrack) await this.setTrack(null);
     this.extras.heatKind = kind;
-    this.extras.forgetHeat();
+    this.extras.invalidateHeat();
     await this.show();
   }
 
   async setPerFrameRange(isPerFrame: boolean): Promise<void> {
     this.extras.isPerFrameRange = isPerFrame;
-    this.extras.forgetHeat();
+    this.extras.invalidateHeat();
     await this.show();
   }
 
@@ -175,14 +176,14 @@ export class Player {
     this.redraw();
   }
 
-  /** Draws again at the next occasion, with the data that the look needs now. */
+  /** Schedule a redraw with all data that the current look needs. */
   redraw(): void {
     this.isDirty = true;
-    if (!this.isPlaying) void this.settle().then(() => this.changed(), this.failed);
-    this.changed();
+    if (!this.isPlaying) void this.loadFrameData().then(() => this.onChange(), this.onError);
+    this.onChange();
   }
 
-  /** Draws at once, for a picture that is read from the canvas in the same moment. */
+  /** Draw synchronously, such as to read the canvas afterwards. */
   drawNow(): void {
     const started = performance.now();
     this.picture.draw();
@@ -191,13 +192,13 @@ export class Player {
     this.drawMs = performance.now() - started;
   }
 
-  /** Positions (V, 3) in model units as they are drawn, read back from the GPU. */
+  /** Read the drawn positions (V, 3) back from the GPU, in model units. */
   positions(): Float32Array {
     const { center } = this.reel.file.info;
     return this.picture.positions().map((value, i) => value + center[i % 3]);
   }
 
-  /** Frames presented per second, as fast as the machine draws them while it plays. */
+  /** Measure the rate of redraws during playback, in frames per second. */
   async measureFps(seconds: number): Promise<number> {
     await this.show();
     this.isMeasuring = true;
@@ -205,7 +206,7 @@ export class Player {
     const started = performance.now();
     this.nDrawn = 0;
     await new Promise((resolve) => setTimeout(resolve, 1000 * seconds));
-    this.picture.positions(); // which waits until the GPU has done its work
+    this.picture.positions(); // waits for the GPU
     const rate = (1000 * this.nDrawn) / (performance.now() - started);
     this.isMeasuring = false;
     this.pause();
@@ -213,42 +214,42 @@ export class Player {
   }
 
   private async show(): Promise<void> {
-    this.changed();
-    await this.arrived();
-    await this.settle();
+    this.onChange();
+    await this.waitUntilReady();
+    await this.loadFrameData();
     this.drawNow();
-    this.changed();
+    this.onChange();
   }
 
-  /** Resolves when the picture of the time is there, or its block turns out to be damaged. */
-  private async arrived(): Promise<void> {
+  /** Wait until the current frame is available, or its block turns out to be damaged. */
+  private async waitUntilReady(): Promise<void> {
     const { mesh } = this;
     while (mesh.isWaiting) {
       await new Promise<void>((resolve, reject) => {
         const end = (error?: Error) => {
           mesh.removeEventListener("frame", shown);
-          mesh.removeEventListener("error", failed);
+          mesh.removeEventListener("error", onError);
           if (error) reject(error);
           else resolve();
         };
         const shown = () => end();
-        const failed = ({ error }: { error: Error }) => end(isDamage(error) ? undefined : error);
+        const onError = ({ error }: { error: Error }) => end(isDamageError(error) ? undefined : error);
         mesh.addEventListener("frame", shown);
-        mesh.addEventListener("error", failed);
+        mesh.addEventListener("error", onError);
       });
     }
   }
 
-  // One at a time, and only for the frame that is wanted last: dragging does not flood the server.
-  private async settle(): Promise<void> {
-    this.settling ??= this.fetchShown().finally(() => (this.settling = null));
-    await this.settling;
-    if (!this.isPlaying && !this.mesh.isWaiting && !this.extras.areOf(this.frame)) {
-      await this.settle();
+  // Only one load at a time, then the latest frame: dragging the timeline must not flood the server.
+  private async loadFrameData(): Promise<void> {
+    this.loadingFrameData ??= this.loadCurrentFrame().finally(() => (this.loadingFrameData = null));
+    await this.loadingFrameData;
+    if (!this.isPlaying && !this.mesh.isWaiting && !this.extras.isCurrent(this.frame)) {
+      await this.loadFrameData();
     }
   }
 
-  private async fetchShown(): Promise<void> {
+  private async loadCurrentFrame(): Promise<void> {
     await this.extras.load(this.frame);
     this.extras.show(this.frame);
     this.isDirty = true;
@@ -259,14 +260,14 @@ export class Player {
     const seconds = (nowMs - this.lastMs) / 1000;
     this.lastMs = nowMs;
     try {
-      if (this.isPlaying) this.playOn(seconds);
+      if (this.isPlaying) this.advance(seconds);
       if (this.isDirty || this.isMeasuring) this.drawNow();
     } catch (error) {
       this.fail(error);
     }
   }
 
-  private playOn(seconds: number): void {
+  private advance(seconds: number): void {
     this.mesh.update(seconds);
     this.extras.prefetch(this.frame, this.mesh.speed);
     if (this.extras.show(this.frame)) this.isDirty = true;
@@ -274,20 +275,20 @@ export class Player {
 
   private fail(error: unknown): void {
     this.mesh.pause();
-    this.failed(error);
-    this.changed();
+    this.onError(error);
+    this.onChange();
   }
 
-  /** Says what cannot be shown: a damaged block is passed over, for anything else it stops. */
-  private tell(error: Error, number: number | null): void {
-    if (number === null) return this.failed(error); // an image of a material
-    if (!isDamage(error)) return this.fail(error);
+  /** Report an error; playback skips damaged blocks and stops for other errors. */
+  private reportError(error: Error, number: number | null): void {
+    if (number === null) return this.onError(error); // a material image or a texture
+    if (!isDamageError(error)) return this.fail(error);
     const { start, nFrames } = this.reel.file.info.blocks[number];
     const frames = `Frames ${start} to ${start + nFrames - 1} are damaged and left out`;
-    this.failed(new Error(`${frames}: ${error.message}`));
+    this.onError(new Error(`${frames}: ${error.message}`));
   }
 }
 
-function isDamage(error: Error): boolean {
+function isDamageError(error: Error): boolean {
   return error instanceof CorruptStreamError || error instanceof TruncatedStreamError;
 }

@@ -1,7 +1,7 @@
-// Error of each frame as curves; a line marks the frame shown, and a click or a drag seeks.
+// Plots of values over frames: a line marks the current frame, and clicking or dragging seeks.
 
-import { shortNumber, roundTicks } from "./heat/map";
-import { element } from "./page";
+import { formatNumber, roundTicks } from "./heat/map";
+import { createElement } from "./page";
 import type { PlotInfo } from "./facts";
 
 const WIDTH = 280;
@@ -10,30 +10,30 @@ const LEFT = 44;
 const BOTTOM = 16;
 const TOP = 6;
 const RIGHT = 6;
-/** Values that span more than this are drawn on a log scale. */
-const SPAN_OF_LOG = 50;
+/** Ratio of the largest to the smallest value above which the scale is logarithmic. */
+const MIN_LOG_RATIO = 50;
 
 export class Plot {
-  readonly figure = element("figure");
-  private readonly output = element("output");
+  readonly figure = createElement("figure");
+  private readonly output = createElement("output");
   private readonly svg: SVGSVGElement;
-  // Apart from the curve: moving it draws nothing anew, which costs much without a graphics card.
-  private readonly cursor = element("i");
+  // Separate from the SVG: moving it does not repaint the curve, which is slow without a GPU.
+  private readonly cursor = createElement("i");
 
   constructor(
     private readonly info: PlotInfo,
     seek: (frame: number) => void,
   ) {
-    const axis = new Axis(info.values, info.isOfTrack ?? false);
-    const caption = element("figcaption");
-    caption.append(element("span", axis.isLog ? `${info.label} (log)` : info.label), this.output);
+    const axis = new Axis(info.values, info.isTrack ?? false);
+    const caption = createElement("figcaption");
+    caption.append(createElement("span", axis.isLog ? `${info.label} (log)` : info.label), this.output);
     this.svg = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img" }) as SVGSVGElement;
     this.svg.setAttribute("aria-label", `${info.label}, frame by frame`);
     for (const tick of axis.ticks) {
       const y = axis.y(tick);
       this.svg.append(
         svg("line", { class: "grid", x1: LEFT, x2: WIDTH - RIGHT, y1: y, y2: y }),
-        svg("text", { x: LEFT - 5, y: y + 3.5, "text-anchor": "end" }, shortNumber(tick)),
+        svg("text", { x: LEFT - 5, y: y + 3.5, "text-anchor": "end" }, formatNumber(tick)),
       );
     }
     for (const frame of roundTicks(0, info.values.length - 1, 6).map(Math.round)) {
@@ -41,23 +41,22 @@ export class Plot {
       this.svg.append(svg("text", { x, y: HEIGHT - 2, "text-anchor": "middle" }, String(frame)));
     }
     this.svg.append(svg("path", { class: "curve", d: this.curve(axis) }));
-    const field = element("div");
-    field.append(this.svg, this.cursor);
-    this.figure.append(caption, field);
+    const container = createElement("div");
+    container.append(this.svg, this.cursor);
+    this.figure.append(caption, container);
     this.listen(seek);
   }
 
-  /** What it shows. */
   get values(): readonly (number | null)[] {
     return this.info.values;
   }
 
-  /** Moves the line to a frame; its value is written where there is time to read it. */
+  /** Move the line to a frame, and write its value if `writesValues` is set. */
   update(frame: number, isWritten: boolean): void {
     this.cursor.style.transform = `translateX(${((100 * this.x(frame)) / WIDTH).toFixed(3)}%)`;
     if (!isWritten) return;
     const value = this.info.values[frame];
-    this.output.textContent = value === null || value === undefined ? "–" : shortNumber(value);
+    this.output.textContent = value === null || value === undefined ? "–" : formatNumber(value);
   }
 
   private x(frame: number): number {
@@ -66,40 +65,40 @@ export class Plot {
   }
 
   private curve(axis: Axis): string {
-    let isDown = false;
+    let isDrawing = false;
     return this.info.values
       .map((value, frame) => {
         const isShown = value !== null && Number.isFinite(value);
         const command = isShown
-          ? `${isDown ? "L" : "M"}${this.x(frame).toFixed(2)} ${axis.y(value).toFixed(2)}`
+          ? `${isDrawing ? "L" : "M"}${this.x(frame).toFixed(2)} ${axis.y(value).toFixed(2)}`
           : "";
-        isDown = isShown;
+        isDrawing = isShown;
         return command;
       })
       .join("");
   }
 
   private listen(seek: (frame: number) => void): void {
-    const follow = (event: PointerEvent) => {
+    const seekToPointer = (event: PointerEvent) => {
       const { left, width } = this.svg.getBoundingClientRect();
       const x = ((event.clientX - left) / width) * WIDTH;
-      const share = (x - LEFT) / (WIDTH - LEFT - RIGHT);
+      const fraction = (x - LEFT) / (WIDTH - LEFT - RIGHT);
       const last = this.info.values.length - 1;
-      seek(Math.round(Math.min(Math.max(0, share), 1) * last));
+      seek(Math.round(Math.min(Math.max(0, fraction), 1) * last));
     };
     this.svg.addEventListener("pointerdown", (event) => {
       this.svg.setPointerCapture(event.pointerId);
-      follow(event);
+      seekToPointer(event);
     });
     this.svg.addEventListener("pointermove", (event) => {
-      if (this.svg.hasPointerCapture(event.pointerId)) follow(event);
+      if (this.svg.hasPointerCapture(event.pointerId)) seekToPointer(event);
     });
   }
 }
 
 /**
- * Where a value is drawn: errors linear from zero, or logarithmic where they span decades; tracks
- * from their least to their largest value.
+ * The vertical axis: linear from 0 for errors, or logarithmic if they span decades; from the minimum
+ * to the maximum for tracks.
  */
 class Axis {
   readonly isLog: boolean;
@@ -107,19 +106,19 @@ class Axis {
   private readonly low: number;
   private readonly high: number;
 
-  constructor(values: (number | null)[], isOfTrack: boolean) {
+  constructor(values: (number | null)[], isTrack: boolean) {
     const shown = values.filter((value) => value !== null && Number.isFinite(value)) as number[];
-    const most = shown.reduce((a, b) => Math.max(a, b), 0) || 1;
-    const least = shown.filter((value) => value > 0).reduce((a, b) => Math.min(a, b), most);
-    this.isLog = !isOfTrack && most > SPAN_OF_LOG * least;
-    if (isOfTrack) {
+    const maximum = shown.reduce((a, b) => Math.max(a, b), 0) || 1;
+    const minimum = shown.filter((value) => value > 0).reduce((a, b) => Math.min(a, b), maximum);
+    this.isLog = !isTrack && maximum > MIN_LOG_RATIO * minimum;
+    if (isTrack) {
       const [low, high] = [Math.min(...shown), Math.max(...shown)];
-      const room = shown.length ? 0.06 * (high - low) || Math.abs(low) / 2 || 0.5 : 0.5;
-      [this.low, this.high] = shown.length ? [low - room, high + room] : [0, 1];
+      const margin = shown.length ? 0.06 * (high - low) || Math.abs(low) / 2 || 0.5 : 0.5;
+      [this.low, this.high] = shown.length ? [low - margin, high + margin] : [0, 1];
       this.ticks = roundTicks(this.low, this.high, 4);
     } else if (this.isLog) {
-      this.low = Math.max(Math.floor(Math.log10(least)), Math.log10(most) - 8);
-      this.high = Math.ceil(Math.log10(most));
+      this.low = Math.max(Math.floor(Math.log10(minimum)), Math.log10(maximum) - 8);
+      this.high = Math.ceil(Math.log10(maximum));
       const decades = this.high - this.low;
       const spacing = Math.ceil(decades / 4);
       this.ticks = Array.from(
@@ -127,21 +126,21 @@ class Axis {
         (_, i) => 10 ** (this.high - i * spacing),
       );
     } else {
-      [this.low, this.high] = [0, most * 1.05];
-      this.ticks = roundTicks(0, most, 4);
+      [this.low, this.high] = [0, maximum * 1.05];
+      this.ticks = roundTicks(0, maximum, 4);
     }
   }
 
   y(value: number): number {
-    const place = this.isLog ? Math.log10(Math.max(value, 10 ** this.low)) : value;
-    const share = (place - this.low) / (this.high - this.low);
-    return HEIGHT - BOTTOM - (HEIGHT - BOTTOM - TOP) * share;
+    const position = this.isLog ? Math.log10(Math.max(value, 10 ** this.low)) : value;
+    const fraction = (position - this.low) / (this.high - this.low);
+    return HEIGHT - BOTTOM - (HEIGHT - BOTTOM - TOP) * fraction;
   }
 }
 
 function svg(tag: string, attributes: Record<string, string | number>, text = ""): SVGElement {
-  const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
-  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, String(value));
-  made.textContent = text;
-  return made;
+  const created = document.createElementNS("http://www.w3.org/2000/svg", tag);
+  for (const [name, value] of Object.entries(attributes)) created.setAttribute(name, String(value));
+  created.textContent = text;
+  return created;
 }

@@ -1,19 +1,19 @@
-// The picture as a PNG file, with the colour bar where there is one.
+// Saves the canvas as a PNG image, including the color bar.
 
-import { part } from "./page";
+import { byId } from "./page";
 
 const MARGIN = 12;
 
-/** Saves the canvas, which must have been drawn in this very moment. */
+/** Save the canvas, which must have been drawn in the same task. */
 export function saveScreenshot(canvas: HTMLCanvasElement, name: string): void {
-  const sheet = document.createElement("canvas");
-  sheet.width = canvas.width;
-  sheet.height = canvas.height;
-  const pen = sheet.getContext("2d") as CanvasRenderingContext2D;
-  pen.drawImage(canvas, 0, 0);
-  const figure = part("heat-bar");
-  if (!figure.hidden) addBar(pen, figure, canvas.width / canvas.clientWidth);
-  sheet.toBlob((blob) => {
+  const output = document.createElement("canvas");
+  output.width = canvas.width;
+  output.height = canvas.height;
+  const context = output.getContext("2d") as CanvasRenderingContext2D;
+  context.drawImage(canvas, 0, 0);
+  const figure = byId("heat-bar");
+  if (!figure.hidden) addBar(context, figure, canvas.width / canvas.clientWidth);
+  output.toBlob((blob) => {
     if (!blob) return;
     const link = document.createElement("a");
     link.href = URL.createObjectURL(blob);
@@ -23,17 +23,17 @@ export function saveScreenshot(canvas: HTMLCanvasElement, name: string): void {
   }, "image/png");
 }
 
-function addBar(pen: CanvasRenderingContext2D, figure: HTMLElement, pixelRatio: number): void {
+function addBar(context: CanvasRenderingContext2D, figure: HTMLElement, pixelRatio: number): void {
   const bar = figure.querySelector("canvas") as HTMLCanvasElement;
   const caption = figure.querySelector("figcaption")?.textContent ?? "";
   const [width, height] = [bar.clientWidth, bar.clientHeight];
   const style = getComputedStyle(figure);
-  pen.scale(pixelRatio, pixelRatio);
-  pen.translate(MARGIN, pen.canvas.height / pixelRatio - height - 20 - MARGIN);
-  pen.fillStyle = style.backgroundColor;
-  pen.fillRect(-6, -8, Math.max(width, 240) + 12, height + 28);
-  pen.drawImage(bar, 0, 0, width, height);
-  pen.fillStyle = style.color;
-  pen.font = "12px system-ui, sans-serif";
-  pen.fillText(caption, 8, height + 12);
+  context.scale(pixelRatio, pixelRatio);
+  context.translate(MARGIN, context.canvas.height / pixelRatio - height - 20 - MARGIN);
+  context.fillStyle = style.backgroundColor;
+  context.fillRect(-6, -8, Math.max(width, 240) + 12, height + 28);
+  context.drawImage(bar, 0, 0, width, height);
+  context.fillStyle = style.color;
+  context.font = "12px system-ui, sans-serif";
+  context.fillText(caption, 8, height + 12);
 }

@@ -1,9 +1,9 @@
-// The canvas: one camera, and one or two views side by side that share it.
+// The canvas: one camera, shared by one or two views side by side.
 
 import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 
-import { framePoints, makeCamera, setAspect, setDepthRange } from "./camera";
+import { framePoints, createCamera, setAspect, setDepthRange } from "./camera";
 import type { Reel } from "./facts";
 
 export type Background = "light" | "dark" | "none";
@@ -14,46 +14,47 @@ const CLEAR: Record<Background, [number, number]> = {
   none: [0x000000, 0],
 };
 
+/** Renderer, camera, lights and views. */
 export class Stage {
   readonly renderer: THREE.WebGLRenderer;
-  /** Called when the picture must be drawn again. */
-  changed: () => void = () => {};
-  private readonly camera = makeCamera();
+  /** Called when a redraw is needed. */
+  onChange: () => void = () => {};
+  private readonly camera = createCamera();
   private readonly controls: OrbitControls;
-  /** Turned by the up axis; its contents are moved where the mesh is followed. */
+  /** Rotated by the up axis; its child `model` is translated to follow the mesh. */
   private readonly world = new THREE.Group();
   private readonly model = new THREE.Group();
   private readonly scene = new THREE.Scene();
   private readonly box: THREE.Box3;
-  private readonly swept: THREE.Vector3[];
-  private framed: THREE.Vector3[];
+  private readonly sweptPoints: THREE.Vector3[];
+  private framedPoints: THREE.Vector3[];
   private views: THREE.Object3D[][] = [];
   private background: Background = "light";
-  /** Whether somebody has turned or moved the view. */
-  private isMoved = false;
+  /** Whether the user has moved the camera. */
+  private isUserControlled = false;
 
   constructor(
     private readonly canvas: HTMLCanvasElement,
     reel: Reel,
   ) {
     const { center, diagonal } = reel.file.info;
-    this.renderer = makeRenderer(canvas);
+    this.renderer = createRenderer(canvas);
     const origin = new THREE.Vector3(...center);
     this.box = new THREE.Box3(
       new THREE.Vector3(...reel.low).sub(origin),
       new THREE.Vector3(...reel.high).sub(origin),
     );
-    this.swept = reel.swept.map((point) => new THREE.Vector3(...point));
-    this.framed = this.swept;
+    this.sweptPoints = reel.swept.map((point) => new THREE.Vector3(...point));
+    this.framedPoints = this.sweptPoints;
     this.scene.add(this.world, this.camera, new THREE.HemisphereLight(0xffffff, 0x667788, 1.2));
-    this.camera.add(...lights());
+    this.camera.add(...createLights());
     this.world.add(this.model);
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.zoomToCursor = true;
     this.controls.minDistance = diagonal * 0.01;
     this.controls.maxDistance = diagonal * 50 || 50;
-    this.controls.addEventListener("change", () => this.changed());
-    this.controls.addEventListener("start", () => (this.isMoved = true));
+    this.controls.addEventListener("change", () => this.onChange());
+    this.controls.addEventListener("start", () => (this.isUserControlled = true));
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement as HTMLElement);
   }
 
@@ -61,14 +62,14 @@ export class Stage {
     this.model.add(object);
   }
 
-  /** Shows these objects; one view for each list, beside or below each other. */
+  /** Set the objects of each view. */
   setViews(views: THREE.Object3D[][]): void {
     this.views = views;
     this.resize();
   }
 
-  /** Whether views lie below each other, as on a phone that is held upright. */
-  get isUpright(): boolean {
+  /** Whether views are stacked vertically, as on a phone in portrait orientation. */
+  get isPortrait(): boolean {
     return this.canvas.clientWidth < this.canvas.clientHeight;
   }
 
@@ -78,30 +79,30 @@ export class Stage {
     this.reset();
   }
 
-  /** Moves this point of the model to the middle of the box; null: all stays where it is. */
+  /** Translate the model so that this point is at the center of the box; null: no translation. */
   follow(point: THREE.Vector3 | null): void {
     const middle = this.box.getCenter(this.model.position);
     if (point) middle.sub(point);
     else middle.set(0, 0, 0);
   }
 
-  /** Looks at points about the middle, where a mesh is kept; null: at all that the mesh sweeps. */
+  /** Frame points around the center of the box; null: the whole animation. */
   frame(points: THREE.Vector3[] | null): void {
-    this.framed = this.inTheMiddle(points);
+    this.framedPoints = this.centered(points);
     this.reset();
   }
 
-  /** How far the camera would be from these points, as `frame` takes them. */
+  /** Distance of the camera if it framed these points. */
   distanceTo(points: THREE.Vector3[] | null): number {
     const camera = this.camera.clone();
-    return framePoints(camera, this.turned(this.inTheMiddle(points))).distanceTo(camera.position);
+    return framePoints(camera, this.toWorld(this.centered(points))).distanceTo(camera.position);
   }
 
-  /** The ray into the model at a place of the page; null beside the canvas. */
+  /** Return the ray through a position on the page; null outside of the canvas. */
   rayAt(clientX: number, clientY: number): THREE.Raycaster | null {
     const { left, top, width, height } = this.canvas.getBoundingClientRect();
     const n = Math.max(1, this.views.length);
-    const [w, h] = this.isUpright ? [width, height / n] : [width / n, height];
+    const [w, h] = this.isPortrait ? [width, height / n] : [width / n, height];
     const [x, y] = [clientX - left, clientY - top];
     if (!(x >= 0 && x < width && y >= 0 && y < height)) return null;
     const ray = new THREE.Raycaster();
@@ -112,15 +113,15 @@ export class Stage {
 
   setBackground(background: Background): void {
     this.background = background;
-    this.changed();
+    this.onChange();
   }
 
-  /** Puts the camera back to where it sees everything that it frames. */
+  /** Return the camera to the view that frames the current points. */
   reset(): void {
-    this.isMoved = false;
-    this.controls.target.copy(framePoints(this.camera, this.turned(this.framed)));
+    this.isUserControlled = false;
+    this.controls.target.copy(framePoints(this.camera, this.toWorld(this.framedPoints)));
     this.controls.update();
-    this.changed();
+    this.onChange();
   }
 
   draw(): void {
@@ -128,26 +129,26 @@ export class Stage {
     setDepthRange(this.camera, box);
     const { width, height } = this.renderer.getSize(new THREE.Vector2());
     const n = Math.max(1, this.views.length);
-    const [w, h] = this.isUpright ? [width, height / n] : [width / n, height];
+    const [w, h] = this.isPortrait ? [width, height / n] : [width / n, height];
     this.renderer.setScissorTest(true);
     this.views.forEach((shown, i) => {
-      const rectangle = this.isUpright ? [0, height - (i + 1) * h, w, h] : [i * w, 0, w, h];
+      const rectangle = this.isPortrait ? [0, height - (i + 1) * h, w, h] : [i * w, 0, w, h];
       this.renderer.setViewport(...(rectangle as [number, number, number, number]));
       this.renderer.setScissor(...(rectangle as [number, number, number, number]));
       this.model.children.forEach((object) => (object.visible = shown.includes(object)));
-      // Each time: passes over textures have it in their own colour space.
+      // Set each time, since passes change the clear color.
       this.renderer.setClearColor(...CLEAR[this.background]);
       this.renderer.clear();
       this.renderer.render(this.scene, this.camera);
     });
   }
 
-  private inTheMiddle(points: THREE.Vector3[] | null): THREE.Vector3[] {
+  private centered(points: THREE.Vector3[] | null): THREE.Vector3[] {
     const middle = this.box.getCenter(new THREE.Vector3());
-    return points?.map((point) => point.clone().add(middle)) ?? this.swept;
+    return points?.map((point) => point.clone().add(middle)) ?? this.sweptPoints;
   }
 
-  private turned(points: THREE.Vector3[]): THREE.Vector3[] {
+  private toWorld(points: THREE.Vector3[]): THREE.Vector3[] {
     return points.map((point) => point.clone().applyMatrix4(this.world.matrixWorld));
   }
 
@@ -157,30 +158,30 @@ export class Stage {
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     this.renderer.setSize(width, height, false);
     const n = Math.max(1, this.views.length);
-    setAspect(this.camera, this.isUpright ? (width * n) / height : width / n / height);
-    if (!this.isMoved) this.reset();
-    this.changed();
+    setAspect(this.camera, this.isPortrait ? (width * n) / height : width / n / height);
+    if (!this.isUserControlled) this.reset();
+    this.onChange();
   }
 }
 
-function makeRenderer(canvas: HTMLCanvasElement): THREE.WebGLRenderer {
-  const context = canvas.getContext("webgl2", { antialias: !isDrawnInSoftware(), alpha: true });
+function createRenderer(canvas: HTMLCanvasElement): THREE.WebGLRenderer {
+  const context = canvas.getContext("webgl2", { antialias: !usesSoftwareRendering(), alpha: true });
   if (!context) {
     throw new Error(
-      "This browser gives the page no WebGL 2, which the player draws with. " +
+      "This browser does not support WebGL 2, which the player needs. " +
         "Turn on hardware acceleration, or try another browser.",
     );
   }
   if (!context.getExtension("EXT_color_buffer_float")) {
-    throw new Error("This graphics card cannot compute floats into textures, as the player must.");
+    throw new Error("This graphics card cannot render to float textures, which the player needs.");
   }
   const renderer = new THREE.WebGLRenderer({ canvas, context });
   renderer.autoClear = false;
   return renderer;
 }
 
-/** For materials of files, from where the player's own light comes; they go with the camera. */
-function lights(): THREE.Object3D[] {
+/** Lights for materials of the file, attached to the camera, in the directions of the default shading. */
+function createLights(): THREE.Object3D[] {
   const key = new THREE.DirectionalLight(0xffffff, 2);
   const fill = new THREE.DirectionalLight(0xffffff, 0.5);
   key.position.set(-0.45, 0.65, 0.62);
@@ -188,8 +189,8 @@ function lights(): THREE.Object3D[] {
   return [key, key.target, fill, fill.target];
 }
 
-/** Whether no graphics card draws; smooth edges would then halve the frame rate. */
-function isDrawnInSoftware(): boolean {
+/** Whether WebGL is rendered in software, where antialiasing would halve the frame rate. */
+function usesSoftwareRendering(): boolean {
   const context = document.createElement("canvas").getContext("webgl2");
   const names = context?.getExtension("WEBGL_debug_renderer_info");
   const renderer = names ? String(context?.getParameter(names.UNMASKED_RENDERER_WEBGL)) : "";

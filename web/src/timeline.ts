@@ -1,14 +1,14 @@
-// The bar at the bottom: play, scrub, frame and time, speed, loop.
+// The control bar at the bottom: play, timeline, frame and time, speed, loop.
 
-import { input, part } from "./page";
+import { inputById, byId } from "./page";
 import type { Player } from "./player";
-import { secondsOf, type Reel } from "./facts";
+import { frameTime, type Reel } from "./facts";
 
 export class Timeline {
-  private readonly scrub = input("scrub");
-  private readonly play = part<HTMLButtonElement>("play");
-  private readonly speed = part<HTMLSelectElement>("speed");
-  private readonly loop = part<HTMLButtonElement>("loop");
+  private readonly scrub = inputById("scrub");
+  private readonly play = byId<HTMLButtonElement>("play");
+  private readonly speed = byId<HTMLSelectElement>("speed");
+  private readonly loop = byId<HTMLButtonElement>("loop");
   private shown = "";
 
   constructor(
@@ -18,8 +18,8 @@ export class Timeline {
     this.scrub.max = String(reel.file.info.nFrames - 1);
     this.scrub.addEventListener("input", () => this.seek(Number(this.scrub.value)));
     this.play.addEventListener("click", () => this.toggle());
-    part("previous").addEventListener("click", () => this.skip(-1));
-    part("next").addEventListener("click", () => this.skip(1));
+    byId("previous").addEventListener("click", () => this.skip(-1));
+    byId("next").addEventListener("click", () => this.skip(1));
     this.loop.addEventListener("click", () => this.toggleLoop());
     this.speed.addEventListener("change", () => (player.speed = Number(this.speed.value)));
   }
@@ -29,7 +29,7 @@ export class Timeline {
     else this.player.play();
   }
 
-  /** Pauses, so many frames from the one shown; at an end it starts at the other where it loops. */
+  /** Pause, and move by a number of frames; single steps wrap around if looping is on. */
   skip(count: number): void {
     this.player.pause();
     const n = this.reel.file.info.nFrames;
@@ -38,7 +38,7 @@ export class Timeline {
   }
 
   seek(frame: number): void {
-    void this.player.seek(frame).catch(this.player.failed);
+    void this.player.seek(frame).catch(this.player.onError);
   }
 
   toggleLoop(): void {
@@ -46,9 +46,9 @@ export class Timeline {
     this.update();
   }
 
-  /** The next speed of the list, up or down. */
-  changeSpeed(by: 1 | -1): void {
-    const at = this.speed.selectedIndex + by;
+  /** Select the next higher or lower speed. */
+  changeSpeed(step: 1 | -1): void {
+    const at = this.speed.selectedIndex + step;
     this.speed.selectedIndex = Math.min(Math.max(0, at), this.speed.options.length - 1);
     this.player.speed = Number(this.speed.value);
   }
@@ -59,16 +59,16 @@ export class Timeline {
     if (key === this.shown) return;
     this.shown = key;
     const last = this.reel.file.info.nFrames - 1;
-    const [now, end] = [secondsOf(this.reel, frame), secondsOf(this.reel, last)];
+    const [now, end] = [frameTime(this.reel, frame), frameTime(this.reel, last)];
     this.scrub.value = String(frame);
     this.scrub.setAttribute("aria-valuetext", `frame ${frame} of ${last}, ${now.toFixed(2)} s`);
-    part("time").innerHTML =
+    byId("time").innerHTML =
       `<b>${frame}</b><small> / ${last}</small> &nbsp;${now.toFixed(2)}<small> / ${end.toFixed(2)} s</small>`;
     const name = playing ? "Pause" : "Play";
     this.play.classList.toggle("playing", playing);
     this.play.setAttribute("aria-label", name);
     this.play.title = `${name} (space)`;
     this.loop.setAttribute("aria-pressed", String(loop));
-    part("buffering").hidden = !buffering;
+    byId("buffering").hidden = !buffering;
   }
 }

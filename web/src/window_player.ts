@@ -1,29 +1,29 @@
-// `window.player`, by which tests, and scripts in the console, drive the page.
+// `window.player`: the interface for tests and the browser console.
 
 import type { Opening } from "./opening";
 import type { Picture } from "./picture";
 import type { Player, PlayerState } from "./player";
-import type { TrackLook } from "./tracks/look";
+import type { TrackSettings } from "./tracks/settings";
 import type { TrackPanel } from "./tracks/panel";
 
 export interface WindowPlayer {
-  /** Resolves when the page has opened: the frame is shown that it opens at; rejects where it cannot be. */
+  /** Resolves when the initial frame is shown; rejects if the page cannot be opened. */
   ready: Promise<void>;
-  /** Keeps the page from going to another frame by itself. */
+  /** Cancel automatic seeks of the page. */
   takeOver(): void;
   seek(frame: number): Promise<void>;
   play(): void;
   pause(): void;
-  /** Positions (V, 3) in model units as drawn, read back from the GPU. */
+  /** Read the drawn positions (V, 3) back from the GPU, in model units. */
   positions(): Float32Array;
-  /** Values by which each vertex is painted; null where there is no heat map. */
+  /** Heat map values of all vertices; null without a heat map. */
   heatValues(): Float32Array | null;
   measureFps(seconds: number): Promise<number>;
   setModes(nModes: number): void;
   setHeat(kind: string | null): Promise<void>;
-  /** Colours the mesh by a track. */
-  setTrack(look: TrackLook | null): Promise<void>;
-  /** Values of the plot at a vertex, face or corner; null where there is none. */
+  /** Color the mesh by a track. */
+  setTrack(look: TrackSettings | null): Promise<void>;
+  /** Plotted values at a vertex, face or corner; null without a plot. */
   probed(): readonly (number | null)[] | null;
   state(): PlayerState;
 }
@@ -41,7 +41,7 @@ export function exposeForTests(
   tracks: TrackPanel,
 ): void {
   Object.assign(window.player, {
-    takeOver: () => opening.end(),
+    takeOver: () => opening.cancel(),
     seek: (frame: number) => player.seek(frame),
     play: () => player.play(),
     pause: () => player.pause(),
@@ -53,7 +53,7 @@ export function exposeForTests(
       player.drawNow();
     },
     setHeat: (kind: string | null) => player.setHeat(kind),
-    setTrack: (look: TrackLook | null) => tracks.show(look),
+    setTrack: (look: TrackSettings | null) => tracks.show(look),
     probed: () => tracks.probe.values,
     state: () => player.state(),
   });

@@ -1,26 +1,27 @@
-// What the page and the worker that computes errors say to each other.
+// Messages between the page and the worker that computes errors.
 
-import type { FrameErrors } from "./fields";
+import type { FrameErrors } from "./error_fields";
 
-/** Said first: the mesh. */
-export interface Meeting {
+/** The mesh; sent first. */
+export interface MeshMessage {
   triangles: Uint32Array;
   nVerts: number;
-  /** Of the original, in model units. */
+  /** Diagonal of the original, in model units. */
   diagonal: number;
 }
 
-/** Positions (V, 3) of a frame twice; `kind` is the heat map that is wanted, if any. */
-export interface Question {
+/** Original and decoded positions (V, 3) of a frame; `kind` is the requested heat map, if any. */
+export interface ErrorRequest {
   id: number;
   kind: string | null;
   original: Float32Array;
   decoded: Float32Array;
 }
 
-export interface Answer {
+/** The errors of a frame. */
+export interface ErrorResponse {
   id: number;
-  /** Of the heat map at every vertex. */
+  /** The heat map at all vertices. */
   values: Float32Array | null;
   errors: FrameErrors;
 }

@@ -1,26 +1,27 @@
-// Local STED: the standard deviation, weighted by length, of the relative errors of all edges that
-// touch a vertex or one of its neighbours; as meshreel.metrics.edge_neighbourhoods has it.
+// Local STED: the length-weighted standard deviation of the relative errors of all edges that touch a
+// vertex or one of its neighbors, as in meshreel.metrics.edge_neighbourhoods.
 
-import { edgesOf } from "../edges";
+import { uniqueEdges } from "../edges";
 
-/** Sums of weights, of weighted values and of their squares, at each vertex. */
+/** Sums of weights, weighted values and weighted squares at each vertex. */
 type Moments = [Float64Array, Float64Array, Float64Array];
 
+/** Computes local STED. */
 export class StedField {
   private readonly edges: Uint32Array;
-  /** For each 3-cycle of edges and each edge of it: the vertex opposite, and the edge. */
+  /** Pairs of an edge of a 3-cycle and the opposite vertex: the vertex, then the edge. */
   private readonly opposite: Uint32Array;
 
   constructor(
     faces: Uint32Array,
     private readonly nVerts: number,
   ) {
-    this.edges = edgesOf(faces, nVerts);
+    this.edges = uniqueEdges(faces, nVerts);
     this.opposite = oppositeEdges(this.edges, nVerts);
   }
 
-  /** Values at every vertex, from positions (V, 3). */
-  of(original: Float32Array, decoded: Float32Array): Float32Array {
+  /** Compute values at all vertices from positions (V, 3). */
+  values(original: Float32Array, decoded: Float32Array): Float32Array {
     const { edges, opposite } = this;
     const stars = this.moments();
     const nEdges = edges.length / 2;
@@ -33,7 +34,7 @@ export class StedField {
       terms[1][edge] = length * error;
       terms[2][edge] = length * error * error;
     }
-    // Of the stars of a vertex and its neighbours, edges with both ends in them count once.
+    // Summing the stars of the neighbors counts edges between two neighbors twice: subtract them once.
     const sums = this.moments();
     terms.forEach((values, k) => {
       values.forEach((value, edge) => {
@@ -64,16 +65,16 @@ function distance(positions: Float32Array, a: number, b: number): number {
 }
 
 function oppositeEdges(edges: Uint32Array, nVerts: number): Uint32Array {
-  const neighbours = Array.from({ length: nVerts }, () => new Set<number>());
+  const neighbors = Array.from({ length: nVerts }, () => new Set<number>());
   for (let i = 0; i < edges.length; i += 2) {
-    neighbours[edges[i]].add(edges[i + 1]);
-    neighbours[edges[i + 1]].add(edges[i]);
+    neighbors[edges[i]].add(edges[i + 1]);
+    neighbors[edges[i + 1]].add(edges[i]);
   }
-  const found: number[] = [];
+  const pairs: number[] = [];
   for (let i = 0; i < edges.length; i += 2) {
-    const [a, b] = [neighbours[edges[i]], neighbours[edges[i + 1]]];
-    const [few, many] = a.size < b.size ? [a, b] : [b, a];
-    for (const vertex of few) if (many.has(vertex)) found.push(vertex, i / 2);
+    const [a, b] = [neighbors[edges[i]], neighbors[edges[i + 1]]];
+    const [smaller, larger] = a.size < b.size ? [a, b] : [b, a];
+    for (const vertex of smaller) if (larger.has(vertex)) pairs.push(vertex, i / 2);
   }
-  return Uint32Array.from(found);
+  return Uint32Array.from(pairs);
 }

@@ -1,17 +1,17 @@
 // The script of the worker that computes errors.
 
-import { HeatFields } from "./fields";
-import type { Answer, Meeting, Question } from "./messages";
+import { ErrorFields } from "./error_fields";
+import type { ErrorResponse, MeshMessage, ErrorRequest } from "./messages";
 
-let fields: HeatFields;
+let fields: ErrorFields;
 
-addEventListener("message", ({ data }: MessageEvent<Meeting | Question>) => {
+addEventListener("message", ({ data }: MessageEvent<MeshMessage | ErrorRequest>) => {
   if ("triangles" in data) {
-    fields = new HeatFields(data.triangles, data.nVerts, data.diagonal);
+    fields = new ErrorFields(data.triangles, data.nVerts, data.diagonal);
     return;
   }
   const { id, kind, original, decoded } = data;
-  const values = kind === null ? null : fields.of(kind, original, decoded);
-  const answer: Answer = { id, values, errors: fields.errors(original, decoded) };
+  const values = kind === null ? null : fields.values(kind, original, decoded);
+  const answer: ErrorResponse = { id, values, errors: fields.errors(original, decoded) };
   postMessage(answer);
 });

@@ -1,10 +1,10 @@
-// How faces look in the player's own light: plain, or painted by how far each vertex is off.
+// The default shading of faces: a plain color, or a heat map.
 
 import * as THREE from "three";
 
-import { HEAT } from "../heat/map";
+import { HEAT_COLORS } from "../heat/map";
 
-const list = HEAT.map((color) => `vec3(${color.map((c) => (c / 255).toFixed(5)).join(",")})`);
+const list = HEAT_COLORS.map((color) => `vec3(${color.map((c) => (c / 255).toFixed(5)).join(",")})`);
 
 const VERTEX = `
 uniform mat4 modelViewMatrix;
@@ -24,15 +24,14 @@ void main() {
   gl_Position = projectionMatrix * seen;
 }`;
 
-// Faces are lit from both sides, whatever way they are wound. Heat is hardly lit, so that a colour
-// stays the one of the bar and a fold is not taken for an error. A negative value is not a number,
-// and grey.
+// Faces are lit from both sides, independent of their winding. Heat maps are hardly lit, so that colors
+// match the color bar and folds do not look like errors. Negative values mean NaN, and are gray.
 const FRAGMENT = `
 precision highp float;
-const vec3 HEAT[${HEAT.length}] = vec3[${HEAT.length}](${list.join(",")});
+const vec3 HEAT[${HEAT_COLORS.length}] = vec3[${HEAT_COLORS.length}](${list.join(",")});
 uniform bool isPainted;
 uniform bool isSmooth;
-uniform float hottest;
+uniform float heatMaximum;
 uniform vec3 plain;
 in vec3 place;
 in vec3 bent;
@@ -40,8 +39,8 @@ in float value;
 out vec4 color;
 vec3 heatColor() {
   if (value < 0.0) return vec3(${(150 / 255).toFixed(5)});
-  float at = clamp(value / hottest, 0.0, 1.0) * ${(HEAT.length - 1).toFixed(1)};
-  int below = min(int(at), ${HEAT.length - 2});
+  float at = clamp(value / heatMaximum, 0.0, 1.0) * ${(HEAT_COLORS.length - 1).toFixed(1)};
+  int below = min(int(at), ${HEAT_COLORS.length - 2});
   return mix(HEAT[below], HEAT[below + 1], at - float(below));
 }
 void main() {
@@ -56,14 +55,14 @@ void main() {
   color = vec4((isPainted ? heatColor() : plain) * light, 1.0);
 }`;
 
-/** Faces lie a little behind the lines over them. */
-export const BEHIND_LINES = {
+/** Moves faces slightly behind the lines drawn over them. */
+export const POLYGON_OFFSET = {
   polygonOffset: true,
   polygonOffsetFactor: 1,
   polygonOffsetUnits: 1,
 } as const;
 
-/** A material that reads the attribute "heat" where it paints. */
+/** A material that shows a plain color, or the attribute "heat" as a heat map. */
 export class FaceMaterial extends THREE.RawShaderMaterial {
   constructor() {
     super({
@@ -71,10 +70,10 @@ export class FaceMaterial extends THREE.RawShaderMaterial {
       vertexShader: VERTEX,
       fragmentShader: FRAGMENT,
       side: THREE.DoubleSide,
-      ...BEHIND_LINES,
+      ...POLYGON_OFFSET,
       uniforms: {
         plain: { value: new THREE.Vector3(0.62, 0.69, 0.77) },
-        hottest: { value: 1 },
+        heatMaximum: { value: 1 },
         isPainted: { value: false },
         isSmooth: { value: false },
       },
@@ -85,9 +84,9 @@ export class FaceMaterial extends THREE.RawShaderMaterial {
     this.uniforms.isSmooth.value = isSmooth;
   }
 
-  /** The value that is painted hottest; null: nothing is painted. */
-  set hottest(value: number | null) {
+  /** Upper end of the heat map; null: plain color. */
+  set heatMaximum(value: number | null) {
     this.uniforms.isPainted.value = value !== null;
-    this.uniforms.hottest.value = Math.max(value ?? 1, 1e-30);
+    this.uniforms.heatMaximum.value = Math.max(value ?? 1, 1e-30);
   }
 }

@@ -1,8 +1,8 @@
-// Edges over the faces of a mesh.
+// Draws edges over the faces of a mesh.
 
 import * as THREE from "three";
 
-// Drawn nearer to the eye by "lift": faces that they lie in do not hide them in part.
+// Lines are moved towards the camera by "lift", so that adjacent faces do not hide them.
 const VERTEX = `
 uniform mat4 modelViewMatrix;
 uniform mat4 projectionMatrix;
@@ -16,9 +16,9 @@ void main() {
 
 const FRAGMENT = `
 precision highp float;
-uniform vec4 ink;
+uniform vec4 lineColor;
 out vec4 color;
-void main() { color = vec4(ink.rgb * ink.a, ink.a); }`;
+void main() { color = vec4(lineColor.rgb * lineColor.a, lineColor.a); }`;
 
 export class EdgeLines extends THREE.LineSegments<THREE.BufferGeometry, THREE.RawShaderMaterial> {
   constructor() {
@@ -28,7 +28,7 @@ export class EdgeLines extends THREE.LineSegments<THREE.BufferGeometry, THREE.Ra
         glslVersion: THREE.GLSL3,
         vertexShader: VERTEX,
         fragmentShader: FRAGMENT,
-        uniforms: { ink: { value: new THREE.Vector4() }, lift: { value: 0 } },
+        uniforms: { lineColor: { value: new THREE.Vector4() }, lift: { value: 0 } },
         depthWrite: false,
         transparent: true,
         premultipliedAlpha: true,
@@ -37,12 +37,12 @@ export class EdgeLines extends THREE.LineSegments<THREE.BufferGeometry, THREE.Ra
     this.visible = false;
     this.renderOrder = 1;
     this.frustumCulled = false;
-    this.geometry.boundingSphere = new THREE.Sphere(); // positions are on the GPU; none is found
+    this.geometry.boundingSphere = new THREE.Sphere(); // positions are on the GPU, so that it cannot be computed
   }
 
-  /** Draws in this ink, nearer to the eye by `lift`, in model units. */
-  rule(ink: readonly [number, number, number, number], lift: number): void {
-    this.material.uniforms.ink.value.set(...ink);
+  /** Set the color, and the offset towards the camera in model units. */
+  setStyle(color: readonly [number, number, number, number], lift: number): void {
+    this.material.uniforms.lineColor.value.set(...color);
     this.material.uniforms.lift.value = lift;
   }
 }

@@ -1,54 +1,54 @@
-// The original as a mesh of three.js, one frame after another.
+// The original as a three.js mesh that shows one frame at a time.
 
 import * as THREE from "three";
 
 import type { ColorAttribute, ReelMesh } from "meshreel/three";
 
-/** A mesh with the faces, texture coordinates and colours of another, and positions of its own. */
+/** A mesh that shares faces, UVs and colors with the decoded mesh, but has its own positions. */
 export class OriginalMesh extends THREE.Mesh {
   private sources!: Uint32Array;
   private positions!: THREE.BufferAttribute;
   private normals!: THREE.BufferAttribute;
-  /** Of the frame that is shown, of shape (V, 3). */
-  private shown: Float32Array | null = null;
+  /** Positions of the current frame, of shape (V, 3). */
+  private current: Float32Array | null = null;
   private colors: THREE.BufferAttribute | null = null;
   private areNormalsStale = true;
 
   constructor(private readonly decoded: ReelMesh) {
     super();
-    this.refit();
+    this.rebuildGeometry();
   }
 
-  /** Takes the geometry of the other mesh anew, which has changed. */
-  refit(): void {
-    this.letGo();
+  /** Rebuild the geometry after that of the decoded mesh has changed. */
+  rebuildGeometry(): void {
+    this.releaseGeometry();
     this.geometry = new THREE.BufferGeometry();
     const { index, groups, attributes } = this.decoded.geometry;
     Object.assign(this.geometry, { index, groups, attributes: { ...attributes } });
     this.sources = this.decoded.sources;
     this.colors = null;
-    const made = (name: string) =>
+    const created = (name: string) =>
       this.attribute(name, 3, new Float32Array(3 * this.sources.length));
-    [this.positions, this.normals] = [made("position"), made("normal")];
-    if (this.shown) this.setPositions(this.shown);
+    [this.positions, this.normals] = [created("position"), created("normal")];
+    if (this.current) this.setPositions(this.current);
   }
 
-  /** Takes positions (V, 3) of a frame. */
+  /** Set the positions (V, 3) of a frame. */
   setPositions(positions: Float32Array): void {
-    this.shown = positions;
-    spread(positions, this.sources, this.positions);
+    this.current = positions;
+    scatter(positions, this.sources, this.positions);
     this.areNormalsStale = true;
   }
 
-  /** Takes colours of a frame, which a material reads. */
+  /** Set the colors of a frame. */
   setColors({ name, width, values }: ColorAttribute): void {
     this.colors ??= this.attribute(name, width, values);
     this.colors.array.set(values);
     this.colors.needsUpdate = true;
   }
 
-  /** Has normals that fit its positions, as smooth shading needs them. */
-  bend(): void {
+  /** Compute normals from the positions, for smooth shading. */
+  computeNormals(): void {
     if (!this.areNormalsStale) return;
     this.areNormalsStale = false;
     const { triangles } = this.decoded.reel.surface;
@@ -72,11 +72,11 @@ export class OriginalMesh extends THREE.Mesh {
       const size = Math.hypot(sums[at], sums[at + 1], sums[at + 2]) || 1;
       for (let axis = 0; axis < 3; axis++) sums[at + axis] /= size;
     }
-    spread(sums, this.sources, this.normals);
+    scatter(sums, this.sources, this.normals);
   }
 
-  /** Frees what is its own alone: the rest is in use by the other mesh. */
-  private letGo(): void {
+  /** Free the attributes that only this mesh uses. */
+  private releaseGeometry(): void {
     const own = Object.entries(this.geometry.attributes).filter(([, attribute]) =>
       [this.positions, this.normals, this.colors].includes(attribute as THREE.BufferAttribute),
     );
@@ -85,14 +85,14 @@ export class OriginalMesh extends THREE.Mesh {
   }
 
   private attribute(name: string, width: number, values: Float32Array): THREE.BufferAttribute {
-    const made = new THREE.BufferAttribute(values, width).setUsage(THREE.DynamicDrawUsage);
-    this.geometry.setAttribute(name, made);
-    return made;
+    const created = new THREE.BufferAttribute(values, width).setUsage(THREE.DynamicDrawUsage);
+    this.geometry.setAttribute(name, created);
+    return created;
   }
 }
 
-/** Three numbers of each source. */
-function spread(from: Float32Array, sources: Uint32Array, into: THREE.BufferAttribute): void {
+/** Copy three numbers of each source vertex to the vertices of the geometry. */
+function scatter(from: Float32Array, sources: Uint32Array, into: THREE.BufferAttribute): void {
   const values = into.array as Float32Array;
   for (let i = 0; i < values.length; i++) values[i] = from[3 * sources[Math.floor(i / 3)] + (i % 3)];
   into.needsUpdate = true;

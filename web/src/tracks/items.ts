@@ -1,11 +1,11 @@
-// Vertices, faces and corners of the file that lie at each corner of its triangles.
+// Maps corners of triangles to vertices, faces and corners of the file.
 
 import type { Surface } from "meshreel";
 
 export type Domain = "vertex" | "face" | "corner";
 
-/** The vertex, face or corner of each corner of a triangle; faces are polygons, fans of triangles. */
-export function itemsOf(surface: Surface, domain: Domain): Uint32Array {
+/** Return the vertex, face or corner of the file at each corner of the triangles. */
+export function itemsAtCorners(surface: Surface, domain: Domain): Uint32Array {
   const { triangles, faceSizes } = surface;
   if (domain === "vertex") return triangles;
   const nTriangles = triangles.length / 3;

@@ -1,17 +1,17 @@
-// Faces in the colours of a track: hardly lit, so that a colour stays that of the legend.
+// The material of meshes that are colored by a track: hardly lit, so that colors match the legend.
 
 import * as THREE from "three";
 
-import { BEHIND_LINES } from "../shading/faces";
+import { POLYGON_OFFSET } from "../shading/faces";
 
-/** A material that `ReelMesh.colorBy` dresses, and whose folds still show. */
+/** A material for `ReelMesh.colorBy` with slight shading, so that folds remain visible. */
 export class TrackMaterial extends THREE.MeshBasicMaterial {
   constructor() {
-    super({ side: THREE.DoubleSide, ...BEHIND_LINES });
+    super({ side: THREE.DoubleSide, ...POLYGON_OFFSET });
   }
 
-  /** Reads colours as another one does, from attributes of the same names. */
-  takeColors({ map, vertexColors }: TrackMaterial): void {
+  /** Copy the color settings of another material. */
+  copyColors({ map, vertexColors }: TrackMaterial): void {
     Object.assign(this, { map, vertexColors, needsUpdate: true });
   }
 

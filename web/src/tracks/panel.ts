@@ -1,38 +1,38 @@
-// The part of the panel that colours the mesh by a track.
+// The panel section that colors the mesh by a track.
 
 import type { ColorLegend } from "meshreel/three";
 
 import type { Reel } from "../facts";
-import { input, part } from "../page";
+import { inputById, byId } from "../page";
 import type { Picture } from "../picture";
 import type { Player } from "../player";
 import { TrackBar } from "./bar";
-import { componentText, type TrackLook, USUAL_RANGE } from "./look";
+import { formatComponent, type TrackSettings, DEFAULT_RANGE } from "./settings";
 import type { Picked } from "./pick";
 import { Probe } from "./probe";
 
-const TYPED = "typed";
+const CUSTOM_RANGE = "typed";
 
-/** Of at most so many columns the length can be shown. */
-const MOST_OF_LENGTH = 3;
+/** Limit of the columns for which the magnitude can be shown. */
+const MAX_MAGNITUDE_COLUMNS = 3;
 
 const RANGE_NOTES: Record<string, string> = {
-  [USUAL_RANGE]: "colours end at the 2nd and 98th percentile",
-  "0%:100%": "colours end at the smallest and the largest value",
+  [DEFAULT_RANGE]: "colors end at the 2nd and 98th percentile",
+  "0%:100%": "colors end at the smallest and the largest value",
 };
 
 export class TrackPanel {
-  private readonly track = part<HTMLSelectElement>("track");
-  private readonly component = part<HTMLSelectElement>("component");
-  private readonly range = part<HTMLSelectElement>("range");
-  private readonly ends = [input("range-low"), input("range-high")];
+  private readonly track = byId<HTMLSelectElement>("track");
+  private readonly component = byId<HTMLSelectElement>("component");
+  private readonly range = byId<HTMLSelectElement>("range");
+  private readonly ends = [inputById("range-low"), inputById("range-high")];
   private readonly bar = new TrackBar();
   readonly probe: Probe;
-  private look: TrackLook | null = null;
+  private settings: TrackSettings | null = null;
   private legend: ColorLegend | null = null;
-  /** More about the range of what is shown. */
+  /** Additional text about the range. */
   private note = "";
-  private writtenMs = 0;
+  private lastWriteMs = 0;
 
   constructor(
     private readonly reel: Reel,
@@ -41,88 +41,88 @@ export class TrackPanel {
   ) {
     this.probe = new Probe(reel, picture, player);
     const { tracks } = reel.file.info;
-    part("tracks").hidden = tracks.length === 0;
+    byId("tracks").hidden = tracks.length === 0;
     for (const { name, unit } of tracks) {
       this.track.append(new Option(unit ? `${name} (${unit})` : name, name));
     }
-    const plain = { component: null, range: null, colormap: null };
+    const defaults = { component: null, range: null, colormap: null };
     this.track.addEventListener("change", () => {
       const track = this.track.value;
-      this.choose(track === "" ? null : { track, ...plain });
+      this.choose(track === "" ? null : { track, ...defaults });
     });
     this.component.addEventListener("change", () => {
-      // What is typed is of the component before.
-      const range = this.look?.range?.includes("%") ? this.look.range : null;
+      // A custom range applies to the previous component only.
+      const range = this.settings?.range?.includes("%") ? this.settings.range : null;
       this.change({ component: this.component.value, range });
     });
     this.range.addEventListener("change", () => this.chooseRange());
-    for (const end of this.ends) end.addEventListener("change", () => this.takeTyped());
+    for (const end of this.ends) end.addEventListener("change", () => this.applyCustomRange());
   }
 
-  /** Shows a track, or none. */
-  choose(look: TrackLook | null): void {
-    void this.show(look).catch(this.player.failed);
+  /** Start to show a track, or none. */
+  choose(settings: TrackSettings | null): void {
+    void this.show(settings).catch(this.player.onError);
   }
 
-  /** As `choose`; ends once it is shown. */
-  async show(look: TrackLook | null): Promise<void> {
-    const before = this.look;
-    this.look = look;
+  /** Show a track, or none; resolves once it is shown. */
+  async show(settings: TrackSettings | null): Promise<void> {
+    const previous = this.settings;
+    this.settings = settings;
     try {
-      const legend = await this.player.setTrack(look);
-      if (look !== this.look) return;
-      this.take(legend);
+      const legend = await this.player.setTrack(settings);
+      if (settings !== this.settings) return;
+      this.setLegend(legend);
     } catch (error) {
-      if (look !== this.look) return;
-      this.look = before;
-      await this.player.setTrack(before).catch(() => {
-        this.look = null;
-        this.take(null);
+      if (settings !== this.settings) return;
+      this.settings = previous;
+      await this.player.setTrack(previous).catch(() => {
+        this.settings = null;
+        this.setLegend(null);
       });
-      this.write();
+      this.updateControls();
       throw error;
     }
   }
 
-  /** Takes the next track of the list, or none. */
+  /** Select the next track of the list, or none. */
   next(): void {
     if (this.track.options.length < 2) return;
     this.track.selectedIndex = (this.track.selectedIndex + 1) % this.track.options.length;
     this.track.dispatchEvent(new Event("change"));
   }
 
-  pick(picked: Picked | null): void {
-    this.probe.pick(picked);
+  pick(result: Picked | null): void {
+    this.probe.pick(result);
   }
 
   update(frame: number, playing: boolean): void {
-    if (this.look && !this.player.hasTrack) {
-      this.look = null; // a heat map has taken its place
-      this.take(null);
+    if (this.settings && !this.player.hasTrack) {
+      this.settings = null; // replaced by a heat map
+      this.setLegend(null);
     }
     const now = performance.now();
-    const isWritten = !playing || now - this.writtenMs > 200;
-    if (isWritten) this.writtenMs = now;
-    this.probe.update(frame, isWritten);
+    const writesValues = !playing || now - this.lastWriteMs > 200;
+    if (writesValues) this.lastWriteMs = now;
+    this.probe.update(frame, writesValues);
     this.bar.update(this.legend, this.label, this.note);
   }
 
-  private change(more: Partial<TrackLook>): void {
-    if (this.look) this.choose({ ...this.look, ...more });
+  private change(changes: Partial<TrackSettings>): void {
+    if (this.settings) this.choose({ ...this.settings, ...changes });
   }
 
   private chooseRange(): void {
     const { value } = this.range;
-    part("typed-range").hidden = value !== TYPED;
-    if (value !== TYPED) return this.change({ range: value });
+    byId("typed-range").hidden = value !== CUSTOM_RANGE;
+    if (value !== CUSTOM_RANGE) return this.change({ range: value });
     const { range } = this.legend ?? {};
     if (!range) return;
     this.ends.forEach((end, i) => (end.value = String(Number(range[i].toPrecision(4)))));
     this.ends[0].focus();
-    this.takeTyped();
+    this.applyCustomRange();
   }
 
-  private takeTyped(): void {
+  private applyCustomRange(): void {
     const [low, high] = this.ends.map(({ value }) => value);
     const isRange = low !== "" && high !== "" && Number(low) < Number(high);
     this.ends[1].setCustomValidity(isRange ? "" : "The first number must be below the second.");
@@ -130,49 +130,49 @@ export class TrackPanel {
     else this.ends[1].reportValidity();
   }
 
-  private take(legend: ColorLegend | null): void {
+  private setLegend(legend: ColorLegend | null): void {
     this.legend = legend;
-    this.write();
-    this.probe.take(legend, this.label);
-    this.player.changed();
+    this.updateControls();
+    this.probe.setTrack(legend, this.label);
+    this.player.onChange();
   }
 
-  /** Has the controls say what is shown. */
-  private write(): void {
-    const { look, legend } = this;
-    this.track.value = look?.track ?? "";
-    part("track-options").hidden = look === null;
-    if (!look || !legend) return;
-    const { nColumns, kind } = this.reel.file.track(look.track).info;
-    const range = look.range ?? (kind === "normal" ? "-1:1" : USUAL_RANGE);
-    const columns = Array.from({ length: nColumns }, (_, c) => componentText(c, nColumns));
-    const words = nColumns <= MOST_OF_LENGTH ? ["magnitude", ...columns] : columns;
-    if (kind === "color") words.unshift("color");
-    this.component.replaceChildren(...words.map((word) => new Option(wordOf(word), word)));
-    this.component.value = componentText(legend.component, nColumns);
-    part("component-row").hidden = nColumns === 1;
+  /** Update the controls to the current settings. */
+  private updateControls(): void {
+    const { settings, legend } = this;
+    this.track.value = settings?.track ?? "";
+    byId("track-options").hidden = settings === null;
+    if (!settings || !legend) return;
+    const { nColumns, kind } = this.reel.file.track(settings.track).info;
+    const range = settings.range ?? (kind === "normal" ? "-1:1" : DEFAULT_RANGE);
+    const columns = Array.from({ length: nColumns }, (_, c) => formatComponent(c, nColumns));
+    const components = nColumns <= MAX_MAGNITUDE_COLUMNS ? ["magnitude", ...columns] : columns;
+    if (kind === "color") components.unshift("color");
+    this.component.replaceChildren(...components.map((word) => new Option(componentLabel(word), word)));
+    this.component.value = formatComponent(legend.component, nColumns);
+    byId("component-row").hidden = nColumns === 1;
     this.note = (legend.range && RANGE_NOTES[range]) ?? "";
-    part("range-row").hidden = legend.range === null;
+    byId("range-row").hidden = legend.range === null;
     const isListed = [...this.range.options].some(({ value }) => value === range);
-    this.range.value = isListed ? range : TYPED;
-    part("typed-range").hidden = isListed || legend.range === null;
+    this.range.value = isListed ? range : CUSTOM_RANGE;
+    byId("typed-range").hidden = isListed || legend.range === null;
     if (!isListed) {
       this.ends.forEach((end, i) => (end.value = String(Number(legend.range?.[i].toPrecision(6)))));
     }
   }
 
-  /** What is shown, in words. */
+  /** Describe the shown quantity. */
   private get label(): string {
     if (!this.legend) return "";
     const { name, component } = this.legend;
     const { nColumns } = this.reel.file.track(name).info;
-    const isAlone = nColumns === 1 || component === "color";
-    return isAlone ? name : `${name}, ${wordOf(componentText(component, nColumns))}`;
+    const isSingle = nColumns === 1 || component === "color";
+    return isSingle ? name : `${name}, ${componentLabel(formatComponent(component, nColumns))}`;
   }
 
 }
 
-function wordOf(component: string): string {
-  if (component === "color") return "colours";
+function componentLabel(component: string): string {
+  if (component === "color") return "colors";
   return /^\d+$/.test(component) ? `column ${component}` : component;
 }

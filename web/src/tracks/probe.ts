@@ -1,60 +1,61 @@
-// A track at one vertex, face or corner over time: a small plot over the picture.
+// Plots a track at one vertex, face or corner over time.
 
 import type { ColorLegend } from "meshreel/three";
 
 import type { Reel } from "../facts";
-import { input, part } from "../page";
+import { inputById, byId } from "../page";
 import type { Picture } from "../picture";
 import type { Player } from "../player";
 import { Plot } from "../plots";
-import { withUnit } from "./bar";
+import { formatWithUnit } from "./bar";
 import type { Domain } from "./items";
-import { vertexOf, type Picked } from "./pick";
+import { vertexOfItem, type Picked } from "./pick";
 
+/** The plot of a track at one item. */
 export class Probe {
-  private readonly box = part("probe");
-  private readonly field = input("probe-item");
+  private readonly box = byId("probe");
+  private readonly field = inputById("probe-item");
   private plot: Plot | null = null;
   private legend: ColorLegend | null = null;
   private label = "";
   private item: number | null = null;
-  private reading: AbortController | null = null;
+  private readController: AbortController | null = null;
 
   constructor(
     private readonly reel: Reel,
     private readonly picture: Picture,
     private readonly player: Player,
   ) {
-    part("probe-close").addEventListener("click", () => this.show(null));
+    byId("probe-close").addEventListener("click", () => this.plotItem(null));
     this.field.addEventListener("change", () => {
-      this.show(this.field.value === "" ? null : Number(this.field.value));
+      this.plotItem(this.field.value === "" ? null : Number(this.field.value));
     });
   }
 
-  /** Plots what is picked, of the track that is shown. */
-  pick(picked: Picked | null): void {
+  /** Plot the shown track at a picked item. */
+  pick(result: Picked | null): void {
     const domain = this.domain;
-    if (picked && domain) this.show(picked[domain]);
+    if (result && domain) this.plotItem(result[domain]);
   }
 
-  /** Takes another track, or none; what is plotted stays at its place, if both have such ones. */
-  take(legend: ColorLegend | null, label: string): void {
-    const before = this.domain;
+  /** Set the track, or none; the plotted item is kept if the domain is the same. */
+  setTrack(legend: ColorLegend | null, label: string): void {
+    const previousDomain = this.domain;
     [this.legend, this.label] = [legend, label];
     const domain = this.domain;
     if (domain) {
       const { nItems } = this.reel.file.track(legend!.name).info;
-      part("probe-label").textContent = `Plot at ${domain}`;
+      byId("probe-label").textContent = `Plot at ${domain}`;
       this.field.max = String(nItems - 1);
     }
-    this.show(domain === before ? this.item : null);
+    this.plotItem(domain === previousDomain ? this.item : null);
   }
 
-  update(frame: number, isWritten: boolean): void {
-    this.plot?.update(frame, isWritten);
+  update(frame: number, writesValues: boolean): void {
+    this.plot?.update(frame, writesValues);
   }
 
-  /** The values that are plotted, for tests; null: none. */
+  /** The plotted values, for tests; null without a plot. */
   get values(): readonly (number | null)[] | null {
     return this.plot?.values ?? null;
   }
@@ -64,20 +65,20 @@ export class Probe {
     return this.reel.file.track(this.legend.name).info.domain as keyof Picked;
   }
 
-  private show(item: number | null): void {
-    this.reading?.abort();
+  private plotItem(item: number | null): void {
+    this.readController?.abort();
     this.item = item;
     this.plot = null;
     this.field.value = item === null ? "" : String(item);
     this.box.hidden = item === null || !this.legend;
-    this.picture.mark(null);
+    this.picture.setMarker(null);
     this.player.redraw();
     if (item === null || !this.legend) return;
-    const { signal } = (this.reading = new AbortController());
+    const { signal } = (this.readController = new AbortController());
     void this.read(this.legend, item, signal).catch((error: Error) => {
       if (signal.aborted) return;
       this.box.hidden = true;
-      this.player.failed(error);
+      this.player.onError(error);
     });
   }
 
@@ -86,41 +87,41 @@ export class Probe {
     const track = file.track(legend.name);
     const { nItems, nColumns, domain } = track.info;
     if (!(Number.isInteger(item) && item >= 0 && item < nItems)) {
-      throw new Error(`The number of a ${domain} is 0 to ${nItems - 1}; got ${item}.`);
+      throw new Error(`The number of a ${domain} must be 0 to ${nItems - 1}; got ${item}.`);
     }
     const isColor = legend.component === "color";
     const title = `${this.label} at ${domain} ${item}`;
-    part("probe-title").textContent = title;
-    part("probe-plot").replaceChildren();
-    const status = part("probe-status");
+    byId("probe-title").textContent = title;
+    byId("probe-plot").replaceChildren();
+    const status = byId("probe-status");
     const values: (number | null)[] = [];
     for (let frame = 0; frame < file.info.nFrames; frame++) {
       if (frame % 20 === 0) status.textContent = `Reading frame ${frame} of ${file.info.nFrames}`;
       const found = await track.frame(frame, undefined, { signal });
       const row = Array.from({ length: nColumns }, (_, c) => Number(found[item * nColumns + c]));
-      const value = numberOf(row, legend.component);
+      const value = selectedNumber(row, legend.component);
       values.push(Number.isFinite(value) ? value : null);
     }
     signal.throwIfAborted();
-    const known = values.filter((value) => value !== null);
-    const ends = [Math.min(...known), Math.max(...known)].map((end) => withUnit(end, legend.unit));
-    status.textContent = known.length
+    const finite = values.filter((value) => value !== null);
+    const ends = [Math.min(...finite), Math.max(...finite)].map((end) => formatWithUnit(end, legend.unit));
+    status.textContent = finite.length
       ? `${ends.join(" to ")} in frames 0 to ${file.info.nFrames - 1}`
       : "No value at any frame";
-    const seek = (frame: number) => void this.player.seek(frame).catch(this.player.failed);
+    const seek = (frame: number) => void this.player.seek(frame).catch(this.player.onError);
     const unit = legend.unit ? `, ${legend.unit}` : "";
-    const what = isColor ? "mean of red, green and blue" : `${this.label}${unit}`;
-    const info = { label: what, values, isOfTrack: true };
+    const label = isColor ? "mean of red, green and blue" : `${this.label}${unit}`;
+    const info = { label, values, isTrack: true };
     this.plot = new Plot(info, seek);
-    part("probe-plot").replaceChildren(this.plot.figure);
-    this.picture.mark(vertexOf(this.picture.mesh, domain as Domain, item));
+    byId("probe-plot").replaceChildren(this.plot.figure);
+    this.picture.setMarker(vertexOfItem(this.picture.mesh, domain as Domain, item));
     this.player.redraw();
     this.plot.update(this.player.frame, true);
   }
 }
 
-/** The number that is shown of a row; of colours their lightness. */
-function numberOf(row: readonly number[], component: ColorLegend["component"]): number {
+/** Return the component of a row; for colors the mean of red, green and blue. */
+function selectedNumber(row: readonly number[], component: ColorLegend["component"]): number {
   if (component === "magnitude") return Math.hypot(...row);
   if (component === "color") return (row[0] + row[1] + row[2]) / 3;
   return row[component];

@@ -1,102 +1,103 @@
-// Data that come one frame at a time beside the animation: the original, and from it the values of
-// a heat map, which a worker computes: of all modes ahead of the playback, of few as they are shown.
+// Per-frame data besides the animation: the original, and heat maps, which a worker computes. With all
+// modes they are prefetched; with fewer modes they are computed for the shown frame.
 
 import { Cache } from "./cache";
 import { openOriginals, type Originals } from "./data";
-import { heatsOf, isOfTrack, playingFps, type Reel } from "./facts";
+import { allHeats, isTrackHeat, playbackFps, type Reel } from "./facts";
 import type { TrackValues } from "meshreel";
 
-import { largest, type FrameErrors } from "./heat/fields";
-import type { Answer } from "./heat/messages";
-import { Measurer } from "./heat/measurer";
+import { maxFinite, type FrameErrors } from "./heat/error_fields";
+import type { ErrorResponse } from "./heat/messages";
+import { ErrorWorker } from "./heat/error_worker";
 import { trackErrors } from "./heat/track_errors";
 import type { Picture } from "./picture";
 
-const KEPT_BYTES = 128e6;
-const LEAST_KEPT = 8;
-const N_AT_ONCE = 3;
+const CACHE_BYTES = 128e6;
+const MIN_CACHED_FRAMES = 8;
+const MAX_PARALLEL = 3;
 
-export class Extras {
+/** Loads and shows the original, heat maps and track values of frames. */
+export class FrameData {
   heatKind: string | null = null;
   isPerFrameRange = false;
-  /** The value that is painted hottest. */
-  hottest = 0;
-  /** How many modes are shown where they are not all. */
-  fewModes: number | null = null;
-  /** Of the frame shown with few modes, beside an original. */
+  /** Upper end of the heat map. */
+  heatMaximum = 0;
+  /** Number of shown modes; null if all are shown. */
+  reducedModes: number | null = null;
+  /** Errors of the frame that is shown with fewer modes than all. */
   frameErrors: (FrameErrors & { frame: number }) | null = null;
   private readonly originals: Cache<Float32Array>;
-  /** Values of the track that colours the original. */
+  /** Values of the track that colors the original. */
   private originalValues: Cache<TrackValues> | null = null;
   private readonly heats = new Map<string, Cache<Float32Array>>();
-  private readonly ahead: Lookahead;
+  private readonly lookahead: Lookahead;
   private opened: Promise<Originals> | null = null;
-  private measurer: Measurer | null = null;
+  private measurer: ErrorWorker | null = null;
   private shownOriginal = -1;
   private shownValues = -1;
   private shownHeat = "";
-  /** What is being measured of few modes. */
+  /** Key of the measurement with reduced modes that is running. */
   private measuring = "";
-  /** The largest value of few modes so far, of which kind and how many. */
-  private seen = { key: "", largest: 0 };
+  /** Largest value so far with reduced modes, by heat map and number of modes. */
+  private observedRange = { key: "", largest: 0 };
 
-  /** `measured` is called when errors of few modes are there. */
+  /** @param onMeasured - called when errors with reduced modes are available */
   constructor(
     private readonly reel: Reel,
     private readonly picture: Picture,
-    private readonly measured: () => void,
+    private readonly onMeasured: () => void,
     private readonly failed: (error: unknown) => void,
   ) {
-    this.originals = new Cache(async (frame) => (await this.source()).frame(frame), this.nKept(3));
-    this.ahead = new Lookahead(reel.file.info.nFrames, playingFps(reel));
+    this.originals = new Cache(async (frame) => (await this.source()).frame(frame), this.frameCapacity(3));
+    this.lookahead = new Lookahead(reel.file.info.nFrames, playbackFps(reel));
   }
 
-  /** Has heat painted anew, since its kind or its range has changed. */
-  forgetHeat(): void {
+  /** Repaint the heat map, since its kind or range has changed. */
+  invalidateHeat(): void {
     this.shownHeat = "";
     if (this.heatKind === null) this.picture.setHeat(null);
   }
 
-  /** Colours the original by a track of its own; null: by none. To be called when that changes. */
+  /** Set the track that colors the original; null: none. */
   setTrack(track: string | null): void {
-    const isThere = track !== null && this.reel.original?.tracks.includes(track);
+    const hasTrack = track !== null && this.reel.original?.tracks.includes(track);
     this.shownValues = -1;
     this.originalValues = null;
-    if (!isThere) return;
+    if (!hasTrack) return;
     const { nItems, nColumns } = this.reel.file.track(track).info;
     const load = async (frame: number) => (await this.source()).values(track, frame);
-    this.originalValues = new Cache(load, keptFrames(2 * nItems * nColumns));
+    this.originalValues = new Cache(load, frameCount(2 * nItems * nColumns));
   }
 
-  /** Fetches the data of a frame; of few modes, of the frame that is shown. */
+  /** Load the data of a frame. */
   async load(frame: number): Promise<void> {
     await Promise.all([
       this.heatCache()?.load(frame),
       this.needsOriginal ? this.originals.load(frame) : null,
       this.neededValues?.load(frame),
     ]);
-    if (this.comparesFew && this.heatKey(frame) !== this.shownHeat) await this.measureFew(frame);
+    if (this.measuresReducedModes && this.heatKey(frame) !== this.shownHeat) await this.measureReducedModes(frame);
   }
 
-  /** Fetches the data of the frames after this one, while it plays. */
+  /** Prefetch data of upcoming frames during playback. */
   prefetch(frame: number, speed: number): void {
     const heats = this.heatCache();
-    if (heats) this.ahead.prefetch(heats, frame, speed, this.failed);
-    if (this.needsOriginal) this.ahead.prefetch(this.originals, frame, speed, this.failed);
-    if (this.neededValues) this.ahead.prefetch(this.neededValues, frame, speed, this.failed);
+    if (heats) this.lookahead.prefetch(heats, frame, speed, this.failed);
+    if (this.needsOriginal) this.lookahead.prefetch(this.originals, frame, speed, this.failed);
+    if (this.neededValues) this.lookahead.prefetch(this.neededValues, frame, speed, this.failed);
   }
 
-  /** Shows the data of a frame that are here; the rest stays. True if anything has changed. */
+  /** Show the data of a frame that are loaded; returns whether anything has changed. */
   show(frame: number): boolean {
-    if (this.comparesFew) void this.measureFew(frame).catch(this.failed);
-    const showsHeat = !this.comparesFew && this.showHeat(frame);
+    if (this.measuresReducedModes) void this.measureReducedModes(frame).catch(this.failed);
+    const showsHeat = !this.measuresReducedModes && this.showHeat(frame);
     const showsValues = this.showValues(frame);
     return this.showOriginal(frame) || showsHeat || showsValues;
   }
 
-  /** Whether all that is shown is of this frame. */
-  areOf(frame: number): boolean {
-    const isPainted = this.heatKind !== null || this.comparesFew;
+  /** Whether all shown data belong to this frame. */
+  isCurrent(frame: number): boolean {
+    const isPainted = this.heatKind !== null || this.measuresReducedModes;
     const isHeatRight = !isPainted || this.shownHeat === this.heatKey(frame);
     const areValuesRight = !this.neededValues || this.shownValues === frame;
     const isOriginalRight = !this.picture.needsOriginal || this.shownOriginal === frame;
@@ -107,17 +108,17 @@ export class Extras {
     return (this.opened ??= openOriginals(this.reel));
   }
 
-  /** Values that are wanted now; null: none. */
+  /** Track values that are currently needed, or null. */
   private get neededValues(): Cache<TrackValues> | null {
     return this.picture.showsOriginal ? this.originalValues : null;
   }
 
-  private get comparesFew(): boolean {
-    return this.fewModes !== null && this.reel.original !== null && !isOfTrack(this.heatKind);
+  private get measuresReducedModes(): boolean {
+    return this.reducedModes !== null && this.reel.original !== null && !isTrackHeat(this.heatKind);
   }
 
   private get needsOriginal(): boolean {
-    return this.picture.needsOriginal || this.comparesFew;
+    return this.picture.needsOriginal || this.measuresReducedModes;
   }
 
   private showHeat(frame: number): boolean {
@@ -128,12 +129,12 @@ export class Extras {
     return true;
   }
 
-  /** Measures the shown frame, if its original is here, and shows that unless it is too late. */
-  private async measureFew(frame: number): Promise<void> {
+  /** Measure the shown frame if its original is loaded, and show the result unless it is outdated. */
+  private async measureReducedModes(frame: number): Promise<void> {
     const [original, key] = [this.originals.peek(frame), this.heatKey(frame)];
     if (!original || key === this.shownHeat || this.measuring !== "") return;
     this.measuring = key;
-    let answer: Answer;
+    let answer: ErrorResponse;
     try {
       answer = await this.measure(this.heatKind, original, this.picture.positions());
     } finally {
@@ -143,17 +144,17 @@ export class Extras {
     this.frameErrors = { frame, ...answer.errors };
     this.shownHeat = key;
     const { values } = answer;
-    if (values) this.paint(values, this.rangeOfFew(largest(values)), frame);
-    this.measured();
+    if (values) this.paint(values, this.reducedModesRange(maxFinite(values)), frame);
+    this.onMeasured();
   }
 
   private measure(
     kind: string | null,
     original: Float32Array,
     decoded: Float32Array,
-  ): Promise<Answer> {
+  ): Promise<ErrorResponse> {
     const { file, original: info } = this.reel;
-    this.measurer ??= new Measurer({
+    this.measurer ??= new ErrorWorker({
       triangles: file.surface.triangles,
       nVerts: file.info.nVerts,
       diagonal: info?.diagonal ?? file.info.diagonal,
@@ -162,17 +163,17 @@ export class Extras {
   }
 
   private paint(values: Float32Array, range: number, frame: number): void {
-    this.hottest = this.isPerFrameRange ? largest(values) : range;
-    this.picture.setHeat({ values, hottest: this.hottest });
+    this.heatMaximum = this.isPerFrameRange ? maxFinite(values) : range;
+    this.picture.setHeat({ values, heatMaximum: this.heatMaximum });
     this.shownHeat = this.heatKey(frame);
   }
 
-  /** The range of all modes, widened by the values of few modes so far. */
-  private rangeOfFew(value: number): number {
-    const key = `${this.heatKind} ${this.fewModes}`;
-    if (key !== this.seen.key) this.seen = { key, largest: 0 };
-    this.seen.largest = Math.max(this.seen.largest, value);
-    return Math.max(this.seen.largest, this.fixedRange());
+  /** Range with all modes, extended by the values with reduced modes so far. */
+  private reducedModesRange(value: number): number {
+    const key = `${this.heatKind} ${this.reducedModes}`;
+    if (key !== this.observedRange.key) this.observedRange = { key, largest: 0 };
+    this.observedRange.largest = Math.max(this.observedRange.largest, value);
+    return Math.max(this.observedRange.largest, this.fixedRange());
   }
 
   private showOriginal(frame: number): boolean {
@@ -192,21 +193,21 @@ export class Extras {
   }
 
   private heatKey(frame: number): string {
-    return `${this.heatKind} ${this.fewModes} ${frame}`;
+    return `${this.heatKind} ${this.reducedModes} ${frame}`;
   }
 
-  /** Values of all modes; null where they are not shown. */
+  /** Heat maps with all modes; null if they are not shown. */
   private heatCache(): Cache<Float32Array> | null {
     const kind = this.heatKind;
-    if (kind === null || this.comparesFew) return null;
+    if (kind === null || this.measuresReducedModes) return null;
     const cache =
-      this.heats.get(kind) ?? new Cache((frame) => this.heatOf(kind, frame), this.nKept(1));
+      this.heats.get(kind) ?? new Cache((frame) => this.computeHeat(kind, frame), this.frameCapacity(1));
     this.heats.set(kind, cache);
     return cache;
   }
 
-  private async heatOf(kind: string, frame: number): Promise<Float32Array> {
-    if (isOfTrack(kind)) return this.errorsOfTrack(kind, frame);
+  private async computeHeat(kind: string, frame: number): Promise<Float32Array> {
+    if (isTrackHeat(kind)) return this.trackErrorsOf(kind, frame);
     const { center } = this.reel.file.info;
     const [original, positions] = await Promise.all([
       this.originals.load(frame),
@@ -217,7 +218,7 @@ export class Extras {
     return values as Float32Array;
   }
 
-  private async errorsOfTrack(kind: string, frame: number): Promise<Float32Array> {
+  private async trackErrorsOf(kind: string, frame: number): Promise<Float32Array> {
     const { file, original } = this.reel;
     const { track } = original?.track_heats.find((heat) => heat.kind === kind) as { track: string };
     const [given, decoded] = await Promise.all([
@@ -227,26 +228,26 @@ export class Extras {
     return trackErrors(file.track(track).info, file.surface, file.info.nVerts, given, decoded);
   }
 
-  /** Frames of so many numbers for each vertex that are kept. */
-  private nKept(width: number): number {
-    return keptFrames(width * this.reel.file.info.nVerts);
+  /** Number of cached frames with `width` numbers per vertex. */
+  private frameCapacity(width: number): number {
+    return frameCount(width * this.reel.file.info.nVerts);
   }
 
   private fixedRange(): number {
     const { original } = this.reel;
-    const info = original && heatsOf(original).find((heat) => heat.kind === this.heatKind);
+    const info = original && allHeats(original).find((heat) => heat.kind === this.heatKind);
     return info?.range || info?.maximum || 1;
   }
 }
 
-/** Frames of so many numbers that are kept. */
-function keptFrames(nNumbers: number): number {
-  return Math.max(LEAST_KEPT, Math.floor(KEPT_BYTES / (4 * Math.max(1, nNumbers))));
+/** Number of cached frames with `nNumbers` numbers. */
+function frameCount(nNumbers: number): number {
+  return Math.max(MIN_CACHED_FRAMES, Math.floor(CACHE_BYTES / (4 * Math.max(1, nNumbers))));
 }
 
 /**
- * Asks for frames ahead of the playback: the slower the server is, the farther ahead, and the more
- * sparsely.
+ * Prefetches frames during playback. With a slower server it looks farther ahead, and skips more
+ * frames.
  */
 class Lookahead {
   private latencyS = 0.05;
@@ -256,7 +257,7 @@ class Lookahead {
     private readonly framesPerSecond: number,
   ) {}
 
-  /** Asks for the frames that can arrive before they are shown, as far as there is room. */
+  /** Request frames that can arrive before they are shown, within the limit of parallel requests. */
   prefetch<T>(
     cache: Cache<T>,
     shown: number,
@@ -264,16 +265,16 @@ class Lookahead {
     failed: (error: unknown) => void,
   ): void {
     const rate = this.framesPerSecond * speed;
-    const stride = Math.max(1, Math.ceil((this.latencyS * rate) / N_AT_ONCE));
+    const stride = Math.max(1, Math.ceil((this.latencyS * rate) / MAX_PARALLEL));
     const lead = Math.ceil(this.latencyS * rate) + 1;
     let next = Math.ceil((shown + lead) / stride) * stride;
-    for (let tries = 0; tries < N_AT_ONCE && cache.nLoading < N_AT_ONCE; tries++, next += stride) {
+    for (let tries = 0; tries < MAX_PARALLEL && cache.nLoading < MAX_PARALLEL; tries++, next += stride) {
       const frame = next % this.nFrames;
-      if (!cache.isKnown(frame)) void this.timed(cache.load(frame)).catch(failed);
+      if (!cache.hasOrLoads(frame)) void this.measureLatency(cache.load(frame)).catch(failed);
     }
   }
 
-  private async timed(loading: Promise<unknown>): Promise<void> {
+  private async measureLatency(loading: Promise<unknown>): Promise<void> {
     const started = performance.now();
     await loading;
     const seconds = (performance.now() - started) / 1000;

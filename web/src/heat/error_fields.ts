@@ -1,18 +1,19 @@
-// The error of each vertex of a frame, as in meshreel.metrics.heat, of the mesh of fewer modes than
-// all, which only the page has.
+// Errors per vertex of a frame, as in meshreel.metrics.heat. The page computes them itself, since only
+// it has the mesh with reduced modes.
 
 import { StedField } from "./sted_field";
 
-/** Faces of at most this area have no normal; in squared diagonals of the frame. */
+/** Faces of at most this area, in squared diagonals of the frame, have no normal. */
 const DEGENERATE_AREA = 1e-14;
 
-/** The largest distance of a vertex, and the root of the mean square, in % of the diagonal. */
+/** Largest and RMS error of the vertices of a frame, in percent of the diagonal. */
 export interface FrameErrors {
-  largest: number;
+  maxFinite: number;
   rms: number;
 }
 
-export class HeatFields {
+/** Computes errors per vertex. */
+export class ErrorFields {
   private sted: StedField | null = null;
 
   constructor(
@@ -21,18 +22,18 @@ export class HeatFields {
     private readonly diagonal: number,
   ) {}
 
-  /** Values of a kind at every vertex, from positions (V, 3). */
-  of(kind: string, original: Float32Array, decoded: Float32Array): Float32Array {
+  /** Compute a heat map at all vertices from positions (V, 3). */
+  values(kind: string, original: Float32Array, decoded: Float32Array): Float32Array {
     if (kind === "distance") return this.distances(original, decoded);
     if (kind === "angle") return this.angles(original, decoded);
     this.sted ??= new StedField(this.faces, this.nVerts);
-    return this.sted.of(original, decoded);
+    return this.sted.values(original, decoded);
   }
 
   errors(original: Float32Array, decoded: Float32Array): FrameErrors {
     const distances = this.distances(original, decoded);
     const squares = distances.reduce((sum, value) => sum + value * value, 0);
-    return { largest: largest(distances), rms: Math.sqrt(squares / this.nVerts) };
+    return { maxFinite: maxFinite(distances), rms: Math.sqrt(squares / this.nVerts) };
   }
 
   private distances(original: Float32Array, decoded: Float32Array): Float32Array {
@@ -45,12 +46,12 @@ export class HeatFields {
   }
 
   private angles(original: Float32Array, decoded: Float32Array): Float32Array {
-    const smallest = 2 * DEGENERATE_AREA * diagonalOf(original) ** 2;
+    const minNormal = 2 * DEGENERATE_AREA * diagonalOf(original) ** 2;
     const [sums, counts] = [new Float64Array(this.nVerts), new Uint32Array(this.nVerts)];
     for (let i = 0; i < this.faces.length; i += 3) {
       const face = this.faces.subarray(i, i + 3);
       const [a, b] = [normalOf(original, face), normalOf(decoded, face)];
-      if (Math.min(Math.hypot(...a), Math.hypot(...b)) <= smallest) continue;
+      if (Math.min(Math.hypot(...a), Math.hypot(...b)) <= minNormal) continue;
       const angle = (180 / Math.PI) * Math.atan2(Math.hypot(...cross(a, b)), dot(a, b));
       for (const vertex of face) {
         sums[vertex] += angle;
@@ -61,9 +62,9 @@ export class HeatFields {
   }
 }
 
-/** Of those that are finite. */
-export function largest(values: Float32Array): number {
-  return values.reduce((most, value) => (value > most && value < Infinity ? value : most), 0);
+/** Maximum of the finite values, at least 0. */
+export function maxFinite(values: Float32Array): number {
+  return values.reduce((maximum, value) => (value > maximum && value < Infinity ? value : maximum), 0);
 }
 
 type Vector = [number, number, number];

@@ -1,0 +1,48 @@
+// A mesh in a view: its faces and the lines over them.
+
+import * as THREE from "three";
+
+import { POLYGON_OFFSET, FaceMaterial } from "./faces";
+import { EdgeLines } from "./lines";
+import { TrackMaterial } from "../tracks/material";
+
+/** Materials of the file, which need lights. */
+export type FileMaterials = THREE.Material | THREE.Material[];
+
+/** Which materials faces use. */
+export type Appearance = "own" | "plain" | "track";
+
+/** A mesh with switchable materials and edge lines. */
+export class MeshView {
+  readonly group = new THREE.Group();
+  readonly lines = new EdgeLines();
+  readonly faces = new FaceMaterial();
+  readonly track = new TrackMaterial();
+
+  constructor(
+    private readonly mesh: THREE.Mesh,
+    private readonly own: FileMaterials,
+  ) {
+    mesh.frustumCulled = false; // the camera may come arbitrarily close
+    for (const material of [own].flat()) Object.assign(material, POLYGON_OFFSET);
+    this.group.add(mesh, this.lines);
+  }
+
+  /** Use the materials of the file, the default one, or that of a track. */
+  setAppearance(appearance: Appearance, isSmooth: boolean): void {
+    this.mesh.material = { own: this.own, plain: this.faces, track: this.track }[appearance];
+    this.faces.isSmooth = isSmooth;
+    for (const material of [this.own].flat()) {
+      if (!("flatShading" in material) || material.flatShading === !isSmooth) continue;
+      material.flatShading = !isSmooth;
+      material.needsUpdate = true;
+    }
+  }
+
+  /** Share the current position buffer with the lines; call it before drawing. */
+  syncPositions(): void {
+    const { position } = this.mesh.geometry.attributes;
+    const { geometry } = this.lines;
+    if (geometry.attributes.position !== position) geometry.setAttribute("position", position);
+  }
+}
