@@ -165,7 +165,7 @@ def tracks_of(opened):
     for number, track in enumerate(opened.tracks, start=1):
         blocks = [block_of(opened, block, number) for block in range(opened.n_blocks)]
         values = np.empty((opened.n_frames, track.n_items, track.n_columns), track.dtype)
-        opened.frames().fill(values, 0, number)
+        opened.method.frames(opened, None).fill(values, 0, number)
         said = {name: getattr(track, name) for name in ("name", "unit", "kind", "domain", "coding")}
         found.append((said | {"bound": track.bound}, blocks, Floats(values)))
     return found

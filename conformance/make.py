@@ -39,23 +39,20 @@ from conformance.sources import (
     together,
     uneven,
 )
-from meshreel.codec.bitstream import header as header_module
-from meshreel.codec.bitstream.header import Header
+from meshreel.codec.bitstream import container as stream_container
+from meshreel.codec.bitstream.container import Header, whole_stream, write_sections, write_varint
 from meshreel.codec.bitstream.layout import MAX_NAME_BYTES, Section, VertexType
-from meshreel.codec.bitstream.sections import write_sections
-from meshreel.codec.bitstream.writer import whole_stream
 from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.corrections import Corrections
-from meshreel.codec.entropy.coder import encode_integers
-from meshreel.codec.entropy.varint import write_varint
 from meshreel.codec.reel.normative import payloads
 from meshreel.codec.reel.normative.blocks import write_field_block, write_track_block
 from meshreel.codec.reel.normative.expected import MovingSurface
 from meshreel.codec.reel.normative.fields import FieldBlock, Layout
 from meshreel.codec.reel.normative.graphs import item_graph
 from meshreel.codec.reel.normative.mesh import FieldMesh
-from meshreel.codec.reel.normative.timeline import Rests
 from meshreel.codec.tracks import Coding, TrackHeader, write_track
+from meshreel.kernel.basis import Rests
+from meshreel.kernel.integers import encode_integers
 from meshreel.model.geometry.fans import join_fans
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import PLAIN, Domain, Surface
@@ -860,7 +857,7 @@ def with_long_name():
     """The worked example with a name of one byte more than is allowed."""
     layout, basis = Layout(np.float32(0.5), 1, 0), np.array([[[3, 0], [0, -1], [0, 0]]])
     block = (layout, basis, np.array([[4, -1, 2]]), None)
-    with patch.object(header_module, "MAX_NAME_BYTES", MAX_NAME_BYTES + 1):
+    with patch.object(stream_container, "MAX_NAME_BYTES", MAX_NAME_BYTES + 1):
         return by_hand([[0, 1, 2]], 3, [block], name="n" * (MAX_NAME_BYTES + 1))
 
 

@@ -14,13 +14,14 @@ import numpy as np
 
 import meshreel
 from conformance.sources import moving, of_boxes, of_everything
-from meshreel.codec.bitstream import header as header_module
-from meshreel.codec.bitstream import writer as writer_module
-from meshreel.codec.bitstream.header import write_header
-from meshreel.codec.bitstream.index import write_index
+from meshreel.codec.bitstream import container as stream_container
+from meshreel.codec.bitstream.container import (
+    StreamWriter,
+    write_header,
+    write_index,
+    write_sections,
+)
 from meshreel.codec.bitstream.layout import Section
-from meshreel.codec.bitstream.sections import write_sections
-from meshreel.codec.bitstream.writer import StreamWriter
 from meshreel.codec.joining import blocks_of, header_of, join_streams, leading_of
 from meshreel.codec.open_stream import whole_stream
 from meshreel.model.tracks import Track
@@ -115,7 +116,7 @@ def sections_of(number):
     """All sections of a segment of `meshes`; the first of the second is SEGMENT."""
     header, leading, blocks = parts()[number]
     own = [one for one in leading if one[0] is not Section.START or not number]
-    first = header_module.write_segment(header, parts()[0][0])
+    first = stream_container.write_segment(header, parts()[0][0])
     return [
         *([(Section.SEGMENT, first)] if number else []),
         *own,
@@ -134,16 +135,16 @@ STREAMS: dict[str, Callable[[], bytes]] = {
 
 def with_section(change):
     """`meshes`, whose SEGMENT has another payload."""
-    write = header_module.write_segment
-    with patch.object(writer_module, "write_segment", lambda *headers: change(write(*headers))):
+    write = stream_container.write_segment
+    with patch.object(stream_container, "write_segment", lambda *headers: change(write(*headers))):
         return join_streams(meshes())
 
 
 def with_header(**changes):
     """`meshes`, whose second header is changed in SEGMENT alone."""
-    write = header_module.write_segment
+    write = stream_container.write_segment
     with patch.object(
-        writer_module, "write_segment", lambda one, first: write(replace(one, **changes), first)
+        stream_container, "write_segment", lambda one, first: write(replace(one, **changes), first)
     ):
         return join_streams(meshes())
 
@@ -151,7 +152,9 @@ def with_header(**changes):
 def with_index(change):
     """`meshes`, whose index lists other blocks or segments."""
     with patch.object(
-        writer_module, "write_index", lambda places, further: write_index(places, change(further))
+        stream_container,
+        "write_index",
+        lambda places, further: write_index(places, change(further)),
     ):
         return join_streams(meshes())
 

@@ -181,6 +181,8 @@ def compare(
 
 def _with_stream(given: Any, function: str, use: Callable[[bytes], Result]) -> Result:
     """Result of a function of the bytes of a stream; errors name the file."""
+    if isinstance(given, Stream):
+        return use(bytes(given))
     if is_remote(given):
         data = read_whole(given)
         with errors_naming(given):
@@ -195,8 +197,6 @@ def _with_stream(given: Any, function: str, use: Callable[[bytes], Result]) -> R
             data = path.read_bytes()
         with errors_naming(path):
             return use(data)
-    if isinstance(given, Stream):
-        return use(bytes(given))
     raise InvalidInputError(
         f"{function} takes the bytes of a .reel stream, or the path of a .reel file; got "
         f"{type(given).__name__}"

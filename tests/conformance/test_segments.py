@@ -9,7 +9,7 @@ from conformance.by_core import given_by_core, read_all_by_core
 from conformance.check import differences
 from conformance.reader import read_all
 from conformance.segments import FOLDER, REFUSED_FOLDER, STREAMS, meshes, one_frame_each
-from meshreel.codec.bitstream.header import write_header
+from meshreel.codec.bitstream.container import write_header
 from meshreel.codec.decoder import decode
 from meshreel.codec.joining import header_of, join_streams
 from meshreel.codec.open_stream import whole_stream

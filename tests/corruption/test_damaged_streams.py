@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from meshreel.codec.bitstream.container import write_varint
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
-from meshreel.codec.entropy.varint import write_varint
 from meshreel.codec.inspect import info
 from meshreel.codec.reel.normative.payloads import read_layout, write_layout
 from meshreel.errors import CorruptStreamError, MeshReelError, TruncatedStreamError

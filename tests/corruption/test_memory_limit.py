@@ -10,10 +10,10 @@ import pytest
 import meshreel
 from conformance import reader as plain
 from conformance.bits import DamagedError, Memory, TooLargeError
+from meshreel.codec.bitstream.container import read_varint, write_varint
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
-from meshreel.codec.entropy.varint import read_varint, write_varint
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import CorruptStreamError, InvalidInputError, MemoryLimitError, MeshReelError
 from meshreel.model.surface import Attribute, Domain, Kind, Surface

@@ -2,9 +2,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshreel.codec.entropy.coder import decode_integers, encode_integers
 from meshreel.errors import MeshReelError
-from meshreel.kernel.integers import MAX_MAGNITUDE
+from meshreel.kernel.integers import MAX_MAGNITUDE, decode_integers, encode_integers
 from samples.costs import draws
 
 integers = st.one_of(

@@ -5,9 +5,8 @@ from functools import cached_property
 import numpy as np
 
 from conformance.reader import read_track
-from meshreel.codec.bitstream.header import Header, write_header
+from meshreel.codec.bitstream.container import Header, write_header, write_sections
 from meshreel.codec.bitstream.layout import Section, VertexType
-from meshreel.codec.bitstream.sections import write_sections
 from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.surface.codes import DOMAINS
 from meshreel.codec.tracks import KINDS, Coding, Sharing, TrackHeader
@@ -100,7 +99,7 @@ def track_header(payload):
 def track_values(data):
     """All values of all tracks beside the positions."""
     opened, found = whole_stream(data), []
-    reader = opened.frames()
+    reader = opened.method.frames(opened, None)
     for number, track in enumerate(opened.tracks, start=1):
         found.append(np.empty((opened.n_frames, track.n_items, track.n_columns), track.dtype))
         reader.fill(found[-1], 0, number)

@@ -6,7 +6,7 @@ from typing import BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.bitstream.writer import Sections, StreamWriter
+from meshreel.codec.bitstream.container import Sections, StreamWriter
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import bounding_frame
 from meshreel.codec.track_bounds import TrackTargets

@@ -1,9 +1,6 @@
 """Choices that a stream is made with; those that it states have codes in it."""
 
 from enum import Enum, IntEnum
-from typing import TypeVar
-
-from meshreel.errors import UnsupportedVersionError
 
 
 class Laplacian(IntEnum):
@@ -34,21 +31,3 @@ class Allocation(Enum):
 
     ENERGY = "energy"
     CONSTANT = "constant"
-
-
-CodedChoice = TypeVar("CodedChoice", bound=IntEnum)
-
-
-def choice_of_code(choices: type[CodedChoice], code: int) -> CodedChoice:
-    """The member of an enumeration by its code in a stream.
-
-    Raises
-    ------
-    UnsupportedVersionError
-        If this build does not know it.
-    """
-    if code in list(choices):
-        return choices(code)
-    raise UnsupportedVersionError(
-        f"{choices.__name__.lower()} {code} is unknown to this build; upgrade meshreel"
-    )

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshreel.arrays import Integers
-from meshreel.codec.entropy.coder import encode_integers
-from meshreel.codec.entropy.varint import write_varint
+from meshreel.codec.bitstream.container import write_varint
+from meshreel.kernel.integers import encode_integers
 
 AGAIN, NEW = 0, 1
 """The row of the corner before at the vertex; one that has not come. A larger code k is the row of

@@ -1,8 +1,10 @@
 """Decoding of a stream to a mesh sequence."""
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from meshreel.codec.memory import memory_limit
 from meshreel.codec.open_stream import whole_stream
@@ -14,7 +16,7 @@ from meshreel.model.tracks import Track
 from meshreel.runtime.progress import Count, Progress, silent
 
 FRAMES_AT_ONCE = 256
-"""Frames that are decoded between two reports of progress."""
+"""Most frames that are decoded between two progress reports."""
 
 
 def decode(
@@ -26,15 +28,15 @@ def decode(
     memory: float | str | None = None,
     progress: Progress = silent,
 ) -> MeshSequence:
-    """The sequence of a `.reel` stream.
+    """Return the sequence, or a range of its frames, that a `.reel` stream contains.
 
     Parameters
     ----------
     data : bytes
         A whole stream, from `encode` or a file.
     frames : slice, optional
-        Frames to give back, as Python slices count them, without a step; only the blocks that
-        hold some of them are decoded. Default: all.
+        Frames to return, as a Python slice without a step; only the blocks that contain some of
+        them are decoded. Default: all.
     n_modes : int, optional
         Number of leading modes of each block to use: a coarser animation. Default: all. In streams
         of `reel` further modes, up to the 16th at least, are held at their mean over the block, and
@@ -43,59 +45,59 @@ def decode(
     segment : int, optional
         Number of a segment, from 0; needed if the stream has several.
     memory : float or str, optional
-        The most that frames and tracks together, the mesh, or a block may take while they are
-        decoded, as in "2GiB", or bytes. Default: 8 GiB.
+        Upper limit for the frames and tracks together, for the mesh, and for a block while they
+        are decoded: bytes, or text such as "2GiB". Default: 8 GiB.
     progress : callable, optional
-        Called with the stage and the share done, 0..1.
+        Called with the stage and the completed share, 0..1.
 
     Raises
     ------
     InvalidInputError
-        If `frames` names no frame or has a step, `n_modes` is below 1 or not for this stream, or
-        the stream has no such segment, or several and none is chosen.
+        If `frames` selects no frame or has a step, `n_modes` is below 1 or the stream has no modes,
+        `segment` does not exist, or the stream has several segments and none is selected.
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
-        If the bytes are not a whole stream that this build reads.
+        If the bytes are not a complete stream that this build reads.
     MemoryLimitError
-        If more memory would be needed; nothing was allocated for it.
+        If decoding needs more memory than the limit; raised before the memory is allocated.
     """
     limit = memory_limit(memory)
     progress("decoding connectivity", 0.0)
     opened = whole_stream(bytes(data), limit, segment)
-    wanted = frame_range(frames, opened.n_frames)
     opened.require_mesh()
-    reader = opened.frames(n_modes)
-    tracks_of = tracks_of_stream(opened, reader)
-    opened.require_frames(wanted, sum(one.frame_bytes for one in tracks_of.values()) * len(wanted))
+    wanted = frame_range(frames, opened.n_frames)
+    start_s = start_of(wanted, opened.start_s, opened.fps)
+    reader = opened.method.frames(opened, n_modes)
+    tracks = tracks_of_stream(opened, reader)
+    opened.require_frames(wanted, with_tracks=True)
     vertices = np.empty((len(wanted), opened.n_verts, 3), opened.dtype)
-    values = {
-        name: np.empty((len(wanted), *track.shape[1:]), track.dtype)
-        for name, track in tracks_of.items()
-    }
+    values: list[npt.NDArray[Any]] = []
+    for track in tracks.values():
+        values.append(np.empty((len(wanted), *track.shape[1:]), track.dtype))
     for block, (start, stop) in enumerate(pairwise(opened.starts)):
         first, last = max(start, wanted.start), min(stop, wanted.stop)
-        if first < last:
-            reader.load(block)
+        if first >= last:
+            continue
+        reader.load(block)
+        # The reader holds this block until the next one: decode its tracks now.
+        for number, out in enumerate(values, start=1):
+            reader.fill(out[first - wanted.start : last - wanted.start], first, number)
         for begin in range(first, last, FRAMES_AT_ONCE):
-            progress("decoding", Count(begin - wanted.start, len(wanted), "frames"))
-            piece = slice(begin - wanted.start, min(begin + FRAMES_AT_ONCE, last) - wanted.start)
-            reader.fill(vertices[piece], begin)
-        for number, name in enumerate(values, start=1):  # while the block is held
-            if first < last:
-                reader.fill(values[name][first - wanted.start : last - wanted.start], first, number)
+            end = min(begin + FRAMES_AT_ONCE, last)
+            reader.fill(vertices[begin - wanted.start : end - wanted.start], begin)
+            progress("decoding", Count(end - wanted.start, len(wanted), "frames"))
     reader.close()
-    progress("decoding", Count(len(wanted), len(wanted), "frames"))
     try:
+        decoded: dict[str, Track] = {}
+        for track, out in zip(tracks.values(), values, strict=True):
+            decoded[track.name] = Track(out, track.domain, track.kind, track.unit)
         return MeshSequence(
             vertices,
-            opened.faces,
+            opened.file.faces,
             opened.fps,
             opened.name,
-            start_of(wanted, opened.start_s, opened.fps),
+            start_s,
             opened.surface,
-            {
-                name: Track(values[name], track.domain, track.kind, track.unit)
-                for name, track in tracks_of.items()
-            },
+            decoded,
         )
     except InvalidInputError as error:
         raise CorruptStreamError(f"the stream decodes to an invalid mesh: {error}") from error

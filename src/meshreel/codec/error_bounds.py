@@ -1,7 +1,6 @@
 """Error bounds as users write them: shares of the diagonal, or lengths."""
 
 import re
-import struct
 from dataclasses import dataclass
 
 from meshreel.errors import InvalidInputError
@@ -106,8 +105,3 @@ def _required_unit(unit: str | None, given: float | str) -> str:
             f"so with unit= ({', '.join(METRES)}), or give model units as in 0.5{MODEL_UNITS}"
         )
     return unit
-
-
-def write_promise(max_error_percent: float) -> bytes:
-    """Payload of the section PROMISE: the error bound that the encoder has verified."""
-    return struct.pack("<d", max_error_percent)

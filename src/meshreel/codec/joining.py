@@ -5,10 +5,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from io import BytesIO
 
-from meshreel.codec.bitstream.header import Header
+from meshreel.codec.bitstream.container import Header, StreamWriter
+from meshreel.codec.bitstream.container import whole_stream as written_stream
 from meshreel.codec.bitstream.layout import Section, VertexType
-from meshreel.codec.bitstream.writer import StreamWriter
-from meshreel.codec.bitstream.writer import whole_stream as written_stream
 from meshreel.codec.open_stream import OpenStream, whole_stream
 from meshreel.errors import InvalidInputError
 

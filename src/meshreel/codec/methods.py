@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
+    from meshreel.codec.bitstream.container import Sections
     from meshreel.codec.bitstream.layout import Section
-    from meshreel.codec.bitstream.writer import Sections
     from meshreel.codec.config import EncoderConfig
     from meshreel.codec.open_stream import OpenStream
     from meshreel.codec.source import CodedMesh, Source
@@ -165,18 +165,20 @@ class Method(Protocol):
         """
 
     def frames(self, opened: "OpenStream", n_modes: int | None) -> FrameReader:
-        """The decoder of a stream's frames.
+        """Return a decoder of the stream's frames.
 
         Parameters
         ----------
         opened : OpenStream
         n_modes : int or None
-            Only the first so many modes of each block move.
+            Number of leading modes of each block that move; None for all. In streams of `reel`,
+            further modes, up to at least the 16th, are held at their mean over the block, and
+            corrections are omitted.
 
         Raises
         ------
         InvalidInputError
-            If `n_modes` is below 1, or not for this method.
+            If `n_modes` is below 1, or the method has no modes.
         """
 
 

@@ -1,23 +1,28 @@
 """An open stream and the parts that its blocks share: mesh, order, surface, time."""
 
 from collections.abc import Iterator
+from enum import IntEnum
 from functools import cached_property
-from typing import BinaryIO
+from operator import attrgetter
+from typing import BinaryIO, TypeVar
 
 import numpy as np
 
 from meshreel.arrays import Integers
+from meshreel.codec.bitstream.container import read_block_counts
 from meshreel.codec.bitstream.layout import SURFACE_SECTIONS, Section
-from meshreel.codec.choices import Laplacian, Order, choice_of_code
+from meshreel.codec.choices import Laplacian, Order
 from meshreel.codec.memory import DEFAULT_LIMIT, MemoryLimit
-from meshreel.codec.methods import FrameReader, method_of_code
-from meshreel.codec.stored_blocks import StoredBlock, read_block
+from meshreel.codec.methods import method_of_code
+from meshreel.codec.stored_blocks import StoredBlock
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.codec.surface.decoded import decoded_surface
-from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.errors import CorruptStreamError, InvalidInputError, UnsupportedVersionError
 from meshreel.kernel.files import FileSection, OpenFile
 from meshreel.model.sequence import Faces
 from meshreel.model.surface import PLAIN, Surface
+
+CodedChoice = TypeVar("CodedChoice", bound=IntEnum)
 
 MODE_BYTES = 48
 """Of a value of a mode of the paper, at a vertex or over time, while it is decoded: three axes."""
@@ -83,9 +88,9 @@ class OpenStream:
                 "decode one with segment="
             )
         self.offset = self.file.offset
+        self.laplacian = _choice_of_code(Laplacian, info.laplacian)
+        self.order_kept = _choice_of_code(Order, info.order)
         self.method = method_of_code(info.method)
-        self.laplacian = choice_of_code(Laplacian, info.laplacian)
-        self.order_kept = choice_of_code(Order, info.order)
         self.promise_percent = info.promise_percent
         self.n_frames, self.n_verts, self.n_faces = info.n_frames, info.n_verts, info.n_triangles
         self.fps, self.name, self.start_s = info.fps, info.name, info.start_s
@@ -93,22 +98,6 @@ class OpenStream:
         self.dtype: np.dtype[np.floating] = np.dtype(f"f{info.number_bytes}")
         self.frame = BoundingFrame(info.center, info.diagonal)
         self.starts, self.tracks = self.file.starts, self.file.tracks[1:]
-
-    def frames(self, n_modes: int | None = None) -> FrameReader:
-        """The decoder of its frames.
-
-        Parameters
-        ----------
-        n_modes : int, optional
-            Of `reel`, number of leading modes of each block that move; further ones, up to the
-            16th at least, are held at their mean over the block. Corrections are omitted.
-
-        Raises
-        ------
-        InvalidInputError
-            If `n_modes` is below 1, or not for this stream.
-        """
-        return self.method.frames(self, n_modes)
 
     @property
     def n_blocks(self) -> int:
@@ -119,18 +108,21 @@ class OpenStream:
         """Raise MemoryLimitError if decoding the mesh takes more than allowed."""
         self.limit.require_mesh(self.n_verts, self.n_faces)
 
-    def require_frames(self, frames: range, more_bytes: int = 0) -> None:
-        """Raise MemoryLimitError if positions of frames, and so much more, take more than allowed.
+    def require_frames(self, frames: range, *, with_tracks: bool = False) -> None:
+        """Raise MemoryLimitError if the decoded positions of some frames exceed the memory limit.
 
         Parameters
         ----------
-        more_bytes : int, default 0
-            Of their tracks.
+        frames : range
+        with_tracks : bool, default False
+            Count the values of all tracks too.
         """
-        needed = len(frames) * self.n_verts * 3 * self.dtype.itemsize + more_bytes
-        tracks = ", with their tracks," if more_bytes else ""
+        frame_bytes, tracks = self.n_verts * 3 * self.dtype.itemsize, ""
+        if with_tracks and self.tracks:
+            frame_bytes += sum(track.frame_bytes for track in self.tracks)
+            tracks = ", with their tracks,"
         what = f"frames {frames.start}:{frames.stop} of {self.n_verts} vertices{tracks}"
-        self.limit.require(needed, what)
+        self.limit.require(len(frames) * frame_bytes, what)
 
     @property
     def internal_faces(self) -> Faces:
@@ -158,8 +150,8 @@ class OpenStream:
     @cached_property
     def leading(self) -> tuple[FileSection, ...]:
         """Known sections before the first block."""
-        found = list(self.file.sections(stop=self.file.block(0).offset, is_checked=False))
-        return tuple(one for one in found if one.is_known)
+        found = self.file.sections(stop=self.file.block(0).offset, is_checked=False)
+        return tuple(filter(attrgetter("is_known"), found))
 
     @cached_property
     def surface(self) -> Surface:
@@ -172,9 +164,10 @@ class OpenStream:
         MemoryLimitError
             If it takes more memory than allowed.
         """
-        if not any(one.id in SURFACE_SECTIONS for one in self.leading):
-            return PLAIN  # then the faces need not be decoded for it
-        return decoded_surface(self.file)
+        for section in self.leading:
+            if section.id in SURFACE_SECTIONS:
+                return decoded_surface(self.file)
+        return PLAIN  # without decoding the faces
 
     def payload(self, section: FileSection) -> bytes:
         """The payload of a section."""
@@ -222,7 +215,7 @@ class OpenStream:
         sections = dict(found)
         if len(sections) < len(found):
             raise CorruptStreamError(f"block {number} has a section twice")
-        n_frames, n_modes = read_block(sections.get(Section.BLOCK, b""))
+        n_frames, n_modes = read_block_counts(sections.get(Section.BLOCK, b""))
         if n_frames != place.n_frames or found[0][0] is not Section.BLOCK:
             raise CorruptStreamError(
                 f"block {number} has {n_frames} frames; the index has {place.n_frames}"
@@ -237,6 +230,21 @@ class OpenStream:
         what = f"block {number} of {n_frames} frames, {self.n_verts} vertices and {n_modes} modes"
         self.limit.require(needed, what)
         return StoredBlock(place.first_frame, n_frames, n_modes, sections, self.limit)
+
+
+def _choice_of_code(choices: type[CodedChoice], code: int) -> CodedChoice:
+    """Return the enumeration member that a stream stores as this code.
+
+    Raises
+    ------
+    UnsupportedVersionError
+        If this build does not know the code.
+    """
+    if code in list(choices):
+        return choices(code)
+    raise UnsupportedVersionError(
+        f"{choices.__name__.lower()} {code} is unknown to this build; upgrade meshreel"
+    )
 
 
 def whole_stream(

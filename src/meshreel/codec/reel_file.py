@@ -105,7 +105,7 @@ class ReelFile:
     @cached_property
     def _frames(self) -> FrameReader:
         """The decoder of its frames, which a file that is only described does not need."""
-        return self._opened.frames(self._n_modes)
+        return self._opened.method.frames(self._opened, self._n_modes)
 
     @property
     def faces(self) -> Faces:
@@ -231,9 +231,8 @@ class ReelFile:
         return frame_range(chosen, self.n_frames)
 
     def require_frames(self, frames: range) -> None:
-        """Raise MemoryLimitError if these frames, with their tracks, take more than allowed."""
-        tracks_bytes = sum(track.frame_bytes for track in self.tracks.values())
-        self._opened.require_frames(frames, len(frames) * tracks_bytes)
+        """Raise MemoryLimitError if these frames and their tracks exceed the memory limit."""
+        self._opened.require_frames(frames, with_tracks=True)
 
     def n_modes_of(self, number: int) -> int:
         """Number of modes of a block; it is read, and not decoded.

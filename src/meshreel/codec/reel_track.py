@@ -65,8 +65,7 @@ class ReelTrack:
     @property
     def frame_bytes(self) -> int:
         """Size of the values of a frame."""
-        _, n_items, n_columns = self.shape
-        return n_items * n_columns * self.dtype.itemsize
+        return self._opened.file.tracks[self._number].frame_bytes
 
     def read(self, start: int, stop: int) -> Values:
         """Values of frames start..stop - 1, of shape (stop - start, N, C).

@@ -10,9 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Integers
-from meshreel.codec.bitstream.header import Header
+from meshreel.codec.bitstream.container import Header, Sections, whole_stream
 from meshreel.codec.bitstream.layout import Section, VertexType
-from meshreel.codec.bitstream.writer import Sections, whole_stream
 from meshreel.codec.choices import Order
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.connectivity.coder import CodedConnectivity, encode_connectivity

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 from meshreel.codec.bitstream.layout import Section
-from meshreel.codec.entropy.varint import read_varint, write_varint
 from meshreel.codec.memory import UNLIMITED, MemoryLimit
 from meshreel.errors import CorruptStreamError
 
@@ -40,26 +39,3 @@ class StoredBlock:
                 f"section {section.name}"
             )
         return self.sections[section]
-
-
-def write_block(n_frames: int, n_modes: int) -> bytes:
-    """Payload of the section BLOCK: numbers of frames and modes."""
-    return write_varint(n_frames) + write_varint(n_modes)
-
-
-def read_block(payload: bytes) -> tuple[int, int]:
-    """Numbers of frames and modes that `write_block` wrote.
-
-    Raises
-    ------
-    CorruptStreamError
-        If there are no frames, or bytes are left over.
-    """
-    n_frames, position = read_varint(payload, 0)
-    n_modes, position = read_varint(payload, position)
-    if not n_frames or position != len(payload):
-        raise CorruptStreamError(
-            f"a block announces {n_frames} frames, at least 1 is needed, and has "
-            f"{len(payload) - position} bytes left over"
-        )
-    return n_frames, n_modes

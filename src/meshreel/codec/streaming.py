@@ -12,7 +12,7 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.bitstream.writer import Sections
+from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.block_writer import BlockWriter
 from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig, config_of
 from meshreel.codec.source import CodedMesh

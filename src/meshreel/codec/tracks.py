@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from meshreel.codec.entropy.varint import write_varint
+from meshreel.codec.bitstream.container import write_varint
 from meshreel.codec.surface.codes import DOMAINS
 from meshreel.codec.surface.texts import write_text
 from meshreel.kernel.files import NUMBER_TYPES

@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable, Iterator
 from copy import copy
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from io import BytesIO
 from typing import Any, BinaryIO
 from weakref import finalize
@@ -24,9 +24,8 @@ from meshreel.errors import (
 from meshreel.kernel.exact import TYPES
 from meshreel.kernel.library import ALIGNMENT, library
 from meshreel.runtime.counting import counted, size_text
-from meshreel.runtime.fork import fork_safe_lock
 from meshreel.runtime.profiling import staged
-from meshreel.runtime.threads import n_cores, run_core_tasks
+from meshreel.runtime.threads import POOL, fork_safe_lock, n_cores, pool
 
 (
     OK,
@@ -58,6 +57,7 @@ _ANNOUNCE = ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, _U64, _U64)
 _ALLOCATE = ctypes.CFUNCTYPE(_POINTER, _POINTER, _SIZE)
 _RELEASE = ctypes.CFUNCTYPE(None, _POINTER, _POINTER, _SIZE)
 _RUN = ctypes.CFUNCTYPE(None, _POINTER, _POINTER, _POINTER, _U32)
+_TASK = ctypes.CFUNCTYPE(None, _POINTER, _U32)
 
 
 def fields_of(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -280,6 +280,11 @@ class FileTrack:
     is_exact: bool
     bound: float
 
+    @property
+    def frame_bytes(self) -> int:
+        """Size of the decoded values of one frame."""
+        return self.n_items * self.n_columns * self.dtype.itemsize
+
 
 class _Memory:
     """Memory that the core holds, by its address."""
@@ -299,6 +304,18 @@ class _Memory:
 
     def release(self, _: int | None, address: int, __: int) -> None:
         del self._held[address]
+
+
+def _run_tasks(_: int | None, task: int, shared: int | None, n_tasks: int) -> None:
+    """Call tasks 0..n_tasks - 1 of the core on all cores, in any order: `run` of `meshreel_host`.
+
+    The tasks call neither BLAS nor NumPy, so BLAS keeps its threads, unlike in `in_threads`.
+    """
+    work = partial(_TASK(task), shared)
+    # A thread of the pool must not wait for another: all of them could wait at once.
+    is_alone = n_tasks == 1 or threading.current_thread().name.startswith(POOL)
+    for _result in (map if is_alone else pool().map)(work, range(n_tasks)):
+        pass
 
 
 class _Reader:
@@ -464,7 +481,7 @@ class OpenFile:
             None,
             _ALLOCATE(self._memory.allocate),
             _RELEASE(self._memory.release),
-            _RUN(run_core_tasks) if n_threads > 1 else _RUN(),
+            _RUN(_run_tasks) if n_threads > 1 else _RUN(),
             n_threads,
             0,
             int(min(limit_bytes, 2.0**62)),

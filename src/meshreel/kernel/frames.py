@@ -1,4 +1,4 @@
-"""Basis vectors over time from integers, and frames from fields and basis vectors, by the core.
+"""Frames as products of fields and basis vectors over time, by the core.
 
 A track has C columns: positions have x, y and z.
 """
@@ -6,6 +6,7 @@ A track has C columns: positions have x, y and z.
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -24,14 +25,6 @@ SINGLE, DOUBLE = 4, 8
 
 VERTICES_AT_ONCE = 1 << 12
 """Vertices whose fields a thread packs at once; a multiple of 64."""
-
-MAX_REST_BITS = 8
-"""REEL_MAX_REST_BITS of `core/reel.h`."""
-
-MAX_COSINES = 1024
-"""REEL_MAX_COSINES of `core/reel.h`: most frames of a block with cosines over time."""
-
-Flags = npt.NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
@@ -56,194 +49,22 @@ class Moves:
         return Moves(self.starts[frames.start : frames.stop + 1], self.vertices, self.displacements)
 
 
-def lengths_of(values: Floats, n_modes: int, finer: float) -> Floats:
-    """Lengths of the first n_modes fields, of values of shape (V, K), divided by `finer`.
-
-    The length of a field that is 0 is 1.
-    """
-    lengths = np.empty(n_modes)
-    n_verts, n_there = values.shape
-    given = np.ascontiguousarray(values, np.float64)
-    call(
-        "reel_lengths",
-        given,
-        n_verts,
-        n_there,
-        n_modes,
-        ctypes.c_double(finer),
-        lengths,
-        what="lengths",
-    )
-    return lengths
-
-
-def time_vectors(
-    coded: Integers,
-    lengths: Floats | None = None,
-    rests: Flags | None = None,
-    rest_bits: int = 0,
-) -> Floats:
-    """Basis vectors of shape (C, T, K), each of length 1 (or 0).
-
-    Parameters
-    ----------
-    coded : integer array of shape (K, C, T)
-        As in the stream: the coarsest times are differences.
-    lengths : float64 array of shape (n,), optional
-        What the first n vectors are divided by instead of their own lengths.
-    rests : uint8 array of shape (T,), optional
-        1 for each time that is predicted from the one before; never the first.
-    rest_bits : int, default 0
-        Integers of these times are divided by 2 to this power, at most `MAX_REST_BITS`.
-    """
-    divisors = np.zeros(0) if lengths is None else lengths
-    n_modes, n_columns, n_frames = coded.shape
-    basis = np.empty((n_columns, n_frames, n_modes))
-    room = memory(size_of("reel_basis_memory", n_columns, n_frames))
-    integers = np.ascontiguousarray(coded, np.int32)
-    call(
-        "reel_basis",
-        room,
-        len(room),
-        integers,
-        n_modes,
-        n_columns,
-        n_frames,
-        rests,
-        rest_bits,
-        divisors,
-        len(divisors),
-        basis,
-        what="basis vectors",
-    )
-    return basis
-
-
-def encode_times(
-    wanted: Floats, price: float, rests: Flags | None = None, rest_bits: int = 0
-) -> npt.NDArray[np.int32]:
-    """Integers of shape (K, C, T), as in the stream, of basis vectors near to wanted ones.
-
-    Parameters
-    ----------
-    wanted : float64 array of shape (K, C, T)
-        In steps.
-    price : float
-        Squared steps that a bit is worth; 0 rounds to the nearest.
-    rests, rest_bits
-        As of `time_vectors`.
-
-    Raises
-    ------
-    InvalidInputError
-        If an integer is too large for a stream.
-    """
-    n_modes, n_columns, n_frames = wanted.shape
-    integers = np.empty(wanted.shape, np.int32)
-    room = memory(size_of("reel_basis_encode_memory", n_frames))
-    call(
-        "reel_basis_encode",
-        room,
-        len(room),
-        np.ascontiguousarray(wanted),
-        n_modes,
-        n_columns,
-        n_frames,
-        rests,
-        rest_bits,
-        ctypes.c_double(price),
-        integers,
-        what="basis vectors",
-    )
-    return integers
-
-
-def cosine_vectors(coded: Integers, lengths: Floats | None = None) -> Floats:
-    """Basis vectors of shape (C, T, K) as `time_vectors`, from coefficients of cosines over time.
-
-    Parameters
-    ----------
-    coded : integer array of shape (K, C, T)
-        Coefficients of an orthonormal discrete cosine transform (DCT-II), low frequencies first.
-    lengths
-        As of `time_vectors`.
-
-    Raises
-    ------
-    InvalidInputError
-        If there are more than `MAX_COSINES` frames, or none.
-    """
-    divisors = np.zeros(0) if lengths is None else lengths
-    n_modes, n_columns, n_frames = coded.shape
-    basis = np.empty((n_columns, n_frames, n_modes))
-    work = memory(size_of("reel_cosine_basis_memory", n_columns, n_frames))
-    call(
-        "reel_cosine_basis",
-        work,
-        len(work),
-        np.ascontiguousarray(coded, np.int32),
-        n_modes,
-        n_columns,
-        n_frames,
-        divisors,
-        len(divisors),
-        basis,
-        what="basis vectors",
-    )
-    return basis
-
-
-def encode_cosines(wanted: Floats, price: float) -> npt.NDArray[np.int32]:
-    """Coefficients of shape (K, C, T), as `cosine_vectors` takes them.
-
-    Parameters
-    ----------
-    wanted, price
-        As of `encode_times`.
-
-    Raises
-    ------
-    InvalidInputError
-        If a coefficient is too large for a stream, or there are more than `MAX_COSINES` frames.
-    """
-    n_modes, n_columns, n_frames = wanted.shape
-    integers = np.empty(wanted.shape, np.int32)
-    work = memory(size_of("reel_cosines_encode_memory", n_frames))
-    call(
-        "reel_cosines_encode",
-        work,
-        len(work),
-        np.ascontiguousarray(wanted),
-        n_modes,
-        n_columns,
-        n_frames,
-        ctypes.c_double(price),
-        integers,
-        what="basis vectors",
-    )
-    return integers
-
-
 @dataclass(frozen=True)
 class PackedFields:
     """Fields as the core multiplies them by basis vectors; from `packed_fields`.
 
     Attributes
     ----------
-    is_single : bool
-        Products are summed up in IEEE single precision, and not in double.
+    n_modes, n_verts : int
+    precision : int
+        A `reel_precision` of the core: that of sums.
     data : uint8 array
     """
 
     n_modes: int
     n_verts: int
-    is_single: bool
+    precision: int
     data: npt.NDArray[np.uint8]
-
-    @property
-    def precision(self) -> int:
-        """A `reel_precision` of the core."""
-        return SINGLE if self.is_single else DOUBLE
 
 
 def packed_fields(
@@ -294,7 +115,7 @@ def packed_fields(
         )
 
     in_threads(pack, chunks(n_verts, VERTICES_AT_ONCE))
-    return PackedFields(n_modes, n_verts, is_single, found)
+    return PackedFields(n_modes, n_verts, precision, found)
 
 
 def frame_columns(basis: Floats, fields: PackedFields, frames: range) -> Floats:
@@ -341,6 +162,62 @@ def fill_values(
     """
     placed = np.array(placement, np.float64)
     _frames(basis, fields, frames, moves, placed, out, out.itemsize)
+
+
+@dataclass(frozen=True)
+class JointFrames:
+    """Frames as the product of a temporal basis and fields that all columns share.
+
+    The core computes it, with the same bits on every machine.
+
+    Attributes
+    ----------
+    basis : float64 array of shape (C, T, K)
+        C columns; positions have x, y and z.
+    values : float64 array of shape (V, K)
+        Fields in steps.
+    step : float
+    order : integer array of shape (V,)
+        Row of `values` of each vertex of the frames.
+    is_single : bool, default False
+        Sum products in IEEE single precision, not in double.
+    """
+
+    basis: Floats
+    values: Floats
+    step: float
+    order: Integers
+    is_single: bool = False
+
+    def __call__(self, frames: slice) -> Floats:
+        """Return coordinate matrices of shape (C, frames, V) of a range of frames."""
+        numbers = range(*frames.indices(self.basis.shape[1]))
+        return frame_columns(self.basis, self.packed, numbers)
+
+    @cached_property
+    def packed(self) -> PackedFields:
+        """Fields as the core multiplies them, packed once for all calls."""
+        return packed_fields(
+            self.values.T, step=self.step, is_single=self.is_single, order=self.order
+        )
+
+    def pack(self) -> None:
+        """Pack the fields now, on all cores, before several threads fill frames."""
+        _ = self.packed
+
+    def fill(
+        self,
+        out: npt.NDArray[np.floating],
+        frames: range,
+        placement: Sequence[float],
+        moves: Moves | None = None,
+    ) -> None:
+        """Fill a contiguous array of shape (n, V, C) with values of n frames, in model units.
+
+        The placement is the scale, and the origin of each column. Positions are those that
+        `from_matrices` makes of ``self(frames)``, to the last bit.
+        """
+        fill_values(out, self.basis, self.packed, frames, placement, moves)
 
 
 def coordinate_rows(

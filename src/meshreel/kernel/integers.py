@@ -1,4 +1,4 @@
-"""Rows of integers to bytes and back, by the core."""
+"""Coder of rows of integers, by the core: adaptive bits in contexts of the preceding integers."""
 
 from collections.abc import Sequence
 
@@ -6,32 +6,55 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Integers
+from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.kernel.library import call, memory, size_of
+from meshreel.runtime.profiling import staged
 
 MAX_MAGNITUDE = (1 << 31) - 1
 BYTES_EACH = 16
-"""Most bytes that an integer takes, and the end of the stream too."""
+"""Upper bound of the bytes that an integer takes, and of those that end the payload."""
+
+MAX_TABLES = 64
+"""Most probability tables of one payload; each takes 20 kB while it is in use."""
 
 
-def encode_rows(rows: Sequence[npt.NDArray[np.integer]], tables: Sequence[int]) -> bytes:
-    """Bytes of rows of integers, whose probabilities are learned while they are coded.
+@staged("entropy coding")
+def encode_integers(
+    rows: Sequence[npt.NDArray[np.integer]], tables: Sequence[int] | None = None
+) -> bytes:
+    """Encode rows of integers with probabilities that adapt from row to row.
 
     Parameters
     ----------
     rows : sequence of integer arrays of shape (length,)
-        Magnitudes up to `MAX_MAGNITUDE`, which the caller checks.
-    tables : sequence of int
-        Number of the table of probabilities that each row uses, 0, 1, ...
+        Magnitudes up to `MAX_MAGNITUDE`. The decoder needs the lengths.
+    tables : sequence of int, optional
+        Index of the probability table of each row, 0..63; rows with the same table share its
+        statistics. The decoder needs the same tables. Default: row i uses table i.
+
+    Raises
+    ------
+    InvalidInputError
+        If an integer is too large.
     """
+    for row in rows:
+        largest = max(-int(row.min()), int(row.max())) if len(row) else 0
+        if largest > MAX_MAGNITUDE:
+            raise InvalidInputError(
+                f"integers up to {MAX_MAGNITUDE} can be coded; got {largest}; "
+                "use fewer bits or a larger quantisation step"
+            )
+    tables = _tables_of_rows(len(rows), tables)
     lengths = np.array([len(row) for row in rows], np.int64)
     values = np.concatenate([np.zeros(0, np.int32), *(np.asarray(row) for row in rows)])
     values = np.ascontiguousarray(values, np.int32)
     out = np.empty(BYTES_EACH * (len(values) + 1), np.uint8)
-    n_tables, room = max(tables, default=-1) + 1, _memory(tables)
+    n_tables = max(tables, default=-1) + 1
+    work = memory(size_of("reel_integers_memory", n_tables))
     size = call(
         "reel_integers_encode",
-        room,
-        len(room),
+        work,
+        len(work),
         values,
         lengths,
         np.array(tables, np.int32),
@@ -44,20 +67,29 @@ def encode_rows(rows: Sequence[npt.NDArray[np.integer]], tables: Sequence[int]) 
     return out[:size].tobytes()
 
 
-def decode_rows(data: bytes, lengths: Sequence[int], tables: Sequence[int]) -> list[Integers]:
-    """Rows that `encode_rows` wrote; the caller bounds the lengths.
+@staged("entropy coding")
+def decode_integers(
+    data: bytes, lengths: Sequence[int], tables: Sequence[int] | None = None
+) -> list[Integers]:
+    """Decode rows that `encode_integers` wrote, given the same lengths and tables.
+
+    The caller bounds the lengths: any number of zeros takes few bytes.
 
     Raises
     ------
     CorruptStreamError
-        If bytes are left over.
+        If the bytes are not those of rows of these lengths.
     """
+    if data and not data[-1]:
+        raise CorruptStreamError("the integers end before their section does")
+    tables = _tables_of_rows(len(lengths), tables)
     values = np.empty(sum(lengths), np.int32)
-    n_tables, room = max(tables, default=-1) + 1, _memory(tables)
+    n_tables = max(tables, default=-1) + 1
+    work = memory(size_of("reel_integers_memory", n_tables))
     call(
         "reel_integers_decode",
-        room,
-        len(room),
+        work,
+        len(work),
         data,
         len(data),
         np.array(lengths, np.int64),
@@ -71,5 +103,8 @@ def decode_rows(data: bytes, lengths: Sequence[int], tables: Sequence[int]) -> l
     return np.split(found, np.cumsum(lengths)[:-1]) if len(lengths) else []
 
 
-def _memory(tables: Sequence[int]) -> npt.NDArray[np.uint8]:
-    return memory(size_of("reel_integers_memory", max(tables, default=-1) + 1))
+def _tables_of_rows(n_rows: int, tables: Sequence[int] | None) -> Sequence[int]:
+    found = range(n_rows) if tables is None else tables
+    if len(found) != n_rows or max(found, default=0) >= MAX_TABLES:
+        raise ValueError(f"{n_rows} rows need as many tables, of 0..{MAX_TABLES - 1}")
+    return found

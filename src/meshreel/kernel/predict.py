@@ -12,7 +12,7 @@ import numpy.typing as npt
 from meshreel.arrays import Floats
 from meshreel.kernel.library import call, memory, size_of
 from meshreel.kernel.mesh import Hierarchy
-from meshreel.runtime.threads import chunks, in_threads, n_cores
+from meshreel.runtime.threads import in_threads, n_cores
 
 CHUNK_VERTICES = 16384
 """Vertices of a level that one thread takes; the encoder counts in each by itself, so that its
@@ -218,17 +218,17 @@ def _address(array: npt.NDArray[Any] | None) -> int | None:
 
 
 def stretches(mesh: Hierarchy, size_of_parts: Callable[[int], int]) -> list[list[slice]]:
-    """Vertices in order; the parts of a stretch do not depend on each other.
+    """Cut the vertices into stretches in order, whose parts do not depend on each other.
 
-    A stretch is many small levels in one part, or a large level in several, of a size that follows
-    from that of the level.
+    A stretch is many small levels in one part, or one large level in parts of a size that depends
+    on that of the level.
     """
     found: list[list[slice]] = [[]]
     for start, stop in pairwise(mesh.level_starts.tolist()):
         size = size_of_parts(stop - start)
         if stop - start > size:
-            parts = chunks(stop - start, size)
-            found += [[slice(start + one.start, start + one.stop) for one in parts], []]
+            parts = range(start, stop, size)
+            found += [[slice(part, min(part + size, stop)) for part in parts], []]
         else:
             first = found[-1][0].start if found[-1] else start
             found[-1] = [slice(first, stop)]

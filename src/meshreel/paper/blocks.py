@@ -2,8 +2,9 @@
 
 from collections.abc import Callable, Iterator
 
+from meshreel.codec.bitstream.container import write_block_counts
 from meshreel.codec.bitstream.layout import Section
-from meshreel.codec.stored_blocks import StoredBlock, write_block
+from meshreel.codec.stored_blocks import StoredBlock
 from meshreel.errors import CorruptStreamError
 from meshreel.paper import payloads
 from meshreel.paper.mesh_model import MeshModel
@@ -27,7 +28,7 @@ def write_coded_block(
     exact : bytes, optional
         Positions of isolated vertices.
     """
-    yield Section.BLOCK, write_block(n_frames, block.n_modes)
+    yield Section.BLOCK, write_block_counts(n_frames, block.n_modes)
     if block.basis is not None:
         basis = block.basis
         if before is not None:

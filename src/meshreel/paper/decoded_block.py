@@ -1,13 +1,16 @@
 """Decoded blocks of frames, which are computed on demand."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Integers
-from meshreel.codec.frame_products import FramesOf
+from meshreel.arrays import Floats, Integers
+from meshreel.codec.subspace.basis import expand
 from meshreel.codec.subspace.trajectories import BoundingFrame, from_matrices
+from meshreel.kernel.frames import PackedFields, frame_columns, packed_fields
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_threads
 
@@ -15,6 +18,39 @@ Vertices = npt.NDArray[np.floating]
 
 CHUNK_BYTES = 1 << 22
 """Size of the float64 frames that are computed at a time, which should fit into the cache."""
+
+FramesOf = Callable[[slice], Floats]
+"""Returns coordinate matrices of shape (3, frames, V) for a slice of the frames of a block."""
+
+
+@dataclass(frozen=True)
+class ProductFrames:
+    """Frames as the product of a basis and coefficients, a `FramesOf`.
+
+    Attributes
+    ----------
+    basis : float64 array of shape (3, T, K)
+    coefficients : float64 array of shape (3, K, V), or (1, K, V) for all axes
+    """
+
+    basis: Floats
+    coefficients: Floats
+
+    def __call__(self, frames: slice) -> Floats:
+        """Return coordinate matrices of shape (3, frames, V) of a range of frames."""
+        if len(self.coefficients) == 1:
+            numbers = range(*frames.indices(self.basis.shape[1]))
+            return frame_columns(self.basis, self._packed, numbers)
+        return expand(self.basis[:, frames], self.coefficients)
+
+    @cached_property
+    def _packed(self) -> PackedFields:
+        return packed_fields(self.coefficients[0])
+
+
+def product_frames(basis: Floats, coefficients: Floats) -> ProductFrames:
+    """Return the product of a basis and coefficients, which are copied if not contiguous."""
+    return ProductFrames(basis, np.ascontiguousarray(coefficients))
 
 
 @dataclass(frozen=True)

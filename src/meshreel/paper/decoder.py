@@ -9,18 +9,18 @@ import numpy.typing as npt
 
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.choices import Laplacian
-from meshreel.codec.entropy.coder import encode_integers
 from meshreel.codec.entropy.exact import decode_exact
 from meshreel.codec.open_stream import OpenStream, whole_stream
 from meshreel.codec.stored_blocks import StoredBlock
 from meshreel.errors import InvalidInputError
+from meshreel.kernel.integers import encode_integers
 from meshreel.paper.blocks import Dictionaries, read_coded_block
 from meshreel.paper.decoded_block import DecodedBlock
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.payloads import read_anchor_vertices, read_curves
 from meshreel.paper.pipeline import CodedBlock, Quantized, synthesise
 from meshreel.paper.variants import METHODS, Variant, variant_named
-from meshreel.runtime.fork import fork_safe_lock
+from meshreel.runtime.threads import fork_safe_lock
 
 Vertices = npt.NDArray[np.floating]
 

@@ -7,8 +7,8 @@ from itertools import chain
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.bitstream.layout import Section
-from meshreel.codec.bitstream.writer import Sections
 from meshreel.codec.choices import Laplacian
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.connectivity.permutation import inverse_permutation

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.bitstream.writer import Sections
+from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.option import COUNT

@@ -3,9 +3,9 @@
 import numpy as np
 
 from meshreel.arrays import Integers
-from meshreel.codec.entropy.coder import decode_integers, encode_integers
-from meshreel.codec.entropy.varint import read_varint, write_varint
+from meshreel.codec.bitstream.container import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError
+from meshreel.kernel.integers import decode_integers, encode_integers
 from meshreel.paper.pipeline import Quantized
 from meshreel.paper.quantization import Steps
 

@@ -8,10 +8,10 @@ import numpy as np
 from meshreel.arrays import Floats, Integers
 from meshreel.codec.choices import Allocation
 from meshreel.codec.config import FINE_BITS, EncoderConfig
-from meshreel.codec.frame_products import FramesOf, product_frames
 from meshreel.codec.subspace.basis import expand, project
 from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.model.geometry.laplacian import delta_coordinates
+from meshreel.paper.decoded_block import FramesOf, product_frames
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.quantization import (
     Steps,

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from functools import wraps
 from typing import ParamSpec, TypeVar
 
-from meshreel.runtime.fork import fork_safe_lock
+from meshreel.runtime.threads import fork_safe_lock
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")

@@ -3,23 +3,26 @@
 NumPy lets other threads run while it works, so that threads share arrays and cost little. Each
 piece is computed as it would be alone: results do not depend on how many cores there are.
 
-A forked child has none of these threads: it starts its own.
+A forked child has none of these threads and starts its own. Locks that it may need come from
+`fork_safe_lock`.
 
 BLAS brings threads of its own, which wait for each other by spinning: where other programs keep
 the cores busy, products become many times slower. Pieces in our threads with one BLAS thread each
 are as fast where cores are free, and keep their speed where they are not.
 """
 
-import ctypes
 import os
+import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from contextvars import copy_context
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from itertools import islice
+from threading import RLock
 from typing import Any, TypeVar
+from weakref import WeakSet
 
 import numpy as np
 from threadpoolctl import ThreadpoolController
@@ -29,6 +32,53 @@ Result = TypeVar("Result")
 
 POOL, BACKGROUND = "meshreel-pool", "meshreel-background"
 """How the names of the threads of pieces, and of that in the background, begin."""
+
+_LOCKS: WeakSet[Any] = WeakSet()
+
+
+def fork_safe_lock() -> AbstractContextManager[bool]:
+    """Return a reentrant lock that is free in a forked child unless the forking thread holds it.
+
+    A fork copies only the thread that calls it. A lock that another thread holds at that moment
+    would stay locked in the child, where no thread releases it.
+    """
+    lock = RLock()
+    _LOCKS.add(lock)
+    return lock
+
+
+def _is_usable(lock: Any) -> bool:
+    """Whether this thread can acquire the lock."""
+    if lock.acquire(blocking=False):
+        lock.release()
+        return True
+    return False
+
+
+def _unlock_in_child() -> None:
+    for lock in list(_LOCKS):
+        if not _is_usable(lock):
+            lock._at_fork_reinit()  # as the standard library does with its own
+    if sys.version_info < (3, 12):  # later versions of cached_property have no lock
+        _unlock_cached_properties()
+
+
+def _unlock_cached_properties() -> None:
+    """Replace the locks of cached properties that other threads of the parent were computing."""
+    package = __name__.partition(".")[0]
+    modules = [
+        module
+        for name, module in list(sys.modules.items())
+        if name.partition(".")[0] == package and module is not None
+    ]
+    for module in modules:
+        classes = [one for one in list(vars(module).values()) if isinstance(one, type)]
+        for attribute in [one for owner in classes for one in list(vars(owner).values())]:
+            own = (
+                getattr(attribute, "lock", None) if isinstance(attribute, cached_property) else None
+            )
+            if own is not None and not _is_usable(own):
+                attribute.lock = RLock()
 
 
 def in_threads(
@@ -52,29 +102,11 @@ def in_threads(
         works = [_as_set_here(work) for _ in pieces]
         is_few = len(pieces) == 1 or n_cores() == 1
         is_alone = is_few or threading.current_thread().name.startswith(POOL)
-        in_order = map if is_alone else _pool().map
+        in_order = map if is_alone else pool().map
         results = in_order(lambda own, piece: own(piece), works, pieces)
         for number, _ in enumerate(results, start=1):
             if done:
                 done(number)
-
-
-CORE_TASK = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_uint32)
-"""A task of the core: its shared data, and its number."""
-
-
-def run_core_tasks(_: int | None, task: int, shared: int | None, n_tasks: int) -> None:
-    """Call tasks 0..n_tasks - 1 of the core on all cores, in any order: `run` of `meshreel_host`.
-
-    They call neither BLAS nor NumPy: other than in `in_threads`, BLAS keeps its threads.
-    """
-    work = partial(CORE_TASK(task), shared)
-    if n_tasks == 1 or n_cores() == 1 or threading.current_thread().name.startswith(POOL):
-        for number in range(n_tasks):
-            work(number)
-        return
-    for _result in _pool().map(work, range(n_tasks)):
-        pass
 
 
 def in_background(work: Callable[[], Result]) -> "Future[Result]":
@@ -134,7 +166,7 @@ class _Limit:
 
     def __init__(self, limiter: Any = None) -> None:
         self._setter = ThreadPoolExecutor(1, "meshreel-limit")
-        self.lock = threading.RLock()
+        self.lock = RLock()
         self._n_holders = 0
         self.limiter = limiter  # None unless BLAS is limited now
 
@@ -177,11 +209,12 @@ def limit_cores(limit: int) -> None:
     global _core_limit
     if limit != _core_limit:
         _core_limit = limit
-        _pool.cache_clear()
+        pool.cache_clear()
 
 
 @lru_cache(maxsize=1)
-def _pool() -> ThreadPoolExecutor:
+def pool() -> ThreadPoolExecutor:
+    """The threads that work on pieces, one per core; their names begin with `POOL`."""
     return ThreadPoolExecutor(n_cores(), POOL)
 
 
@@ -226,11 +259,12 @@ def _replace_in_child() -> None:
     """
     global _LIMIT
     _LIMIT = _Limit(_LIMIT.limiter)
-    _pool.cache_clear()
+    pool.cache_clear()
     _background.cache_clear()
 
 
 if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_unlock_in_child)
     os.register_at_fork(
         before=_prepare_fork, after_in_parent=_resume_parent, after_in_child=_replace_in_child
     )

@@ -7,12 +7,12 @@ import pytest
 
 import meshreel
 from conformance.surface import CornerRows
+from meshreel.codec.bitstream.container import read_varint, write_varint
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.corner_rows import numbered_rows, write_corner_rows
-from meshreel.codec.entropy.coder import decode_integers, encode_integers
-from meshreel.codec.entropy.varint import read_varint, write_varint
 from meshreel.codec.tracks import write_track
 from meshreel.errors import MeshReelError
+from meshreel.kernel.integers import decode_integers, encode_integers
 from meshreel.model.tracks import Track
 from samples.meshes import waving_grid
 from samples.streams import Stream, parts_of, raw_stream, track_header

@@ -3,7 +3,6 @@ import zlib
 import numpy as np
 import pytest
 
-from meshreel.codec.entropy.coder import encode_integers
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.kernel.fields import (
     MAX_MAGNITUDE,
@@ -13,6 +12,7 @@ from meshreel.kernel.fields import (
     encode_fields,
     single_pass,
 )
+from meshreel.kernel.integers import encode_integers
 from samples.passes import as_pass, line_passes
 
 

@@ -8,7 +8,7 @@ from conformance.order import FaceOrder, read_vertices
 from conformance.patterns import read_patterns
 from conformance.surface import AlongFaces
 from meshreel.codec.connectivity.triangles import twin_sides
-from meshreel.kernel.integers import encode_rows
+from meshreel.kernel.integers import encode_integers
 from meshreel.kernel.order import encode_order
 from meshreel.kernel.patterns import encode_patterns, expected_along
 from samples.meshes import grid_faces, octahedron_faces
@@ -21,7 +21,9 @@ def test_integers_are_read_as_the_format_says():
         np.rint(rng.laplace(scale=np.repeat([1, 40, 3000], 60))).astype(int),
         np.zeros(300, int),
     ]
-    assert integers(encode_rows(rows, [0, 1, 2]), [50, 180, 300]) == [row.tolist() for row in rows]
+    assert integers(encode_integers(rows, [0, 1, 2]), [50, 180, 300]) == [
+        row.tolist() for row in rows
+    ]
 
 
 def meshes():

@@ -7,6 +7,7 @@ from hypothesis import given
 
 from conformance.timeline import basis_vector
 from meshreel.errors import InvalidInputError
+from meshreel.kernel.basis import basis_vectors
 from meshreel.kernel.frames import (
     Moves,
     add_coordinate_rows,
@@ -14,7 +15,6 @@ from meshreel.kernel.frames import (
     fill_values,
     frame_columns,
     packed_fields,
-    time_vectors,
 )
 
 PLACEMENT = (3.7, 0.1, -2.0, 5e3)
@@ -119,7 +119,7 @@ def test_basis_vectors_are_those_of_the_format_when_found_a_second_way(n_frames,
     rng = np.random.default_rng(seed)
     coded = rng.integers(-(10 ** rng.integers(1, 8)), 10**4, (n_modes, 3, n_frames))
     coded *= rng.random((n_modes, 1, 1)) < 0.9
-    found = time_vectors(coded)
+    found = basis_vectors(coded)
     for mode, axes in enumerate(coded.reshape(n_modes, -1).tolist()):
         assert found[:, :, mode].ravel().tolist() == basis_vector(axes, n_frames)
 

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
+from meshreel.codec.bitstream.container import write_varint
 from meshreel.codec.bitstream.layout import Section
-from meshreel.codec.entropy.coder import decode_integers, encode_integers
-from meshreel.codec.entropy.varint import write_varint
 from meshreel.codec.stored_blocks import StoredBlock
 from meshreel.errors import CorruptStreamError, TruncatedStreamError
+from meshreel.kernel.integers import decode_integers, encode_integers
 from meshreel.paper import payloads
 from meshreel.paper.blocks import _read_tracked_dictionary
 from meshreel.paper.pipeline import Quantized

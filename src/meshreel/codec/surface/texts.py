@@ -1,6 +1,6 @@
 """Text in payloads of sections: its length in bytes, and UTF-8."""
 
-from meshreel.codec.entropy.varint import write_varint
+from meshreel.codec.bitstream.container import write_varint
 
 
 def write_text(text: str) -> bytes:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.entropy.varint import read_varint
+from meshreel.codec.bitstream.container import read_varint
 from meshreel.errors import FormatError, MeshReelError
 from meshreel.formats.extras import DRACO as LIBRARY
 from meshreel.formats.gltf.accessors import WIDTHS, Accessors, Values, declared_type

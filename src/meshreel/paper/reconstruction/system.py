@@ -8,7 +8,7 @@ from scipy.sparse.csgraph import connected_components
 
 from meshreel.arrays import Floats, Integers
 from meshreel.errors import SolverError
-from meshreel.runtime.fork import fork_safe_lock
+from meshreel.runtime.threads import fork_safe_lock
 
 Solve = Callable[[Floats], Floats]
 

@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from meshreel.codec.bitstream.header import Header, write_header
+from meshreel.codec.bitstream.container import Header, whole_stream, write_header
 from meshreel.codec.bitstream.layout import MAX_NAME_BYTES, Section, VertexType
-from meshreel.codec.bitstream.writer import whole_stream
 from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
 from samples.streams import Stream
 

@@ -5,11 +5,16 @@ from io import BytesIO
 
 import pytest
 
-from meshreel.codec.bitstream.header import Header, write_header
-from meshreel.codec.bitstream.index import BlockPlace, write_index
+from meshreel.codec.bitstream.container import (
+    BlockPlace,
+    Header,
+    StreamWriter,
+    whole_stream,
+    write_header,
+    write_index,
+    write_sections,
+)
 from meshreel.codec.bitstream.layout import INDEX_POSITION, OPTIONAL, Section, VertexType
-from meshreel.codec.bitstream.sections import write_sections
-from meshreel.codec.bitstream.writer import StreamWriter, whole_stream
 from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
 from samples.streams import Stream, parts_of, raw_stream
 

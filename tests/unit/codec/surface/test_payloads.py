@@ -6,11 +6,10 @@ import pytest
 import meshreel
 from conformance.bits import DamagedError
 from conformance.surface import Polygons, read_hard_edges
+from meshreel.codec.bitstream.container import write_varint
 from meshreel.codec.bitstream.layout import SURFACE_SECTIONS, Section
 from meshreel.codec.choices import Order
 from meshreel.codec.connectivity.coder import encode_connectivity
-from meshreel.codec.entropy.coder import encode_integers
-from meshreel.codec.entropy.varint import write_varint
 from meshreel.codec.surface.materials import write_material
 from meshreel.codec.surface.payloads import (
     order_loss_note,
@@ -24,6 +23,7 @@ from meshreel.errors import (
     MeshReelError,
     TruncatedStreamError,
 )
+from meshreel.kernel.integers import encode_integers
 from meshreel.model.geometry.hard_edges import shared_edges
 from meshreel.model.materials import Image, Material, Texture
 from meshreel.model.surface import Attribute, Domain, Kind, Surface

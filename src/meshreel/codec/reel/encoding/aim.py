@@ -11,7 +11,7 @@ import numpy as np
 
 from meshreel.codec.choices import Order
 from meshreel.codec.config import EncoderConfig
-from meshreel.codec.reel.encoding.block_coder import check_promise
+from meshreel.codec.reel.encoding.corrections import check_promise
 from meshreel.codec.reel.encoding.effort import STEPS_OF_BOUND, checked_step, quality_step
 from meshreel.codec.reel.encoding.rate_control import least_cost, meet_limit
 from meshreel.codec.targets import Aim, Target

@@ -7,10 +7,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.frame_products import JointFrames
-from meshreel.codec.reel.encoding.basis_coding import BasisCoding, choose_coding
+from meshreel.codec.reel.encoding.basis_coding import choose_coding
 from meshreel.codec.reel.encoding.block_frames import CHUNK_VERTICES, LARGEST_INTEGER, BlockFrames
-from meshreel.codec.reel.encoding.rest import has_still_part
 from meshreel.codec.reel.encoding.reuse import reuse_fields
 from meshreel.codec.reel.normative.fields import (
     FieldBlock,
@@ -20,6 +18,8 @@ from meshreel.codec.reel.normative.fields import (
     with_reused,
 )
 from meshreel.codec.reel.normative.mesh import FieldMesh
+from meshreel.kernel.basis import BasisCoding, encode_basis
+from meshreel.kernel.frames import JointFrames
 from meshreel.kernel.predict import Choice, Prepared, encode_values
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_background, in_threads
@@ -33,6 +33,9 @@ FAIR_PRICE = 2.0 * math.log(2.0) / 12.0
 LEAST_SINGLE_STEP = 2.0**-16
 """Step on a position, in diagonals, from which on frames are summed up in single precision: its
 rounding, some 1e-7 diagonals, then adds less than 0.1 % to the squared error."""
+
+MIN_STILL = 0.02
+"""Share of the vertices that have to rest throughout a block for its means to be modes."""
 
 FEW_OWN = 0.25
 """A block whose own modes are at most this share of those of its key is not tried without them."""
@@ -270,11 +273,21 @@ def _quantized_basis(
     wanted = (vectors * scales).T.reshape(shape)
     if coding is None:
         coding = choose_coding(frames, wanted, step, choices.basis_step, choices.price)
-    coded = coding.encode(wanted, choices.price)
+    coded = encode_basis(wanted, choices.price, coding)
     does_something = np.asarray(coded.any(axis=(1, 2)))
     if not may_be_none:
         does_something[0] = True
     return coded[does_something], coding
+
+
+def has_still_part(frames: BlockFrames, step: float) -> bool:
+    """Return whether some vertices, not all, rest throughout a block; `step` is that of its fields.
+
+    Basis vectors of the means, which are constant, then keep these vertices in place.
+    """
+    _, ranges = frames.sampled_motion
+    share = float(np.mean(ranges < step / math.sqrt(frames.n_frames)))
+    return MIN_STILL <= share < 1.0
 
 
 @staged("fields")

@@ -1,85 +1,72 @@
-"""Basis vectors over time to integers, by times or by cosines: an encoder's choice for each block.
+"""The encoder's choice of how basis vectors over time become integers, for each block.
 
 Short, periodic and smooth motion takes fewer bits as cosines, long motion with sudden changes as
 times that are predicted from those around. docs/codec.md, "Cosines over time".
+
+Rounding errors of the temporal basis change from frame to frame: a model that rests would seem to
+crawl. So times at which it rests are predicted from the time before, with finer steps where these
+are needed. docs/codec.md, "Rest".
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.reel.encoding.block_frames import LARGEST_INTEGER, BlockFrames
-from meshreel.codec.reel.encoding.rest import find_rests
-from meshreel.codec.reel.normative.timeline import COARSEST, NO_REST, Rests
-from meshreel.kernel.frames import (
+from meshreel.codec.reel.normative.timeline import COARSEST
+from meshreel.kernel.basis import (
     MAX_COSINES,
-    cosine_vectors,
-    encode_cosines,
-    encode_times,
-    time_vectors,
+    MAX_REST_BITS,
+    NO_REST,
+    BasisCoding,
+    Rests,
+    basis_vectors,
+    encode_basis,
 )
 
 Floats = npt.NDArray[np.float64]
+Runs = tuple[tuple[int, int], ...]
 
 SAMPLED_MODES = 16
-"""Modes, spread over all, that are tried in both codings: at most these."""
+"""Most modes that are tried in both codings; they are spread over all modes."""
 
 ERROR_WEIGHT = 0.5
-"""Share of the bits that errors count for. With all of them KG error gains, but STED loses where
-cosines take more bits and leave smaller errors."""
+"""Weight of errors in the estimated cost, in the bits that would remove them. With weight 1 the KG
+error improves, but STED gets worse where cosines take more bits and leave smaller errors."""
 
-LEAST_GAIN = 0.01
+MIN_GAIN = 0.01
 """Share of the estimated cost that cosines have to save; the difference of two estimates is within
 about 2 % of the bytes of a basis."""
 
 GROUP = 4
-"""Integers of a column whose mean magnitude says how many bits they take."""
+"""Integers of a column whose mean magnitude estimates their bits."""
 
+MIN_RESTING = 0.5
+"""Share of the vertices that rest at a resting time, of those that move at all in the block."""
 
-@dataclass(frozen=True)
-class BasisCoding:
-    """How the basis vectors of a block become integers.
-
-    Attributes
-    ----------
-    rests, has_cosines
-        As in `Layout`.
-    """
-
-    rests: Rests = NO_REST
-    has_cosines: bool = False
-
-    def encode(self, wanted: Floats, price: float) -> npt.NDArray[np.int32]:
-        """Integers of shape (K, C, T) of basis vectors near to wanted ones, as `encode_times`."""
-        if self.has_cosines:
-            return encode_cosines(wanted, price)
-        return encode_times(wanted, price, self.rests.flags(wanted.shape[2]), self.rests.bits)
-
-    def vectors(self, coded: npt.NDArray[np.int32], lengths: Floats) -> Floats:
-        """Basis vectors of shape (C, T, K), the first divided by lengths, as `time_vectors`."""
-        if self.has_cosines:
-            return cosine_vectors(coded, lengths)
-        return time_vectors(coded, lengths, self.rests.flags(coded.shape[2]), self.rests.bits)
+MAX_COST_RATIO, MAX_COST_SHARE = 2.0, 0.01
+"""A run of resting times is kept if it takes at most this many times the bits that the same times
+take without it, or while all such runs together cost at most this share of the basis in extra
+bits."""
 
 
 def choose_coding(
     frames: BlockFrames, wanted: Floats, step: float, finer: float, price: float
 ) -> BasisCoding:
-    """The coding of a block: cosines where nothing rests and they save bits.
+    """Return the coding of a block: cosines if nothing rests and they save bits.
 
     Parameters
     ----------
     frames, wanted, step, finer, price
-        As of `find_rests`.
+        As in `find_rests`.
     """
     rests = find_rests(frames, wanted, step, finer, price)
     return BasisCoding(rests, not rests.runs and saves_bits(wanted, price))
 
 
 def saves_bits(wanted: Floats, price: float) -> bool:
-    """Whether cosines are estimated to save bits, errors counted as part of what would undo them.
+    """Return whether cosines lower the estimated cost: bits, and the weighted bits of errors.
 
     Parameters
     ----------
@@ -93,27 +80,28 @@ def saves_bits(wanted: Floats, price: float) -> bool:
     if n_frames > MAX_COSINES or largest >= LARGEST_INTEGER:
         return False
     some = wanted[:: max(1, -(-n_modes // SAMPLED_MODES))]
-    usual, cosines = (_cost(some, price, has_cosines) for has_cosines in (False, True))
-    return cosines < (1.0 - LEAST_GAIN) * usual
+    levels = [slice(0, None, COARSEST), slice(2, None, COARSEST), slice(1, None, 2)]
+    by_times = _cost(some, price, BasisCoding(), levels)
+    by_cosines = _cost(some, price, BasisCoding(has_cosines=True), [slice(None)])
+    return by_cosines < (1.0 - MIN_GAIN) * by_times
 
 
-def _cost(wanted: Floats, price: float, has_cosines: bool) -> float:
-    """Estimated bits of basis vectors, and the share that counts of those that undo their error."""
-    coding = BasisCoding(has_cosines=has_cosines)
-    coded = coding.encode(wanted, price)
-    levels = (
-        [slice(None)]
-        if has_cosines
-        else [slice(0, None, COARSEST), slice(2, None, COARSEST), slice(1, None, 2)]
-    )
-    bits = sum(_estimated_bits(coded[:, :, level]) for level in levels)
-    found = np.moveaxis(coding.vectors(coded, np.ones(len(coded))), 2, 0)
+def _cost(wanted: Floats, price: float, coding: BasisCoding, levels: list[slice]) -> float:
+    """Return estimated bits of basis vectors, and the weighted bits that would remove their error.
+
+    Bits are estimated separately for each level of times.
+    """
+    coded = encode_basis(wanted, price, coding)
+    found = np.moveaxis(basis_vectors(coded, coding, np.ones(len(coded))), 2, 0)
     squared_error = float(np.square(found - wanted).sum())
+    bits = 0.0
+    for level in levels:
+        bits += _estimated_bits(coded[:, :, level])
     return bits + (ERROR_WEIGHT * squared_error / price if price else 0.0)
 
 
 def _estimated_bits(integers: npt.NDArray[np.int32]) -> float:
-    """Bits of integers of shape (K, C, n), whose magnitudes are spread geometrically in groups."""
+    """Return estimated bits of integers (K, C, n), geometrically distributed in each group."""
     n = integers.shape[2]
     if not n:
         return 0.0
@@ -122,3 +110,81 @@ def _estimated_bits(integers: npt.NDArray[np.int32]) -> float:
     mean = np.add.reduceat(np.abs(integers.astype(np.float64)), starts, axis=2) / counts
     magnitudes = np.log2(1.0 + mean) + mean * np.log2(1.0 + 1.0 / np.maximum(mean, 1e-300))
     return float(((magnitudes + mean / (1.0 + mean)) * counts).sum())
+
+
+def find_rests(
+    frames: BlockFrames, wanted: Floats, step: float, finer: float, price: float
+) -> Rests:
+    """Return the resting times of a block, and the precision of their integers.
+
+    A vertex rests if it moves by less than a quantization step. A time rests if most vertices do,
+    unless this takes many more bits, for example where the others move a lot.
+
+    Parameters
+    ----------
+    frames : BlockFrames
+    wanted : float64 array of shape (K, C, T)
+        Basis vectors of the block, in steps.
+    step : float
+        Step of the fields, in diagonals.
+    finer : float
+        Step of the temporal basis divided by that of the fields, both as they act on positions.
+    price : float
+        Squared steps that a bit is worth.
+    """
+    position_step = step / math.sqrt(frames.n_frames)
+    steps, ranges = frames.sampled_motion
+    steps = steps[:, ranges >= position_step]
+    if not steps.size:
+        return NO_REST
+    share = np.mean(steps < position_step, axis=1)
+    runs = _runs_of(np.concatenate([[False], share >= MIN_RESTING]))
+    if not runs:
+        return NO_REST
+    found = Rests(runs, _rest_bits(frames.n_verts, wanted, finer))
+    with_rests = encode_basis(wanted, price, BasisCoding(found))
+    without = encode_basis(wanted, price)
+    kept = _affordable(runs, _bits_of_times(with_rests), _bits_of_times(without))
+    return Rests(kept, found.bits) if kept else NO_REST
+
+
+def _affordable(runs: Runs, bits: Floats, bits_without: Floats) -> Runs:
+    """Return the runs that are kept; see `MAX_COST_RATIO`."""
+    costs = [(bits[start:end].sum(), bits_without[start:end].sum()) for start, end in runs]
+    left, kept = MAX_COST_SHARE * bits_without.sum(), []
+    for (cost, cost_without), run in sorted(zip(costs, runs, strict=True), key=_extra_bits):
+        if cost <= MAX_COST_RATIO * cost_without:
+            kept.append(run)
+        elif cost - cost_without <= left:
+            left -= cost - cost_without
+            kept.append(run)
+    return tuple(sorted(kept))
+
+
+def _extra_bits(priced: tuple[tuple[float, float], tuple[int, int]]) -> float:
+    (cost, cost_without), _ = priced
+    return cost - cost_without
+
+
+def _runs_of(is_resting: npt.NDArray[np.bool_]) -> Runs:
+    """Return first time and end of each run; the first time of the block does not rest."""
+    edges = np.flatnonzero(np.diff(is_resting.astype(np.int8), append=0)) + 1
+    return tuple(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def _rest_bits(n_verts: int, wanted: Floats, finer: float) -> int:
+    """Return the precision with which rounding moves a vertex by one step (RMS) per frame.
+
+    An integer of a basis vector moves V vertices by finer sqrt(T / V) steps, RMS. A frame has K C
+    of them with independent errors of 1 / sqrt(12) each, and so has the frame before.
+    """
+    n_modes, n_columns, n_frames = wanted.shape
+    moved = finer * math.sqrt(n_frames / n_verts * n_modes * n_columns / 6.0)
+    most = LARGEST_INTEGER / (2.0 * max(1.0, float(np.abs(wanted).max())))
+    bits = min(round(math.log2(moved)), math.floor(math.log2(most)))
+    return int(np.clip(bits, 0, MAX_REST_BITS))
+
+
+def _bits_of_times(integers: npt.NDArray[np.int32]) -> Floats:
+    """Return estimated bits of integers (K, C, T) for each time, without those of zeros."""
+    return np.asarray(2.0 * np.log2(1.0 + np.abs(integers.astype(np.float64))).sum(axis=(0, 1)))

@@ -1,5 +1,6 @@
 """The method `reel`: a block of frames to the sections of a stream."""
 
+import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -8,24 +9,23 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.codec.bitstream.container import read_block_counts
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.corrections import Corrections
-from meshreel.codec.error_bounds import write_promise
 from meshreel.codec.reel.encoding.analysis import (
     AnalysedFields,
     FieldChoices,
     analyse_fields,
 )
 from meshreel.codec.reel.encoding.block_frames import BlockFrames
-from meshreel.codec.reel.encoding.corrections import find_corrections, least_bound
+from meshreel.codec.reel.encoding.corrections import check_promise, corrections_of_block
 from meshreel.codec.reel.encoding.effort import choices_of
 from meshreel.codec.reel.normative.blocks import layout_of, read_field_block, write_field_block
 from meshreel.codec.reel.normative.fields import FieldBlock, KeyFields
 from meshreel.codec.reel.normative.mesh import Connectivity, FieldMesh, shared_field_mesh
 from meshreel.codec.source import CodedMesh, Piece
-from meshreel.codec.stored_blocks import StoredBlock, read_block
+from meshreel.codec.stored_blocks import StoredBlock
 from meshreel.codec.subspace.trajectories import BoundingFrame
-from meshreel.errors import InvalidInputError
 from meshreel.runtime.threads import chunks, in_threads, one_blas_thread
 
 Vertices = npt.NDArray[np.floating]
@@ -33,15 +33,12 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 SectionsOf = Callable[[FieldBlock, FieldMesh, Corrections | None], Iterator[tuple[Section, bytes]]]
 
-MOST_ERRORS = 1 << 21
-"""Positions that corrections are found for at once."""
-
 DECODED_FRAMES = 64
 """Frames that are decoded at once."""
 
-MOST_OWN = 2.0
-"""A block with more than so many times the modes of its key, beside those that it reuses, is not
-helped by it, and becomes a key block itself."""
+MAX_NEW_MODE_RATIO = 2.0
+"""A block with more new modes than this many times the modes of its key gains nothing from the key
+and becomes a key block itself."""
 
 ROUNDING_BESIDE, ENERGY_BESIDE = 100.0, 1e-9
 """Squared errors are told from fields if they are this many times the squared errors by rounding,
@@ -94,62 +91,44 @@ class FieldBlockCoder:
     def code(
         self, frames: "FieldFrames", key: "KeyBlock | None" = None, reference: int = 0
     ) -> "CodedFrames":
-        """A block, coded.
+        """Encode a block.
 
-        Sums do not depend on the number of cores, so that the bytes do not either.
+        Sums do not depend on the number of cores, so the bytes do not either.
 
         Parameters
         ----------
         frames : FieldFrames
         key : KeyBlock, optional
-            The block that this one is to refer to.
+            The block that this one refers to.
         reference : int, default 0
-            How many blocks before this one that is.
+            How many blocks the key precedes this one by.
         """
         with one_blas_thread():
-            return self._code(frames, key, reference)
-
-    def code_piece(self, piece: Piece, key: "KeyBlock", reference: int) -> "CodedPiece":
-        """A block that is still to be read, coded."""
-        frames = self.frames(piece.given(), piece.order)
-        coded = self.code(frames, key, reference)
-        new_key = coded.key if coded.is_key else None
-        return CodedPiece(frames.block.n_frames, list(coded.sections), new_key)
-
-    def _code(self, frames: "FieldFrames", key: "KeyBlock | None", reference: int) -> "CodedFrames":
-        found = analyse_fields(
-            frames.block, self.mesh, self.choices, None if key is None else key.fields, reference
-        )
-        if key is not None and len(found.block.fields) > MOST_OWN * key.block.n_modes:
-            found = analyse_fields(frames.block, self.mesh, self.choices)
-        corrections = None
-        if self.bound is not None:
-            corrections = _corrections(frames, found, self.bound, self.each_column)
+            own_key = None if key is None else key.fields
+            found = analyse_fields(frames.block, self.mesh, self.choices, own_key, reference)
+            if key is not None and len(found.block.fields) > MAX_NEW_MODE_RATIO * key.block.n_modes:
+                found = analyse_fields(frames.block, self.mesh, self.choices)
+            corrections = None
+            if self.bound is not None:
+                corrections = corrections_of_block(
+                    frames.block,
+                    found.decoded,
+                    self.bound,
+                    frames.rounding,
+                    each_column=self.each_column,
+                )
         return CodedFrames(
             sections=self.sections_of(found.block, self.mesh, corrections),
             analysed=found,
             key=KeyBlock(self.mesh, found.block, found.own),
         )
 
-
-def _corrections(
-    frames: "FieldFrames", found: AnalysedFields, bound: float, each_column: bool
-) -> Corrections:
-    """Corrections of a block, found for some frames after another."""
-    block, parts = frames.block, []
-    everything = slice(0, block.n_verts)
-    for some in chunks(block.n_frames, max(1, MOST_ERRORS // block.n_verts)):
-        errors = block.coordinates(everything, some)
-        errors = errors.reshape(block.n_columns, -1, block.n_verts)
-        errors -= found.decoded(some)
-        part = find_corrections(errors, bound, frames.rounding, each_column=each_column)
-        parts.append(replace(part, frames=part.frames + some.start))
-    vertices, numbers, offsets = (
-        np.concatenate([getattr(part, name) for part in parts])
-        for name in ("vertices", "frames", "offsets")
-    )
-    order = np.lexsort((numbers, vertices))
-    return Corrections(parts[0].step, vertices[order], numbers[order], offsets[order])
+    def code_piece(self, piece: Piece, key: "KeyBlock", reference: int) -> "CodedPiece":
+        """Read a block and encode it."""
+        frames = self.frames(piece.given(), piece.order)
+        coded = self.code(frames, key, reference)
+        new_key = coded.key if coded.is_key else None
+        return CodedPiece(frames.block.n_frames, list(coded.sections), new_key)
 
 
 @dataclass(frozen=True)
@@ -253,7 +232,7 @@ def _decoded_key(
     connectivity: Connectivity, sections: tuple[tuple[Section, bytes], ...]
 ) -> KeyBlock:
     mesh, own = shared_field_mesh(*connectivity), dict(sections)
-    n_frames, n_modes = read_block(own[Section.BLOCK])
+    n_frames, n_modes = read_block_counts(own[Section.BLOCK])
     stored = StoredBlock(0, n_frames, n_modes, own)
     with one_blas_thread():
         read = read_field_block(stored, layout_of(stored), mesh)
@@ -338,20 +317,6 @@ def checked_frames(coder: FieldBlockCoder, vertices: Vertices) -> FieldFrames:
     return frames
 
 
-def check_promise(bound: float, rounding: float, dtype: np.dtype[np.floating]) -> None:
-    """Nothing if a largest error can be promised in spite of the rounding of positions.
-
-    Raises
-    ------
-    InvalidInputError
-        If it cannot.
-    """
-    least = least_bound(rounding)
-    if bound > least:
-        return
-    remedy = "" if dtype == np.float64 else "give positions as float64, "
-    raise InvalidInputError(
-        f"max_error {100 * bound:g} cannot be promised: positions of type {dtype} at these "
-        f"coordinates are rounded by up to {100 * rounding:.2g} percent of the diagonal; "
-        f"{remedy}ask for every bit (lossless), or for at least {101 * least:.2g}"
-    )
+def write_promise(max_error_percent: float) -> bytes:
+    """Return the payload of the section PROMISE: the error bound that the encoder guarantees."""
+    return struct.pack("<d", max_error_percent)

@@ -1,53 +1,118 @@
 """Corrections that keep a promised largest error, and bounds that can be promised."""
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.corrections import Corrections
+from meshreel.codec.reel.encoding.block_frames import BlockFrames
+from meshreel.errors import InvalidInputError
+from meshreel.kernel.frames import JointFrames
 from meshreel.runtime.profiling import staged
 
 Floats = npt.NDArray[np.float64]
 
 STEP_OF_BOUND = 1.1
-"""Step of corrections by the bound: half of it along each of three axes is 0.95 of the bound
-away."""
-
+"""Step of corrections, in bounds: half a step along each of three axes is 0.95 of the bound."""
 
 LARGEST_STEP = 1.0
-"""Steps need not be larger: no vertex is farther than a diagonal from where it should be."""
-
+"""Largest step, in diagonals: no vertex is farther than a diagonal from its true position."""
 
 FLOOR = 2.0**-48
-"""Diagonals that are kept free: for the last bits in which a position is moved and scaled. Frames
-are the same bits on every machine, so that nothing else is to be feared."""
+"""Part of a bound, in diagonals, that is reserved for rounding when a position is moved and scaled.
+Decoded frames are the same bits on every machine, so nothing else needs a reserve."""
+
+MAX_POSITIONS_PER_PASS = 1 << 21
+"""Positions whose corrections are found at once."""
 
 
 def allowed_error(bound: float, rounding: float) -> float:
-    """The part of a bound that is left for errors of the codec, in diagonals."""
+    """Return the part of a bound that is left for errors of the codec, in diagonals."""
     return bound - FLOOR - rounding
 
 
 def least_bound(rounding: float) -> float:
-    """The bound, in diagonals, that leaves nothing for errors of the codec; see `allowed_error`."""
+    """Return the bound, in diagonals, that leaves nothing for errors of the codec."""
     return rounding + FLOOR
 
 
+def check_promise(bound: float, rounding: float, dtype: np.dtype[np.floating]) -> None:
+    """Check that a largest error can be promised in spite of the rounding of positions.
+
+    Raises
+    ------
+    InvalidInputError
+        If it cannot.
+    """
+    least = least_bound(rounding)
+    if bound > least:
+        return
+    remedy = "" if dtype == np.float64 else "give positions as float64, "
+    raise InvalidInputError(
+        f"max_error {100 * bound:g} cannot be promised: positions of type {dtype} at these "
+        f"coordinates are rounded by up to {100 * rounding:.2g} percent of the diagonal; "
+        f"{remedy}ask for every bit (lossless), or for at least {101 * least:.2g}"
+    )
+
+
 @staged("corrections")
+def corrections_of_block(
+    block: BlockFrames,
+    decoded: JointFrames,
+    bound: float,
+    rounding: float,
+    *,
+    each_column: bool = False,
+) -> Corrections:
+    """Return the corrections that bring all decoded frames of a block within a bound.
+
+    Parameters
+    ----------
+    block : BlockFrames
+    decoded : JointFrames
+        The frames that its fields decode to.
+    bound, rounding, each_column
+        As in `find_corrections`.
+    """
+    parts = []
+    n_together = max(1, MAX_POSITIONS_PER_PASS // block.n_verts)
+    for start in range(0, block.n_frames, n_together):
+        some = slice(start, min(start + n_together, block.n_frames))
+        errors = block.coordinates(slice(0, block.n_verts), some)
+        errors = errors.reshape(block.n_columns, -1, block.n_verts)
+        errors -= decoded(some)
+        part = find_corrections(errors, bound, rounding, each_column=each_column)
+        parts.append(replace(part, frames=part.frames + start))
+    if len(parts) == 1:
+        return parts[0]
+    vertices, numbers, offsets = (
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("vertices", "frames", "offsets")
+    )
+    order = np.lexsort((numbers, vertices))
+    return Corrections(parts[0].step, vertices[order], numbers[order], offsets[order])
+
+
 def find_corrections(
     errors: Floats, bound: float, rounding: float, *, each_column: bool = False
 ) -> Corrections:
-    """Corrections that bring all positions, or values of another track, within a bound.
+    """Return corrections that bring all positions, or values of another track, within a bound.
 
     Parameters
     ----------
     errors : float64 array of shape (C, T, V)
-        True coordinates less decoded ones, in diagonals; vertices in internal order.
+        True minus decoded coordinates, in diagonals; vertices in internal order.
     bound : float
-        In diagonals.
+        Largest error, in diagonals.
     rounding : float
-        Largest error of a position that comes from its number type alone.
+        Largest error of a position that its number type alone causes.
     each_column : bool, default False
-        Whether each number by itself has to be within the bound, and not the length of all.
+        Whether the bound applies to each number, and not to the length of all columns.
+
+    Returns
+    -------
+    Corrections, ordered by vertex, then by frame
     """
     allowed = allowed_error(bound, rounding)
     n_together = 1 if each_column else len(errors)

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.bitstream.layout import Section
-from meshreel.codec.bitstream.writer import Sections
 from meshreel.codec.reel.encoding.following_tracks import FollowingTracks
 from meshreel.codec.reel.encoding.tracks import coded_tracks, live_tracks
 from meshreel.codec.reel.normative.blocks import write_exact_positions

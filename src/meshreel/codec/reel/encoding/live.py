@@ -8,8 +8,8 @@ from itertools import chain
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.bitstream.layout import Section
-from meshreel.codec.bitstream.writer import Sections
 from meshreel.codec.reel.encoding.aim import aimed
 from meshreel.codec.reel.encoding.block_coder import (
     FieldBlockCoder,

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.reel.encoding.basis_coding import BasisCoding, choose_coding
+from meshreel.codec.reel.encoding.basis_coding import choose_coding
 from meshreel.codec.reel.encoding.block_frames import CHUNK_VERTICES, LARGEST_INTEGER, BlockFrames
-from meshreel.kernel.frames import lengths_of
+from meshreel.kernel.basis import BasisCoding, basis_vectors, encode_basis, lengths_of
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_threads
 
@@ -68,13 +68,13 @@ def reuse_fields(
         return None
     scaled = scaled.T.reshape(n_reused, frames.n_columns, frames.n_frames)
     coding = choose_coding(frames, scaled, step, finer, price)
-    integers = coding.encode(scaled, price)
+    integers = encode_basis(scaled, price, coding)
     does_something = np.flatnonzero(integers.any(axis=(1, 2)))
     if not len(does_something):
         return None
     n_reused = int(does_something[-1]) + 1
     integers = np.ascontiguousarray(integers[:n_reused])
-    vectors = coding.vectors(integers, lengths[:n_reused]) * step
+    vectors = basis_vectors(integers, coding, lengths[:n_reused]) * step
     taken = vectors, np.ascontiguousarray(fields[:, :n_reused])
     left = BlockFrames(frames.vertices, frames.frame, frames.order, taken)
     return ReusedFields(integers, coding, left)

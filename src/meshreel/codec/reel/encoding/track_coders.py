@@ -16,9 +16,9 @@ from meshreel.codec.reel.encoding.block_coder import (
     FieldBlockCoder,
     FieldFrames,
     KeyedBlocks,
-    check_promise,
     largest_rounding,
 )
+from meshreel.codec.reel.encoding.corrections import check_promise
 from meshreel.codec.reel.encoding.effort import choices_for, finest_step
 from meshreel.codec.reel.encoding.shared_corners import SharedTrack
 from meshreel.codec.reel.encoding.track_residuals import (

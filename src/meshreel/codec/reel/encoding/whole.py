@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from meshreel.codec.achieved import measure_stream
-from meshreel.codec.bitstream.writer import Sections
+from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.reel.encoding.aim import aimed
 from meshreel.codec.reel.encoding.block_coder import (
     FieldBlockCoder,

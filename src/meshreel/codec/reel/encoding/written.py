@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.codec.bitstream.container import read_block_counts
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.connectivity.permutation import inverse_permutation
 from meshreel.codec.corrections import moves_by_frame
-from meshreel.codec.frame_products import JointFrames
 from meshreel.codec.reel.normative.blocks import (
     POSITION_COLUMNS,
     layout_of,
@@ -18,8 +18,9 @@ from meshreel.codec.reel.normative.blocks import (
 )
 from meshreel.codec.reel.normative.fields import KeyFields, decode_basis
 from meshreel.codec.reel.normative.mesh import FieldMesh
-from meshreel.codec.stored_blocks import StoredBlock, read_block
+from meshreel.codec.stored_blocks import StoredBlock
 from meshreel.codec.subspace.trajectories import BoundingFrame
+from meshreel.kernel.frames import JointFrames
 from meshreel.runtime.threads import chunks, in_threads, n_cores
 
 Integers = npt.NDArray[np.int64]
@@ -55,7 +56,7 @@ class WrittenBlocks:
     def positions(self, sections: Iterable[tuple[Section, bytes]]) -> Values:
         """Positions of the next block, of shape (T_b, V, 3), in output order."""
         own, mesh = dict(sections), self._mesh
-        stored = StoredBlock(0, *read_block(own[Section.BLOCK]), own)
+        stored = StoredBlock(0, *read_block_counts(own[Section.BLOCK]), own)
         layout = layout_of(stored)
         key = self._key if layout.reference else None  # the coder refers to the last key block
         read = read_field_block(stored, layout, mesh, key)

@@ -10,18 +10,18 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
+from meshreel.codec.bitstream.container import write_block_counts, write_varint
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.corrections import Corrections
-from meshreel.codec.entropy.varint import write_varint
 from meshreel.codec.reel.normative import payloads
 from meshreel.codec.reel.normative.fields import FieldBlock, KeyFields, Layout, decoded_values
 from meshreel.codec.reel.normative.grid import write_step
 from meshreel.codec.reel.normative.mesh import FieldMesh
-from meshreel.codec.stored_blocks import StoredBlock, write_block
+from meshreel.codec.stored_blocks import StoredBlock
 from meshreel.errors import CorruptStreamError
+from meshreel.kernel.basis import MAX_COSINES
 from meshreel.kernel.exact import encode_exact
-from meshreel.kernel.fields import decode_fields, encode_fields
-from meshreel.kernel.frames import MAX_COSINES
+from meshreel.kernel.fields import decode_fields
 from meshreel.kernel.mesh import Neighbours
 from meshreel.kernel.predict import Prepared, prepared_weights
 from meshreel.runtime.profiling import stage
@@ -38,8 +38,8 @@ def write_field_block(
 ) -> Iterator[tuple[Section, bytes]]:
     """The sections of the positions in a block of `reel`, which begin the block."""
     n_modes, _, n_frames = block.basis.shape
-    opening = Section.BLOCK, write_block(n_frames, n_modes)
-    yield from [opening, *_write_fields(block, mesh, corrections)]
+    opening = Section.BLOCK, write_block_counts(n_frames, n_modes)
+    yield from [opening, *payloads.field_sections(block, mesh, corrections)]
 
 
 def write_track_block(
@@ -47,13 +47,13 @@ def write_track_block(
 ) -> Iterator[tuple[Section, bytes]]:
     """The sections of a further track in a block of `reel`."""
     opening = Section.TRACK_BLOCK, write_varint(block.n_modes)
-    yield from [opening, *_write_fields(block, mesh, corrections)]
+    yield from [opening, *payloads.field_sections(block, mesh, corrections)]
 
 
 def write_exact_positions(vertices: Numbers, graph: Neighbours) -> list[tuple[Section, bytes]]:
     """The sections of a block of `lossless`: positions of shape (T_b, V, 3), in internal order."""
     return [
-        (Section.BLOCK, write_block(len(vertices), 0)),
+        (Section.BLOCK, write_block_counts(len(vertices), 0)),
         (Section.VALUES, encode_exact(vertices, graph)),
     ]
 
@@ -73,7 +73,7 @@ def write_grid_positions(
         Of the vertices.
     """
     return [
-        (Section.BLOCK, write_block(len(values), 0)),
+        (Section.BLOCK, write_block_counts(len(values), 0)),
         (Section.VALUES, write_step(step) + encode_exact(values, graph)),
     ]
 
@@ -89,18 +89,6 @@ def write_exact_block(values: Numbers, graph: Neighbours) -> list[tuple[Section,
 def write_missing(is_missing: npt.NDArray[np.bool_], graph: Neighbours) -> tuple[Section, bytes]:
     """Which values, of shape (T_b, N, C), a block does not have."""
     return Section.MISSING, encode_exact(is_missing, graph)
-
-
-def _write_fields(
-    block: FieldBlock, mesh: FieldMesh, corrections: Corrections | None
-) -> list[tuple[Section, bytes]]:
-    """The sections that all tracks have."""
-    layout = block.layout
-    basis = payloads.write_basis(block.basis, layout.rests, has_cosines=layout.has_cosines)
-    found = [(Section.FIELDS, payloads.write_layout(layout)), (Section.BASIS, basis)]
-    if corrections is not None:
-        found.append((Section.CORRECTIONS, payloads.write_corrections(corrections)))
-    return [*found, (Section.COEFFICIENTS, encode_fields(block.fields, mesh.coding_order))]
 
 
 def read_corrections(

@@ -12,8 +12,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.codec.reel.normative.mesh import FieldMesh
-from meshreel.codec.reel.normative.timeline import NO_REST, Rests
-from meshreel.kernel.frames import cosine_vectors, lengths_of, time_vectors
+from meshreel.kernel.basis import NO_REST, BasisCoding, Rests, basis_vectors, lengths_of
 from meshreel.kernel.predict import Prepared, decode_values, prepared_weights
 from meshreel.runtime.profiling import staged
 
@@ -163,17 +162,14 @@ def _own(
 
 @staged("temporal basis")
 def decode_basis(
-    coded: npt.NDArray[np.integer], layout: Layout | None = None, key: KeyFields | None = None
+    coded: npt.NDArray[np.integer], layout: Layout, key: KeyFields | None = None
 ) -> Floats:
-    """Temporal basis of shape (C, T, K), for integers (K, C, T).
+    """Decode the temporal basis of a block, of shape (C, T, K), from integers (K, C, T).
 
-    Each vector has length 1 (or 0), but those of modes that a block of this layout reuses of its
-    key do not: integers of all of them do the same harm where they are rounded.
+    Vectors have length 1 (or 0). Those of reused modes do not: their lengths are such that rounding
+    any of their integers does the same harm.
     """
-    rests = NO_REST if layout is None else layout.rests
     lengths = None
-    if layout is not None and key is not None and layout.n_reused:
+    if key is not None and layout.n_reused:
         lengths = lengths_of(key.values, layout.n_reused, float(layout.finer))
-    if layout is not None and layout.has_cosines:
-        return cosine_vectors(coded, lengths)
-    return time_vectors(coded, lengths, rests.flags(coded.shape[2]), rests.bits)
+    return basis_vectors(coded, BasisCoding(layout.rests, layout.has_cosines), lengths)

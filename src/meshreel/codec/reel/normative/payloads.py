@@ -6,15 +6,17 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Integers
+from meshreel.codec.bitstream.container import read_varint, write_varint
+from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.corrections import Corrections
-from meshreel.codec.entropy.coder import decode_integers, encode_integers
-from meshreel.codec.entropy.varint import read_varint, write_varint
 from meshreel.codec.memory import DEFAULT_LIMIT, MemoryLimit
-from meshreel.codec.reel.normative.fields import Layout
-from meshreel.codec.reel.normative.timeline import NO_REST, Rests, time_order
+from meshreel.codec.reel.normative.fields import FieldBlock, Layout
+from meshreel.codec.reel.normative.mesh import FieldMesh
+from meshreel.codec.reel.normative.timeline import time_order
 from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
+from meshreel.kernel.basis import MAX_REST_BITS, NO_REST, Rests
 from meshreel.kernel.fields import decode_fields, encode_fields
-from meshreel.kernel.frames import MAX_REST_BITS
+from meshreel.kernel.integers import decode_integers, encode_integers
 from meshreel.kernel.mesh import MAX_STENCIL
 from meshreel.runtime.profiling import staged
 
@@ -35,6 +37,18 @@ MAX_LEARNED = 255
 
 MAX_STEP = 1e6
 """Steps are below this: a million diagonals times the square root of the frames."""
+
+
+def field_sections(
+    block: FieldBlock, mesh: FieldMesh, corrections: Corrections | None
+) -> list[tuple[Section, bytes]]:
+    """Return the sections that a block has of every track that is coded as fields."""
+    layout = block.layout
+    basis = write_basis(block.basis, layout.rests, has_cosines=layout.has_cosines)
+    found = [(Section.FIELDS, write_layout(layout)), (Section.BASIS, basis)]
+    if corrections is not None:
+        found.append((Section.CORRECTIONS, write_corrections(corrections)))
+    return [*found, (Section.COEFFICIENTS, encode_fields(block.fields, mesh.coding_order))]
 
 
 def write_layout(layout: Layout) -> bytes:

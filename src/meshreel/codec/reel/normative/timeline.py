@@ -6,16 +6,14 @@ follow at the end: each is predicted from the time before. Coefficients of cosin
 coded by frequency instead.
 """
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Integers
+from meshreel.kernel.basis import NO_REST, Rests
 from meshreel.kernel.fields import CodingOrder, Pass, order_of
-
-Flags = npt.NDArray[np.uint8]
 
 COARSEST = 4
 """Frames between the times that come first."""
@@ -26,35 +24,6 @@ COLUMNS_BEFORE = 2
 
 FREQUENCIES_BEFORE = 4
 """Lower frequencies that are context neighbours of one."""
-
-
-@dataclass(frozen=True)
-class Rests:
-    """Times of a block at which little or nothing moves.
-
-    Attributes
-    ----------
-    runs : tuple of (int, int)
-        The first time of each run and the one behind its last, ascending; there is at least one
-        moving time before each.
-    bits : int
-        Integers of resting times are divided by 2 to this power.
-    """
-
-    runs: tuple[tuple[int, int], ...] = ()
-    bits: int = 0
-
-    def flags(self, n_frames: int) -> Flags | None:
-        """1 for each time that rests, of shape (n_frames,); None if none does."""
-        if not self.runs:
-            return None
-        found = np.zeros(n_frames, np.uint8)
-        for start, end in self.runs:
-            found[start:end] = 1
-        return found
-
-
-NO_REST = Rests()
 
 
 @lru_cache(maxsize=8)

@@ -12,7 +12,7 @@ from meshreel.codec.reel.normative.fields import Layout
 from meshreel.codec.reel.normative.payloads import read_layout, write_layout
 from meshreel.codec.stored_blocks import StoredBlock
 from meshreel.errors import CorruptStreamError
-from meshreel.kernel.frames import MAX_COSINES
+from meshreel.kernel.basis import MAX_COSINES
 from samples.meshes import waving_grid
 from samples.streams import Stream
 

@@ -7,7 +7,7 @@ import meshreel
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.reel.encoding import analysis, basis_coding
 from meshreel.codec.reel.normative.payloads import read_layout
-from meshreel.codec.reel.normative.timeline import NO_REST
+from meshreel.kernel.basis import NO_REST
 from samples.meshes import waving_grid
 from samples.streams import Stream
 

@@ -4,13 +4,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from meshreel.codec.bitstream.container import write_varint
 from meshreel.codec.corrections import Corrections
-from meshreel.codec.entropy.coder import encode_integers
-from meshreel.codec.entropy.varint import write_varint
 from meshreel.codec.reel.normative import payloads
 from meshreel.codec.reel.normative.fields import Layout
-from meshreel.codec.reel.normative.timeline import Rests
 from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
+from meshreel.kernel.basis import Rests
+from meshreel.kernel.integers import encode_integers
 from meshreel.kernel.mesh import MAX_STENCIL
 
 

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from meshreel.codec.reel.normative.timeline import Rests, frequency_pass, time_passes
+from meshreel.codec.reel.normative.timeline import frequency_pass, time_passes
+from meshreel.kernel.basis import Rests
 
 every_width = pytest.mark.parametrize("n_columns", [1, 2, 3, 6])
 every_length = pytest.mark.parametrize("n_frames", [1, 2, 3, 7, 8, 9, 16, 17, 31, 100])

@@ -3,8 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.entropy.coder import encode_integers
-from meshreel.codec.entropy.varint import write_varint
+from meshreel.codec.bitstream.container import write_varint
+from meshreel.kernel.integers import encode_integers
 
 Integers = npt.NDArray[np.integer]
 

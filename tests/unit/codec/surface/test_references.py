@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from conformance.surface import read_references
-from meshreel.codec.entropy.references import encode_references
+from meshreel.codec.surface.references import encode_references
 
 
 @given(

@@ -1,6 +1,6 @@
 import pytest
 
-from meshreel.codec.entropy.varint import read_varint, write_varint
+from meshreel.codec.bitstream.container import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError
 
 

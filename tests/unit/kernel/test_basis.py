@@ -6,15 +6,16 @@ import pytest
 from hypothesis import given
 
 from meshreel.errors import InvalidInputError
-from meshreel.kernel.frames import (
+from meshreel.kernel.basis import (
     MAX_COSINES,
     MAX_REST_BITS,
-    cosine_vectors,
-    encode_cosines,
-    encode_times,
-    time_vectors,
+    BasisCoding,
+    Rests,
+    basis_vectors,
+    encode_basis,
 )
 
+COSINES = BasisCoding(has_cosines=True)
 FAIR_PRICE = 2.0 * np.log(2.0) / 12.0
 
 
@@ -33,7 +34,7 @@ def directions(values):
 @given(st.integers(1, 4), st.integers(1, 70), st.floats(1.0, 1e6), st.integers(0, 99))
 def test_vectors_come_back_within_half_a_step_when_bits_are_worth_nothing(n, n_frames, size, seed):
     wanted = curves(n, n_frames, size, seed)
-    decoded = time_vectors(encode_times(wanted, 0.0))
+    decoded = basis_vectors(encode_basis(wanted, 0.0))
     length = np.sqrt(np.square(wanted).sum(axis=(1, 2)))
     error = np.abs(decoded - directions(wanted)).max(axis=(0, 1))
     assert (error <= (0.5 + 0.5 * np.sqrt(3 * n_frames)) / np.maximum(length, 1e-9) + 1e-9).all()
@@ -41,7 +42,7 @@ def test_vectors_come_back_within_half_a_step_when_bits_are_worth_nothing(n, n_f
 
 def test_integers_are_fewer_when_bits_have_a_price():
     wanted = curves(3, 200, 0.3, 1)
-    plain, by_rate = encode_times(wanted, 0.0), encode_times(wanted, FAIR_PRICE)
+    plain, by_rate = encode_basis(wanted, 0.0), encode_basis(wanted, FAIR_PRICE)
     assert np.count_nonzero(by_rate) < 0.9 * np.count_nonzero(plain)
     np.testing.assert_array_equal(by_rate[:, :, ::4], plain[:, :, ::4])
 
@@ -50,43 +51,40 @@ def test_rare_ones_become_zeros_that_common_ones_do_not():
     rare, common = np.zeros((1, 3, 400)), np.zeros((1, 3, 400))
     rare[0, 0, 7] = 0.6
     common[0, 0, 1::2] = 0.6
-    assert encode_times(rare, FAIR_PRICE)[0, 0, 7] == 0
-    assert np.count_nonzero(encode_times(common, FAIR_PRICE)[0, 0]) > 100
+    assert encode_basis(rare, FAIR_PRICE)[0, 0, 7] == 0
+    assert np.count_nonzero(encode_basis(common, FAIR_PRICE)[0, 0]) > 100
 
 
 def test_smooth_curves_need_no_integers_between_the_coarsest_times():
     time = np.arange(101) / 10
     curve = np.broadcast_to(np.rint(time**2), (1, 3, 101))
-    integers = encode_times(1e3 * np.array(curve), 0.0)
+    integers = encode_basis(1e3 * np.array(curve), 0.0)
     assert np.count_nonzero(integers[:, :, ::4]) > 50
-    assert encode_times(np.full((2, 3, 9), 7.0), 0.0).any(axis=2).sum() == 6
-    assert not encode_times(np.full((2, 3, 9), 7.0), 0.0)[:, :, 1:].any()
+    assert encode_basis(np.full((2, 3, 9), 7.0), 0.0).any(axis=2).sum() == 6
+    assert not encode_basis(np.full((2, 3, 9), 7.0), 0.0)[:, :, 1:].any()
 
 
 @pytest.mark.parametrize("value", [1e12, np.inf, np.nan])
 def test_error_is_raised_when_an_integer_is_too_large(value):
     with pytest.raises(InvalidInputError, match="basis vectors cannot be coded"):
-        encode_times(np.full((1, 3, 5), value), FAIR_PRICE)
+        encode_basis(np.full((1, 3, 5), value), FAIR_PRICE)
 
 
-def flags(n_frames, *runs):
-    """1 at the times of some runs."""
-    found = np.zeros(n_frames, np.uint8)
-    for start, end in runs:
-        found[start:end] = 1
-    return found
+def resting(bits, *runs):
+    """The coding by times where some runs rest."""
+    return BasisCoding(Rests(runs, bits))
 
 
 @pytest.mark.parametrize("price", [0.0, FAIR_PRICE])
 def test_equal_times_are_decoded_equal_when_they_rest(price):
     wanted = curves(4, 60, 3.0, 2)
     wanted[:, :, 21:33] = wanted[:, :, 20:21]
-    rests = flags(60, (21, 33))
-    coded = encode_times(wanted, price, rests, 3)
+    coding = resting(3, (21, 33))
+    coded = encode_basis(wanted, price, coding)
     assert not coded[:, :, 21:33].any()
-    vectors = time_vectors(coded, None, rests, 3)
+    vectors = basis_vectors(coded, coding)
     np.testing.assert_array_equal(vectors[:, 21:33], np.broadcast_to(vectors[:, 20:21], (3, 12, 4)))
-    without = time_vectors(encode_times(wanted, price))
+    without = basis_vectors(encode_basis(wanted, price))
     assert np.ptp(without[:, 20:33], axis=1).max() > 0.0
 
 
@@ -94,25 +92,25 @@ def test_equal_times_are_decoded_equal_when_they_rest(price):
 def test_resting_times_move_as_wanted_within_their_step(bits):
     wanted = curves(2, 40, 5.0, 3)
     wanted[:, :, 11:30] = wanted[:, :, 10:11] + 0.02 * np.arange(1, 20)
-    rests = flags(40, (11, 30), (39, 40))
-    decoded = values_of(encode_times(wanted, 0.0, rests, bits), rests, bits)
+    coding = resting(bits, (11, 30), (39, 40))
+    decoded = values_of(encode_basis(wanted, 0.0, coding), coding)
     error = decoded - wanted
     drift = np.abs(error[:, :, 11:30] - error[:, :, 10:11]).max()
     assert drift <= 0.5 / 2**bits + 1e-6
 
 
-def values_of(coded, rests, bits):
+def values_of(coded, coding):
     """Values in steps: a reused field of length 1 divides its vector by 1."""
-    return np.moveaxis(time_vectors(coded, np.ones(len(coded)), rests, bits), 2, 0)
+    return np.moveaxis(basis_vectors(coded, coding, np.ones(len(coded))), 2, 0)
 
 
 @pytest.mark.parametrize(("runs", "bits"), [([(0, 1)], 0), ([(1, 2)], MAX_REST_BITS + 1)])
 def test_rests_are_refused_when_no_stream_can_hold_them(runs, bits):
-    rests = flags(5, *runs)
+    coding = resting(bits, *runs)
     with pytest.raises(InvalidInputError):
-        encode_times(np.zeros((1, 3, 5)), 0.0, rests, bits)
+        encode_basis(np.zeros((1, 3, 5)), 0.0, coding)
     with pytest.raises(InvalidInputError):
-        time_vectors(np.zeros((1, 3, 5), np.int32), None, rests, bits)
+        basis_vectors(np.zeros((1, 3, 5), np.int32), coding)
 
 
 def cosines(n_frames):
@@ -129,7 +127,7 @@ every_count = pytest.mark.parametrize("n_frames", [1, 2, 3, 16, 47, MAX_COSINES]
 @every_count
 def test_coefficients_are_the_nearest_when_bits_are_worth_nothing(n_frames):
     wanted = curves(2, n_frames, 100.0, 3)
-    found = encode_cosines(wanted, 0.0)
+    found = encode_basis(wanted, 0.0, COSINES)
     np.testing.assert_allclose(found, wanted @ cosines(n_frames).T, rtol=0, atol=0.5 + 1e-6)
 
 
@@ -138,31 +136,31 @@ def test_vectors_are_sums_of_cosines(n_frames):
     coded = np.random.default_rng(4).integers(-(2**31) + 1, 2**31, (2, 3, n_frames))
     values = np.moveaxis(coded @ cosines(n_frames), 0, 2)
     largest = np.abs(values).max()
-    found = cosine_vectors(coded, np.ones(2))
+    found = basis_vectors(coded, COSINES, np.ones(2))
     np.testing.assert_allclose(found, values, rtol=0, atol=1e-13 * largest * n_frames)
-    lengths = np.sqrt(np.square(cosine_vectors(coded)).sum(axis=(0, 1)))
+    lengths = np.sqrt(np.square(basis_vectors(coded, COSINES)).sum(axis=(0, 1)))
     np.testing.assert_allclose(lengths, 1.0, rtol=1e-12)
 
 
 def test_vectors_of_cosines_are_zero_when_all_coefficients_are():
-    assert not cosine_vectors(np.zeros((1, 3, 5), np.int32)).any()
+    assert not basis_vectors(np.zeros((1, 3, 5), np.int32), COSINES).any()
 
 
 def test_coefficients_are_fewer_when_bits_have_a_price():
     wanted = 0.6 * np.random.default_rng(5).normal(size=(3, 3, 200))
-    plain, by_rate = encode_cosines(wanted, 0.0), encode_cosines(wanted, FAIR_PRICE)
+    plain, by_rate = encode_basis(wanted, 0.0, COSINES), encode_basis(wanted, FAIR_PRICE, COSINES)
     assert np.count_nonzero(by_rate) < 0.9 * np.count_nonzero(plain)
 
 
 @pytest.mark.parametrize("n_frames", [0, MAX_COSINES + 1])
 def test_cosines_are_refused_when_no_stream_can_hold_them(n_frames):
     with pytest.raises(InvalidInputError):
-        encode_cosines(np.zeros((1, 3, n_frames)), 0.0)
+        encode_basis(np.zeros((1, 3, n_frames)), 0.0, COSINES)
     with pytest.raises(InvalidInputError):
-        cosine_vectors(np.zeros((1, 3, n_frames), np.int32))
+        basis_vectors(np.zeros((1, 3, n_frames), np.int32), COSINES)
 
 
 @pytest.mark.parametrize("value", [1e12, np.inf, np.nan])
 def test_error_is_raised_when_a_coefficient_is_too_large(value):
     with pytest.raises(InvalidInputError):
-        encode_cosines(np.full((1, 3, 5), value), FAIR_PRICE)
+        encode_basis(np.full((1, 3, 5), value), FAIR_PRICE, COSINES)

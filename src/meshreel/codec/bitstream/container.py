@@ -1,0 +1,342 @@
+"""The container of a stream: header, sections with checksums, index, and the writer of all.
+
+Integers of variable length are LEB128: 7 bits per byte, low bits first.
+"""
+
+import struct
+import zlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from io import BytesIO
+from typing import BinaryIO
+
+from meshreel.codec.bitstream.layout import (
+    FORMAT_VERSION,
+    INDEX_POSITION,
+    MAGIC,
+    MAX_NAME_BYTES,
+    Section,
+    VertexType,
+)
+from meshreel.errors import CorruptStreamError, TruncatedStreamError
+
+Sections = Iterable[tuple[Section, bytes]]
+
+_FIXED = struct.Struct("<8sHIIIdBBBB4dH")
+_SEGMENT = struct.Struct("<IIBBBB")
+_PLACEMENT = struct.Struct("<4d")
+_CHECKSUM = struct.Struct("<I")
+
+MAX_VARINT_BYTES = 9
+"""Longest variable-length integer: its 63 bits fit a signed 64-bit integer."""
+
+
+def write_varint(value: int) -> bytes:
+    """Encode an integer of 0..2^63-1 with 7 bits per byte, low bits first (LEB128)."""
+    out = bytearray()
+    while value >= 0x80:
+        out.append(value & 0x7F | 0x80)
+        value >>= 7
+    out.append(value)
+    return bytes(out)
+
+
+def read_varint(data: bytes | memoryview, position: int) -> tuple[int, int]:
+    """Return the integer at a byte position, and the position after it.
+
+    Raises
+    ------
+    TruncatedStreamError
+        If the data end inside it.
+    CorruptStreamError
+        If it is longer than 9 bytes.
+    """
+    value = 0
+    for k in range(MAX_VARINT_BYTES):
+        if position + k >= len(data):
+            raise TruncatedStreamError(f"an integer at byte {position} is cut off")
+        byte = data[position + k]
+        value |= (byte & 0x7F) << (7 * k)
+        if byte < 0x80:
+            return value, position + k + 1
+    raise CorruptStreamError(
+        f"the integer at byte {position} is longer than {MAX_VARINT_BYTES} bytes"
+    )
+
+
+def write_block_counts(n_frames: int, n_modes: int) -> bytes:
+    """Return the payload of the section BLOCK: numbers of frames and modes."""
+    return write_varint(n_frames) + write_varint(n_modes)
+
+
+def read_block_counts(payload: bytes) -> tuple[int, int]:
+    """Return the numbers of frames and modes that `write_block_counts` wrote.
+
+    Raises
+    ------
+    CorruptStreamError
+        If there are no frames, or bytes are left over.
+    """
+    n_frames, position = read_varint(payload, 0)
+    n_modes, position = read_varint(payload, position)
+    if not n_frames or position != len(payload):
+        raise CorruptStreamError(
+            f"a block announces {n_frames} frames, at least 1 is needed, and has "
+            f"{len(payload) - position} bytes left over"
+        )
+    return n_frames, n_modes
+
+
+def write_sections(sections: Sequence[tuple[Section, bytes]]) -> list[bytes]:
+    """Encode each section: id, length, payload, and a checksum of all three."""
+    written = []
+    for section, payload in sections:
+        body = bytes([section]) + write_varint(len(payload)) + payload
+        written.append(body + _CHECKSUM.pack(zlib.crc32(body)))
+    return written
+
+
+@dataclass(frozen=True)
+class Header:
+    """The header of a stream, or of the first of its segments.
+
+    Attributes
+    ----------
+    n_frames : int
+        Total over all segments; 0 if it was unknown when the header was written. The index then
+        has the number of frames of each block.
+    n_verts, n_faces : int
+        At least 1 each.
+    fps : float
+        Frames per second; 0 if unknown.
+    vertex_type : VertexType
+        Number type of the positions, in the input and in the decoded output.
+    method : int
+        Code of the method (`codec.methods`).
+    laplacian : int
+        Code of the Laplacian (`codec.choices`).
+    order : int
+        Code of the part of the vertex and face order that is kept (`codec.choices`).
+    origin : tuple of 3 floats
+        Centre of the model, in model units.
+    scale : float
+        Diagonal of the bounding box in model units, the unit of all other lengths in the stream.
+    name : str
+        At most `MAX_NAME_BYTES` in UTF-8.
+    """
+
+    n_frames: int
+    n_verts: int
+    n_faces: int
+    fps: float
+    vertex_type: VertexType
+    method: int
+    laplacian: int
+    order: int
+    origin: tuple[float, ...]
+    scale: float
+    name: str = ""
+
+
+def write_header(header: Header) -> bytes:
+    """Encode a header, with its checksum."""
+    name = header.name.encode("utf-8", errors="replace")[:MAX_NAME_BYTES]
+    name = name.decode("utf-8", errors="ignore").encode()  # drop a character that the cut split
+    fixed = _FIXED.pack(
+        MAGIC,
+        FORMAT_VERSION,
+        header.n_frames,
+        header.n_verts,
+        header.n_faces,
+        header.fps,
+        header.vertex_type,
+        header.method,
+        header.laplacian,
+        header.order,
+        *header.origin,
+        header.scale,
+        len(name),
+    )
+    return fixed + name + _CHECKSUM.pack(zlib.crc32(fixed + name))
+
+
+def write_segment(header: Header, first: Header) -> bytes:
+    """Return the payload of the section SEGMENT: a header without the fields that segments share.
+
+    Parameters
+    ----------
+    header : Header
+        The header of the segment; name, number of frames and frame rate are not stored.
+    first : Header
+        The header of the stream; origin and scale are stored only if they differ from it.
+    """
+    payload = _SEGMENT.pack(
+        header.n_verts,
+        header.n_faces,
+        header.vertex_type,
+        header.method,
+        header.laplacian,
+        header.order,
+    )
+    if (header.origin, header.scale) == (first.origin, first.scale):
+        return payload
+    return payload + _PLACEMENT.pack(*header.origin, header.scale)
+
+
+@dataclass(frozen=True)
+class BlockPlace:
+    """Position and size of a block of frames in a stream.
+
+    Attributes
+    ----------
+    n_frames : int
+        At least 1.
+    position : int
+        Byte offset of its first section in the stream.
+    sizes : tuple of int
+        Size in bytes of the sections of each track, starting with the positions; at least 1 each.
+    """
+
+    n_frames: int
+    position: int
+    sizes: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class SegmentPlace:
+    """Position of a segment after the first, and its blocks.
+
+    Attributes
+    ----------
+    n_verts, n_faces : int
+    position : int
+        Byte offset of its section SEGMENT, which is the end of the previous segment.
+    places : sequence of BlockPlace
+        At least 1.
+    """
+
+    n_verts: int
+    n_faces: int
+    position: int
+    places: Sequence[BlockPlace]
+
+
+def write_index(places: Sequence[BlockPlace], further: Sequence[SegmentPlace] = ()) -> bytes:
+    """Return the payload of the section INDEX; blocks are contiguous and end at the index.
+
+    Parameters
+    ----------
+    places : sequence of BlockPlace
+        Blocks of the first segment.
+    further : sequence of SegmentPlace
+        All further segments.
+    """
+    numbers = [places[0].position if places else 0, *_numbers_of(places)]
+    for segment in further:
+        first = segment.places[0]
+        numbers += [segment.n_verts, segment.n_faces, len(first.sizes)]
+        numbers += [first.position - segment.position, *_numbers_of(segment.places)]
+    return b"".join(map(write_varint, numbers))
+
+
+def _numbers_of(places: Sequence[BlockPlace]) -> list[int]:
+    """Return the number of blocks, then the frames of each block and the bytes of each track."""
+    return [len(places), *(number for one in places for number in (one.n_frames, *one.sizes))]
+
+
+class StreamWriter:
+    """Writes a stream to a file: the header and leading sections, then blocks in order.
+
+    Written bytes never change: after an interruption the file is readable up to the last block.
+
+    Parameters
+    ----------
+    file : binary file, open for writing
+        Written sequentially, without seeking.
+    header : Header
+        Its number of frames is 0 if it is still unknown.
+    leading : iterable of (Section, bytes)
+        The sections before the first block.
+    """
+
+    def __init__(self, file: BinaryIO, header: Header, leading: Sections) -> None:
+        self._file = file
+        self._header = header
+        self._first: list[BlockPlace] = []
+        self._further: list[SegmentPlace] = []
+        self._places = self._first  # of the segment that is being written
+        self._position = 0
+        self._write(write_header(header) + b"".join(write_sections(list(leading))))
+
+    @property
+    def size_bytes(self) -> int:
+        """Bytes written so far."""
+        return self._position
+
+    def begin_segment(self, header: Header, leading: Sections) -> None:
+        """Begin another mesh; its frames follow those of the blocks written so far.
+
+        Parameters
+        ----------
+        header : Header
+            Its name, number of frames and frame rate are not stored: those of the stream apply.
+        leading : iterable of (Section, bytes)
+            The sections before its first block, without START.
+        """
+        assert self._places, "a segment has at least one block"
+        self._places = []
+        counts = header.n_verts, header.n_faces
+        self._further.append(SegmentPlace(*counts, self._position, self._places))
+        first = Section.SEGMENT, write_segment(header, self._header)
+        self._write(b"".join(write_sections([first, *leading])))
+
+    def write_block(self, n_frames: int, sections: Sections) -> None:
+        """Write a block and flush the file.
+
+        Parameters
+        ----------
+        n_frames : int
+        sections : iterable of (Section, bytes)
+            BLOCK first and COEFFICIENTS last, so that a block is complete if its last section is.
+            Each TRACK_BLOCK starts the sections of a further track.
+        """
+        found = list(sections)
+        written, start, sizes = write_sections(found), self._position, [0]
+        for (section, _), data in zip(found, written, strict=True):
+            if section is Section.TRACK_BLOCK:
+                sizes.append(0)
+            sizes[-1] += len(data)
+        self._write(b"".join(written))
+        self._file.flush()
+        self._places.append(BlockPlace(n_frames, start, tuple(sizes)))
+
+    def finish(self) -> None:
+        """Write the index and the end marker, which must be the last bytes."""
+        index = write_index(self._first, self._further)
+        position = INDEX_POSITION.pack(self._position)
+        self._write(b"".join(write_sections([(Section.INDEX, index), (Section.END, position)])))
+        self._file.flush()
+
+    def _write(self, data: bytes) -> None:
+        self._file.write(data)
+        self._position += len(data)
+
+
+def whole_stream(
+    header: Header, leading: Sections, blocks: Iterable[tuple[int, Sections]]
+) -> bytes:
+    """Return the bytes of a stream.
+
+    Parameters
+    ----------
+    header : Header
+    leading : iterable of (Section, bytes)
+    blocks : iterable of (int, iterable of (Section, bytes))
+        Number of frames and sections of each block.
+    """
+    file = BytesIO()
+    writer = StreamWriter(file, header, leading)
+    for block in blocks:
+        writer.write_block(*block)
+    writer.finish()
+    return file.getvalue()

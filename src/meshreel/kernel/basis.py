@@ -1,0 +1,175 @@
+"""Basis vectors over time to integers and back, by the core: by times or by cosines.
+
+A track has C columns: positions have x, y and z.
+"""
+
+import ctypes
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.arrays import Floats
+from meshreel.kernel.library import Argument, call, memory, size_of
+
+MAX_REST_BITS = 8
+"""REEL_MAX_REST_BITS of `core/reel.h`."""
+
+MAX_COSINES = 1024
+"""REEL_MAX_COSINES of `core/reel.h`: most frames of a block with cosines over time."""
+
+
+@dataclass(frozen=True)
+class Rests:
+    """Times of a block at which little or nothing moves.
+
+    Attributes
+    ----------
+    runs : tuple of (int, int)
+        First time and end of each run, in ascending order; a moving time precedes each run.
+    bits : int
+        Integers of resting times are divided by 2 to this power, at most `MAX_REST_BITS`.
+    """
+
+    runs: tuple[tuple[int, int], ...] = ()
+    bits: int = 0
+
+    def flags(self, n_frames: int) -> npt.NDArray[np.uint8] | None:
+        """Return 1 for each resting time, in an array of shape (n_frames,); None without rests."""
+        if not self.runs:
+            return None
+        found = np.zeros(n_frames, np.uint8)
+        for start, end in self.runs:
+            found[start:end] = 1
+        return found
+
+
+NO_REST = Rests()
+
+
+@dataclass(frozen=True)
+class BasisCoding:
+    """How the basis vectors of a block become integers.
+
+    Attributes
+    ----------
+    rests : Rests
+        Times that are predicted from the time before; none with cosines.
+    has_cosines : bool
+        Integers are coefficients of an orthonormal discrete cosine transform over time (DCT-II),
+        low frequencies first, and not values at times.
+    """
+
+    rests: Rests = NO_REST
+    has_cosines: bool = False
+
+
+BY_TIMES = BasisCoding()
+
+
+def lengths_of(values: Floats, n_modes: int, finer: float) -> Floats:
+    """Return the lengths of the first n_modes fields of shape (V, K), divided by `finer`.
+
+    A field of zeros counts as length 1.
+    """
+    lengths = np.empty(n_modes)
+    n_verts, n_there = values.shape
+    given = np.ascontiguousarray(values, np.float64)
+    call(
+        "reel_lengths",
+        given,
+        n_verts,
+        n_there,
+        n_modes,
+        ctypes.c_double(finer),
+        lengths,
+        what="lengths",
+    )
+    return lengths
+
+
+def basis_vectors(
+    coded: npt.NDArray[np.integer], coding: BasisCoding = BY_TIMES, lengths: Floats | None = None
+) -> Floats:
+    """Decode basis vectors of shape (C, T, K), each of length 1 (or 0).
+
+    Parameters
+    ----------
+    coded : integer array of shape (K, C, T)
+        As in the stream: by times, the coarsest are differences.
+    coding : BasisCoding
+    lengths : float64 array of shape (n,), optional
+        Divisors of the first n vectors, instead of their own lengths.
+
+    Raises
+    ------
+    InvalidInputError
+        If there are cosines over more than `MAX_COSINES` frames, or over none.
+    """
+    n_modes, n_columns, n_frames = coded.shape
+    basis = np.empty((n_columns, n_frames, n_modes))
+    divisors = np.zeros(0) if lengths is None else lengths
+    name = "reel_cosine_basis" if coding.has_cosines else "reel_basis"
+    resting = _resting(coding, n_frames)
+    work = memory(size_of(f"{name}_memory", n_columns, n_frames))
+    call(
+        name,
+        work,
+        len(work),
+        np.ascontiguousarray(coded, np.int32),
+        n_modes,
+        n_columns,
+        n_frames,
+        *resting,
+        divisors,
+        len(divisors),
+        basis,
+        what="basis vectors",
+    )
+    return basis
+
+
+def encode_basis(
+    wanted: Floats, price: float, coding: BasisCoding = BY_TIMES
+) -> npt.NDArray[np.int32]:
+    """Return integers of shape (K, C, T), as in the stream, that approximate basis vectors.
+
+    Parameters
+    ----------
+    wanted : float64 array of shape (K, C, T)
+        The basis vectors, in steps.
+    price : float
+        Lagrange multiplier: the squared steps of error that one bit is worth; 0 rounds to the
+        nearest.
+    coding : BasisCoding
+
+    Raises
+    ------
+    InvalidInputError
+        If an integer is too large for a stream, or there are cosines over more than `MAX_COSINES`
+        frames.
+    """
+    n_modes, n_columns, n_frames = wanted.shape
+    integers = np.empty(wanted.shape, np.int32)
+    name = "reel_cosines_encode" if coding.has_cosines else "reel_basis_encode"
+    resting = _resting(coding, n_frames)
+    work = memory(size_of(f"{name}_memory", n_frames))
+    call(
+        name,
+        work,
+        len(work),
+        np.ascontiguousarray(wanted),
+        n_modes,
+        n_columns,
+        n_frames,
+        *resting,
+        ctypes.c_double(price),
+        integers,
+        what="basis vectors",
+    )
+    return integers
+
+
+def _resting(coding: BasisCoding, n_frames: int) -> tuple[Argument, ...]:
+    """Return the arguments about rests that only the functions of times have."""
+    return () if coding.has_cosines else (coding.rests.flags(n_frames), coding.rests.bits)
