@@ -121,7 +121,6 @@ def order_of_rows(near: npt.NDArray[np.int32], pass_starts: Integers) -> CodingO
     return CodingOrder(len(near), columns, pass_starts, n_passes, near_starts, near[is_there])
 
 
-@staged("entropy coding")
 def encode_fields(fields: npt.NDArray[np.integer], passes: Passes | None = None) -> bytes:
     """Bytes of rows of integers over the same columns.
 

@@ -18,7 +18,6 @@ MAX_TABLES = 64
 """Most probability tables of one payload; each takes 20 kB while it is in use."""
 
 
-@staged("entropy coding")
 def encode_integers(
     rows: Sequence[npt.NDArray[np.integer]], tables: Sequence[int] | None = None
 ) -> bytes:

@@ -8,6 +8,7 @@ from meshreel.errors import CorruptStreamError, TruncatedStreamError
 from meshreel.kernel.integers import decode_integers, encode_integers
 from meshreel.paper.pipeline import Quantized
 from meshreel.paper.quantization import Steps
+from meshreel.runtime.profiling import staged
 
 MAX_DIFFERENCE = 2
 
@@ -35,6 +36,7 @@ def read_anchor_vertices(payload: bytes, n_verts: int) -> Integers:
     return anchors
 
 
+@staged("entropy coding")
 def write_curves(curves: Quantized) -> bytes:
     """Payload of rows over time, each with the order of differences that makes it smallest."""
     n_rows, n_frames = curves.integers.shape[1:]
@@ -56,6 +58,7 @@ def read_curves(payload: bytes, n_rows: int, n_frames: int) -> Quantized:
     return Quantized(summed.reshape(3, n_rows, n_frames), steps)
 
 
+@staged("entropy coding")
 def write_rows(rows: Quantized) -> bytes:
     """Payload of rows of coefficients; similar modes share a table."""
     n_rows, length = rows.integers.shape[1:]

@@ -18,7 +18,7 @@ from meshreel.codec.reel.normative.fields import (
     with_reused,
 )
 from meshreel.codec.reel.normative.mesh import FieldMesh
-from meshreel.kernel.basis import BasisCoding, encode_basis
+from meshreel.kernel.basis import BasisCoding, basis_vectors, encode_basis
 from meshreel.kernel.frames import JointFrames
 from meshreel.kernel.predict import Choice, Prepared, encode_values
 from meshreel.runtime.profiling import staged
@@ -181,6 +181,7 @@ def analyse_fields(
     return min(alone, reused, key=lambda one: one.cost)
 
 
+@staged("fields")
 def _with_basis(
     left: BlockFrames,
     basis: npt.NDArray[np.int32],
@@ -191,9 +192,9 @@ def _with_basis(
     prepared: Prepared | None = None,
     reused: npt.NDArray[np.int32] | None = None,
 ) -> AnalysedFields:
-    """The integers of a block whose basis is known, and which are `reused` of those of its key."""
+    """Return the integers of a block whose basis is known; `reused` is that of reused modes."""
     step = float(layout.step)
-    vectors = decode_basis(basis, replace(layout, n_reused=0))
+    vectors = basis_vectors(basis, BasisCoding(layout.rests, layout.has_cosines))
     if len(basis):
         wanted = _projected(vectors.reshape(-1, len(basis)), left, mesh.number, step)
         residuals, own = _quantized_fields(wanted, layout, mesh, choices, key, prepared)
@@ -229,11 +230,10 @@ def _reusing(
     return _with_basis(reused.left, basis, layout, mesh, choices, key, None, reused.integers)
 
 
-@staged("projection")
 def _projected(vectors: Floats, frames: BlockFrames, places: Integers, step: float) -> Floats:
-    """Fields of shape (V, K) whose product with the temporal basis is nearest to the frames.
+    """Return fields of shape (V, K), in steps, whose product with the basis is nearest to frames.
 
-    In steps; `places` is the row of each vertex.
+    `places` is the row of each vertex.
     """
     gram = vectors.T @ vectors  # rounding leaves the vectors not quite orthonormal
     inverse = np.linalg.pinv(gram, hermitian=True) @ vectors.T
@@ -246,7 +246,6 @@ def _projected(vectors: Floats, frames: BlockFrames, places: Integers, step: flo
     return fields
 
 
-@staged("temporal basis")
 def _quantized_basis(
     frames: BlockFrames,
     step: float,
@@ -290,7 +289,6 @@ def has_still_part(frames: BlockFrames, step: float) -> bool:
     return MIN_STILL <= share < 1.0
 
 
-@staged("fields")
 def _quantized_fields(
     wanted: Floats,
     layout: Layout,

@@ -230,7 +230,8 @@ class WholeSequence:
             blocks = self._coded(coder)
             if self._is_cut:  # integers of a block are found while those before become bytes
                 blocks = one_ahead(blocks)
-        return self._source.stream(leading, self._told(blocks))
+        coded = [(n_frames, list(sections)) for n_frames, sections in self._told(blocks)]
+        return self._source.stream(leading, coded)
 
     def _coded(self, coder: FieldBlockCoder) -> Iterator[tuple[int, Sections]]:
         """Frames and sections of each block."""

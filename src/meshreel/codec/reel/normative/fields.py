@@ -160,7 +160,6 @@ def _own(
     return decode_values(mesh.hierarchy, residuals, layout.n_learned, values, prepared)
 
 
-@staged("temporal basis")
 def decode_basis(
     coded: npt.NDArray[np.integer], layout: Layout, key: KeyFields | None = None
 ) -> Floats:

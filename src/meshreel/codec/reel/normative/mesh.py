@@ -88,7 +88,6 @@ class FieldMesh:
         return inverse_permutation(self.order)
 
     @cached_property
-    @staged("coding passes")
     def coding_order(self) -> CodingOrder:
         """Vertices in coding order, a pass for each resolution, with context neighbours of each."""
         found = self.hierarchy

@@ -39,6 +39,7 @@ MAX_STEP = 1e6
 """Steps are below this: a million diagonals times the square root of the frames."""
 
 
+@staged("entropy coding")
 def field_sections(
     block: FieldBlock, mesh: FieldMesh, corrections: Corrections | None
 ) -> list[tuple[Section, bytes]]:
@@ -164,7 +165,6 @@ def _read_rests(payload: bytes, position: int) -> tuple[Rests, int]:
     return Rests(tuple(runs), bits), position
 
 
-@staged("temporal basis")
 def write_basis(
     coded: npt.NDArray[np.integer], rests: Rests = NO_REST, *, has_cosines: bool = False
 ) -> bytes:
@@ -190,7 +190,6 @@ def read_basis(
     return coded.reshape(len(coded), n_columns, n_frames)
 
 
-@staged("corrections")
 def write_corrections(corrections: Corrections) -> bytes:
     """Corrections of a block: vertices with their number of frames, frames, offsets."""
     vertices, counts = np.unique(corrections.vertices, return_counts=True)
