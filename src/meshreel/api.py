@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 from meshreel.codec import decoder, encoder
 from meshreel.codec import inspect as streams
-from meshreel.codec.byte_sizes import bytes_of
 from meshreel.codec.config import check_names
 from meshreel.codec.inspect import StreamInfo
+from meshreel.codec.memory import bytes_of
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.formats.file_errors import errors_naming, os_errors_naming, refuse_pipe

@@ -88,7 +88,7 @@ def test_program_imports_no_codec_when_it_describes_a_file_that_is_no_stream(fol
     codec = {name for name in found if name.startswith("meshreel.codec")}
     light = {*REGISTRY, "meshreel.codec.option"}
     light |= {"meshreel.codec.bitstream", "meshreel.codec.bitstream.layout"}
-    light |= {"meshreel.codec.byte_sizes", "meshreel.codec.memory"}  # the limit that is an option
+    light |= {"meshreel.codec.memory"}  # the limit that is an option
     assert codec <= light
     assert not {"scipy", "DracoPy"} & found
 

@@ -5,8 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from meshreel.codec.connectivity.coder import decode_connectivity, decode_order, encode_connectivity
-from meshreel.codec.connectivity.order import decode_given_order, encode_order
-from meshreel.codec.connectivity.permutation import inverse_permutation
+from meshreel.codec.connectivity.order import decode_given_order, encode_order, inverse_permutation
 from meshreel.codec.connectivity.triangles import lowest_rotation, sorted_order
 from meshreel.errors import MeshReelError
 from meshreel.kernel.connectivity import decode_faces, encode_faces

@@ -46,7 +46,7 @@ def measure_stream(
     with_sted: bool = False,
     progress: Progress = silent,
 ) -> Achieved:
-    """Errors of a stream relative to its original, measured block by block.
+    """Return the errors of a stream relative to its original, measured block by block.
 
     Parameters
     ----------
@@ -65,11 +65,13 @@ def measure_stream(
             if with_sted:
                 runs.append(given)
             yield start, given
-            progress("measuring", Count(start + len(frames), sequence.n_frames, "frames"))
+            progress("measuring", Count(start + len(frames), reel.n_frames, "frames"))
 
     with ReelFile(BytesIO(data), memory=OWN_STREAM) as reel:
         errors = streamed_errors(sequence, pieces(reel))
-        tracks = errors_of_tracks(sequence.tracks, reel.tracks, internal)
+        tracks: dict[str, TrackErrors] = {}
+        if sequence.tracks:
+            tracks = errors_of_tracks(sequence.tracks, reel.tracks, internal)
     measured_sted = None
     if with_sted:
         vertices = sequence.read(0, sequence.n_frames)

@@ -11,9 +11,9 @@ from difflib import get_close_matches
 from functools import cache, cached_property
 from typing import Annotated, Any
 
-from meshreel.codec.byte_sizes import bytes_of
 from meshreel.codec.choices import Allocation, Laplacian, Order, Tune
 from meshreel.codec.error_bounds import METRES, bound_of
+from meshreel.codec.memory import bytes_of
 from meshreel.codec.methods import METHOD_NAMES, Method, method_named
 from meshreel.codec.option import COUNT, Option, Range, options_of_fields
 from meshreel.codec.targets import (

@@ -311,7 +311,7 @@ def stream_info(opened: OpenStream, *, is_remote: bool = False) -> StreamInfo:
         budget_bytes=_budget(sizes, opened.size_bytes),
         part_bytes=_parts(opened, sizes, tracks),
         block_bytes=tuple(sizes.block_bytes),
-        max_error_percent=promised_percent(opened),
+        max_error_percent=opened.promise_percent,
         is_lossless=opened.method.is_lossless,
         is_whole=opened.is_whole,
         start_s=opened.start_s,
@@ -355,11 +355,6 @@ def _tracks(opened: OpenStream, section_bytes: list[int]) -> tuple[TrackInfo, ..
             )
         )
     return tuple(found)
-
-
-def promised_percent(opened: OpenStream) -> float | None:
-    """Error bound that a stream promises, in percent of the diagonal; None if it has none."""
-    return 0.0 if opened.method.is_lossless else opened.promise_percent
 
 
 @dataclass

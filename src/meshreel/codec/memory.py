@@ -1,13 +1,13 @@
-"""How much memory decoding may take at once: a limit that the caller sets.
+"""Sizes in bytes as users write them, and the limit of the memory that decoding may take at once.
 
 A few bytes of a stream may announce any number of values. What they announce is compared with the
 limit before anything is allocated for it.
 """
 
+import re
 from dataclasses import dataclass
 
-from meshreel.codec.byte_sizes import bytes_of
-from meshreel.errors import MemoryLimitError
+from meshreel.errors import InvalidInputError, MemoryLimitError
 from meshreel.runtime.counting import size_text
 
 DEFAULT_MEMORY = "8GiB"
@@ -15,6 +15,46 @@ DEFAULT_MEMORY = "8GiB"
 
 BYTES_OF_VERTEX, BYTES_OF_FACE = 512, 128
 """Of a mesh while it is decoded: connectivity, order and the hierarchy of its vertices."""
+
+
+UNITS = {"": 1, "B": 1}
+UNITS |= {f"{prefix}B": 1000**power for power, prefix in enumerate("kMGT", start=1)}
+UNITS |= {f"{prefix}iB": 1024**power for power, prefix in enumerate("KMGT", start=1)}
+"""Bytes of each unit; units are not case-sensitive."""
+
+_SIZE = re.compile(r"((?:\d+\.?\d*|\.\d+)(?:e\+?\d{1,3})?)\s*([a-zA-Z]*)")
+
+
+def bytes_of(given: float | str, name: str) -> float:
+    """Return the number of bytes of a size that a user wrote.
+
+    Parameters
+    ----------
+    given : float, or str
+        A number of bytes, or text such as "100kB", "1 MiB" or "1e6".
+    name : str
+        Name of the option, for error messages.
+
+    Raises
+    ------
+    InvalidInputError
+        If it is not a size, or not above 0.
+    """
+    if not isinstance(given, str):
+        return _checked(given, given, name)
+    found = _SIZE.fullmatch(given.strip())
+    factors = {unit.lower(): factor for unit, factor in UNITS.items()}
+    if not found or found[2].lower() not in factors:
+        raise InvalidInputError(
+            f"{name}= takes a size such as 100kB or 1GiB, or a number of bytes; got {given!r}"
+        )
+    return _checked(float(found[1]) * factors[found[2].lower()], given, name)
+
+
+def _checked(size_bytes: float, given: float | str, name: str) -> float:
+    if not 0 < size_bytes < float("inf"):
+        raise InvalidInputError(f"{name} must be above 0; got {given}")
+    return size_bytes
 
 
 @dataclass(frozen=True)

@@ -52,7 +52,8 @@ class OpenStream:
     order_kept : Order
         The order of vertices and faces that is kept.
     promise_percent : float or None
-        Error bound that the stream promises, in percent of the diagonal; None if it has none.
+        Error bound that the stream promises, in percent of the diagonal: 0 if positions are
+        lossless, None if it promises nothing.
     starts : list of int
         First frame of each complete block, and the number of all frames.
     tracks : tuple of FileTrack
@@ -88,16 +89,16 @@ class OpenStream:
                 "decode one with segment="
             )
         self.offset = self.file.offset
+        self.starts, self.tracks = self.file.starts, self.file.tracks[1:]
+        self.method = method_of_code(info.method)
         self.laplacian = _choice_of_code(Laplacian, info.laplacian)
         self.order_kept = _choice_of_code(Order, info.order)
-        self.method = method_of_code(info.method)
-        self.promise_percent = info.promise_percent
+        self.promise_percent = 0.0 if self.method.is_lossless else info.promise_percent
         self.n_frames, self.n_verts, self.n_faces = info.n_frames, info.n_verts, info.n_triangles
         self.fps, self.name, self.start_s = info.fps, info.name, info.start_s
         self.is_whole, self.size_bytes = info.is_whole, info.size_bytes - self.offset
         self.dtype: np.dtype[np.floating] = np.dtype(f"f{info.number_bytes}")
         self.frame = BoundingFrame(info.center, info.diagonal)
-        self.starts, self.tracks = self.file.starts, self.file.tracks[1:]
 
     @property
     def n_blocks(self) -> int:

@@ -9,7 +9,7 @@ from typing import BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.inspect import StreamInfo, promised_percent, stream_info
+from meshreel.codec.inspect import StreamInfo, stream_info
 from meshreel.codec.joining import separate_stream
 from meshreel.codec.memory import memory_limit
 from meshreel.codec.methods import FrameReader
@@ -96,7 +96,7 @@ class ReelFile:
         self.fps, self.name, self.is_whole = opened.fps, opened.name, opened.is_whole
         self.dtype = opened.dtype
         self.start_s, self.frame = opened.start_s, opened.frame
-        promised = promised_percent(opened) if n_modes is None else None
+        promised = opened.promise_percent if n_modes is None else None
         self.promised_error = None if promised is None else promised / 100 * self.frame.scale
         self.starts = tuple(opened.starts)
         self.method = opened.method.name

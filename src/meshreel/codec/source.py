@@ -15,7 +15,7 @@ from meshreel.codec.bitstream.layout import Section, VertexType
 from meshreel.codec.choices import Order
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.connectivity.coder import CodedConnectivity, encode_connectivity
-from meshreel.codec.connectivity.permutation import inverse_permutation
+from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.methods import METHOD_CODES
 from meshreel.codec.subspace.trajectories import BoundingFrame, bounding_frame
 from meshreel.codec.surface.payloads import surface_in_order, surface_sections, write_start

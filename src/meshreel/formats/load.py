@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.byte_sizes import bytes_of
-from meshreel.codec.memory import DEFAULT_MEMORY
+from meshreel.codec.memory import DEFAULT_MEMORY, bytes_of
 from meshreel.formats.frames.mesh_files import MeshFiles
 from meshreel.formats.frames.selection import select_attributes
 from meshreel.formats.frames.stored_frames import StoredFrames

@@ -99,7 +99,7 @@ def decode_values(
 
 def prepared_weights(mesh: Hierarchy, n_learned: int, key: Floats | None = None) -> Prepared:
     """What several blocks of the same key, or without any, begin with: 608 bytes a vertex."""
-    found = memory(size_of("reel_predict_prepare_memory", mesh.n_verts, len(mesh.smooth_starts)))
+    found = memory(size_of("reel_predict_prepare_memory", len(mesh.order), len(mesh.smooth_starts)))
     core_mesh = _mesh(mesh)
     fields = _fields(mesh, 0, n_learned, None, None, key, found)
 

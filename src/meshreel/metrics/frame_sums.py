@@ -6,6 +6,7 @@ takes a fraction of the time, and several cores share them.
 
 from dataclasses import dataclass
 from functools import reduce
+from itertools import product
 
 import numpy as np
 
@@ -55,8 +56,13 @@ def sums_of_frames(original: Vertices, decoded: Vertices, reference: Reference) 
     algorithm for computing sample variances", 1979.
     """
     n_frames, n_verts = original.shape[:2]
+    with np.errstate(over="ignore", invalid="ignore"):
+        firsts = reference.apply(original[:, 0])
     pieces = chunks(n_verts, VERTICES_AT_ONCE)
-    parts = [(frame, piece) for frame in range(n_frames) for piece in pieces]
+    n_parts = n_frames * len(pieces)
+    runs = chunks(n_parts, max(1, LEAST_TOGETHER // min(n_verts, VERTICES_AT_ONCE)))
+    parts_of_frames = chunks(n_parts, len(pieces))
+    parts = list(product(range(n_frames), pieces))
     found: list[FrameSums] = [_NOTHING] * len(parts)
 
     def add(run: slice) -> None:
@@ -65,15 +71,12 @@ def sums_of_frames(original: Vertices, decoded: Vertices, reference: Reference) 
             pair = original[frame, piece], decoded[frame, piece]
             found[number] = _sums_of_part(*pair, reference, firsts[frame])
 
-    runs = chunks(len(parts), max(1, LEAST_TOGETHER // min(n_verts, VERTICES_AT_ONCE)))
     with np.errstate(over="ignore", invalid="ignore"):
-        firsts = reference.apply(original[:, 0])
         if len(runs) == 1:
             add(runs[0])
         else:
             in_threads(add, runs)
-        of_frames = [found[one.start : one.stop] for one in chunks(len(parts), len(pieces))]
-        return [reduce(_joined, one) for one in of_frames]
+        return [reduce(_joined, found[one]) for one in parts_of_frames]
 
 
 _NOTHING = FrameSums(0, 0.0, 0.0, 0.0, np.zeros(3))

@@ -11,7 +11,6 @@ from meshreel.metrics.frame_sums import sums_of_frames
 from meshreel.metrics.kg import KgSums
 from meshreel.metrics.reference import reference_of_box, require_same_shape
 from meshreel.model.sequence import Extent, FrameSource, Vertices
-from meshreel.runtime.threads import chunks
 
 BYTES_AT_ONCE = 1 << 23
 """Size of the frames of the original that are read at a time."""
@@ -99,20 +98,22 @@ def streamed_errors(
     InvalidInputError
         If a block has another shape, or a frame is not there, comes twice, or does not come.
     """
-    sums = ErrorSums(original.extent)
-    has_come = np.zeros(original.n_frames, bool)
+    sums, n_frames = ErrorSums(original.extent), original.n_frames
+    has_come = np.zeros(n_frames, bool)
     for start, decoded in decoded_blocks:
         stop = start + len(decoded)
-        if not (start >= 0 and stop <= original.n_frames):
+        if not (start >= 0 and stop <= n_frames):
             raise InvalidInputError(
                 f"frames {start} to {stop - 1} were decoded; "
-                f"the original has frames 0 to {original.n_frames - 1}"
+                f"the original has frames 0 to {n_frames - 1}"
             )
         if has_come[start:stop].any():
             raise InvalidInputError(f"a frame of {start} to {stop - 1} was decoded before")
         has_come[start:stop] = True
-        for run in chunks(len(decoded), max(1, BYTES_AT_ONCE // max(1, decoded[:1].nbytes))):
-            sums.add(original.read(start + run.start, start + run.stop), decoded[run])
+        n_together = max(1, BYTES_AT_ONCE // max(1, decoded[:1].nbytes))
+        for first in range(start, stop, n_together):
+            end = min(first + n_together, stop)
+            sums.add(original.read(first, end), decoded[first - start : end - start])
     if not has_come.all():
         raise InvalidInputError(f"frame {int(np.argmin(has_come))} of the original was not decoded")
     return sums.errors

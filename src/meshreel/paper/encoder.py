@@ -11,7 +11,7 @@ from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.choices import Laplacian
 from meshreel.codec.config import EncoderConfig
-from meshreel.codec.connectivity.permutation import inverse_permutation
+from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.entropy.exact import encode_exact
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame, to_matrices

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 
 from meshreel.arrays import Floats, Integers
-from meshreel.codec.connectivity.permutation import inverse_permutation
+from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.option import COUNT
 from meshreel.codec.stored_blocks import StoredBlock
 from meshreel.codec.subspace.trajectories import BoundingFrame

@@ -4,7 +4,6 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Integers
-from meshreel.codec.connectivity.permutation import inverse_permutation
 from meshreel.codec.connectivity.triangles import (
     AnyFaces,
     lowest_rotation,
@@ -17,6 +16,13 @@ from meshreel.model.sequence import Faces
 
 VERTICES_ONLY, VERTICES_AND_FACES = 1, 2
 """First byte: what follows in its order."""
+
+
+def inverse_permutation(order: npt.NDArray[np.integer]) -> Integers:
+    """Return the index of each of 0..n-1 in a permutation."""
+    inverse = np.empty(len(order), np.int64)
+    inverse[order] = np.arange(len(order))
+    return inverse
 
 
 def encode_order(

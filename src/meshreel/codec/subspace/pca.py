@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
+from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_threads, one_blas_thread
 
 RANK_TOLERANCE = 1e-13
@@ -97,25 +98,35 @@ def joint_trajectories(
         gram = gram_of_rows(lambda piece: stacked[:, piece], *stacked.shape)
         return leading_trajectories(gram, n_modes, least)
     gram = gram_of_rows(lambda piece: stacked.T[:, piece], *stacked.T.shape)
-    eigenvalues, vectors = _leading(gram, n_modes, least)
+    with one_blas_thread():
+        eigenvalues, vectors = _leading(gram, n_modes, least)
     singular_values = np.sqrt(np.maximum(eigenvalues, 0.0))
     divisors = np.where(singular_values > 0, singular_values, 1.0)
     return singular_values, fix_signs(stacked @ vectors / divisors)
 
 
 def leading_trajectories(gram: Floats, n_modes: int, least: float = 0.0) -> tuple[Floats, Floats]:
-    """Singular values and basis vectors as `joint_trajectories`, from the Gram matrix of rows."""
+    """Return the result of `joint_trajectories` from the Gram matrix of the rows."""
+    with one_blas_thread():
+        return _leading_trajectories(gram, n_modes, least)
+
+
+def _leading_trajectories(gram: Floats, n_modes: int, least: float) -> tuple[Floats, Floats]:
     eigenvalues, vectors = _leading(gram, n_modes, least)
     return np.sqrt(np.maximum(eigenvalues, 0.0)), fix_signs(vectors)
 
 
+@staged("trajectories")
 def weak_trajectories(
     columns: Callable[[slice], npt.NDArray[np.floating]],
     gram: Floats,
     n_columns: int,
     least: float,
 ) -> tuple[Floats, Floats]:
-    """Singular values above `least`, one at least, and left singular vectors of a wide matrix.
+    """Return singular values above `least`, at least one, and left singular vectors of a matrix.
+
+    The matrix is wide. The caller limits BLAS to one thread (`one_blas_thread`), so that the result
+    does not depend on the number of cores.
 
     A Gram matrix has squares of singular values, of which the smallest vanish in the rounding of
     the largest. Those are found again, from the Gram matrix of what the stronger modes leave.
@@ -133,7 +144,7 @@ def weak_trajectories(
     vectors : float64 array of shape (n_rows, K), columns orthonormal
     """
     n_rows = len(gram)
-    values, vectors = leading_trajectories(gram, n_rows, least)
+    values, vectors = _leading_trajectories(gram, n_rows, least)
     largest = float(values[0])
     if least >= math.sqrt(RANK_TOLERANCE) * largest or largest == 0.0:
         return values, vectors
@@ -149,7 +160,7 @@ def weak_trajectories(
             return part
 
         rest = gram_of_rows(left, n_rows, n_columns)
-        found, more = leading_trajectories(rest, n_rows - len(values), least)
+        found, more = _leading_trajectories(rest, n_rows - len(values), least)
         cut = max(least, FAITHFUL * float(found[0]))
         found, more = _above(found, more, cut)
         more -= strong @ (strong.T @ more)
@@ -166,6 +177,7 @@ def _above(values: Floats, vectors: Floats, least: float) -> tuple[Floats, Float
     return values[:count], vectors[:, :count]
 
 
+@staged("trajectories")
 def gram_of_rows(
     columns: Callable[[slice], npt.NDArray[np.floating]], n_rows: int, n_columns: int
 ) -> Floats:
@@ -195,9 +207,8 @@ def gram_of_rows(
 
 def _leading(gram: Floats, n_modes: int, least: float) -> tuple[Floats, Floats]:
     """Eigenvalues whose root exceeds `least`, descending, and eigenvectors of a Gram matrix."""
-    with one_blas_thread():
-        found = _few_leading(gram, least**2) if len(gram) > SMALL_GRAM else None
-        eigenvalues, vectors = found or np.linalg.eigh(gram)
+    found = _few_leading(gram, least**2) if len(gram) > SMALL_GRAM else None
+    eigenvalues, vectors = found or np.linalg.eigh(gram)
     eigenvalues, vectors = eigenvalues[::-1], vectors[:, ::-1]
     floor = max(least**2, RANK_TOLERANCE * max(eigenvalues[0], 0.0))
     kept = max(1, min(n_modes, int(np.sum(eigenvalues > floor))))

@@ -3,8 +3,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from meshreel.codec.connectivity.order import decode_given_order, encode_order, list_faces
-from meshreel.codec.connectivity.permutation import inverse_permutation
+from meshreel.codec.connectivity.order import (
+    decode_given_order,
+    encode_order,
+    inverse_permutation,
+    list_faces,
+)
 from meshreel.errors import CorruptStreamError
 
 

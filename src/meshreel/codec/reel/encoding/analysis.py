@@ -146,7 +146,7 @@ def analyse_fields(
     key: KeyFields | None = None,
     reference: int = 0,
 ) -> AnalysedFields:
-    """A block of frames as integers.
+    """Return a block of frames as integers.
 
     Parameters
     ----------
@@ -154,15 +154,16 @@ def analyse_fields(
     mesh : FieldMesh
     choices : FieldChoices
     key : KeyFields, optional
-        Of the block that this one is to refer to. Where that takes fewer bits, its fields are
-        reused, and modes are found for what they leave.
+        Fields of the block that this one refers to. They are reused if that takes fewer bits;
+        modes are then found for the remainder.
     reference : int, default 0
-        How many blocks before this one that is.
+        How many blocks the key precedes this one by.
     """
     n_frames = frames.n_frames
     step = np.float32(choices.position_step * np.sqrt(n_frames))
     is_trial = frames.is_analysed  # before, and not for the last time either
-    hierarchy = in_background(lambda: mesh.hierarchy)  # where it is not known yet
+    # The first analysis also derives the hierarchy, in the background.
+    hierarchy = None if is_trial else in_background(lambda: mesh.hierarchy)
     is_single = choices.position_step >= LEAST_SINGLE_STEP
     layout = Layout(step, choices.stencil_size, choices.n_learned, reference, is_single)
     reused = None
@@ -171,11 +172,12 @@ def analyse_fields(
         n_own = 0 if reused is None else len(reused.block.fields)
         if reused is not None and n_own <= FEW_OWN * key.values.shape[1]:
             return reused
-    basis, coding = _quantized_basis(frames, float(step), choices)
+    basis, vectors, coding = _quantized_basis(frames, float(step), choices)
     layout = replace(layout, rests=coding.rests, has_cosines=coding.has_cosines)
-    hierarchy.result()
+    if hierarchy is not None:
+        hierarchy.result()
     prepared = mesh.prepared if key is None and is_trial else None
-    alone = _with_basis(frames, basis, layout, mesh, choices, key, prepared)
+    alone = _with_basis(frames, basis, vectors, layout, mesh, choices, key, prepared)
     if reused is None:
         return alone
     return min(alone, reused, key=lambda one: one.cost)
@@ -185,6 +187,7 @@ def analyse_fields(
 def _with_basis(
     left: BlockFrames,
     basis: npt.NDArray[np.int32],
+    vectors: Floats,
     layout: Layout,
     mesh: FieldMesh,
     choices: FieldChoices,
@@ -192,9 +195,11 @@ def _with_basis(
     prepared: Prepared | None = None,
     reused: npt.NDArray[np.int32] | None = None,
 ) -> AnalysedFields:
-    """Return the integers of a block whose basis is known; `reused` is that of reused modes."""
+    """Return the integers of a block, given its basis and the vectors that this decodes to.
+
+    `reused` is the basis of the modes whose fields are reused from the key.
+    """
     step = float(layout.step)
-    vectors = basis_vectors(basis, BasisCoding(layout.rests, layout.has_cosines))
     if len(basis):
         wanted = _projected(vectors.reshape(-1, len(basis)), left, mesh.number, step)
         residuals, own = _quantized_fields(wanted, layout, mesh, choices, key, prepared)
@@ -221,13 +226,14 @@ def _reusing(
     if reused is None:
         return None
     coding = reused.coding
-    basis, _ = _quantized_basis(reused.left, step, choices, coding, may_be_none=True)
+    basis, vectors, _ = _quantized_basis(reused.left, step, choices, coding, may_be_none=True)
     n_reused = len(reused.integers)
     if n_reused + len(basis) > frames.n_columns * frames.n_frames:
         return None
     layout = replace(layout, n_reused=n_reused, finer=finer)
     layout = replace(layout, rests=coding.rests, has_cosines=coding.has_cosines)
-    return _with_basis(reused.left, basis, layout, mesh, choices, key, None, reused.integers)
+    left, integers = reused.left, reused.integers
+    return _with_basis(left, basis, vectors, layout, mesh, choices, key, None, integers)
 
 
 def _projected(vectors: Floats, frames: BlockFrames, places: Integers, step: float) -> Floats:
@@ -253,11 +259,11 @@ def _quantized_basis(
     coding: BasisCoding | None = None,
     *,
     may_be_none: bool = False,
-) -> tuple[npt.NDArray[np.int32], BasisCoding]:
-    """Integers of the temporal basis, of shape (K, C, T), without modes that are all 0.
+) -> tuple[npt.NDArray[np.int32], Floats, BasisCoding]:
+    """Return integers of the temporal basis (K, C, T), the vectors they decode to, and the coding.
 
-    There is one at least, unless there may be none. With them their coding, which is chosen where
-    it is not given.
+    Modes whose integers are all 0 are dropped; one mode remains unless `may_be_none`. The coding is
+    chosen if it is not given.
     """
     least = choices.least_rms * step * float(np.sqrt(frames.n_verts))
     has_means = frames.taken is None and has_still_part(frames, step)
@@ -266,7 +272,7 @@ def _quantized_basis(
         vectors = vectors[:, strengths > least]
         strengths = strengths[strengths > least]
     strengths, vectors = strengths[: choices.n_modes], vectors[:, : choices.n_modes]
-    # Decoded vectors are normalised, so that a coarser step needs no telling.
+    # Decoded vectors are normalized, so the stream need not store a coarser step.
     scales = np.minimum(strengths / (choices.basis_step * step), LARGEST_INTEGER)
     shape = (-1, frames.n_columns, frames.n_frames)
     wanted = (vectors * scales).T.reshape(shape)
@@ -276,7 +282,8 @@ def _quantized_basis(
     does_something = np.asarray(coded.any(axis=(1, 2)))
     if not may_be_none:
         does_something[0] = True
-    return coded[does_something], coding
+    coded = coded[does_something]
+    return coded, basis_vectors(coded, coding), coding
 
 
 def has_still_part(frames: BlockFrames, step: float) -> bool:

@@ -121,6 +121,7 @@ class FieldBlockCoder:
             sections=self.sections_of(found.block, self.mesh, corrections),
             analysed=found,
             key=KeyBlock(self.mesh, found.block, found.own),
+            is_key=not found.block.layout.reference,
         )
 
     def code_piece(self, piece: Piece, key: "KeyBlock", reference: int) -> "CodedPiece":
@@ -155,21 +156,19 @@ class CodedFrames:
     Attributes
     ----------
     sections : iterator of (Section, bytes)
-        Their bytes are found when they are taken, which can be done once.
+        Encoded when they are iterated, which is possible once.
     analysed : AnalysedFields
         Fields, without corrections.
     key : KeyBlock
         The block, for others to refer to it.
+    is_key : bool
+        Whether it refers to no block, so that others may refer to it.
     """
 
     sections: Iterator[tuple[Section, bytes]]
     analysed: AnalysedFields
     key: "KeyBlock"
-
-    @property
-    def is_key(self) -> bool:
-        """Whether it refers to no block, so that others may refer to it."""
-        return not self.analysed.block.layout.reference
+    is_key: bool
 
     def decoded(self, frames: "FieldFrames") -> Vertices:
         """The positions that these frames decode to, without corrections."""

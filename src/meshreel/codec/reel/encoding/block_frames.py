@@ -180,7 +180,6 @@ class BlockFrames:
         steps = np.linalg.norm(np.diff(sample, axis=0), axis=2)
         return steps, np.linalg.norm(np.ptp(sample, axis=0), axis=1)
 
-    @staged("trajectories")
     def trajectories(self, least: float, *, with_means: bool = False) -> tuple[Floats, Floats]:
         """Singular values above `least`, one at least, and basis vectors of shape (C T, K).
 

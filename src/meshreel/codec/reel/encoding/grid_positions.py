@@ -125,10 +125,10 @@ def may_lie_on_grid(source: Source, size_bytes: int) -> bool:
     Where it is many times smaller than the positions, a grid is not: it has a number of some bits
     for each. And options that say how modes are to be found ask for modes.
     """
-    config, sequence = source.config, source.sequence
+    config = source.config
     if any(option is not None for option in (config.effort, config.tune, config.n_modes)):
         return False
-    raw_bytes = 3 * sequence.dtype.itemsize * sequence.n_frames * sequence.n_verts
+    raw_bytes = 3 * source.dtype.itemsize * source.n_frames * source.mesh.n_verts
     return size_bytes * RAW_SHARE > raw_bytes
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.connectivity.permutation import inverse_permutation
+from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.reel.encoding.effort import STEPS_OF_BOUND
 from meshreel.codec.reel.encoding.rate_control import least_cost
 from meshreel.codec.reel.encoding.shared_corners import SharedTrack, shared_track

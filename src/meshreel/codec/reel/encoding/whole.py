@@ -92,13 +92,15 @@ class WholeSequence:
 
     Attributes
     ----------
+    dtype : dtype
+        Number type of the positions.
     finest_step : float
         The finest step that it can be coded with.
     """
 
     def __init__(self, source: Source, progress: Progress, engine: Engine | None) -> None:
         self._source = source
-        self._n_frames = source.n_frames
+        self._n_frames, self.dtype = source.n_frames, source.dtype
         self._target = source.config.target
         self._progress = progress
         self._engine = engine
@@ -132,11 +134,6 @@ class WholeSequence:
         extent = self._source.sequence.extent
         low, high = float(extent.low.min()), float(extent.high.max())
         return largest_rounding(low, high, self.dtype, self._source.frame)
-
-    @property
-    def dtype(self) -> np.dtype[np.floating]:
-        """Number type of the positions."""
-        return self._source.dtype
 
     def size_bytes(self, step: float, bound: float) -> float:
         """Bytes of the stream with a step, corrected to keep a bound in diagonals."""

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from meshreel.codec.bitstream.container import read_block_counts
 from meshreel.codec.bitstream.layout import Section
-from meshreel.codec.connectivity.permutation import inverse_permutation
+from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.corrections import moves_by_frame
 from meshreel.codec.reel.normative.blocks import (
     POSITION_COLUMNS,

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Integers
-from meshreel.codec.connectivity.permutation import inverse_permutation
+from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.reel.normative.hierarchy import Resolution, resolutions_of
 from meshreel.kernel.fields import CodingOrder, order_of_rows
 from meshreel.kernel.mesh import Hierarchy, Neighbours, hierarchy, neighbours

@@ -2,7 +2,7 @@
 
 import pytest
 
-from meshreel.codec.byte_sizes import bytes_of
+from meshreel.codec.memory import bytes_of
 from meshreel.errors import InvalidInputError
 
 
