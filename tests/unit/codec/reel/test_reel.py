@@ -208,9 +208,7 @@ def test_other_layouts_are_refused_when_another_build_wrote_them(number):
         (section, first + payload[1:] if section is Section.FIELDS else payload)
         for section, payload in parts_of(stream)
     ]
-    with pytest.raises(
-        UnsupportedVersionError, match="needs a newer version; update meshreel"
-    ):
+    with pytest.raises(UnsupportedVersionError, match="needs a newer version; update meshreel"):
         decode(raw_stream(stream.header, sections))
 
 
