@@ -285,9 +285,12 @@ def damaged_material(payload):
         (b"\x00\x00\x07\x50\x00\x00", "the wrap mode of a texture is unknown"),
         (b"\x00\x00\x07\x00\x03\x00", "the filter of a texture"),
         (b"\x00\x00\x07\x00\x70\x00", "the filter of a texture is unknown"),
-        (b"\x00\x00\x07\x00\x00\x20", "sets numbers that are unknown"),
-        (b"\x01\x00\x07\x00\x00\x00", "shows an image that does not exist"),
-        (b"\xff\xff\xff\xff\xff\xff\x7f\x00\x07\x00\x00\x00", "shows an image that does not exist"),
+        (b"\x00\x00\x07\x00\x00\x20", "sets unknown numbers"),
+        (b"\x01\x00\x07\x00\x00\x00", "refers to an image that does not exist"),
+        (
+            b"\xff\xff\xff\xff\xff\xff\x7f\x00\x07\x00\x00\x00",
+            "refers to an image that does not exist",
+        ),
     ],
 )
 def test_a_texture_is_refused_when_it_cannot_be(texture, message):
