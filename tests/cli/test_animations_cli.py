@@ -28,7 +28,7 @@ def test_command_takes_the_animation_that_is_named(man, tmp_path, command):
     out = tmp_path / ("out.reel" if command == "encode" else "out.npz")
     figures = run_json(command, man, "-o", out)
     [note] = [one for one in figures["notes"] if "animation" in one]
-    assert note == "took the animation walk, not jump; choose with --animation"
+    assert note == "read the animation walk, not jump; choose with --animation"
     assert last(out)[:2] == pytest.approx([2, 0], abs=0.02)
     figures = run_json(command, man, "-o", out, "--force", "--animation", "jump")
     assert not any("animation" in one for one in figures["notes"])

@@ -90,7 +90,7 @@ def test_glb_splits_vertices_at_hard_edges(tmp_path, make):
     of_corner = dict(zip(triangle_corners(sizes), corners.tolist(), strict=True))
     for corner, normal in enumerate(expected):
         assert normals[of_corner[corner]] @ normal > 0.99
-    assert any("smooth but at hard edges" in note for note in notes)
+    assert any("smooth except at hard edges" in note for note in notes)
 
 
 def triangle_corners(sizes):

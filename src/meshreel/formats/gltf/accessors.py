@@ -1,4 +1,4 @@
-"""Arrays of a glTF file: accessors to NumPy arrays, every size checked before it is taken."""
+"""Reading accessors of a glTF file as NumPy arrays, with all sizes checked before allocation."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.gltf.buffers import EXPANSION, LEAST_DECODED_BYTES, Buffers
+from meshreel.formats.gltf.buffers import MAX_EXPANSION, MIN_EXPANDED_BYTES, Buffers
 from meshreel.formats.gltf.document import Document
 from meshreel.formats.gltf.json_object import JsonObject
 
@@ -22,16 +22,16 @@ class Values:
     Attributes
     ----------
     array : array of shape (N, C)
-        Of the type that the file has.
+        In the component type of the file.
     is_normalized : bool
-        Whether integers stand for -1..1, or 0..1 if they are unsigned.
+        Whether integers represent -1 to 1, or 0 to 1 if unsigned.
     """
 
     array: npt.NDArray[Any]
     is_normalized: bool = False
 
     def floats(self) -> npt.NDArray[Any]:
-        """The numbers that are meant, as float32 if it holds them exactly, else as float64."""
+        """Return the represented numbers, as float32 if that is exact, otherwise float64."""
         array = self.array
         if array.dtype.kind == "f":
             return array
@@ -43,104 +43,106 @@ class Values:
 
 
 class Accessors:
-    """The accessors of a file, each decoded whenever it is asked for."""
+    """The accessors of a file, decoded on each read."""
 
     def __init__(self, document: Document) -> None:
         self.document = document
         self.buffers = Buffers(document)
         self._reserved = 0
 
-    def count(self, holder: JsonObject, key: str) -> int:
-        """Number of elements that an accessor announces, which an object must name."""
-        return self.document.item(holder, key, "accessors").whole("count")
+    def count(self, parent: JsonObject, key: str) -> int:
+        """Return the declared number of elements of an accessor that an object refers to."""
+        return self.document.item(parent, key, "accessors").integer("count")
 
-    def read(self, holder: JsonObject, key: str, *kinds: str, count: int | None = None) -> Values:
-        """The values of an accessor, which an object must name.
+    def read(self, parent: JsonObject, key: str, *kinds: str, count: int | None = None) -> Values:
+        """Return the values of an accessor that an object refers to.
 
         Parameters
         ----------
-        holder : JsonObject
+        parent : JsonObject
         key : str
-            Under which the number of the accessor stands.
+            Key of the accessor index.
         *kinds : str
-            What it may be: "SCALAR", "VEC3".
+            Allowed accessor types, such as "SCALAR" and "VEC3".
         count : int, optional
-            How many elements it must have; else at least one.
+            Required number of elements; by default any positive number.
 
         Raises
         ------
         FormatError
-            If it is of another kind or size, or not all within its bytes.
+            If the accessor has another type or size, or exceeds its buffer view.
         """
-        found = self.document.item(holder, key, "accessors")
-        dtype, width = declared_type(found, kinds)
-        n_elements = found.whole("count")
+        accessor = self.document.item(parent, key, "accessors")
+        dtype, width = declared_type(accessor, kinds)
+        n_elements = accessor.integer("count")
         if n_elements == 0 or n_elements != (count or n_elements):
-            raise found.error("count", f"{count or 'at least 1'} as {holder.place} needs")
-        array = self._dense(found, dtype, n_elements, width)
-        if (sparse := found.child("sparse")) is not None:
+            raise accessor.error("count", f"{count or 'at least 1'}, as {parent.place} requires")
+        array = self._dense(accessor, dtype, n_elements, width)
+        if (sparse := accessor.child("sparse")) is not None:
             self._overwrite(array, sparse)
-        return Values(array, found.flag("normalized"))
+        return Values(array, accessor.flag("normalized"))
 
     def _dense(
-        self, found: JsonObject, dtype: np.dtype[Any], count: int, width: int
+        self, accessor: JsonObject, dtype: np.dtype[Any], count: int, width: int
     ) -> npt.NDArray[Any]:
-        """The values without those that are sparse; an array of its own."""
-        is_stored = self.document.index(found, "bufferView", "bufferViews") is not None
-        stored = self._taken(found, dtype, count, width) if is_stored else None
-        self.reserve(count * width * dtype.itemsize, found.place)
+        """Return a copy of the values without sparse substitution."""
+        is_stored = self.document.index(accessor, "bufferView", "bufferViews") is not None
+        stored = self._elements(accessor, dtype, count, width) if is_stored else None
+        self.reserve(count * width * dtype.itemsize, accessor.place)
         return np.zeros((count, width), dtype) if stored is None else stored.copy()
 
     def reserve(self, size_bytes: int, place: str) -> None:
-        """Count bytes that are about to be taken, and refuse far more than the file has."""
+        """Count bytes before they are allocated, and reject far more than the file has."""
         self._reserved += size_bytes
         available = self.document.size_bytes + self.buffers.size_bytes
-        if self._reserved > max(LEAST_DECODED_BYTES, EXPANSION * available):
+        if self._reserved > max(MIN_EXPANDED_BYTES, MAX_EXPANSION * available):
             raise FormatError(
-                f"{place}: the arrays of the file would take more than {EXPANSION} times its size, "
-                f"and more than {LEAST_DECODED_BYTES >> 30} GiB"
+                f"{place}: the arrays of the file would need more than {MAX_EXPANSION} times its "
+                f"size, and more than {MIN_EXPANDED_BYTES >> 30} GiB"
             )
 
-    def _taken(
-        self, holder: JsonObject, dtype: np.dtype[Any], count: int, width: int
+    def _elements(
+        self, accessor: JsonObject, dtype: np.dtype[Any], count: int, width: int
     ) -> npt.NDArray[Any]:
-        """Elements where an accessor, or a part of a sparse one, says that they lie."""
-        self.document.item(holder, "bufferView", "bufferViews")
-        data, stride = self.buffers.view(holder.whole("bufferView"))
+        """Return a view of the elements of an accessor, or of a part of a sparse one."""
+        self.document.item(accessor, "bufferView", "bufferViews")
+        data, stride = self.buffers.view(accessor.integer("bufferView"))
         size = width * dtype.itemsize
-        start, apart = holder.whole("byteOffset", 0), stride or size
-        if apart < size:
-            raise FormatError(f"{holder.place}: elements of {size} bytes are {apart} bytes apart")
-        if count and start + (count - 1) * apart + size > len(data):
+        start, spacing = accessor.integer("byteOffset", 0), stride or size
+        if spacing < size:
             raise FormatError(
-                f"{holder.place}: {count} elements of {size} bytes, {apart} bytes apart from byte "
-                f"{start} on, are not within the {len(data)} bytes of their buffer view"
+                f"{accessor.place}: elements of {size} bytes have a stride of {spacing} bytes"
             )
-        return np.ndarray((count, width), dtype, data, start, (apart, dtype.itemsize))
+        if count and start + (count - 1) * spacing + size > len(data):
+            raise FormatError(
+                f"{accessor.place}: {count} elements of {size} bytes with stride {spacing}, from "
+                f"byte {start} on, exceed the {len(data)} bytes of their buffer view"
+            )
+        return np.ndarray((count, width), dtype, data, start, (spacing, dtype.itemsize))
 
     def _overwrite(self, array: npt.NDArray[Any], sparse: JsonObject) -> None:
-        count = sparse.whole("count")
-        places, values = sparse.needed("indices"), sparse.needed("values")
-        rows = self._taken(places, component_type(places, "u"), count, 1)[:, 0]
+        count = sparse.integer("count")
+        indices, values = sparse.required_child("indices"), sparse.required_child("values")
+        rows = self._elements(indices, component_type(indices, "u"), count, 1)[:, 0]
         if count and int(rows.max()) >= len(array):
             raise FormatError(
-                f"{places.place}: names element {int(rows.max())}; there are {len(array)}"
+                f"{indices.place}: refers to element {int(rows.max())}; there are {len(array)}"
             )
-        array[rows] = self._taken(values, array.dtype, count, array.shape[1])
+        array[rows] = self._elements(values, array.dtype, count, array.shape[1])
 
 
-def component_type(holder: JsonObject, kinds: str = "iuf") -> np.dtype[Any]:
-    """The number type that an object declares; one of these kinds, as NumPy calls them."""
-    code = COMPONENTS.get(holder.whole("componentType"))
+def component_type(accessor: JsonObject, kinds: str = "iuf") -> np.dtype[Any]:
+    """Return the component type of an object, which must be one of these NumPy kinds."""
+    code = COMPONENTS.get(accessor.integer("componentType"))
     if code is None or np.dtype(code).kind not in kinds:
         allowed = [str(one) for one, name in COMPONENTS.items() if np.dtype(name).kind in kinds]
-        raise holder.error("componentType", f"one of {', '.join(allowed)}")
+        raise accessor.error("componentType", f"one of {', '.join(allowed)}")
     return np.dtype(code)
 
 
 def declared_type(accessor: JsonObject, kinds: tuple[str, ...]) -> tuple[np.dtype[Any], int]:
-    """Number type and numbers per element of an accessor of one of these kinds."""
+    """Return component type and components per element of an accessor of one of these types."""
     kind = accessor.text("type")
     if kind not in kinds:
-        raise accessor.error("type", f"{' or '.join(kinds)} here")
+        raise accessor.error("type", f"{' or '.join(kinds)}")
     return component_type(accessor), WIDTHS[kind]

@@ -1,4 +1,4 @@
-"""Curves of an animation of a glTF file, by the node and the property that they move."""
+"""Curves of an animation of a glTF file, by the node and property that they animate."""
 
 from dataclasses import dataclass
 
@@ -18,54 +18,56 @@ PATHS = {
     "scale": ("VEC3",),
     "weights": ("SCALAR",),
 }
-"""Properties that a channel can move, and the kind of their values."""
+"""Properties that a channel can animate, and the accessor types of their values."""
 
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """One thing that an animation moves.
+    """A channel: the animation of a property of a node.
 
     Attributes
     ----------
+    node : int
     path : str
         One of `PATHS`.
-    sampler, given : JsonObject
-        Where its values are, and the channel itself.
+    sampler : JsonObject
+    json : JsonObject
+        The channel in the file.
     """
 
     node: int
     path: str
     sampler: JsonObject
-    given: JsonObject
+    json: JsonObject
 
 
 Curves = dict[tuple[int, str], Curve]
-"""How each node and path that is animated moves."""
+"""The curve of each animated node and path."""
 
 
 def read_channels(animation: JsonObject, n_nodes: int) -> list[Channel]:
-    """The channels of an animation that move a node; others belong to extensions.
+    """Return the channels of an animation that target nodes; extensions define other targets.
 
     Raises
     ------
     FormatError
-        If one names a node or a sampler that is not there.
+        If a channel refers to a missing node or sampler.
     """
     samplers = animation.children("samplers", "sampler")
     channels = []
-    for given in animation.children("channels", "channel"):
-        target = given.needed("target")
+    for channel in animation.children("channels", "channel"):
+        target = channel.required_child("target")
         node, path = target.index("node", n_nodes), target.text("path")
-        number = given.index("sampler", len(samplers))
+        number = channel.index("sampler", len(samplers))
         if number is None:
-            raise given.error("sampler", "the number of a sampler")
+            raise channel.error("sampler", "the index of a sampler")
         if node is not None and path in PATHS:
-            channels.append(Channel(node, path, samplers[number], given))
+            channels.append(Channel(node, path, samplers[number], channel))
     return channels
 
 
 def read_keys(channels: list[Channel], accessors: Accessors) -> Floats:
-    """Times of the keys of all channels, in seconds, each once, ascending.
+    """Return the distinct key times of all channels, in seconds, ascending.
 
     Raises
     ------
@@ -78,12 +80,12 @@ def read_keys(channels: list[Channel], accessors: Accessors) -> Floats:
 
 
 def read_curves(channels: list[Channel], nodes: Nodes, accessors: Accessors) -> Curves:
-    """The curves of channels; of several that move the same thing, the last.
+    """Return the curves of channels; the last one of several for the same property.
 
     Raises
     ------
     FormatError
-        As `read_keys`, or if a value is not finite, or there are not as many as keys.
+        As `read_keys`, or if values are not finite, or their number does not match the keys.
     """
     return {(one.node, one.path): _read_curve(one, nodes, accessors) for one in channels}
 
@@ -92,15 +94,15 @@ def _read_curve(channel: Channel, nodes: Nodes, accessors: Accessors) -> Curve:
     sampler, node = channel.sampler, nodes.objects[channel.node]
     if "matrix" in node and channel.path != "weights":
         raise FormatError(
-            f"{channel.given.place}: moves the {channel.path} of {node.place}, "
-            "which has a matrix in its place"
+            f"{channel.json.place}: animates the {channel.path} of {node.place}, "
+            "which has a matrix instead"
         )
     name = sampler.text("interpolation", "LINEAR")
     if name not in list(Interpolation):
         raise sampler.error("interpolation", f"one of {', '.join(Interpolation)}")
     values = accessors.read(sampler, "output", *PATHS[channel.path]).floats().astype(np.float64)
     if not np.isfinite(values).all():
-        raise FormatError(f"{sampler.place}: values of keys must be finite")
+        raise FormatError(f"{sampler.place}: key values must be finite")
     width = _width(channel, nodes, accessors)
     return _curve(channel, _keys(sampler, accessors), values, Interpolation(name), width)
 
@@ -108,7 +110,7 @@ def _read_curve(channel: Channel, nodes: Nodes, accessors: Accessors) -> Curve:
 def _keys(sampler: JsonObject, accessors: Accessors) -> Floats:
     keys = accessors.read(sampler, "input", "SCALAR").floats()[:, 0].astype(np.float64)
     if not np.isfinite(keys).all() or (np.diff(keys) < 0).any():
-        raise FormatError(f"{sampler.place}: times of keys must be finite and ascending")
+        raise FormatError(f"{sampler.place}: key times must be finite and ascending")
     return keys
 
 
@@ -120,17 +122,17 @@ def _curve(
     if values.size != len(keys) * n_each * width:
         raise FormatError(
             f"{channel.sampler.place}: has {values.size} numbers for {len(keys)} keys; "
-            f"{len(keys) * n_each * width} are needed"
+            f"expected {len(keys) * n_each * width}"
         )
     rows = values.reshape(len(keys), n_each, width)
     if interpolation is Interpolation.CUBICSPLINE:
         return Curve(keys, rows[:, 1], interpolation, (rows[:, 0], rows[:, 2]), is_rotation)
-    given = unit(rows[:, 0]) if is_rotation else rows[:, 0]
-    return Curve(keys, given, interpolation, None, is_rotation)
+    normalized = unit(rows[:, 0]) if is_rotation else rows[:, 0]
+    return Curve(keys, normalized, interpolation, None, is_rotation)
 
 
 def _width(channel: Channel, nodes: Nodes, accessors: Accessors) -> int:
-    """Numbers that each key has."""
+    """Return the number of components of a key value."""
     if channel.path != "weights":
         return 4 if channel.path == "rotation" else 3
     document = accessors.document

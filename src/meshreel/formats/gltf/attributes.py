@@ -1,4 +1,4 @@
-"""Texture coordinates, colours and a program's own values of a glTF mesh, as attributes."""
+"""Reading vertex attributes of a glTF mesh: UVs, colors and application-specific attributes."""
 
 import re
 from collections.abc import Sequence
@@ -20,16 +20,16 @@ KINDS = {"TEXCOORD": Kind.UV, "COLOR": Kind.COLOR}
 
 @dataclass(frozen=True, eq=False)
 class SplitMesh:
-    """Vertices as the file has them, and which of them are one.
+    """Vertices as in the file, and the welded vertices that they belong to.
 
     Attributes
     ----------
     vertex_of : int64 array of shape (N,)
-        The vertex that each split one is.
+        The welded vertex of each vertex of the file.
     first : int64 array of shape (V,)
-        The first split one of each vertex.
+        The first vertex of the file of each welded vertex.
     corners : int64 array of shape (3 M,)
-        The split vertex at each corner of the triangles.
+        The vertex of the file at each corner of the triangles.
     """
 
     vertex_of: npt.NDArray[np.int64]
@@ -37,9 +37,9 @@ class SplitMesh:
     corners: npt.NDArray[np.int64]
 
     def attribute(self, name: str, kind: Kind, rows: Rows) -> Attribute:
-        """Values of the split vertices, of shape (N, C), of vertices or of corners.
+        """Return values of shape (N, C) as an attribute of vertices or corners.
 
-        Of vertices if all split ones that are the same vertex have the same.
+        It is one of vertices if the values agree on all vertices of the file that are welded.
         """
         bits = np.ascontiguousarray(rows).view(f"u{rows.itemsize}")
         if (bits[self.first[self.vertex_of]] == bits).all():
@@ -52,16 +52,16 @@ class SplitMesh:
 def read_attributes(
     blocks: Sequence[Block], mesh: SplitMesh, place: str, notes: list[str]
 ) -> tuple[Attribute, ...]:
-    """The attributes that blocks have, one after the other; notes tell what is left out or made up.
+    """Return the attributes of concatenated blocks; notes list omitted and filled ones.
 
-    Texture coordinates first, then colours, both by their numbers, then those that a program made
-    up, whose names begin with a low line.
+    UVs come first, then colors, each by set index, then application-specific attributes, whose
+    names begin with an underscore.
     """
     found = []
     for name in sorted({name for block in blocks for name in block.values}, key=_rank):
-        if (told := meaning(name)) is None:
+        if (described := meaning(name)) is None:
             continue
-        label, kind = told
+        label, kind = described
         rows, note = _JOINS[kind]([block.values.get(name) for block in blocks], blocks)
         if note:
             notes.append(f"{place}: {name} {note}")
@@ -76,7 +76,7 @@ def _rank(name: str) -> tuple[int, int, str]:
 
 
 def meaning(name: str) -> tuple[str, Kind] | None:
-    """The name of an attribute here, and its kind; None if it is no attribute of a surface."""
+    """Return the name and kind of an attribute in meshreel, or None if it is not supported."""
     if match := NUMBERED.fullmatch(name):
         kind = KINDS[match[1]]
         return kind.value + ("" if int(match[2]) == 0 else match[2]), kind
@@ -84,41 +84,41 @@ def meaning(name: str) -> tuple[str, Kind] | None:
 
 
 Joined = tuple[Rows | None, str]
-"""Values of all blocks, one after the other, and what to say of them."""
+"""Concatenated values of all blocks, and a note on them."""
 
 
-def _coordinates(given: Sequence[Values | None], blocks: Sequence[Block]) -> Joined:
+def _join_uvs(stored: Sequence[Values | None], blocks: Sequence[Block]) -> Joined:
     filled = [
         np.zeros((block.n_verts, 2)) if one is None else one.floats()
-        for one, block in zip(given, blocks, strict=True)
+        for one, block in zip(stored, blocks, strict=True)
     ]
-    # Downwards in the file; zeros are added for those that are negative to have the same bits.
-    turned = [np.stack([uv[:, 0] + 0.0, 1 - uv[:, 1]], axis=1) for uv in filled]
-    note = "is 0 1 where a primitive has none" if None in given else ""
-    return np.concatenate(turned).astype(np.float32), note
+    # In glTF, v points down. Adding zero turns -0.0 into 0.0, for bitwise comparisons.
+    flipped = [np.stack([uv[:, 0] + 0.0, 1 - uv[:, 1]], axis=1) for uv in filled]
+    note = "is 0 1 on primitives without it" if None in stored else ""
+    return np.concatenate(flipped).astype(np.float32), note
 
 
-def _colors(given: Sequence[Values | None], blocks: Sequence[Block]) -> Joined:
-    there = [one.array for one in given if one is not None]
-    width = max(array.shape[1] for array in there)
-    are_bytes = all(array.dtype == np.uint8 for array in there)
+def _join_colors(stored: Sequence[Values | None], blocks: Sequence[Block]) -> Joined:
+    arrays = [one.array for one in stored if one is not None]
+    width = max(array.shape[1] for array in arrays)
+    are_bytes = all(array.dtype == np.uint8 for array in arrays)
     rows = [
         np.full((block.n_verts, width), 255 if are_bytes else 1, np.uint8 if are_bytes else "f4")
         for block in blocks
     ]
-    for one, filled in zip(given, rows, strict=True):
+    for one, filled in zip(stored, rows, strict=True):
         if one is not None:
             found = one.array if are_bytes else Values(one.array, is_normalized=True).floats() + 0.0
             filled[:, : found.shape[1]] = found
-    return np.concatenate(rows), "is white where a primitive has none" if None in given else ""
+    return np.concatenate(rows), "is white on primitives without it" if None in stored else ""
 
 
-def _own(given: Sequence[Values | None], blocks: Sequence[Block]) -> Joined:
-    there = [one for one in given if one is not None]
-    types = {(one.array.dtype, one.array.shape[1], one.is_normalized) for one in there}
-    if len(types) > 1 or len(there) < len(blocks):
-        return None, "is left out, for its primitives do not all have it alike"
-    rows = np.concatenate([one.floats() if one.is_normalized else one.array for one in there])
+def _join_custom(stored: Sequence[Values | None], blocks: Sequence[Block]) -> Joined:
+    present = [one for one in stored if one is not None]
+    types = {(one.array.dtype, one.array.shape[1], one.is_normalized) for one in present}
+    if len(types) > 1 or len(present) < len(blocks):
+        return None, "is left out, since not all primitives have it with the same type"
+    rows = np.concatenate([one.floats() if one.is_normalized else one.array for one in present])
     if rows.dtype == np.uint8:
         return rows, ""
     if rows.dtype.kind == "f":
@@ -126,4 +126,4 @@ def _own(given: Sequence[Values | None], blocks: Sequence[Block]) -> Joined:
     return rows.astype(np.float64 if rows.dtype == np.uint32 else np.int32), ""
 
 
-_JOINS = {Kind.UV: _coordinates, Kind.COLOR: _colors, Kind.OTHER: _own}
+_JOINS = {Kind.UV: _join_uvs, Kind.COLOR: _join_colors, Kind.OTHER: _join_custom}

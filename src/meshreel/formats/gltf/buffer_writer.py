@@ -1,4 +1,4 @@
-"""Arrays to the one buffer of a glTF file, its views and its accessors."""
+"""Writing arrays to the single buffer of a glTF file, with buffer views and accessors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,17 +13,19 @@ COMPONENT_TYPES = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "
 TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 ALIGNMENT = 4
-"""Attributes of vertices must begin at a multiple of so many bytes, each of them."""
+"""Alignment of each vertex attribute and its stride, in bytes."""
 
 
 @dataclass(frozen=True, eq=False)
 class VertexValues:
-    """Values of vertices in the buffer.
+    """Vertex values in the buffer.
 
     Attributes
     ----------
+    view : int
+        Index of the buffer view.
     offset, stride : int
-        Bytes from the beginning of the view, and from one vertex to the next.
+        Byte offset in the view, and bytes per vertex.
     values : array of shape (N, C)
     """
 
@@ -34,15 +36,15 @@ class VertexValues:
 
 
 class BufferWriter:
-    """The contents of the buffer so far.
+    """The buffer of a file, to which arrays are appended.
 
     Attributes
     ----------
     pieces : list of bytes
-        Of the buffer, one after the other.
+        Consecutive pieces of the buffer.
     size_bytes : int
     views, accessors : list of dict
-        As they stand in the JSON.
+        Entries of the JSON.
     """
 
     def __init__(self) -> None:
@@ -52,28 +54,28 @@ class BufferWriter:
         self.accessors: list[Json] = []
 
     def add_vertices(self, arrays: Sequence[npt.NDArray[Any]]) -> list[VertexValues]:
-        """Values of vertices, arrays of one type and shape (N, C), one array after the other."""
+        """Append vertex values, consecutive arrays of the same type and shape (N, C)."""
         n_verts, width = arrays[0].shape
         dtype = arrays[0].dtype
         row = width * dtype.itemsize
         stride = -(-row // ALIGNMENT) * ALIGNMENT
         padded = np.zeros((len(arrays), n_verts, stride), np.uint8)
-        for place, array in zip(padded, arrays, strict=True):
+        for target, array in zip(padded, arrays, strict=True):
             exact = np.ascontiguousarray(array, dtype.newbyteorder("<"))
-            place[:, :row] = exact.view(np.uint8).reshape(n_verts, row)
+            target[:, :row] = exact.view(np.uint8).reshape(n_verts, row)
         view = self._add_view(padded.tobytes(), {"byteStride": stride, "target": ARRAY_BUFFER})
         return [
             VertexValues(view, number * n_verts * stride, stride, array)
             for number, array in enumerate(arrays)
         ]
 
-    def vertex_accessor(self, name: str, there: VertexValues, verts: slice) -> int:
-        """An accessor of an attribute of some of the vertices.
+    def vertex_accessor(self, name: str, stored: VertexValues, verts: slice) -> int:
+        """Add an accessor of an attribute on a range of vertices, and return its index.
 
-        Integers stand for 0..1 or -1..1, but for those of attributes that glTF does not define.
+        Integers are normalized, except in application-specific attributes.
         """
-        values = there.values[verts]
-        found = _accessor(there.view, values, there.offset + verts.start * there.stride)
+        values = stored.values[verts]
+        found = _accessor(stored.view, values, stored.offset + verts.start * stored.stride)
         if values.dtype.kind in "iu" and not name.startswith("_"):
             found["normalized"] = True
         if name == "POSITION":
@@ -81,20 +83,20 @@ class BufferWriter:
         return self._add_accessor(found)
 
     def add_indices(self, indices: npt.NDArray[np.integer]) -> int:
-        """An accessor of the corners of triangles, of as few bytes as hold them."""
-        dtype = np.dtype("<u2" if indices.max() < 0xFFFF else "<u4")  # the last means a restart
+        """Append triangle corners in the smallest index type, and return their accessor."""
+        dtype = np.dtype("<u2" if indices.max() < 0xFFFF else "<u4")  # 0xFFFF is primitive restart
         values = indices.astype(dtype).reshape(-1, 1)
         view = self._add_view(values.tobytes(), {"target": ELEMENT_ARRAY_BUFFER})
         return self._add_accessor(_accessor(view, values, 0))
 
     def add_samples(self, values: npt.NDArray[np.float32], *, are_times: bool) -> int:
-        """An accessor of numbers of an animation, which is not for vertices."""
+        """Append numbers of an animation, and return their accessor."""
         column = values.astype("<f4").reshape(-1, 1)
         found = _accessor(self._add_view(column.tobytes(), {}), column, 0)
         return self._add_accessor(found | (_bounds(column) if are_times else {}))
 
     def add_image(self, data: bytes) -> int:
-        """A view of the bytes of an image."""
+        """Append the bytes of an image, and return the index of their buffer view."""
         return self._add_view(data, {})
 
     def _add_view(self, data: bytes, about: Json) -> int:

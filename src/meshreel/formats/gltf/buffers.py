@@ -1,4 +1,4 @@
-"""Bytes of the buffers of a glTF file, wherever they are kept."""
+"""Bytes of the buffers of a glTF file: in the file, in data URIs, or in other files."""
 
 import base64
 import binascii
@@ -10,19 +10,19 @@ from meshreel.formats.file_errors import os_errors_naming
 from meshreel.formats.gltf.document import MESHOPT, Document
 from meshreel.formats.gltf.json_object import JsonObject
 from meshreel.formats.gltf.meshopt import decode_view
-from meshreel.formats.gltf.named_files import file_beside
+from meshreel.formats.gltf.named_files import referenced_file
 
-LEAST_DECODED_BYTES = 1 << 30
-EXPANSION = 32
-"""Arrays may take this many times the bytes of the file, or `LEAST_DECODED_BYTES`: arrays that
-share bytes, have none, or are compressed must not make a small file fill the memory."""
+MIN_EXPANDED_BYTES = 1 << 30
+MAX_EXPANSION = 32
+"""Arrays may need this many times the bytes of the file, or `MIN_EXPANDED_BYTES` if that is more:
+a small file must not fill the memory with arrays that share bytes, have none, or are compressed."""
 
 DATA_URI = re.compile(r"data:[^,]{0,200};base64,", re.IGNORECASE)
 
 
 @dataclass(frozen=True, eq=False)
 class Buffers:
-    """The buffers of a file, each read when it is first needed."""
+    """The buffers of a file, read on demand."""
 
     document: Document
     _read: dict[int, memoryview] = field(default_factory=dict)
@@ -30,93 +30,95 @@ class Buffers:
 
     @property
     def size_bytes(self) -> int:
-        """Bytes of those that were read."""
+        """Total size of the buffers read so far."""
         return sum(len(data) for data in self._read.values())
 
     def view(self, index: int) -> tuple[memoryview, int]:
-        """The bytes of a buffer view, decompressed, and its stride; 0 if it has none.
+        """Return the decompressed bytes of a buffer view, and its stride, or 0 without one.
 
         Raises
         ------
         FormatError
-            If it is not within its buffer, the buffer cannot be had, or the bytes cannot be
+            If the view exceeds its buffer, the buffer cannot be read, or the data cannot be
             decompressed.
         """
-        found = self.document.lists["bufferViews"][index]
-        stride = found.whole("byteStride", 0)
-        packed = next(filter(None, map(found.extension, MESHOPT)), None)
-        if packed is None:
-            return self._stored(found), stride
+        view = self.document.lists["bufferViews"][index]
+        stride = view.integer("byteStride", 0)
+        compressed = next(filter(None, map(view.extension, MESHOPT)), None)
+        if compressed is None:
+            return self._stored(view), stride
         if index not in self._decoded:
-            self._decoded[index] = self._decompressed(found, packed)
+            self._decoded[index] = self._decompressed(view, compressed)
         return self._decoded[index], stride
 
-    def _decompressed(self, found: JsonObject, packed: JsonObject) -> memoryview:
-        size = found.whole("byteLength")
-        if packed.whole("count") * packed.whole("byteStride") != size:
+    def _decompressed(self, view: JsonObject, compressed: JsonObject) -> memoryview:
+        size = view.integer("byteLength")
+        if compressed.integer("count") * compressed.integer("byteStride") != size:
             raise FormatError(
-                f"{packed.place}: its 'count' times its 'byteStride' must be the {size} bytes of "
-                f"{found.place}"
+                f"{compressed.place}: its 'count' times its 'byteStride' must be the {size} bytes "
+                f"of {view.place}"
             )
-        data = bytes(self._stored(packed))
+        data = bytes(self._stored(compressed))
         total = size + sum(map(len, self._decoded.values()))
         available = self.document.size_bytes + self.size_bytes
-        if total > max(LEAST_DECODED_BYTES, EXPANSION * available):
+        if total > max(MIN_EXPANDED_BYTES, MAX_EXPANSION * available):
             raise FormatError(
-                f"{packed.place}: what is compressed in the file would take more than {EXPANSION} "
-                f"times its size, and more than {LEAST_DECODED_BYTES >> 30} GiB"
+                f"{compressed.place}: compressed data of the file would need more than "
+                f"{MAX_EXPANSION} times its size, and more than {MIN_EXPANDED_BYTES >> 30} GiB"
             )
-        return memoryview(decode_view(data, packed).tobytes())
+        return memoryview(decode_view(data, compressed).tobytes())
 
-    def _stored(self, holder: JsonObject) -> memoryview:
-        """The bytes of a buffer that a buffer view or its compression names."""
-        buffer = self.document.item(holder, "buffer", "buffers")
-        number = holder.whole("buffer")
-        start, length = holder.whole("byteOffset", 0), holder.whole("byteLength")
-        size = buffer.whole("byteLength")
+    def _stored(self, parent: JsonObject) -> memoryview:
+        """Return the bytes in a buffer to which a view or its compression extension refers."""
+        buffer = self.document.item(parent, "buffer", "buffers")
+        number = parent.integer("buffer")
+        start, length = parent.integer("byteOffset", 0), parent.integer("byteLength")
+        size = buffer.integer("byteLength")
         if start + length > size:
             raise FormatError(
-                f"{holder.place}: bytes {start}..{start + length} are not within {buffer.place}, "
-                f"which has {size}"
+                f"{parent.place}: bytes {start}..{start + length} exceed {buffer.place}, "
+                f"which has {size} bytes"
             )
         if number not in self._read:
             self._read[number] = self._bytes(buffer, number, size)
         return self._read[number][start : start + length]
 
-    def _bytes(self, holder: JsonObject, number: int, size: int) -> memoryview:
-        if "uri" in holder:
-            data = self._from_uri(holder, size)
+    def _bytes(self, buffer: JsonObject, number: int, size: int) -> memoryview:
+        if "uri" in buffer:
+            data = self._from_uri(buffer, size)
         elif number == 0 and self.document.binary is not None:
             data = self.document.binary
         else:
-            raise _missing(holder)
+            raise _missing(buffer)
         if len(data) < size:
-            raise FormatError(f"{holder.place}: has {len(data)} bytes of the {size} announced")
+            raise FormatError(f"{buffer.place}: has {len(data)} of the declared {size} bytes")
         return data[:size]
 
-    def _from_uri(self, holder: JsonObject, size: int) -> memoryview:
-        uri = holder.text("uri")
+    def _from_uri(self, buffer: JsonObject, size: int) -> memoryview:
+        uri = buffer.text("uri")
         if match := DATA_URI.match(uri):
             try:
                 return memoryview(base64.b64decode(uri[match.end() :]))
             except (binascii.Error, ValueError) as error:
-                raise FormatError(f"{holder.place}: its data is no base64 ({error})") from None
-        path = file_beside(self.document, uri, holder.place)
+                raise FormatError(
+                    f"{buffer.place}: its data are not valid base64 ({error})"
+                ) from None
+        path = referenced_file(self.document, uri, buffer.place)
         with os_errors_naming(path):
             if path.stat().st_size < size:
                 raise FormatError(
-                    f"{holder.place}: {path.name} has {path.stat().st_size} bytes; "
-                    f"{size} are announced"
+                    f"{buffer.place}: {path.name} has {path.stat().st_size} of the declared "
+                    f"{size} bytes"
                 )
             with path.open("rb") as file:
                 return memoryview(file.read(size))
 
 
-def _missing(holder: JsonObject) -> FormatError:
-    packed = next((name for name in MESHOPT if holder.extension(name) is not None), None)
-    if packed is not None:
+def _missing(buffer: JsonObject) -> FormatError:
+    extension = next((name for name in MESHOPT if buffer.extension(name) is not None), None)
+    if extension is not None:
         return FormatError(
-            f"{holder.place}: is the fallback of {packed} and has no data; buffer views that name "
-            "it must have that extension too"
+            f"{buffer.place}: is the fallback of {extension} without data; its buffer views must "
+            "have that extension too"
         )
-    return FormatError(f"{holder.place}: has no 'uri', and there is no binary chunk for it")
+    return FormatError(f"{buffer.place}: has neither 'uri' nor a binary chunk")

@@ -1,4 +1,4 @@
-"""The animations of a glTF file: their names and durations, and the one that is read."""
+"""The animations of a glTF file: names, durations, and selection of the one to read."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,19 +14,19 @@ from meshreel.formats.gltf.nodes import Nodes, unique_names
 from meshreel.formats.notes import listed, note_left_out
 
 MAX_LISTED = 10
-"""Names of animations in a note or an error."""
+"""Maximum number of animation names in a message."""
 
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """An animation whose keys and values were read.
+    """An animation with its keys and values.
 
     Attributes
     ----------
     keys_s : float64 array of shape (N,)
-        Times of the keys of all its channels, ascending; empty if it moves no node.
+        Key times of all channels, ascending; empty if the animation targets no node.
     curves : Curves
-        Of the channels that move a mesh; empty if none does.
+        Curves of the channels that move a mesh.
     """
 
     keys_s: Floats
@@ -38,13 +38,15 @@ class Clips:
 
     Parameters
     ----------
+    nodes : Nodes
+    accessors : Accessors
     moves_mesh : function of a channel
-        Whether it moves a mesh that is read.
+        Returns whether it moves a mesh that is read.
 
     Attributes
     ----------
     names : list of str
-        Of each animation, no two alike; "animation_N" for one without a name.
+        Unique names of the animations; "animation_N" for unnamed ones.
     """
 
     def __init__(
@@ -52,16 +54,16 @@ class Clips:
     ) -> None:
         self._nodes, self._accessors, self._moves_mesh = nodes, accessors, moves_mesh
         self._animations = accessors.document.lists["animations"]
-        given = [one.values.get("name") for one in self._animations]
+        stored = [one.values.get("name") for one in self._animations]
         self.names = unique_names(
             [
                 name if isinstance(name, str) and name else f"animation_{number}"
-                for number, name in enumerate(given)
+                for number, name in enumerate(stored)
             ]
         )
 
     def read(self, number: int) -> Clip:
-        """The keys and values of an animation.
+        """Return the keys and values of an animation.
 
         Raises
         ------
@@ -71,40 +73,40 @@ class Clips:
         animation = self._animations[number]
         animation.text("name", "")
         channels = read_channels(animation, len(self._nodes.objects))
-        moving = [one for one in channels if self._moves_mesh(one)]
+        animated = [one for one in channels if self._moves_mesh(one)]
         keys_s = read_keys(channels, self._accessors) if channels else np.empty(0)
-        return Clip(keys_s, read_curves(moving, self._nodes, self._accessors))
+        return Clip(keys_s, read_curves(animated, self._nodes, self._accessors))
 
-    def described(self) -> list[AnimationInfo]:
-        """Every animation with its duration, malformed ones with the reason."""
-        return [self._described(number) for number in range(len(self.names))]
+    def describe(self) -> list[AnimationInfo]:
+        """Return every animation with its duration, or the problem of a malformed one."""
+        return [self._describe(number) for number in range(len(self.names))]
 
-    def chosen(self, wanted: str | int | None, notes: list[str]) -> Clip | None:
-        """The animation of this name or number, or else the first that moves a mesh.
+    def select(self, wanted: str | int | None, notes: list[str]) -> Clip | None:
+        """Return an animation by name or index, or by default the first that moves a mesh.
 
         Parameters
         ----------
         wanted : str, int or None
         notes : list of str
-            Extended by notes on malformed animations, and on the others if none was selected.
+            Gains sentences on malformed animations, and on those not read by default.
 
         Returns
         -------
-        Clip, or None if it would move no mesh.
+        Clip, or None if no mesh would move.
 
         Raises
         ------
         InvalidInputError
             If there is no such animation.
         FormatError
-            If it is malformed.
+            If the requested animation is malformed.
         """
         if wanted is None:
             return self._first_moving(notes)
-        number = self._number(wanted)
+        number = self._index(wanted)
         clip = self.read(number)
         if not clip.curves:
-            notes.append(f"the animation {self.names[number]} moves no mesh; took one frame")
+            notes.append(f"the animation {self.names[number]} moves no mesh; read a single frame")
             return None
         return clip
 
@@ -121,21 +123,21 @@ class Clips:
                 found = clip
                 if others := [one for one in self.names if one != name and one not in malformed]:
                     notes.append(
-                        f"took the animation {name}, not {listed(others, MAX_LISTED)}; choose "
+                        f"read the animation {name}, not {listed(others, MAX_LISTED)}; choose "
                         "with --animation (animation=)"
                     )
                 break
         if malformed:
             reasons = (f"{name} ({reason})" for name, reason in malformed.items())
             note_left_out(notes, f"malformed animations: {listed(reasons)}")
-        if found is None and (still := [one for one in self.names if one not in malformed]):
+        if found is None and (unused := [one for one in self.names if one not in malformed]):
             notes.append(
-                f"no mesh is moved by the animation {listed(still, MAX_LISTED)}; took one frame"
+                f"the animation {listed(unused, MAX_LISTED)} moves no mesh; read a single frame"
             )
         return found
 
-    def _number(self, wanted: str | int) -> int:
-        """Index of the animation with a name or a number, from 0."""
+    def _index(self, wanted: str | int) -> int:
+        """Return the index of an animation by name or index."""
         if wanted in self.names:
             return self.names.index(str(wanted))
         if isinstance(wanted, int) or wanted.isdecimal():
@@ -144,15 +146,15 @@ class Clips:
                 return number
         if not self.names:
             raise InvalidInputError(
-                f"has no animation {wanted!r}, for it holds none; leave --animation (animation=) "
-                "out"
+                f"has no animation {wanted!r}; it contains no animations; omit --animation "
+                "(animation=)"
             )
         raise InvalidInputError(
-            f"has no animation {wanted!r}; it holds {listed(self.names, MAX_LISTED)}; give one of "
-            f"these names, or a number from 0 to {len(self.names) - 1}"
+            f"has no animation {wanted!r}; it contains {listed(self.names, MAX_LISTED)}; choose "
+            f"one of these names, or an index from 0 to {len(self.names) - 1}"
         )
 
-    def _described(self, number: int) -> AnimationInfo:
+    def _describe(self, number: int) -> AnimationInfo:
         name = self.names[number]
         try:
             clip = self.read(number)

@@ -1,4 +1,4 @@
-"""The two ways in which a glTF file is stored: JSON text, or JSON and binary data as GLB."""
+"""The two containers of a glTF file: JSON text, or GLB with JSON and binary data."""
 
 import json
 import struct
@@ -13,14 +13,14 @@ JSON_CHUNK, BINARY_CHUNK = b"JSON", b"BIN\x00"
 
 
 def split_container(data: bytes) -> tuple[Any, memoryview | None]:
-    """The JSON of a file, parsed, and its binary chunk if it is a GLB that has one.
+    """Return the parsed JSON of a file, and the binary chunk of a GLB file if it has one.
 
-    What a file is shows in its first bytes, not in its ending.
+    The container is detected from the first bytes, not from the file extension.
 
     Raises
     ------
     FormatError
-        If it is cut short, a version other than 2, or no JSON.
+        If the file is truncated, has a version other than 2, or is not JSON.
     """
     if data[:4] != MAGIC:
         return _parsed(data), None
@@ -29,31 +29,31 @@ def split_container(data: bytes) -> tuple[Any, memoryview | None]:
     _, version, size = HEADER.unpack_from(data)
     if version != 2:
         raise FormatError(
-            f"is a GLB file of version {version}; version 2 is read; convert it to glTF 2.0 "
-            "(gltf-pipeline)"
+            f"is a GLB file of version {version}; only version 2 is supported; convert it to "
+            "glTF 2.0 (gltf-pipeline)"
         )
     if size > len(data):
-        raise FormatError(f"is cut short: it has {len(data)} bytes of the {size} that it announces")
+        raise FormatError(f"is truncated: it has {len(data)} of the declared {size} bytes")
     chunks = _chunks(memoryview(data)[:size])
     if not chunks or chunks[0][0] != JSON_CHUNK:
-        raise FormatError("is a GLB file that does not begin with JSON")
+        raise FormatError("is a GLB file that does not start with JSON")
     has_binary = len(chunks) > 1 and chunks[1][0] == BINARY_CHUNK
     return _parsed(bytes(chunks[0][1])), chunks[1][1] if has_binary else None
 
 
 def _chunks(data: memoryview) -> list[tuple[bytes, memoryview]]:
-    """Kind and bytes of the first two chunks."""
+    """Return type and bytes of the first two chunks."""
     found: list[tuple[bytes, memoryview]] = []
-    place = HEADER.size
-    while len(found) < 2 and len(data) - place >= CHUNK.size:
-        size, kind = CHUNK.unpack_from(data, place)
-        place += CHUNK.size
-        if size > len(data) - place:
+    offset = HEADER.size
+    while len(found) < 2 and len(data) - offset >= CHUNK.size:
+        size, kind = CHUNK.unpack_from(data, offset)
+        offset += CHUNK.size
+        if size > len(data) - offset:
             raise FormatError(
-                f"chunk {len(found)} announces {size} bytes; {len(data) - place} are left"
+                f"chunk {len(found)} declares {size} bytes; only {len(data) - offset} follow"
             )
-        found.append((kind, data[place : place + size]))
-        place += size
+        found.append((kind, data[offset : offset + size]))
+        offset += size
     return found
 
 
@@ -61,10 +61,10 @@ def _parsed(text: bytes) -> Any:
     try:
         return json.loads(text.decode("utf-8-sig"), parse_constant=_refuse_constant)
     except RecursionError:
-        raise FormatError("is JSON that is nested too deeply") from None
-    except ValueError as error:  # also what is no UTF-8, and numbers of thousands of digits
-        raise FormatError(f"is no glTF file: its JSON cannot be read ({error})") from None
+        raise FormatError("is JSON nested too deeply") from None
+    except ValueError as error:  # includes invalid UTF-8 and huge integers
+        raise FormatError(f"is not a glTF file: its JSON cannot be read ({error})") from None
 
 
 def _refuse_constant(name: str) -> NoReturn:
-    raise ValueError(f"{name} is no number of JSON")
+    raise ValueError(f"{name} is not a JSON number")

@@ -1,4 +1,4 @@
-"""The container of a binary glTF file: its JSON, and its buffer."""
+"""Writing the GLB container: JSON and buffer."""
 
 import json
 from pathlib import Path
@@ -12,27 +12,30 @@ MAX_BYTES = (1 << 32) - 1
 
 
 def write_container(path: Path, document: Json, buffer: BufferWriter, advice: str) -> int:
-    """Write a ``.glb`` file, and give its size in bytes.
+    """Write a ``.glb`` file, and return its size in bytes.
 
     Parameters
     ----------
+    path : Path
     document : dict
         The JSON, without the buffer.
+    buffer : BufferWriter
     advice : str
-        What a user can do about a file that is too large.
+        Advice for the user if the file is too large.
 
     Raises
     ------
     InvalidInputError
         If the file is too large for its format.
     """
-    whole = document | {"buffers": [{"byteLength": buffer.size_bytes}]}
-    text = json.dumps(whole, ensure_ascii=False, separators=(",", ":")).encode()
+    complete = document | {"buffers": [{"byteLength": buffer.size_bytes}]}
+    text = json.dumps(complete, ensure_ascii=False, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
     size_bytes = HEADER.size + CHUNK.size + len(text) + CHUNK.size + buffer.size_bytes
     if size_bytes > MAX_BYTES:
         raise InvalidInputError(
-            f"the file would have {size_bytes} bytes; a .glb file has at most {MAX_BYTES}; {advice}"
+            f"the file would have {size_bytes} bytes; a .glb file can have at most "
+            f"{MAX_BYTES}; {advice}"
         )
     with path.open("wb") as file:
         file.write(HEADER.pack(MAGIC, VERSION, size_bytes))

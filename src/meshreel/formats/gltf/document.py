@@ -1,4 +1,4 @@
-"""A glTF file whose JSON is parsed, with its lists of things and its binary data."""
+"""A parsed glTF file: its JSON lists and binary chunk."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,13 +22,13 @@ LISTS = {
     "skins": "skin",
     "textures": "texture",
 }
-"""Lists of the file that are read, and what one of their items is called."""
+"""Lists of the file that are read, and the name of their items in messages."""
 
 DRACO = "KHR_draco_mesh_compression"
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 INSTANCING = "EXT_mesh_gpu_instancing"
-HEEDED = frozenset({DRACO, INSTANCING, "KHR_mesh_quantization", *MESHOPT})
-LOOKS = (
+SUPPORTED_EXTENSIONS = frozenset({DRACO, INSTANCING, "KHR_mesh_quantization", *MESHOPT})
+APPEARANCE_PREFIXES = (
     "KHR_materials_",
     "KHR_texture_",
     "EXT_texture_",
@@ -36,28 +36,29 @@ LOOKS = (
     "KHR_lights_",
     "KHR_xmp",
 )
-"""Extensions that begin so say how a surface looks, and nothing about where it is."""
+"""Prefixes of extensions that affect only appearance, so that they can be ignored."""
 
-READ = "glTF 2.0 is read"
-REMEDY = f"{READ}; convert it (gltf-pipeline)"
+SUPPORTED = "only glTF 2.0 is supported"
+ADVICE = f"{SUPPORTED}; convert it (gltf-pipeline)"
 
 
 @dataclass(frozen=True, eq=False)
 class Document:
-    """A glTF file whose JSON is parsed.
+    """A parsed glTF file.
 
     Attributes
     ----------
     folder : Path
-        Where the file lies; other files are named relative to it.
+        Folder of the file, to which URIs are relative.
     size_bytes : int
-        Of the file.
+        Size of the file.
+    root : JsonObject
     lists : dict of tuples of JsonObject
-        By their names in the file, as in `LISTS`.
+        By name, as in `LISTS`.
     binary : memoryview, optional
         The binary chunk of a GLB file.
     allow_outside : bool
-        Whether files may be read that are outside of the folder.
+        Whether files outside of the folder may be read.
     """
 
     folder: Path
@@ -67,27 +68,31 @@ class Document:
     binary: memoryview | None
     allow_outside: bool = False
 
-    def index(self, holder: JsonObject, key: str, kind: str) -> int | None:
-        """The number of an item of a list that an object names; None if it names none."""
-        return holder.index(key, len(self.lists[kind]))
+    def index(self, parent: JsonObject, key: str, kind: str) -> int | None:
+        """Return the list index to which an object refers; None if the key is missing."""
+        return parent.index(key, len(self.lists[kind]))
 
-    def item(self, holder: JsonObject, key: str, kind: str) -> JsonObject:
-        """The item of a list that an object must name."""
-        index = self.index(holder, key, kind)
+    def item(self, parent: JsonObject, key: str, kind: str) -> JsonObject:
+        """Return the list item to which an object refers; the key is required."""
+        index = self.index(parent, key, kind)
         if index is None:
-            raise holder.error(key, f"the number of {LISTS[kind]}")
+            raise parent.error(key, f"the index of a {LISTS[kind]}")
         return self.lists[kind][index]
 
 
 def read_document(path: Path, *, allow_outside: bool = False) -> Document:
-    """The glTF file at a path, `.gltf` or `.glb`; other files that it names are not read yet.
+    """Return the parsed glTF file at a path, `.gltf` or `.glb`, without reading other files.
 
-    They must be in its folder or below, unless others are allowed.
+    Parameters
+    ----------
+    path : Path
+    allow_outside : bool
+        Whether it may refer to files outside of its folder.
 
     Raises
     ------
     FormatError
-        If it is damaged, no glTF 2.0, or requires an extension that is not read.
+        If it is damaged, not glTF 2.0, or requires an unsupported extension.
     InvalidInputError
         If it cannot be read.
     """
@@ -95,36 +100,40 @@ def read_document(path: Path, *, allow_outside: bool = False) -> Document:
         data = path.read_bytes()
     parsed, binary = split_container(data)
     if not isinstance(parsed, dict):
-        raise FormatError("is no glTF file: its JSON is no object")
+        raise FormatError("is not a glTF file: its JSON is not an object")
     root = JsonObject(parsed, "the file")
     _check_version(root)
     _check_extensions(root)
-    nameless = JsonObject(parsed, "")
-    lists = {kind: nameless.children(kind, called) for kind, called in LISTS.items()}
+    unnamed_root = JsonObject(parsed, "")
+    lists = {kind: unnamed_root.children(kind, name) for kind, name in LISTS.items()}
     return Document(path.parent, len(data), root, lists, binary, allow_outside)
 
 
 def _check_version(root: JsonObject) -> None:
-    if "asset" not in root and isinstance(root.values.get("meshes"), dict):  # lists since 2.0
-        raise FormatError(f"is glTF 1.0 or older; {REMEDY}")
-    asset = root.needed("asset")
+    if "asset" not in root and isinstance(root.values.get("meshes"), dict):  # a list since 2.0
+        raise FormatError(f"is glTF 1.0 or older; {ADVICE}")
+    asset = root.required_child("asset")
     number = asset.values.get("version")
-    if isinstance(number, int | float) and 0 < number < 2:  # text since 2.0
-        raise FormatError(f"is glTF {float(number)}; {REMEDY}")
+    if isinstance(number, int | float) and 0 < number < 2:  # a string since 2.0
+        raise FormatError(f"is glTF {float(number)}; {ADVICE}")
     version = asset.text("minVersion", asset.text("version"))
     if not version:
         raise FormatError(
-            f"does not say which glTF it is: the version of its asset is ''; {READ}; write "
-            '"version": "2.0" there if it is that'
+            f"does not declare its glTF version: the version of its asset is ''; {SUPPORTED}; set "
+            '"version": "2.0" if it is that version'
         )
     if version != "2.0":
-        raise FormatError(f"is glTF {version!r}; {REMEDY}")
+        raise FormatError(f"is glTF {version!r}; {ADVICE}")
 
 
 def _check_extensions(root: JsonObject) -> None:
     required = root.texts("extensionsRequired")
-    unknown = [name for name in required if name not in HEEDED and not name.startswith(LOOKS)]
+    unknown = [
+        name
+        for name in required
+        if name not in SUPPORTED_EXTENSIONS and not name.startswith(APPEARANCE_PREFIXES)
+    ]
     if unknown:
         raise FormatError(
-            f"requires the extension {', '.join(unknown)}, which is not read; export it without"
+            f"requires the unsupported extension {', '.join(unknown)}; export it without"
         )

@@ -1,25 +1,25 @@
-"""The error that targets or textures may add to that of decoded frames, and the total."""
+"""The error that morph targets or textures may add to that of a decoded stream."""
 
 import math
 from dataclasses import dataclass
 
 from meshreel.errors import InvalidInputError
-from meshreel.formats.gltf.moving_mesh import MARGIN
+from meshreel.formats.gltf.morph_mesh import MARGIN
 from meshreel.formats.options import Origin
 
 
 @dataclass(frozen=True)
 class ErrorBudget:
-    """How far off targets or textures may be, and what else frames are off by.
+    """The error that may be added to the frames, and the error that they already have.
 
     Parameters
     ----------
     added : float
-        What they may add, in model units; 0 for as little as may be.
+        Error that may be added, in model units; 0 for as little as possible.
     diagonal : float
-        What percents are of, in model units.
+        Length that is 100 percent, in model units.
     origin : Origin, optional
-        What the frames were decoded from.
+        The stream from which the frames were decoded.
     """
 
     added: float
@@ -27,25 +27,26 @@ class ErrorBudget:
     origin: Origin | None
 
     def percent(self, length: float) -> float:
-        """A length in model units as percent of the diagonal."""
+        """Return a length in model units as percent of the diagonal."""
         return 100 * length / (self.diagonal or 1.0)
 
     def describe(self, added: float) -> list[str]:
-        """Sentences on the error against the original, where so much is added to that of frames.
+        """Return sentences on the error relative to the original, given the error added.
 
-        None where the frames are the original.
+        There are none if the frames are the original.
         """
         if self.origin is None:
             return []
         if not math.isfinite(self.origin.error):
             return [
-                "errors are measured against the decoded animation, for which no promise of the "
-                "stream holds: encode with --max-error for one, and decode all modes"
+                "errors are measured against the decoded animation, since the stream guarantees "
+                "none: encode with --max-error for a guarantee, and decode all modes"
             ]
+        stream_percent = self.percent(self.origin.error)
         total = self.percent(self.origin.error + added + MARGIN * self.diagonal)
         return [
-            f"against the original no vertex is off by more than {_up(total)} % of the diagonal, "
-            f"{_up(self.percent(self.origin.error))} % of which the stream may be off"
+            f"against the original the largest error is at most {_round_up(total)} % of the "
+            f"diagonal, of which the stream contributes {_round_up(stream_percent)} %"
         ]
 
 
@@ -55,26 +56,27 @@ def share_budget(
     origin: Origin | None,
     *,
     is_total: bool,
-    spender: str = "morph targets",
+    consumer: str = "morph targets",
 ) -> ErrorBudget:
-    """The budget of targets or textures; what the stream may be off is taken from the total.
+    """Return the budget of targets or textures: the total minus the error of the stream.
 
     Parameters
     ----------
     allowed : float
-        In percent of the diagonal.
+        Error bound in percent of the diagonal.
     diagonal : float
-        Of the bounding box of the frames to write, in model units. Where the error of the stream
-        is known, percents are of that of the original if it is smaller.
+        Diagonal of the bounding box of the written frames, in model units. If the stream
+        guarantees an error, the smaller of this and the diagonal of the original counts.
+    origin : Origin, optional
     is_total : bool
-        Whether the error against the original must keep what is allowed, or only what is added.
-    spender : str, default "morph targets"
+        Whether the bound is for the error against the original, or only for the error added.
+    consumer : str, default "morph targets"
         What adds the error, for messages.
 
     Raises
     ------
     InvalidInputError
-        If the stream alone may be as far off as is allowed.
+        If the error of the stream alone uses up the bound.
     """
     if origin is None or not math.isfinite(origin.error):
         return ErrorBudget(allowed / 100 * diagonal, diagonal, origin)
@@ -82,20 +84,20 @@ def share_budget(
     budget = ErrorBudget(allowed / 100 * smaller, smaller, origin)
     if not is_total:
         return budget
-    left = budget.added - origin.error - MARGIN * smaller
-    if left <= 0:
+    remaining = budget.added - origin.error - MARGIN * smaller
+    if remaining <= 0:
         raise InvalidInputError(
-            f"max_error {allowed:g} % leaves nothing for {spender}: the stream may be "
-            f"{_up(budget.percent(origin.error))} % of the diagonal off itself; allow more than "
-            "that, or encode the original with a smaller max_error"
+            f"max_error {allowed:g} % leaves nothing for {consumer}: the stream itself has an "
+            f"error of up to {_round_up(budget.percent(origin.error))} % of the diagonal; allow a "
+            "larger error, or encode the original with a smaller max_error"
         )
-    return ErrorBudget(left, smaller, origin)
+    return ErrorBudget(remaining, smaller, origin)
 
 
-def _up(percent: float, n_digits: int = 4) -> str:
-    """A number in as many digits as given, rounded up: a bound stays one."""
+def _round_up(percent: float, n_digits: int = 4) -> str:
+    """Return a number with `n_digits` significant digits, rounded up so that a bound holds."""
     if percent <= 0:
         return "0"
     unit = 10.0 ** (math.floor(math.log10(percent)) + 1 - n_digits)
-    # A hair below the next unit is that unit, but for the rounding of numbers.
+    # Tolerate rounding errors just above a multiple of the unit.
     return f"{math.ceil(percent / unit - 1e-9) * unit:.{n_digits}g}"

@@ -1,4 +1,4 @@
-"""A glTF mesh at rest: what it is made of, with vertices that were split at seams welded."""
+"""Reading a glTF mesh at rest, with vertices welded that were split at seams."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ from meshreel.formats.gltf.primitives import (
     count_targets,
     read_block,
     read_triangles,
-    surfaces,
+    triangle_primitives,
 )
 from meshreel.formats.gltf.skinning import Influences, read_influences
 from meshreel.formats.surfaces.hard_edges import HardEdges, NormalNotes, find_hard_edges
@@ -31,10 +31,10 @@ from meshreel.model.sequence import Faces
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Surface
 from meshreel.runtime.counting import counted
 
-HEAD = b"DRACO\x02\x02\x01"
-"""Of a triangle mesh in the bitstream 2.2, the only one that glTF allows."""
+HEADER_START = b"DRACO\x02\x02\x01"
+"""Start of a triangle mesh with bitstream version 2.2, the only one that glTF allows."""
 
-HEAD_BYTES = 11
+HEADER_BYTES = 11
 
 SEQUENTIAL = 0
 
@@ -47,14 +47,14 @@ class Geometry:
     ----------
     positions : float array of shape (V, 3)
     displacements : tuple of float arrays of shape (V, 3)
-        By each morph target; None where it has none.
+        Displacements by each morph target; None for a target without positions.
     influences : Influences, optional
-        Of joints; None for a mesh that no skin can move.
+        Influences of joints; None for a mesh without joints.
     faces : int32 array of shape (M, 3)
     surface : Surface
         Attributes and materials.
     n_split : int
-        Number of vertices in the file, where they are split at seams.
+        Number of vertices in the file, before welding.
     """
 
     positions: npt.NDArray[Any]
@@ -65,17 +65,17 @@ class Geometry:
     n_split: int
 
     def morphed(self, weights: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Positions moved by the morph targets, of shape (V, 3)."""
+        """Return the positions with morph targets applied, of shape (V, 3)."""
         positions = self.positions.astype(np.float64)
         for weight, displacement in zip(weights, self.displacements, strict=True):
             if displacement is not None and weight != 0:
                 positions += np.multiply(displacement, weight, dtype=np.float64)
         return positions
 
-    def mirrored(self) -> "Geometry":
-        """The mesh whose faces are turned, as a transform that mirrors asks for."""
-        attributes = tuple(_turned(one) for one in self.surface.attributes)
-        faces = np.ascontiguousarray(turned(self.faces))
+    def with_reversed_faces(self) -> "Geometry":
+        """Return the mesh with reversed faces, for a transform that mirrors."""
+        attributes = tuple(_reversed_attribute(one) for one in self.surface.attributes)
+        faces = np.ascontiguousarray(reversed_triangles(self.faces))
         return replace(self, faces=faces, surface=replace(self.surface, attributes=attributes))
 
 
@@ -86,44 +86,47 @@ def read_geometry(
     notes: list[str],
     normal_notes: NormalNotes,
 ) -> Geometry:
-    """A mesh of the file, of the primitives that are made of triangles.
+    """Return a mesh of the file, from its triangle primitives.
 
-    Vertices that coincide however the mesh moves, as files have them at seams of texture
-    coordinates or normals, become one; vertices stay in the order of the file.
+    Vertices that always coincide, split at seams of UVs or normals, are welded; the order of
+    vertices is that of the file.
 
     Parameters
     ----------
     mesh : JsonObject
-        With at least one such primitive.
+        A mesh with at least one triangle primitive.
+    accessors : Accessors
     materials : MaterialReader
-        Those of the file.
+        Materials of the file.
     notes : list of str
-        Gains a sentence for each attribute that was left out or made up.
+        Gains a sentence for each attribute that is left out or filled in.
     normal_notes : NormalNotes
-        Told what became of its normals.
+        Collects how normals are treated.
     """
     count_targets(mesh)
     blocks, triangles, numbers = _read_primitives(mesh, accessors, len(materials.labels))
     positions = np.concatenate([one.values["POSITION"].floats() for one in blocks])
     displacements = tuple(_join(blocks, number) for number in range(len(blocks[0].displacements)))
     influences = read_influences(blocks, mesh.place)
-    still = [] if influences is None else [influences.joints, influences.weights]
-    moving = [positions, *(one for one in displacements if one is not None)]
-    vertex_of, first = weld_rows([*(one + 0 for one in moving), *still])
+    bound = [] if influences is None else [influences.joints, influences.weights]
+    animated = [positions, *(one for one in displacements if one is not None)]
+    vertex_of, first = weld_rows([*(one + 0 for one in animated), *bound])
     split = SplitMesh(vertex_of, first, triangles.ravel())
     attributes = read_attributes(blocks, split, mesh.place, notes)
     groups = _groups(numbers, materials.labels)
     faces = vertex_of[triangles].astype(np.int32)
-    hard = _hard_edges(blocks, triangles, positions[first], faces)
-    if hard is not None:
-        normal_notes.add(mesh.place, hard)
+    hard_edges = _hard_edges(blocks, triangles, positions[first], faces)
+    if hard_edges is not None:
+        normal_notes.add(mesh.place, hard_edges)
     look = materials.look(int(one) for one in np.unique(numbers) if one >= 0)
     return Geometry(
         positions[first],
         tuple(None if one is None else one[first] for one in displacements),
-        None if influences is None else influences.of(first),
+        None if influences is None else influences.select(first),
         faces,
-        Surface(None, attributes, groups, (), *look, None if hard is None else hard.edges),
+        Surface(
+            None, attributes, groups, (), *look, None if hard_edges is None else hard_edges.edges
+        ),
         len(vertex_of),
     )
 
@@ -131,17 +134,17 @@ def read_geometry(
 def _read_primitives(
     mesh: JsonObject, accessors: Accessors, n_materials: int
 ) -> tuple[list[Block], npt.NDArray[np.int64], npt.NDArray[np.int32]]:
-    """Blocks, triangles in the vertices of all of them, and the material of each; -1 is none."""
+    """Return vertex blocks, triangles into their concatenation, and material indices or -1."""
     blocks: dict[str, tuple[int, Block]] = {}
     n_verts, triangles, numbers = 0, [], []
-    for primitive in surfaces(mesh):
-        packed = decode_draco(primitive, accessors)
+    for primitive in triangle_primitives(mesh):
+        decoded = decode_draco(primitive, accessors)
         key = block_key(primitive)
         if key not in blocks:
-            blocks[key] = n_verts, read_block(primitive, accessors, packed)
+            blocks[key] = n_verts, read_block(primitive, accessors, decoded)
             n_verts += blocks[key][1].n_verts
         start, block = blocks[key]
-        found = read_triangles(primitive, accessors, packed, block.n_verts)
+        found = read_triangles(primitive, accessors, decoded, block.n_verts)
         material = primitive.index("material", n_materials)
         triangles.append(start + found)
         numbers.append(np.full(len(found), -1 if material is None else material, np.int32))
@@ -154,7 +157,7 @@ def _hard_edges(
     positions: npt.NDArray[Any],
     faces: Faces,
 ) -> HardEdges | None:
-    """The hard edges of the mesh at rest; None if no primitive has normals."""
+    """Return the hard edges of the mesh at rest, or None without normals."""
     if not len(faces) or not any("NORMAL" in one.values for one in blocks):
         return None
     normals = [
@@ -167,97 +170,102 @@ def _hard_edges(
 
 
 def _join(blocks: Sequence[Block], target: int) -> npt.NDArray[Any] | None:
-    """Displacements of all blocks by a morph target, one after the other."""
-    own = [block.displacements[target] for block in blocks]
-    if all(one is None for one in own):
+    """Return the concatenated displacements of all blocks by a morph target, or None."""
+    stored = [block.displacements[target] for block in blocks]
+    if all(one is None for one in stored):
         return None
     filled = [
         np.zeros((block.n_verts, 3), np.float32) if one is None else one
-        for one, block in zip(own, blocks, strict=True)
+        for one, block in zip(stored, blocks, strict=True)
     ]
     return np.concatenate(filled)
 
 
 def _groups(numbers: npt.NDArray[np.int32], labels: Sequence[str]) -> tuple[FaceGroups, ...]:
-    """The materials in use, in the order of the file; one without a name is none."""
+    """Return the materials in use, in file order; unnamed ones form no group."""
     used = np.array([one for one in np.unique(numbers) if one >= 0 and labels[one]], np.int64)
     if len(used) == 0:
         return ()
-    renumbered = np.full(len(labels) + 1, -1, np.int32)  # the last is of those without any
-    renumbered[used] = np.arange(len(used))
-    return (FaceGroups("material", tuple(labels[one] for one in used), renumbered[numbers]),)
+    with_indices = np.full(
+        len(labels) + 1, -1, np.int32
+    )  # the last entry is for faces without a material
+    with_indices[used] = np.arange(len(used))
+    return (FaceGroups("material", tuple(labels[one] for one in used), with_indices[numbers]),)
 
 
-def turned(triangles: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Triangles of shape (..., 3) seen from the other side."""
+def reversed_triangles(triangles: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return triangles of shape (..., 3) with reversed orientation."""
     return triangles[..., [0, 2, 1]]
 
 
-def _turned(attribute: Attribute) -> Attribute:
+def _reversed_attribute(attribute: Attribute) -> Attribute:
     if attribute.domain is not Domain.CORNER or attribute.indices is None:
         return attribute
-    indices = turned(attribute.indices.reshape(-1, 3)).ravel()
+    indices = reversed_triangles(attribute.indices.reshape(-1, 3)).ravel()
     return replace(attribute, indices=indices)
 
 
 def decode_draco(primitive: JsonObject, accessors: Accessors) -> dict[str, Values]:
-    """The arrays that Draco holds of a primitive, by the name of the attribute, and its "indices".
+    """Return the Draco-compressed arrays of a primitive, by attribute name and "indices".
 
-    Empty if it is not compressed.
+    The result is empty if the primitive is not compressed.
 
     Raises
     ------
     FormatError
-        If it cannot be decoded, or is not of the shapes that the file announces.
+        If the data cannot be decoded, or do not have the declared shapes.
     """
-    packed = primitive.extension(DRACO)
-    if packed is None:
+    compressed = primitive.extension(DRACO)
+    if compressed is None:
         return {}
-    names, ids = primitive.needed("attributes"), packed.needed("attributes")
-    accessors.document.item(packed, "bufferView", "bufferViews")
-    data = bytes(accessors.buffers.view(packed.whole("bufferView"))[0])
+    names, ids = primitive.required_child("attributes"), compressed.required_child("attributes")
+    accessors.document.item(compressed, "bufferView", "bufferViews")
+    data = bytes(accessors.buffers.view(compressed.integer("bufferView"))[0])
     n_corners = accessors.count(primitive, "indices")
-    _check_counts(data, accessors.count(names, "POSITION"), n_corners, packed.place)
-    accessors.reserve(4 * n_corners, packed.place)
+    _check_counts(data, accessors.count(names, "POSITION"), n_corners, compressed.place)
+    accessors.reserve(4 * n_corners, compressed.place)
     library = LIBRARY.load()
     try:
         mesh = library.decode(data)
-        held = {one["unique_id"]: np.asarray(one["data"]) for one in mesh.attributes}
+        decoded = {one["unique_id"]: np.asarray(one["data"]) for one in mesh.attributes}
         corners = np.asarray(mesh.faces).reshape(-1, 1)
-    except Exception as error:  # DracoPy raises TypeError, ValueError and types of its own
-        raise FormatError(f"{packed.place}: Draco cannot decode it ({error})") from None
+    except Exception as error:  # DracoPy raises TypeError, ValueError and its own types
+        raise FormatError(f"{compressed.place}: Draco cannot decode it ({error})") from None
     found = {"indices": Values(corners)}
     for name in ids.values:
         accessor = accessors.document.item(names, name, "accessors")
-        found[name] = _values(held.get(ids.whole(name)), accessor, packed)
+        found[name] = _values(decoded.get(ids.integer(name)), accessor, compressed)
     return found
 
 
 def _check_counts(data: bytes, n_verts: int, n_corners: int, place: str) -> None:
-    """Refuse a stream that announces more than the file does: Draco takes memory for it."""
-    if not data.startswith(HEAD) or data[8:9] not in (b"\x00", b"\x01"):
-        raise FormatError(f"{place}: is no triangle mesh of Draco 2.2")
+    """Reject a stream with larger counts than the file declares, which Draco would allocate."""
+    if not data.startswith(HEADER_START) or data[8:9] not in (b"\x00", b"\x01"):
+        raise FormatError(f"{place}: is not a triangle mesh of Draco 2.2")
     is_sequential = data[8] == SEQUENTIAL
     try:
-        first, position = read_varint(data, HEAD_BYTES + (0 if is_sequential else 1))
+        first, position = read_varint(data, HEADER_BYTES + (0 if is_sequential else 1))
         second, _ = read_varint(data, position)
     except MeshReelError:
-        raise FormatError(f"{place}: ends within the head of its Draco stream") from None
-    announced_faces, announced_verts = (first, second) if is_sequential else (second, first)
-    if announced_verts > n_verts or announced_faces * 3 > n_corners:
+        raise FormatError(f"{place}: ends within the header of its Draco stream") from None
+    n_draco_faces, n_draco_verts = (first, second) if is_sequential else (second, first)
+    if n_draco_verts > n_verts or n_draco_faces * 3 > n_corners:
         raise FormatError(
-            f"{place}: Draco holds {counted(announced_verts, 'vertex')} and "
-            f"{counted(announced_faces, 'face')}; "
-            f"the file announces {n_verts} and {n_corners // 3}"
+            f"{place}: the Draco stream has {counted(n_draco_verts, 'vertex')} and "
+            f"{counted(n_draco_faces, 'face')}; "
+            f"the file declares {n_verts} and {n_corners // 3}"
         )
 
 
-def _values(held: npt.NDArray[Any] | None, accessor: JsonObject, packed: JsonObject) -> Values:
+def _values(
+    decoded: npt.NDArray[Any] | None, accessor: JsonObject, compressed: JsonObject
+) -> Values:
     dtype, width = declared_type(accessor, tuple(WIDTHS))
-    expected = accessor.whole("count"), width
-    if held is None or held.shape != expected:
-        came = "nothing" if held is None else f"values of shape {held.shape}"
+    expected = accessor.integer("count"), width
+    if decoded is None or decoded.shape != expected:
+        found = "no values" if decoded is None else f"values of shape {decoded.shape}"
         raise FormatError(
-            f"{packed.place}: Draco holds {came} for {accessor.place}; expected {expected}"
+            f"{compressed.place}: the Draco stream has {found} for {accessor.place}; "
+            f"expected {expected}"
         )
-    return Values(held.astype(dtype), accessor.flag("normalized"))
+    return Values(decoded.astype(dtype), accessor.flag("normalized"))

@@ -1,4 +1,4 @@
-"""Values of materials, textures and samplers of a glTF file, checked."""
+"""Reading values of materials, textures and samplers of a glTF file."""
 
 import math
 from dataclasses import replace
@@ -25,7 +25,7 @@ FILTERS = {
     9986: Filter.NEAREST_MIPMAP_LINEAR,
     9987: Filter.LINEAR_MIPMAP_LINEAR,
 }
-LARGEST_MAGNIFIED = 9729
+MAX_MAG_FILTER = 9729
 ALPHA_MODES = {"OPAQUE": AlphaMode.OPAQUE, "MASK": AlphaMode.MASK, "BLEND": AlphaMode.BLEND}
 
 WRAP_CODES = {mode: code for code, mode in WRAPS.items()}
@@ -33,33 +33,33 @@ FILTER_CODES = {mode: code for code, mode in FILTERS.items()}
 ALPHA_CODES = {mode: code for code, mode in ALPHA_MODES.items()}
 
 
-def read_look(given: JsonObject) -> Material:
-    """A material without its name and its textures.
+def read_look(material: JsonObject) -> Material:
+    """Return a material without its name and textures.
 
     Raises
     ------
     FormatError
-        If a value is not what it must be.
+        If a value is invalid.
     """
-    pbr = given.child("pbrMetallicRoughness") or JsonObject({}, given.place)
-    other = specular_glossiness(given)
-    mode = given.text("alphaMode", "OPAQUE")
+    pbr = material.child("pbrMetallicRoughness") or JsonObject({}, material.place)
+    specular = specular_glossiness(material)
+    mode = material.text("alphaMode", "OPAQUE")
     if mode not in ALPHA_MODES:
-        raise given.error("alphaMode", "OPAQUE, MASK or BLEND")
-    normal, occlusion = given.child("normalTexture"), given.child("occlusionTexture")
-    model = _metallic_roughness(pbr) if other is None else to_metallic_roughness(other)
+        raise material.error("alphaMode", "OPAQUE, MASK or BLEND")
+    normal, occlusion = material.child("normalTexture"), material.child("occlusionTexture")
+    model = _metallic_roughness(pbr) if specular is None else to_metallic_roughness(specular)
     return Material(
         "",
         base_color=model.base_color,
         metallic=model.metallic,
         roughness=model.roughness,
-        emissive=_emissive(given),
+        emissive=_emissive(material),
         normal_scale=1.0 if normal is None else normal.number("scale", 1.0),
         occlusion_strength=1.0 if occlusion is None else occlusion.number("strength", 1.0),
         alpha_mode=ALPHA_MODES[mode],
-        alpha_cutoff=given.number("alphaCutoff", 0.5) if mode == "MASK" else 0.5,
-        double_sided=given.flag("doubleSided"),
-        unlit=given.extension(UNLIT) is not None,
+        alpha_cutoff=material.number("alphaCutoff", 0.5) if mode == "MASK" else 0.5,
+        double_sided=material.flag("doubleSided"),
+        unlit=material.extension(UNLIT) is not None,
     )
 
 
@@ -69,47 +69,46 @@ def _metallic_roughness(pbr: JsonObject) -> MetallicRoughness:
     return MetallicRoughness((red, green, blue, opacity), metallic, roughness)
 
 
-def _emissive(given: JsonObject) -> tuple[float, float, float]:
-    extension = given.extension(STRENGTH)
+def _emissive(material: JsonObject) -> tuple[float, float, float]:
+    extension = material.extension(STRENGTH)
     strength = 1.0 if extension is None else extension.number("emissiveStrength", 1.0)
     red, green, blue = (
-        strength * one for one in given.numbers("emissiveFactor", 3, (0, 0, 0)).tolist()
+        strength * one for one in material.numbers("emissiveFactor", 3, (0, 0, 0)).tolist()
     )
     if not all(map(math.isfinite, (red, green, blue))):
-        raise FormatError(f"{given.place}: its emissive strength of {strength:g} is too large")
+        raise FormatError(f"{material.place}: its emissive strength of {strength:g} is too large")
     return red, green, blue
 
 
-def read_texture(told: JsonObject, image: int, channels: str) -> Texture:
-    """A texture of this image, as a material tells of it."""
-    moved = told.extension(TRANSFORM) or JsonObject({}, told.place)
-    number = moved.whole("texCoord", told.whole("texCoord", 0))
+def read_texture(info: JsonObject, image: int, channels: str) -> Texture:
+    """Return a texture of an image, from the texture info of a material."""
+    transform = info.extension(TRANSFORM) or JsonObject({}, info.place)
+    number = transform.integer("texCoord", info.integer("texCoord", 0))
     (label, _) = meaning(f"TEXCOORD_{min(number, 999)}") or ("", None)
-    offset, scale = moved.numbers("offset", 2, (0, 0)), moved.numbers("scale", 2, (1, 1))
+    offset = transform.numbers("offset", 2, (0, 0))
+    scale = transform.numbers("scale", 2, (1, 1))
     return Texture(
         image,
         label,
         channels,
         offset=tuple(offset.tolist()),
-        rotation=moved.number("rotation", 0.0),
+        rotation=transform.number("rotation", 0.0),
         scale=tuple(scale.tolist()),
     )
 
 
-def sampled(texture: Texture, sampler: JsonObject) -> Texture:
-    """The texture with the wrap modes and filters of a sampler."""
-    wrap_u, wrap_v = sampler.whole("wrapS", 10497), sampler.whole("wrapT", 10497)
+def with_sampler(texture: Texture, sampler: JsonObject) -> Texture:
+    """Return the texture with wrap modes and filters of a sampler."""
+    wrap_u, wrap_v = sampler.integer("wrapS", 10497), sampler.integer("wrapT", 10497)
     if wrap_u not in WRAPS or wrap_v not in WRAPS:
-        raise FormatError(f"{sampler.place}: wraps by {wrap_u} and {wrap_v}, which glTF has not")
-    magnified, shrunk = sampler.whole("magFilter", 0), sampler.whole("minFilter", 0)
-    if not {magnified, shrunk} <= {0, *FILTERS} or magnified > LARGEST_MAGNIFIED:
-        raise FormatError(
-            f"{sampler.place}: filters by {magnified} and {shrunk}, which glTF has not"
-        )
+        raise FormatError(f"{sampler.place}: has invalid wrap modes {wrap_u} and {wrap_v}")
+    mag_filter, min_filter = sampler.integer("magFilter", 0), sampler.integer("minFilter", 0)
+    if not {mag_filter, min_filter} <= {0, *FILTERS} or mag_filter > MAX_MAG_FILTER:
+        raise FormatError(f"{sampler.place}: has invalid filters {mag_filter} and {min_filter}")
     return replace(
         texture,
         wrap_u=WRAPS[wrap_u],
         wrap_v=WRAPS[wrap_v],
-        magnified=FILTERS.get(magnified),
-        shrunk=FILTERS.get(shrunk),
+        magnified=FILTERS.get(mag_filter),
+        shrunk=FILTERS.get(min_filter),
     )

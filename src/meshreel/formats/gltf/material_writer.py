@@ -1,4 +1,4 @@
-"""Materials as they stand in a glTF file."""
+"""Writing materials to the JSON of a glTF file."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,26 +6,27 @@ from dataclasses import replace
 from meshreel.formats.gltf.buffer_writer import BufferWriter, Json
 from meshreel.formats.gltf.material_reading import LIT_TEXTURES
 from meshreel.formats.gltf.material_values import ALPHA_CODES, STRENGTH, UNLIT
-from meshreel.formats.gltf.texture_writer import Textures, unless
+from meshreel.formats.gltf.texture_writer import Textures, omit_defaults
 from meshreel.formats.notes import note_left_out
 from meshreel.model.materials import UNSAID, AlphaMode, Material, Texture
 from meshreel.model.surface import Surface
 
 
 class Materials:
-    """Materials by their labels, each written once.
+    """Materials by label, each written once.
 
     Parameters
     ----------
+    surface : Surface
     buffer : BufferWriter
         Gains the images.
     notes : list of str
-        Gains a sentence for each thing that glTF cannot have.
+        Gains a sentence for every property that glTF cannot store.
 
     Attributes
     ----------
     listed : list of dict
-        As they stand in the JSON.
+        Entries of the JSON.
     textures : Textures
     """
 
@@ -34,18 +35,18 @@ class Materials:
         self.textures = Textures(surface, buffer, notes)
         self._looks = {one.name: one for one in surface.materials}
         self._notes = notes
-        self._numbers: dict[str | None, int] = {}
+        self._indices: dict[str | None, int] = {}
 
-    def number(self, label: str | None) -> int:
-        """That of a label, or of faces without one."""
-        if label not in self._numbers:
-            self._numbers[label] = len(self.listed)
+    def index(self, label: str | None) -> int:
+        """Return the index of the material of a label, or None, after writing it if necessary."""
+        if label not in self._indices:
+            self._indices[label] = len(self.listed)
             look = UNSAID if label is None else self._looks.get(label, UNSAID)
-            self.listed.append(({"name": label} if label else {}) | self._written(look))
-        return self._numbers[label]
+            self.listed.append(({"name": label} if label else {}) | self._material(look))
+        return self._indices[label]
 
     def document(self) -> Json:
-        """The lists of the JSON that materials need."""
+        """Return the JSON lists of materials, textures, samplers and images."""
         textures = self.textures
         lists = {
             "materials": self.listed,
@@ -56,68 +57,72 @@ class Materials:
         return {key: values for key, values in lists.items() if values}
 
     def note_unused(self) -> None:
-        """Add to the notes which materials no face has."""
-        if unused := [name for name in self._looks if name not in self._numbers]:
-            note_left_out(self._notes, f"materials that no face has: {', '.join(unused)}")
+        """Note the materials that no face uses."""
+        if unused := [name for name in self._looks if name not in self._indices]:
+            note_left_out(self._notes, f"materials that no face uses: {', '.join(unused)}")
 
-    def _written(self, look: Material) -> Json:
+    def _material(self, look: Material) -> Json:
         found: Json = {}
         if pbr := self._pbr(look):
             found["pbrMetallicRoughness"] = pbr
         for slot, (key, channels) in LIT_TEXTURES.items():
-            if (told := self._texture(look, slot, channels)) is not None:
-                found[key] = told
+            if (info := self._texture(look, slot, channels)) is not None:
+                found[key] = info
         if "normalTexture" in found:
-            found["normalTexture"] |= unless(1.0, scale=look.normal_scale)
+            found["normalTexture"] |= omit_defaults(1.0, scale=look.normal_scale)
         if "occlusionTexture" in found:
-            strength = self._within("occlusion strength", [look.occlusion_strength], look)[0]
-            found["occlusionTexture"] |= unless(1.0, strength=strength)
+            strength = self._clip("occlusion strength", [look.occlusion_strength], look)[0]
+            found["occlusionTexture"] |= omit_defaults(1.0, strength=strength)
         found |= self._emissive(look)
         if look.alpha_mode is not AlphaMode.OPAQUE:
             found["alphaMode"] = ALPHA_CODES[look.alpha_mode]
         if look.alpha_mode is AlphaMode.MASK:
-            found |= unless(0.5, alphaCutoff=look.alpha_cutoff)
+            found |= omit_defaults(0.5, alphaCutoff=look.alpha_cutoff)
         if look.unlit:
             self.textures.used.add(UNLIT)
             found.setdefault("extensions", {})[UNLIT] = {}
-        return found | unless(False, doubleSided=look.double_sided)
+        return found | omit_defaults(False, doubleSided=look.double_sided)
 
     def _pbr(self, look: Material) -> Json:
-        color = self._within("base colour", look.base_color, look)
-        metallic, roughness = self._within(
+        color = self._clip("base color", look.base_color, look)
+        metallic, roughness = self._clip(
             "metallic or roughness", [look.metallic, look.roughness], look
         )
-        found = unless([1.0] * 4, baseColorFactor=color)
-        found |= unless(1.0, metallicFactor=metallic, roughnessFactor=roughness)
+        found = omit_defaults([1.0] * 4, baseColorFactor=color)
+        found |= omit_defaults(1.0, metallicFactor=metallic, roughnessFactor=roughness)
         color_channels = "rgb" if look.alpha_mode is AlphaMode.OPAQUE else "rgba"
-        if (told := self._texture(look, "base_color", color_channels, "rgba")) is not None:
-            found["baseColorTexture"] = told
-        if (told := self._metallic_roughness(look)) is not None:
-            found["metallicRoughnessTexture"] = told
+        if (info := self._texture(look, "base_color", color_channels, "rgba")) is not None:
+            found["baseColorTexture"] = info
+        if (info := self._metallic_roughness(look)) is not None:
+            found["metallicRoughnessTexture"] = info
         return found
 
     def _metallic_roughness(self, look: Material) -> Json | None:
-        """The one texture of both; it must be the same for both, or one must not count."""
+        """Return the single texture of both, if they share it or one of them has no effect."""
         metallic, roughness = look.textures.get("metallic"), look.textures.get("roughness")
         if metallic is None and roughness is None:
             return None
-        is_one = _is_of(roughness, "g") and _is_of(metallic, "b") and _alike(roughness, metallic)
-        is_rough = _is_of(roughness, "g") and metallic is None and look.metallic == 0
-        is_metal = _is_of(metallic, "b") and roughness is None and look.roughness == 0
+        is_shared = (
+            _has_channel(roughness, "g")
+            and _has_channel(metallic, "b")
+            and _differ_only_in_channels(roughness, metallic)
+        )
+        is_rough = _has_channel(roughness, "g") and metallic is None and look.metallic == 0
+        is_metal = _has_channel(metallic, "b") and roughness is None and look.roughness == 0
         texture = roughness or metallic
-        if texture is not None and (is_one or is_rough or is_metal):
-            return self.textures.told(texture, _called(look, "roughness"))
+        if texture is not None and (is_shared or is_rough or is_metal):
+            return self.textures.texture_info(texture, _texture_label(look, "roughness"))
         note_left_out(
             self._notes,
-            f"the metallic and roughness textures of material {look.name!r}: glTF has them as the "
-            "blue and the green of one image",
+            f"the metallic and roughness textures of material {look.name!r}: glTF stores them in "
+            "the blue and green channels of one image",
         )
         return None
 
     def _emissive(self, look: Material) -> Json:
         strength = max(1.0, *look.emissive)
         scaled = [one / strength for one in look.emissive]
-        found = unless([0.0] * 3, emissiveFactor=self._within("emissive", scaled, look))
+        found = omit_defaults([0.0] * 3, emissiveFactor=self._clip("emissive", scaled, look))
         if strength > 1:
             self.textures.used.add(STRENGTH)
             found["extensions"] = {STRENGTH: {"emissiveStrength": strength}}
@@ -128,17 +133,18 @@ class Materials:
         if texture is None:
             return None
         if texture.channels in channels:
-            return self.textures.told(texture, _called(look, slot))
+            return self.textures.texture_info(texture, _texture_label(look, slot))
         if slot == "base_color":
-            self._note(f"the alpha of {_called(look, slot)} counts, as glTF has it")
-            return self.textures.told(texture, _called(look, slot))
+            self._note(f"{_texture_label(look, slot)} keeps its alpha channel, as glTF requires")
+            return self.textures.texture_info(texture, _texture_label(look, slot))
         note_left_out(
             self._notes,
-            f"{_called(look, slot)}: glTF has it in {channels[0]}, not {texture.channels}",
+            f"{_texture_label(look, slot)}: glTF uses channel {channels[0]}, not "
+            f"{texture.channels}",
         )
         return None
 
-    def _within(self, what: str, values: Sequence[float], look: Material) -> list[float]:
+    def _clip(self, what: str, values: Sequence[float], look: Material) -> list[float]:
         clipped = [min(1.0, max(0.0, one)) for one in values]
         if clipped != list(values):
             self._note(f"{what} of material {look.name!r} is clipped to 0..1")
@@ -149,16 +155,16 @@ class Materials:
             self._notes.append(note)
 
 
-def _called(look: Material, slot: str) -> str:
+def _texture_label(look: Material, slot: str) -> str:
     return f"the {slot.replace('_', ' ')} texture of material {look.name!r}"
 
 
-def _is_of(texture: Texture | None, channel: str) -> bool:
+def _has_channel(texture: Texture | None, channel: str) -> bool:
     return texture is not None and texture.channels == channel
 
 
-def _alike(one: Texture | None, other: Texture | None) -> bool:
-    """Whether two textures differ in their channels only."""
-    if one is None or other is None:
-        return one is other
-    return replace(one, channels="") == replace(other, channels="")
+def _differ_only_in_channels(first: Texture | None, second: Texture | None) -> bool:
+    """Return whether two textures are equal except for their channels."""
+    if first is None or second is None:
+        return first is second
+    return replace(first, channels="") == replace(second, channels="")

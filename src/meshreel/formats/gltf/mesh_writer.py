@@ -1,4 +1,4 @@
-"""A part of a sequence to a mesh of a glTF file: primitives, morph targets and weights."""
+"""Writing a part of a sequence as a glTF mesh: primitives, morph targets and weights."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from meshreel.formats.gltf.buffer_writer import BufferWriter, Json, VertexValues
 from meshreel.formats.gltf.material_writer import Materials
-from meshreel.formats.gltf.moving_mesh import MovingMesh
+from meshreel.formats.gltf.morph_mesh import MorphMesh
 from meshreel.formats.gltf.quantized import BYTE, IntegerTargets
 from meshreel.formats.gltf.seams import Primitive, SplitVertices
 
@@ -17,7 +17,7 @@ Values = dict[str, VertexValues]
 
 @dataclass(frozen=True, eq=False)
 class VertexData:
-    """Where the buffer has what is known of the vertices of a mesh.
+    """Buffer locations of the vertex attributes of a mesh and its morph targets.
 
     Attributes
     ----------
@@ -30,60 +30,69 @@ class VertexData:
 
 
 def write_mesh(
-    name: str, split: SplitVertices, moving: MovingMesh, buffer: BufferWriter, materials: Materials
+    name: str,
+    split: SplitVertices,
+    morph_mesh: MorphMesh,
+    buffer: BufferWriter,
+    materials: Materials,
 ) -> Json:
-    """A mesh as it stands in the JSON; its values are added to the buffer.
+    """Return the JSON of a mesh, whose values are added to the buffer.
 
     Parameters
     ----------
+    name : str
     split : SplitVertices
-        Of the vertices that faces use.
-    moving : MovingMesh
-        Of the same vertices.
+        Vertices that faces use, split at seams.
+    morph_mesh : MorphMesh
+        Motion of the vertices before the split.
     buffer, materials
         Gain what the mesh needs.
     """
-    data = _write_vertices(split, moving, buffer)
+    data = _write_vertices(split, morph_mesh, buffer)
     primitives = [_primitive(one, data, buffer, materials) for one in split.primitives]
     mesh: Json = {"name": name, "primitives": primitives}
-    if moving.morphs is None:
+    if morph_mesh.morphs is None:
         return mesh
     names = [f"mode {number + 1}" for number in range(len(data.targets))]
-    # Where the animation is not played, the first frame is seen.
+    # Viewers show the first frame when the animation is not played.
     return mesh | {
-        "weights": moving.morphs.weights[0].tolist(),
+        "weights": morph_mesh.morphs.weights[0].tolist(),
         "extras": {"targetNames": names},
     }
 
 
-def _write_vertices(split: SplitVertices, moving: MovingMesh, buffer: BufferWriter) -> VertexData:
-    base = {"POSITION": _added(moving.base, split, buffer)}
-    if moving.normals is not None:
-        base["NORMAL"] = buffer.add_vertices([moving.normals.base[split.rows]])[0]
+def _write_vertices(
+    split: SplitVertices, morph_mesh: MorphMesh, buffer: BufferWriter
+) -> VertexData:
+    base = {"POSITION": _add_vertices(morph_mesh.base, split, buffer)}
+    if morph_mesh.normals is not None:
+        base["NORMAL"] = buffer.add_vertices([morph_mesh.normals.base[split.rows]])[0]
     for name, values in split.attributes.items():
         base[name] = buffer.add_vertices([values])[0]
-    if moving.morphs is None:
+    if morph_mesh.morphs is None:
         return VertexData(base, [])
-    targets = [{"POSITION": one} for one in _positions(moving.morphs.targets, split, buffer)]
-    if moving.normals is not None:
-        # Every target must have the same attributes: those that turn no normals share zeros.
-        still = np.zeros((1, *moving.normals.base.shape), np.int8)
-        arrays = np.concatenate([moving.normals.targets, still])
-        *turned, zeros = buffer.add_vertices([one[split.rows] for one in arrays])
-        of_target = dict(zip(moving.normals.numbers.tolist(), turned, strict=True))
+    targets = [{"POSITION": one} for one in _positions(morph_mesh.morphs.targets, split, buffer)]
+    if morph_mesh.normals is not None:
+        # All targets must have the same attributes, so those without normals share zeros.
+        zeros = np.zeros((1, *morph_mesh.normals.base.shape), np.int8)
+        arrays = np.concatenate([morph_mesh.normals.targets, zeros])
+        *displacements, zero_values = buffer.add_vertices([one[split.rows] for one in arrays])
+        of_target = dict(zip(morph_mesh.normals.numbers.tolist(), displacements, strict=True))
         for number, target in enumerate(targets):
-            target["NORMAL"] = of_target.get(number, zeros)
+            target["NORMAL"] = of_target.get(number, zero_values)
     return VertexData(base, targets)
 
 
-def _added(values: npt.NDArray[Any], split: SplitVertices, buffer: BufferWriter) -> VertexValues:
+def _add_vertices(
+    values: npt.NDArray[Any], split: SplitVertices, buffer: BufferWriter
+) -> VertexValues:
     return buffer.add_vertices([values[split.sources]])[0]
 
 
 def _positions(
     targets: IntegerTargets, split: SplitVertices, buffer: BufferWriter
 ) -> list[VertexValues]:
-    """Those of every target; those of one type follow one another in the buffer."""
+    """Add the positions of every target, those of the same type in one buffer view."""
     found: dict[int, VertexValues] = {}
     are_bytes = targets.levels == BYTE
     for dtype, numbers in (
@@ -104,13 +113,13 @@ def _primitive(
 ) -> Json:
     def accessors(values: Values) -> dict[str, int]:
         return {
-            name: buffer.vertex_accessor(name, there, one.verts) for name, there in values.items()
+            name: buffer.vertex_accessor(name, stored, one.verts) for name, stored in values.items()
         }
 
     primitive: Json = {
         "attributes": accessors(data.base),
         "indices": buffer.add_indices(one.triangles.ravel()),
-        "material": materials.number(one.material),
+        "material": materials.index(one.material),
     }
     if data.targets:
         primitive["targets"] = [accessors(target) for target in data.targets]

@@ -1,4 +1,4 @@
-"""Vertex indices that meshoptimizer compressed: lists of triangles, and any others."""
+"""Decoding vertex indices that are compressed with meshoptimizer: triangles and sequences."""
 
 from typing import Any, Generic, TypeVar
 
@@ -12,11 +12,11 @@ Item = TypeVar("Item")
 TRIANGLES_HEAD, INDICES_HEAD = 0xE1, 0xD1
 TRIANGLES_TAIL, INDICES_TAIL = 16, 4
 MISSING = -1
-"""Code of a vertex that occurs for the first time."""
+"""Placeholder for entries of a FIFO that have not been set."""
 
 
 def decode_triangles(data: bytes, count: int) -> npt.NDArray[np.uint32]:
-    """Vertex indices of a list of triangles, of shape (count,).
+    """Return the decoded vertex indices of a triangle list, of shape (count,).
 
     Raises
     ------
@@ -25,10 +25,10 @@ def decode_triangles(data: bytes, count: int) -> npt.NDArray[np.uint32]:
     """
     n_triangles, tail = count // 3, len(data) - TRIANGLES_TAIL
     if tail < 1 + n_triangles or data[0] != TRIANGLES_HEAD:
-        raise FormatError("has no triangles of version 1, or not as many as announced")
-    explicit = _Indices(data, 1 + n_triangles, tail)
-    edges, recent = _Recent((MISSING, MISSING)), _Recent(MISSING)
-    following = 0  # the first vertex that no triangle has named so far
+        raise FormatError("does not contain the declared triangles of version 1")
+    explicit = _IndexReader(data, 1 + n_triangles, tail)
+    edges, recent = _Fifo((MISSING, MISSING)), _Fifo(MISSING)
+    next_vertex = 0  # the first vertex that no triangle has used
     indices: list[int] = []
     for code in data[1 : 1 + n_triangles]:
         high, low = code >> 4, code & 15
@@ -38,18 +38,18 @@ def decode_triangles(data: bytes, count: int) -> npt.NDArray[np.uint32]:
                 c = recent[low]
             else:
                 if low == 0:
-                    c, following = following, following + 1
+                    c, next_vertex = next_vertex, next_vertex + 1
                 else:
-                    c = explicit.next() if low == 15 else explicit.moved(-1 if low == 13 else 1)
+                    c = explicit.next() if low == 15 else explicit.offset_by(-1 if low == 13 else 1)
                 recent.push(c)
         else:
             choice = explicit.byte() if low >= 14 else data[tail + low]
             if low >= 14 and choice == 0:
-                following = 0
+                next_vertex = 0
             corners, fresh = [], []
             for kind in (15 if low == 15 else 0, choice >> 4, choice & 15):
                 if kind == 0:
-                    corner, following = following, following + 1
+                    corner, next_vertex = next_vertex, next_vertex + 1
                 else:
                     corner = explicit.next() if kind == 15 else recent[kind - 1]
                 corners.append(corner)
@@ -63,12 +63,12 @@ def decode_triangles(data: bytes, count: int) -> npt.NDArray[np.uint32]:
         indices += (a, b, c)
     explicit.finish()
     if indices and min(indices) < 0:
-        raise FormatError("names an edge or a vertex that is not there")
+        raise FormatError("refers to a missing edge or vertex")
     return np.array(indices, np.int64).astype(np.uint32)
 
 
 def decode_indices(data: bytes, count: int) -> npt.NDArray[np.uint32]:
-    """Vertex indices in any order, of shape (count,).
+    """Return the decoded vertex indices of a sequence, of shape (count,).
 
     Raises
     ------
@@ -78,33 +78,33 @@ def decode_indices(data: bytes, count: int) -> npt.NDArray[np.uint32]:
     stored = np.frombuffer(data, np.uint8)
     ends = np.flatnonzero(stored[1:-INDICES_TAIL] < 128) + 1
     if len(data) <= INDICES_TAIL or data[0] != INDICES_HEAD or len(ends) != count:
-        raise FormatError("has no indices of version 1, or not as many as announced")
+        raise FormatError("does not contain the declared indices of version 1")
     starts = np.concatenate([[1], ends[:-1] + 1])[:count]
     if count and (ends[-1] + 1 != len(data) - INDICES_TAIL or (ends - starts > 4).any()):
-        raise FormatError("has an index of more than five bytes, or bytes behind the last")
+        raise FormatError("has an index of more than five bytes, or bytes after the last")
     codes = np.zeros(count, np.uint64)
-    for place in range(5):
-        is_there = starts + place <= ends
-        bits = stored[(starts + place)[is_there]].astype(np.uint64) & np.uint64(127)
-        codes[is_there] |= bits << np.uint64(7 * place)
+    for byte in range(5):
+        is_present = starts + byte <= ends
+        bits = stored[(starts + byte)[is_present]].astype(np.uint64) & np.uint64(127)
+        codes[is_present] |= bits << np.uint64(7 * byte)
     found = np.zeros(count, np.uint32)
     short = codes.astype(np.uint32)
     for baseline in (0, 1):
-        mine = (short & np.uint32(1)) == baseline
-        steps = signed_numbers(short[mine] >> np.uint32(1))
-        found[mine] = np.add.accumulate(steps, dtype=np.uint32)
+        is_selected = (short & np.uint32(1)) == baseline
+        steps = decode_zigzag(short[is_selected] >> np.uint32(1))
+        found[is_selected] = np.add.accumulate(steps, dtype=np.uint32)
     return found
 
 
-def signed_numbers(codes: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Decode zigzag numbers: 0, 1, 2, 3 become 0, -1, 1, -2, in two's complement."""
+def decode_zigzag(codes: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return decoded zigzag integers: 0, 1, 2, 3 become 0, -1, 1, -2, in two's complement."""
     halves = codes >> codes.dtype.type(1)
     found: npt.NDArray[Any] = np.where(codes & codes.dtype.type(1), ~halves, halves)
     return found
 
 
-class _Recent(Generic[Item]):
-    """The last 16 edges or vertices; number 0 is the latest."""
+class _Fifo(Generic[Item]):
+    """The last 16 edges or vertices; index 0 is the latest."""
 
     def __init__(self, missing: Item) -> None:
         self._items, self._n_pushed = [missing] * 16, 0
@@ -113,27 +113,27 @@ class _Recent(Generic[Item]):
         return self._items[(self._n_pushed - 1 - number) & 15]
 
     def push(self, item: Item) -> None:
-        """Add the latest one."""
+        """Add an item."""
         self._items[self._n_pushed & 15] = item
         self._n_pushed += 1
 
 
-class _Indices:
-    """The part of a stream of triangles that holds what a code does not say."""
+class _IndexReader:
+    """Reader of the explicit indices in a triangle stream."""
 
     def __init__(self, data: bytes, start: int, end: int) -> None:
-        self._data, self._place, self._end = data, start, end
+        self._data, self._offset, self._end = data, start, end
         self._last = 0
 
     def byte(self) -> int:
-        """The next byte."""
-        if self._place >= self._end:
+        """Return the next byte."""
+        if self._offset >= self._end:
             raise FormatError("ends before its last triangle")
-        self._place += 1
-        return self._data[self._place - 1]
+        self._offset += 1
+        return self._data[self._offset - 1]
 
     def next(self) -> int:
-        """The next index: its difference to the last is a number of up to five bytes."""
+        """Return the next index, stored as a difference of up to five bytes."""
         code = shift = 0
         while (byte := self.byte()) >= 128:
             code |= (byte & 127) << shift
@@ -141,14 +141,14 @@ class _Indices:
             if shift > 28:
                 raise FormatError("has an index of more than five bytes")
         code = (code | byte << shift) & 0xFFFFFFFF
-        return self.moved(~(code >> 1) if code & 1 else code >> 1)
+        return self.offset_by(~(code >> 1) if code & 1 else code >> 1)
 
-    def moved(self, by: int) -> int:
-        """The index that is so much larger than the last."""
-        self._last = (self._last + by) & 0xFFFFFFFF
+    def offset_by(self, difference: int) -> int:
+        """Return the last index plus a difference, as the new last index."""
+        self._last = (self._last + difference) & 0xFFFFFFFF
         return self._last
 
     def finish(self) -> None:
-        """Refuse what no code asked for."""
-        if self._place != self._end:
-            raise FormatError(f"has {self._end - self._place} bytes behind its last triangle")
+        """Check that all bytes have been read."""
+        if self._offset != self._end:
+            raise FormatError(f"has {self._end - self._offset} bytes after its last triangle")

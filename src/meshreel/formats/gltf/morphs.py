@@ -1,15 +1,15 @@
-"""An animation as few morph targets and their weights, within an error that no vertex exceeds.
+"""Fitting few morph targets and their weights to an animation, within a bound on every vertex.
 
-Principal components have the least mean error, not the least maximum: a few vertices in a few
-frames are far off, and to bring them close takes nearly twice as many targets as needed. So what
-these vertices are off beyond the bound is added to where they are to go, and the components are
-found again, some dozens of times. That is the alternating direction method of multipliers
-(Boyd et al. 2011, section 9.1) for the matrices of rank K within a distance of the frames; the
-multipliers are bounded, for K grows meanwhile, and before it is large enough there is no such
-matrix. Targets are rounded to integers in every round: what that costs is known, and made up for.
+Principal components minimize the mean error, not the maximum: a few vertices in a few frames have
+large errors, and nearly twice as many components as needed would be required to reduce them.
+Therefore the error of these vertices beyond the bound is added to their target positions, and the
+components are computed again, some dozens of times. This is the alternating direction method of
+multipliers (Boyd et al. 2011, section 9.1) for matrices of rank K within a distance of the frames.
+The multipliers are bounded, since K grows meanwhile, and while it is too small, no such matrix
+exists. Targets are rounded to integers in every round, so that rounding errors are compensated.
 
-Frames are displacements from the base mesh, of shape (T, 3 V); lengths have their units. While
-targets are looked for, x of all vertices comes before y and z: NumPy is three times as fast then.
+Frames are displacements from the base mesh, of shape (T, 3 V), in the units of the mesh. During the
+search, x of all vertices precedes y and z, which makes NumPy three times as fast.
 """
 
 from dataclasses import dataclass, replace
@@ -23,40 +23,41 @@ from meshreel.runtime.threads import chunks, in_threads
 
 Floats = npt.NDArray[np.float32]
 
-START = 8.0
-"""Error of the components to begin with, by the bound."""
+INITIAL_ERROR = 8.0
+"""Error of the initial components, as a multiple of the bound."""
 
-ONE_OF = 100
-"""K grows, and is then tried smaller, by one for each so many that there are, and by one at least.
+GROWTH_DIVISOR = 100
+"""Each round grows K, and later tries a smaller K, by this fraction of it, at least by one.
 
-Once it is large enough a smaller one often is too, for in a round K grows faster than vertices
-settle."""
+After growth a smaller K often suffices, since K grows faster than the positions converge."""
 
 PATIENCE = 8
-"""Rounds that a smaller number of targets is given."""
+"""Failed rounds before the search for a smaller number of targets stops."""
 
-NARROWED = 0.9
-"""Positions aim at this share of the bound."""
+POSITION_SHARE = 0.9
+"""Fraction of the bound at which positions aim."""
 
-NOISE = 0.15
-"""Share of the bound that rounding to int8 may be off in the mean; nearly all stays below half."""
+ROUNDING_SHARE = 0.15
+"""Mean rounding error of int8 targets, as a fraction of the bound; nearly all are below half."""
 
-FIRST_AIM, NEXT_AIM = 0.35, 0.75
-"""Error that a given number of targets aims at, by that of the components; by the least so far."""
+INITIAL_AIM, NEXT_AIM = 0.35, 0.75
+"""Error at which a fixed number of targets aims: as a fraction of that of the components, and then
+of the smallest so far."""
 
-ROUNDS, GIVEN_ROUNDS = 60, 24
-FRAMES_AT_ONCE = 8
+MAX_ROUNDS, MAX_FIXED_ROUNDS = 60, 24
+PIECE_FRAMES = 8
 
 
 @dataclass(frozen=True, eq=False)
 class Morphs:
-    """Targets and weights, and how far off they are.
+    """Morph targets, weights and errors.
 
     Attributes
     ----------
+    targets : IntegerTargets
     weights : float32 array of shape (T, K)
     errors : float32 array of shape (T,)
-        Of the vertex that is off the furthest, in each frame.
+        Largest error of a vertex in each frame.
     """
 
     targets: IntegerTargets
@@ -65,46 +66,48 @@ class Morphs:
 
     @property
     def error(self) -> float:
-        """Distance of the vertex that is off the furthest in all frames."""
+        """Largest error of a vertex in all frames."""
         return float(self.errors.max())
 
 
-def fit_morphs(moves: Floats, bound: float) -> Morphs:
-    """As few targets as are found with which no vertex is off by more than `bound`.
+def fit_morphs(displacements: Floats, bound: float) -> Morphs:
+    """Return few targets with which no vertex has an error above `bound`.
 
-    Where rounding to int16 is too coarse for that, those with the least error that was found.
+    If int16 is too coarse for the bound, return those with the smallest error found.
     """
-    by_axes = _axes_first(moves)
+    by_axes = _axes_first(displacements)
     search = _Search(by_axes)
-    best = _grow(search, _start(by_axes, START * bound), min(moves.shape), bound)
+    n_initial = _initial_count(by_axes, INITIAL_ERROR * bound)
+    best = _grow(search, n_initial, min(displacements.shape), bound)
     n_failed = 0
     while best.error <= bound and n_failed < PATIENCE and len(best.targets) > 1:
-        n_targets = len(best.targets) - max(1, len(best.targets) // ONE_OF)
+        n_targets = len(best.targets) - max(1, len(best.targets) // GROWTH_DIVISOR)
         found = search.round(n_targets, bound)
         best, n_failed = (found, 0) if found.error <= bound else (best, n_failed + 1)
     return _vertices_first(best)
 
 
-def _grow(search: "_Search", n_targets: int, n_most: int, bound: float) -> Morphs:
-    """Targets that keep the bound, from a number that does not; more of them in each round."""
+def _grow(search: "_Search", n_targets: int, max_targets: int, bound: float) -> Morphs:
+    """Return targets that meet the bound, from a smaller number that grows in each round."""
     best = search.round(n_targets, bound)
-    for number in range(ROUNDS):
-        if best.error <= bound or n_targets == n_most:
+    for number in range(MAX_ROUNDS):
+        if best.error <= bound or n_targets == max_targets:
             break
-        n_targets += max(1, n_targets // ONE_OF)
-        n_targets = n_most if number == ROUNDS - 1 else min(n_targets, n_most)
+        n_targets += max(1, n_targets // GROWTH_DIVISOR)
+        is_last = number == MAX_ROUNDS - 1
+        n_targets = max_targets if is_last else min(n_targets, max_targets)
         found = search.round(n_targets, bound)
         best = min(best, found, key=lambda one: one.error)
     return best
 
 
-def fit_given_morphs(moves: Floats, n_targets: int, bound: float) -> Morphs:
-    """The targets of a given number with the least error that is found, or one within `bound`."""
-    search = _Search(_axes_first(moves))
-    best = search.round(min(n_targets, *moves.shape), bound)
-    aim = FIRST_AIM * best.error
-    for _ in range(GIVEN_ROUNDS):
-        if best.error <= bound or len(best.targets) < n_targets:  # fewer are exact
+def fit_fixed_morphs(displacements: Floats, n_targets: int, bound: float) -> Morphs:
+    """Return `n_targets` targets with the smallest error found, or with one below `bound`."""
+    search = _Search(_axes_first(displacements))
+    best = search.round(min(n_targets, *displacements.shape), bound)
+    aim = INITIAL_AIM * best.error
+    for _ in range(MAX_FIXED_ROUNDS):
+        if best.error <= bound or len(best.targets) < n_targets:  # fewer targets are exact
             break
         found = search.round(n_targets, max(bound, aim))
         best = min(best, found, key=lambda one: one.error)
@@ -112,110 +115,110 @@ def fit_given_morphs(moves: Floats, n_targets: int, bound: float) -> Morphs:
     return _vertices_first(best)
 
 
-def measure(targets: IntegerTargets, weights: Floats, moves: Floats) -> Morphs:
-    """Targets and weights with their errors."""
-    errors = np.empty(len(moves), np.float32)
+def measure(targets: IntegerTargets, weights: Floats, displacements: Floats) -> Morphs:
+    """Return targets and weights with their errors."""
+    errors = np.empty(len(displacements), np.float32)
 
     def compare(frames: slice) -> None:
-        misses = _axes_first(moves[frames] - weights[frames] @ targets.values)
-        errors[frames] = _lengths(misses).max(axis=1)
+        residuals = _axes_first(displacements[frames] - weights[frames] @ targets.values)
+        errors[frames] = _lengths(residuals).max(axis=1)
 
-    in_threads(compare, chunks(len(moves), FRAMES_AT_ONCE))
+    in_threads(compare, chunks(len(displacements), PIECE_FRAMES))
     return Morphs(targets, weights, errors)
 
 
 class _Search:
-    """Where vertices are to go, round by round."""
+    """Target displacements, updated round by round."""
 
-    def __init__(self, moves: Floats) -> None:
-        self._moves = moves
-        self._aims = moves.copy()
-        self._excess = np.zeros_like(moves)
+    def __init__(self, displacements: Floats) -> None:
+        self._displacements = displacements
+        self._aims = displacements.copy()
+        self._excess = np.zeros_like(displacements)
 
     def round(self, n_targets: int, bound: float) -> Morphs:
-        """Targets for where vertices are to go now; what they are off beyond a bound is noted."""
+        """Return morph targets for the current aims, and update these by the excess error."""
         _, time_vectors = joint_trajectories(self._aims[None], n_targets)
-        reach = np.abs(time_vectors).max(axis=0)
+        max_weights = np.abs(time_vectors).max(axis=0)
         fields = project(time_vectors.astype(np.float32), self._aims)
-        targets = integer_targets(fields, reach, NOISE * bound)
+        targets = integer_targets(fields, max_weights, ROUNDING_SHARE * bound)
         weights = best_weights(targets, self._aims)
-        errors = np.empty(len(self._moves), np.float32)
+        errors = np.empty(len(self._displacements), np.float32)
 
-        def correct(frames: slice) -> None:
-            errors[frames] = self._correct(frames, weights[frames] @ targets.values, bound)
+        def update(frames: slice) -> None:
+            errors[frames] = self._update(frames, weights[frames] @ targets.values, bound)
 
-        in_threads(correct, chunks(len(self._moves), FRAMES_AT_ONCE))
+        in_threads(update, chunks(len(self._displacements), PIECE_FRAMES))
         return Morphs(targets, weights, errors)
 
-    def _correct(self, frames: slice, made: Floats, bound: float) -> Floats:
-        """The largest error of each frame; aims and excess are those of the next round."""
-        moves, excess = self._moves[frames], self._excess[frames]
-        misses = moves - made
-        errors: Floats = _lengths(misses).max(axis=1)
-        misses += excess
-        distances = np.maximum(_lengths(misses), np.finfo(np.float32).tiny)
-        within = _scaled(misses, np.minimum(1, NARROWED * bound / distances))
-        misses -= within
-        misses = _scaled(
-            misses, np.minimum(1, bound / np.maximum(distances - NARROWED * bound, 1e-30))
-        )
-        excess[:] = misses
-        self._aims[frames] = moves - within + excess
+    def _update(self, frames: slice, decoded: Floats, bound: float) -> Floats:
+        """Update aims and excess of some frames, and return the largest error of each."""
+        displacements, excess = self._displacements[frames], self._excess[frames]
+        residuals = displacements - decoded
+        errors: Floats = _lengths(residuals).max(axis=1)
+        residuals += excess
+        distances = np.maximum(_lengths(residuals), np.finfo(np.float32).tiny)
+        within = _scaled(residuals, np.minimum(1, POSITION_SHARE * bound / distances))
+        residuals -= within
+        beyond = np.maximum(distances - POSITION_SHARE * bound, 1e-30)
+        residuals = _scaled(residuals, np.minimum(1, bound / beyond))
+        excess[:] = residuals
+        self._aims[frames] = displacements - within + excess
         return errors
 
 
-def _axes_first(moves: Floats) -> Floats:
-    """Moves of shape (T, 3 V) whose axes alternate, those of an axis after the other."""
-    by_vertices = moves.reshape(len(moves), -1, 3)
-    return np.ascontiguousarray(by_vertices.transpose(0, 2, 1)).reshape(moves.shape)
+def _axes_first(displacements: Floats) -> Floats:
+    """Return displacements of shape (T, 3 V), reordered from vertex by vertex to axis by axis."""
+    by_vertices = displacements.reshape(len(displacements), -1, 3)
+    return np.ascontiguousarray(by_vertices.transpose(0, 2, 1)).reshape(displacements.shape)
 
 
 def _vertices_first(found: Morphs) -> Morphs:
-    """The opposite, of targets."""
+    """Return morphs with targets reordered from axis by axis to vertex by vertex."""
     integers = found.targets.integers
     by_vertices = integers.reshape(len(integers), 3, -1).transpose(0, 2, 1)
     ordered = np.ascontiguousarray(by_vertices).reshape(integers.shape)
     return replace(found, targets=replace(found.targets, integers=ordered))
 
 
-def _lengths(moves: Floats) -> Floats:
-    """Lengths of moves, an axis after the other, of shape (T, V)."""
-    x, y, z = (axis for axis in moves.reshape(len(moves), 3, -1).swapaxes(0, 1))
+def _lengths(displacements: Floats) -> Floats:
+    """Return lengths of displacements in axis order, of shape (T, V)."""
+    by_axes = displacements.reshape(len(displacements), 3, -1)
+    x, y, z = (axis for axis in by_axes.swapaxes(0, 1))
     squares = x * x
     squares += y * y
     squares += z * z
     return np.asarray(np.sqrt(squares, out=squares))
 
 
-def _scaled(moves: Floats, factors: Floats) -> Floats:
-    """Moves, an axis after the other, times factors of shape (T, V)."""
-    by_axes = moves.reshape(len(moves), 3, -1)
-    return np.asarray(by_axes * factors[:, np.newaxis]).reshape(moves.shape)
+def _scaled(displacements: Floats, factors: Floats) -> Floats:
+    """Return displacements in axis order times factors of shape (T, V)."""
+    by_axes = displacements.reshape(len(displacements), 3, -1)
+    return np.asarray(by_axes * factors[:, np.newaxis]).reshape(displacements.shape)
 
 
-def _start(moves: Floats, error: float) -> int:
-    """The least number of components of which no vertex is further off than `error`."""
-    _, time_vectors = joint_trajectories(moves[None], min(moves.shape))
+def _initial_count(displacements: Floats, error: float) -> int:
+    """Return the smallest number of components with all errors up to `error`."""
+    _, time_vectors = joint_trajectories(displacements[None], min(displacements.shape))
     weights = time_vectors.astype(np.float32)
-    fields = project(weights, moves)
+    fields = project(weights, displacements)
     low, high = 1, weights.shape[1]
     while low < high:
         middle = (low + high) // 2
-        if _is_within(moves, weights[:, :middle], fields[:middle], error):
+        if _is_within(displacements, weights[:, :middle], fields[:middle], error):
             high = middle
         else:
             low = middle + 1
     return low
 
 
-def _is_within(moves: Floats, weights: Floats, fields: Floats, error: float) -> bool:
+def _is_within(displacements: Floats, weights: Floats, fields: Floats, error: float) -> bool:
     exceeding: list[slice] = []
 
     def compare(frames: slice) -> None:
         if not exceeding:
-            misses = moves[frames] - weights[frames] @ fields
-            if _lengths(misses).max() > error:
+            residuals = displacements[frames] - weights[frames] @ fields
+            if _lengths(residuals).max() > error:
                 exceeding.append(frames)
 
-    in_threads(compare, chunks(len(moves), FRAMES_AT_ONCE))
+    in_threads(compare, chunks(len(displacements), PIECE_FRAMES))
     return not exceeding

@@ -1,4 +1,4 @@
-"""Where the nodes of a glTF file are in the world at given times."""
+"""World transforms of the nodes of a glTF file at given times."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,20 +16,21 @@ Matrices = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """The nodes of a file, and the curves that move some of them.
+    """The nodes of a file, and the curves that animate some of them.
 
     Parameters
     ----------
+    nodes : Nodes
     curves : Curves
-        Empty if nothing moves.
+        Empty if nothing is animated.
     """
 
     nodes: Nodes
     curves: Curves
 
     @cached_property
-    def moving(self) -> frozenset[int]:
-        """The nodes that are animated, or below one that is."""
+    def animated(self) -> frozenset[int]:
+        """The nodes that are animated, or below an animated node."""
         found = {node for node, path in self.curves if path != "weights"}
         parents, depths = self.nodes.parents, self.nodes.depths
         for node in sorted(range(len(parents)), key=depths.__getitem__):
@@ -38,26 +39,23 @@ class Motion:
         return frozenset(found)
 
     def world(self, nodes: Sequence[int], times_s: Floats) -> Matrices:
-        """Transforms from some nodes to the world, of shape (T, N, 3, 4).
-
-        Of nodes that do not move, computed once.
-        """
+        """Return the world transforms of some nodes, of shape (T, N, 3, 4)."""
         found: dict[int, Matrices] = {}
-        for node in self.nodes.family(nodes):
+        for node in self.nodes.with_ancestors(nodes):
             local, parent = self._local(node, times_s), self.nodes.parents[node]
             found[node] = local if parent < 0 else found[parent] @ local
         worlds = np.empty((len(times_s), len(nodes), 3, 4))
-        for place, node in enumerate(nodes):
-            worlds[:, place] = found[node][:, :3]
+        for index, node in enumerate(nodes):
+            worlds[:, index] = found[node][:, :3]
         return worlds
 
-    def weights(self, node: int, at_rest: Floats, times_s: Floats) -> Floats:
-        """Weights of the morph targets of the mesh of a node, of shape (T, M)."""
+    def weights(self, node: int, default: Floats, times_s: Floats) -> Floats:
+        """Return the weights of morph targets at a node, of shape (T, M)."""
         curve = self.curves.get((node, "weights"))
-        return np.tile(at_rest, (len(times_s), 1)) if curve is None else curve.at(times_s)
+        return np.tile(default, (len(times_s), 1)) if curve is None else curve.at(times_s)
 
     def _local(self, node: int, times_s: Floats) -> Matrices:
-        """Transforms to the parent, of shape (T, 4, 4), or (1, 4, 4) if the node does not move."""
+        """Return the transforms to the parent, of shape (T, 4, 4), or (1, 4, 4) if static."""
         rest = self.nodes.transform(node)
         if rest.matrix is not None:
             return rest.matrix[np.newaxis]
@@ -69,13 +67,13 @@ class Motion:
 
 
 def compose(translations: Floats, rotations: Floats, scales: Floats) -> Matrices:
-    """Transforms that scale, then rotate, then move, of shape (T, 4, 4).
+    """Return transforms that scale, then rotate, then translate, of shape (T, 4, 4).
 
     Parameters
     ----------
     translations, scales : float64 arrays of shape (T, 3)
     rotations : float64 array of shape (T, 4)
-        Unit quaternions x y z w. Any of the three may have but one row, for all times.
+        Unit quaternions x y z w. Each of the three may have a single row, for all times.
     """
     n_times = max(len(translations), len(rotations), len(scales))
     transforms = np.zeros((n_times, 4, 4))
@@ -86,7 +84,7 @@ def compose(translations: Floats, rotations: Floats, scales: Floats) -> Matrices
 
 
 def rotation_matrices(quaternions: Floats) -> Matrices:
-    """Rotations of unit quaternions x y z w, of shape (T, 3, 3)."""
+    """Return the matrices of unit quaternions x y z w, of shape (T, 3, 3)."""
     x, y, z, w = quaternions.T
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],

@@ -1,4 +1,4 @@
-"""Files that a glTF file names: in its folder, or below it."""
+"""Files to which a glTF file refers by relative URI."""
 
 import re
 from pathlib import Path, PurePosixPath
@@ -12,28 +12,28 @@ from meshreel.formats.named_files import is_within, outside_error
 SCHEME = re.compile(r"[a-z][a-z0-9+.-]*:", re.IGNORECASE)
 
 
-def file_beside(document: Document, uri: str, place: str) -> Path:
-    """The file that a URI names, in the folder of the document or below, if it must be there.
+def referenced_file(document: Document, uri: str, place: str) -> Path:
+    """Return the path of a file to which a document refers, after checking its location.
 
     Raises
     ------
     FormatError
-        If it is where it may not be, or not there.
+        If it is missing, or outside of the folder without permission.
     """
     name = unquote(uri)
     parts = PurePosixPath(name).parts
     is_remote = SCHEME.match(name) or name.startswith("//")
     if is_remote or "\\" in name or "\0" in name or not parts:
         raise FormatError(
-            f"{place}: is in {uri[:200]!r}; only files in the folder of the glTF file, or in "
-            "folders within it, are read; put it there"
+            f"{place}: refers to {uri[:200]!r}; only files in the folder of the glTF file or below "
+            "are supported; move the file there"
         )
     path = document.folder.joinpath(*parts)
     with os_errors_naming(path):
-        is_here = ".." not in parts and is_within(path, document.folder)
-        is_there = path.is_file()
-    if not (is_here or document.allow_outside):
+        is_inside = ".." not in parts and is_within(path, document.folder)
+        exists = path.is_file()
+    if not (is_inside or document.allow_outside):
         raise FormatError(f"{place}: {outside_error(name)}")
-    if not is_there:
-        raise FormatError(f"{place}: there is no file {name!r} beside the glTF file; put it there")
+    if not exists:
+        raise FormatError(f"{place}: there is no file {name!r} next to the glTF file")
     return path

@@ -1,20 +1,20 @@
-"""Nodes of a scene from the paths of its meshes."""
+"""Building the node hierarchy of a scene from the paths of its meshes."""
 
 from typing import Any
 
-from meshreel.formats.gltf.placement import NOWHERE, Placement
+from meshreel.formats.gltf.placement import IDENTITY, Placement
 
 Json = dict[str, Any]
 Path = tuple[str, ...]
 
 
 class NodeTree:
-    """Nodes so far; those above a mesh are made when they are first needed.
+    """The nodes of a scene, with parents created on demand.
 
     Attributes
     ----------
     nodes : list of dict
-        As they stand in the JSON.
+        Entries of the JSON.
     roots : list of int
     """
 
@@ -25,18 +25,19 @@ class NodeTree:
         self._placements: list[Placement] = []
 
     def add(self, name: str, mesh: int, placement: Placement) -> int:
-        """The number of the new node that shows a mesh; add short paths first.
+        """Add a node with a mesh, and return its index; add shorter paths first.
 
         Parameters
         ----------
         name : str
-            A path of nodes if it begins with a slash.
+            Name, or path of nodes if it starts with a slash.
+        mesh : int
         placement : Placement
-            Of the mesh in the world, whatever the nodes above it do.
+            Placement of the mesh in the world, independent of its parents.
         """
         path = path_of(name)
         parent = self._parent(path)
-        above = self._placements[parent] if parent is not None else NOWHERE
+        above = self._placements[parent] if parent is not None else IDENTITY
         node: Json = {"name": path[-1], "mesh": mesh}
         shift = (placement.offset - above.offset) / above.scale
         if shift.any():
@@ -48,9 +49,9 @@ class NodeTree:
     def _parent(self, path: Path) -> int | None:
         parent = None
         for end in range(1, len(path)):
-            above = self._placements[parent] if parent is not None else NOWHERE
+            inherited = self._placements[parent] if parent is not None else IDENTITY
             if (number := self._numbers.get(path[:end])) is None:
-                number = self._append(path[:end], {"name": path[end - 1]}, above, parent)
+                number = self._append(path[:end], {"name": path[end - 1]}, inherited, parent)
             parent = number
         return parent
 
@@ -65,6 +66,6 @@ class NodeTree:
 
 
 def path_of(name: str) -> Path:
-    """The names of the nodes down to a mesh: several if its name is a path."""
+    """Return the node names from the root to a mesh; a single one unless its name is a path."""
     elements = tuple(element for element in name.split("/") if element)
     return elements if name.startswith("/") and elements else (name or "mesh",)

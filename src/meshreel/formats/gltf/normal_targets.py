@@ -1,4 +1,4 @@
-"""Normals that move with the vertices, by the same morph targets and weights."""
+"""Normals that are animated by the same morph targets and weights as the vertices."""
 
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -12,43 +12,43 @@ from meshreel.formats.gltf.quantized import BYTE, SHORT, IntegerTargets, project
 from meshreel.model.geometry.normals import face_normals, vertex_normals
 from meshreel.model.sequence import Faces, Vertices
 
-POSITIONS = (0.98, 0.9)
-"""Shares of the bound that targets may use before normals scale them down, which rounds them; the
-second is tried where the first is too much."""
+POSITION_SHARES = (0.98, 0.9)
+"""Fractions of the bound for positions before normals scale targets down, which adds rounding
+errors; the second is tried if the first exceeds the bound."""
 
 LENGTH_ERROR = 0.1
-"""Root mean square difference of moved unit normals that is small enough: 3.5 degrees or so."""
+"""Acceptable root mean square error of unit normals, about 3.5 degrees."""
 
-MOST_CREASED = 0.25
-"""A surface of which creases are a larger share is meant to look faceted."""
+MAX_CREASED_SHARE = 0.25
+"""Share of creases above which a surface presumably is faceted."""
 
 CREASE_DEG = 60.0
 """Smallest dihedral turn between two faces whose edge is a crease."""
 
 
 class NormalChoice(Enum):
-    """Which normals are written."""
+    """The meshes that get normals."""
 
     SMOOTH = "smooth"
-    """Of surfaces that are smooth, moved by as few targets as bring them near."""
+    """Smooth surfaces, with normals animated by as few targets as needed."""
     ALL = "all"
-    """Of all surfaces, moved by all targets."""
+    """All surfaces, with normals animated by all targets."""
     NONE = "none"
 
 
 @dataclass(frozen=True, eq=False)
 class NormalTargets:
-    """Normals of the base, and what targets add to them.
+    """Normals of the base mesh, and displacements of normals by morph targets.
 
     Attributes
     ----------
     base : int8 or float32 array of shape (V, 3)
-        Integers where there are targets.
+        Integers if there are targets.
     targets : int8 array of shape (N, V, 3)
     numbers : int64 array of shape (N,)
-        The morph targets that add them; others do not turn normals.
+        Indices of the morph targets with normals.
     angle_deg : float
-        Mean angle to the normals of the frames.
+        Mean angle between animated and original normals.
     """
 
     base: npt.NDArray[Any]
@@ -57,15 +57,15 @@ class NormalTargets:
     angle_deg: float = 0.0
 
 
-def are_written(choice: NormalChoice, frame: Vertices, faces: Faces) -> bool:
-    """Whether a mesh, as it is in one frame, gets normals."""
+def wants_normals(choice: NormalChoice, frame: Vertices, faces: Faces) -> bool:
+    """Return whether a mesh gets normals, judged by one frame."""
     if choice is NormalChoice.SMOOTH:
-        return creased_share(frame, faces) <= MOST_CREASED
+        return creased_share(frame, faces) <= MAX_CREASED_SHARE
     return choice is NormalChoice.ALL
 
 
-def still_normals(vertices: Vertices, faces: Faces) -> NormalTargets:
-    """Those of a mesh that does not move, without targets."""
+def static_normals(vertices: Vertices, faces: Faces) -> NormalTargets:
+    """Return the normals of a static mesh, without targets."""
     units = _units(vertex_normals(vertices, faces)).astype(np.float32)
     return NormalTargets(units, np.empty((0, *units.shape), np.int8), np.empty(0, np.int64))
 
@@ -73,57 +73,59 @@ def still_normals(vertices: Vertices, faces: Faces) -> NormalTargets:
 def fit_normals(
     frames: Vertices,
     faces: Faces,
-    moves: npt.NDArray[np.float32],
+    displacements: npt.NDArray[np.float32],
     morphs: Morphs,
     length_error: float = 0.0,
 ) -> tuple[Morphs, NormalTargets]:
-    """Morphs that suit positions and normals, with one target more, and the normals.
+    """Return morphs of positions and normals, with one additional target, and the normals.
 
-    A weight that moves vertices a little may turn normals a lot, but what a target adds to a
-    normal cannot exceed 1. So targets are made smaller, and weights larger, where it would. The
-    targets that move most turn normals, as many as are needed.
+    A weight that moves vertices a little may rotate normals a lot, but a target can add at most 1
+    to a normal. So where that is too little, targets are scaled down and weights up. The targets
+    with the largest weights get normals, as many as needed.
 
-    Normals of the base must be units. But what the targets are added to should be the mean normal,
-    which is short where a vertex turns around: the additional target, which moves no vertex and
-    has the same weight in all frames, makes up for that.
+    Normals of the base mesh must have length 1. But the displacements are relative to the mean
+    normal, which is shorter where a vertex rotates: the additional target, which moves no vertex
+    and has a constant weight, compensates for that.
 
     Parameters
     ----------
     frames : float array of shape (T, R, 3)
-        Of what has a normal each: vertices, split at hard edges.
+        Positions of vertices with one normal each, split at hard edges.
     faces : int32 array of shape (M, 3)
-        In these.
-    moves : float32 array of shape (T, 3 V)
-        That `morphs` was made for, to measure its errors again.
+        Faces as indices into these vertices.
+    displacements : float32 array of shape (T, 3 V)
+        The displacements to which `morphs` was fitted, to measure its errors again.
+    morphs : Morphs
     length_error : float, default 0
-        Root mean square difference of unit normals that is small enough; 0 for all targets.
+        Acceptable root mean square error of unit normals; 0 to use all targets.
     """
     normals = np.stack([vertex_normals(frame, faces).astype(np.float32) for frame in frames])
     base = _units(normals.mean(axis=0, dtype=np.float64))
-    turns = (normals - base.astype(np.float32)).reshape(len(frames), -1)
-    turning = _turning_targets(morphs.weights, turns, length_error)
-    numbers = np.append(turning, len(morphs.targets))
+    offsets = (normals - base.astype(np.float32)).reshape(len(frames), -1)
+    selected = select_normal_targets(morphs.weights, offsets, length_error)
+    numbers = np.append(selected, len(morphs.targets))
     weights = np.column_stack([morphs.weights, np.ones(len(frames), np.float32)])
     inverse = np.linalg.pinv(weights[:, numbers].astype(np.float64))
-    fields = project(inverse.T.astype(np.float32), turns)
+    fields = project(inverse.T.astype(np.float32), offsets)
     factors = np.maximum(1, np.abs(fields).max(axis=1))
-    added = _as_bytes(fields / factors[:, None]).reshape(len(factors), -1, 3)
+    scaled_fields = _as_bytes(fields / factors[:, None]).reshape(len(factors), -1, 3)
     weights[:, numbers] *= factors
-    scaled = measure(_scaled_down(morphs.targets, turning, factors[:-1]), weights, moves)
-    found = NormalTargets(_as_bytes(base), added, numbers)
-    return scaled, replace(found, angle_deg=_mean_angle_deg(found, weights, normals))
+    scaled = _scaled_down(morphs.targets, selected, factors[:-1])
+    measured = measure(scaled, weights, displacements)
+    found = NormalTargets(_as_bytes(base), scaled_fields, numbers)
+    return measured, replace(found, angle_deg=_mean_angle_deg(found, weights, normals))
 
 
-def _turning_targets(
-    weights: npt.NDArray[np.float32], turns: npt.NDArray[np.float32], length_error: float
+def select_normal_targets(
+    weights: npt.NDArray[np.float32], offsets: npt.NDArray[np.float32], length_error: float
 ) -> npt.NDArray[np.int64]:
-    """The targets that move most, ascending: as few as bring normals so near, in the mean."""
+    """Return the fewest targets, by decreasing weights, that reach the mean error of normals."""
     order = np.argsort(-np.square(weights, dtype=np.float64).sum(axis=0), kind="stable")
-    products = (turns @ turns.T).astype(np.float64)
+    products = (offsets @ offsets.T).astype(np.float64)
     constant = np.ones((len(weights), 1))
     basis, _ = np.linalg.qr(np.column_stack([constant, weights[:, order].astype(np.float64)]))
     explained = np.cumsum(np.einsum("tk,tu,uk->k", basis, products, basis, optimize=True))
-    allowed = length_error**2 * turns.size / 3
+    allowed = length_error**2 * offsets.size / 3
     n_needed = int(np.count_nonzero(np.trace(products) - explained[:-1] > allowed))
     return np.sort(order[:n_needed] if length_error else order)
 
@@ -131,7 +133,7 @@ def _turning_targets(
 def _scaled_down(
     targets: IntegerTargets, numbers: npt.NDArray[np.int64], factors: npt.NDArray[np.floating]
 ) -> IntegerTargets:
-    """Targets, some of them smaller, and one more that moves no vertex."""
+    """Return targets, some of them scaled down, and an additional one that moves no vertex."""
     levels = np.append(targets.levels, np.float32(BYTE))
     integers = np.concatenate([targets.integers, np.zeros_like(targets.integers[:1])])
     smaller = numbers[factors > 1]
@@ -143,20 +145,20 @@ def _scaled_down(
 def _mean_angle_deg(
     found: NormalTargets, weights: npt.NDArray[np.float32], normals: npt.NDArray[np.float32]
 ) -> float:
-    """Between what a viewer makes of the bytes and the normals, in all frames."""
+    """Return the mean angle between normals decoded from bytes and the original ones."""
     added = (found.targets.astype(np.float32) / BYTE).reshape(len(found.targets), -1)
     angles = []
     for own, expected in zip(weights[:, found.numbers], normals, strict=True):
-        turned = found.base.astype(np.float32) / BYTE + (own @ added).reshape(expected.shape)
-        lengths = np.linalg.norm(turned, axis=1) * np.linalg.norm(expected, axis=1)
-        cosines = np.einsum("ij,ij->i", turned, expected) / np.where(lengths > 0, lengths, 1)
+        decoded = found.base.astype(np.float32) / BYTE + (own @ added).reshape(expected.shape)
+        lengths = np.linalg.norm(decoded, axis=1) * np.linalg.norm(expected, axis=1)
+        cosines = np.einsum("ij,ij->i", decoded, expected) / np.where(lengths > 0, lengths, 1)
         angles.append(np.arccos(np.clip(cosines[lengths > 0], -1, 1)))
     every = np.concatenate(angles)
     return float(np.degrees(every.mean())) if len(every) else 0.0
 
 
 def _units(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Vectors of length 1; along z where there is no direction."""
+    """Return vectors scaled to length 1, or the z axis for zero vectors."""
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
     return np.where(lengths > 1e-6, vectors / np.maximum(lengths, 1e-6), np.array([0.0, 0.0, 1.0]))
 

@@ -1,4 +1,4 @@
-"""Where a mesh of integer positions stands: the box of -1..1 that its node moves and scales."""
+"""Placement of a mesh with integer positions: a box from -1 to 1 that its node transforms."""
 
 from dataclasses import dataclass
 
@@ -13,22 +13,22 @@ from meshreel.model.sequence import Vertices
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """A box in which lengths are one scale from its middle to its sides.
+    """A translation and a uniform scale, for the node of a mesh.
 
     Attributes
     ----------
     offset : float64 array of shape (3,)
-        Its middle. A float32 is the same.
+        Center of the box, exact in float32.
     scale : float
-        Positive. A float32 is the same.
+        Half size of the box, positive and exact in float32.
     """
 
     offset: Floats
     scale: float
 
 
-NOWHERE = Placement(np.zeros(3), 1.0)
-"""The placement that changes nothing."""
+IDENTITY = Placement(np.zeros(3), 1.0)
+"""The placement that leaves positions unchanged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,65 +37,67 @@ class PlacedFrames:
 
     Attributes
     ----------
+    placement : Placement
     base : int16 array of shape (V, 3)
-    moves : float32 array of shape (T, 3 V)
-        From the base as integers say it, in the lengths of the placement.
+    displacements : float32 array of shape (T, 3 V)
+        From the integer base, in units of the placement.
     """
 
     placement: Placement
     base: npt.NDArray[np.int16]
-    moves: npt.NDArray[np.float32]
+    displacements: npt.NDArray[np.float32]
 
 
 def mean_frame(frames: Vertices) -> Floats:
-    """The mean of every vertex over all frames, of shape (V, 3)."""
+    """Return the mean position of every vertex over all frames, of shape (V, 3)."""
     return np.asarray(frames.mean(axis=0, dtype=np.float64))
 
 
-def ways(frames: Vertices, base: Floats) -> Floats:
-    """How far a vertex is from the base at most, in each frame."""
+def max_displacements(frames: Vertices, base: Floats) -> Floats:
+    """Return the largest distance of a vertex from the base, in each frame."""
     return np.array([np.linalg.norm(frame - base, axis=1).max() for frame in frames])
 
 
-def place_still(base: Vertices) -> tuple[Placement, npt.NDArray[np.float32]]:
-    """A mesh that does not move, in float32: around its middle if that is not the same there."""
+def place_static(base: Vertices) -> tuple[Placement, npt.NDArray[np.float32]]:
+    """Return a static mesh in float32, relative to its center unless it is exact in float32."""
     rest = base.astype(np.float32)
     if (rest == base).all():
-        return NOWHERE, rest
-    offset = _middle(base)
+        return IDENTITY, rest
+    offset = _center(base)
     return Placement(offset, 1.0), (base - offset).astype(np.float32)
 
 
 def place_frames(frames: Vertices, base: Floats) -> PlacedFrames:
-    """Frames of shape (T, V, 3) around a base, so that no coordinate of either exceeds 1."""
-    offset = _middle(base)
-    reach = max(float(np.abs(base - offset).max()), float(ways(frames, base).max()))
+    """Return frames of shape (T, V, 3) relative to a base, with all coordinates within -1 to 1."""
+    offset = _center(base)
+    max_distance = float(max_displacements(frames, base).max())
+    reach = max(float(np.abs(base - offset).max()), max_distance)
     smallest = float(np.finfo(np.float32).tiny)
     scale = float(np.nextafter(np.float32(max(reach, smallest)), np.float32(np.inf)))
     integers = np.rint((base - offset) / scale * SHORT).astype(np.int16)
-    moves = np.empty((len(frames), base.size), np.float32)
+    displacements = np.empty((len(frames), base.size), np.float32)
     rounded = integers / np.float64(SHORT)
-    for row, frame in zip(moves, frames, strict=True):
+    for row, frame in zip(displacements, frames, strict=True):
         row[:] = ((frame - offset) / scale - rounded).ravel()
-    return PlacedFrames(Placement(offset, scale), integers, moves)
+    return PlacedFrames(Placement(offset, scale), integers, displacements)
 
 
-def _middle(base: Vertices) -> Floats:
-    middle = (base.min(axis=0) + base.max(axis=0)) / 2
-    return np.asarray(middle.astype(np.float32), np.float64)
+def _center(base: Vertices) -> Floats:
+    center = (base.min(axis=0) + base.max(axis=0)) / 2
+    return np.asarray(center.astype(np.float32), np.float64)
 
 
 def check_range(low: Floats, high: Floats) -> None:
-    """Refuse positions that are no float32, which is all that glTF files hold.
+    """Check that positions fit into float32, the only float type of glTF.
 
     Raises
     ------
     InvalidInputError
-        Naming the largest.
+        If a coordinate is too large.
     """
     largest = float(np.maximum(-low, high).max())
     allowed = float(np.finfo(np.float32).max) / 4
     if largest > allowed:
         raise InvalidInputError(
-            f"a glTF file holds float32, here up to {allowed:.2g}; got {largest:g}; scale down"
+            f"glTF stores float32 positions, up to {allowed:.2g}; got {largest:g}; scale the model"
         )

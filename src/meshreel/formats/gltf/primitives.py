@@ -1,4 +1,4 @@
-"""Primitives of a glTF mesh: their triangles, and what each of their vertices has."""
+"""Primitives of a glTF mesh: triangles and vertex attributes."""
 
 import re
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from meshreel.formats.gltf.json_object import JsonObject
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
 N_MODES = 7
-KINDS = {
+ACCESSOR_TYPES = {
     "POSITION": ("VEC3",),
     "NORMAL": ("VEC3",),
     "JOINTS": ("VEC4",),
@@ -21,21 +21,21 @@ KINDS = {
     "TEXCOORD": ("VEC2",),
     "COLOR": ("VEC3", "VEC4"),
 }
-"""Attributes that are read, without their numbers, and the kinds that they can be of."""
-OWN_KINDS = ("SCALAR", "VEC2", "VEC3", "VEC4")
-"""Kinds of attributes that a program made up; their names begin with a low line."""
+"""Accessor types of each supported attribute semantic, without set index."""
+CUSTOM_TYPES = ("SCALAR", "VEC2", "VEC3", "VEC4")
+"""Accessor types of application-specific attributes, whose names start with an underscore."""
 
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Vertices that primitives have in common, as the file has them: split at seams.
+    """Vertices shared by primitives, split at seams as in the file.
 
     Attributes
     ----------
     values : dict of Values
-        By the names of the attributes; "POSITION" is there, and all have as many rows.
+        By attribute name, including "POSITION", all with the same number of rows.
     displacements : tuple of float arrays of shape (N, 3)
-        Of the positions by each morph target; None where a target has none.
+        Displacements by each morph target; None for a target without positions.
     """
 
     values: dict[str, Values]
@@ -47,39 +47,41 @@ class Block:
         return len(self.values["POSITION"].array)
 
 
-def is_surface(primitive: JsonObject) -> bool:
-    """Whether a primitive is made of triangles, and has positions."""
+def is_triangle_primitive(primitive: JsonObject) -> bool:
+    """Return whether a primitive consists of triangles and has positions."""
     mode = primitive.index("mode", N_MODES)
-    has_positions = "POSITION" in primitive.needed("attributes")
+    has_positions = "POSITION" in primitive.required_child("attributes")
     return has_positions and (mode is None or mode >= TRIANGLES)
 
 
 def block_key(primitive: JsonObject) -> str:
-    """The same for primitives that have the same vertices."""
+    """Return a key that is equal for primitives with the same vertices."""
     return repr([primitive.values.get(key) for key in ("attributes", "targets", "extensions")])
 
 
-def read_block(primitive: JsonObject, accessors: Accessors, packed: dict[str, Values]) -> Block:
-    """The vertices of a primitive.
+def read_block(primitive: JsonObject, accessors: Accessors, decoded: dict[str, Values]) -> Block:
+    """Return the vertices of a primitive.
 
     Parameters
     ----------
-    packed : dict of Values
-        What Draco holds of it, in place of the accessors.
+    primitive : JsonObject
+    accessors : Accessors
+    decoded : dict of Values
+        Arrays decoded from Draco, which replace accessors.
 
     Raises
     ------
     FormatError
-        If attributes have different numbers of vertices, or are of a kind that they cannot be.
+        If attributes differ in length, or have an invalid type.
     """
-    attributes = primitive.needed("attributes")
+    attributes = primitive.required_child("attributes")
     n_verts = accessors.count(attributes, "POSITION")
     values = {
-        name: packed[name]
-        if name in packed
-        else accessors.read(attributes, name, *kinds, count=n_verts)
+        name: decoded[name]
+        if name in decoded
+        else accessors.read(attributes, name, *types, count=n_verts)
         for name in attributes.values
-        if (kinds := _kinds(name))
+        if (types := _accessor_types(name))
     }
     displacements = tuple(
         accessors.read(target, "POSITION", "VEC3", count=n_verts).floats()
@@ -91,86 +93,86 @@ def read_block(primitive: JsonObject, accessors: Accessors, packed: dict[str, Va
 
 
 def read_triangles(
-    primitive: JsonObject, accessors: Accessors, packed: dict[str, Values], n_verts: int
+    primitive: JsonObject, accessors: Accessors, decoded: dict[str, Values], n_verts: int
 ) -> npt.NDArray[np.int64]:
-    """The triangles of a primitive, in the vertices of its block, of shape (M, 3).
+    """Return the triangles of a primitive as indices into its block, of shape (M, 3).
 
     Raises
     ------
     FormatError
-        If one names a vertex that is not there.
+        If an index is out of range.
     """
-    if "indices" in packed:
-        corners = packed["indices"].array[:, 0]
+    if "indices" in decoded:
+        corners = decoded["indices"].array[:, 0]
     elif "indices" in primitive:
         corners = accessors.read(primitive, "indices", "SCALAR").array[:, 0]
     else:
         corners = np.arange(n_verts)
     if corners.dtype.kind not in "iu":
-        raise FormatError(f"{primitive.place}: its indices are no whole numbers")
+        raise FormatError(f"{primitive.place}: its indices are not integers")
     corners = corners.astype(np.int64)
     if len(corners) and not 0 <= corners.min() <= corners.max() < n_verts:
         raise FormatError(
-            f"{primitive.place}: names vertices {corners.min()}..{corners.max()}; "
-            f"indices must be in 0..{n_verts - 1}"
+            f"{primitive.place}: has vertex indices {corners.min()}..{corners.max()}; "
+            f"expected 0..{n_verts - 1}"
         )
-    mode = TRIANGLES if "indices" in packed else primitive.whole("mode", TRIANGLES)
-    return cut_triangles(corners, mode)
+    mode = TRIANGLES if "indices" in decoded else primitive.integer("mode", TRIANGLES)
+    return assemble_triangles(corners, mode)
 
 
-def cut_triangles(corners: npt.NDArray[np.int64], mode: int) -> npt.NDArray[np.int64]:
-    """The triangles that a list, a strip or a fan of corners means, of shape (M, 3).
+def assemble_triangles(corners: npt.NDArray[np.int64], mode: int) -> npt.NDArray[np.int64]:
+    """Return the triangles of a list, strip or fan of corners, of shape (M, 3).
 
-    What is left of a list behind its last whole triangle is dropped, as it is when it is drawn.
+    Corners after the last complete triangle of a list are ignored, as in rendering.
     """
     if mode == TRIANGLES:
         return corners[: len(corners) // 3 * 3].reshape(-1, 3)
     number = np.arange(max(0, len(corners) - 2))
     if mode == FAN:
         return corners[np.stack([number + 1, number + 2, 0 * number], axis=1)]
-    # Every other triangle of a strip is turned, so that all face the same side.
+    # Every other triangle of a strip is reversed, for a consistent orientation.
     odd = number % 2
     return corners[np.stack([number, number + 1 + odd, number + 2 - odd], axis=1)]
 
 
-def surfaces(mesh: JsonObject) -> list[JsonObject]:
-    """The primitives of a mesh that are made of triangles."""
-    return [one for one in mesh.children("primitives", "primitive") if is_surface(one)]
+def triangle_primitives(mesh: JsonObject) -> list[JsonObject]:
+    """Return the triangle primitives of a mesh."""
+    return [one for one in mesh.children("primitives", "primitive") if is_triangle_primitive(one)]
 
 
 def has_joints(mesh: JsonObject) -> bool:
-    """Whether joints can move a mesh."""
+    """Return whether a mesh can be skinned."""
     return any(
-        {"JOINTS_0", "WEIGHTS_0"} <= one.needed("attributes").values.keys()
-        for one in surfaces(mesh)
+        {"JOINTS_0", "WEIGHTS_0"} <= one.required_child("attributes").values.keys()
+        for one in triangle_primitives(mesh)
     )
 
 
 def count_targets(mesh: JsonObject) -> int:
-    """Number of morph targets of a mesh, which is that of each of its primitives.
+    """Return the number of morph targets of a mesh, the same for all of its primitives.
 
     Raises
     ------
     FormatError
-        If primitives have different numbers.
+        If primitives differ in it.
     """
-    counts = {len(one.children("targets", "target")) for one in surfaces(mesh)}
+    counts = {len(one.children("targets", "target")) for one in triangle_primitives(mesh)}
     if len(counts) > 1:
         raise FormatError(
             f"{mesh.place}: its primitives have {' or '.join(map(str, sorted(counts)))} morph "
-            "targets; all must have as many"
+            "targets; expected the same number in all"
         )
     return counts.pop() if counts else 0
 
 
-def is_read(name: str) -> bool:
-    """Whether an attribute of vertices is read, or follows from what is."""
-    return bool(_kinds(name)) or name == "TANGENT"
+def is_supported_attribute(name: str) -> bool:
+    """Return whether a vertex attribute is read, or can be computed."""
+    return bool(_accessor_types(name)) or name == "TANGENT"
 
 
-def _kinds(name: str) -> tuple[str, ...]:
-    """The kinds that an attribute can be of; none if it is not read."""
+def _accessor_types(name: str) -> tuple[str, ...]:
+    """Return the valid accessor types of an attribute; empty if it is not supported."""
     if name.startswith("_"):
-        return OWN_KINDS
+        return CUSTOM_TYPES
     match = re.fullmatch(r"([A-Z]+)(?:_\d+)?", name)
-    return KINDS.get(match[1], ()) if match else ()
+    return ACCESSOR_TYPES.get(match[1], ()) if match else ()

@@ -1,4 +1,4 @@
-"""Morph targets as small integers, and the weights that suit these best."""
+"""Morph targets quantized to small integers, and their optimal weights."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,9 +12,9 @@ from meshreel.runtime.threads import chunks, in_threads
 Floats = npt.NDArray[np.float32]
 
 BYTE, SHORT = 127, 32767
-"""The integers that stand for 1 in a normalised accessor of int8 and of int16."""
+"""Integers that represent 1 in normalized accessors of int8 and int16."""
 
-TARGETS_AT_ONCE, VALUES_AT_ONCE = 16, 8192
+PIECE_TARGETS, PIECE_VALUES = 16, 8192
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,9 +24,9 @@ class IntegerTargets:
     Attributes
     ----------
     integers : int16 array of shape (K, N)
-        A row of coordinates for each target.
+        Coordinates of each target.
     levels : float32 array of shape (K,)
-        `BYTE` or `SHORT`: the integer that stands for 1.
+        The integer that represents 1 in each target, `BYTE` or `SHORT`.
     """
 
     integers: npt.NDArray[np.int16]
@@ -37,34 +37,36 @@ class IntegerTargets:
 
     @cached_property
     def values(self) -> Floats:
-        """The values of the integers, of shape (K, N)."""
+        """The represented values, of shape (K, N)."""
         return np.asarray(self.integers / self.levels[:, None], np.float32)
 
     @property
-    def n_bytes(self) -> int:
-        """How many targets fit into int8."""
+    def n_int8(self) -> int:
+        """Number of targets that fit into int8."""
         return int((self.levels == BYTE).sum())
 
 
-def integer_targets(fields: Floats, reach: npt.NDArray[np.float64], noise: float) -> IntegerTargets:
-    """Targets as integers, in int8 where that is fine enough.
+def integer_targets(
+    fields: Floats, max_weights: npt.NDArray[np.float64], noise: float
+) -> IntegerTargets:
+    """Return quantized targets, in int8 where that is precise enough.
 
-    Rounding moves a vertex by a random step that is, in a coordinate, the step of the integers by
-    the square root of 12 in the mean, times the weight. As many targets as may be are of int8, the
-    smallest first, while all their steps together stay below `noise` in the mean.
+    The standard deviation of the rounding error of a coordinate is the integer step divided by the
+    square root of 12, times the weight. As many targets as possible become int8, smallest first,
+    as long as their combined error stays below `noise` in the root mean square.
 
     Parameters
     ----------
     fields : float32 array of shape (K, N)
-        Changed: scaled to 1.
-    reach : float array of shape (K,)
-        The largest weight of each field.
+        Scaled in place.
+    max_weights : float array of shape (K,)
+        Largest absolute weight of each field.
     noise : float
         In the units of the fields.
     """
     largest = np.abs(fields).max(axis=1)
     largest[largest == 0] = 1
-    variances = 3 * (reach * largest / BYTE) ** 2 / 12
+    variances = 3 * (max_weights * largest / BYTE) ** 2 / 12
     order = np.argsort(variances)
     levels = np.full(len(fields), SHORT, np.float32)
     levels[order[np.cumsum(variances[order]) <= noise**2]] = BYTE
@@ -74,17 +76,18 @@ def integer_targets(fields: Floats, reach: npt.NDArray[np.float64], noise: float
         fields[rows] *= (levels / largest)[rows, None]
         integers[rows] = np.rint(fields[rows])
 
-    in_threads(quantize, chunks(len(fields), TARGETS_AT_ONCE))
+    in_threads(quantize, chunks(len(fields), PIECE_TARGETS))
     return IntegerTargets(integers, levels)
 
 
 def best_weights(targets: IntegerTargets, frames: Floats) -> Floats:
-    """The weights of all targets in every frame, of shape (T, K), by least squares.
+    """Return the weights of all targets in every frame by least squares, of shape (T, K).
 
     Parameters
     ----------
+    targets : IntegerTargets
     frames : float32 array of shape (T, N)
-        What the targets are to add up to.
+        The displacements to approximate.
     """
     values = targets.values
     gram = np.empty((len(targets), len(targets)))
@@ -94,12 +97,12 @@ def best_weights(targets: IntegerTargets, frames: Floats) -> Floats:
         gram[rows] = values[rows] @ values.T
         products[rows] = values[rows] @ frames.T
 
-    in_threads(multiply, chunks(len(targets), TARGETS_AT_ONCE))
+    in_threads(multiply, chunks(len(targets), PIECE_TARGETS))
     return np.ascontiguousarray(solve_gram(gram, products).T, dtype=np.float32)
 
 
 def project(time_vectors: Floats, frames: Floats) -> Floats:
-    """``time_vectors^T frames``: the field of each mode, of shape (K, N).
+    """Return ``time_vectors^T frames``, the field of each mode, of shape (K, N).
 
     Parameters
     ----------
@@ -111,5 +114,5 @@ def project(time_vectors: Floats, frames: Floats) -> Floats:
     def multiply(columns: slice) -> None:
         fields[:, columns] = time_vectors.T @ frames[:, columns]
 
-    in_threads(multiply, chunks(frames.shape[1], VALUES_AT_ONCE))
+    in_threads(multiply, chunks(frames.shape[1], PIECE_VALUES))
     return fields

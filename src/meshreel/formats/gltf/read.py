@@ -1,7 +1,7 @@
-"""Reading glTF: every node that shows a mesh, as it moves in the world.
+"""Reading glTF: every node with a mesh, animated in world space.
 
-The JSON is parsed by the standard library and checked here: libraries for glTF take indices and
-sizes on trust, which files from anywhere do not earn.
+The JSON is parsed with the standard library and validated here, since libraries for glTF do not
+validate indices and sizes, and files may come from anywhere.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,19 +21,23 @@ from meshreel.formats.gltf.document import INSTANCING, Document, read_document
 from meshreel.formats.gltf.geometry import Geometry, read_geometry
 from meshreel.formats.gltf.instancing import note_instances
 from meshreel.formats.gltf.json_object import JsonObject
-from meshreel.formats.gltf.material_reading import MaterialReader, note_unkept
+from meshreel.formats.gltf.material_reading import MaterialReader, note_extensions
 from meshreel.formats.gltf.motion import Matrices, Motion
 from meshreel.formats.gltf.nodes import Nodes, read_nodes, unique_names
-from meshreel.formats.gltf.primitives import count_targets, is_read, surfaces
-from meshreel.formats.gltf.sampling import STILL, Sampling, sample_times
-from meshreel.formats.gltf.shown import (
-    Placement,
-    nothing_shown,
-    placements_of,
-    shape_of,
-    shown_nodes,
+from meshreel.formats.gltf.primitives import (
+    count_targets,
+    is_supported_attribute,
+    triangle_primitives,
 )
-from meshreel.formats.gltf.skinning import Skin, move
+from meshreel.formats.gltf.sampling import STATIC, Sampling, sample_times
+from meshreel.formats.gltf.scene import (
+    ShownMesh,
+    instanced_geometry,
+    no_mesh_error,
+    scene_nodes,
+    shown_meshes,
+)
+from meshreel.formats.gltf.skinning import Skin, transform_points
 from meshreel.formats.notes import listed, note_kinds, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
@@ -46,11 +50,11 @@ from meshreel.runtime.counting import counted
 LIGHTS = "KHR_lights_punctual"
 
 POSE_BYTES = 1 << 24
-"""Transforms of nodes are computed for as many frames at once as take about this much memory."""
+"""Memory for node transforms, which are computed for several frames at once."""
 
 
 class WeldNote:
-    """One sentence on all vertices that were welded, as meshes are read one after the other.
+    """A note on welded vertices, which grows with each mesh.
 
     Parameters
     ----------
@@ -63,7 +67,7 @@ class WeldNote:
         self._n_split = self._n_verts = 0
 
     def add(self, n_split: int, n_verts: int) -> None:
-        """Tell of a mesh that has so many vertices in the file, and here."""
+        """Add a mesh by its number of vertices in the file and after welding."""
         if n_split == n_verts:
             return
         self._n_split, self._n_verts = self._n_split + n_split, self._n_verts + n_verts
@@ -76,35 +80,34 @@ class WeldNote:
 
 
 def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
-    """The meshes of the scene that a glTF file shows, named by the paths of their nodes.
+    """Return the meshes of the scene of a glTF file, named by the paths of their nodes.
 
-    The animation is the one that the options name, or the first that moves a mesh; what it does
-    not move has one frame.
+    The animation is that of the options, or the first one that moves a mesh; meshes that it does
+    not move have one frame.
 
     Raises
     ------
     FormatError
-        If the file is damaged, shows no mesh, or needs an extension that is not read.
+        If the file is damaged, its scene has no mesh, or it requires an unsupported extension.
     InvalidInputError
-        If it has no animation of the name or number that the options give.
+        If it does not have the requested animation.
     """
     document = read_document(path, allow_outside=options.allow_outside)
     accessors, nodes = Accessors(document), read_nodes(document)
-    shown = shown_nodes(document, nodes, options.notes)
-    placements = placements_of(document, shown, accessors)
+    placements = shown_meshes(document, scene_nodes(document, nodes, options.notes), accessors)
     if not placements:
-        raise nothing_shown(document, nodes)
+        raise no_mesh_error(document, nodes)
     motion, sampling = _motion(placements, nodes, accessors, options)
     _note_left_out(document, placements, options.notes)
     read = _geometry_reader(accessors, options.notes)
     names = unique_names([nodes.path(one.node, _mesh_name(document, one)) for one in placements])
-    moves = _mover(placements, motion)
+    is_animated = _animation_test(placements, motion)
 
-    def shape(placement: Placement) -> Geometry:
-        return shape_of(placement, read(placement.mesh), accessors)
+    def shape(placement: ShownMesh) -> Geometry:
+        return instanced_geometry(placement, read(placement.mesh), accessors)
 
-    def scene_mesh(name: str, placement: Placement) -> SceneMesh:
-        times = sampling if moves(placement) else sampling.first()
+    def scene_mesh(name: str, placement: ShownMesh) -> SceneMesh:
+        times = sampling if is_animated(placement) else sampling.first()
         return _scene_mesh(name, placement, motion, times, lambda: shape(placement), document)
 
     return [
@@ -114,57 +117,57 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
 
 
 def list_animations(path: Path, options: ReadOptions) -> list[AnimationInfo]:
-    """The animations of a glTF file, in its order; the notes of the options gain nothing.
+    """Return the animations of a glTF file, in file order, without adding notes.
 
     Raises
     ------
     FormatError
-        If the file is damaged elsewhere than in an animation.
+        If the file is damaged outside of its animations.
     """
     document = read_document(path, allow_outside=options.allow_outside)
     accessors, nodes = Accessors(document), read_nodes(document)
-    placements = placements_of(document, shown_nodes(document, nodes, []), accessors)
-    return Clips(nodes, accessors, _mesh_mover(placements, nodes)).described()
+    placements = shown_meshes(document, scene_nodes(document, nodes, []), accessors)
+    return Clips(nodes, accessors, _mesh_channel_test(placements, nodes)).describe()
 
 
 def _motion(
-    placements: Sequence[Placement], nodes: Nodes, accessors: Accessors, options: ReadOptions
+    placements: Sequence[ShownMesh], nodes: Nodes, accessors: Accessors, options: ReadOptions
 ) -> tuple[Motion, Sampling]:
-    """How nodes move that carry meshes, and when frames are."""
-    clips = Clips(nodes, accessors, _mesh_mover(placements, nodes))
-    clip = clips.chosen(options.animation, options.notes)
+    """Return the motion of nodes with meshes, and the sampling of frames."""
+    clips = Clips(nodes, accessors, _mesh_channel_test(placements, nodes))
+    clip = clips.select(options.animation, options.notes)
     if clip is None:
-        return Motion(nodes, {}), STILL
+        return Motion(nodes, {}), STATIC
     is_curved = any(curve.is_curved for curve in clip.curves.values())
     fps = validate_fps(options.fps or 0.0)
     sampling = sample_times(clip.keys_s, fps, is_curved=is_curved, notes=options.notes)
     return Motion(nodes, clip.curves), sampling
 
 
-def _mesh_mover(placements: Sequence[Placement], nodes: Nodes) -> Callable[[Channel], bool]:
-    """A function that tells whether a channel moves a mesh."""
+def _mesh_channel_test(placements: Sequence[ShownMesh], nodes: Nodes) -> Callable[[Channel], bool]:
+    """Return a function that tells whether a channel moves a mesh."""
     shown = {one.node for one in placements}
     carriers = {one.node for one in placements if one.skin is None}
     for skin in {one.skin for one in placements if one.skin is not None}:
         carriers.update(skin.joints)
-    family = set(nodes.family(carriers))
-    return lambda channel: channel.node in (shown if channel.path == "weights" else family)
+    above = set(nodes.with_ancestors(carriers))
+    return lambda channel: channel.node in (shown if channel.path == "weights" else above)
 
 
-def _mover(placements: Sequence[Placement], motion: Motion) -> Callable[[Placement], bool]:
-    """A function that tells whether a mesh moves."""
+def _animation_test(placements: Sequence[ShownMesh], motion: Motion) -> Callable[[ShownMesh], bool]:
+    """Return a function that tells whether a mesh is animated."""
     skins = {one.skin for one in placements if one.skin is not None}
-    moving = {skin for skin in skins if not motion.moving.isdisjoint(skin.joints)}
+    animated = {skin for skin in skins if not motion.animated.isdisjoint(skin.joints)}
 
-    def moves(one: Placement) -> bool:
-        is_carried = one.node in motion.moving if one.skin is None else one.skin in moving
-        return is_carried or (one.node, "weights") in motion.curves
+    def is_animated(one: ShownMesh) -> bool:
+        is_moved = one.node in motion.animated if one.skin is None else one.skin in animated
+        return is_moved or (one.node, "weights") in motion.curves
 
-    return moves
+    return is_animated
 
 
 def _geometry_reader(accessors: Accessors, notes: list[str]) -> Callable[[int], Geometry]:
-    """A function from the number of a mesh to what it is, which reads each mesh once."""
+    """Return a function that reads a mesh by index, with a cache."""
     document = accessors.document
     materials = MaterialReader(document, accessors.buffers, notes)
     welded, normal_notes = WeldNote(notes), NormalNotes(notes)
@@ -182,7 +185,7 @@ def _geometry_reader(accessors: Accessors, notes: list[str]) -> Callable[[int], 
 
 def _scene_mesh(
     name: str,
-    placement: Placement,
+    placement: ShownMesh,
     motion: Motion,
     sampling: Sampling,
     read: Callable[[], Geometry],
@@ -192,19 +195,19 @@ def _scene_mesh(
     n_targets = count_targets(mesh)
     default = mesh.numbers("weights", n_targets, np.zeros(n_targets))
     weights = node.numbers("weights", n_targets, default)
-    baked = BakedMesh(placement.node, placement.skin, weights, motion, sampling.exact_s, read)
+    baked = BakedMesh(placement.node, placement.skin, weights, motion, sampling.curve_times_s, read)
     return SceneMesh(name, sampling.times_s, baked.frame, baked.surface, sampling.fps or None)
 
 
-def _mesh_name(document: Document, placement: Placement) -> str:
+def _mesh_name(document: Document, placement: ShownMesh) -> str:
     return document.lists["meshes"][placement.mesh].text("name", "")
 
 
-def _note_left_out(document: Document, placements: Sequence[Placement], notes: list[str]) -> None:
+def _note_left_out(document: Document, placements: Sequence[ShownMesh], notes: list[str]) -> None:
     meshes = [document.lists["meshes"][one] for one in sorted({one.mesh for one in placements})]
     for mesh in meshes:
         n_primitives = len(mesh.children("primitives", "primitive"))
-        if n_left := n_primitives - len(surfaces(mesh)):
+        if n_left := n_primitives - len(triangle_primitives(mesh)):
             note_left_out(
                 notes, f"points and lines, {n_left} of {n_primitives} primitives of {mesh.place}"
             )
@@ -212,42 +215,50 @@ def _note_left_out(document: Document, placements: Sequence[Placement], notes: l
     nodes = document.lists["nodes"]
     note_instances([(nodes[one.node], one.instances) for one in placements], notes)
     skinned = [nodes[one.node] for one in placements if one.skin is not None]
-    if copied := [one for one in skinned if one.extension(INSTANCING) is not None]:
-        names = listed(one.text("name", "") or one.place for one in copied)
+    if instanced := [one for one in skinned if one.extension(INSTANCING) is not None]:
+        names = listed(one.text("name", "") or one.place for one in instanced)
         note_left_out(notes, f"instances of skinned meshes: {names}")
-    for what, n_there in (
+    for what, count in (
         ("cameras", sum("camera" in node for node in nodes)),
         ("lights", sum(node.extension(LIGHTS) is not None for node in nodes)),
     ):
-        if n_there:
-            note_left_out(notes, f"{what} ({n_there})")
-    note_unkept(document, meshes, notes)
+        if count:
+            note_left_out(notes, f"{what} ({count})")
+    note_extensions(document, meshes, notes)
 
 
 def _note_values(mesh: JsonObject, notes: list[str]) -> None:
-    """Add to the notes the attributes of vertices that are not read."""
-    names = {name for one in surfaces(mesh) for name in one.needed("attributes").values}
+    """Note the vertex attributes that are not read."""
+    names = {
+        name
+        for one in triangle_primitives(mesh)
+        for name in one.required_child("attributes").values
+    }
     if "TANGENT" in names:
         note_left_out(notes, "tangents, which programs compute")
     note_kinds(
-        notes, "attributes that glTF does not define", sorted(n for n in names if not is_read(n))
+        notes,
+        "attributes that glTF does not define",
+        sorted(n for n in names if not is_supported_attribute(n)),
     )
 
 
 @dataclass(frozen=True, eq=False)
 class BakedMesh:
-    """A mesh at a node, in the world.
+    """A mesh at a node, animated in world space.
 
     Parameters
     ----------
+    node : int
     skin : Skin, optional
-        The joints that the mesh follows, in place of the node.
+        Joints that move the mesh instead of the node.
     weights : float64 array of shape (M,)
-        Of the morph targets, while nothing moves them.
+        Default weights of the morph targets.
+    motion : Motion
     times_s : float64 array of shape (T,)
-        When frames are.
+        Times at which curves are evaluated for the frames.
     read : function
-        Gives the mesh at rest.
+        Returns the mesh at rest.
     """
 
     node: int
@@ -259,19 +270,19 @@ class BakedMesh:
     _poses: dict[int, tuple[Matrices, Floats]] = field(default_factory=dict)
 
     def frame(self, index: int) -> PolygonMesh:
-        """The mesh at a frame; float32, as positions of glTF are."""
+        """Return the mesh in a frame, with float32 positions."""
         faces = self._faces
-        with np.errstate(over="ignore", invalid="ignore"):  # positions are checked when all is done
+        with np.errstate(over="ignore", invalid="ignore"):  # positions are validated later
             transforms, weights = self._pose(index)
             positions = self._geometry.morphed(weights)
             if self._geometry.influences is not None and self.skin is not None:
-                moved = move(positions, self._geometry.influences.blend(transforms))
+                moved = transform_points(positions, self._geometry.influences.blend(transforms))
             else:
-                moved = move(positions, transforms[0])
+                moved = transform_points(positions, transforms[0])
             return PolygonMesh(moved.astype(np.float32), faces.counts, faces.corners)
 
     def surface(self, index: int) -> Surface:
-        """The surface of the mesh, in any frame."""
+        """Return the surface of the mesh, which is the same in all frames."""
         return self._geometry.surface
 
     @cached_property
@@ -279,12 +290,12 @@ class BakedMesh:
         found = self.read()
         if self.skin is None:
             transforms, _ = self._pose(0)
-            return found.mirrored() if np.linalg.det(transforms[0, :, :3]) < 0 else found
+            return found.with_reversed_faces() if np.linalg.det(transforms[0, :, :3]) < 0 else found
         n_joints = len(self.skin.joints)
         if found.influences is not None and found.influences.joints.max() >= n_joints:
             raise FormatError(
-                f"node {self.node}: its mesh names joint {found.influences.joints.max()}; "
-                f"its skin has {n_joints}"
+                f"node {self.node}: its mesh refers to joint {found.influences.joints.max()}, but "
+                f"its skin has {n_joints} joints"
             )
         return found
 
@@ -295,24 +306,24 @@ class BakedMesh:
         return polygon_mesh(geometry.positions, counts, geometry.faces.ravel())
 
     def _pose(self, index: int) -> tuple[Matrices, Floats]:
-        """Transforms of the joints, or of the node, of shape (N, 3, 4), and weights of targets."""
-        chunk, row = divmod(index, self._frames_at_once)
+        """Return transforms of the joints or the node, of shape (N, 3, 4), and target weights."""
+        chunk, row = divmod(index, self._piece_frames)
         if chunk not in self._poses:
             self._poses.clear()
-            self._poses[chunk] = self._computed(chunk * self._frames_at_once)
+            self._poses[chunk] = self._compute_poses(chunk * self._piece_frames)
         transforms, weights = self._poses[chunk]
         return transforms[row], weights[row]
 
-    def _computed(self, start: int) -> tuple[Matrices, Floats]:
-        times = self.times_s[start : start + self._frames_at_once]
+    def _compute_poses(self, start: int) -> tuple[Matrices, Floats]:
+        times = self.times_s[start : start + self._piece_frames]
         weights = self.motion.weights(self.node, self.weights, times)
         if self.skin is None:
             return self.motion.world([self.node], times), weights
         return self.motion.world(self.skin.joints, times) @ self.skin.inverse_binds, weights
 
     @cached_property
-    def _frames_at_once(self) -> int:
+    def _piece_frames(self) -> int:
         carriers = [self.node] if self.skin is None else self.skin.joints
-        n_nodes = len(carriers) + len(self.motion.nodes.family(carriers))
+        n_nodes = len(carriers) + len(self.motion.nodes.with_ancestors(carriers))
         size_bytes = 8 * (16 * n_nodes + len(self.weights))
         return max(1, min(len(self.times_s), POSE_BYTES // size_bytes))

@@ -1,4 +1,4 @@
-"""The vertices of a mesh as glTF has them: one for each material and set of values at a vertex."""
+"""Splitting vertices at seams, as glTF requires: one per material and set of attribute values."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -15,24 +15,24 @@ from meshreel.model.surface import Attribute, Domain, Kind, Surface
 Rows = npt.NDArray[Any]
 
 MATERIAL = "material"
-"""Name of the groups of faces that are written."""
+"""Name of the face groups that become materials."""
 
 MAX_WIDTH = 4
-"""Most numbers that an attribute has in a glTF file."""
+"""Maximum number of components of an attribute in glTF."""
 
 
 @dataclass(frozen=True, eq=False)
 class Primitive:
-    """Triangles of one material.
+    """The triangles of one material.
 
     Attributes
     ----------
     material : str, optional
-        None for faces without one.
+        None for faces without a material.
     verts : slice
-        Its vertices among those of the mesh; no other primitive has them.
+        Its vertices among those of the mesh; primitives share no vertices.
     triangles : int64 array of shape (M, 3)
-        In its own vertices.
+        Indices into its own vertices.
     """
 
     material: str | None
@@ -42,16 +42,17 @@ class Primitive:
 
 @dataclass(frozen=True, eq=False)
 class SplitVertices:
-    """A mesh whose vertices are split where values or materials meet.
+    """A mesh whose vertices are split where attribute values or materials differ.
 
     Attributes
     ----------
     sources : int64 array of shape (N,)
-        The vertex that each one was.
+        Original vertex of each vertex.
     rows : int64 array of shape (N,)
-        The row of its normal, as `NormalRows` has them; its vertex if no edge is hard.
+        Row of its normal in `NormalRows`; the original vertex if no edge is hard.
     attributes : dict of str to array of shape (N, C)
-        By what glTF calls them.
+        By glTF attribute name.
+    primitives : tuple of Primitive
     """
 
     sources: Integers
@@ -59,20 +60,21 @@ class SplitVertices:
     attributes: dict[str, Rows]
     primitives: tuple[Primitive, ...]
 
-    def renumbered(self, numbers: Integers, of_rows: Integers) -> "SplitVertices":
-        """The same with another number for each vertex, and each row, that there was."""
-        return replace(self, sources=numbers[self.sources], rows=of_rows[self.rows])
+    def with_indices(self, of_vertices: Integers, of_rows: Integers) -> "SplitVertices":
+        """Return the same mesh with new indices of original vertices and normal rows."""
+        return replace(self, sources=of_vertices[self.sources], rows=of_rows[self.rows])
 
 
 def split_at_seams(
     part: PartMesh, rows_of_corners: npt.NDArray[np.integer] | None = None
 ) -> SplitVertices:
-    """The vertices that faces use, in their order within each material.
+    """Return the vertices that faces use, in their original order within each material.
 
     Parameters
     ----------
+    part : PartMesh
     rows_of_corners : integer array of shape (C,), optional
-        The row of the normal of each corner, where vertices have several. Default: the vertex.
+        Row of the normal of each corner, if vertices have several. Default: the vertex.
     """
     corner_of = fan_corners(part.counts).ravel()
     items = {
@@ -81,42 +83,43 @@ def split_at_seams(
         Domain.CORNER: corner_of.astype(np.int64),
     }
     labels, materials = _materials(part.surface, len(part.counts))
-    given = dict(_named_attributes(part.surface))
-    rows = {name: _distinct_rows(values, items[domain]) for name, (values, domain) in given.items()}
+    named = dict(_named_attributes(part.surface))
+    rows = {name: _distinct_rows(values, items[domain]) for name, (values, domain) in named.items()}
     normal_rows = items[Domain.VERTEX]
     if rows_of_corners is not None:
         normal_rows = np.asarray(rows_of_corners, np.int64)[corner_of]
     keys = [materials[items[Domain.FACE]], items[Domain.VERTEX], normal_rows]
-    splitting = [rows[name] for name in given if given[name][1] is not Domain.VERTEX]
+    splitting = [rows[name] for name in named if named[name][1] is not Domain.VERTEX]
     first, new = _unique(keys + splitting)
     attributes = {
         name: np.ascontiguousarray(values[items[domain][first]])
-        for name, (values, domain) in given.items()
+        for name, (values, domain) in named.items()
     }
     primitives = tuple(_primitives(keys[0][first], new.reshape(-1, 3), labels))
     return SplitVertices(items[Domain.VERTEX][first], normal_rows[first], attributes, primitives)
 
 
-def describe_left_out(surface: Surface) -> Iterator[str]:
-    """One sentence for each thing that a glTF file cannot hold."""
+def describe_losses(surface: Surface) -> Iterator[str]:
+    """Yield a sentence for everything of a surface that glTF cannot store."""
     for attribute in surface.of_kind(Kind.COLOR):
-        values, most = attribute.values, 1 if attribute.values.dtype.kind == "f" else 255
-        if values.size and (values.min() < 0 or values.max() > most):
-            yield f"clipped colours {attribute.name!r} to 0..{most}"
+        values, maximum = attribute.values, 1 if attribute.values.dtype.kind == "f" else 255
+        if values.size and (values.min() < 0 or values.max() > maximum):
+            yield f"clipped colors {attribute.name!r} to 0..{maximum}"
     for attribute in surface.attributes:
-        if _written(attribute) is None:
+        if _gltf_values(attribute) is None:
             width, dtype = attribute.values.shape[1], attribute.values.dtype
-            yield f"left out attribute {attribute.name!r}: glTF has no {width} numbers of {dtype}"
+            what = f"attribute {attribute.name!r}"
+            yield f"left out {what}: glTF does not support {width} components of {dtype}"
     for groups in surface.groups:
         if groups.name != MATERIAL:
-            yield f"left out the groups {groups.name!r} of faces: glTF has materials only"
+            yield f"left out face groups {groups.name!r}: glTF supports only materials"
 
 
 def _named_attributes(surface: Surface) -> Iterator[tuple[str, tuple[Rows, Domain]]]:
-    """The names of attributes in glTF, their values in its terms, and what they are values of."""
+    """Yield the glTF names of attributes, with their values in glTF and domain."""
     numbers = {Kind.UV: 0, Kind.COLOR: 0}
     for attribute in surface.attributes:
-        if (values := _written(attribute)) is None:
+        if (values := _gltf_values(attribute)) is None:
             continue
         if attribute.kind is Kind.OTHER:
             name = f"_{attribute.name.removeprefix('_')}"
@@ -127,16 +130,16 @@ def _named_attributes(surface: Surface) -> Iterator[tuple[str, tuple[Rows, Domai
         yield name, (values, attribute.domain)
 
 
-def texcoord_numbers(surface: Surface) -> dict[str, int]:
-    """The number of the TEXCOORD that texture coordinates of a name are written as."""
+def uv_indices(surface: Surface) -> dict[str, int]:
+    """Return the TEXCOORD set index of each UV set, by name."""
     numbers: dict[str, int] = {}
     for number, attribute in enumerate(surface.of_kind(Kind.UV)):
         numbers.setdefault(attribute.name, number)
     return numbers
 
 
-def _written(attribute: Attribute) -> Rows | None:
-    """Values of each item as a glTF file holds them; None if it cannot."""
+def _gltf_values(attribute: Attribute) -> Rows | None:
+    """Return the values per item as glTF stores them, or None if it cannot."""
     values = attribute.per_item()
     if attribute.kind is Kind.UV:
         u, v = values[:, 0].astype(np.float64), values[:, 1].astype(np.float64)
@@ -145,12 +148,12 @@ def _written(attribute: Attribute) -> Rows | None:
         is_float = values.dtype.kind == "f"
         clipped = values.clip(0, 1 if is_float else 255)
         return clipped.astype(np.float32 if is_float else np.uint8)
-    is_held = values.dtype in (np.uint8, np.float32) and values.shape[1] <= MAX_WIDTH
-    return values if is_held else None
+    is_supported = values.dtype in (np.uint8, np.float32) and values.shape[1] <= MAX_WIDTH
+    return values if is_supported else None
 
 
 def _materials(surface: Surface, n_faces: int) -> tuple[tuple[str | None, ...], Integers]:
-    """Labels, and the number of that of each face; the last is that of faces without one."""
+    """Return the labels, and the label index of each face; the last is for no material."""
     for groups in surface.groups:
         if groups.name == MATERIAL:
             numbers = groups.numbers.astype(np.int64)
@@ -159,14 +162,16 @@ def _materials(surface: Surface, n_faces: int) -> tuple[tuple[str | None, ...], 
 
 
 def _distinct_rows(values: Rows, items: Integers) -> Integers:
-    """A number for the value at each corner of a triangle, the same where the bits are."""
-    bits = np.ascontiguousarray(values + 0).view(f"u{values.itemsize}")  # + 0: there are two zeros
+    """Return an index of the value at each triangle corner, equal for equal bits."""
+    bits = np.ascontiguousarray(values + 0).view(
+        f"u{values.itemsize}"
+    )  # + 0 makes -0.0 and 0.0 equal
     columns = [np.unique(column, return_inverse=True)[1].astype(np.int64) for column in bits.T]
     return _unique(columns)[1][items]
 
 
 def _unique(keys: list[Integers]) -> tuple[Integers, Integers]:
-    """Where each distinct combination of keys is first, in their order, and which each one is."""
+    """Return the first position of each distinct combination of keys, sorted, and its index."""
     number = np.zeros(len(keys[0]), np.int64)
     for key in keys:
         joined = number * (int(key.max()) + 1) + key
@@ -177,7 +182,7 @@ def _unique(keys: list[Integers]) -> tuple[Integers, Integers]:
 def _primitives(
     materials: Integers, triangles: Integers, labels: tuple[str | None, ...]
 ) -> Iterator[Primitive]:
-    """The triangles of each material, whose vertices follow one another."""
+    """Yield the triangles of each material, whose vertices are contiguous."""
     of_triangle = materials[triangles[:, 0]]
     for number in np.unique(materials):
         low, high = np.searchsorted(materials, [number, number + 1])

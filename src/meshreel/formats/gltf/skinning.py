@@ -1,4 +1,4 @@
-"""Vertices that follow joints: linear blend skinning."""
+"""Linear blend skinning of glTF meshes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,14 +17,14 @@ Matrices = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """The joints that a mesh is bound to.
+    """The joints to which a mesh is bound.
 
     Attributes
     ----------
     joints : list of int
-        Nodes.
+        Nodes of the joints.
     inverse_binds : float64 array of shape (J, 4, 4)
-        From where the mesh was bound to each joint.
+        Transforms from the bind pose to each joint.
     """
 
     joints: list[int]
@@ -33,30 +33,30 @@ class Skin:
 
 @dataclass(frozen=True, eq=False)
 class Influences:
-    """Which joints move each vertex, and how much.
+    """The joints that move each vertex, and their weights.
 
     Attributes
     ----------
     joints : int64 array of shape (V, K)
-        Numbers within a skin; 0 where the weight is 0.
+        Indices into the joints of a skin; 0 where the weight is 0.
     weights : float64 array of shape (V, K)
-        At least 0; the sum of each row is 1.
+        Nonnegative, with row sums of 1.
     """
 
     joints: npt.NDArray[np.int64]
     weights: npt.NDArray[np.float64]
 
-    def of(self, rows: npt.NDArray[np.int64]) -> "Influences":
-        """The influences on some of the vertices."""
+    def select(self, rows: npt.NDArray[np.int64]) -> "Influences":
+        """Return the influences on some of the vertices."""
         return Influences(self.joints[rows], self.weights[rows])
 
     def blend(self, matrices: Matrices) -> Matrices:
-        """The transform of each vertex, of shape (V, 3, 4).
+        """Return the blended transform of each vertex, of shape (V, 3, 4).
 
         Parameters
         ----------
         matrices : float64 array of shape (J, 3, 4)
-            From where the mesh was bound to where each joint takes it.
+            Transforms of the joints from the bind pose to the current pose.
         """
         blended = np.zeros((len(self.joints), 3, 4))
         for joints, weights in zip(self.joints.T, self.weights.T, strict=True):
@@ -65,7 +65,7 @@ class Influences:
 
 
 def read_skin(skin: JsonObject, accessors: Accessors) -> Skin:
-    """A skin of the file.
+    """Return a skin of the file.
 
     Raises
     ------
@@ -81,16 +81,15 @@ def read_skin(skin: JsonObject, accessors: Accessors) -> Skin:
     if len(columns) < len(joints) or not np.isfinite(columns).all():
         raise FormatError(
             f"{skin.place}: has {len(columns)} inverse bind matrices for {len(joints)} joints; "
-            "it needs one each, of finite numbers"
+            "expected one finite matrix per joint"
         )
     return Skin(joints, columns[: len(joints)].reshape(-1, 4, 4).transpose(0, 2, 1))
 
 
 def read_influences(blocks: Sequence[Block], place: str) -> Influences | None:
-    """The influences on the vertices of all blocks, one after the other; None if there are none.
+    """Return the influences on the concatenated vertices of all blocks, or None without joints.
 
-    Weights are scaled so that those of a vertex have the sum 1; a vertex without any follows the
-    first joint that it names, as in other programs.
+    Weights are normalized; a vertex without weights follows its first joint, as in other programs.
 
     Raises
     ------
@@ -101,20 +100,22 @@ def read_influences(blocks: Sequence[Block], place: str) -> Influences | None:
     if n_sets == {0}:
         return None
     if 0 in n_sets:
-        raise FormatError(f"{place}: some of its primitives have joints, others have none")
+        raise FormatError(f"{place}: only some of its primitives have joints")
     width = 4 * max(n_sets)
-    joints = np.concatenate([_padded(block, "JOINTS", width) for block in blocks])
-    weights = np.concatenate([_padded(block, "WEIGHTS", width) for block in blocks])
+    joints = np.concatenate([_joined_sets(block, "JOINTS", width) for block in blocks])
+    weights = np.concatenate([_joined_sets(block, "WEIGHTS", width) for block in blocks])
     if not (np.isfinite(weights).all() and (weights >= 0).all()):
-        raise FormatError(f"{place}: weights of joints must be finite and at least 0")
+        raise FormatError(f"{place}: joint weights must be finite and at least 0")
     weights[weights.max(axis=1) == 0, 0] = 1.0
-    weights /= weights.max(axis=1, keepdims=True)  # or the sum of the largest would be infinite
+    weights /= weights.max(axis=1, keepdims=True)  # first, since sums of huge weights overflow
     weights /= weights.sum(axis=1, keepdims=True)
     return Influences(np.where(weights > 0, joints, 0).astype(np.int64), weights)
 
 
-def move(positions: npt.NDArray[np.float64], transforms: Matrices) -> npt.NDArray[np.float64]:
-    """Positions of shape (V, 3) where transforms of shape (3, 4) or (V, 3, 4) take them."""
+def transform_points(
+    positions: npt.NDArray[np.float64], transforms: Matrices
+) -> npt.NDArray[np.float64]:
+    """Return positions of shape (V, 3), transformed by (3, 4) or (V, 3, 4) matrices."""
     if transforms.ndim == 2:
         return positions @ transforms[:, :3].T + transforms[:, 3]
     moved: npt.NDArray[np.float64] = np.einsum("vij,vj->vi", transforms[:, :, :3], positions)
@@ -128,13 +129,13 @@ def _count_sets(block: Block) -> int:
     return number
 
 
-def _padded(block: Block, name: str, width: int) -> npt.NDArray[Any]:
-    """All sets of a block beside each other, zeros behind them."""
-    padded = np.zeros((block.n_verts, width))
+def _joined_sets(block: Block, name: str, width: int) -> npt.NDArray[Any]:
+    """Return all sets of joints or weights side by side, padded with zeros to `width` columns."""
+    joined = np.zeros((block.n_verts, width))
     for number in range(_count_sets(block)):
         values = block.values[f"{name}_{number}"]
         if name == "JOINTS" and values.array.dtype.kind != "u":
-            raise FormatError(f"{name}_{number} must be unsigned whole numbers")
+            raise FormatError(f"{name}_{number} must be unsigned integers")
         found = values.array if name == "JOINTS" else values.floats()
-        padded[:, 4 * number : 4 * number + 4] = found
-    return padded
+        joined[:, 4 * number : 4 * number + 4] = found
+    return joined

@@ -1,19 +1,19 @@
-"""Textures, samplers and images as they stand in a glTF file."""
+"""Writing textures, samplers and images to the JSON of a glTF file."""
 
 from typing import Any
 
 from meshreel.formats.gltf.buffer_writer import BufferWriter, Json
-from meshreel.formats.gltf.image_reading import PACKED
+from meshreel.formats.gltf.image_reading import IMAGE_EXTENSIONS
 from meshreel.formats.gltf.material_values import FILTER_CODES, TRANSFORM, WRAP_CODES
-from meshreel.formats.gltf.seams import texcoord_numbers
+from meshreel.formats.gltf.seams import uv_indices
 from meshreel.formats.notes import note_left_out
 from meshreel.model.materials import Image, Texture, Wrap
 from meshreel.model.surface import Surface
 
-CORE = ("image/png", "image/jpeg")
-EXTENSION_OF = {mime_type: name for name, mime_type in PACKED.items()}
+CORE_TYPES = ("image/png", "image/jpeg")
+EXTENSION_OF = {mime_type: name for name, mime_type in IMAGE_EXTENSIONS.items()}
 NEAREST_WRAPS = {Wrap.BLACK: Wrap.CLAMP, Wrap.METADATA: Wrap.REPEAT}
-"""The replacements for what glTF does not have."""
+"""Replacements for wrap modes that glTF does not support."""
 
 
 class Textures:
@@ -21,17 +21,18 @@ class Textures:
 
     Parameters
     ----------
+    surface : Surface
     buffer : BufferWriter
         Gains the images.
     notes : list of str
-        Gains a sentence for each texture that glTF cannot have.
+        Gains a sentence for each texture that glTF cannot store.
 
     Attributes
     ----------
     textures, samplers, images : list of dict
-        As they stand in the JSON.
+        Entries of the JSON.
     used, required : set of str
-        Extensions.
+        Names of extensions.
     """
 
     def __init__(self, surface: Surface, buffer: BufferWriter, notes: list[str]) -> None:
@@ -40,57 +41,60 @@ class Textures:
         self.images: list[Json] = []
         self.used: set[str] = set()
         self.required: set[str] = set()
-        self._given, self._buffer, self._notes = surface.images, buffer, notes
-        self._uvs = texcoord_numbers(surface)
-        self._numbers: dict[int, int] = {}
-        self._places: dict[str, int] = {}
+        self._source_images, self._buffer, self._notes = surface.images, buffer, notes
+        self._uv_indices = uv_indices(surface)
+        self._image_indices: dict[int, int] = {}
+        self._item_indices: dict[str, int] = {}
 
-    def told(self, texture: Texture, what: str) -> Json | None:
-        """A texture as a material tells of it; None if glTF cannot have it.
+    def texture_info(self, texture: Texture, label: str) -> Json | None:
+        """Return the texture info for a material, after writing the texture, or None.
 
         Parameters
         ----------
-        what : str
-            Which one it is, for the notes.
+        texture : Texture
+        label : str
+            Description of the texture for notes.
         """
-        image = self._given[texture.image]
-        if image.mime_type not in (*CORE, *EXTENSION_OF):
-            note_left_out(self._notes, f"{what}: glTF has no images of {image.mime_type}")
+        image = self._source_images[texture.image]
+        if image.mime_type not in (*CORE_TYPES, *EXTENSION_OF):
+            note_left_out(
+                self._notes, f"{label}: glTF does not support images of type {image.mime_type}"
+            )
             return None
-        if texture.uv not in self._uvs:
-            note_left_out(self._notes, f"{what}: there are no texture coordinates {texture.uv!r}")
+        if texture.uv not in self._uv_indices:
+            note_left_out(self._notes, f"{label}: there are no UVs {texture.uv!r}")
             return None
-        found: Json = {"index": self._texture(texture, image, what)}
-        if number := self._uvs[texture.uv]:
+        found: Json = {"index": self._texture(texture, image, label)}
+        if number := self._uv_indices[texture.uv]:
             found["texCoord"] = number
         if texture.is_placed:
             self.used.add(TRANSFORM)
-            found["extensions"] = {TRANSFORM: _placed(texture)}
+            found["extensions"] = {TRANSFORM: _transform_json(texture)}
         return found
 
-    def _texture(self, texture: Texture, image: Image, what: str) -> int:
+    def _texture(self, texture: Texture, image: Image, label: str) -> int:
         number = self._image(texture.image, image)
         written: Json = {"source": number}
         if extension := EXTENSION_OF.get(image.mime_type):
             self.required.add(extension)
             written = {"extensions": {extension: {"source": number}}}
-        if sampler := self._sampler(texture, what):
-            written["sampler"] = _place(self.samplers, self._places, sampler)
-        return _place(self.textures, self._places, written)
+        if sampler := self._sampler(texture, label):
+            written["sampler"] = _index_of(self.samplers, self._item_indices, sampler)
+        return _index_of(self.textures, self._item_indices, written)
 
-    def _image(self, given: int, image: Image) -> int:
-        if given not in self._numbers:
+    def _image(self, source: int, image: Image) -> int:
+        if source not in self._image_indices:
             view = self._buffer.add_image(image.data)
             named = {"name": image.name} if image.name else {}
             self.images.append({**named, "mimeType": image.mime_type, "bufferView": view})
-            self._numbers[given] = len(self.images) - 1
-        return self._numbers[given]
+            self._image_indices[source] = len(self.images) - 1
+        return self._image_indices[source]
 
-    def _sampler(self, texture: Texture, what: str) -> Json:
+    def _sampler(self, texture: Texture, label: str) -> Json:
         wraps = [NEAREST_WRAPS.get(one, one) for one in (texture.wrap_u, texture.wrap_v)]
         if wraps != [texture.wrap_u, texture.wrap_v]:
-            told = f"{wraps[0]} and {wraps[1]}, not {texture.wrap_u} and {texture.wrap_v}"
-            note = f"{what} wraps by {told}, which glTF does not have"
+            replacement = f"{wraps[0]} and {wraps[1]}, not {texture.wrap_u} and {texture.wrap_v}"
+            note = f"{label} wraps by {replacement}, which glTF does not support"
             if note not in self._notes:
                 self._notes.append(note)
         keys = zip(("wrapS", "wrapT"), wraps, strict=True)
@@ -102,20 +106,20 @@ class Textures:
         return found
 
 
-def unless(usual: Any, **values: Any) -> Json:
-    """Those of the values that are not the usual one."""
-    return {key: value for key, value in values.items() if value != usual}
+def omit_defaults(default: Any, **values: Any) -> Json:
+    """Return the values that differ from the default."""
+    return {key: value for key, value in values.items() if value != default}
 
 
-def _placed(texture: Texture) -> Json:
-    found = unless([0.0, 0.0], offset=list(texture.offset))
-    found |= unless(0.0, rotation=texture.rotation)
-    return found | unless([1.0, 1.0], scale=list(texture.scale))
+def _transform_json(texture: Texture) -> Json:
+    found = omit_defaults([0.0, 0.0], offset=list(texture.offset))
+    found |= omit_defaults(0.0, rotation=texture.rotation)
+    return found | omit_defaults([1.0, 1.0], scale=list(texture.scale))
 
 
-def _place(listed: list[Json], places: dict[str, int], item: Json) -> int:
-    """Where an item is in a list; it is added if it is not there."""
-    if (key := repr(item)) not in places:
-        listed.append(item)
-        places[key] = len(listed) - 1
-    return places[key]
+def _index_of(items: list[Json], indices: dict[str, int], item: Json) -> int:
+    """Return the index of an item in a list, after adding it if necessary."""
+    if (key := repr(item)) not in indices:
+        items.append(item)
+        indices[key] = len(items) - 1
+    return indices[key]

@@ -1,4 +1,4 @@
-"""Writing glTF: an animation of morph targets, which any viewer plays on its GPU."""
+"""Writing glTF: an animation of morph targets, which viewers play on the GPU."""
 
 import base64
 import json
@@ -18,11 +18,11 @@ from meshreel.formats.gltf.container_writer import write_container
 from meshreel.formats.gltf.error_budget import ErrorBudget, share_budget
 from meshreel.formats.gltf.material_writer import Materials
 from meshreel.formats.gltf.mesh_writer import write_mesh
-from meshreel.formats.gltf.moving_mesh import MovingMesh, Shaded, Wanted, fit_part
+from meshreel.formats.gltf.morph_mesh import MorphMesh, MorphOptions, ShadingMesh, fit_part
 from meshreel.formats.gltf.node_tree import NodeTree, path_of
 from meshreel.formats.gltf.normal_targets import NormalChoice
 from meshreel.formats.gltf.placement import check_range
-from meshreel.formats.gltf.seams import describe_left_out, split_at_seams
+from meshreel.formats.gltf.seams import describe_losses, split_at_seams
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts
 from meshreel.formats.surfaces.polygons import describe_fans
@@ -33,18 +33,18 @@ from meshreel.model.surface import Surface
 from meshreel.runtime.counting import counted
 
 DEFAULT_MAX_ERROR = 0.1
-"""In percent of the diagonal: a pixel of a thousand, for a mesh that fills the picture."""
+"""Percent of the diagonal: one pixel in a thousand, for a mesh that fills the image."""
 
 DEFAULT_FPS = 24.0
 
-MANY_TARGETS = 256
-"""Layers that a texture has on every GPU (WebGL 2); more targets than that some cannot play."""
+MAX_COMMON_TARGETS = 256
+"""Texture layers that every GPU supports (WebGL 2); some viewers cannot play more targets."""
 
 CHOICES = {None: NormalChoice.SMOOTH, True: NormalChoice.ALL, False: NormalChoice.NONE}
 
-WHY_FLAT = "creases are much of it (--normals, normals=True, writes them all the same)"
+CREASED_REASON = "much of the surface is creased (--normals, normals=True, writes them anyway)"
 
-TOO_FEW_TARGETS = "they need two targets or more"
+TOO_FEW_TARGETS = "normals need at least two targets"
 
 QUANTIZATION = "KHR_mesh_quantization"
 
@@ -57,69 +57,74 @@ class Scene:
     ----------
     document : dict
         The JSON, without the buffer.
-    meshes : list of MovingMesh
-        Of the parts that have faces.
+    buffer : BufferWriter
+    meshes : list of MorphMesh
+        Meshes of the parts that have faces.
     n_isolated : int
-        Vertices that no face uses, which are left out.
+        Number of vertices that no face uses, which are left out.
+    has_hard_edges : bool
     """
 
     document: Json
     buffer: BufferWriter
-    meshes: list[MovingMesh]
+    meshes: list[MorphMesh]
     n_isolated: int
     has_hard_edges: bool
 
     @property
     def n_targets(self) -> list[int]:
-        """Morph targets of each mesh that moves, ascending."""
+        """Number of morph targets of each animated mesh, ascending."""
         return sorted(len(one.morphs.targets) for one in self.meshes if one.morphs)
 
 
 def write_glb(path: Path, stream: FrameStream, options: WriteOptions) -> None:
-    """Write a ``.glb`` file, which holds everything.
+    """Write a self-contained ``.glb`` file.
 
-    All frames are read into memory. `stream.notes` gains what was achieved.
+    All frames are loaded into memory. `stream.notes` gains the errors achieved.
 
     Raises
     ------
     InvalidInputError
-        If the options are out of range, or the error that they allow cannot be kept.
+        If the options are out of range, or their error bound cannot be met.
     """
-    achieved = _achieve(stream, options)
-    scene = achieved.scene
+    result = _build_result(stream, options)
+    scene = result.scene
     size = write_container(
-        path, scene.document, scene.buffer, "allow a larger error (max_error), or fewer targets"
+        path, scene.document, scene.buffer, "allow a larger error (max_error), or use fewer targets"
     )
-    _note_achieved(stream.notes, achieved, size)
+    _note_achieved(stream.notes, result, size)
     _note_normals(stream.notes, scene, options)
 
 
 def write_gltf(path: Path, stream: FrameStream, options: WriteOptions) -> None:
-    """Write a ``.gltf`` file, whose JSON holds the buffer too, a third larger as text.
+    """Write a ``.gltf`` file with the buffer as base64, which is a third larger.
 
     Raises
     ------
     InvalidInputError
         As `write_glb`.
     """
-    achieved = _achieve(stream, options)
-    scene = achieved.scene
+    result = _build_result(stream, options)
+    scene = result.scene
     data = base64.b64encode(b"".join(scene.buffer.pieces)).decode("ascii")
     uri = f"data:application/octet-stream;base64,{data}"
     buffers = [{"byteLength": scene.buffer.size_bytes, "uri": uri}]
     text = json.dumps(scene.document | {"buffers": buffers}, ensure_ascii=False, indent=1)
-    _note_achieved(stream.notes, achieved, path.write_bytes(text.encode()))
+    _note_achieved(stream.notes, result, path.write_bytes(text.encode()))
     _note_normals(stream.notes, scene, options)
 
 
 @dataclass(frozen=True, eq=False)
-class _Achieved:
-    """A scene, and how far the furthest vertex of each frame is off.
+class _Result:
+    """A scene and its errors.
 
     Attributes
     ----------
+    scene : Scene
     percents : float array of shape (T,)
-        Of the diagonal of all frames.
+        Largest error of a vertex in each frame, in percent of the diagonal of all frames.
+    budget : ErrorBudget
+    n_frames : int
     """
 
     scene: Scene
@@ -128,11 +133,11 @@ class _Achieved:
     n_frames: int
 
 
-def _achieve(stream: FrameStream, options: WriteOptions) -> _Achieved:
+def _build_result(stream: FrameStream, options: WriteOptions) -> _Result:
     _check_options(options)
-    stream.notes.extend(describe_left_out(stream.surface))
-    if cut := describe_fans(stream.surface.sizes(len(stream.faces))):
-        stream.notes.append(cut)
+    stream.notes.extend(describe_losses(stream.surface))
+    if fans := describe_fans(stream.surface.sizes(len(stream.faces))):
+        stream.notes.append(fans)
     times_s = _times(stream)
     sequence = stream.gather()
     extent = sequence.extent
@@ -143,37 +148,39 @@ def _achieve(stream: FrameStream, options: WriteOptions) -> _Achieved:
     else:
         allowed = DEFAULT_MAX_ERROR if options.targets is None else 0.0
     budget = share_budget(allowed, diagonal, options.origin, is_total=options.max_error is not None)
-    wanted = Wanted(options.targets, budget.added, CHOICES[options.normals])
+    morph_options = MorphOptions(options.targets, budget.added, CHOICES[options.normals])
     stream.progress("morph targets", 0.0)
-    scene = make_scene(sequence, times_s, wanted, stream.notes)
+    scene = build_scene(sequence, times_s, morph_options, stream.notes)
     if scene.n_isolated:
         stream.notes.append(f"left out {counted(scene.n_isolated, 'vertex')} that no face uses")
     errors = np.max([one.errors for one in scene.meshes], axis=0)
-    achieved = _Achieved(scene, 100 * errors / (budget.diagonal or 1.0), budget, len(times_s))
+    result = _Result(scene, 100 * errors / (budget.diagonal or 1.0), budget, len(times_s))
     if budget.added and scene.n_targets and errors.max() > budget.added:
-        left = budget.percent(budget.added)
-        is_shared = not math.isclose(left, allowed)
-        bound = f"{left:.4g} % is left of the {allowed:g} %" if is_shared else f"{allowed:g} % was"
+        remaining = budget.percent(budget.added)
+        is_shared = not math.isclose(remaining, allowed)
+        bound = f"{remaining:.4g} % of {allowed:g} % remain" if is_shared else f"{allowed:g} % is"
         raise InvalidInputError(
-            f"{_largest(achieved)} with {counted(scene.n_targets[-1], 'morph target')}; {bound} "
-            "asked for; allow more targets, or a larger error (max_error)"
+            f"{_describe_error(result)} with {counted(scene.n_targets[-1], 'morph target')}; "
+            f"{bound} allowed; use more targets, or allow a larger error (max_error)"
         )
-    return achieved
+    return result
 
 
 def _check_options(options: WriteOptions) -> None:
-    least = 2 if options.normals else 1
-    if options.targets is not None and options.targets < least:
+    minimum = 2 if options.normals else 1
+    if options.targets is not None and options.targets < minimum:
         reason = " with normals" if options.normals else ""
-        raise InvalidInputError(f"targets must be at least {least}{reason}; got {options.targets}")
+        raise InvalidInputError(
+            f"targets must be at least {minimum}{reason}; got {options.targets}"
+        )
     if options.max_error is not None:
         bound_of(options.max_error)
 
 
 def _times(stream: FrameStream) -> Sequence[float]:
-    """When frames are, in seconds; glTF has no time before 0."""
+    """Return the times of frames in seconds; glTF has no negative times."""
     if not stream.fps and stream.n_frames > 1:
-        stream.notes.append(f"the frame rate is not known; written as {DEFAULT_FPS:g} fps")
+        stream.notes.append(f"the frame rate is unknown; written as {DEFAULT_FPS:g} fps")
     start_s = stream.start_s
     if start_s < 0:
         stream.notes.append(f"starts at 0 s, not {start_s:g} s: glTF has no time before 0")
@@ -182,68 +189,69 @@ def _times(stream: FrameStream) -> Sequence[float]:
     return [start_s + number / rate for number in range(stream.n_frames)]
 
 
-def _largest(achieved: _Achieved) -> str:
-    percent, frame = float(achieved.percents.max()), int(achieved.percents.argmax())
-    added = "" if achieved.budget.origin is None else " added"
+def _describe_error(result: _Result) -> str:
+    percent, frame = float(result.percents.max()), int(result.percents.argmax())
+    added = "" if result.budget.origin is None else " added"
     return f"the largest error{added} is {percent:.4f} % of the diagonal, in frame {frame},"
 
 
-def _note_achieved(notes: list[str], achieved: _Achieved, size_bytes: int) -> None:
-    counts = achieved.scene.n_targets
-    added = achieved.budget.diagonal * float(achieved.percents.max()) / 100
+def _note_achieved(notes: list[str], result: _Result, size_bytes: int) -> None:
+    counts = result.scene.n_targets
+    added = result.budget.diagonal * float(result.percents.max()) / 100
     if not counts:
-        if achieved.n_frames > 1:
-            notes.append("no vertex moves by more than the error allowed: written at rest")
-        notes += achieved.budget.describe(added)
+        if result.n_frames > 1:
+            notes.append("no vertex moves by more than the error bound: written as a static mesh")
+        notes += result.budget.describe(added)
         return
     number = f"{counts[0]} to " if counts[0] < counts[-1] else ""
     where = f" in each of {len(counts)} meshes" if len(counts) > 1 else ""
     notes.append(
-        f"{_largest(achieved)} with {number}{counted(counts[-1], 'morph target')}{where}: "
+        f"{_describe_error(result)} with {number}{counted(counts[-1], 'morph target')}{where}: "
         f"{size_bytes / 1e6:.3g} MB"
     )
-    notes += achieved.budget.describe(added)
-    if counts[-1] > MANY_TARGETS:
+    notes += result.budget.describe(added)
+    if counts[-1] > MAX_COMMON_TARGETS:
         notes.append(
-            f"some viewers play no more than {MANY_TARGETS} morph targets of a mesh; "
+            f"some viewers play at most {MAX_COMMON_TARGETS} morph targets per mesh; "
             "allow a larger error (max_error) for fewer"
         )
 
 
 def _note_normals(notes: list[str], scene: Scene, options: WriteOptions) -> None:
-    """One sentence on which meshes have normals, and how near these are while they move."""
+    """Note which meshes have normals, and the error of animated normals."""
     if options.normals is False:
         return
-    have = [one.normals for one in scene.meshes if one.normals is not None]
-    if not have:
-        reason = TOO_FEW_TARGETS if options.targets == 1 else WHY_FLAT
-        notes.append(f"no normals, so viewers shade it flat: {reason}")
+    normals = [one.normals for one in scene.meshes if one.normals is not None]
+    if not normals:
+        reason = TOO_FEW_TARGETS if options.targets == 1 else CREASED_REASON
+        notes.append(f"no normals, so viewers use flat shading: {reason}")
         return
-    angle_deg = max(one.angle_deg for one in have)
-    moving = f", off by {angle_deg:.1f} degrees in the mean as they move" if angle_deg else ""
-    few = f" of {len(have)} of {len(scene.meshes)} meshes" if len(have) < len(scene.meshes) else ""
-    rest = f"; of the others none: {WHY_FLAT}" if few else ""
-    hard = " but at hard edges" if scene.has_hard_edges else ""
-    if moving or few or hard:
-        notes.append(f"normals{few} are smooth{hard}{moving}{rest}")
+    angle_deg = max(one.angle_deg for one in normals)
+    error = f", with a mean error of {angle_deg:.1f} degrees in motion" if angle_deg else ""
+    n_meshes = len(scene.meshes)
+    few = f" of {len(normals)} of {n_meshes} meshes" if len(normals) < n_meshes else ""
+    others = f"; the others have none: {CREASED_REASON}" if few else ""
+    hard = " except at hard edges" if scene.has_hard_edges else ""
+    if error or few or hard:
+        notes.append(f"normals{few} are smooth{hard}{error}{others}")
 
 
 class _SceneWriter:
-    """The scene so far."""
+    """Collects the meshes, nodes and buffer of a scene."""
 
     def __init__(self, surface: Surface, notes: list[str]) -> None:
         self.buffer, self.tree = BufferWriter(), NodeTree()
         self.materials = Materials(surface, self.buffer, notes)
         self.meshes: list[Json] = []
-        self.moving: list[MovingMesh] = []
+        self.morph_meshes: list[MorphMesh] = []
         self.nodes: list[int] = []
         self.n_isolated = 0
 
-    def add(self, part: PartMesh, sequence: MeshSequence, wanted: Wanted) -> None:
-        """Add a part; one without faces has nothing to be seen."""
+    def add(self, part: PartMesh, sequence: MeshSequence, options: MorphOptions) -> None:
+        """Add a part, unless it has no faces."""
         hard_edges = part.surface.hard_edges
-        if wanted.normals is NormalChoice.NONE:
-            hard_edges = None  # vertices are split for normals only
+        if options.normals is NormalChoice.NONE:
+            hard_edges = None  # only normals use them
         n_verts = part.verts.stop - part.verts.start
         shading = RowNormals(part.counts, part.corners, hard_edges, n_verts)
         split = split_at_seams(part, shading.rows.of_corner)
@@ -252,56 +260,59 @@ class _SceneWriter:
         self.n_isolated += int((~used).sum())
         if not len(split.sources):
             return
-        number = np.cumsum(used) - 1
-        faces = number[triangulate_fans(part.counts, part.corners)].astype(np.int32)
+        of_vertices = np.cumsum(used) - 1
+        faces = of_vertices[triangulate_fans(part.counts, part.corners)].astype(np.int32)
         is_used = used[shading.rows.vertices]
         of_rows = np.cumsum(is_used) - 1
-        shaded = Shaded(
-            number[shading.rows.vertices[is_used]],
+        shading_mesh = ShadingMesh(
+            of_vertices[shading.rows.vertices[is_used]],
             of_rows[shading.triangles].astype(np.int32),
             has_hard_edges=hard_edges is not None,
         )
         positions = sequence.vertices[:, part.verts]
-        moving = fit_part(positions if used.all() else positions[:, used], faces, wanted, shaded)
-        split = split.renumbered(number, of_rows)
+        frames = positions if used.all() else positions[:, used]
+        morph_mesh = fit_part(frames, faces, options, shading_mesh)
+        split = split.with_indices(of_vertices, of_rows)
         name = path_of(part.name)[-1]
-        self.nodes.append(self.tree.add(part.name, len(self.meshes), moving.placement))
-        self.meshes.append(write_mesh(name, split, moving, self.buffer, self.materials))
-        self.moving.append(moving)
+        self.nodes.append(self.tree.add(part.name, len(self.meshes), morph_mesh.placement))
+        self.meshes.append(write_mesh(name, split, morph_mesh, self.buffer, self.materials))
+        self.morph_meshes.append(morph_mesh)
 
     def animation(self, name: str, times_s: Sequence[float]) -> Json | None:
-        """The animation of all meshes that move; None if none does."""
+        """Return the animation of all meshes with targets, or None without any."""
         samplers: list[Json] = []
         channels: list[Json] = []
         times = np.asarray(times_s, np.float32)
-        for node, moving in zip(self.nodes, self.moving, strict=True):
-            if moving.morphs is None:
+        for node, morph_mesh in zip(self.nodes, self.morph_meshes, strict=True):
+            if morph_mesh.morphs is None:
                 continue
             if not samplers:
                 shared = self.buffer.add_samples(times, are_times=True)
-            values = self.buffer.add_samples(moving.morphs.weights, are_times=False)
+            values = self.buffer.add_samples(morph_mesh.morphs.weights, are_times=False)
             target = {"node": node, "path": "weights"}
             channels.append({"sampler": len(samplers), "target": target})
             samplers.append({"input": shared, "output": values, "interpolation": "LINEAR"})
         return {"name": name, "samplers": samplers, "channels": channels} if samplers else None
 
 
-def make_scene(
-    sequence: MeshSequence, times_s: Sequence[float], wanted: Wanted, notes: list[str]
+def build_scene(
+    sequence: MeshSequence, times_s: Sequence[float], options: MorphOptions, notes: list[str]
 ) -> Scene:
-    """The scene that plays a sequence.
+    """Return the scene that plays a sequence.
 
     Parameters
     ----------
+    sequence : MeshSequence
     times_s : sequence of float
-        When frames are, not negative.
+        Times of the frames, not negative.
+    options : MorphOptions
     notes : list of str
-        Gains a sentence for each thing of a material that glTF cannot have.
+        Gains a sentence for every material property that glTF cannot store.
     """
     writer = _SceneWriter(sequence.surface, notes)
     parts = split_parts(sequence.faces, sequence.surface, sequence.n_verts, sequence.name)
     for part in sorted(parts, key=lambda one: len(path_of(one.name))):
-        writer.add(part, sequence, wanted)
+        writer.add(part, sequence, options)
     animation = writer.animation(sequence.name or "animation", times_s)
     document: Json = {
         "asset": {"version": "2.0", "generator": "meshreel"},
@@ -322,4 +333,4 @@ def make_scene(
     used = required | writer.materials.textures.used
     extensions = {"extensionsUsed": sorted(used), "extensionsRequired": sorted(required)}
     document |= {key: names for key, names in extensions.items() if names}
-    return Scene(document, writer.buffer, writer.moving, writer.n_isolated, has_hard_edges)
+    return Scene(document, writer.buffer, writer.morph_meshes, writer.n_isolated, has_hard_edges)

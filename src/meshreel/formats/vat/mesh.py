@@ -10,7 +10,7 @@ from meshreel.formats.gltf.buffer_writer import BufferWriter, Json
 from meshreel.formats.gltf.container_writer import write_container
 from meshreel.formats.gltf.material_writer import Materials
 from meshreel.formats.gltf.mesh_writer import write_mesh
-from meshreel.formats.gltf.moving_mesh import MovingMesh
+from meshreel.formats.gltf.morph_mesh import MorphMesh
 from meshreel.formats.gltf.node_tree import NodeTree
 from meshreel.formats.gltf.normal_targets import NormalTargets
 from meshreel.formats.gltf.placement import Placement
@@ -93,7 +93,7 @@ class RestMesh:
         rest = (space.axes.convert(rest) * space.axes.scale).astype(np.float32)
         buffer = BufferWriter()
         materials = Materials(surface, buffer, notes)
-        split = split_at_seams(self._whole_part(surface)).renumbered(
+        split = split_at_seams(self._whole_part(surface)).with_indices(
             self._compact_indices, self._compact_indices
         )
         if corners is not None:
@@ -101,14 +101,14 @@ class RestMesh:
         still = NormalTargets(
             normals, np.empty((0, *normals.shape), np.int8), np.empty(0, np.int64)
         )
-        moving = MovingMesh(placement, rest, None, still, np.zeros(1))
+        morph_mesh = MorphMesh(placement, rest, None, still, np.zeros(1))
         name = path.stem
         tree = NodeTree()
         node = tree.add(name, 0, placement)
         if space.rotation is not None:
             transform = {"rotation": list(space.rotation), "scale": [1 / space.axes.scale] * 3}
             tree.nodes[node] |= transform
-        meshes = [write_mesh(name, split, moving, buffer, materials)]
+        meshes = [write_mesh(name, split, morph_mesh, buffer, materials)]
         document: Json = {
             "asset": {"version": "2.0", "generator": "meshreel"},
             "scene": 0,

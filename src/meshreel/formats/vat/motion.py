@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.formats.gltf.placement import NOWHERE, Placement
+from meshreel.formats.gltf.placement import IDENTITY, Placement
 from meshreel.model.geometry.normals import vertex_normals
 from meshreel.model.sequence import Faces, Vertices
 
@@ -112,5 +112,5 @@ def placement_for(frames: Vertices, max_error: float, max_distance: float) -> Pl
     center = ((low + high) / 2).astype(np.float32).astype(np.float64)
     is_near = np.spacing(np.float32(reach)) <= max_error / 8 and reach <= max_distance
     if is_near or not center.any():
-        return NOWHERE
+        return IDENTITY
     return Placement(center, 1.0)

@@ -8,8 +8,8 @@ import numpy.typing as npt
 from meshreel.codec.error_bounds import bound_of
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.gltf.error_budget import ErrorBudget, share_budget
-from meshreel.formats.gltf.placement import NOWHERE, check_range
-from meshreel.formats.gltf.seams import describe_left_out
+from meshreel.formats.gltf.placement import IDENTITY, check_range
+from meshreel.formats.gltf.seams import describe_losses
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.surfaces.polygons import describe_fans
 from meshreel.formats.vat.mesh import RestMesh
@@ -61,7 +61,7 @@ def prepare(
     frames = sequence.vertices[:, mesh.used] if n_isolated else sequence.vertices
     budget = _budget(sequence, options)
     placement = placement_for(frames, budget.added or np.inf, max_distance)
-    if placement is not NOWHERE:
+    if placement is not IDENTITY:
         origin = " ".join(f"{one:g}" for one in placement.offset)
         stream.notes.append(
             f"the mesh is centered at the origin, and the node of the file moves it to {origin}, "
@@ -103,14 +103,14 @@ def _budget(sequence: MeshSequence, options: WriteOptions) -> ErrorBudget:
         diagonal,
         options.origin,
         is_total=options.max_error is not None,
-        spender="textures",
+        consumer="textures",
     )
 
 
 def _note_losses(stream: FrameStream) -> float:
     """Note what the folder cannot store, and return the frame rate to write."""
     notes, surface = stream.notes, stream.surface
-    notes.extend(describe_left_out(surface))
+    notes.extend(describe_losses(surface))
     if fans := describe_fans(surface.sizes(len(stream.faces))):
         notes.append(fans)
     if surface.parts:

@@ -5,21 +5,21 @@ from meshreel.formats.gltf.buffer_writer import BufferWriter
 
 
 @pytest.mark.parametrize(("n_verts", "component"), [(65535, 5123), (65536, 5125)])
-def test_add_indices_takes_four_bytes_when_two_would_mean_a_restart(n_verts, component):
+def test_add_indices_avoids_the_primitive_restart_index(n_verts, component):
     buffer = BufferWriter()
     buffer.add_indices(np.array([0, 1, n_verts - 1]))
     assert buffer.accessors[0]["componentType"] == component
 
 
-def test_add_vertices_pads_each_to_four_bytes_when_they_are_small():
+def test_add_vertices_pads_to_four_bytes():
     buffer = BufferWriter()
     arrays = [np.full((2, 3), value, np.int8) for value in (1, 2)]
-    there = buffer.add_vertices(arrays)
+    stored = buffer.add_vertices(arrays)
     assert b"".join(buffer.pieces) == b"\1\1\1\0" * 2 + b"\2\2\2\0" * 2
-    assert [(one.offset, one.stride) for one in there] == [(0, 4), (8, 4)]
+    assert [(one.offset, one.stride) for one in stored] == [(0, 4), (8, 4)]
 
 
-def test_views_begin_at_four_bytes_when_those_before_end_elsewhere():
+def test_buffer_views_are_aligned_to_four_bytes():
     buffer = BufferWriter()
     buffer.add_indices(np.array([0, 1, 2]))
     buffer.add_indices(np.array([0, 1, 2]))
@@ -30,10 +30,10 @@ def test_views_begin_at_four_bytes_when_those_before_end_elsewhere():
 @pytest.mark.parametrize(
     ("name", "expected"), [("COLOR_0", True), ("_id", None), ("POSITION", True)]
 )
-def test_vertex_accessor_is_normalised_when_gltf_defines_the_attribute(name, expected):
+def test_vertex_accessor_is_normalized_except_for_custom_attributes(name, expected):
     buffer = BufferWriter()
-    (there,) = buffer.add_vertices([np.zeros((4, 3), np.uint8)])
-    buffer.vertex_accessor(name, there, slice(1, 3))
+    (stored,) = buffer.add_vertices([np.zeros((4, 3), np.uint8)])
+    buffer.vertex_accessor(name, stored, slice(1, 3))
     accessor = buffer.accessors[0]
     assert (accessor.get("normalized"), accessor["count"]) == (expected, 2)
     assert accessor["byteOffset"] == 4

@@ -10,8 +10,8 @@ from samples.gltf import Gltf, glb, moving_triangle
 PACKED = {"EXT_meshopt_compression": {"fallback": True}}
 
 
-def apart(folder, uri, file=None):
-    """A glTF file that names another for its data."""
+def with_external_buffer(folder, uri, file=None):
+    """Write a glTF file whose buffer has this URI, and return its path."""
     file = file or moving_triangle()
     file.json["buffers"] = [{"byteLength": len(file.data), "uri": uri}]
     return file.save(folder / "a.gltf")
@@ -21,12 +21,12 @@ def apart(folder, uri, file=None):
     ("uri", "name"),
     [("a.bin", "a.bin"), ("sub/my%20data.bin", "sub/my data.bin"), ("./a.bin", "a.bin")],
 )
-def test_load_reads_the_file_beside_when_data_lies_there(tmp_path, uri, name):
+def test_load_reads_an_external_buffer(tmp_path, uri, name):
     file = moving_triangle()
     (tmp_path / name).parent.mkdir(exist_ok=True)
     (tmp_path / name).write_bytes(file.data + b"more")
     expected = load(moving_triangle().save(tmp_path / "b.glb"))
-    found = load(apart(tmp_path, uri, file))
+    found = load(with_external_buffer(tmp_path, uri, file))
     assert found.vertices.tobytes() == expected.vertices.tobytes()
 
 
@@ -45,24 +45,24 @@ def test_load_reads_the_file_beside_when_data_lies_there(tmp_path, uri, name):
         "data:application/octet-stream,AAAA",
     ],
 )
-def test_load_is_refused_when_data_is_in_no_file(tmp_path, uri):
+def test_load_rejects_uris_that_are_not_relative_paths(tmp_path, uri):
     folder = tmp_path / "in"
     folder.mkdir()
     (tmp_path / "a.bin").write_bytes(moving_triangle().data)
     for is_allowed in (False, True):
         with pytest.raises(FormatError, match=r"a\.gltf: buffer 0: .*only files in the folder"):
-            load(apart(folder, uri), allow_outside=is_allowed)
+            load(with_external_buffer(folder, uri), allow_outside=is_allowed)
 
 
 @pytest.mark.parametrize(
     "uri", ["../a.bin", "sub/../../a.bin", "%2e%2e/a.bin", "{above}/a.bin", "link.bin"]
 )
-def test_load_reads_data_outside_of_the_folder_only_when_that_is_allowed(tmp_path, uri):
+def test_load_reads_buffers_outside_of_the_folder_only_with_permission(tmp_path, uri):
     folder = tmp_path / "in"
     (folder / "sub").mkdir(parents=True)
     (tmp_path / "a.bin").write_bytes(moving_triangle().data)
     (folder / "link.bin").symlink_to(tmp_path / "a.bin")
-    path = apart(folder, uri.format(above=tmp_path))
+    path = with_external_buffer(folder, uri.format(above=tmp_path))
     with pytest.raises(FormatError, match=r"a\.gltf: buffer 0: names the file .* --allow-outside"):
         load(path)
     expected = load(moving_triangle().save(tmp_path / "b.glb"))
@@ -70,46 +70,46 @@ def test_load_reads_data_outside_of_the_folder_only_when_that_is_allowed(tmp_pat
 
 
 @pytest.mark.parametrize("uri", ["/etc/passwd", "../gone.bin"])
-def test_load_does_not_say_what_is_outside_of_the_folder(tmp_path, uri):
+def test_load_does_not_reveal_whether_an_outside_file_exists(tmp_path, uri):
     with pytest.raises(FormatError, match="outside of its folder"):
-        load(apart(tmp_path, uri))
+        load(with_external_buffer(tmp_path, uri))
 
 
-def test_load_names_the_file_when_it_is_not_beside(tmp_path):
-    with pytest.raises(FormatError, match=r"there is no file 'a\.bin' beside the glTF file"):
-        load(apart(tmp_path, "a.bin"))
+def test_load_names_a_missing_external_buffer(tmp_path):
+    with pytest.raises(FormatError, match=r"there is no file 'a\.bin' next to the glTF file"):
+        load(with_external_buffer(tmp_path, "a.bin"))
 
 
 @pytest.mark.parametrize("name", ["x" * 300, "sub"])
-def test_load_is_refused_when_data_is_no_file(tmp_path, name):
+def test_load_rejects_an_external_buffer_that_is_not_a_file(tmp_path, name):
     (tmp_path / "sub").mkdir()
     with pytest.raises((FormatError, InvalidInputError), match=r"no file|cannot be read"):
-        load(apart(tmp_path, name))
+        load(with_external_buffer(tmp_path, name))
 
 
-def test_load_is_refused_when_the_file_beside_is_short(tmp_path):
+def test_load_rejects_a_truncated_external_buffer(tmp_path):
     file = moving_triangle()
     (tmp_path / "a.bin").write_bytes(file.data[:-1])
     size = len(file.data)
-    with pytest.raises(FormatError, match=rf"a\.bin has {size - 1} bytes; {size} are announced"):
-        load(apart(tmp_path, "a.bin", file))
+    with pytest.raises(FormatError, match=rf"a\.bin has {size - 1} of the declared {size} bytes"):
+        load(with_external_buffer(tmp_path, "a.bin", file))
 
 
 @pytest.mark.parametrize("data", ["A", "AAAA", "%%%%", "ä"])
-def test_load_is_refused_when_base64_is_damaged(tmp_path, data):
+def test_load_rejects_damaged_base64(tmp_path, data):
     with pytest.raises(FormatError, match=r"a\.gltf: buffer 0: "):
-        load(apart(tmp_path, f"data:application/octet-stream;base64,{data}"))
+        load(with_external_buffer(tmp_path, f"data:application/octet-stream;base64,{data}"))
 
 
-def test_load_is_refused_when_there_is_no_binary_chunk(tmp_path):
+def test_load_rejects_a_buffer_without_data(tmp_path):
     file = moving_triangle()
     file.json["buffers"] = [{"byteLength": len(file.data)}]
     (tmp_path / "a.gltf").write_text(json.dumps(file.json))
-    with pytest.raises(FormatError, match="buffer 0: has no 'uri', and there is no binary chunk"):
+    with pytest.raises(FormatError, match="buffer 0: has neither 'uri' nor a binary chunk"):
         load(tmp_path / "a.gltf")
 
 
-def test_load_names_the_extension_when_a_buffer_is_only_packed(tmp_path):
+def test_load_names_the_extension_of_a_fallback_buffer(tmp_path):
     file = moving_triangle()
     file.json["buffers"] = [{"byteLength": 8}, {"byteLength": len(file.data), "extensions": PACKED}]
     for view in file.json["bufferViews"]:
@@ -119,18 +119,18 @@ def test_load_names_the_extension_when_a_buffer_is_only_packed(tmp_path):
         load(tmp_path / "a.glb")
 
 
-def test_load_reads_a_text_file_when_it_is_called_glb(tmp_path):
+def test_load_reads_a_text_file_with_the_extension_glb(tmp_path):
     path = moving_triangle().save(tmp_path / "a.gltf").rename(tmp_path / "a.glb")
     assert load(path).n_frames == 3
 
 
-def test_load_reads_the_file_when_it_begins_with_a_byte_order_mark(tmp_path):
+def test_load_reads_a_file_with_a_byte_order_mark(tmp_path):
     path = moving_triangle().save(tmp_path / "a.gltf")
     path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
     assert load(path).n_frames == 3
 
 
-def test_load_passes_over_chunks_when_a_program_added_its_own(tmp_path):
+def test_load_ignores_additional_chunks(tmp_path):
     file = Gltf()
     file.node(mesh=file.mesh())
     path = file.save(tmp_path / "a.glb")

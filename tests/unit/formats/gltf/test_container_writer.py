@@ -9,11 +9,11 @@ LARGEST = (1 << 32) - 4  # sizes are multiples of 4
 
 
 def file_size(path, buffer_bytes):
-    """Bytes that a file with so large a buffer has; of the buffer nothing is written."""
+    """Return the size of a file with such a buffer, whose bytes are not written."""
     return write_container(path, {}, SimpleNamespace(size_bytes=buffer_bytes, pieces=[]), "less")
 
 
-def test_a_file_is_written_up_to_the_size_that_its_header_can_tell(tmp_path):
+def test_files_are_limited_to_the_size_that_the_header_can_store(tmp_path):
     path = tmp_path / "a.glb"
     largest = LARGEST - (file_size(path, 1 << 31) - (1 << 31))
     assert file_size(path, largest) == LARGEST

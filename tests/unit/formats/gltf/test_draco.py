@@ -12,13 +12,13 @@ UV = np.array([[0, 0], [0.5, 0], [0.5, 0.5], [0, 0.5], [0.25, 0.25]], np.float32
 
 
 def packed(**options):
-    """A glTF file of one mesh that Draco compressed; and its extension, to be changed."""
+    """Return a glTF file with one Draco-compressed mesh, and its extension for modification."""
     data = DracoPy.encode(
         POSITIONS.astype(np.float32), FACES, quantization_bits=16, generic_attributes={7: UV},
         **options,
     )  # fmt: skip
     decoded = DracoPy.decode(data)
-    [place] = [one["unique_id"] for one in decoded.attributes if one["attribute_type"] == 0]
+    [position_id] = [one["unique_id"] for one in decoded.attributes if one["attribute_type"] == 0]
     file, n_verts = Gltf(), len(decoded.points)
     attributes = {
         "POSITION": file.add("accessors", componentType=5126, count=n_verts, type="VEC3"),
@@ -26,7 +26,7 @@ def packed(**options):
     }
     extension = {
         "bufferView": file.view(data),
-        "attributes": {"POSITION": place, "TEXCOORD_0": 7},
+        "attributes": {"POSITION": position_id, "TEXCOORD_0": 7},
     }
     primitive = {
         "attributes": attributes,
@@ -39,18 +39,18 @@ def packed(**options):
 
 
 def corner_values(sequence):
-    """Positions and texture coordinates of all corners, faces in an order of their own."""
+    """Return positions and UVs of all corners, independent of the order of faces and corners."""
     [uv] = sequence.surface.attributes
-    places = sequence.vertices[0][sequence.faces]
+    positions = sequence.vertices[0][sequence.faces]
     values = uv.per_item()
     of_corners = values[sequence.faces] if uv.domain == "vertex" else values.reshape(-1, 3, 2)
-    rows = np.concatenate([places, of_corners], axis=2)
-    turned = [np.roll(row, -np.lexsort(row.T[::-1])[0], axis=0) for row in rows]
-    return np.array(sorted(np.round(row, 3).ravel().tolist() for row in turned))
+    rows = np.concatenate([positions, of_corners], axis=2)
+    sorted_corners = [np.roll(row, -np.lexsort(row.T[::-1])[0], axis=0) for row in rows]
+    return np.array(sorted(np.round(row, 3).ravel().tolist() for row in sorted_corners))
 
 
 @pytest.mark.parametrize("options", [{}, {"preserve_order": True}, {"compression_level": 10}])
-def test_load_reads_a_mesh_when_draco_compressed_it(tmp_path, options):
+def test_load_reads_a_draco_mesh(tmp_path, options):
     file, _ = packed(**options)
     found = load(file.save(tmp_path / "a.glb"))
     plain = Gltf()
@@ -87,16 +87,19 @@ def ends_in_head(file, extension):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (announce("count", 0, 3), "the file announces 3 and 4"),
-        (announce("count", 2, 9), "the file announces .* and 3"),
-        (announce("type", 1, "VEC3"), r"Draco holds values of shape \(\d+, 2\) for accessor 1"),
+        (announce("count", 0, 3), "the file declares 3 and 4"),
+        (announce("count", 2, 9), "the file declares .* and 3"),
+        (
+            announce("type", 1, "VEC3"),
+            r"the Draco stream has values of shape \(\d+, 2\) for accessor 1",
+        ),
         (cut, "Draco cannot decode it"),
-        (other_id, "Draco holds nothing for accessor 1"),
-        (no_mesh, "is no triangle mesh of Draco"),
-        (ends_in_head, "ends within the head of its Draco stream"),
+        (other_id, "the Draco stream has no values for accessor 1"),
+        (no_mesh, "is not a triangle mesh of Draco"),
+        (ends_in_head, "ends within the header of its Draco stream"),
     ],
 )
-def test_load_says_what_is_wrong_when_a_draco_stream_does_not_fit(tmp_path, change, message):
+def test_load_describes_what_is_wrong_with_a_draco_stream(tmp_path, change, message):
     file, extension = packed()
     change(file, extension)
     with pytest.raises(FormatError, match=rf"mesh 0, primitive 0, .*{message}"):

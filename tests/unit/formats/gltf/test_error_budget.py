@@ -12,16 +12,16 @@ from meshreel.formats.save import save, save_part
 from meshreel.model.sequence import MeshSequence
 from samples.glb import Glb, largest_error_percent
 
-PROMISE = 0.1
+GUARANTEE = 0.1
 AGAINST_THE_ORIGINAL = re.compile(
-    r"against the original no vertex is off by more than ([\de.-]+) % of the diagonal, "
-    r"([\de.-]+) % of which the stream may be off"
+    r"against the original the largest error is at most ([\de.-]+) % of the diagonal, "
+    r"of which the stream contributes ([\de.-]+) %"
 )
 
 
 @pytest.fixture(scope="module")
 def waves():
-    """A sheet on which waves of several lengths run, in 40 frames."""
+    """A sheet with waves of several lengths, in 40 frames."""
     x, y = np.meshgrid(np.linspace(0, 1, 14), np.linspace(0, 1, 14))
     times = np.arange(40)[:, None, None] / 12
     z = sum(np.sin(k * (3 * x + 2 * y) - (k + 1) * times) / k**2 for k in range(1, 7)) / 8
@@ -32,15 +32,15 @@ def waves():
 
 
 @pytest.fixture(scope="module")
-def promised(waves, tmp_path_factory):
-    """Its stream, which keeps a bound."""
+def stream_path(waves, tmp_path_factory):
+    """A stream of the sheet with an error guarantee."""
     path = tmp_path_factory.mktemp("budget") / "waves.reel"
-    path.write_bytes(meshreel.encode(waves, max_error=PROMISE))
+    path.write_bytes(meshreel.encode(waves, max_error=GUARANTEE))
     return path
 
 
-def written(reel, path, frames=None, **options):
-    """The positions in the file that a stream makes, and the notes."""
+def write_frames(reel, path, frames=None, **options):
+    """Write frames of a stream, and return the positions in the file and the notes."""
     notes = []
     wanted = range(reel.n_frames) if frames is None else frames
     save_part(reel, wanted, path, options=WriteOptions(**options), notes=notes)
@@ -53,80 +53,78 @@ def stated(notes):
 
 
 @pytest.mark.parametrize("options", [{}, {"max_error": 0.2}, {"max_error": 0.12}, {"targets": 5}])
-def test_glb_is_as_near_to_the_original_as_it_says_when_the_stream_keeps_a_promise(
-    waves, promised, tmp_path, options
-):
-    with meshreel.open(promised) as reel:
-        positions, notes = written(reel, tmp_path / "a.glb", **options)
+def test_stated_error_against_the_original_holds(waves, stream_path, tmp_path, options):
+    with meshreel.open(stream_path) as reel:
+        positions, notes = write_frames(reel, tmp_path / "a.glb", **options)
     total, of_stream = stated(notes)
     measured = largest_error_percent(waves, positions)
-    assert of_stream == PROMISE
+    assert of_stream == GUARANTEE
     assert measured <= total <= options.get("max_error", math.inf)
 
 
-def test_targets_get_what_the_promise_leaves_when_one_bound_is_asked_for(promised, tmp_path):
+def test_targets_use_the_rest_of_a_total_bound(stream_path, tmp_path):
     counts = {}
-    with meshreel.open(promised) as reel:
+    with meshreel.open(stream_path) as reel:
         for bound in (0.11, 0.2, 0.4):
-            notes = written(reel, tmp_path / f"{bound}.glb", max_error=bound)[1]
+            notes = write_frames(reel, tmp_path / f"{bound}.glb", max_error=bound)[1]
             found = re.search(
                 r"the largest error added is ([\d.]+) % .* with (\d+) morph", " ".join(notes)
             )
-            assert float(found[1]) <= bound - PROMISE
+            assert float(found[1]) <= bound - GUARANTEE
             counts[bound] = int(found[2])
     assert counts[0.11] > counts[0.2] > counts[0.4]
 
 
 @pytest.mark.parametrize("bound", [0.05, 0.1])
-def test_glb_is_refused_when_the_promise_leaves_nothing(promised, tmp_path, bound):
+def test_bound_below_the_error_of_the_stream_is_rejected(stream_path, tmp_path, bound):
     with (
-        meshreel.open(promised) as reel,
+        meshreel.open(stream_path) as reel,
         pytest.raises(
             InvalidInputError,
-            match=rf"max_error {bound} % leaves nothing .* may be 0\.1 % of the diagonal off",
+            match=rf"max_error {bound} % leaves nothing .* error of up to 0\.1 % of the diagonal",
         ),
     ):
         save(reel, tmp_path / "a.glb", options=WriteOptions(max_error=bound))
     assert list(tmp_path.iterdir()) == []
 
 
-def test_glb_of_some_frames_keeps_the_bound_when_their_box_is_smaller(waves, promised, tmp_path):
-    with meshreel.open(promised) as reel:
-        positions, notes = written(reel, tmp_path / "a.glb", range(3, 9), max_error=0.3)
+def test_part_with_a_smaller_box_keeps_the_bound(waves, stream_path, tmp_path):
+    with meshreel.open(stream_path) as reel:
+        positions, notes = write_frames(reel, tmp_path / "a.glb", range(3, 9), max_error=0.3)
     kept = waves.vertices[3:9].astype(np.float64)
-    off = np.linalg.norm(positions - kept, axis=2).max()
+    error = np.linalg.norm(positions - kept, axis=2).max()
     box = np.ptp(waves.vertices.astype(np.float64), axis=(0, 1))
-    assert 100 * off / np.linalg.norm(box) <= stated(notes)[0] <= 0.3
+    assert 100 * error / np.linalg.norm(box) <= stated(notes)[0] <= 0.3
 
 
-@pytest.mark.parametrize(("given", "n_modes"), [({"quality": 70}, None), ({"max_error": 0.1}, 2)])
-def test_glb_says_that_errors_are_those_of_targets_when_nothing_is_promised(
-    waves, tmp_path, given, n_modes
+@pytest.mark.parametrize(("options", "n_modes"), [({"quality": 70}, None), ({"max_error": 0.1}, 2)])
+def test_note_says_that_a_stream_without_guarantee_limits_only_added_errors(
+    waves, tmp_path, options, n_modes
 ):
     path = tmp_path / "a.reel"
-    path.write_bytes(meshreel.encode(waves, **given))
+    path.write_bytes(meshreel.encode(waves, **options))
     with meshreel.open(path, n_modes=n_modes) as reel:
-        notes = written(reel, tmp_path / "a.glb")[1]
-    said = "errors are measured against the decoded animation, for which no "
-    assert any(note.startswith(said) for note in notes)
+        notes = write_frames(reel, tmp_path / "a.glb")[1]
+    start = "errors are measured against the decoded animation, since the stream guarantees none"
+    assert any(note.startswith(start) for note in notes)
 
 
-def test_glb_says_nothing_of_streams_when_the_frames_are_the_original(waves, tmp_path):
+def test_notes_on_an_original_do_not_mention_streams(waves, tmp_path):
     notes = []
     save(waves, tmp_path / "a.glb", notes=notes)
     assert not any("original" in note or "stream" in note for note in notes)
     assert notes[0].startswith("the largest error is ")
 
 
-def test_total_is_stated_when_the_animation_is_written_at_rest(waves, promised, tmp_path):
-    with meshreel.open(promised) as reel:
-        positions, notes = written(reel, tmp_path / "a.glb", max_error=60.0)
-    assert notes[0] == "no vertex moves by more than the error allowed: written at rest"
+def test_total_error_is_stated_for_a_static_mesh(waves, stream_path, tmp_path):
+    with meshreel.open(stream_path) as reel:
+        positions, notes = write_frames(reel, tmp_path / "a.glb", max_error=60.0)
+    assert notes[0] == "no vertex moves by more than the error bound: written as a static mesh"
     assert largest_error_percent(waves, positions) <= stated(notes)[0] <= 60
 
 
 @pytest.mark.parametrize("diagonal", [2.0, 2.002, 1.0])
-def test_budget_is_a_share_of_the_smaller_diagonal_when_two_differ(diagonal):
+def test_budget_is_relative_to_the_smaller_diagonal(diagonal):
     budget = share_budget(0.5, diagonal, Origin(0.002, 2.0), is_total=True)
     smaller = min(diagonal, 2.0)
     assert budget.diagonal == smaller
@@ -134,13 +132,13 @@ def test_budget_is_a_share_of_the_smaller_diagonal_when_two_differ(diagonal):
     assert budget.added < 0.005 * smaller - 0.002
 
 
-def test_budget_is_not_refused_when_all_frames_are_one_point():
+def test_budget_exists_if_all_frames_are_one_point():
     budget = share_budget(0.5, 0.0, Origin(0.001, 2.0), is_total=True)
     assert 0 < budget.added < 0.009
 
 
 @pytest.mark.parametrize("total", [0.2, 0.1999999, 0.123456, 1e-7, 37.00001])
-def test_describe_never_rounds_down_when_it_states_a_total(total):
+def test_stated_total_is_never_rounded_down(total):
     budget = share_budget(0.5, 100.0, Origin(0.0, 100.0), is_total=False)
     [note] = budget.describe(total)
     assert total <= float(AGAINST_THE_ORIGINAL.fullmatch(note)[1]) <= 1.002 * total + 5e-5

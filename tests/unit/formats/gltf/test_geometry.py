@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError
-from meshreel.formats.gltf.primitives import FAN, STRIP, TRIANGLES, cut_triangles
+from meshreel.formats.gltf.primitives import FAN, STRIP, TRIANGLES, assemble_triangles
 from meshreel.formats.load import load
 from meshreel.model.surface import Domain, Kind
 from samples.gltf import SQUARE, SQUARE_FACES, TRIANGLE, Gltf, shifted
@@ -13,7 +13,7 @@ SPLIT_FACES = [0, 1, 2, 4, 5, 3]
 
 @pytest.fixture
 def read(tmp_path):
-    """Load a file; gives the sequence and the notes."""
+    """A function that loads a file, and returns the sequence and the notes."""
 
     def loaded(file, **options):
         notes = []
@@ -23,7 +23,7 @@ def read(tmp_path):
 
 
 def split_square(**attributes):
-    """A square whose diagonal is a seam; attributes are values, or accessors already."""
+    """Return a square with a seam on its diagonal; attributes are values or accessor arguments."""
     file = Gltf()
     numbers = {
         name: file.accessor(one)
@@ -35,7 +35,7 @@ def split_square(**attributes):
     return file
 
 
-def test_vertices_are_one_when_they_coincide(read):
+def test_coincident_vertices_are_welded(read):
     found, notes = read(split_square(NORMAL=[[0, 0, 1]] * 6))
     np.testing.assert_array_equal(found.vertices[0], SQUARE)
     np.testing.assert_array_equal(found.faces, [[0, 1, 2], [0, 2, 3]])
@@ -46,13 +46,13 @@ def test_vertices_are_one_when_they_coincide(read):
     assert found.surface.is_plain
 
 
-def test_vertices_are_one_when_zeros_differ_in_sign(read):
+def test_vertices_that_differ_in_the_sign_of_zero_are_welded(read):
     file = Gltf()
     file.node(mesh=file.mesh([*SQUARE, [-0.0, 0, -0.0], SQUARE[2]], SPLIT_FACES))
     assert read(file)[0].n_verts == 4
 
 
-def test_vertices_stay_apart_when_a_morph_target_parts_them(read):
+def test_vertices_separated_by_a_morph_target_are_not_welded(read):
     file = Gltf()
     target = np.zeros((6, 3))
     target[4] = [0, 0, 1e-30]
@@ -62,7 +62,7 @@ def test_vertices_stay_apart_when_a_morph_target_parts_them(read):
     assert notes == ["welded 6 vertices, split at seams, to 5"]
 
 
-def test_vertices_stay_apart_when_joints_part_them(read):
+def test_vertices_with_different_joints_are_not_welded(read):
     joints = np.zeros((6, 4))
     joints[4, 0] = 1
     weights = np.tile([1, 0, 0, 0], (6, 1))
@@ -70,13 +70,13 @@ def test_vertices_stay_apart_when_joints_part_them(read):
     assert read(file)[0].n_verts == 5
 
 
-def test_a_degenerate_triangle_is_kept_when_it_is_welded(read):
+def test_triangles_that_degenerate_by_welding_are_kept(read):
     file = Gltf()
     file.node(mesh=file.mesh([*SQUARE, SQUARE[0]], [0, 1, 2, 0, 4, 2]))
     np.testing.assert_array_equal(read(file)[0].faces, [[0, 1, 2], [0, 0, 2]])
 
 
-def test_texture_coordinates_are_of_corners_and_upwards_when_they_differ_at_a_seam(read):
+def test_uvs_that_differ_at_a_seam_are_corner_attributes_with_flipped_v(read):
     uv = np.array([[0, 0], [0.5, 0], [0.5, 0.25], [0, 0.25], [1, 1], [0.5, 0.25]])
     found, _ = read(split_square(TEXCOORD_0=uv))
     [attribute] = found.surface.attributes
@@ -86,7 +86,7 @@ def test_texture_coordinates_are_of_corners_and_upwards_when_they_differ_at_a_se
     np.testing.assert_array_equal(attribute.per_item(), expected)
 
 
-def test_texture_coordinates_are_of_vertices_when_they_are_the_same_at_a_seam(read):
+def test_uvs_that_agree_at_a_seam_are_vertex_attributes(read):
     uv = np.random.default_rng(0).random((6, 2)).astype(np.float32)
     uv[4:] = uv[[0, 2]]
     found, _ = read(split_square(TEXCOORD_0=uv))
@@ -96,10 +96,10 @@ def test_texture_coordinates_are_of_vertices_when_they_are_the_same_at_a_seam(re
 
 
 @pytest.mark.parametrize("dtype", ["u1", "u2"])
-def test_texture_coordinates_are_fractions_when_they_are_normalized(read, dtype):
-    most = np.iinfo(dtype).max
+def test_normalized_uvs_are_read_as_fractions(read, dtype):
+    maximum = np.iinfo(dtype).max
     uv = np.zeros((6, 2))
-    uv[:] = [most, most // 5]
+    uv[:] = [maximum, maximum // 5]
     found, _ = read(split_square(TEXCOORD_0=(uv, dtype, {"normalized": True})))
     np.testing.assert_array_equal(
         found.surface.attributes[0].values, np.array([[1, 0.8]] * 4, np.float32)
@@ -107,7 +107,7 @@ def test_texture_coordinates_are_fractions_when_they_are_normalized(read, dtype)
 
 
 @pytest.mark.parametrize("width", [3, 4])
-def test_colors_are_bytes_when_they_are_so_in_the_file(read, width):
+def test_byte_colors_stay_bytes(read, width):
     color = np.random.default_rng(0).integers(0, 256, (6, width))
     found, _ = read(split_square(COLOR_0=(color, "u1", {"normalized": True})))
     [attribute] = found.surface.attributes
@@ -118,7 +118,7 @@ def test_colors_are_bytes_when_they_are_so_in_the_file(read, width):
     np.testing.assert_array_equal(attribute.per_item(), color[SPLIT_FACES])
 
 
-def test_colors_are_fractions_when_they_are_shorts_or_floats(read):
+def test_short_and_float_colors_are_read_as_fractions(read):
     shorts = (np.full((6, 3), 13107), "u2", {"normalized": True})
     found, _ = read(split_square(COLOR_0=shorts, COLOR_1=np.full((6, 4), 0.2)))
     first, second = found.surface.attributes
@@ -127,7 +127,7 @@ def test_colors_are_fractions_when_they_are_shorts_or_floats(read):
     np.testing.assert_array_equal(second.values, np.full((4, 4), 0.2, np.float32))
 
 
-def test_attributes_come_in_order_when_the_file_has_them_in_another(read):
+def test_attributes_are_ordered_by_kind_and_set(read):
     pair = np.zeros((6, 2))
     file = split_square(_HEAT=np.arange(6), TEXCOORD_10=pair, COLOR_0=np.ones((6, 3)),
                         TEXCOORD_2=pair, TANGENT=np.ones((6, 4)))  # fmt: skip
@@ -141,7 +141,7 @@ def test_attributes_come_in_order_when_the_file_has_them_in_another(read):
 @pytest.mark.parametrize(
     ("dtype", "expected"), [("i1", "i4"), ("u1", "u1"), ("i2", "i4"), ("u2", "i4"), ("f4", "f4")]
 )
-def test_own_attributes_keep_their_numbers_when_of_any_type(read, dtype, expected):
+def test_custom_attributes_of_every_type_keep_their_values(read, dtype, expected):
     info = np.finfo(dtype) if dtype == "f4" else np.iinfo(dtype)
     numbers = np.array([info.max, info.min, 1, 2, info.max, 1], dtype)
     found, _ = read(split_square(_OWN=(numbers, dtype, {})))
@@ -159,14 +159,14 @@ def two_primitives(first=None, second=None, **more):
     return file
 
 
-def test_a_mesh_is_one_when_it_has_several_primitives(read):
+def test_primitives_are_joined_to_one_mesh(read):
     found, notes = read(two_primitives())
     np.testing.assert_array_equal(found.faces, [[0, 1, 2], [1, 3, 4]])
     np.testing.assert_array_equal(found.vertices[0], [*TRIANGLE, [2, 0, 0], [1, 1, 0]])
     assert notes == ["welded 6 vertices, split at seams, to 5"]
 
 
-def test_materials_are_groups_when_primitives_have_them(read):
+def test_materials_of_primitives_become_groups(read):
     file = two_primitives(material=3)
     for name in ("skin", None, "skin", None):
         file.add("materials", **({"name": name} if name else {}))
@@ -180,7 +180,7 @@ def test_materials_are_groups_when_primitives_have_them(read):
     assert (groups.labels, groups.numbers.tolist()) == (("skin_1", "material_3"), [0, 1])
 
 
-def test_primitives_share_vertices_when_they_name_the_same(read):
+def test_primitives_with_the_same_accessors_share_vertices(read):
     file = Gltf()
     mesh = file.mesh(SQUARE, SQUARE_FACES[:3])
     [primitive] = file.json["meshes"][mesh]["primitives"]
@@ -192,7 +192,7 @@ def test_primitives_share_vertices_when_they_name_the_same(read):
     assert (found.n_verts, notes) == (4, [])
 
 
-def test_missing_values_are_made_up_and_noted_when_a_primitive_has_none(read):
+def test_missing_attributes_are_filled_in_and_noted(read):
     file = two_primitives()
     attributes = file.json["meshes"][0]["primitives"][1]["attributes"]
     attributes["TEXCOORD_0"] = file.accessor([[0.5, 0.5]] * 3)
@@ -203,13 +203,13 @@ def test_missing_values_are_made_up_and_noted_when_a_primitive_has_none(read):
     np.testing.assert_array_equal(uv.per_item(), [[0, 1]] * 3 + [[0.5, 0.5]] * 3)
     np.testing.assert_array_equal(color.per_item(), [[255] * 4] * 3 + [[0, 0, 0, 9]] * 3)
     assert notes[:-1] == [
-        "mesh 0: TEXCOORD_0 is 0 1 where a primitive has none",
-        "mesh 0: COLOR_0 is white where a primitive has none",
-        "mesh 0: _OWN is left out, for its primitives do not all have it alike",
+        "mesh 0: TEXCOORD_0 is 0 1 on primitives without it",
+        "mesh 0: COLOR_0 is white on primitives without it",
+        "mesh 0: _OWN is left out, since not all primitives have it with the same type",
     ]
 
 
-def test_colors_are_fractions_when_primitives_have_them_in_different_types(read):
+def test_colors_of_different_types_are_read_as_fractions(read):
     file = two_primitives()
     first, second = (one["attributes"] for one in file.json["meshes"][0]["primitives"])
     first["COLOR_0"] = file.accessor([[51, 0, 255]] * 3, "u1", normalized=True)
@@ -227,12 +227,12 @@ def test_colors_are_fractions_when_primitives_have_them_in_different_types(read)
         (FAN, [[6, 7, 5], [7, 8, 5], [8, 9, 5]]),
     ],
 )
-def test_triangles_are_those_of_the_standard_when_cut(mode, expected):
-    np.testing.assert_array_equal(cut_triangles(np.arange(5, 10), mode), expected)
-    assert cut_triangles(np.arange(2), mode).shape == (0, 3)
+def test_triangles_are_assembled_as_in_the_standard(mode, expected):
+    np.testing.assert_array_equal(assemble_triangles(np.arange(5, 10), mode), expected)
+    assert assemble_triangles(np.arange(2), mode).shape == (0, 3)
 
 
-def test_a_strip_faces_one_side_when_it_is_flat(read):
+def test_triangles_of_a_flat_strip_have_the_same_orientation(read):
     file = Gltf()
     file.node(mesh=file.mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 2, 0]]))
     file.json["meshes"][0]["primitives"][0]["mode"] = STRIP
@@ -242,21 +242,21 @@ def test_a_strip_faces_one_side_when_it_is_flat(read):
 
 
 @pytest.mark.parametrize("mode", [0, 1, 2, 3])
-def test_points_and_lines_are_left_out_and_noted_when_there_are_triangles_too(read, mode):
+def test_points_and_lines_are_left_out_and_noted(read, mode):
     found, notes = read(two_primitives(mode=mode))
     assert found.n_verts == 3
     assert notes == ["left out: points and lines, 1 of 2 primitives of mesh 0"]
 
 
-def test_load_is_refused_when_there_are_only_points(read):
+def test_load_rejects_a_file_with_only_points(read):
     file = Gltf()
     file.node(mesh=file.mesh())
     file.json["meshes"][0]["primitives"][0]["mode"] = 0
-    with pytest.raises(FormatError, match="holds no mesh of triangles"):
+    with pytest.raises(FormatError, match="contains no triangle mesh"):
         read(file)
 
 
-def test_positions_are_those_meant_when_they_are_quantized(read):
+def test_quantized_positions_are_decoded(read):
     file = Gltf()
     mesh = file.mesh(TRIANGLE)
     grid = np.array([[-127, 0, 127], [127, 0, 0], [0, 127, 0]])
@@ -271,7 +271,7 @@ def test_positions_are_those_meant_when_they_are_quantized(read):
 
 
 @pytest.mark.parametrize("n_targets", [(1, 2), (2, 1), (0, 1)])
-def test_load_is_refused_when_primitives_have_different_numbers_of_targets(read, n_targets):
+def test_load_rejects_primitives_that_differ_in_morph_targets(read, n_targets):
     file = Gltf()
     primitives = []
     for count in n_targets:
@@ -279,5 +279,5 @@ def test_load_is_refused_when_primitives_have_different_numbers_of_targets(read,
         primitives += file.json["meshes"][number]["primitives"]
     file.json["meshes"] = [{"primitives": primitives}]
     file.node(mesh=0)
-    with pytest.raises(FormatError, match=r"primitives have [01] or [12] morph targets; all must"):
+    with pytest.raises(FormatError, match=r"primitives have [01] or [12] morph targets; expected"):
         read(file)

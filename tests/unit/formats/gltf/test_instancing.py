@@ -9,11 +9,11 @@ from samples.gltf import TRIANGLE, Gltf, shifted
 
 HALF = np.sqrt(0.5)
 QUARTER_Z = [0, 0, HALF, HALF]
-BAKED = "baked 2 instances, those of a node as one mesh"
+BAKED = "baked 2 instances, one mesh per node"
 
 
 def instanced(file, *, more=None, **attributes):
-    """What a node has that copies its mesh; attributes are rows, or numbers of accessors."""
+    """Return the extensions of a node with instances; attributes are rows or accessor indices."""
     numbers = {
         name: one if isinstance(one, int) else file.accessor(one)
         for name, one in attributes.items()
@@ -23,7 +23,7 @@ def instanced(file, *, more=None, **attributes):
 
 @pytest.fixture
 def read(tmp_path):
-    """Load a file; gives the sequence and the notes."""
+    """A function that loads a file, and returns the sequence and the notes."""
 
     def loaded(file, **options):
         notes = []
@@ -32,7 +32,7 @@ def read(tmp_path):
     return loaded
 
 
-def test_instances_are_scaled_then_turned_then_moved_when_all_are_given(read):
+def test_instances_are_scaled_then_rotated_then_translated(read):
     file = Gltf()
     extensions = instanced(
         file,
@@ -49,15 +49,16 @@ def test_instances_are_scaled_then_turned_then_moved_when_all_are_given(read):
 
 
 @pytest.mark.parametrize("dtype", ["i1", "i2"])
-def test_instances_are_turned_when_rotations_are_normalized_integers(read, dtype):
-    file, most = Gltf(), np.iinfo(dtype).max
-    turns = file.accessor([[0, 0, 0, most], [0, 0, most, 0]], dtype, normalized=True)
-    file.node(mesh=file.mesh(), extensions=instanced(file, ROTATION=turns))
+def test_rotations_of_instances_may_be_normalized_integers(read, dtype):
+    file, maximum = Gltf(), np.iinfo(dtype).max
+    quaternions = [[0, 0, 0, maximum], [0, 0, maximum, 0]]
+    rotations = file.accessor(quaternions, dtype, normalized=True)
+    file.node(mesh=file.mesh(), extensions=instanced(file, ROTATION=rotations))
     expected = [*TRIANGLE, [0, 0, 0], [-1, 0, 0], [0, -1, 0]]
     np.testing.assert_array_equal(read(file)[0].vertices[0], expected)
 
 
-def test_instances_move_with_their_node_when_it_is_animated(read):
+def test_instances_move_with_their_node(read):
     file = Gltf()
     extensions = instanced(file, TRANSLATION=[[0, 0, 0], [1, 0, 0]])
     node = file.node(mesh=file.mesh(), extensions=extensions)
@@ -68,7 +69,7 @@ def test_instances_move_with_their_node_when_it_is_animated(read):
     np.testing.assert_array_equal(found.vertices, [both, both * [3, 1, 1] + [0, 7, 0]])
 
 
-def test_targets_move_every_instance_its_own_way_when_weights_are_animated(read):
+def test_morph_targets_are_transformed_with_each_instance(read):
     file = Gltf()
     mesh = file.mesh(targets=[[[0, 0, 1], [0, 0, 0], [0, 0, 0]]])
     extensions = instanced(file, SCALE=[[1, 1, 1], [1, 1, -2]])
@@ -79,17 +80,17 @@ def test_targets_move_every_instance_its_own_way_when_weights_are_animated(read)
 
 
 @pytest.mark.parametrize("node_scale", [[1, 1, 1], [1, -1, 1]])
-def test_faces_of_an_instance_are_turned_when_it_mirrors(read, node_scale):
+def test_faces_of_mirroring_instances_are_reversed(read, node_scale):
     file = Gltf()
     uv = file.accessor([[0, 0], [0.5, 0], [0, 0.25], [1, 1]])
     mesh = file.mesh([*TRIANGLE, TRIANGLE[0]], [0, 1, 2, 3, 2, 1], attributes={"TEXCOORD_0": uv})
     extensions = instanced(file, SCALE=[[1, 1, 1], [-1, 1, 1]])
     file.node(mesh=mesh, extensions=extensions, scale=node_scale)
     found, _ = read(file)
-    kept, turned = [[0, 1, 2], [0, 2, 1]], [[0, 2, 1], [0, 1, 2]]
+    kept, mirrored = [[0, 1, 2], [0, 2, 1]], [[0, 2, 1], [0, 1, 2]]
     if node_scale[1] < 0:
-        kept, turned = turned, kept
-    np.testing.assert_array_equal(found.faces, [*kept, *np.add(turned, 3)])
+        kept, mirrored = mirrored, kept
+    np.testing.assert_array_equal(found.faces, [*kept, *np.add(mirrored, 3)])
     rows = {0: [0, 1], 1: [0.5, 1], 2: [0, 0.75], 3: [1, 0]}
     split = [[0, 1, 2], [3, 2, 1]], [[0, 2, 1], [3, 1, 2]]
     order = split if node_scale[1] > 0 else split[::-1]
@@ -98,7 +99,7 @@ def test_faces_of_an_instance_are_turned_when_it_mirrors(read, node_scale):
     np.testing.assert_array_equal(attribute.per_item(), expected)
 
 
-def test_instances_carry_colours_and_materials_when_the_mesh_has_them(read):
+def test_instances_have_the_colors_and_materials_of_the_mesh(read):
     file = Gltf()
     colors = np.arange(9).reshape(3, 3) / 8
     mesh = file.mesh(attributes={"COLOR_0": file.accessor(colors)})
@@ -111,7 +112,7 @@ def test_instances_carry_colours_and_materials_when_the_mesh_has_them(read):
     assert (groups.labels, groups.numbers.tolist()) == (("leaf",), [0, 0])
 
 
-def test_load_reads_a_file_when_it_requires_instancing(read):
+def test_load_reads_a_file_that_requires_instancing(read):
     file = Gltf()
     file.json["extensionsRequired"] = ["EXT_mesh_gpu_instancing"]
     extensions = instanced(file, TRANSLATION=[[0, 0, 0], [5, 0, 0]])
@@ -119,26 +120,26 @@ def test_load_reads_a_file_when_it_requires_instancing(read):
     assert read(file)[0].n_faces == 2
 
 
-def test_load_tells_which_values_of_instances_are_left_out(read):
+def test_load_notes_attributes_of_instances_that_are_left_out(read):
     file = Gltf()
     number = file.accessor([1, 2])
     extensions = instanced(file, TRANSLATION=[[0, 0, 0], [5, 0, 0]], more={"_ID": number})
     file.node(mesh=file.mesh(), extensions=extensions)
-    assert read(file)[1] == [BAKED, "left out: values of instances: _ID"]
+    assert read(file)[1] == [BAKED, "left out: attributes of instances: _ID"]
 
 
-def test_load_counts_all_instances_when_several_nodes_have_some(read):
+def test_load_counts_the_instances_of_all_nodes(read):
     file = Gltf()
     extensions = instanced(file, TRANSLATION=[[0, 0, 0], [5, 0, 0]])
     mesh = file.mesh()
     file.node(mesh=mesh, extensions=extensions)
     file.node(mesh=mesh, extensions=extensions, translation=[0, 9, 0])
     found, notes = read(file, merge=True)
-    assert notes[0] == "baked 4 instances of 2 nodes, those of a node as one mesh"
+    assert notes[0] == "baked 4 instances of 2 nodes, one mesh per node"
     assert [part.n_faces for part in found.surface.parts] == [2, 2]
 
 
-def test_load_leaves_out_instances_when_joints_move_the_mesh(read):
+def test_load_leaves_out_instances_of_skinned_meshes(read):
     file = Gltf()
     joints = file.accessor([[0, 0, 0, 0]] * 3, "u1")
     weights = file.accessor([[1, 0, 0, 0]] * 3)
@@ -154,13 +155,13 @@ def test_load_leaves_out_instances_when_joints_move_the_mesh(read):
 @pytest.mark.parametrize(
     ("attributes", "message"),
     [
-        ({"TRANSLATION": [[0, 0, 0]], "SCALE": [[1, 1, 1]] * 2}, "'count' must be 1 as"),
-        ({"TRANSLATION": [[0, 0, 0, 0]]}, "'type' must be VEC3 here; got 'VEC4'"),
+        ({"TRANSLATION": [[0, 0, 0]], "SCALE": [[1, 1, 1]] * 2}, "'count' must be 1, as"),
+        ({"TRANSLATION": [[0, 0, 0, 0]]}, "'type' must be VEC3; got 'VEC4'"),
         ({"SCALE": [[1, 1, np.inf]]}, "node 0, .*: every SCALE must be finite"),
         ({"TRANSLATION": 99}, "'TRANSLATION' must be below"),
     ],
 )
-def test_load_says_what_is_wrong_when_instances_are_damaged(read, attributes, message):
+def test_load_describes_what_is_wrong_with_instances(read, attributes, message):
     file = Gltf()
     file.node(mesh=file.mesh(), extensions=instanced(file, **attributes))
     with pytest.raises(FormatError, match=message):
@@ -168,7 +169,7 @@ def test_load_says_what_is_wrong_when_instances_are_damaged(read, attributes, me
 
 
 @pytest.mark.parametrize(("n_instances", "n_verts"), [(1 << 30, 3), (1 << 18, 3000), (1 << 20, 99)])
-def test_load_takes_little_memory_when_a_small_file_asks_for_many_instances(
+def test_load_uses_little_memory_for_a_small_file_with_many_instances(
     tmp_path, n_instances, n_verts
 ):
     file = Gltf()

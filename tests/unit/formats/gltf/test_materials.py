@@ -1,4 +1,4 @@
-"""Materials and images of glTF files: read, written, and what is said of the rest."""
+"""Materials and images of glTF files, read and written, and notes on unsupported properties."""
 
 import base64
 import contextlib
@@ -40,7 +40,7 @@ SAMPLER = {"magFilter": 9728, "minFilter": 9987, "wrapS": 33648, "wrapT": 33071}
 
 
 def square_with(material, *, images=None, n_uvs=2):
-    """A square of one material, and two textures of two images."""
+    """Return a square with one material, and two textures of two images."""
     file = Gltf()
     uv = {f"TEXCOORD_{i}": file.accessor(np.array(SQUARE)[:, :2] / (i + 1)) for i in range(n_uvs)}
     mesh = file.mesh(SQUARE, SQUARE_FACES, attributes=uv)
@@ -55,7 +55,7 @@ def square_with(material, *, images=None, n_uvs=2):
 
 
 def read(file, folder, ending="glb"):
-    """The surface of a file, and what is said of it."""
+    """Return the surface of a file, and the notes of reading it."""
     notes = []
     sequence = load(file.save(folder / f"a.{ending}"), notes=notes)
     return sequence.surface, notes
@@ -66,7 +66,7 @@ def surface_of(tmp_path):
     return lambda file: read(file, tmp_path)
 
 
-def test_material_is_read_with_every_value_when_it_says_so(surface_of):
+def test_material_is_read_with_every_property(surface_of):
     surface, notes = surface_of(square_with({"name": "skin", **FACTORS}))
     expected = Material(
         "skin",
@@ -80,7 +80,7 @@ def test_material_is_read_with_every_value_when_it_says_so(surface_of):
         0.25,
         True,
         base_color_texture=(
-            shown := Texture(
+            base_color := Texture(
                 0,
                 "uv",
                 "rgba",
@@ -94,7 +94,7 @@ def test_material_is_read_with_every_value_when_it_says_so(surface_of):
         roughness_texture=Texture(1, "uv1", "g"),
         normal_texture=Texture(1),
         occlusion_texture=Texture(1, channels="r"),
-        emissive_texture=replace(shown, channels="rgb"),
+        emissive_texture=replace(base_color, channels="rgb"),
     )
     assert surface.materials == (expected,)
     assert surface.images == (png(), jpeg())
@@ -102,13 +102,13 @@ def test_material_is_read_with_every_value_when_it_says_so(surface_of):
     assert notes == []
 
 
-def test_material_comes_back_as_it_was_when_a_file_is_written_again(tmp_path):
+def test_material_round_trips_to_the_same_json(tmp_path):
     file = square_with({"name": "skin", **FACTORS})
     sequence = load(file.save(tmp_path / "a.glb"))
     again = written(tmp_path, meshreel.decode(meshreel.encode(sequence)))
     assert again.document["materials"] == file.json["materials"]
-    kept = [again.document["bufferViews"][one["bufferView"]] for one in again.document["images"]]
-    data = [again.buffer[one["byteOffset"] :][: one["byteLength"]] for one in kept]
+    views = [again.document["bufferViews"][one["bufferView"]] for one in again.document["images"]]
+    data = [again.buffer[one["byteOffset"] :][: one["byteLength"]] for one in views]
     assert data == [png().data, jpeg().data]
     assert again.document["samplers"] == [SAMPLER]
     assert "extensionsUsed" not in again.document
@@ -116,12 +116,12 @@ def test_material_comes_back_as_it_was_when_a_file_is_written_again(tmp_path):
 
 @pytest.mark.parametrize("ending", ["glb", "gltf"])
 @pytest.mark.parametrize("make", [dressed_sheet, dressed_sheets])
-def test_look_comes_back_through_files_when_it_has_all_that_gltf_has(tmp_path, make, ending):
+def test_materials_round_trip_through_files(tmp_path, make, ending):
     sequence, notes = make(), []
     save(sequence, tmp_path / f"a.{ending}", notes=notes)
     found = load(tmp_path / f"a.{ending}", merge=True).surface
-    # What glTF calls the texture coordinates is told by their number.
-    expected = [in_gltf(one) for one in sequence.surface.materials]
+    # glTF identifies UV sets by index, not by name.
+    expected = [as_gltf(one) for one in sequence.surface.materials]
     assert sorted(found.materials, key=str) == sorted(expected, key=str)
     assert sorted(one.data for one in found.images) == sorted(
         one.data for one in sequence.surface.images
@@ -129,7 +129,7 @@ def test_look_comes_back_through_files_when_it_has_all_that_gltf_has(tmp_path, m
     assert not any("material" in note for note in notes)
 
 
-def in_gltf(material):
+def as_gltf(material):
     textures = {
         slot: replace(one, uv="uv", channels="rgba" if slot == "base_color" else one.channels)
         for slot, one in material.textures.items()
@@ -137,13 +137,13 @@ def in_gltf(material):
     return material.with_textures(textures)
 
 
-def test_extensions_are_kept_when_they_are_small(tmp_path):
-    moved = {"offset": [0.5, 0.25], "rotation": 0.1, "scale": [2.0, 3.0], "texCoord": 1}
+def test_extensions_without_loss_round_trip(tmp_path):
+    transform = {"offset": [0.5, 0.25], "rotation": 0.1, "scale": [2.0, 3.0], "texCoord": 1}
     material = {
         "name": "skin",
         "emissiveFactor": [1, 0.5, 0.25],
         "pbrMetallicRoughness": {
-            "baseColorTexture": {"index": 0, "extensions": {"KHR_texture_transform": moved}}
+            "baseColorTexture": {"index": 0, "extensions": {"KHR_texture_transform": transform}}
         },
         "extensions": {
             "KHR_materials_unlit": {},
@@ -155,20 +155,20 @@ def test_extensions_are_kept_when_they_are_small(tmp_path):
     assert found.emissive == (4.0, 2.0, 1.0)
     assert found.base_color_texture.uv == "uv1"
     again = written(tmp_path, sequence).document
-    told = again["materials"][0]
-    assert told["extensions"] == material["extensions"]
-    assert told["pbrMetallicRoughness"]["baseColorTexture"] == {
+    material_json = again["materials"][0]
+    assert material_json["extensions"] == material["extensions"]
+    assert material_json["pbrMetallicRoughness"]["baseColorTexture"] == {
         "index": 0,
         "texCoord": 1,
         "extensions": {
-            "KHR_texture_transform": {k: moved[k] for k in ("offset", "rotation", "scale")}
+            "KHR_texture_transform": {k: transform[k] for k in ("offset", "rotation", "scale")}
         },
     }
     assert set(again["extensionsUsed"]) == {*material["extensions"], "KHR_texture_transform"}
     assert "extensionsRequired" not in again
 
 
-def test_extensions_that_are_not_kept_are_named_once_when_materials_have_them(surface_of):
+def test_unsupported_extensions_of_materials_are_noted_once(surface_of):
     material = {"name": "skin", "extensions": {"KHR_materials_ior": {}, "KHR_materials_unlit": {}}}
     surface, notes = surface_of(square_with(material))
     assert notes == ["left out: extensions of materials: KHR_materials_ior (skin)"]
@@ -176,33 +176,33 @@ def test_extensions_that_are_not_kept_are_named_once_when_materials_have_them(su
 
 
 @pytest.mark.parametrize("uri", ["sub/my%20skin.png", "data:image/png;base64,"])
-def test_image_is_read_when_it_is_beside_the_file_or_in_it(tmp_path, uri):
+def test_images_are_read_from_other_files_and_data_uris(tmp_path, uri):
     (tmp_path / "sub").mkdir()
     (tmp_path / "sub" / "my skin.png").write_bytes(png().data)
     file = square_with({"name": "skin", **FACTORS})
-    is_within = uri.startswith("data:")
-    if is_within:
+    is_embedded = uri.startswith("data:")
+    if is_embedded:
         uri += base64.b64encode(png().data).decode()
     file.json["images"][0] = {"uri": uri}
     surface, notes = read(file, tmp_path, "gltf")
-    assert surface.images[0] == Image("" if is_within else "my skin", "image/png", png().data)
+    assert surface.images[0] == Image("" if is_embedded else "my skin", "image/png", png().data)
     assert notes == []
 
 
 @pytest.mark.parametrize(
     ("image", "message"),
     [
-        ({"uri": "gone.png"}, "there is no file 'gone.png' beside"),
+        ({"uri": "gone.png"}, "there is no file 'gone.png' next to"),
         ({"uri": "../skin.png"}, "outside of its folder"),
         ({"uri": "/etc/passwd"}, "outside of its folder"),
         ({"uri": "http://example.com/a.png"}, "only files in the folder"),
-        ({"uri": "data:image/png;base64,A"}, "no base64"),
+        ({"uri": "data:image/png;base64,A"}, "not valid base64"),
         ({}, "has no 'uri'"),
         ({"bufferView": 99}, "'bufferView' must be below"),
         ({"uri": 5}, "'uri' must be text"),
     ],
 )
-def test_mesh_is_read_without_an_image_when_that_cannot_be_had(tmp_path, image, message):
+def test_unreadable_image_is_left_out_and_noted(tmp_path, image, message):
     (tmp_path / "skin.png").write_bytes(png().data)
     (tmp_path / "in").mkdir()
     file = square_with({"name": "skin", **FACTORS})
@@ -224,26 +224,26 @@ def test_mesh_is_read_without_an_image_when_that_cannot_be_had(tmp_path, image, 
         ({"emissiveFactor": [1, 2]}, "a list of 3 finite numbers"),
         ({"pbrMetallicRoughness": {"metallicFactor": "1"}}, "a finite number"),
         ({"normalTexture": {"index": 9}}, "below 2"),
-        ({"normalTexture": {}}, "the number of texture"),
+        ({"normalTexture": {}}, "the index of a texture"),
         ({"normalTexture": {"index": 0, "scale": None}}, "a finite number"),
         ({"doubleSided": 1}, "true or false"),
         ({"extensions": 5}, "an object"),
     ],
 )
-def test_mesh_is_read_without_a_look_when_that_is_damaged(surface_of, change, message):
+def test_invalid_material_is_left_out_and_noted(surface_of, change, message):
     surface, notes = surface_of(square_with({"name": "skin", **change}))
     (note,) = notes
-    assert note.startswith("left out: how materials look: material 0")
+    assert note.startswith("left out: appearance of materials: material 0")
     assert message in note
     assert surface.materials == ()
     assert surface.groups[0].labels == ("skin",)
 
 
-def test_only_what_its_faces_show_comes_along_when_one_mesh_is_taken(tmp_path):
+def test_single_mesh_has_only_the_materials_and_images_that_it_uses(tmp_path):
     file = square_with({"name": "skin", **FACTORS})
     mesh = file.mesh(SQUARE, SQUARE_FACES, attributes={"TEXCOORD_0": 0})
-    shown = {"baseColorTexture": {"index": 1}}
-    number = file.add("materials", name="cloth", pbrMetallicRoughness=shown)
+    pbr = {"baseColorTexture": {"index": 1}}
+    number = file.add("materials", name="cloth", pbrMetallicRoughness=pbr)
     file.json["meshes"][mesh]["primitives"][0]["material"] = number
     file.node(mesh=mesh, name="other")
     surface = load(file.save(tmp_path / "a.glb"), object="other").surface
@@ -255,7 +255,7 @@ def test_only_what_its_faces_show_comes_along_when_one_mesh_is_taken(tmp_path):
     assert both.materials[1].base_color_texture.image == 1
 
 
-def test_materials_of_one_name_stay_two_when_they_differ(tmp_path):
+def test_different_materials_with_the_same_name_are_renamed(tmp_path):
     file = square_with({"name": "skin"})
     primitives = file.json["meshes"][0]["primitives"]
     other = file.add("materials", name="skin", doubleSided=True)
@@ -273,16 +273,16 @@ def test_materials_of_one_name_stay_two_when_they_differ(tmp_path):
         ({"pbrMetallicRoughness": {"metallicFactor": 0}}, "material_0"),
     ],
 )
-def test_material_without_a_name_is_kept_when_it_looks_like_something(surface_of, material, label):
+def test_unnamed_material_is_kept_unless_it_is_the_default(surface_of, material, label):
     surface, _ = surface_of(square_with(material))
     assert [one.name for one in surface.materials] == ([] if label is None else [label])
     assert [one.labels for one in surface.groups] == ([] if label is None else [(label,)])
 
 
-def test_image_of_a_newer_kind_is_kept_when_an_extension_has_it(tmp_path):
+def test_image_types_of_extensions_round_trip(tmp_path):
     webp = Image("w", "image/webp", b"RIFF....WEBPVP8 ")
-    shown = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
-    file = square_with({"name": "skin", **shown}, images=(webp, jpeg()))
+    pbr = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
+    file = square_with({"name": "skin", **pbr}, images=(webp, jpeg()))
     extension = {"EXT_texture_webp": {"source": 0}}
     file.json["textures"][0] = {"extensions": extension}
     file.json["extensionsRequired"] = ["EXT_texture_webp"]
@@ -293,8 +293,8 @@ def test_image_of_a_newer_kind_is_kept_when_an_extension_has_it(tmp_path):
     assert again["extensionsRequired"] == ["EXT_texture_webp"]
 
 
-def painted(**changes):
-    """A sheet whose material "red" is changed."""
+def sheet_with_changed_material(**changes):
+    """Return a sheet with changes to its material "red"."""
     sheet = dressed_sheet()
     (red, cloth), images = look()
     surface = replace(sheet.surface, materials=(replace(red, **changes), cloth), images=images)
@@ -307,63 +307,64 @@ def painted(**changes):
         ({"metallic": 2.0}, "metallic or roughness of material 'red' is clipped to 0..1"),
         (
             {"metallic_texture": Texture(0, "st", "r")},
-            "left out: the metallic and roughness textures of material 'red': glTF has them as "
-            "the blue and the green of one image",
+            "left out: the metallic and roughness textures of material 'red': glTF stores them in "
+            "the blue and green channels of one image",
         ),
         (
             {"base_color_texture": Texture(0, "st", "rgb")},
-            "the alpha of the base color texture of material 'red' counts, as glTF has it",
+            "the base color texture of material 'red' keeps its alpha channel, as glTF requires",
         ),
         (
             {"occlusion_texture": Texture(0, "st", "a")},
-            "left out: the occlusion texture of material 'red': glTF has it in r, not a",
+            "left out: the occlusion texture of material 'red': glTF uses channel r, not a",
         ),
         (
             {"normal_texture": Texture(0, "st", wrap_u=Wrap.BLACK)},
             "the normal texture of material 'red' wraps by clamp and repeat, not black and repeat, "
-            "which glTF does not have",
+            "which glTF does not support",
         ),
         (
             {"normal_texture": Texture(0, "map")},
-            "left out: the normal texture of material 'red': there are no texture coordinates "
-            "'map'",
+            "left out: the normal texture of material 'red': there are no UVs 'map'",
         ),
-        ({"name": "blue"}, "left out: materials that no face has: blue"),
+        ({"name": "blue"}, "left out: materials that no face uses: blue"),
     ],
 )
-def test_writer_says_so_when_gltf_has_no_such_material(tmp_path, changes, note):
+def test_unsupported_material_properties_are_noted(tmp_path, changes, note):
     notes = []
-    written(tmp_path, painted(**changes), notes)
+    written(tmp_path, sheet_with_changed_material(**changes), notes)
     assert note in notes
 
 
-def test_image_is_left_out_with_a_note_when_gltf_has_no_such_type(tmp_path):
+def test_image_of_an_unsupported_type_is_left_out_and_noted(tmp_path):
     sheet, notes = dressed_sheet(), []
     exr = Image("sky", "image/x-exr", b"\x76\x2f\x31\x01")
     surface = replace(sheet.surface, images=(exr, jpeg()))
     again = written(tmp_path, replace(sheet, surface=surface), notes).document
     assert [one["mimeType"] for one in again["images"]] == ["image/jpeg"]
     assert (
-        "left out: the base color texture of material 'red': glTF has no images of image/x-exr"
-        in notes
+        "left out: the base color texture of material 'red': glTF does not support images of type "
+        "image/x-exr" in notes
     )
 
 
-def test_roughness_is_written_alone_when_nothing_is_metallic(tmp_path):
+def test_roughness_texture_is_written_alone_without_metalness(tmp_path):
     notes = []
-    file = written(tmp_path, painted(metallic=0.0, metallic_texture=None), notes)
+    file = written(
+        tmp_path, sheet_with_changed_material(metallic=0.0, metallic_texture=None), notes
+    )
     red = next(one for one in file.document["materials"] if one["name"] == "red")
     assert "metallicRoughnessTexture" in red["pbrMetallicRoughness"]
     assert not any("metallic" in note for note in notes)
 
 
-def test_image_is_written_once_when_many_textures_show_it(tmp_path):
+def test_image_of_several_textures_is_written_once(tmp_path):
     file = written(tmp_path, dressed_sheets())
     assert len(file.document["images"]) == 2
     assert len(file.document["textures"]) < len(look()[0][0].textures)
 
 
-def test_labels_without_a_look_are_written_dull_as_before(tmp_path):
+def test_labels_without_materials_get_a_default_material(tmp_path):
     sheet = dressed_sheet()
     plain = replace(sheet, surface=sheet.surface.without_materials())
     write_gltf(tmp_path / "a.gltf", stream_of(plain), WriteOptions())
@@ -372,20 +373,20 @@ def test_labels_without_a_look_are_written_dull_as_before(tmp_path):
     assert found.images == ()
 
 
-def test_buffer_is_aligned_when_an_image_has_an_odd_size(tmp_path):
+def test_buffer_views_after_an_image_of_odd_size_are_aligned(tmp_path):
     file = written(tmp_path, dressed_sheet())
     assert isinstance(file, Glb)
     assert {one["byteOffset"] % 4 for one in file.document["bufferViews"]} == {0}
     assert len(jpeg().data) % 4 != 0
 
 
-def test_load_raises_only_our_errors_when_any_value_of_a_material_is_changed(tmp_path):
-    moved = {"KHR_texture_transform": {"offset": [1, 2], "rotation": 1, "scale": [1, 1]}}
-    glowing = {"KHR_materials_emissive_strength": {"emissiveStrength": 2}}
-    file = square_with({"name": "skin", **FACTORS, "extensions": glowing})
-    file.json["materials"][0]["normalTexture"]["extensions"] = moved
+def test_load_raises_only_our_errors_for_changed_materials(tmp_path):
+    transform = {"KHR_texture_transform": {"offset": [1, 2], "rotation": 1, "scale": [1, 1]}}
+    strength = {"KHR_materials_emissive_strength": {"emissiveStrength": 2}}
+    file = square_with({"name": "skin", **FACTORS, "extensions": strength})
+    file.json["materials"][0]["normalTexture"]["extensions"] = transform
     looks = {key: file.json[key] for key in ("materials", "textures", "images", "samplers")}
-    cases = [(place, value) for place in places(looks) for value in (*ODD, DELETED)]
+    cases = [(path, value) for path in places(looks) for value in (*ODD, DELETED)]
     rng, n_read, other = np.random.default_rng(2), 0, Gltf()
     other.data = file.data
     n_tried = draws(400)
@@ -396,23 +397,23 @@ def test_load_raises_only_our_errors_when_any_value_of_a_material_is_changed(tmp
     assert n_read > 3 * n_tried // 4
 
 
-def test_look_is_left_out_when_its_light_is_no_number(surface_of):
-    glowing = {"KHR_materials_emissive_strength": {"emissiveStrength": 1e308}}
-    material = {"name": "skin", "emissiveFactor": [10, 0, 0], "extensions": glowing}
+def test_material_with_infinite_emission_is_left_out(surface_of):
+    strength = {"KHR_materials_emissive_strength": {"emissiveStrength": 1e308}}
+    material = {"name": "skin", "emissiveFactor": [10, 0, 0], "extensions": strength}
     surface, (note,) = surface_of(square_with(material))
     assert surface.materials == ()
     assert "its emissive strength of 1e+308 is too large" in note
 
 
-def test_images_are_left_out_when_they_share_bytes_beyond_measure(tmp_path, monkeypatch):
-    monkeypatch.setattr("meshreel.formats.gltf.material_reading.LEAST_DECODED_BYTES", 100)
-    monkeypatch.setattr("meshreel.formats.gltf.material_reading.EXPANSION", 0)
+def test_images_that_share_too_many_bytes_are_left_out(tmp_path, monkeypatch):
+    monkeypatch.setattr("meshreel.formats.gltf.material_reading.MIN_EXPANDED_BYTES", 100)
+    monkeypatch.setattr("meshreel.formats.gltf.material_reading.MAX_EXPANSION", 0)
     surface, notes = read(square_with({"name": "skin", **FACTORS}), tmp_path)
     assert surface.images == (png(),)
-    assert notes == ["left out: texture images: image 1: images take 275 bytes; allowed are 100"]
+    assert notes == ["left out: texture images: image 1: images need 275 bytes; the limit is 100"]
 
 
-def test_an_image_is_read_once_when_many_name_its_bytes(tmp_path):
+def test_image_bytes_with_several_references_are_read_once(tmp_path):
     file = square_with({"name": "skin", **FACTORS})
     file.json["images"][1]["bufferView"] = file.json["images"][0]["bufferView"]
     assert read(file, tmp_path)[0].images == (png(),)

@@ -1,4 +1,4 @@
-"""Buffer views that meshoptimizer compressed."""
+"""Buffer views that are compressed with meshoptimizer."""
 
 import base64
 import contextlib
@@ -19,20 +19,20 @@ from samples.meshopt import STREAMS
 EXTENSIONS = ["EXT_meshopt_compression", "KHR_meshopt_compression"]
 
 
-def decoded(data, mode, kind, count, stride):
-    told = {"mode": mode, "filter": kind, "count": count, "byteStride": stride}
-    return decode_view(data, JsonObject(told, "view 0"))
+def decode(data, mode, kind, count, stride):
+    extension = {"mode": mode, "filter": kind, "count": count, "byteStride": stride}
+    return decode_view(data, JsonObject(extension, "view 0"))
 
 
 @pytest.mark.parametrize(("mode", "kind", "count", "stride", "text", "expected"), STREAMS)
-def test_streams_decode_to_what_the_library_decodes(mode, kind, count, stride, text, expected):
-    found = decoded(base64.b64decode(text), mode, kind, count, stride)
+def test_streams_decode_like_the_library(mode, kind, count, stride, text, expected):
+    found = decode(base64.b64decode(text), mode, kind, count, stride)
     assert (found.shape, found.dtype) == ((count * stride,), np.uint8)
     if kind == "NONE":
         assert zlib.crc32(found) == expected
         return
     wanted = np.frombuffer(base64.b64decode(expected), np.uint8)
-    if kind == "EXPONENTIAL":  # which does not round
+    if kind == "EXPONENTIAL":  # exact
         np.testing.assert_array_equal(found, wanted)
         return
     dtype = f"{'u' if kind == 'COLOR' else 'i'}{stride // 4}"
@@ -41,7 +41,7 @@ def test_streams_decode_to_what_the_library_decodes(mode, kind, count, stride, t
 
 
 @pytest.mark.parametrize(("mode", "kind", "count", "stride", "text", "expected"), STREAMS)
-def test_damaged_streams_decode_or_are_refused(mode, kind, count, stride, text, expected):
+def test_damaged_streams_decode_or_raise_our_error(mode, kind, count, stride, text, expected):
     data = base64.b64decode(text)
     rng = np.random.default_rng(len(data))
     damaged = [data[:end] for end in range(0, len(data), 7)] + [data + b"\0"]
@@ -51,37 +51,37 @@ def test_damaged_streams_decode_or_are_refused(mode, kind, count, stride, text, 
         damaged.append(bytes(changed))
     for one in damaged:
         with contextlib.suppress(FormatError):
-            assert decoded(one, mode, kind, count, stride).nbytes == count * stride
+            assert decode(one, mode, kind, count, stride).nbytes == count * stride
 
 
 @pytest.mark.parametrize(("mode", "kind", "count", "stride", "text", "expected"), STREAMS)
-def test_streams_are_refused_when_more_elements_are_announced(
+def test_streams_with_fewer_elements_than_declared_are_rejected(
     mode, kind, count, stride, text, expected
 ):
-    with pytest.raises(FormatError, match=r"view 0: meshopt cannot decode it \((ends|has)"):
-        decoded(base64.b64decode(text), mode, kind, count + 300, stride)
+    with pytest.raises(FormatError, match=r"view 0: meshopt cannot decode it \((ends|does not)"):
+        decode(base64.b64decode(text), mode, kind, count + 300, stride)
 
 
 @pytest.mark.parametrize(
-    ("told", "message"),
+    ("arguments", "message"),
     [
         (("ATTRIBUTES", "NONE", 4, 6), "'byteStride' must be a multiple of 4 up to 256; got 6"),
         (("ATTRIBUTES", "NONE", 4, 0), "'byteStride' must be a multiple of 4 up to 256; got 0"),
-        (("ATTRIBUTES", "OCTAHEDRAL", 4, 12), "'filter' must be one of .* fit its byteStride"),
+        (("ATTRIBUTES", "OCTAHEDRAL", 4, 12), "'filter' must be one of .* match its byteStride"),
         (("ATTRIBUTES", "SHARPEN", 4, 4), "'filter' must be one of .*; got 'SHARPEN'"),
         (("MESHLETS", "NONE", 4, 4), "'mode' must be ATTRIBUTES, TRIANGLES or INDICES"),
-        (("TRIANGLES", "NONE", 4, 2), "TRIANGLES a count that 3 divides; got NONE, 2 and 4"),
-        (("INDICES", "COLOR", 4, 4), "INDICES have no filter"),
+        (("TRIANGLES", "NONE", 4, 2), "TRIANGLES a count divisible by 3; got NONE, 2 and 4"),
+        (("INDICES", "COLOR", 4, 4), "INDICES must have no filter"),
         (("INDICES", "NONE", 4, 1), "a byteStride of 2 or 4"),
     ],
 )
-def test_streams_are_refused_when_the_file_does_not_say_what_it_may(told, message):
+def test_invalid_extensions_of_buffer_views_are_rejected(arguments, message):
     with pytest.raises(FormatError, match=f"view 0: .*{message}"):
-        decoded(b"", *told)
+        decode(b"", *arguments)
 
 
 def packed_square(extension):
-    """A square that moves along x by 0, 1 and 2, all of which is compressed."""
+    """Return a file with a square that moves along x by 0, 1 and 2, fully compressed."""
     file = Gltf()
     file.json["extensionsRequired"] = [extension]
     arrays = {
@@ -94,10 +94,10 @@ def packed_square(extension):
     for name, (kind, component, count, stride, mode, more) in arrays.items():
         view = file.view(base64.b64decode(PACKED_SQUARE[name]))
         plain = file.json["bufferViews"][view]
-        told = {**plain, "byteStride": stride, "count": count, "mode": mode, **more}
+        packed = {**plain, "byteStride": stride, "count": count, "mode": mode, **more}
         size = count * stride
         plain |= {"buffer": 1, "byteOffset": start, "byteLength": size}
-        plain["extensions"] = {extension: told}
+        plain["extensions"] = {extension: packed}
         start += size
         numbers[name] = file.add(
             "accessors", bufferView=view, componentType=component, count=count, type=kind
@@ -120,23 +120,23 @@ def saved(path, file):
 
 
 @pytest.mark.parametrize("extension", EXTENSIONS)
-def test_load_reads_geometry_and_animation_when_they_are_compressed(tmp_path, extension):
+def test_load_reads_compressed_geometry_and_animation(tmp_path, extension):
     found = load(saved(tmp_path / "a.glb", packed_square(extension)))
     np.testing.assert_array_equal(found.vertices, [shifted(SQUARE, [x, 0, 0]) for x in range(3)])
     np.testing.assert_array_equal(found.faces.ravel(), SQUARE_FACES)
     assert found.fps == 2
 
 
-def test_load_is_refused_when_a_view_is_not_as_long_as_what_is_compressed(tmp_path):
+def test_buffer_view_with_another_length_than_its_data_is_rejected(tmp_path):
     file = packed_square(EXTENSIONS[0])
     file.json["bufferViews"][0]["byteLength"] = 36
     with pytest.raises(FormatError, match=r"its 'count' times its 'byteStride' must be the 36 byt"):
         load(saved(tmp_path / "a.glb", file))
 
 
-def test_load_is_refused_when_what_is_compressed_would_fill_the_memory(tmp_path, monkeypatch):
-    monkeypatch.setattr("meshreel.formats.gltf.buffers.LEAST_DECODED_BYTES", 100)
-    monkeypatch.setattr("meshreel.formats.gltf.buffers.EXPANSION", 0)
+def test_compressed_data_that_would_fill_the_memory_are_rejected(tmp_path, monkeypatch):
+    monkeypatch.setattr("meshreel.formats.gltf.buffers.MIN_EXPANDED_BYTES", 100)
+    monkeypatch.setattr("meshreel.formats.gltf.buffers.MAX_EXPANSION", 0)
     path = saved(tmp_path / "a.glb", packed_square(EXTENSIONS[0]))
-    with pytest.raises(FormatError, match="would take more than 0 times its size"):
+    with pytest.raises(FormatError, match="would need more than 0 times its size"):
         load(path)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.formats.gltf.node_tree import NodeTree, path_of
-from meshreel.formats.gltf.placement import NOWHERE, Placement
+from meshreel.formats.gltf.placement import IDENTITY, Placement
 
 
 def box(x, scale):
@@ -20,13 +20,13 @@ def box(x, scale):
         ("/", ("/",)),
     ],
 )
-def test_path_of_has_several_steps_when_the_name_is_a_path(name, path):
+def test_path_of_splits_names_that_start_with_a_slash(name, path):
     assert path_of(name) == path
 
 
-def test_add_makes_the_nodes_above_once_when_meshes_share_them():
+def test_add_creates_shared_parents_once():
     tree = NodeTree()
-    numbers = [tree.add(f"/root/{name}", mesh, NOWHERE) for mesh, name in enumerate("ab")]
+    numbers = [tree.add(f"/root/{name}", mesh, IDENTITY) for mesh, name in enumerate("ab")]
     assert (numbers, tree.roots) == ([1, 2], [0])
     assert tree.nodes == [
         {"name": "root", "children": [1, 2]},
@@ -35,7 +35,7 @@ def test_add_makes_the_nodes_above_once_when_meshes_share_them():
     ]
 
 
-def test_add_undoes_the_placement_above_when_a_mesh_is_under_another():
+def test_add_compensates_the_placement_of_the_parent():
     tree = NodeTree()
     tree.add("/root", 0, box(1.0, 4.0))
     tree.add("/root/hand", 1, box(3.0, 2.0))
@@ -45,6 +45,6 @@ def test_add_undoes_the_placement_above_when_a_mesh_is_under_another():
     ]
 
 
-def test_add_makes_a_node_of_each_mesh_when_they_have_one_name():
+def test_add_creates_a_node_per_mesh_for_equal_names():
     tree = NodeTree()
-    assert [tree.add("twin", mesh, NOWHERE) for mesh in (0, 1)] == tree.roots == [0, 1]
+    assert [tree.add("twin", mesh, IDENTITY) for mesh in (0, 1)] == tree.roots == [0, 1]

@@ -15,44 +15,44 @@ def fields(n_targets=6, size=900):
     return RNG.uniform(-1, 1, (n_targets, size)).astype(np.float32)
 
 
-def test_integer_targets_are_of_int16_when_no_noise_is_allowed():
+def test_integer_targets_are_int16_without_allowed_noise():
     assert integer_targets(fields(), np.ones(6), 0.0).levels.tolist() == [SHORT] * 6
 
 
-def test_integer_targets_are_of_int8_where_small_ones_fit_into_the_noise():
-    reach = np.array([1.0, 1e-3, 0.5, 2e-3, 1e-3, 0.1])
-    found = integer_targets(fields(), reach, 3.5e-4)
+def test_small_targets_are_int8_within_the_allowed_noise():
+    max_weights = np.array([1.0, 1e-3, 0.5, 2e-3, 1e-3, 0.1])
+    found = integer_targets(fields(), max_weights, 3.5e-4)
     assert found.levels.tolist() == [SHORT, BYTE, SHORT, BYTE, BYTE, SHORT]
 
 
-def test_integer_targets_stay_below_the_noise_when_weights_are_the_largest():
-    exact, reach = 0.3 * fields(), np.full(6, 0.7)
+def test_rounding_error_of_targets_stays_below_the_noise():
+    exact, max_weights = 0.3 * fields(), np.full(6, 0.7)
     noise = 0.7 * 0.3 * 1.5 / BYTE
-    found = integer_targets(exact.copy(), reach, noise)
-    assert found.n_bytes > 0
+    found = integer_targets(exact.copy(), max_weights, noise)
+    assert found.n_int8 > 0
     largest = np.abs(exact).max(axis=1)
-    moved = (found.values * largest[:, None] - exact) * reach[:, None]
-    distances = np.linalg.norm(moved.sum(axis=0).reshape(-1, 3), axis=1)
+    errors = (found.values * largest[:, None] - exact) * max_weights[:, None]
+    distances = np.linalg.norm(errors.sum(axis=0).reshape(-1, 3), axis=1)
     assert np.sqrt((distances**2).mean()) < noise
 
 
-def test_integer_targets_are_zero_when_a_field_is():
+def test_integer_targets_of_a_zero_field_are_zero():
     found = integer_targets(np.zeros((2, 9), np.float32), np.ones(2), 0.1)
     assert not found.values.any()
 
 
-def test_best_weights_give_back_the_frames_when_targets_make_them():
+def test_best_weights_recover_the_weights_of_frames():
     targets = integer_targets(fields(), np.ones(6), 0.0)
     weights = RNG.standard_normal((20, 6)).astype(np.float32)
     np.testing.assert_allclose(best_weights(targets, weights @ targets.values), weights, atol=1e-5)
 
 
-def test_best_weights_are_finite_when_targets_are_the_same():
+def test_best_weights_are_finite_for_equal_targets():
     targets = integer_targets(np.ones((2, 30), np.float32), np.ones(2), 0.0)
     weights = best_weights(targets, np.full((4, 30), 3, np.float32))
     np.testing.assert_allclose(weights @ targets.values, 3, rtol=1e-5)
 
 
-def test_project_multiplies_when_there_are_more_columns_than_fit_at_once():
+def test_project_multiplies_matrices_in_pieces():
     vectors, frames = RNG.random((5, 3), np.float32), RNG.random((5, 20_000), np.float32)
     np.testing.assert_allclose(project(vectors, frames), vectors.T @ frames, rtol=1e-5)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from meshreel.formats.gltf.seams import describe_left_out, split_at_seams
+from meshreel.formats.gltf.seams import describe_losses, split_at_seams
 from meshreel.formats.scenes.parts import PartMesh, split_parts
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 
@@ -10,7 +10,7 @@ CORNERS = QUADS.ravel()
 
 
 def two_quads(*attributes, groups=(), n_verts=6):
-    """Two squares side by side; corners are counted 0..7."""
+    """Return two adjacent squares with corners 0 to 7."""
     faces = np.array([[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]], np.int32)
     surface = Surface(np.array([4, 4], np.int32), attributes, groups)
     (part,) = split_parts(faces, surface.validated(n_verts, 4), n_verts, "squares")
@@ -27,40 +27,40 @@ def uv(domain, values):
 
 
 def triangles(split):
-    """Corners of all triangles as vertices of the mesh that was split."""
+    """Return the corners of all triangles as original vertices."""
     return np.concatenate([split.sources[one.verts][one.triangles] for one in split.primitives])
 
 
-def test_split_at_seams_keeps_vertices_when_nothing_splits_them():
+def test_vertices_without_seams_are_not_split():
     split = split_at_seams(two_quads())
     assert split.sources.tolist() == list(range(6))
     assert triangles(split).tolist() == [[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]]
 
 
-def test_split_at_seams_leaves_out_vertices_when_no_face_uses_them():
+def test_vertices_without_faces_are_left_out():
     assert split_at_seams(two_quads(n_verts=9)).sources.tolist() == list(range(6))
 
 
-def test_split_at_seams_splits_vertices_when_corners_have_other_coordinates():
+def test_vertices_are_split_where_uvs_differ():
     values = np.zeros((8, 2))
     values[4] = 0.5, 0.25  # vertex 1, in the second square only
     split = split_at_seams(two_quads(uv(Domain.CORNER, values)))
     assert split.sources.tolist() == [0, 1, 1, 2, 3, 4, 5]
-    there = split.attributes["TEXCOORD_0"]
-    corner = np.flatnonzero((there == [0.5, 0.75]).all(axis=1))
+    written = split.attributes["TEXCOORD_0"]
+    corner = np.flatnonzero((written == [0.5, 0.75]).all(axis=1))
     assert split.sources[corner].tolist() == [1]
     assert triangles(split).tolist() == [[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]]
 
 
 @pytest.mark.parametrize("kind", [Kind.OTHER, Kind.COLOR])
-def test_split_at_seams_keeps_vertices_when_values_differ_in_the_sign_of_zero(kind):
+def test_vertices_are_not_split_for_the_sign_of_zero(kind):
     values = np.zeros((8, 3))
     values[4:] = -0.0
     split = split_at_seams(two_quads(attribute(kind, Domain.CORNER, values)))
     assert split.sources.tolist() == list(range(6))
 
 
-def test_split_at_seams_keeps_vertices_when_corners_have_the_same_coordinates():
+def test_vertices_are_not_split_where_uvs_agree():
     values = np.array([[0.1, 0.2], [0.3, 0.4], [0.5, -0.0], [1, 0], [0, 0], [1, 1]])
     split = split_at_seams(two_quads(uv(Domain.CORNER, values[CORNERS])))
     assert split.sources.tolist() == list(range(6))
@@ -68,14 +68,14 @@ def test_split_at_seams_keeps_vertices_when_corners_have_the_same_coordinates():
     np.testing.assert_array_equal(split.attributes["TEXCOORD_0"], expected)
 
 
-def test_split_at_seams_keeps_vertices_when_values_are_theirs():
+def test_vertex_attributes_split_nothing():
     colors = np.arange(24).reshape(6, 4)
     split = split_at_seams(two_quads(attribute(Kind.COLOR, Domain.VERTEX, colors, np.uint8)))
     assert split.sources.tolist() == list(range(6))
     np.testing.assert_array_equal(split.attributes["COLOR_0"], colors)
 
 
-def test_split_at_seams_splits_an_edge_when_faces_have_other_colours():
+def test_vertices_are_split_along_edges_where_face_colors_differ():
     colors = [[255, 0, 0], [0, 255, 0]]
     split = split_at_seams(two_quads(attribute(Kind.COLOR, Domain.FACE, colors, np.uint8)))
     assert split.sources.tolist() == [0, 1, 1, 2, 2, 3, 4, 5]
@@ -84,7 +84,7 @@ def test_split_at_seams_splits_an_edge_when_faces_have_other_colours():
     np.testing.assert_array_equal(split.attributes["COLOR_0"][corners], expected)
 
 
-def test_split_at_seams_makes_a_primitive_of_each_material_in_use():
+def test_each_used_material_has_a_primitive():
     groups = (FaceGroups("material", ("unused", "red"), np.array([1, -1], np.int32)),)
     split = split_at_seams(two_quads(groups=groups))
     assert [one.material for one in split.primitives] == ["red", None]
@@ -95,7 +95,7 @@ def test_split_at_seams_makes_a_primitive_of_each_material_in_use():
     assert split.primitives[1].triangles.tolist() == [[0, 2, 3], [0, 3, 1]]
 
 
-def test_split_at_seams_numbers_attributes_when_there_are_several_of_a_kind():
+def test_attributes_of_the_same_kind_are_numbered():
     zeros = np.zeros((6, 2))
     own = attribute(Kind.OTHER, Domain.VERTEX, np.zeros((6, 1)), name="heat")
     split = split_at_seams(two_quads(uv(Domain.VERTEX, zeros), own, uv(Domain.VERTEX, zeros + 1)))
@@ -103,28 +103,28 @@ def test_split_at_seams_numbers_attributes_when_there_are_several_of_a_kind():
 
 
 @pytest.mark.parametrize(
-    ("given", "dtype", "expected"),
+    ("values", "dtype", "expected"),
     [
         ([-1, 0, 1.5], np.float64, np.array([0, 0, 1], np.float32)),
         ([0, 255, 7], np.uint8, np.array([0, 255, 7], np.uint8)),
         ([-4, 300, 7], np.int32, np.array([0, 255, 7], np.uint8)),
     ],
 )
-def test_colours_are_clipped_when_they_are_out_of_range(given, dtype, expected):
-    colors = attribute(Kind.COLOR, Domain.VERTEX, np.tile(given, (6, 1)), dtype)
+def test_colors_are_clipped_to_the_valid_range(values, dtype, expected):
+    colors = attribute(Kind.COLOR, Domain.VERTEX, np.tile(values, (6, 1)), dtype)
     found = split_at_seams(two_quads(colors)).attributes["COLOR_0"]
     assert found.dtype == expected.dtype
     np.testing.assert_array_equal(found, np.tile(expected, (6, 1)))
 
 
-def test_describe_left_out_names_what_gltf_cannot_hold():
+def test_describe_losses_names_what_gltf_cannot_store():
     wide = attribute(Kind.OTHER, Domain.VERTEX, np.zeros((6, 5)), name="wide")
     whole = attribute(Kind.OTHER, Domain.VERTEX, np.zeros((6, 1)), np.int32, "id")
     bright = attribute(Kind.COLOR, Domain.VERTEX, np.full((6, 3), 2.0), name="hot")
     groups = (FaceGroups("group", ("left",), np.zeros(2, np.int32)),)
-    assert list(describe_left_out(two_quads(wide, whole, bright, groups=groups).surface)) == [
-        "clipped colours 'hot' to 0..1",
-        "left out attribute 'wide': glTF has no 5 numbers of float32",
-        "left out attribute 'id': glTF has no 1 numbers of int32",
-        "left out the groups 'group' of faces: glTF has materials only",
+    assert list(describe_losses(two_quads(wide, whole, bright, groups=groups).surface)) == [
+        "clipped colors 'hot' to 0..1",
+        "left out attribute 'wide': glTF does not support 5 components of float32",
+        "left out attribute 'id': glTF does not support 1 components of int32",
+        "left out face groups 'group': glTF supports only materials",
     ]

@@ -9,7 +9,7 @@ HALF = np.sqrt(0.5)
 
 
 def skinned(joints, weights, *, binds=None, dtype="u1", weight_dtype="f4", **node):
-    """A triangle bound to a root and, one unit up, a tip that turns by a right angle about z."""
+    """Return a triangle bound to a root and, at (0, 1, 0), a tip that rotates by 90 degrees."""
     file = Gltf()
     normalized = {} if weight_dtype == "f4" else {"normalized": True}
     attributes = {}
@@ -29,7 +29,7 @@ def skinned(joints, weights, *, binds=None, dtype="u1", weight_dtype="f4", **nod
     return file
 
 
-def moved_down():
+def translated_binds():
     binds = np.tile(np.eye(4), (2, 1, 1))
     binds[1, 1, 3] = -1
     return binds
@@ -41,7 +41,7 @@ ONE_ONE_HALVES = [[1, 0, 0, 0], [1, 0, 0, 0], [0.5, 0.5, 0, 0]]
 
 @pytest.fixture
 def read(tmp_path):
-    """Load a file."""
+    """A function that loads a file."""
 
     def loaded(file, **options):
         return load(file.save(tmp_path / "a.glb"), **options)
@@ -49,15 +49,15 @@ def read(tmp_path):
     return loaded
 
 
-def test_vertices_follow_their_joints_when_bound(read):
-    found = read(skinned([ROOT_TIP_BOTH], [ONE_ONE_HALVES], binds=moved_down()))
-    # The tip turns about (0, 1, 0): (1, 0, 0) goes to (1, 2, 0), and all go up by 5.
+def test_vertices_follow_their_joints(read):
+    found = read(skinned([ROOT_TIP_BOTH], [ONE_ONE_HALVES], binds=translated_binds()))
+    # The tip rotates about (0, 1, 0), so (1, 0, 0) moves to (1, 2, 0); all move by 5 along z.
     np.testing.assert_allclose(found.vertices[0], TRIANGLE, rtol=0, atol=1e-7)
     expected = [[0, 0, 5], [1, 2, 5], [0, 1, 5]]
     np.testing.assert_allclose(found.vertices[1], expected, rtol=0, atol=1e-6)
 
 
-def test_vertices_follow_their_joints_when_there_are_no_bind_matrices(read):
+def test_missing_bind_matrices_are_identities(read):
     found = read(skinned([ROOT_TIP_BOTH], [ONE_ONE_HALVES]))
     np.testing.assert_allclose(found.vertices[0], [[0, 0, 0], [1, 1, 0], [0, 1.5, 0]], atol=1e-7)
     # Half of the root's (0, 1, 5), half of the tip's (-1, 1, 5).
@@ -65,7 +65,7 @@ def test_vertices_follow_their_joints_when_there_are_no_bind_matrices(read):
     np.testing.assert_allclose(found.vertices[1], expected, rtol=0, atol=1e-6)
 
 
-def test_the_transform_of_the_mesh_counts_nothing_when_it_is_bound(read):
+def test_transform_of_a_skinned_mesh_is_ignored(read):
     plain = read(skinned([ROOT_TIP_BOTH], [ONE_ONE_HALVES]))
     moved = skinned([ROOT_TIP_BOTH], [ONE_ONE_HALVES], translation=[9, 9, 9], scale=[-1, 1, 1])
     found = read(moved)
@@ -74,28 +74,28 @@ def test_the_transform_of_the_mesh_counts_nothing_when_it_is_bound(read):
 
 
 @pytest.mark.parametrize(("dtype", "weight_dtype"), [("u2", "f4"), ("u1", "u1"), ("u2", "u2")])
-def test_weights_and_joints_are_the_same_when_stored_as_any_type(read, dtype, weight_dtype):
-    most = 1 if weight_dtype == "f4" else np.iinfo(weight_dtype).max
-    weights = np.array(ONE_ONE_HALVES) * most  # halves are cut off alike, and then scaled
+def test_all_types_of_joints_and_weights_give_the_same_result(read, dtype, weight_dtype):
+    maximum = 1 if weight_dtype == "f4" else np.iinfo(weight_dtype).max
+    weights = np.array(ONE_ONE_HALVES) * maximum  # truncated halves are normalized again
     found = read(skinned([ROOT_TIP_BOTH], [weights], dtype=dtype, weight_dtype=weight_dtype))
     expected = read(skinned([ROOT_TIP_BOTH], [ONE_ONE_HALVES]))
     np.testing.assert_allclose(found.vertices, expected.vertices, rtol=0, atol=1e-6)
 
 
-def test_weights_are_scaled_when_their_sum_is_not_one(read):
+def test_weights_are_normalized(read):
     scaled = np.array(ONE_ONE_HALVES) * [[3], [1e-30], [0.25]]
     found = read(skinned([ROOT_TIP_BOTH], [scaled]))
     expected = read(skinned([ROOT_TIP_BOTH], [ONE_ONE_HALVES]))
     np.testing.assert_allclose(found.vertices, expected.vertices, rtol=0, atol=1e-6)
 
 
-def test_a_vertex_follows_its_first_joint_when_it_has_no_weights(read):
+def test_vertex_without_weights_follows_its_first_joint(read):
     found = read(skinned([np.ones((3, 4))], [np.zeros((3, 4))]))
     expected = read(skinned([np.ones((3, 4))], [np.tile([1, 0, 0, 0], (3, 1))]))
     assert found.vertices.tobytes() == expected.vertices.tobytes()
 
 
-def test_vertices_follow_all_joints_when_there_are_several_sets(read):
+def test_vertices_follow_the_joints_of_all_sets(read):
     none, tip = np.zeros((3, 4)), np.tile([0, 0, 0, 1], (3, 1))
     weights = np.tile([0.5, 0, 0, 0], (3, 1)), np.tile([0, 0, 0, 0.5], (3, 1))
     found = read(skinned([none, tip], weights))
@@ -103,20 +103,20 @@ def test_vertices_follow_all_joints_when_there_are_several_sets(read):
     np.testing.assert_allclose(found.vertices, both.vertices, rtol=0, atol=1e-7)
 
 
-def test_morph_targets_come_before_joints_when_there_are_both(read):
-    file = skinned([ROOT_TIP_BOTH], [ONE_ONE_HALVES], binds=moved_down())
+def test_morph_targets_are_applied_before_skinning(read):
+    file = skinned([ROOT_TIP_BOTH], [ONE_ONE_HALVES], binds=translated_binds())
     [primitive] = file.json["meshes"][0]["primitives"]
     primitive["targets"] = [{"POSITION": file.accessor([[0, 0, 0], [1, 0, 0], [0, 0, 0]])}]
     file.json["meshes"][0]["weights"] = [1]
     np.testing.assert_allclose(read(file).vertices[1, 1], [1, 3, 5], rtol=0, atol=1e-6)
 
 
-def test_a_mesh_is_rigid_when_its_node_has_a_skin_but_it_has_no_joints(read):
+def test_mesh_without_joints_at_a_node_with_a_skin_is_rigid(read):
     file = skinned([], [], translation=[0, 0, 3])
     np.testing.assert_array_equal(read(file).vertices, [shifted(TRIANGLE, [0, 0, 3])])
 
 
-def test_a_joint_moves_a_mesh_when_it_is_in_no_scene(read):
+def test_joints_outside_of_the_scene_move_a_mesh(read):
     file = skinned([ROOT_TIP_BOTH], [ONE_ONE_HALVES])
     expected = read(file)
     file.json["scenes"][0]["nodes"] = [2]
@@ -124,7 +124,7 @@ def test_a_joint_moves_a_mesh_when_it_is_in_no_scene(read):
 
 
 def broken(change):
-    file = skinned([ROOT_TIP_BOTH], [ONE_ONE_HALVES], binds=moved_down())
+    file = skinned([ROOT_TIP_BOTH], [ONE_ONE_HALVES], binds=translated_binds())
     change(file)
     return file
 
@@ -164,15 +164,15 @@ def negative_weights(file):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (one_joint, "node 2: its mesh names joint 1; its skin has 1"),
+        (one_joint, "node 2: its mesh refers to joint 1, but its skin has 1"),
         (few_matrices, "skin 0: has 1 inverse bind matrices for 2 joints"),
         (no_joints, "skin 0: 'joints' must be a list of at least one node"),
-        (far_joint, "skin 0: 'joints' must be a list of numbers below 3"),
-        (float_joints, "JOINTS_0 must be unsigned whole numbers"),
-        (some_joints, "mesh 0: some of its primitives have joints, others have none"),
-        (negative_weights, "mesh 0: weights of joints must be finite and at least 0"),
+        (far_joint, "skin 0: 'joints' must be a list of indices below 3"),
+        (float_joints, "JOINTS_0 must be unsigned integers"),
+        (some_joints, "mesh 0: only some of its primitives have joints"),
+        (negative_weights, "mesh 0: joint weights must be finite and at least 0"),
     ],
 )
-def test_load_is_refused_when_a_skin_does_not_fit(read, change, message):
+def test_invalid_skins_are_rejected(read, change, message):
     with pytest.raises(FormatError, match=message):
         read(broken(change))

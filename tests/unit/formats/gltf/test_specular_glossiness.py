@@ -1,4 +1,4 @@
-"""Materials of specular-glossiness as metallic-roughness."""
+"""Conversion of specular-glossiness materials to metallic-roughness."""
 
 import numpy as np
 import pytest
@@ -19,25 +19,25 @@ def converted(**values):
 
 
 def reflected(model):
-    """Diffuse and specular light of a metallic-roughness material, as glTF defines them."""
+    """Return diffuse and specular light of a metallic-roughness material, as glTF defines it."""
     base, metallic = np.array(model.base_color[:3]), model.metallic
     return base * (1 - 0.04) * (1 - metallic), 0.04 + (base - 0.04) * metallic
 
 
 @pytest.mark.parametrize("diffuse", [[0.8, 0.2, 0.1], [0.5, 0.5, 0.5]])
-def test_surface_without_metal_reflects_the_same_light(diffuse):
+def test_dielectric_reflects_the_same_light(diffuse):
     found = converted(diffuseFactor=[*diffuse, 0.25], specularFactor=[0.04] * 3)
     assert (found.metallic, found.roughness) == (pytest.approx(0, abs=1e-9), 0)
     assert found.base_color == pytest.approx([*diffuse, 0.25])
 
 
-def test_black_reflects_the_same_light():
+def test_black_dielectric_reflects_the_same_light():
     diffuse, specular = reflected(converted(diffuseFactor=[0, 0, 0, 1], specularFactor=[0.04] * 3))
     np.testing.assert_allclose(diffuse, 0, atol=1e-12)
     np.testing.assert_allclose(specular, 0.04)
 
 
-def test_metal_has_the_color_that_it_reflects():
+def test_metal_has_its_specular_color_as_base_color():
     gold = [1.0, 0.766, 0.336]
     found = converted(diffuseFactor=[0, 0, 0, 1], specularFactor=gold, glossinessFactor=0.9)
     assert found.metallic == pytest.approx(1)
@@ -47,10 +47,10 @@ def test_metal_has_the_color_that_it_reflects():
 
 @pytest.mark.parametrize("metallic", [0.1, 0.5, 0.9])
 @pytest.mark.parametrize("gray", [0.3, 0.7])
-def test_conversion_inverts_that_of_gray_metallic_roughness(metallic, gray):
+def test_conversion_of_gray_inverts_metallic_roughness(metallic, gray):
     diffuse, specular = 0.96 * gray * (1 - metallic), 0.04 + (gray - 0.04) * metallic
-    own = diffuse / (1 - specular)
-    found = converted(diffuseFactor=[own, own, own, 1], specularFactor=[specular] * 3)
+    factor = diffuse / (1 - specular)
+    found = converted(diffuseFactor=[factor, factor, factor, 1], specularFactor=[specular] * 3)
     assert found.metallic == pytest.approx(metallic)
     for one, light in zip(reflected(found), (diffuse, specular), strict=True):
         np.testing.assert_allclose(one, light, rtol=1e-9)
@@ -59,16 +59,16 @@ def test_conversion_inverts_that_of_gray_metallic_roughness(metallic, gray):
 @pytest.mark.parametrize(
     "values", [{"specularFactor": [0, 0, 2]}, {"glossinessFactor": -1}, {"diffuseFactor": [1]}]
 )
-def test_factors_are_refused_when_they_are_out_of_range(values):
+def test_factors_out_of_range_are_rejected(values):
     with pytest.raises(FormatError, match="material 0: "):
         converted(**values)
 
 
-def square(told, **material):
+def square(extension, **material):
     file = Gltf()
     uv = file.accessor(np.array(SQUARE)[:, :2])
     mesh = file.mesh(SQUARE, SQUARE_FACES, attributes={"TEXCOORD_0": uv})
-    material = {"name": "skin", "extensions": {NAME: told}, **material}
+    material = {"name": "skin", "extensions": {NAME: extension}, **material}
     file.json["meshes"][mesh]["primitives"][0]["material"] = file.add("materials", **material)
     file.node(mesh=mesh)
     file.add("images", bufferView=file.view(png().data), mimeType="image/png")
@@ -77,24 +77,28 @@ def square(told, **material):
     return file
 
 
-def read(tmp_path, *given, **material):
+def read(tmp_path, *extensions, **material):
     notes = []
-    found = load(square(*given, **material).save(tmp_path / "a.glb"), notes=notes)
+    found = load(square(*extensions, **material).save(tmp_path / "a.glb"), notes=notes)
     return found.surface.materials[0], notes
 
 
 def test_load_converts_a_material_and_keeps_its_diffuse_texture(tmp_path):
-    told = {"specularFactor": [0.04] * 3, "glossinessFactor": 0.75, "diffuseTexture": {"index": 0}}
-    found, notes = read(tmp_path, told, doubleSided=True)
+    extension = {
+        "specularFactor": [0.04] * 3,
+        "glossinessFactor": 0.75,
+        "diffuseTexture": {"index": 0},
+    }
+    found, notes = read(tmp_path, extension, doubleSided=True)
     assert (found.metallic, found.roughness) == (pytest.approx(0, abs=1e-9), 0.25)
     assert found.base_color_texture.channels == "rgba"
     assert found.double_sided
     assert notes == [CONVERTED]
 
 
-def test_load_says_so_when_a_texture_of_specular_colors_is_left_out(tmp_path):
-    told = {"diffuseFactor": [0.1, 0.2, 0.3, 1], "specularGlossinessTexture": {"index": 0}}
-    found, notes = read(tmp_path, told)
+def test_load_notes_a_specular_texture_that_is_left_out(tmp_path):
+    texture = {"diffuseFactor": [0.1, 0.2, 0.3, 1], "specularGlossinessTexture": {"index": 0}}
+    found, notes = read(tmp_path, texture)
     assert (found.metallic, found.roughness) == (0, 0.5)
     assert found.base_color == (0.1, 0.2, 0.3, 1)
     assert notes == [
@@ -104,7 +108,7 @@ def test_load_says_so_when_a_texture_of_specular_colors_is_left_out(tmp_path):
     ]
 
 
-def test_load_takes_metallic_roughness_when_a_material_has_both(tmp_path):
+def test_metallic_roughness_has_precedence_over_the_extension(tmp_path):
     found, notes = read(tmp_path, {}, pbrMetallicRoughness={"roughnessFactor": 0.7})
     assert (found.metallic, found.roughness) == (1, 0.7)
     assert notes == [f"left out: extensions of materials: {NAME} (skin)"]

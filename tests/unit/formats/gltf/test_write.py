@@ -16,16 +16,16 @@ from samples.surfaces import rich_cube
 
 
 def grid(n_frames=30, dtype=np.float32, **changes):
-    """A sheet with travelling waves, which ripples so that it needs several targets."""
+    """Return a sheet with traveling waves and random ripples, which needs several targets."""
     sequence = waving_grid(n_frames, 15, 17, dtype)
     ripples = np.random.default_rng(2).standard_normal(sequence.vertices.shape) * 0.002
     return replace(sequence, vertices=(sequence.vertices + ripples).astype(dtype), **changes)
 
 
 def two_parts(names=("left", "right"), **changes):
-    """A sheet that moves and one that does not, of quads, with materials and colours."""
+    """Return an animated and a static sheet of quads, with materials and colors."""
     sheet = waving_grid(12, 5, 6)
-    still = np.broadcast_to(sheet.vertices[:1] + np.float32([3, 0, 0]), sheet.vertices.shape)
+    static = np.broadcast_to(sheet.vertices[:1] + np.float32([3, 0, 0]), sheet.vertices.shape)
     squares = sheet.faces.reshape(2, -1, 3).transpose(1, 0, 2)
     quads = np.stack([squares[:, 0, 0], squares[:, 0, 1], squares[:, 1, 2], squares[:, 0, 2]], 1)
     fans = np.stack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]], axis=1).reshape(-1, 3)
@@ -39,13 +39,13 @@ def two_parts(names=("left", "right"), **changes):
         (FaceGroups("material", ("red", "blue"), np.arange(2 * n_quads, dtype=np.int32) % 3 - 1),),
         tuple(Part(name, 30, n_quads) for name in names),
     )
-    vertices = np.concatenate([sheet.vertices, still], axis=1)
+    vertices = np.concatenate([sheet.vertices, static], axis=1)
     faces = np.concatenate([fans, fans + 30])
     return MeshSequence(vertices, faces, 25.0, "pair", surface=surface, **changes)
 
 
 @pytest.mark.parametrize("percent", [1.0, 0.1, 0.02])
-def test_write_glb_keeps_the_error_when_it_is_measured_in_the_file(tmp_path, percent):
+def test_error_measured_in_the_file_meets_the_bound(tmp_path, percent):
     sequence, notes = grid(), []
     found = written(tmp_path, sequence, notes, max_error=percent)
     error = largest_error_percent(sequence, found.world("grid"))
@@ -53,12 +53,12 @@ def test_write_glb_keeps_the_error_when_it_is_measured_in_the_file(tmp_path, per
     assert notes[0].startswith(f"the largest error is {error:.4f} % of the diagonal, in frame ")
 
 
-def test_write_glb_keeps_a_tenth_of_a_percent_when_nothing_is_asked_for(tmp_path):
+def test_default_bound_is_a_tenth_of_a_percent(tmp_path):
     sequence = grid()
     assert largest_error_percent(sequence, written(tmp_path, sequence).world("grid")) <= 0.1
 
 
-def test_write_glb_takes_fewer_targets_when_a_larger_error_is_allowed(tmp_path):
+def test_larger_bounds_need_fewer_targets(tmp_path):
     counts = [
         written(tmp_path, grid(), max_error=percent).weights("grid")[1].shape[1]
         for percent in (0.05, 0.1, 0.5)
@@ -66,21 +66,21 @@ def test_write_glb_takes_fewer_targets_when_a_larger_error_is_allowed(tmp_path):
     assert counts == sorted(set(counts), reverse=True)
 
 
-def test_write_glb_has_the_number_of_targets_when_it_is_given(tmp_path):
+def test_requested_number_of_targets_is_written(tmp_path):
     found = written(tmp_path, grid(), targets=5)
     assert found.weights("grid")[1].shape == (30, 5)
     (mesh,) = found.document["meshes"]
     assert mesh["extras"]["targetNames"] == [f"mode {number}" for number in (1, 2, 3, 4, 5)]
 
 
-def test_write_glb_is_refused_when_so_few_targets_cannot_keep_the_error(tmp_path):
-    message = r"largest error is \d.* with 2 morph targets; 0.01 % was asked for; allow more"
+def test_too_few_targets_for_the_bound_are_rejected(tmp_path):
+    message = r"largest error is \d.* with 2 morph targets; 0.01 % is allowed; use more"
     with pytest.raises(InvalidInputError, match=message):
         written(tmp_path, grid(), targets=2, max_error=0.01)
 
 
-def test_write_glb_is_refused_when_integers_are_too_coarse_for_the_error(tmp_path):
-    with pytest.raises(InvalidInputError, match="; 1e-07 % was asked for"):
+def test_bound_that_integers_cannot_meet_is_rejected(tmp_path):
+    with pytest.raises(InvalidInputError, match="; 1e-07 % is allowed"):
         written(tmp_path, grid(), max_error=1e-7)
 
 
@@ -94,40 +94,40 @@ def test_write_glb_is_refused_when_integers_are_too_coarse_for_the_error(tmp_pat
         ({"max_error": "0.5mm"}, "does not say how long its unit is"),
     ],
 )
-def test_write_glb_is_refused_when_an_option_is_out_of_range(tmp_path, options, message):
+def test_options_out_of_range_are_rejected(tmp_path, options, message):
     with pytest.raises(InvalidInputError, match=message):
         written(tmp_path, grid(2), **options)
 
 
 @pytest.mark.parametrize("fps", [24.0, 25.0, 30000 / 1001, 60.0])
 @pytest.mark.parametrize("start_s", [0.0, 2.5])
-def test_write_glb_has_the_times_of_the_frames_when_rate_and_start_are_set(tmp_path, fps, start_s):
+def test_times_have_frame_rate_and_start_of_the_sequence(tmp_path, fps, start_s):
     times, _ = written(tmp_path, grid(fps=fps, start_s=start_s), targets=3).weights("grid")
     np.testing.assert_array_equal(times, np.float32(start_s + np.arange(30) / fps))
 
 
-def test_write_glb_starts_at_zero_when_frames_start_before(tmp_path):
+def test_times_before_zero_are_shifted_to_zero(tmp_path):
     notes = []
     times, _ = written(tmp_path, grid(start_s=-1.5), notes, targets=3).weights("grid")
     assert (times[0], times[-1]) == (0, np.float32(29 / 25))
     assert notes[0] == "starts at 0 s, not -1.5 s: glTF has no time before 0"
 
 
-def test_write_glb_notes_the_rate_when_it_is_unknown(tmp_path):
+def test_unknown_frame_rate_is_noted(tmp_path):
     notes = []
     times, _ = written(tmp_path, grid(fps=0.0), notes, targets=3).weights("grid")
     assert times[24] == 1
-    assert notes[0] == "the frame rate is not known; written as 24 fps"
+    assert notes[0] == "the frame rate is unknown; written as 24 fps"
 
 
-def test_write_glb_shows_the_first_frame_when_nothing_is_played(tmp_path):
+def test_default_weights_show_the_first_frame(tmp_path):
     found = written(tmp_path, grid())
     (mesh,) = found.document["meshes"]
     np.testing.assert_array_equal(np.float32(mesh["weights"]), found.weights("grid")[1][0])
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_write_glb_is_a_plain_exact_mesh_when_there_is_one_frame(tmp_path, dtype):
+def test_single_frame_is_an_exact_static_mesh(tmp_path, dtype):
     sequence = MeshSequence(np.float32(grid(1).vertices).astype(dtype), grid(1).faces, name="one")
     found = written(tmp_path, sequence)
     assert found.document.keys().isdisjoint({"animations", "extensionsUsed"})
@@ -136,33 +136,33 @@ def test_write_glb_is_a_plain_exact_mesh_when_there_is_one_frame(tmp_path, dtype
     np.testing.assert_array_equal(found.triangles("one"), sequence.faces)
 
 
-def test_write_glb_is_at_rest_when_all_frames_are_the_same(tmp_path):
+def test_constant_sequence_is_a_static_mesh(tmp_path):
     vertices, notes = np.repeat(grid(1).vertices, 5, axis=0), []
-    found = written(tmp_path, MeshSequence(vertices, grid(1).faces, 25.0, "still"), notes)
-    assert notes == ["no vertex moves by more than the error allowed: written at rest"]
-    np.testing.assert_array_equal(found.world("still")[0], vertices[0])
+    found = written(tmp_path, MeshSequence(vertices, grid(1).faces, 25.0, "static"), notes)
+    assert notes == ["no vertex moves by more than the error bound: written as a static mesh"]
+    np.testing.assert_array_equal(found.world("static")[0], vertices[0])
 
 
-def test_write_glb_is_at_rest_when_all_vertices_are_one_point(tmp_path):
+def test_single_point_is_a_static_mesh(tmp_path):
     sequence = MeshSequence(np.ones((3, 4, 3)), [[0, 1, 2], [1, 2, 3]], 25.0, "point")
     np.testing.assert_array_equal(written(tmp_path, sequence).world("point")[0], np.ones((4, 3)))
 
 
-def test_write_glb_keeps_the_error_when_positions_are_float64_and_far_away(tmp_path):
+def test_float64_positions_far_from_the_origin_meet_the_bound(tmp_path):
     near = grid(dtype=np.float64)
     sequence = replace(near, vertices=near.vertices + 1e6)
     found = written(tmp_path, sequence, max_error=0.05)
     assert largest_error_percent(sequence, found.world("grid")) <= 0.05
 
 
-def test_write_glb_keeps_the_error_when_there_are_more_frames_than_coordinates(tmp_path):
+def test_sequences_with_more_frames_than_coordinates_meet_the_bound(tmp_path):
     time = np.arange(60)[:, None, None]
     vertices = np.sin(time * np.arange(1, 13).reshape(4, 3) / 9)
     sequence = MeshSequence(vertices, [[0, 1, 2], [1, 2, 3]], 25.0, "few")
     assert largest_error_percent(sequence, written(tmp_path, sequence).world("few")) <= 0.1
 
 
-def test_write_glb_keeps_triangles_when_the_mesh_is_irregular(tmp_path):
+def test_irregular_mesh_keeps_its_triangles(tmp_path):
     sequence, notes = irregular_sequence(), []
     found = written(tmp_path, sequence, notes)
     used = np.unique(sequence.faces)
@@ -173,12 +173,12 @@ def test_write_glb_keeps_triangles_when_the_mesh_is_irregular(tmp_path):
             found.world("irregular"),
         )
         <= 0.2
-    )  # of a smaller diagonal
+    )  # relative to a smaller diagonal
     n_isolated = sequence.n_verts - len(used)
     assert f"left out {n_isolated} vertices that no face uses" in notes
 
 
-def test_write_glb_has_a_node_of_each_part_when_there_are_several(tmp_path):
+def test_each_part_has_a_node(tmp_path):
     sequence = two_parts()
     found = written(tmp_path, sequence)
     for name, verts in (("left", slice(0, 30)), ("right", slice(30, 60))):
@@ -190,7 +190,7 @@ def test_write_glb_has_a_node_of_each_part_when_there_are_several(tmp_path):
     assert (found.weights("left") is None, found.weights("right") is None) == (False, True)
 
 
-def test_write_glb_has_nodes_above_when_part_names_are_paths(tmp_path):
+def test_part_names_that_are_paths_become_a_hierarchy(tmp_path):
     sequence = two_parts(("/root/arm", "/root"))
     found = written(tmp_path, sequence)
     (root,) = found.document["scenes"][0]["nodes"]
@@ -201,7 +201,7 @@ def test_write_glb_has_nodes_above_when_part_names_are_paths(tmp_path):
     np.testing.assert_allclose(high, sequence.vertices[:, :30].max(axis=(0, 1)), atol=0.005)
 
 
-def test_write_glb_has_a_material_of_each_label_when_parts_share_them(tmp_path):
+def test_each_label_has_one_material_for_all_parts(tmp_path):
     found = written(tmp_path, two_parts())
     names = [one.get("name") for one in found.document["materials"]]
     assert sorted(names, key=str) == [None, "blue", "red"]
@@ -209,28 +209,28 @@ def test_write_glb_has_a_material_of_each_label_when_parts_share_them(tmp_path):
         assert len({one["material"] for one in found.primitives(part)}) == 3
 
 
-def test_write_glb_has_values_of_corners_when_they_are_followed_through_triangles(tmp_path):
+def test_corner_attributes_are_stored_per_split_vertex(tmp_path):
     sequence = two_parts()
     found = written(tmp_path, sequence)
     uv, colors = sequence.surface.attributes
-    there = set()
+    written_uvs = set()
     for part in ("left", "right"):
         for one in found.primitives(part):
             own = found.array(one["attributes"]["TEXCOORD_0"])
-            there |= set(map(tuple, own.tolist()))
+            written_uvs |= set(map(tuple, own.tolist()))
             bytes_ = found.array(one["attributes"]["COLOR_0"]) * 255
             assert set(map(tuple, bytes_.round().tolist())) <= set(map(tuple, colors.values))
     flipped = np.stack([uv.values[:, 0], np.float32(1 - uv.values[:, 1].astype("f8"))], axis=1)
-    assert there == set(map(tuple, flipped.tolist()))
+    assert written_uvs == set(map(tuple, flipped.tolist()))
 
 
-def test_write_glb_notes_that_polygons_are_cut(tmp_path):
+def test_triangulation_of_polygons_is_noted(tmp_path):
     notes = []
     written(tmp_path, two_parts(), notes)
     assert "triangulated 40 quads as fans, the same way in every frame" in notes
 
 
-def test_write_glb_has_unit_normals_when_they_are_asked_for(tmp_path):
+def test_requested_normals_have_unit_length(tmp_path):
     found = written(tmp_path, two_parts(), normals=True)
     for part, tolerance in (("left", 0.01), ("right", 1e-6)):
         for one in found.primitives(part):
@@ -239,42 +239,44 @@ def test_write_glb_has_unit_normals_when_they_are_asked_for(tmp_path):
             assert all("NORMAL" in target for target in one.get("targets", []))
 
 
-def test_write_glb_has_normals_by_default_when_a_surface_is_smooth(tmp_path):
+def test_smooth_surface_has_normals_by_default(tmp_path):
     notes = []
     found = written(tmp_path, grid(), notes)
     (primitive,) = found.primitives("grid")
     assert all("NORMAL" in one for one in (primitive["attributes"], *primitive["targets"]))
-    assert notes[-1].startswith("normals are smooth, off by ")
+    assert notes[-1].startswith("normals are smooth, with a mean error of ")
 
 
-def test_write_glb_has_no_normals_when_they_are_refused(tmp_path):
+def test_normals_can_be_disabled(tmp_path):
     notes = []
     (primitive,) = written(tmp_path, grid(), notes, normals=False).primitives("grid")
     assert not any("NORMAL" in one for one in (primitive["attributes"], *primitive["targets"]))
     assert not any("normals" in note for note in notes)
 
 
-def test_write_glb_says_why_it_has_no_normals_when_a_mesh_is_creased(tmp_path):
+def test_missing_normals_of_a_creased_mesh_are_explained(tmp_path):
     notes = []
     found = written(tmp_path, replace(rich_cube(4), name="cube", fps=24.0), notes)
     (primitive,) = found.primitives("cube")
     assert "NORMAL" not in primitive["attributes"]
-    assert notes[-1].startswith("no normals, so viewers shade it flat: creases are much of it")
+    assert notes[-1].startswith(
+        "no normals, so viewers use flat shading: much of the surface is creased"
+    )
 
 
-def test_write_glb_says_why_it_has_no_normals_when_there_is_one_target(tmp_path):
+def test_missing_normals_with_a_single_target_are_explained(tmp_path):
     notes = []
     written(tmp_path, grid(), notes, targets=1)
-    assert notes[-1].endswith("shade it flat: they need two targets or more")
+    assert notes[-1].endswith("use flat shading: normals need at least two targets")
 
 
-def test_write_glb_is_refused_when_positions_are_no_float32(tmp_path):
+def test_positions_beyond_float32_are_rejected(tmp_path):
     sequence = MeshSequence(grid(2, np.float64).vertices * 1e39, grid(2).faces)
-    with pytest.raises(InvalidInputError, match="a glTF file holds float32"):
+    with pytest.raises(InvalidInputError, match="glTF stores float32"):
         written(tmp_path, sequence)
 
 
-def test_write_gltf_holds_what_write_glb_holds_when_its_buffer_is_decoded(tmp_path):
+def test_gltf_has_the_same_contents_as_glb(tmp_path):
     glb = written(tmp_path, grid(), targets=4)
     notes = []
     write_gltf(tmp_path / "a.gltf", stream_of(grid(), notes), WriteOptions(targets=4))
@@ -285,7 +287,7 @@ def test_write_gltf_holds_what_write_glb_holds_when_its_buffer_is_decoded(tmp_pa
     assert Glb(document, data).buffer == glb.buffer
 
 
-def test_write_glb_notes_its_size_when_it_is_done(tmp_path):
+def test_file_size_is_noted(tmp_path):
     notes = []
     write_glb(tmp_path / "a.glb", stream_of(grid(), notes), WriteOptions(targets=4))
     size = (tmp_path / "a.glb").stat().st_size

@@ -11,8 +11,8 @@ import numpy.typing as npt
 from meshreel.arrays import Singles
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.frame_stream import FrameStream
-from meshreel.formats.gltf.normal_targets import NormalChoice, are_written
-from meshreel.formats.gltf.write import WHY_FLAT
+from meshreel.formats.gltf.normal_targets import NormalChoice, wants_normals
+from meshreel.formats.gltf.write import CREASED_REASON
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.vat.axes import GLTF_SPACE
 from meshreel.formats.vat.motion import Motion
@@ -143,13 +143,13 @@ def write_pca(folder: Path, names: PcaNames, stream: FrameStream, options: Write
     (folder / names.data).write_text(f"{text}\n", encoding="utf-8")
     _note_achieved(stream.notes, prepared, texels, len(fields.n_digits), playback)
     if normals is None and options.normals is None:
-        stream.notes.append(f"no normals, so use flat shading: {WHY_FLAT}")
+        stream.notes.append(f"no normals, so use flat shading: {CREASED_REASON}")
 
 
 def _normal_rows(motion: Motion, rest: Rest, options: WriteOptions) -> DigitRows | None:
     """Return the digits of the animated normals, or None without them."""
     choice = {None: NormalChoice.SMOOTH, True: NormalChoice.ALL, False: NormalChoice.NONE}
-    if not are_written(choice[options.normals], motion.positions(0), motion.faces):
+    if not wants_normals(choice[options.normals], motion.positions(0), motion.faces):
         return None
     normal_offsets = np.empty((motion.n_frames, 3 * motion.n_verts), np.float32)
     for frame, units in enumerate(motion.normals()):
