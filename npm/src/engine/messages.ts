@@ -70,7 +70,7 @@ export function toFailure(error: unknown): Failure {
   return { name: error.name, message: error.message };
 }
 
-/** Create the error that a failure describes, of the class of `errorClasses` with its name. */
+/** Create the error of a failure; its class is the one of `errorClasses` with the same name. */
 export function toError(
   { name, message }: Failure,
   errorClasses: readonly (new (message: string) => Error)[],

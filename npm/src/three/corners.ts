@@ -2,7 +2,7 @@
 
 import type { Attribute, Surface } from "../types.js";
 
-/** Returns the item of a domain at a corner of a triangle; corner c belongs to triangle c / 3. */
+/** Returns the item of a domain at a corner of a triangle; corner c belongs to triangle floor(c / 3). */
 export type ItemLookup = (corner: number) => number;
 
 /** Returns the lookup of a domain. */

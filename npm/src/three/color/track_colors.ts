@@ -37,7 +37,7 @@ import {
 /** UV sets that three.js supports. */
 const MAX_UV_SETS = 4;
 
-/** Magnitudes from here on mark missing values; valid ones are normalized to about 1. */
+/** Magnitudes of at least this mark missing values; valid ones are normalized to about 1. */
 const MISSING_THRESHOLD = 1e35;
 
 /** Marks missing values; large enough to stay above the threshold after interpolation. */

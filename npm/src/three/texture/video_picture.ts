@@ -8,7 +8,7 @@ import { requireReadable } from "./texture_source.js";
 
 type Context2D = CanvasRenderingContext2D;
 
-/** Frame timestamps are trusted if above the first, and if closer than this to the callback time. */
+/** Timestamps above the first limit that differ from the callback time by less than the second are trusted. */
 const [MIN_TIMESTAMP_S, MAX_TIMESTAMP_DEVIATION_S] = [0.02, 0.5];
 
 /**
@@ -25,8 +25,8 @@ export class VideoPicture {
   #hasCaptured = false;
   #isReadable = false;
   /**
-   * Whether timestamps of `VideoFrame` are times of the video. True for Chromium, where the timestamp
-   * of the first image cannot show it; not for Firefox 153.
+   * Whether timestamps of `VideoFrame` are times of the video: known for Chromium, false in Firefox
+   * 153, and otherwise detected, which the first image with timestamp 0 does not allow.
    */
   #hasFrameTimestamps = "userAgentData" in navigator;
 
