@@ -460,7 +460,7 @@ namespace Meshreel
         /// <summary>Open a segment as a separate file, whose frames are counted from 0.</summary>
         public ReelFile OpenSegment(int number)
         {
-            Segment(number); // throws if there is none
+            Segment(number); // throws if the segment does not exist
             return new ReelFile(Handle.Host, this, (uint)number);
         }
 

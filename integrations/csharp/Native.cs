@@ -449,7 +449,7 @@ namespace Meshreel
             Host = host;
         }
 
-        public override bool IsInvalid => false; // releases the host, if nothing else
+        public override bool IsInvalid => false; // `ReleaseHandle` must always run: it releases the host
 
         internal void Open()
         {

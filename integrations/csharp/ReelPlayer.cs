@@ -108,12 +108,12 @@ namespace Meshreel
             }
             try
             {
-                int wanted = (int)(time * Fps + 1e-6); // `time` may have been set to a frame divided by Fps
+                int wanted = (int)(time * Fps + 1e-6); // tolerance for a `time` that was computed as frame / Fps
                 Show(Math.Max(0, Math.Min(wanted, file.Info.FrameCount - 1)));
             }
             catch (ReelException)
             {
-                Close(); // else it fails at each frame
+                Close(); // otherwise the error would repeat at each frame
                 throw;
             }
         }
@@ -179,7 +179,7 @@ namespace Meshreel
             Clip made;
             try
             {
-                made = pending.GetAwaiter().GetResult(); // waits without `loadAhead`; throws what the task threw
+                made = pending.GetAwaiter().GetResult(); // blocks if `loadAhead` is off; rethrows exceptions of the task
             }
             finally
             {
@@ -195,7 +195,7 @@ namespace Meshreel
                 clip = made;
                 clip.Build(mesh);
             }
-            return clip.Holds(wanted) || IsLoaded(wanted); // another frame may be wanted by now
+            return clip.Holds(wanted) || IsLoaded(wanted); // the requested frame may have changed meanwhile
         }
 
         /// <summary>Load the block of a frame with the spare decoder, or open its segment.</summary>
@@ -231,8 +231,8 @@ namespace Meshreel
             private readonly bool mirrored;
             private ReelDecoder decoder, spare;
             private int block = -1, spareBlock = -1;
-            private readonly Vector3[] positions, normals; // of vertices of the file
-            private readonly int[] sources; // vertex of the file of each vertex of the mesh; null: the same
+            private readonly Vector3[] positions, normals; // per vertex of the file
+            private readonly int[] sources; // vertex of the file per vertex of the mesh; null: identical
             private readonly Vector2[] uvs;
             private readonly int[][] submeshes;
 
@@ -321,7 +321,7 @@ namespace Meshreel
                     mesh.SetTriangles(submeshes[i], i, false);
                 }
                 double[] at = file.Info.Center;
-                var size = (float)file.Info.Diagonal; // of the box of all frames
+                var size = (float)file.Info.Diagonal; // diagonal of the bounding box of all frames
                 var center = new Vector3((float)(mirrored ? -at[0] : at[0]), (float)at[1], (float)at[2]);
                 mesh.bounds = new Bounds(center, new Vector3(size, size, size));
             }
@@ -389,7 +389,7 @@ namespace Meshreel
                     int label = groups == null || groups.OfFaces[face] < 0 ? count : groups.OfFaces[face];
                     int at = 3 * triangle;
                     lists[label].Add(corners[at]);
-                    lists[label].Add(corners[at + (mirrored ? 2 : 1)]); // Unity's fronts are clockwise
+                    lists[label].Add(corners[at + (mirrored ? 2 : 1)]); // front faces are clockwise in Unity
                     lists[label].Add(corners[at + (mirrored ? 1 : 2)]);
                 });
                 return lists.Take(count > 0 && lists[count].Count == 0 ? count : count + 1)

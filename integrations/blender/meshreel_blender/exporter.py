@@ -61,7 +61,7 @@ def export_reel(
     context : bpy.types.Context
         The scene steps through the frames and is restored at the end.
     objects : sequence of bpy.types.Object
-        With a surface; at least one.
+        Objects with a surface; at least one.
     path : Path
     choices : ExportChoices
     notes : list of str

@@ -56,7 +56,7 @@ def import_reel(
     up : {"Y", "Z"}
         Up axis of the file.
     scale : float
-        Of the objects.
+        Scale of the objects.
     set_rate, set_range : bool
         Whether to set the frame rate and the frame range of the scene to those of the file.
 

@@ -20,7 +20,7 @@ def build_mesh(part: PartMesh, positions: npt.NDArray[Any], notes: list[str]) ->
     ----------
     part : PartMesh
     positions : float array of shape (V, 3)
-        Of the part's vertices.
+        Positions of the vertices of the part.
     notes : list of str
         Receives a sentence for everything that Blender cannot store.
     """

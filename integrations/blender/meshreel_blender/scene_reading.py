@@ -26,9 +26,9 @@ class SceneReading:
     Parameters
     ----------
     objects : sequence of bpy.types.Object
-        With a surface; at least one.
+        Objects with a surface; at least one.
     context : bpy.types.Context
-        At the first frame.
+        The context at the first frame.
     axes : float64 array of shape (3, 3)
         Transform from world space to the axes of the file.
     notes : list of str

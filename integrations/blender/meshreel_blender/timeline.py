@@ -45,13 +45,13 @@ def reel_position(
     Parameters
     ----------
     scene_frame : float
-        With its subframe.
+        Scene frame including the subframe.
     start_frame : float
         Scene frame of the first frame of the file.
     duration : float
         Scene frames per frame of the file.
     n_frames : int
-        Of the reel.
+        Number of frames of the file.
     end : str
         One of `End`. When looping, the last frame lasts as long as the others.
     """
