@@ -1,4 +1,4 @@
-"""A real browser and players for it."""
+"""Fixtures: a browser, and files to play in it."""
 
 import subprocess
 from pathlib import Path
@@ -11,10 +11,10 @@ from samples.player_pages import COMMAND, put_to_rest, viewing, wait_for_player
 from samples.tabs import Tab, Tabs
 
 SIZE = {"width": 800, "height": 500}
-"""Of pages, unless a test says otherwise: software draws them, and larger ones take longer."""
+"""Default size of pages: rendering is in software, and larger pages take longer."""
 
 ALLOWED_ERROR = 0.02
-"""Tight for the flag, so that some vertices are corrected; loose, so that errors show."""
+"""Small enough that some vertices need corrections, large enough that errors are visible."""
 
 
 def pytest_collection_modifyitems(config, items):
@@ -32,7 +32,7 @@ def pytest_collection_modifyitems(config, items):
 
 @pytest.fixture(scope="package")
 def browser():
-    """A browser for all tests of this folder; its event loop would be in the way of others."""
+    """A browser for all tests of this folder; its event loop would disturb other tests."""
     with driven_browser() as launched:
         yield launched
 
@@ -45,7 +45,7 @@ def tabs(browser):
 
 @pytest.fixture
 def new_page(tabs):
-    """Opens pages; an error in a script of theirs, or in what they ask of WebGL, fails the test."""
+    """Opens pages; script errors and WebGL errors fail the test."""
 
     def open_page(
         url,
@@ -72,7 +72,7 @@ def new_page(tabs):
 
 @pytest.fixture(scope="module")
 def kept_tabs():
-    """Tabs that stay open for the tests of a module, by address."""
+    """Tabs by address, which stay open for all tests of a module."""
     kept = {}
     yield kept
     for tab in kept.values():
@@ -81,7 +81,7 @@ def kept_tabs():
 
 @pytest.fixture
 def shared_page(browser, kept_tabs):
-    """Opens an address once in a module; an error in a script of the page fails the test.
+    """Opens an address once per module; script errors fail the test.
 
     Tests find the first frame, all modes and no heat map. They change nothing else, unless each
     test that shares the address sets it first.
@@ -106,7 +106,7 @@ def shared_page(browser, kept_tabs):
 
 @pytest.fixture(scope="package")
 def flag(tmp_path_factory):
-    """A stream of three blocks with corrections, and what it was made of."""
+    """A stream of three blocks with corrections, and its original."""
     folder = tmp_path_factory.mktemp("flag")
     sequence = meshreel.simulate_flag(36, n_rows=16, n_columns=18)
     meshreel.save(sequence, folder / "original.npz")
@@ -123,21 +123,21 @@ def decoded(flag):
 
 @pytest.fixture(scope="package")
 def url(browser, flag):
-    """Where the stream plays."""
+    """Address of a page that plays the stream."""
     with viewing(flag / "flag.reel") as (_, address):
         yield address
 
 
 @pytest.fixture(scope="package")
 def compared_url(browser, flag):
-    """Where the stream plays beside its original."""
+    """Address of a page that compares the stream with its original."""
     with viewing(flag / "flag.reel", "--original", flag / "original.npz") as (_, address):
         yield address
 
 
 @pytest.fixture(scope="package")
 def exported(browser, flag):
-    """The address of a page that holds the stream."""
+    """Address of an exported page with the stream."""
     path = flag / "flag.html"
     command = [*COMMAND, "export", str(flag / "flag.reel"), "-o", str(path)]
     subprocess.run(command, check=True, capture_output=True)

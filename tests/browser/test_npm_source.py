@@ -1,4 +1,4 @@
-"""Bytes in a page, from servers of another site that behave badly."""
+"""Reads in a page from misbehaving servers of another origin."""
 
 import itertools
 import subprocess
@@ -40,7 +40,7 @@ def content():
 
 @pytest.fixture(scope="module")
 def page(browser, tmp_path_factory):
-    """A page of a site that has the package's sources as a script."""
+    """A page with the modules of `npm/src/source` as a script."""
     built_package()
     folder = tmp_path_factory.mktemp("site")
     (folder / "index.html").write_text("<!doctype html><title>Bytes</title>")
@@ -58,7 +58,7 @@ def page(browser, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def address_of(content, tmp_path_factory):
-    """Addresses, each asked for by one test, of a server that does as they say."""
+    """Addresses of a server that misbehaves as their query requests; one per test."""
     path = tmp_path_factory.mktemp("served") / "file"
     path.write_bytes(content)
     command = ["node", NPM / "test" / "server.mjs", path]
@@ -90,7 +90,7 @@ def read(page, address, **options):
         ({"fault": "noRange"}, False),
     ],
 )
-def test_bytes_are_right_when_a_server_behaves_so(page, address_of, content, how, has_ranges):
+def test_bytes_are_right_when_a_server_misbehaves(page, address_of, content, how, has_ranges):
     came = read(page, address_of(**how), retries=2)
     assert came == {
         "hasRanges": has_ranges,
@@ -112,12 +112,12 @@ def test_bytes_are_right_when_a_server_behaves_so(page, address_of, content, how
         ({"status": 404}, {}, "HTTP 404; there is no such file"),
     ],
 )
-def test_error_says_what_is_wrong_when_bytes_cannot_be_had(page, address_of, how, options, message):
+def test_error_is_descriptive_when_bytes_cannot_be_read(page, address_of, how, options, message):
     error = read(page, address_of(**how), **options)["error"]
     assert error.startswith("SourceError: http://127.0.0.1:")
     assert message in error
 
 
-def test_own_headers_are_asked_for_first_when_the_site_is_another(page, address_of):
+def test_custom_headers_send_a_preflight_when_the_origin_differs(page, address_of):
     assert read(page, address_of(), headers={"X-Key": "1"})["hasRanges"]
     assert "error" in read(page, address_of(cors="none"), headers={"X-Key": "1"}, retries=0)

@@ -1,4 +1,4 @@
-"""The player in a real browser, as people use it."""
+"""The player of `meshreel view` in a browser."""
 
 import re
 import subprocess
@@ -33,7 +33,7 @@ MOST_MODES = 1000
 FEW_MODES = 3
 FILLED = 2 / 3
 FRAMES = (0, 5, 11, 12, 23, 24, LAST)
-"""Both sides of every border between blocks."""
+"""Frames on both sides of each block boundary."""
 
 
 def diagonal_of(vertices):
@@ -49,7 +49,7 @@ def distance_percent(flag, decoded, frame):
 
 @pytest.fixture(scope="module", autouse=True)
 def _player():
-    """Without the page that `web/` is built to, there is nothing to test."""
+    """Skip without the built page."""
     try:
         built_page()
     except InvalidInputError as error:
@@ -58,30 +58,30 @@ def _player():
 
 @pytest.fixture
 def page(shared_page, url):
-    """The player; tests change only its frame, modes and heat map."""
+    """The player, shared by tests that change only its frame, modes and heat map."""
     return shared_page(url)
 
 
 @pytest.fixture
 def own_page(new_page, url):
-    """The player; tests change what they like."""
+    """A separate player, which a test may change in any way."""
     return new_page(url)
 
 
 @pytest.fixture
 def compared(shared_page, compared_url):
-    """The player beside the original; tests change only its frame, modes and heat map."""
+    """The player with an original; tests change only its frame, modes and heat map."""
     return when_measured(shared_page(compared_url))
 
 
 @pytest.fixture
 def own_compared(new_page, compared_url):
-    """The player beside the original; tests change what they like."""
+    """A separate player with an original, which a test may change."""
     return when_measured(new_page(compared_url))
 
 
 def when_measured(page):
-    """The page, once all frames are compared with the original."""
+    """Open the page and wait until all frames are measured."""
     page.locator("#plots figure").first.wait_for()
     return page
 
@@ -103,7 +103,7 @@ def test_page_opens_at_the_largest_error_when_there_is_an_original(
     assert not state_of(page)["playing"]
 
 
-def test_page_stays_where_it_is_when_somebody_has_taken_over(new_page, compared_url):
+def test_page_does_not_seek_when_the_user_has_interacted(new_page, compared_url):
     page = new_page(compared_url, is_at_rest=False)
     page.keyboard.press("Home")
     page.locator("#plots figure").first.wait_for()
@@ -111,7 +111,7 @@ def test_page_stays_where_it_is_when_somebody_has_taken_over(new_page, compared_
     assert state_of(page)["frame"] == 0
 
 
-def test_page_draws_what_decode_gives_when_frames_are_sought(page, decoded):
+def test_drawn_positions_match_decode_when_frames_are_sought(page, decoded):
     for frame in FRAMES:
         show(page, frame)
         assert state_of(page)["frame"] == frame
@@ -129,7 +129,7 @@ def test_exported_page_draws_what_decode_gives_when_it_is_opened_as_a_file(
         assert errors.max() < 1e-4 * diagonal_of(decoded)
 
 
-def test_page_comes_closer_to_decode_when_there_are_more_modes(page, decoded):
+def test_drawn_positions_converge_to_decode_when_there_are_more_modes(page, decoded):
     show(page, 17)
     errors = []
     for n_modes in (1, 3, 8, MOST_MODES):
@@ -139,7 +139,7 @@ def test_page_comes_closer_to_decode_when_there_are_more_modes(page, decoded):
     assert errors[0] > 100 * errors[-1]
 
 
-def test_page_draws_what_decode_gives_when_few_modes_move(page, flag):
+def test_drawn_positions_match_decode_when_modes_are_reduced(page, flag):
     for n_modes in (1, FEW_MODES):
         few = meshreel.decode((flag / "flag.reel").read_bytes(), n_modes=n_modes).vertices
         page.evaluate("n => player.setModes(n)", n_modes)
@@ -149,7 +149,7 @@ def test_page_draws_what_decode_gives_when_few_modes_move(page, flag):
             assert off < 1e-4 * diagonal_of(few), (n_modes, frame)
 
 
-def test_heat_map_is_of_the_modes_that_are_shown_when_they_are_few(compared, flag):
+def test_heat_map_shows_the_reduced_modes_when_modes_are_reduced(compared, flag):
     original = meshreel.load(flag / "original.npz")
     show(compared, 17)
     compared.evaluate("n => player.setModes(n)", FEW_MODES)
@@ -161,7 +161,7 @@ def test_heat_map_is_of_the_modes_that_are_shown_when_they_are_few(compared, fla
         np.testing.assert_allclose(values_of(compared), values, atol=2e-3 * values.max())
 
 
-def test_panel_tells_the_errors_of_few_modes_when_the_slider_is_moved(compared, flag):
+def test_panel_shows_errors_of_reduced_modes_when_the_slider_is_moved(compared, flag):
     few = meshreel.decode((flag / "flag.reel").read_bytes(), n_modes=FEW_MODES).vertices
     largest = distance_percent(flag, few, 20).max()
     show(compared, 20)
@@ -174,7 +174,7 @@ def test_panel_tells_the_errors_of_few_modes_when_the_slider_is_moved(compared, 
     )
 
 
-def test_figures_of_all_modes_are_grey_when_few_are_shown_and_only_then(compared):
+def test_errors_of_all_modes_are_gray_only_when_modes_are_reduced(compared):
     marked = "() => [...document.querySelectorAll('.of-all')].map((part) => part.id)"
     assert compared.evaluate(marked) == []
     compared.locator("#modes").fill("2")
@@ -186,13 +186,13 @@ def test_figures_of_all_modes_are_grey_when_few_are_shown_and_only_then(compared
     assert not compared.locator("#few").is_visible()
 
 
-def test_mode_slider_says_how_many_modes_are_in_use_when_it_is_moved(page):
+def test_label_shows_the_number_of_modes_when_the_slider_is_moved(page):
     page.locator("#modes").fill("2")
     assert state_of(page)["modes"] == 2
     assert re.fullmatch(r"first 2 of \d+ modes", page.locator("#modes-label").inner_text())
 
 
-def test_page_plays_on_over_blocks_when_play_is_pressed(page):
+def test_playback_crosses_blocks_when_play_is_pressed(page):
     page.get_by_role("button", name="Play").click()
     wait_until(page, "player.state().frame > 13")
     page.get_by_role("button", name="Pause").click()
@@ -209,7 +209,7 @@ def test_page_stops_at_the_end_when_it_does_not_loop(own_page):
     assert state_of(own_page)["frame"] == LAST
 
 
-def test_page_draws_between_frames_when_gaps_are_to_be_filled(own_page, decoded):
+def test_positions_are_interpolated_when_filling_in_is_on(own_page, decoded):
     own_page.get_by_label("Fill in between frames").check()
     own_page.get_by_label("Speed").select_option("0.25")
     own_page.get_by_role("button", name="Play").click()
@@ -250,7 +250,7 @@ def test_player_plays_in_the_frame_of_a_notebook_when_a_file_shows_itself(new_pa
     assert 0.05 < covered(picture_of(frame, "#canvas")).mean() < 0.9
 
 
-def test_page_asks_nobody_else_when_it_plays(browser, new_page, compared_url):
+def test_page_sends_no_external_requests_when_it_plays(browser, new_page, compared_url):
     page = new_page(compared_url)
     asked = []
     page.on("request", lambda request: asked.append(request.url))
@@ -261,7 +261,7 @@ def test_page_asks_nobody_else_when_it_plays(browser, new_page, compared_url):
     assert [one for one in asked if not one.startswith((compared_url, "blob:"))] == []
 
 
-def test_heat_map_paints_each_vertex_by_its_error_when_the_range_is_fixed(compared, flag, decoded):
+def test_heat_map_shows_errors_of_vertices_when_the_range_is_fixed(compared, flag, decoded):
     compared.locator("#heat").select_option("distance")
     wait_until(compared, "player.state().heat === 'distance'")
     for frame in (3, 30):
@@ -272,7 +272,7 @@ def test_heat_map_paints_each_vertex_by_its_error_when_the_range_is_fixed(compar
         assert 0.5 < state_of(compared)["hottest"] / expected.max() < 3, frame
 
 
-def test_mesh_is_painted_in_the_colours_of_the_map_when_a_heat_map_is_on(own_compared):
+def test_mesh_has_colors_of_the_map_when_a_heat_map_is_on(own_compared):
     show(own_compared, 20)
     own_compared.locator("[name=arrangement][value=decoded]").check()
     own_compared.evaluate("player.setHeat('distance')")
@@ -288,7 +288,7 @@ def test_mesh_is_painted_in_the_colours_of_the_map_when_a_heat_map_is_on(own_com
     assert len(np.unique(painted // 16, axis=0)) > 20
 
 
-def test_heat_map_spans_up_to_the_largest_error_when_its_range_is_of_one_frame(
+def test_heat_map_ends_at_the_largest_error_when_its_range_is_per_frame(
     own_compared, flag, decoded
 ):
     show(own_compared, 20)
@@ -319,7 +319,7 @@ def test_heat_is_that_of_the_shown_frame_when_playing_stops(compared, flag, deco
     np.testing.assert_allclose(values_of(compared), expected, atol=1e-4)
 
 
-def test_colour_bar_shows_both_ends_of_the_map_and_numbers_when_a_heat_map_is_on(compared):
+def test_color_bar_shows_its_ends_and_ticks_when_a_heat_map_is_on(compared):
     bar = compared.locator("#heat-bar")
     assert not bar.is_visible()
     compared.evaluate("player.setHeat('distance')")
@@ -357,13 +357,13 @@ def test_plot_seeks_when_it_is_clicked(compared):
     wait_until(compared, f"player.state().frame > {LAST - 2}")
 
 
-def test_panel_tells_ratio_errors_and_bytes_when_there_is_an_original(compared):
+def test_panel_shows_ratio_errors_and_sizes_when_there_is_an_original(compared):
     panel = compared.locator("#panel").inner_text()
     for figure in ("ratio", "KG error", "STED", "Where the bytes are"):
         assert figure in panel
 
 
-def test_mesh_stands_in_the_middle_of_the_canvas_when_the_page_opens(own_page):
+def test_mesh_is_centered_when_the_page_opens(own_page):
     mask = covered(picture_of(own_page, "#canvas"))[60:]
     assert 0.1 < mask.mean() < 0.7
     middle = np.argwhere(mask).mean(axis=0) / mask.shape
@@ -380,7 +380,7 @@ def test_mesh_fills_two_thirds_of_the_canvas_when_the_page_opens(new_page, url, 
     assert max(shares) < 1
 
 
-def test_mesh_stays_in_the_middle_when_it_is_followed(new_page, url):
+def test_mesh_stays_centered_when_it_is_followed(new_page, url):
     page = new_page(url, width=1280, height=720)  # of lower ones, the cut below is a large part
     page.get_by_label("Keep the mesh in the middle").check()
     for frame in (0, LAST):
@@ -391,13 +391,13 @@ def test_mesh_stays_in_the_middle_when_it_is_followed(new_page, url):
         assert np.abs(np.argwhere(mask).mean(axis=0) / mask.shape - 0.5).max() < 0.12, frame
 
 
-def test_both_meshes_cover_the_same_area_when_they_stand_side_by_side(compared):
+def test_both_meshes_have_the_same_size_when_they_are_side_by_side(compared):
     left, right = np.array_split(covered(picture_of(compared, "#canvas"))[60:-120], 2, axis=1)
     assert left.mean() > 0.05
     assert left.mean() == pytest.approx(right.mean(), rel=0.02)
 
 
-def test_views_turn_together_when_one_is_dragged(own_compared):
+def test_views_share_a_camera_when_one_is_dragged(own_compared):
     before = picture_of(own_compared, "#canvas")
     box = own_compared.locator("#canvas").bounding_box()
     own_compared.mouse.move(box["x"] + box["width"] * 0.25, box["y"] + box["height"] / 2)
@@ -461,7 +461,7 @@ def test_keys_step_and_jump_when_they_are_pressed(own_page):
     assert state_of(own_page)["playing"]
 
 
-def test_help_lists_the_keys_when_they_are_asked_for(page):
+def test_help_lists_the_keys_when_it_is_opened(page):
     page.keyboard.press("?")
     assert "play or pause" in page.get_by_role("dialog").inner_text()
     page.keyboard.press("Escape")
@@ -485,7 +485,7 @@ def test_controls_have_names_when_a_screen_reader_asks(compared):
 
 
 @pytest.mark.parametrize("width", [1280, 390])
-def test_axe_finds_no_barriers_when_it_looks(new_page, compared_url, width):
+def test_axe_finds_no_violations_when_it_runs(new_page, compared_url, width):
     if not AXE.is_file():
         pytest.skip("needs axe-core: npm ci in web/")
     page = new_page(compared_url, width=width)
@@ -506,7 +506,7 @@ def assert_no_barriers(page):
     assert len(found["passes"]) > 10
 
 
-def test_nothing_runs_over_the_edge_when_the_screen_is_a_phone(new_page, compared_url):
+def test_nothing_overflows_when_the_screen_is_a_phone(new_page, compared_url):
     page = new_page(compared_url, width=390, height=844)
     for height in (844, 600):
         page.set_viewport_size({"width": 390, "height": height})
@@ -527,7 +527,7 @@ def test_pages_do_not_disturb_each_other_when_two_are_open(new_page, url, decode
         assert np.abs(positions_of(page) - decoded[frame]).max() < 1e-4 * diagonal_of(decoded)
 
 
-def test_page_says_so_when_the_server_is_gone(new_page, flag):
+def test_page_shows_an_error_when_the_server_is_gone(new_page, flag):
     with viewing(flag / "flag.reel", "--original", flag / "original.npz") as (_, address):
         page = new_page(address)
         page.locator("#plots figure").first.wait_for()  # nothing else is asked for by itself
@@ -536,7 +536,9 @@ def test_page_says_so_when_the_server_is_gone(new_page, flag):
     assert "server does not" in page.get_by_role("alert").inner_text()
 
 
-def test_page_passes_over_a_block_and_says_so_when_it_is_damaged(new_page, flag, tmp_path, decoded):
+def test_page_skips_a_block_and_shows_an_error_when_it_is_damaged(
+    new_page, flag, tmp_path, decoded
+):
     data = bytearray((flag / "flag.reel").read_bytes())
     sizes = meshreel.info(bytes(data)).block_bytes
     data[len(data) - sizes[2] - sizes[1] // 2] ^= 255  # an index, which is short, follows
@@ -582,7 +584,7 @@ def test_exported_page_draws_exact_positions_without_a_slider_of_modes(new_page,
 
 @pytest.fixture
 def textured(tmp_path):
-    """A function that exports a sheet with a texture, and gives the address of its page."""
+    """Function that exports a textured sheet and returns the address of its page."""
 
     def export(texture):
         sheet = tmp_path / "sheet.reel"
@@ -619,7 +621,7 @@ def test_exported_page_plays_a_video_with_the_mesh_when_it_has_one(new_page, tex
     assert not page.get_by_role("alert").is_visible()
 
 
-def test_page_says_so_when_there_is_no_webgl(new_page, url):
+def test_page_shows_an_error_when_webgl_is_missing(new_page, url):
     script = "HTMLCanvasElement.prototype.getContext = () => null;"
     page = new_page(url, script=script, is_shown=False)
     page.get_by_role("alert").wait_for()

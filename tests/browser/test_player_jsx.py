@@ -77,7 +77,7 @@ def project_with(react, folder):
 
 
 def complaints(project):
-    """What TypeScript says of a project."""
+    """Type-check a project and return the errors."""
     compiler = PACKAGE / "node_modules" / "typescript" / "bin" / "tsc"
     command = ["node", str(compiler), "-p", str(project)]
     found = subprocess.run(command, cwd=project, capture_output=True, text=True, timeout=120)

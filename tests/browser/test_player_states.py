@@ -1,4 +1,4 @@
-"""What <reel-player> shows while images, servers and graphics come and go."""
+"""<reel-player> while images, servers and WebGL contexts appear and disappear."""
 
 import io
 import re
@@ -79,7 +79,7 @@ def with_material(sheet, material, images=()):
 
 
 def golden_sheet():
-    """A flag of smooth gold."""
+    """A flag with a gold material."""
     flag = meshreel.simulate_flag(10, n_rows=12, n_columns=18)
     gold = Material(
         "gold", base_color=(1, 0.75, 0.3, 1), metallic=1, roughness=0.2, double_sided=True
@@ -125,7 +125,7 @@ def test_time_runs_forward_when_loop_is_removed_while_it_runs_back(shown):
     assert page.evaluate("player.currentTime === player.duration")
 
 
-def test_error_is_cleared_when_the_browser_gives_graphics_back(shown):
+def test_error_is_cleared_when_the_context_is_restored(shown):
     page = shown('<reel-player src="/flag.reel" controls></reel-player>')
     settled(page)
     page.evaluate(
@@ -188,7 +188,7 @@ def test_error_of_an_attribute_offers_no_retry_and_stays(shown):
     assert page.evaluate("player.error.name") == "InvalidInputError"
 
 
-def test_empty_src_asks_for_nothing(shown):
+def test_empty_src_requests_nothing(shown):
     page = shown('<reel-player src="" poster=""></reel-player>', script=NETWORK)
     page.wait_for_timeout(300)
     assert page.evaluate("[player.error, window.nAsked]") == [None, 0]
@@ -203,7 +203,7 @@ WRONG_FILES = {
 
 
 @pytest.mark.parametrize("src", WRONG_FILES)
-def test_other_kinds_of_files_are_named_in_words(shown, src):
+def test_error_names_other_file_formats(shown, src):
     page = shown(f'<reel-player src="{src}"></reel-player>')
     until(page, "player.error")
     assert page.evaluate("player.error.name") == "CorruptStreamError"
@@ -211,7 +211,7 @@ def test_other_kinds_of_files_are_named_in_words(shown, src):
     assert all(words in said for words in WRONG_FILES[src]), said
 
 
-def test_time_stands_still_while_the_thumb_is_held(shown):
+def test_time_does_not_advance_while_the_thumb_is_held(shown):
     page = shown('<reel-player src="/flag.reel" autoplay loop controls></reel-player>')
     page.evaluate("player.style.width = '600px'")  # the bar is in the window
     until(page, "player.mesh && player.mesh.frame > 2")
@@ -265,7 +265,7 @@ def test_colors_follow_the_color_scheme_of_the_system(shown, scheme):
     assert "color-contrast" in {one["id"] for one in found["passes"]}
 
 
-def test_colors_of_the_page_win(shown):
+def test_colors_of_the_page_take_precedence(shown):
     page = shown('<reel-player src="/flag.reel" controls></reel-player>')
     page.emulate_media(color_scheme="dark")
     settled(page)
@@ -359,7 +359,7 @@ def test_players_of_one_file_share_a_worker_and_a_download(shown):
     until(page, "window.workers === 0")
 
 
-def test_many_players_keep_their_pictures_and_give_contexts_back_out_of_sight(shown):
+def test_many_players_keep_snapshots_and_release_contexts_off_screen(shown):
     page = shown("")
     warnings = []
     page.on("console", lambda message: warnings.append(message.text))

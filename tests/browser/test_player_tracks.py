@@ -1,4 +1,4 @@
-"""Tracks in the player: colours, legend, plots at a place, and errors beside the original."""
+"""Tracks in the player: colors, legend, plots, and errors compared to the original."""
 
 import re
 import subprocess
@@ -22,7 +22,7 @@ RED, GREY, BLUE = (141, 27, 23), (238, 238, 238), (6, 72, 156)
 
 @pytest.fixture(scope="module", autouse=True)
 def _player():
-    """Without the page that `web/` is built to, there is nothing to test."""
+    """Skip without the built page."""
     try:
         built_page()
     except InvalidInputError as error:
@@ -31,7 +31,7 @@ def _player():
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A flag with tracks, and what it was made of."""
+    """A flag with tracks, and its original."""
     folder = tmp_path_factory.mktemp("tracks")
     flag = meshreel.simulate_flag(N_FRAMES, n_rows=16, n_columns=18)
     x = flag.vertices[..., 0].astype(np.float64)
@@ -68,7 +68,7 @@ def decoded(folder):
 
 @pytest.fixture(scope="module")
 def stress_url(browser, folder):
-    """Where the flag plays in the colours of its stress."""
+    """Address of a page that colors the flag by its stress."""
     options = "--track", "stress", "--range", "-400:400"
     with viewing(folder / "flag.reel", *options) as (_, address):
         yield address
@@ -76,7 +76,7 @@ def stress_url(browser, folder):
 
 @pytest.fixture(scope="module")
 def original_url(browser, folder):
-    """Where the flag plays beside its original."""
+    """Address of a page that compares the flag with its original."""
     options = "--original", folder / "original.npz"
     with viewing(folder / "flag.reel", *options) as (_, address):
         yield address
@@ -87,14 +87,14 @@ def legend_of(page):
 
 
 def chosen(page, selector, value):
-    """Choose in a list, and wait until the legend has followed."""
+    """Select an option, and wait until the legend is updated."""
     before = legend_of(page)
     page.select_option(selector, value)
     wait_until(page, f"document.getElementById('track-bar').ariaLabel !== {before!r}")
 
 
 def show_track(page, track):
-    """Choose a track, unless it is chosen."""
+    """Select a track, unless it is selected."""
     if page.locator("#track").input_value() != track:
         chosen(page, "#track", track)
 
@@ -137,7 +137,7 @@ def test_legend_follows_track_component_and_range(new_page, stress_url, decoded)
     assert page.locator("#track-options").is_hidden()
 
 
-def test_typed_range_has_to_be_one(new_page, stress_url):
+def test_invalid_custom_range_is_rejected(new_page, stress_url):
     page = new_page(stress_url)
     page.locator("#range-low").fill("500")
     page.locator("#range-low").press("Enter")
@@ -149,9 +149,7 @@ def test_typed_range_has_to_be_one(new_page, stress_url):
 
 
 @pytest.mark.parametrize("track", ["stress", "heat", "part"])
-def test_values_are_plotted_over_time_at_a_number_that_is_typed(
-    shared_page, stress_url, decoded, track
-):
+def test_values_are_plotted_over_time_at_an_entered_index(shared_page, stress_url, decoded, track):
     page = shared_page(stress_url)
     show_track(page, track)
     item = 123
@@ -169,7 +167,7 @@ def test_values_are_plotted_over_time_at_a_number_that_is_typed(
     assert page.locator("#probe").is_hidden()
 
 
-def test_number_that_is_not_there_is_an_error_of_the_page(new_page, stress_url):
+def test_invalid_index_shows_an_error(new_page, stress_url):
     page = new_page(stress_url)
     page.locator("#probe-item").fill("999999")
     page.locator("#probe-item").press("Enter")
@@ -178,7 +176,7 @@ def test_number_that_is_not_there_is_an_error_of_the_page(new_page, stress_url):
 
 
 @pytest.mark.parametrize("track", ["stress", "heat"])
-def test_double_click_plots_what_lies_there(new_page, stress_url, decoded, track):
+def test_double_click_plots_the_picked_item(new_page, stress_url, decoded, track):
     page = new_page(stress_url)
     if track != "stress":
         chosen(page, "#track", track)
@@ -197,7 +195,7 @@ def test_double_click_plots_what_lies_there(new_page, stress_url, decoded, track
     wait_until(page, f"document.getElementById('track').value !== '{track}'")
 
 
-def test_page_without_tracks_has_no_controls_of_them(new_page, url):
+def test_page_without_tracks_hides_their_controls(new_page, url):
     page = new_page(url)
     assert page.locator("#tracks").is_hidden()
     page.keyboard.press("t")
@@ -224,7 +222,7 @@ def test_errors_of_tracks_are_those_of_the_original(new_page, original_url, fold
     np.testing.assert_allclose(values_of(page), most, rtol=1e-4, atol=1e-6)
 
 
-def test_a_heat_map_and_a_track_take_turns(new_page, original_url):
+def test_heat_map_and_track_replace_each_other(new_page, original_url):
     page = new_page(original_url)
     page.select_option("#track", "heat")  # splits vertices
     wait_until(page, "!document.getElementById('track-bar').hidden")
@@ -241,7 +239,7 @@ def test_a_heat_map_and_a_track_take_turns(new_page, original_url):
 
 @pytest.fixture(scope="module")
 def exported_tracks(browser, folder):
-    """The address of a page that holds the flag and its original, in the colours of a track."""
+    """Address of an exported page with the flag and its original, colored by a track."""
     path = folder / "flag.html"
     command = [*COMMAND, "export", str(folder / "flag.reel"), "-o", str(path)]
     command += ["--original", str(folder / "original.npz"), "--track", "part", "--range", "0:8"]
@@ -277,7 +275,7 @@ def test_exported_page_shows_errors_of_tracks_as_near_as_its_original_is(
 
 
 def halves(page):
-    """Pixels of the decoded mesh and of the original beside it, below their labels."""
+    """Pixels of the decoded and of the original view, below their labels."""
     picture = picture_of(page, "#canvas")[60:]
     middle = picture.shape[1] // 2
     return picture[:, :middle], picture[:, middle:]

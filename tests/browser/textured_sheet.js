@@ -102,7 +102,7 @@ class Stand {
     }
   }
 
-  /** The picture that is there when the mesh waits no more, and was drawn. */
+  /** Wait until the mesh no longer waits, and return the drawn picture. */
   async shown() {
     await this.until("a picture", () => !this.mesh.isWaiting);
     const n = this.seen.length;
