@@ -21,7 +21,7 @@ from meshreel.formats.load import load, open_for_encoding
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.reel.reading import open as open_reel
 from meshreel.formats.reel.reading import read_info
-from meshreel.formats.remote import at_hand
+from meshreel.formats.remote import local_copy
 from meshreel.formats.sources import AnyPath, Source
 from meshreel.model.frame_choice import start_of
 from meshreel.model.sequence import FrameSource, MeshSequence
@@ -49,7 +49,7 @@ def _taking_files(
     def encode_any(sequence: Any, *args: Options.args, **kwargs: Options.kwargs) -> bytes:
         if not kwargs.keys() <= signature.parameters.keys():
             check_names(kwargs, signature.parameters)
-        with at_hand(sequence) if _is_path(sequence) else nullcontext(sequence) as given:
+        with local_copy(sequence) if _is_path(sequence) else nullcontext(sequence) as given:
             source = _source(given, kwargs.get("memory"))
             return encode(source, *args, **kwargs)
 
@@ -218,7 +218,7 @@ def _loaded(given: Any) -> MeshSequence:
     """All frames, in memory."""
     if _is_path(given):
         notes: list[str] = []
-        with at_hand(given) as files:
+        with local_copy(given) as files:
             sequence = load(files, notes=notes)
         _warn(notes)
         return sequence

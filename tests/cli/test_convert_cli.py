@@ -115,8 +115,8 @@ def test_convert_says_what_becomes_of_images_when_they_lie_beside(dressed, tmp_p
 
 def test_decode_says_so_when_the_format_has_no_images(dressed, tmp_path):
     figures = run_json("decode", dressed, "-o", tmp_path / "x.npz")
-    looks = "how materials look (red, gr\u00fcn) and 2 texture images"
-    assert figures["notes"] == [f"left out, for .npz files do not hold it: {looks}"]
+    looks = "material properties (red, gr\u00fcn) and 2 texture images"
+    assert figures["notes"] == [f"left out, as .npz files cannot store it: {looks}"]
 
 
 def test_info_lists_materials_and_images_when_a_stream_has_some(dressed):

@@ -11,7 +11,7 @@ OUTPUTS = {"batch": ["out"], "encode": ["-o", "out.reel"], "render": ["-o", "out
 
 @pytest.fixture
 def collection(tmp_path):
-    """A collection of ParaView whose only file is outside of its folder."""
+    """A collection of ParaView whose only file is outside its folder."""
     folder = tmp_path / "in"
     folder.mkdir()
     meshreel.save(waving_grid(1), tmp_path / "frame.vtp")
@@ -24,5 +24,5 @@ def collection(tmp_path):
 def test_file_outside_is_read_only_when_that_is_allowed(collection, tmp_path, command):
     given = collection.parent if command == "batch" else collection
     asked = (command, given, *OUTPUTS[command])
-    assert_fails(run(*asked, cwd=tmp_path), "outside of its folder")
+    assert_fails(run(*asked, cwd=tmp_path), "outside its folder")
     assert run(*asked, "--allow-outside", cwd=tmp_path).returncode == 0

@@ -1,4 +1,4 @@
-"""The animations of a file that holds several, as `meshreel info` lists them."""
+"""Description of the animations of a file, as `meshreel info` lists them."""
 
 from dataclasses import dataclass
 
@@ -10,13 +10,13 @@ class AnimationInfo:
     Attributes
     ----------
     name : str
-        No other animation of the file has it.
+        Unique in the file.
     start_s, duration_s : float
-        Time of the first key, and seconds from there to the last key; 0 for one with a problem.
+        Time of the first key, and seconds to the last key; 0 if it has a problem.
     moves_mesh : bool
-        Whether it moves a mesh that is read.
+        Whether it animates a mesh that is read.
     problem : str or None
-        Why it cannot be read.
+        Why it cannot be read; None if it can.
     """
 
     name: str

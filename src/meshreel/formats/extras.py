@@ -1,4 +1,4 @@
-"""Libraries that come with an extra of the package, imported when they are first needed."""
+"""Optional libraries, installed as extras of the package and imported on first use."""
 
 from dataclasses import dataclass
 from importlib import import_module
@@ -10,16 +10,16 @@ from meshreel.errors import FormatError
 
 @dataclass(frozen=True)
 class Extra:
-    """A library that some formats need.
+    """An optional library that some formats need.
 
     Parameters
     ----------
     name : str
-        Of the extra: ``pip install 'meshreel[name]'`` brings the library.
+        Name of the extra: ``pip install 'meshreel[name]'`` installs the library.
     library : str
-        What it is called on the package index.
+        Name of the distribution on PyPI.
     module : str
-        What it is imported as.
+        Name of the module to import.
     """
 
     name: str
@@ -28,16 +28,16 @@ class Extra:
 
     @property
     def is_installed(self) -> bool:
-        """Whether the library is there; it is not imported."""
+        """Whether the library is installed; does not import it."""
         return find_spec(self.module) is not None
 
     def load(self, submodule: str = "") -> ModuleType:
-        """The library, or a module of it.
+        """Import the library, or a submodule.
 
         Raises
         ------
         FormatError
-            If it is not installed, with the command that installs it.
+            If it is not installed; the message gives the command to install it.
         """
         try:
             return import_module(f"{self.module}.{submodule}" if submodule else self.module)
@@ -49,9 +49,9 @@ class Extra:
 
 
 ALEMBIC = Extra("alembic", "alembic3d", "alembic3d")
-IMATH = Extra("alembic", "alembic3d", "imath")  # comes with it
+IMATH = Extra("alembic", "alembic3d", "imath")  # part of alembic3d
 USD = Extra("usd", "usd-core", "pxr")
 HDF = Extra("hdf", "h5py", "h5py")
-DRACO = Extra("gltf", "DracoPy", "DracoPy")  # only files that Draco compressed need it
-PNG = Extra("textures", "imagecodecs", "imagecodecs")  # of 16 bits a channel
+DRACO = Extra("gltf", "DracoPy", "DracoPy")  # only for Draco-compressed files
+PNG = Extra("textures", "imagecodecs", "imagecodecs")  # 16-bit PNG
 OPEN_EXR = Extra("textures", "OpenEXR", "OpenEXR")

@@ -1,4 +1,4 @@
-"""Errors about the contents of a file, with its name."""
+"""Error messages that begin with the name of a file."""
 
 import os
 import stat
@@ -10,15 +10,15 @@ from meshreel.errors import InvalidInputError, MeshReelError, StoreError
 
 
 def refuse_pipe(path: str | os.PathLike[str]) -> None:
-    """Refuse a pipe, a socket or a device where an input file is needed.
+    """Raise an error if an input is a pipe, a socket or a device.
 
-    Readers seek in a file and read it several times, and opening a named pipe waits until some
-    program writes into it. A path that does not exist is not refused here.
+    Readers seek in a file and read it several times, and opening a named pipe blocks until a
+    program writes to it. A path that does not exist is accepted here.
 
     Raises
     ------
     InvalidInputError
-        Naming the path and what it is.
+        If it is not a file or folder; the message names the path and its kind.
     """
     try:
         mode = os.stat(path).st_mode
@@ -28,17 +28,17 @@ def refuse_pipe(path: str | os.PathLike[str]) -> None:
         return
     kinds = {stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket"}
     raise InvalidInputError(
-        f"{os.fspath(path)} is {kinds.get(stat.S_IFMT(mode), 'a device')}, and inputs must be "
-        "files; save its data to a file first, and name that file"
+        f"{os.fspath(path)} is {kinds.get(stat.S_IFMT(mode), 'a device')}, but inputs must be "
+        "files; save the data to a file first"
     )
 
 
 @contextmanager
 def errors_naming(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Within it, errors about the contents of a file begin with its path."""
+    """Within it, errors about the contents of a file are prefixed with its path."""
     try:
         yield
-    except StoreError:  # which names its address
+    except StoreError:  # its message already has the address
         raise
     except MeshReelError as error:
         raise type(error)(f"{path}: {error}") from None
@@ -46,7 +46,7 @@ def errors_naming(path: str | os.PathLike[str]) -> Iterator[None]:
 
 @contextmanager
 def os_errors_naming(path: Path) -> Iterator[None]:
-    """Within it, a file that cannot be read is an `InvalidInputError` that names it."""
+    """Within it, an OSError becomes an `InvalidInputError` that names the file."""
     try:
         yield
     except OSError as error:

@@ -1,4 +1,4 @@
-"""The contents of a file of any format, without turning it into a sequence."""
+"""Inspection of files of any format without loading a sequence."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
@@ -13,7 +13,7 @@ from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.load import open_for_inspection
 from meshreel.formats.notes import LEFT_OUT
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.remote import at_hand
+from meshreel.formats.remote import local_copy
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.scene_source import selected_meshes
 from meshreel.formats.scenes.timing import frame_times
@@ -32,27 +32,27 @@ class MeshInfo:
     Attributes
     ----------
     name : str
-        Its path in the file; of frame files that of their folder.
+        Its path in the file; for frame files, the name of their folder.
     n_frames, n_verts, n_faces : int
-        Faces are triangles, after polygons are cut.
+        Faces are triangles, after triangulation.
     n_polygons : int
-        Faces as the file has them.
+        Faces in the file.
     fps : float
         0 = unknown.
     vertex_type : str
         "float32" or "float64".
     low, high : tuple of 3 floats, or None
-        Corners of the bounding box of all frames, in model units; None where it has a problem.
+        Corners of the bounding box of all frames, in model units; None if it has a problem.
     attributes : tuple of str
-        What goes along with the mesh: "uv 'st' of corners".
+        Attributes and groups, such as "uv 'st' of corners".
     tracks : tuple of str
-        What changes over time beside the positions: "heat: scalar of each vertex, float32 in K".
+        Tracks, such as "heat: scalar of each vertex, float32 in K".
     parts : tuple of str
-        Names of the meshes that it was merged of.
+        Names of the merged meshes.
     materials, images : tuple of str
         As in `meshreel.codec.inspect.StreamInfo`.
     problem : str or None
-        Why it cannot be encoded as it is.
+        Why it cannot be encoded; None if it can.
     """
 
     name: str
@@ -74,12 +74,12 @@ class MeshInfo:
 
     @property
     def duration_s(self) -> float | None:
-        """Seconds that all frames take; None where the frame rate is not known."""
+        """Duration of all frames in seconds; None if the frame rate is unknown."""
         return self.n_frames / self.fps if self.fps else None
 
     @property
     def raw_size_bytes(self) -> int:
-        """Bytes of the positions of all frames, and of the triangles."""
+        """Uncompressed bytes of the positions of all frames and the triangles."""
         width = np.dtype(self.vertex_type).itemsize
         return self.n_frames * self.n_verts * 3 * width + 12 * self.n_faces
 
@@ -91,7 +91,7 @@ class MeshInfo:
 
 @dataclass(frozen=True)
 class SourceInfo:
-    """A file, or files of frames.
+    """A file, or a set of frame files.
 
     Attributes
     ----------
@@ -100,9 +100,9 @@ class SourceInfo:
     meshes : tuple of MeshInfo
         At least one.
     notes : tuple of str
-        What reading changes, and what it leaves out.
+        What reading changes or leaves out.
     animations : tuple of AnimationInfo
-        All of the file, of a format whose files may hold several.
+        All animations of the file, if its format supports several.
     """
 
     format: str
@@ -114,7 +114,7 @@ class SourceInfo:
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """Things of the file that would be in no output."""
+        """Contents of the file that no output would have."""
         begun = (note for note in self.notes if note.startswith(LEFT_OUT))
         return tuple(note.removeprefix(LEFT_OUT) for note in begun)
 
@@ -129,9 +129,9 @@ class SourceInfo:
 
 
 def inspect_source(source: Source, options: ReadOptions) -> SourceInfo:
-    """The contents of a file, a folder of frames or a list of them; every frame is read once.
+    """Return the contents of a file, a folder of frames or a list of them; reads every frame once.
 
-    A file of several meshes gives each of them, unless the options choose one or merge them.
+    All meshes of a file are described, unless the options select or merge them.
 
     Parameters
     ----------
@@ -141,9 +141,9 @@ def inspect_source(source: Source, options: ReadOptions) -> SourceInfo:
     Raises
     ------
     InvalidInputError, FormatError
-        As `meshreel.load`, but of a file that holds several meshes a bad one only has a `problem`.
+        As `meshreel.load`, but an unreadable mesh among several only has a `problem`.
     """
-    with at_hand(source, options.notes) as files:
+    with local_copy(source, options.notes) as files:
         found = find_files(files)
         check_read_options(found.format, options)
         meshes = tuple(_infos(found, options))
@@ -158,12 +158,12 @@ def inspect_source(source: Source, options: ReadOptions) -> SourceInfo:
 
 
 def animations_of(found: SourceFiles, options: ReadOptions) -> tuple[AnimationInfo, ...]:
-    """The animations of a file; none if its format holds one motion at most.
+    """Return the animations of a file; empty if its format supports only one.
 
     Raises
     ------
     FormatError
-        If the file is damaged elsewhere than in an animation.
+        If the file is damaged outside its animations.
     """
     if not isinstance(found.format, SequenceFormat) or found.format.list_animations is None:
         return ()
@@ -246,7 +246,7 @@ def _scene_mesh_info(mesh: SceneMesh, options: ReadOptions, number: int, n_meshe
 
 
 def _shape_info(mesh: SceneMesh, options: ReadOptions) -> MeshInfo:
-    """Counts, type and times of a mesh, from its first frame and its times."""
+    """Describe counts, type and times of a mesh from its first frame and times."""
     first, timing = mesh.frame(0), frame_times(mesh.times_s)
     return MeshInfo(
         mesh.name,
@@ -267,7 +267,7 @@ def _bad_mesh_info(mesh: SceneMesh, problem: str) -> MeshInfo:
 
 
 def _told(progress: Progress, number: int, n_meshes: int) -> Progress:
-    """The listener, told which mesh of several is read."""
+    """Return a progress callback that adds the number of the mesh to the stage."""
     if n_meshes == 1:
         return progress
     return lambda stage, share: progress(f"{stage}, mesh {number + 1} of {n_meshes}", share)

@@ -1,4 +1,4 @@
-"""The kinds of formats: files that hold a frame each or a whole sequence, and folders of files."""
+"""The kinds of formats: one frame per file, a whole sequence per file, and folders of files."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -25,28 +25,28 @@ WriteOption = Literal["targets", "max_error", "normals", "lossless", "layout", "
 
 NO_TRACKS: frozenset[Domain] = frozenset()
 ALL_TRACKS = frozenset(Domain)
-"""Domains whose tracks a file holds."""
+"""Track domains that a format supports."""
 
 
 @dataclass(frozen=True)
 class Lazy:
-    """A function of a module of `meshreel.formats` that is imported when it is first called.
+    """A function of a module of `meshreel.formats` that is imported on first call.
 
     Parameters
     ----------
     place : str
-        Of the function, as in "meshes.obj:parse_obj".
+        Module and function, as in "meshes.obj:parse_obj".
     """
 
     place: str
 
     def __call__(self, *args: Any) -> Any:
-        """The result of the function for these arguments."""
+        """Import and call the function."""
         return self.function(*args)
 
     @property
     def function(self) -> Callable[..., Any]:
-        """The function itself, imported now."""
+        """The function, imported on access."""
         module, _, name = self.place.partition(":")
         found: Callable[..., Any] = getattr(import_module(f"meshreel.formats.{module}"), name)
         return found
@@ -57,39 +57,38 @@ OPEN_SCENE = Lazy("scenes.scene_source:open_scene")
 
 @dataclass(frozen=True)
 class FrameFormat:
-    """A format whose files hold one static mesh, so one frame.
+    """A format with one static mesh, so one frame, per file.
 
     Parameters
     ----------
     ending : str
-        Lower case, with the dot.
+        File extension in lower case, with the dot.
     title : str
-        What people call it.
+        Name of the format.
     parse : function of the bytes of a file
-        Gives its `PolygonMesh`; its errors name the line but not the file.
+        Returns the `PolygonMesh`; its errors name the line but not the file.
     encoder : function of the faces, the surface and a list of notes, or None
-        Gives a function from the positions of a frame to the bytes of its file; None if files of
-        this format are only read. The notes gain a sentence on what such a file does not hold.
-        Where it holds tracks, it takes them too, by their names, and gives a function from the
-        positions and the values of each track in the frame, by its name, of shape (N, C).
-    positions_reader : function of the bytes of a file and the mesh that it holds, optional
-        Gives a function from the bytes of another file to its positions, for one that `parse`
-        would give the same faces; else, or if it does not look so at once, None.
+        Returns a function from the positions of a frame to the bytes of its file, and adds notes on
+        what the file cannot store; None if the format is read-only. If the format supports tracks,
+        the encoder takes them by name, and the function takes the positions and the values of each
+        track in the frame, of shape (N, C), by name.
+    positions_reader : function of the bytes of a file and its mesh, optional
+        Returns a function that reads only the positions of files with the same faces, and returns
+        None for files that must be parsed completely.
     parse_surface : function of the bytes of a file and a list of notes, optional
-        Gives attributes, groups and parts of a file that `parse` reads, without face sizes. The
-        notes gain a sentence on what is left out.
+        Returns attributes, groups and parts, without face sizes; the notes list what is left out.
     parse_fields : function of the bytes of a file, optional
-        Gives all that the file has at vertices, faces and corners. What changes from file to file,
-        or is said to be one, is a track.
+        Returns all vertex, face and corner data. Data that change between files, or are declared
+        tracks, become tracks.
     fields_checker : function of the bytes of a file, optional
-        Gives a function from the bytes of another file to whether it certainly has the same fields,
-        known without reading them.
+        Returns a function that tells whether a file certainly has the same fields, without parsing
+        them.
     is_decimal : bool, default False
-        Whether positions are decimal text without a declared type.
+        Whether positions are decimal text without a declared number type.
     has_unshared_vertices : bool, default False
-        Whether every triangle has three vertices of its own, which must be welded.
+        Whether triangles do not share vertices and must be welded.
     holds_tracks : set of Domain
-        Of which tracks files that are written hold some; others are left out, with a note.
+        Domains of the tracks that written files can contain; others are left out with a note.
     """
 
     ending: str
@@ -109,40 +108,40 @@ class FrameFormat:
 
 @dataclass(frozen=True)
 class SequenceFormat:
-    """A format whose files hold a whole sequence.
+    """A format with a whole sequence per file.
 
     Parameters
     ----------
     ending : str
-        Lower case, with the dot.
+        File extension in lower case, with the dot.
     title : str
-        What people call it.
+        Name of the format.
     open : function of a path and `ReadOptions`
-        Gives the sequence; its errors name the file. Positions stay in the file where the options
-        ask for that and the format allows it.
+        Opens the sequence; its errors name the file. Positions stay in the file if the options
+        request it and the format allows it.
     write : function of a path, a `FrameStream` and `WriteOptions`, or None
-        Writes the file; None if files of this format are only read.
+        Writes the file; None if the format is read-only.
     extra : Extra, optional
-        The library that reading and writing need.
+        Library required for reading and writing.
     reads : set of ReadOption
-        Options of reading that have an effect on such a file.
+        Read options that have an effect on the format.
     writes : set of WriteOption
-        Options of writing that have an effect on such a file.
+        Write options that have an effect on the format.
     companion : str, default ""
-        Ending of a mesh file with the first frame that is written beside it.
+        Extension of a mesh file with the first frame that is written next to it.
     read_meshes : ReadMeshes, optional
-        Gives the meshes of a file, where it may hold several, or one whose faces change.
+        Returns the meshes of a file, for formats with several meshes or changing faces.
     holds_materials : bool, default False
-        Whether a file holds materials and their images, not only labels of faces.
+        Whether files store materials and images, not only face labels.
     has_image_folder : bool, default False
-        Whether images are files in a folder beside, for the file cannot hold them itself.
+        Whether images are stored in a folder next to the file.
     holds_tracks : set of Domain
-        Of which tracks a file that is written holds; others are left out, with a note.
+        Domains of the tracks that written files can contain; others are left out with a note.
     data_files : function of a path and a number of frames, optional
-        Gives the files that are written beside, for the file names them; the `FrameStream` says
-        where `write` puts them.
+        Returns further files that the file refers to; `FrameStream.data_files` tells `write` where
+        to put them.
     list_animations : function of a path and `ReadOptions`, optional
-        Gives the animations of a file, where it may hold several; its errors do not name the file.
+        Returns the animations of a file, for formats with several; its errors do not name the file.
     """
 
     ending: str
@@ -163,22 +162,22 @@ class SequenceFormat:
 
 @dataclass(frozen=True)
 class FolderFormat:
-    """A format whose sequences are folders of files of several kinds; they are written only.
+    """A write-only format whose output is a folder of several files.
 
     Parameters
     ----------
     ending : str
-        Of the folder, in lower case, with the dot.
+        Extension of the folder in lower case, with the dot.
     title : str
-        What people call it.
+        Name of the format.
     files : function of the path of the folder and `WriteOptions`
-        Gives the files that will be written. It refuses options that choose nothing there is.
+        Returns the files that will be written; raises an error for invalid options.
     write : function of a folder, the stem of names in it, a `FrameStream` and `WriteOptions`
-        Writes these files, under the same names, into that folder.
+        Writes these files, with the same names, into the folder.
     extra : Extra
-        The library that writing needs.
+        Library required for writing.
     writes : set of WriteOption
-        Options of writing that have an effect on such a folder.
+        Write options that have an effect on the format.
     """
 
     ending: str
@@ -204,9 +203,9 @@ def scene_format(
     data_files: Callable[[Path, int], list[Path]] | None = None,
     list_animations: Callable[[Path, ReadOptions], Sequence[AnimationInfo]] | None = None,
 ) -> SequenceFormat:
-    """A format whose files hold one or several meshes, the faces of which may change.
+    """Return a `SequenceFormat` for files with several meshes or changing faces.
 
-    Its files may name others, or hold all by themselves; they may hold several animations.
+    `names_files` says whether its files refer to other files.
     """
     reads: set[ReadOption] = {"object", "merge", "skip_bad"}
     reads.update({"allow_outside"} if names_files else set())

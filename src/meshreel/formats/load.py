@@ -1,4 +1,4 @@
-"""Files of other programs to a `MeshSequence`, or to frames that are read when asked for."""
+"""Loading of files as a `MeshSequence`, or opening with frames that are read on demand."""
 
 import os
 from collections import deque
@@ -17,7 +17,7 @@ from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.frames.survey import FrameSurvey
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.remote import at_hand
+from meshreel.formats.remote import local_copy
 from meshreel.formats.sources import Source, SourceFiles, find_files
 from meshreel.formats.supported_options import check_read_options
 from meshreel.formats.surfaces.welding import Weld, weld_corners
@@ -32,7 +32,7 @@ from meshreel.runtime.progress import Progress, silent
 MAX_LOADED_BYTES = 1 << 30
 
 LOADED_SHARE = 1 / 10
-"""Positions that are loaded to be encoded: up to so many bytes, or this share of the memory."""
+"""For encoding, positions up to this size are loaded, or up to this share of the memory limit."""
 
 
 def load(
@@ -51,66 +51,65 @@ def load(
     progress: Progress = silent,
     notes: list[str] | None = None,
 ) -> MeshSequence:
-    """The sequence that a file, a folder, a pattern or a list of frame files holds.
+    """Load the sequence of a file, a folder, a pattern or a list of frame files.
 
     Parameters
     ----------
     source : str, Path, or list or tuple of them
-        Files of this machine, or addresses such as ``s3://bucket/walk.abc`` (extra ``[remote]``),
-        which are downloaded. A file that holds a whole animation, such as ``.npz .reel .abc .usd
-        .glb`` (`meshreel formats` lists them all); one static mesh (``.obj .ply .off .stl``),
-        which gives one frame; a folder of frames of one ending; a pattern such as ``dir/*.obj``;
-        or frame files in their order. Folders and patterns are read in natural order (frame_2
-        before frame_10).
+        Local files, or addresses such as ``s3://bucket/walk.abc`` (extra ``[remote]``), which are
+        downloaded. A file with a whole animation, such as ``.npz .reel .abc .usd .glb``
+        (`meshreel formats` lists all); one static mesh (``.obj .ply .off .stl``), which gives one
+        frame; a folder of frames with one file extension; a pattern such as ``dir/*.obj``; or a
+        list of frame files. Folders and patterns are read in natural order (frame_2 before
+        frame_10).
     fps : float, optional
-        Frames per second, in place of what the file says; frame files say nothing, which is 0.
-        Of a glTF file, or a USD file with keyed transforms or skins, how often its motion is
-        sampled.
+        Frames per second, overriding the file; frame files have none, which is 0. For a glTF file,
+        or a USD file with keyed transforms or skins, the sampling rate of its motion.
     object : str, optional
-        Of a file that holds several meshes, the path of one, or the last part of it.
+        Path, or last part of the path, of one mesh of a file with several meshes.
     merge : bool, default False
-        Take all meshes of a file as one, whose parts are told apart by ``surface.parts``.
+        Merge all meshes of a file into one, whose parts are in ``surface.parts``.
     topology : path, optional
-        A mesh file with the faces of a point cache (``.pc2 .mdd``), which has none.
+        A mesh file with the faces of a point cache (``.pc2 .mdd``).
     dataset : str, optional
-        Of a file of named datasets, the one that holds the positions.
+        Name of the dataset with the positions, for files of named datasets.
     attributes : str or sequence of str, default "all"
-        Which attributes and groups to take: "all", "none", or names, as a list or as "uv,color";
-        a kind such as "uv" or "color" names all of it. Polygons and parts are always taken.
+        Attributes and groups to load: "all", "none", or names, as a list or as "uv,color"; a kind
+        such as "uv" or "color" selects all of that kind. Polygons and parts are always loaded.
     skip_bad : bool, default False
-        Leave out meshes of a file that cannot be read, and take the others; a note names them.
+        Leave out meshes of a file that cannot be read; a note lists them.
     allow_outside : bool, default False
-        Read files that a file names outside of its folder: layers, buffers, frames.
+        Allow references to files outside the folder of a file: layers, buffers, frames.
     animation : str or int, optional
-        Of a glTF file with several animations, the name of one, or its number from 0. Default: the
-        first that moves a mesh; a note names the others.
+        Name, or number from 0, of one animation of a glTF file. Default: the first that moves a
+        mesh; a note lists the others.
     memory : float or str, optional
-        Of a ``.reel``, the most that decoding it may take, as in `meshreel.decode`.
+        Memory limit for decoding a ``.reel``, as in `meshreel.decode`.
     progress : Progress, default silent
-        Told the share of frames read.
+        Called with the share of frames read.
     notes : list of str, optional
-        Gains one sentence for each thing that was changed while reading, to be shown to a user:
-        polygons cut into triangles, corners of an STL file welded.
+        Receives a sentence for the user for each thing that reading changes or leaves out, such as
+        welded corners of an STL file.
 
     Returns
     -------
     MeshSequence
-        Vertices in file order. The type of the file is kept; decimal text (OBJ, OFF,
-        ASCII STL) gives float32 unless the model is so far from the origin that this would move
-        a vertex by more than a millionth of the model's size. Its name is that of the mesh in
-        the file if it has one, of the file or, for several files, of their folder.
+        Vertices in file order and in the number type of the file. Decimal text (OBJ, OFF, ASCII
+        STL) gives float32 unless that would move a vertex by more than a millionth of the model's
+        size, as it can far from the origin. The name is that of the mesh in the file, else of the
+        file or, for several files, of their folder.
 
     Raises
     ------
     InvalidInputError
-        If nothing is there, frames differ in vertex count or faces, a position is not finite, the
-        file holds several meshes and none is chosen, or an attribute or animation is asked for that
-        it lacks.
+        If the source does not exist, frames differ in vertex count or faces, a position is not
+        finite, the file has several meshes and none is selected, or a selected attribute or
+        animation does not exist.
     FormatError
-        If a file is of an unknown kind, is not what its ending says, or needs a library that is
-        not installed.
+        If the format of a file is unknown, does not match its extension, or needs a library that
+        is not installed.
     StoreError
-        If a remote file is not there or cannot be reached.
+        If a remote file does not exist or cannot be reached.
     """
     options = ReadOptions(
         fps, object, merge, _path(topology), dataset, None, progress,
@@ -120,56 +119,55 @@ def load(
 
 
 def load_with(source: Source, options: ReadOptions) -> MeshSequence:
-    """The sequence that `load` gives, with options that limit no loaded bytes."""
-    with at_hand(source, options.notes) as files:
+    """Load a sequence as `load` does, with options that do not limit the loaded bytes."""
+    with local_copy(source, options.notes) as files:
         sequence = open_found(find_files(files), options)
     if not isinstance(sequence, MeshSequence):
-        raise TypeError(f"a {type(sequence).__name__} was opened where all was to be loaded")
+        raise TypeError(f"expected a loaded sequence; got a {type(sequence).__name__}")
     return sequence
 
 
 def open_for_inspection(found: SourceFiles, options: ReadOptions) -> FrameSource:
-    """The sequence of files that were found; positions stay in them where they can."""
+    """Open the sequence of resolved files, leaving positions in the files if possible."""
     return open_found(found, replace(options, max_loaded_bytes=0))
 
 
 def open_for_encoding(source: Source, memory: float | None, options: ReadOptions) -> FrameSource:
-    """`open_found`, loading what takes a small part of the memory that encoding may take.
+    """Open a source for encoding; loads it if it is small compared to the memory limit.
 
     Parameters
     ----------
     source : str, Path, or list or tuple of them
         As in `load`.
     memory : float or None
-        Bytes that encoding may take; None is what `meshreel.encode` takes by default.
+        Memory limit for encoding in bytes; None is the default of `meshreel.encode`.
     options : ReadOptions
-        But for how much is loaded.
+        `max_loaded_bytes` is ignored.
     """
     return open_found(find_files(source), loading_for(memory, options))
 
 
 def loading_for(memory: float | None, options: ReadOptions) -> ReadOptions:
-    """The options, loading what takes a small part of the memory that encoding may take."""
+    """Return the options with `max_loaded_bytes` for a memory limit of encoding."""
     most = MAX_LOADED_BYTES if memory is None else int(LOADED_SHARE * memory)
     if memory is not None:
-        # Less memory for encoding is no reason to refuse a `.reel` that is read.
+        # A small memory limit for encoding must not prevent reading a `.reel`.
         options = replace(options, memory=max(memory, bytes_of(DEFAULT_MEMORY, "memory")))
     return replace(options, max_loaded_bytes=most)
 
 
 @staged("reading")
 def open_found(found: SourceFiles, options: ReadOptions) -> FrameSource:
-    """The sequence that `load` gives, but of frames that may stay in their files.
+    """Open a sequence whose frames may stay in their files.
 
-    Frame files, files of scenes and an ``.npz`` that is not compressed are read once now, a frame
-    at a time, for what must be known of all frames; then frames are read whenever they are asked
-    for. They must not change meanwhile. A compressed ``.npz``, a ``.reel`` and a single static
-    mesh are loaded.
+    Frame files, scene files and uncompressed ``.npz`` files are read once now, a frame at a time,
+    to validate them and to find their extent; later, frames are read on demand, and the files must
+    not change. A compressed ``.npz``, a ``.reel`` and a single static mesh are loaded.
 
     Raises
     ------
     InvalidInputError, FormatError
-        As `load`; reading frames later, InvalidInputError if a file has changed.
+        As `load`; also InvalidInputError when frames are read, if a file has changed.
     """
     check_read_options(found.format, options)
     if isinstance(found.format, SequenceFormat):
@@ -182,7 +180,7 @@ def open_found(found: SourceFiles, options: ReadOptions) -> FrameSource:
 def open_mesh_files(
     files: MeshFiles, name: str, options: ReadOptions, *, start_s: float = 0.0
 ) -> FrameSource:
-    """The sequence whose frames are in files of their own, loaded if it is small enough."""
+    """Open the sequence of frame files, loaded if it is small enough."""
     most = options.max_loaded_bytes
     loads = most is None or len(files) == 1 or len(files) * files.frame_bytes <= most
     read: Callable[..., FrameSource] = read_frames if loads else open_frames

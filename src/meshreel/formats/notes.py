@@ -1,4 +1,4 @@
-"""Sentences on what is left out of an input or an output, in the same words for every format."""
+"""Notes for the user on what a reader or writer leaves out, worded alike for every format."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
@@ -6,29 +6,29 @@ from meshreel.model.surface import Attribute, FaceGroups, Surface
 from meshreel.runtime.counting import counted
 
 LEFT_OUT = "left out: "
-"""How a note begins that names something of the input that is in no output."""
+"""Start of notes on input contents that no output will have."""
 
 
 NORMALS_LEFT_OUT = f"{LEFT_OUT}normals, which programs compute"
-"""The note on stored normals."""
+"""Note on stored normals."""
 
 NORMALS_FAR = "normals do not follow from the faces at "
-"""How the note on normals begins that are not near those computed."""
+"""Start of the note on stored normals that differ from the computed ones."""
 
 ASSUMED_FPS = 24
-"""What players of this project show per second where a stream has no frame rate."""
+"""Frame rate that our players assume for streams without one."""
 
-UNCHANGING = "what is no track, for it is not seen to change"
-"""A kind of things that are left out: velocities and the like of one frame."""
+UNCHANGING = "data with a single sample, which cannot be a track"
+"""How notes name velocities and the like that have only one sample."""
 
 
 def note_left_out(notes: list[str], what: str) -> None:
-    """Add to the notes that something is left out, unless they say so already.
+    """Add a note that something is left out, once.
 
     Parameters
     ----------
     what : str
-        The thing, and which, as in "fields that change over time: pressure, velocity".
+        Kind and names, as in "fields that change over time: pressure, velocity".
     """
     note = f"{LEFT_OUT}{what}"
     if note not in notes:
@@ -36,26 +36,26 @@ def note_left_out(notes: list[str], what: str) -> None:
 
 
 def listed(names: Iterable[str], most: int = 8) -> str:
-    """The names in one line, the first of them if there are many: "a, b and 3 more"."""
+    """Join names in one line, shortening long lists: "a, b and 3 more"."""
     found = list(names)
     rest = f" and {len(found) - most} more" if len(found) > most else ""
     return ", ".join(found[:most]) + rest
 
 
 def note_moving(notes: list[str], names: Iterable[str]) -> None:
-    """Add to the notes that fields are left out because they change over time."""
+    """Add a note on fields that are left out because they change over time."""
     if found := list(dict.fromkeys(names)):
         note_left_out(notes, f"fields that change over time: {listed(found)}")
 
 
 def note_frozen(notes: list[str], names: Iterable[str]) -> None:
-    """Add to the notes that attributes stay as they are in the first frame."""
+    """Add a note on attributes whose changes are ignored."""
     if found := list(dict.fromkeys(names)):
         note_left_out(notes, f"changes over time of {listed(found)}, kept as in the first frame")
 
 
 def note_unknown_rate(notes: list[str], n_frames: int, fps: float) -> None:
-    """Add to the notes that an animation has no frame rate; nothing if it has one."""
+    """Add a note if an animation has no frame rate."""
     if n_frames > 1 and not fps:
         notes.append(
             "the frame rate is unknown, and stored as unknown: players assume "
@@ -64,31 +64,31 @@ def note_unknown_rate(notes: list[str], n_frames: int, fps: float) -> None:
 
 
 def note_kinds(notes: list[str], kind: str, names: Iterable[str]) -> None:
-    """Add to the notes that things of a kind are left out: "curves: /a, /b"; nothing for none."""
+    """Add a note that things of a kind are left out, as in "curves: /a, /b"; none if no names."""
     if found := list(dict.fromkeys(names)):
         note_left_out(notes, f"{kind}: {listed(found)}")
 
 
 def note_normals(notes: list[str]) -> None:
-    """Add to the notes that stored normals are left out."""
+    """Add a note that stored normals are left out."""
     note_left_out(notes, NORMALS_LEFT_OUT.removeprefix(LEFT_OUT))
 
 
 def describe_cages(names: Sequence[str]) -> str:
-    """The sentence on subdivision surfaces, of which the cage is read: for a `GatheredNote`."""
+    """Return the sentence on subdivision surfaces read as their cage, for a `GatheredNote`."""
     cages = "whose cage is read" if len(names) == 1 else "whose cages are read"
     return f"{LEFT_OUT}subdivision of {listed(names)}, {cages}"
 
 
 class GatheredNote:
-    """A sentence in the notes that grows with each thing that is named to it.
+    """A note that is replaced by a longer one with each added name.
 
     Parameters
     ----------
     notes : list of str
-        Gains the sentence, which changes later.
-    sentence : function of the names, at least one
-        Gives it; `listed` shortens many.
+        Receives the sentence.
+    sentence : function of a non-empty list of names
+        Returns the sentence; `listed` shortens long lists.
     """
 
     def __init__(self, notes: list[str], sentence: Callable[[Sequence[str]], str]) -> None:
@@ -96,22 +96,22 @@ class GatheredNote:
         self._names: list[str] = []
 
     def add(self, name: str) -> None:
-        """Tell of one more thing; of one that it knows, nothing changes."""
+        """Add a name, unless it is already in the note."""
         if name in self._names:
             return
-        if self._names and (said := self._sentence(self._names)) in self._notes:
-            self._notes.remove(said)
+        if self._names and (previous := self._sentence(self._names)) in self._notes:
+            self._notes.remove(previous)
         self._names.append(name)
         self._notes.append(self._sentence(self._names))
 
 
-class LookNotes:
-    """Sentences that grow as materials are read one after the other.
+class MaterialNotes:
+    """Notes on materials that grow as further materials are read.
 
     Parameters
     ----------
     notes : list of str
-        Gains the sentences, which change later.
+        Receives a sentence for each property that is left out.
     """
 
     def __init__(self, notes: list[str]) -> None:
@@ -119,7 +119,7 @@ class LookNotes:
         self._names: dict[str, dict[str, None]] = {}
 
     def add(self, what: str, name: str) -> None:
-        """Tell that something of a material is left out."""
+        """Add that a property of a material is left out."""
         names = self._names.setdefault(what, {})
         if name in names:
             return
@@ -144,31 +144,31 @@ def note_unwritten(
     polygons: bool = True,
     hard_edges: bool = False,
 ) -> None:
-    """Add a sentence to the notes, if there are any, on what is left out of a file.
+    """Add a note on the parts of a surface that a file cannot store.
 
     Parameters
     ----------
     written : collection of Attribute, FaceGroups or None
-        Those of the surface that the file holds.
+        Attributes and groups that the file stores.
     ending : str
-        Of the file, with the dot.
+        File extension with the dot.
     parts, polygons, hard_edges : bool
-        Whether the file holds the parts, faces of more than three corners, and hard edges.
+        Whether the file stores parts, polygons, and hard edges.
     """
     everything: list[Attribute | FaceGroups] = [*surface.attributes, *surface.groups]
     missing = [_named(one) for one in everything if not any(one is held for held in written)]
     if surface.parts and not parts:
         missing.append(f"the names of {len(surface.parts)} parts")
     if surface.face_sizes is not None and not polygons:
-        missing.append("faces of more than three corners, which are cut into triangles")
+        missing.append("faces with more than three corners, which are triangulated")
     if surface.hard_edges is not None and not hard_edges:
         missing.append(counted(len(surface.hard_edges), "hard edge"))
     if missing and notes is not None:
-        notes.append(f"left out, for {ending} files do not hold it: {', '.join(missing)}")
+        notes.append(f"left out, as {ending} files cannot store it: {', '.join(missing)}")
 
 
-def note_unwritten_look(surface: Surface, ending: str, notes: list[str]) -> None:
-    """Add a sentence to the notes if a surface has materials or images, which a file cannot hold.
+def note_unwritten_materials(surface: Surface, ending: str, notes: list[str]) -> None:
+    """Add a note on materials and images that a file cannot store.
 
     Parameters
     ----------
@@ -177,17 +177,17 @@ def note_unwritten_look(surface: Surface, ending: str, notes: list[str]) -> None
     """
     missing = []
     if surface.materials:
-        missing.append(f"how materials look ({listed(one.name for one in surface.materials)})")
+        missing.append(f"material properties ({listed(one.name for one in surface.materials)})")
     if n_images := len(surface.images):
         missing.append(f"{n_images} texture image{'s' if n_images > 1 else ''}")
     if missing:
-        notes.append(f"left out, for {ending} files do not hold it: {' and '.join(missing)}")
+        notes.append(f"left out, as {ending} files cannot store it: {' and '.join(missing)}")
 
 
 def note_unwritten_tracks(
     names: Iterable[str], ending: str, notes: list[str], which: str = "them"
 ) -> None:
-    """Add a sentence to the notes on tracks that a file does not hold; nothing for none.
+    """Add a note on tracks that a file cannot store; none if there are no names.
 
     Parameters
     ----------
@@ -195,26 +195,26 @@ def note_unwritten_tracks(
     ending : str
         Of the file, with the dot.
     which : str
-        What it does not hold, such as "tracks of corners".
+        What the file cannot store, such as "tracks of corners".
     """
     if found := list(names):
-        notes.append(f"tracks left out: {listed(found)}: {ending} does not hold {which}")
+        notes.append(f"tracks left out: {listed(found)}: {ending} cannot store {which}")
 
 
 def note_track_name(name: str, called: str, ending: str, notes: list[str]) -> None:
-    """Add to the notes, once, that a track has another name in a file; nothing if it has not."""
+    """Add a note, once, if a track has another name in a file."""
     note_name("track", name, called, ending, notes)
 
 
 def note_name(what: str, name: str, called: str, ending: str, notes: list[str]) -> None:
-    """Add to the notes, once, that something has another name in a file; nothing if it has not.
+    """Add a note, once, if something has another name in a file.
 
     Parameters
     ----------
     what : str
-        The kind of thing, such as "track" or "material".
+        Kind of the thing, such as "track" or "material".
     name, called : str
-        Its name, and that in the file.
+        Its name, and its name in the file.
     ending : str
         Of the file, with the dot.
     """
@@ -224,16 +224,16 @@ def note_name(what: str, name: str, called: str, ending: str, notes: list[str]) 
 
 
 def note_track_type(name: str, given: object, written: object, notes: list[str]) -> None:
-    """Add to the notes, once, that numbers of a track change their type; nothing if they do not."""
+    """Add a note, once, if the values of a track are converted to another type."""
     note = f"track {name!r} is written as {written}, not {given}"
     if given != written and note not in notes:
         notes.append(note)
 
 
 def note_unwritten_units(units: Mapping[str, str], ending: str, notes: list[str]) -> None:
-    """Add a sentence to the notes on units of tracks, by their names, that a file cannot hold."""
+    """Add a note on units of tracks, by track name, that a file cannot store."""
     found = [f"{name} ({unit})" for name, unit in units.items() if unit]
-    note = f"units left out: {listed(found)}: {ending} does not hold them"
+    note = f"units left out: {listed(found)}: {ending} cannot store them"
     if found and note not in notes:
         notes.append(note)
 

@@ -1,4 +1,4 @@
-"""Options of reading and writing files."""
+"""Options for reading and writing files."""
 
 import math
 from dataclasses import dataclass, field
@@ -15,39 +15,39 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """How a file is read.
+    """Options for reading a file.
 
     Parameters
     ----------
     fps : float, optional
-        Frames per second in place of what the file says; of files that describe motion between
-        frames (glTF, USD with keyed transforms or skins), how often it is sampled.
+        Frames per second, overriding the file; sampling rate for files that describe motion between
+        frames (glTF, USD with keyed transforms or skins).
     object : str, optional
-        Path, or last part of the path, of the one mesh to take of a file that holds several.
+        Path, or last part of the path, of one mesh of a file with several meshes.
     merge : bool, default False
-        Whether all meshes of a file are taken, as one mesh of several parts.
+        Whether all meshes of a file are merged into one mesh of several parts.
     topology : Path, optional
-        A mesh file with the faces of a point cache, which has none.
+        A mesh file with the faces of a point cache.
     dataset : str, optional
-        Which dataset holds the positions, in a file of named datasets.
+        Name of the dataset with the positions, for files of named datasets.
     max_loaded_bytes : int, optional
-        Positions that take no more are loaded, others stay in the file if they can. Default: all
+        Positions up to this size are loaded, larger ones stay in the file if possible. Default: all
         are loaded.
     progress : Progress, default silent
-        Told the share of frames read.
+        Called with the share of frames read.
     notes : list of str
-        Gains one sentence for each thing that was changed while reading, to be shown to a user.
+        Receives a sentence for the user for each thing that reading changes or leaves out.
     attributes : str or sequence of str, default "all"
-        The attributes and groups to take: "all", "none", or names.
+        Attributes and groups to load: "all", "none", or names.
     skip_bad : bool, default False
-        Whether meshes of a file that cannot be read are left out, and the others taken.
+        Whether meshes of a file that cannot be read are left out.
     allow_outside : bool, default False
-        Whether files are read that a file names outside of its folder.
+        Whether a file may refer to files outside its folder.
     memory : float or str, optional
-        Of a ``.reel``: the most that decoding may take at once, as in `meshreel.decode`.
+        Memory limit for decoding a ``.reel``, as in `meshreel.decode`.
     animation : str or int, optional
-        Name of the animation to take of a file that holds several, or its number from 0. Default:
-        the first that moves a mesh.
+        Name, or number from 0, of one animation of a file with several. Default: the first that
+        moves a mesh.
     """
 
     fps: float | None = None
@@ -67,15 +67,15 @@ class ReadOptions:
 
 @dataclass(frozen=True)
 class Origin:
-    """The error and the size of the animation that frames were decoded from.
+    """Error bound and size of the animation that frames were decoded from.
 
     Parameters
     ----------
     error : float
-        No vertex of the frames is farther from where it was, in model units; infinite if that is
-        not known.
+        Largest distance of a vertex from its original position, in model units; infinite if
+        unknown.
     diagonal : float
-        Of the bounding box of all its frames, in model units.
+        Diagonal of the bounding box of all frames, in model units.
     """
 
     error: float
@@ -83,7 +83,7 @@ class Origin:
 
 
 def origin_of(sequence: "FrameSource | ReelFile") -> Origin | None:
-    """The origin that a stream states for its frames; None for frames that are the original."""
+    """Return the origin of frames decoded from a stream; None for original frames."""
     if not hasattr(sequence, "promised_error"):
         return None
     reel = cast("ReelFile", sequence)
@@ -94,31 +94,31 @@ def origin_of(sequence: "FrameSource | ReelFile") -> Origin | None:
 
 @dataclass(frozen=True)
 class WriteOptions:
-    """How a file is written; which choices a format has is said with each.
+    """Options for writing a file; each applies to the listed formats only.
 
     Parameters
     ----------
     targets : int, optional
-        Of glTF: how many morph targets the animation is made of.
+        glTF: number of morph targets of the animation.
     max_error : float or str, optional
-        Of glTF, ``.vat`` and ``.reel``: how far no vertex may be off: percent of the diagonal of
-        the bounding box of all frames, or text that `meshreel.codec.error_bounds.bound_of` reads,
-        such as "0.5u" for model units.
-        From the original, if the origin says how far off the frames are already.
+        glTF, ``.vat`` and ``.reel``: largest vertex error, in percent of the diagonal of the
+        bounding box of all frames, or as text that `meshreel.codec.error_bounds.bound_of` parses,
+        such as "0.5u" for model units. It is measured against the original, if the origin gives
+        the error of the frames.
     normals : bool, optional
-        Of glTF: whether there are normals, moved by all morph targets. Default: smooth surfaces
-        have them, moved by as many targets as bring them near. Of ``.vat``: whether there is a
-        texture of them (default); of the layout "pca" as of glTF.
+        glTF: whether normals are written, animated by all morph targets. Default: smooth surfaces
+        have normals, animated by as many targets as their error requires. ``.vat``: whether a
+        texture of normals is written (default); for the layout "pca" as for glTF.
     lossless : bool, default False
-        Of ``.reel``: whether positions and tracks come back bit for bit; excludes `max_error`.
+        ``.reel``: whether positions and tracks are stored bit for bit; excludes `max_error`.
     layout : str, optional
-        Of ``.vat``: whose shaders play the textures, one of
+        ``.vat``: layout of the textures for a shader, one of
         `meshreel.formats.vat.layouts.LAYOUT_NAMES`; default "openvat".
     textures : str, optional
-        Of ``.vat``: "exr" (default) for half floats, full ones if the error needs them; "png" for 8
-        bits, 16 if the error needs them. Not of the layout "pca".
+        ``.vat``: "exr" (default) for half floats, or full floats if the error requires them; "png"
+        for 8 bits, or 16 if the error requires them. Not for the layout "pca".
     origin : Origin, optional
-        Of frames that were decoded; default: they are the original.
+        Origin of decoded frames; None for original frames.
     """
 
     targets: int | None = None

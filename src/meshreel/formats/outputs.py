@@ -1,4 +1,4 @@
-"""The files that an output means, and whether they may be written."""
+"""Resolution of an output to its files, and checks before writing."""
 
 import os
 import re
@@ -27,34 +27,34 @@ def check_output(
     inputs: Iterable[Path] = (),
     options: WriteOptions = DEFAULT_OPTIONS,
 ) -> list[Path]:
-    """The files that saving to `output` will write, once they are known to be allowed.
+    """Check an output; return the files that saving to it will write.
 
-    Call it before long work, so that the work is not lost.
+    Call it before long computations, so that their results are not lost.
 
     Parameters
     ----------
     output : str or Path
         As in `meshreel.formats.save.save`.
     n_frames : int, optional
-        Number of frames; without it only the first file of a pattern is checked.
+        Number of frames; by default only the first file of a pattern is checked.
     overwrite : bool
-        Whether files that are there already may be replaced.
+        Whether existing files may be replaced.
     start_number : int, optional
         Number of the first file of a pattern; default 0.
     inputs : iterable of Path
-        The files that the frames are made of, which are never replaced.
+        Input files, which are never replaced.
     options : WriteOptions, optional
-        Choices that a format has.
+        Options of the format.
 
     Raises
     ------
     FormatError
-        If the output is a folder, its ending is unknown, files of that kind are not written, or
-        the library that writes them is not installed.
+        If the output is a folder, its extension is unknown or read-only, or a required library is
+        not installed.
     InvalidInputError
-        If the folder of the output takes no files or, but for a pattern, does not exist, a file is
-        an input, or is there already and `overwrite` is false, several frames are to go into one
-        file that holds one, or an option or `start_number` has no effect.
+        If the folder of the output is not writable or (except for patterns) does not exist, a file
+        is an input, or exists and `overwrite` is false, several frames are written to a file for
+        one, or an option or `start_number` has no effect.
     """
     path = Path(output)
     if (found := FOLDER_FORMATS.get(path.suffix.lower())) is not None:
@@ -63,8 +63,8 @@ def check_output(
         )
     if path.is_dir() or str(output).endswith(("/", os.sep)):
         raise FormatError(
-            f"{str(output)!r} is a folder, which says no format; give a pattern such as "
-            f"{path / 'frame_%04d.obj'}, or a name that ends in {', '.join(FOLDER_FORMATS)}"
+            f"{str(output)!r} is a folder, which does not select a format; use a pattern such as "
+            f"{path / 'frame_%04d.obj'}, or a name with the extension {', '.join(FOLDER_FORMATS)}"
         )
     paths = _files_of(path, n_frames, start_number)
     check_write_options(chosen := format_of(path), options)
@@ -79,18 +79,18 @@ def check_output(
 
 
 def is_pattern(output: AnyPath) -> bool:
-    """Whether an output has a number field, for a file a frame."""
+    """Whether an output has a number field, for one file per frame."""
     return NUMBER_FIELD.search(Path(output).name) is not None
 
 
 def numbering(output: AnyPath, wanted: range, start_number: int | None) -> int | None:
-    """The number of the first file: that which is asked for, else of a pattern that of its frame.
+    """Return the number of the first file: `start_number`, or for a pattern that of its frame.
 
     Parameters
     ----------
     output : str or Path
     wanted : range
-        Numbers of the frames.
+        Frame numbers.
     """
     return wanted.start if start_number is None and is_pattern(output) else start_number
 
@@ -104,14 +104,14 @@ def _check_folder(
     overwrite: bool,
     inputs: list[Path],
 ) -> list[Path]:
-    """The files of a folder, as `check_output` gives them.
+    """Check an output folder; return its files as `check_output` does.
 
-    Files of another run among them are refused: programs take what they find in a folder.
+    Folders with other files of these kinds are rejected, because programs use all files there.
     """
     _check_start_number(path, start_number)
     if NUMBER_FIELD.search(path.name):
         raise InvalidInputError(
-            f"{path} has a number field, but a {found.ending} folder holds all frames; "
+            f"{path} has a number field, but a {found.ending} folder contains all frames; "
             f"give a name such as {path.with_name(f'frames{path.suffix}')}"
         )
     check_write_options(found, options)
@@ -122,8 +122,8 @@ def _check_folder(
     others = set(path.iterdir()) - set(paths) if path.is_dir() else set()
     if alike := sorted(one.name for one in others if one.suffix.lower() in endings):
         raise InvalidInputError(
-            f"{path} holds files that these are not to be mixed with: {listed(alike)}; "
-            "remove them, or name another folder"
+            f"{path} contains files that must not be mixed with the output: {listed(alike)}; "
+            "remove them, or choose another folder"
         )
     return paths
 
@@ -132,14 +132,14 @@ def _files_of(path: Path, n_frames: int | None, start_number: int | None) -> lis
     fields = list(NUMBER_FIELD.finditer(path.name))
     if not is_written(found := format_of(path)):
         raise FormatError(
-            f"{path}: {found.ending} files are read, but not written; "
-            f"written are {', '.join(written_endings())}"
+            f"{path}: {found.ending} files can be read, but not written; "
+            f"writable are {', '.join(written_endings())}"
         )
     _check_start_number(path, start_number)
     if isinstance(found, SequenceFormat):
         if fields:
             raise InvalidInputError(
-                f"{path} has a number field, but a {found.ending} file holds all frames; "
+                f"{path} has a number field, but a {found.ending} file contains all frames; "
                 f"give a name such as {path.with_name(f'frames{path.suffix}')}"
             )
         if found.extra is not None:
@@ -154,7 +154,7 @@ def _files_of(path: Path, n_frames: int | None, start_number: int | None) -> lis
     if n_frames is not None and n_frames > 1:
         pattern = path.with_name(f"{path.stem}_%04d{path.suffix}")
         raise InvalidInputError(
-            f"{path} holds one frame and there are {n_frames}; give a pattern such as {pattern}, "
+            f"{path} stores one frame, but there are {n_frames}; use a pattern such as {pattern}, "
             f"or {path.with_suffix('.npz')} for all frames in one file"
         )
     return [path]
@@ -169,8 +169,8 @@ def _check_start_number(path: Path, start_number: int | None) -> None:
         )
     if not is_pattern(path):
         raise InvalidInputError(
-            "--start-number (start_number=) says where the numbers of files begin, and "
-            f"{path} has none; give a pattern such as {path.with_name('frame_%04d.obj')}"
+            f"--start-number (start_number=) numbers the files of a pattern, but {path} is none; "
+            f"use a pattern such as {path.with_name('frame_%04d.obj')}"
         )
 
 

@@ -1,7 +1,7 @@
-"""Which file endings there are, and who reads and writes them.
+"""Table of all formats by file extension.
 
-A new format is a row here and a module that the row names, which is imported when a file of that
-ending is first read or written.
+A new format is a row here and a module that the row names, which is imported when a file with that
+extension is first read or written.
 """
 
 from pathlib import Path
@@ -21,10 +21,10 @@ from meshreel.formats.kinds import (
 from meshreel.model.surface import Domain
 
 COMPANION = ".obj"
-"""Ending of the mesh that is written beside a point cache, and looked for there."""
+"""Extension of the mesh file that accompanies a point cache."""
 
 NOT_OF_CORNERS = frozenset({Domain.VERTEX, Domain.FACE})
-"""Domains of the tracks that VTK has a place for."""
+"""Domains of the tracks that VTK supports."""
 
 FRAME_FORMATS = {
     found.ending: found
@@ -236,48 +236,48 @@ FOLDER_FORMATS = {
         ),
     )
 }
-"""Formats of outputs that are folders."""
+"""Formats whose outputs are folders."""
 
 
 def format_of(path: Path) -> FrameFormat | SequenceFormat:
-    """The format that the ending of a path stands for, in whatever case it is written.
+    """Return the format of a path by its extension, ignoring case.
 
     Raises
     ------
     FormatError
-        If it is none of those known.
+        If the extension is unknown.
     """
     ending = path.suffix.lower()
     if ending not in FORMATS:
         raise FormatError(
-            f"{path}: the ending {ending or '(none)'} is not known; known are {', '.join(FORMATS)}"
+            f"{path}: unknown file extension {ending or '(none)'}; known are {', '.join(FORMATS)}"
         )
     return FORMATS[ending]
 
 
 def output_format_of(path: Path) -> FrameFormat | SequenceFormat | FolderFormat:
-    """The format that the ending of an output stands for, which may be a folder.
+    """Return the format of an output by its extension, which may be a folder format.
 
     Raises
     ------
     FormatError
-        If it is none of those known.
+        If the extension is unknown.
     """
     return FOLDER_FORMATS.get(path.suffix.lower()) or format_of(path)
 
 
 def written_endings() -> list[str]:
-    """The endings of all outputs that can be written."""
+    """Return the extensions of all formats that can be written."""
     return [*(one.ending for one in FORMATS.values() if is_written(one)), *FOLDER_FORMATS]
 
 
 def is_written(found: FrameFormat | SequenceFormat) -> bool:
-    """Whether files of a format are written, and not only read."""
+    """Whether a format can be written."""
     return (found.write if isinstance(found, SequenceFormat) else found.encoder) is not None
 
 
 def described_formats() -> list[dict[str, Any]]:
-    """Every format, in plain types: what it is, what can be done with it, and what that needs."""
+    """Return all formats in plain types: capabilities and required extra, for JSON."""
     return [
         {
             "ending": one.ending,

@@ -1,8 +1,8 @@
-"""Remote inputs and outputs as files of this machine, while they are worked with.
+"""Local copies of remote inputs and outputs.
 
-Readers and writers of formats take paths, and many of their libraries nothing else: inputs are
-downloaded into a temporary folder, and outputs uploaded from one when they are complete. Only a
-``.reel`` is read where it is, block by block: see `meshreel.runtime.stores.ranged_file`.
+Readers, writers and their libraries need paths: inputs are downloaded to a temporary folder, and
+outputs are uploaded from one when they are complete. Only ``.reel`` files are read remotely, block
+by block: see `meshreel.runtime.stores.ranged_file`.
 """
 
 import os
@@ -27,27 +27,27 @@ from meshreel.runtime.stores.listing import files_below, files_in, matches
 from meshreel.runtime.stores.transfer import beside, check_outputs, download, exists, upload_all
 
 _DOWNLOADED: dict[Path, str] = {}
-"""Temporary folders with the address of a file that was downloaded there, while they last."""
+"""Address of the downloaded file in each temporary folder that exists."""
 
 
 @contextmanager
-def at_hand(source: Source, notes: list[str] | None = None) -> Iterator[Source]:
-    """The source; of a remote one a copy on this machine, which is removed afterwards.
+def local_copy(source: Source, notes: list[str] | None = None) -> Iterator[Source]:
+    """Within it, a local copy of a remote source, which is removed afterwards; or a local source.
 
-    A folder means its frames, a pattern the files that match it. A mesh that belongs to a point
-    cache is taken along, and files that others name as they are asked for.
+    A folder means its frames, a pattern its matches. The mesh of a point cache is downloaded too;
+    referenced files are downloaded when they are needed.
 
     Parameters
     ----------
     source : str, Path, or list or tuple of them
-        As `meshreel.load` takes it.
+        As in `meshreel.load`.
     notes : list of str, optional
-        Gains a sentence on what was downloaded.
+        Receives a sentence on the download.
 
     Raises
     ------
     StoreError
-        If a file is not there, or cannot be reached.
+        If a file does not exist or cannot be reached.
     """
     several = [source] if isinstance(source, str | os.PathLike) else list(source)
     if not any(map(is_remote, several)):
@@ -55,7 +55,7 @@ def at_hand(source: Source, notes: list[str] | None = None) -> Iterator[Source]:
         return
     if not all(map(is_remote, several)):
         raise InvalidInputError(
-            "some frames are remote and some are files of this machine; give either"
+            "some frames are remote and some are local files; use only one kind"
         )
     addresses = [os.fspath(one) for one in several]
     place = Path(tempfile.mkdtemp(prefix="meshreel-")).resolve()
@@ -65,7 +65,7 @@ def at_hand(source: Source, notes: list[str] | None = None) -> Iterator[Source]:
     except MeshReelError as error:
         if str(folder) not in str(error):
             raise
-        # Users know the file by its address.
+        # The user knows the file by its address.
         text = str(error).replace(f"{folder}{os.sep}", f"{_folder(addresses[0])}/")
         raise type(error)(text) from None
     finally:
@@ -75,24 +75,24 @@ def at_hand(source: Source, notes: list[str] | None = None) -> Iterator[Source]:
 
 
 @contextmanager
-def file_at_hand(given: AnyPath, notes: list[str] | None = None) -> Iterator[Path]:
-    """One file, as `at_hand` gives it."""
-    with at_hand(given, notes) as source:
+def local_file(given: AnyPath, notes: list[str] | None = None) -> Iterator[Path]:
+    """Within it, the local copy of a single file; see `local_copy`."""
+    with local_copy(given, notes) as source:
         yield Path(cast("AnyPath", source))
 
 
-def fetch_beside(path: Path) -> bool:
-    """Download a file that another names, if that was downloaded; whether it is there now.
+def download_sibling(path: Path) -> bool:
+    """Download a file next to a downloaded one that refers to it; return whether it now exists.
 
     Parameters
     ----------
     path : Path
-        Where it should be.
+        Expected local path.
 
     Raises
     ------
     StoreError
-        If the store cannot be asked.
+        If the store cannot be reached.
     """
     for place, address in _DOWNLOADED.items():
         if path.is_relative_to(place):
@@ -107,13 +107,13 @@ def fetch_beside(path: Path) -> bool:
 
 @dataclass(frozen=True)
 class Output:
-    """Where an output is written, and what it is called.
+    """The requested output, and the local path to write.
 
     Attributes
     ----------
     given : str or path
     local : str or path
-        The same; of a remote one a path in a temporary folder.
+        The same for a local output; a path in a temporary folder for a remote one.
     """
 
     given: AnyPath
@@ -121,11 +121,11 @@ class Output:
 
     @property
     def is_remote(self) -> bool:
-        """Whether what is written is uploaded afterwards."""
+        """Whether the written files are uploaded afterwards."""
         return is_remote(self.given)
 
     def name(self, path: AnyPath) -> str:
-        """What a file is called to users that was written to a local path."""
+        """Return the path or address that the user knows for a written local file."""
         if not self.is_remote:
             return str(path)
         within = Path(path).relative_to(Path(self.local).parent).as_posix()
@@ -134,15 +134,15 @@ class Output:
 
 @contextmanager
 def uploaded(output: AnyPath, *, overwrite: bool) -> Iterator[Output]:
-    """Where to write an output; a remote one is uploaded when the block succeeds.
+    """Within it, the local path to write an output; uploads a remote one if the block succeeds.
 
-    Its files appear whole. If they cannot be uploaded they are kept, and the error says where.
+    Uploads are atomic per file. If an upload fails, the files are kept and the error names them.
 
     Parameters
     ----------
     output : str or path
     overwrite : bool
-        Whether files that are there may be replaced.
+        Whether existing files may be replaced.
 
     Raises
     ------
@@ -167,39 +167,39 @@ def uploaded(output: AnyPath, *, overwrite: bool) -> Iterator[Output]:
             raise
         except StoreError as error:
             kept, place = place, Path(tempfile.mkdtemp(prefix="meshreel-"))
-            raise StoreError(f"{error}; what was to be there is kept in {kept}") from None
+            raise StoreError(f"{error}; the output is kept in {kept}") from None
     finally:
         shutil.rmtree(place, ignore_errors=True)
 
 
 def _check_mixture(address: str, made: set[str]) -> None:
-    """Refuse a remote folder that holds other files: programs take what they find there."""
+    """Reject a remote folder with other files, because programs use all files there."""
     there = {f"{address.rstrip('/')}/{one.name}" for one in files_below(address)}
     if others := sorted(there - made):
         raise InvalidInputError(
-            f"{address} holds files that these are not to be mixed with: {listed(others)}; remove "
-            "them, or name another folder"
+            f"{address} contains files that must not be mixed with the output: {listed(others)}; "
+            "remove them, or choose another folder"
         )
 
 
 def _folder(address: str) -> str:
-    """The address of the folder that the frames of an input are in."""
+    """Address of the folder with the frames of an input."""
     name = name_of(address)
     is_file = Path(name).suffix.lower() in FORMATS or _has_magic(name)
     return folder_of(address) if is_file else plain(address).rstrip("/")
 
 
 def _folder_name(address: str) -> str:
-    """What that folder is called here: a sequence of frames has its name."""
+    """Local name for that folder, which becomes the name of a sequence of frames."""
     return re.sub(r"[^\w. -]", "_", name_of(_folder(address))).strip(". ") or "frames"
 
 
 def _downloaded(addresses: list[str], folder: Path, notes: list[str] | None) -> Source:
-    """Copies of remote files in a folder, which is made, as a source."""
-    files = [file for address in addresses for file in _meant(address)]
+    """Download files into a new folder; return the copies as a source."""
+    files = [file for address in addresses for file in _resolve(address)]
     names = [name_of(file) for file in files]
     if len(set(names)) < len(names):
-        raise InvalidInputError("two remote frames have one name; give them names of their own")
+        raise InvalidInputError("two remote frames have the same file name; rename one of them")
     folder.mkdir()
     for file, name in zip(files, names, strict=True):
         download(file, folder / name)
@@ -215,8 +215,8 @@ def _downloaded(addresses: list[str], folder: Path, notes: list[str] | None) -> 
     return [folder / name for name in names]
 
 
-def _meant(address: str) -> list[str]:
-    """Addresses of the files that one means: itself, frames of a folder, matches of a pattern."""
+def _resolve(address: str) -> list[str]:
+    """Addresses of the files that an address means: itself, frames of a folder, or matches."""
     if Path(name_of(address)).suffix.lower() in FORMATS and not _has_magic(name_of(address)):
         return [address]
     if _has_magic(address):
@@ -227,8 +227,8 @@ def _meant(address: str) -> list[str]:
     found = [one for one in files_in(address) if Path(name_of(one)).suffix.lower() in FRAME_FORMATS]
     if not found:
         raise StoreError(
-            f"{address} is no folder of frames ({', '.join(FRAME_FORMATS)}), and its ending is "
-            "that of no format; name a file"
+            f"{address} is neither a folder of frames ({', '.join(FRAME_FORMATS)}) nor a file with "
+            "a known extension"
         )
     return _natural(found)
 
@@ -243,10 +243,10 @@ def _has_magic(text: str) -> bool:
 
 
 def _fetch_companion(path: Path) -> None:
-    """The mesh beside a point cache, if there is one."""
+    """Download the mesh next to a point cache, if there is one."""
     found = FORMATS[path.suffix.lower()]
     if isinstance(found, SequenceFormat) and found.companion:
-        fetch_beside(path.with_suffix(found.companion))
+        download_sibling(path.with_suffix(found.companion))
 
 
 def _files(place: Path) -> list[Path]:

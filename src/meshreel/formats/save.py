@@ -1,4 +1,4 @@
-"""A `MeshSequence`, or frames as they come, to files of other programs."""
+"""Saving of sequences and of streamed frames in any format."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
@@ -11,7 +11,7 @@ import numpy.typing as npt
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.kinds import NO_TRACKS, FolderFormat, FrameFormat, SequenceFormat
-from meshreel.formats.notes import note_unwritten_look, note_unwritten_tracks
+from meshreel.formats.notes import note_unwritten_materials, note_unwritten_tracks
 from meshreel.formats.options import WriteOptions, origin_of
 from meshreel.formats.outputs import DEFAULT_OPTIONS, check_output, is_pattern, numbering
 from meshreel.formats.registry import FRAME_FORMATS, output_format_of
@@ -41,41 +41,39 @@ def save(
     progress: Progress = silent,
     notes: list[str] | None = None,
 ) -> list[Path] | list[str]:
-    """The files written, in the order of the frames; of a remote output their addresses.
+    """Save a sequence; return the written files in frame order, or addresses of a remote output.
 
-    All files appear together when the last one is complete; on an error none does.
+    All files appear together when the last one is complete; on an error none appears.
 
     Parameters
     ----------
     sequence : MeshSequence, FrameSource or ReelFile
-        What to write; read a frame at a time. Of what `meshreel.open` gives, the error that glTF
-        states is that against the original, as far as the stream promises one.
+        Read a frame at a time. For a `ReelFile` of `meshreel.open`, the error that glTF declares is
+        against the original, if the stream guarantees an error bound.
     output : str or Path
         ``name.npz``, ``.reel``, ``.abc``, ``.usd``, ``.glb`` and others for all frames in one
-        file (`meshreel formats` lists them), or an address that ends so, such as
-        ``s3://bucket/walk.glb`` (extra ``[remote]``); a pattern with a number field such as
-        ``dir/frame_%04d.obj`` for a file a frame, whose folder is made if it is missing; or
-        ``name.obj`` for a sequence of one frame; or ``name.vat`` for a folder of vertex animation
-        textures. Images of ``name.usdc`` go into a folder
-        ``name_textures``.
+        file (`meshreel formats` lists them), or such an address, like ``s3://bucket/walk.glb``
+        (extra ``[remote]``); a pattern with a number field such as ``dir/frame_%04d.obj`` for one
+        file per frame, whose folder is created if it is missing; ``name.obj`` for a sequence of
+        one frame; or ``name.vat`` for a folder of vertex animation textures. Images of
+        ``name.usdc`` are written to a folder ``name_textures``.
     overwrite : bool, default False
-        Whether files that are there already may be replaced. Those that the sequence is read from
-        never are.
+        Whether existing files may be replaced. Files that the sequence is read from never are.
     start_number : int, optional
-        Of a pattern, the number of the first file; default 0.
+        Number of the first file of a pattern; default 0.
     options : WriteOptions, optional
-        Choices that a format has.
+        Options of the format.
     progress : Progress, default silent
-        Told the share of frames written.
+        Called with the share of frames written.
     notes : list of str, optional
-        Gains one sentence for each thing that the format cannot hold as it is, and what was
-        achieved where the format approximates.
+        Receives a sentence for each thing that the format cannot store exactly, and the error of
+        lossy formats.
 
     Notes
     -----
-    ``.npz``, ``.ply``, ``.obj`` and ``.off`` hold every float32 and float64 exactly (but
-    `meshreel.formats.load.load` reads the text of the last two as float32 where that suffices).
-    ``.stl`` is float32, and forgets vertices that no face uses or that always coincide.
+    ``.npz``, ``.ply``, ``.obj`` and ``.off`` store float32 and float64 exactly (but
+    `meshreel.formats.load.load` reads the text of the last two as float32 if that suffices).
+    ``.stl`` stores float32, and loses vertices that are unused or always coincide.
 
     Raises
     ------
@@ -111,16 +109,16 @@ def save_part(
     progress: Progress = silent,
     notes: list[str] | None = None,
 ) -> list[Path]:
-    """The files written, as `save` does it, of only some frames.
+    """Save a range of frames; return the written files. See `save`.
 
     Parameters
     ----------
     wanted : range
-        Numbers of the frames, one after the other; the start time follows them.
+        Consecutive frame numbers; the start time is adjusted.
     start_number : int, optional
-        Of a pattern, the number of the first file; default that of the frame.
+        Number of the first file of a pattern; default the number of its frame.
     inputs : iterable of Path
-        Files that the sequence was made of, as far as it does not know them; never replaced.
+        Further input files, which are never replaced.
     sequence, output, overwrite, options, progress, notes
         As in `save`.
 
@@ -168,32 +166,32 @@ def save_frames(
     progress: Progress = silent,
     notes: list[str] | None = None,
 ) -> list[Path]:
-    """The files written, in the order of the frames, which are written as they come.
+    """Save streamed frames; return the written files in frame order.
 
-    Memory holds one block and one frame; only ``.reel`` and glTF need all frames together. All
-    files appear together when the last one is complete; on an error none does.
+    Needs memory for one block and one frame; only ``.reel`` and glTF need all frames. All files
+    appear together when the last one is complete; on an error none appears.
 
     Parameters
     ----------
     blocks : iterable of float32 or float64 arrays of shape (T, V, 3)
-        The positions in model units, in order, all of one type. Blocks may differ in T.
+        Positions in model units, in order, all of one type. Blocks may differ in T.
     faces : integer array of shape (M, 3)
         Vertex indices of each triangle, in 0..V-1.
     output, overwrite, start_number, options, progress, notes
         As in `save`.
     inputs : iterable of Path
-        Files that the frames are made of, which are never replaced.
+        Input files, which are never replaced.
     n_frames : int
-        Of all blocks together.
+        Total of all blocks.
     fps, name, start_s, surface
         As in `MeshSequence`.
     tracks : mapping of str to TrackSource, optional
-        Of as many frames; those that the format does not hold are left out, with a note.
+        Tracks with `n_frames` frames; those that the format cannot store are left out with a note.
 
     Raises
     ------
     FormatError, InvalidInputError
-        As `meshreel.formats.outputs.check_output`, before the first block is asked for; as
+        As `meshreel.formats.outputs.check_output`, before the first block is read; also as
         `FrameStream`.
     """
     if n_frames < 1:
@@ -222,7 +220,7 @@ def save_frames(
     if isinstance(found, FrameFormat) or (
         isinstance(found, SequenceFormat) and not found.holds_materials
     ):
-        note_unwritten_look(stream.surface, found.ending, stream.notes)
+        note_unwritten_materials(stream.surface, found.ending, stream.notes)
     images = _image_paths(found, paths[0], stream)
     with replace_all_when_done(
         [*images, *paths],
@@ -254,7 +252,7 @@ def _held_tracks(
     tracks: Mapping[str, TrackSource],
     notes: list[str] | None,
 ) -> dict[str, TrackSource]:
-    """The tracks that files of a format hold; the notes name the others."""
+    """Return the tracks that a format can store; the notes list the others."""
     domains = NO_TRACKS if isinstance(found, FolderFormat) else found.holds_tracks
     told = notes if notes is not None else []
     for missing in [one for one in Domain if one not in domains] if domains else []:
@@ -268,7 +266,7 @@ def _held_tracks(
 def _image_paths(
     found: FrameFormat | SequenceFormat | FolderFormat, path: Path, stream: FrameStream
 ) -> list[Path]:
-    """Where the images go if they go into files of their own, which the stream is told."""
+    """Return the paths of images stored as separate files, and set the stream's image folder."""
     images = stream.surface.images
     if not (images and isinstance(found, SequenceFormat) and found.has_image_folder):
         return []
@@ -280,7 +278,7 @@ def _image_paths(
 def _write_sequence(
     found: SequenceFormat, paths: list[Path], stream: FrameStream, options: WriteOptions
 ) -> None:
-    """Write all frames into the first path, and the first one into that of the companion."""
+    """Write all frames to the first path, and the first frame to the companion file, if any."""
     if found.write is None:  # the output was checked
         raise FormatError(f"{found.ending} files are read, but not written")
     if found.companion:
@@ -290,7 +288,7 @@ def _write_sequence(
 
 
 def frame_encoder(found: FrameFormat, stream: FrameStream) -> Callable[[int, Vertices], bytes]:
-    """A function from the number and the positions of a frame to the bytes of its file."""
+    """Return a function from the number and positions of a frame to the bytes of its file."""
     if found.encoder is None:  # the output was checked
         raise FormatError(f"{found.ending} files are read, but not written")
     if not found.holds_tracks:

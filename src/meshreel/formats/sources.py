@@ -1,4 +1,4 @@
-"""Which files a source means: a file, a folder, a pattern or a list."""
+"""Resolution of a source, which is a file, a folder, a pattern or a list, to its files."""
 
 import glob
 import os
@@ -20,16 +20,16 @@ Source = AnyPath | Sequence[AnyPath]
 
 @dataclass(frozen=True)
 class SourceFiles:
-    """The files of a source, all of one format, in the order of the frames.
+    """The files of a source, all of one format, in frame order.
 
     Parameters
     ----------
     paths : tuple of Path
-        At least one; exactly one for a format that holds whole sequences.
+        At least one; exactly one for a format that stores whole sequences.
     format : FrameFormat or SequenceFormat
-        The format of every file.
+        Format of all files.
     name : str
-        A name for the sequence: of the file if it is one, of its folder otherwise.
+        Name for the sequence: the stem of a single file, otherwise the name of the folder.
     """
 
     paths: tuple[Path, ...]
@@ -38,24 +38,24 @@ class SourceFiles:
 
 
 def find_files(source: Source) -> SourceFiles:
-    """The files that `source` means.
+    """Return the files of a source.
 
     Parameters
     ----------
     source : str, Path, or list or tuple of them
-        A file; a folder, which means all its frames; a pattern such as ``dir/*.obj``; or the
-        frames one by one. Folders and patterns are put into natural order, and what is no mesh
-        in them is passed over; a list keeps its order. A list of one is taken as what it holds.
+        A file; a folder, which means all its frames; a pattern such as ``dir/*.obj``; or a list of
+        frame files. Folders and patterns are sorted in natural order, ignoring files that are not
+        meshes; a list keeps its order. A list with one item means that item.
 
     Raises
     ------
     InvalidInputError
-        If there is no such file or folder, it is a pipe or a device, the pattern matches nothing,
+        If the file or folder does not exist or is a pipe or a device, the pattern matches nothing,
         or the list is empty.
     FormatError
-        If the files are of no known format or of several.
+        If the format is unknown, or the files have several formats.
     StoreError
-        If it is a remote address.
+        If the source is a remote address.
     """
     for one in [source] if isinstance(source, str | os.PathLike) else source:
         refuse_address(one, "what is opened here")
@@ -74,7 +74,7 @@ def find_files(source: Source) -> SourceFiles:
 
 
 def files_of_source(source: Source, topology: AnyPath | None = None) -> list[Path]:
-    """The files that a source means, and those beside that belong to it.
+    """Return the files of a source, and the mesh files that belong to point caches.
 
     Parameters
     ----------
@@ -98,11 +98,11 @@ def files_of_source(source: Source, topology: AnyPath | None = None) -> list[Pat
 
 
 def natural_order(paths: Iterable[Path]) -> list[Path]:
-    """The paths sorted so that ``frame_2`` comes before ``frame_10``, ignoring case."""
+    """Sort paths so that ``frame_2`` comes before ``frame_10``, ignoring case."""
 
     def key(path: Path) -> list[tuple[int, str]]:
         parts = re.split(r"(\d+)", str(path).lower())
-        # Odd parts are the numbers; the path itself decides between frame_1 and frame_01.
+        # Odd parts are numbers; the path itself breaks ties such as frame_1 and frame_01.
         return [(int(p) if i % 2 else -1, p) for i, p in enumerate(parts)] + [(-1, str(path))]
 
     return sorted(paths, key=key)
@@ -127,10 +127,10 @@ def _from_folder(folder: Path) -> SourceFiles:
     if not frames:
         others = [path.name for path in files if path.suffix.lower() in FORMATS]
         found = (
-            f"; it holds {natural_order(map(Path, others))[0]}: name that file" if others else ""
+            f"; it contains {natural_order(map(Path, others))[0]}: use that file" if others else ""
         )
         raise FormatError(
-            f"the folder {folder} holds no frames ({', '.join(FRAME_FORMATS)}){found}"
+            f"the folder {folder} contains no frames ({', '.join(FRAME_FORMATS)}){found}"
         )
     return _of_one_format(natural_order(frames), f"the folder {folder}")
 
@@ -151,13 +151,14 @@ def _of_one_format(paths: list[Path], origin: str) -> SourceFiles:
     if len(counts) > 1:
         kinds = " and ".join(f"{count} {ending}" for ending, count in counts.items())
         raise FormatError(
-            f"{origin} holds files of several formats ({kinds}); "
+            f"{origin} contains files of several formats ({kinds}); "
             f"choose one with a pattern such as {paths[0].parent / f'*{paths[0].suffix}'}"
         )
     found = format_of(paths[0])
     if isinstance(found, SequenceFormat) and len(paths) > 1:
         raise FormatError(
-            f"{origin} holds {len(paths)} {found.ending} files, each a whole sequence; name one"
+            f"{origin} contains {len(paths)} {found.ending} files, each a whole "
+            "sequence; choose one"
         )
     whole = isinstance(found, SequenceFormat)
     name = paths[0].stem if whole else paths[0].resolve().parent.name

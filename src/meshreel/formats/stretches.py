@@ -1,4 +1,4 @@
-"""A sequence whose faces change, cut into stretches that keep theirs."""
+"""Splitting of a sequence with changing faces into stretches of constant faces."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -22,14 +22,14 @@ from meshreel.runtime.progress import Count
 
 @dataclass(frozen=True)
 class Stretch:
-    """Frames of a sequence that have the same vertices and faces.
+    """Consecutive frames of a sequence with the same vertices and faces.
 
     Attributes
     ----------
     start, stop : int
-        Which frames of the whole.
+        Range of frames in the whole sequence.
     open : function
-        Gives them as a sequence.
+        Opens them as a sequence.
     """
 
     start: int
@@ -37,19 +37,19 @@ class Stretch:
     open: Callable[[], FrameSource]
 
     def path(self, whole: Path) -> Path:
-        """A path for this stretch beside that of the whole: ``walk.reel`` to ``walk_0-41.reel``."""
+        """Return the path of this stretch, given that of the whole: ``walk_0-41.reel``."""
         return whole.with_name(f"{whole.stem}_{self.start}-{self.stop - 1}{whole.suffix}")
 
 
 def find_stretches(source: Source, options: ReadOptions) -> list[Stretch]:
-    """The stretches of a sequence, in order; one if its faces never change.
+    """Find the stretches of a sequence, in order; one if its faces never change.
 
-    All frames are read once now, and again when a stretch is opened.
+    Reads all frames now, and again when a stretch is opened.
 
     Parameters
     ----------
     source : str, Path, or list or tuple of them
-        As in `meshreel.load`. Frame files and files of scenes can have faces that change.
+        As in `meshreel.load`. Only frame files and scene files can have changing faces.
 
     Raises
     ------
@@ -58,11 +58,14 @@ def find_stretches(source: Source, options: ReadOptions) -> list[Stretch]:
     """
     found = find_files(source)
     check_read_options(found.format, options)
-    return [_selecting(one, options, found.paths[0]) for one in _stretches(found, options)]
+    return [
+        _with_selected_attributes(one, options, found.paths[0])
+        for one in _stretches(found, options)
+    ]
 
 
-def _selecting(stretch: Stretch, options: ReadOptions, path: Path) -> Stretch:
-    """A stretch that has only the attributes that the options choose."""
+def _with_selected_attributes(stretch: Stretch, options: ReadOptions, path: Path) -> Stretch:
+    """Return a stretch with only the attributes that the options select."""
     return replace(
         stretch, open=lambda: select_attributes(stretch.open(), options.attributes, path)
     )
@@ -96,7 +99,7 @@ def _of_files(files: MeshFiles, found: SourceFiles, options: ReadOptions) -> Ite
 def _same_faces(
     frame: Callable[[int], PolygonMesh], n_frames: int, options: ReadOptions
 ) -> list[tuple[int, int]]:
-    """Start and stop of each run of frames that have the same vertices and faces."""
+    """Start and stop of each run of frames with the same vertices and faces."""
     borders, first = [0], frame(0)
     for index in range(1, n_frames):
         mesh = frame(index)

@@ -1,4 +1,4 @@
-"""Which formats support an option of reading or writing; where it has no effect, it is refused."""
+"""Checks that the read and write options have an effect for a format."""
 
 import os
 from collections.abc import Iterable, Sequence
@@ -20,13 +20,13 @@ from meshreel.formats.registry import FOLDER_FORMATS, FORMATS
 
 
 def supports(path: str | os.PathLike[str], option: ReadOption) -> bool:
-    """Whether an option has an effect on reading a file of this ending."""
+    """Whether a read option has an effect on a path, judging by its extension."""
     found = FORMATS.get(Path(path).suffix.lower())
     return found is not None and option in _supported(found)
 
 
 def check_supported(sources: Sequence[str | os.PathLike[str]], options: ReadOptions) -> None:
-    """Refuse options that have no effect on any of several sources.
+    """Raise an error for options that have no effect on any of the sources.
 
     Raises
     ------
@@ -44,7 +44,7 @@ def check_supported(sources: Sequence[str | os.PathLike[str]], options: ReadOpti
 
 
 def supported_only(options: ReadOptions, source: str | os.PathLike[str]) -> ReadOptions:
-    """The options without those that choose nothing in a source of this ending."""
+    """Return the options without those that have no effect on the source."""
     return replace(
         options,
         object=options.object if supports(source, "object") else None,
@@ -55,7 +55,7 @@ def supported_only(options: ReadOptions, source: str | os.PathLike[str]) -> Read
 
 
 def check_read_options(found: FrameFormat | SequenceFormat, options: ReadOptions) -> None:
-    """Refuse options that have no effect on reading files of a format.
+    """Raise an error for read options that have no effect on a format.
 
     Raises
     ------
@@ -64,19 +64,19 @@ def check_read_options(found: FrameFormat | SequenceFormat, options: ReadOptions
     """
     if options.skip_bad and options.object is not None:
         raise InvalidInputError(
-            "--object (object=) takes one mesh, so that --skip-bad (skip_bad=) leaves none out; "
-            "give one of the two"
+            "--object (object=) selects one mesh, so --skip-bad (skip_bad=) has no effect; use "
+            "only one of them"
         )
-    # A single static mesh is what merging gives, so that a whole folder can be merged.
+    # Merging a single static mesh changes nothing; allowing it lets batches merge whole folders.
     asked = [one for one in get_args(ReadOption) if getattr(options, one) and one != "merge"]
-    is_number_0 = options.animation == 0  # which is falsy, and asked for all the same
+    is_number_0 = options.animation == 0  # falsy, but a valid choice
     _check(found, [*asked, "animation"] if is_number_0 else asked)
 
 
 def check_write_options(
     found: FrameFormat | SequenceFormat | FolderFormat, options: WriteOptions
 ) -> None:
-    """Refuse options that have no effect on writing files of a format.
+    """Raise an error for write options that have no effect on a format.
 
     Raises
     ------
@@ -95,14 +95,14 @@ def _check(found: FrameFormat | SequenceFormat | FolderFormat, asked: Iterable[s
 
 
 def _supported(found: FrameFormat | SequenceFormat | FolderFormat) -> frozenset[str]:
-    """The options of reading and writing that a format supports."""
+    """Return the read and write options that a format supports."""
     if isinstance(found, FolderFormat):
         return found.writes
     return found.reads | found.writes if isinstance(found, SequenceFormat) else frozenset()
 
 
 def _no_effect(option: str, inputs: str) -> InvalidInputError:
-    """The error for an option, as people write it in a command and in Python."""
+    """Error for an option, in its spelling for the command line and for Python."""
     every = (*FORMATS.values(), *FOLDER_FORMATS.values())
     allowed = [one.ending for one in every if option in _supported(one)]
     return InvalidInputError(

@@ -38,7 +38,7 @@ def inspected(path):
 @pytest.mark.parametrize("ending", sorted(FORMATS))
 def test_load_rejects_a_named_pipe_without_writer(tmp_path, ending):
     path = pipe(tmp_path, f"a{ending}")
-    with pytest.raises(InvalidInputError, match=r"a\.\w+ is a pipe, and inputs must be files"):
+    with pytest.raises(InvalidInputError, match=r"a\.\w+ is a pipe, but inputs must be files"):
         load(path)
 
 
@@ -46,7 +46,7 @@ def test_load_rejects_a_named_pipe_without_writer(tmp_path, ending):
     "read", [open_source, inspected, meshreel.open, meshreel.decode, meshreel.info, meshreel.encode]
 )
 def test_open_rejects_a_named_pipe(tmp_path, read):
-    with pytest.raises(InvalidInputError, match=r"a\.reel is a pipe, and inputs must be files"):
+    with pytest.raises(InvalidInputError, match=r"a\.reel is a pipe, but inputs must be files"):
         read(pipe(tmp_path, "a.reel"))
 
 
@@ -74,7 +74,7 @@ def test_decode_rejects_a_pipe_with_data():
     reading, writing = os.pipe()
     os.write(writing, b"\x89REEL")
     try:
-        with pytest.raises(InvalidInputError, match=r"is a pipe, and inputs must be files"):
+        with pytest.raises(InvalidInputError, match=r"is a pipe, but inputs must be files"):
             meshreel.decode(f"/dev/fd/{reading}")
     finally:
         os.close(reading)
@@ -94,6 +94,5 @@ def test_cli_error_for_a_pipe_gives_the_remedy(tmp_path, words):
     done = run(*words, cwd=tmp_path)
     assert done.returncode == 1
     assert done.stderr == (
-        f"meshreel: {words[1]} is a pipe, and inputs must be files; save its data to a file "
-        "first, and name that file\n"
+        f"meshreel: {words[1]} is a pipe, but inputs must be files; save the data to a file first\n"
     )

@@ -87,7 +87,7 @@ def test_check_output_suggests_a_pattern_for_a_folder(tmp_path, output, n_frames
 
 def test_check_output_suggests_a_pattern_for_several_frames(tmp_path):
     with pytest.raises(
-        InvalidInputError, match=r"there are 2; give a pattern such as .*a_%04d\.obj"
+        InvalidInputError, match=r"there are 2; use a pattern such as .*a_%04d\.obj"
     ):
         check_output(tmp_path / "a.obj", 2, overwrite=False)
 
@@ -98,12 +98,12 @@ def test_check_output_rejects_two_number_fields(tmp_path):
 
 
 def test_check_output_rejects_a_number_field_for_npz(tmp_path):
-    with pytest.raises(InvalidInputError, match=r"a \.npz file holds all frames"):
+    with pytest.raises(InvalidInputError, match=r"a \.npz file contains all frames"):
         check_output(tmp_path / "f_%d.npz", overwrite=False)
 
 
 def test_check_output_lists_the_known_extensions(tmp_path):
-    with pytest.raises(FormatError, match=r"\.fbx is not known; known are \.obj, \.ply"):
+    with pytest.raises(FormatError, match=r"unknown file extension \.fbx; known are \.obj, \.ply"):
         check_output(tmp_path / "a.fbx", overwrite=False)
 
 
@@ -214,6 +214,6 @@ def test_save_notes_materials_that_are_left_out(ending, tmp_path):
         pytest.skip(f"{ending} needs {extra.library}, which is not installed")
     notes = []
     save(dressed_sheet(1), tmp_path / f"a{ending}", notes=notes)
-    said = f"left out, for {ending} files do not hold it: how materials look (red, gr\u00fcn) and "
+    said = f"left out, as {ending} files cannot store it: material properties (red, gr\u00fcn) and "
     is_said = f"{said}2 texture images" in notes
     assert is_said != getattr(found, "holds_materials", False)

@@ -83,14 +83,14 @@ def test_error_names_a_missing_file_of_a_list(tmp_path):
 @pytest.mark.parametrize(
     ("files", "source", "message"),
     [
-        (["a.fbx"], "a.fbx", r"\.fbx is not known; known are \.obj, \.ply, .*\.npz"),
-        (["a.fbx"], "*.fbx", r"\.fbx is not known"),
-        (["README"], "README", r"the ending \(none\) is not known"),
+        (["a.fbx"], "a.fbx", r"unknown file extension \.fbx; known are \.obj, \.ply, .*\.npz"),
+        (["a.fbx"], "*.fbx", r"unknown file extension \.fbx"),
+        (["README"], "README", r"unknown file extension \(none\)"),
         (["a.obj", "b.obj", "a.ply"], ".", r"\(2 \.obj and 1 \.ply\); choose one with a pattern"),
         (["a.obj", "a.ply"], "*", r"\(1 \.obj and 1 \.ply\)"),
-        (["a.npz", "b.npz"], "*.npz", r"2 \.npz files, each a whole sequence; name one"),
-        (["a.txt"], ".", r"holds no frames \(\.obj, \.ply, .*\.vtk\)$"),
-        (["a.npz"], ".", r"holds no frames .*; it holds a\.npz: name that file"),
+        (["a.npz", "b.npz"], "*.npz", r"2 \.npz files, each a whole sequence; choose one"),
+        (["a.txt"], ".", r"contains no frames \(\.obj, \.ply, .*\.vtk\)$"),
+        (["a.npz"], ".", r"contains no frames .*; it contains a\.npz: use that file"),
     ],
 )
 def test_error_for_unsuitable_formats_lists_what_exists(tmp_path, files, source, message):

@@ -256,7 +256,7 @@ def test_unsupported_usd_prims_and_primvars_are_noted(tmp_path):
     assert left_out(stored(tmp_path, "a.usda", USD)) == [
         "1 Camera, 1 DistantLight",
         "primvars for a whole mesh: tag",
-        "what is no track, for it is not seen to change: velocities",
+        "data with a single sample, which cannot be a track: velocities",
         "primvars that do not fit their faces: part",
         "normals, which programs compute",
     ]

@@ -21,7 +21,7 @@ from meshreel.formats.frames.selection import with_surface
 from meshreel.formats.load import open_for_encoding
 from meshreel.formats.notes import note_unknown_rate
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.remote import at_hand
+from meshreel.formats.remote import local_copy
 from meshreel.formats.supported_options import supported_only
 from meshreel.model.sequence import FrameSource
 from meshreel.model.surface_selection import ALL, chosen, describe_missing, missing_names
@@ -119,7 +119,7 @@ def encode_input(
     began = time.perf_counter()
     notes: list[str] = []
     reading = replace(supported_only(options.reading, source), attributes=ALL, notes=notes)
-    with at_hand(source) as files:
+    with local_copy(source) as files:
         opened = open_for_encoding(files, _memory(options), reading)
         return _measured(opened, options, notes, began, engine)
 

@@ -15,7 +15,7 @@ from meshreel.errors import InvalidInputError, MeshReelError
 from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.inspection import animations_of
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.remote import at_hand
+from meshreel.formats.remote import local_copy
 from meshreel.formats.sources import find_files
 from meshreel.formats.supported_options import check_supported, supports
 
@@ -200,7 +200,7 @@ def _animations_of(one: BatchInput, notes: list[str], allow_outside: bool) -> It
         yield one
         return
     try:
-        with at_hand(one.source) as files:
+        with local_copy(one.source) as files:
             found = animations_of(find_files(files), ReadOptions(allow_outside=allow_outside))
     except MeshReelError:
         found = ()  # encoding says what is wrong with the file

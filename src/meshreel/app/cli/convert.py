@@ -109,7 +109,7 @@ def convert_command(
     from meshreel.formats.load import loading_for, open_for_encoding
     from meshreel.formats.options import WriteOptions
     from meshreel.formats.reel.reading import origin_of_file
-    from meshreel.formats.remote import at_hand, uploaded
+    from meshreel.formats.remote import local_copy, uploaded
     from meshreel.formats.sources import files_of_source
     from meshreel.formats.stretches import find_stretches
 
@@ -124,7 +124,7 @@ def convert_command(
     notes = reading.notes
     with ExitStack() as stack:
         target = stack.enter_context(uploaded(output, overwrite=force))
-        source = stack.enter_context(at_hand(given_source(inputs), notes))
+        source = stack.enter_context(local_copy(given_source(inputs), notes))
         files = files_of_source(source, reading.topology)
         progress = stack.enter_context(progress_bar())
         reading = replace(reading, progress=progress)

@@ -101,7 +101,7 @@ def decode_command(
     from meshreel.formats.options import WriteOptions, origin_of
     from meshreel.formats.outputs import check_output, numbering
     from meshreel.formats.reel.reading import open
-    from meshreel.formats.remote import file_at_hand, uploaded
+    from meshreel.formats.remote import local_file, uploaded
     from meshreel.formats.save import save_frames
     from meshreel.model.frame_choice import start_of
     from meshreel.model.tracks import TrackPart
@@ -115,7 +115,7 @@ def decode_command(
     notes: list[str] = []
     with (
         uploaded(output, overwrite=force) as target,
-        file_at_hand(source, notes) if chosen is None else nullcontext(source) as stream,
+        local_file(source, notes) if chosen is None else nullcontext(source) as stream,
     ):
         inputs = [] if is_remote(source) else [Path(source)]
         check_output(

@@ -100,7 +100,7 @@ def encode_command(
     from meshreel.app.cli.profile import print_profile, profile_figures
     from meshreel.codec.config import EncoderConfig
     from meshreel.formats.load import loading_for, open_for_encoding
-    from meshreel.formats.remote import at_hand, uploaded
+    from meshreel.formats.remote import local_copy, uploaded
     from meshreel.formats.sources import files_of_source
     from meshreel.formats.stretches import find_stretches
     from meshreel.runtime.outputs.checks import check_ending, check_output_path
@@ -113,7 +113,7 @@ def encode_command(
     with ExitStack() as stack:
         target = stack.enter_context(uploaded(given_output, overwrite=force))
         stream_path = Path(target.local)
-        source = stack.enter_context(at_hand(given_source(inputs), notes))
+        source = stack.enter_context(local_copy(given_source(inputs), notes))
         files = files_of_source(source, reading.topology)
         check_output_path(stream_path, overwrite=force, inputs=files)
         progress, times = stack.enter_context(progress_bar()), stack.enter_context(profiled())

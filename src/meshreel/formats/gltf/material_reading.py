@@ -23,7 +23,7 @@ from meshreel.formats.gltf.specular_glossiness import (
     SPECULAR_TEXTURE,
     specular_glossiness,
 )
-from meshreel.formats.notes import GatheredNote, LookNotes, listed, note_left_out
+from meshreel.formats.notes import GatheredNote, MaterialNotes, listed, note_left_out
 from meshreel.model.materials import UNSAID, Image, Material, Texture, used_by
 
 VARIANTS = "KHR_materials_variants"
@@ -57,7 +57,7 @@ class MaterialReader:
 
     def __init__(self, document: Document, buffers: Buffers, notes: list[str]) -> None:
         self._document, self._buffers = document, buffers
-        self._notes = LookNotes(notes)
+        self._notes = MaterialNotes(notes)
         self._converted = GatheredNote(notes, _describe_converted)
         self._n_bytes = 0
         self._image_indices: dict[str, int] = {}

@@ -6,8 +6,8 @@ from urllib.parse import unquote
 
 from meshreel.errors import FormatError
 from meshreel.formats.file_errors import os_errors_naming
+from meshreel.formats.file_references import is_within, outside_error
 from meshreel.formats.gltf.document import Document
-from meshreel.formats.named_files import is_within, outside_error
 
 SCHEME = re.compile(r"[a-z][a-z0-9+.-]*:", re.IGNORECASE)
 

@@ -11,7 +11,7 @@ from typing import Any
 from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
 from meshreel.formats.file_errors import refuse_pipe
-from meshreel.formats.named_files import is_within, outside_error
+from meshreel.formats.file_references import is_within, outside_error
 from meshreel.formats.usd.diagnostics import usd_errors
 
 DEFAULT_RATE = 24.0

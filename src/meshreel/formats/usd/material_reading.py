@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from meshreel.formats.extras import USD
-from meshreel.formats.notes import LookNotes
+from meshreel.formats.notes import MaterialNotes
 from meshreel.formats.usd.preview_surface import PreviewSurface
 from meshreel.formats.usd.stage_images import StageImages
 from meshreel.model.materials import Image, Material, used_by
@@ -26,7 +26,7 @@ class StageMaterials:
 
     def __init__(self, folder: Path | None, notes: list[str]) -> None:
         self._stage_images = StageImages(folder)
-        self._notes = LookNotes(notes)
+        self._notes = MaterialNotes(notes)
         self._looks: dict[str, Material | None] = {}
 
     @property

@@ -3,7 +3,7 @@
 from typing import Any
 
 from meshreel.formats.extras import USD
-from meshreel.formats.notes import LookNotes
+from meshreel.formats.notes import MaterialNotes
 from meshreel.formats.usd.prim_names import prim_name, unique_name
 from meshreel.formats.usd.texture_writing import TextureWriter
 from meshreel.model.materials import AlphaMode, Material
@@ -40,7 +40,7 @@ class Materials:
         self._names: set[str] = set()
         self._created: dict[str, Any] = {}
         self._looks = {one.name: one for one in looks}
-        self._textures, self._notes = textures, LookNotes(notes)
+        self._textures, self._notes = textures, MaterialNotes(notes)
 
     def bind(self, prim: Any, label: str) -> None:
         """Bind the material of a label to a prim."""

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from meshreel.errors import FormatError
-from meshreel.formats.notes import LookNotes
+from meshreel.formats.notes import MaterialNotes
 from meshreel.formats.usd.shading_inputs import Source, read_numbers, source_of
 from meshreel.formats.usd.stage_images import StageImages
 from meshreel.formats.usd.texture_reading import ScaledTexture, read_texture
@@ -42,11 +42,11 @@ class PreviewSurface:
     shader : UsdShade.Shader
     name : str
         Name of the material, for the notes.
-    notes : LookNotes
+    notes : MaterialNotes
         Gains unsupported properties.
     """
 
-    def __init__(self, shader: Any, name: str, images: StageImages, notes: LookNotes) -> None:
+    def __init__(self, shader: Any, name: str, images: StageImages, notes: MaterialNotes) -> None:
         self._shader, self._name = shader, name
         self._images, self._notes = images, notes
         self._sources = {slot: self._source(name) for slot, (name, _) in INPUTS.items()}

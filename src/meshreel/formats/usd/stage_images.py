@@ -5,7 +5,7 @@ from typing import Any
 
 from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
-from meshreel.formats.named_files import is_within, outside_error
+from meshreel.formats.file_references import is_within, outside_error
 from meshreel.formats.surfaces.images import image_type
 from meshreel.model.materials import Image
 

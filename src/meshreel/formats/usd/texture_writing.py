@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from meshreel.formats.extras import USD
-from meshreel.formats.notes import LookNotes
+from meshreel.formats.notes import MaterialNotes
 from meshreel.formats.usd.prim_names import prim_name
 from meshreel.formats.usd.texture_reading import UV_READER, WRAPS, usd_translation
 from meshreel.model.materials import AlphaMode, Image, Material, Texture
@@ -42,7 +42,7 @@ class TextureWriter:
         self._stage, self._images, self._paths = stage, images, paths
         self._primvars, self._is_package = primvars, is_package
 
-    def write(self, material: Any, look: Material, notes: LookNotes) -> dict[str, Any]:
+    def write(self, material: Any, look: Material, notes: MaterialNotes) -> dict[str, Any]:
         """Write the textures of a material, and return the shader outputs for its inputs, by slot.
 
         The slot "alpha" is the alpha of the base color.
@@ -51,7 +51,7 @@ class TextureWriter:
         ----------
         material : UsdShade.Material
             Parent of the texture shaders.
-        notes : LookNotes
+        notes : MaterialNotes
             Gains what USD cannot store.
         """
         outputs: dict[str, Any] = {}

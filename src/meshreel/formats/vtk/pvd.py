@@ -16,13 +16,13 @@ import numpy.typing as npt
 from meshreel.arrays import Floats
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
+from meshreel.formats.file_references import resolve_reference
 from meshreel.formats.frames.field_tracks import (
     Field,
     Key,
     add_field,
     field_tracks,
 )
-from meshreel.formats.named_files import path_beside
 from meshreel.formats.notes import note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merged_tracks import merge_tracks
@@ -81,7 +81,7 @@ def _time(element: Element) -> float:
 
 
 def _file(path: Path, element: Element, options: ReadOptions) -> Path:
-    found = path_beside(path, element.get("file", ""), allow_outside=options.allow_outside)
+    found = resolve_reference(path, element.get("file", ""), allow_outside=options.allow_outside)
     if found.suffix.lower() not in READERS:
         raise FormatError(f"refers to {found.name}; {', '.join(READERS)} files are supported")
     return found

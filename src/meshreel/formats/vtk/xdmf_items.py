@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
+from meshreel.formats.file_references import resolve_reference
 from meshreel.formats.hdf.reading import Dataset, Node, hdf_errors, open_hdf, require_dataset
-from meshreel.formats.named_files import path_beside
 
 CODES = {"float": "f", "int": "i", "uint": "u", "char": "i", "uchar": "u", "short": "i"}
 PRECISIONS = {"char": "1", "uchar": "1", "short": "2"}
@@ -162,7 +162,7 @@ class DataItems:
         )
 
     def _resolve(self, file: str) -> Path:
-        return path_beside(self._path, file, allow_outside=self._allow_outside)
+        return resolve_reference(self._path, file, allow_outside=self._allow_outside)
 
     def _parse(self, item: Element, text: str) -> Array:
         """Parse numbers in XML text."""

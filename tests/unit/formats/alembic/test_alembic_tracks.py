@@ -234,7 +234,7 @@ def test_save_notes_tracks_beyond_32_bits(tmp_path):
     notes = []
     save(tracked_sheet(2), tmp_path / "a.abc", notes=notes)
     assert (
-        "tracks left out: step_vertex, step_face, step_corner: .abc does not hold integers beyond "
+        "tracks left out: step_vertex, step_face, step_corner: .abc cannot store integers beyond "
         "32 bits (a limit of its library)"
     ) in notes
     assert not any(name.startswith("step") for name in load(tmp_path / "a.abc").tracks)
@@ -310,7 +310,7 @@ def test_save_notes_units_of_standard_properties(tmp_path):
         replace(sheet, tracks={"velocities": speed, "heat": heat}), tmp_path / "a.abc", notes=notes
     )
     assert [note for note in notes if "units" in note] == [
-        "units left out: velocities (m/s): .abc does not hold them"
+        "units left out: velocities (m/s): .abc cannot store them"
     ]
     assert load(tmp_path / "a.abc").tracks["heat"].unit == "K"
 

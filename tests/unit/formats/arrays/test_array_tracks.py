@@ -226,7 +226,7 @@ def test_notes_list_tracks_that_a_format_cannot_store(tmp_path, extension):
     output = tmp_path / f"a.{extension}"
     save(sheet, output, notes=notes)
     names = "heat of vertex/s, flow_vertex, shade_vertex, step_vertex, tensor_vertex"
-    assert f"tracks left out: {names}: .{extension} does not hold them" in notes
+    assert f"tracks left out: {names}: .{extension} cannot store them" in notes
     assert not any("tracks left out" in note for note in notes_of(quad_sheet(1), output))
 
 

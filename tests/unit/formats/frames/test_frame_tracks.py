@@ -132,12 +132,12 @@ def test_notes_explain_tracks_that_ply_cannot_store(tmp_path):
         "track 'id' is written as int32, not int64",
         "track 'heat flux' is called 'heat_flux' in .ply files",
         "track 'red' is called 'red_' in .ply files",
-        "tracks left out: flow, tensor, wear: .ply does not hold vectors, or several "
+        "tracks left out: flow, tensor, wear: .ply cannot store vectors, or several "
         "components that are not colors, normals or UV coordinates",
-        "tracks left out: paint: .ply does not hold more than one color, normal or UV track of "
+        "tracks left out: paint: .ply cannot store more than one color, normal or UV track of "
         "each domain",
-        "tracks left out: hash: .ply does not hold integers beyond 32 bits",
-        "units left out: heat flux (W/m²): .ply does not hold them",
+        "tracks left out: hash: .ply cannot store integers beyond 32 bits",
+        "units left out: heat flux (W/m²): .ply cannot store them",
     ]
     found = load(tmp_path).tracks
     assert set(found) == {"id", "heat_flux", "red_"}
@@ -228,9 +228,9 @@ def test_notes_explain_tracks_that_obj_cannot_store(tmp_path):
         "alpha of track 'Cd' left out: .obj does not store it",
         "track 'N' is called 'normals' in .obj files",
         "track 'N' is written as float32, not float64",
-        "tracks left out: stress: .obj does not hold tracks other than vertex colors, normals and "
+        "tracks left out: stress: .obj cannot store tracks other than vertex colors, normals and "
         "UV coordinates",
-        "units left out: N (1): .obj does not hold them",
+        "units left out: N (1): .obj cannot store them",
     ]
     found = load(tmp_path)
     assert set(found.tracks) == {"color", "normals"}
@@ -244,7 +244,7 @@ def test_surface_colors_take_precedence_over_a_color_track(tmp_path):
     surface = replace(sheet.surface, attributes=(colors,))
     sheet = replace(sheet, surface=surface, tracks=tracks)
     save(sheet, tmp_path / "f_%02d.obj", notes=notes)
-    assert "tracks left out: glow: .obj does not hold more than one color" in notes[0]
+    assert "tracks left out: glow: .obj cannot store more than one color" in notes[0]
     assert load(tmp_path).tracks == {}
 
 

@@ -63,7 +63,9 @@ def test_load_reads_buffers_outside_of_the_folder_only_with_permission(tmp_path,
     (tmp_path / "a.bin").write_bytes(moving_triangle().data)
     (folder / "link.bin").symlink_to(tmp_path / "a.bin")
     path = with_external_buffer(folder, uri.format(above=tmp_path))
-    with pytest.raises(FormatError, match=r"a\.gltf: buffer 0: names the file .* --allow-outside"):
+    with pytest.raises(
+        FormatError, match=r"a\.gltf: buffer 0: refers to the file .* --allow-outside"
+    ):
         load(path)
     expected = load(moving_triangle().save(tmp_path / "b.glb"))
     assert load(path, allow_outside=True).vertices.tobytes() == expected.vertices.tobytes()
@@ -71,7 +73,7 @@ def test_load_reads_buffers_outside_of_the_folder_only_with_permission(tmp_path,
 
 @pytest.mark.parametrize("uri", ["/etc/passwd", "../gone.bin"])
 def test_load_does_not_reveal_whether_an_outside_file_exists(tmp_path, uri):
-    with pytest.raises(FormatError, match="outside of its folder"):
+    with pytest.raises(FormatError, match="outside its folder"):
         load(with_external_buffer(tmp_path, uri))
 
 

@@ -193,8 +193,8 @@ def test_images_are_read_from_other_files_and_data_uris(tmp_path, uri):
     ("image", "message"),
     [
         ({"uri": "gone.png"}, "there is no file 'gone.png' next to"),
-        ({"uri": "../skin.png"}, "outside of its folder"),
-        ({"uri": "/etc/passwd"}, "outside of its folder"),
+        ({"uri": "../skin.png"}, "outside its folder"),
+        ({"uri": "/etc/passwd"}, "outside its folder"),
         ({"uri": "http://example.com/a.png"}, "only files in the folder"),
         ({"uri": "data:image/png;base64,A"}, "not valid base64"),
         ({}, "has no 'uri'"),

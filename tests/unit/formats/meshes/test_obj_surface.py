@@ -210,5 +210,5 @@ def test_save_notes_what_obj_cannot_store(tmp_path):
     notes = []
     save(sequence, tmp_path / "f.obj", notes=notes)
     assert notes == [
-        "left out, for .obj files do not hold it: 'weight' (other) of each vertex, groups 'skin'"
+        "left out, as .obj files cannot store it: 'weight' (other) of each vertex, groups 'skin'"
     ]

@@ -108,8 +108,8 @@ def test_save_notes_what_off_cannot_store(tmp_path):
     save(cube, tmp_path / "a.off", notes=notes)
     save(two_cubes(1), tmp_path / "b.off", notes=notes)
     assert notes == [
-        "left out, for .off files do not hold it: 'uv' (uv) of each corner, groups 'material'",
-        "left out, for .off files do not hold it: the names of 2 parts",
+        "left out, as .off files cannot store it: 'uv' (uv) of each corner, groups 'material'",
+        "left out, as .off files cannot store it: the names of 2 parts",
     ]
 
 
@@ -117,6 +117,6 @@ def test_save_notes_what_stl_cannot_store(tmp_path):
     notes = []
     save(rich_cube(1), tmp_path / "a.stl", notes=notes)
     assert notes == [
-        "left out, for .stl files do not hold it: faces of more than three corners, which are cut "
-        "into triangles"
+        "left out, as .stl files cannot store it: faces with more than three corners, which are "
+        "triangulated"
     ]

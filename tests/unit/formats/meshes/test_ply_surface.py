@@ -141,7 +141,7 @@ def test_save_notes_attributes_that_ply_cannot_store(tmp_path, other):
     (path,) = save(rich_cube(1, attributes=[other]), tmp_path / "f.ply", notes=notes)
     assert load(path).surface.attributes == ()
     assert notes == [
-        f"left out, for .ply files do not hold it: {other.name!r} ({other.kind}) of each "
+        f"left out, as .ply files cannot store it: {other.name!r} ({other.kind}) of each "
         f"{other.domain}"
     ]
 
@@ -151,6 +151,6 @@ def test_save_notes_groups_and_parts_for_ply(tmp_path):
     save(rich_cube(1, groups=[groups("material", "a", [0] * 7)]), tmp_path / "a.ply", notes=notes)
     save(two_cubes(1), tmp_path / "b.ply", notes=notes)
     assert notes == [
-        "left out, for .ply files do not hold it: groups 'material'",
-        "left out, for .ply files do not hold it: the names of 2 parts",
+        "left out, as .ply files cannot store it: groups 'material'",
+        "left out, as .ply files cannot store it: the names of 2 parts",
     ]

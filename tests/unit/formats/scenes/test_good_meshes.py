@@ -149,5 +149,5 @@ def test_skip_bad_is_rejected_for_single_mesh_formats(tmp_path, name, option):
 
 
 def test_skip_bad_is_rejected_with_object(usd_file):
-    with pytest.raises(InvalidInputError, match=r"--object .* takes one mesh, so that --skip"):
+    with pytest.raises(InvalidInputError, match=r"--object .* selects one mesh, so --skip"):
         load(usd_file, object="good", skip_bad=True)

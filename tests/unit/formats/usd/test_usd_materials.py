@@ -313,7 +313,7 @@ def test_alpha_mode_follows_from_opacity(read, opacity, mode):
         ('string inputs:roughness = "rough"', {}, "roughness must be 1 finite numbers"),
         ("float inputs:roughness = inf", {}, "roughness must be 1 finite numbers"),
         (COLOR, {"file": "./gone.png"}, "'./gone.png' does not exist"),
-        (COLOR, {"file": "../out.png"}, "names the file '../out.png' outside of its folder"),
+        (COLOR, {"file": "../out.png"}, "refers to the file '../out.png' outside its folder"),
         (COLOR, {"file": "./skin.<UDIM>.png"}, "consists of many tiles"),
         (COLOR, {"texture": 'token inputs:wrapS = "twist"'}, "wrapS is 'twist'"),
         (COLOR, {"texture": "float4 inputs:bias = (1, 0, 0, 0)"}, "bias of the texture of diff"),

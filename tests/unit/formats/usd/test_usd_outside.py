@@ -77,7 +77,7 @@ def test_load_rejects_a_layer_outside_of_the_folder_before_opening_it(folder, ar
     if arc == "template":
         asset = asset.replace(".usda", ".#.usda").replace("./link", "../link")
     path = file_with_reference(folder, arc, asset.format(above=folder.parent))
-    with pytest.raises(FormatError, match=r"a\.usda: names the file .* outside of its folder"):
+    with pytest.raises(FormatError, match=r"a\.usda: refers to the file .* outside its folder"):
         load(path, merge=True)
     for name in ("out.usda", "out.1.usda", "in/link.usda"):
         assert Sdf.Layer.Find(str(folder.parent / name)) is None
@@ -103,7 +103,7 @@ def test_load_rejects_an_outside_reference_of_a_nested_layer(folder):
     deep = file_with_reference(folder, "reference", "../../out.usda").rename(
         folder / "sub" / "middle.usda"
     )
-    with pytest.raises(FormatError, match=r"names the file '\.\./\.\./out\.usda' outside"):
+    with pytest.raises(FormatError, match=r"refers to the file '\.\./\.\./out\.usda' outside"):
         load(file_with_reference(folder, "sublayer", f"./sub/{deep.name}"), merge=True)
 
 
@@ -117,13 +117,13 @@ def test_load_rejects_an_expression_that_leads_outside(folder):
         f"subLayers = [@./low.usda@]\n)\n{OWN}"
     )
     (folder.parent / "in.usda").write_text(MESH)
-    with pytest.raises(FormatError, match="outside of its folder"):
+    with pytest.raises(FormatError, match="outside its folder"):
         load(path, merge=True)
 
 
 def test_load_rejects_a_layer_found_only_in_the_working_directory(folder, monkeypatch):
     monkeypatch.chdir(folder.parent)
-    with pytest.raises(FormatError, match=r"names the file 'out\.usda' outside of"):
+    with pytest.raises(FormatError, match=r"refers to the file 'out\.usda' outside its"):
         load(file_with_reference(folder, "reference", "out.usda"), merge=True)
 
 

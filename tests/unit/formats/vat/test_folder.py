@@ -39,7 +39,9 @@ def test_existing_files_are_replaced_only_with_overwrite(tmp_path):
 
 def test_textures_of_another_kind_are_not_added_to_a_folder(tmp_path):
     meshreel.save(waving_grid(), tmp_path / "walk.vat")
-    with pytest.raises(InvalidInputError, match=r"not to be mixed with: walk_vat\.exr"):
+    with pytest.raises(
+        InvalidInputError, match=r"must not be mixed with the output: walk_vat\.exr"
+    ):
         meshreel.save(
             waving_grid(), tmp_path / "walk.vat", overwrite=True,
             options=WriteOptions(textures="png"),
@@ -81,7 +83,7 @@ def test_start_number_and_a_file_at_the_folder_path_are_rejected(tmp_path):
 
 def test_folder_cannot_be_loaded(tmp_path):
     meshreel.save(waving_grid(), tmp_path / "walk.vat")
-    with pytest.raises(FormatError, match=r"holds no frames .* it holds walk\.glb"):
+    with pytest.raises(FormatError, match=r"contains no frames .* it contains walk\.glb"):
         meshreel.load(tmp_path / "walk.vat")
 
 
@@ -97,7 +99,7 @@ def test_lost_tracks_and_the_assumed_frame_rate_are_noted(tmp_path):
     sequence = MeshSequence(grid.vertices, grid.faces, 0.0, "walk", tracks={"heat": heat})
     notes = []
     meshreel.save(sequence, tmp_path / "walk.vat", notes=notes)
-    assert "tracks left out: heat: .vat does not hold them" in notes
+    assert "tracks left out: heat: .vat cannot store them" in notes
     assert "the frame rate is unknown; written as 24 fps" in notes
 
 

@@ -385,11 +385,11 @@ def test_load_lists_the_parts_of_a_collection(tmp_path):
 @pytest.mark.parametrize(
     ("row", "message"),
     [
-        ('timestep="0" file="../f_0.vtu"', r"names the file '../f_0.vtu' outside of its folder"),
-        ('timestep="0" file="/etc/passwd"', "names the file '/etc/passwd' outside of its folder"),
-        ('timestep="0" file="out/f_0.vtu"', "names the file 'out/f_0.vtu' outside of its folder"),
-        ('timestep="0" file="gone.vtu"', "names the file 'gone.vtu', which is not there"),
-        ('timestep="0" file=""', "names the file '', which is not there"),
+        ('timestep="0" file="../f_0.vtu"', r"refers to the file '../f_0.vtu' outside its folder"),
+        ('timestep="0" file="/etc/passwd"', "refers to the file '/etc/passwd' outside its folder"),
+        ('timestep="0" file="out/f_0.vtu"', "refers to the file 'out/f_0.vtu' outside its folder"),
+        ('timestep="0" file="gone.vtu"', "refers to the file 'gone.vtu', which does not exist"),
+        ('timestep="0" file=""', "refers to the file '', which does not exist"),
         (
             'timestep="0" file="walk.pvd"',
             r"refers to walk.pvd; .vtu, .vtp, .vtk files are supported",
@@ -579,7 +579,7 @@ def test_error_for_a_truncated_file_names_it(tmp_path, name, share):
 
 
 def test_save_rejects_read_only_formats(tmp_path):
-    message = r"a\.vtk: \.vtk files are read, but not written; written are \.obj, "
+    message = r"a\.vtk: \.vtk files can be read, but not written; writable are \.obj, "
     with pytest.raises(FormatError, match=message):
         save(plain_sequence(n_frames=1), tmp_path / "a.vtk")
 

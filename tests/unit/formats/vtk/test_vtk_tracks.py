@@ -51,7 +51,7 @@ def test_corner_tracks_are_left_out_with_a_note(tmp_path):
     notes = []
     [path] = save(tracked_sheet(), tmp_path / "a.vtkhdf", notes=notes)
     names = "heat of corner/s, flow_corner, shade_corner, step_corner, tensor_corner"
-    said = f"tracks left out: {names}: .vtkhdf does not hold tracks of corners"
+    said = f"tracks left out: {names}: .vtkhdf cannot store tracks of corners"
     assert [note for note in notes if note.startswith("tracks")] == [said]
     assert_same_tracks(load(path).tracks, tracked_sheet(6, DOMAINS).tracks)
 

@@ -178,7 +178,7 @@ def test_notes_list_what_vtk_cannot_store(tmp_path, extension):
     sheet = replace(sheet, surface=surface, tracks=tracks)
     save(sheet, tmp_path / f"a{extension}", notes=notes)
     shown = extension[-4:] if extension.endswith(("p", "u")) else extension
-    assert f"tracks left out: shear: {shown} does not hold tracks of corners" in notes
+    assert f"tracks left out: shear: {shown} cannot store tracks of corners" in notes
     assert f"group labels left out; {shown} stores only their numbers: material" in notes
     [note] = [one for one in notes if one.startswith("left out")]
     assert "'seam' (other) of each corner" in note

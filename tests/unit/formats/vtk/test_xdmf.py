@@ -129,7 +129,7 @@ def test_data_files_outside_the_folder_need_allow_outside(tmp_path):
     shape = " ".join(map(str, POSITIONS[0].shape))
     data = item("../a.bin", Format="Binary", Dimensions=shape, Endian="Little")
     path = store(tmp_path / "in", f"<Grid>{topology()}{geometry(data)}</Grid>")
-    with pytest.raises(FormatError, match="outside of its folder, which is not read; put it there"):
+    with pytest.raises(FormatError, match="outside its folder; move it into the folder"):
         load(path)
     found = load(path, allow_outside=True)
     assert found.vertices[0].tobytes() == POSITIONS[0].astype(np.float32).tobytes()
@@ -290,9 +290,12 @@ WITHIN = item(SELF + "<DataItem/>", ItemType="HyperSlab", Dimensions="1")
         ("<Grid/>", "has a grid '' without Geometry"),
         (f"<Grid>{geometry(inline(POSITIONS[0]))}</Grid>", "has a grid '' without Topology"),
         (at(""), "has a Geometry without a DataItem"),
-        (at(item("../a.h5:/x", Format="HDF")), "names the file '../a.h5' outside of its folder"),
-        (at(item("/etc/passwd", Format="Binary")), "names the file '/etc/passwd' outside of"),
-        (at(item("gone.h5:/x", Format="HDF")), "names the file 'gone.h5', which is not there"),
+        (at(item("../a.h5:/x", Format="HDF")), "refers to the file '../a.h5' outside its folder"),
+        (at(item("/etc/passwd", Format="Binary")), "refers to the file '/etc/passwd' outside its"),
+        (
+            at(item("gone.h5:/x", Format="HDF")),
+            "refers to the file 'gone.h5', which does not exist",
+        ),
         (at(item("a.xdmf:/x", Format="HDF")), "a.xdmf: is not an HDF5 file, or is damaged"),
         (at(item("a.xdmf", Format="Binary", Dimensions="9999999 3")), "needs 119999988 bytes"),
         (

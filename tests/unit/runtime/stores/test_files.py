@@ -247,5 +247,5 @@ def test_folder_of_textures_goes_into_a_store_and_mixes_with_no_other(memory):
     with pytest.raises(meshreel.InvalidInputError, match="exists"):
         meshreel.save(waving_grid(4), "memory://bucket/walk.vat/")
     memory.pipe("/bucket/walk.vat/other.png", b"mine")
-    with pytest.raises(meshreel.InvalidInputError, match="not to be mixed with"):
+    with pytest.raises(meshreel.InvalidInputError, match="must not be mixed with the output"):
         meshreel.save(waving_grid(4), "memory://bucket/walk.vat/", overwrite=True)

@@ -1,0 +1,45 @@
+"""Resolution of references from one file to another, restricted to its folder by default."""
+
+from pathlib import Path
+
+from meshreel.errors import FormatError
+from meshreel.formats.remote import download_sibling
+
+
+def resolve_reference(source: Path, reference: str, *, allow_outside: bool) -> Path:
+    """Return the path of a file that `source` refers to, relative to its folder.
+
+    Parameters
+    ----------
+    allow_outside : bool
+        Whether the file may be outside the folder of `source`.
+
+    Raises
+    ------
+    FormatError
+        If the file is outside without permission, or does not exist.
+    """
+    folder = source.resolve().parent
+    try:
+        found = (folder / reference.strip()).resolve()
+        is_file = found.is_file()
+    except (OSError, ValueError) as error:
+        raise FormatError(f"refers to {reference[:80]!r}, which is not a path ({error})") from error
+    if not (allow_outside or is_within(found, folder)):
+        raise outside_error(reference)
+    if not is_file and not download_sibling(found):
+        raise FormatError(f"refers to the file {reference!r}, which does not exist")
+    return found
+
+
+def is_within(path: Path, folder: Path) -> bool:
+    """Whether a file is in a folder or below it, after resolving links."""
+    return path.resolve().is_relative_to(folder.resolve())
+
+
+def outside_error(reference: str) -> FormatError:
+    """Error for a reference to a file outside the folder."""
+    return FormatError(
+        f"refers to the file {reference[:200]!r} outside its folder; move it into the folder, or "
+        "allow it with --allow-outside (allow_outside=)"
+    )
