@@ -35,7 +35,7 @@ def refuse_pipe(path: str | os.PathLike[str]) -> None:
 
 @contextmanager
 def errors_naming(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Within it, errors about the contents of a file are prefixed with its path."""
+    """Context manager that prefixes errors about the contents of a file with its path."""
     try:
         yield
     except StoreError:  # its message already has the address
@@ -46,7 +46,7 @@ def errors_naming(path: str | os.PathLike[str]) -> Iterator[None]:
 
 @contextmanager
 def os_errors_naming(path: Path) -> Iterator[None]:
-    """Within it, an OSError becomes an `InvalidInputError` that names the file."""
+    """Context manager that turns an OSError into an `InvalidInputError` that names the file."""
     try:
         yield
     except OSError as error:

@@ -115,8 +115,8 @@ class SourceInfo:
     @property
     def left_out(self) -> tuple[str, ...]:
         """Contents of the file that no output would have."""
-        begun = (note for note in self.notes if note.startswith(LEFT_OUT))
-        return tuple(note.removeprefix(LEFT_OUT) for note in begun)
+        matching = (note for note in self.notes if note.startswith(LEFT_OUT))
+        return tuple(note.removeprefix(LEFT_OUT) for note in matching)
 
     def as_dict(self) -> dict[str, Any]:
         """Everything in plain types, for JSON."""
@@ -217,7 +217,7 @@ def _scene_mesh_info(mesh: SceneMesh, options: ReadOptions, number: int, n_meshe
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     dtype, problem = first.vertices.dtype, None
     n_frames = len(mesh.times_s)
-    progress = _told(options.progress, number, n_meshes)
+    progress = _with_mesh_number(options.progress, number, n_meshes)
     for index in range(n_frames):
         frame = mesh.frame(index) if index else first
         if problem is None and (difference := frame.difference(first)):
@@ -266,7 +266,7 @@ def _bad_mesh_info(mesh: SceneMesh, problem: str) -> MeshInfo:
     return replace(bad, problem=problem)
 
 
-def _told(progress: Progress, number: int, n_meshes: int) -> Progress:
+def _with_mesh_number(progress: Progress, number: int, n_meshes: int) -> Progress:
     """Return a progress callback that adds the number of the mesh to the stage."""
     if n_meshes == 1:
         return progress

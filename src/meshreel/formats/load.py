@@ -149,11 +149,11 @@ def open_for_encoding(source: Source, memory: float | None, options: ReadOptions
 
 def loading_for(memory: float | None, options: ReadOptions) -> ReadOptions:
     """Return the options with `max_loaded_bytes` for a memory limit of encoding."""
-    most = MAX_LOADED_BYTES if memory is None else int(LOADED_SHARE * memory)
+    max_bytes = MAX_LOADED_BYTES if memory is None else int(LOADED_SHARE * memory)
     if memory is not None:
         # A small memory limit for encoding must not prevent reading a `.reel`.
         options = replace(options, memory=max(memory, bytes_of(DEFAULT_MEMORY, "memory")))
-    return replace(options, max_loaded_bytes=most)
+    return replace(options, max_loaded_bytes=max_bytes)
 
 
 @staged("reading")
@@ -181,8 +181,8 @@ def open_mesh_files(
     files: MeshFiles, name: str, options: ReadOptions, *, start_s: float = 0.0
 ) -> FrameSource:
     """Open the sequence of frame files, loaded if it is small enough."""
-    most = options.max_loaded_bytes
-    loads = most is None or len(files) == 1 or len(files) * files.frame_bytes <= most
+    max_bytes = options.max_loaded_bytes
+    loads = max_bytes is None or len(files) == 1 or len(files) * files.frame_bytes <= max_bytes
     read: Callable[..., FrameSource] = read_frames if loads else open_frames
     return read(
         files,
@@ -233,7 +233,7 @@ def read_frames(
         frames: Iterator[Vertices] = (mesh.vertices[weld.representatives] for mesh in meshes)
         faces, surface = weld.faces, PLAIN
     else:
-        faces, surface, frames = _surveyed(files, survey, progress, notes)
+        faces, surface, frames = _survey_frames(files, survey, progress, notes)
     vertices = _stack(frames, len(files)).astype(survey.dtype, copy=False)
     tracks = copied_together(files.tracks(notes))
     return MeshSequence(vertices, faces, fps, name, start_s, surface, tracks)
@@ -269,7 +269,7 @@ def open_frames(
         faces, kept, n_verts = weld.faces, weld.representatives, len(weld.representatives)
         surface = PLAIN
     else:
-        faces, surface, frames = _surveyed(files, survey, progress, notes)
+        faces, surface, frames = _survey_frames(files, survey, progress, notes)
         n_verts = len(deque(frames, maxlen=1).pop())
     dtype = survey.dtype
 
@@ -305,7 +305,7 @@ def _weld(files: MeshFiles, survey: FrameSurvey, progress: Progress, notes: list
     return weld
 
 
-def _surveyed(
+def _survey_frames(
     files: MeshFiles, survey: FrameSurvey, progress: Progress, notes: list[str]
 ) -> tuple[Faces, Surface, Iterator[Vertices]]:
     """Return triangles, surface, and an iterator over positions that also feeds the survey."""

@@ -156,7 +156,7 @@ def note_unwritten(
         Whether the file stores parts, polygons, and hard edges.
     """
     everything: list[Attribute | FaceGroups] = [*surface.attributes, *surface.groups]
-    missing = [_named(one) for one in everything if not any(one is held for held in written)]
+    missing = [_describe(one) for one in everything if not any(one is other for other in written)]
     if surface.parts and not parts:
         missing.append(f"the names of {len(surface.parts)} parts")
     if surface.face_sizes is not None and not polygons:
@@ -238,7 +238,7 @@ def note_unwritten_units(units: Mapping[str, str], ending: str, notes: list[str]
         notes.append(note)
 
 
-def _named(one: Attribute | FaceGroups) -> str:
+def _describe(one: Attribute | FaceGroups) -> str:
     if isinstance(one, FaceGroups):
         return f"groups {one.name!r}"
     return f"{one.name!r} ({one.kind}) of each {one.domain}"

@@ -71,9 +71,9 @@ def check_output(
     inputs = list(inputs)
     if isinstance(chosen, SequenceFormat) and chosen.data_files is not None:
         check_output_paths([path], overwrite=overwrite, inputs=inputs)
-        beside = chosen.data_files(path, n_frames or 1)
-        check_output_paths(beside, overwrite=overwrite, inputs=inputs, makes_folder=True)
-        return [path, *beside]
+        data_files = chosen.data_files(path, n_frames or 1)
+        check_output_paths(data_files, overwrite=overwrite, inputs=inputs, makes_folder=True)
+        return [path, *data_files]
     check_output_paths(paths, overwrite=overwrite, inputs=inputs, makes_folder=is_pattern(path))
     return paths
 
@@ -120,9 +120,9 @@ def _check_folder(
     check_output_paths(paths, overwrite=overwrite, inputs=inputs, makes_folder=True)
     endings = {one.suffix for one in paths} | {".png", ".exr"}
     others = set(path.iterdir()) - set(paths) if path.is_dir() else set()
-    if alike := sorted(one.name for one in others if one.suffix.lower() in endings):
+    if conflicting := sorted(one.name for one in others if one.suffix.lower() in endings):
         raise InvalidInputError(
-            f"{path} contains files that must not be mixed with the output: {listed(alike)}; "
+            f"{path} contains files that must not be mixed with the output: {listed(conflicting)}; "
             "remove them, or choose another folder"
         )
     return paths

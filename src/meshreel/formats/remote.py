@@ -32,7 +32,7 @@ _DOWNLOADED: dict[Path, str] = {}
 
 @contextmanager
 def local_copy(source: Source, notes: list[str] | None = None) -> Iterator[Source]:
-    """Within it, a local copy of a remote source, which is removed afterwards; or a local source.
+    """Context manager for a local copy of a remote source, removed on exit; or a local source.
 
     A folder means its frames, a pattern its matches. The mesh of a point cache is downloaded too;
     referenced files are downloaded when they are needed.
@@ -75,9 +75,9 @@ def local_copy(source: Source, notes: list[str] | None = None) -> Iterator[Sourc
 
 
 @contextmanager
-def local_file(given: AnyPath, notes: list[str] | None = None) -> Iterator[Path]:
-    """Within it, the local copy of a single file; see `local_copy`."""
-    with local_copy(given, notes) as source:
+def local_file(requested: AnyPath, notes: list[str] | None = None) -> Iterator[Path]:
+    """Context manager for the local copy of a single file; see `local_copy`."""
+    with local_copy(requested, notes) as source:
         yield Path(cast("AnyPath", source))
 
 
@@ -111,30 +111,30 @@ class Output:
 
     Attributes
     ----------
-    given : str or path
+    requested : str or path
     local : str or path
         The same for a local output; a path in a temporary folder for a remote one.
     """
 
-    given: AnyPath
+    requested: AnyPath
     local: AnyPath
 
     @property
     def is_remote(self) -> bool:
         """Whether the written files are uploaded afterwards."""
-        return is_remote(self.given)
+        return is_remote(self.requested)
 
     def name(self, path: AnyPath) -> str:
         """Return the path or address that the user knows for a written local file."""
         if not self.is_remote:
             return str(path)
         within = Path(path).relative_to(Path(self.local).parent).as_posix()
-        return beside(os.fspath(self.given), within)
+        return beside(os.fspath(self.requested), within)
 
 
 @contextmanager
 def uploaded(output: AnyPath, *, overwrite: bool) -> Iterator[Output]:
-    """Within it, the local path to write an output; uploads a remote one if the block succeeds.
+    """Context manager for the local path of an output; uploads a remote one on success.
 
     Uploads are atomic per file. If an upload fails, the files are kept and the error names them.
 
@@ -220,7 +220,7 @@ def _resolve(address: str) -> list[str]:
     if Path(name_of(address)).suffix.lower() in FORMATS and not _has_magic(name_of(address)):
         return [address]
     if _has_magic(address):
-        found = _natural(matches(address))
+        found = _natural_order(matches(address))
         if not found:
             raise StoreError(f"the pattern {address} matches no file; check it")
         return found
@@ -230,10 +230,10 @@ def _resolve(address: str) -> list[str]:
             f"{address} is neither a folder of frames ({', '.join(FRAME_FORMATS)}) nor a file with "
             "a known extension"
         )
-    return _natural(found)
+    return _natural_order(found)
 
 
-def _natural(addresses: Iterable[str]) -> list[str]:
+def _natural_order(addresses: Iterable[str]) -> list[str]:
     of_name = {name_of(one): one for one in addresses}
     return [of_name[path.name] for path in natural_order(map(Path, of_name))]
 

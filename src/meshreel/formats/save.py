@@ -215,7 +215,7 @@ def save_frames(
         surface=surface,
         progress=progress,
         notes=notes,
-        tracks=_held_tracks(found, tracks or {}, notes),
+        tracks=_supported_tracks(found, tracks or {}, notes),
     )
     if isinstance(found, FrameFormat) or (
         isinstance(found, SequenceFormat) and not found.holds_materials
@@ -247,19 +247,19 @@ def save_frames(
     return paths
 
 
-def _held_tracks(
+def _supported_tracks(
     found: FrameFormat | SequenceFormat | FolderFormat,
     tracks: Mapping[str, TrackSource],
     notes: list[str] | None,
 ) -> dict[str, TrackSource]:
     """Return the tracks that a format can store; the notes list the others."""
     domains = NO_TRACKS if isinstance(found, FolderFormat) else found.holds_tracks
-    told = notes if notes is not None else []
+    note_list = notes if notes is not None else []
     for missing in [one for one in Domain if one not in domains] if domains else []:
         names = [name for name, track in tracks.items() if track.domain is missing]
-        note_unwritten_tracks(names, found.ending, told, f"tracks of {plural(missing)}")
+        note_unwritten_tracks(names, found.ending, note_list, f"tracks of {plural(missing)}")
     if not domains:
-        note_unwritten_tracks(tracks, found.ending, told)
+        note_unwritten_tracks(tracks, found.ending, note_list)
     return {name: track for name, track in tracks.items() if track.domain in domains}
 
 
@@ -279,7 +279,7 @@ def _write_sequence(
     found: SequenceFormat, paths: list[Path], stream: FrameStream, options: WriteOptions
 ) -> None:
     """Write all frames to the first path, and the first frame to the companion file, if any."""
-    if found.write is None:  # the output was checked
+    if found.write is None:  # check_output rejects read-only formats
         raise FormatError(f"{found.ending} files are read, but not written")
     if found.companion:
         encode = frame_encoder(FRAME_FORMATS[found.companion], stream)
@@ -289,7 +289,7 @@ def _write_sequence(
 
 def frame_encoder(found: FrameFormat, stream: FrameStream) -> Callable[[int, Vertices], bytes]:
     """Return a function from the number and positions of a frame to the bytes of its file."""
-    if found.encoder is None:  # the output was checked
+    if found.encoder is None:  # check_output rejects read-only formats
         raise FormatError(f"{found.ending} files are read, but not written")
     if not found.holds_tracks:
         encode = found.encoder(stream.faces, stream.surface, stream.notes)

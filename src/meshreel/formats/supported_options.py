@@ -33,13 +33,13 @@ def check_supported(sources: Sequence[str | os.PathLike[str]], options: ReadOpti
     InvalidInputError
         Naming the option and the formats that support it.
     """
-    asked: dict[ReadOption, bool] = {
+    requested: dict[ReadOption, bool] = {
         "skip_bad": options.skip_bad,
         "allow_outside": options.allow_outside,
         "animation": options.animation is not None,
     }
-    for option, is_asked in asked.items():
-        if is_asked and not any(supports(source, option) for source in sources):
+    for option, is_requested in requested.items():
+        if is_requested and not any(supports(source, option) for source in sources):
             raise _no_effect(option, listed(map(str, sources)))
 
 
@@ -68,9 +68,9 @@ def check_read_options(found: FrameFormat | SequenceFormat, options: ReadOptions
             "only one of them"
         )
     # Merging a single static mesh changes nothing; allowing it lets batches merge whole folders.
-    asked = [one for one in get_args(ReadOption) if getattr(options, one) and one != "merge"]
+    requested = [one for one in get_args(ReadOption) if getattr(options, one) and one != "merge"]
     is_number_0 = options.animation == 0  # falsy, but a valid choice
-    _check(found, [*asked, "animation"] if is_number_0 else asked)
+    _check(found, [*requested, "animation"] if is_number_0 else requested)
 
 
 def check_write_options(
@@ -87,8 +87,8 @@ def check_write_options(
     _check(found, [one.name for one in choices if getattr(options, one.name) != one.default])
 
 
-def _check(found: FrameFormat | SequenceFormat | FolderFormat, asked: Iterable[str]) -> None:
-    for option in asked:
+def _check(found: FrameFormat | SequenceFormat | FolderFormat, requested: Iterable[str]) -> None:
+    for option in requested:
         if option not in _supported(found):
             kind = "folder" if isinstance(found, FolderFormat) else "file"
             raise _no_effect(option, f"a {found.ending} {kind}")

@@ -1,4 +1,4 @@
-"""Whatever bytes a file holds, reading it gives a sequence or an error of meshreel."""
+"""Reading damaged files gives a sequence or a meshreel error, never another exception."""
 
 import contextlib
 
@@ -35,7 +35,7 @@ TEXTS = {
 
 
 def damaged_versions(data, rng):
-    """Random truncations, changed bytes, cut-out and doubled ranges."""
+    """Random truncations, changed bytes, removed and duplicated ranges."""
     for index in range(N_DAMAGED):
         damaged = bytearray(data)
         begin, end = sorted(rng.integers(0, len(data) + 1, 2))
@@ -48,7 +48,7 @@ def damaged_versions(data, rng):
             case 2:
                 damaged[begin:end] = damaged[begin:end] * 2
             case 3:
-                # Header bytes matter most: change one, to a byte that could be meant.
+                # Header bytes matter most: change one to another plausible byte.
                 damaged[rng.integers(min(len(data), 200))] = rng.choice(
                     list(b"0123456789-. \n#eln")
                 )
@@ -57,7 +57,7 @@ def damaged_versions(data, rng):
 
 def only_our_errors_come(path, data):
     path.write_bytes(data)
-    load(path)  # undamaged it must be readable, or the rest would show nothing
+    load(path)  # the undamaged file must be readable, or the test is meaningless
     for damaged in damaged_versions(data, np.random.default_rng(len(data))):
         path.write_bytes(damaged)
         with contextlib.suppress(MeshReelError):

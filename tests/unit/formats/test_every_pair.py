@@ -1,4 +1,4 @@
-"""Every format that is read to every format that is written, through files and through streams."""
+"""Conversion from every readable format to every writable one, directly and through streams."""
 
 import itertools
 
@@ -21,13 +21,13 @@ APPROXIMATE = {".glb", ".gltf", ".reel"}
 TRIANGLES = {".glb", ".gltf", ".stl"}
 TIMELESS = {".pc2"}
 WITHOUT_UV = {".off", ".stl", ".ply", ".pvd", ".vtp", ".vtu", ".xdmf", ".xmf"}
-"""Of corners, which the sheet has."""
+"""Formats that store the corner attributes of the sheet."""
 ERROR = 1e-3
-"""Of the diagonal; what formats that approximate are asked for, twice over."""
+"""Tolerance relative to the diagonal: twice the error requested from lossy formats."""
 
 
 def target_of(folder, ending):
-    """A path for a whole sequence of this ending, or a pattern for its frames."""
+    """A path for a whole sequence with this extension, or a pattern for its frames."""
     is_whole = isinstance(FORMATS[ending], SequenceFormat)
     return folder / (f"walk{ending}" if is_whole else f"walk_%02d{ending}")
 
@@ -37,7 +37,7 @@ def source_of(target):
 
 
 def written(sequence, folder, ending):
-    """The sequence that a format gives back of this one."""
+    """Save a sequence in a format and load it again."""
     extra = getattr(FORMATS[ending], "extra", None)
     if extra is not None and not extra.is_installed:
         pytest.skip(f"{ending} needs {extra.library}, which is not installed")
@@ -51,7 +51,7 @@ def written(sequence, folder, ending):
 
 @pytest.fixture(scope="module")
 def given(tmp_path_factory):
-    """The same sheet as each format gives it."""
+    """The same sheet after a round trip through each format."""
     made = {}
 
     def get(ending):
@@ -75,7 +75,7 @@ def test_positions_and_polygons_survive_every_conversion(source, target, given, 
     found = written(expected, tmp_path / "out", target)
     assert found.n_frames == expected.n_frames == 6
     assert found.fps == expected.fps == 24
-    if target == ".stl":  # corners are welded, in the order in which triangles name them
+    if target == ".stl":  # welding reorders vertices by first use in triangles
         every = [sorted(map(tuple, one.vertices[2])) for one in (found, expected)]
         assert every[0] == every[1]
         return
@@ -93,7 +93,7 @@ def test_positions_and_polygons_survive_every_conversion(source, target, given, 
 
 
 def assert_same_triangles(found, expected):
-    """Each vertex moves as one of the expected ones, and they make the same triangles."""
+    """Assert equal vertex trajectories and triangles, up to the order of vertices."""
     tolerance = 20 * ERROR * np.linalg.norm(np.ptp(expected.vertices, axis=(0, 1)))
     distances, match = cKDTree(expected.vertices[0]).query(found.vertices[0])
     assert distances.max() < tolerance

@@ -14,7 +14,7 @@ MISSING = Extra("hdf", "h5py", "surely_not_installed")
 
 @pytest.fixture
 def without(monkeypatch):
-    """Has a library be missing, as it is without its extra."""
+    """Hide a library, as if its extra were not installed."""
 
     def remove(module):
         for name in [name for name in sys.modules if name.startswith(f"{module}.")]:

@@ -1,4 +1,4 @@
-"""Disks that become full while a file is written: one line that names it, and nothing left."""
+"""A disk that becomes full during writing: one error line that names the file, no partial file."""
 
 import sys
 from pathlib import Path
@@ -44,11 +44,11 @@ def reel(tmp_path_factory):
 
 @pytest.fixture
 def limited(monkeypatch):
-    """Runs `meshreel ARGUMENTS` where no file grows larger than a number of bytes.
+    """Run `meshreel ARGUMENTS` with a limit on file sizes.
 
     Python itself ignores the signal that comes of it.
     """
-    # Or a compiled module would be cut off at the limit, and stay so.
+    # Otherwise cached bytecode would be truncated at the limit.
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
 

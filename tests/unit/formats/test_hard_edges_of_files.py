@@ -1,4 +1,4 @@
-"""Hard edges of a cake and a box from files of every format that has normals of corners."""
+"""Hard edges of a cylinder and a box, read from every format with corner normals."""
 
 import numpy as np
 import pytest
@@ -15,13 +15,13 @@ CORNERS = join_fans(SIZES, CAKE.faces)
 
 
 def places(sequence):
-    """The hard edges of a sequence, as pairs of positions in its first frame."""
+    """Hard edges of a sequence, as pairs of positions in its first frame."""
     ends = np.round(sequence[0].astype(float), 3)[sequence.surface.hard_edges] + 0.0
     return {frozenset(map(tuple, edge.tolist())) for edge in ends}
 
 
 def cake_file(n_split=1, **node):
-    """A GLB of separate triangles, whose corners have normals."""
+    """Write a GLB of unconnected triangles with corner normals."""
     file = Gltf()
     corner_of = fan_corners(SIZES).ravel()
     normals = cake_normals(CAKE)[corner_of]
@@ -239,7 +239,7 @@ def test_obj_smoothing_groups_give_hard_rims(read):
     found, _ = read(obj(cake_lines(statements={0: "s 1\n", 24: "s 2\n", 48: "s off\n"})), ".obj")
     inner = {e for e in places(found) if (0.0, 0.0, 0.5) in e}
     assert places(found) - inner == places(CAKE)
-    assert len(inner) == 24  # faces of no group share no normals
+    assert len(inner) == 24  # faces without a group are not smoothed
 
 
 def test_single_obj_smoothing_group_gives_no_hard_edges(read):

@@ -1,4 +1,4 @@
-"""What a file holds, told without turning it into a sequence."""
+"""Inspection of files without loading a sequence."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Files by, and for, an independent reader and writer."""
+"""Interchange with independent readers and writers: trimesh and VTK."""
 
 import io
 
@@ -56,7 +56,7 @@ def test_trimesh_reads_saved_meshes(tmp_path, make_sequence, ending):
 
 
 def vtk_mesh(module, reader, path):
-    """The mesh that a reader of VTK finds."""
+    """Read a file with a VTK reader."""
     vtk_reader = getattr(pytest.importorskip(f"vtkmodules.{module}"), reader)()
     vtk_reader.SetFileName(str(path))
     vtk_reader.Update()
@@ -78,4 +78,4 @@ def test_vtk_reads_polygons_and_uv_of_saved_obj(tmp_path):
     polys = found.GetPolys()
     assert np.diff(polys.GetOffsetsArray()).tolist() == list(CUBE_SIZES)
     rows = np.array(found.GetPointData().GetTCoords())[np.array(polys.GetConnectivityArray())]
-    np.testing.assert_allclose(rows, uv.per_item(), rtol=1e-6)  # VTK itself rounds what it reads
+    np.testing.assert_allclose(rows, uv.per_item(), rtol=1e-6)  # VTK rounds values on reading

@@ -27,7 +27,7 @@ CASES = [
 
 @pytest.fixture
 def save_as(tmp_path, make_sequence):
-    """Save a sequence in a format; gives the source to read it from."""
+    """Save a sequence in a format; return the source to read it from."""
 
     def write(ending, *args, **kwargs):
         name = "a.npz" if ending == "npz" else f"f_%d.{ending}"
@@ -241,7 +241,7 @@ def test_load_fails_if_a_file_changes_between_two_reads(tmp_path, save_as, endin
 
 
 def vertex_bytes(path, frame):
-    """Where the positions of a frame of six float32 vertices begin in an npz."""
+    """Offset of the positions of a frame of six float32 vertices in an npz file."""
     with zipfile.ZipFile(path) as archive, archive.open("vertices.npy") as member:
         header = member.read(128)
     return path.read_bytes().index(header) + 128 + frame * 72
@@ -277,7 +277,7 @@ def test_reading_frames_fails_if_an_npz_is_gone(save_as):
 def test_open_source_verifies_the_checksum_of_npz(save_as):
     path = save_as("npz", 200)
     data = bytearray(path.read_bytes())
-    data[vertex_bytes(path, 150)] ^= 1  # so far behind that reading the header does not see it
+    data[vertex_bytes(path, 150)] ^= 1  # beyond what reading the header buffers
     path.write_bytes(data)
     with pytest.raises(FormatError, match=r"a\.npz: is damaged: vertices\.npy"):
         open_source(path)
@@ -303,5 +303,5 @@ def test_stored_frames_need_an_eighth_of_the_memory(tmp_path, name, monkeypatch)
         for index in range(200):
             opened.read(index, index + 1)
 
-    read_all()  # what is imported and cached on first use does not count
+    read_all()  # first use imports modules and fills caches, which must not count
     assert peak_bytes(read_all) < vertices.nbytes / 8

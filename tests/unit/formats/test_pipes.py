@@ -1,4 +1,4 @@
-"""Pipes and devices given as inputs, which are refused by name before anything opens them."""
+"""Pipes and devices as inputs are rejected by name before they are opened."""
 
 import os
 
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named p
 
 @pytest.fixture(autouse=True)
 def limited():
-    """A test fails, and does not wait, where a pipe is opened that nothing writes into."""
+    """Fail instead of blocking if a test opens a pipe without a writer."""
     with time_limit(30, "a pipe to be refused"):
         yield
 

@@ -1,4 +1,4 @@
-"""The table of formats: a row names its functions, which are imported when they are needed."""
+"""The registry: its functions exist, have the right signature, and are imported lazily."""
 
 import ast
 import inspect
@@ -33,12 +33,12 @@ N_ARGUMENTS = {
     "fields_checker": 1,
     "files": 2,
 }
-"""How many arguments each function of a row is called with."""
+"""Number of arguments of each function of a row."""
 
 ROOT = Path(meshreel.formats.__file__).parent
 ALLOWED = {("vtk", "arrays"), ("vat", "gltf")}
-"""VTKHDF files hold, beside what VTK reads, the surface as the datasets of our own HDF5 files; the
-mesh of vertex animation textures is a glTF file."""
+"""Allowed imports between formats: VTKHDF stores our surface datasets, and the mesh of vertex
+animation textures is a glTF file."""
 
 LOADING = """
 import sys
@@ -49,13 +49,13 @@ print(*sys.modules)
 
 
 def functions():
-    """The functions of all rows, and how many arguments each is called with."""
+    """Yield the functions of all rows with their number of arguments."""
     for found in (*FORMATS.values(), *FOLDER_FORMATS.values()):
         for field in fields(found):
             function: Any = getattr(found, field.name)
             n_arguments = N_ARGUMENTS.get(field.name)
             if isinstance(found, FolderFormat) and field.name == "write":
-                n_arguments += 1  # the stem of names
+                n_arguments += 1  # the stem of the file names
             if isinstance(function, partial):
                 n_arguments += len(function.args)
                 function = function.func
@@ -66,7 +66,7 @@ def functions():
 
 
 FOLDERS = {lazy.values[0].place.split(".")[0] for lazy in functions()} - {"scenes"}
-"""Of `meshreel.formats`, those that are of some formats only."""
+"""Folders of `meshreel.formats` that belong to single formats."""
 
 
 @pytest.mark.parametrize(("lazy", "n_arguments"), [*functions()])
@@ -75,7 +75,7 @@ def test_registry_functions_have_the_expected_signature(lazy, n_arguments):
 
 
 def loaded_modules(path):
-    """The modules that a process has which has loaded a file."""
+    """Names of the modules that a process has imported after loading a file."""
     done = subprocess.run(
         [sys.executable, "-c", LOADING, str(path)], capture_output=True, text=True, check=True
     )

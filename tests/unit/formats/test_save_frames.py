@@ -23,7 +23,7 @@ def failing(blocks):
 
 @pytest.fixture
 def write(tmp_path, make_sequence):
-    """Write blocks of a sequence of five frames, as five frames unless told otherwise."""
+    """Save blocks of frames, declared as five frames by default."""
 
     def write(blocks, output="f_%d.obj", n_frames=5, **kwargs):
         faces = make_sequence(1).faces
@@ -121,7 +121,7 @@ def test_save_frames_needs_a_tenth_of_the_memory(tmp_path, output):
         blocks = (np.full((1, n_verts, 3), index, np.float32) for index in range(n_frames))
         save_frames(blocks, faces, tmp_path / output, n_frames=n_frames, overwrite=True)
 
-    write()  # what is imported and cached on first use does not count
+    write()  # first use imports modules and fills caches, which must not count
     tracemalloc.start()
     try:
         write()

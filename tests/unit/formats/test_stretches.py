@@ -15,7 +15,7 @@ from samples.tracks import assert_same_tracks
 
 @pytest.fixture
 def changing(tmp_path):
-    """Three frames of one mesh and two of another, in a folder."""
+    """Write three frames of one mesh and two of another into a folder."""
     save(waving_grid(3), tmp_path / "a_%02d.ply")
     save(quad_sheet(2), tmp_path / "b_%02d.ply")
     return tmp_path

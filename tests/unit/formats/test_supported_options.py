@@ -1,4 +1,4 @@
-"""Options that one of several inputs supports are left out for the others."""
+"""Options that only some inputs of a batch support are dropped for the others."""
 
 from pathlib import Path
 

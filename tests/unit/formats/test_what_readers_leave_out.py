@@ -1,4 +1,4 @@
-"""Every reader names what a file holds and it does not take, in the same words."""
+"""Every reader adds notes on the contents of a file that it leaves out."""
 
 import numpy as np
 import pytest
@@ -36,7 +36,7 @@ XML = """<VTKFile type="PolyData" version="1.0"><PolyData>{field}
 
 
 def left_out(source, **options):
-    """What the notes of loading say is left out, without the words that all have."""
+    """Load a file; return its notes on what is left out, without their common prefix."""
     notes = []
     load(source, notes=notes, **options)
     return [note.removeprefix("left out: ") for note in notes if note.startswith("left out: ")]
@@ -263,7 +263,7 @@ def test_unsupported_usd_prims_and_primvars_are_noted(tmp_path):
 
 
 def test_other_alembic_objects_are_noted(tmp_path):
-    from samples import alembic as sample  # which skips the test where the library is missing
+    from samples import alembic as sample  # skips the test if the library is not installed
 
     top = sample.archive(tmp_path / "a.abc").getTop()
     sample.add_mesh(top, "m", [sample.POINTS])
@@ -287,7 +287,7 @@ def test_changing_usd_visibility_is_noted(tmp_path):
 
 
 def test_alembic_visibility_is_noted(tmp_path):
-    from samples import alembic as sample  # which skips the test where the library is missing
+    from samples import alembic as sample  # skips the test if the library is not installed
 
     top = sample.archive(tmp_path / "a.abc").getTop()
     mesh = sample.add_mesh(top, "m", [sample.POINTS])

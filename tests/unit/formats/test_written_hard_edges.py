@@ -1,4 +1,4 @@
-"""Hard edges that are written to files of every format, and read again."""
+"""Hard edges written to every format and read back."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ def loaded(path):
 
 
 def assert_same_normals(found, expected, atol=1e-5):
-    """Normals of the corners of all frames, whose faces are the same."""
+    """Corner normals of all frames of a sequence."""
     one, other = (
         meshreel.corner_normals(x.vertices, x.faces, x.surface) for x in (found, expected)
     )
@@ -94,7 +94,7 @@ def test_glb_splits_vertices_at_hard_edges(tmp_path, make):
 
 
 def triangle_corners(sizes):
-    """The corner of a face at each corner of its triangles."""
+    """Face corner of each triangle corner."""
     starts = np.cumsum(sizes) - sizes
     return [
         start + k

@@ -71,7 +71,7 @@ def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
                 f"{positions.name} must be float32 or float64; got {positions.dtype}"
             )
         arrays = _named_arrays(root, positions)
-        candidates = list(_candidates_beside(root, positions))
+        candidates = list(_candidates_next_to(root, positions))
         places = [one.place for one in candidates]
         _note_left_out(root, positions, arrays, places, options.notes)
         name = positions.name.rpartition("/")[2]
@@ -166,15 +166,15 @@ class _VerifiedDataset:
         return np.asarray(block)
 
 
-def _candidates_beside(root: Node, positions: Dataset) -> Iterator[Candidate]:
+def _candidates_next_to(root: Node, positions: Dataset) -> Iterator[Candidate]:
     """Yield datasets that may be tracks: next to the positions, or in the track group there."""
-    beside = positions.name.rpartition("/")[0]
-    for folder in (beside, f"{beside}/{TRACKS_FOLDER}"):
+    parent = positions.name.rpartition("/")[0]
+    for folder in (parent, f"{parent}/{TRACKS_FOLDER}"):
         group = find_group(root, folder or "/")
         for name in group if group is not None else ():
-            is_own = folder == beside and RESERVED_NAMES.fullmatch(name)
+            is_reserved = folder == parent and RESERVED_NAMES.fullmatch(name)
             place = f"{folder}/{name}".lstrip("/")
-            if not is_own and f"/{place}" != positions.name:
+            if not is_reserved and f"/{place}" != positions.name:
                 yield from _candidate(group, name, place)
 
 
@@ -231,10 +231,10 @@ def _note_left_out(
     notes: list[str],
 ) -> None:
     """Add a note on datasets that belong to neither the sequence nor its tracks."""
-    beside = positions.name.rpartition("/")[0]
-    known = {positions.name, *(f"{beside}/{name}" for name in arrays)}
+    parent = positions.name.rpartition("/")[0]
+    known = {positions.name, *(f"{parent}/{name}" for name in arrays)}
     known |= {f"/{place}" for place in candidates}
-    if "faces" not in (find_group(root, beside or "/") or ()):
+    if "faces" not in (find_group(root, parent or "/") or ()):
         above = [f"{folder}/faces".replace("//", "/") for folder in _folders(positions)]
         known |= {next((one for one in above if find_dataset(root, one) is not None), "")}
     others = [name for name in _datasets(root, lambda _: True) if f"/{name}" not in known]

@@ -62,16 +62,16 @@ def open_npz(path: Path, options: ReadOptions) -> FrameSource:
     FormatError, InvalidInputError
         As `read_npz`; also when frames are read, if the file has changed.
     """
-    positions, most = options.dataset or POSITIONS, options.max_loaded_bytes
-    stored = None if most is None else _find_vertices(path, positions)
-    if most is None or stored is None:
+    positions, max_bytes = options.dataset or POSITIONS, options.max_loaded_bytes
+    stored = None if max_bytes is None else _find_vertices(path, positions)
+    if max_bytes is None or stored is None:
         return _loaded(path, options)
     arrays = read_arrays(path, positions, with_positions=False)
     with errors_naming(path):
         about = read_description(arrays, path.stem, options)
     sizes = stored.shape[0], stored.shape[1]
     tracks = find_tracks(path, arrays, positions, sizes, about, options.notes)
-    if stored.size_bytes + sum(one.size_bytes for one in tracks.values()) <= most:
+    if stored.size_bytes + sum(one.size_bytes for one in tracks.values()) <= max_bytes:
         return _loaded(path, options)
     survey = FrameSurvey()
     for start, vertices in stored.survey():

@@ -50,7 +50,7 @@ def _check_expansion(unpacked_bytes: int, file_bytes: int) -> None:
 
 @contextmanager
 def archive_errors(path: Path) -> Iterator[None]:
-    """Within it, every error of reading an archive becomes a `FormatError` that names it."""
+    """Context manager that turns errors of reading an archive into a `FormatError` naming it."""
     try:
         yield
     except FormatError as error:

@@ -53,7 +53,7 @@ class ArrayFrames:
     _checksums: dict[int, int] = field(default_factory=dict)
 
     def open(
-        self, about: Description, options: ReadOptions, tracks: Mapping[str, TrackSource]
+        self, description: Description, options: ReadOptions, tracks: Mapping[str, TrackSource]
     ) -> FrameSource:
         """Return the sequence, loaded if it is within `max_loaded_bytes`.
 
@@ -67,30 +67,30 @@ class ArrayFrames:
         """
         size = self.n_frames * self.n_verts * 3 * self.dtype.itemsize
         size += sum(map(size_bytes, tracks.values()))
-        most = options.max_loaded_bytes
+        max_bytes = options.max_loaded_bytes
         with errors_naming(self.path):
-            if most is None or size <= most:
-                return self._loaded(about, options, tracks)
-            return self._stored(about, options, tracks)
+            if max_bytes is None or size <= max_bytes:
+                return self._loaded(description, options, tracks)
+            return self._stored(description, options, tracks)
 
     def _loaded(
-        self, about: Description, options: ReadOptions, tracks: Mapping[str, TrackSource]
+        self, description: Description, options: ReadOptions, tracks: Mapping[str, TrackSource]
     ) -> MeshSequence:
         vertices: Vertices = np.empty((self.n_frames, self.n_verts, 3), self.dtype)
         for start, block in self._blocks(options):
             vertices[start : start + len(block)] = block
         return MeshSequence(
             vertices,
-            about.faces,
-            about.fps,
-            about.name,
-            about.start_s,
-            about.surface,
+            description.faces,
+            description.fps,
+            description.name,
+            description.start_s,
+            description.surface,
             {name: copied(one, range(self.n_frames)) for name, one in tracks.items()},
         )
 
     def _stored(
-        self, about: Description, options: ReadOptions, tracks: Mapping[str, TrackSource]
+        self, description: Description, options: ReadOptions, tracks: Mapping[str, TrackSource]
     ) -> StoredFrames:
         survey = FrameSurvey()
         for start, block in self._blocks(options):
@@ -99,14 +99,14 @@ class ArrayFrames:
         return StoredFrames(
             n_frames=self.n_frames,
             n_verts=self.n_verts,
-            faces=about.faces,
-            fps=about.fps,
-            name=about.name,
+            faces=description.faces,
+            fps=description.fps,
+            name=description.name,
             dtype=self.dtype,
             extent=survey.extent,
             read_range=self._read_unchanged,
-            start_s=about.start_s,
-            surface=about.surface,
+            start_s=description.start_s,
+            surface=description.surface,
             files=(self.path,),
             tracks=tracks,
         )

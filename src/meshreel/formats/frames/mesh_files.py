@@ -25,7 +25,7 @@ from meshreel.model.surface_selection import differing_names
 from meshreel.runtime.progress import Count, Progress
 
 COMPARED_BYTES, MIN_COMPARED = 1 << 24, 3
-"""Attributes are compared in as many frames as these bytes of files hold, at least in three."""
+"""Attributes are compared in as many frames as fit these bytes, and in at least three."""
 
 
 class MeshFiles:
@@ -226,7 +226,7 @@ class MeshFiles:
 
     @contextmanager
     def _contents(self, index: int) -> Iterator[bytes]:
-        """Within it, the bytes of a frame's file; errors name the file."""
+        """Context manager for the bytes of a frame's file; errors inside it name the file."""
         path = self.paths[index]
         with os_errors_naming(path):
             data = path.read_bytes()

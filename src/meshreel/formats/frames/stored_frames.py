@@ -29,7 +29,7 @@ class StoredFrames:
     faces : integer array of shape (M, 3)
     dtype : float32 or float64
     extent : Extent
-        Of all frames, in `dtype`.
+        Bounding box of all frames, in `dtype`.
     read_range : function of a start and a stop
         Reads the positions of frames start..stop - 1, of shape (stop - start, V, 3).
     start_s : float, default 0

@@ -23,7 +23,7 @@ Dataset = Any
 
 @contextmanager
 def hdf_errors() -> Iterator[None]:
-    """Within it, every error of the HDF5 library becomes a `FormatError`."""
+    """Context manager that turns every error of the HDF5 library into a `FormatError`."""
     try:
         yield
     except MeshReelError:

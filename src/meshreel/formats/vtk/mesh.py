@@ -117,7 +117,7 @@ def join_pieces(meshes: Sequence[VtkMesh]) -> VtkMesh:
     """Join the pieces of a file into one mesh; keeps the arrays that all pieces share."""
     if len(meshes) == 1:
         return meshes[0]
-    for mesh in meshes:  # or the index would point into another piece after the join
+    for mesh in meshes:  # an invalid index would point into another piece after joining
         if ((mesh.cells.points < 0) | (mesh.cells.points >= len(mesh.points))).any():
             raise FormatError(f"a cell has a point index outside 0..{len(mesh.points) - 1}")
     starts = np.cumsum([0] + [len(mesh.points) for mesh in meshes])
