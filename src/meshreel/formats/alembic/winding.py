@@ -22,7 +22,6 @@ def reversed_corners(counts: Integers) -> npt.NDArray[np.int64]:
     """
     lengths = np.asarray(counts, np.int64)
     ends = np.cumsum(lengths)
-    mirrored = np.repeat(
-        2 * ends - lengths - 1, lengths
-    )  # first plus last corner index of the face
-    return mirrored - np.arange(len(mirrored), dtype=np.int64)
+    # In a face, an index and its mirror image add up to the first index plus the last.
+    first_plus_last = np.repeat(2 * ends - lengths - 1, lengths)
+    return first_plus_last - np.arange(len(first_plus_last), dtype=np.int64)

@@ -131,9 +131,9 @@ class Clips:
             reasons = (f"{name} ({reason})" for name, reason in malformed.items())
             note_left_out(notes, f"malformed animations: {listed(reasons)}")
         if found is None and (unused := [one for one in self.names if one not in malformed]):
-            notes.append(
-                f"the animation {listed(unused, MAX_LISTED)} moves no mesh; read a single frame"
-            )
+            names = listed(unused, MAX_LISTED)
+            subject = f"animations {names} move" if len(unused) > 1 else f"animation {names} moves"
+            notes.append(f"the {subject} no mesh; read a single frame")
         return found
 
     def _index(self, wanted: str | int) -> int:

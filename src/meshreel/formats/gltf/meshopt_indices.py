@@ -32,7 +32,7 @@ def decode_triangles(data: bytes, count: int) -> npt.NDArray[np.uint32]:
     indices: list[int] = []
     for code in data[1 : 1 + n_triangles]:
         high, low = code >> 4, code & 15
-        if high < 15:
+        if high < 15:  # shares edge `high` of the FIFO
             a, b = edges[high]
             if 0 < low < 13:
                 c = recent[low]
@@ -42,21 +42,21 @@ def decode_triangles(data: bytes, count: int) -> npt.NDArray[np.uint32]:
                 else:
                     c = explicit.next() if low == 15 else explicit.offset_by(-1 if low == 13 else 1)
                 recent.push(c)
-        else:
+        else:  # shares no edge
             choice = explicit.byte() if low >= 14 else data[tail + low]
             if low >= 14 and choice == 0:
                 next_vertex = 0
-            corners, fresh = [], []
+            corners, not_in_fifo = [], []
             for kind in (15 if low == 15 else 0, choice >> 4, choice & 15):
                 if kind == 0:
                     corner, next_vertex = next_vertex, next_vertex + 1
                 else:
                     corner = explicit.next() if kind == 15 else recent[kind - 1]
                 corners.append(corner)
-                fresh += [corner] if kind in (0, 15) else []
+                not_in_fifo += [corner] if kind in (0, 15) else []
             a, b, c = corners
             edges.push((b, a))
-            for corner in fresh:
+            for corner in not_in_fifo:
                 recent.push(corner)
         edges.push((c, b))
         edges.push((a, c))
@@ -87,13 +87,13 @@ def decode_indices(data: bytes, count: int) -> npt.NDArray[np.uint32]:
         is_present = starts + byte <= ends
         bits = stored[(starts + byte)[is_present]].astype(np.uint64) & np.uint64(127)
         codes[is_present] |= bits << np.uint64(7 * byte)
-    found = np.zeros(count, np.uint32)
+    indices = np.zeros(count, np.uint32)
     short = codes.astype(np.uint32)
-    for baseline in (0, 1):
+    for baseline in (0, 1):  # each index is a difference from the last one of its baseline
         is_selected = (short & np.uint32(1)) == baseline
         steps = decode_zigzag(short[is_selected] >> np.uint32(1))
-        found[is_selected] = np.add.accumulate(steps, dtype=np.uint32)
-    return found
+        indices[is_selected] = np.add.accumulate(steps, dtype=np.uint32)
+    return indices
 
 
 def decode_zigzag(codes: npt.NDArray[Any]) -> npt.NDArray[Any]:

@@ -78,10 +78,10 @@ def _base_color(diffuse: Floats, specular: Floats) -> tuple[tuple[float, float, 
     """Return the base color and the metalness."""
     diffuse_share = 1 - float(specular.max())
     metallic = _metalness(_brightness(diffuse), _brightness(specular), diffuse_share)
-    of_diffuse = diffuse * diffuse_share / (1 - DIELECTRIC) / max(1 - metallic, TINY)
-    of_specular = (specular - DIELECTRIC * (1 - metallic)) / max(metallic, TINY)
+    from_diffuse = diffuse * diffuse_share / (1 - DIELECTRIC) / max(1 - metallic, TINY)
+    from_specular = (specular - DIELECTRIC * (1 - metallic)) / max(metallic, TINY)
     weight = metallic**2
-    red, green, blue = np.clip((1 - weight) * of_diffuse + weight * of_specular, 0, 1).tolist()
+    red, green, blue = np.clip((1 - weight) * from_diffuse + weight * from_specular, 0, 1).tolist()
     return (red, green, blue), metallic
 
 

@@ -29,8 +29,8 @@ def track(width=1, **facts):
     return Track(VERTICES[:, :, :width], **facts)
 
 
-def stored(tmp_path, attributes=(), groups=(), parts=(), tracks=None):
-    """Return the sequence after a round trip through Alembic, and the notes of writing it."""
+def round_trip(tmp_path, attributes=(), groups=(), parts=(), tracks=None):
+    """Return the sequence after a round trip through Alembic, and the notes on writing it."""
     surface = Surface(None, tuple(attributes), tuple(groups), tuple(parts))
     notes = []
     sequence = MeshSequence(VERTICES, FACES, 24, "a", 0.0, surface, tracks or {})
@@ -38,28 +38,28 @@ def stored(tmp_path, attributes=(), groups=(), parts=(), tracks=None):
     return load(tmp_path / "a.abc"), notes
 
 
-def renamed(what, name, written_name):
-    return f"{what} {name!r} is called {written_name!r} in .abc files"
+def rename_note(kind, name, written_name):
+    return f"{kind} {name!r} is called {written_name!r} in .abc files"
 
 
 @pytest.mark.parametrize("name", ["a;b", "a=b", "a\0b", "a\udc80b"])
 def test_reserved_characters_in_names_of_texture_coordinates_are_replaced(tmp_path, name):
-    found, notes = stored(tmp_path, [attribute(name, Kind.UV)])
+    found, notes = round_trip(tmp_path, [attribute(name, Kind.UV)])
     assert [one.name for one in found.surface.attributes] == ["a_b"]
-    assert notes == [renamed("attribute", name, "a_b")]
-    found, notes = stored(tmp_path, tracks={name: track(2, kind="uv")})
-    assert (list(found.tracks), notes) == (["a_b"], [renamed("track", name, "a_b")])
+    assert notes == [rename_note("attribute", name, "a_b")]
+    found, notes = round_trip(tmp_path, tracks={name: track(2, kind="uv")})
+    assert (list(found.tracks), notes) == (["a_b"], [rename_note("track", name, "a_b")])
 
 
 def test_cleaned_name_of_texture_coordinates_stays_unique(tmp_path):
-    found, notes = stored(tmp_path, [attribute("a;b", Kind.UV), attribute("a_b")])
+    found, notes = round_trip(tmp_path, [attribute("a;b", Kind.UV), attribute("a_b")])
     assert [one.name for one in found.surface.attributes] == ["a_b_2", "a_b"]
-    assert notes == [renamed("attribute", "a;b", "a_b_2")]
+    assert notes == [rename_note("attribute", "a;b", "a_b_2")]
 
 
 @pytest.mark.parametrize("name", ["a;b", "a=b", "a\x1bb"])
 def test_names_outside_metadata_keep_their_characters(tmp_path, name):
-    found, notes = stored(
+    found, notes = round_trip(
         tmp_path, [attribute(name)], [group("material", name, "c"), group("g", name)],
         [Part(name, 4, 2)], {f"{name} track": track()},
     )  # fmt: skip
@@ -70,7 +70,7 @@ def test_names_outside_metadata_keep_their_characters(tmp_path, name):
 
 @pytest.mark.parametrize("name", ["a/b", "a\0b", "a\udc80b"])
 def test_changed_names_are_noted(tmp_path, name):
-    found, notes = stored(
+    found, notes = round_trip(
         tmp_path, [attribute(name)], [group("material", name, "c"), group(name, "d")]
     )
     assert [one.name for one in found.surface.attributes] == ["a_b"]
@@ -79,14 +79,14 @@ def test_changed_names_are_noted(tmp_path, name):
         ("a_b_2", ("d",)),
     ]
     assert notes == [
-        renamed("attribute", name, "a_b"),
-        renamed("material", name, "a_b"),
-        renamed("group", name, "a_b_2"),
+        rename_note("attribute", name, "a_b"),
+        rename_note("material", name, "a_b"),
+        rename_note("group", name, "a_b_2"),
     ]
 
 
 def test_names_that_differ_only_in_slashes_stay_distinct(tmp_path):
-    found, _ = stored(
+    found, _ = round_trip(
         tmp_path,
         [attribute("a/b"), attribute("a_b")],
         [group("a/b", "l"), group("a_b", "m")],
@@ -99,11 +99,11 @@ def test_names_that_differ_only_in_slashes_stay_distinct(tmp_path):
 
 @pytest.mark.parametrize("text", ["a;b", "a=b", "a\0b"])
 def test_changed_units_and_labels_are_noted(tmp_path, text):
-    found, notes = stored(tmp_path, groups=[group("g", "a\0b")], tracks={"t": track(unit=text)})
+    found, notes = round_trip(tmp_path, groups=[group("g", "a\0b")], tracks={"t": track(unit=text)})
     assert (found.tracks["t"].unit, found.surface.groups[0].labels) == ("a_b", ("a_b",))
-    assert notes == [renamed("label", "a\0b", "a_b"), renamed("unit", text, "a_b")]
+    assert notes == [rename_note("label", "a\0b", "a_b"), rename_note("unit", text, "a_b")]
 
 
 def test_changed_part_name_is_noted(tmp_path):
-    found, notes = stored(tmp_path, parts=[Part("a\0b", 4, 2)])
-    assert (found.name, notes) == ("a_b", [renamed("part", "a\0b", "a_b")])
+    found, notes = round_trip(tmp_path, parts=[Part("a\0b", 4, 2)])
+    assert (found.name, notes) == ("a_b", [rename_note("part", "a\0b", "a_b")])

@@ -1,7 +1,7 @@
 """Search for fields and weights with few texels, with all vertices within an error bound.
 
-Principal components minimize the mean error, and digits are allocated so that truncation and
-rounding together do. To minimize the largest error instead, every round
+Principal components minimize the mean error, and digits are allocated so that the mean error of
+truncation and rounding together is smallest. To minimize the largest error instead, every round
 
 - adds the error of a vertex beyond the bound to its target (the method of multipliers, as in
   `meshreel.formats.gltf.morphs`),
@@ -36,10 +36,10 @@ INITIAL_RMS = 0.42
 """Root mean square error that selects the initial number of texels, as a fraction of the bound."""
 
 TARGET_SHARE = 0.85
-"""Fraction of the bound at which rounds aim; rounding to digits needs the rest."""
+"""Target of each round, as a fraction of the bound; rounding to digits needs the rest."""
 
 POSITION_SHARE = 0.9
-"""Fraction of the aim of a round at which single positions aim."""
+"""Target of a single position, as a fraction of the target of the round."""
 
 MAX_WEIGHTED_ERROR, WEIGHT_EXPONENT = 4.0, 0.6
 """In every round, the weight of a vertex is multiplied by its error in bounds, clipped to this
@@ -52,8 +52,8 @@ MAX_ROUNDS, FIRST_REPAIR, REPAIR_INTERVAL = 18, 6, 4
 """Rounds per number of texels, the first round with a repair, and rounds between repairs."""
 
 MAX_REPAIRABLE_ERROR, MAX_FIRST_ERROR = 1.8, 2.5
-"""Errors, in bounds, beyond which a repair is not tried; beyond the second one at the first repair,
-more texels are needed at once."""
+"""Errors, in bounds. A repair is tried up to the first one; the search for this number of texels
+ends if the error at the first repair exceeds the second one."""
 
 PIECE_VERTS = 1024
 
@@ -121,7 +121,7 @@ class _Search:
     def fit(self, n_texels: int, progress: Progress) -> Fields | None:
         """Return fields with `n_texels` texels that meet the bound, or None."""
         for number in range(1, MAX_ROUNDS + 1):
-            progress(f"{n_texels} texels a coordinate", number / MAX_ROUNDS)
+            progress(f"{n_texels} texels per coordinate", number / MAX_ROUNDS)
             fields, residuals = self._round(n_texels)
             error = residuals.error / self._bound
             if error <= 1:
