@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.formats.scenes.merging import merged_mesh
+from meshreel.formats.scenes.merging import merge_meshes
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.geometry.fans import triangulate_fans
@@ -55,11 +55,11 @@ class SceneReading:
         self._first = [reading.frame(depsgraph) for reading in self._readings]
         surfaces = [reading.surface(depsgraph) for reading in self._readings]
         names = [obj.name for obj in objects]
-        whole, surface = _merged(names, self._first, surfaces, notes)
-        if len(whole.counts) == 0:
+        merged, surface = _merged(names, self._first, surfaces, notes)
+        if len(merged.counts) == 0:
             raise ExportError(f"{', '.join(names)}: no faces; a .reel file needs a surface")
-        self.faces = triangulate_fans(whole.counts, whole.corners)
-        self.surface = replace(surface, face_sizes=whole.counts.astype(np.int32))
+        self.faces = triangulate_fans(merged.counts, merged.corners)
+        self.surface = replace(surface, face_sizes=merged.counts.astype(np.int32))
 
     def positions(self) -> npt.NDArray[np.float32]:
         """Read the positions of all vertices at the current frame, (V, 3).
@@ -94,5 +94,5 @@ def _merged(
     def part(name: str, mesh: PolygonMesh, surface: Surface) -> SceneMesh:
         return SceneMesh(name, np.zeros(1), lambda _: mesh, lambda _: surface)
 
-    whole = merged_mesh([*map(part, names, meshes, surfaces)], "", notes)
-    return whole.frame(0), whole.surface(0)
+    merged = merge_meshes([*map(part, names, meshes, surfaces)], "", notes)
+    return merged.frame(0), merged.surface(0)
