@@ -54,11 +54,11 @@ def read_attributes(
     attributes: list[Attribute] = []
     groups: list[FaceGroups] = []
     changing, constants, unsupported = (list[str]() for _ in range(3))
-    for found in [*uvs, *other.values()]:
-        param = GeometryParam(found, time_s)
-        if found.header.name in animated:
+    for source in [*uvs, *other.values()]:
+        param = GeometryParam(source, time_s)
+        if source.header.name in animated:
             continue
-        if param.domain is None and found not in uvs:
+        if param.domain is None and source not in uvs:
             constants.append(param.name)
         elif (attribute := _attribute(param, mesh)) is not None:
             attributes.append(attribute)
@@ -168,11 +168,11 @@ def _groups(param: GeometryParam, mesh: PolygonMesh) -> FaceGroups | None:
 def _face_indices(
     properties: Properties, name: str, n_faces: int, time_s: float
 ) -> npt.NDArray[np.int64]:
-    if (found := properties.get(".faces")) is None:
+    if (face_property := properties.get(".faces")) is None:
         raise damage_error(f"the face set {name} lacks .faces")
-    if found.header.n_samples == 0:
+    if face_property.header.n_samples == 0:
         return np.zeros(0, np.int64)
-    faces = found.integers(bracketing_samples(found.times_s, time_s)[0])
+    faces = face_property.integers(bracketing_samples(face_property.times_s, time_s)[0])
     if len(faces) and not 0 <= faces.min() <= faces.max() < n_faces:
         raise damage_error(f"the face set {name} refers to faces outside 0..{n_faces - 1}")
     return faces

@@ -89,23 +89,23 @@ class ObjectHeader:
 
 def read_shared_metadata(contents: bytes) -> list[Metadata]:
     """Return the metadata to which headers refer by index; index 0 is empty."""
-    records, found = Records(contents), [Metadata()]
+    records, metadata = Records(contents), [Metadata()]
     while not records.is_at_end:
-        found.append(records.metadata(records.number(1)))
-    return found
+        metadata.append(records.metadata(records.number(1)))
+    return metadata
 
 
 def read_samplings(contents: bytes) -> list[TimeSampling]:
     """Return the time samplings to which properties refer by index."""
-    records, found = Records(contents), []
+    records, samplings = Records(contents), []
     while not records.is_at_end:
         records.number(4)  # maximum number of samples, unused here
         cycle_s = records.seconds()
         times_s = records.times(records.number(4))
         if len(times_s) == 0:
             raise damage_error("a time sampling has no times")
-        found.append(TimeSampling(times_s, None if cycle_s == ACYCLIC_S else cycle_s))
-    return found
+        samplings.append(TimeSampling(times_s, None if cycle_s == ACYCLIC_S else cycle_s))
+    return samplings
 
 
 def read_object_headers(contents: bytes, shared: list[Metadata]) -> Iterator[ObjectHeader]:

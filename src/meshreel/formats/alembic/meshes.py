@@ -197,10 +197,10 @@ class _AnimatedMesh:
         key = self._corners.stored_index(corners), self._counts.stored_index(counts), len(points)
         cached = self._cached_faces
         if cached is None or cached[0] != key:
-            found = _counterclockwise_mesh(
+            mesh = _counterclockwise_mesh(
                 points, self._counts.integers(counts), self._corners.integers(corners)
             )
-            cached = self._cached_faces = key, found
+            cached = self._cached_faces = key, mesh
         return cached[1]
 
     def _surface(self, index: int) -> Surface:
@@ -211,9 +211,9 @@ class _AnimatedMesh:
         surface = read_attributes(self._properties, mesh, time_s, self._notes, animated)
         normals, hard_edges = read_normals(self._properties, mesh, time_s), None
         if normals is not None:
-            found = find_hard_edges(mesh, normals)
-            self._normal_notes.add(self._node.path, found, is_track=NORMALS in animated)
-            hard_edges = found.edges
+            normal_edges = find_hard_edges(mesh, normals)
+            self._normal_notes.add(self._node.path, normal_edges, is_track=NORMALS in animated)
+            hard_edges = normal_edges.edges
         if "visible" in self._node.object.properties:
             note_left_out(self._notes, f"visibility of {self._node.path}")
         if self._node.schema == SUBDIVISION:
@@ -249,17 +249,17 @@ def walk_hierarchy(archive: Archive) -> Iterator[Node]:
         seen.add(path)
         if len(seen) > MAX_OBJECTS:
             raise FormatError(f"contains more than {MAX_OBJECTS} objects; export fewer of them")
-        found = _source(archive, child, path) if child.header.is_instance else child
-        if found.reference in ancestors:
+        source = _source(archive, child, path) if child.header.is_instance else child
+        if source.reference in ancestors:
             raise damage_error(f"{path} contains itself")
         if len(ancestors) > MAX_DEPTH:
             raise FormatError(f"nests {path} below more than {MAX_DEPTH} objects; flatten it")
-        node = Node(path, _schema_name(found), found, parent.chain)
+        node = Node(path, _schema_name(source), source, parent.chain)
         yield node
-        if node.schema == TRANSFORM and ".xform" in found.properties:
-            transform = Transform(found.properties[".xform"].properties)
-            node = Node(path, node.schema, found, (*parent.chain, transform))
-        stack += [(one, node, ancestors | {found.reference}) for one in _reversed_children(found)]
+        if node.schema == TRANSFORM and ".xform" in source.properties:
+            transform = Transform(source.properties[".xform"].properties)
+            node = Node(path, node.schema, source, (*parent.chain, transform))
+        stack += [(one, node, ancestors | {source.reference}) for one in _reversed_children(source)]
 
 
 def describe_contents(nodes: Sequence[Node]) -> str:
@@ -269,12 +269,12 @@ def describe_contents(nodes: Sequence[Node]) -> str:
     return ", ".join(listed) or ("only transforms" if nodes else "no objects")
 
 
-def _reversed_children(found: AbcObject) -> list[AbcObject]:
-    return found.children[::-1]
+def _reversed_children(parent: AbcObject) -> list[AbcObject]:
+    return parent.children[::-1]
 
 
-def _schema_name(found: AbcObject) -> str:
-    return found.header.schema.rpartition("_v")[0]
+def _schema_name(source: AbcObject) -> str:
+    return source.header.schema.rpartition("_v")[0]
 
 
 def _source(archive: Archive, instance: AbcObject, path: str) -> AbcObject:
@@ -290,16 +290,16 @@ def _source(archive: Archive, instance: AbcObject, path: str) -> AbcObject:
     return source
 
 
-def _sample_index(found: Property, time_s: float) -> int:
+def _sample_index(values: Property, time_s: float) -> int:
     """Return the index of the sample in effect at a time."""
-    return bracketing_samples(found.times_s, time_s)[0]
+    return bracketing_samples(values.times_s, time_s)[0]
 
 
 def _positions(points: npt.NDArray[Any], path: str) -> Vertices:
     if points.dtype.kind != "f" or points.shape[1] != 3:
         raise damage_error(f"the points of {path} are {points.shape[1]} x {points.dtype}")
-    found: Vertices = points.astype(np.promote_types(points.dtype, np.float32), copy=False)
-    return found
+    positions: Vertices = points.astype(np.promote_types(points.dtype, np.float32), copy=False)
+    return positions
 
 
 def _counterclockwise_mesh(

@@ -93,7 +93,7 @@ class OgawaFile:
             if offset in self._checksums:
                 raise changed_error(str(self.path)) from None
             raise
-        if self._checksums.setdefault(offset, found := zlib.crc32(contents)) != found:
+        if self._checksums.setdefault(offset, checksum := zlib.crc32(contents)) != checksum:
             raise changed_error(str(self.path))
         return contents
 

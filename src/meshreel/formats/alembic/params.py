@@ -127,8 +127,8 @@ class GeometryParam:
     def _indices(self) -> Property | None:
         return self.source.properties.get(INDICES)
 
-    def _sample(self, found: Property) -> int:
-        return bracketing_samples(found.times_s, self.time_s)[0]
+    def _sample(self, values: Property) -> int:
+        return bracketing_samples(values.times_s, self.time_s)[0]
 
 
 def _as_attribute_type(numbers: npt.NDArray[Any]) -> npt.NDArray[Any] | None:

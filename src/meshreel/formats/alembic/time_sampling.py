@@ -46,19 +46,19 @@ class TimeSampling:
         if self.cycle_s is not None:
             cycles, phases = np.divmod(np.arange(n_samples), len(self.stored_s))
             with np.errstate(all="ignore"):
-                found = self.stored_s[phases] + cycles * self.cycle_s
+                times = self.stored_s[phases] + cycles * self.cycle_s
         elif n_samples <= len(self.stored_s):
-            found = self.stored_s[:n_samples]
+            times = self.stored_s[:n_samples]
         else:
             raise damage_error(f"it lists {len(self.stored_s)} times for {n_samples} samples")
-        if not (np.abs(found) < MAX_TIME_S).all() or (np.diff(found) < 0).any():
+        if not (np.abs(times) < MAX_TIME_S).all() or (np.diff(times) < 0).any():
             raise damage_error("sample times do not ascend")
-        if 0 < found[-1] - found[0] < MIN_INTERVAL_S * (n_samples - 1):
+        if 0 < times[-1] - times[0] < MIN_INTERVAL_S * (n_samples - 1):
             raise damage_error(
-                f"{n_samples} samples span only {found[-1] - found[0]:.2g} s; "
+                f"{n_samples} samples span only {times[-1] - times[0]:.2g} s; "
                 f"expected at least {MIN_INTERVAL_S:g} s per interval"
             )
-        return found
+        return times
 
 
 def bracketing_samples(times_s: Times, time_s: float) -> tuple[int, int, float]:

@@ -105,7 +105,7 @@ class MeshTracks:
     @cached_property
     def properties(self) -> dict[str, _AnimatedProperty]:
         """The animated properties by property name, each with a unique track name."""
-        found: dict[str, _AnimatedProperty] = {}
+        animated_properties: dict[str, _AnimatedProperty] = {}
         used: set[str] = set()
         for one in self._candidates():
             name = one.name
@@ -116,8 +116,8 @@ class MeshTracks:
                 self.notes.append(
                     f"{self.path} has {one.name!r} twice; the second is called {name!r}"
                 )
-            found[one.source.header.name] = replace(one, name=name)
-        return found
+            animated_properties[one.source.header.name] = replace(one, name=name)
+        return animated_properties
 
     @property
     def times_s(self) -> list[Times]:
@@ -183,15 +183,15 @@ class MeshTracks:
             self.geometry[".arbGeomParams"].properties if ".arbGeomParams" in self.geometry else {}
         )
         uvs = [self.geometry["uv"]] if "uv" in self.geometry else []
-        for found in [*uvs, *others.values()]:
-            param = GeometryParam(found, 0.0)
+        for source in [*uvs, *others.values()]:
+            param = GeometryParam(source, 0.0)
             declared = param.metadata(TRACK_KIND)
-            is_single = param.domain is None and found not in uvs
+            is_single = param.domain is None and source not in uvs
             if is_single or param.is_text or (param.is_constant and not declared):
                 continue
             kind = declared or ("" if param.kind is Kind.OTHER else str(param.kind))
             role = NORMALS_ROLE if param.interpretation == "normal" else ""
-            yield _AnimatedProperty(found, param.name, kind, role)
+            yield _AnimatedProperty(source, param.name, kind, role)
         user = self.geometry.get(".userProperties")
         is_computed = user is not None and COMPUTED in user.properties
         if NORMALS in self.geometry and not (is_computed or _is_constant(self.geometry[NORMALS])):
@@ -199,8 +199,8 @@ class MeshTracks:
                 self.geometry[NORMALS], NORMALS, "", NORMALS_ROLE, transform_normals
             )
         if VELOCITIES in self.geometry and not self.geometry[VELOCITIES].is_constant:
-            found, name = self.geometry[VELOCITIES], VELOCITIES.strip(".")
-            yield _AnimatedProperty(found, name, TrackKind.VELOCITY, "", transform_vectors)
+            source, name = self.geometry[VELOCITIES], VELOCITIES.strip(".")
+            yield _AnimatedProperty(source, name, TrackKind.VELOCITY, "", transform_vectors)
 
     def _fitting(
         self, times_s: Times, mesh: PolygonMesh
@@ -220,19 +220,19 @@ class MeshTracks:
 
     def _note(self, frames_s: Times, *, is_transform_animated: bool) -> None:
         """Note samples without a frame, and the velocity of animated transforms."""
-        found = []
+        names = []
         for one in self.properties.values():
             times = one.times_s
             n_other = sum(not _is_at(frames_s, time_s) for time_s in times.tolist())
             if n_other and len(times) > 1:
-                found.append(f"{one.name} ({n_other} of {len(times)})")
-        note_kinds(self.notes, "samples where positions have no frame", found)
+                names.append(f"{one.name} ({n_other} of {len(times)})")
+        note_kinds(self.notes, "samples where positions have no frame", names)
         if is_transform_animated and VELOCITIES in self.properties:
             note_left_out(self.notes, f"velocity of the transforms above {self.path}")
 
 
-def _is_constant(found: Property) -> bool:
-    return GeometryParam(found, 0.0).is_constant
+def _is_constant(values: Property) -> bool:
+    return GeometryParam(values, 0.0).is_constant
 
 
 def _is_at(frames_s: Times, time_s: float) -> bool:

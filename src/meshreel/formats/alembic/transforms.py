@@ -40,16 +40,16 @@ class Transform:
     @property
     def times_s(self) -> list[Times]:
         """Sample times of each animated property; empty if the transform is static."""
-        found = (self.properties.get(name) for name in (".vals", ".inherits"))
-        return [one.times_s for one in found if one is not None and not one.is_constant]
+        properties = (self.properties.get(name) for name in (".vals", ".inherits"))
+        return [one.times_s for one in properties if one is not None and not one.is_constant]
 
     def inherits(self, time_s: float) -> bool:
         """Return whether the parent transforms apply."""
-        found = self.properties.get(".inherits")
-        if found is None or found.header.n_samples == 0:
+        inherits = self.properties.get(".inherits")
+        if inherits is None or inherits.header.n_samples == 0:
             return True
-        before, after, weight = bracketing_samples(found.times_s, time_s)
-        return bool(found.numbers(after if weight > 1 / 2 else before).any())
+        before, after, weight = bracketing_samples(inherits.times_s, time_s)
+        return bool(inherits.numbers(after if weight > 1 / 2 else before).any())
 
     def matrix(self, time_s: float) -> Matrix:
         """Return the local matrix at a time, interpolated between samples, of shape (4, 4)."""

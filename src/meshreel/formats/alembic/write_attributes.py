@@ -131,11 +131,11 @@ def _converted(attribute: Attribute, kind: str, notes: list[str]) -> npt.NDArray
     if kind not in ("V2f", "C3f", "C4f") or values.dtype == np.float32:
         return values
     is_bytes = attribute.kind is Kind.COLOR and values.dtype == np.uint8
-    found = (values / 255 if is_bytes else values).astype(np.float32)
-    if is_bytes or (found != values).any():
+    converted = (values / 255 if is_bytes else values).astype(np.float32)
+    if is_bytes or (converted != values).any():
         note = f"{attribute.kind} {attribute.name!r} is written as float32, not {values.dtype}"
         notes.extend([note] if note not in notes else [])
-    return found
+    return converted
 
 
 def _sample(kind: str, attribute: Attribute, values: npt.NDArray[Any], counts: Integers) -> Any:

@@ -38,8 +38,8 @@ class Values:
         if not self.is_normalized:
             return array.astype(np.float32 if array.itemsize <= 2 else np.float64)
         scaled = array / np.float64(np.iinfo(array.dtype).max)
-        found: npt.NDArray[Any] = np.maximum(scaled, -1.0)
-        return found
+        clamped: npt.NDArray[Any] = np.maximum(scaled, -1.0)
+        return clamped
 
 
 class Accessors:

@@ -57,7 +57,7 @@ def read_attributes(
     UVs come first, then colors, each by set index, then application-specific attributes, whose
     names begin with an underscore.
     """
-    found = []
+    attributes = []
     for name in sorted({name for block in blocks for name in block.values}, key=_rank):
         if (described := meaning(name)) is None:
             continue
@@ -66,8 +66,8 @@ def read_attributes(
         if note:
             notes.append(f"{place}: {name} {note}")
         if rows is not None:
-            found.append(mesh.attribute(label, kind, rows))
-    return tuple(found)
+            attributes.append(mesh.attribute(label, kind, rows))
+    return tuple(attributes)
 
 
 def _rank(name: str) -> tuple[int, int, str]:
@@ -108,8 +108,10 @@ def _join_colors(stored: Sequence[Values | None], blocks: Sequence[Block]) -> Jo
     ]
     for one, filled in zip(stored, rows, strict=True):
         if one is not None:
-            found = one.array if are_bytes else Values(one.array, is_normalized=True).floats() + 0.0
-            filled[:, : found.shape[1]] = found
+            colors = (
+                one.array if are_bytes else Values(one.array, is_normalized=True).floats() + 0.0
+            )
+            filled[:, : colors.shape[1]] = colors
     return np.concatenate(rows), "is white on primitives without it" if None in stored else ""
 
 

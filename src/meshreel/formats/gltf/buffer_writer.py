@@ -75,12 +75,12 @@ class BufferWriter:
         Integers are normalized, except in application-specific attributes.
         """
         values = stored.values[verts]
-        found = _accessor(stored.view, values, stored.offset + verts.start * stored.stride)
+        accessor = _accessor(stored.view, values, stored.offset + verts.start * stored.stride)
         if values.dtype.kind in "iu" and not name.startswith("_"):
-            found["normalized"] = True
+            accessor["normalized"] = True
         if name == "POSITION":
-            found |= _bounds(values)
-        return self._add_accessor(found)
+            accessor |= _bounds(values)
+        return self._add_accessor(accessor)
 
     def add_indices(self, indices: npt.NDArray[np.integer]) -> int:
         """Append triangle corners in the smallest index type, and return their accessor."""
@@ -92,8 +92,8 @@ class BufferWriter:
     def add_samples(self, values: npt.NDArray[np.float32], *, are_times: bool) -> int:
         """Append numbers of an animation, and return their accessor."""
         column = values.astype("<f4").reshape(-1, 1)
-        found = _accessor(self._add_view(column.tobytes(), {}), column, 0)
-        return self._add_accessor(found | (_bounds(column) if are_times else {}))
+        accessor = _accessor(self._add_view(column.tobytes(), {}), column, 0)
+        return self._add_accessor(accessor | (_bounds(column) if are_times else {}))
 
     def add_image(self, data: bytes) -> int:
         """Append the bytes of an image, and return the index of their buffer view."""
@@ -112,13 +112,13 @@ class BufferWriter:
 
 
 def _accessor(view: int, values: npt.NDArray[Any], offset: int) -> Json:
-    found = {
+    accessor = {
         "bufferView": view,
         "componentType": COMPONENT_TYPES[values.dtype.str[1:]],
         "count": len(values),
         "type": TYPES[values.shape[1]],
     }
-    return found | ({"byteOffset": offset} if offset else {})
+    return accessor | ({"byteOffset": offset} if offset else {})
 
 
 def _bounds(values: npt.NDArray[Any]) -> Json:

@@ -112,7 +112,7 @@ class Clips:
 
     def _first_moving(self, notes: list[str]) -> Clip | None:
         malformed: dict[str, str] = {}
-        found = None
+        selected = None
         for number, name in enumerate(self.names):
             try:
                 clip = self.read(number)
@@ -120,7 +120,7 @@ class Clips:
                 malformed[name] = str(error)
                 continue
             if clip.curves:
-                found = clip
+                selected = clip
                 if others := [one for one in self.names if one != name and one not in malformed]:
                     notes.append(
                         f"read the animation {name}, not {listed(others, MAX_LISTED)}; choose "
@@ -130,11 +130,11 @@ class Clips:
         if malformed:
             reasons = (f"{name} ({reason})" for name, reason in malformed.items())
             note_left_out(notes, f"malformed animations: {listed(reasons)}")
-        if found is None and (unused := [one for one in self.names if one not in malformed]):
+        if selected is None and (unused := [one for one in self.names if one not in malformed]):
             names = listed(unused, MAX_LISTED)
             subject = f"animations {names} move" if len(unused) > 1 else f"animation {names} moves"
             notes.append(f"the {subject} no mesh; read a single frame")
-        return found
+        return selected
 
     def _index(self, wanted: str | int) -> int:
         """Return the index of an animation by name or index."""

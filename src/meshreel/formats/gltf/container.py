@@ -43,18 +43,18 @@ def split_container(data: bytes) -> tuple[Any, memoryview | None]:
 
 def _chunks(data: memoryview) -> list[tuple[bytes, memoryview]]:
     """Return type and bytes of the first two chunks."""
-    found: list[tuple[bytes, memoryview]] = []
+    chunks: list[tuple[bytes, memoryview]] = []
     offset = HEADER.size
-    while len(found) < 2 and len(data) - offset >= CHUNK.size:
+    while len(chunks) < 2 and len(data) - offset >= CHUNK.size:
         size, kind = CHUNK.unpack_from(data, offset)
         offset += CHUNK.size
         if size > len(data) - offset:
             raise FormatError(
-                f"chunk {len(found)} declares {size} bytes; only {len(data) - offset} follow"
+                f"chunk {len(chunks)} declares {size} bytes; only {len(data) - offset} follow"
             )
-        found.append((kind, data[offset : offset + size]))
+        chunks.append((kind, data[offset : offset + size]))
         offset += size
-    return found
+    return chunks
 
 
 def _parsed(text: bytes) -> Any:

@@ -144,10 +144,10 @@ def _read_primitives(
             blocks[key] = n_verts, read_block(primitive, accessors, decoded)
             n_verts += blocks[key][1].n_verts
         start, block = blocks[key]
-        found = read_triangles(primitive, accessors, decoded, block.n_verts)
+        rows = read_triangles(primitive, accessors, decoded, block.n_verts)
         material = primitive.index("material", n_materials)
-        triangles.append(start + found)
-        numbers.append(np.full(len(found), -1 if material is None else material, np.int32))
+        triangles.append(start + rows)
+        numbers.append(np.full(len(rows), -1 if material is None else material, np.int32))
     return [one for _, one in blocks.values()], np.concatenate(triangles), np.concatenate(numbers)
 
 
@@ -231,11 +231,11 @@ def decode_draco(primitive: JsonObject, accessors: Accessors) -> dict[str, Value
         corners = np.asarray(mesh.faces).reshape(-1, 1)
     except Exception as error:  # DracoPy raises TypeError, ValueError and its own types
         raise FormatError(f"{compressed.place}: Draco cannot decode it ({error})") from None
-    found = {"indices": Values(corners)}
+    decoded_values = {"indices": Values(corners)}
     for name in ids.values:
         accessor = accessors.document.item(names, name, "accessors")
-        found[name] = _values(decoded.get(ids.integer(name)), accessor, compressed)
-    return found
+        decoded_values[name] = _values(decoded.get(ids.integer(name)), accessor, compressed)
+    return decoded_values
 
 
 def _check_counts(data: bytes, n_verts: int, n_corners: int, place: str) -> None:
@@ -263,9 +263,9 @@ def _values(
     dtype, width = declared_type(accessor, tuple(WIDTHS))
     expected = accessor.integer("count"), width
     if decoded is None or decoded.shape != expected:
-        found = "no values" if decoded is None else f"values of shape {decoded.shape}"
+        description = "no values" if decoded is None else f"values of shape {decoded.shape}"
         raise FormatError(
-            f"{compressed.place}: the Draco stream has {found} for {accessor.place}; "
+            f"{compressed.place}: the Draco stream has {description} for {accessor.place}; "
             f"expected {expected}"
         )
     return Values(decoded.astype(dtype), accessor.flag("normalized"))

@@ -35,8 +35,8 @@ def read_instances(node: JsonObject, accessors: Accessors) -> Matrices | None:
         If attributes differ in length, a number is not finite, or there are too many instances for
         the memory.
     """
-    found = node.extension(INSTANCING)
-    attributes = None if found is None else found.required_child("attributes")
+    extension = node.extension(INSTANCING)
+    attributes = None if extension is None else extension.required_child("attributes")
     stored = [name for name in DEFAULTS if attributes is not None and name in attributes]
     if attributes is None or not stored:
         return None
@@ -90,8 +90,8 @@ def repeat_geometry(
     is_mirrored = np.linalg.det(linear) < 0
 
     def transformed(rows: npt.NDArray[Any]) -> Floats:
-        found: Floats = rows.astype(np.float64) @ linear.transpose(0, 2, 1)
-        return found
+        vectors: Floats = rows.astype(np.float64) @ linear.transpose(0, 2, 1)
+        return vectors
 
     positions = transformed(geometry.positions) + instances[:, np.newaxis, :3, 3]
     starts = n_verts * np.arange(n_instances, dtype=np.int32)
@@ -131,8 +131,8 @@ def _size_bytes(geometry: Geometry) -> int:
 
 def _items(attribute: Attribute) -> npt.NDArray[np.int32]:
     """Return the value row of each vertex or corner."""
-    found = attribute.indices
-    return np.arange(len(attribute.values), dtype=np.int32) if found is None else found
+    indices = attribute.indices
+    return np.arange(len(attribute.values), dtype=np.int32) if indices is None else indices
 
 
 def _repeated_surface(

@@ -120,10 +120,10 @@ class JsonObject:
 
     def required_child(self, key: str) -> "JsonObject":
         """Return a child object, which is required."""
-        found = self.child(key)
-        if found is None:
+        child = self.child(key)
+        if child is None:
             raise self.error(key, "an object")
-        return found
+        return child
 
     def children(self, key: str, item_name: str) -> tuple["JsonObject", ...]:
         """Return the objects of a list; empty if the key is missing.

@@ -78,10 +78,10 @@ class MaterialReader:
 
     def look(self, numbers: Iterable[int]) -> tuple[tuple[Material, ...], tuple[Image, ...]]:
         """Return the materials of these indices that have labels, and the images they use."""
-        found = {number: self._read(number) for number in numbers}
+        materials = {number: self._read(number) for number in numbers}
         named = [
             replace(one, name=self.labels[number])
-            for number, one in found.items()
+            for number, one in materials.items()
             if one is not None and self.labels[number]
         ]
         return used_by([one.name for one in named], named, self._images)
@@ -107,26 +107,26 @@ class MaterialReader:
             self._converted.add(name)
             if SPECULAR_TEXTURE in specular:
                 self._notes.add(DROPPED_TEXTURE, name)
-        found = {}
+        textures = {}
         for parent, keys in (
             (pbr, PBR_TEXTURES), (specular, DIFFUSE_TEXTURES), (material, LIT_TEXTURES),
         ):  # fmt: skip
             for slot, (key, channels) in keys.items():
                 info = None if parent is None else parent.child(key)
                 if info is not None and (texture := self._texture(info, channels)) is not None:
-                    found[slot] = texture
-        return look.with_textures(found)
+                    textures[slot] = texture
+        return look.with_textures(textures)
 
     def _texture(self, info: JsonObject, channels: str) -> Texture | None:
         """Return a texture, whose image is read if necessary; None if the image is unreadable."""
         lists = self._document.lists
-        texture = self._document.item(info, "index", "textures")
-        sampler = self._document.index(texture, "sampler", "samplers")
-        image = self._image(image_index(texture, len(lists["images"])))
+        declared = self._document.item(info, "index", "textures")
+        sampler = self._document.index(declared, "sampler", "samplers")
+        image = self._image(image_index(declared, len(lists["images"])))
         if image is None:
             return None
-        found = read_texture(info, image, channels)
-        return found if sampler is None else with_sampler(found, lists["samplers"][sampler])
+        texture = read_texture(info, image, channels)
+        return texture if sampler is None else with_sampler(texture, lists["samplers"][sampler])
 
     def _read_image(self, number: int) -> int | None:
         """Return the index of an image among those read so far, after reading it if necessary."""
@@ -163,21 +163,21 @@ def note_extensions(document: Document, meshes: Sequence[JsonObject], notes: lis
     lists = document.lists
     primitives = [one for mesh in meshes for one in triangle_primitives(mesh)]
     numbers = {document.index(one, "material", "materials") for one in primitives}
-    found: dict[str, list[str]] = {}
+    users: dict[str, list[str]] = {}
     for number in sorted(one for one in numbers if one is not None):
         material = lists["materials"][number]
         label = material.text("name", "") or f"material {number}"
         converted = set() if "pbrMetallicRoughness" in material else {SPECULAR_GLOSSINESS}
         for name in _extensions(material) - SUPPORTED_EXTENSIONS - converted:
-            found.setdefault(name, []).append(label)
+            users.setdefault(name, []).append(label)
     if any(one.extension(VARIANTS) is not None for one in primitives):
-        found[VARIANTS] = ["other materials of the same faces"]
+        users[VARIANTS] = ["other materials of the same faces"]
     for texture in lists["textures"]:
         for name in _extensions(texture):
             if name not in IMAGE_EXTENSIONS or "source" in texture:
-                found.setdefault(name, []).append(texture.place)
-    if found:
-        described = listed(f"{name} ({listed(found[name], 3)})" for name in sorted(found))
+                users.setdefault(name, []).append(texture.place)
+    if users:
+        described = listed(f"{name} ({listed(users[name], 3)})" for name in sorted(users))
         note_left_out(notes, f"extensions of materials: {described}")
 
 

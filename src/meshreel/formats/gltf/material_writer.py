@@ -62,40 +62,40 @@ class Materials:
             note_left_out(self._notes, f"materials that no face uses: {', '.join(unused)}")
 
     def _material(self, look: Material) -> Json:
-        found: Json = {}
+        material: Json = {}
         if pbr := self._pbr(look):
-            found["pbrMetallicRoughness"] = pbr
+            material["pbrMetallicRoughness"] = pbr
         for slot, (key, channels) in LIT_TEXTURES.items():
             if (info := self._texture(look, slot, channels)) is not None:
-                found[key] = info
-        if "normalTexture" in found:
-            found["normalTexture"] |= omit_defaults(1.0, scale=look.normal_scale)
-        if "occlusionTexture" in found:
+                material[key] = info
+        if "normalTexture" in material:
+            material["normalTexture"] |= omit_defaults(1.0, scale=look.normal_scale)
+        if "occlusionTexture" in material:
             strength = self._clip("occlusion strength", [look.occlusion_strength], look)[0]
-            found["occlusionTexture"] |= omit_defaults(1.0, strength=strength)
-        found |= self._emissive(look)
+            material["occlusionTexture"] |= omit_defaults(1.0, strength=strength)
+        material |= self._emissive(look)
         if look.alpha_mode is not AlphaMode.OPAQUE:
-            found["alphaMode"] = ALPHA_CODES[look.alpha_mode]
+            material["alphaMode"] = ALPHA_CODES[look.alpha_mode]
         if look.alpha_mode is AlphaMode.MASK:
-            found |= omit_defaults(0.5, alphaCutoff=look.alpha_cutoff)
+            material |= omit_defaults(0.5, alphaCutoff=look.alpha_cutoff)
         if look.unlit:
             self.textures.used.add(UNLIT)
-            found.setdefault("extensions", {})[UNLIT] = {}
-        return found | omit_defaults(False, doubleSided=look.double_sided)
+            material.setdefault("extensions", {})[UNLIT] = {}
+        return material | omit_defaults(False, doubleSided=look.double_sided)
 
     def _pbr(self, look: Material) -> Json:
         color = self._clip("base color", look.base_color, look)
         metallic, roughness = self._clip(
             "metallic or roughness", [look.metallic, look.roughness], look
         )
-        found = omit_defaults([1.0] * 4, baseColorFactor=color)
-        found |= omit_defaults(1.0, metallicFactor=metallic, roughnessFactor=roughness)
+        pbr = omit_defaults([1.0] * 4, baseColorFactor=color)
+        pbr |= omit_defaults(1.0, metallicFactor=metallic, roughnessFactor=roughness)
         color_channels = "rgb" if look.alpha_mode is AlphaMode.OPAQUE else "rgba"
         if (info := self._texture(look, "base_color", color_channels, "rgba")) is not None:
-            found["baseColorTexture"] = info
+            pbr["baseColorTexture"] = info
         if (info := self._metallic_roughness(look)) is not None:
-            found["metallicRoughnessTexture"] = info
-        return found
+            pbr["metallicRoughnessTexture"] = info
+        return pbr
 
     def _metallic_roughness(self, look: Material) -> Json | None:
         """Return the single texture of both, if they share it or one of them has no effect."""
@@ -122,11 +122,11 @@ class Materials:
     def _emissive(self, look: Material) -> Json:
         strength = max(1.0, *look.emissive)
         scaled = [one / strength for one in look.emissive]
-        found = omit_defaults([0.0] * 3, emissiveFactor=self._clip("emissive", scaled, look))
+        emissive = omit_defaults([0.0] * 3, emissiveFactor=self._clip("emissive", scaled, look))
         if strength > 1:
             self.textures.used.add(STRENGTH)
-            found["extensions"] = {STRENGTH: {"emissiveStrength": strength}}
-        return found
+            emissive["extensions"] = {STRENGTH: {"emissiveStrength": strength}}
+        return emissive
 
     def _texture(self, look: Material, slot: str, *channels: str) -> Json | None:
         texture = look.textures.get(slot)

@@ -93,7 +93,7 @@ def _positions(
     targets: IntegerTargets, split: SplitVertices, buffer: BufferWriter
 ) -> list[VertexValues]:
     """Add the positions of every target, those of the same type in one buffer view."""
-    found: dict[int, VertexValues] = {}
+    stored_values: dict[int, VertexValues] = {}
     are_bytes = targets.levels == BYTE
     for dtype, numbers in (
         (np.int16, np.flatnonzero(~are_bytes)),
@@ -104,8 +104,8 @@ def _positions(
             for number in numbers
         ]
         if arrays:
-            found |= zip(numbers.tolist(), buffer.add_vertices(arrays), strict=True)
-    return [found[number] for number in range(len(targets))]
+            stored_values |= zip(numbers.tolist(), buffer.add_vertices(arrays), strict=True)
+    return [stored_values[number] for number in range(len(targets))]
 
 
 def _primitive(

@@ -176,7 +176,7 @@ def _deltas(stored: Bytes, offsets: npt.NDArray[np.int64], width: int) -> Bytes:
 
 def _accumulate(deltas: Bytes, first: Bytes, modes: bytes) -> Bytes:
     """Return elements from their deltas to the previous element."""
-    found = np.empty_like(deltas)
+    sums = np.empty_like(deltas)
     for channel, mode in enumerate(modes):
         columns = slice(4 * channel, 4 * channel + 4)
         rotation = mode >> 4
@@ -191,5 +191,5 @@ def _accumulate(deltas: Bytes, first: Bytes, modes: bytes) -> Bytes:
             values = np.bitwise_xor.accumulate(rotated, axis=0) ^ before
         else:
             values = np.add.accumulate(decode_zigzag(steps), axis=0, dtype=steps.dtype) + before
-        found[:, columns] = np.ascontiguousarray(values.astype(dtype)).view(np.uint8)
-    return found
+        sums[:, columns] = np.ascontiguousarray(values.astype(dtype)).view(np.uint8)
+    return sums

@@ -14,15 +14,15 @@ from meshreel.arrays import Bytes
 def _octahedral(elements: Bytes) -> Bytes:
     """Decode unit vectors in octahedral encoding; the fourth component is unchanged."""
     rows = elements.view(f"<i{elements.shape[1] // 4}")
-    found, maximum = rows.copy(), np.iinfo(rows.dtype).max
+    decoded, maximum = rows.copy(), np.iinfo(rows.dtype).max
     x, y = (rows[:, :2] / np.maximum(rows[:, 2:3], 1).astype(np.float64)).T
     z = 1 - np.abs(x) - np.abs(y)
     below = np.minimum(z, 0)
     x, y = x - np.copysign(below, x), y - np.copysign(below, y)
     vectors = np.stack([x, y, z], axis=1)
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-    found[:, :3] = _rounded(vectors / np.maximum(lengths, 1e-9) * maximum)
-    return found.view(np.uint8)
+    decoded[:, :3] = _rounded(vectors / np.maximum(lengths, 1e-9) * maximum)
+    return decoded.view(np.uint8)
 
 
 def _quaternion(elements: Bytes) -> Bytes:
@@ -32,18 +32,18 @@ def _quaternion(elements: Bytes) -> Bytes:
     small = rows[:, :3] / np.where(one == 0, 1, one) * np.sqrt(0.5)
     largest = np.sqrt(np.maximum(0, 1 - (small**2).sum(axis=1, keepdims=True)))
     places = ((rows[:, 3:] & 3) + np.array([1, 2, 3, 0])) % 4
-    found = np.empty_like(rows)
+    quaternions = np.empty_like(rows)
     values = np.clip(_rounded(np.concatenate([small, largest], axis=1) * 32767), -32767, 32767)
-    np.put_along_axis(found, places.astype(np.int64), values.astype(np.int16), axis=1)
-    return found.view(np.uint8)
+    np.put_along_axis(quaternions, places.astype(np.int64), values.astype(np.int16), axis=1)
+    return quaternions.view(np.uint8)
 
 
 def _exponential(elements: Bytes) -> Bytes:
     """Decode float32 from 8-bit exponents and 24-bit mantissas."""
     rows = elements.view("<i4")
     with np.errstate(over="ignore"):  # non-finite values are reported where they are used
-        found = np.ldexp((rows << 8 >> 8).astype(np.float32), rows >> 24)
-    floats: Bytes = found.astype("<f4").view(np.uint8)
+        numbers = np.ldexp((rows << 8 >> 8).astype(np.float32), rows >> 24)
+    floats: Bytes = numbers.astype("<f4").view(np.uint8)
     return floats
 
 
@@ -64,8 +64,8 @@ def _color(elements: Bytes) -> Bytes:
 
 def _rounded(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Return values rounded to integers, halves away from zero."""
-    found: npt.NDArray[np.float64] = np.trunc(values + np.copysign(0.5, values))
-    return found
+    integers: npt.NDArray[np.float64] = np.trunc(values + np.copysign(0.5, values))
+    return integers
 
 
 FILTERS: dict[str, Callable[[Bytes], Bytes]] = {

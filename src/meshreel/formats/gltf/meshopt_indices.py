@@ -99,8 +99,8 @@ def decode_indices(data: bytes, count: int) -> npt.NDArray[np.uint32]:
 def decode_zigzag(codes: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Return decoded zigzag integers: 0, 1, 2, 3 become 0, -1, 1, -2, in two's complement."""
     halves = codes >> codes.dtype.type(1)
-    found: npt.NDArray[Any] = np.where(codes & codes.dtype.type(1), ~halves, halves)
-    return found
+    decoded: npt.NDArray[Any] = np.where(codes & codes.dtype.type(1), ~halves, halves)
+    return decoded
 
 
 class _Fifo(Generic[Item]):

@@ -82,8 +82,8 @@ def fit_morphs(displacements: Floats, bound: float) -> Morphs:
     n_failed = 0
     while best.error <= bound and n_failed < PATIENCE and len(best.targets) > 1:
         n_targets = len(best.targets) - max(1, len(best.targets) // GROWTH_DIVISOR)
-        found = search.round(n_targets, bound)
-        best, n_failed = (found, 0) if found.error <= bound else (best, n_failed + 1)
+        morphs = search.round(n_targets, bound)
+        best, n_failed = (morphs, 0) if morphs.error <= bound else (best, n_failed + 1)
     return _vertices_first(best)
 
 
@@ -96,8 +96,8 @@ def _grow(search: "_Search", n_targets: int, max_targets: int, bound: float) -> 
         n_targets += max(1, n_targets // GROWTH_DIVISOR)
         is_last = number == MAX_ROUNDS - 1
         n_targets = max_targets if is_last else min(n_targets, max_targets)
-        found = search.round(n_targets, bound)
-        best = min(best, found, key=lambda one: one.error)
+        morphs = search.round(n_targets, bound)
+        best = min(best, morphs, key=lambda one: one.error)
     return best
 
 
@@ -109,8 +109,8 @@ def fit_fixed_morphs(displacements: Floats, n_targets: int, bound: float) -> Mor
     for _ in range(MAX_FIXED_ROUNDS):
         if best.error <= bound or len(best.targets) < n_targets:  # fewer targets are exact
             break
-        found = search.round(n_targets, max(bound, aim))
-        best = min(best, found, key=lambda one: one.error)
+        morphs = search.round(n_targets, max(bound, aim))
+        best = min(best, morphs, key=lambda one: one.error)
         aim = min(aim, NEXT_AIM * best.error) if best.error <= aim else aim
     return _vertices_first(best)
 
@@ -172,12 +172,12 @@ def _axes_first(displacements: Floats) -> Floats:
     return np.ascontiguousarray(by_vertices.transpose(0, 2, 1)).reshape(displacements.shape)
 
 
-def _vertices_first(found: Morphs) -> Morphs:
+def _vertices_first(morphs: Morphs) -> Morphs:
     """Return morphs with targets reordered from axis by axis to vertex by vertex."""
-    integers = found.targets.integers
+    integers = morphs.targets.integers
     by_vertices = integers.reshape(len(integers), 3, -1).transpose(0, 2, 1)
     ordered = np.ascontiguousarray(by_vertices).reshape(integers.shape)
-    return replace(found, targets=replace(found.targets, integers=ordered))
+    return replace(morphs, targets=replace(morphs.targets, integers=ordered))
 
 
 def _lengths(displacements: Floats) -> Floats:

@@ -31,22 +31,22 @@ class Motion:
     @cached_property
     def animated(self) -> frozenset[int]:
         """The nodes that are animated, or below an animated node."""
-        found = {node for node, path in self.curves if path != "weights"}
+        nodes = {node for node, path in self.curves if path != "weights"}
         parents, depths = self.nodes.parents, self.nodes.depths
         for node in sorted(range(len(parents)), key=depths.__getitem__):
-            if parents[node] in found:
-                found.add(node)
-        return frozenset(found)
+            if parents[node] in nodes:
+                nodes.add(node)
+        return frozenset(nodes)
 
     def world(self, nodes: Sequence[int], times_s: Floats) -> Matrices:
         """Return the world transforms of some nodes, of shape (T, N, 3, 4)."""
-        found: dict[int, Matrices] = {}
+        transforms: dict[int, Matrices] = {}
         for node in self.nodes.with_ancestors(nodes):
             local, parent = self._local(node, times_s), self.nodes.parents[node]
-            found[node] = local if parent < 0 else found[parent] @ local
+            transforms[node] = local if parent < 0 else transforms[parent] @ local
         worlds = np.empty((len(times_s), len(nodes), 3, 4))
         for index, node in enumerate(nodes):
-            worlds[:, index] = found[node][:, :3]
+            worlds[:, index] = transforms[node][:, :3]
         return worlds
 
     def weights(self, node: int, default: Floats, times_s: Floats) -> Floats:
@@ -59,11 +59,13 @@ class Motion:
         rest = self.nodes.transform(node)
         if rest.matrix is not None:
             return rest.matrix[np.newaxis]
-        found = []
+        transforms = []
         for path in ("translation", "rotation", "scale"):
             curve = self.curves.get((node, path))
-            found.append(getattr(rest, path)[np.newaxis] if curve is None else curve.at(times_s))
-        return compose(*found)
+            transforms.append(
+                getattr(rest, path)[np.newaxis] if curve is None else curve.at(times_s)
+            )
+        return compose(*transforms)
 
 
 def compose(translations: Floats, rotations: Floats, scales: Floats) -> Matrices:

@@ -57,13 +57,13 @@ class Nodes:
 
     def with_ancestors(self, nodes: Iterable[int]) -> list[int]:
         """Return nodes and all their ancestors, parents first."""
-        found: set[int] = set()
+        visited: set[int] = set()
         for node in nodes:
             for one in self.ancestors(node):
-                if one in found:
+                if one in visited:
                     break
-                found.add(one)
-        return sorted(found, key=lambda one: self.depths[one])
+                visited.add(one)
+        return sorted(visited, key=lambda one: self.depths[one])
 
     def transform(self, node: int) -> LocalTransform:
         """Return the local transform of a node.
@@ -141,12 +141,12 @@ def unique_names(names: Sequence[str]) -> list[str]:
     used, counts = set(names), dict.fromkeys(names, 0)
     unique = []
     for name in names:
-        found = name
-        while counts[name] and (found := f"{name}_{counts[name]}") in used:
+        candidate = name
+        while counts[name] and (candidate := f"{name}_{counts[name]}") in used:
             counts[name] += 1
         counts[name] += 1
-        used.add(found)
-        unique.append(found)
+        used.add(candidate)
+        unique.append(candidate)
     return unique
 
 

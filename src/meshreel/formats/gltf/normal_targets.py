@@ -112,8 +112,10 @@ def fit_normals(
     weights[:, numbers] *= factors
     scaled = _scaled_down(morphs.targets, selected, factors[:-1])
     measured = measure(scaled, weights, displacements)
-    found = NormalTargets(_as_bytes(base), scaled_fields, numbers)
-    return measured, replace(found, angle_deg=_mean_angle_deg(found, weights, normals))
+    normal_targets = NormalTargets(_as_bytes(base), scaled_fields, numbers)
+    return measured, replace(
+        normal_targets, angle_deg=_mean_angle_deg(normal_targets, weights, normals)
+    )
 
 
 def select_normal_targets(
@@ -143,13 +145,19 @@ def _scaled_down(
 
 
 def _mean_angle_deg(
-    found: NormalTargets, weights: npt.NDArray[np.float32], normals: npt.NDArray[np.float32]
+    normal_targets: NormalTargets,
+    weights: npt.NDArray[np.float32],
+    normals: npt.NDArray[np.float32],
 ) -> float:
     """Return the mean angle between normals decoded from bytes and the original ones."""
-    added = (found.targets.astype(np.float32) / BYTE).reshape(len(found.targets), -1)
+    added = (normal_targets.targets.astype(np.float32) / BYTE).reshape(
+        len(normal_targets.targets), -1
+    )
     angles = []
-    for own, expected in zip(weights[:, found.numbers], normals, strict=True):
-        decoded = found.base.astype(np.float32) / BYTE + (own @ added).reshape(expected.shape)
+    for own, expected in zip(weights[:, normal_targets.numbers], normals, strict=True):
+        decoded = normal_targets.base.astype(np.float32) / BYTE + (own @ added).reshape(
+            expected.shape
+        )
         lengths = np.linalg.norm(decoded, axis=1) * np.linalg.norm(expected, axis=1)
         cosines = np.einsum("ij,ij->i", decoded, expected) / np.where(lengths > 0, lengths, 1)
         angles.append(np.arccos(np.clip(cosines[lengths > 0], -1, 1)))

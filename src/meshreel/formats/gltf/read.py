@@ -174,11 +174,11 @@ def _geometry_reader(accessors: Accessors, notes: list[str]) -> Callable[[int], 
 
     @cache
     def read(mesh: int) -> Geometry:
-        found = read_geometry(
+        geometry = read_geometry(
             document.lists["meshes"][mesh], accessors, materials, notes, normal_notes
         )
-        welded.add(found.n_split, len(found.positions))
-        return found
+        welded.add(geometry.n_split, len(geometry.positions))
+        return geometry
 
     return read
 
@@ -287,17 +287,18 @@ class BakedMesh:
 
     @cached_property
     def _geometry(self) -> Geometry:
-        found = self.read()
+        geometry = self.read()
         if self.skin is None:
             transforms, _ = self._pose(0)
-            return found.with_reversed_faces() if np.linalg.det(transforms[0, :, :3]) < 0 else found
+            is_mirrored = np.linalg.det(transforms[0, :, :3]) < 0
+            return geometry.with_reversed_faces() if is_mirrored else geometry
         n_joints = len(self.skin.joints)
-        if found.influences is not None and found.influences.joints.max() >= n_joints:
+        if geometry.influences is not None and geometry.influences.joints.max() >= n_joints:
             raise FormatError(
-                f"node {self.node}: its mesh refers to joint {found.influences.joints.max()}, but "
-                f"its skin has {n_joints} joints"
+                f"node {self.node}: its mesh refers to joint {geometry.influences.joints.max()}, "
+                f"but its skin has {n_joints} joints"
             )
-        return found
+        return geometry
 
     @cached_property
     def _faces(self) -> PolygonMesh:

@@ -96,12 +96,12 @@ def _is_below(ancestors: set[int], nodes: Nodes) -> list[bool]:
 def _subtrees(roots: Iterable[int], nodes: Nodes) -> list[int]:
     """Return roots and all nodes below them, in depth-first order."""
     stack = list(roots)[::-1]
-    found = []
+    subtrees = []
     while stack:
         node = stack.pop()
-        found.append(node)
+        subtrees.append(node)
         stack += nodes.objects[node].indices("children", len(nodes.parents))[::-1]
-    return found
+    return subtrees
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +126,7 @@ class ShownMesh:
 def shown_meshes(document: Document, nodes: Sequence[int], accessors: Accessors) -> list[ShownMesh]:
     """Return the triangle meshes at some nodes, in their order."""
     read = cache(lambda number: read_skin(document.lists["skins"][number], accessors))
-    found = []
+    meshes = []
     for node in nodes:
         json = document.lists["nodes"][node]
         mesh = document.index(json, "mesh", "meshes")
@@ -134,8 +134,8 @@ def shown_meshes(document: Document, nodes: Sequence[int], accessors: Accessors)
         if mesh is not None and triangle_primitives(document.lists["meshes"][mesh]):
             is_bound = skin is not None and has_joints(document.lists["meshes"][mesh])
             instances = None if is_bound else read_instances(json, accessors)
-            found.append(ShownMesh(node, mesh, read(skin) if is_bound else None, instances))
-    return found
+            meshes.append(ShownMesh(node, mesh, read(skin) if is_bound else None, instances))
+    return meshes
 
 
 def instanced_geometry(shown: ShownMesh, mesh: Geometry, accessors: Accessors) -> Geometry:

@@ -136,6 +136,6 @@ def _joined_sets(block: Block, name: str, width: int) -> npt.NDArray[Any]:
         values = block.values[f"{name}_{number}"]
         if name == "JOINTS" and values.array.dtype.kind != "u":
             raise FormatError(f"{name}_{number} must be unsigned integers")
-        found = values.array if name == "JOINTS" else values.floats()
-        joined[:, 4 * number : 4 * number + 4] = found
+        array = values.array if name == "JOINTS" else values.floats()
+        joined[:, 4 * number : 4 * number + 4] = array
     return joined

@@ -68,10 +68,10 @@ def to_metallic_roughness(specular_glossiness: JsonObject) -> MetallicRoughness:
 
 
 def _factors(json: JsonObject, key: str, length: int) -> list[float]:
-    found = json.numbers(key, length, np.ones(length))
-    if (found < 0).any() or (found > 1).any():
+    factors = json.numbers(key, length, np.ones(length))
+    if (factors < 0).any() or (factors > 1).any():
         raise json.error(key, f"a list of {length} numbers from 0 to 1")
-    return [float(one) for one in found]
+    return [float(one) for one in factors]
 
 
 def _base_color(diffuse: Floats, specular: Floats) -> tuple[tuple[float, float, float], float]:

@@ -64,13 +64,13 @@ class Textures:
         if texture.uv not in self._uv_indices:
             note_left_out(self._notes, f"{label}: there are no UVs {texture.uv!r}")
             return None
-        found: Json = {"index": self._texture(texture, image, label)}
+        texture_info: Json = {"index": self._texture(texture, image, label)}
         if number := self._uv_indices[texture.uv]:
-            found["texCoord"] = number
+            texture_info["texCoord"] = number
         if texture.is_placed:
             self.used.add(TRANSFORM)
-            found["extensions"] = {TRANSFORM: _transform_json(texture)}
-        return found
+            texture_info["extensions"] = {TRANSFORM: _transform_json(texture)}
+        return texture_info
 
     def _texture(self, texture: Texture, image: Image, label: str) -> int:
         number = self._image(texture.image, image)
@@ -98,12 +98,12 @@ class Textures:
             if note not in self._notes:
                 self._notes.append(note)
         keys = zip(("wrapS", "wrapT"), wraps, strict=True)
-        found = {key: WRAP_CODES[wrap] for key, wrap in keys if wrap is not Wrap.REPEAT}
+        sampler = {key: WRAP_CODES[wrap] for key, wrap in keys if wrap is not Wrap.REPEAT}
         if texture.magnified is not None:
-            found["magFilter"] = FILTER_CODES[texture.magnified]
+            sampler["magFilter"] = FILTER_CODES[texture.magnified]
         if texture.shrunk is not None:
-            found["minFilter"] = FILTER_CODES[texture.shrunk]
-        return found
+            sampler["minFilter"] = FILTER_CODES[texture.shrunk]
+        return sampler
 
 
 def omit_defaults(default: Any, **values: Any) -> Json:
@@ -112,9 +112,9 @@ def omit_defaults(default: Any, **values: Any) -> Json:
 
 
 def _transform_json(texture: Texture) -> Json:
-    found = omit_defaults([0.0, 0.0], offset=list(texture.offset))
-    found |= omit_defaults(0.0, rotation=texture.rotation)
-    return found | omit_defaults([1.0, 1.0], scale=list(texture.scale))
+    transform = omit_defaults([0.0, 0.0], offset=list(texture.offset))
+    transform |= omit_defaults(0.0, rotation=texture.rotation)
+    return transform | omit_defaults([1.0, 1.0], scale=list(texture.scale))
 
 
 def _index_of(items: list[Json], indices: dict[str, int], item: Json) -> int:

@@ -248,7 +248,7 @@ class _SceneWriter:
         self.n_isolated = 0
 
     def add(self, part: PartMesh, sequence: MeshSequence, options: MorphOptions) -> None:
-        """Add a part, unless it has no faces."""
+        """Add a part; skip a part without faces."""
         hard_edges = part.surface.hard_edges
         if options.normals is NormalChoice.NONE:
             hard_edges = None  # only normals use them

@@ -177,8 +177,8 @@ def note_instances(meshes: Sequence[InstancedMesh], notes: list[str]) -> None:
 
 def _mirrored(matrices: npt.NDArray[np.float64]) -> Mask:
     with np.errstate(all="ignore"):
-        found: Mask = np.linalg.det(matrices[:, :3, :3]) < 0
-    return found
+        is_mirrored: Mask = np.linalg.det(matrices[:, :3, :3]) < 0
+    return is_mirrored
 
 
 def _instance_faces(

@@ -54,12 +54,12 @@ class PointInstancer:
     @property
     def codes(self) -> list[float]:
         """Time codes where its arrays have samples."""
-        found = self._instancer
+        instancer = self._instancer
         arrays = (
-            found.GetPositionsAttr(),
-            found.GetOrientationsAttr(),
+            instancer.GetPositionsAttr(),
+            instancer.GetOrientationsAttr(),
             self.prim.GetAttribute("orientationsf"),  # unknown to the oldest supported library
-            found.GetScalesAttr(),
+            instancer.GetScalesAttr(),
         )
         own = [code for one in arrays if one for code in attribute_codes(one)]
         return own + self.selection_codes
@@ -67,8 +67,12 @@ class PointInstancer:
     @property
     def selection_codes(self) -> list[float]:
         """Time codes where the rendered instances, or their prototypes, may change."""
-        found = self._instancer
-        arrays = found.GetProtoIndicesAttr(), found.GetIdsAttr(), found.GetInvisibleIdsAttr()
+        instancer = self._instancer
+        arrays = (
+            instancer.GetProtoIndicesAttr(),
+            instancer.GetIdsAttr(),
+            instancer.GetInvisibleIdsAttr(),
+        )
         return [code for one in arrays for code in attribute_codes(one)]
 
     @property
@@ -112,8 +116,8 @@ class PointInstancer:
 
         def state_at(code: float) -> tuple[bytes, ...]:
             ids = self._instancer.GetIdsAttr().Get(code)
-            found = (*self.selection(code), np.asarray([] if ids is None else ids, np.int64))
-            return tuple(one.tobytes() for one in found)
+            state = (*self.selection(code), np.asarray([] if ids is None else ids, np.int64))
+            return tuple(one.tobytes() for one in state)
 
         return len({state_at(code) for code in self.selection_codes}) > 1
 
@@ -139,12 +143,12 @@ class PointInstancer:
         if not n_instances:
             return np.zeros((0, 4, 4))
         instancer = self._instancer
-        found = instancer.ComputeInstanceTransformsAtTime(
+        transforms = instancer.ComputeInstanceTransformsAtTime(
             code, code, instancer.IncludeProtoXform, instancer.IgnoreMask
         )
-        if len(found) != n_instances:
+        if len(transforms) != n_instances:
             raise self._mismatch_error(n_instances, "positions, orientations or scales", code)
-        return np.array(found, np.float64)
+        return np.array(transforms, np.float64)
 
     def _mismatch_error(self, n_instances: int, what: str, code: float) -> FormatError:
         return FormatError(
@@ -223,16 +227,16 @@ class Placements:
         FormatError
             If the arrays of an instancer do not match, or there are too many instances.
         """
-        found = np.eye(4)[np.newaxis]
+        matrices = np.eye(4)[np.newaxis]
         pairs = list(zip(self.levels, self._above(), strict=True))
         for level, (prim, above) in reversed(pairs):
             own = level.instancer.transforms(level.number, code)
-            if len(own) * len(found) > MAX_INSTANCES:
-                raise instance_limit_error(level.instancer.path, len(own) * len(found))
+            if len(own) * len(matrices) > MAX_INSTANCES:
+                raise instance_limit_error(level.instancer.path, len(own) * len(matrices))
             with np.errstate(all="ignore"):  # non-finite positions are reported later
                 outer = own @ above.world(prim, code)
-                found = (found[np.newaxis] @ outer[:, np.newaxis]).reshape(-1, 4, 4)
-        return found
+                matrices = (matrices[np.newaxis] @ outer[:, np.newaxis]).reshape(-1, 4, 4)
+        return matrices
 
     def _above(self) -> Iterator[tuple[Any, Transforms]]:
         """Yield each instancer with the transforms to its parent space: world or prototype."""

@@ -43,17 +43,17 @@ def checked_layers(path: Path, *, allow_outside: bool) -> list[Any]:
         there are too many layers.
     """
     folder = None if allow_outside else path.absolute().parent
-    found: dict[str, Any] = {}
+    layers: dict[str, Any] = {}
     pending = [str(path.absolute())]
     while pending:
         name = pending.pop()
-        if name in found:
+        if name in layers:
             continue
-        if len(found) == MAX_LAYERS:
+        if len(layers) == MAX_LAYERS:
             raise FormatError(f"refers to more than {MAX_LAYERS} layers; flatten it into one file")
-        found[name] = layer = _open_layer(name, is_needed=not found)
+        layers[name] = layer = _open_layer(name, is_needed=not layers)
         if layer is None:
-            if len(found) == 1:
+            if len(layers) == 1:
                 raise FormatError(DAMAGED)
             continue
         try:
@@ -61,7 +61,7 @@ def checked_layers(path: Path, *, allow_outside: bool) -> list[Any]:
         except FormatError as error:
             raise FormatError(f"{error} ({Path(name).name})") from None
         pending += _referenced_layers(layer, name, folder)
-    return [layer for layer in found.values() if layer is not None]
+    return [layer for layer in layers.values() if layer is not None]
 
 
 def codes_per_second(layer: Any) -> float:

@@ -95,12 +95,12 @@ class MeshMaterials:
 
     def look(self) -> tuple[tuple[Material, ...], tuple[Image, ...]]:
         """Return the materials of all labels so far, and the images that they use."""
-        found = [
+        materials = [
             replace(look, name=label, double_sided=self._is_double_sided)
             for label, look in self._looks.items()
             if look is not None
         ]
-        return used_by([one.name for one in found], found, self._materials.images)
+        return used_by([one.name for one in materials], materials, self._materials.images)
 
 
 def label_of(prim: Any) -> str:

@@ -13,7 +13,7 @@ from meshreel.formats.usd.revolution import N_AROUND
 
 
 class MeshNotes:
-    """Notes that grow with each mesh of a file.
+    """Collects notes on the meshes of a file.
 
     Parameters
     ----------
@@ -52,16 +52,16 @@ class MeshNotes:
             self._holes.add(f"{np.count_nonzero(~solid)} of {len(solid)} of {path}")
 
 
-def _describe_sampled(found: Sequence[str]) -> str:
-    return f"frames differ from samples; USD interpolates at each frame: {listed(found)}"
+def _describe_sampled(paths: Sequence[str]) -> str:
+    return f"frames differ from samples; USD interpolates at each frame: {listed(paths)}"
 
 
-def _describe_final(found: Sequence[str]) -> str:
-    return f"the last frame shows the final pose, which is earlier: {listed(found)}"
+def _describe_final(paths: Sequence[str]) -> str:
+    return f"the last frame shows the final pose, which is earlier: {listed(paths)}"
 
 
-def _describe_holes(found: Sequence[str]) -> str:
-    return f"{LEFT_OUT}faces that are holes: {listed(found)}"
+def _describe_holes(counts: Sequence[str]) -> str:
+    return f"{LEFT_OUT}faces that are holes: {listed(counts)}"
 
 
 def _describe_flat(paths: Sequence[str]) -> str:

@@ -127,13 +127,13 @@ class StageMesh:
             creases = self.shape.sharp_edges(code)
             if creases is None:
                 return None
-            found = edges_from_creases(mesh, creases)
-            if found.edges is None:
+            hard_edges = edges_from_creases(mesh, creases)
+            if hard_edges.edges is None:
                 return None
         else:
-            found = find_hard_edges(mesh, self._corner_normals(normals, mesh, code))
-        self.notes.normals.add(self.path, found, is_track=is_track)
-        return found.edges
+            hard_edges = find_hard_edges(mesh, self._corner_normals(normals, mesh, code))
+        self.notes.normals.add(self.path, hard_edges, is_track=is_track)
+        return hard_edges.edges
 
     def _corner_normals(self, quantity: Quantity, mesh: PolygonMesh, code: float) -> Values:
         """Return the normals of corners, of shape (C, 3), or zeros if their count is wrong."""
@@ -213,10 +213,10 @@ class StageMesh:
 
     def _with_all_faces(self, vertices: Vertices, code: float) -> PolygonMesh:
         """Return all faces at a time code, counterclockwise."""
-        found = self.shape.polygons(vertices, code)
+        polygons = self.shape.polygons(vertices, code)
         if not self.is_reversed:
-            return found
-        return replace(found, corners=found.corners[reversed_corners(found.counts)])
+            return polygons
+        return replace(polygons, corners=polygons.corners[reversed_corners(polygons.counts)])
 
 
 def mesh_samples(stored: list[float], keys: list[float], prim: Any) -> Samples:

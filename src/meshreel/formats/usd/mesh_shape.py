@@ -146,7 +146,7 @@ class MeshShape:
 
 
 def _integers(value: Any, path: str) -> npt.NDArray[np.int32]:
-    found = np.asarray(value)
-    if found.ndim != 1 or (found.size and found.dtype != np.int32):
+    array = np.asarray(value)
+    if array.ndim != 1 or (array.size and array.dtype != np.int32):
         raise FormatError(f"mesh {path} has faces of a type other than int[]")
-    return found.astype(np.int32, copy=False)
+    return array.astype(np.int32, copy=False)

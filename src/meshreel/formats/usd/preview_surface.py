@@ -51,9 +51,9 @@ class PreviewSurface:
         self._images, self._notes = images, notes
         self._sources = {slot: self._source(name) for slot, (name, _) in INPUTS.items()}
         self._textures = {
-            slot: found
+            slot: texture
             for slot, source in self._sources.items()
-            if source.shader and (found := self._texture(slot, source)) is not None
+            if source.shader and (texture := self._texture(slot, source)) is not None
         }
 
     def material(self) -> Material:
@@ -69,7 +69,7 @@ class PreviewSurface:
         mode = AlphaMode.BLEND if has_alpha or alpha < 1 else AlphaMode.OPAQUE
         (metallic,), (roughness,) = self._factor("metallic", 1), self._factor("roughness", 1)
         emissive = self._factor("emissive", 3)
-        textures = {slot: found.texture for slot, found in self._textures.items()}
+        textures = {slot: texture.texture for slot, texture in self._textures.items()}
         if has_alpha:
             textures["base_color"] = replace(textures["base_color"], channels="rgba")
         return Material(
@@ -85,26 +85,26 @@ class PreviewSurface:
         ).with_textures(textures)
 
     def _source(self, name: str) -> Source:
-        found = source_of(self._shader, name)
-        if found.is_animated:
+        source = source_of(self._shader, name)
+        if source.is_animated:
             self._note(f"changes of {name} over time")
-        return found
+        return source
 
     def _texture(self, slot: str, source: Source) -> ScaledTexture | None:
         name, default = INPUTS[slot]
         try:
-            found = read_texture(source, self._images)
-            if (found.texture.channels == "rgb") != (len(default) == 3):
-                raise FormatError(f"it has the channels {found.texture.channels}")
+            texture = read_texture(source, self._images)
+            if (texture.texture.channels == "rgb") != (len(default) == 3):
+                raise FormatError(f"it has the channels {texture.texture.channels}")
         except FormatError as error:
             self._note(f"the texture of {name} ({error})")
             return None
         expected = "sRGB" if slot in ("base_color", "emissive") else "raw"
-        if found.color_space not in ("auto", expected):
-            self._note(f"color space {found.color_space[:60]!r} of the texture of {name}")
-        if slot not in ("normal", "occlusion") and found.bias != IDENTITY[1]:
+        if texture.color_space not in ("auto", expected):
+            self._note(f"color space {texture.color_space[:60]!r} of the texture of {name}")
+        if slot not in ("normal", "occlusion") and texture.bias != IDENTITY[1]:
             self._note(f"bias of the texture of {name}")
-        return found
+        return texture
 
     def _numbers(self, name: str, source: Source, default: tuple[float, ...]) -> tuple[float, ...]:
         try:
@@ -121,10 +121,10 @@ class PreviewSurface:
         if slot not in self._textures:
             name, default = INPUTS[slot]
             return self._numbers(name, self._sources[slot], default)
-        found = self._textures[slot]
+        texture = self._textures[slot]
         if width == 3:
-            return found.scale[:3]
-        return (found.scale["rgba".index(found.texture.channels)],)
+            return texture.scale[:3]
+        return (texture.scale["rgba".index(texture.texture.channels)],)
 
     def _is_alpha_of_color(self, opacity: Source) -> bool:
         if not opacity.shader:
@@ -141,32 +141,32 @@ class PreviewSurface:
         return self._numbers("opacity", opacity, (1.0,))[0]
 
     def _normal_scale(self) -> float:
-        found = self._textures.get("normal")
-        if found is None:
+        texture = self._textures.get("normal")
+        if texture is None:
             name, default = INPUTS["normal"]
             if self._numbers(name, self._sources["normal"], default) != default:
                 self._note("constant normal")
             return 1.0
         # Normal maps store -1..1 as 0..1, even if scale and bias are missing.
-        if (found.scale, found.bias) == IDENTITY:
+        if (texture.scale, texture.bias) == IDENTITY:
             return 1.0
-        scale = found.scale[0] / 2
+        scale = texture.scale[0] / 2
         expected = (2 * scale, 2 * scale, 2.0), (-scale, -scale, -1.0)
-        if not np.allclose((found.scale[:3], found.bias[:3]), expected):
+        if not np.allclose((texture.scale[:3], texture.bias[:3]), expected):
             self._note("scale and bias of the texture of normal")
             return 1.0
         return scale
 
     def _occlusion_strength(self) -> float:
-        found = self._textures.get("occlusion")
-        if found is None:
+        texture = self._textures.get("occlusion")
+        if texture is None:
             value = self._numbers("occlusion", self._sources["occlusion"], (1.0,))
             if value != (1.0,):
                 self._note("constant occlusion")
             return 1.0
-        channel = "rgba".index(found.texture.channels)
-        strength = found.scale[channel]
-        if abs(found.bias[channel] - (1 - strength)) > 1e-6:
+        channel = "rgba".index(texture.texture.channels)
+        strength = texture.scale[channel]
+        if abs(texture.bias[channel] - (1 - strength)) > 1e-6:
             self._note("scale and bias of the texture of occlusion")
             return 1.0
         return strength

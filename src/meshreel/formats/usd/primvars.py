@@ -72,19 +72,19 @@ def read_attributes(
         Domain.FACE: len(mesh.counts),
         Domain.CORNER: len(mesh.corners),
     }
-    found, mismatched = {}, []
+    attributes, mismatched = {}, []
     for one in _candidates(prim, notes, animated):
         attribute = _attribute(one, code, n_items)
         if attribute is None:
             mismatched.append(one.name)
         else:
-            found[one.name] = _reordered(attribute, order)
+            attributes[one.name] = _reordered(attribute, order)
     note_kinds(notes, "primvars that do not fit their faces", mismatched)
-    _join_opacity(found)
+    _join_opacity(attributes)
     ranks = list(Kind)
     standard = STANDARD_NAMES.values()
     ordered = sorted(
-        found.values(), key=lambda one: (ranks.index(one.kind), one.name not in standard)
+        attributes.values(), key=lambda one: (ranks.index(one.kind), one.name not in standard)
     )
     return tuple(ordered)
 
@@ -126,25 +126,25 @@ def primvar_kind(type_name: str, name: str) -> Kind:
     return Kind.COLOR if re.match(r"color[34]", type_name) else Kind.OTHER
 
 
-def _attribute(found: _Candidate, code: float, n_items: dict[Domain, int]) -> Attribute | None:
+def _attribute(candidate: _Candidate, code: float, n_items: dict[Domain, int]) -> Attribute | None:
     """Return the attribute, or None if its values are not numeric or their count is wrong."""
-    values = _values(found.primvar, code)
+    values = _values(candidate.primvar, code)
     if values is None:
         return None
-    domain = DOMAINS[str(found.primvar.GetInterpolation())]
+    domain = DOMAINS[str(candidate.primvar.GetInterpolation())]
     expected = n_items[domain]
-    if found.is_constant:
+    if candidate.is_constant:
         indices = np.zeros(expected, np.int32)
         is_match = len(values) == 1
-    elif found.primvar.IsIndexed():
-        stored = found.primvar.GetIndices(code)
+    elif candidate.primvar.IsIndexed():
+        stored = candidate.primvar.GetIndices(code)
         indices = np.asarray([] if stored is None else stored, np.int32)
         is_match = len(indices) == expected
         is_match = is_match and indices.min(initial=0) >= 0 and indices.max(initial=0) < len(values)
     else:
         indices = None
         is_match = len(values) == expected
-    return Attribute(found.name, found.kind, domain, values, indices) if is_match else None
+    return Attribute(candidate.name, candidate.kind, domain, values, indices) if is_match else None
 
 
 def _values(primvar: Any, code: float) -> npt.NDArray[Any] | None:
@@ -172,9 +172,9 @@ def _reordered(attribute: Attribute, order: npt.NDArray[np.int64] | None) -> Att
     return replace(attribute, values=attribute.values[order])
 
 
-def _join_opacity(found: dict[str, Attribute]) -> None:
+def _join_opacity(attributes: dict[str, Attribute]) -> None:
     """Append opacity to the color as a fourth component, if both have the same items."""
-    color, opacity = found.get("displayColor"), found.get("displayOpacity")
+    color, opacity = attributes.get("displayColor"), attributes.get("displayOpacity")
     if color is None or opacity is None or opacity.values.shape[1] != 1:
         return
     is_same_layout = (
@@ -184,5 +184,5 @@ def _join_opacity(found: dict[str, Attribute]) -> None:
     )
     if is_same_layout:
         joined = np.concatenate([color.values, opacity.values], axis=1)
-        found["displayColor"] = replace(color, values=joined)
-        del found["displayOpacity"]
+        attributes["displayColor"] = replace(color, values=joined)
+        del attributes["displayOpacity"]

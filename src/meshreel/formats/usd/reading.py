@@ -75,13 +75,13 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         materials = StageMaterials(None if options.allow_outside else path.parent, notes)
         mesh_notes = MeshNotes(notes)
 
-        def stage_mesh(found: RenderedMesh) -> AnyMesh:
-            skin = skins.get(str(found.prim.GetPath()))
-            above = found.levels[-1].to_root if found.levels else transforms
-            mesh = StageMesh(stage, shape_of(found.prim), skin, above, materials, mesh_notes)
-            if not found.levels:
+        def stage_mesh(rendered: RenderedMesh) -> AnyMesh:
+            skin = skins.get(str(rendered.prim.GetPath()))
+            above = rendered.levels[-1].to_root if rendered.levels else transforms
+            mesh = StageMesh(stage, shape_of(rendered.prim), skin, above, materials, mesh_notes)
+            if not rendered.levels:
                 return mesh
-            return InstancedMesh(found.name, mesh, Placements(found.levels, transforms))
+            return InstancedMesh(rendered.name, mesh, Placements(rendered.levels, transforms))
 
         meshes = [stage_mesh(one) for one in rendered]
         note_instances([one for one in meshes if isinstance(one, InstancedMesh)], notes)
@@ -204,10 +204,10 @@ def codes_per_frame(stage: Any, rate: float) -> float:
 
 
 def _note_missing(stage: Any, notes: list[str]) -> None:
-    found = [" ".join(str(error).split()) for error in stage.GetCompositionErrors()]
-    if found:
-        more = f" and {len(found) - MAX_LISTED} more" if len(found) > MAX_LISTED else ""
-        listed = "; ".join(one.rstrip(".") for one in found[:MAX_LISTED])
+    problems = [" ".join(str(error).split()) for error in stage.GetCompositionErrors()]
+    if problems:
+        more = f" and {len(problems) - MAX_LISTED} more" if len(problems) > MAX_LISTED else ""
+        listed = "; ".join(one.rstrip(".") for one in problems[:MAX_LISTED])
         notes.append(f"the file refers to missing or invalid data: {listed}{more}")
 
 

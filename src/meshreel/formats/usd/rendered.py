@@ -59,20 +59,20 @@ def rendered_meshes(stage: Any, notes: list[str]) -> list[RenderedMesh]:
     FormatError
         If there are none, listing the contents; or if the stage has more than `MAX_PRIMS` prims.
     """
-    found = _Geometry()
+    geometry = _Geometry()
     usd = USD.load("Usd")
-    found.add(usd.PrimRange.Stage(stage, usd.TraverseInstanceProxies()))
-    reasons = [_reason_not_rendered(mesh) for mesh in found.meshes]
-    rendered = [mesh for mesh, reason in zip(found.meshes, reasons, strict=True) if not reason]
+    geometry.add(usd.PrimRange.Stage(stage, usd.TraverseInstanceProxies()))
+    reasons = [_reason_not_rendered(mesh) for mesh in geometry.meshes]
+    rendered = [mesh for mesh, reason in zip(geometry.meshes, reasons, strict=True) if not reason]
     hidden = Counter(reason for reason in reasons if reason)
     if not rendered:
         raise FormatError(
-            f"contains no mesh that is rendered, only {_describe(hidden, found.others)}"
+            f"contains no mesh that is rendered, only {_describe(hidden, geometry.others)}"
         )
     blinking = [mesh.name for mesh in rendered if len(set(_visibility(mesh))) > 1]
     note_kinds(notes, "visibility that changes over time", blinking)
-    if hidden or found.others:
-        note_left_out(notes, _describe(hidden, found.others))
+    if hidden or geometry.others:
+        note_left_out(notes, _describe(hidden, geometry.others))
     return rendered
 
 
@@ -121,34 +121,34 @@ class _Geometry:
             self.others[f"{prim.GetTypeName()} whose prototypes contain no mesh"] += 1
 
 
-def _reason_not_rendered(found: RenderedMesh) -> str:
+def _reason_not_rendered(rendered: RenderedMesh) -> str:
     """Return why a mesh is not rendered, in a few words; empty if it is."""
-    geometry, prim = USD.load("UsdGeom"), found.prim
-    for imageable in (prim, *(level.instancer.prim for level in found.levels)):
+    geometry, prim = USD.load("UsdGeom"), rendered.prim
+    for imageable in (prim, *(level.instancer.prim for level in rendered.levels)):
         purpose = geometry.Imageable(imageable).ComputePurpose()
         if purpose not in (geometry.Tokens.default_, geometry.Tokens.render):
             return f"of purpose {purpose}"
     mesh = geometry.Mesh(prim)
     if mesh and not (mesh.GetPointsAttr().HasValue() and mesh.GetFaceVertexCountsAttr().HasValue()):
         return "without points or faces"
-    if not all(level.are_rendered() for level in found.levels):
+    if not all(level.are_rendered() for level in rendered.levels):
         return "of prototypes without a rendered instance"
-    return "" if any(_visibility(found)) else "invisible"
+    return "" if any(_visibility(rendered)) else "invisible"
 
 
-def _visibility(found: RenderedMesh) -> list[bool]:
+def _visibility(mesh: RenderedMesh) -> list[bool]:
     """Return whether a mesh is visible, at each time where that may change, at least once."""
-    attributes = [one.GetVisibilityAttr() for one in _visibility_chain(found)]
+    attributes = [one.GetVisibilityAttr() for one in _visibility_chain(mesh)]
     times = sorted({code for one in attributes for code in attribute_codes(one)}) or [0.0]
     invisible = USD.load("UsdGeom").Tokens.invisible
     return [all(one.Get(time) != invisible for one in attributes) for time in times]
 
 
-def _visibility_chain(found: RenderedMesh) -> Iterator[Any]:
+def _visibility_chain(mesh: RenderedMesh) -> Iterator[Any]:
     """Yield the mesh and its ancestors; at a prototype root, continue with the instancer."""
     geometry = USD.load("UsdGeom")
-    steps: list[tuple[Any, Any]] = [(found.prim, None)]
-    for level in reversed(found.levels):
+    steps: list[tuple[Any, Any]] = [(mesh.prim, None)]
+    for level in reversed(mesh.levels):
         steps[-1] = steps[-1][0], level.root
         steps.append((level.instancer.prim, None))
     for prim, root in steps:

@@ -61,9 +61,9 @@ def read_numbers(source: Source, default: tuple[float, ...], name: str) -> tuple
     if value is None:
         return default
     try:
-        found = tuple(float(one) for one in (value if len(default) > 1 else [value]))
+        numbers = tuple(float(one) for one in (value if len(default) > 1 else [value]))
     except (TypeError, ValueError):
-        found = ()
-    if len(found) != len(default) or not all(map(math.isfinite, found)):
+        numbers = ()
+    if len(numbers) != len(default) or not all(map(math.isfinite, numbers)):
         raise FormatError(f"{name} must be {len(default)} finite numbers; got {str(value)[:60]!r}")
-    return found
+    return numbers

@@ -46,9 +46,11 @@ class MeshTracks:
         Normals and velocities of skinned meshes are skipped, since skinning does not deform them.
         """
         is_skinned = self._mesh.skin is not None
-        found = (one for one in quantities(self._mesh.prim) if not (is_skinned and one.to_world))
+        candidates = (
+            one for one in quantities(self._mesh.prim) if not (is_skinned and one.to_world)
+        )
         with usd_errors(f"USD cannot read the properties of {self._mesh.path}"):
-            return {one.name: one for one in found if one.is_animated(self._codes)}
+            return {one.name: one for one in candidates if one.is_animated(self._codes)}
 
     def tracks(self, frames: range) -> Mapping[str, TrackSource]:
         """Return the tracks over a range of frames with the same faces."""
@@ -98,14 +100,14 @@ class MeshTracks:
 
     def _note_samples(self) -> None:
         """Note samples that no frame has, and velocities of animated transforms."""
-        found = []
+        names = []
         for one in self.animated.values():
             own = np.asarray(one.codes)
             nearest = np.searchsorted(self._codes, own - TOLERANCE).clip(0, len(self._codes) - 1)
             n_other = int((np.abs(self._codes[nearest] - own) > TOLERANCE).sum())
             if n_other:
-                found.append(f"{one.name} ({n_other} of {len(own)})")
-        note_kinds(self._notes, "samples where positions have no frame", found)
+                names.append(f"{one.name} ({n_other} of {len(own)})")
+        note_kinds(self._notes, "samples where positions have no frame", names)
         has_rates = any(one.to_world is transform_vectors for one in self.animated.values())
         if has_rates and self._mesh.has_moving_transform:
             note_left_out(self._notes, f"velocity of the transforms above {self._mesh.path}")
@@ -116,14 +118,16 @@ def _by_track_name(animated: Mapping[str, Quantity]) -> dict[str, Quantity]:
 
     A color and its opacity become one quantity if they have the same items.
     """
-    found = dict(animated)
-    color, opacity = found.get(COLOR), found.get(OPACITY)
+    by_name = dict(animated)
+    color, opacity = by_name.get(COLOR), by_name.get(OPACITY)
     if color is not None and opacity is not None and _have_same_items(color, opacity):
-        found[COLOR] = replace(color, read=partial(_read_rgba, color, opacity))
-        del found[OPACITY]
-    names = {name: one.custom_data(TRACK_NAME) or name for name, one in found.items()}
+        by_name[COLOR] = replace(color, read=partial(_read_rgba, color, opacity))
+        del by_name[OPACITY]
+    names = {name: one.custom_data(TRACK_NAME) or name for name, one in by_name.items()}
     every = list(names.values())
-    return {names[name] if every.count(names[name]) == 1 else name: found[name] for name in found}
+    return {
+        names[name] if every.count(names[name]) == 1 else name: by_name[name] for name in by_name
+    }
 
 
 def _have_same_items(color: Quantity, opacity: Quantity) -> bool:

@@ -192,6 +192,6 @@ def _is_integer(tenths: np.float32) -> bool:
 def _rotations_of(normals: Floats) -> Floats:
     """Return the shortest rotations from the y axis to unit normals, as quaternions x y z w."""
     x, y, z = normals.T
-    found: Floats = np.stack([z, np.zeros_like(x), -x, 1 + y], axis=1)
-    found[y <= -1 + 1e-9] = (1.0, 0.0, 0.0, 0.0)  # 180 degrees, about any axis
-    return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
+    quaternions: Floats = np.stack([z, np.zeros_like(x), -x, 1 + y], axis=1)
+    quaternions[y <= -1 + 1e-9] = (1.0, 0.0, 0.0, 0.0)  # 180 degrees, about any axis
+    return np.asarray(quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True))

@@ -78,9 +78,9 @@ class Motion:
     def normals(self) -> Iterator[npt.NDArray[np.float64]]:
         """Yield the smooth unit normals of each frame, of shape (V, 3)."""
         for frame in range(self.n_frames):
-            found = vertex_normals(self.positions(frame), self.faces)
-            found[~found.any(axis=1)] = UP
-            yield found
+            normals = vertex_normals(self.positions(frame), self.faces)
+            normals[~normals.any(axis=1)] = UP
+            yield normals
 
     def bounding_box(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
         """Return the corners of the bounding box of all frames."""

@@ -159,9 +159,9 @@ def measure_playback(
     angles_deg = np.zeros(motion.n_frames)
     for frame, units in enumerate(motion.normals()):
         sampled = encoding.texels.values(grid.read_frame(images[-1], frame, layout.normal_half))
-        found = layout.normals(sampled, encoding.texels)
-        found /= np.linalg.norm(found, axis=1, keepdims=True)
+        played_normals = layout.normals(sampled, encoding.texels)
+        played_normals /= np.linalg.norm(played_normals, axis=1, keepdims=True)
         # Chords are accurate for small angles; cosines are not.
-        chords = np.linalg.norm(found - units, axis=1)
+        chords = np.linalg.norm(played_normals - units, axis=1)
         angles_deg[frame] = np.degrees(2 * np.arcsin(np.clip(chords / 2, 0, 1))).max()
     return PlaybackErrors(errors, angles_deg)

@@ -123,13 +123,13 @@ def write_texture(path: Path, texels: Texels) -> int:
     OSError
         If the file cannot be written.
     """
-    found = texel_type_of(texels)
+    texel_type = texel_type_of(texels)
     if texels.ndim != 3 or texels.shape[2] not in CHANNELS or not math.prod(texels.shape):
         raise InvalidInputError(
             f"a texture has shape (height, width, 3 or 4), without a 0; got {texels.shape}"
         )
     pixels = np.ascontiguousarray(texels)
-    if found.is_integer:
+    if texel_type.is_integer:
         path.write_bytes(PNG.load().png_encode(pixels))
     else:
         library = OPEN_EXR.load()

@@ -97,8 +97,8 @@ def repair(
             if is_failed.sum() <= MAX_RESTARTS:
                 for index in np.flatnonzero(is_failed):
                     start, residual = integers[:, verts[index]], own_residuals[:, index]
-                    if (found := descent.try_perturbed(start, residual)) is not None:
-                        own[:, index], is_failed[index] = found, False
+                    if (repaired := descent.try_perturbed(start, residual)) is not None:
+                        own[:, index], is_failed[index] = repaired, False
             failed.extend(verts[is_failed])
             integers[:, verts] = own
 
@@ -164,8 +164,8 @@ class _IntegerDescent:
         starts = np.clip(integers[:, None] + changes, -largest, largest).astype(np.int32)
         changed = (starts - integers[:, None]).reshape(len(integers), -1).astype(np.float32)
         moved = (self._weights * self._unit @ changed).reshape(-1, N_STARTS, 3)
-        found = np.flatnonzero(~self.descend(starts, residuals[:, None] - moved))
-        return starts[:, found[0]] if len(found) else None
+        solved = np.flatnonzero(~self.descend(starts, residuals[:, None] - moved))
+        return starts[:, solved[0]] if len(solved) else None
 
     def _step(
         self,

@@ -74,15 +74,15 @@ def fit_fields(displacements: Singles, bound: float, progress: Progress) -> Fiel
     search = _Search(displacements, bound)
     max_texels = -(-MAX_DIGITS * min(displacements.shape) // DIGITS_PER_TEXEL)
     n_texels = min(search.first_texels(), max_texels)
-    found = search.fit(n_texels, progress)
-    if found is not None:
+    fields = search.fit(n_texels, progress)
+    if fields is not None:
         while n_texels > 1 and (fewer := search.fit(n_texels - 1, progress)) is not None:
-            found, n_texels = fewer, n_texels - 1
-        return found
-    while found is None and n_texels < max_texels:
+            fields, n_texels = fewer, n_texels - 1
+        return fields
+    while fields is None and n_texels < max_texels:
         n_texels = min(max_texels, n_texels + max(1, n_texels // 16))
-        found = search.fit(n_texels, progress)
-    return found
+        fields = search.fit(n_texels, progress)
+    return fields
 
 
 def _no_fields(displacements: Singles) -> Fields:

@@ -128,8 +128,8 @@ def make_texture(positions: DigitRows, normals: DigitRows | None, n_verts: int) 
 
 def read_header(texels: Bytes) -> Header:
     """Return the numbers in the first texels of a texture."""
-    found = texels.reshape(-1, 4)[:N_HEADER].astype(np.int64)
-    numbers = [int(number) for number in found[:, :3] @ [1, 1 << 8, 1 << 16]]
+    header = texels.reshape(-1, 4)[:N_HEADER].astype(np.int64)
+    numbers = [int(number) for number in header[:, :3] @ [1, 1 << 8, 1 << 16]]
     positions, normals = Section(*numbers[2:5]), Section(*numbers[5:])
     return Header(numbers[0], numbers[1], positions, normals)
 
@@ -194,9 +194,9 @@ def weights_to_bytes(weights: Singles) -> Bytes:
 
     The lowest byte, which is alpha, is 1 instead of 0: a relative change of 2**-23.
     """
-    found = np.ascontiguousarray(weights, ">f4").view(np.uint8).reshape(*weights.shape, 4)
-    found[..., 3] = np.maximum(found[..., 3], 1)
-    return found
+    stored = np.ascontiguousarray(weights, ">f4").view(np.uint8).reshape(*weights.shape, 4)
+    stored[..., 3] = np.maximum(stored[..., 3], 1)
+    return stored
 
 
 def bytes_to_weights(texels: Bytes) -> Singles:
@@ -229,9 +229,9 @@ def _single_bytes(rows: DigitRows) -> Bytes:
 
 def _slices(upper: npt.NDArray[np.int8], lower: npt.NDArray[np.int8]) -> Bytes:
     """Return the slices of digits of shape (4 n, 3 V), of shape (3 n, V, 4)."""
-    found = (16 * (upper.astype(np.int16) + DIGIT_BIAS) + lower + DIGIT_BIAS).astype(np.uint8)
-    n_texels, n_verts = len(found) // 4, found.shape[1] // 3
-    arranged = found.reshape(n_texels, 4, n_verts, 3).transpose(0, 3, 2, 1)
+    slices = (16 * (upper.astype(np.int16) + DIGIT_BIAS) + lower + DIGIT_BIAS).astype(np.uint8)
+    n_texels, n_verts = len(slices) // 4, slices.shape[1] // 3
+    arranged = slices.reshape(n_texels, 4, n_verts, 3).transpose(0, 3, 2, 1)
     return arranged.reshape(3 * n_texels, n_verts, 4)
 
 

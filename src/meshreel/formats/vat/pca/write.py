@@ -219,8 +219,8 @@ def measure_pca_playback(
     normal_offsets = section_offsets(texels, header, header.normals, motion.n_verts)
     angles_deg = np.zeros(motion.n_frames)
     for frame, units in enumerate(motion.normals()):
-        found = (rest_normals + normal_offsets.frame(frame)).astype(np.float64)
-        found /= np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-30)
-        chords = np.linalg.norm(found - units, axis=1)
+        played_normals = (rest_normals + normal_offsets.frame(frame)).astype(np.float64)
+        played_normals /= np.maximum(np.linalg.norm(played_normals, axis=1, keepdims=True), 1e-30)
+        chords = np.linalg.norm(played_normals - units, axis=1)
         angles_deg[frame] = np.degrees(2 * np.arcsin(np.clip(chords / 2, 0, 1))).mean()
     return PcaPlaybackErrors(errors, float(angles_deg.mean()))
