@@ -84,9 +84,13 @@ VARIANTS: dict[str, list[Any]] = {
     "basis step 5 times that of the fields": [choices(basis_step=5.0)],
     "modes kept from 0.4 steps": [choices(least_rms=0.4)],
     "modes kept from 1 step": [choices(least_rms=1.0)],
-    "no cosines over time": [constant(basis_coding, "saves_bits", lambda *_: False)],
+    "no cosines over time": [constant(basis_coding, "cosines_save_bits", lambda *_: False)],
     "cosines over time wherever nothing rests": [
-        constant(basis_coding, "saves_bits", lambda *_: True)
+        constant(basis_coding, "cosines_save_bits", lambda *_: True)
+    ],
+    "no adaptive times": [constant(basis_coding, "adapting_saves_bits", lambda *_: False)],
+    "adaptive times in place of all others": [
+        constant(basis_coding, "adapting_saves_bits", lambda *_: True)
     ],
     **{
         f"effort {number}": [choices(**vars(spent))]

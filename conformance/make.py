@@ -51,7 +51,7 @@ from meshreel.codec.reel.normative.fields import FieldBlock, Layout
 from meshreel.codec.reel.normative.graphs import item_graph
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.codec.tracks import Coding, TrackHeader, write_track
-from meshreel.kernel.basis import Rests
+from meshreel.kernel.basis import NO_REST, Rests
 from meshreel.kernel.integers import encode_integers
 from meshreel.model.geometry.fans import join_fans
 from meshreel.model.sequence import MeshSequence
@@ -426,6 +426,68 @@ def cosines_of_1024_frames():
     """Cosines over as many frames as there may be."""
     rng, layout = np.random.default_rng(17), Layout(np.float32(0.01), 1, 0, has_cosines=True)
     return by_hand([[0, 1, 2]], 3, [random_block(rng, layout, 3, 1, 1024)])
+
+
+@stream
+def adaptive_times():
+    """Adaptive times: of one frame and more, with rests and reused fields, modes of zeros."""
+    rng, faces = np.random.default_rng(18), grid(6, 7)
+    resting = Rests(((2, 5), (9, 10), (30, 31)), 3)
+    kinds = [
+        (0, 33, NO_REST),
+        (0, 1, NO_REST),
+        (3, 40, resting),
+        (0, 2, NO_REST),
+        (5, 7, NO_REST),
+        (2, 31, resting),
+    ]
+    single = np.float32
+    blocks, of_track = [], []
+    for number, (n_reused, n_frames, rests) in enumerate(kinds):
+        finer = single(2.5 if n_reused else 0)
+        layout = Layout(
+            single(0.01),
+            9,
+            2,
+            number,
+            number % 2 == 0,
+            n_reused,
+            finer,
+            rests,
+            is_adaptive=number != 4,
+        )
+        block = random_block(rng, layout, 42, min(9, 3 * n_frames), n_frames)
+        block[1][[1, -2]] = 0
+        blocks.append(block)
+        layout = Layout(single(0.02), 9, 1, is_adaptive=number % 2 == 0)
+        of_track.append(random_block(rng, layout, 42, 2, n_frames, n_columns=2))
+    number_type = np.dtype(np.float32)
+    track = TrackHeader("flow", "", "vector", Domain.VERTEX, number_type, 1.0, (0.0, 0.5))
+    return by_hand(faces, 42, blocks, tracks=[(track, of_track)])
+
+
+@stream
+def adaptive_limits():
+    """Adaptive times of integers so large that predictions and variances meet their limits."""
+    rng, layout = np.random.default_rng(19), Layout(np.float32(0.01), 1, 0, is_adaptive=True)
+    block = random_block(rng, layout, 3, 6, 90)
+    block[1][1] = rng.integers(-(2**31) + 1, 2**31, (3, 90))
+    block[1][2] = 2**31 - 1
+    block[1][3] = (2**31 - 1) * (-1) ** np.arange(90)
+    block[1][4] = 1000 * rng.random((3, 90)) ** 40
+    return by_hand([[0, 1, 2]], 3, [block])
+
+
+def swinging():
+    """A sheet whose vertices swing ever faster, for which encoders choose adaptive times."""
+    rng, times = np.random.default_rng(20), np.arange(120)
+    waves = [np.sin(0.0006 * (2 + k) * times**1.7 + k) / (1 + k) for k in range(12)]
+    moves = np.tensordot(np.transpose(waves), rng.normal(size=(12, 64, 3)), 1)
+    still = np.pad(np.argwhere(np.ones((8, 8))), ((0, 0), (0, 1)))
+    return MeshSequence((10.0 * still + moves).astype(np.float32), grid(8, 8))
+
+
+encoded("adaptive_swings", swinging, order="drop")
 
 
 @stream
@@ -877,6 +939,14 @@ def with_cosines(n_frames, runs):
     return by_hand([[0, 1, 2]], 3, [(layout, basis, np.array([[4, -1, 2]]), None)])
 
 
+def with_adaptive_cosines():
+    """One face whose layout announces cosines and adaptive times."""
+    layout = Layout(np.float32(0.5), 1, 0, has_cosines=True, is_adaptive=True)
+    basis = np.zeros((1, 3, 3), np.int64)
+    return by_hand([[0, 1, 2]], 3, [(layout, basis, np.array([[4, -1, 2]]), None)])
+
+
+REFUSED["cosines_with_adaptive_times"] = with_adaptive_cosines
 REFUSED["cosines_with_rests"] = partial(with_cosines, 3, ((1, 2),))
 REFUSED["cosines_of_1025_frames"] = partial(with_cosines, 1025, ())
 REFUSED["long_name"] = with_long_name

@@ -25,7 +25,7 @@ from conformance.prediction import predict_fields
 from conformance.rounding import single
 from conformance.surface import CornerRows, graphs_of, polygons_of, read_surface
 from conformance.timeline import (
-    basis_vector,
+    basis_vectors,
     frames_of,
     length_of,
     pass_of_cosines,
@@ -365,11 +365,8 @@ def read_reel_block(group, n_frames, placed, blocks, items, coding):
     lengths = [length_of(field.values()) / block["finer"] for field in reused]
     lengths += [None] * len(block["coefficients"])
     rests, rest_bits = resting_times(block.get("rests", [])), block.get("rest bits", 0)
-    cosines = block.get("cosines", 0)
-    bases = [
-        basis_vector(row, n_frames, length, rests, rest_bits, cosines)
-        for row, length in zip(block["basis"], lengths, strict=True)
-    ]
+    kind = next((one for one in ("cosines", "adaptive") if one in block), "")
+    bases = basis_vectors(block["basis"], n_frames, lengths, n_reused, rests, rest_bits, kind)
     corrections = block["correction step"], block["corrections"]
     if coding:
         placed = replace(placed, number_type=8)
@@ -431,9 +428,11 @@ def read_integers(group, n_frames, n_columns, items):
     head.end()
     need(1 <= n_modes <= n_columns * n_frames)
     layout_number = layout.byte()
-    precision, has_rests, cosines = layout_number & ~48, layout_number & 16, layout_number & 32
+    precision, has_rests = layout_number & ~(16 + 32 + 64), layout_number & 16
+    cosines, is_adaptive = layout_number & 32, layout_number & 64
     need(precision in (4, 8), "the fields have a layout that is not known")
     need(not (has_rests and cosines), "times rest in a block with cosines")
+    need(not (is_adaptive and cosines), "times are adaptive in a block with cosines")
     need(n_frames <= 1024 or not cosines, "a block with cosines is too long")
     reference, step, size, n_learned = (
         *(layout.varint(), layout.number("f")),
@@ -462,6 +461,7 @@ def read_integers(group, n_frames, n_columns, items):
         "learned": n_learned,
         **({"rests": rests, "rest bits": rest_bits} if rests else {}),
         **({"cosines": 1} if cosines else {}),
+        **({"adaptive": 1} if is_adaptive else {}),
         **({"reused": n_reused, "finer": finer} if n_reused else {}),
         "basis": read_fields(group["BASIS"], n_modes, times),
         "coefficients": read_fields(group["COEFFICIENTS"], n_modes - n_reused, passes),

@@ -1,4 +1,4 @@
-"""Temporal basis, corrections, frames of a track: "Times", "Cosines", "Corrections", "Frames"."""
+"""Temporal basis, corrections, frames of a track: "Times" to "Cosines", "Corrections", "Frames"."""
 
 from array import array
 from math import sqrt
@@ -60,29 +60,63 @@ def in_columns(near_of, n_columns, n_frames):
     return found
 
 
-def values_at_times(coded, rests=(), r=0):
-    """Values of one column from its integers."""
-    moving = values_at_moving([one for t, one in enumerate(coded) if t not in rests])
+def values_at_times(coded, rests=(), r=0, filters=None):
+    """Values of one column from its integers; `filters` are those of adaptive times."""
+    moving = values_at_moving([one for t, one in enumerate(coded) if t not in rests], filters)
     v, moving = [], iter(moving)
     for t, one in enumerate(coded):
         v.append(v[-1] + one / 2**r if t in rests else next(moving))
     return v
 
 
-def values_at_moving(coded):
+def values_at_moving(coded, filters):
     """Values of one column at the times that do not rest."""
     n_frames, v = len(coded), [0.0] * len(coded)
     for d, times in levels_of(n_frames):
+        level = 3 - d if times[0] else 0
         for t in times:
-            if times[0] == 0:
-                v[t] = (v[t - 4] if t else 0.0) + coded[t]
+            x = [(v[t - 4] if t else 0.0) if level == 0 else plain_prediction(v, t, d), 0.0, 0.0]
+            if filters is None:
+                v[t] = x[0] + coded[t]
                 continue
-            a = v[t - 3 * d] if t >= 3 * d else None
-            b = v[t - d]
-            c = v[t + d] if t + d < n_frames else None
-            e = v[t + 3 * d] if t + 3 * d < n_frames else None
-            v[t] = predicted(a, b, c, e) + coded[t]
+            if level > 0 and t >= 5 * d and t + 5 * d < n_frames:
+                y = v[t - 3 * d] + v[t + 3 * d]
+                x[1:] = (v[t - d] + v[t + d]) - y, y - (v[t - 5 * d] + v[t + 5 * d])
+            v[t] = filters[level].predicted(x) + coded[t]
+            filters[level].follow(x, float(coded[t]))
     return v
+
+
+class Filter:
+    """What is learned of a level of adaptive times."""
+
+    first = (1 / 16, 1 / 64, 1 / 64)
+
+    def __init__(self):
+        self.w, self.p, self.m = [0.0] * 3, list(self.first), 1.0
+
+    def begin_mode(self):
+        self.p = [15 / 16 * p + 1 / 16 * q for p, q in zip(self.p, self.first, strict=True)]
+
+    def predicted(self, x):
+        w = self.w
+        found = x[0] + ((w[0] * x[0] + w[1] * x[1]) + w[2] * x[2])
+        return min(max(found, -(2.0**29)), 2.0**29)
+
+    def follow(self, x, e):
+        g = [self.p[j] * x[j] for j in range(3)]
+        n = ((((1 + self.m) + 4 * (e * e)) + g[0] * x[0]) + g[1] * x[1]) + g[2] * x[2]
+        u = 1 / n
+        self.w = [self.w[j] + g[j] * (e * u) for j in range(3)]
+        self.p = [self.p[j] * max(1 - (g[j] * x[j]) * u, 0.0) for j in range(3)]
+        self.m = self.m + 1 / 16 * (e * e - self.m)
+
+
+def plain_prediction(v, t, d):
+    a = v[t - 3 * d] if t >= 3 * d else None
+    c = v[t + d] if t + d < len(v) else None
+    e = v[t + 3 * d] if t + 3 * d < len(v) else None
+    return predicted(a, v[t - d], c, e)
 
 
 def predicted(a, b, c, e):
@@ -125,12 +159,31 @@ def values_of_cosines(coded):
     return [one + other for one, other in zip(even, odd, strict=True)]
 
 
-def basis_vector(coded, n_frames, length=None, rests=(), r=0, has_cosines=False):
-    """The C T_b numbers of a mode; divided by their length, if no other is given."""
+def basis_vectors(rows, n_frames, lengths, n_reused=0, rests=(), r=0, kind=""):
+    """The C T_b numbers of each mode; divided by their length, where no other is given.
+
+    The kind is "cosines", "adaptive" or neither.
+    """
+    found, filters = [], None
+    for number, (coded, length) in enumerate(zip(rows, lengths, strict=True)):
+        if kind == "adaptive" and number in (0, n_reused):
+            filters = [Filter() for _ in range(3)]
+        if filters and any(coded):
+            for one in filters:
+                one.begin_mode()
+        of_mode = filters if any(coded) else None
+        found.append(basis_vector(coded, n_frames, length, rests, r, kind == "cosines", of_mode))
+    return found
+
+
+def basis_vector(coded, n_frames, length=None, rests=(), r=0, has_cosines=False, filters=None):
     values = []
     for first in range(0, len(coded), n_frames):
         column = coded[first : first + n_frames]
-        values += values_of_cosines(column) if has_cosines else values_at_times(column, rests, r)
+        if has_cosines:
+            values += values_of_cosines(column)
+        else:
+            values += values_at_times(column, rests, r, filters)
     length = length or length_of(values)
     return [one / length for one in values]
 

@@ -148,7 +148,8 @@ REEL_API int64_t reel_predict_prepare(const reel_mesh *mesh, const reel_fields *
    (or zero) basis vectors, n_columns x n_frames x n_modes, from coded integers: for each mode all
    times of the first column, then of the next. Times with rests[time] != 0 (none if `rests` is
    NULL, never the first) are predicted from the previous time, and their integers are divided by
-   2^rest_bits, 0..REEL_MAX_REST_BITS. The fields of the first n_reused modes are those of a key
+   2^rest_bits, 0..REEL_MAX_REST_BITS. If is_adaptive is not 0, other times are predicted with
+   weights that follow the decoded values. The fields of the first n_reused modes are those of a key
    block; their vectors are divided by `lengths` instead, which reel_lengths computes from the first
    modes of `values`, n_verts x n_modes: the norm of each field, divided by `finer`. Both return the
    number of vectors or lengths. */
@@ -156,8 +157,8 @@ REEL_API int64_t reel_predict_prepare(const reel_mesh *mesh, const reel_fields *
 REEL_API size_t reel_basis_memory(int64_t n_columns, int64_t n_frames);
 REEL_API int64_t reel_basis(void *memory, size_t memory_size, const int32_t *integers,
                             int64_t n_modes, int64_t n_columns, int64_t n_frames,
-                            const uint8_t *rests, int64_t rest_bits, const double *lengths,
-                            int64_t n_reused, double *basis);
+                            const uint8_t *rests, int64_t rest_bits, int64_t is_adaptive,
+                            const double *lengths, int64_t n_reused, double *basis);
 /* The same from coefficients of a discrete cosine transform over time, for 1 to REEL_MAX_COSINES
    frames: for each mode all frequencies of the first column, then of the next. */
 #define REEL_MAX_COSINES 1024
@@ -173,8 +174,8 @@ REEL_API int64_t reel_lengths(const double *values, int64_t n_verts, int64_t n_m
 REEL_API size_t reel_basis_encode_memory(int64_t n_frames);
 REEL_API int64_t reel_basis_encode(void *memory, size_t memory_size, const double *targets,
                                    int64_t n_modes, int64_t n_columns, int64_t n_frames,
-                                   const uint8_t *rests, int64_t rest_bits, double rd_lambda,
-                                   int32_t *integers);
+                                   const uint8_t *rests, int64_t rest_bits, int64_t is_adaptive,
+                                   double rd_lambda, int32_t *integers);
 REEL_API size_t reel_cosines_encode_memory(int64_t n_frames);
 REEL_API int64_t reel_cosines_encode(void *memory, size_t memory_size, const double *targets,
                                      int64_t n_modes, int64_t n_columns, int64_t n_frames,

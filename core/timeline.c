@@ -1,13 +1,21 @@
 /* How the modes of a block move: basis vectors over time, from integers.
 
-   docs/format.md, "Times" and "Cosines". A time is predicted from known ones around it by the
-   polynomial through them, and one that rests from the time before it. Values are multiples of
-   1/256, and exact as long as they stay below 2^44. Or integers are coefficients of a discrete
+   docs/format.md, "Times", "Adaptive times" and "Cosines". A time is predicted from known ones
+   around it by the polynomial through them, and one that rests from the time before it. Values are
+   multiples of 1/256, and exact as long as they stay below 2^44. Adaptive times add terms to these
+   predictions, whose weights follow what is decoded. Or integers are coefficients of a discrete
    cosine transform over time, whose cosines are the same bits on every machine. */
 
 #include "rounding.h"
 
 #define COARSEST 4 /* frames between the times that come first */
+#define N_LEVELS 3 /* of times that do not rest */
+
+#define N_WEIGHTS 3           /* of adaptive predictions: of the plain one, and two differences */
+#define RETURNING 0.0625      /* share of the first variances that comes back with each mode */
+#define FOLLOWED 0.0625       /* share of the latest square in the mean squared error */
+#define OWN_NOISE 4.0         /* by the squared error of the observation itself */
+#define LARGEST_PREDICTION 0x1p29 /* keeps values of hostile streams finite */
 
 #define HALF_PI 0x1.921fb54442d18p+0
 #define N_TERMS 11 /* of the series of a cosine, behind the first: up to a right angle */
@@ -33,6 +41,114 @@ REEL_INLINE double predict_time(const double *values, int64_t time, int64_t d, i
         return (3.0 * before + 6.0 * behind - values[time + 3 * d]) / 8.0;
     }
     return (before + behind) / 2.0;
+}
+
+/* The weights of the adaptive predictions of a level: the state of a Kalman filter whose covariances
+   are left out. Variances then cannot become negative, whatever is decoded. */
+typedef struct {
+    double weights[N_WEIGHTS], variances[N_WEIGHTS];
+    double error; /* mean squared, of the latest predictions */
+} level_filter;
+
+typedef struct {
+    level_filter levels[N_LEVELS];
+} time_filter;
+
+static const double first_variances[N_WEIGHTS] = {0.0625, 0.015625, 0.015625};
+
+static void start_filter(time_filter *filter) {
+    for (int level = 0; level < N_LEVELS; level++) {
+        level_filter *here = &filter->levels[level];
+        *here = (level_filter){.error = 1.0};
+        for (int i = 0; i < N_WEIGHTS; i++) {
+            here->variances[i] = first_variances[i];
+        }
+    }
+}
+
+/* The next mode may move otherwise. */
+static void begin_mode(time_filter *filter) {
+    for (int level = 0; level < N_LEVELS; level++) {
+        for (int i = 0; i < N_WEIGHTS; i++) {
+            double *variance = &filter->levels[level].variances[i];
+            *variance = (1.0 - RETURNING) * *variance + RETURNING * first_variances[i];
+        }
+    }
+}
+
+/* The terms of an adaptive prediction; the first is the plain prediction. */
+REEL_INLINE void find_terms(const double *values, int level, int64_t time, int64_t d,
+                            int64_t n_frames, double *terms) {
+    terms[1] = terms[2] = 0.0;
+    if (!level) {
+        terms[0] = time ? values[time - COARSEST] : 0.0;
+        return;
+    }
+    terms[0] = predict_time(values, time, d, n_frames);
+    if (time >= 5 * d && time + 5 * d < n_frames) {
+        double middle = values[time - 3 * d] + values[time + 3 * d];
+        terms[1] = (values[time - d] + values[time + d]) - middle;
+        terms[2] = middle - (values[time - 5 * d] + values[time + 5 * d]);
+    }
+}
+
+REEL_INLINE double predict_adaptive(const level_filter *filter, const double *terms) {
+    const double *weights = filter->weights;
+    double change = (weights[0] * terms[0] + weights[1] * terms[1]) + weights[2] * terms[2];
+    double found = terms[0] + change;
+    found = found < LARGEST_PREDICTION ? found : LARGEST_PREDICTION;
+    return found > -LARGEST_PREDICTION ? found : -LARGEST_PREDICTION;
+}
+
+/* Weights follow the error of a prediction, an integer. */
+REEL_INLINE void observe(level_filter *filter, const double *terms, double error) {
+    double gains[N_WEIGHTS], square = error * error;
+    double noise = (1.0 + filter->error) + OWN_NOISE * square;
+    for (int i = 0; i < N_WEIGHTS; i++) {
+        gains[i] = filter->variances[i] * terms[i];
+        noise += gains[i] * terms[i];
+    }
+    double inverse = 1.0 / noise;
+    for (int i = 0; i < N_WEIGHTS; i++) {
+        double unknown = 1.0 - (gains[i] * terms[i]) * inverse;
+        filter->weights[i] += gains[i] * (error * inverse);
+        filter->variances[i] *= unknown > 0.0 ? unknown : 0.0;
+    }
+    filter->error += FOLLOWED * (square - filter->error);
+}
+
+/* The times of a level: `first`, and every `step` after it; `d` is the distance to known ones. */
+typedef struct {
+    int64_t d, first, step;
+} level_times;
+
+static level_times times_of_level(int level) {
+    int64_t d = COARSEST >> level;
+    return (level_times){d, level ? d : 0, level ? 2 * d : d};
+}
+
+/* The values of a column at adaptive times. */
+static void decode_adaptive(const int32_t *integers, int64_t n_frames, time_filter *filter,
+                            double *values) {
+    for (int level = 0; level < N_LEVELS; level++) {
+        level_times at = times_of_level(level);
+        for (int64_t time = at.first; time < n_frames; time += at.step) {
+            double terms[N_WEIGHTS];
+            find_terms(values, level, time, at.d, n_frames, terms);
+            values[time] = predict_adaptive(&filter->levels[level], terms) + integers[time];
+            observe(&filter->levels[level], terms, integers[time]);
+        }
+    }
+}
+
+/* Whether the integers of a mode are all 0: encoders drop such modes, and weights ignore them. */
+static bool is_zero(const int32_t *integers, int64_t n) {
+    for (int64_t i = 0; i < n; i++) {
+        if (integers[i]) {
+            return false;
+        }
+    }
+    return true;
 }
 
 /* The values of a column over time. */
@@ -88,13 +204,18 @@ static void spread(const timeline *times, double *values) {
     }
 }
 
-/* The values of a column at all times; `gathered` has space for n_frames integers. */
-static void decode_column(const int32_t *integers, const timeline *times, int32_t *gathered,
-                          double *values) {
+/* The values of a column at all times; `gathered` has space for n_frames integers. `filter` is that
+   of adaptive times, or NULL. */
+static void decode_column(const int32_t *integers, const timeline *times, time_filter *filter,
+                          int32_t *gathered, double *values) {
     for (int64_t i = 0; i < times->n_moving; i++) {
         gathered[i] = integers[times->moving[i]];
     }
-    decode_times(gathered, times->n_moving, values);
+    if (filter) {
+        decode_adaptive(gathered, times->n_moving, filter, values);
+    } else {
+        decode_times(gathered, times->n_moving, values);
+    }
     spread(times, values);
     for (int64_t time = 1; times->rests && time < times->n_frames; time++) {
         if (times->rests[time]) {
@@ -141,10 +262,11 @@ static void write_vector(const double *values, int64_t length, const double *siz
 
 int64_t reel_basis(void *memory, size_t memory_size, const int32_t *integers, int64_t n_modes,
                    int64_t n_columns, int64_t n_frames, const uint8_t *rests, int64_t rest_bits,
-                   const double *lengths, int64_t n_reused, double *basis) {
+                   int64_t is_adaptive, const double *lengths, int64_t n_reused, double *basis) {
     reel_arena arena = reel_arena_of(memory, memory_size);
     int64_t length = n_columns * n_frames;
     timeline times;
+    time_filter filter;
     double *values = reel_allocate(&arena, (size_t)length, sizeof *values);
     int32_t *gathered = reel_allocate(&arena, (size_t)n_frames, sizeof *gathered);
     int64_t failed = find_timeline(&arena, n_frames, rests, rest_bits, &times);
@@ -152,8 +274,17 @@ int64_t reel_basis(void *memory, size_t memory_size, const int32_t *integers, in
         return failed;
     }
     for (int64_t mode = 0; mode < n_modes; mode++) {
+        const int32_t *coded = integers + mode * length;
+        bool adapts = is_adaptive && !is_zero(coded, length);
+        if (!mode || mode == n_reused) {
+            start_filter(&filter);
+        }
+        if (adapts) {
+            begin_mode(&filter);
+        }
         for (int64_t first = 0; first < length; first += n_frames) {
-            decode_column(integers + mode * length + first, &times, gathered, values + first);
+            decode_column(coded + first, &times, adapts ? &filter : NULL, gathered,
+                          values + first);
         }
         write_vector(values, length, mode < n_reused ? lengths + mode : NULL, basis + mode,
                      n_modes);
@@ -348,10 +479,43 @@ static bool encode_times(const double *wanted, int64_t n_frames, double price, d
     return true;
 }
 
+/* Zeros and ones of a mode at the adaptive times of a level. */
+typedef struct {
+    double n_zeros, n_ones;
+} level_counts;
+
+static bool encode_adaptive(const double *wanted, int64_t n_frames, double price,
+                            time_filter *filter, level_counts *counts, double *values,
+                            int32_t *integers) {
+    for (int level = 0; level < N_LEVELS; level++) {
+        level_times at = times_of_level(level);
+        for (int64_t time = at.first; time < n_frames; time += at.step) {
+            double terms[N_WEIGHTS];
+            find_terms(values, level, time, at.d, n_frames, terms);
+            double predicted = predict_adaptive(&filter->levels[level], terms);
+            double scaled = wanted[time] - predicted, size = reel_magnitude(scaled);
+            level_counts *here = &counts[level];
+            bool is_plain = !level || !(price > 0.0); /* other levels depend on the first */
+            double zone = is_plain ? REEL_NEAREST_ZONE
+                                   : reel_dead_zone(here->n_zeros, here->n_ones, price);
+            if (!quantize(scaled, zone, is_plain ? 0.0 : price, &integers[time])) {
+                return false;
+            }
+            here->n_zeros += size < zone ? 1.0 : 0.0;
+            here->n_ones += size >= zone && size < 1.5 ? 1.0 : 0.0;
+            values[time] = predicted + integers[time];
+            observe(&filter->levels[level], terms, integers[time]);
+        }
+    }
+    return true;
+}
+
 /* What the encoder needs for a column. */
 typedef struct {
     double *wanted, *values, *scaled;
     int32_t *integers;
+    time_filter *filter; /* of adaptive times, or NULL */
+    level_counts counts[N_LEVELS];
 } column_work;
 
 /* A time that rests moves as the wanted one does, from what the last moving time became: its error
@@ -376,12 +540,16 @@ static bool encode_rests(const double *wanted, const timeline *times, double pri
 }
 
 static bool encode_column(const double *wanted, const timeline *times, double price,
-                          const column_work *work, int32_t *integers) {
+                          column_work *work, int32_t *integers) {
     for (int64_t i = 0; i < times->n_moving; i++) {
         work->wanted[i] = wanted[times->moving[i]];
     }
-    if (!encode_times(work->wanted, times->n_moving, price, work->values, work->scaled,
-                      work->integers)) {
+    bool is_done = work->filter
+                       ? encode_adaptive(work->wanted, times->n_moving, price, work->filter,
+                                         work->counts, work->values, work->integers)
+                       : encode_times(work->wanted, times->n_moving, price, work->values,
+                                      work->scaled, work->integers);
+    if (!is_done) {
         return false;
     }
     for (int64_t i = 0; i < times->n_moving; i++) {
@@ -391,6 +559,26 @@ static bool encode_column(const double *wanted, const timeline *times, double pr
     return encode_rests(wanted, times, price, work->values, integers);
 }
 
+/* All columns of a mode. Weights stay as they were if its integers are 0. */
+static bool encode_mode(const double *wanted, int64_t n_columns, const timeline *times,
+                        double price, column_work *work, int32_t *integers) {
+    time_filter before;
+    reel_zero(work->counts, sizeof work->counts);
+    if (work->filter) {
+        before = *work->filter;
+        begin_mode(work->filter);
+    }
+    for (int64_t first = 0; first < n_columns * times->n_frames; first += times->n_frames) {
+        if (!encode_column(wanted + first, times, price, work, integers + first)) {
+            return false;
+        }
+    }
+    if (work->filter && is_zero(integers, n_columns * times->n_frames)) {
+        *work->filter = before;
+    }
+    return true;
+}
+
 size_t reel_basis_encode_memory(int64_t n_frames) {
     return 3 * reel_array_bytes((size_t)n_frames, sizeof(double)) +
            reel_array_bytes((size_t)n_frames, sizeof(int32_t)) + timeline_room(n_frames);
@@ -398,10 +586,12 @@ size_t reel_basis_encode_memory(int64_t n_frames) {
 
 int64_t reel_basis_encode(void *memory, size_t memory_size, const double *wanted, int64_t n_modes,
                           int64_t n_columns, int64_t n_frames, const uint8_t *rests,
-                          int64_t rest_bits, double price, int32_t *integers) {
+                          int64_t rest_bits, int64_t is_adaptive, double price,
+                          int32_t *integers) {
     reel_arena arena = reel_arena_of(memory, memory_size);
     timeline times;
-    column_work work;
+    time_filter filter;
+    column_work work = {.filter = is_adaptive ? &filter : NULL};
     work.wanted = reel_allocate(&arena, (size_t)n_frames, sizeof *work.wanted);
     work.values = reel_allocate(&arena, (size_t)n_frames, sizeof *work.values);
     work.scaled = reel_allocate(&arena, (size_t)n_frames, sizeof *work.scaled);
@@ -410,10 +600,11 @@ int64_t reel_basis_encode(void *memory, size_t memory_size, const double *wanted
     if (failed) {
         return failed;
     }
-    for (int64_t row = 0; row < n_columns * n_modes; row++) {
-        if (!encode_column(wanted + row * n_frames, &times, price, &work,
-                           integers + row * n_frames)) {
-            return reel_failure(REEL_INVALID, (uint64_t)row);
+    start_filter(&filter);
+    for (int64_t mode = 0; mode < n_modes; mode++) {
+        int64_t first = mode * n_columns * n_frames;
+        if (!encode_mode(wanted + first, n_columns, &times, price, &work, integers + first)) {
+            return reel_failure(REEL_INVALID, (uint64_t)mode);
         }
     }
     return n_modes;

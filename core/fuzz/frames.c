@@ -38,7 +38,8 @@ static double *any_basis(int64_t n_modes, int64_t n_columns, int64_t n_frames) {
     const uint8_t *rests = any_rests(n_frames);
     int64_t rest_bits = fuzz_below(REEL_MAX_REST_BITS + 1);
     int64_t result = reel_basis(fuzz_allocate((int64_t)size, 1), size, integers, n_modes, n_columns,
-                                n_frames, rests, rest_bits, lengths, n_reused, basis);
+                                n_frames, rests, rest_bits, fuzz_below(2), lengths, n_reused,
+                                basis);
     FUZZ_CHECK(result == n_modes);
     fuzz_hash_doubles(basis, n);
     return basis;
@@ -136,7 +137,7 @@ void fuzz_basis_encode(void) {
     }
     int64_t result =
         reel_basis_encode(fuzz_allocate((int64_t)size, 1), size, targets, n_modes, n_columns,
-                          n_frames, rests, fuzz_below(10), rd_lambda, integers);
+                          n_frames, rests, fuzz_below(10), fuzz_below(2), rd_lambda, integers);
     fuzz_check_code(result);
     fuzz_hash(integers, result < 0 ? 0 : n, sizeof *integers);
 }

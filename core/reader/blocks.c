@@ -171,7 +171,7 @@ typedef struct {
     void *basis_memory;
     size_t basis_needed;
     int64_t n_columns, n_frames, n_reused, rest_bits;
-    bool has_cosines;
+    bool has_cosines, is_adaptive;
     uint8_t *rests;
     double *lengths, *basis; /* `basis` is NULL if only fields are needed */
     double finer;
@@ -198,7 +198,8 @@ static void decode_basis(block_job *job) {
     }
     job->result = reel_basis(job->basis_memory, job->basis_needed, job->times.values,
                              job->times.n_read, job->n_columns, job->n_frames, job->rests,
-                             job->rest_bits, job->lengths, job->n_reused, job->basis);
+                             job->rest_bits, job->is_adaptive, job->lengths, job->n_reused,
+                             job->basis);
 }
 
 static void run_block_job(void *shared, uint32_t i) {
@@ -273,6 +274,7 @@ static int prepare_basis(reel_call *call, const reel_group *group, uint32_t n_co
     job->finer = (double)group->finer;
     job->rest_bits = (int64_t)group->rest_bits;
     job->has_cosines = group->has_cosines;
+    job->is_adaptive = group->is_adaptive;
     int failed = reel_read_rests(call, group, &job->rests);
     failed = failed ? failed
                     : reel_find_time_order(call, n_columns, job->n_frames, job->has_cosines,

@@ -9,6 +9,7 @@
 #define MAX_STEP 1e6F
 #define WITH_RESTS 16 /* flags added to the layout */
 #define WITH_COSINES 32
+#define ADAPTIVE 64
 #define MAX_TIMES ((uint64_t)INT32_MAX)
 
 /* The payload of each section of a group; `at` is 0 if it is missing. */
@@ -155,14 +156,16 @@ static int read_fields(reel_call *call, reel_range left, reel_group *group) {
     if (failed) {
         return failed;
     }
-    group->precision = layout & ~(WITH_RESTS | WITH_COSINES);
+    group->precision = layout & ~(WITH_RESTS | WITH_COSINES | ADAPTIVE);
     group->has_cosines = layout & WITH_COSINES;
+    group->is_adaptive = layout & ADAPTIVE;
     if (group->precision != REEL_SUMS_4 && group->precision != REEL_SUMS_8) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, at,
                          "the layout of the fields needs a newer version; update meshreel");
     }
-    if (group->has_cosines && (layout & WITH_RESTS || group->n_frames > REEL_MAX_COSINES)) {
-        return reel_corrupt(call, at, "a block with cosines over time rests or is too long");
+    if (group->has_cosines &&
+        (layout & (WITH_RESTS | ADAPTIVE) || group->n_frames > REEL_MAX_COSINES)) {
+        return reel_corrupt(call, at, "a block with cosines over time rests, adapts or is too long");
     }
     failed = reel_read_varint(call, &left, &group->reference);
     failed = failed ? failed : reel_read_bytes(call, &left, &group->step, sizeof group->step);

@@ -18,6 +18,7 @@ typedef struct {
     uint64_t n_rests, rest_bits;
     reel_range rests;
     bool has_cosines; /* BASIS holds coefficients of a cosine transform over time */
+    bool is_adaptive; /* BASIS holds times whose predictions adapt */
     reel_range basis, coefficients;
     /* Corrections: their step, number of corrected items, number of corrections, and the coded
        integers. */

@@ -58,10 +58,13 @@ class BasisCoding:
     has_cosines : bool
         Integers are coefficients of an orthonormal discrete cosine transform over time (DCT-II),
         low frequencies first, and not values at times.
+    is_adaptive : bool
+        Weights of the predictions of moving times follow the decoded values; not with cosines.
     """
 
     rests: Rests = NO_REST
     has_cosines: bool = False
+    is_adaptive: bool = False
 
 
 BY_TIMES = BasisCoding()
@@ -110,7 +113,7 @@ def basis_vectors(
     basis = np.empty((n_columns, n_frames, n_modes))
     divisors = np.zeros(0) if lengths is None else lengths
     name = "reel_cosine_basis" if coding.has_cosines else "reel_basis"
-    resting = _resting(coding, n_frames)
+    options = _options_of_times(coding, n_frames)
     work = memory(size_of(f"{name}_memory", n_columns, n_frames))
     call(
         name,
@@ -120,7 +123,7 @@ def basis_vectors(
         n_modes,
         n_columns,
         n_frames,
-        *resting,
+        *options,
         divisors,
         len(divisors),
         basis,
@@ -152,7 +155,7 @@ def encode_basis(
     n_modes, n_columns, n_frames = wanted.shape
     integers = np.empty(wanted.shape, np.int32)
     name = "reel_cosines_encode" if coding.has_cosines else "reel_basis_encode"
-    resting = _resting(coding, n_frames)
+    options = _options_of_times(coding, n_frames)
     work = memory(size_of(f"{name}_memory", n_frames))
     call(
         name,
@@ -162,7 +165,7 @@ def encode_basis(
         n_modes,
         n_columns,
         n_frames,
-        *resting,
+        *options,
         ctypes.c_double(price),
         integers,
         what="basis vectors",
@@ -170,6 +173,8 @@ def encode_basis(
     return integers
 
 
-def _resting(coding: BasisCoding, n_frames: int) -> tuple[Argument, ...]:
-    """Return the arguments about rests that only the functions of times have."""
-    return () if coding.has_cosines else (coding.rests.flags(n_frames), coding.rests.bits)
+def _options_of_times(coding: BasisCoding, n_frames: int) -> tuple[Argument, ...]:
+    """Return the arguments that only the functions of times have."""
+    if coding.has_cosines:
+        return ()
+    return coding.rests.flags(n_frames), coding.rests.bits, int(coding.is_adaptive)

@@ -31,10 +31,15 @@ def directions(values):
     return np.moveaxis(values / np.where(lengths > 0, lengths, 1.0), 0, 2)
 
 
-@given(st.integers(1, 4), st.integers(1, 70), st.floats(1.0, 1e6), st.integers(0, 99))
-def test_vectors_come_back_within_half_a_step_when_bits_are_worth_nothing(n, n_frames, size, seed):
+@given(
+    st.integers(1, 4), st.integers(1, 70), st.floats(1.0, 1e6), st.integers(0, 99), st.booleans()
+)
+def test_vectors_come_back_within_half_a_step_when_bits_are_worth_nothing(
+    n, n_frames, size, seed, is_adaptive
+):
     wanted = curves(n, n_frames, size, seed)
-    decoded = basis_vectors(encode_basis(wanted, 0.0))
+    coding = BasisCoding(is_adaptive=is_adaptive)
+    decoded = basis_vectors(encode_basis(wanted, 0.0, coding), coding)
     length = np.sqrt(np.square(wanted).sum(axis=(1, 2)))
     error = np.abs(decoded - directions(wanted)).max(axis=(0, 1))
     assert (error <= (0.5 + 0.5 * np.sqrt(3 * n_frames)) / np.maximum(length, 1e-9) + 1e-9).all()
@@ -68,6 +73,32 @@ def test_smooth_curves_need_no_integers_between_the_coarsest_times():
 def test_error_is_raised_when_an_integer_is_too_large(value):
     with pytest.raises(InvalidInputError, match="basis vectors cannot be coded"):
         encode_basis(np.full((1, 3, 5), value), FAIR_PRICE)
+
+
+ADAPTIVE = BasisCoding(is_adaptive=True)
+
+
+def test_adaptive_times_of_noise_are_smaller_than_plain_ones():
+    noise = 20.0 * np.random.default_rng(6).normal(size=(8, 3, 200))
+    plain, adaptive = (encode_basis(noise, 0.0, one) for one in (BasisCoding(), ADAPTIVE))
+    assert np.abs(adaptive).mean() < 0.85 * np.abs(plain).mean()
+
+
+def test_adaptive_times_start_again_behind_reused_modes():
+    coded = encode_basis(curves(4, 50, 3.0, 9), FAIR_PRICE, ADAPTIVE)
+    whole = basis_vectors(coded, ADAPTIVE, np.ones(2))
+    for part in (slice(0, 2), slice(2, 4)):
+        alone = basis_vectors(coded[part], ADAPTIVE, np.ones(2)[part])
+        np.testing.assert_array_equal(whole[:, :, part], alone)
+
+
+@pytest.mark.parametrize("sign", [1, -1, 0])
+def test_adaptive_times_of_the_largest_integers_are_finite(sign):
+    rng = np.random.default_rng(10)
+    coded = rng.integers(-(2**31) + 1, 2**31, (5, 3, 300))
+    coded = coded if sign == 0 else (2**31 - 1) * np.full((5, 3, 300), sign) ** np.arange(300)
+    vectors = basis_vectors(coded, ADAPTIVE, np.ones(5))
+    assert np.abs(vectors).max() <= 2.0**29 + 2.0**31
 
 
 def resting(bits, *runs):

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from conformance.timeline import basis_vector
+from conformance.timeline import basis_vectors as plain_basis_vectors
 from meshreel.errors import InvalidInputError
-from meshreel.kernel.basis import basis_vectors
+from meshreel.kernel.basis import BasisCoding, basis_vectors
 from meshreel.kernel.frames import (
     Moves,
     add_coordinate_rows,
@@ -114,14 +114,18 @@ def test_packed_fields_are_the_same_when_modes_of_a_vertex_lie_together(made, su
     np.testing.assert_array_equal(found.data, expected.data)
 
 
-@given(st.integers(1, 40), st.integers(1, 4), st.integers(0, 2**32))
-def test_basis_vectors_are_those_of_the_format_when_found_a_second_way(n_frames, n_modes, seed):
+@given(st.integers(1, 40), st.integers(1, 4), st.integers(0, 2**32), st.booleans())
+def test_basis_vectors_are_those_of_the_format_when_found_a_second_way(
+    n_frames, n_modes, seed, is_adaptive
+):
     rng = np.random.default_rng(seed)
     coded = rng.integers(-(10 ** rng.integers(1, 8)), 10**4, (n_modes, 3, n_frames))
     coded *= rng.random((n_modes, 1, 1)) < 0.9
-    found = basis_vectors(coded)
-    for mode, axes in enumerate(coded.reshape(n_modes, -1).tolist()):
-        assert found[:, :, mode].ravel().tolist() == basis_vector(axes, n_frames)
+    found = basis_vectors(coded, BasisCoding(is_adaptive=is_adaptive))
+    rows, kind = coded.reshape(n_modes, -1).tolist(), "adaptive" if is_adaptive else ""
+    expected = plain_basis_vectors(rows, n_frames, [None] * n_modes, kind=kind)
+    for mode, vector in enumerate(expected):
+        assert found[:, :, mode].ravel().tolist() == vector
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])

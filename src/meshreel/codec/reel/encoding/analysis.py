@@ -173,7 +173,7 @@ def analyse_fields(
         if reused is not None and n_own <= FEW_OWN * key.values.shape[1]:
             return reused
     basis, vectors, coding = _quantized_basis(frames, float(step), choices)
-    layout = replace(layout, rests=coding.rests, has_cosines=coding.has_cosines)
+    layout = _with_coding(layout, coding)
     if hierarchy is not None:
         hierarchy.result()
     prepared = mesh.prepared if key is None and is_trial else None
@@ -231,7 +231,7 @@ def _reusing(
     if n_reused + len(basis) > frames.n_columns * frames.n_frames:
         return None
     layout = replace(layout, n_reused=n_reused, finer=finer)
-    layout = replace(layout, rests=coding.rests, has_cosines=coding.has_cosines)
+    layout = _with_coding(layout, coding)
     left, integers = reused.left, reused.integers
     return _with_basis(left, basis, vectors, layout, mesh, choices, key, None, integers)
 
@@ -328,3 +328,12 @@ def _first_shaped(mesh: FieldMesh, choices: FieldChoices) -> int:
     resolution_of = mesh.hierarchy.level_resolutions
     first = resolution_of[-1] + 1 - choices.n_shaped_resolutions
     return max(1, int(np.searchsorted(resolution_of, first)))
+
+
+def _with_coding(layout: Layout, coding: BasisCoding) -> Layout:
+    return replace(
+        layout,
+        rests=coding.rests,
+        has_cosines=coding.has_cosines,
+        is_adaptive=coding.is_adaptive,
+    )

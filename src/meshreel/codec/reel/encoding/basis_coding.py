@@ -1,7 +1,8 @@
 """The encoder's choice of how basis vectors over time become integers, for each block.
 
 Short, periodic and smooth motion takes fewer bits as cosines, long motion with sudden changes as
-times that are predicted from those around. docs/codec.md, "Cosines over time".
+times that are predicted from those around, mostly with weights that adapt. docs/codec.md, "Adaptive
+times" and "Cosines over time".
 
 Rounding errors of the temporal basis change from frame to frame: a model that rests would seem to
 crawl. So times at which it rests are predicted from the time before, with finer steps where these
@@ -39,6 +40,12 @@ MIN_GAIN = 0.01
 """Share of the estimated cost that cosines have to save; the difference of two estimates is within
 about 2 % of the bytes of a basis."""
 
+MIN_ADAPTIVE_GAIN = 0.005
+"""Share that adaptive times have to save: estimates of similar integers differ little."""
+
+MIN_ADAPTIVE_FRAMES = 16
+"""Fewer moving times teach the weights too little: blocks of 12 frames gained nothing."""
+
 GROUP = 4
 """Integers of a column whose mean magnitude estimates their bits."""
 
@@ -54,7 +61,7 @@ bits."""
 def choose_coding(
     frames: BlockFrames, wanted: Floats, step: float, finer: float, price: float
 ) -> BasisCoding:
-    """Return the coding of a block: cosines if nothing rests and they save bits.
+    """Return the coding of a block: cosines if nothing rests, or adaptive times, if they save bits.
 
     Parameters
     ----------
@@ -62,10 +69,14 @@ def choose_coding(
         As in `find_rests`.
     """
     rests = find_rests(frames, wanted, step, finer, price)
-    return BasisCoding(rests, not rests.runs and saves_bits(wanted, price))
+    if not rests.runs and cosines_save_bits(wanted, price):
+        return BasisCoding(has_cosines=True)
+    flags = rests.flags(wanted.shape[2])
+    moving = wanted if flags is None else np.ascontiguousarray(wanted[:, :, flags == 0])
+    return BasisCoding(rests, is_adaptive=adapting_saves_bits(moving, price))
 
 
-def saves_bits(wanted: Floats, price: float) -> bool:
+def cosines_save_bits(wanted: Floats, price: float) -> bool:
     """Return whether cosines lower the estimated cost: bits, and the weighted bits of errors.
 
     Parameters
@@ -80,18 +91,36 @@ def saves_bits(wanted: Floats, price: float) -> bool:
     if n_frames > MAX_COSINES or largest >= LARGEST_INTEGER:
         return False
     some = wanted[:: max(1, -(-n_modes // SAMPLED_MODES))]
-    levels = [slice(0, None, COARSEST), slice(2, None, COARSEST), slice(1, None, 2)]
-    by_times = _cost(some, price, BasisCoding(), levels)
-    by_cosines = _cost(some, price, BasisCoding(has_cosines=True), [slice(None)])
-    return by_cosines < (1.0 - MIN_GAIN) * by_times
+    return _saving(some, price, BasisCoding(has_cosines=True)) > MIN_GAIN
 
 
-def _cost(wanted: Floats, price: float, coding: BasisCoding, levels: list[slice]) -> float:
+def adapting_saves_bits(wanted: Floats, price: float) -> bool:
+    """Return whether adaptive times lower the estimated cost, as `cosines_save_bits`.
+
+    The modes in the middle are tried, because weights carry over from mode to mode.
+    """
+    if wanted.shape[2] < MIN_ADAPTIVE_FRAMES:
+        return False
+    first = max(0, (len(wanted) - SAMPLED_MODES) // 2)
+    some = wanted[first : first + SAMPLED_MODES]
+    return _saving(some, price, BasisCoding(is_adaptive=True)) > MIN_ADAPTIVE_GAIN
+
+
+def _saving(wanted: Floats, price: float, coding: BasisCoding) -> float:
+    """Return the share of the estimated cost of plain times that another coding saves."""
+    plain = _cost(wanted, price, BasisCoding())
+    return 1.0 - _cost(wanted, price, coding) / plain if plain else 0.0
+
+
+def _cost(wanted: Floats, price: float, coding: BasisCoding) -> float:
     """Return estimated bits of basis vectors, and the weighted bits that would remove their error.
 
     Bits are estimated separately for each level of times.
     """
     coded = encode_basis(wanted, price, coding)
+    levels = [slice(0, None, COARSEST), slice(2, None, COARSEST), slice(1, None, 2)]
+    if coding.has_cosines:
+        levels = [slice(None)]
     found = np.moveaxis(basis_vectors(coded, coding, np.ones(len(coded))), 2, 0)
     squared_error = float(np.square(found - wanted).sum())
     bits = 0.0

@@ -44,6 +44,9 @@ class Layout:
         Times that are predicted from the one before; none with cosines.
     has_cosines : bool
         The temporal basis is coded as coefficients of cosines over time, and not by times.
+    is_adaptive : bool
+        Times of the temporal basis are predicted with weights that follow what is decoded; not
+        with cosines.
     """
 
     step: np.float32
@@ -55,6 +58,7 @@ class Layout:
     finer: np.float32 = NONE_REUSED
     rests: Rests = NO_REST
     has_cosines: bool = False
+    is_adaptive: bool = False
 
 
 @dataclass(frozen=True)
@@ -171,4 +175,6 @@ def decode_basis(
     lengths = None
     if key is not None and layout.n_reused:
         lengths = lengths_of(key.values, layout.n_reused, float(layout.finer))
-    return basis_vectors(coded, BasisCoding(layout.rests, layout.has_cosines), lengths)
+    return basis_vectors(
+        coded, BasisCoding(layout.rests, layout.has_cosines, layout.is_adaptive), lengths
+    )

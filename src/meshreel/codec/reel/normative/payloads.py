@@ -29,6 +29,9 @@ WITH_RESTS = 16
 WITH_COSINES = 32
 """Is added to the layout of blocks whose basis is coded as coefficients of cosines over time."""
 
+ADAPTIVE = 64
+"""Is added to the layout of blocks whose basis is coded by adaptive times."""
+
 INTEGER_BYTES = 8
 """Of a decoded integer of corrections: their vertex, frame and offsets."""
 
@@ -57,6 +60,7 @@ def write_layout(layout: Layout) -> bytes:
     number = SINGLE if layout.is_single else DOUBLE
     number |= WITH_RESTS if layout.rests.runs else 0
     number |= WITH_COSINES if layout.has_cosines else 0
+    number |= ADAPTIVE if layout.is_adaptive else 0
     parts = [
         bytes([number]),
         write_varint(layout.reference),
@@ -82,15 +86,15 @@ def read_layout(payload: bytes) -> Layout:
     """
     if not payload:
         raise TruncatedStreamError("the layout of the fields is cut off")
-    precision = payload[0] & ~(WITH_RESTS | WITH_COSINES)
+    precision = payload[0] & ~(WITH_RESTS | WITH_COSINES | ADAPTIVE)
     if precision not in (SINGLE, DOUBLE):
         raise UnsupportedVersionError(
             f"the fields of the stream have layout {payload[0]}; this build reads {SINGLE} and "
-            f"{DOUBLE}, and {WITH_RESTS} or {WITH_COSINES} more; upgrade meshreel"
+            f"{DOUBLE}, with {WITH_RESTS}, {WITH_COSINES} or {ADAPTIVE} added; upgrade meshreel"
         )
-    if payload[0] & WITH_RESTS and payload[0] & WITH_COSINES:
+    if payload[0] & WITH_COSINES and payload[0] & (WITH_RESTS | ADAPTIVE):
         raise CorruptStreamError(
-            "a block has resting times and cosines over time; one excludes the other"
+            "a block has cosines over time, and resting or adaptive times; these exclude each other"
         )
     reference, position = read_varint(payload, 1)
     if len(payload) < position + 4:
@@ -129,6 +133,7 @@ def read_layout(payload: bytes) -> Layout:
         single(finer),
         rests,
         bool(payload[0] & WITH_COSINES),
+        bool(payload[0] & ADAPTIVE),
     )
 
 

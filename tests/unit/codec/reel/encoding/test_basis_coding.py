@@ -1,4 +1,4 @@
-"""Which blocks have cosines over time, and what these save."""
+"""Which blocks have cosines over time or adaptive times, and what these save."""
 
 import numpy as np
 import pytest
@@ -6,13 +6,17 @@ import pytest
 import meshreel
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.reel.encoding import basis_coding
-from meshreel.codec.reel.encoding.basis_coding import saves_bits
+from meshreel.codec.reel.encoding.basis_coding import (
+    MIN_ADAPTIVE_FRAMES,
+    adapting_saves_bits,
+    cosines_save_bits,
+)
 from meshreel.codec.reel.normative.blocks import layout_of
 from meshreel.codec.reel.normative.fields import Layout
 from meshreel.codec.reel.normative.payloads import read_layout, write_layout
 from meshreel.codec.stored_blocks import StoredBlock
 from meshreel.errors import CorruptStreamError
-from meshreel.kernel.basis import MAX_COSINES
+from meshreel.kernel.basis import MAX_COSINES, BasisCoding, basis_vectors, encode_basis
 from samples.meshes import waving_grid
 from samples.streams import Stream
 
@@ -37,7 +41,7 @@ def layouts(data):
 def by_times(monkeypatch, sequence, **options):
     """The stream without cosines."""
     with monkeypatch.context() as changed:
-        changed.setattr(basis_coding, "saves_bits", lambda *_: False)
+        changed.setattr(basis_coding, "cosines_save_bits", lambda *_: False)
         return meshreel.encode(sequence, **options)
 
 
@@ -59,7 +63,7 @@ def test_fields_are_reused_in_blocks_with_cosines():
 
 def test_sudden_motion_is_coded_by_times():
     steps = np.random.default_rng(2).normal(size=(4, 3, 80)) * (np.arange(80) % 9 == 0)
-    assert not saves_bits(40.0 * np.cumsum(steps, axis=2), PRICE)
+    assert not cosines_save_bits(40.0 * np.cumsum(steps, axis=2), PRICE)
 
 
 @pytest.mark.parametrize(
@@ -73,7 +77,7 @@ def test_sudden_motion_is_coded_by_times():
     ],
 )
 def test_times_are_kept_when_cosines_cannot_be_or_save_nothing(wanted, price):
-    assert not saves_bits(wanted, price)
+    assert not cosines_save_bits(wanted, price)
 
 
 def test_block_is_refused_when_it_has_cosines_and_too_many_frames():
@@ -82,3 +86,64 @@ def test_block_is_refused_when_it_has_cosines_and_too_many_frames():
     assert layout_of(StoredBlock(0, MAX_COSINES, 1, sections)) == layout
     with pytest.raises(CorruptStreamError, match="at most 1024 frames"):
         layout_of(StoredBlock(0, MAX_COSINES + 1, 1, sections))
+
+
+def shaking(n_frames=120, side=8):
+    """A sheet whose vertices shake: curves through the times around do not follow."""
+    sheet = waving_grid(1, side, side, np.float64)
+    rng = np.random.default_rng(20)
+    waves = rng.normal(size=(n_frames, 12)) / np.arange(1, 13)
+    moves = np.tensordot(waves, 0.1 * rng.normal(size=(12, side * side, 3)), 1)
+    return meshreel.MeshSequence((sheet.vertices + moves).astype(np.float32), sheet.faces)
+
+
+def test_irregular_motion_takes_fewer_bytes_by_adaptive_times(monkeypatch):
+    monkeypatch.setattr(basis_coding, "cosines_save_bits", lambda *_: False)
+    sequence = shaking()
+    found = meshreel.encode(sequence, quality=70)
+    monkeypatch.setattr(basis_coding, "adapting_saves_bits", lambda *_: False)
+    usual = meshreel.encode(sequence, quality=70)
+    assert [one.is_adaptive for one in layouts(found)] == [True]
+    assert len(found) < 0.98 * len(usual)
+    errors = [meshreel.compare(sequence, meshreel.decode(data)) for data in (found, usual)]
+    assert errors[0].kg_error_percent < 1.02 * errors[1].kg_error_percent
+
+
+def test_fields_are_reused_in_blocks_with_adaptive_times(monkeypatch):
+    monkeypatch.setattr(basis_coding, "adapting_saves_bits", lambda *_: True)
+    monkeypatch.setattr(basis_coding, "cosines_save_bits", lambda *_: False)
+    sequence = periodic(72)
+    data = meshreel.encode(sequence, block_frames=24, quality=90)
+    found = layouts(data)
+    assert all(one.is_adaptive for one in found)
+    assert all(one.n_reused for one in found[1:])
+    usual = meshreel.compare(sequence, meshreel.decode(data)).kg_error_percent
+    monkeypatch.setattr(basis_coding, "adapting_saves_bits", lambda *_: False)
+    plain = meshreel.decode(meshreel.encode(sequence, block_frames=24, quality=90))
+    assert usual < 1.05 * meshreel.compare(sequence, plain).kg_error_percent
+
+
+@pytest.mark.parametrize(
+    "wanted",
+    [np.zeros((0, 3, 90)), np.zeros((2, 3, 90)), np.ones((2, 3, 1)), np.full((3, 3, 99), 2.0**29)],
+)
+def test_times_do_not_adapt_where_that_saves_nothing(wanted):
+    assert not adapting_saves_bits(wanted, PRICE)
+
+
+def test_times_adapt_only_where_weights_can_learn():
+    rng, frames = np.random.default_rng(7), 4 * MIN_ADAPTIVE_FRAMES
+    noise = 20.0 * rng.normal(size=(8, 3, frames))
+    assert adapting_saves_bits(noise, PRICE)
+    assert not adapting_saves_bits(noise[:, :, : MIN_ADAPTIVE_FRAMES - 1], PRICE)
+
+
+def test_modes_of_zeros_may_be_dropped_when_times_are_adaptive():
+    rng, coding = np.random.default_rng(8), BasisCoding(is_adaptive=True)
+    wanted = rng.normal(size=(6, 3, 60)) * np.array([9, 0.01, 5, 0.01, 0.01, 3])[:, None, None]
+    coded = encode_basis(wanted, PRICE, coding)
+    is_kept = coded.any(axis=(1, 2))
+    assert is_kept.tolist() == [True, False, True, False, False, True]
+    whole = basis_vectors(coded, coding, np.ones(6))
+    dropped = basis_vectors(np.ascontiguousarray(coded[is_kept]), coding, np.ones(3))
+    np.testing.assert_array_equal(dropped, whole[:, :, is_kept])

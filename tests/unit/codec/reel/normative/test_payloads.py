@@ -53,6 +53,7 @@ REUSED = replace(RESTING, n_reused=2, finer=np.float32(4.0))
         RESTING,
         REUSED,
         replace(layout(is_single=True), has_cosines=True),
+        replace(REUSED, is_adaptive=True),
     ],
 )
 def test_layout_comes_back_when_written(known):
@@ -79,9 +80,10 @@ def test_layout_is_refused_when_it_has_rests_that_cannot_be(rests):
         payloads.read_layout(payload)
 
 
-def test_layout_is_refused_when_times_rest_in_a_block_with_cosines():
+@pytest.mark.parametrize("other", [RESTING, replace(layout(), is_adaptive=True)])
+def test_layout_is_refused_when_times_rest_or_adapt_in_a_block_with_cosines(other):
     with pytest.raises(CorruptStreamError, match="cosines"):
-        payloads.read_layout(payloads.write_layout(replace(RESTING, has_cosines=True)))
+        payloads.read_layout(payloads.write_layout(replace(other, has_cosines=True)))
 
 
 @pytest.mark.parametrize("known", [layout(), replace(layout(), rests=RESTING.rests)])
