@@ -32,7 +32,7 @@ def open_scene(read_meshes: ReadMeshes, path: Path, options: ReadOptions) -> Fra
     Raises
     ------
     FormatError, InvalidInputError
-        As `chosen_mesh` and `sequence_of`.
+        As `select_mesh` and `open_mesh`.
     """
     mesh = select_mesh(read_meshes, path, options, may_change=False)
     return open_mesh(mesh, path, options)
