@@ -69,7 +69,7 @@ def write_attributes(
 def write_groups(
     schema: Any, groups: Sequence[FaceGroups], names: set[str], notes: list[str]
 ) -> None:
-    """Write materials as face sets, as programs expect, and other groups as a text per face.
+    """Write materials as face sets, and other groups as a text per face.
 
     Parameters
     ----------

@@ -209,7 +209,7 @@ def test_load_rejects_masks_that_change_the_vertices_and_stretches_separate_them
     assert [(one.n_frames, one.n_verts) for one in found] == [(1, 12), (1, 8)]
 
 
-def test_load_notes_when_as_many_but_other_instances_are_rendered(stage_file):
+def test_load_notes_different_rendered_instances_of_equal_number(stage_file):
     notes = []
     arrays = THREE + "\nint64[] invisibleIds.timeSamples = { 0: [0], 1: [2] }"
     found = load(stage_file(instancer(arrays, mesh())), notes=notes)
