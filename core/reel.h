@@ -27,7 +27,7 @@
 extern "C" {
 #endif
 
-#define REEL_ABI 11 /* changes whenever a function or struct below changes */
+#define REEL_ABI 12 /* changes whenever a function or struct below changes */
 
 enum reel_code {
     REEL_OK = 0,

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
-from meshreel.kernel.library import Argument, call, memory, size_of
+from meshreel.kernel.library import Argument, call
 
 MAX_REST_BITS = 8
 """REEL_MAX_REST_BITS of `core/reel.h`."""
@@ -114,11 +114,8 @@ def basis_vectors(
     divisors = np.zeros(0) if lengths is None else lengths
     name = "reel_cosine_basis" if coding.has_cosines else "reel_basis"
     options = _options_of_times(coding, n_frames)
-    work = memory(size_of(f"{name}_memory", n_columns, n_frames))
     call(
         name,
-        work,
-        len(work),
         np.ascontiguousarray(coded, np.int32),
         n_modes,
         n_columns,
@@ -128,6 +125,7 @@ def basis_vectors(
         len(divisors),
         basis,
         what="basis vectors",
+        memory_of=(f"{name}_memory", n_columns, n_frames),
     )
     return basis
 
@@ -156,11 +154,8 @@ def encode_basis(
     integers = np.empty(wanted.shape, np.int32)
     name = "reel_cosines_encode" if coding.has_cosines else "reel_basis_encode"
     options = _options_of_times(coding, n_frames)
-    work = memory(size_of(f"{name}_memory", n_frames))
     call(
         name,
-        work,
-        len(work),
         np.ascontiguousarray(wanted),
         n_modes,
         n_columns,
@@ -169,6 +164,7 @@ def encode_basis(
         ctypes.c_double(price),
         integers,
         what="basis vectors",
+        memory_of=(f"{name}_memory", n_frames),
     )
     return integers
 

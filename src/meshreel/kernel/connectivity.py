@@ -5,7 +5,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Integers
 from meshreel.errors import CorruptStreamError
-from meshreel.kernel.library import call, memory, size_of
+from meshreel.kernel.library import call
 
 Faces = npt.NDArray[np.int32]
 
@@ -35,11 +35,8 @@ def encode_faces(faces: Faces, n_verts: int, *, listed: bool) -> tuple[bytes, In
     internal_faces = np.empty_like(faces)
     internal_to_given = np.empty(n_verts, np.int32)
     out = np.empty(BYTES_EACH * len(faces) + MORE_BYTES, np.uint8)
-    room = memory(size_of("reel_connectivity_encode_memory", n_verts, len(faces)))
     size = call(
         "reel_connectivity_encode",
-        room,
-        len(room),
         faces,
         len(faces),
         n_verts,
@@ -49,6 +46,7 @@ def encode_faces(faces: Faces, n_verts: int, *, listed: bool) -> tuple[bytes, In
         out,
         len(out),
         what="faces",
+        memory_of=("reel_connectivity_encode_memory", n_verts, len(faces)),
     )
     return out[:size].tobytes(), internal_to_given.astype(np.int64), internal_faces
 
@@ -66,16 +64,14 @@ def decode_faces(data: bytes, n_verts: int, n_faces: int) -> Faces:
     if max(n_verts, n_faces) > MOST_ITEMS:
         raise CorruptStreamError(f"a mesh has at most {MOST_ITEMS} vertices and faces")
     faces = np.empty((n_faces, 3), np.int32)
-    room = memory(size_of("reel_connectivity_decode_memory", n_verts, n_faces))
     call(
         "reel_connectivity_decode",
-        room,
-        len(room),
         data,
         len(data),
         n_verts,
         n_faces,
         faces,
         what="faces",
+        memory_of=("reel_connectivity_decode_memory", n_verts, n_faces),
     )
     return faces

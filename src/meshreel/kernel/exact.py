@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import CorruptStreamError, InvalidInputError
-from meshreel.kernel.library import call, memory, size_of
+from meshreel.kernel.library import call
 from meshreel.kernel.mesh import Neighbours
 
 Numbers = npt.NDArray[Any]
@@ -42,11 +42,8 @@ def encode_exact(values: Numbers, neighbours: Neighbours) -> bytes:
     # A copy, for the core writes what it reads.
     table = np.array(values, dtype, order="C")
     out = np.empty(table.nbytes + BYTES_BESIDE, np.uint8)
-    room = memory(size_of("reel_exact_memory", *table.shape))
     size = call(
         "reel_exact_encode",
-        room,
-        len(room),
         table,
         *_layout(table),
         neighbours.starts,
@@ -54,6 +51,7 @@ def encode_exact(values: Numbers, neighbours: Neighbours) -> bytes:
         out,
         len(out),
         what="values",
+        memory_of=("reel_exact_memory", *table.shape),
     )
     return out[:size].tobytes()
 
@@ -77,11 +75,8 @@ def decode_exact(
         if data:
             raise CorruptStreamError(f"a block without values has no bytes; got {len(data)}")
         return table.astype(wanted)
-    room = memory(size_of("reel_exact_memory", *shape))
     call(
         "reel_exact_decode",
-        room,
-        len(room),
         data,
         len(data),
         table,
@@ -89,6 +84,7 @@ def decode_exact(
         neighbours.starts,
         neighbours.near,
         what="values",
+        memory_of=("reel_exact_memory", *shape),
     )
     if wanted.kind == "b":
         if table.max() > 1:

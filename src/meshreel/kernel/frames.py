@@ -302,11 +302,8 @@ def _frames(
     moved: tuple[Argument, ...] = (None, None, None)
     if moves is not None:
         moved = (moves.starts, moves.vertices, moves.displacements)
-    room = memory(size_of("reel_frames_memory", n_columns, n_modes, len(frames)))
     call(
         "reel_frames",
-        room,
-        len(room),
         np.ascontiguousarray(basis, np.float64),
         fields.data,
         fields.precision,
@@ -321,4 +318,5 @@ def _frames(
         layout,
         out,
         what="frames",
+        memory_of=("reel_frames_memory", n_columns, n_modes, len(frames)),
     )

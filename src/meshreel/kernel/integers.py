@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Integers
 from meshreel.errors import CorruptStreamError, InvalidInputError
-from meshreel.kernel.library import call, memory, size_of
+from meshreel.kernel.library import call
 from meshreel.runtime.profiling import staged
 
 MAX_MAGNITUDE = (1 << 31) - 1
@@ -49,11 +49,8 @@ def encode_integers(
     values = np.ascontiguousarray(values, np.int32)
     out = np.empty(BYTES_EACH * (len(values) + 1), np.uint8)
     n_tables = max(tables, default=-1) + 1
-    work = memory(size_of("reel_integers_memory", n_tables))
     size = call(
         "reel_integers_encode",
-        work,
-        len(work),
         values,
         lengths,
         np.array(tables, np.int32),
@@ -62,6 +59,7 @@ def encode_integers(
         out,
         len(out),
         what="integers",
+        memory_of=("reel_integers_memory", n_tables),
     )
     return out[:size].tobytes()
 
@@ -84,11 +82,8 @@ def decode_integers(
     tables = _tables_of_rows(len(lengths), tables)
     values = np.empty(sum(lengths), np.int32)
     n_tables = max(tables, default=-1) + 1
-    work = memory(size_of("reel_integers_memory", n_tables))
     call(
         "reel_integers_decode",
-        work,
-        len(work),
         data,
         len(data),
         np.array(lengths, np.int64),
@@ -97,6 +92,7 @@ def decode_integers(
         n_tables,
         values,
         what="integers",
+        memory_of=("reel_integers_memory", n_tables),
     )
     found = values.astype(np.int64)
     return np.split(found, np.cumsum(lengths)[:-1]) if len(lengths) else []

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
 
-ABI = 11
+ABI = 12
 """REEL_ABI of the `core/reel.h` that the modules of this room are written for."""
 
 PLACE = "MESHREEL_CORE"
@@ -54,8 +54,13 @@ def size_of(function: str, *arguments: int) -> int:
     return int(found)
 
 
-def call(function: str, *arguments: Argument, what: str) -> int:
-    """What a function of the core returns.
+def call(
+    function: str,
+    *arguments: Argument,
+    what: str,
+    memory_of: tuple[Any, ...] | None = None,
+) -> int:
+    """Return the result of a function of the core.
 
     The caller has checked number types and shapes.
 
@@ -64,7 +69,10 @@ def call(function: str, *arguments: Argument, what: str) -> int:
     *arguments
         As in `core/reel.h`.
     what : str
-        What the bytes hold, in the plural, for error messages.
+        Contents of the bytes, in the plural, for error messages.
+    memory_of : tuple, optional
+        The function that states the size of the working memory, and its arguments. The memory and
+        its size are passed before `arguments`.
 
     Raises
     ------
@@ -73,6 +81,9 @@ def call(function: str, *arguments: Argument, what: str) -> int:
     InvalidInputError
         If an array that is to be coded breaks a limit of the format.
     """
+    if memory_of is not None:
+        work = memory(size_of(*memory_of))
+        arguments = work, len(work), *arguments
     result = int(_function(function)(*map(_passed, arguments)))
     if result >= 0:
         return result

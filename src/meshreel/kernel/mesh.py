@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.kernel.library import call, memory, size_of
+from meshreel.kernel.library import call
 from meshreel.runtime.threads import in_background, n_cores
 
 Integers = npt.NDArray[np.int32]
@@ -105,9 +105,15 @@ def neighbours(faces: npt.NDArray[np.integer], n_verts: int) -> Neighbours:
     """
     faces = np.ascontiguousarray(faces, np.int32)
     starts, near = np.empty(n_verts + 1, np.int32), np.empty(2 * faces.size, np.int32)
-    room = memory(size_of("reel_adjacency_memory", n_verts, len(faces)))
     n_near = call(
-        "reel_adjacency", room, len(room), faces, len(faces), n_verts, starts, near, what="faces"
+        "reel_adjacency",
+        faces,
+        len(faces),
+        n_verts,
+        starts,
+        near,
+        what="faces",
+        memory_of=("reel_adjacency_memory", n_verts, len(faces)),
     )
     return Neighbours(starts, near[:n_near].copy())
 
@@ -143,11 +149,8 @@ def _hierarchy(
     smooth = np.empty((MOST_SMOOTH_ROWS * n_verts, N_SMOOTH_FIELDS), np.float32)
     starts, resolutions = np.empty(MAX_LEVELS + 1, np.int32), np.empty(MAX_LEVELS, np.int32)
     smooth_starts = np.empty(MAX_LEVELS, np.int64)
-    room = memory(size_of("reel_hierarchy_memory", n_verts, len(found.near)))
     n_levels = call(
         "reel_hierarchy",
-        room,
-        len(room),
         found.starts,
         found.near,
         n_verts,
@@ -161,6 +164,7 @@ def _hierarchy(
         contexts,
         smooth if has_smooth else None,
         what="stencils",
+        memory_of=("reel_hierarchy_memory", n_verts, len(found.near)),
     )
     finest = smooth_starts[n_levels - 1]
     n_rows = finest + n_verts if resolutions[n_levels - 1] else 0

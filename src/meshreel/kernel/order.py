@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import InvalidInputError
-from meshreel.kernel.library import call, memory, size_of
+from meshreel.kernel.library import call
 
 Integers = npt.NDArray[np.int32]
 AnyIntegers = npt.NDArray[np.integer]
@@ -26,8 +26,15 @@ def opposite_sides(faces: AnyIntegers, n_verts: int) -> Integers:
     n_faces = len(faces)
     _require_few(n_faces)
     given, twins = _passed(faces), np.empty(3 * n_faces, np.int32)
-    room = memory(size_of("reel_twins_memory", n_verts, n_faces))
-    call("reel_twins", room, len(room), given, n_faces, n_verts, twins, what="faces")
+    call(
+        "reel_twins",
+        given,
+        n_faces,
+        n_verts,
+        twins,
+        what="faces",
+        memory_of=("reel_twins_memory", n_verts, n_faces),
+    )
     return twins
 
 
@@ -62,11 +69,8 @@ def encode_order(
     given = _passed(faces), None if twins is None else _passed(twins)
     # Copies: the core changes them.
     orders = None if corners is None else _passed(corners).copy(), _passed(sequence).copy()
-    room = memory(size_of("reel_order_memory", n_verts, n_faces))
     size = call(
         "reel_order_encode",
-        room,
-        len(room),
         *given,
         n_verts,
         n_faces,
@@ -75,6 +79,7 @@ def encode_order(
         out,
         len(out),
         what="orders",
+        memory_of=("reel_order_memory", n_verts, n_faces),
     )
     return out[:size].tobytes()
 
@@ -93,11 +98,8 @@ def decode_order(
     _require_few(n_faces)
     corners = None if twins is None else np.zeros(n_faces, np.int32)
     sequence = np.zeros(n_verts, np.int32)
-    room = memory(size_of("reel_order_memory", n_verts, n_faces))
     call(
         "reel_order_decode",
-        room,
-        len(room),
         data,
         len(data),
         _passed(faces),
@@ -108,6 +110,7 @@ def decode_order(
         corners,
         sequence,
         what="orders",
+        memory_of=("reel_order_memory", n_verts, n_faces),
     )
     return corners, sequence
 

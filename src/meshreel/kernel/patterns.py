@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.kernel.library import call, memory, size_of
+from meshreel.kernel.library import call
 
 Numbers = npt.NDArray[Any]
 
@@ -48,11 +48,8 @@ def expected_along(faces: Numbers, twins: Numbers, n_rows: int) -> Expected:
     order = np.empty(n_rows, np.int32)
     starts = np.empty(n_rows + 1, np.int64)
     triples = np.empty((3 * len(faces) + n_rows, 3), np.int32)
-    room = memory(size_of("reel_predictors_memory", n_rows, len(faces)))
     n_triples = call(
         "reel_predictors_find",
-        room,
-        len(room),
         np.ascontiguousarray(faces, np.int32),
         np.ascontiguousarray(twins, np.int32),
         n_rows,
@@ -61,6 +58,7 @@ def expected_along(faces: Numbers, twins: Numbers, n_rows: int) -> Expected:
         starts,
         triples,
         what="rows",
+        memory_of=("reel_predictors_memory", n_rows, len(faces)),
     )
     return Expected(order, starts, triples[:n_triples].copy())
 
@@ -70,11 +68,8 @@ def encode_patterns(values: Numbers, expected: Expected) -> bytes:
     table = np.array(values, order="C")
     n_rows, width = table.shape
     out = np.empty(BYTES_EACH * table.size + BYTES_A_ROW * (n_rows + 1), np.uint8)
-    room = memory(size_of("reel_patterns_memory", width))
     size = call(
         "reel_patterns_encode",
-        room,
-        len(room),
         table,
         *table.shape,
         table.dtype.itemsize,
@@ -85,6 +80,7 @@ def encode_patterns(values: Numbers, expected: Expected) -> bytes:
         out,
         len(out),
         what="numbers",
+        memory_of=("reel_patterns_memory", width),
     )
     return out[:size].tobytes()
 
@@ -100,11 +96,8 @@ def decode_patterns(
         If bytes are left over.
     """
     table = np.zeros(shape, dtype)
-    room = memory(size_of("reel_patterns_memory", shape[1]))
     call(
         "reel_patterns_decode",
-        room,
-        len(room),
         data,
         len(data),
         table,
@@ -115,5 +108,6 @@ def decode_patterns(
         expected.starts,
         expected.triples,
         what="numbers",
+        memory_of=("reel_patterns_memory", shape[1]),
     )
     return table
