@@ -1,6 +1,7 @@
 """Small files of other programs that were read wrongly, or refused, against other readers."""
 
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -56,7 +57,7 @@ def test_slices_of_a_cake_are_there_once_when_the_scene_lists_an_inner_node(odd)
     triangles = sorted_triangles(found.vertices[0], found.faces)
     expected = trimesh_triangles(odd / "cakeBirthday.glb")
     np.testing.assert_allclose(triangles, expected, rtol=0, atol=1e-6)
-    assert notes[0].startswith("scene 0 lists nodes that are below others: cakeBirthday; ")
+    assert notes[0].startswith("scene 0 lists nodes that are not roots: cakeBirthday; ")
 
 
 def test_bowl_is_read_when_the_scene_lists_an_inner_node(odd):
@@ -80,7 +81,7 @@ def test_boxes_are_where_scipy_turns_them_when_they_are_instances(odd):
 
 
 def test_a_truck_of_gltf_1_says_so(odd):
-    with pytest.raises(FormatError, match=r"is glTF 1\.0; glTF 2\.0 is read"):
+    with pytest.raises(FormatError, match=r"is glTF 1\.0; only glTF 2\.0 is supported"):
         load(odd / "CesiumMilkTruck.gltf")
 
 
@@ -106,7 +107,7 @@ def test_spheres_are_where_vtk_has_them_when_parts_share_empty_groups(odd):
 
 def test_two_spheres_are_merged_at_each_time_when_they_have_no_part_numbers(odd):
     path = odd / "dualSphereAnimation4NoPart.pvd"
-    with pytest.raises(InvalidInputError, match=r"names 2 files for the time 1 .* with --merge"):
+    with pytest.raises(InvalidInputError, match=r"lists 2 files for the time 1 .* with --merge"):
         load(path)
     first, rest = (one.open() for one in find_stretches(path, ReadOptions(merge=True)))
     assert (first.n_frames, first.n_verts, len(first.faces)) == (1, 50, 96)
@@ -145,7 +146,7 @@ def test_glb_is_within_the_stated_error_when_its_stream_has_one(folder, tmp_path
         save(reel, tmp_path / "a.glb", options=WriteOptions(max_error=bound), notes=notes)
         shown = reel.name or "mesh"
     [note] = [note for note in notes if note.startswith("against the original ")]
-    total = float(note.split()[10])
+    total = float(re.search(r"largest error is at most (\S+) %", note)[1])
     measured = largest_error_percent(
         original, Glb.read((tmp_path / "a.glb").read_bytes()).world(shown)
     )

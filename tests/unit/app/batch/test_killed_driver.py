@@ -12,7 +12,7 @@ import meshreel
 from samples.meshes import waving_grid
 from samples.waiting import wait_until
 
-TESTS = Path(__file__).parents[2]
+TESTS = Path(__file__).parents[3]
 
 
 def python_path():

@@ -16,7 +16,7 @@ from meshreel.errors import InvalidInputError
 from samples.players import PAGE, carried, write_page
 from samples.web_package import built_package
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[4]
 PAGE_FOLDER = "src/meshreel/app/viewer/page"
 
 
