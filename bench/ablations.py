@@ -9,6 +9,7 @@ A positive number is the increase of the rate at equal KG error / at equal STED.
 import argparse
 import dataclasses
 import json
+import math
 from collections.abc import Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
@@ -84,13 +85,13 @@ VARIANTS: dict[str, list[Any]] = {
     "basis step 5 times that of the fields": [choices(basis_step=5.0)],
     "modes kept from 0.4 steps": [choices(least_rms=0.4)],
     "modes kept from 1 step": [choices(least_rms=1.0)],
-    "no cosines over time": [constant(basis_coding, "cosines_save_bits", lambda *_: False)],
+    "no cosines over time": [constant(basis_coding, "MIN_COSINE_GAIN", 1.0)],
     "cosines over time wherever nothing rests": [
-        constant(basis_coding, "cosines_save_bits", lambda *_: True)
+        constant(basis_coding, "MIN_COSINE_GAIN", -math.inf)
     ],
-    "no adaptive times": [constant(basis_coding, "adapting_saves_bits", lambda *_: False)],
+    "no adaptive times": [constant(basis_coding, "MIN_ADAPTIVE_GAIN", 1.0)],
     "adaptive times in place of all others": [
-        constant(basis_coding, "adapting_saves_bits", lambda *_: True)
+        constant(basis_coding, "MIN_ADAPTIVE_GAIN", -math.inf)
     ],
     **{
         f"effort {number}": [choices(**vars(spent))]

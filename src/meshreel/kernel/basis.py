@@ -130,19 +130,30 @@ def basis_vectors(
     return basis
 
 
-def encode_basis(
-    wanted: Floats, price: float, coding: BasisCoding = BY_TIMES
-) -> npt.NDArray[np.int32]:
-    """Return integers of shape (K, C, T), as in the stream, that approximate basis vectors.
+def quantized_basis(
+    targets: Floats,
+    rate_weight: float,
+    coding: BasisCoding = BY_TIMES,
+    lengths: Floats | None = None,
+) -> tuple[npt.NDArray[np.int32], Floats]:
+    """Quantize basis vectors; return the integers of the stream and what they decode to.
 
     Parameters
     ----------
-    wanted : float64 array of shape (K, C, T)
+    targets : float64 array of shape (K, C, T)
         The basis vectors, in steps.
-    price : float
+    rate_weight : float
         Lagrange multiplier: the squared steps of error that one bit is worth; 0 rounds to the
         nearest.
     coding : BasisCoding
+    lengths : float64 array of shape (n,), optional
+        As in `basis_vectors`.
+
+    Returns
+    -------
+    integers : int32 array of shape (K, C, T)
+    vectors : float64 array of shape (C, T, K)
+        As `basis_vectors` decodes them.
 
     Raises
     ------
@@ -150,23 +161,30 @@ def encode_basis(
         If an integer is too large for a stream, or there are cosines over more than `MAX_COSINES`
         frames.
     """
-    n_modes, n_columns, n_frames = wanted.shape
-    integers = np.empty(wanted.shape, np.int32)
-    name = "reel_cosines_encode" if coding.has_cosines else "reel_basis_encode"
+    n_modes, n_columns, n_frames = shape = targets.shape
+    integers, vectors = np.empty(shape, np.int32), np.empty((n_columns, n_frames, n_modes))
+    encode, decode = "reel_basis_encode", "reel_basis"
+    if coding.has_cosines:
+        encode, decode = "reel_cosines_encode", "reel_cosine_basis"
+    divisors = np.zeros(0) if lengths is None else lengths
     options = _options_of_times(coding, n_frames)
+    what = "basis vectors"
     call(
-        name,
-        np.ascontiguousarray(wanted),
-        n_modes,
-        n_columns,
-        n_frames,
-        *options,
-        ctypes.c_double(price),
-        integers,
-        what="basis vectors",
-        memory_of=(f"{name}_memory", n_frames),
-    )
-    return integers
+        encode, np.ascontiguousarray(targets), *shape, *options, ctypes.c_double(rate_weight),
+        integers, what=what, memory_of=(f"{encode}_memory", n_frames),
+    )  # fmt: skip
+    call(
+        decode, integers, *shape, *options, divisors, len(divisors), vectors,
+        what=what, memory_of=(f"{decode}_memory", n_columns, n_frames),
+    )  # fmt: skip
+    return integers, vectors
+
+
+def encode_basis(
+    targets: Floats, rate_weight: float, coding: BasisCoding = BY_TIMES
+) -> npt.NDArray[np.int32]:
+    """Return the integers of `quantized_basis`."""
+    return quantized_basis(targets, rate_weight, coding)[0]
 
 
 def _options_of_times(coding: BasisCoding, n_frames: int) -> tuple[Argument, ...]:

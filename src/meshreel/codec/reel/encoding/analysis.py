@@ -18,7 +18,7 @@ from meshreel.codec.reel.normative.fields import (
     with_reused,
 )
 from meshreel.codec.reel.normative.mesh import FieldMesh
-from meshreel.kernel.basis import BasisCoding, basis_vectors, encode_basis
+from meshreel.kernel.basis import BasisCoding, basis_vectors, quantized_basis
 from meshreel.kernel.frames import JointFrames
 from meshreel.kernel.predict import Choice, Prepared, encode_values
 from meshreel.runtime.profiling import staged
@@ -278,12 +278,14 @@ def _quantized_basis(
     wanted = (vectors * scales).T.reshape(shape)
     if coding is None:
         coding = choose_coding(frames, wanted, step, choices.basis_step, choices.price)
-    coded = encode_basis(wanted, choices.price, coding)
+    coded, decoded = quantized_basis(wanted, choices.price, coding)
     does_something = np.asarray(coded.any(axis=(1, 2)))
     if not may_be_none:
         does_something[0] = True
-    coded = coded[does_something]
-    return coded, basis_vectors(coded, coding), coding
+    if not does_something.all():
+        coded = coded[does_something]
+        decoded = basis_vectors(coded, coding)
+    return coded, decoded, coding
 
 
 def has_still_part(frames: BlockFrames, step: float) -> bool:

@@ -10,6 +10,7 @@ are needed. docs/codec.md, "Rest".
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -17,26 +18,27 @@ import numpy.typing as npt
 from meshreel.codec.reel.encoding.block_frames import LARGEST_INTEGER, BlockFrames
 from meshreel.codec.reel.normative.timeline import COARSEST
 from meshreel.kernel.basis import (
+    BY_TIMES,
     MAX_COSINES,
     MAX_REST_BITS,
     NO_REST,
     BasisCoding,
     Rests,
-    basis_vectors,
     encode_basis,
+    quantized_basis,
 )
 
 Floats = npt.NDArray[np.float64]
 Runs = tuple[tuple[int, int], ...]
 
-SAMPLED_MODES = 16
-"""Most modes that are tried in both codings; they are spread over all modes."""
+SAMPLED_MODES = 48
+"""Most modes that are tried in each coding: those in the middle."""
 
 ERROR_WEIGHT = 0.5
 """Weight of errors in the estimated cost, in the bits that would remove them. With weight 1 the KG
 error improves, but STED gets worse where cosines take more bits and leave smaller errors."""
 
-MIN_GAIN = 0.01
+MIN_COSINE_GAIN = 0.01
 """Share of the estimated cost that cosines have to save; the difference of two estimates is within
 about 2 % of the bytes of a basis."""
 
@@ -69,15 +71,16 @@ def choose_coding(
         As in `find_rests`.
     """
     rests = find_rests(frames, wanted, step, finer, price)
-    if not rests.runs and cosines_save_bits(wanted, price):
-        return BasisCoding(has_cosines=True)
-    flags = rests.flags(wanted.shape[2])
-    moving = wanted if flags is None else np.ascontiguousarray(wanted[:, :, flags == 0])
-    return BasisCoding(rests, is_adaptive=adapting_saves_bits(moving, price))
+    moving = wanted
+    if rests.runs:
+        moving = np.ascontiguousarray(wanted[:, :, rests.flags(wanted.shape[2]) == 0])
+    return replace(cheapest_coding(moving, price, may_be_cosines=not rests.runs), rests=rests)
 
 
-def cosines_save_bits(wanted: Floats, price: float) -> bool:
-    """Return whether cosines lower the estimated cost: bits, and the weighted bits of errors.
+def cheapest_coding(wanted: Floats, price: float, *, may_be_cosines: bool = True) -> BasisCoding:
+    """Return the coding of least estimated cost: bits, and the weighted bits of errors.
+
+    Some consecutive modes are tried, because adaptive weights carry over from mode to mode.
 
     Parameters
     ----------
@@ -87,29 +90,19 @@ def cosines_save_bits(wanted: Floats, price: float) -> bool:
         Squared steps that a bit is worth; 0 compares bits alone.
     """
     n_modes, _, n_frames = wanted.shape
-    largest = math.sqrt(n_frames) * float(np.abs(wanted).max(initial=0.0))  # of a coefficient
-    if n_frames > MAX_COSINES or largest >= LARGEST_INTEGER:
-        return False
-    some = wanted[:: max(1, -(-n_modes // SAMPLED_MODES))]
-    return _saving(some, price, BasisCoding(has_cosines=True)) > MIN_GAIN
-
-
-def adapting_saves_bits(wanted: Floats, price: float) -> bool:
-    """Return whether adaptive times lower the estimated cost, as `cosines_save_bits`.
-
-    The modes in the middle are tried, because weights carry over from mode to mode.
-    """
-    if wanted.shape[2] < MIN_ADAPTIVE_FRAMES:
-        return False
-    first = max(0, (len(wanted) - SAMPLED_MODES) // 2)
+    first = max(0, (n_modes - SAMPLED_MODES) // 2)
     some = wanted[first : first + SAMPLED_MODES]
-    return _saving(some, price, BasisCoding(is_adaptive=True)) > MIN_ADAPTIVE_GAIN
-
-
-def _saving(wanted: Floats, price: float, coding: BasisCoding) -> float:
-    """Return the share of the estimated cost of plain times that another coding saves."""
-    plain = _cost(wanted, price, BasisCoding())
-    return 1.0 - _cost(wanted, price, coding) / plain if plain else 0.0
+    plain = _cost(some, price, BY_TIMES)
+    largest = math.sqrt(n_frames) * float(np.abs(wanted).max(initial=0.0))  # of a coefficient
+    if may_be_cosines and n_frames <= MAX_COSINES and largest < LARGEST_INTEGER:
+        cosines = BasisCoding(has_cosines=True)
+        if _cost(some, price, cosines) < (1.0 - MIN_COSINE_GAIN) * plain:
+            return cosines
+    if n_frames >= MIN_ADAPTIVE_FRAMES:
+        adaptive = BasisCoding(is_adaptive=True)
+        if _cost(some, price, adaptive) < (1.0 - MIN_ADAPTIVE_GAIN) * plain:
+            return adaptive
+    return BY_TIMES
 
 
 def _cost(wanted: Floats, price: float, coding: BasisCoding) -> float:
@@ -117,12 +110,11 @@ def _cost(wanted: Floats, price: float, coding: BasisCoding) -> float:
 
     Bits are estimated separately for each level of times.
     """
-    coded = encode_basis(wanted, price, coding)
+    coded, decoded = quantized_basis(wanted, price, coding, np.ones(len(wanted)))
     levels = [slice(0, None, COARSEST), slice(2, None, COARSEST), slice(1, None, 2)]
     if coding.has_cosines:
         levels = [slice(None)]
-    found = np.moveaxis(basis_vectors(coded, coding, np.ones(len(coded))), 2, 0)
-    squared_error = float(np.square(found - wanted).sum())
+    squared_error = float(np.square(np.moveaxis(decoded, 2, 0) - wanted).sum())
     bits = 0.0
     for level in levels:
         bits += _estimated_bits(coded[:, :, level])

@@ -8,15 +8,14 @@ from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.reel.encoding import basis_coding
 from meshreel.codec.reel.encoding.basis_coding import (
     MIN_ADAPTIVE_FRAMES,
-    adapting_saves_bits,
-    cosines_save_bits,
+    cheapest_coding,
 )
 from meshreel.codec.reel.normative.blocks import layout_of
 from meshreel.codec.reel.normative.fields import Layout
 from meshreel.codec.reel.normative.payloads import read_layout, write_layout
 from meshreel.codec.stored_blocks import StoredBlock
 from meshreel.errors import CorruptStreamError
-from meshreel.kernel.basis import MAX_COSINES, BasisCoding, basis_vectors, encode_basis
+from meshreel.kernel.basis import BY_TIMES, MAX_COSINES, BasisCoding, basis_vectors, encode_basis
 from samples.meshes import waving_grid
 from samples.streams import Stream
 
@@ -41,7 +40,7 @@ def layouts(data):
 def by_times(monkeypatch, sequence, **options):
     """The stream without cosines."""
     with monkeypatch.context() as changed:
-        changed.setattr(basis_coding, "cosines_save_bits", lambda *_: False)
+        changed.setattr(basis_coding, "MIN_COSINE_GAIN", 1.0)
         return meshreel.encode(sequence, **options)
 
 
@@ -63,7 +62,7 @@ def test_fields_are_reused_in_blocks_with_cosines():
 
 def test_sudden_motion_is_coded_by_times():
     steps = np.random.default_rng(2).normal(size=(4, 3, 80)) * (np.arange(80) % 9 == 0)
-    assert not cosines_save_bits(40.0 * np.cumsum(steps, axis=2), PRICE)
+    assert not cheapest_coding(40.0 * np.cumsum(steps, axis=2), PRICE).has_cosines
 
 
 @pytest.mark.parametrize(
@@ -77,7 +76,7 @@ def test_sudden_motion_is_coded_by_times():
     ],
 )
 def test_times_are_kept_when_cosines_cannot_be_or_save_nothing(wanted, price):
-    assert not cosines_save_bits(wanted, price)
+    assert cheapest_coding(wanted, price) == BY_TIMES
 
 
 def test_block_is_refused_when_it_has_cosines_and_too_many_frames():
@@ -98,10 +97,10 @@ def shaking(n_frames=120, side=8):
 
 
 def test_irregular_motion_takes_fewer_bytes_by_adaptive_times(monkeypatch):
-    monkeypatch.setattr(basis_coding, "cosines_save_bits", lambda *_: False)
+    monkeypatch.setattr(basis_coding, "MIN_COSINE_GAIN", 1.0)
     sequence = shaking()
     found = meshreel.encode(sequence, quality=70)
-    monkeypatch.setattr(basis_coding, "adapting_saves_bits", lambda *_: False)
+    monkeypatch.setattr(basis_coding, "MIN_ADAPTIVE_GAIN", 1.0)
     usual = meshreel.encode(sequence, quality=70)
     assert [one.is_adaptive for one in layouts(found)] == [True]
     assert len(found) < 0.98 * len(usual)
@@ -110,15 +109,15 @@ def test_irregular_motion_takes_fewer_bytes_by_adaptive_times(monkeypatch):
 
 
 def test_fields_are_reused_in_blocks_with_adaptive_times(monkeypatch):
-    monkeypatch.setattr(basis_coding, "adapting_saves_bits", lambda *_: True)
-    monkeypatch.setattr(basis_coding, "cosines_save_bits", lambda *_: False)
+    monkeypatch.setattr(basis_coding, "MIN_ADAPTIVE_GAIN", -np.inf)
+    monkeypatch.setattr(basis_coding, "MIN_COSINE_GAIN", 1.0)
     sequence = periodic(72)
     data = meshreel.encode(sequence, block_frames=24, quality=90)
     found = layouts(data)
     assert all(one.is_adaptive for one in found)
     assert all(one.n_reused for one in found[1:])
     usual = meshreel.compare(sequence, meshreel.decode(data)).kg_error_percent
-    monkeypatch.setattr(basis_coding, "adapting_saves_bits", lambda *_: False)
+    monkeypatch.setattr(basis_coding, "MIN_ADAPTIVE_GAIN", 1.0)
     plain = meshreel.decode(meshreel.encode(sequence, block_frames=24, quality=90))
     assert usual < 1.05 * meshreel.compare(sequence, plain).kg_error_percent
 
@@ -128,14 +127,15 @@ def test_fields_are_reused_in_blocks_with_adaptive_times(monkeypatch):
     [np.zeros((0, 3, 90)), np.zeros((2, 3, 90)), np.ones((2, 3, 1)), np.full((3, 3, 99), 2.0**29)],
 )
 def test_times_do_not_adapt_where_that_saves_nothing(wanted):
-    assert not adapting_saves_bits(wanted, PRICE)
+    assert not cheapest_coding(wanted, PRICE).is_adaptive
 
 
 def test_times_adapt_only_where_weights_can_learn():
     rng, frames = np.random.default_rng(7), 4 * MIN_ADAPTIVE_FRAMES
     noise = 20.0 * rng.normal(size=(8, 3, frames))
-    assert adapting_saves_bits(noise, PRICE)
-    assert not adapting_saves_bits(noise[:, :, : MIN_ADAPTIVE_FRAMES - 1], PRICE)
+    few = noise[:, :, : MIN_ADAPTIVE_FRAMES - 1]
+    assert cheapest_coding(noise, PRICE, may_be_cosines=False).is_adaptive
+    assert not cheapest_coding(few, PRICE, may_be_cosines=False).is_adaptive
 
 
 def test_modes_of_zeros_may_be_dropped_when_times_are_adaptive():
