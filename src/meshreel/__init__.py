@@ -7,20 +7,19 @@
     quality = meshreel.compare("samba.npz", decoded)
 
 MeshSequence      an animated mesh: vertices, faces, frames per second
-Surface           what it carries besides: polygons, hard edges, Attribute (Domain,
-                  Kind), FaceGroups, Part
+Surface           its polygons, hard edges, Attribute (Domain, Kind), FaceGroups and Part
 Track             a quantity that changes over time, such as stress or velocity: TrackKind
-Material          how faces of a group look: Texture (Wrap, Filter), Image, AlphaMode
+Material          appearance of a face group: Texture (Wrap, Filter), Image, AlphaMode
 load, save        files of all formats to a sequence and back
 encode, decode    a sequence or a file to the bytes of a .reel stream and back
-corner_normals    normals of a frame, or of several, by the hard edges of a Surface
-compare           how far two sequences are apart: Quality
-info              what a stream holds, and where its bytes go: StreamInfo
-open              a .reel file whose frames are decoded when they are asked for: ReelFile
-Encoder           codes frames as they come
-simulate_flag     a sequence to try things on
+corner_normals    normals of one or several frames, split at the hard edges of a Surface
+compare           errors between two sequences: Quality
+info              contents of a stream, and its bytes by section: StreamInfo
+open              a .reel file whose frames are decoded on demand: ReelFile
+Encoder           encodes frames as they arrive
+simulate_flag     a synthetic sequence for experiments
 paper             the paper's seven methods for experiments: their streams as arrays, their steps
-MeshReelError     the base of all errors: InvalidInputError, FormatError, CorruptStreamError,
+MeshReelError     base class of all errors: InvalidInputError, FormatError, CorruptStreamError,
                   TruncatedStreamError, UnsupportedVersionError, SolverError, StoreError,
                   MemoryLimitError, WorkerDiedError
 """
@@ -28,7 +27,7 @@ MeshReelError     the base of all errors: InvalidInputError, FormatError, Corrup
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from meshreel import methods as _methods  # noqa: F401  registers the methods of coding
+from meshreel import methods as _methods  # noqa: F401  registers the coding methods
 
 if TYPE_CHECKING:
     from meshreel import paper as paper
@@ -103,13 +102,9 @@ __all__ = [
 
 _SURFACE = ("Attribute", "Domain", "FaceGroups", "Kind", "Part", "Surface")
 _MATERIALS = ("AlphaMode", "Filter", "Image", "Material", "Texture", "Wrap")
-_HOMES = {
-    **dict.fromkeys(
-        ("Attribute", "Domain", "FaceGroups", "Kind", "Part", "Surface"), "model.surface"
-    ),
-    **dict.fromkeys(
-        ("AlphaMode", "Filter", "Image", "Material", "Texture", "Wrap"), "model.materials"
-    ),
+_MODULES = {
+    **dict.fromkeys(_SURFACE, "model.surface"),
+    **dict.fromkeys(_MATERIALS, "model.materials"),
     **dict.fromkeys(("compare", "decode", "encode", "info"), "api"),
     "corner_normals": "model.geometry.hard_edges",
     "Encoder": "codec.streaming",
@@ -127,13 +122,13 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:
-    """A public name, imported when it is first asked for: the command line starts fast."""
+    """Import a public name on first use, so that the command line starts fast."""
     if name == "paper":
         return import_module("meshreel.paper")
     if name not in __all__:
         raise AttributeError(f"module 'meshreel' has no attribute {name!r}")
-    home = import_module(f"meshreel.{_HOMES.get(name, 'errors')}")
-    return globals().setdefault(name, getattr(home, name))
+    module = import_module(f"meshreel.{_MODULES.get(name, 'errors')}")
+    return globals().setdefault(name, getattr(module, name))
 
 
 def __dir__() -> list[str]:

@@ -1,4 +1,4 @@
-"""`python -m meshreel`: the program `meshreel`, where its script is not on the path."""
+"""`python -m meshreel` runs the program `meshreel` if its script is not on the path."""
 
 from meshreel.app.cli import main
 

@@ -1,4 +1,4 @@
-"""The functions of `meshreel` that take files too; the work is done in other rooms."""
+"""`encode`, `decode`, `info` and `compare` of `meshreel`, which also accept files."""
 
 import inspect
 import os
@@ -39,27 +39,26 @@ Stream = bytes | bytearray | memoryview
 AnySequence = FrameSource | ReelFile | Stream | Source
 
 
-def _taking_files(
+def _accept_files(
     encode: Callable[Concatenate[FrameSource, Options], bytes],
 ) -> Callable[Concatenate[AnySequence, Options], bytes]:
-    """The function, for files too, with the same options: they are said in one place."""
+    """Return an `encode` that also accepts files; its signature is derived from the original."""
     signature = inspect.signature(encode)
 
     @wraps(encode, assigned=("__doc__", "__name__", "__qualname__"))
     def encode_any(sequence: Any, *args: Options.args, **kwargs: Options.kwargs) -> bytes:
         if not kwargs.keys() <= signature.parameters.keys():
             check_names(kwargs, signature.parameters)
-        with local_copy(sequence) if _is_path(sequence) else nullcontext(sequence) as given:
-            source = _source(given, kwargs.get("memory"))
-            return encode(source, *args, **kwargs)
+        with local_copy(sequence) if _is_path(sequence) else nullcontext(sequence) as local:
+            return encode(_source(local, kwargs.get("memory")), *args, **kwargs)
 
     first, *others = signature.parameters.values()
     parameters = [first.replace(annotation="AnySequence"), *others]
     encode_any.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
-    return encode_any  # type: ignore[return-value]  # mypy takes the first for a name
+    return encode_any  # type: ignore[return-value]  # mypy: `sequence` could be passed by name
 
 
-encode = _taking_files(encoder.encode)
+encode = _accept_files(encoder.encode)
 
 
 def decode(
@@ -71,49 +70,49 @@ def decode(
     memory: float | str | None = None,
     progress: Progress = silent,
 ) -> MeshSequence:
-    """The sequence that a `.reel` stream holds, or a segment of it.
+    """Decode a `.reel` stream, or one segment of it, to a sequence.
 
     Parameters
     ----------
     data : bytes, path, or ReelFile
-        A whole stream, from `encode`, or the file that holds it, or its address, such as
+        A complete stream from `encode`, its file, or its address, such as
         ``s3://bucket/walk.reel`` (extra ``[remote]``).
     frames : slice, optional
-        Frames to give back, as Python slices count them, without a step; only the blocks that
-        hold some of them are decoded. Default: all.
+        Frames to return, a Python slice without a step; only the blocks that contain them are
+        decoded. Default: all.
     n_modes : int, optional
-        Stop after so many modes of each block: a coarser animation, sooner. Default: all. Streams
-        of `reel` only; corrections are left out then. Of a `ReelFile`, `meshreel.open` takes it.
+        Number of modes to decode in each block; fewer give a coarser animation, faster, without
+        corrections. Default: all. Streams of `reel` only. For a `ReelFile`, pass it to
+        `meshreel.open`.
     segment : int, optional
-        Number of a segment, from 0, as `info` lists them. Needed if the stream has several, whose
-        meshes differ. Of a `ReelFile`, `meshreel.open` takes it.
+        Number of a segment, from 0, as `info` lists them. Required if the stream has several, whose
+        meshes differ. For a `ReelFile`, pass it to `meshreel.open`.
     memory : float or str, optional
-        The most that frames and tracks together, the mesh, or a block may take while they are
-        decoded, as in "2GiB", or bytes: a small file may hold a long animation in which little
-        changes, or be made to exhaust memory. Default: 8 GiB. Of a `ReelFile`, `meshreel.open`
-        takes it.
+        Memory limit for frames and tracks together, for the mesh, and for a block, such as "2GiB"
+        or a number of bytes: a small file may contain a long animation in which little changes, or
+        be crafted to exhaust memory. Default: 8 GiB. For a `ReelFile`, pass it to `meshreel.open`.
     progress : callable, optional
-        Called with the stage and the share done, 0..1.
+        Called with the stage and the completed fraction, 0..1.
 
     Raises
     ------
     InvalidInputError
-        If there is no such file or segment, there are several segments and none is chosen,
-        `frames` names no frame or has a step, or `n_modes` is below 1 or not for this stream.
+        If the file or segment does not exist, the stream has several segments and `segment` is
+        None, `frames` selects no frame or has a step, or `n_modes` is below 1 or does not apply to
+        this stream.
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
-        If it is not a whole stream that this build reads; the error names the file.
+        If `data` is not a complete stream that this build reads; the error names the file.
     MemoryLimitError
-        If more memory would be needed; nothing was allocated for it.
+        If decoding would exceed `memory`; raised before the allocation.
     """
     if isinstance(data, ReelFile):
-        chosen = {"n_modes": n_modes, "segment": segment, "memory": memory}
-        for name, value in chosen.items():
+        for name, value in {"n_modes": n_modes, "segment": segment, "memory": memory}.items():
             if value is not None:
-                raise InvalidInputError(f"{name} of a ReelFile is chosen by meshreel.open")
-        return _of_reel(data, frames)
+                raise InvalidInputError(f"for a ReelFile, pass {name} to meshreel.open")
+        return _decode_reel(data, frames)
     if frames is not None and is_remote(data):
         with open_reel(data, n_modes=n_modes, segment=segment, memory=memory) as reel:
-            return _of_reel(reel, frames)
+            return _decode_reel(reel, frames)
     return _with_stream(
         data,
         "decode",
@@ -134,21 +133,21 @@ def info(data: Stream | AnyPath | ReelFile, *, segment: int | None = None) -> St
     Parameters
     ----------
     data : bytes, path, or ReelFile
-        A whole stream, or the file that holds it, or its address: of a remote file only the index
-        and the heads of sections are fetched, and checksums are not compared.
+        A complete stream, its file, or its address. Of a remote file only the index and the section
+        headers are fetched; checksums are not verified.
     segment : int, optional
-        Describe this segment alone. Of a `ReelFile`, `meshreel.open` takes it.
+        Describe this segment alone. For a `ReelFile`, pass it to `meshreel.open`.
 
     Raises
     ------
     InvalidInputError
-        If there is no such file.
+        If the file does not exist.
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
-        If it is not a whole stream that this build reads; the error names the file.
+        If `data` is not a complete stream that this build reads; the error names the file.
     """
     if isinstance(data, ReelFile):
         if segment is not None:
-            raise InvalidInputError("segment of a ReelFile is chosen by meshreel.open")
+            raise InvalidInputError("for a ReelFile, pass segment to meshreel.open")
         return data.info()
     if is_remote(data):
         return read_info(data, segment)
@@ -158,37 +157,38 @@ def info(data: Stream | AnyPath | ReelFile, *, segment: int | None = None) -> St
 def compare(
     original: AnySequence, decoded: AnySequence, *, progress: Progress = silent
 ) -> "Quality":
-    """Every quality figure of a decoded sequence, computed in float64.
+    """All quality metrics of a decoded sequence, computed in float64.
 
     Parameters
     ----------
     original, decoded : MeshSequence, path, bytes, or ReelFile
-        Sequences, what `load` reads, or `.reel` streams. Of equal frame and vertex counts, with
-        the same oriented triangles; their order, and the vertex at which each begins, may differ.
+        Sequences, files that `load` reads, or `.reel` streams, with equal frame and vertex counts
+        and the same oriented triangles; the order of triangles, and the first vertex of each, may
+        differ.
     progress : callable, optional
         Called as ``progress("comparing", fraction)``.
 
     Raises
     ------
     InvalidInputError
-        If there is no such file, or frame counts, vertex counts or triangles differ, naming both
-        or the first face.
+        If a file does not exist, or frame counts, vertex counts or triangles differ; the message
+        names both counts or the first differing face.
     """
-    from meshreel.metrics.compare import compare as measure  # which takes half a second
+    from meshreel.metrics.compare import compare as measure  # takes half a second to import
 
     return measure(_loaded(original), _loaded(decoded), progress=progress)
 
 
-def _with_stream(given: Any, function: str, use: Callable[[bytes], Result]) -> Result:
-    """Result of a function of the bytes of a stream; errors name the file."""
-    if isinstance(given, Stream):
-        return use(bytes(given))
-    if is_remote(given):
-        data = read_whole(given)
-        with errors_naming(given):
-            return use(data)
-    if isinstance(given, str | os.PathLike):
-        path = Path(given)
+def _with_stream(stream: Any, caller: str, function: Callable[[bytes], Result]) -> Result:
+    """Call `function` with the bytes of a stream or of its file; errors name the file."""
+    if isinstance(stream, Stream):
+        return function(bytes(stream))
+    if is_remote(stream):
+        data = read_whole(stream)
+        with errors_naming(stream):
+            return function(data)
+    if isinstance(stream, str | os.PathLike):
+        path = Path(stream)
         refuse_pipe(path)
         if not path.is_file():
             what = "is a folder" if path.is_dir() else "does not exist"
@@ -196,33 +196,33 @@ def _with_stream(given: Any, function: str, use: Callable[[bytes], Result]) -> R
         with os_errors_naming(path):
             data = path.read_bytes()
         with errors_naming(path):
-            return use(data)
+            return function(data)
     raise InvalidInputError(
-        f"{function} takes the bytes of a .reel stream, or the path of a .reel file; got "
-        f"{type(given).__name__}"
+        f"{caller} takes the bytes of a .reel stream, or the path of a .reel file; got "
+        f"{type(stream).__name__}"
     )
 
 
-def _source(given: Any, memory: Any) -> FrameSource:
-    """Frames to be encoded, which may stay in their files."""
-    if _is_path(given):
+def _source(sequence: Any, memory: Any) -> FrameSource:
+    """Frames to encode, which may be read from their files on demand."""
+    if _is_path(sequence):
         notes: list[str] = []
-        most = None if memory is None else bytes_of(memory, "memory")
-        source = open_for_encoding(given, most, ReadOptions(notes=notes))
+        limit = None if memory is None else bytes_of(memory, "memory")
+        source = open_for_encoding(sequence, limit, ReadOptions(notes=notes))
         _warn(notes)
         return source
-    return _sequence(given)
+    return _sequence(sequence)
 
 
-def _loaded(given: Any) -> MeshSequence:
-    """All frames, in memory."""
-    if _is_path(given):
+def _loaded(sequence: Any) -> MeshSequence:
+    """A sequence with all frames in memory."""
+    if _is_path(sequence):
         notes: list[str] = []
-        with local_copy(given) as files:
-            sequence = load(files, notes=notes)
+        with local_copy(sequence) as files:
+            loaded = load(files, notes=notes)
         _warn(notes)
-        return sequence
-    source = _sequence(given)
+        return loaded
+    source = _sequence(sequence)
     if isinstance(source, MeshSequence):
         return source
     return MeshSequence(
@@ -236,42 +236,42 @@ def _loaded(given: Any) -> MeshSequence:
     )
 
 
-def _sequence(given: Any) -> FrameSource:
-    if isinstance(given, Stream):
-        return decoder.decode(bytes(given))
-    if isinstance(given, ReelFile):
-        return _of_reel(given, None)
-    if all(hasattr(given, name) for name in ("faces", "extent", "read")):
-        source: FrameSource = given
+def _sequence(sequence: Any) -> FrameSource:
+    if isinstance(sequence, Stream):
+        return decoder.decode(bytes(sequence))
+    if isinstance(sequence, ReelFile):
+        return _decode_reel(sequence, None)
+    if all(hasattr(sequence, name) for name in ("faces", "extent", "read")):
+        source: FrameSource = sequence
         return source
     raise InvalidInputError(
         f"a sequence is a MeshSequence, the path of a file or folder, a list of paths, or the "
-        f"bytes of a .reel stream; got {type(given).__name__}; of arrays, "
-        "meshreel.MeshSequence(vertices, faces) makes one"
+        f"bytes of a .reel stream; got {type(sequence).__name__}; for arrays, pass "
+        "meshreel.MeshSequence(vertices, faces)"
     )
 
 
-def _is_path(given: Any) -> bool:
-    """Whether it is what `load` reads: a path, or several."""
-    several = given if isinstance(given, list | tuple) else [given]
-    return all(isinstance(one, str | os.PathLike) for one in several)
+def _is_path(source: Any) -> bool:
+    """Whether `load` reads it: a path, or a list of paths."""
+    paths = source if isinstance(source, list | tuple) else [source]
+    return all(isinstance(path, str | os.PathLike) for path in paths)
 
 
-def _of_reel(reel: ReelFile, frames: slice | None) -> MeshSequence:
-    wanted = reel.frame_range(frames)
-    reel.require_frames(wanted)
+def _decode_reel(reel: ReelFile, frames: slice | None) -> MeshSequence:
+    numbers = reel.frame_range(frames)
+    reel.require_frames(numbers)
     return MeshSequence(
-        reel.read(wanted.start, wanted.stop),
+        reel.read(numbers.start, numbers.stop),
         reel.faces,
         reel.fps,
         reel.name,
-        start_of(wanted, reel.start_s, reel.fps),
+        start_of(numbers, reel.start_s, reel.fps),
         reel.surface,
-        {name: copied(track, wanted) for name, track in reel.tracks.items()},
+        {name: copied(track, numbers) for name, track in reel.tracks.items()},
     )
 
 
 def _warn(notes: list[str]) -> None:
-    """Tell the caller what reading changed or left out, each only once."""
+    """Warn once of each change or omission that reading noted."""
     for note in dict.fromkeys(notes):
         warnings.warn(note, stacklevel=4)

@@ -1,4 +1,4 @@
-"""Names of the array types that the whole package shares."""
+"""Array types shared by the whole package."""
 
 from typing import Any
 

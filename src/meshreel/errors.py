@@ -1,4 +1,4 @@
-"""The exceptions of meshreel; messages name the value, what is allowed and what to do."""
+"""Exceptions of meshreel; a message names the value, what is allowed and what to do."""
 
 
 class MeshReelError(Exception):
@@ -26,7 +26,7 @@ class UnsupportedVersionError(MeshReelError):
 
 
 class MemoryLimitError(MeshReelError):
-    """A `.reel` stream whose decoding would take more memory than its reader may."""
+    """A `.reel` stream whose decoding would exceed the memory limit."""
 
 
 class SolverError(MeshReelError):
@@ -34,8 +34,8 @@ class SolverError(MeshReelError):
 
 
 class WorkerDiedError(MeshReelError):
-    """Work that was given up because its worker processes died."""
+    """Work that was abandoned because its worker processes died."""
 
 
 class StoreError(MeshReelError):
-    """A remote file that is not there, or cannot be read or written."""
+    """A remote file that does not exist, or cannot be read or written."""

@@ -1,4 +1,4 @@
-"""Which package codes each method of `codec.methods`; it is imported when first used."""
+"""Registers the package that implements each method; it is imported on first use."""
 
 from meshreel.codec.methods import Methods, register
 

@@ -64,7 +64,7 @@ def test_a_stream_of_one_segment_has_segment_0_alone():
 def test_a_segment_of_an_open_file_is_chosen_when_it_is_opened(path):
     with meshreel.open(path, segment=1) as reel:
         for function in (meshreel.decode, meshreel.info):
-            with pytest.raises(InvalidInputError, match=r"chosen by meshreel\.open"):
+            with pytest.raises(InvalidInputError, match=r"to meshreel\.open"):
                 function(reel, segment=1)
 
 
