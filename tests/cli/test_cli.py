@@ -137,7 +137,7 @@ def test_profile_tells_seconds_by_stage_when_asked_for(grid, reel, tmp_path, com
     )
     stages = profile["profile"]["stages"]
     assert set(expected) <= {one["stage"][-1] for one in stages}
-    outermost = [one for one in stages if len(one["stage"]) == 1 and not one["beside"]]
+    outermost = [one for one in stages if len(one["stage"]) == 1 and not one["in_other_thread"]]
     assert 0 < sum(one["seconds"] for one in outermost) <= profile["profile"]["wall_s"]
     shown = run(*arguments, "-o", tmp_path / {"encode": "b.reel", "decode": "b.npz"}[command])
     for word in [*expected, "seconds by stage", "total"]:
@@ -200,7 +200,7 @@ def test_demo_keeps_earlier_results_when_not_forced(tmp_path):
 def test_existing_output_is_kept_when_not_forced(grid, tmp_path):
     out = tmp_path / "a.reel"
     out.write_bytes(b"mine")
-    assert_fails(run("encode", grid, "-o", out), "a.reel exists and is kept", "--force")
+    assert_fails(run("encode", grid, "-o", out), "a.reel already exists", "--force")
     assert out.read_bytes() == b"mine"
 
 

@@ -99,7 +99,7 @@ def test_render_shows_what_was_drawn_when_not_asked_for_json(flag, tmp_path):
 def test_render_keeps_what_is_there_when_not_told_to_replace_it(flag, tmp_path):
     path = tmp_path / "a.png"
     path.write_bytes(b"mine")
-    assert_fails(run("render", flag / "flag.reel", "-o", path), "exists and is kept", "--force")
+    assert_fails(run("render", flag / "flag.reel", "-o", path), "already exists", "--force")
     assert path.read_bytes() == b"mine"
     assert run("render", flag / "flag.reel", "-o", path, "-f").returncode == 0
     assert inked(path).any()
@@ -109,7 +109,7 @@ def test_render_keeps_what_is_there_when_not_told_to_replace_it(flag, tmp_path):
     ("options", "words"),
     [
         (["-o", "a.jpg"], [".png, .mp4, .gif", "got .jpg"]),
-        (["-o", "a"], ["got no ending"]),
+        (["-o", "a"], ["got no extension"]),
         (["-o", "a.png", "--heatmap", "angle"], ["--original"]),
         (["-o", "a.png", "--original", "flag.npz", "--heatmap", "heat"], ["distance, angle, sted"]),
         (["-o", "a.png", "--original", "grid.npz"], ["only sequences of the same mesh"]),

@@ -19,7 +19,7 @@ def test_decode_writes_the_folder_and_says_what_the_files_achieve(tmp_path):
     for said in ("the largest error added is", "half-float EXR", "of video memory", "degrees"):
         assert said in done.stderr
     again = run("decode", stream, "-o", f"{tmp_path}/walk.vat/")
-    assert_fails(again, "exists and is kept")
+    assert_fails(again, "already exists")
 
 
 def test_convert_takes_layout_and_textures(tmp_path):

@@ -242,7 +242,7 @@ def test_export_tells_its_size_when_it_is_done(page, reel, tmp_path):
 
 def test_export_keeps_a_page_when_it_is_there_already(page, reel, tmp_path):
     (tmp_path / "p.html").write_text("mine")
-    assert_fails(run_with(page, "export", reel, "-o", tmp_path / "p.html"), "exists and is kept")
+    assert_fails(run_with(page, "export", reel, "-o", tmp_path / "p.html"), "already exists")
     assert (tmp_path / "p.html").read_text() == "mine"
 
 
@@ -282,9 +282,7 @@ def test_export_writes_parts_beside_the_page_when_it_is_split(page, reel, tmp_pa
     again = run_with(page, "export", reel, "-o", site / "q.html", "--split")
     assert again.returncode == 0  # the script is there already
     (site / "p.reel").write_bytes(b"mine")
-    assert_fails(
-        run_with(page, "export", reel, "-o", site / "p.html", "--split"), "exists and is kept"
-    )
+    assert_fails(run_with(page, "export", reel, "-o", site / "p.html", "--split"), "already exists")
 
 
 def test_export_refuses_a_texture_when_it_cannot_be_shown(page, reel, tmp_path):

@@ -24,7 +24,7 @@ from meshreel.model.surface import PLAIN, Surface
 from meshreel.model.tracks import Track, described_track, joined, tracks_of
 from meshreel.runtime.counting import counted
 from meshreel.runtime.outputs.atomic import os_errors_naming_output
-from meshreel.runtime.outputs.checks import check_ending, check_output_path
+from meshreel.runtime.outputs.checks import check_extension, check_output_path
 from meshreel.runtime.stores.address import refuse_address
 
 Vertices = npt.NDArray[np.floating]
@@ -131,7 +131,7 @@ class Encoder:
         self._path = Path(output) if isinstance(output, str | os.PathLike) else None
         if self._path is not None:
             refuse_address(output, "the file of an Encoder, which grows,")
-            check_ending(self._path, (".reel",), "meshreel.save writes other formats")
+            check_extension(self._path, (".reel",), "meshreel.save writes other formats")
             check_output_path(self._path, overwrite=overwrite)
         self._file: BinaryIO = self._path.open("wb") if self._path else output  # type: ignore[assignment]
         # A block is analysed while the bytes of the one before are written.

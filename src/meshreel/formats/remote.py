@@ -22,9 +22,9 @@ from meshreel.formats.outputs import is_pattern
 from meshreel.formats.registry import FORMATS, FRAME_FORMATS
 from meshreel.formats.sources import AnyPath, Source, natural_order
 from meshreel.runtime.counting import counted
-from meshreel.runtime.stores.address import folder_of, is_remote, name_of, plain
+from meshreel.runtime.stores.address import folder_of, is_remote, name_of, without_query
 from meshreel.runtime.stores.listing import files_below, files_in, matches
-from meshreel.runtime.stores.transfer import beside, check_outputs, download, exists, upload_all
+from meshreel.runtime.stores.transfer import check_outputs, download, exists, sibling, upload_all
 
 _DOWNLOADED: dict[Path, str] = {}
 """Address of the downloaded file in each temporary folder that exists."""
@@ -96,7 +96,7 @@ def download_sibling(path: Path) -> bool:
     """
     for place, address in _DOWNLOADED.items():
         if path.is_relative_to(place):
-            other = beside(address, path.relative_to(place).as_posix())
+            other = sibling(address, path.relative_to(place).as_posix())
             if not exists(other):
                 return False
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -129,7 +129,7 @@ class Output:
         if not self.is_remote:
             return str(path)
         within = Path(path).relative_to(Path(self.local).parent).as_posix()
-        return beside(os.fspath(self.requested), within)
+        return sibling(os.fspath(self.requested), within)
 
 
 @contextmanager
@@ -186,7 +186,7 @@ def _folder(address: str) -> str:
     """Address of the folder with the frames of an input."""
     name = name_of(address)
     is_file = Path(name).suffix.lower() in FORMATS or _has_magic(name)
-    return folder_of(address) if is_file else plain(address).rstrip("/")
+    return folder_of(address) if is_file else without_query(address).rstrip("/")
 
 
 def _folder_name(address: str) -> str:
@@ -204,7 +204,7 @@ def _downloaded(addresses: list[str], folder: Path, notes: list[str] | None) -> 
     for file, name in zip(files, names, strict=True):
         download(file, folder / name)
     if len(files) == 1:
-        _DOWNLOADED[folder] = plain(files[0])
+        _DOWNLOADED[folder] = without_query(files[0])
         _fetch_companion(folder / names[0])
     if notes is not None:
         size_mb = sum(path.stat().st_size for path in _files(folder)) / 1e6

@@ -1,7 +1,7 @@
-"""Numbers with nouns in singular or plural, "1 frame", "2 frames", and sizes in bytes."""
+"""Text for counts, such as "1 frame" and "2 frames", and for sizes in bytes."""
 
 PLURALS = {"vertex": "vertices", "mesh": "meshes", "entry": "entries"}
-"""Plurals of nouns that do not just take an s."""
+"""Irregular plurals."""
 
 SIZE_UNITS = ("B", "kB", "MB", "GB", "TB", "PB", "EB")
 
@@ -12,20 +12,20 @@ def counted(number: int, noun: str) -> str:
     Parameters
     ----------
     noun : str
-        In the singular; of several words the last one is inflected.
+        Singular; only the last word is inflected.
     """
     return f"{number} {plural(noun) if number != 1 else noun}"
 
 
 def singular(noun: str) -> str:
-    """The singular of a noun that `plural` returned."""
+    """The singular of a plural noun."""
     first, space, last = noun.rpartition(" ")
-    known = {many: one for one, many in PLURALS.items()}
-    return f"{first}{space}{known.get(last, last.removesuffix('s'))}"
+    singulars = {many: one for one, many in PLURALS.items()}
+    return f"{first}{space}{singulars.get(last, last.removesuffix('s'))}"
 
 
 def plural(noun: str) -> str:
-    """The noun in the plural."""
+    """The plural of a noun."""
     first, space, last = noun.rpartition(" ")
     return f"{first}{space}{PLURALS.get(last, f'{last}s')}"
 

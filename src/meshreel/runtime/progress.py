@@ -1,23 +1,23 @@
-"""Progress of long work, reported to a callback of the caller."""
+"""Progress of long work, reported to a callback."""
 
 from collections.abc import Callable
 
 Progress = Callable[[str, float], None]
-"""Called as ``progress(stage, fraction)``: a short name, and the share of it done in 0..1.
+"""Called as ``progress(stage, fraction)``: a short name and its completed fraction, 0..1.
 
-The share may be a `Count`, which says how many of how many things are done.
+The fraction may be a `Count`.
 """
 
 
 class Count(float):
-    """The share of things that are done: a number in 0..1 that keeps both counts.
+    """A completed fraction, 0..1, with the number of items done and their total.
 
     Parameters
     ----------
     done, total : int
-        At least 0; nothing of nothing is all.
+        At least 0; the fraction of 0 items is 1.
     unit : str
-        What is counted, in the plural.
+        Name of the items, in the plural.
     """
 
     done: int
@@ -25,11 +25,11 @@ class Count(float):
     unit: str
 
     def __new__(cls, done: int, total: int, unit: str) -> "Count":
-        """The share of `done` in `total`."""
-        share = super().__new__(cls, done / total if total else 1.0)
-        share.done, share.total, share.unit = done, total, unit
-        return share
+        """The fraction `done` / `total`."""
+        fraction = super().__new__(cls, done / total if total else 1.0)
+        fraction.done, fraction.total, fraction.unit = done, total, unit
+        return fraction
 
 
 def silent(stage: str, fraction: float) -> None:
-    """Do nothing: the default of callers that ask for no progress."""
+    """Ignore progress: the default callback."""

@@ -1,14 +1,14 @@
 """Independent pieces of array work on all cores.
 
-NumPy lets other threads run while it works, so that threads share arrays and cost little. Each
-piece is computed as it would be alone: results do not depend on how many cores there are.
+NumPy releases the interpreter's lock while it computes, so threads can share arrays. Results do not
+depend on the number of cores.
 
 A forked child has none of these threads and starts its own. Locks that it may need come from
 `fork_safe_lock`.
 
-BLAS brings threads of its own, which wait for each other by spinning: where other programs keep
-the cores busy, products become many times slower. Pieces in our threads with one BLAS thread each
-are as fast where cores are free, and keep their speed where they are not.
+The threads of BLAS wait for each other by spinning: if other programs keep the cores busy, products
+become many times slower. Pieces in our threads with one BLAS thread each are as fast on free cores,
+and stay fast on busy ones.
 """
 
 import os
@@ -31,7 +31,7 @@ Piece = TypeVar("Piece")
 Result = TypeVar("Result")
 
 POOL, BACKGROUND = "meshreel-pool", "meshreel-background"
-"""How the names of the threads of pieces, and of that in the background, begin."""
+"""Prefixes of thread names."""
 
 _LOCKS: WeakSet[Any] = WeakSet()
 
@@ -64,7 +64,7 @@ def _unlock_in_child() -> None:
 
 
 def _unlock_cached_properties() -> None:
-    """Replace the locks of cached properties that other threads of the parent were computing."""
+    """Replace the locks of cached properties that other threads of the parent hold."""
     package = __name__.partition(".")[0]
     modules = [
         module
@@ -72,12 +72,11 @@ def _unlock_cached_properties() -> None:
         if name.partition(".")[0] == package and module is not None
     ]
     for module in modules:
-        classes = [one for one in list(vars(module).values()) if isinstance(one, type)]
-        for attribute in [one for owner in classes for one in list(vars(owner).values())]:
-            own = (
-                getattr(attribute, "lock", None) if isinstance(attribute, cached_property) else None
-            )
-            if own is not None and not _is_usable(own):
+        classes = [value for value in list(vars(module).values()) if isinstance(value, type)]
+        for attribute in [value for owner in classes for value in list(vars(owner).values())]:
+            is_property = isinstance(attribute, cached_property)
+            lock = getattr(attribute, "lock", None) if is_property else None
+            if lock is not None and not _is_usable(lock):
                 attribute.lock = RLock()
 
 
@@ -86,37 +85,36 @@ def in_threads(
     pieces: Sequence[Piece],
     done: Callable[[int], None] | None = None,
 ) -> None:
-    """Do the work for every piece, with one BLAS thread each; the first error is raised.
+    """Call `work` for each piece in the pool, with one BLAS thread each; raise the first error.
 
-    A call from one of these threads is done in that thread: threads that all wait for a free one
-    would wait for ever.
+    A call from a thread of the pool runs in that thread: otherwise all threads could wait for a
+    free one.
 
     Parameters
     ----------
     work : callable
-        Called in any thread, with the caller's settings of `numpy.errstate`.
+        Called in any thread, with the caller's `numpy.errstate`.
     done : callable, optional
-        Called in the caller's thread with the number of pieces done from the first on.
+        Called in the caller's thread with n after the first n pieces are complete.
     """
     with one_blas_thread():
-        works = [_as_set_here(work) for _ in pieces]
-        is_few = len(pieces) == 1 or n_cores() == 1
-        is_alone = is_few or threading.current_thread().name.startswith(POOL)
-        in_order = map if is_alone else pool().map
-        results = in_order(lambda own, piece: own(piece), works, pieces)
+        tasks = [_in_caller_context(work) for _ in pieces]
+        is_serial = len(pieces) == 1 or n_cores() == 1
+        is_serial = is_serial or threading.current_thread().name.startswith(POOL)
+        results = (map if is_serial else pool().map)(lambda task, piece: task(piece), tasks, pieces)
         for number, _ in enumerate(results, start=1):
             if done:
                 done(number)
 
 
 def in_background(work: Callable[[], Result]) -> "Future[Result]":
-    """The future result of work that begins in a thread of its own.
+    """Start work in the background thread, and return its future result.
 
-    There is one such thread. Work that it asks for itself is done at once: it cannot wait for
-    itself. So is all work where there is one core.
+    Work runs immediately if there is one core, or if the background thread itself calls: it cannot
+    wait for itself.
     """
     if n_cores() > 1 and not threading.current_thread().name.startswith(BACKGROUND):
-        return _background().submit(_as_set_here(work))
+        return _background().submit(_in_caller_context(work))
     done: Future[Result] = Future()
     try:
         done.set_result(work())
@@ -125,23 +123,23 @@ def in_background(work: Callable[[], Result]) -> "Future[Result]":
     return done
 
 
-def one_ahead(items: Iterator[Result]) -> Iterator[Result]:
-    """The items; the next one is made in a thread of its own while one is used."""
+def prefetch(items: Iterator[Result]) -> Iterator[Result]:
+    """Yield the items; a separate thread computes the next one while one is used."""
 
-    def following() -> list[Result]:
+    def next_item() -> list[Result]:
         return list(islice(items, 1))
 
-    with ThreadPoolExecutor(1, "meshreel-ahead") as ahead:
-        coming = ahead.submit(_as_set_here(following))
-        while found := coming.result():
-            coming = ahead.submit(_as_set_here(following))
-            yield found[0]
+    with ThreadPoolExecutor(1, "meshreel-ahead") as thread:
+        future = thread.submit(_in_caller_context(next_item))
+        while item := future.result():
+            future = thread.submit(_in_caller_context(next_item))
+            yield item[0]
 
 
-def _as_set_here(work: Callable[..., Result]) -> Callable[..., Result]:
-    """The work, to be done once in any thread, with the settings of this one.
+def _in_caller_context(work: Callable[..., Result]) -> Callable[..., Result]:
+    """Return a callable that does the work once, in any thread, with the context of this one.
 
-    NumPy 2 keeps the settings for its errors in the context, NumPy 1 in the thread.
+    NumPy 2 stores `errstate` in the context, NumPy 1 in the thread.
     """
     context, errors = copy_context(), np.geterr()
 
@@ -153,22 +151,22 @@ def _as_set_here(work: Callable[..., Result]) -> Callable[..., Result]:
 
 
 def chunks(length: int, size: int) -> list[slice]:
-    """Slices of at most `size` that cover 0..length."""
+    """Slices of length `size` or less that cover 0..length."""
     return [slice(start, min(start + size, length)) for start in range(0, length, size)]
 
 
 class _Limit:
-    """The limit of BLAS threads, shared by all callers that need it: the last to leave removes it.
+    """The limit of BLAS threads, shared by all callers; the last to leave removes it.
 
-    It is set and removed in a thread of its own: OpenBLAS (0.3.30 and 0.3.31 were tried) heeds
-    only the thread that was the first to set one, and silently ignores all others.
+    One thread sets and removes it: OpenBLAS (tested: 0.3.30 and 0.3.31) obeys only the first thread
+    that sets a limit, and silently ignores all others.
     """
 
     def __init__(self, limiter: Any = None) -> None:
         self._setter = ThreadPoolExecutor(1, "meshreel-limit")
         self.lock = RLock()
         self._n_holders = 0
-        self.limiter = limiter  # None unless BLAS is limited now
+        self.limiter = limiter  # None unless BLAS is limited
 
     def enter(self) -> None:
         with self.lock:
@@ -200,12 +198,12 @@ def one_blas_thread() -> Iterator[None]:
     try:
         yield
     finally:
-        if limit is _LIMIT:  # else this is a child forked within the context: its limit is new
+        if limit is _LIMIT:  # a child forked within the context has a new limit
             limit.leave()
 
 
 def limit_cores(limit: int) -> None:
-    """Limit the cores of this process's threads from now on: it is one of several processes."""
+    """Limit the cores that this process uses: one of several processes on the machine."""
     global _core_limit
     if limit != _core_limit:
         _core_limit = limit
@@ -214,36 +212,36 @@ def limit_cores(limit: int) -> None:
 
 @lru_cache(maxsize=1)
 def pool() -> ThreadPoolExecutor:
-    """The threads that work on pieces, one per core; their names begin with `POOL`."""
+    """The threads of `in_threads`, one per core; their names begin with `POOL`."""
     return ThreadPoolExecutor(n_cores(), POOL)
 
 
 @lru_cache(maxsize=1)
 def _background() -> ThreadPoolExecutor:
-    # Apart from the pool: work in the background may use that.
+    # Not a thread of the pool, which work in the background may use.
     return ThreadPoolExecutor(1, BACKGROUND)
 
 
 def n_cores() -> int:
-    """Cores that this process may use."""
+    """Number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
-        there = len(os.sched_getaffinity(0))
+        available = len(os.sched_getaffinity(0))
     else:
-        there = os.cpu_count() or 1
-    return min(there, _core_limit or there)
+        available = os.cpu_count() or 1
+    return min(available, _core_limit or available)
 
 
 @lru_cache(maxsize=1)
 def _controller() -> ThreadpoolController:
-    import scipy.linalg  # noqa: F401  brings a BLAS of its own, which must be there to be found
+    import scipy.linalg  # noqa: F401  loads its own BLAS, which the controller finds only if loaded
 
-    # Before 3.7 threadpoolctl held the loader's lock while it ran Python. A thread that imported a
-    # library meanwhile, which needs that lock and keeps the interpreter's, made both wait for ever.
+    # threadpoolctl before 3.7 held the loader's lock while running Python: a deadlock with a thread
+    # that imported a library, which needs that lock while it holds the interpreter's.
     return ThreadpoolController()
 
 
 def _prepare_fork() -> None:
-    # While a limit is being set, nobody could tell how to remove it in the child.
+    # A fork while a limit is being set would leave the child unable to remove it.
     _LIMIT.lock.acquire()
 
 
@@ -254,8 +252,8 @@ def _resume_parent() -> None:
 def _replace_in_child() -> None:
     """Replace the executors, whose threads exist only in the parent.
 
-    A limit of BLAS threads that the parent had set is in force in the child too. The first caller
-    that needs it there takes it over and removes it.
+    A limit of BLAS threads set by the parent also applies in the child, where the first caller of
+    `one_blas_thread` takes it over and removes it.
     """
     global _LIMIT
     _LIMIT = _Limit(_LIMIT.limiter)

@@ -62,7 +62,7 @@ def test_overwrite_replaces_files(tmp_path, make_sequence):
 
 def test_save_writes_nothing_if_a_file_exists(tmp_path, make_sequence):
     (tmp_path / "f_1.obj").write_text("old")
-    with pytest.raises(InvalidInputError, match=r"f_1\.obj exists and is kept"):
+    with pytest.raises(InvalidInputError, match=r"f_1\.obj already exists"):
         save(make_sequence(3), tmp_path / "f_%d.obj")
     assert (listing(tmp_path), (tmp_path / "f_1.obj").read_text()) == (["f_1.obj"], "old")
 
@@ -195,7 +195,7 @@ def test_save_never_replaces_its_input_stream(tmp_path):
 @pytest.mark.parametrize(("name", "first"), [("a.npz", "a.npz"), ("f_%d.obj", "f_0.obj")])
 def test_check_output_rejects_an_existing_first_file(tmp_path, name, first):
     (tmp_path / first).touch()
-    with pytest.raises(InvalidInputError, match="exists and is kept"):
+    with pytest.raises(InvalidInputError, match="already exists"):
         check_output(tmp_path / name, overwrite=False)
 
 

@@ -115,7 +115,7 @@ def test_mp4_names_the_extra_when_its_library_is_missing(monkeypatch):
 def test_film_is_kept_when_it_is_there_already(grid, tmp_path):
     path = tmp_path / "a.gif"
     path.write_bytes(b"mine")
-    with pytest.raises(InvalidInputError, match="exists and is kept"):
+    with pytest.raises(InvalidInputError, match="already exists"):
         save_film(make_film(grid), path)
     assert path.read_bytes() == b"mine"
     save_film(make_film(grid, n_frames=2), path, overwrite=True)

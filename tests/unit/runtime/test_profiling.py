@@ -17,7 +17,7 @@ def pause():
 
 def stages_of(profile):
     """Calls by path and by whether they went on beside."""
-    return {(one.path, one.is_beside): one.n_calls for one in profile.stages}
+    return {(one.path, one.in_other_thread): one.n_calls for one in profile.stages}
 
 
 def test_seconds_are_those_of_the_stage_when_others_go_on_before_and_after():

@@ -15,8 +15,8 @@ from meshreel.runtime.threads import (
     in_background,
     in_threads,
     n_cores,
-    one_ahead,
     one_blas_thread,
+    prefetch,
 )
 
 COUNTS = [0, 1, 2, 3, 50]
@@ -287,7 +287,7 @@ def test_items_come_in_order_when_they_are_made_ahead():
             made.append(number)
             yield number
 
-    for number in one_ahead(items()):
+    for number in prefetch(items()):
         wanted = list(range(min(number + 2, 5)))
         end = time.monotonic() + 20.0  # on busy cores the thread starts late
         while len(made) < len(wanted) and time.monotonic() < end:
@@ -303,7 +303,7 @@ def test_an_error_is_raised_when_an_item_made_ahead_fails():
         yield 1
         raise ValueError("no second item")
 
-    found = one_ahead(items())
+    found = prefetch(items())
     assert next(found) == 1
     with pytest.raises(ValueError, match="no second item"):
         next(found)

@@ -100,7 +100,7 @@ def _one_each(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Future[
         (str(one.source), one.animation): one for one in _long_ones_first(plan)
     }
     items = [_item(plan, one) for one in inputs.values()]
-    for item, outcome in engine.as_completed(encode_input, items, again=_in_smaller_blocks):
+    for item, outcome in engine.as_completed(encode_input, items, retry=_in_smaller_blocks):
         source, options, _ = item
         yield inputs[source, options.reading.animation], outcome
 

@@ -55,10 +55,10 @@ def compare_command(
     from meshreel.metrics.alignment import find_alignment
     from meshreel.metrics.compare import compare
     from meshreel.rendering.plots import plot_error_per_frame, require_matplotlib
-    from meshreel.runtime.outputs.checks import check_ending, check_output_path
+    from meshreel.runtime.outputs.checks import check_extension, check_output_path
 
     if plot is not None:
-        check_ending(plot, (".png",))
+        check_extension(plot, (".png",))
         files = [file for given in (original, decoded) for file in files_of_source(given)]
         check_output_path(plot, overwrite=force, inputs=files)
         require_matplotlib()

@@ -103,11 +103,11 @@ def encode_command(
     from meshreel.formats.remote import local_copy, uploaded
     from meshreel.formats.sources import files_of_source
     from meshreel.formats.stretches import find_stretches
-    from meshreel.runtime.outputs.checks import check_ending, check_output_path
+    from meshreel.runtime.outputs.checks import check_extension, check_output_path
     from meshreel.runtime.profiling import profiled
 
     given_output = output or f"{output_stem(inputs[0])}.reel"
-    check_ending(Path(given_output), (".reel",), OTHER_OUTPUTS)
+    check_extension(Path(given_output), (".reel",), OTHER_OUTPUTS)
     config, targets = EncoderConfig(**encoding), track_targets(track)
     notes = reading.notes
     with ExitStack() as stack:

@@ -90,10 +90,10 @@ def export_command(
     from meshreel.formats.file_errors import errors_naming
     from meshreel.formats.sources import files_of_source
     from meshreel.runtime.counting import size_text
-    from meshreel.runtime.outputs.checks import check_ending, check_output_path
+    from meshreel.runtime.outputs.checks import check_extension, check_output_path
 
     coloring = coloring_of(track, component, range, colormap)
-    check_ending(output, ENDINGS, OTHER_OUTPUTS)
+    check_extension(output, ENDINGS, OTHER_OUTPUTS)
     files = [source, *(files_of_source(original) if original else [])]
     check_output_path(output, overwrite=force, inputs=files)
     page = built_page()

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from meshreel.runtime.stores.address import is_remote, name_of, plain
+from meshreel.runtime.stores.address import is_remote, name_of, without_query
 
 
 def given_source(inputs: Sequence[str]) -> "str | list[Path] | list[str]":
@@ -30,7 +30,7 @@ def holds_stream(given: str) -> bool:
     """Whether a file is a .reel stream, by its name or its first bytes."""
     from meshreel.codec.bitstream.layout import MAGIC
 
-    path = Path(plain(given))
+    path = Path(without_query(given))
     if path.suffix.lower() == ".reel":
         return True
     if is_remote(given) or not path.is_file():

@@ -1,4 +1,4 @@
-"""Seconds by stage, as a table and as figures."""
+"""Seconds by stage, as a table and as JSON."""
 
 from typing import Any
 
@@ -7,9 +7,8 @@ from rich.table import Table
 
 from meshreel.runtime.profiling import Profile, StageTime
 
-BESIDE_NOTE = (
-    "Indented stages are parts of the one above. Seconds beside are those of other threads: they "
-    "overlap with the rest."
+NOTE = (
+    "Indented stages are parts of the stage above. Seconds of other threads overlap with the rest."
 )
 
 
@@ -17,7 +16,7 @@ def print_profile(profile: Profile) -> None:
     """Print the table of stages on stdout."""
     table = Table(title="seconds by stage", title_justify="left", title_style="bold")
     table.add_column("stage", no_wrap=True)
-    for name in ("seconds", "share", "beside", "calls"):
+    for name in ("seconds", "share", "other threads", "calls"):
         table.add_column(name, justify="right")
     for time in profile.stages:
         table.add_row(*_cells(time, profile.wall_s))
@@ -26,17 +25,17 @@ def print_profile(profile: Profile) -> None:
     table.add_row("total", *_seconds_and_share(profile.wall_s, profile.wall_s))
     console = Console()
     console.print(table)
-    console.print(BESIDE_NOTE, highlight=False)
+    console.print(NOTE, highlight=False)
 
 
 def profile_figures(profile: Profile) -> dict[str, Any]:
-    """The profile for JSON; `beside` marks work of other threads."""
+    """The profile for JSON."""
     return {
         "wall_s": profile.wall_s,
         "stages": [
             {
                 "stage": list(time.path),
-                "beside": time.is_beside,
+                "in_other_thread": time.in_other_thread,
                 "seconds": time.seconds,
                 "calls": time.n_calls,
             }
@@ -47,7 +46,7 @@ def profile_figures(profile: Profile) -> dict[str, Any]:
 
 def _cells(time: StageTime, wall_s: float) -> list[str]:
     name = "  " * (len(time.path) - 1) + time.path[-1]
-    if time.is_beside:
+    if time.in_other_thread:
         return [name, "", "", f"{time.seconds:.3f}", str(time.n_calls)]
     return [name, *_seconds_and_share(time.seconds, wall_s), "", str(time.n_calls)]
 

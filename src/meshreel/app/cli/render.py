@@ -263,9 +263,9 @@ def _drawn(
 def _checked_ending(output: Path) -> str:
     """The ending of the output in lower case; raises if a library that it needs is missing."""
     from meshreel.rendering.film_files import require_ffmpeg
-    from meshreel.runtime.outputs.checks import check_ending
+    from meshreel.runtime.outputs.checks import check_extension
 
-    ending = check_ending(output, ENDINGS)
+    ending = check_extension(output, ENDINGS)
     if ending == ".mp4":
         require_ffmpeg()
     return ending

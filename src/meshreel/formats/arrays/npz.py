@@ -35,7 +35,7 @@ from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.model.sequence import FrameSource, MeshSequence, validate_finite
 from meshreel.model.tracks import TrackSource, track_blocks
 from meshreel.runtime.progress import Count
-from meshreel.runtime.threads import chunks, in_threads, one_ahead
+from meshreel.runtime.threads import chunks, in_threads, prefetch
 
 Numbers = npt.NDArray[Any]
 
@@ -156,7 +156,7 @@ class _StoredArray:
         FormatError
             After the last block, if the checksum is wrong.
         """
-        yield from one_ahead(self._checksummed_blocks())
+        yield from prefetch(self._checksummed_blocks())
         if self.checksums[-1] != self.member_checksum:
             raise FormatError(
                 f"{self.path}: is damaged: {self.member} does not have its checksum; save it again"

@@ -14,7 +14,7 @@ from meshreel.formats.file_errors import errors_naming, refuse_pipe
 from meshreel.formats.options import Origin, ReadOptions, origin_of
 from meshreel.kernel.files import OpenFile
 from meshreel.model.sequence import MeshSequence
-from meshreel.runtime.stores.address import is_remote, plain
+from meshreel.runtime.stores.address import is_remote, without_query
 from meshreel.runtime.stores.ranged_file import open_ranged
 
 
@@ -100,7 +100,7 @@ def _open_binary(path: str | os.PathLike[str]) -> BinaryIO:
 
 def origin_of_file(path: str | os.PathLike[str]) -> Origin | None:
     """Return the origin that a `.reel` file declares for its frames; None for other files."""
-    if Path(plain(path)).suffix.lower() != ".reel":
+    if Path(without_query(path)).suffix.lower() != ".reel":
         return None
     with open(path) as reel:
         return origin_of(reel)

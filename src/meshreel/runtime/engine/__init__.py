@@ -1,1 +1,1 @@
-"""Independent calls on the processes of this machine or on a Dask cluster: one interface."""
+"""Independent calls on processes of this machine or on a Dask cluster, behind one interface."""

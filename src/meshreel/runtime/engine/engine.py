@@ -1,4 +1,4 @@
-"""Independent calls on many workers, whatever the workers are."""
+"""Independent calls on a pool of workers."""
 
 import os
 from collections import deque
@@ -15,47 +15,46 @@ Result = TypeVar("Result")
 Arguments = TypeVar("Arguments", bound=tuple[Any, ...])
 
 IN_FLIGHT_PER_WORKER = 2
-"""Calls handed out for each worker: one that runs, and one that is there when it ends."""
+"""Calls submitted per worker: one that runs, and the next."""
 
 POLL_S = 0.5
 
 
 class Workers(Protocol):
-    """Workers that do calls, wherever they are."""
+    """Workers that execute calls, such as `ProcessWorkers` and `DaskWorkers`."""
 
     @property
     def n_workers(self) -> int:
-        """Calls that run at the same time; it may change, and may be 0 for a while."""
+        """Number of calls that can run at the same time; it may change, and may be 0."""
 
     def submit(self, function: Callable[..., Result], /, *args: Any) -> "Future[Result]":
-        """The outcome to come of one call.
+        """Submit a call, and return its future.
 
-        Function, arguments and result are pickled. Its exception is the call's own, or
-        `WorkerDiedError` where the call, done again each time, outlived its workers, or where
-        there were none for too long.
+        Function, arguments and result are pickled. The future raises the exception of the call, or
+        `WorkerDiedError` if too many workers died during it, or none were available for too long.
         """
 
     def submit_elsewhere(
         self, error: BaseException, function: Callable[..., Result], /, *args: Any
     ) -> "Future[Result]":
-        """As `submit`, for work that failed with an error: not where it was, if there are others.
+        """Submit a call that failed with `error` to another worker, if there is one.
 
-        Of a process that ran out of memory, a new one is another.
+        A process that ran out of memory is replaced by a new one.
         """
 
     def close(self, *, at_once: bool) -> None:
-        """Let the workers go; `at_once`, without waiting for calls that still run."""
+        """Release the workers; `at_once`, without waiting for running calls."""
 
 
 class Engine(AbstractContextManager["Engine"]):
-    """Calls on many workers, with a bounded number of them under way.
+    """Submits calls to workers, with a bounded number of unfinished calls.
 
-    As a context manager, left by an exception (ctrl-C included), it stops calls that still run.
+    As a context manager, it stops running calls on an exception (including Ctrl-C).
 
     Parameters
     ----------
     workers : Workers
-        `ProcessWorkers` or `DaskWorkers`; `open_engine` makes them.
+        `open_engine` creates them.
     """
 
     def __init__(self, workers: Workers) -> None:
@@ -64,24 +63,24 @@ class Engine(AbstractContextManager["Engine"]):
 
     @property
     def n_workers(self) -> int:
-        """Calls that run at the same time; it may change while a cluster grows or shrinks."""
+        """Number of calls that can run at the same time; changes with the size of a cluster."""
         return self._workers.n_workers
 
     def submit(self, function: Callable[..., Result], /, *args: Any) -> "Future[Result]":
-        """The outcome to come of one call, as `concurrent.futures` has it.
+        """Submit a call, and return its future.
 
         Parameters
         ----------
         function : callable
-            Of a module that workers can import (or a `functools.partial` of one). It may be called
-            again where a worker died, so that it must not matter how often it is.
+            From a module that workers can import (or a `functools.partial` of one). It must be
+            idempotent: it is called again if a worker dies.
         *args
-            Pickled, as the result is: large ones are better named by a path.
+            Pickled, like the result: pass large data as paths.
 
         Raises
         ------
         InvalidInputError
-            In a forked child: its parent has the workers and the threads that serve them.
+            In a forked child: the workers belong to the parent.
         """
         if os.getpid() != self._process:
             raise InvalidInputError("the engine belongs to the parent process; open one here")
@@ -94,29 +93,29 @@ class Engine(AbstractContextManager["Engine"]):
         *,
         in_flight: int | None = None,
     ) -> Iterator[Result]:
-        """Results of ``function(*item)``, in the order of the items.
+        """Yield results of ``function(*item)`` in the order of the items.
 
         Parameters
         ----------
         function : callable
-            As for `submit`.
+            As in `submit`.
         items : iterable of tuples
-            The arguments of each call. Taken when there is room, so that it may be without end.
+            Arguments of each call, consumed on demand: it may be infinite.
         in_flight : int, optional
-            Calls, from the first whose result was not yet taken, that are handed out at most;
-            results that wait for an earlier one count. Default: twice the number of workers.
+            Maximum number of submitted calls whose results were not yet yielded. Default: twice
+            the number of workers.
 
         Raises
         ------
         WorkerDiedError
-            If a call outlived its workers too often, or there were none for too long.
+            If too many workers died during a call, or none were available for too long.
         Exception
-            That of the first call, by order, that fails; calls not yet begun are cancelled.
+            From the first call in order that fails; pending calls are cancelled.
         """
         remaining, pending = iter(items), deque[Future[Result]]()
         try:
             while True:
-                for item in islice(remaining, self._room(in_flight, len(pending))):
+                for item in islice(remaining, self._free_slots(in_flight, len(pending))):
                     pending.append(self.submit(function, *item))
                 if not pending:
                     return
@@ -131,55 +130,52 @@ class Engine(AbstractContextManager["Engine"]):
         items: Iterable[Arguments],
         *,
         in_flight: int | None = None,
-        again: Callable[[Arguments, BaseException], Arguments | None] | None = None,
+        retry: Callable[[Arguments, BaseException], Arguments | None] | None = None,
     ) -> "Iterator[tuple[Arguments, Future[Result]]]":
-        """Each item with the outcome of ``function(*item)``, as they come to an end.
+        """Yield each item with the future of ``function(*item)``, in order of completion.
 
-        A call that fails does not end the others: ask the outcome for its `result` or its
-        `exception`.
+        A call that fails does not end the others: the future has its `result` or `exception`.
 
         Parameters
         ----------
         function, items, in_flight
-            As for `map_in_order`.
-        again : callable, optional
-            Takes an item and the error of its call, and gives the item of another try, or None
-            where there is none. That is done once all items are handed out, and on another worker
-            if there is one.
+            As in `map_in_order`.
+        retry : callable, optional
+            Receives an item and the error of its call, and returns the item to retry, or None to
+            give up. Retries follow all first attempts, on another worker if there is one.
         """
         remaining = iter(items)
-        tries: deque[tuple[Arguments, BaseException]] = deque()
+        retries: deque[tuple[Arguments, BaseException]] = deque()
         pending: dict[Future[Result], Arguments] = {}
         try:
             while True:
-                for item in islice(remaining, self._room(in_flight, len(pending))):
+                for item in islice(remaining, self._free_slots(in_flight, len(pending))):
                     pending[self.submit(function, *item)] = item
-                for _ in range(min(len(tries), self._room(in_flight, len(pending)))):
-                    item, failure = tries.popleft()
+                for _ in range(min(len(retries), self._free_slots(in_flight, len(pending)))):
+                    item, failure = retries.popleft()
                     pending[self._workers.submit_elsewhere(failure, function, *item)] = item
                 if not pending:
                     return
-                for outcome in _wait_for_any(pending):
-                    item, error = pending.pop(outcome), outcome.exception() if again else None
-                    another = again(item, error) if again and error else None
-                    if another is None or error is None:
-                        yield item, outcome
+                for future in _wait_for_any(pending):
+                    item, error = pending.pop(future), future.exception() if retry else None
+                    next_item = retry(item, error) if retry and error else None
+                    if next_item is None or error is None:
+                        yield item, future
                     else:
-                        tries.append((another, error))
-                    del outcome  # its result may be large, and the next is waited for
+                        retries.append((next_item, error))
+                    del future  # releases its result, which may be large, during the wait
         finally:
             _cancel(pending)
 
     def close(self, *, at_once: bool = False) -> None:
-        """Let the workers go; `at_once`, without waiting for calls that still run."""
-        if os.getpid() == self._process:  # else this is a forked child: the parent needs them
+        """Release the workers; `at_once`, without waiting for running calls."""
+        if os.getpid() == self._process:  # in a forked child they belong to the parent
             self._workers.close(at_once=at_once)
 
     def __exit__(self, kind: type[BaseException] | None, *details: object) -> None:
         self.close(at_once=kind is not None)
 
-    def _room(self, in_flight: int | None, n_pending: int) -> int:
-        """Calls that may be handed out beside those pending."""
+    def _free_slots(self, in_flight: int | None, n_pending: int) -> int:
         if in_flight is not None and in_flight < 1:
             raise InvalidInputError(f"in_flight must be 1 or more; got {in_flight}")
         limit = in_flight or max(1, IN_FLIGHT_PER_WORKER * self.n_workers)
@@ -192,55 +188,53 @@ def open_engine(
     scheduler: str | None = None,
     max_wait_s: float | None = None,
 ) -> Engine:
-    """An engine of processes on this machine, or of the workers of a Dask cluster.
+    """Open an engine of processes on this machine, or of the workers of a Dask cluster.
 
     Parameters
     ----------
     n_workers : int, optional
-        Processes; default one for each core. They share the cores among them.
+        Number of processes, which share the cores; default one per core.
     scheduler : str, optional
-        Address of a Dask scheduler, such as ``tcp://10.0.0.5:8786``; its workers do the calls.
+        Address of a Dask scheduler, such as ``tcp://10.0.0.5:8786``.
     max_wait_s : float, optional
         Seconds that calls wait while the scheduler has no workers, before they fail with
-        `WorkerDiedError`; default an hour. Until then the logger ``meshreel.engine`` says from
-        time to time that they wait, and for how long.
+        `WorkerDiedError`; default an hour. Meanwhile the logger ``meshreel.engine`` warns at
+        growing intervals.
 
     Raises
     ------
     InvalidInputError
-        If workers and a scheduler are given, or `max_wait_s` without a scheduler, Dask is not
-        installed, or no scheduler answers.
+        If both `n_workers` and `scheduler` are given, or `max_wait_s` without `scheduler`; if Dask
+        is not installed, or no scheduler answers.
 
     Notes
     -----
-    A ``distributed.LocalCluster`` that you start for it gives up each worker that is away for 15
-    seconds, for good. On a busy machine a worker that died takes longer to come back:
-    ``dask.config.set({"distributed.deploy.lost-worker-timeout": "1h"})`` lets it.
+    A ``distributed.LocalCluster`` permanently removes workers that are unreachable for 15 seconds.
+    On a busy machine a worker takes longer to restart; to allow that, set
+    ``dask.config.set({"distributed.deploy.lost-worker-timeout": "1h"})``.
     """
     if scheduler is None:
         if max_wait_s is not None:
-            raise InvalidInputError(
-                "max_wait_s is of a scheduler; processes here are not waited for"
-            )
+            raise InvalidInputError("max_wait_s needs a scheduler; local processes start at once")
         from meshreel.runtime.engine.processes import ProcessWorkers
 
         return Engine(ProcessWorkers(n_cores() if n_workers is None else n_workers))
     if n_workers is not None:
-        raise InvalidInputError("workers are the scheduler's to count; give one of the two")
+        raise InvalidInputError("workers cannot be combined with a scheduler, which has its own")
     from meshreel.runtime.engine.dask_cluster import MAX_WAIT_S, DaskWorkers
 
     return Engine(DaskWorkers(scheduler, MAX_WAIT_S if max_wait_s is None else max_wait_s))
 
 
 def _wait_for_any(pending: "Iterable[Future[Result]]") -> "set[Future[Result]]":
-    """Those that are done, once one is."""
+    """Wait until one or more futures are done, and return them."""
     while True:
-        # In pieces, because on Windows ctrl-C is heard only between them.
+        # With a timeout, because Windows delivers Ctrl-C only between waits.
         done = wait(pending, timeout=POLL_S, return_when=FIRST_COMPLETED).done
         if done:
             return done
 
 
 def _cancel(pending: "Iterable[Future[Any]]") -> None:
-    for outcome in pending:
-        outcome.cancel()
+    for future in pending:
+        future.cancel()

@@ -1,8 +1,8 @@
-"""Processes of this machine that do calls, and are replaced when they die.
+"""Worker processes of this machine, which are replaced when they die.
 
-Each process serves one thread of this one over a pipe of its own, so that it is known which call a
-process died of: the others go on. A pool of the standard library breaks as a whole, and
-pebble's where a process dies idle or in the middle of a reply: see docs/engine.md.
+Each process serves one thread of the parent over its own pipe, so the call that killed it is known
+and other calls continue. A pool of the standard library breaks completely, and pebble's if a
+process dies while idle or during a reply: see docs/engine.md.
 """
 
 import multiprocessing
@@ -22,10 +22,10 @@ from meshreel.runtime.threads import limit_cores, n_cores, one_blas_thread
 Result = TypeVar("Result")
 
 MAX_DEATHS = 2
-"""Processes that one call may take with it before it is given up."""
+"""Processes that may die during one call before it is abandoned."""
 
-END_S = 10.0
-"""Seconds that a process has to end by itself, once its connection is closed."""
+EXIT_TIMEOUT_S = 10.0
+"""Seconds that a process has to exit after its connection is closed."""
 
 BLAS_THREADS = (
     "OPENBLAS_NUM_THREADS",
@@ -38,28 +38,21 @@ _SPAWN = multiprocessing.get_context("spawn")  # threads and BLAS do not survive
 
 
 class ProcessWorkers:
-    """So many processes, started when they are first needed.
+    """`n_workers` processes, started on demand.
 
-    They share the cores: each computes in its part of them, at least one, and with one BLAS thread.
-
-    Parameters
-    ----------
-    n_workers : int
-        1 or more.
+    They share the cores equally, at least one each, and use one BLAS thread each.
     """
 
     def __init__(self, n_workers: int) -> None:
         if n_workers < 1:
             raise InvalidInputError(f"workers must be 1 or more; got {n_workers}")
         self._n_workers = n_workers
-        self._cores_each = max(1, n_cores() // n_workers)
+        self._cores_per_process = max(1, n_cores() // n_workers)
         self._lock = threading.Lock()
         self._processes: set[_ServingProcess] = set()
         self._stopped = False
-        self._own = threading.local()
-        self._threads = ThreadPoolExecutor(
-            n_workers, "meshreel-worker", initializer=_leave_ctrl_c_to_the_main_thread
-        )
+        self._local = threading.local()
+        self._threads = ThreadPoolExecutor(n_workers, "meshreel-worker", initializer=_block_ctrl_c)
 
     @property
     def n_workers(self) -> int:
@@ -67,17 +60,17 @@ class ProcessWorkers:
         return self._n_workers
 
     def submit(self, function: Callable[..., Result], /, *args: Any) -> "Future[Result]":
-        """The outcome to come of one call in one of the processes."""
+        """Submit a call to one of the processes, and return its future."""
         return self._threads.submit(self._call, function, args)
 
     def submit_elsewhere(
         self, error: BaseException, function: Callable[..., Result], /, *args: Any
     ) -> "Future[Result]":
-        """As `submit`: a process that died, or ran out of memory, has been replaced."""
+        """Submit a call again; a process that died, or ran out of memory, has been replaced."""
         return self.submit(function, *args)
 
     def close(self, *, at_once: bool) -> None:
-        """End the processes, after the calls handed out or, `at_once`, in the middle of them."""
+        """End the processes after submitted calls are complete; `at_once`, kill them."""
         if at_once:
             with self._lock:
                 self._stopped = True
@@ -88,26 +81,26 @@ class ProcessWorkers:
             process.end()
 
     def _call(self, function: Callable[..., Result], args: tuple[Any, ...]) -> Result:
-        """The call's result, from the process of this thread."""
+        """Return the call's result from the process of this thread."""
         for _ in range(MAX_DEATHS):
             process = self._process()
             try:
                 result: Result = process.call(function, args)
             except _ProcessDiedError:
-                ending = process.end()
+                exit_reason = process.end()
             except MemoryError:
-                process.end()  # so that the next call begins with all memory that there is
+                process.end()  # the next call starts in a new process, with all memory free
                 raise
             else:
                 return result
         raise WorkerDiedError(
-            f"{MAX_DEATHS} worker processes died of it, the last with {ending}; where memory is "
-            "short, fewer workers or a smaller block_frames need less"
+            f"{MAX_DEATHS} worker processes died during this call, the last with {exit_reason}; if "
+            "memory is short, use fewer workers or a smaller block_frames"
         )
 
     def _process(self) -> "_ServingProcess":
-        """The living process of this thread."""
-        process: _ServingProcess | None = getattr(self._own, "process", None)
+        """The process of this thread, started if necessary."""
+        process: _ServingProcess | None = getattr(self._local, "process", None)
         if process is not None and process.is_alive():
             return process
         with self._lock:
@@ -116,23 +109,23 @@ class ProcessWorkers:
             if process is not None:
                 self._processes.discard(process)
                 process.end()
-            self._own.process = process = _ServingProcess(self._cores_each)
+            self._local.process = process = _ServingProcess(self._cores_per_process)
             self._processes.add(process)
         return process
 
 
 class _ProcessDiedError(Exception):
-    """The process ended during a call."""
+    """A process that ended during a call."""
 
 
 class _ServingProcess:
-    """A process that does one call after another."""
+    """A process that executes calls sequentially."""
 
     def __init__(self, n_cores: int) -> None:
         self._connection, other_end = _SPAWN.Pipe()
         self._process = _SPAWN.Process(target=_serve, args=(other_end, n_cores), daemon=True)
         self._process.start()
-        other_end.close()  # so that the death of the process ends what is read here
+        other_end.close()  # so that reading fails when the process dies
 
     def is_alive(self) -> bool:
         return self._process.is_alive()
@@ -153,22 +146,22 @@ class _ServingProcess:
         self._process.kill()
 
     def end(self) -> str:
-        """Signal or exit code of the process, which ends as its connection closes or is killed."""
+        """End the process, and return its signal or exit code."""
         self._connection.close()
-        self._process.join(END_S)
+        self._process.join(EXIT_TIMEOUT_S)
         if self._process.is_alive():
             self._process.kill()
-            self._process.join(END_S)
+            self._process.join(EXIT_TIMEOUT_S)
         code = self._process.exitcode or 0
         return signal.Signals(-code).name if code < 0 else f"exit code {code}"
 
 
 def _serve(connection: Connection, n_cores: int) -> None:
-    """Answer requests until the connection is closed, by the parent or by its death."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # ctrl-C is the parent's, which ends this one
+    """Answer requests until the parent closes the connection or dies."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C, and ends this process
     threading.Thread(target=_end_with_parent, name="meshreel-parent", daemon=True).start()
     limit_cores(n_cores)
-    os.environ.update(dict.fromkeys(BLAS_THREADS, "1"))  # for a BLAS that calls load
+    os.environ.update(dict.fromkeys(BLAS_THREADS, "1"))  # for a BLAS that is loaded later
     while True:
         try:
             request = connection.recv_bytes()
@@ -182,7 +175,7 @@ def _serve(connection: Connection, n_cores: int) -> None:
 
 
 def _end_with_parent() -> None:
-    """End this process, in the middle of a call, when the parent was killed."""
+    """End this process, even during a call, when the parent is killed."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
@@ -190,7 +183,7 @@ def _end_with_parent() -> None:
 
 
 def _reply(request: bytes) -> bytes:
-    """Pickled: whether the call succeeded, and its result or its exception."""
+    """Execute a call; return whether it succeeded, and its result or exception, pickled."""
     try:
         function, args = pickle.loads(request)
         with one_blas_thread():
@@ -201,7 +194,7 @@ def _reply(request: bytes) -> bytes:
 
 
 def _portable(error: BaseException) -> BaseException:
-    """The error, or one of its text where it does not survive pickling."""
+    """Return the error, or a RuntimeError with its text if it cannot be pickled."""
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:
@@ -209,7 +202,7 @@ def _portable(error: BaseException) -> BaseException:
     return error
 
 
-def _leave_ctrl_c_to_the_main_thread() -> None:
-    """Block SIGINT in this thread: a process it starts inherits that, before it can ignore it."""
+def _block_ctrl_c() -> None:
+    """Block SIGINT in this thread, and so in a process it starts until that process ignores it."""
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})

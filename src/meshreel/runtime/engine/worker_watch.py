@@ -1,4 +1,4 @@
-"""A cluster without workers is waited for, but neither in silence nor for ever."""
+"""Bounded waiting for a cluster without workers, with warnings."""
 
 import logging
 import threading
@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 LOGGER = logging.getLogger("meshreel.engine")
 
-LOOK_EVERY_S = 1.0
-"""Seconds from one look at the cluster to the next."""
+POLL_S = 1.0
+"""Seconds between two polls of the cluster."""
 
-FIRST_WORD_S = 15.0
-"""Seconds without workers after which that is logged: a worker that died is back sooner."""
+FIRST_WARNING_S = 15.0
+"""Seconds without workers before the first warning: a worker that died restarts sooner."""
 
-MOST_SILENT_S = 300.0
-"""Each wait for the next word is twice as long as that before, but not longer than this."""
+MAX_WARNING_INTERVAL_S = 300.0
+"""The interval between warnings doubles up to this number of seconds."""
 
 
 @dataclass(frozen=True)
@@ -25,21 +25,21 @@ class WorkerCount:
     Attributes
     ----------
     n_threads : int
-        Calls that they take at the same time.
+        Calls that they can run at the same time.
     n_paused : int
-        Workers that take none, for their memory is nearly full.
-    answers : bool
-        Whether the cluster could be asked.
+        Workers that accept no calls because their memory is nearly full.
+    is_reachable : bool
+        Whether the scheduler answered.
     """
 
     n_threads: int
     n_paused: int = 0
-    answers: bool = True
+    is_reachable: bool = True
 
     @property
-    def lack(self) -> str:
-        """The problem in words where there are no threads, as in "it has had no workers"."""
-        if not self.answers:
+    def problem(self) -> str:
+        """Why no threads are available, as the predicate of a sentence: "has had no workers"."""
+        if not self.is_reachable:
             return "has not answered"
         if self.n_paused:
             return f"has had no workers but {self.n_paused} paused (their memory is nearly full)"
@@ -47,23 +47,21 @@ class WorkerCount:
 
 
 class WorkerWatch:
-    """Looks at a cluster while calls wait there; logs that it has no workers, and ends the wait.
+    """Polls a cluster while calls wait; warns if it has no workers, and ends the wait.
 
-    Words go to the logger ``meshreel.engine`` as warnings, which appear on stderr unless logging
-    is set up otherwise.
+    Warnings go to the logger ``meshreel.engine``, by default to stderr.
 
     Parameters
     ----------
     address : str
-        Of the scheduler.
+        Address of the scheduler.
     count : callable
-        Gives the `WorkerCount` of now.
+        Returns the current `WorkerCount`.
     n_waiting : callable
-        Gives the number of calls under way.
-    give_up : callable
-        Called with the reason when calls have waited for too long.
+        Returns the number of unfinished calls.
+    abandon : callable
+        Called with the reason after `max_wait_s` without workers.
     max_wait_s : float
-        How long that is.
     """
 
     def __init__(
@@ -71,74 +69,75 @@ class WorkerWatch:
         address: str,
         count: Callable[[], WorkerCount],
         n_waiting: Callable[[], int],
-        give_up: Callable[[str], None],
+        abandon: Callable[[str], None],
         max_wait_s: float,
     ) -> None:
         self._address, self._max_wait_s = address, max_wait_s
-        self._count, self._n_waiting, self._give_up = count, n_waiting, give_up
-        self._since: float | None = None  # when calls began to wait
-        self._next_word_s = FIRST_WORD_S
+        self._count, self._n_waiting, self._abandon = count, n_waiting, abandon
+        self._waiting_since: float | None = None  # when calls began to wait
+        self._next_warning_s = FIRST_WARNING_S
         self._refusal: str | None = None
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="meshreel-watch", daemon=True)
 
     def start(self) -> None:
-        """Look every second from now on."""
+        """Start polling every `POLL_S` seconds."""
         self._thread.start()
 
     def close(self) -> None:
-        """Look no more."""
+        """Stop polling."""
         self._closed.set()
 
     def refusal(self) -> str | None:
-        """Why further calls are refused, once waiting was given up; None while they may wait."""
+        """Why further calls are refused after calls were abandoned; None while calls may wait."""
         if self._refusal is not None and self._count().n_threads:
-            self._workers_are_there()
+            self._reset()
         return self._refusal
 
-    def look(self, now: float) -> None:
-        """Look at the cluster at a time in seconds; log or give up when that is due."""
+    def poll(self, now: float) -> None:
+        """Poll the cluster at time `now`, in seconds; warn or abandon calls if due."""
         n_waiting = self._n_waiting()
         if not n_waiting:
-            self._since = None
+            self._waiting_since = None
             return
         count = self._count()
         if count.n_threads:
-            self._workers_are_there()
+            self._reset()
             return
-        since = self._since  # once, for `refusal` may be asked in another thread meanwhile
-        if since is None:
-            since, self._next_word_s = now, FIRST_WORD_S
-            self._since = since
-        waited_s = now - since
+        start_s = self._waiting_since  # a copy: another thread may call `refusal` meanwhile
+        if start_s is None:
+            start_s, self._next_warning_s = now, FIRST_WARNING_S
+            self._waiting_since = start_s
+        waited_s = now - start_s
         if waited_s >= self._max_wait_s:
             self._refusal = self._reason(count, waited_s)
-            self._since = None
-            self._give_up(self._refusal)
-        elif waited_s >= self._next_word_s:
-            LOGGER.warning(self._word(count, n_waiting, waited_s))
-            self._next_word_s = waited_s + min(waited_s, MOST_SILENT_S)
+            self._waiting_since = None
+            self._abandon(self._refusal)
+        elif waited_s >= self._next_warning_s:
+            LOGGER.warning(self._warning(count, n_waiting, waited_s))
+            self._next_warning_s = waited_s + min(waited_s, MAX_WARNING_INTERVAL_S)
 
     def _run(self) -> None:
-        while not self._closed.wait(LOOK_EVERY_S):
-            self.look(time.monotonic())
+        while not self._closed.wait(POLL_S):
+            self.poll(time.monotonic())
 
-    def _workers_are_there(self) -> None:
-        if self._since is not None and self._next_word_s > FIRST_WORD_S:
+    def _reset(self) -> None:
+        if self._waiting_since is not None and self._next_warning_s > FIRST_WARNING_S:
             LOGGER.warning(f"the Dask cluster at {self._address} has workers again")
-        self._since = self._refusal = None
+        self._waiting_since = self._refusal = None
 
-    def _word(self, count: WorkerCount, n_waiting: int, waited_s: float) -> str:
+    def _warning(self, count: WorkerCount, n_waiting: int, waited_s: float) -> str:
         calls = "1 call waits" if n_waiting == 1 else f"{n_waiting} calls wait"
         return (
-            f"the Dask cluster at {self._address} {count.lack} for {_duration(waited_s)}; {calls}. "
-            f"{self._remedy} Ctrl-C stops; after {_duration(self._max_wait_s)} they are given up"
+            f"the Dask cluster at {self._address} {count.problem} for {_duration(waited_s)}; "
+            f"{calls}. {self._remedy} Ctrl-C stops; after {_duration(self._max_wait_s)} they are "
+            "abandoned"
         )
 
     def _reason(self, count: WorkerCount, waited_s: float) -> str:
         return (
-            f"the Dask cluster at {self._address} {count.lack} for {_duration(waited_s)}, and "
-            f"calls were given up. {self._remedy} Then run this again"
+            f"the Dask cluster at {self._address} {count.problem} for {_duration(waited_s)}, and "
+            f"calls were abandoned. {self._remedy} Then run this again"
         )
 
     @property

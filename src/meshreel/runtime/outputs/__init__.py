@@ -1,1 +1,1 @@
-"""Outputs: checked before any work, and hidden until they are complete."""
+"""Output files: checked before any work, and hidden until they are complete."""

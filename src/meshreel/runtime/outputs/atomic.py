@@ -1,4 +1,4 @@
-"""Outputs that appear whole or not at all, and replace nothing unasked."""
+"""Atomic output files, which replace existing files only on request."""
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,15 +13,15 @@ from meshreel.runtime.outputs.hidden_folders import hidden_folder, remove_abando
 def replace_when_done(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
     """A temporary path of the same name, renamed to `path` when the block succeeds.
 
-    On an error the temporary file is removed and `path` stays as it was. Files that a killed
-    process leaves are removed by the next one that writes into the folder.
+    On an error the temporary file is removed and `path` is unchanged. Files that a killed process
+    leaves are removed by the next one that writes into the folder.
 
     Raises
     ------
     InvalidInputError
         As `meshreel.runtime.outputs.checks.check_output_path`.
     OSError
-        Naming `path`, where the system refuses to write more.
+        If writing fails; names `path`.
     """
     with replace_all_when_done([path], overwrite=overwrite) as temporaries:
         yield temporaries[0]
@@ -37,9 +37,9 @@ def replace_all_when_done(
     ----------
     paths : sequence of Path
     overwrite : bool, default False
-        Whether files that are there already may be replaced.
+        Whether existing files may be replaced.
     makes_folder : bool, default False
-        Whether folders that do not exist are made; on an error they go again.
+        Whether missing folders are created; on an error they are removed again.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def replace_all_when_done(
     with ExitStack() as folders:
         hidden: dict[Path, Path] = {}
         for folder in dict.fromkeys(path.parent for path in paths):
-            folders.enter_context(_made(folder))
+            folders.enter_context(_created(folder))
             remove_abandoned(folder)
             hidden[folder] = folders.enter_context(hidden_folder(folder))
         outputs = {hidden[path.parent] / path.name: path for path in paths}
@@ -64,46 +64,46 @@ def replace_all_when_done(
 
 @contextmanager
 def os_errors_naming_output(path: Path) -> Iterator[None]:
-    """A context in which errors of the system that name no file name this one."""
+    """A context in which an OSError without a file name names `path`."""
     with _errors_naming({path: path}):
         yield
 
 
 @contextmanager
-def _made(folder: Path) -> Iterator[None]:
-    """A context in which the folder exists; folders made for it are removed again on an error."""
-    missing = [one for one in (folder, *folder.parents) if not one.exists()]
+def _created(folder: Path) -> Iterator[None]:
+    """A context in which the folder exists; folders created for it are removed on an error."""
+    missing = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
         yield
     except BaseException:
-        for one in missing:
+        for path in missing:
             with suppress(OSError):
-                one.rmdir()
+                path.rmdir()
         raise
 
 
 @contextmanager
 def _errors_naming(outputs: Mapping[Path, Path]) -> Iterator[None]:
-    """A context in which errors of the system on temporary files name the outputs instead."""
+    """A context in which an OSError about a temporary file names its output instead."""
     try:
         yield
     except OSError as error:
-        if error.errno is None or (output := _meant(error, outputs)) is None:
+        if error.errno is None or (output := _output_of(error, outputs)) is None:
             raise
         raise OSError(error.errno, error.strerror or os.strerror(error.errno), str(output)) from (
             error
         )
 
 
-def _meant(error: OSError, outputs: Mapping[Path, Path]) -> Path | None:
+def _output_of(error: OSError, outputs: Mapping[Path, Path]) -> Path | None:
     """The output that an error concerns; None if it concerns another file."""
     if error.filename is None:
-        # Files are written one after the other: it is the last that was begun.
-        begun = [path for temporary, path in outputs.items() if temporary.exists()]
-        return begun[-1] if begun else next(iter(outputs.values()))
-    named = Path(os.fsdecode(error.filename)) if not isinstance(error.filename, int) else Path()
-    if named in outputs:
-        return outputs[named]
-    beside = [path for temporary, path in outputs.items() if temporary.parent in named.parents]
-    return beside[0] if beside else None
+        # Files are written sequentially: the error concerns the last that was started.
+        started = [path for temporary, path in outputs.items() if temporary.exists()]
+        return started[-1] if started else next(iter(outputs.values()))
+    file = Path(os.fsdecode(error.filename)) if not isinstance(error.filename, int) else Path()
+    if file in outputs:
+        return outputs[file]
+    same_folder = [path for temporary, path in outputs.items() if temporary.parent in file.parents]
+    return same_folder[0] if same_folder else None

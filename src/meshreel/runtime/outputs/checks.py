@@ -1,4 +1,4 @@
-"""Whether outputs may be written, known before any work."""
+"""Checks of output paths before any work is done."""
 
 import os
 from collections.abc import Iterable, Sequence
@@ -9,20 +9,20 @@ from meshreel.runtime.outputs.hidden_folders import hidden_folder
 
 
 def check_output_path(path: Path, *, overwrite: bool, inputs: Iterable[Path] = ()) -> None:
-    """Refuse a path that cannot or must not be written, before any work is done.
+    """Refuse a path that cannot or must not be written.
 
     Parameters
     ----------
     overwrite : bool
-        Whether a file that is there already may be replaced.
+        Whether an existing file may be replaced.
     inputs : iterable of Path
-        Files that the output is made from: they are never replaced.
+        Input files, which are never replaced.
 
     Raises
     ------
     InvalidInputError
-        If the folder does not exist or takes no file, the path is a folder or an input, under
-        whatever name, or a file is there already and `overwrite` is false.
+        If the folder does not exist or is not writable, the path is a folder or an input (also
+        through a link), or the file exists and `overwrite` is false.
     """
     check_output_paths([path], overwrite=overwrite, inputs=inputs)
 
@@ -42,7 +42,7 @@ def check_output_paths(
     overwrite, inputs
         As in `check_output_path`.
     makes_folder : bool, default False
-        Whether a folder that does not exist will be made.
+        Whether a missing folder will be created.
 
     Raises
     ------
@@ -51,27 +51,33 @@ def check_output_paths(
     """
     for folder in dict.fromkeys(path.parent for path in paths):
         check_output_folder(folder, makes_folder=makes_folder)
-    given = {found: file for file in inputs if (found := _identity(file))}
+    input_files = {identity: file for file in inputs if (identity := _identity(file))}
     for path in paths:
-        if given and (identity := _identity(path)) in given:
-            raise InvalidInputError(_is_input(path, given[identity]))
+        if input_files and (identity := _identity(path)) in input_files:
+            same = input_files[identity]
+            alias = "" if path == same else f" {same}, under another name"
+            raise InvalidInputError(
+                f"{path} is the input{alias}, which is never replaced; name another output"
+            )
         check_replaceable(path, overwrite=overwrite)
 
 
 def check_replaceable(path: Path, *, overwrite: bool) -> None:
-    """Refuse a path that holds something that must not be replaced.
+    """Refuse a path whose file must not be replaced.
 
     Raises
     ------
     InvalidInputError
-        If it is a folder or no plain file, or a file is there already and `overwrite` is false.
+        If it is a folder, a device or a pipe, or it exists and `overwrite` is false.
     """
     if path.is_dir():
         raise InvalidInputError(f"{path} is a folder; name a file")
     if not os.path.lexists(path):
         return
     if not overwrite:
-        raise InvalidInputError(f"{path} exists and is kept; use --force (overwrite=True)")
+        raise InvalidInputError(
+            f"{path} already exists; use --force (overwrite=True) to replace it"
+        )
     if path.exists() and not path.is_file():
         raise InvalidInputError(f"{path} is a device or a pipe, not a file; name a file")
 
@@ -79,75 +85,69 @@ def check_replaceable(path: Path, *, overwrite: bool) -> None:
 def check_output_folder(
     folder: Path, *, makes_folder: bool = True, inputs: Iterable[Path] = ()
 ) -> None:
-    """Refuse a folder that takes no files: a file is written there, and removed.
+    """Refuse a folder that is not writable; tested with a temporary folder in it.
 
     Parameters
     ----------
     makes_folder : bool, default True
-        Whether a folder that does not exist will be made.
+        Whether a missing folder will be created.
     inputs : iterable of Path
-        None of them may lie in the folder, whose files will be replaced.
+        Input files, which must not be in the folder, whose files will be replaced.
 
     Raises
     ------
     InvalidInputError
-        If it is a file, does not exist and will not be made, an input lies in it, or nothing can
-        be written into it.
+        If it is a file, is missing and will not be created, contains an input, or is not writable.
     """
-    place = folder
-    while makes_folder and not place.exists() and place != place.parent:
-        place = place.parent
-    if not place.is_dir():
-        if place.exists():
-            raise InvalidInputError(f"{place} is a file; name a folder for the output")
+    existing = folder
+    while makes_folder and not existing.exists() and existing != existing.parent:
+        existing = existing.parent
+    if not existing.is_dir():
+        if existing.exists():
+            raise InvalidInputError(f"{existing} is a file; name a folder for the output")
         raise InvalidInputError(f"the output folder {folder} does not exist; create it first")
     for file in inputs:
         if file.resolve().is_relative_to(folder.resolve()):
             raise InvalidInputError(
-                f"the input {file} lies in {folder}, the folder of the output; name another folder"
+                f"the input {file} is in the output folder {folder}; name another folder"
             )
     try:
-        with hidden_folder(place):
+        with hidden_folder(existing):
             pass
     except OSError as error:
         raise InvalidInputError(
-            f"nothing can be written into the folder {place} ({error.strerror}); name another"
+            f"the folder {existing} is not writable ({error.strerror}); name another folder"
         ) from None
 
 
-def check_ending(path: Path, endings: Sequence[str], advice: str = "") -> str:
-    """The ending of an output in small letters, which is known to be one of those allowed.
+def check_extension(path: Path, extensions: Sequence[str], advice: str = "") -> str:
+    """Return the file extension of an output in lower case, if it is allowed.
 
     Parameters
     ----------
-    endings : sequence of str
-        In small letters, with the dot.
+    extensions : sequence of str
+        Allowed extensions in lower case, with the dot.
     advice : str, optional
-        For other endings: a sentence for the error.
+        A sentence to add to the error.
 
     Raises
     ------
     InvalidInputError
-        If it is another.
+        If it is not allowed.
     """
-    ending = path.suffix.lower()
-    if ending not in endings:
+    extension = path.suffix.lower()
+    if extension not in extensions:
         raise InvalidInputError(
-            f"{path} must end in {', '.join(endings)}; got {path.suffix or 'no ending'}"
+            f"{path} must end in {', '.join(extensions)}; got {path.suffix or 'no extension'}"
             + (f"; {advice}" if advice else "")
         )
-    return ending
+    return extension
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
-    """Device and inode of the file behind a path, through links; None if there is none."""
+    """Device and inode of a file, through links; None if it does not exist."""
     try:
-        facts = path.stat()
+        status = path.stat()
     except OSError:
         return None
-    return facts.st_dev, facts.st_ino
-
-
-def _is_input(path: Path, file: Path) -> str:
-    other = "" if path == file else f" {file}, under another name"
-    return f"{path} is the input{other}, which is never replaced; name another output"
+    return status.st_dev, status.st_ino

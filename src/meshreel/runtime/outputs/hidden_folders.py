@@ -1,4 +1,4 @@
-"""Hidden folders for outputs until they are complete, and those that dead processes left."""
+"""Hidden folders for incomplete outputs, and removal of those of dead processes."""
 
 import hashlib
 import os
@@ -15,54 +15,53 @@ _NAME = re.compile(r"\.meshreel-([0-9a-f]{12})-([0-9]{1,9})-")
 
 
 @contextmanager
-def hidden_folder(place: Path) -> Iterator[Path]:
-    """A new hidden folder in `place`, removed with all its files when the block ends.
+def hidden_folder(parent: Path) -> Iterator[Path]:
+    """A new hidden folder in `parent`, removed with all its files when the block ends.
 
-    Its name says which process made it. If that is killed, `remove_abandoned` finds it.
+    Its name contains the process id, so that `remove_abandoned` can find it if the process dies.
     """
     prefix = f".meshreel-{_machine()}-{os.getpid()}-"
-    made = Path(tempfile.mkdtemp(prefix=prefix, dir=place))
+    folder = Path(tempfile.mkdtemp(prefix=prefix, dir=parent))
     try:
-        yield made
+        yield folder
     finally:
-        shutil.rmtree(made, ignore_errors=True)
+        shutil.rmtree(folder, ignore_errors=True)
 
 
-def remove_abandoned(place: Path) -> None:
-    """Remove hidden folders in `place` whose processes were killed.
+def remove_abandoned(parent: Path) -> None:
+    """Remove hidden folders in `parent` whose processes died, as far as possible.
 
-    Only those that this user's processes made on this machine: whether others live is not known.
-    What cannot be removed stays.
+    Only those of this user and this machine: it is unknown whether other processes are alive.
     """
-    if not hasattr(os, "geteuid"):  # On Windows asking for a process may end it.
+    if not hasattr(os, "geteuid"):  # on Windows os.kill(process, 0) may end the process
         return
-    with suppress(OSError), os.scandir(place) as entries:
+    with suppress(OSError), os.scandir(parent) as entries:
         for entry in entries:
             if _is_abandoned(entry):
                 shutil.rmtree(entry.path, ignore_errors=True)
 
 
 def _is_abandoned(entry: os.DirEntry[str]) -> bool:
-    found = _NAME.match(entry.name)
-    if not found or found[1] != _machine() or _lives(int(found[2])):
+    match = _NAME.match(entry.name)
+    if not match or match[1] != _machine() or _is_alive(int(match[2])):
         return False
-    facts = entry.stat(follow_symlinks=False)
-    return entry.is_dir(follow_symlinks=False) and facts.st_uid == os.geteuid()
+    status = entry.stat(follow_symlinks=False)
+    return entry.is_dir(follow_symlinks=False) and status.st_uid == os.geteuid()
 
 
-def _lives(process: int) -> bool:
+def _is_alive(process: int) -> bool:
     try:
         os.kill(process, 0)
     except ProcessLookupError:
         return False
-    except OSError:  # another user's
+    except OSError:  # a process of another user
         return True
     return True
 
 
 @cache
 def _machine() -> str:
-    """A short hash of this machine's name and of its container, whose process ids count."""
+    """A short hash of the names of this machine and container, which scope process ids."""
     try:
         container = os.stat("/proc/self/ns/pid").st_ino
     except OSError:

@@ -1,1 +1,1 @@
-"""Files that are not on this machine, by their addresses; the extra [remote] brings fsspec."""
+"""Remote files by address; needs fsspec, from the extra [remote]."""

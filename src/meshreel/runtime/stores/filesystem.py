@@ -1,4 +1,4 @@
-"""The store behind an address, and its errors in words."""
+"""The file system of an address, and readable errors of its library."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,29 +9,29 @@ from meshreel.runtime.stores.address import scheme_of
 
 _EXTRA = "pip install 'meshreel[remote]'"
 
-_OF_EXTRA = frozenset({"s3", "s3a", "gs", "gcs", "http", "https"})
-"""Schemes whose libraries the extra brings."""
+_SCHEMES_OF_EXTRA = frozenset({"s3", "s3a", "gs", "gcs", "http", "https"})
+"""Schemes whose libraries the extra installs."""
 
 _CREDENTIALS = {
-    "s3": "set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE; of a public bucket, "
+    "s3": "set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE; for a public bucket, "
     "FSSPEC_S3_ANON=true",
-    "gs": "set GOOGLE_APPLICATION_CREDENTIALS; of a public bucket, FSSPEC_GS_TOKEN=anon",
+    "gs": "set GOOGLE_APPLICATION_CREDENTIALS; for a public bucket, FSSPEC_GS_TOKEN=anon",
 }
-"""What to do where a store wants to know who asks."""
+"""How to set the credentials of a store."""
 
-_REFUSED, _NOT_THERE = (401, 403), 404
+_FORBIDDEN, _NOT_FOUND = (401, 403), 404
 
 
 def filesystem_of(address: str) -> tuple[Any, str]:
     """The fsspec file system of an address, and the path in it.
 
-    Settings such as endpoints are those of fsspec, from its files or from variables such as
+    Settings such as endpoints come from fsspec's configuration files or from variables such as
     ``FSSPEC_S3_ENDPOINT_URL``.
 
     Raises
     ------
     StoreError
-        If fsspec or the library of the scheme is not installed, or there is no such scheme.
+        If fsspec or the library of the scheme is not installed, or the scheme is unknown.
     """
     try:
         from fsspec.core import url_to_fs
@@ -40,48 +40,47 @@ def filesystem_of(address: str) -> tuple[Any, str]:
     try:
         filesystem, path = url_to_fs(address)
     except ImportError as error:
-        advice = f"; {_EXTRA}" if scheme_of(address) in _OF_EXTRA else ""
+        advice = f"; {_EXTRA}" if scheme_of(address) in _SCHEMES_OF_EXTRA else ""
         raise StoreError(f"{address} cannot be reached: {error}{advice}") from None
     except ValueError as error:
         raise StoreError(f"{address} cannot be reached: {error}") from None
-    except Exception as error:  # whatever a library has to say of its settings
-        raise StoreError(_words(address, error)) from None
+    except Exception as error:  # libraries raise many classes for wrong settings
+        raise StoreError(_message(address, error)) from None
     return filesystem, path
 
 
 @contextmanager
 def errors_in_words(address: str) -> Iterator[None]:
-    """Within it, whatever a store's library raises is a `StoreError` that names the address."""
+    """A context in which any error of a store's library becomes a `StoreError` with the address."""
     try:
         yield
     except MeshReelError:
         raise
     except Exception as error:
-        raise StoreError(_words(address, error)) from error
+        raise StoreError(_message(address, error)) from error
 
 
-def _words(address: str, error: Exception) -> str:
-    """The error in a sentence; libraries of stores have many classes, told apart by their names."""
+def _message(address: str, error: Exception) -> str:
+    """The message of an error, by its class name: each library has its own classes."""
     if isinstance(error, FileNotFoundError) and isinstance(error.__cause__, Exception):
-        error = error.__cause__  # fsspec says of every answer of a web server that there is none
+        error = error.__cause__  # fsspec raises FileNotFoundError for every error of a web server
     name, status = type(error).__name__, getattr(error, "status", None)
     is_missing = isinstance(error, FileNotFoundError) or name in ("NoSuchBucket", "NoSuchKey")
-    if is_missing or status == _NOT_THERE:
+    if is_missing or status == _NOT_FOUND:
         return f"there is no {address}; check it"
-    is_refused = isinstance(error, PermissionError) or status in _REFUSED
-    if "Credentials" in name or is_refused:
+    is_forbidden = isinstance(error, PermissionError) or status in _FORBIDDEN
+    if "Credentials" in name or is_forbidden:
         scheme = scheme_of(address)
         family = {"s3a": "s3", "gcs": "gs"}.get(scheme, scheme)
-        advice = _CREDENTIALS.get(family, "it may want a name and a password, or a token")
-        return f"{address} is refused without (other) credentials ({_said(error)}); {advice}"
+        advice = _CREDENTIALS.get(family, "it may need a name and a password, or a token")
+        return f"{address} is refused without (other) credentials ({_one_line(error)}); {advice}"
     if "Payload" in name or "IncompleteRead" in name:
-        return f"the answer for {address} was cut short ({_said(error)}); try again"
+        return f"the answer for {address} was cut short ({_one_line(error)}); try again"
     if isinstance(error, ConnectionError | TimeoutError) or "Connect" in name:
-        return f"{address} cannot be reached ({_said(error)})"
-    return f"{address} failed: {_said(error)}"
+        return f"{address} cannot be reached ({_one_line(error)})"
+    return f"{address} failed: {_one_line(error)}"
 
 
-def _said(error: Exception) -> str:
-    """The error in one short line."""
+def _one_line(error: Exception) -> str:
     text = " ".join(str(error).split())
     return f"{type(error).__name__}: {text[:300]}" if text else type(error).__name__

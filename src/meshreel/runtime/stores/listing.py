@@ -1,4 +1,4 @@
-"""What there is in a store."""
+"""Listing remote folders."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -9,7 +9,7 @@ from meshreel.runtime.stores.filesystem import errors_in_words, filesystem_of
 
 _VERSIONS = ("ETag", "etag", "md5Hash", "LastModified", "last_modified", "mtime", "updated",
              "created")  # fmt: skip
-"""What stores tell of a file that changes with it."""
+"""Keys of file details that change with the file."""
 
 
 @dataclass(frozen=True)
@@ -19,9 +19,9 @@ class RemoteFile:
     Attributes
     ----------
     name : str
-        Its path within the folder that was listed, with slashes.
+        Path relative to the listed folder, with slashes.
     version : str
-        Something that is another when the file has changed, as far as the store tells.
+        A string that changes with the file; empty if the store provides none.
     """
 
     name: str
@@ -31,7 +31,7 @@ class RemoteFile:
 
 
 def files_below(folder: str) -> list[RemoteFile]:
-    """The files in a remote folder and in all below it; none if it is not there.
+    """All files in a remote folder and its subfolders; none if it does not exist.
 
     Raises
     ------
@@ -42,17 +42,22 @@ def files_below(folder: str) -> list[RemoteFile]:
     filesystem, path = filesystem_of(folder)
     with errors_in_words(folder):
         filesystem.invalidate_cache()
-        found = filesystem.find(path, detail=True) if filesystem.exists(path) else {}
-    top = f"{path.rstrip('/')}/"
+        files = filesystem.find(path, detail=True) if filesystem.exists(path) else {}
+    prefix = f"{path.rstrip('/')}/"
     return [
-        RemoteFile(name[len(top) :], address_of(filesystem, name), _size(facts), _version(facts))
-        for name, facts in found.items()
-        if name.startswith(top)
+        RemoteFile(
+            file.removeprefix(prefix),
+            address_of(filesystem, file),
+            int(details.get("size") or 0),
+            next((str(details[key]) for key in _VERSIONS if details.get(key)), ""),
+        )
+        for file, details in files.items()
+        if file.startswith(prefix)
     ]
 
 
 def files_in(folder: str) -> list[str]:
-    """Addresses of the files in a remote folder, but not of those below; none if it is a file.
+    """Addresses of the files directly in a remote folder; none if it is a file.
 
     Raises
     ------
@@ -65,26 +70,20 @@ def files_in(folder: str) -> list[str]:
         filesystem.invalidate_cache()
         if not filesystem.isdir(path):
             return []
-        found = filesystem.ls(path, detail=True)
-        return [address_of(filesystem, one["name"]) for one in found if one["type"] == "file"]
+        entries = filesystem.ls(path, detail=True)
+        return [address_of(filesystem, file["name"]) for file in entries if file["type"] == "file"]
 
 
 def matches(pattern: str) -> list[str]:
-    """Addresses of the remote files that a pattern such as ``s3://bucket/frames/*.obj`` means."""
+    """Addresses of the remote files that match a pattern such as ``s3://bucket/frames/*.obj``."""
     refuse_web(pattern)
     filesystem, path = filesystem_of(pattern)
     with errors_in_words(pattern):
-        return [address_of(filesystem, one) for one in filesystem.glob(path)]
+        return [address_of(filesystem, file) for file in filesystem.glob(path)]
 
 
 def refuse_web(address: str) -> None:
-    """Refuse to list a folder of a web server.
-
-    Raises
-    ------
-    StoreError
-        If it is one.
-    """
+    """Raise `StoreError` for a folder of a web server, which cannot be listed."""
     if is_web(address):
         raise StoreError(f"{address} is on a web server, which lists no folders; name files")
 
@@ -92,11 +91,3 @@ def refuse_web(address: str) -> None:
 def address_of(filesystem: Any, path: str) -> str:
     """The address of a path in a file system."""
     return str(filesystem.unstrip_protocol(path))
-
-
-def _size(facts: dict[str, Any]) -> int:
-    return int(facts.get("size") or 0)
-
-
-def _version(facts: dict[str, Any]) -> str:
-    return next((str(facts[one]) for one in _VERSIONS if facts.get(one)), "")

@@ -1,4 +1,4 @@
-"""A local file whose position is not shared with forked processes."""
+"""Local files whose position is not shared with forked processes."""
 
 import io
 import os
@@ -6,16 +6,16 @@ from typing import BinaryIO, cast
 
 
 class PositionalFile:
-    """A file to read, with a position that no other object shares.
+    """A file to read, with its own position.
 
-    The position of an open file is shared by all processes that inherit it: where one seeks, the
-    next read of another begins. Here each read names its position, so that no process moves that
-    of others. There is no buffer, whose lock a forked child could inherit locked.
+    All processes that inherit an open file share its position: a seek in one moves the others. Here
+    each read passes its position to the system. There is no buffer, because a forked child could
+    inherit its lock in the locked state.
 
     Parameters
     ----------
-    file : binary file that can seek
-        Closed with `close`, and not when this object is deleted: it belongs to the caller.
+    file : seekable binary file
+        Closed by `close`, but not when this object is deleted: it belongs to the caller.
     """
 
     def __init__(self, file: BinaryIO) -> None:
@@ -29,7 +29,7 @@ class PositionalFile:
         return self._file.name
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        """Go to a byte; the end is that of the file when it was opened."""
+        """Move to a byte; `SEEK_END` refers to the size of the file when it was opened."""
         origin = {os.SEEK_SET: 0, os.SEEK_CUR: self._position, os.SEEK_END: self._size_bytes}
         self._position = max(0, origin[whence] + offset)
         return self._position
@@ -39,7 +39,7 @@ class PositionalFile:
         return self._position
 
     def read(self, size: int = -1) -> bytes:
-        """Return this many bytes, fewer only at the end of the file; by default all that follow."""
+        """Return `size` bytes, fewer only at the end of the file; by default all up to the end."""
         end = self._size_bytes if size < 0 else self._position + size
         parts = []
         while self._position < end:
@@ -56,7 +56,7 @@ class PositionalFile:
 
 
 def with_own_position(file: BinaryIO) -> BinaryIO:
-    """Return a `PositionalFile` of a plain file opened to be read; any other file unchanged."""
+    """Return a `PositionalFile` for a plain file, and any other file unchanged."""
     is_plain = isinstance(file, io.FileIO | io.BufferedReader) and isinstance(
         getattr(file, "raw", file), io.FileIO
     )

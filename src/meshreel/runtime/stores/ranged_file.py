@@ -1,4 +1,4 @@
-"""A remote file of which only the bytes are fetched that are read."""
+"""Remote files read by byte ranges."""
 
 import io
 import os
@@ -9,37 +9,37 @@ from meshreel.errors import StoreError
 from meshreel.runtime.stores.filesystem import errors_in_words, filesystem_of
 
 END_BYTES = 1 << 14
-"""Of the beginning and of the end, fetched when the file is opened: header, index, end marker."""
+"""Bytes of the start and the end, fetched when the file is opened: header, index, end marker."""
 
-LEAST_BYTES = 1 << 10
-"""Fetched for a read that nobody announced."""
+MIN_REQUEST_BYTES = 1 << 10
+"""Minimum size of a request for a read without a preceding `fetch`."""
 
-KEPT_BYTES = 1 << 26
-"""Of ranges that stay in memory, the last ones used."""
+CACHE_BYTES = 1 << 26
+"""Size of the cache of recently used ranges."""
 
 
 class RangedFile(io.RawIOBase):
-    """A remote file to read and to seek in; each range that it lacks is one request.
+    """A seekable remote file, which requests each range that is not in its cache.
 
     Attributes
     ----------
     size_bytes : int
     n_requests : int
-        For ranges, so far.
+        Number of requests so far.
     fetched_bytes : int
-        Of their answers.
+        Size of their answers.
 
     Raises
     ------
     StoreError
-        If there is no such file, it cannot be reached, or its server gives no ranges.
+        If the file does not exist or cannot be reached, or its server does not support ranges.
     """
 
     def __init__(self, address: str) -> None:
         super().__init__()
         self.address = address
         self.n_requests = self.fetched_bytes = 0
-        self._kept: OrderedDict[tuple[int, int], bytes] = OrderedDict()
+        self._cache: OrderedDict[tuple[int, int], bytes] = OrderedDict()
         self._position = 0
         self._file: Any = None
         with errors_in_words(address):
@@ -49,47 +49,51 @@ class RangedFile(io.RawIOBase):
         self.fetch(self.size_bytes - END_BYTES, self.size_bytes)
 
     def fetch(self, start: int, stop: int) -> None:
-        """Have the bytes start..stop - 1 at hand, with one request if some of them are missing."""
+        """Cache the bytes start..stop - 1, with one request if any of them are missing."""
         start, stop = max(0, start), min(stop, self.size_bytes)
-        if start < stop and self._covering(start, stop) is None:
-            self._keep(start, self._requested(start, stop))
+        if start >= stop or self._cached_range(start, stop) is not None:
+            return
+        data = self._request(start, stop)
+        self._cache[start, start + len(data)] = data
+        while len(self._cache) > 1 and sum(map(len, self._cache.values())) > CACHE_BYTES:
+            self._cache.popitem(last=False)
 
     def readable(self) -> bool:
-        """Yes."""
+        """Return True."""
         return True
 
     def seekable(self) -> bool:
-        """Yes."""
+        """Return True."""
         return True
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        """Go to a byte; nothing is fetched."""
+        """Move to a byte, without a request."""
         origin = {os.SEEK_SET: 0, os.SEEK_CUR: self._position, os.SEEK_END: self.size_bytes}
         self._position = max(0, origin[whence] + offset)
         return self._position
 
     def tell(self) -> int:
-        """The byte that is read next."""
+        """Return the position of the next read."""
         return self._position
 
     def read(self, size: int = -1) -> bytes:
-        """So many bytes, or all that follow."""
+        """Return `size` bytes, fewer only at the end of the file; by default all up to the end."""
         start = self._position
         stop = self.size_bytes if size < 0 else min(start + size, self.size_bytes)
         if start >= stop:
             return b""
-        if self._covering(start, stop) is None:
-            self.fetch(start, max(stop, start + LEAST_BYTES))
-        found = cast("tuple[int, int]", self._covering(start, stop))
-        self._kept.move_to_end(found)
+        if self._cached_range(start, stop) is None:
+            self.fetch(start, max(stop, start + MIN_REQUEST_BYTES))
+        cached = cast("tuple[int, int]", self._cached_range(start, stop))
+        self._cache.move_to_end(cached)
         self._position = stop
-        return self._kept[found][start - found[0] : stop - found[0]]
+        return self._cache[cached][start - cached[0] : stop - cached[0]]
 
     def close(self) -> None:
-        """Forget all that was fetched."""
+        """Close the file and clear the cache."""
         if not self.closed:
-            self._kept.clear()
-            if self._file is not None:  # of an address that could not be opened
+            self._cache.clear()
+            if self._file is not None:  # None if opening failed
                 self._file.close()
         super().close()
 
@@ -105,44 +109,40 @@ class RangedFile(io.RawIOBase):
         try:
             return int(self._file.seek(0, os.SEEK_END))
         except ValueError:
-            why = "does not say how long the file is"
-            raise StoreError(self._no_ranges(why)) from None
+            raise StoreError(self._no_ranges("does not report the size of the file")) from None
 
-    def _covering(self, start: int, stop: int) -> tuple[int, int] | None:
-        return next((one for one in self._kept if one[0] <= start and stop <= one[1]), None)
+    def _cached_range(self, start: int, stop: int) -> tuple[int, int] | None:
+        return next((span for span in self._cache if span[0] <= start and stop <= span[1]), None)
 
-    def _requested(self, start: int, stop: int) -> bytes:
+    def _request(self, start: int, stop: int) -> bytes:
         self.n_requests += 1
         try:
             with errors_in_words(self.address):
-                if self._process != os.getpid():  # a forked child has no threads of fsspec
+                if self._process != os.getpid():  # a forked child lacks the threads of fsspec
                     self._connect()
                 self._file.seek(start)
                 data = bytes(self._file.read(stop - start))
         except StoreError as error:
-            if isinstance(error.__cause__, ValueError):  # of fsspec, where all comes at once
+            if isinstance(
+                error.__cause__, ValueError
+            ):  # from fsspec, if it received the whole file
                 raise StoreError(self._no_ranges("answers with the whole file")) from None
             raise
         self.fetched_bytes += len(data)
         if len(data) != stop - start:
             raise StoreError(
                 f"the answer for {self.address} was cut short: {len(data)} of {stop - start} bytes "
-                f"from byte {start} on; try again"
+                f"from byte {start}; try again"
             )
         return data
 
-    def _keep(self, start: int, data: bytes) -> None:
-        self._kept[start, start + len(data)] = data
-        while len(self._kept) > 1 and sum(map(len, self._kept.values())) > KEPT_BYTES:
-            self._kept.popitem(last=False)
-
-    def _no_ranges(self, why: str) -> str:
+    def _no_ranges(self, reason: str) -> str:
         return (
-            f"the server of {self.address} gives no ranges of bytes ({why}), so that frames cannot "
-            "be taken one by one; load or decode all of it (meshreel.decode), or download it first"
+            f"the server of {self.address} does not support byte ranges ({reason}), so frames "
+            "cannot be read individually; decode the whole file (meshreel.decode) or download it"
         )
 
 
 def open_ranged(address: str) -> BinaryIO:
-    """A `RangedFile`, as the type that readers of files take."""
+    """Open a `RangedFile`, typed as a binary file."""
     return cast("BinaryIO", RangedFile(address))

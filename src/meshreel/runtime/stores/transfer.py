@@ -1,4 +1,4 @@
-"""Whole files from and to stores."""
+"""Downloads and uploads of whole files."""
 
 import uuid
 from collections.abc import Iterable
@@ -6,35 +6,35 @@ from contextlib import suppress
 from pathlib import Path
 
 from meshreel.errors import InvalidInputError, StoreError
-from meshreel.runtime.stores.address import folder_of, is_web, plain, scheme_of
+from meshreel.runtime.stores.address import folder_of, is_web, scheme_of, without_query
 from meshreel.runtime.stores.filesystem import errors_in_words, filesystem_of
 
-WHOLE_AT_ONCE = frozenset({"s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "memory"})
-"""Schemes of stores whose files appear when they are complete; elsewhere they are renamed."""
+ATOMIC_SCHEMES = frozenset({"s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "memory"})
+"""Schemes of stores whose files appear only when complete; elsewhere uploads are renamed."""
 
 
 def read_whole(address: str) -> bytes:
-    """The bytes of a remote file.
+    """Return the bytes of a remote file.
 
     Raises
     ------
     StoreError
-        If it is not there, cannot be reached or comes cut short.
+        If it does not exist, cannot be reached, or the answer is cut short.
     """
     filesystem, path = filesystem_of(address)
     with errors_in_words(address):
         return bytes(filesystem.cat_file(path))
 
 
-def download(address: str, place: Path) -> None:
-    """Copy a remote file to a place on this machine; raises as `read_whole`."""
+def download(address: str, file: Path) -> None:
+    """Copy a remote file to a local path; raises as `read_whole`."""
     filesystem, path = filesystem_of(address)
     with errors_in_words(address):
-        filesystem.get_file(path, str(place))
+        filesystem.get_file(path, str(file))
 
 
 def exists(address: str) -> bool:
-    """Whether there is a file or a folder; raises `StoreError` if that cannot be known."""
+    """Whether a file or folder exists; raises `StoreError` if the store fails."""
     filesystem, path = filesystem_of(address)
     with errors_in_words(address):
         filesystem.invalidate_cache()
@@ -42,65 +42,68 @@ def exists(address: str) -> bool:
 
 
 def check_outputs(addresses: Iterable[str], *, overwrite: bool) -> None:
-    """Refuse remote files that cannot be or must not be written, before any work is done.
+    """Refuse remote files that cannot or must not be written, before any work is done.
 
     Raises
     ------
     InvalidInputError
-        If a file is there already and `overwrite` is false.
+        If a file exists and `overwrite` is false.
     StoreError
-        If nothing can be written there, or that cannot be known.
+        If the location is not writable, or the store fails.
     """
     for address in addresses:
         if is_web(address):
             raise StoreError(
                 f"{address} is on a web server, which takes no files; write to s3://, gs:// or a "
-                "file of this machine"
+                "local file"
             )
-        root = "/".join(plain(address).split("/")[:3])
+        root = "/".join(without_query(address).split("/")[:3])
         if scheme_of(address) in ("s3", "s3a", "gs", "gcs") and not exists(root):
             raise StoreError(f"there is no bucket {root}; create it first")
         if not overwrite and exists(address):
-            raise InvalidInputError(f"{address} exists and is kept; use --force (overwrite=True)")
+            raise InvalidInputError(
+                f"{address} already exists; use --force (overwrite=True) to replace it"
+            )
 
 
 def upload_all(files: dict[Path, str], *, overwrite: bool) -> None:
-    """Copy files to their addresses; if one fails, those before it that are new go again.
+    """Copy local files to their addresses; if one fails, remove the new files before it.
 
-    Each appears whole: in stores that show files when they are complete as it is, elsewhere under
-    a hidden name that is changed at the end.
+    Each file appears only when complete: if the store itself does not ensure that, it is uploaded
+    under a hidden name and then renamed.
 
     Raises
     ------
     InvalidInputError, StoreError
-        As `check_outputs`, which is asked once more.
+        As `check_outputs`, which is called again.
     """
     check_outputs(files.values(), overwrite=overwrite)
-    fresh = [address for address in files.values() if not (overwrite and exists(address))]
-    done: list[str] = []
+    new = [address for address in files.values() if not (overwrite and exists(address))]
+    uploaded: list[str] = []
     try:
-        for place, address in files.items():
-            _upload(place, address)
-            done.append(address)
+        for file, address in files.items():
+            _upload(file, address)
+            uploaded.append(address)
     except BaseException:
-        for address in (one for one in done if one in fresh):
-            with suppress(Exception):
-                filesystem, path = filesystem_of(address)
-                filesystem.rm_file(path)
+        for address in uploaded:
+            if address in new:
+                with suppress(Exception):
+                    filesystem, path = filesystem_of(address)
+                    filesystem.rm_file(path)
         raise
 
 
-def _upload(place: Path, address: str) -> None:
+def _upload(file: Path, address: str) -> None:
     filesystem, path = filesystem_of(address)
     with errors_in_words(address):
-        if scheme_of(address) in WHOLE_AT_ONCE:
-            filesystem.put_file(str(place), path)
+        if scheme_of(address) in ATOMIC_SCHEMES:
+            filesystem.put_file(str(file), path)
             return
         folder, _, name = path.rpartition("/")
         filesystem.makedirs(folder, exist_ok=True)
         hidden = f"{folder}/.meshreel-{uuid.uuid4().hex[:12]}-{name}"
         try:
-            filesystem.put_file(str(place), hidden)
+            filesystem.put_file(str(file), hidden)
             filesystem.mv(hidden, path)
         except BaseException:
             with suppress(Exception):
@@ -108,6 +111,6 @@ def _upload(place: Path, address: str) -> None:
             raise
 
 
-def beside(address: str, name: str) -> str:
-    """The address of a file in the same folder, or below it."""
+def sibling(address: str, name: str) -> str:
+    """The address of a file in the same folder, or in a subfolder, by its relative path."""
     return f"{folder_of(address)}/{name}"

@@ -298,7 +298,7 @@ def check_deaths(inputs, out, engine, monkeypatch):
     report = run_batch(plan_batch(inputs, out, OPTIONS), engine)
     assert set(report.encoded) == {"walk.npz", "a/cloth", "dies_once.npz"}
     assert set(report.failed) == {"deadly.npz"}
-    assert "died of it" in report.failed["deadly.npz"].error
+    assert "died during this call" in report.failed["deadly.npz"].error
     assert files(out) == {MANIFEST_NAME, REPORT_NAME, "walk.reel", "a/cloth.reel", "dies_once.reel"}
 
 
@@ -392,7 +392,7 @@ class TightWorkers(InlineWorkers):
 
 @pytest.mark.parametrize(
     ("error", "shares"),
-    [(MemoryError(), [1 / 4, 1 / 16]), (WorkerDiedError("died of it"), [1 / 16])],
+    [(MemoryError(), [1 / 4, 1 / 16]), (WorkerDiedError("died during this call"), [1 / 16])],
 )
 def test_input_is_tried_in_smaller_blocks_elsewhere_when_memory_ran_out(inputs, out, error, shares):
     meshreel.save(waving_grid(40), inputs / "walk.npz", overwrite=True)

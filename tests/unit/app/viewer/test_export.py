@@ -67,7 +67,7 @@ def test_original_is_in_the_order_of_the_file_when_that_was_dropped(tmp_path):
 def test_a_file_is_kept_when_it_is_there_already(tmp_path):
     (tmp_path / "p.html").write_text("mine")
     with opened_api(waving_grid(2)) as api:
-        with pytest.raises(InvalidInputError, match="exists and is kept"):
+        with pytest.raises(InvalidInputError, match="already exists"):
             export_page(api, tmp_path / "p.html", page=PAGE)
         assert (tmp_path / "p.html").read_text() == "mine"
         export_page(api, tmp_path / "p.html", page=PAGE, overwrite=True)

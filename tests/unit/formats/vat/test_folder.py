@@ -29,7 +29,7 @@ def test_files_are_named_after_the_folder(tmp_path, layout, output):
 def test_existing_files_are_replaced_only_with_overwrite(tmp_path):
     meshreel.save(waving_grid(), tmp_path / "walk.vat")
     before = {one: one.read_bytes() for one in (tmp_path / "walk.vat").iterdir()}
-    with pytest.raises(InvalidInputError, match="exists and is kept"):
+    with pytest.raises(InvalidInputError, match="already exists"):
         meshreel.save(waving_grid(3), tmp_path / "walk.vat")
     assert {one: one.read_bytes() for one in (tmp_path / "walk.vat").iterdir()} == before
     meshreel.save(waving_grid(3), tmp_path / "walk.vat", overwrite=True)

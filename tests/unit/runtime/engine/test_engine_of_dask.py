@@ -90,7 +90,7 @@ def test_map_in_order_recovers_when_a_worker_is_killed_from_outside(engine):
 
 
 def test_call_is_given_up_when_it_kills_its_workers(engine):
-    with pytest.raises(WorkerDiedError, match="2 Dask workers died of it"):
+    with pytest.raises(WorkerDiedError, match="2 Dask workers died during this call"):
         engine.submit(die_always).result(120)
     assert engine.submit(square, 5).result(60) == 25
 
@@ -118,7 +118,7 @@ def test_engine_is_left_at_once_when_calls_still_run_and_wait(cluster):
 
 
 def test_engine_is_refused_when_no_scheduler_answers(monkeypatch):
-    monkeypatch.setattr("meshreel.runtime.engine.dask_cluster.CONNECT_S", 0.5)
+    monkeypatch.setattr("meshreel.runtime.engine.dask_cluster.CONNECT_TIMEOUT_S", 0.5)
     with pytest.raises(InvalidInputError, match="no Dask scheduler answers at 'tcp://127"):
         open_engine(scheduler="tcp://127.0.0.1:9")
 
@@ -144,8 +144,8 @@ def test_calls_fail_instead_of_hanging_when_the_scheduler_goes():
 @pytest.fixture
 def words(monkeypatch, caplog):
     """What is logged while calls wait, which is soon and often here."""
-    monkeypatch.setattr("meshreel.runtime.engine.worker_watch.LOOK_EVERY_S", 0.05)
-    monkeypatch.setattr("meshreel.runtime.engine.worker_watch.FIRST_WORD_S", 0.2)
+    monkeypatch.setattr("meshreel.runtime.engine.worker_watch.POLL_S", 0.05)
+    monkeypatch.setattr("meshreel.runtime.engine.worker_watch.FIRST_WARNING_S", 0.2)
     return caplog
 
 
@@ -163,7 +163,7 @@ def test_calls_fail_in_words_when_there_are_no_workers_for_too_long(empty_cluste
                 outcome.result(60)
     waiting = [record.message for record in words.records if "3 calls wait" in record.message]
     assert empty_cluster.scheduler_address in waiting[0]
-    assert "Ctrl-C stops; after 1 s they are given up" in waiting[0]
+    assert "Ctrl-C stops; after 1 s they are abandoned" in waiting[0]
 
 
 def test_further_calls_fail_at_once_when_waiting_was_given_up(empty_cluster, words):
@@ -221,5 +221,5 @@ def test_engine_is_refused_when_the_longest_wait_is_no_time(seconds):
 
 
 def test_engine_is_refused_when_a_longest_wait_is_given_without_a_scheduler():
-    with pytest.raises(InvalidInputError, match="max_wait_s is of a scheduler"):
+    with pytest.raises(InvalidInputError, match="max_wait_s needs a scheduler"):
         open_engine(2, max_wait_s=10)

@@ -145,7 +145,7 @@ def test_as_completed_gives_the_first_that_ends_first(engine):
 
 
 def test_call_is_given_up_when_it_killed_two_workers(engine):
-    with pytest.raises(WorkerDiedError, match=r"2 worker processes died of it.*SIGKILL"):
+    with pytest.raises(WorkerDiedError, match=r"2 worker processes died during this call.*SIGKILL"):
         engine.submit(die_always).result(60)
     assert engine.submit(square, 5).result(60) == 25
 
@@ -201,7 +201,7 @@ def test_processes_end_when_the_engine_is_closed():
 
 @pytest.mark.slow
 def test_process_is_killed_when_it_does_not_end_by_itself(monkeypatch):
-    monkeypatch.setattr("meshreel.runtime.engine.processes.END_S", 0.2)
+    monkeypatch.setattr("meshreel.runtime.engine.processes.EXIT_TIMEOUT_S", 0.2)
     with open_engine(1) as engine:
         process = engine.submit(process_id).result(60)
         os.kill(process, signal.SIGSTOP)
@@ -243,7 +243,7 @@ def test_engine_is_refused_when_it_has_no_workers(n_workers):
 
 
 def test_engine_is_refused_when_workers_and_a_scheduler_are_named():
-    with pytest.raises(InvalidInputError, match="give one"):
+    with pytest.raises(InvalidInputError, match="cannot be combined"):
         open_engine(2, scheduler="tcp://127.0.0.1:8786")
 
 

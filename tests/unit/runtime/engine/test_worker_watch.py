@@ -19,7 +19,7 @@ class Cluster:
 
     def pass_time(self, start, stop):
         for second in range(start, stop):
-            self.watch.look(float(second))
+            self.watch.poll(float(second))
 
 
 @pytest.fixture
@@ -40,7 +40,8 @@ def test_first_word_says_how_long_what_waits_and_what_to_do(said):
     [word] = said()
     assert word == (
         f"the Dask cluster at {ADDRESS} has had no workers for 15 s; 4 calls wait. "
-        f"'dask worker {ADDRESS}' starts a worker. Ctrl-C stops; after 60 minutes they are given up"
+        f"'dask worker {ADDRESS}' starts a worker. Ctrl-C stops; after 60 minutes they are "
+        "abandoned"
     )
 
 
@@ -95,7 +96,7 @@ def test_further_calls_are_refused_until_there_are_workers():
     ("count", "words"),
     [
         (WorkerCount(0, n_paused=2), "no workers but 2 paused (their memory is nearly full)"),
-        (WorkerCount(0, answers=False), "has not answered for 15 s"),
+        (WorkerCount(0, is_reachable=False), "has not answered for 15 s"),
     ],
 )  # fmt: skip
 def test_word_says_what_is_wrong_when_it_is_not_that_workers_are_missing(said, count, words):
@@ -106,7 +107,7 @@ def test_word_says_what_is_wrong_when_it_is_not_that_workers_are_missing(said, c
 
 
 def test_watch_looks_by_itself_until_it_is_closed(monkeypatch):
-    monkeypatch.setattr(worker_watch, "LOOK_EVERY_S", 0.01)
+    monkeypatch.setattr(worker_watch, "POLL_S", 0.01)
     cluster = Cluster(max_wait_s=0.05)
     cluster.watch.start()
     cluster.watch._thread.join(0.5)

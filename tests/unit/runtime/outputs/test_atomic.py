@@ -35,7 +35,7 @@ def test_replace_leaves_the_old_file_alone_when_the_block_fails(tmp_path):
 def test_replace_refuses_when_the_file_exists(tmp_path):
     path = tmp_path / "a.bin"
     path.write_bytes(b"old")
-    with pytest.raises(InvalidInputError, match="exists and is kept"), replace_when_done(path):
+    with pytest.raises(InvalidInputError, match="already exists"), replace_when_done(path):
         pass
 
 
@@ -62,7 +62,7 @@ def test_replace_keeps_a_file_that_came_meanwhile_when_it_may_not_replace_it(tmp
             temporary.write_bytes(b"late")
             path.write_bytes(b"first")
 
-    with pytest.raises(InvalidInputError, match="exists and is kept"):
+    with pytest.raises(InvalidInputError, match="already exists"):
         write_late()
     assert path.read_bytes() == b"first"
     assert list(tmp_path.iterdir()) == [path]

@@ -56,7 +56,9 @@ def test_encode_and_compare_take_addresses(memory, walk):
 
 def test_output_in_a_store_is_kept_unless_it_may_be_replaced(memory, walk):
     memory.pipe("/bucket/walk.npz", b"mine")
-    with pytest.raises(meshreel.InvalidInputError, match=r"memory://bucket/walk\.npz exists"):
+    with pytest.raises(
+        meshreel.InvalidInputError, match=r"memory://bucket/walk\.npz already exists"
+    ):
         meshreel.save(walk, "memory://bucket/walk.npz")
     assert memory.cat("/bucket/walk.npz") == b"mine"
     meshreel.save(walk, "memory://bucket/walk.npz", overwrite=True)
@@ -87,7 +89,7 @@ def test_frames_of_a_folder_come_in_natural_order(memory, walk):
 
 def test_frames_are_uploaded_all_or_none(memory, walk):
     memory.pipe("/bucket/f_3.obj", b"mine")
-    with pytest.raises(meshreel.InvalidInputError, match=r"f_3\.obj exists"):
+    with pytest.raises(meshreel.InvalidInputError, match=r"f_3\.obj already exists"):
         meshreel.save(walk, "memory://bucket/f_%d.obj")
     assert names(memory) == ["/bucket/f_3.obj"]
 
@@ -217,7 +219,7 @@ def test_commands_keep_what_is_there(memory, walk):
     meshreel.save(walk, "memory://bucket/walk.npz")
     memory.pipe("/bucket/walk.reel", b"mine")
     done = run("encode", "memory://bucket/walk.npz", "-o", "memory://bucket/walk.reel")
-    assert_fails(done, "memory://bucket/walk.reel exists", "--force")
+    assert_fails(done, "memory://bucket/walk.reel already exists", "--force")
     assert memory.cat("/bucket/walk.reel") == b"mine"
 
 

@@ -6,7 +6,7 @@ import fsspec
 import numpy as np
 import pytest
 
-from meshreel.runtime.stores.ranged_file import END_BYTES, LEAST_BYTES, RangedFile
+from meshreel.runtime.stores.ranged_file import END_BYTES, MIN_REQUEST_BYTES, RangedFile
 
 DATA = np.random.default_rng(5).bytes(200_000)
 FIRST, SECOND, THIRD = (20_000, 30_000), (60_000, 70_000), (100_000, 110_000)
@@ -42,12 +42,12 @@ def test_a_range_is_fetched_once_and_no_more_of_it_than_was_announced(address):
     assert (file.n_requests, file.fetched_bytes) == (3, 2 * END_BYTES + 10_000)
     assert requests_of(file, FIRST[0], FIRST[1]) == 0
     assert requests_of(file, FIRST[1] - 1, FIRST[1] + 1) == 1
-    assert requests_of(file, FIRST[1], FIRST[1] - 1 + LEAST_BYTES) == 0
+    assert requests_of(file, FIRST[1], FIRST[1] - 1 + MIN_REQUEST_BYTES) == 0
     assert requests_of(file, FIRST[0] - 1, FIRST[0]) == 1
 
 
 def test_the_range_that_was_not_used_for_longest_is_forgotten_first(address, monkeypatch):
-    monkeypatch.setattr("meshreel.runtime.stores.ranged_file.KEPT_BYTES", 2 * END_BYTES + 20_000)
+    monkeypatch.setattr("meshreel.runtime.stores.ranged_file.CACHE_BYTES", 2 * END_BYTES + 20_000)
     file = RangedFile(address)
     file.fetch(*FIRST)
     file.fetch(*SECOND)  # all together just fit
@@ -60,7 +60,7 @@ def test_the_range_that_was_not_used_for_longest_is_forgotten_first(address, mon
 
 
 def test_a_range_is_kept_when_it_is_larger_than_all_that_may_be_kept(address, monkeypatch):
-    monkeypatch.setattr("meshreel.runtime.stores.ranged_file.KEPT_BYTES", 100)
+    monkeypatch.setattr("meshreel.runtime.stores.ranged_file.CACHE_BYTES", 100)
     file = RangedFile(address)
     assert requests_of(file, *FIRST) == 1
     assert requests_of(file, *FIRST) == 0
@@ -84,4 +84,4 @@ def test_nothing_is_kept_open_when_a_file_is_closed(address, monkeypatch):
     monkeypatch.setattr(file._file, "close", lambda: closed.append(True))
     for _ in range(2):
         file.close()
-        assert (file.closed, closed, len(file._kept)) == (True, [True], 0)
+        assert (file.closed, closed, len(file._cache)) == (True, [True], 0)

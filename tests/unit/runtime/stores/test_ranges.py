@@ -5,7 +5,7 @@ import pytest
 
 import meshreel
 from meshreel.codec.joining import join_streams
-from meshreel.runtime.stores.ranged_file import END_BYTES, LEAST_BYTES
+from meshreel.runtime.stores.ranged_file import END_BYTES, MIN_REQUEST_BYTES
 from samples.meshes import waving_grid
 from samples.streams import Stream
 
@@ -94,7 +94,7 @@ def test_info_is_that_of_the_file_from_a_few_of_its_bytes(web, reel):
     found = meshreel.info(reel)
     assert found == meshreel.info((web.folder / "walk.reel").read_bytes())
     size_bytes = (web.folder / "walk.reel").stat().st_size
-    assert web.sent_bytes < 2 * END_BYTES + 2 * LEAST_BYTES * (N_FRAMES // BLOCK) * 4
+    assert web.sent_bytes < 2 * END_BYTES + 2 * MIN_REQUEST_BYTES * (N_FRAMES // BLOCK) * 4
     assert web.sent_bytes < size_bytes / 3
 
 
@@ -120,8 +120,8 @@ def test_a_damaged_block_is_found_when_it_is_asked_for(web, reel, groups):
 @pytest.mark.parametrize(
     ("fault", "words"),
     [
-        ("no ranges", "gives no ranges of bytes"),
-        ("no length", "gives no ranges of bytes"),
+        ("no ranges", "does not support byte ranges"),
+        ("no length", "does not support byte ranges"),
         ("short", "was cut short"),
         ("cut", "was cut short"),
         ("refuse", "credentials"),

@@ -31,7 +31,7 @@ from meshreel.errors import InvalidInputError, SolverError
 from meshreel.metrics.rate import rate_bpvf
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress
-from meshreel.runtime.threads import one_ahead
+from meshreel.runtime.threads import prefetch
 
 LARGEST_ERROR_STEP = 0.1
 """Coarsest step that is tried to meet an error, in sizes of the model."""
@@ -226,7 +226,7 @@ class WholeSequence:
         else:
             blocks = self._coded(coder)
             if self._is_cut:  # integers of a block are found while those before become bytes
-                blocks = one_ahead(blocks)
+                blocks = prefetch(blocks)
         coded = [(n_frames, list(sections)) for n_frames, sections in self._told(blocks)]
         return self._source.stream(leading, coded)
 
