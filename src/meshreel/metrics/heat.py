@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.errors import InvalidInputError
-from meshreel.metrics.edge_neighbourhoods import EdgeNeighbourhoods
+from meshreel.metrics.edge_neighborhoods import EdgeNeighborhoods
 from meshreel.metrics.normals import DEGENERATE_AREA, face_angles_deg
 from meshreel.metrics.reference import paired_frames, shared_reference
 from meshreel.metrics.sted import relative_edge_errors
@@ -139,7 +139,7 @@ class LocalSted:
 
     def __init__(self, faces: Faces, n_verts: int) -> None:
         self._edges = undirected_edges(faces)
-        self._neighbourhoods = EdgeNeighbourhoods(self._edges, n_verts)
+        self._neighborhoods = EdgeNeighborhoods(self._edges, n_verts)
 
     @np.errstate(over="ignore", invalid="ignore")
     def field(self, original: Frame, decoded: Frame) -> Floats:
@@ -157,5 +157,5 @@ class LocalSted:
         reference = shared_reference(original[np.newaxis], decoded[np.newaxis])
         pairs = paired_frames(original[np.newaxis], decoded[np.newaxis], reference)
         lengths, errors = relative_edge_errors(*next(pairs), self._edges)
-        deviations, _ = self._neighbourhoods.weighted_deviation(lengths, errors)
+        deviations, _ = self._neighborhoods.weighted_deviation(lengths, errors)
         return deviations

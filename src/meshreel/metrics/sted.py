@@ -7,7 +7,7 @@ import numpy as np
 
 from meshreel.arrays import Floats, Integers
 from meshreel.metrics.diameter import diameter
-from meshreel.metrics.edge_neighbourhoods import EdgeNeighbourhoods
+from meshreel.metrics.edge_neighborhoods import EdgeNeighborhoods
 from meshreel.metrics.reference import (
     Reference,
     bounding_box_reference,
@@ -53,7 +53,7 @@ def sted(original: Vertices, decoded: Vertices, faces: Faces) -> Sted:
     Spatial part: every edge of every frame has the signed relative error ``(l - l^) / l``; each
     vertex takes their standard deviation, weighted by l, over all edges that touch it or one
     of its 1-ring neighbours; S is the mean over vertices and frames. Edges of zero original
-    length weigh nothing, and neighbourhoods of zero length (isolated vertices) are left out.
+    length weigh nothing, and neighborhoods of zero length (isolated vertices) are left out.
 
     Temporal part: with lengths in units of D, the largest distance between two vertices of the
     original frame 0, a vertex moves ``s = sqrt(|p_f - p_(f-1)|^2 + dt^2)``; T is the mean over
@@ -83,12 +83,12 @@ def sted(original: Vertices, decoded: Vertices, faces: Faces) -> Sted:
 def _spatial_error(
     original: Vertices, decoded: Vertices, edges: Integers, reference: Reference
 ) -> float:
-    neighbourhoods = EdgeNeighbourhoods(edges, original.shape[1])
+    neighborhoods = EdgeNeighborhoods(edges, original.shape[1])
     total, n_measured = 0.0, 0
     for frame, displacement in paired_frames(original, decoded, reference):
         lengths, errors = relative_edge_errors(frame, displacement, edges)
-        deviations, weights = neighbourhoods.weighted_deviation(lengths, errors)
-        total += float(deviations.sum())  # 0 where the neighbourhood has no length
+        deviations, weights = neighborhoods.weighted_deviation(lengths, errors)
+        total += float(deviations.sum())  # 0 where the neighborhood has no length
         n_measured += int(np.count_nonzero(weights))
     if math.isnan(total):  # a decoded edge too long for float64
         return math.inf

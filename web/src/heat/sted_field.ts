@@ -1,5 +1,5 @@
 // Local STED: the length-weighted standard deviation of the relative errors of all edges that touch a
-// vertex or one of its neighbors, as in meshreel.metrics.edge_neighbourhoods.
+// vertex or one of its neighbors, as in meshreel.metrics.edge_neighborhoods.
 
 import { uniqueEdges } from "../edges";
 

@@ -1,4 +1,4 @@
-"""Statistics of edge values over the neighbourhood of every vertex, as STED defines it."""
+"""Statistics of edge values over the neighborhood of every vertex, as STED defines it."""
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -6,10 +6,10 @@ from scipy.sparse import coo_array
 from meshreel.arrays import Floats, Integers
 
 
-class EdgeNeighbourhoods:
+class EdgeNeighborhoods:
     """The edges that touch a vertex or one of its 1-ring neighbours, for every vertex.
 
-    The neighbourhood of v is never listed edge by edge, for that would take V^2 entries beside
+    The neighborhood of v is never listed edge by edge, for that would take V^2 entries beside
     a hub that all vertices share. It is put together from the stars (edges at a vertex) of all
     vertices in the closed ring of v, which counts an edge twice if both its ends are in that
     ring, less these inner edges once.
@@ -37,7 +37,7 @@ class EdgeNeighbourhoods:
         )
 
     def weighted_deviation(self, weights: Floats, values: Floats) -> tuple[Floats, Floats]:
-        """Weighted standard deviation over each neighbourhood, and the total weight in it.
+        """Weighted standard deviation over each neighborhood, and the total weight in it.
 
         Squares are taken about the weighted means, and merged as in Chan, Golub and LeVeque's
         parallel variance, so that a common offset of the values costs no digits.

@@ -1,22 +1,22 @@
 import numpy as np
 import pytest
 
-from meshreel.metrics.edge_neighbourhoods import EdgeNeighbourhoods
+from meshreel.metrics.edge_neighborhoods import EdgeNeighborhoods
 
 # A path 0-1-2-3-4 with edges a, b, c, d and an isolated vertex 5.
 # Edges that touch a vertex or its neighbours: 0: ab, 1: abc, 2: abcd, 3: bcd, 4: cd, 5: none.
-PATH = EdgeNeighbourhoods(np.array([[0, 1], [1, 2], [2, 3], [3, 4]]), 6)
+PATH = EdgeNeighborhoods(np.array([[0, 1], [1, 2], [2, 3], [3, 4]]), 6)
 
 
-def test_neighbourhood_holds_the_edges_of_the_ring_when_the_mesh_is_a_path():
+def test_neighborhood_holds_the_edges_of_the_ring_when_the_mesh_is_a_path():
     _, total = PATH.weighted_deviation(np.array([1.0, 10, 100, 1000]), np.zeros(4))
     assert total.tolist() == [11, 111, 1111, 1110, 1100, 0]
 
 
-def test_neighbourhood_counts_each_edge_once_when_triangles_share_it():
+def test_neighborhood_counts_each_edge_once_when_triangles_share_it():
     # Tetrahedron plus a tail 3-4: every vertex but 4 sees all 7 edges, 4 the 4 edges at 3 or 4.
     edges = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3], [3, 4]])
-    _, total = EdgeNeighbourhoods(edges, 5).weighted_deviation(np.ones(7), np.zeros(7))
+    _, total = EdgeNeighborhoods(edges, 5).weighted_deviation(np.ones(7), np.zeros(7))
     assert total.tolist() == [7, 7, 7, 7, 4]
 
 
@@ -36,10 +36,10 @@ def test_deviation_keeps_its_digits_when_values_share_a_large_offset(rng):
     # Whole numbers up to 2^40 are exact; a formula of raw squares would lose all digits here.
     edges = np.unique(np.sort(rng.integers(0, 20, (60, 2)), axis=1), axis=0)
     edges = edges[edges[:, 0] != edges[:, 1]]
-    neighbourhoods = EdgeNeighbourhoods(edges, 20)
+    neighborhoods = EdgeNeighborhoods(edges, 20)
     weights, values = rng.uniform(1, 2, len(edges)), rng.integers(0, 9, len(edges)).astype(float)
-    near, _ = neighbourhoods.weighted_deviation(weights, values)
-    far, _ = neighbourhoods.weighted_deviation(weights, values + 2.0**20)
+    near, _ = neighborhoods.weighted_deviation(weights, values)
+    far, _ = neighborhoods.weighted_deviation(weights, values + 2.0**20)
     np.testing.assert_allclose(far, near, rtol=1e-9)
 
 
@@ -51,14 +51,14 @@ def test_deviation_matches_lists_of_edges_when_a_hub_joins_all_vertices(rng):
         [np.column_stack([0 * rim, rim]), np.column_stack([rim[:-1], rim[1:]]), [[1, 3000]]]
     )
     weights, values = rng.uniform(size=len(edges)), rng.normal(size=len(edges))
-    deviation, _ = EdgeNeighbourhoods(edges, 3001).weighted_deviation(weights, values)
+    deviation, _ = EdgeNeighborhoods(edges, 3001).weighted_deviation(weights, values)
     for vertex, seen in ((0, range(6000)), (10, [*range(3000), 3007, 3008, 3009, 3010])):
         mean = np.average(values[seen], weights=weights[seen])
         variance = np.average((values[seen] - mean) ** 2, weights=weights[seen])
         assert deviation[vertex] == pytest.approx(np.sqrt(variance), rel=1e-12)
 
 
-def test_neighbourhoods_are_empty_when_there_is_no_edge():
-    empty = EdgeNeighbourhoods(np.zeros((0, 2), np.int64), 3)
+def test_neighborhoods_are_empty_when_there_is_no_edge():
+    empty = EdgeNeighborhoods(np.zeros((0, 2), np.int64), 3)
     deviation, total = empty.weighted_deviation(np.zeros(0), np.zeros(0))
     assert deviation.tolist() == total.tolist() == [0, 0, 0]
