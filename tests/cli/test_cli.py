@@ -339,7 +339,7 @@ def test_compare_says_so_when_the_axes_were_turned(grid, tmp_path):
     sequence = meshreel.load(grid)
     turned = sequence.vertices[..., [0, 2, 1]] * np.float32([1, -1, 1])
     meshreel.save(replace(sequence, vertices=turned), tmp_path / "turned.npz")
-    words = "its x, y, z are x, -z, y of the original (y upwards was turned to z upwards)"
+    words = "its x, y, z are x, -z, y of the original (y-up to z-up)"
     assert words in " ".join(run("compare", grid, tmp_path / "turned.npz").stderr.split())
     [note] = run_json("compare", grid, tmp_path / "turned.npz")["notes"]
     assert words in note

@@ -1,1 +1,1 @@
-"""How far a decoded sequence is from its original, and what it costs in bits."""
+"""Errors and bit rates of decoded sequences."""

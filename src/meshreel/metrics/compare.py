@@ -1,4 +1,4 @@
-"""Compare: every quality figure of a decoded sequence against its original."""
+"""All quality metrics of a decoded sequence against its original."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -21,13 +21,13 @@ from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Progress, silent
 
 REST_PERCENT = 0.001
-"""Vertices rest where they move by less from one frame to the next, in percent of the mean
-diagonal of the frames: a tenth of the quantization step of the default quality."""
+"""A vertex rests if it moves less than this between frames, in percent of the mean diagonal of the
+frames: a tenth of the quantization step at the default quality."""
 
 
 @dataclass(frozen=True, eq=False)
 class Quality:
-    """How far a decoded sequence is from its original; every error is 0 if they are equal.
+    """Errors of a decoded sequence; all are 0 if it equals its original.
 
     Attributes
     ----------
@@ -38,12 +38,12 @@ class Quality:
         Vertex displacement in percent of `diagonal`.
     normal_angle_mean_deg, normal_angle_p95_deg : float
     n_degenerate_face_frames : int
-        Faces without a normal, counted in each frame; the angles leave them out.
+        Faces without a normal, summed over the frames; excluded from the angles.
     n_rest_pairs : int
         Pairs of vertex and frame at which the original rests; see `rest_motion`.
     rest_motion_median_percent, rest_motion_p99_percent : float
-        How far the decoded vertices of these pairs move from the frame before, in percent of the
-        mean diagonal of single frames: median and 99th percentile, 0 if nothing rests.
+        Median and 99th percentile of the decoded motion of these pairs since the previous frame,
+        in percent of the mean diagonal of single frames; 0 if nothing rests.
     n_frames, n_verts : int
     diagonal : float
         Diagonal of the bounding box of the whole original sequence, in model units.
@@ -83,7 +83,7 @@ class Quality:
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """Every figure by name in plain Python types; `nmsve` as a list, `nmsve_mean` added."""
+        """All metrics by name in plain Python types, with `nmsve_mean` and `nmsve` as a list."""
         tracks = {name: errors.as_dict() for name, errors in self.tracks.items()}
         lists = {"nmsve": self.nmsve.tolist(), "tracks": tracks}
         return {**vars(self), **lists, "nmsve_mean": self.nmsve_mean}
@@ -92,13 +92,13 @@ class Quality:
 def compare(
     original: MeshSequence, decoded: MeshSequence, *, progress: Progress = silent
 ) -> Quality:
-    """Every quality figure of a decoded sequence, computed in float64.
+    """All quality metrics of a decoded sequence, computed in float64.
 
     Parameters
     ----------
     original, decoded : MeshSequence
-        Of equal frame and vertex counts, with the same oriented triangles; their order, and the
-        vertex at which each begins, may differ.
+        With equal frame and vertex counts and the same oriented triangles; the order of triangles
+        and the first vertex of each may differ.
     progress : callable, optional
         Called as ``progress("comparing", fraction)``.
 
@@ -150,11 +150,11 @@ def require_comparable(original: FrameSource, decoded: FrameSource) -> None:
         Naming both counts, or the first face of the original that the decoded lacks.
     """
     for name in original.tracks.keys() & decoded.tracks.keys():
-        one, other = original.tracks[name], decoded.tracks[name]
-        if (one.domain, one.shape[2]) != (other.domain, other.shape[2]):
+        track, track_hat = original.tracks[name], decoded.tracks[name]
+        if (track.domain, track.shape[2]) != (track_hat.domain, track_hat.shape[2]):
             raise InvalidInputError(
-                f"track {name!r} of the original is {described_track(one)}, of the decoded "
-                f"{described_track(other)}; only tracks of the same kind can be compared"
+                f"track {name!r} of the original is {described_track(track)}, of the decoded "
+                f"{described_track(track_hat)}; only tracks of the same kind can be compared"
             )
     for noun, count, count_hat in (
         ("vertex", original.n_verts, decoded.n_verts),
@@ -171,32 +171,31 @@ def require_comparable(original: FrameSource, decoded: FrameSource) -> None:
 
 
 def require_same_triangles(faces: Faces, faces_hat: Faces, n_verts: int) -> None:
-    """Check that both lists hold the same oriented triangles equally often.
+    """Check that both lists contain the same oriented triangles with equal multiplicity.
 
     Raises
     ------
     InvalidInputError
         Naming the first face of the original that the decoded lacks.
     """
-    turned = np.concatenate(
+    rotated = np.concatenate(
         [_lowest_rotation(faces, n_verts), _lowest_rotation(faces_hat, n_verts)]
     )
-    _, names = np.unique(turned, axis=0, return_inverse=True)
-    names, names_hat = np.split(names.ravel(), 2)
-    surplus = np.bincount(names, minlength=len(turned)) - np.bincount(
-        names_hat, minlength=len(turned)
-    )
-    lacking = surplus[names] > 0
-    if lacking.any():
-        row = int(np.argmax(lacking))
+    _, ids = np.unique(rotated, axis=0, return_inverse=True)
+    ids, ids_hat = np.split(ids.ravel(), 2)
+    n_ids = len(rotated)
+    surplus = np.bincount(ids, minlength=n_ids) - np.bincount(ids_hat, minlength=n_ids)
+    is_missing = surplus[ids] > 0
+    if is_missing.any():
+        row = int(np.argmax(is_missing))
         raise InvalidInputError(
-            f"face {row} of the original, {faces[row].tolist()}, is not among the decoded faces "
-            "in that orientation (as often); only sequences of the same mesh can be compared"
+            f"face {row} of the original, {faces[row].tolist()}, is missing from the decoded faces "
+            "in that orientation, or is rarer; only sequences of the same mesh can be compared"
         )
 
 
 def _lowest_rotation(faces: Faces, n_verts: int) -> npt.NDArray[np.int64]:
-    """Each triangle turned to begin with its lowest pair of corners, shape (M, 3)."""
+    """Triangles rotated to begin with their lowest pair of corners, shape (M, 3)."""
     corners = faces.astype(np.int64)
     pairs = corners * n_verts + np.roll(corners, -1, axis=1)  # equal pairs: all corners equal
     order = (pairs.argmin(axis=1)[:, None] + np.arange(3)) % 3
@@ -205,16 +204,16 @@ def _lowest_rotation(faces: Faces, n_verts: int) -> npt.NDArray[np.int64]:
 
 @dataclass(frozen=True)
 class RestMotion:
-    """How far decoded vertices move from frame to frame where the original ones rest.
+    """Spurious motion of decoded vertices between frames in which the original rests.
 
-    Percentages are of the mean diagonal of the bounding boxes of single frames of the original, so
-    that a path that a model walks does not hide its motion.
+    Percentages refer to the mean diagonal of the bounding boxes of single frames, so that a large
+    overall path of the model does not hide its local motion.
 
     Attributes
     ----------
     n_pairs : int
-        Pairs of a vertex and a frame, other than the first, at which the original rests: it moves
-        by less than `REST_PERCENT` from the frame before.
+        Pairs of a vertex and a frame after the first in which the original moves by less than
+        `REST_PERCENT` since the previous frame.
     median_percent, p99_percent : float
         Median and 99th percentile of the decoded motion over these pairs; 0 if there are none.
     """
@@ -241,20 +240,20 @@ def rest_motion(original: Vertices, decoded: Vertices) -> RestMotion:
     sides = [np.ptp(frame.astype(np.float64) * scale, axis=0) for frame in original]
     diagonal = float(np.linalg.norm(sides, axis=1).mean())
     threshold = REST_PERCENT / 100.0 * diagonal
-    found = [np.empty(0, np.float32)]
+    percents = [np.empty(0, np.float32)]
     for number in range(1, len(original)):
         rests = _steps(original, number, scale) < threshold
         if rests.any():
             steps = _steps(decoded, number, scale)[rests]
-            found.append((100.0 / diagonal * steps).astype(np.float32))
-    moved = np.concatenate(found)
-    if not len(moved):
+            percents.append((100.0 / diagonal * steps).astype(np.float32))
+    motion = np.concatenate(percents)
+    if not len(motion):
         return RestMotion(0, 0.0, 0.0)
-    median, p99 = np.percentile(moved, [50, 99])
-    return RestMotion(len(moved), float(median), float(p99))
+    median, p99 = np.percentile(motion, [50, 99])
+    return RestMotion(len(motion), float(median), float(p99))
 
 
 def _steps(vertices: Vertices, number: int, scale: float) -> Floats:
-    """How far each vertex moves to a frame from the one before, in scaled units."""
-    moved = np.subtract(vertices[number], vertices[number - 1], dtype=np.float64) * scale
-    return np.asarray(np.sqrt(np.einsum("na,na->n", moved, moved)))
+    """Distance of each vertex from its position in the previous frame, in scaled units."""
+    moves = np.subtract(vertices[number], vertices[number - 1], dtype=np.float64) * scale
+    return np.asarray(np.sqrt(np.einsum("na,na->n", moves, moves)))

@@ -1,4 +1,4 @@
-"""Distances between original and decoded vertices, against the size of the sequence."""
+"""Vertex displacement errors, relative to the size of the sequence."""
 
 import math
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ class DisplacementErrors:
 
 
 class DisplacementSums:
-    """Squared displacements of frames that come one after the other.
+    """Accumulator of squared displacements over frames.
 
     Parameters
     ----------
@@ -40,7 +40,6 @@ class DisplacementSums:
         self._n_positions = 0
 
     def add(self, frames: Sequence[FrameSums]) -> None:
-        """Add more frames."""
         for frame in frames:
             self._total += frame.error
             self._largest = max(self._largest, frame.largest)
@@ -48,7 +47,7 @@ class DisplacementSums:
 
     @property
     def errors(self) -> DisplacementErrors:
-        """The errors of the frames so far, of which there must be one."""
+        """The errors of the frames so far; needs at least one frame."""
         mean = self._total / self._n_positions
         return DisplacementErrors(
             rms_percent=100 * relative(math.sqrt(mean), self._diagonal),
@@ -59,8 +58,8 @@ class DisplacementSums:
 def displacement_errors_percent(original: Vertices, decoded: Vertices) -> DisplacementErrors:
     """RMS and largest vertex displacement, in percent of the bounding-box diagonal.
 
-    The box is that of all frames of the original together. Where it has no extent, an error is
-    infinite and no error is 0.
+    The box encloses all frames of the original. If it has no extent, every error above 0 is
+    infinite.
 
     Parameters
     ----------

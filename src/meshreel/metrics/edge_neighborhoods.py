@@ -1,4 +1,4 @@
-"""Statistics of edge values over the neighborhood of every vertex, as STED defines it."""
+"""Statistics of edge values over the vertex neighborhoods of STED."""
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -7,12 +7,11 @@ from meshreel.arrays import Floats, Integers
 
 
 class EdgeNeighborhoods:
-    """The edges that touch a vertex or one of its 1-ring neighbours, for every vertex.
+    """For every vertex, the edges that touch it or one of its 1-ring neighbors.
 
-    The neighborhood of v is never listed edge by edge, for that would take V^2 entries beside
-    a hub that all vertices share. It is put together from the stars (edges at a vertex) of all
-    vertices in the closed ring of v, which counts an edge twice if both its ends are in that
-    ring, less these inner edges once.
+    Listing the edges of each neighborhood would take V^2 entries around a hub that all vertices
+    share. Instead, sums over the stars (edges at a vertex) of the closed ring of v count an edge
+    twice if both its ends are in that ring; these inner edges are subtracted once.
 
     Parameters
     ----------
@@ -37,10 +36,10 @@ class EdgeNeighborhoods:
         )
 
     def weighted_deviation(self, weights: Floats, values: Floats) -> tuple[Floats, Floats]:
-        """Weighted standard deviation over each neighborhood, and the total weight in it.
+        """Weighted standard deviation and total weight of each neighborhood.
 
-        Squares are taken about the weighted means, and merged as in Chan, Golub and LeVeque's
-        parallel variance, so that a common offset of the values costs no digits.
+        Squares are taken about the weighted means and merged as in Chan, Golub and LeVeque's
+        parallel variance, so that a common offset of the values loses no digits.
 
         Parameters
         ----------
@@ -63,7 +62,7 @@ class EdgeNeighborhoods:
 
 
 class _Incidence:
-    """A binary matrix of shape (R, C) that sums values of C things into R."""
+    """A binary matrix of shape (R, C) for row sums of C values."""
 
     def __init__(self, rows: Integers, columns: Integers, shape: tuple[int, int]) -> None:
         self._matrix = coo_array((np.ones(len(rows)), (rows, columns)), shape=shape).tocsr()
@@ -75,26 +74,23 @@ class _Incidence:
         """Sum of the values of each row, shape (R,)."""
         return np.asarray(self._matrix @ values)
 
-    def squares(self, weights: Floats, values: Floats, centres: Floats) -> Floats:
-        """Sum of ``weights (values - centre)^2`` of each row, shape (R,)."""
+    def squares(self, weights: Floats, values: Floats, centers: Floats) -> Floats:
+        """Sum of ``weights (values - center)^2`` of each row, shape (R,)."""
         offsets = values[self._columns]
-        offsets -= centres[self._rows]
+        offsets -= centers[self._rows]
         offsets *= offsets
         offsets *= weights[self._columns]
-        return np.bincount(self._rows, offsets, len(centres)).astype(np.float64, copy=False)
+        return np.bincount(self._rows, offsets, len(centers)).astype(np.float64, copy=False)
 
 
 def _triangles(edges: Integers, n_verts: int) -> tuple[Integers, Integers]:
-    """Every vertex that neighbours both ends of an edge, and the edge, as two arrays.
-
-    These are the 3-cycles of the edge graph, whether or not they are faces.
-    """
+    """The 3-cycles of the edge graph, faces or not: their apex vertices and their base edges."""
     tails = np.concatenate([edges[:, 0], edges[:, 1]])
     heads = np.concatenate([edges[:, 1], edges[:, 0]])
     keys = np.sort(tails * n_verts + heads)  # every directed edge, ordered by tail
     degrees = np.bincount(tails, minlength=n_verts)
     starts = np.cumsum(degrees) - degrees
-    # The end of fewer neighbours proposes them, so that hubs cost little.
+    # Candidates are the neighbors of the end that has fewer, so that hubs are cheap.
     swap = degrees[edges[:, 0]] > degrees[edges[:, 1]]
     near = np.where(swap, edges[:, 1], edges[:, 0])
     far = np.where(swap, edges[:, 0], edges[:, 1])
@@ -102,9 +98,9 @@ def _triangles(edges: Integers, n_verts: int) -> tuple[Integers, Integers]:
     ids = np.repeat(np.arange(len(edges)), counts)
     within = np.arange(len(ids)) - np.repeat(np.cumsum(counts) - counts, counts)
     candidates = keys[starts[near][ids] + within] % n_verts
-    wanted = candidates * n_verts + far[ids]
-    places = np.minimum(np.searchsorted(keys, wanted), max(len(keys) - 1, 0))
-    closed = keys[places] == wanted
+    closing = candidates * n_verts + far[ids]
+    positions = np.minimum(np.searchsorted(keys, closing), max(len(keys) - 1, 0))
+    closed = keys[positions] == closing
     return candidates[closed], ids[closed]
 
 

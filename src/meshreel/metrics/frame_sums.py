@@ -1,7 +1,6 @@
-"""What frames add to the errors of a sequence: sums over vertices, some of them at a time.
+"""Per-frame sums from which the errors of a sequence follow.
 
-Whole frames of large meshes do not fit into the cache: to take some thousand vertices after others
-takes a fraction of the time, and several cores share them.
+Large frames do not fit into the cache; chunks of vertices do, and several cores share them.
 """
 
 from dataclasses import dataclass
@@ -15,25 +14,25 @@ from meshreel.metrics.reference import Reference
 from meshreel.model.sequence import Vertices
 from meshreel.runtime.threads import chunks, in_threads
 
-VERTICES_AT_ONCE = 1 << 15
-"""Vertices whose arrays stay in the cache; fewer make threads wait for the interpreter."""
+VERTS_PER_CHUNK = 1 << 15
+"""Small enough for the cache, large enough that threads do not wait for the interpreter."""
 
-LEAST_TOGETHER = 1 << 17
-"""Vertices, of one frame or several, that are worth a thread."""
+MIN_VERTS_PER_TASK = 1 << 17
+"""Vertices, of one frame or several, that justify a thread."""
 
 
 @dataclass(frozen=True, eq=False)
 class FrameSums:
-    """Sums of some vertices of a frame, in scaled units.
+    """Sums over a set of vertices of one frame, in scaled units.
 
     Attributes
     ----------
     error, largest : float
-        Sum of their squared displacements, and the largest.
+        Sum and maximum of the squared displacements.
     spread : float
-        Sum of their squared distances from their mean.
+        Sum of the squared distances from the mean.
     mean : float64 array of shape (3,)
-        About the first vertex of the frame.
+        Relative to the first vertex of the frame.
     """
 
     n_verts: int
@@ -44,7 +43,7 @@ class FrameSums:
 
 
 def sums_of_frames(original: Vertices, decoded: Vertices, reference: Reference) -> list[FrameSums]:
-    """The sums of each frame, the same whatever the number of cores.
+    """Sums of each frame, independent of the number of cores.
 
     Parameters
     ----------
@@ -52,31 +51,29 @@ def sums_of_frames(original: Vertices, decoded: Vertices, reference: Reference) 
     reference : Reference
         Of the whole original sequence.
 
-    Source: parts are joined as by Chan, Golub and LeVeque, "Updating formulae and a pairwise
+    Source: chunks are merged as in Chan, Golub and LeVeque, "Updating formulae and a pairwise
     algorithm for computing sample variances", 1979.
     """
     n_frames, n_verts = original.shape[:2]
     with np.errstate(over="ignore", invalid="ignore"):
         firsts = reference.apply(original[:, 0])
-    pieces = chunks(n_verts, VERTICES_AT_ONCE)
-    n_parts = n_frames * len(pieces)
-    runs = chunks(n_parts, max(1, LEAST_TOGETHER // min(n_verts, VERTICES_AT_ONCE)))
-    parts_of_frames = chunks(n_parts, len(pieces))
+    pieces = chunks(n_verts, VERTS_PER_CHUNK)
     parts = list(product(range(n_frames), pieces))
-    found: list[FrameSums] = [_NOTHING] * len(parts)
+    tasks = chunks(len(parts), max(1, MIN_VERTS_PER_TASK // min(n_verts, VERTS_PER_CHUNK)))
+    sums: list[FrameSums] = [_NOTHING] * len(parts)
 
-    def add(run: slice) -> None:
-        for number in range(run.start, run.stop):
+    def run(task: slice) -> None:
+        for number in range(task.start, task.stop):
             frame, piece = parts[number]
             pair = original[frame, piece], decoded[frame, piece]
-            found[number] = _sums_of_part(*pair, reference, firsts[frame])
+            sums[number] = _sums_of_part(*pair, reference, firsts[frame])
 
     with np.errstate(over="ignore", invalid="ignore"):
-        if len(runs) == 1:
-            add(runs[0])
+        if len(tasks) == 1:
+            run(tasks[0])
         else:
-            in_threads(add, runs)
-        return [reduce(_joined, found[one]) for one in parts_of_frames]
+            in_threads(run, tasks)
+        return [reduce(_merge, sums[frame]) for frame in chunks(len(parts), len(pieces))]
 
 
 _NOTHING = FrameSums(0, 0.0, 0.0, 0.0, np.zeros(3))
@@ -85,39 +82,37 @@ _NOTHING = FrameSums(0, 0.0, 0.0, 0.0, np.zeros(3))
 def _sums_of_part(
     original: Vertices, decoded: Vertices, reference: Reference, first: Floats
 ) -> FrameSums:
-    # An axis after the other: arrays of three numbers a row take NumPy four times as long.
-    places = original.T.astype(np.float64, order="C")
-    moved = decoded.T.astype(np.float64, order="C")
-    moved -= places  # before the centre is removed, as in `paired_frames`
-    moved *= reference.scale
-    moved *= moved
-    squares = moved.sum(axis=0)
-    places -= reference.centre[:, np.newaxis]
-    places *= reference.scale
-    places -= first[:, np.newaxis]  # so that coincident vertices give exact zeros
-    mean = places.mean(axis=1)
-    places -= mean[:, np.newaxis]
+    # One row per axis: NumPy takes four times as long on rows of three numbers.
+    positions = original.T.astype(np.float64, order="C")
+    displacements = decoded.T.astype(np.float64, order="C")
+    displacements -= positions  # before the center is removed, as in `paired_frames`
+    displacements *= reference.scale
+    displacements *= displacements
+    squares = displacements.sum(axis=0)
+    positions -= reference.center[:, np.newaxis]
+    positions *= reference.scale
+    positions -= first[:, np.newaxis]  # so that coincident vertices give exact zeros
+    mean = positions.mean(axis=1)
+    positions -= mean[:, np.newaxis]
     error, largest = float(squares.sum()), float(squares.max())
-    return FrameSums(len(original), error, largest, sum_of_squares(places), mean)
+    return FrameSums(len(original), error, largest, sum_of_squares(positions), mean)
 
 
 def sum_of_squares(vectors: Floats) -> float:
-    """Sum of the squares of an array of shape (N, A).
-
-    Not by BLAS, whose threads cost more than they save on one frame.
-    """
+    """Sum of the squares of an array of shape (N, A)."""
+    # Not by BLAS, whose threads cost more than they save on one frame.
     return float(np.einsum("na,na->", vectors, vectors))
 
 
-def _joined(one: FrameSums, other: FrameSums) -> FrameSums:
-    n_verts = one.n_verts + other.n_verts
-    apart = other.mean - one.mean
-    share = other.n_verts / n_verts
-    between = float(apart @ apart) * one.n_verts * share
+def _merge(first: FrameSums, second: FrameSums) -> FrameSums:
+    n_verts = first.n_verts + second.n_verts
+    offset = second.mean - first.mean
+    share = second.n_verts / n_verts
+    between = float(offset @ offset) * first.n_verts * share
     return FrameSums(
         n_verts,
-        one.error + other.error,
-        max(one.largest, other.largest),
-        one.spread + other.spread + between,
-        one.mean + share * apart,
+        first.error + second.error,
+        max(first.largest, second.largest),
+        first.spread + second.spread + between,
+        first.mean + share * offset,
     )

@@ -1,4 +1,4 @@
-"""How far each vertex of one frame is off: the fields that heat maps show."""
+"""Per-vertex error fields of one frame, for heat maps."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,20 +17,12 @@ from meshreel.model.sequence import Faces
 
 Frame = npt.NDArray[np.floating]
 Field = Callable[[Frame, Frame], Floats]
-"""Of the original and the decoded positions of a frame, each of shape (V, 3), the V values."""
+"""Maps original and decoded positions of a frame, of shape (V, 3), to values of shape (V,)."""
 
 
 @dataclass(frozen=True)
 class Heat:
-    """A kind of field, in words.
-
-    Attributes
-    ----------
-    label : str
-        Names its values.
-    unit : str
-        Short, as it stands behind a number; empty if they have none.
-    """
+    """Label of an error field, and the unit printed after its values."""
 
     label: str
     unit: str
@@ -44,7 +36,7 @@ HEATS = {
 
 
 def heat_field(kind: str, faces: Faces, n_verts: int, diagonal: float) -> Field:
-    """The field of a kind as a function of two frames; what frames share is worked out once.
+    """Return the error field of a kind, with everything that frames share computed once.
 
     Parameters
     ----------
@@ -57,7 +49,7 @@ def heat_field(kind: str, faces: Faces, n_verts: int, diagonal: float) -> Field:
     Raises
     ------
     InvalidInputError
-        If there is no such kind.
+        If the kind is unknown.
     """
     if kind == "distance":
         return lambda original, decoded: vertex_distance_percent(original, decoded, diagonal)
@@ -66,13 +58,13 @@ def heat_field(kind: str, faces: Faces, n_verts: int, diagonal: float) -> Field:
     if kind == "sted":
         local = LocalSted(faces, n_verts)
         return local.field
-    raise InvalidInputError(f"a heat map shows one of {', '.join(HEATS)}; got {kind!r}")
+    raise InvalidInputError(f"heat must be one of {', '.join(HEATS)}; got {kind!r}")
 
 
 def vertex_distance_percent(original: Frame, decoded: Frame, diagonal: float) -> Floats:
     """Distance of each decoded vertex from its original, in percent of a diagonal, shape (V,).
 
-    Where the diagonal is 0, a distance is infinite and no distance is 0.
+    If the diagonal is 0, every distance above 0 is infinite.
 
     Parameters
     ----------
@@ -95,10 +87,9 @@ def vertex_distance_percent(original: Frame, decoded: Frame, diagonal: float) ->
 
 @np.errstate(over="ignore", invalid="ignore")
 def vertex_normal_angle_deg(original: Frame, decoded: Frame, faces: Faces) -> Floats:
-    """Angle between the normals about each vertex, in degrees, shape (V,).
+    """Mean angle between original and decoded normals around each vertex, in degrees, shape (V,).
 
-    The mean over the incident faces that are not degenerate in either mesh; 0 where there is
-    none.
+    Averages the incident faces that are degenerate in neither mesh; 0 without such a face.
 
     Parameters
     ----------
@@ -126,11 +117,11 @@ def vertex_sted(original: Frame, decoded: Frame, faces: Faces) -> Floats:
 
 
 class LocalSted:
-    """The spatial part of STED before it is averaged: a value for each vertex of a frame.
+    """The spatial part of STED per vertex, before averaging.
 
-    It is the standard deviation of the relative errors of edge lengths, weighted by length, over
-    all edges that touch a vertex or one of its neighbours; see `meshreel.metrics.sted.sted`. Of
-    all vertices that have edges of some length, the mean is the spatial STED of the frame.
+    The standard deviation of the relative errors of edge lengths, weighted by length, over all
+    edges that touch a vertex or one of its neighbors; see `meshreel.metrics.sted.sted`. The mean
+    over all vertices with edges of positive length is the spatial STED of the frame.
 
     Parameters
     ----------
@@ -143,7 +134,7 @@ class LocalSted:
 
     @np.errstate(over="ignore", invalid="ignore")
     def field(self, original: Frame, decoded: Frame) -> Floats:
-        """Values of shape (V,); 0 where nothing is stretched, and where there are no edges.
+        """Values of shape (V,); 0 for vertices without stretched edges.
 
         Parameters
         ----------

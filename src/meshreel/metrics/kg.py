@@ -1,4 +1,4 @@
-"""KG error: the deviation of a whole sequence against its spread about the frame centres."""
+"""KG error: the deviation of a sequence, relative to its spread about the frame centers."""
 
 import math
 from collections.abc import Sequence
@@ -9,13 +9,13 @@ from meshreel.model.sequence import Vertices
 
 
 class KgSums:
-    """Squared error and spread of frames that come one after the other, for their KG error."""
+    """Accumulator of squared error and spread over frames."""
 
     def __init__(self) -> None:
         self._error = self._spread = 0.0
 
     def add(self, frames: Sequence[FrameSums]) -> None:
-        """Add more frames, all of the same reference."""
+        """Add frames; all must use the same reference."""
         for frame in frames:
             self._error += frame.error
             self._spread += frame.spread
@@ -29,8 +29,8 @@ class KgSums:
 def kg_error_percent(original: Vertices, decoded: Vertices) -> float:
     """KG error in percent, ``100 ||G - G^||_F / ||G - E(G)||_F`` over all frames.
 
-    E(G) replaces every vertex by the mean vertex of its frame, per axis. Unchanged when both
-    sequences are moved or scaled alike.
+    E(G) replaces every vertex by the mean vertex of its frame. The error is invariant to moving or
+    scaling both sequences alike.
 
     Parameters
     ----------
@@ -38,8 +38,8 @@ def kg_error_percent(original: Vertices, decoded: Vertices) -> float:
 
     Returns
     -------
-    float, in percent. Where all vertices coincide within each original frame, there is no
-    spread to compare with: 0 if the decoded sequence is identical, infinite otherwise.
+    float, in percent. If all vertices coincide within each original frame, the spread is 0 and
+    the error is 0 for an identical decoded sequence, infinite otherwise.
 
     Raises
     ------

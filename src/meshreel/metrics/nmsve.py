@@ -1,4 +1,4 @@
-"""NMSVE: position error and smoothness error of each frame, in equal parts."""
+"""NMSVE: position error plus smoothness error of each frame, with equal weights."""
 
 import math
 
@@ -24,13 +24,13 @@ def nmsve_per_frame(original: Vertices, decoded: Vertices, faces: Faces) -> Floa
     """NMSVE of every frame, ``(||V - V^||_F + ||GL(V) - GL(V^)||_F) / (2 n)``.
 
     ``GL(v_i) = v_i - (sum_j v_j / l_ij) / (sum_j 1 / l_ij)`` over the 1-ring, with the edge
-    lengths of the mesh it is applied to. An isolated vertex has GL = 0, and so has one that
-    coincides with a neighbour: the limit of the formula as that edge shrinks, so that the
-    measure does not jump when rounding merges or parts two vertices.
+    lengths of the mesh it is applied to. GL = 0 for an isolated vertex and for one that coincides
+    with a neighbor: the limit of the formula as that edge shrinks, so that the error does not jump
+    when rounding merges or separates two vertices.
 
     Coordinates are divided by the bounding-box diagonal of frame 0 of the original (of all its
-    frames where frame 0 is a single point). This normalisation is our choice; the paper gives
-    none. Where there is no diagonal at all, a frame has 0 if it is identical, else infinity.
+    frames if frame 0 is a single point). This normalization is our choice; the paper gives none.
+    Without any extent, an identical frame has error 0 and every other frame infinity.
 
     Parameters
     ----------
@@ -49,12 +49,12 @@ def nmsve_per_frame(original: Vertices, decoded: Vertices, faces: Faces) -> Floa
     Source: after Karni and Gotsman, "Spectral compression of mesh geometry", SIGGRAPH 2000.
     """
     reference = shared_reference(original, decoded)
-    measure = FrameNmsve(original[0], faces, reference)
-    return np.array([measure.of(*pair) for pair in paired_frames(original, decoded, reference)])
+    nmsve = FrameNmsve(original[0], faces, reference)
+    return np.array([nmsve.of(*pair) for pair in paired_frames(original, decoded, reference)])
 
 
 class FrameNmsve:
-    """NMSVE of frames that come one by one, as `nmsve_per_frame` defines it.
+    """NMSVE of single frames, as defined by `nmsve_per_frame`.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class FrameNmsve:
 
     @np.errstate(over="ignore", invalid="ignore")
     def of(self, frame: Floats, displacement: Floats) -> float:
-        """NMSVE of one frame of `paired_frames`, of the same reference."""
+        """NMSVE of one pair from `paired_frames` with the same reference."""
         laplacian = self._laplacian(frame) - self._laplacian(frame + displacement)
         error = math.sqrt(sum_of_squares(displacement)) + math.sqrt(sum_of_squares(laplacian))
         return relative(math.inf if math.isnan(error) else error, self._size)
@@ -84,11 +84,10 @@ class FrameNmsve:
 
 
 def _signed_incidence(edges: Integers, n_verts: int) -> csr_array:
-    """Matrix (V, E) of +1 where an edge starts and -1 where it ends."""
-    ids = np.arange(len(edges))
+    """Matrix (V, E) with +1 at the first vertex of each edge and -1 at the second."""
     signs = np.repeat([1.0, -1.0], len(edges))
-    places = (edges.T.ravel(), np.tile(ids, 2))
-    return coo_array((signs, places), shape=(n_verts, len(edges))).tocsr()
+    positions = (edges.T.ravel(), np.tile(np.arange(len(edges)), 2))
+    return coo_array((signs, positions), shape=(n_verts, len(edges))).tocsr()
 
 
 def _geometric_laplacian(frame: Floats, edges: Integers, incidence: csr_array) -> Floats:

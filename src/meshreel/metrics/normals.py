@@ -11,7 +11,7 @@ from meshreel.model.geometry.normals import face_normals
 from meshreel.model.sequence import Faces, Vertices
 
 DEGENERATE_AREA = 1e-14
-"""Faces of at most this area have no normal; in squared diagonals of the original."""
+"""Faces up to this area, in squared diagonals of the original, have no normal."""
 
 
 @dataclass(frozen=True)
@@ -21,9 +21,9 @@ class NormalAngles:
     Attributes
     ----------
     mean_deg, p95_deg : float
-        Mean and 95th percentile in degrees, every face of every frame alike; 0 if none is left.
+        Mean and 95th percentile over all faces and frames; 0 if all are degenerate.
     n_degenerate_face_frames : int
-        Faces left out, counted in each frame in which the original or the decoded has no area.
+        Excluded faces, summed over the frames: the original or the decoded face has no area.
     """
 
     mean_deg: float
@@ -49,10 +49,10 @@ def normal_angles(original: Vertices, decoded: Vertices, faces: Faces) -> Normal
     smallest_area = DEGENERATE_AREA * reference.diagonal_scaled**2
     angles, n_angles = np.empty(len(original) * len(faces)), 0
     for frame, displacement in paired_frames(original, decoded, reference):
-        found, valid = face_angles_deg(frame, frame + displacement, faces, smallest_area)
-        found = found[valid]
-        angles[n_angles : n_angles + len(found)] = found
-        n_angles += len(found)
+        frame_angles, valid = face_angles_deg(frame, frame + displacement, faces, smallest_area)
+        n_valid = np.count_nonzero(valid)
+        angles[n_angles : n_angles + n_valid] = frame_angles[valid]
+        n_angles += n_valid
     n_degenerate = len(angles) - n_angles
     if n_angles == 0:
         return NormalAngles(0.0, 0.0, n_degenerate)
@@ -65,12 +65,12 @@ def normal_angles(original: Vertices, decoded: Vertices, faces: Faces) -> Normal
 def face_angles_deg(
     frame: Floats, frame_hat: Floats, faces: Faces, smallest_area: float
 ) -> tuple[Floats, npt.NDArray[np.bool_]]:
-    """Angles of shape (M,), and where both faces have an area (elsewhere they mean nothing)."""
+    """Angles of shape (M,), and a mask of the valid ones: both faces have an area."""
     normals, normals_hat = face_normals(frame, faces), face_normals(frame_hat, faces)
     lengths = _lengths(normals)
     lengths_hat = _lengths(normals_hat)
     valid = np.minimum(lengths, lengths_hat) > 2 * smallest_area
-    # atan2 keeps small angles, which an arc cosine would round away.
+    # atan2 keeps small angles, which an arc cosine would round to 0.
     sines = _lengths(np.cross(normals, normals_hat))
     cosines = np.einsum("ma,ma->m", normals, normals_hat)
     angles = np.degrees(np.arctan2(sines, cosines))

@@ -1,9 +1,6 @@
-"""The rate of a file: its bits per vertex and frame."""
+"""Bit rate of a file."""
 
 
 def rate_bpvf(size_bytes: int, n_verts: int, n_frames: int) -> float:
-    """Bits of the whole file per vertex and frame, ``8 bytes / (V T)``.
-
-    Everything counts: the three coordinates, connectivity, basis, anchors and headers.
-    """
+    """Bits of the whole file per vertex and frame, ``8 bytes / (V T)``."""
     return 8 * size_bytes / (n_verts * n_frames)

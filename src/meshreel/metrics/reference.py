@@ -1,7 +1,7 @@
-"""The frame of reference that every metric measures in: centred, and scaled to about 1.
+"""Normalization of coordinates for metrics: centered, and scaled to about 1.
 
 Removing the offset keeps the digits of small models far from the origin; scaling by a power of
-two rounds nothing and keeps squares of very large or very small coordinates in range.
+two is exact and keeps squares of very large or very small coordinates in range.
 """
 
 from collections.abc import Iterator
@@ -23,14 +23,14 @@ class Reference:
 
     Attributes
     ----------
-    centre : float64 array of shape (3,), in model units
+    center : float64 array of shape (3,), in model units
     scale : float
-        Model units times this are scaled units, in which the box is about 1 large.
+        Factor from model units to scaled units, in which the size of the box is about 1.
     diagonal_scaled : float
-        Diagonal of the box in scaled units; 0 if every vertex of every frame coincides.
+        Diagonal of the box in scaled units; 0 if all vertices of all frames coincide.
     """
 
-    centre: Floats
+    center: Floats
     scale: float
     diagonal_scaled: float
 
@@ -40,14 +40,14 @@ class Reference:
         return self.diagonal_scaled / self.scale
 
     def apply(self, positions: npt.NDArray[np.floating]) -> Floats:
-        """Positions of shape (..., 3) in scaled units, about the centre, in float64."""
-        moved = positions - self.centre
-        moved *= self.scale
-        return moved
+        """Centered positions of shape (..., 3) in scaled units, in float64."""
+        scaled = positions - self.center
+        scaled *= self.scale
+        return scaled
 
 
 def bounding_box_reference(vertices: npt.NDArray[np.floating]) -> Reference:
-    """The frame of reference of positions of shape (..., V, 3), in model units."""
+    """Reference of positions of shape (..., V, 3), in model units."""
     frames = vertices.reshape(-1, *vertices.shape[-2:])  # reducing whole frames first is faster
     low = frames.min(axis=0).min(axis=0).astype(np.float64)
     high = frames.max(axis=0).max(axis=0).astype(np.float64)
@@ -55,7 +55,7 @@ def bounding_box_reference(vertices: npt.NDArray[np.floating]) -> Reference:
 
 
 def reference_of_box(low: Floats, high: Floats) -> Reference:
-    """The frame of reference of positions whose bounding box has these corners."""
+    """Reference of positions whose bounding box has these corners."""
     low, high = low / 2, high / 2
     half = high - low
     exponent = int(np.frexp(half.max())[1])
@@ -64,7 +64,7 @@ def reference_of_box(low: Floats, high: Floats) -> Reference:
 
 
 def shared_reference(original: Vertices, decoded: Vertices) -> Reference:
-    """The frame of reference of the original, for two sequences that can be compared.
+    """Reference of the original, after a check that both sequences are comparable.
 
     Raises
     ------
@@ -97,10 +97,10 @@ def require_same_shape(original: Vertices, decoded: Vertices) -> None:
 def paired_frames(
     original: Vertices, decoded: Vertices, reference: Reference
 ) -> Iterator[tuple[Floats, Floats]]:
-    """Frame by frame, the original and its displacement in scaled units, each of shape (V, 3).
+    """Yield original positions and displacements of each frame, in scaled units, of shape (V, 3).
 
-    Decoded positions are the sum of the two. The displacement is taken before the centre is
-    removed: nearby numbers subtract exactly, so errors far below rounding of the positions count.
+    Decoded positions are the sum of the two. Displacements are computed before centering: nearby
+    numbers subtract exactly, which keeps errors far below the rounding of positions.
     """
     for frame, frame_hat in zip(original, decoded, strict=True):
         displacement = np.subtract(frame_hat, frame, dtype=np.float64)
@@ -109,7 +109,7 @@ def paired_frames(
 
 
 def relative(error: float, size: float) -> float:
-    """``error / size``; 0 where there is no error, infinite where only the size is zero."""
+    """``error / size``; 0 without error, infinite if only the size is zero."""
     if error == 0:
         return 0.0
     return error / size if size > 0 else float("inf")

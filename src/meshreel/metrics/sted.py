@@ -1,4 +1,4 @@
-"""STED: how strongly edges change their length, and vertices their speed, as an eye sees it."""
+"""STED: a perceptual error of edge lengths and vertex speeds."""
 
 import math
 from dataclasses import dataclass
@@ -20,16 +20,16 @@ from meshreel.model.sequence import Faces, Vertices
 TIME_STEP = 3e-4
 """dt, the length of a frame on the time axis, in diameters of the model."""
 TEMPORAL_WEIGHT = 9.144e-5
-"""c, the weight of a unit of temporal error beside a unit of spatial error."""
+"""c, the weight of the temporal error relative to the spatial error."""
 FRAMES_BEFORE, FRAMES_AFTER = 4, 5
-"""The window of a mean speed: moves f-4 to f+5 about move f, as many as there are."""
+"""The window of a mean speed: moves f-4 to f+5 around move f, cut at the ends."""
 
 _BLOCK_VALUES = 1 << 18
 
 
 @dataclass(frozen=True)
 class Sted:
-    """STED and its two parts, all without unit and 0 where nothing changed.
+    """STED and its two parts, all without unit; 0 for equal sequences.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Sted:
     temporal : float
         T, the mean relative error of the speeds; 0 for a single frame.
     sted : float
-        ``sqrt(S^2 + c^2 T^2)`` with c = 9.144e-5: T hardly moves it.
+        ``sqrt(S^2 + c^2 T^2)`` with c = 9.144e-5: T has little influence.
     """
 
     spatial: float
@@ -50,16 +50,16 @@ class Sted:
 def sted(original: Vertices, decoded: Vertices, faces: Faces) -> Sted:
     """STED between two sequences of the same connectivity, with the authors' constants.
 
-    Spatial part: every edge of every frame has the signed relative error ``(l - l^) / l``; each
-    vertex takes their standard deviation, weighted by l, over all edges that touch it or one
-    of its 1-ring neighbours; S is the mean over vertices and frames. Edges of zero original
-    length weigh nothing, and neighborhoods of zero length (isolated vertices) are left out.
+    Spatial part: every edge of every frame has the signed relative error ``(l - l^) / l``. Each
+    vertex has their standard deviation, weighted by l, over all edges that touch it or one of its
+    1-ring neighbors. S is the mean over vertices and frames. Edges of zero original length have
+    weight 0, and neighborhoods of zero length (isolated vertices) are excluded.
 
     Temporal part: with lengths in units of D, the largest distance between two vertices of the
-    original frame 0, a vertex moves ``s = sqrt(|p_f - p_(f-1)|^2 + dt^2)``; T is the mean over
-    vertices and frame pairs of ``|s - s^|`` over the mean s of the vertex in the window
-    f-5 < f' <= f+5. Where frame 0 is a single point, D is the diagonal of the whole original;
-    where that is 0 too, T is 0 if the decoded sequence stands still and infinite otherwise.
+    original frame 0, a vertex moves ``s = sqrt(|p_f - p_(f-1)|^2 + dt^2)``. T is the mean over
+    vertices and frame pairs of ``|s - s^|``, divided by the mean s of the vertex in the window
+    f-5 < f' <= f+5. If frame 0 is a single point, D is the diagonal of the whole original; if that
+    is 0 too, T is 0 for a static decoded sequence and infinite otherwise.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def _spatial_error(
     for frame, displacement in paired_frames(original, decoded, reference):
         lengths, errors = relative_edge_errors(frame, displacement, edges)
         deviations, weights = neighborhoods.weighted_deviation(lengths, errors)
-        total += float(deviations.sum())  # 0 where the neighborhood has no length
+        total += float(deviations.sum())  # a neighborhood of zero length adds 0
         n_measured += int(np.count_nonzero(weights))
     if math.isnan(total):  # a decoded edge too long for float64
         return math.inf
@@ -98,12 +98,12 @@ def _spatial_error(
 def relative_edge_errors(
     frame: Floats, displacement: Floats, edges: Integers
 ) -> tuple[Floats, Floats]:
-    """Lengths of the edges of one frame, and their signed relative errors, each of shape (E,).
+    """Edge lengths of one frame and their signed relative errors, each of shape (E,).
 
     Parameters
     ----------
     frame, displacement : float64 arrays of shape (V, 3)
-        Original positions, and the displacements of the decoded ones; from `paired_frames`.
+        From `paired_frames`.
     edges : integer array of shape (E, 2)
     """
     along = frame[edges[:, 1]] - frame[edges[:, 0]]

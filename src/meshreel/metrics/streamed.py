@@ -1,4 +1,4 @@
-"""Errors of frames that are decoded block by block, against an original that may stay in files."""
+"""Errors of frames decoded block by block, against an original that need not fit in memory."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -12,13 +12,13 @@ from meshreel.metrics.kg import KgSums
 from meshreel.metrics.reference import reference_of_box, require_same_shape
 from meshreel.model.sequence import Extent, FrameSource, Vertices
 
-BYTES_AT_ONCE = 1 << 23
+BYTES_PER_READ = 1 << 23
 """Size of the frames of the original that are read at a time."""
 
 
 @dataclass(frozen=True)
 class StreamedErrors:
-    """Errors that can be told from blocks of frames; 0 if decoded and original are equal.
+    """Errors that can be accumulated over blocks of frames; 0 if decoded and original are equal.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class StreamedErrors:
 
 
 class ErrorSums:
-    """KG error and vertex displacements of a sequence, gathered block by block.
+    """Accumulator of KG error and vertex displacements over blocks of frames.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class ErrorSums:
         self._n_frames = 0
 
     def add(self, original: Vertices, decoded: Vertices) -> None:
-        """Take in the next frames of both sequences, of shape (T, V, 3), V at least 1.
+        """Add frames of both sequences, of shape (T, V, 3), V at least 1.
 
         Raises
         ------
@@ -62,12 +62,12 @@ class ErrorSums:
 
     @property
     def errors(self) -> StreamedErrors:
-        """The errors of all frames so far: what the functions for whole sequences give.
+        """The errors of all frames so far, equal to those of the functions for whole sequences.
 
         Raises
         ------
         InvalidInputError
-            If there was no frame.
+            If no frame was added.
         """
         if self._n_frames == 0:
             raise InvalidInputError("a comparison needs at least one frame; got none")
@@ -80,26 +80,25 @@ class ErrorSums:
 def streamed_errors(
     original: FrameSource, decoded_blocks: Iterable[tuple[int, Vertices]]
 ) -> StreamedErrors:
-    """KG error, largest and RMS displacement of a sequence that is decoded block by block.
+    """KG error, largest and RMS displacement of a sequence decoded block by block.
 
-    They are what `kg_error_percent` and `displacement_errors_percent` give of whole sequences.
-    Memory holds one decoded block and some frames.
+    They equal `kg_error_percent` and `displacement_errors_percent` of whole sequences. Memory
+    contains one decoded block and `BYTES_PER_READ` of the original.
 
     Parameters
     ----------
     original : FrameSource
-        Some frames of which are read at a time.
     decoded_blocks : iterable of (int, float array of shape (T, V, 3))
-        The number of the first frame of a block, and its positions in the vertex order of the
-        original. Blocks may come in any order, but every frame must come once.
+        Number of the first frame of a block, and its positions in the vertex order of the
+        original. Blocks may come in any order, but every frame exactly once.
 
     Raises
     ------
     InvalidInputError
-        If a block has another shape, or a frame is not there, comes twice, or does not come.
+        If a block has the wrong shape, or a frame is out of range, repeated or missing.
     """
     sums, n_frames = ErrorSums(original.extent), original.n_frames
-    has_come = np.zeros(n_frames, bool)
+    is_decoded = np.zeros(n_frames, bool)
     for start, decoded in decoded_blocks:
         stop = start + len(decoded)
         if not (start >= 0 and stop <= n_frames):
@@ -107,13 +106,14 @@ def streamed_errors(
                 f"frames {start} to {stop - 1} were decoded; "
                 f"the original has frames 0 to {n_frames - 1}"
             )
-        if has_come[start:stop].any():
-            raise InvalidInputError(f"a frame of {start} to {stop - 1} was decoded before")
-        has_come[start:stop] = True
-        n_together = max(1, BYTES_AT_ONCE // max(1, decoded[:1].nbytes))
-        for first in range(start, stop, n_together):
-            end = min(first + n_together, stop)
+        if is_decoded[start:stop].any():
+            raise InvalidInputError(f"a frame from {start} to {stop - 1} was decoded twice")
+        is_decoded[start:stop] = True
+        n_per_read = max(1, BYTES_PER_READ // max(1, decoded[:1].nbytes))
+        for first in range(start, stop, n_per_read):
+            end = min(first + n_per_read, stop)
             sums.add(original.read(first, end), decoded[first - start : end - start])
-    if not has_come.all():
-        raise InvalidInputError(f"frame {int(np.argmin(has_come))} of the original was not decoded")
+    if not is_decoded.all():
+        missing = int(np.argmin(is_decoded))
+        raise InvalidInputError(f"frame {missing} of the original was not decoded")
     return sums.errors

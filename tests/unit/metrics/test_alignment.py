@@ -1,4 +1,4 @@
-"""Two sequences that differ by axes, scale and place, as programs differ in them."""
+"""Alignment of two sequences that differ in axes, scale and position."""
 
 from dataclasses import replace
 from itertools import permutations, product
@@ -22,39 +22,39 @@ def changed(order=(0, 1, 2), signs=(1, 1, 1), scale=1.0, shift=(0, 0, 0), noise=
 
 @pytest.mark.parametrize("order", list(permutations(range(3))))
 @pytest.mark.parametrize("signs", list(product((1, -1), repeat=3)))
-def test_axes_are_found_when_they_were_turned(order, signs):
-    found = find_alignment(ORIGINAL, changed(order, signs, noise=1e-4))
+def test_alignment_finds_the_axes_when_they_are_permuted(order, signs):
+    alignment = find_alignment(ORIGINAL, changed(order, signs, noise=1e-4))
     if (order, signs) == ((0, 1, 2), (1, 1, 1)):
-        assert found is None
+        assert alignment is None
         return
     expected = ["-" * (sign < 0) + "xyz"[axis] for axis, sign in zip(order, signs, strict=True)]
-    assert list(found.axes) == expected
-    assert found.scale == pytest.approx(1, rel=1e-3)
+    assert list(alignment.axes) == expected
+    assert alignment.scale == pytest.approx(1, rel=1e-3)
     matrix = np.zeros((3, 3))
     matrix[range(3), order] = signs
-    assert found.is_mirrored == (np.linalg.det(matrix) < 0)
+    assert alignment.is_mirrored == (np.linalg.det(matrix) < 0)
 
 
-def test_scale_and_shift_are_found_when_there_are_both():
-    found = find_alignment(ORIGINAL, changed(scale=100.0, shift=(500, 0, -20)))
-    assert found.axes == ("x", "y", "z")
-    assert found.scale == pytest.approx(100, rel=1e-6)
-    np.testing.assert_allclose(found.shift, (500, 0, -20), atol=1e-3)
-    assert "it is 100 times as large; it is moved by (500, " in str(found)
+def test_alignment_finds_scale_and_shift_when_both_differ():
+    alignment = find_alignment(ORIGINAL, changed(scale=100.0, shift=(500, 0, -20)))
+    assert alignment.axes == ("x", "y", "z")
+    assert alignment.scale == pytest.approx(100, rel=1e-6)
+    np.testing.assert_allclose(alignment.shift, (500, 0, -20), atol=1e-3)
+    assert "it is 100 times as large; it is shifted by (500, " in str(alignment)
 
 
-def test_turn_is_named_when_it_is_that_of_y_and_z_upwards():
-    words = str(find_alignment(ORIGINAL, changed((0, 2, 1), (1, -1, 1))))
-    assert "its x, y, z are x, -z, y of the original (y upwards was turned to z upwards)" in words
+def test_message_names_the_conversion_when_it_is_y_up_to_z_up():
+    message = str(find_alignment(ORIGINAL, changed((0, 2, 1), (1, -1, 1))))
+    assert "its x, y, z are x, -z, y of the original (y-up to z-up)" in message
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-3])
-def test_nothing_is_found_when_the_sequences_hardly_differ(noise):
+def test_alignment_is_none_when_the_sequences_hardly_differ(noise):
     assert find_alignment(ORIGINAL, changed(noise=noise)) is None
 
 
 def disturbed(order, signs, share):
-    """Turned axes and noise, whose RMS is a share of that of positions about their middle."""
+    """Permuted axes plus noise, whose RMS is a share of the RMS of the centered positions."""
     vertices = np.array(signs) * ORIGINAL.vertices.astype(np.float64)[..., list(order)]
     size = np.sqrt(np.mean((vertices - vertices.mean(axis=(0, 1))) ** 2))
     noise = np.random.default_rng(1).standard_normal(vertices.shape)
@@ -62,46 +62,46 @@ def disturbed(order, signs, share):
 
 
 @pytest.mark.parametrize("share", [0.01, 0.08])
-def test_what_differs_still_is_told_in_percent_of_the_size(share):
-    found = find_alignment(ORIGINAL, disturbed((0, 2, 1), (1, -1, 1), share))
-    assert found.left_percent == pytest.approx(100 * share, rel=0.05)
+def test_residual_is_in_percent_of_the_size_when_noise_remains(share):
+    alignment = find_alignment(ORIGINAL, disturbed((0, 2, 1), (1, -1, 1), share))
+    assert alignment.residual_percent == pytest.approx(100 * share, rel=0.05)
 
 
 @pytest.mark.parametrize(
     ("order", "signs", "share"),
     [
         ((0, 2, 1), (1, -1, 1), 0.12),  # a tenth of the size
-        ((1, 2, 0), (1, 1, 1), 0.08),  # of the difference, which is of seven tenths of the size
+        ((1, 2, 0), (1, 1, 1), 0.08),  # a tenth of the difference, which is 0.7 of the size
     ],
 )
-def test_nothing_is_found_when_more_than_a_tenth_differs_still(order, signs, share):
+def test_alignment_is_none_when_the_residual_exceeds_a_tenth(order, signs, share):
     assert find_alignment(ORIGINAL, disturbed(order, signs, share)) is None
 
 
 @pytest.mark.parametrize(("share", "is_found"), [(0.018, False), (0.022, True)])
-def test_a_shift_is_found_when_it_is_noticeable(share, is_found):
+def test_alignment_finds_a_shift_when_it_exceeds_the_threshold(share, is_found):
     vertices = ORIGINAL.vertices.astype(np.float64)
     size = np.sqrt(np.mean(np.sum((vertices - vertices.mean(axis=(0, 1))) ** 2, axis=2)))
     moved = replace(ORIGINAL, vertices=vertices + np.array([share * size, 0, 0]))
-    found = find_alignment(ORIGINAL, moved)
-    assert (found is not None) == is_found
-    if found is not None:
-        assert found.shift[0] == pytest.approx(share * size, rel=1e-3)
+    alignment = find_alignment(ORIGINAL, moved)
+    assert (alignment is not None) == is_found
+    if alignment is not None:
+        assert alignment.shift[0] == pytest.approx(share * size, rel=1e-3)
 
 
 @pytest.mark.parametrize(
-    ("axes", "scale", "shift", "words"),
+    ("axes", "scale", "shift", "phrase"),
     [
-        (("x", "z", "-y"), 1.0, (0, 0, 0), "(z upwards was turned to y upwards); apart"),
-        (("y", "x", "z"), 1.0, (0, 0, 0), "y, x, z of the original (mirrored); apart"),
-        (("y", "z", "x"), 1.0, (0, 0, 0), "y, z, x of the original (turned); apart"),
-        (("x", "y", "z"), 1.0019, (0, 0.5, 0), "place: it is moved by (0, 0.5, 0); apart"),
-        (("x", "y", "z"), 0.9979, (0, 0, 0), "place: it is 0.9979 times as large; apart"),
-        (("x", "y", "z"), 2.0, (0, 0, 0), "apart from that the two differ by 0.12 % of the size"),
+        (("x", "z", "-y"), 1.0, (0, 0, 0), "(z-up to y-up); after"),
+        (("y", "x", "z"), 1.0, (0, 0, 0), "y, x, z of the original (mirrored); after"),
+        (("y", "z", "x"), 1.0, (0, 0, 0), "y, z, x of the original (rotated); after"),
+        (("x", "y", "z"), 1.0019, (0, 0.5, 0), "position: it is shifted by (0, 0.5, 0); after"),
+        (("x", "y", "z"), 0.9979, (0, 0, 0), "position: it is 0.9979 times as large; after"),
+        (("x", "y", "z"), 2.0, (0, 0, 0), "after alignment 0.12 % of the size (RMS) remain"),
     ],
 )
-def test_words_name_what_is_noticeable_alone(axes, scale, shift, words):
-    assert words in str(Alignment(axes, scale, shift, 0.123))
+def test_message_lists_only_significant_changes(axes, scale, shift, phrase):
+    assert phrase in str(Alignment(axes, scale, shift, 0.123))
 
 
 def test_an_axis_keeps_its_sign_when_the_mesh_is_flat_along_it():
@@ -109,18 +109,18 @@ def test_an_axis_keeps_its_sign_when_the_mesh_is_flat_along_it():
     rounding = 1e-12 * vertices[..., :1]
     flat = np.concatenate([vertices[..., :2], rounding], axis=2)
     larger = 2 * flat * [1, 1, -1]
-    found = find_alignment(replace(ORIGINAL, vertices=flat), replace(ORIGINAL, vertices=larger))
-    assert found.axes == ("x", "y", "z")
+    alignment = find_alignment(replace(ORIGINAL, vertices=flat), replace(ORIGINAL, vertices=larger))
+    assert alignment.axes == ("x", "y", "z")
 
 
-def test_nothing_is_found_when_they_differ_otherwise():
+def test_alignment_is_none_when_the_sequences_differ_otherwise():
     assert find_alignment(ORIGINAL, changed(noise=0.5)) is None
     point = replace(ORIGINAL, vertices=np.zeros_like(ORIGINAL.vertices))
     assert find_alignment(ORIGINAL, point) is None
     assert find_alignment(point, ORIGINAL) is None
 
 
-def test_axes_are_found_when_coordinates_are_huge():
+def test_alignment_finds_the_axes_when_coordinates_are_huge():
     far = replace(ORIGINAL, vertices=ORIGINAL.vertices.astype(np.float64) * 1e200)
     turned = replace(far, vertices=far.vertices[..., [1, 2, 0]])
     assert find_alignment(far, turned).axes == ("y", "z", "x")

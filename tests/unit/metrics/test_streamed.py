@@ -109,7 +109,7 @@ def test_error_sums_are_refused_when_there_was_no_frame(soup):
     [
         ([(0, 5), (6, 14)], "frame 5 of the original was not decoded"),
         ([], "frame 0 of the original was not decoded"),
-        ([(0, 5), (4, 14)], "a frame of 4 to 13 was decoded before"),
+        ([(0, 5), (4, 14)], "a frame from 4 to 13 was decoded twice"),
     ],
 )
 def test_streamed_errors_are_refused_when_frames_do_not_come_once(soup, ranges, message):

@@ -53,7 +53,7 @@ def test_an_error_of_normals_is_half_a_turn_when_they_are_opposite():
 
 
 def test_errors_are_of_all_frames_when_not_all_are_compared_at_once(monkeypatch):
-    monkeypatch.setattr("meshreel.metrics.track_errors.VALUES_AT_ONCE", 2 * 6)
+    monkeypatch.setattr("meshreel.metrics.track_errors.NUMBERS_PER_CHUNK", 2 * 6)
     track = zeros(5, 6)
     found = track_errors(track, Track(np.arange(5.0)[:, None] * np.ones((5, 6))))
     assert found.largest_of_frames.tolist() == [0, 1, 2, 3, 4]

@@ -62,7 +62,7 @@ def test_original_comes_in_the_order_of_the_file_whatever_that_is(order, opened)
         ),
         (
             lambda grid: MeshSequence(grid.vertices, grid.faces[:, ::-1]),
-            "is not among the decoded faces|the original has other faces than the file",
+            "is missing from the decoded faces|the original has other faces than the file",
         ),
     ],
 )
