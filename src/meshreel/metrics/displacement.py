@@ -40,6 +40,7 @@ class DisplacementSums:
         self._n_positions = 0
 
     def add(self, frames: Sequence[FrameSums]) -> None:
+        """Add frames."""
         for frame in frames:
             self._total += frame.error
             self._largest = max(self._largest, frame.largest)

@@ -50,7 +50,7 @@ def normal_angles(original: Vertices, decoded: Vertices, faces: Faces) -> Normal
     angles, n_angles = np.empty(len(original) * len(faces)), 0
     for frame, displacement in paired_frames(original, decoded, reference):
         frame_angles, valid = face_angles_deg(frame, frame + displacement, faces, smallest_area)
-        n_valid = np.count_nonzero(valid)
+        n_valid = int(np.count_nonzero(valid))
         angles[n_angles : n_angles + n_valid] = frame_angles[valid]
         n_angles += n_valid
     n_degenerate = len(angles) - n_angles

@@ -36,6 +36,7 @@ class TrackErrors:
 
     @property
     def largest(self) -> float:
+        """Largest error of all frames."""
         return float(self.largest_of_frames.max())
 
     @property
