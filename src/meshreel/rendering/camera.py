@@ -1,4 +1,4 @@
-"""A pinhole camera, and the one that frames a whole sequence."""
+"""A pinhole camera, fitted to frame a whole sequence."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from meshreel.arrays import Floats
 from meshreel.errors import InvalidInputError
 
 FIELD_OF_VIEW_DEG = 28.0
-"""Across the shorter side of the picture; long enough a lens not to distort a body."""
+"""Across the shorter side of the picture; narrow enough for little perspective distortion."""
 
 _UP_AND_RIGHT = {
     "x": ((1, 0, 0), (0, 1, 0)),
@@ -26,7 +26,7 @@ class Camera:
     Parameters
     ----------
     eye : float array of shape (3,)
-        Centre of projection, in model units.
+        Center of projection, in model units.
     axes : float array of shape (3, 3)
         Unit rows: to the right of the picture, down the picture, into the scene.
     focal_px : float
@@ -52,7 +52,7 @@ class Camera:
             raise InvalidInputError(f"camera axes must be orthonormal rows; got {self.axes}")
 
     def project(self, vertices: npt.NDArray[np.floating]) -> tuple[Floats, Floats]:
-        """Where points fall in the picture, and how deep they lie.
+        """Picture coordinates and depths of points.
 
         Parameters
         ----------
@@ -70,9 +70,9 @@ class Camera:
         depths = local[..., 2]
         in_front = depths > 0
         px_per_unit = np.divide(self.focal_px, depths, out=np.zeros_like(depths), where=in_front)
-        centre = np.array([self.width, self.height]) / 2
+        center = np.array([self.width, self.height]) / 2
         points = np.where(
-            in_front[..., None], local[..., :2] * px_per_unit[..., None] + centre, 0.0
+            in_front[..., None], local[..., :2] * px_per_unit[..., None] + center, 0.0
         )
         return points, depths
 
@@ -87,21 +87,21 @@ def fit_camera(
     margin: float = 0.06,
     up: str = "y",
 ) -> Camera:
-    """The nearest camera of a given direction that sees every vertex of every frame.
+    """Return the nearest camera in a given direction that sees every vertex of every frame.
 
     Parameters
     ----------
     vertices : float array of shape (T, V, 3) or (V, 3), or iterable of arrays of shape (V, 3)
-        Everything that must be in the picture, in model units; an iterable is gone through once.
+        Everything that must be in the picture, in model units; an iterable is read once.
     azimuth_deg : float
-        0 looks at the front (from +z when y is up, from -y when z is up); the camera moves to
-        its own right as the angle grows.
+        0 looks at the front (from +z when y is up, from -y when z is up); positive angles move the
+        camera to its right.
     elevation_deg : float
-        How far the camera is raised, in -90..90; it looks down from above when positive.
+        In -90..90; the camera looks down from above when positive.
     width, height : int
         Size of the picture, in pixels.
     margin : float
-        Free border on every side, as a share of the shorter side; in 0..0.45.
+        Border on every side, as a fraction of the shorter side; in 0..0.45.
     up : {"y", "z", "x"}
         The axis that points up in the picture.
 
@@ -136,7 +136,6 @@ def fit_camera(
 def _frames_of(
     vertices: npt.NDArray[np.floating] | Iterable[npt.NDArray[np.floating]],
 ) -> Iterable[npt.NDArray[np.floating]]:
-    """Frame by frame, the positions that a camera must see."""
     if not isinstance(vertices, np.ndarray):
         return vertices
     if vertices.ndim not in (2, 3) or vertices.shape[-1] != 3 or vertices.size == 0:
@@ -163,22 +162,22 @@ def _viewing_axes(azimuth_rad: float, elevation_rad: float, up: str) -> Floats:
 def _nearest_eye(
     frames: Iterable[npt.NDArray[np.floating]], axes: Floats, slopes: Floats
 ) -> Floats:
-    """The eye in camera axes, as near as the four side planes of the view allow.
+    """The nearest eye, in camera axes, that keeps all points inside the view frustum.
 
-    A point p is inside when ``|p_k - e_k| <= slope_k (p_z - e_z)`` for k = x, y: each side is
-    bounded by one maximum over all points, and those maxima place the eye.
+    A point p is inside when ``|p_k - e_k| <= slope_k (p_z - e_z)`` for k = x, y: one maximum over
+    all points bounds each side, and these maxima determine the eye.
     """
     reach = np.full((2, 2), -np.inf)
     nearest, farthest = np.inf, -np.inf
     for frame in frames:
         if not np.isfinite(frame).all():
-            raise InvalidInputError("every position must be finite to be framed by a camera")
+            raise InvalidInputError("a camera needs finite positions; got NaN or infinity")
         local = frame @ axes.T
         across, depth = local[:, :2], local[:, 2:]
         upper, lower = across - slopes * depth, -across - slopes * depth
         reach = np.maximum(reach, np.stack([upper.max(axis=0), lower.max(axis=0)]))
         nearest, farthest = min(nearest, float(depth.min())), max(farthest, float(depth.max()))
-    # No point may lie in the eye itself, not even when the whole model is one point.
+    # No point may coincide with the eye, even if the whole model is one point.
     clearance = 0.05 * (farthest - nearest) or 1.0
     near = min(float((-reach.sum(axis=0) / (2 * slopes)).min()), nearest - clearance)
     return np.array([*(reach[0] - reach[1]) / 2, near])

@@ -1,4 +1,4 @@
-"""From numbers to colours: one map for all heat maps, and the bar that explains it."""
+"""Color maps for numbers, and color bars."""
 
 import numpy as np
 import numpy.typing as npt
@@ -17,8 +17,8 @@ from meshreel.rendering.lettering import (
 
 Image = npt.NDArray[np.uint8]
 
-# Violet, blue, green, yellow: a path of even speed through OKLab (Ottosson 2020) whose lightness
-# rises all the way, so that it reads in grey and with every kind of colour vision.
+# Violet, blue, green, yellow: perceptually uniform in OKLab (Ottosson 2020), with increasing
+# lightness, so that it is readable in grayscale and with every kind of color vision.
 HEAT = np.array(
     [
         (65, 43, 120), (67, 57, 135), (66, 71, 149), (62, 87, 162), (57, 102, 170), (55, 118, 172),
@@ -29,7 +29,7 @@ HEAT = np.array(
     np.uint8,
 )  # fmt: skip
 
-# Blue, light grey, red: both sides of 0 are alike in lightness, and grow darker evenly.
+# Blue, light gray, red: symmetric in lightness, which decreases evenly away from 0.
 DIVERGING = np.array(
     [
         (6, 72, 156), (43, 94, 168), (71, 115, 179), (98, 135, 190), (125, 155, 200),
@@ -42,34 +42,28 @@ DIVERGING = np.array(
 NOT_A_NUMBER = (150, 150, 150)
 
 COLORMAPS = {"sequential": HEAT, "diverging": DIVERGING}
-"""Maps by the names that users give them; those of the player's page are the same."""
+"""Color maps by name, the same as in the player."""
 
 
 def check_colormap(name: str) -> None:
-    """Nothing if there is a map of this name.
-
-    Raises
-    ------
-    InvalidInputError
-        If there is none.
-    """
+    """Raise InvalidInputError unless a color map has this name."""
     if name not in COLORMAPS:
         raise InvalidInputError(f"--colormap is {' or '.join(COLORMAPS)}; got {name!r}")
 
 
 def colorize(values: npt.ArrayLike, low: float, high: float, colormap: str | None = None) -> Image:
-    """Colours of numbers from `low` and below to `high` and above.
+    """Colors of numbers, clipped to the range from `low` to `high`.
 
     The sequential map runs from violet over green to yellow. The diverging one runs from blue over
-    light grey to red; where 0 is between `low` and `high` it is the light grey, and the darkest
-    colour is at the end that is farther from 0.
+    light gray to red; if 0 is between `low` and `high` it is light gray, and the end farther from 0
+    has the darkest color.
 
     Parameters
     ----------
     values : array of shape (N,)
-        NaN becomes grey.
+        NaN becomes gray.
     low, high : float
-        Finite; where they are equal, all numbers up to them have the first colour.
+        Finite; if they are equal, all numbers up to them have the first color.
     colormap : str, optional
         One of `COLORMAPS`. Default: "diverging" if 0 is between `low` and `high`, else
         "sequential".
@@ -81,7 +75,7 @@ def colorize(values: npt.ArrayLike, low: float, high: float, colormap: str | Non
     Raises
     ------
     InvalidInputError
-        If the values are not a line, `low` is not below `high`, or there is no such map.
+        If the values are not one-dimensional, `low` exceeds `high`, or the map is unknown.
     """
     numbers = np.asarray(values, np.float64)
     if numbers.ndim != 1:
@@ -95,13 +89,12 @@ def colorize(values: npt.ArrayLike, low: float, high: float, colormap: str | Non
         high = max(-low, high)
         low = -high
     width = high - low if high > low else 1.0
-    known = ~np.isnan(numbers)
-    position = (np.clip(np.where(known, numbers, low), low, low + width) - low) / width
+    is_number = ~np.isnan(numbers)
+    position = (np.clip(np.where(is_number, numbers, low), low, low + width) - low) / width
     ticks = np.linspace(0, 1, len(colors))
     channels = [np.interp(position, ticks, colors[:, channel]) for channel in range(3)]
-    return np.where(known[:, None], np.rint(np.stack(channels, axis=1)), NOT_A_NUMBER).astype(
-        np.uint8
-    )
+    rgb = np.rint(np.stack(channels, axis=1))
+    return np.where(is_number[:, None], rgb, NOT_A_NUMBER).astype(np.uint8)
 
 
 def draw_color_bar(
@@ -114,22 +107,20 @@ def draw_color_bar(
     background: Ink = (255, 255, 255),
     ink: Ink = INK,
 ) -> Image:
-    """A bar of the colours of `colorize` with numbers beside it, to stand by a heat map.
-
-    Both ends have theirs, with the unit; those between are round.
+    """A color bar for a heat map, labeled at both ends and at round numbers between them.
 
     Parameters
     ----------
     low, high : float
-        As given to `colorize`.
+        As for `colorize`.
     unit : str
-        Written behind the numbers at the ends.
+        Printed after the numbers at the ends.
     colormap : str, optional
-        As given to `colorize`.
+        As for `colorize`.
     height : int
         In pixels, at least 80; the width follows from the labels.
     background, ink : three integers
-        Colours behind the bar and of the words, sRGB in 0..255.
+        Colors of the background and the text, sRGB in 0..255.
 
     Returns
     -------
@@ -138,25 +129,25 @@ def draw_color_bar(
     Raises
     ------
     InvalidInputError
-        If `low` is not below `high`, the height is too small, or there is no such map.
+        If `low` exceeds `high`, the height is too small, or the map is unknown.
     """
     _check_range(low, high)
     if height < 80:
-        raise InvalidInputError(f"a colour bar needs a height of at least 80 pixels; got {height}")
+        raise InvalidInputError(f"a color bar needs a height of at least 80 pixels; got {height}")
     font = font_of_size(min(max(height / 36, 13), 26))
     line = line_height_px(font)
     ticks = _ticks_with_ends(low, high, 6 if height >= 240 else 3)
-    short = spell_out({"degrees": "°"}.get(unit, unit))
+    symbol = spell_out({"degrees": "°"}.get(unit, unit))
     labels = [short_number(tick, high - low) for tick in ticks]
     for end in {0, len(labels) - 1}:
-        labels[end] = f"{labels[end]} {short}".strip()
+        labels[end] = f"{labels[end]} {symbol}".strip()
     bar_width, pad = line, line // 2
     widest = max(font.getlength(label) for label in labels)
     width = round(bar_width + 4 * pad + widest)
     top, bottom = line, height - line
     picture = PillowImage.new("RGB", (width, height), background)
-    shown = np.linspace(high, low, bottom - top) if high > low else np.full(bottom - top, low)
-    column = colorize(shown, low, high, colormap)[:, None]
+    numbers = np.linspace(high, low, bottom - top) if high > low else np.full(bottom - top, low)
+    column = colorize(numbers, low, high, colormap)[:, None]
     picture.paste(PillowImage.fromarray(np.repeat(column, bar_width, axis=1)), (pad, top))
     canvas = ImageDraw.Draw(picture)
     for tick, label in zip(ticks, labels, strict=True):
@@ -168,10 +159,7 @@ def draw_color_bar(
 
 
 def round_up(value: float) -> float:
-    """The least of 1, 1.5, 2, 3, 4, 5, 6 and 8 times a power of ten that is not below a number.
-
-    Colour bars end there, at a number that is written beside them; 1 for 0.
-    """
+    """Round up to 1, 1.5, 2, 3, 4, 5, 6 or 8 times a power of ten; 0 becomes 1."""
     if value <= 0:
         return 1.0
     power = float(10.0 ** np.floor(np.log10(value)))
@@ -184,17 +172,17 @@ def _check_range(low: float, high: float) -> None:
         raise InvalidInputError(f"low and high must be finite, low first; got {low} and {high}")
 
 
-def _ticks_with_ends(low: float, high: float, n_most: int) -> list[float]:
-    """Both ends of the range, and round numbers between that are not too near to them."""
+def _ticks_with_ends(low: float, high: float, max_ticks: int) -> list[float]:
+    """Both ends of the range, and round numbers in between that are not too close to them."""
     if high == low:
         return [low]
-    apart = 0.5 * (high - low) / n_most
-    inner = [tick for tick in _round_ticks(low, high, n_most) if low + apart < tick < high - apart]
+    gap = 0.5 * (high - low) / max_ticks
+    inner = [tick for tick in _round_ticks(low, high, max_ticks) if low + gap < tick < high - gap]
     return [low, *inner, high]
 
 
 def short_number(value: float, span: float) -> str:
-    """A number with four digits, or as many as tell it from others in a range so wide."""
+    """A number with four digits, or as many as distinguish it within a range of this width."""
     if not span > 0:
         return f"{value:.4g}"
     n_decimals = 4 - int(np.ceil(np.log10(span)))
@@ -203,13 +191,12 @@ def short_number(value: float, span: float) -> str:
     return f"{rounded:.{max(n_digits, 4)}g}"
 
 
-def _round_ticks(low: float, high: float, n_most: int) -> list[float]:
-    """At most `n_most` multiples of 1, 2 or 5 times a power of ten in the range, or its ends."""
-    if high == low:
-        return [low]
-    least = (high - low) / (n_most - 1)
-    power = 10.0 ** np.floor(np.log10(least))
-    apart = power * next(factor for factor in (1, 2, 5, 10) if factor * power >= least * (1 - 1e-9))
-    first, last = np.ceil(low / apart - 1e-9), np.floor(high / apart + 1e-9)
-    ticks = [float(number * apart) + 0.0 for number in np.arange(first, last + 1)]
+def _round_ticks(low: float, high: float, max_ticks: int) -> list[float]:
+    """At most this many multiples of 1, 2 or 5 times a power of ten in the range, or its ends."""
+    min_step = (high - low) / (max_ticks - 1)
+    power = 10.0 ** np.floor(np.log10(min_step))
+    factors = (1, 2, 5, 10)
+    step = power * next(factor for factor in factors if factor * power >= min_step * (1 - 1e-9))
+    first, last = np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9)
+    ticks = [float(number * step) + 0.0 for number in np.arange(first, last + 1)]
     return ticks if len(ticks) > 1 else [low, high]

@@ -1,4 +1,4 @@
-"""Films as files: .mp4 by the extra [video], .gif by Pillow; pictures are written as they come."""
+"""Write films to .mp4 (extra [video]) and .gif (Pillow), picture by picture."""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -18,18 +18,18 @@ from meshreel.runtime.outputs.atomic import replace_when_done
 from meshreel.runtime.progress import Count, Progress, silent
 
 GIF_MAX_FPS = 50.0
-"""Browsers slow down what is shown for less than 2 hundredths of a second."""
+"""Browsers slow down pictures that are shown for less than 2 hundredths of a second."""
 
 N_PALETTE_PICTURES = 6
-"""Pictures that the colours of a .gif are chosen from."""
+"""Pictures from which the palette of a .gif is chosen."""
 
 _NEAR_BACKGROUND = 8
 
-_QUALITY = "18"  # of x264: differences from the pictures are hard to see
+_QUALITY = "18"  # of x264: visually nearly lossless
 
 
 def require_ffmpeg() -> Any:
-    """The library that brings ffmpeg; asked for before long work, it fails early.
+    """Return imageio_ffmpeg; call it before long work to fail early.
 
     Raises
     ------
@@ -41,19 +41,19 @@ def require_ffmpeg() -> Any:
     except ImportError as error:
         raise FormatError(
             "writing .mp4 needs imageio-ffmpeg: pip install 'meshreel[video]'; "
-            ".gif and .png need nothing more"
+            ".gif and .png work without it"
         ) from error
 
 
 def save_film(
     film: Film, path: Path, *, overwrite: bool = False, progress: Progress = silent
 ) -> None:
-    """Write a film as its ending says: .mp4 by `save_mp4`, .gif by `save_gif`.
+    """Write a film to .mp4 with `save_mp4` or to .gif with `save_gif`.
 
     Raises
     ------
     FormatError
-        If the ending is another.
+        If the path has another file extension.
     """
     writers = {".mp4": save_mp4, ".gif": save_gif}
     if path.suffix.lower() not in writers:
@@ -64,14 +64,14 @@ def save_film(
 def save_mp4(
     film: Film, path: Path, *, overwrite: bool = False, progress: Progress = silent
 ) -> None:
-    """Write a film as H.264, whole or not at all.
+    """Write a film as H.264, atomically.
 
     Parameters
     ----------
     film : Film
         Its width and height must be even.
     overwrite : bool
-        Whether a file that is there already may be replaced.
+        Whether an existing file may be replaced.
     progress : Progress, default silent
 
     Raises
@@ -79,7 +79,7 @@ def save_mp4(
     InvalidInputError
         If a side is odd, or the path cannot or must not be written.
     FormatError
-        If the library that writes it is not installed.
+        If imageio_ffmpeg is not installed.
     """
     ffmpeg = require_ffmpeg()
     if film.size[0] % 2 or film.size[1] % 2:
@@ -87,32 +87,32 @@ def save_mp4(
             f"an .mp4 needs an even width and height; got {film.size[0]} x {film.size[1]}"
         )
     width, height = film.size
-    with replace_when_done(path, overwrite=overwrite) as temporary, TemporaryFile() as said:
+    with replace_when_done(path, overwrite=overwrite) as temporary, TemporaryFile() as log:
         command = [
             ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error",
             "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{film.fps:g}",
             "-i", "-", *_MP4_OPTIONS, str(temporary),
         ]  # fmt: skip
         with (
-            Popen(command, stdin=PIPE, stdout=DEVNULL, stderr=said) as encoder,
-            suppress(BrokenPipeError),  # it ended early; why is asked below
+            Popen(command, stdin=PIPE, stdout=DEVNULL, stderr=log) as encoder,
+            suppress(BrokenPipeError),  # ffmpeg ended early; its exit code is checked below
         ):
             _feed(encoder.stdin, film, progress)
         if encoder.returncode:
-            said.seek(0)
-            reason = said.read().decode(errors="replace").strip() or f"code {encoder.returncode}"
+            log.seek(0)
+            reason = log.read().decode(errors="replace").strip() or f"code {encoder.returncode}"
             raise OSError(f"ffmpeg could not write {path}: {reason}")
 
 
 def _feed(pipe: IO[bytes] | None, film: Film, progress: Progress) -> None:
     if pipe is None:
-        raise OSError("ffmpeg takes no pictures")
+        raise OSError("ffmpeg has no standard input")
     with pipe:
-        for picture in _told(film, 1, progress):
+        for picture in _pictures(film, 1, progress):
             pipe.write(picture.tobytes())
 
 
-# Colours as players expect them; nothing that differs from one run to the next.
+# BT.709, which players assume, and no metadata that differs between runs.
 _MP4_OPTIONS = [
     "-an", "-c:v", "libx264", "-pix_fmt", "yuv420p",
     "-crf", _QUALITY, "-preset", "medium", "-threads", "1",
@@ -126,15 +126,15 @@ _MP4_OPTIONS = [
 def save_gif(
     film: Film, path: Path, *, overwrite: bool = False, progress: Progress = silent
 ) -> None:
-    """Write a film as a GIF that repeats for ever, whole or not at all.
+    """Write a film as an endlessly looping GIF, atomically.
 
-    All pictures share one palette, and each holds only the part that changed. Of a film of more
-    than `GIF_MAX_FPS`, every second picture is taken, or as few as needed.
+    All pictures share one palette, and each contains only the changed rectangle. Pictures are
+    skipped at regular intervals to stay below `GIF_MAX_FPS`.
 
     Parameters
     ----------
     overwrite : bool
-        Whether a file that is there already may be replaced.
+        Whether an existing file may be replaced.
     progress : Progress, default silent
 
     Raises
@@ -149,51 +149,51 @@ def save_gif(
         replace_when_done(path, overwrite=overwrite) as temporary,
         temporary.open("wb") as file,
     ):
-        palette = _palette(film)
-        _write_gif(file, _told(film, stride, progress), palette, stride / film.fps)
+        _write_gif(file, _pictures(film, stride, progress), _palette(film), stride / film.fps)
 
 
 def _write_gif(
     file: BinaryIO,
     pictures: Iterator[PillowImage.Image],
     palette: PillowImage.Image,
-    shown_s: float,
+    period_s: float,
 ) -> None:
-    before: PillowImage.Image | None = None
+    previous: PillowImage.Image | None = None
     for number, picture in enumerate(pictures):
         image = picture.quantize(palette=palette, dither=PillowImage.Dither.NONE)
-        # Hundredths of a second are rounded so that the whole lasts as long as it should.
-        duration = 10 * (round(100 * shown_s * (number + 1)) - round(100 * shown_s * number))
+        # End times, not durations, are rounded to hundredths of a second, so that errors do not
+        # add up.
+        duration = 10 * (round(100 * period_s * (number + 1)) - round(100 * period_s * number))
         box = (0, 0, *image.size)
-        if before is None:
+        if previous is None:
             header, _ = GifImagePlugin.getheader(image, info={"loop": 0, "duration": duration})
             file.writelines(header)
         else:
-            box = ImageChops.difference(picture, before).getbbox() or (0, 0, 1, 1)
+            box = ImageChops.difference(picture, previous).getbbox() or (0, 0, 1, 1)
         part = image.crop(box)
         file.writelines(GifImagePlugin.getdata(part, box[:2], duration=duration, disposal=1))
-        before = picture
+        previous = picture
     file.write(b";")
 
 
 def _palette(film: Film) -> PillowImage.Image:
-    """The background, and 255 colours that suit pictures from all over the film."""
+    """The background and up to 255 colors, chosen from pictures spread over the film."""
     stride = -(-film.n_pictures // N_PALETTE_PICTURES)
     samples = list(film.pictures(stride))
     width, height = film.size
     sheet = PillowImage.new("RGB", (width, height * len(samples)))
     for number, sample in enumerate(samples):
         sheet.paste(sample, (0, number * height))
-    found = sheet.quantize(255, method=PillowImage.Quantize.MEDIANCUT).getpalette() or []
-    colors, background = np.array(found[: 3 * 255]).reshape(-1, 3), film.scene.background
-    # Pillow looks colours up in coarse boxes: one near the background would be taken for it.
-    is_apart = np.abs(colors - np.array(background)).max(axis=1) > _NEAR_BACKGROUND
+    channels = sheet.quantize(255, method=PillowImage.Quantize.MEDIANCUT).getpalette() or []
+    colors, background = np.array(channels[: 3 * 255]).reshape(-1, 3), film.scene.background
+    # Pillow looks up colors in coarse boxes and would map the background to a color near it.
+    is_distinct = np.abs(colors - np.array(background)).max(axis=1) > _NEAR_BACKGROUND
     palette = PillowImage.new("P", (1, 1))
-    palette.putpalette([*background, *colors[is_apart].ravel().tolist()])
+    palette.putpalette([*background, *colors[is_distinct].ravel().tolist()])
     return palette
 
 
-def _told(film: Film, stride: int, progress: Progress) -> Iterator[PillowImage.Image]:
+def _pictures(film: Film, stride: int, progress: Progress) -> Iterator[PillowImage.Image]:
     total = -(-film.n_pictures // stride)
     for done, picture in enumerate(film.pictures(stride), 1):
         yield picture

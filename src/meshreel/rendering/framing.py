@@ -1,4 +1,4 @@
-"""Cameras for chosen frames: one that stands still, or one that goes along with the mesh."""
+"""Static and following cameras for selected frames."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -10,13 +10,13 @@ from meshreel.rendering.camera import Camera
 from meshreel.rendering.scenes import ChosenFrames, Frame
 from meshreel.rendering.views import View
 
-NEARER = 1.15
-"""A camera goes along with a mesh that it comes so much nearer to by that."""
+MIN_DISTANCE_RATIO = 1.15
+"""A camera follows the mesh by default if that brings it nearer by this factor."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Centred:
-    """Frames moved until their mean vertex is in the origin, made whenever gone through."""
+class _Centered:
+    """Frames translated so that their mean vertex is the origin."""
 
     frames: ChosenFrames
 
@@ -26,23 +26,17 @@ class _Centred:
 
 @dataclass(frozen=True)
 class Framing:
-    """From where frames are seen.
-
-    Attributes
-    ----------
-    is_followed : bool
-        Whether the camera goes along with the mean vertex of the mesh.
-    """
+    """A view, and whether the camera follows the mean vertex of the mesh."""
 
     view: View
     is_followed: bool = False
 
     def aspect(self, frames: ChosenFrames) -> float:
-        """Width of what is seen over its height."""
-        return self.view.aspect(_Centred(frames) if self.is_followed else frames)
+        """Aspect ratio, width over height, of the visible mesh."""
+        return self.view.aspect(_Centered(frames) if self.is_followed else frames)
 
     def cameras(self, frames: ChosenFrames, width: int, height: int) -> Sequence[Camera]:
-        """A camera for each frame, as near as every vertex of every frame allows.
+        """Return a camera for each frame, as near as possible with every vertex in view.
 
         Parameters
         ----------
@@ -51,24 +45,25 @@ class Framing:
         """
         if not self.is_followed:
             return [self.view.camera(frames, width, height)] * len(frames.numbers)
-        near = self.view.camera(_Centred(frames), width, height)
+        near = self.view.camera(_Centered(frames), width, height)
         return [replace(near, eye=near.eye + _middle(frame)) for frame in frames]
 
 
 def framing_of(view: View, frames: ChosenFrames, *, is_followed: bool | None = None) -> Framing:
-    """The framing that shows the mesh of some frames large enough.
+    """Decide whether the camera follows the mesh.
 
     Parameters
     ----------
     frames : ChosenFrames
-        Some that stand for all.
+        A representative sample.
     is_followed : bool, optional
-        Default: where the mesh would otherwise be small, because it travels.
+        Default: if the mesh travels and would otherwise be small.
     """
     if is_followed is None:
         middles = np.array([_middle(frame) for frame in frames])
-        still, near = (view.camera(some, 512, 512) for some in (frames, _Centred(frames)))
-        is_followed = _distance(still, middles) > NEARER * _distance(near, np.zeros((1, 3)))
+        still, near = (view.camera(points, 512, 512) for points in (frames, _Centered(frames)))
+        near_distance = _distance(near, np.zeros((1, 3)))
+        is_followed = _distance(still, middles) > MIN_DISTANCE_RATIO * near_distance
     return Framing(view, is_followed)
 
 
@@ -78,5 +73,5 @@ def _middle(frame: Frame) -> Floats:
 
 
 def _distance(camera: Camera, middles: Floats) -> float:
-    """How far the mesh is from the camera, in the mean of its frames."""
+    """Mean distance of the mesh from the camera along the viewing direction."""
     return float(((middles - camera.eye) @ camera.axes[2]).mean())

@@ -1,4 +1,4 @@
-"""Text in pictures: one font, broken into lines that fit."""
+"""Text in pictures: font, line breaks, drawing."""
 
 import unicodedata
 
@@ -23,27 +23,27 @@ _SPELLINGS = {
     "≤": "<=",
     "≥": ">=",
 }
-_KNOWN_SIGNS = "°±"
+_SUPPORTED_SIGNS = "°±"
 
 
 def font_of_size(height_px: float) -> Font:
-    """The font of all labels, its letters some `height_px` pixels high with their descenders."""
+    """The font of all labels, about `height_px` pixels high including descenders."""
     return ImageFont.load_default(size=height_px)
 
 
 def spell_out(text: str) -> str:
-    """The text in letters that the font has: signs spelled, accents left off, others as '?'."""
+    """Replace characters that the font lacks: signs by ASCII, accents removed, others by '?'."""
     spelled = "".join(_SPELLINGS.get(letter, letter) for letter in text)
     letters = unicodedata.normalize("NFKD", spelled)
     return "".join(
-        letter if letter.isascii() or letter in _KNOWN_SIGNS else "?"
+        letter if letter.isascii() or letter in _SUPPORTED_SIGNS else "?"
         for letter in letters
         if not unicodedata.combining(letter)
     )
 
 
 def wrap_text(text: str, font: Font, width_px: float) -> list[str]:
-    """Lines of whole words, spelled out, at most `width_px` wide unless one word is wider."""
+    """Break spelled-out text into lines of at most `width_px`; longer words exceed it."""
     lines: list[str] = []
     for paragraph in spell_out(text).splitlines():
         line = ""
@@ -58,7 +58,7 @@ def wrap_text(text: str, font: Font, width_px: float) -> list[str]:
 
 
 def line_height_px(font: Font) -> int:
-    """Distance from one line to the next."""
+    """Distance between baselines."""
     _, top, _, bottom = font.getbbox("Agjpqy|")
     return round((bottom - top) * _LINE_SPACING)
 
@@ -72,7 +72,7 @@ def draw_lines(
     ink: Ink = INK,
     align: str = "left",
 ) -> None:
-    """Draw lines of text below `place`, which is the upper left, upper middle or upper right.
+    """Draw lines of text below `place`, their upper left, upper middle or upper right corner.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Colours of pixels from the faces that their samples see."""
+"""Shade pixels, given the face visible in each sample."""
 
 from dataclasses import dataclass
 
@@ -18,23 +18,23 @@ Image = npt.NDArray[np.uint8]
 Color = tuple[int, int, int]
 Box = tuple[slice, slice]
 
-_PIXELS_AT_ONCE = 1 << 16
+_PIXELS_PER_CHUNK = 1 << 16
 
 
 @dataclass(frozen=True)
-class SeenSurface:
-    """The input of shading for one frame of M faces; normals in camera axes."""
+class ProjectedSurface:
+    """Shading inputs of one frame of M faces; normals in camera axes."""
 
     first: Floats  # (M, 2): the first corner of each face, pixels
     near: Floats  # (M, 3)
     slopes: Floats  # (M, 2, 2): gradients of the second and third barycentric coordinate
     normals: Singles  # (M, 3, 3), or (M, 3) when flat
     colors: Singles  # (M, 3, 3), or (3,) when all are the same
-    side: Singles  # (M,): -1 where the back of the face is seen
+    side: Singles  # (M,): -1 for back faces
     glow: float
 
 
-def seen_surface(
+def project_surface(
     positions: Floats,
     points: Floats,
     near: Floats,
@@ -44,8 +44,8 @@ def seen_surface(
     smooth: bool,
     glow: float,
     shading: RowNormals | None,
-) -> SeenSurface:
-    """The input of shading for a frame, from where its corners fall and how near they are.
+) -> ProjectedSurface:
+    """Return the shading inputs of a frame from its projected vertices.
 
     Parameters
     ----------
@@ -67,47 +67,47 @@ def seen_surface(
         normals = vertex_normals(positions, faces)
     else:
         normals, rows = shading.of_frames(positions[np.newaxis])[0], shading.triangles
-    turned = (normals @ camera.axes.T).astype(np.float32)
-    return SeenSurface(
+    local = (normals @ camera.axes.T).astype(np.float32)
+    return ProjectedSurface(
         first=points[faces[:, 0]],
         near=near[faces],
         slopes=np.divide(
             slopes, area[:, None, None], out=np.zeros_like(slopes), where=area[:, None, None] != 0
         ),
-        normals=turned[rows] if smooth else turned,
+        normals=local[rows] if smooth else local,
         colors=colors[faces] if colors.ndim == 2 else colors,
         side=np.where(area < 0, 1, -1).astype(np.float32),
         glow=glow,
     )
 
 
-def covered_box(seen: Integers, factor: int) -> Box | None:
-    """Rows and columns of pixels that hold all that is seen; None where nothing is.
+def covered_box(visible: Integers, factor: int) -> Box | None:
+    """Bounding rows and columns of the covered pixels; None if there are none.
 
     Parameters
     ----------
-    seen : int64 array of shape (height * factor, width * factor)
-        The face that each sample sees, or -1.
+    visible : int64 array of shape (height * factor, width * factor)
+        The visible face of each sample, or -1.
     factor : int
         Samples along each side of a pixel.
     """
-    covered = seen >= 0
+    covered = visible >= 0
     rows, columns = (np.flatnonzero(covered.any(axis=axis)) // factor for axis in (1, 0))
     if len(rows) == 0:
         return None
     return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
 
 
-def painted(
-    surface: SeenSurface, seen: Integers, box: Box, factor: int, background: Color
+def shade_box(
+    surface: ProjectedSurface, visible: Integers, box: Box, factor: int, background: Color
 ) -> Image:
-    """Colours of the pixels in a box, uint8 of its shape and 3 channels.
+    """Colors of the pixels in a box, uint8 of shape (height, width, 3).
 
-    Each is the mean of its samples; where all see the same face, the middle of the pixel stands
-    for them.
+    A pixel is the mean of its samples, or is shaded once at its center if all its samples see the
+    same face.
     """
     height, width = (side.stop - side.start for side in box)
-    ids = seen[tuple(slice(side.start * factor, side.stop * factor) for side in box)]
+    ids = visible[tuple(slice(side.start * factor, side.stop * factor) for side in box)]
     samples = [
         ids[row::factor, column::factor].ravel() for row, column in np.ndindex(factor, factor)
     ]
@@ -118,35 +118,35 @@ def painted(
     pixels = np.empty((height * width, 3), np.float32)
     pixels[:] = np.asarray(background, np.float32)
     corners = np.mgrid[box][::-1].reshape(2, -1).T * float(factor)
-    places = np.flatnonzero(whole)
-    pixels[places] = _shaded(surface, samples[0][places], corners[places] + factor / 2)
-    places = np.flatnonzero(touched & ~whole)
-    total = np.zeros((len(places), 3), np.float32)
-    for (row, column), one in zip(np.ndindex(factor, factor), samples, strict=True):
-        found = one[places]
-        covered = found >= 0
+    inner = np.flatnonzero(whole)
+    pixels[inner] = _shade(surface, samples[0][inner], corners[inner] + factor / 2)
+    edge = np.flatnonzero(touched & ~whole)
+    total = np.zeros((len(edge), 3), np.float32)
+    for (row, column), sample in zip(np.ndindex(factor, factor), samples, strict=True):
+        faces = sample[edge]
+        covered = faces >= 0
         total[~covered] += np.asarray(background, np.float32)
-        centres = corners[places[covered]] + np.array([column + 0.5, row + 0.5])
-        total[covered] += _shaded(surface, found[covered], centres)
-    pixels[places] = total / np.float32(factor**2)
+        centers = corners[edge[covered]] + np.array([column + 0.5, row + 0.5])
+        total[covered] += _shade(surface, faces[covered], centers)
+    pixels[edge] = total / np.float32(factor**2)
     return np.asarray(np.rint(pixels), np.uint8).reshape(height, width, 3)
 
 
-def _shaded(surface: SeenSurface, ids: Integers, centres: Floats) -> Singles:
-    """Colours where the faces ``ids`` are seen at these places, of shape (N, 3)."""
+def _shade(surface: ProjectedSurface, ids: Integers, centers: Floats) -> Singles:
+    """Colors of the faces ``ids`` at picture coordinates ``centers``, of shape (N, 3)."""
     colors = np.empty((len(ids), 3), np.float32)
-    for some in chunks(len(ids), _PIXELS_AT_ONCE):
-        colors[some] = _shade_some(surface, ids[some], centres[some])
+    for chunk in chunks(len(ids), _PIXELS_PER_CHUNK):
+        colors[chunk] = _shade_chunk(surface, ids[chunk], centers[chunk])
     return colors
 
 
-def _shade_some(surface: SeenSurface, ids: Integers, centres: Floats) -> Singles:
-    offsets = centres - surface.first[ids]
+def _shade_chunk(surface: ProjectedSurface, ids: Integers, centers: Floats) -> Singles:
+    offsets = centers - surface.first[ids]
     weights = np.empty((len(ids), 3))
     weights[:, 1:] = np.einsum("nkc,nc->nk", surface.slopes[ids], offsets)
     weights[:, 0] = 1 - weights[:, 1] - weights[:, 2]
-    # Clipped because slivers leave the interval by rounding; divided by depth because what is
-    # linear on the surface is not linear in the picture.
+    # Clipped because weights of slivers leave 0..1 by rounding; perspective-correct because
+    # linear functions on the surface are not linear in the picture.
     weights = np.clip(weights, 0, 1) * surface.near[ids]
     share = (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
     normals = _blend(share, surface.normals[ids]) * surface.side[ids, None]
@@ -159,12 +159,12 @@ def _shade_some(surface: SeenSurface, ids: Integers, centres: Floats) -> Singles
 
 
 def _blend(share: Singles, values: Singles) -> Singles:
-    """Values of shape (N, 3) between those at three corners, or those of the whole face."""
+    """Interpolate corner values of shape (N, 3, 3); values of faces, (N, 3), stay the same."""
     return values if values.ndim == 2 else np.einsum("nk,nkc->nc", share, values)
 
 
 def _unit_or_facing(normals: Singles) -> Singles:
-    """Unit normals; towards the viewer where faces of opposite sides cancelled each other."""
+    """Unit normals; zero normals, where opposite faces cancel, become the viewing direction."""
     lengths = np.sqrt(np.einsum("nc,nc->n", normals, normals))[:, None]
     viewer = np.broadcast_to(np.array([0, 0, -1], np.float32), normals.shape).copy()
     np.divide(normals, lengths, out=viewer, where=lengths > 0)

@@ -1,4 +1,4 @@
-"""Sheets of labelled pictures, and PNG files of them."""
+"""Contact sheets of pictures, and PNG output."""
 
 from collections.abc import Sequence
 from itertools import zip_longest
@@ -28,22 +28,7 @@ _SHEET = (255, 255, 255)
 def side_by_side(
     panels: Sequence[Panel], titles: Sequence[str], *, caption: str = ""
 ) -> PillowImage.Image:
-    """One row of panels, each under its title, with a caption below.
-
-    Parameters
-    ----------
-    panels : sequence of uint8 arrays of shape (H, W, 3) or Pillow images
-        At least one; sizes may differ (a colour bar beside a heat map).
-    titles : sequence of str
-        One for each panel; may be empty strings.
-    caption : str
-        Broken into lines as wide as the sheet.
-
-    Raises
-    ------
-    InvalidInputError
-        As `contact_sheet`.
-    """
+    """One row of panels with titles above and a caption below; see `contact_sheet`."""
     return contact_sheet([panels], column_titles=titles, caption=caption)
 
 
@@ -54,21 +39,21 @@ def contact_sheet(
     row_titles: Sequence[str] = (),
     caption: str = "",
 ) -> PillowImage.Image:
-    """Rows of panels in columns, titles above and to the left, a caption below.
+    """A grid of panels with titles above and to the left and a caption below.
 
     Parameters
     ----------
     rows : sequence of sequences of uint8 arrays of shape (H, W, 3) or Pillow images
-        At least one panel; rows may be shorter than others.
+        At least one panel in each row; lengths of rows and sizes of panels may differ.
     column_titles, row_titles : sequence of str
         One for each column and row, or none at all.
     caption : str
-        Broken into lines as wide as the sheet.
+        Wrapped to the width of the sheet.
 
     Raises
     ------
     InvalidInputError
-        If there is no panel, a panel is no picture, or the number of titles differs.
+        If a row is empty, a panel is not a picture, or the number of titles differs.
     """
     images = [[_as_image(panel) for panel in row] for row in rows]
     n_columns = max((len(row) for row in images), default=0)
@@ -84,18 +69,18 @@ def contact_sheet(
 
 
 def save_png(image: Panel, path: Path, *, overwrite: bool = False) -> None:
-    """Write a picture as a PNG file, whole or not at all.
+    """Write a picture as a PNG file, atomically.
 
     Parameters
     ----------
     image : Pillow image, or uint8 array of shape (H, W, 3)
     overwrite : bool
-        Whether a file that is there already may be replaced.
+        Whether an existing file may be replaced.
 
     Raises
     ------
     InvalidInputError
-        If the image is no picture, or the path cannot or must not be written.
+        If the image has the wrong type or shape, or the path cannot or must not be written.
     """
     picture = _as_image(image)
     with replace_when_done(Path(path), overwrite=overwrite) as temporary:

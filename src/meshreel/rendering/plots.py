@@ -1,4 +1,4 @@
-"""Plots of figures over frames; they need the extra [plot]."""
+"""Plots over frames with matplotlib, the extra [plot]."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,10 +15,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LINE_COLOR = "#4B0092"
-"""That of `reel` in the figures of `meshreel evaluate`."""
+"""The color of `reel` in the figures of `meshreel evaluate`."""
 
-LOG_FROM_RATIO = 30.0
-"""Errors whose largest is this many times the smallest are drawn on a log axis."""
+MIN_LOG_RATIO = 30.0
+"""Errors are drawn on a log axis if the largest exceeds the smallest by this factor."""
 
 
 def plot_error_per_frame(
@@ -29,12 +29,10 @@ def plot_error_per_frame(
     fps: float = 0.0,
     overwrite: bool = False,
 ) -> None:
-    """Write a PNG with the NMSVE of every frame, and a line at their mean.
+    """Write a PNG plot of the NMSVE of every frame and its mean.
 
     Parameters
     ----------
-    title : str
-        Names what is compared.
     nmsve : float64 array of shape (T,)
     fps : float, default 0
         Frames per second; adds a second axis in seconds unless it is 0.
@@ -49,7 +47,7 @@ def plot_error_per_frame(
     axes.plot(
         np.arange(len(nmsve)), nmsve, color=LINE_COLOR, marker="o" if len(nmsve) == 1 else None
     )
-    lowest, mean, highest = (float(of(nmsve)) for of in (np.min, np.mean, np.max))
+    lowest, mean, highest = float(nmsve.min()), float(nmsve.mean()), float(nmsve.max())
     if np.isfinite(mean):
         axes.axhline(mean, color=LINE_COLOR, linewidth=0.8, linestyle="--")
         axes.annotate(
@@ -58,7 +56,7 @@ def plot_error_per_frame(
             annotation_clip=False,
         )  # fmt: skip
     axes.set(xlabel="frame", ylabel="NMSVE (positions in diagonals)")
-    if 0 < LOG_FROM_RATIO * lowest < highest < np.inf:
+    if 0 < MIN_LOG_RATIO * lowest < highest < np.inf:
         axes.set_yscale("log")
     else:
         axes.set_ylim(bottom=0)
@@ -78,20 +76,18 @@ def plot_over_time(
     start_s: float = 0.0,
     overwrite: bool = False,
 ) -> None:
-    """Write a PNG with numbers of each frame, a line for each name.
+    """Write a PNG plot of one or more curves over frames.
 
     Parameters
     ----------
-    title : str
-        Says where the numbers are from.
     label : str
-        What they are, with their unit.
+        Quantity and unit, for the vertical axis.
     frames : sequence of int
         Numbers of the T frames.
     lines : mapping of str to float64 array of shape (T,)
-        By name, which is written beside where there are several; NaN leaves a gap.
+        Curves by name; NaN leaves a gap. Several curves get a legend.
     fps, start_s : float, default 0
-        Frames per second and time of frame 0; add a second axis in seconds unless fps is 0.
+        Frame rate and time of frame 0, for a second axis in seconds unless fps is 0.
 
     Raises
     ------
@@ -100,7 +96,7 @@ def plot_over_time(
     """
     figure = blank_figure(8, 4.5)
     axes = figure.add_subplot()
-    # The last lies on top, and is narrower, so that both are seen where they coincide.
+    # The upper curve is narrower, so that both are visible where they coincide.
     styles = (("#8C8C8C", 4.0), (LINE_COLOR, 1.5))[-len(lines) :]
     for (name, numbers), (color, width) in zip(lines.items(), styles, strict=True):
         marker = "o" if len(frames) == 1 else None
@@ -114,21 +110,21 @@ def plot_over_time(
 
 
 def _finish(axes: "Axes", title: str, fps: float, start_s: float = 0.0) -> None:
-    """Title and grid, no frame at the top and the right, and seconds below frames."""
+    """Add title, grid and the axis in seconds; remove the top and right borders."""
     axes.set_title(title, loc="left", fontsize="medium")
     axes.grid(alpha=0.3)
     axes.spines[["top", "right"]].set_visible(False)
     if fps > 0:
-        there_and_back = (
+        conversions = (
             lambda n: start_s + np.divide(n, fps),
             lambda s: np.multiply(np.subtract(s, start_s), fps),
         )
-        seconds = axes.secondary_xaxis(-0.16, functions=there_and_back)
+        seconds = axes.secondary_xaxis(-0.16, functions=conversions)
         seconds.set_xlabel("seconds")
 
 
 def require_matplotlib() -> Any:
-    """The class of matplotlib's figures; asked for before long work, it fails early.
+    """Return matplotlib's Figure class; call it before long work to fail early.
 
     Raises
     ------
@@ -145,7 +141,7 @@ def require_matplotlib() -> Any:
 
 
 def blank_figure(width_in: float, height_in: float) -> "Figure":
-    """An empty figure of this size in inches, drawn without a screen.
+    """An empty figure that needs no display.
 
     Raises
     ------
@@ -159,7 +155,7 @@ def blank_figure(width_in: float, height_in: float) -> "Figure":
 
 
 def save_figure(figure: "Figure", path: Path, *, overwrite: bool = False) -> None:
-    """Write a figure as a PNG file, whole or not at all.
+    """Write a figure as a PNG file, atomically.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Pictures of a mesh by the CPU alone: no screen, no graphics card, no window system."""
+"""Software rasterizer: pictures of a mesh without a GPU or display."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from meshreel.errors import InvalidInputError
 from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.sequence import validate_faces, validate_vertices
 from meshreel.rendering.camera import Camera
-from meshreel.rendering.painting import Color, Image, covered_box, painted, seen_surface
+from meshreel.rendering.painting import Color, Image, covered_box, project_surface, shade_box
 from meshreel.rendering.visibility import nearness, visible_faces
 
 CLAY: Color = (188, 198, 214)
@@ -31,29 +31,28 @@ def render(
     glow: float = 0.0,
     supersample: int = 2,
 ) -> Image:
-    """A shaded picture of one frame, lit from the camera, both sides of every face alike.
+    """Render one frame with two-sided shading and lights attached to the camera.
 
     Parameters
     ----------
     vertices : float array of shape (V, 3), in model units
     faces : integer array of shape (M, 3)
-        A face that reaches behind the camera is left out.
+        Faces that reach behind the camera are not drawn.
     camera : Camera
-        Gives the view and the size of the picture; see `fit_camera`.
+        See `fit_camera`.
     colors : array of shape (3,), (V, 3) or (M, 3, 3), default a light clay
-        sRGB in 0..255, of all, of each vertex (from `colorize` for a heat map) or of each corner
-        of each face.
+        sRGB in 0..255: one color, or one per vertex (from `colorize` for a heat map), or one per
+        corner of each face.
     background : three integers
         sRGB in 0..255.
     smooth : bool
-        Whether normals are interpolated between the vertices or flat over each face.
+        Whether to interpolate normals; otherwise faces are flat.
     shading : RowNormals, optional
-        Which corners share a normal where normals are interpolated. Default: those of a vertex.
+        Which corners share an interpolated normal. Default: all corners of a vertex.
     glow : float
-        Share of every colour that is shown as it is, unlit, 0..1: colours that stand for numbers
-        can be read in the shade, too.
+        Unlit share of every color, 0..1, which keeps heat maps readable in the shade.
     supersample : int
-        Samples along each side of a pixel, 1..8; more make smoother outlines.
+        Samples along each side of a pixel, 1..8.
 
     Returns
     -------
@@ -62,8 +61,8 @@ def render(
     Raises
     ------
     InvalidInputError
-        If an array has another shape, a position is not finite, a face names a vertex that is
-        not there, or ``supersample`` is out of range.
+        If an array has the wrong shape, a position is not finite, a face refers to a missing
+        vertex, or ``supersample`` or ``glow`` is out of range.
     """
     if supersample not in range(1, _MAX_SUPERSAMPLE + 1):
         raise InvalidInputError(f"supersample must be in 1..{_MAX_SUPERSAMPLE}; got {supersample}")
@@ -71,16 +70,21 @@ def render(
         raise InvalidInputError(f"glow must be in 0..1; got {glow}")
     positions = validate_vertices(np.asarray(vertices, np.float64)[None])[0].astype(np.float64)
     faces = validate_faces(faces, len(positions))
-    fine = _enlarge(camera, supersample)
+    fine = replace(
+        camera,
+        focal_px=camera.focal_px * supersample,
+        width=camera.width * supersample,
+        height=camera.height * supersample,
+    )
     paint = _checked_colors(colors, len(positions), len(faces))
     points, depths = fine.project(positions)
     near = nearness(depths)
-    seen = visible_faces(points, near, faces, fine).reshape(fine.height, fine.width)
-    surface = seen_surface(positions, points, near, faces, fine, paint, smooth, glow, shading)
+    visible = visible_faces(points, near, faces, fine).reshape(fine.height, fine.width)
+    surface = project_surface(positions, points, near, faces, fine, paint, smooth, glow, shading)
     picture = np.empty((camera.height, camera.width, 3), np.uint8)
     picture[:] = np.asarray(background, np.uint8)
-    if (box := covered_box(seen, supersample)) is not None:
-        picture[box] = painted(surface, seen, box, supersample, background)
+    if (box := covered_box(visible, supersample)) is not None:
+        picture[box] = shade_box(surface, visible, box, supersample, background)
     return picture
 
 
@@ -94,12 +98,3 @@ def _checked_colors(colors: npt.ArrayLike, n_verts: int, n_faces: int) -> Single
     if not (array.min() >= 0 and array.max() <= 255):
         raise InvalidInputError("colors must be sRGB values in 0..255")
     return array
-
-
-def _enlarge(camera: Camera, factor: int) -> Camera:
-    return replace(
-        camera,
-        focal_px=camera.focal_px * factor,
-        width=camera.width * factor,
-        height=camera.height * factor,
-    )

@@ -1,4 +1,4 @@
-"""Views of a mesh in one frame: itself, its original, and how far it is off."""
+"""Views of a frame: the mesh, its original and the heat map of their difference."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -25,31 +25,31 @@ from meshreel.rendering.track_colors import FrameNumbers, TrackColors, TrackLook
 from meshreel.runtime.progress import Count, Progress, silent
 
 HEAT_PERCENTILE = 99.5
-"""The colours of a heat map end at a round number above this percentile of all values shown."""
+"""The range of a heat map ends at a round number above this percentile of all values."""
 
 TRACK_HEAT = "track"
 
 HEAT_NAMES = (*HEATS, TRACK_HEAT)
-"""What a heat map can show: how far vertices are off, or the values of the track."""
+"""Kinds of heat maps: errors of positions, or errors of the track."""
 
 GLOW = 0.9
-"""Colours that stand for numbers keep so much of themselves in light and shade."""
+"""Unlit share of colors that stand for numbers, so that shading hardly changes them."""
 
 WHITE: Color = (255, 255, 255)
 
 
 @dataclass(frozen=True)
 class HeatRange:
-    """The range of colours, the same for all frames.
+    """The color range of a heat map, the same for all frames.
 
     Attributes
     ----------
     high : float
-        Where the colours end; a round number. They begin at 0.
+        End of the range, a round number; it begins at 0.
     largest : float
-        Of all values; it may lie above.
+        Largest of all values, which may exceed `high`.
     frame : int
-        Where it is.
+        Frame of the largest value.
     """
 
     high: float
@@ -62,15 +62,7 @@ Frame = npt.NDArray[np.floating]
 
 @dataclass(frozen=True)
 class Scales:
-    """What colours mean in all frames.
-
-    Attributes
-    ----------
-    heat : HeatRange or None
-        Of the heat map, if there is one.
-    track : TrackScale or None
-        Of the track, if it is shown by colours that stand for its numbers.
-    """
+    """Color ranges of the heat map and of the track; None without one."""
 
     heat: HeatRange | None = None
     track: TrackScale | None = None
@@ -81,13 +73,13 @@ NO_SCALES = Scales()
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """A frame of a scene, in each of its sequences, that of the original first.
+    """A frame of each sequence of a scene, the original first.
 
     Attributes
     ----------
     positions : list of float arrays of shape (V, 3)
     values : list of arrays of shape (N, C)
-        Of the track; empty without one.
+        Track values; empty without a track.
     """
 
     positions: list[Frame]
@@ -95,28 +87,28 @@ class Moment:
 
 
 class Scene:
-    """A mesh to be drawn, alone or beside its original and the heat map of their difference.
+    """A mesh to draw, alone or next to its original and the heat map of their difference.
 
     Parameters
     ----------
     original : FrameSource, optional
-        Of the same frames, vertices and triangles.
+        With the same frames, vertices and triangles.
     heat : str, optional
         One of `HEAT_NAMES`; needs the original.
     background : three integers
         sRGB in 0..255.
     track : TrackLook, optional
-        Colours the mesh by a track, and the original by that of the same name.
+        Colors the mesh and the original by the track of this name.
 
     Raises
     ------
     InvalidInputError
-        If the original is another mesh, there is none to show heat by, or no such track.
+        If the original differs in mesh or is missing for a heat map, or the track is missing.
     """
 
     def __init__(
         self,
-        shown: FrameSource,
+        sequence: FrameSource,
         original: FrameSource | None = None,
         heat: str | None = None,
         *,
@@ -125,20 +117,21 @@ class Scene:
     ) -> None:
         if heat is not None and original is None:
             raise InvalidInputError(
-                "a heat map shows how far a mesh is from its original; name that (--original)"
+                "a heat map shows the difference from an original; name it with --original"
             )
         if heat == TRACK_HEAT and track is None:
-            raise InvalidInputError("a heat map of a track needs its name (--track)")
-        self.shown, self.original, self.heat, self.background = shown, original, heat, background
-        self._sources = [shown] if original is None else [original, shown]
+            raise InvalidInputError("a heat map of a track needs its name: add --track")
+        self.sequence, self.original = sequence, original
+        self.heat, self.background = heat, background
+        self._sources = [sequence] if original is None else [original, sequence]
         self._colors = [_colors_of(source) for source in self._sources]
         self._shadings = [_shading_of(source) for source in self._sources]
         if original is not None:
-            require_comparable(original, shown)
+            require_comparable(original, sequence)
         self.track: TrackColors | None = None
         self._tracks: list[TrackSource] = []
         if track is not None:
-            self.track = TrackColors(track, named_track(shown.tracks, track.name))
+            self.track = TrackColors(track, named_track(sequence.tracks, track.name))
             self._tracks = [named_track(source.tracks, track.name) for source in self._sources]
         self._field: Field | None = None
         if original is not None and heat is not None and heat != TRACK_HEAT:
@@ -148,17 +141,17 @@ class Scene:
 
     @property
     def track_column(self) -> int:
-        """The last column of views that are coloured by the track."""
+        """The last column whose views are colored by the track."""
         return -1 if self.original is None else 1
 
     @property
     def titles(self) -> list[str]:
-        """A title for each view; an empty one for a mesh by itself."""
+        """The title of each view; empty for a single mesh."""
         if self.original is None:
             return [""]
-        of_track = f": {self.track.title}" if self.track is not None else ""
+        suffix = f": {self.track.title}" if self.track is not None else ""
         heat = [self._heat_label] if self.heat else []
-        return [f"original{of_track}", f"decoded{of_track}", *heat]
+        return [f"original{suffix}", f"decoded{suffix}", *heat]
 
     @property
     def _heat_label(self) -> str:
@@ -169,54 +162,47 @@ class Scene:
 
     @property
     def heat_unit(self) -> str:
-        """The unit of the heat map; empty if it has none."""
+        """The unit of the heat map; may be empty."""
         if self.track is not None and self.heat == TRACK_HEAT:
             return self.track.error_unit
         return HEATS[self.heat].unit if self.heat else ""
 
     @property
     def framed(self) -> FrameSource:
-        """The sequence that the camera must see: the original, where there is one."""
-        return self.original if self.original is not None else self.shown
+        """The sequence that the camera frames: the original if there is one."""
+        return self.original if self.original is not None else self.sequence
 
     def read(self, number: int) -> Moment:
-        """A frame of each sequence."""
+        """Read a frame of each sequence."""
         return Moment(
             [_frame(source, number) for source in self._sources],
             [np.asarray(track.read(number, number + 1)[0]) for track in self._tracks],
         )
 
     def scales(self, numbers: Sequence[int], progress: Progress = silent) -> Scales:
-        """The ranges of colours that suit these frames.
-
-        Parameters
-        ----------
-        numbers : sequence of int
-            Of frames, at least one.
-        progress : Progress, default silent
-        """
+        """Return color ranges that suit these frames, of which there must be at least one."""
         if self.heat is None and self.track is None:
             return NO_SCALES
-        of_track, of_heat, most = FrameNumbers(), FrameNumbers(), []
+        track_numbers, heat_numbers, maxima = FrameNumbers(), FrameNumbers(), []
         for done, number in enumerate(numbers, 1):
             moment = self.read(number)
             if self.track is not None and not self.track.shows_colors:
                 for values in moment.values:
-                    of_track.add(self.track.numbers(values))
+                    track_numbers.add(self.track.numbers(values))
             if self.heat is not None:
                 heat = self._heat(moment)
-                of_heat.add(heat)
-                most.append(float(np.max(heat, initial=0.0, where=~np.isnan(heat))))
+                heat_numbers.add(heat)
+                maxima.append(float(np.max(heat, initial=0.0, where=~np.isnan(heat))))
             progress("measuring", Count(done, len(numbers), "frames"))
-        range_of_heat = None
+        heat_range = None
         if self.heat is not None:
-            worst = int(np.argmax(most))
-            high = round_up(of_heat.percentile(HEAT_PERCENTILE))
-            range_of_heat = HeatRange(high, most[worst], numbers[worst])
-        return Scales(range_of_heat, None if self.track is None else self.track.scale(of_track))
+            worst = int(np.argmax(maxima))
+            high = round_up(heat_numbers.percentile(HEAT_PERCENTILE))
+            heat_range = HeatRange(high, maxima[worst], numbers[worst])
+        return Scales(heat_range, None if self.track is None else self.track.scale(track_numbers))
 
     def draw(self, moment: Moment, camera: Camera, scales: Scales = NO_SCALES) -> list[Image]:
-        """The views of a frame, in the order of their titles.
+        """Draw the views of a frame, in the order of their titles.
 
         Parameters
         ----------
@@ -228,35 +214,32 @@ class Scene:
         colors, glow = self._colors, 0.0
         if self.track is not None:
             colors, glow = self._track_colors(self.track, moment, scales.track), GLOW
-        looks = [
-            (positions, source.faces, given, glow, shading)
-            for positions, source, given, shading in zip(
+        views = [
+            (positions, source.faces, view_colors, glow, shading)
+            for positions, source, view_colors, shading in zip(
                 moment.positions, self._sources, colors, self._shadings, strict=True
             )
         ]
         if scales.heat is not None:
             heat = colorize(self._heat(moment), 0.0, scales.heat.high)
             if self.track is not None and self.heat == TRACK_HEAT:
-                heat = self._of_items(self.track, heat, self.shown)
-            looks.append((moment.positions[-1], self.shown.faces, heat, GLOW, self._shadings[-1]))
+                heat = self._of_items(self.track, heat, self.sequence)
+            views.append(
+                (moment.positions[-1], self.sequence.faces, heat, GLOW, self._shadings[-1])
+            )
         return [
             render(
-                frame,
-                faces,
-                camera,
-                colors=given,
-                background=self.background,
-                glow=glow,
-                shading=shading,
+                frame, faces, camera,
+                colors=view_colors, background=self.background, glow=glow, shading=shading,
             )
-            for frame, faces, given, glow, shading in looks
-        ]
+            for frame, faces, view_colors, glow, shading in views
+        ]  # fmt: skip
 
     def _heat(self, moment: Moment) -> npt.NDArray[np.float64]:
-        """How far each vertex, or each value of the track, is off in a frame."""
+        """Error of each vertex, or of each value of the track."""
         if self._field is not None:
             return self._field(*moment.positions)
-        assert self.track is not None  # checked at the beginning
+        assert self.track is not None  # checked in __init__
         return self.track.errors(*moment.values)
 
     def _track_colors(
@@ -273,25 +256,20 @@ class Scene:
 
 
 def _shading_of(source: FrameSource) -> RowNormals | None:
-    """How a mesh with hard edges is shaded; None for a smooth one."""
+    """Normals of a mesh with hard edges; None for a smooth mesh."""
     if source.surface.hard_edges is None:
         return None
     return RowNormals.of_surface(source.faces, source.surface, source.n_verts)
 
 
 def _colors_of(source: FrameSource) -> npt.ArrayLike:
-    own = surface_colors(source.surface, source.faces)
-    return CLAY if own is None else own
+    colors = surface_colors(source.surface, source.faces)
+    return CLAY if colors is None else colors
 
 
 @dataclass(frozen=True, eq=False)
 class ChosenFrames:
-    """Positions of some frames of a source, read whenever they are gone through.
-
-    Parameters
-    ----------
-    numbers : sequence of int
-    """
+    """Positions of selected frames, read during iteration."""
 
     source: FrameSource
     numbers: Sequence[int]
@@ -306,42 +284,43 @@ def _frame(source: FrameSource, number: int) -> Frame:
 
 
 def surface_colors(surface: Surface, faces: Faces) -> npt.NDArray[np.float32] | None:
-    """The first colour attribute of a mesh, sRGB in 0..255; None if it has none.
+    """The first color attribute of a mesh, sRGB in 0..255; None without one.
 
     Parameters
     ----------
     surface : Surface
-        Colours of bytes are taken as they are, others times 255; opacity is left out.
+        Byte colors are used unchanged, others times 255; opacity is ignored.
     faces : int32 array of shape (M, 3)
 
     Returns
     -------
-    float32 array of shape (V, 3), of each vertex, or (M, 3, 3), of each corner of each face
+    float32 array of shape (V, 3), per vertex, or (M, 3, 3), per corner of each face
     """
-    found = surface.of_kind(Kind.COLOR)
-    if not found:
+    attributes = surface.of_kind(Kind.COLOR)
+    if not attributes:
         return None
-    values = found[0].per_item()[:, :3].astype(np.float32)
+    attribute = attributes[0]
+    values = attribute.per_item()[:, :3].astype(np.float32)
     if values.shape[1] < 3:
-        values = np.repeat(values[:, :1], 3, axis=1)  # shades of grey
-    if found[0].values.dtype != np.uint8:
+        values = np.repeat(values[:, :1], 3, axis=1)  # shades of gray
+    if attribute.values.dtype != np.uint8:
         values = 255 * np.nan_to_num(values)
     values = np.clip(values, 0, 255)
-    return np.asarray(colors_of_items(values, found[0].domain, surface, faces))
+    return np.asarray(colors_of_items(values, attribute.domain, surface, faces))
 
 
 def colors_of_items(
     colors: npt.NDArray[Any], domain: Domain, surface: Surface, faces: Faces
 ) -> npt.NDArray[Any]:
-    """Colours of vertices as they are, of shape (V, 3); those of others of each triangle's corners.
+    """Convert colors of polygons or their corners to corners of triangles.
 
     Parameters
     ----------
     colors : array of shape (N, 3)
     domain : Domain
-        What the N are; faces are polygons, corners are theirs.
+        Items that the colors belong to; vertex colors are returned unchanged.
     surface : Surface
-        Has the polygons.
+        Defines the polygons.
     faces : int32 array of shape (M, 3)
 
     Returns
@@ -353,5 +332,5 @@ def colors_of_items(
     sizes = surface.sizes(len(faces))
     if domain is Domain.CORNER:
         return np.asarray(colors[fan_corners(sizes)])
-    of_triangles = np.repeat(colors, sizes - 2, axis=0)
-    return np.repeat(of_triangles[:, np.newaxis], 3, axis=1)
+    triangle_colors = np.repeat(colors, sizes - 2, axis=0)
+    return np.repeat(triangle_colors[:, np.newaxis], 3, axis=1)

@@ -1,4 +1,4 @@
-"""Light on a surface: soft key, fill and sky lights that travel with the camera."""
+"""Shading with key, fill and sky lights attached to the camera."""
 
 import numpy as np
 
@@ -21,14 +21,14 @@ _HALFWAY = _direction(*(_TOWARDS_KEY + _direction(0, 0, -1)))
 
 
 def shade(normals: Singles, colors: Singles) -> Singles:
-    """Colours of lit surface points.
+    """Colors of lit surface points.
 
     Parameters
     ----------
     normals : float32 array of shape (N, 3)
-        Unit normals in camera axes (right, down, into the scene), on the side that is seen.
+        Unit normals of the visible side in camera axes (right, down, into the scene).
     colors : float32 array of shape (N, 3)
-        Of the surface, sRGB in 0..255.
+        Surface colors, sRGB in 0..255.
 
     Returns
     -------

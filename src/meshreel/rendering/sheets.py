@@ -1,4 +1,4 @@
-"""Sheets of views with titles, labels, a caption and colour bars, filled again for each frame."""
+"""Sheets of views with titles, labels, a caption and color bars."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,26 +8,26 @@ from PIL import Image as PillowImage
 from PIL import ImageDraw
 
 from meshreel.rendering.colormap import draw_color_bar
-from meshreel.rendering.layout import Layout, Parts, Place, grid_shape, plan_layout, sheet_font_px
+from meshreel.rendering.layout import Layout, Parts, Size, grid_shape, plan_layout, sheet_font_px
 from meshreel.rendering.lettering import INK, Ink, draw_lines, wrap_text
 from meshreel.rendering.painting import Color, Image
 
 LIGHT_INK: Ink = (232, 234, 238)
-TALLEST_BAR_PX = 560
+MAX_BAR_HEIGHT_PX = 560
 
 
 @dataclass(frozen=True)
 class Bar:
-    """A colour bar.
+    """A color bar.
 
     Parameters
     ----------
     low, high : float
         Numbers at its ends.
     column : int, optional
-        Of the views that it stands to the right of. Default: the last.
+        The bar is to the right of this column of views. Default: the last.
     colormap : str, optional
-        As `colorize` takes it.
+        As for `colorize`.
     """
 
     low: float
@@ -39,16 +39,16 @@ class Bar:
 
 @dataclass(frozen=True)
 class Words:
-    """The words on a sheet, with the numbers of its colour bars.
+    """Text and color bars of a sheet.
 
     Parameters
     ----------
     titles : tuple of str
-        Of the columns; one empty title for views that stand in a grid without titles.
+        Titles of the columns; one empty title for a grid of views without titles.
     caption : str
-        At the foot.
+        At the bottom.
     widest_label : str
-        Of those that will stand below the views; empty for none.
+        The widest label below a view; empty without labels.
     bars : tuple of Bar
         By ascending columns.
     """
@@ -60,20 +60,20 @@ class Words:
 
 
 def plan_sheet(
-    words: Words, n_views: int, aspect: float, size: Place | None, most: Place
+    words: Words, n_views: int, aspect: float, size: Size | None, max_size: Size
 ) -> Layout:
-    """The layout of a sheet with all its words broken into lines that fit.
+    """Lay out a sheet so that all its wrapped text fits.
 
     Parameters
     ----------
     n_views : int
         A multiple of the number of titles.
     aspect : float
-        Width over height of what a view shows.
+        Width over height of the content of a view.
     size : tuple of 2 ints or None
-        Width and height of the sheet, in pixels; None follows the shape of what is shown.
-    most : tuple of 2 ints
-        The largest that it becomes then, but for the words.
+        Width and height of the sheet, in pixels; None to fit the content.
+    max_size : tuple of 2 ints
+        Limit if `size` is None.
 
     Raises
     ------
@@ -83,21 +83,21 @@ def plan_sheet(
     n_columns = len(words.titles)
     n_rows = n_views // n_columns
     if n_columns == 1:
-        n_rows, n_columns = grid_shape(n_views, size or most, aspect)
+        n_rows, n_columns = grid_shape(n_views, size or max_size, aspect)
     bars = tuple(
-        (bar.column % n_columns, _drawn(bar, TALLEST_BAR_PX, (0, 0, 0)).shape[1])
+        (bar.column % n_columns, _draw_bar(bar, MAX_BAR_HEIGHT_PX, (0, 0, 0)).shape[1])
         for bar in words.bars
     )
     n_lines = np.zeros(3, int)  # of titles, of each label, of the caption
-    font_px = sheet_font_px(size or most)
+    font_px = sheet_font_px(size or max_size)
     while True:
         n_titles, n_labels, n_captions = map(int, n_lines)
         parts = Parts(n_rows, n_columns, n_titles, n_labels, bars, n_captions)
-        layout = plan_layout(size or most, parts, font_px, aspect if size is None else None)
+        layout = plan_layout(size or max_size, parts, font_px, aspect if size is None else None)
         needed = [
-            max(len(_fitted(title, layout)) for title in words.titles),
-            len(_fitted(words.widest_label, layout)),
-            len(_caption_lines(words.caption, layout)),
+            max(len(_wrap_to_view(title, layout)) for title in words.titles),
+            len(_wrap_to_view(words.widest_label, layout)),
+            len(_wrap_caption(words.caption, layout)),
         ]
         fitting_px = min(font_px, sheet_font_px(layout.size))
         if np.all(needed <= n_lines) and fitting_px > font_px - 0.5:
@@ -106,14 +106,14 @@ def plan_sheet(
 
 
 class Sheet:
-    """A picture with room for views; what stays the same in all frames is drawn once.
+    """A sheet whose text and bars are drawn once for all frames.
 
     Parameters
     ----------
     layout : Layout
         From `plan_sheet`.
     background : three integers
-        sRGB in 0..255; words are dark or light, as it is.
+        sRGB in 0..255; text is light on dark backgrounds.
     """
 
     def __init__(self, layout: Layout, words: Words, background: Color) -> None:
@@ -122,22 +122,22 @@ class Sheet:
         self._blank = PillowImage.new("RGB", layout.size, background)
         canvas, width = ImageDraw.Draw(self._blank), layout.view_size[0]
         for title, left in zip(words.titles, layout.columns, strict=False):
-            lines = _fitted(title, layout)
+            lines = _wrap_to_view(title, layout)
             top = layout.rows[0] - len(lines) * layout.line - layout.gap // 4
-            self._centre(canvas, (left + width / 2, top), lines)
-        caption = _caption_lines(words.caption, layout)
+            self._draw_centered(canvas, (left + width / 2, top), lines)
+        caption = _wrap_caption(words.caption, layout)
         draw_lines(canvas, (layout.gap, layout.foot), caption, layout.font, ink=self._ink)
-        height = max(min(layout.body_height, TALLEST_BAR_PX), 80)
+        height = max(min(layout.body_height, MAX_BAR_HEIGHT_PX), 80)
         for bar, left in zip(words.bars, layout.bars, strict=True):
-            drawn = PillowImage.fromarray(_drawn(bar, height, background))
-            self._blank.paste(drawn, (left, layout.rows[0]))
+            image = PillowImage.fromarray(_draw_bar(bar, height, background))
+            self._blank.paste(image, (left, layout.rows[0]))
 
-    def filled(self, views: Sequence[Image], labels: Sequence[str] = ()) -> PillowImage.Image:
-        """The sheet with views, row by row, and a label below each.
+    def compose(self, views: Sequence[Image], labels: Sequence[str] = ()) -> PillowImage.Image:
+        """Return the sheet with views, row by row, and a label below each.
 
         Parameters
         ----------
-        views : sequence of uint8 arrays, of the size that the layout has for them
+        views : sequence of uint8 arrays of the view size of the layout
         labels : sequence of str
             One for each view, or none at all.
         """
@@ -151,31 +151,31 @@ class Sheet:
             )
             picture.paste(PillowImage.fromarray(view), (left, top))
             if labels:
-                lines = _fitted(labels[number], self.layout)
-                self._centre(canvas, (left + width / 2, top + height), lines)
+                lines = _wrap_to_view(labels[number], self.layout)
+                self._draw_centered(canvas, (left + width / 2, top + height), lines)
         return picture
 
-    def _centre(
+    def _draw_centered(
         self, canvas: ImageDraw.ImageDraw, place: tuple[float, float], lines: list[str]
     ) -> None:
         draw_lines(canvas, place, lines, self.layout.font, ink=self._ink, align="center")
 
 
 def ink_on(background: Color) -> Ink:
-    """The colour of words that are easy to read there."""
+    """A readable text color for a background."""
     red, green, blue = background
     return INK if 0.299 * red + 0.587 * green + 0.114 * blue > 128 else LIGHT_INK
 
 
-def _fitted(words: str, layout: Layout) -> list[str]:
-    return wrap_text(words, layout.font, layout.view_size[0])
+def _wrap_to_view(text: str, layout: Layout) -> list[str]:
+    return wrap_text(text, layout.font, layout.view_size[0])
 
 
-def _caption_lines(caption: str, layout: Layout) -> list[str]:
+def _wrap_caption(caption: str, layout: Layout) -> list[str]:
     return wrap_text(caption, layout.font, layout.size[0] - 2 * layout.gap)
 
 
-def _drawn(bar: Bar, height: int, background: Color) -> Image:
+def _draw_bar(bar: Bar, height: int, background: Color) -> Image:
     return draw_color_bar(
         bar.low, bar.high,
         unit=bar.unit, colormap=bar.colormap, height=height, background=background,

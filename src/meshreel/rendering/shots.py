@@ -1,4 +1,4 @@
-"""Shots: frames of a scene through cameras, drawn on all cores, and the sheet they stand on."""
+"""Draw shots, which are frames of a scene seen by cameras, on all cores."""
 
 from collections.abc import Iterator, Sequence
 
@@ -14,78 +14,79 @@ Shot = tuple[int, Camera]
 """The number of a frame, and the camera that sees it."""
 
 ASPECT_FRAMES = 16
-"""So many frames tell the shape of what is shown."""
+"""Frames sampled to determine the aspect ratio of the content."""
 
 
 def draw_shots(
     scene: Scene, shots: Sequence[Shot], scales: Scales = NO_SCALES
 ) -> Iterator[list[Image]]:
-    """The views of each shot in order; as many shots are drawn at once as there are cores.
+    """Yield the views of each shot in order, drawing one shot per core at a time.
 
     Parameters
     ----------
     shots : sequence of Shot
     scales : Scales, optional
-        Needed where colours stand for numbers.
+        Needed if colors stand for numbers.
     """
-    together = n_cores()
-    for start in range(0, len(shots), together):
-        # Read here: not every file can be read by several threads.
-        some = [(scene.read(number), camera) for number, camera in shots[start : start + together]]
-        yield from _draw_at_once(scene, some, scales)
+    batch_size = n_cores()
+    for start in range(0, len(shots), batch_size):
+        # Read in this thread, because some file readers are not thread-safe.
+        batch = [
+            (scene.read(number), camera) for number, camera in shots[start : start + batch_size]
+        ]
+        yield from _draw_batch(scene, batch, scales)
 
 
-def _draw_at_once(
-    scene: Scene, some: Sequence[tuple[Moment, Camera]], scales: Scales
+def _draw_batch(
+    scene: Scene, batch: Sequence[tuple[Moment, Camera]], scales: Scales
 ) -> list[list[Image]]:
-    drawn: list[list[Image]] = [[] for _ in some]
+    views: list[list[Image]] = [[] for _ in batch]
 
-    def draw(place: int) -> None:
-        drawn[place] = scene.draw(*some[place], scales)
+    def draw(number: int) -> None:
+        views[number] = scene.draw(*batch[number], scales)
 
     with one_blas_thread():
-        in_threads(draw, range(len(some)))
-    return drawn
+        in_threads(draw, range(len(batch)))
+    return views
 
 
-def spread_frames(numbers: Sequence[int], n_most: int) -> list[int]:
-    """At most so many of the frames, evenly spaced from the first to the last."""
-    places = np.linspace(0, len(numbers) - 1, min(n_most, len(numbers))).round().astype(int)
-    return [numbers[place] for place in places]
+def spread_frames(numbers: Sequence[int], max_frames: int) -> list[int]:
+    """At most this many of the frames, evenly spaced from the first to the last."""
+    steps = np.linspace(0, len(numbers) - 1, min(max_frames, len(numbers))).round().astype(int)
+    return [numbers[step] for step in steps]
 
 
-def telling_frames(numbers: Sequence[int], n_most: int) -> list[int]:
-    """At most so many of the frames, evenly spaced from after the first, often at rest, on."""
-    return spread_frames(numbers, n_most + 1)[-n_most:]
+def representative_frames(numbers: Sequence[int], max_frames: int) -> list[int]:
+    """At most this many evenly spaced frames without the first, which often shows the rest pose."""
+    return spread_frames(numbers, max_frames + 1)[-max_frames:]
 
 
 def frame_labels(scene: Scene, number: int) -> list[str]:
-    """The labels below each view of a frame: its number, and its time where that is known."""
-    fps = scene.shown.fps
-    time = f", {scene.shown.start_s + number / fps:.2f} s" if fps else ""
+    """Labels of the views of a frame: its number and, if known, its time below the first."""
+    fps = scene.sequence.fps
+    time = f", {scene.sequence.start_s + number / fps:.2f} s" if fps else ""
     return [f"frame {number}{time}", *[""] * (len(scene.titles) - 1)]
 
 
 def scene_words(
     scene: Scene, scales: Scales, labels: Sequence[str] = (), caption: str = ""
 ) -> Words:
-    """The words about a scene: titles, the ends of its colours, labels and a caption."""
+    """Titles, labels, caption and color bars of a scene."""
     titles, widest = tuple(scene.titles), max(labels, key=len, default="")
     bars, lines = [], [caption] if caption else []
     if scene.track is not None and scales.track is not None:
         track, scale = scene.track, scales.track
-        bar = Bar(scale.low, scale.high, track.unit, scene.track_column, track.colormap)
-        bars.append(bar)
+        bars.append(Bar(scale.low, scale.high, track.unit, scene.track_column, track.colormap))
         lines.append(track.caption(scale))
     if scales.heat is not None:
         high, largest, unit = scales.heat.high, scales.heat.largest, scene.heat_unit
         bars.append(Bar(0.0, high, unit))
-        what, yellow = "value", "Yellow"
+        noun, yellow = "value", "Yellow"
         if scene.track is not None:
-            what, yellow = "error", "Yellow errors"
+            noun, yellow = "error", "Yellow errors"
         above = f"{yellow}: {_number(high, unit)} and more. " if largest > high else ""
-        most = f"The largest {what} shown is {_number(largest, unit)}, in frame"
-        lines.append(f"{above}{most} {scales.heat.frame}.")
+        peak = f"The largest {noun} shown is {_number(largest, unit)}, in frame"
+        lines.append(f"{above}{peak} {scales.heat.frame}.")
     return Words(titles, "\n".join(lines), widest, tuple(bars))
 
 

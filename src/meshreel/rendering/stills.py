@@ -1,11 +1,11 @@
-"""One picture of chosen frames: a contact sheet, or a comparison with a row for each frame."""
+"""A picture of selected frames: a contact sheet, or a comparison with one row per frame."""
 
 from collections.abc import Sequence
 
 from PIL import Image as PillowImage
 
 from meshreel.rendering.framing import framing_of
-from meshreel.rendering.layout import Place
+from meshreel.rendering.layout import Size
 from meshreel.rendering.painting import Image
 from meshreel.rendering.scenes import ChosenFrames, Scene
 from meshreel.rendering.sheets import Sheet, plan_sheet
@@ -19,8 +19,8 @@ from meshreel.rendering.shots import (
 from meshreel.rendering.views import View
 from meshreel.runtime.progress import Count, Progress, silent
 
-STILL_PX: Place = (1600, 1000)
-"""The largest sheet when no size is given."""
+STILL_PX: Size = (1600, 1000)
+"""Largest sheet by default."""
 
 
 def still(
@@ -28,23 +28,23 @@ def still(
     numbers: Sequence[int],
     view: View,
     *,
-    size: Place | None = None,
+    size: Size | None = None,
     caption: str = "",
     is_followed: bool | None = None,
     progress: Progress = silent,
 ) -> PillowImage.Image:
-    """A picture of some frames: in a grid, or in a row each where a scene has several views.
+    """Draw frames in a grid, or in one row each if the scene has several views.
 
     Parameters
     ----------
     numbers : sequence of int
-        Of frames, at least one; one frame of a scene of one view fills the picture.
+        Frame numbers, at least one; a single frame of a scene of one view fills the picture.
     size : tuple of 2 ints, optional
-        Width and height in pixels. Default: as large as suits what is shown.
+        Width and height in pixels. Default: fits the content.
     caption : str
-        At the foot.
+        At the bottom.
     is_followed : bool, optional
-        Whether the camera goes along with the mesh. Default: where it would otherwise be small.
+        Whether the camera follows the mesh. Default: if it would otherwise be small.
     progress : Progress, default silent
 
     Raises
@@ -56,12 +56,12 @@ def still(
     scales = scene.scales(numbers, progress)
     labels = [label for number in numbers for label in frame_labels(scene, number)]
     words = scene_words(scene, scales, labels if n_views > 1 else (), caption)
-    some = ChosenFrames(scene.framed, spread_frames(numbers, ASPECT_FRAMES))
-    framing = framing_of(view, some, is_followed=is_followed)
-    layout = plan_sheet(words, n_views, framing.aspect(some), size, STILL_PX)
+    sample = ChosenFrames(scene.framed, spread_frames(numbers, ASPECT_FRAMES))
+    framing = framing_of(view, sample, is_followed=is_followed)
+    layout = plan_sheet(words, n_views, framing.aspect(sample), size, STILL_PX)
     cameras = framing.cameras(ChosenFrames(scene.framed, numbers), *layout.view_size)
     views: list[Image] = []
-    for drawn in draw_shots(scene, list(zip(numbers, cameras, strict=True)), scales):
-        views += drawn
+    for frame_views in draw_shots(scene, list(zip(numbers, cameras, strict=True)), scales):
+        views += frame_views
         progress("drawing", Count(len(views), n_views, "views"))
-    return Sheet(layout, words, scene.background).filled(views, labels if n_views > 1 else ())
+    return Sheet(layout, words, scene.background).compose(views, labels if n_views > 1 else ())

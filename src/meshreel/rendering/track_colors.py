@@ -1,4 +1,4 @@
-"""A track as the colours of a mesh: which of its numbers, in which range, and what they mean."""
+"""Color a mesh by a track: component, range and color map."""
 
 import re
 from collections.abc import Sequence
@@ -15,30 +15,29 @@ from meshreel.runtime.counting import counted
 
 AXES = ("x", "y", "z")
 MAGNITUDE = "magnitude"
-MOST_OF_MAGNITUDE = 3
-"""Values of more numbers have no magnitude."""
+MAX_MAGNITUDE_COLUMNS = 3
+"""Values of more components have no magnitude."""
 
-DEFAULT_RANGE, RANGE_OF_NORMALS = "2%:98%", "-1:1"
+DEFAULT_RANGE, NORMAL_RANGE = "2%:98%", "-1:1"
 
 _END = re.compile(r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]{1,3})?)\s*(%?)\s*", re.I)
 _N_QUANTILES = 1000
-"""So many values of each frame stand for all of its values."""
+"""Quantiles per frame that represent its values."""
 
 
 @dataclass(frozen=True)
 class TrackLook:
-    """How a track is to be shown.
+    """How to show a track.
 
     Parameters
     ----------
     name : str
-        Of the track.
     component : str, optional
-        "x", "y", "z", a number of a column, from 0 on, or "magnitude" of up to three. Default:
-        the only one; "x" of normals; colours as they are; else the magnitude.
+        "x", "y", "z", a column number from 0, or "magnitude" of up to three columns. Default: the
+        only column; "x" of normals; colors directly; else the magnitude.
     range : str, optional
-        Where the colours end, "LOW:HIGH", each a number or a percentile such as "2%". Default:
-        `DEFAULT_RANGE`, of normals `RANGE_OF_NORMALS`.
+        Color range "LOW:HIGH", each a number or a percentile such as "2%". Default:
+        `DEFAULT_RANGE`, or `NORMAL_RANGE` for normals.
     colormap : str, optional
         One of `meshreel.rendering.colormap.COLORMAPS`. Default: "diverging" if 0 is inside the
         range, else "sequential".
@@ -52,101 +51,101 @@ class TrackLook:
 
 @dataclass(frozen=True)
 class TrackScale:
-    """Numbers at the ends of the colours, and of all values shown.
+    """Color range, and the extremes of all values.
 
     Attributes
     ----------
     low, high : float
-        Ends of the colours. Where 0 is between them, and they are percentiles, it is in the middle.
-    least, most : float
-        Of all values; NaN where there is none.
+        Ends of the color range; symmetric about 0 if both are percentiles of opposite sign.
+    smallest, largest : float
+        Extremes of all values; NaN without values.
     has_missing : bool
-        Whether some values are no numbers.
+        Whether some values are missing (NaN or infinite).
     """
 
     low: float
     high: float
-    least: float
-    most: float
+    smallest: float
+    largest: float
     has_missing: bool
 
 
 class TrackColors:
-    """Colours of the values of a track.
+    """Colors of the values of a track.
 
     Raises
     ------
     InvalidInputError
-        If it has no such component, the range is none, or there is no such map; if it has colours,
-        which are shown as they are, and a range or a map is given.
+        If the component, range or color map is invalid, or a color track, which is shown directly,
+        has a range or color map.
     """
 
     def __init__(self, look: TrackLook, track: TrackSource) -> None:
         self.name, self.kind, self.unit = look.name, track.kind, track.unit
         self.domain, self.error_unit = track.domain, error_unit(track)
-        self._columns, self.component = _shown(look, track)
+        self._columns, self.component = _select_columns(look, track)
         self.shows_colors = self.component == "color"
         self.colormap = look.colormap
         if look.colormap is not None:
             check_colormap(look.colormap)
-        given = {"--range": look.range, "--colormap": look.colormap}
-        without = next((option for option, value in given.items() if value is not None), None)
-        if self.shows_colors and without:
+        options = {"--range": look.range, "--colormap": look.colormap}
+        unused = next((option for option, value in options.items() if value is not None), None)
+        if self.shows_colors and unused:
             raise InvalidInputError(
-                f"track {look.name!r} has colours, which are shown as they are; leave {without} "
-                "out, or show one of their numbers with --component"
+                f"track {look.name!r} contains colors, which are shown directly; omit {unused}, or "
+                "select one channel with --component"
             )
-        usual = RANGE_OF_NORMALS if track.kind is TrackKind.NORMAL else DEFAULT_RANGE
-        self._range_text = look.range or usual
+        default_range = NORMAL_RANGE if track.kind is TrackKind.NORMAL else DEFAULT_RANGE
+        self._range_text = look.range or default_range
         self._ends = parse_range(self._range_text)
 
     @property
     def title(self) -> str:
-        """What is shown, such as "velocity, magnitude"."""
-        what = "" if self.component in ("", "color") else f", {self.component}"
-        return f"{self.name}{what}"
+        """Name and component, such as "velocity, magnitude"."""
+        component = "" if self.component in ("", "color") else f", {self.component}"
+        return f"{self.name}{component}"
 
     def numbers(self, values: Values) -> Floats:
-        """The number that is shown of each value of a frame, of shape (N,); NaN where none is."""
-        chosen = values[:, self._columns].astype(np.float64)
+        """The selected component of each value of a frame, of shape (N,); NaN if missing."""
+        columns = values[:, self._columns].astype(np.float64)
         is_length = self.component == MAGNITUDE
-        found = np.linalg.norm(chosen, axis=1) if is_length else chosen[:, 0]
-        return np.where(np.isfinite(found), found, np.nan)
+        numbers = np.linalg.norm(columns, axis=1) if is_length else columns[:, 0]
+        return np.where(np.isfinite(numbers), numbers, np.nan)
 
     def errors(self, original: Values, decoded: Values) -> Floats:
-        """The error of each value of a frame, of shape (N,), NaN where one of two is missing."""
-        found = value_errors(original[np.newaxis], decoded[np.newaxis], self.kind)[0]
-        return np.where(np.isfinite(found), found, np.nan)
+        """The error of each value of a frame, of shape (N,); NaN if only one is missing."""
+        errors = value_errors(original[np.newaxis], decoded[np.newaxis], self.kind)[0]
+        return np.where(np.isfinite(errors), errors, np.nan)
 
     def colors(self, values: Values, scale: TrackScale | None) -> Image:
-        """Colours of each value of a frame, uint8 of shape (N, 3) in sRGB.
+        """The color of each value of a frame, uint8 of shape (N, 3) in sRGB.
 
         Parameters
         ----------
         values : array of shape (N, C)
         scale : TrackScale or None
-            Of numbers; colours that are shown as they are need none.
+            From `scale`; None for colors.
         """
         if self.shows_colors or scale is None:
-            shown = values[:, :3].astype(np.float64)
+            colors = values[:, :3].astype(np.float64)
             if values.dtype != np.uint8:
-                shown = 255 * np.nan_to_num(shown)
-            return np.rint(np.clip(shown, 0, 255)).astype(np.uint8)
+                colors = 255 * np.nan_to_num(colors)
+            return np.rint(np.clip(colors, 0, 255)).astype(np.uint8)
         return colorize(self.numbers(values), scale.low, scale.high, self.colormap)
 
     def scale(self, frames: "FrameNumbers") -> TrackScale | None:
-        """The range of colours that suits frames; None of colours that are shown as they are.
+        """Return the color range for these frames; None for a color track.
 
         Raises
         ------
         InvalidInputError
-            If a percentile lies beyond the number at the other end.
+            If the ends of the range, one of them a percentile, are in the wrong order.
         """
         if self.shows_colors:
             return None
-        least, most = frames.least, frames.most
-        if not np.isfinite(least):
-            return TrackScale(0.0, 1.0, least, most, has_missing=True)
+        smallest, largest = frames.smallest, frames.largest
+        if not np.isfinite(smallest):
+            return TrackScale(0.0, 1.0, smallest, largest, has_missing=True)
         low, high = (
             frames.percentile(amount) if is_percent else amount for amount, is_percent in self._ends
         )
@@ -156,62 +155,62 @@ class TrackColors:
         if low > high:
             raise InvalidInputError(
                 f"the range {self._range_text} of track {self.name!r} would be {low:.4g} to "
-                f"{high:.4g}; give another"
+                f"{high:.4g}; the low end must not exceed the high end"
             )
-        if low == high:  # such as of a track that is the same everywhere
+        if low == high:  # a constant track, for example
             half = abs(low) / 2 or 0.5
             low, high = low - half, low + half
-        return TrackScale(low, high, least, most, frames.has_missing)
+        return TrackScale(low, high, smallest, largest, frames.has_missing)
 
     def caption(self, scale: TrackScale) -> str:
-        """What the colours mean, in words, beside their bar."""
+        """A caption that explains the color bar."""
         unit = f" ({self.unit})" if self.unit else ""
         ends = [
             f"percentile {end.strip()}" if "%" in end else end.strip()
             for end in self._range_text.split(":")
         ]
-        text = f"Colours: {self.title}{unit}, from {' to '.join(ends)}"
+        text = f"Colors: {self.title}{unit}, from {' to '.join(ends)}"
         if all(is_percent for _, is_percent in self._ends) and scale.low == -scale.high:
-            text += ", as far on both sides of 0"
-        if not np.isnan(scale.least):
-            span = scale.most - scale.least
-            ends = [short_number(end, span) for end in (scale.least, scale.most)]
+            text += ", symmetric about 0"
+        if not np.isnan(scale.smallest):
+            span = scale.largest - scale.smallest
+            ends = [short_number(end, span) for end in (scale.smallest, scale.largest)]
             text += f"; the values shown are {' to '.join(ends)}"
-        return f"{text}." + (" Grey: no value." if scale.has_missing else "")
+        return f"{text}." + (" Gray: no value." if scale.has_missing else "")
 
 
 class FrameNumbers:
-    """What is known of the numbers of frames, which are given one after the other."""
+    """Accumulator of extremes and quantiles of numbers over frames."""
 
     def __init__(self) -> None:
-        self.least, self.most, self.has_missing = np.nan, np.nan, False
+        self.smallest, self.largest, self.has_missing = np.nan, np.nan, False
         self._quantiles: list[Floats] = []
 
     def add(self, numbers: Floats) -> None:
-        """Take those of a frame, of shape (N,)."""
-        found = numbers[~np.isnan(numbers)]
-        self.has_missing |= len(found) < len(numbers)
-        if len(found):
-            self._quantiles.append(np.quantile(found, np.linspace(0, 1, _N_QUANTILES)))
-            self.least = float(np.fmin(self.least, found.min()))
-            self.most = float(np.fmax(self.most, found.max()))
+        """Add the numbers of a frame, of shape (N,); NaN is missing."""
+        valid = numbers[~np.isnan(numbers)]
+        self.has_missing |= len(valid) < len(numbers)
+        if len(valid):
+            self._quantiles.append(np.quantile(valid, np.linspace(0, 1, _N_QUANTILES)))
+            self.smallest = float(np.fmin(self.smallest, valid.min()))
+            self.largest = float(np.fmax(self.largest, valid.max()))
 
     def percentile(self, percent: float) -> float:
-        """The number that so many percent of all are below; 0 where there is none."""
+        """Percentile of all numbers; 0 without numbers."""
         return float(np.percentile(self._quantiles, percent)) if self._quantiles else 0.0
 
 
 def parse_range(text: str) -> tuple[tuple[float, bool], tuple[float, bool]]:
-    """Both ends of "LOW:HIGH", each a number, and whether it is a percentile.
+    """Both ends of "LOW:HIGH", each a number and whether it is a percentile.
 
     Raises
     ------
     InvalidInputError
-        If it is no range.
+        If the text is not a range.
     """
-    found = [_END.fullmatch(part) for part in text.split(":")]
-    if len(found) == 2 and found[0] and found[1]:
-        low, high = ((float(end[1]), end[2] == "%") for end in found if end)
+    ends = [_END.fullmatch(part) for part in text.split(":")]
+    if len(ends) == 2 and ends[0] and ends[1]:
+        low, high = ((float(end[1]), end[2] == "%") for end in ends if end)
         is_inside = all(0 <= amount <= 100 for amount, is_percent in (low, high) if is_percent)
         is_finite = bool(np.isfinite([low[0], high[0]]).all())
         if is_inside and is_finite and (low[0] < high[0] or low[1] != high[1]):
@@ -222,30 +221,30 @@ def parse_range(text: str) -> tuple[tuple[float, bool], tuple[float, bool]]:
     )
 
 
-def _shown(look: TrackLook, track: TrackSource) -> tuple[Sequence[int], str]:
-    """Columns that are shown, and what they are called; nothing of the only one."""
+def _select_columns(look: TrackLook, track: TrackSource) -> tuple[Sequence[int], str]:
+    """The selected columns and the name of the component; empty for the only column."""
     n_columns = track.shape[2]
-    wanted = look.component
-    if wanted is None:
+    component = look.component
+    if component is None:
         if track.kind is TrackKind.COLOR:
             return range(3), "color"
         if n_columns == 1:
             return (0,), ""
-        wanted = "x" if track.kind is TrackKind.NORMAL else MAGNITUDE
-    words = [*AXES[:n_columns]] if 1 < n_columns <= len(AXES) else []
-    if n_columns <= MOST_OF_MAGNITUDE:
-        words.append(MAGNITUDE)
+        component = "x" if track.kind is TrackKind.NORMAL else MAGNITUDE
+    names = [*AXES[:n_columns]] if 1 < n_columns <= len(AXES) else []
+    if n_columns <= MAX_MAGNITUDE_COLUMNS:
+        names.append(MAGNITUDE)
     columns = [str(column) for column in range(n_columns)]
-    if wanted not in (*columns, *words):
-        said = columns[0] if n_columns == 1 else f"{columns[0]} to {columns[-1]}"
-        got = f"got {wanted!r}" if look.component else "say which"
+    if component not in (*columns, *names):
+        numbers = columns[0] if n_columns == 1 else f"{columns[0]} to {columns[-1]}"
+        got = f"got {component!r}" if look.component else "select one"
         raise InvalidInputError(
-            f"track {look.name!r} has {counted(n_columns, 'number')} of each {track.domain}: "
-            f"--component is {', '.join([said, *words])}; {got}"
+            f"track {look.name!r} has {counted(n_columns, 'number')} per {track.domain}: "
+            f"--component is {', '.join([numbers, *names])}; {got}"
         )
-    if wanted == MAGNITUDE:
+    if component == MAGNITUDE:
         return range(n_columns), MAGNITUDE
-    column = AXES.index(wanted) if wanted in AXES else int(wanted)
+    column = AXES.index(component) if component in AXES else int(component)
     if n_columns == 1:
         return (0,), ""
     return (column,), AXES[column] if n_columns <= len(AXES) else f"column {column}"

@@ -1,4 +1,4 @@
-"""A track over time at one place."""
+"""Plot a track over time at one item."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,57 +17,58 @@ from meshreel.runtime.progress import Count, Progress, silent
 def plot_track(
     path: Path,
     look: TrackLook,
-    place: int,
-    shown: FrameSource,
+    item: int,
+    sequence: FrameSource,
     original: FrameSource | None = None,
     frames: Sequence[int] | None = None,
     *,
     overwrite: bool = False,
     progress: Progress = silent,
 ) -> None:
-    """Write a PNG with the numbers of a track at one place over time.
+    """Write a PNG plot of a track at one item over time.
 
     Parameters
     ----------
     look : TrackLook
-        Its component is plotted; the range is that of the numbers.
-    place : int
-        Number of the vertex, face or corner, where the values of the track are.
+        Its component is plotted; its range is ignored.
+    item : int
+        Number of the vertex, face or corner, depending on the domain of the track.
     original : FrameSource, optional
-        Of the same mesh and frames; a line beside.
+        Adds a second curve; must have the same mesh and frames.
     frames : sequence of int, optional
-        Numbers of frames, ascending. Default: all.
+        Frame numbers, ascending. Default: all.
 
     Raises
     ------
     InvalidInputError
-        If there is no such track, component or place, the track has colours and no component is
-        named, the original is another mesh, matplotlib is missing or the path cannot be written.
+        If the track, component or item does not exist, a color track has no component selected,
+        the original has another mesh, matplotlib is missing or the path cannot be written.
     """
-    colors = TrackColors(look, named_track(shown.tracks, look.name))
+    colors = TrackColors(look, named_track(sequence.tracks, look.name))
     if colors.shows_colors:
         raise InvalidInputError(
-            f"track {look.name!r} has colours; name one of their numbers to plot: --component 0"
+            f"track {look.name!r} contains colors; select a channel to plot, as in --component 0"
         )
-    n_items = shown.tracks[look.name].shape[1]
-    if not 0 <= place < n_items:
+    n_items = sequence.tracks[look.name].shape[1]
+    if not 0 <= item < n_items:
         raise InvalidInputError(
-            f"track {look.name!r} has values of {colors.domain} 0 to {n_items - 1}; got {place}"
+            f"track {look.name!r} has values of {colors.domain} 0 to {n_items - 1}; got {item}"
         )
+    sources = {"decoded": sequence}
     if original is not None:
-        require_comparable(original, shown)
-    sources = {"decoded": shown} if original is None else {"original": original, "decoded": shown}
+        require_comparable(original, sequence)
+        sources = {"original": original, "decoded": sequence}
     tracks = {name: named_track(source.tracks, look.name) for name, source in sources.items()}
-    numbers = range(shown.n_frames) if frames is None else frames
+    numbers = range(sequence.n_frames) if frames is None else frames
     lines = {name: np.empty(len(numbers)) for name in tracks}
-    for at, number in enumerate(numbers):
+    for step, number in enumerate(numbers):
         for name, track in tracks.items():
-            values = track.read(number, number + 1)[0, place : place + 1]
-            lines[name][at] = colors.numbers(values)[0]
-        progress("reading", Count(at + 1, len(numbers), "frames"))
+            values = track.read(number, number + 1)[0, item : item + 1]
+            lines[name][step] = colors.numbers(values)[0]
+        progress("reading", Count(step + 1, len(numbers), "frames"))
     unit = f", {colors.unit}" if colors.unit else ""
-    title = f"{colors.title} at {colors.domain} {place}"
+    title = f"{colors.title} at {colors.domain} {item}"
     plot_over_time(
-        path, f"{title} of {shown.name}" if shown.name else title, f"{colors.title}{unit}",
-        numbers, lines, fps=shown.fps, start_s=shown.start_s, overwrite=overwrite,
+        path, f"{title} of {sequence.name}" if sequence.name else title, f"{colors.title}{unit}",
+        numbers, lines, fps=sequence.fps, start_s=sequence.start_s, overwrite=overwrite,
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""From where a mesh is seen: directions by name, which way is up, and a camera that circles."""
+"""Viewing directions, the up axis, and a circling camera."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ NAMED_VIEWS = {"front": (0.0, 0.0), "side": (90.0, 0.0), "top": (0.0, 90.0)}
 """Azimuth and elevation in degrees."""
 
 ON_THE_FLOOR = 0.05
-"""A mesh stands on the floor if its lowest point is this near to it, in heights of the mesh."""
+"""A mesh is on the floor if its lowest point is this close, relative to its height."""
 
 _N_RINGS, _N_ANGLES = 64, 72
 _AXES = {"x": 0, "y": 1, "z": 2}
@@ -25,7 +25,7 @@ Frames = Iterable[npt.NDArray[np.floating]]
 
 @dataclass(frozen=True)
 class View:
-    """A direction to look from.
+    """A viewing direction.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class View:
     elevation_deg: float = 12.0
 
     def camera(self, frames: Frames, width: int, height: int) -> Camera:
-        """The nearest camera from there that sees every vertex of every frame.
+        """Return the nearest camera in this direction that sees every vertex of every frame.
 
         Parameters
         ----------
@@ -55,7 +55,7 @@ class View:
         )  # fmt: skip
 
     def aspect(self, frames: Frames) -> float:
-        """Width of what is seen from there over its height; 1 where it has neither."""
+        """Aspect ratio, width over height, of the projected mesh; 1 for a point."""
         camera = self.camera(frames, 512, 512)
         low, high = _bounds(camera.project(frame)[0] for frame in frames)
         width, height = np.maximum(high - low, 1.0)
@@ -63,12 +63,12 @@ class View:
 
 
 def parse_view(text: str, up: str) -> View:
-    """The view that 'front', 'side', 'top' or 'AZIMUTH,ELEVATION' in degrees names.
+    """Parse 'front', 'side', 'top' or 'AZIMUTH,ELEVATION' in degrees.
 
     Raises
     ------
     InvalidInputError
-        If it names none.
+        If the text is neither.
     """
     if text in NAMED_VIEWS:
         return View(up, *NAMED_VIEWS[text])
@@ -83,43 +83,43 @@ def parse_view(text: str, up: str) -> View:
 
 
 def guess_up(extent: Extent) -> str:
-    """Which axis points up: "z" for what stands on the floor z = 0 and not on y = 0, else "y"."""
+    """Guess the up axis: "z" for a mesh on the floor z = 0 and not on y = 0, else "y"."""
     height = np.maximum(extent.high - extent.low, np.finfo(np.float64).tiny)
-    stands = np.abs(extent.low) <= ON_THE_FLOOR * height
-    return "z" if stands[2] and not stands[1] else "y"
+    is_on_floor = np.abs(extent.low) <= ON_THE_FLOOR * height
+    return "z" if is_on_floor[2] and not is_on_floor[1] else "y"
 
 
 @dataclass(frozen=True, eq=False)
 class Turntable:
-    """Cameras on a circle about the upright line through the middle of a motion.
+    """Cameras on a circle around the vertical axis through the center of a motion.
 
     Parameters
     ----------
     start : Camera
-        It sees all of the motion from every angle of the circle.
+        Sees the whole motion from every angle of the circle.
     up : int
-        Number of the axis that points up.
-    centre : float64 array of shape (3,)
+        Index of the up axis.
+    center : float64 array of shape (3,)
     """
 
     start: Camera
     up: int
-    centre: Floats
+    center: Floats
 
     def camera(self, angle_deg: float) -> Camera:
-        """The camera after so many degrees, to its own right."""
+        """The camera after a turn by this angle to its right."""
         turn = _rotation(self.up, np.radians(angle_deg))
-        eye = self.centre + turn @ (self.start.eye - self.centre)
+        eye = self.center + turn @ (self.start.eye - self.center)
         return replace(self.start, eye=eye, axes=self.start.axes @ turn.T)
 
 
 def turntable(view: View, swept: Floats, width: int, height: int) -> Turntable:
-    """The turntable that begins with a view.
+    """Return the turntable that starts at a view.
 
     Parameters
     ----------
     swept : float64 array of shape (N, 3)
-        From `swept_points`, for the same axis up.
+        From `swept_points` with the same up axis.
     width, height : int
         Size of the picture, in pixels.
     """
@@ -128,33 +128,33 @@ def turntable(view: View, swept: Floats, width: int, height: int) -> Turntable:
 
 
 def swept_points(frames: Frames, up: str) -> Floats:
-    """Points about all that vertices sweep as they turn about an upright line, of shape (N, 3).
+    """Points around the volume that the motion sweeps when turned about the up axis, shape (N, 3).
 
-    They are rings about the middle of the motion, each as wide as the widest vertex between it
-    and the next.
+    They form rings around the vertical axis through the center of the motion; the radius of each
+    ring encloses all vertices up to the next.
 
     Parameters
     ----------
     frames : iterable of float arrays of shape (V, 3), in model units
-        Gone through twice.
+        Iterated twice.
     up : {"y", "z", "x"}
     """
     axis = _AXES[up]
     low, high = _bounds(frames)
-    centre, across = (low + high) / 2, [other for other in range(3) if other != axis]
+    center, across = (low + high) / 2, [other for other in range(3) if other != axis]
     edges = np.linspace(low[axis], high[axis], _N_RINGS + 1)
     widest = np.zeros(_N_RINGS)
     for frame in frames:
-        radii = np.sqrt(((frame - centre)[:, across] ** 2).sum(axis=1))
+        radii = np.sqrt(((frame - center)[:, across] ** 2).sum(axis=1))
         rings = np.searchsorted(edges, frame[:, axis], side="right") - 1
         np.maximum.at(widest, np.clip(rings, 0, _N_RINGS - 1), radii)
-    # The corners of the rings are a little outside, so that their sides are not inside.
+    # Circumscribed polygons, so that no vertex is outside.
     radius = widest[:, None] / np.cos(np.pi / _N_ANGLES)
     angles = np.arange(_N_ANGLES) * (2 * np.pi / _N_ANGLES)
     points = np.empty((2, _N_RINGS, _N_ANGLES, 3))
     points[..., axis] = np.stack([edges[:-1], edges[1:]])[:, :, None]
-    points[..., across[0]] = centre[across[0]] + radius * np.cos(angles)
-    points[..., across[1]] = centre[across[1]] + radius * np.sin(angles)
+    points[..., across[0]] = center[across[0]] + radius * np.cos(angles)
+    points[..., across[1]] = center[across[1]] + radius * np.sin(angles)
     return points.reshape(-1, 3)
 
 
@@ -166,7 +166,7 @@ def _bounds(frames: Iterable[npt.NDArray[np.floating]]) -> tuple[Floats, Floats]
 
 
 def _rotation(axis: int, angle_rad: float) -> Floats:
-    """The matrix that turns about an axis, right-handed."""
+    """The right-handed rotation matrix about a coordinate axis."""
     first, second = (axis + 1) % 3, (axis + 2) % 3
     matrix = np.eye(3)
     matrix[first, first] = matrix[second, second] = np.cos(angle_rad)

@@ -1,7 +1,7 @@
-"""Which face each pixel sees: scan conversion into a z-buffer, without a loop over triangles.
+"""Visible face of each pixel: vectorized scan conversion into a z-buffer.
 
-Every triangle is cut into its pixel rows and every row into its pixels by array operations, so
-the cost follows the number of covered pixels, whatever the sizes of the triangles.
+Array operations split triangles into pixel rows and rows into pixels, so the cost depends on the
+number of covered pixels, not on the sizes of the triangles.
 """
 
 from collections.abc import Iterator
@@ -12,96 +12,96 @@ from meshreel.arrays import Floats, Integers
 from meshreel.model.sequence import Faces
 from meshreel.rendering.camera import Camera
 
-_AT_ONCE = 1 << 18
-"""Rows, or pixels, that are worked on together; bounds the working memory to some 50 MB."""
+_CHUNK_SIZE = 1 << 18
+"""Rows or pixels per chunk; bounds the working memory to about 50 MB."""
 
 _NEAR = 1e-6
-"""Points nearer to the eye than this share of the farthest one count as behind it."""
+"""Points nearer than this fraction of the largest depth count as behind the eye."""
 
 
 def nearness(depths: Floats) -> Floats:
-    """The farthest depth over each depth, which is linear across the picture; 0 behind the eye."""
+    """The largest depth divided by each depth, linear in picture space; 0 behind the eye."""
     farthest = max(float(depths.max()), 0.0)
     in_front = depths > _NEAR * farthest
     return np.divide(farthest, depths, out=np.zeros_like(depths), where=in_front)
 
 
 def signed_areas(points: Floats, faces: Faces) -> Floats:
-    """Twice the area of every face in square pixels, negative where its front is seen."""
+    """Twice the area of every face in square pixels; negative for front faces."""
     ab, ac = (points[faces[:, k]] - points[faces[:, 0]] for k in (1, 2))
     areas: Floats = ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]
     return areas
 
 
 def visible_faces(points: Floats, near: Floats, faces: Faces, camera: Camera) -> Integers:
-    """The face that each pixel sees through its centre, or -1.
+    """The face visible at the center of each pixel, or -1.
 
     Parameters
     ----------
     points : float array of shape (V, 2)
         In pixels, from `Camera.project`.
     near : float array of shape (V,)
-        From `nearness`; a face with a vertex behind the eye is left out.
+        From `nearness`; faces with a vertex behind the eye are skipped.
     faces : integer array of shape (M, 3)
     camera : Camera
-        Gives the size of the picture.
+        Defines the size of the picture.
 
     Returns
     -------
     int64 array of shape (height * width,), row by row
 
-    Faces that share an edge cover each pixel along it exactly once. Of faces at the same depth
-    the one that comes last in the list is seen.
+    Faces that share an edge cover each pixel along it exactly once. Of faces at the same depth the
+    last one is visible.
     """
     ids = np.flatnonzero((near[faces] > 0).all(axis=1) & (signed_areas(points, faces) != 0))
     corners = np.concatenate([points, near[:, None]], axis=1)[faces[ids]]
     order = np.argsort(corners[:, :, 1], axis=1)
     corners = np.take_along_axis(corners, order[:, :, None], axis=1)
-    # One integer holds nearness above the number of the face: positive floats sort like their
-    # bits, so the nearest of all faces is a plain maximum, in whatever order they come.
+    # Keys contain nearness in the high and the face number in the low bits: positive floats sort
+    # like their bits, so the maximum is the nearest face, in any order of evaluation.
     buffer = np.full(camera.width * camera.height, -1, np.int64)
     top, n_rows = _pixel_span(corners[:, 0, 1], corners[:, 2, 1], camera.height)
-    for some in _chunks(n_rows):
-        owner, row = _expand(top[some], n_rows[some])
-        x_left, x_right, near_left, slope = _row_ends(corners[some][owner], row)
+    for group in _chunks(n_rows):
+        owner, row = _expand(top[group], n_rows[group])
+        x_left, x_right, near_left, slope = _row_ends(corners[group][owner], row)
         first, n_columns = _pixel_span(x_left, x_right, camera.width)
         for rows in _chunks(n_columns):
             line, column = _expand(first[rows], n_columns[rows])
             offset = column + 0.5 - x_left[rows][line]
             pixel_near = (near_left[rows][line] + slope[rows][line] * offset).astype(np.float32)
             key = pixel_near.view(np.int32).astype(np.int64) << 32
-            key |= ids[some][owner[rows]][line]
+            key |= ids[group][owner[rows]][line]
             np.maximum.at(buffer, row[rows][line] * camera.width + column, key)
     return np.where(buffer < 0, -1, buffer & 0xFFFFFFFF)
 
 
 def _pixel_span(low: Floats, high: Floats, n_pixels: int) -> tuple[Integers, Integers]:
-    """First pixel, and number of pixels, whose centres lie in [low, high)."""
+    """First pixel and number of pixels with centers in [low, high)."""
     first = np.clip(np.ceil(low - 0.5), 0, n_pixels).astype(np.int64)
     return first, np.clip(np.ceil(high - 0.5), 0, n_pixels).astype(np.int64) - first
 
 
 def _expand(first: Integers, count: Integers) -> tuple[Integers, Integers]:
-    """Every integer of the ranges ``first[i] .. first[i] + count[i] - 1``, and its i."""
+    """The index i and each integer of the ranges ``first[i] .. first[i] + count[i] - 1``."""
     owner = np.repeat(np.arange(len(count)), count)
     starts = np.cumsum(count) - count
     return owner, np.arange(len(owner)) + (first - starts)[owner]
 
 
 def _chunks(count: Integers) -> Iterator[slice]:
-    """Slices whose counts add up to little more than `_AT_ONCE` each."""
-    group = np.cumsum(count) // _AT_ONCE
+    """Slices whose counts add up to about `_CHUNK_SIZE`."""
+    group = np.cumsum(count) // _CHUNK_SIZE
     ends = [*(np.flatnonzero(np.diff(group)) + 1).tolist(), len(count)]
     return (slice(*pair) for pair in zip([0, *ends[:-1]], ends, strict=True))
 
 
 def _row_ends(corners: Floats, row: Integers) -> tuple[Floats, Floats, Floats, Floats]:
-    """Where a row cuts its triangle: left x, right x, nearness at the left, and its slope.
+    """Left x, right x, left nearness and its slope where a row intersects its triangle.
 
     Parameters
     ----------
     corners : float array of shape (N, 3, 3)
-        x, y and nearness of each corner, by ascending y. Edges are always walked from smaller
+        x, y and nearness of each corner, by ascending y. Edges are always evaluated from smaller
         to larger y, so that two faces agree on their common edge to the last bit.
     row : integer array of shape (N,)
     """
@@ -119,7 +119,7 @@ def _row_ends(corners: Floats, row: Integers) -> tuple[Floats, Floats, Floats, F
 
 
 def _along_edge(start: Floats, end: Floats, y: Floats) -> Floats:
-    """The x and nearness at height y of edges, as an array of shape (N, 2)."""
+    """The x and nearness of edges at height y, shape (N, 2)."""
     height = end[:, 1] - start[:, 1]
     share = np.divide(y - start[:, 1], height, out=np.zeros_like(y), where=height > 0)
     values: Floats = start[:, ::2] + share[:, None] * (end[:, ::2] - start[:, ::2])

@@ -13,7 +13,7 @@ def cloud(*shape):
 
 @pytest.mark.parametrize(("azimuth_deg", "elevation_deg"), VIEWS)
 @pytest.mark.parametrize(("width", "height"), [(300, 200), (120, 400)])
-def test_fit_camera_keeps_every_vertex_inside_the_margin_when_looking_from_anywhere(
+def test_fit_camera_keeps_every_vertex_inside_the_margin_in_all_directions(
     azimuth_deg, elevation_deg, width, height
 ):
     vertices = cloud(6, 50)
@@ -56,7 +56,7 @@ def test_fit_camera_shows_x_to_the_right_when_looking_at_the_front():
     assert points[1, 0] > points[0, 0] + 100
 
 
-def test_fit_camera_sees_what_lies_ahead_first_when_looking_at_the_front():
+def test_fit_camera_is_nearer_to_positive_z_when_looking_at_the_front():
     ends = np.array([[0.0, 0, 0], [0, 0, 1]])
     _, depths = fit_camera(ends, azimuth_deg=0, elevation_deg=0).project(ends)
     assert depths[1] == pytest.approx(depths[0] - 1)
@@ -66,17 +66,17 @@ def test_fit_camera_moves_to_the_right_when_the_azimuth_grows():
     assert fit_camera(cloud(20), azimuth_deg=40).axes[2, 0] < 0
 
 
-def test_fit_camera_puts_a_single_point_in_the_middle_when_nothing_else_is_there():
+def test_fit_camera_centers_a_single_point():
     camera = fit_camera(np.full((1, 3), 7.0), width=64, height=48)
     points, depths = camera.project(np.full((1, 3), 7.0))
     np.testing.assert_allclose(points[0], [32, 24])
     assert depths[0] > 0
 
 
-def test_fit_camera_is_the_same_when_frames_come_as_one_cloud():
+def test_fit_camera_is_the_same_for_frames_and_for_one_cloud():
     vertices = cloud(4, 9)
-    one, other = fit_camera(vertices), fit_camera(vertices.reshape(-1, 3))
-    np.testing.assert_allclose(one.eye, other.eye, rtol=1e-12)  # BLAS may sum in another order
+    framed, merged = fit_camera(vertices), fit_camera(vertices.reshape(-1, 3))
+    np.testing.assert_allclose(framed.eye, merged.eye, rtol=1e-12)  # BLAS may reorder sums
 
 
 @pytest.mark.parametrize(
@@ -93,12 +93,12 @@ def test_fit_camera_is_the_same_when_frames_come_as_one_cloud():
         (np.zeros((2, 3)), {"width": 0}),
     ],
 )
-def test_fit_camera_refuses_arguments_when_they_make_no_view(vertices, arguments):
+def test_fit_camera_rejects_invalid_arguments(vertices, arguments):
     with pytest.raises(InvalidInputError):
         fit_camera(vertices, **arguments)
 
 
-def test_camera_refuses_axes_when_they_are_not_orthonormal():
+def test_camera_rejects_axes_when_they_are_not_orthonormal():
     with pytest.raises(InvalidInputError, match="orthonormal"):
         Camera(np.zeros(3), 2 * np.eye(3), 100.0, 10, 10)
 

@@ -14,7 +14,7 @@ from meshreel.rendering.colormap import (
 
 
 def cie_lightness(colors):
-    """CIE 1976 L* of sRGB colours, 0..100."""
+    """CIE 1976 L* of sRGB colors, 0..100."""
     share = colors / 255
     linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     luminance = linear @ [0.2126, 0.7152, 0.0722]
@@ -35,18 +35,18 @@ def test_colorize_keeps_the_end_colors_when_values_leave_the_range():
     np.testing.assert_array_equal(colorize([-np.inf, 9.0], 0, 1), HEAT[[0, -1]])
 
 
-def test_colorize_is_grey_when_a_value_is_not_a_number():
+def test_colorize_is_gray_when_a_value_is_not_a_number():
     assert tuple(colorize([np.nan], 0, 1)[0]) == NOT_A_NUMBER
 
 
-def test_colorize_is_all_low_when_the_range_is_empty():
+def test_colorize_returns_the_first_color_when_the_range_is_empty():
     np.testing.assert_array_equal(colorize([0.0, 0.0], 0, 0), HEAT[[0, 0]])
 
 
 @pytest.mark.parametrize(
     ("values", "low", "high"), [([[1.0]], 0, 1), ([1.0], 1, 0), ([1.0], 0, np.inf)]
 )
-def test_colorize_refuses_arguments_when_they_make_no_scale(values, low, high):
+def test_colorize_rejects_invalid_shapes_and_ranges(values, low, high):
     with pytest.raises(InvalidInputError):
         colorize(values, low, high)
 
@@ -57,7 +57,7 @@ def test_draw_color_bar_has_high_above_low_when_drawn():
     assert rows[1].max() < rows[0].min()
 
 
-def test_draw_color_bar_writes_labels_beside_the_bar_when_drawn():
+def test_draw_color_bar_draws_labels_to_the_right_of_the_bar():
     bar = draw_color_bar(0, 1, height=300)
     assert (bar[:, -bar.shape[1] // 3 :] < 100).any()
 
@@ -77,11 +77,11 @@ def test_draw_color_bar_has_a_number_at_both_ends_when_drawn(high, height):
 
 
 @pytest.mark.parametrize(("low", "high"), [(0, 0), (0, 1e-9), (-3e7, 8e7), (0.7, 0.70001)])
-def test_draw_color_bar_keeps_its_height_when_the_range_is_odd(low, high):
+def test_draw_color_bar_keeps_its_height_when_the_range_is_unusual(low, high):
     assert draw_color_bar(low, high, unit="m", height=200).shape[0] == 200
 
 
-def test_draw_color_bar_refuses_a_height_when_labels_cannot_fit():
+def test_draw_color_bar_rejects_a_height_that_is_too_small_for_labels():
     with pytest.raises(InvalidInputError, match="80"):
         draw_color_bar(0, 1, height=20)
 
@@ -90,11 +90,11 @@ def test_draw_color_bar_refuses_a_height_when_labels_cannot_fit():
     ("value", "rounded"),
     [(0, 1), (1, 1), (1.01, 1.5), (0.0234, 0.03), (7.1, 8), (81, 100), (0.3, 0.3), (6e-9, 6e-9)],
 )
-def test_round_up_gives_a_number_that_a_colour_bar_can_end_at(value, rounded):
+def test_round_up_returns_a_round_number(value, rounded):
     assert round_up(value) == pytest.approx(rounded)
 
 
-def test_colorize_is_grey_at_0_and_alike_on_both_sides_when_0_is_inside():
+def test_colorize_is_gray_at_0_and_symmetric_when_0_is_inside_the_range():
     low, middle, high, beyond = colorize([-2.0, 0.0, 2.0, 4.0], -2, 4)
     assert middle.tolist() == DIVERGING[8].tolist()
     assert beyond.tolist() == DIVERGING[-1].tolist()
@@ -102,7 +102,7 @@ def test_colorize_is_grey_at_0_and_alike_on_both_sides_when_0_is_inside():
     assert high.tolist() == DIVERGING[12].tolist()
 
 
-def test_diverging_colors_are_as_light_on_both_sides_of_the_middle():
+def test_diverging_colors_have_symmetric_lightness():
     lightness = cie_lightness(DIVERGING)
     np.testing.assert_allclose(lightness, lightness[::-1], atol=2.5)
     assert (np.diff(lightness[:9]) > 4).all()
@@ -120,22 +120,22 @@ def test_diverging_colors_are_as_light_on_both_sides_of_the_middle():
         (500.0, 0.0, "500"),
     ],
 )
-def test_short_number_has_the_digits_that_tell_it_from_others(value, span, text):
+def test_short_number_has_enough_digits_for_the_span(value, span, text):
     assert short_number(value, span) == text
 
 
-def test_colorize_takes_the_map_that_is_named():
+def test_colorize_uses_the_named_map():
     np.testing.assert_array_equal(colorize([-1.0, 3.0], -1, 3, "sequential"), HEAT[[0, -1]])
     np.testing.assert_array_equal(colorize([2.0, 6.0], 2, 6, "diverging"), DIVERGING[[0, -1]])
 
 
-def test_bar_is_in_the_colours_of_the_map_when_one_is_named():
+def test_color_bar_uses_the_named_map():
     bar = draw_color_bar(0, 1, colormap="diverging", height=300).reshape(-1, 3)
     for color in DIVERGING[[0, -1]]:
         assert (bar == color).all(axis=1).any()
     assert not (bar == HEAT[-1]).all(axis=1).any()
 
 
-def test_colorize_refuses_a_map_when_there_is_none_of_its_name():
+def test_colorize_rejects_an_unknown_map():
     with pytest.raises(InvalidInputError, match="sequential or diverging; got 'jet'"):
         colorize([0.0], 0, 1, "jet")

@@ -20,7 +20,7 @@ def make_film(grid, fps=25.0, size=(160, 120), n_frames=12):
 
 
 def read_gif(path):
-    """Pictures as arrays, and how long each is shown, in milliseconds."""
+    """Pictures as arrays, and their durations in milliseconds."""
     with Image.open(path) as image:
         pictures, durations = [], []
         for _ in ImageSequence.Iterator(image):
@@ -30,15 +30,15 @@ def read_gif(path):
     return pictures, durations
 
 
-def test_gif_holds_every_picture_when_it_is_read_back(grid, tmp_path):
-    made = make_film(grid)
-    save_gif(made, tmp_path / "a.gif")
+def test_gif_contains_every_picture_when_it_is_read_back(grid, tmp_path):
+    grid_film = make_film(grid)
+    save_gif(grid_film, tmp_path / "a.gif")
     pictures, _ = read_gif(tmp_path / "a.gif")
-    expected = [np.asarray(picture).astype(int) for picture in made.pictures()]
+    expected = [np.asarray(picture).astype(int) for picture in grid_film.pictures()]
     assert len(pictures) == len(expected) == 12
-    for found, picture in zip(pictures, expected, strict=True):
-        assert np.abs(found - picture).mean() < 2
-        assert np.abs(found - picture).max() < 60
+    for actual, picture in zip(pictures, expected, strict=True):
+        assert np.abs(actual - picture).mean() < 2
+        assert np.abs(actual - picture).max() < 60
 
 
 @pytest.mark.parametrize(
@@ -60,10 +60,9 @@ def test_gif_is_the_same_when_it_is_written_again(grid, tmp_path):
     assert (tmp_path / "a.gif").read_bytes() == (tmp_path / "b.gif").read_bytes()
 
 
-def test_gif_of_a_still_mesh_shows_it_all_the_time(grid, tmp_path):
-    still = MeshSequence(np.repeat(grid.vertices[:1], 3, axis=0), grid.faces, 25.0)
-    made = film(Scene(still), range(3), View(), size=(160, 120))
-    save_gif(made, tmp_path / "a.gif")
+def test_gif_of_a_static_mesh_shows_it_in_every_picture(grid, tmp_path):
+    static = MeshSequence(np.repeat(grid.vertices[:1], 3, axis=0), grid.faces, 25.0)
+    save_gif(film(Scene(static), range(3), View(), size=(160, 120)), tmp_path / "a.gif")
     pictures, _ = read_gif(tmp_path / "a.gif")
     mesh = slice(0, 90)  # above the label
     np.testing.assert_array_equal(pictures[0][mesh], pictures[2][mesh])
@@ -71,20 +70,20 @@ def test_gif_of_a_still_mesh_shows_it_all_the_time(grid, tmp_path):
 
 def test_mp4_has_every_picture_at_its_rate_when_it_is_read_back(grid, tmp_path):
     ffmpeg = pytest.importorskip("imageio_ffmpeg")
-    made = make_film(grid, fps=12.5)
-    save_mp4(made, tmp_path / "a.mp4")
+    grid_film = make_film(grid, fps=12.5)
+    save_mp4(grid_film, tmp_path / "a.mp4")
     path = str(tmp_path / "a.mp4")
     assert ffmpeg.count_frames_and_secs(path) == (12, pytest.approx(12 / 12.5, abs=0.01))
     command = [ffmpeg.get_ffmpeg_exe(), "-i", path, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
     done = subprocess.run(command, capture_output=True, check=True)
     assert b"h264" in done.stderr
     assert b"12.50 fps" in done.stderr
-    found = np.frombuffer(done.stdout, np.uint8).reshape(12, 120, 160, 3).astype(int)
-    for one, picture in zip(found, made.pictures(), strict=True):
-        assert np.abs(one - np.asarray(picture)).mean() < 3
+    actual = np.frombuffer(done.stdout, np.uint8).reshape(12, 120, 160, 3).astype(int)
+    for decoded, picture in zip(actual, grid_film.pictures(), strict=True):
+        assert np.abs(decoded - np.asarray(picture)).mean() < 3
 
 
-def test_mp4_tells_what_ffmpeg_says_when_it_fails(grid, tmp_path, monkeypatch):
+def test_mp4_error_contains_the_message_of_ffmpeg(grid, tmp_path, monkeypatch):
     pytest.importorskip("imageio_ffmpeg")
     monkeypatch.setattr(film_files, "_MP4_OPTIONS", ["-c:v", "nothing"])
     with pytest.raises(OSError, match=r"ffmpeg could not write .*a\.mp4: .*nothing"):
@@ -99,7 +98,7 @@ def test_mp4_is_the_same_when_it_is_written_again(grid, tmp_path):
     assert (tmp_path / "a.mp4").read_bytes() == (tmp_path / "b.mp4").read_bytes()
 
 
-def test_mp4_is_refused_when_a_side_is_odd(grid, tmp_path):
+def test_mp4_is_rejected_when_a_side_is_odd(grid, tmp_path):
     pytest.importorskip("imageio_ffmpeg")
     with pytest.raises(InvalidInputError, match="even width and height; got 161 x 120"):
         save_mp4(make_film(grid, size=(161, 120)), tmp_path / "a.mp4")
@@ -112,7 +111,7 @@ def test_mp4_names_the_extra_when_its_library_is_missing(monkeypatch):
         require_ffmpeg()
 
 
-def test_film_is_kept_when_it_is_there_already(grid, tmp_path):
+def test_existing_film_is_not_overwritten(grid, tmp_path):
     path = tmp_path / "a.gif"
     path.write_bytes(b"mine")
     with pytest.raises(InvalidInputError, match="already exists"):
@@ -122,6 +121,6 @@ def test_film_is_kept_when_it_is_there_already(grid, tmp_path):
     assert len(read_gif(path)[0]) == 2
 
 
-def test_film_names_what_is_written_when_the_ending_is_another(grid, tmp_path):
+def test_save_film_lists_the_formats_when_the_file_extension_is_unknown(grid, tmp_path):
     with pytest.raises(FormatError, match=r"films are \.mp4 and \.gif files"):
         save_film(make_film(grid), tmp_path / "a.avi")

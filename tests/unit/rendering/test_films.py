@@ -9,55 +9,55 @@ from meshreel.rendering.views import View
 VIEW, SIZE = View(), (160, 120)
 
 
-def test_film_has_a_picture_for_each_frame_when_the_camera_stands_still(grid):
-    made = film(Scene(grid), range(2, 9), VIEW, size=SIZE)
-    assert (made.n_pictures, made.size, made.fps) == (7, SIZE, 25.0)
-    assert [number for number, _ in made.shots] == list(range(2, 9))
-    assert len({id(camera) for _, camera in made.shots}) == 1
-    assert {picture.size for picture in made.pictures()} == {SIZE}
+def test_film_has_a_picture_for_each_frame_when_the_camera_is_static(grid):
+    result = film(Scene(grid), range(2, 9), VIEW, size=SIZE)
+    assert (result.n_pictures, result.size, result.fps) == (7, SIZE, 25.0)
+    assert [number for number, _ in result.shots] == list(range(2, 9))
+    assert len({id(camera) for _, camera in result.shots}) == 1
+    assert {picture.size for picture in result.pictures()} == {SIZE}
 
 
 @pytest.mark.parametrize(
     ("turn_s", "n_pictures"),
-    [(2.0, 50), (0.2, 12)],  # 50 pictures a turn at 25 fps; 12 frames are more than 5
+    [(2.0, 50), (0.2, 12)],  # 50 pictures per turn at 25 fps; 12 frames are more than 5
 )
 def test_film_lasts_for_the_turn_or_the_frames_when_the_camera_circles(grid, turn_s, n_pictures):
-    made = film(Scene(grid), range(12), VIEW, turn_s=turn_s, size=SIZE)
-    assert made.n_pictures == n_pictures
-    assert [number for number, _ in made.shots] == [step % 12 for step in range(n_pictures)]
-    eyes = np.array([camera.eye for _, camera in made.shots])
+    result = film(Scene(grid), range(12), VIEW, turn_s=turn_s, size=SIZE)
+    assert result.n_pictures == n_pictures
+    assert [number for number, _ in result.shots] == [step % 12 for step in range(n_pictures)]
+    eyes = np.array([camera.eye for _, camera in result.shots])
     n_per_turn = round(turn_s * 25)
     assert len(np.unique(eyes.round(9), axis=0)) == n_per_turn
 
 
 def test_film_of_one_frame_turns_by_equal_angles(grid):
-    made = film(Scene(grid), [4], VIEW, turn_s=0.32, size=SIZE)  # 8 pictures
-    forward = np.array([camera.axes[2] for _, camera in made.shots])
+    result = film(Scene(grid), [4], VIEW, turn_s=0.32, size=SIZE)  # 8 pictures
+    forward = np.array([camera.axes[2] for _, camera in result.shots])
     forward[:, 1] = 0
     forward /= np.linalg.norm(forward, axis=1, keepdims=True)
     angles = np.degrees(np.arccos(np.einsum("na,na->n", forward, np.roll(forward, -1, axis=0))))
     assert angles == pytest.approx([45.0] * 8)
 
 
-def test_film_plays_at_a_usual_rate_when_none_is_known(grid):
+def test_film_plays_at_the_default_rate_when_the_rate_is_unknown(grid):
     unknown = MeshSequence(grid.vertices, grid.faces)
     assert film(Scene(unknown), range(3), VIEW, size=SIZE).fps == UNKNOWN_FPS
 
 
-def test_film_reads_a_frame_only_when_its_picture_is_asked_for(grid, monkeypatch):
+def test_film_reads_a_frame_only_when_its_picture_is_drawn(grid, monkeypatch):
     scene = Scene(grid)
-    made = film(scene, range(12), VIEW, size=SIZE)
+    result = film(scene, range(12), VIEW, size=SIZE)
     read = []
     monkeypatch.setattr(
         Scene,
         "read",
         lambda self, number: read.append(number) or Moment([grid.vertices[number]], []),
     )
-    next(made.pictures())
+    next(result.pictures())
     assert 0 in read
     assert len(read) < 12
 
 
 def test_film_has_even_sides_when_no_size_is_given(grid, lifted):
-    made = film(Scene(lifted, grid, "angle"), range(2), VIEW, most=(501, 333))
-    assert made.size[0] % 2 == made.size[1] % 2 == 0
+    result = film(Scene(lifted, grid, "angle"), range(2), VIEW, max_size=(501, 333))
+    assert result.size[0] % 2 == result.size[1] % 2 == 0

@@ -5,21 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meshreel.rendering.framing import NEARER, Framing, framing_of
+from meshreel.rendering.framing import MIN_DISTANCE_RATIO, Framing, framing_of
 from meshreel.rendering.scenes import ChosenFrames
 from meshreel.rendering.views import View
 
 FRONT = View("y", 0.0, 0.0)
 
 
-def travelling(sequence, way):
-    """The sequence with each frame moved so far to the right of that before."""
-    steps = np.arange(sequence.n_frames)[:, None] * np.array([way, 0, 0])
+def travelling(sequence, step):
+    """The sequence, moving to the right by `step` per frame."""
+    steps = np.arange(sequence.n_frames)[:, None] * np.array([step, 0, 0])
     vertices = sequence.vertices + steps[:, None]
     return ChosenFrames(replace(sequence, vertices=vertices), range(0, sequence.n_frames, 3))
 
 
-def test_one_camera_sees_all_frames_when_it_stands_still(grid):
+def test_a_static_camera_sees_all_frames(grid):
     frames = travelling(grid, 0.5)
     cameras = Framing(FRONT).cameras(frames, 300, 200)
     assert len(cameras) == len(frames.numbers)
@@ -30,7 +30,7 @@ def test_one_camera_sees_all_frames_when_it_stands_still(grid):
     assert np.ptp(points[..., 0]) > 240
 
 
-def test_the_mean_vertex_stays_in_place_when_the_camera_goes_along(grid):
+def test_the_mean_vertex_stays_in_place_when_the_camera_follows(grid):
     frames = travelling(grid, 0.5)
     cameras = Framing(FRONT, is_followed=True).cameras(frames, 300, 200)
     middles = [
@@ -39,37 +39,37 @@ def test_the_mean_vertex_stays_in_place_when_the_camera_goes_along(grid):
     ]
     assert np.ptp(middles, axis=0) == pytest.approx([0, 0], abs=1e-6)
     steps = np.diff([camera.eye for camera in cameras], axis=0)
-    moved = np.diff([frame.mean(axis=0, dtype=np.float64) for frame in frames], axis=0)
-    assert steps == pytest.approx(moved)
+    motion = np.diff([frame.mean(axis=0, dtype=np.float64) for frame in frames], axis=0)
+    assert steps == pytest.approx(motion)
 
 
-def test_the_shape_is_that_of_one_frame_when_the_camera_goes_along(grid):
+def test_the_aspect_is_that_of_one_frame_when_the_camera_follows(grid):
     frames = travelling(grid, 0.5)
     assert Framing(FRONT).aspect(frames) > 3 * Framing(FRONT, is_followed=True).aspect(frames)
 
 
 def distance_ratio(frames):
     """Ratio of the distance of a static camera to that of one that follows."""
-    still = Framing(FRONT).cameras(frames, 512, 512)
-    along = Framing(FRONT, is_followed=True).cameras(frames, 512, 512)
+    static = Framing(FRONT).cameras(frames, 512, 512)
+    following = Framing(FRONT, is_followed=True).cameras(frames, 512, 512)
     far, near = (
         np.mean([(frame.mean(axis=0, dtype=np.float64) - camera.eye) @ camera.axes[2]
                  for camera, frame in zip(cameras, frames, strict=True)])
-        for cameras in (still, along)
+        for cameras in (static, following)
     )  # fmt: skip
     return far / near
 
 
-def test_the_camera_goes_along_when_it_comes_enough_nearer_by_that(grid):
-    ways = np.linspace(0, 0.05, 26)
-    ratios = [distance_ratio(travelling(grid, way)) for way in ways]
-    followed = [framing_of(FRONT, travelling(grid, way)).is_followed for way in ways]
-    assert min(ratios) < 1.1 < NEARER == 1.15 < 1.2 < max(ratios)
-    assert followed == [ratio > NEARER for ratio in ratios]
+def test_the_camera_follows_when_that_brings_it_enough_nearer(grid):
+    steps = np.linspace(0, 0.05, 26)
+    ratios = [distance_ratio(travelling(grid, step)) for step in steps]
+    followed = [framing_of(FRONT, travelling(grid, step)).is_followed for step in steps]
+    assert min(ratios) < 1.1 < MIN_DISTANCE_RATIO == 1.15 < 1.2 < max(ratios)
+    assert followed == [ratio > MIN_DISTANCE_RATIO for ratio in ratios]
 
 
 @pytest.mark.parametrize("is_followed", [True, False])
-def test_the_camera_does_as_it_is_told(grid, is_followed):
-    for way in (0.0, 0.5):
-        frames = travelling(grid, way)
+def test_an_explicit_choice_overrides_the_default(grid, is_followed):
+    for step in (0.0, 0.5):
+        frames = travelling(grid, step)
         assert framing_of(FRONT, frames, is_followed=is_followed).is_followed == is_followed

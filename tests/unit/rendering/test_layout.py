@@ -20,14 +20,14 @@ def boxes(layout):
         Parts(3, 3, n_title_lines=2, n_label_lines=1, bars=((1, 40), (2, 60)), n_caption_lines=2),
     ],
 )
-def test_views_lie_apart_inside_the_sheet_when_it_is_planned(parts, aspect):
+def test_views_are_disjoint_and_inside_the_sheet(parts, aspect):
     layout = plan_layout((900, 700), parts, 14, aspect)
     for left, top, right, bottom in boxes(layout):
         assert min(left, top) >= 0
         assert right <= layout.size[0] - sum(width for column, width in parts.bars if column == 2)
         assert bottom + parts.n_label_lines * layout.line <= layout.size[1]
-    for one, other in combinations(boxes(layout), 2):
-        assert one[2] <= other[0] or other[2] <= one[0] or one[3] <= other[1] or other[3] <= one[1]
+    for a, b in combinations(boxes(layout), 2):
+        assert a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1]
     assert layout.foot + parts.n_caption_lines * layout.line <= layout.size[1]
 
 
@@ -52,11 +52,11 @@ def test_parts_follow_one_another_when_a_sheet_has_all_kinds():
     ("size", "font_px"),
     [((100, 100), 12), ((1040, 1040), 20), ((520, 2080), 20), ((9000, 9000), 28)],
 )
-def test_letters_grow_with_the_sheet_within_limits(size, font_px):
+def test_font_size_grows_with_the_sheet_within_limits(size, font_px):
     assert sheet_font_px(size) == font_px
 
 
-def test_sheet_has_the_size_asked_for_when_no_shape_is_followed():
+def test_sheet_has_the_requested_size_without_an_aspect():
     assert plan_layout((901, 333), Parts(2, 3, n_label_lines=1), 14).size == (901, 333)
 
 
@@ -67,7 +67,7 @@ def test_view_fills_the_sheet_when_it_is_alone():
 
 
 @pytest.mark.parametrize("aspect", [0.7, 1.0, 2.0])
-def test_views_have_the_shape_of_what_they_show_when_it_is_followed(aspect):
+def test_views_have_the_aspect_of_their_content(aspect):
     layout = plan_layout((900, 700), Parts(2, 3, n_label_lines=1), 14, aspect)
     width, height = layout.view_size
     assert width / height == pytest.approx(aspect, rel=0.02)
@@ -76,12 +76,12 @@ def test_views_have_the_shape_of_what_they_show_when_it_is_followed(aspect):
     assert layout.size[0] % 2 == layout.size[1] % 2 == 0
 
 
-def test_views_are_not_thinner_than_allowed_when_what_they_show_is():
+def test_the_aspect_of_views_is_limited():
     width, height = plan_layout((900, 700), Parts(1, 1), 14, 100.0).view_size
     assert width / height == pytest.approx(ASPECTS[1], rel=0.02)
 
 
-def test_plan_layout_says_what_is_left_when_the_sheet_is_too_small():
+def test_plan_layout_reports_the_view_size_when_the_sheet_is_too_small():
     with pytest.raises(InvalidInputError, match=r"60 x 60 pixels leave .* larger --size"):
         plan_layout((60, 60), Parts(2, 4, n_label_lines=1), 14)
     assert plan_layout((32, 32), Parts(1, 1), 14).view_size == (32, 32)

@@ -17,7 +17,7 @@ FONT = font_of_size(16)
         ("plain", "plain"),
     ],
 )
-def test_spell_out_uses_letters_of_the_font_when_others_come(text, spelled):
+def test_spell_out_replaces_characters_that_the_font_lacks(text, spelled):
     assert spell_out(text) == spelled
 
 
@@ -39,7 +39,7 @@ def test_wrap_text_has_no_lines_when_there_is_no_text():
     assert wrap_text("", FONT, 90) == []
 
 
-def test_draw_lines_refuses_an_alignment_when_it_is_unknown():
+def test_draw_lines_rejects_an_unknown_alignment():
     canvas = ImageDraw.Draw(Image.new("RGB", (9, 9)))
     with pytest.raises(InvalidInputError, match="align"):
         draw_lines(canvas, (0, 0), ["a"], FONT, align="justify")

@@ -81,7 +81,7 @@ def test_contact_sheet_writes_row_titles_left_of_the_panels_when_given():
         ([[panel()[:, :, 0]]], {}),
     ],
 )
-def test_contact_sheet_refuses_panels_when_they_make_no_sheet(rows, titles):
+def test_contact_sheet_rejects_invalid_panels_and_titles(rows, titles):
     with pytest.raises(InvalidInputError):
         contact_sheet(rows, **titles)
 
@@ -93,14 +93,14 @@ def test_save_png_gives_the_same_pixels_back_when_read(tmp_path):
         np.testing.assert_array_equal(np.asarray(image), pixels)
 
 
-def test_save_png_keeps_a_file_when_not_told_to_overwrite(tmp_path):
-    (tmp_path / "kept.png").write_bytes(b"kept")
+def test_save_png_does_not_overwrite_a_file_by_default(tmp_path):
+    (tmp_path / "old.png").write_bytes(b"old")
     with pytest.raises(InvalidInputError, match="exists"):
-        save_png(panel(), tmp_path / "kept.png")
-    assert (tmp_path / "kept.png").read_bytes() == b"kept"
+        save_png(panel(), tmp_path / "old.png")
+    assert (tmp_path / "old.png").read_bytes() == b"old"
 
 
-def test_save_png_replaces_a_file_when_told_to_overwrite(tmp_path):
+def test_save_png_replaces_a_file_when_overwrite_is_set(tmp_path):
     (tmp_path / "old.png").write_bytes(b"old")
     save_png(panel(), tmp_path / "old.png", overwrite=True)
     assert (tmp_path / "old.png").read_bytes().startswith(b"\x89PNG")

@@ -61,23 +61,23 @@ def test_render_shades_a_back_face_bright_when_it_faces_the_camera():
     assert picture[60, 40].min() > 100
 
 
-def test_render_lights_the_upper_left_most_when_a_sphere_is_seen():
+def test_render_lights_a_sphere_from_the_upper_left():
     vertices, faces = sphere()
     picture = render(vertices, faces, front(vertices, width=100, height=100)).mean(axis=2)
     assert picture[35, 35] > picture[35, 65] > picture[70, 65]
 
 
-def test_render_keeps_its_light_when_mesh_and_camera_turn_together():
+def test_render_is_unchanged_when_mesh_and_camera_turn_together():
     vertices, faces = sphere()
     vertices = vertices * [1.0, 0.6, 0.8]
     turned = vertices[:, [2, 1, 0]] * [1, 1, -1]
-    one = render(vertices, faces, front(vertices))
-    other = render(turned, faces, front(turned, azimuth_deg=90))
-    assert np.abs(one.astype(int) - other).max() <= 1
+    expected = render(vertices, faces, front(vertices)).astype(int)
+    actual = render(turned, faces, front(turned, azimuth_deg=90))
+    assert np.abs(actual - expected).max() <= 1
 
 
 def test_render_blends_colors_by_perspective_when_a_strip_recedes():
-    """Half way along the strip in space lies far above its middle in the picture."""
+    """The midpoint of the strip in space is far above its midpoint in the picture."""
     strip = np.array([[-1.0, 0, 0], [1, 0, 0], [1, 0, -40], [-1, 0, -40]])
     colors = [[250, 0, 0], [250, 0, 0], [0, 0, 250], [0, 0, 250]]
     camera = front(strip, elevation_deg=15, width=200, height=200)
@@ -153,18 +153,18 @@ def test_render_leaves_its_arguments_alone_when_called():
     ],
     ids=str,
 )
-def test_render_refuses_arguments_when_they_make_no_picture(arguments):
-    given = {"vertices": TRIANGLE, "faces": FACE, "camera": front(TRIANGLE), **arguments}
+def test_render_rejects_invalid_arguments(arguments):
+    valid = {"vertices": TRIANGLE, "faces": FACE, "camera": front(TRIANGLE)}
     with pytest.raises(InvalidInputError):
-        render(**given)
+        render(**{**valid, **arguments})
 
 
-def test_render_shows_colours_as_they_are_when_they_glow():
+def test_render_shows_unlit_colors_when_glow_is_1():
     picture = render(TRIANGLE, FACE, front(TRIANGLE), colors=(10, 130, 250), glow=1.0)
     assert picture[60, 40].tolist() == [10, 130, 250]
 
 
-def test_render_parts_colours_sharply_when_corners_have_their_own():
+def test_render_has_a_sharp_edge_when_corners_of_two_faces_differ_in_color():
     square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
     faces = np.array([[0, 1, 2], [0, 2, 3]])
     colors = np.repeat([[[255, 0, 0]], [[0, 0, 255]]], 3, axis=1)
@@ -174,18 +174,18 @@ def test_render_parts_colours_sharply_when_corners_have_their_own():
 
 
 @pytest.mark.parametrize("smooth", [True, False])
-def test_render_looks_as_a_larger_picture_made_smaller_when_supersampled(smooth):
+def test_render_equals_a_larger_picture_scaled_down_when_supersampled(smooth):
     sequence = simulate_flag(8, n_rows=12, n_columns=16)
     vertices = sequence.vertices[7]
     camera = front(vertices)
     large = front(vertices, width=3 * SIZE["width"], height=3 * SIZE["height"])
-    found = render(vertices, sequence.faces, camera, smooth=smooth, supersample=3).astype(float)
+    actual = render(vertices, sequence.faces, camera, smooth=smooth, supersample=3).astype(float)
     single = render(vertices, sequence.faces, large, smooth=smooth, supersample=1).astype(float)
     expected = single.reshape(SIZE["height"], 3, SIZE["width"], 3, 3).mean(axis=(1, 3))
-    assert np.abs(found - expected).max() < 4
+    assert np.abs(actual - expected).max() < 4
 
 
 @pytest.mark.parametrize("glow", [-0.1, 1.5, float("nan")])
-def test_render_refuses_a_glow_when_it_is_no_share(glow):
+def test_render_rejects_a_glow_outside_0_to_1(glow):
     with pytest.raises(InvalidInputError, match=r"glow must be in 0\.\.1"):
         render(TRIANGLE, FACE, front(TRIANGLE), glow=glow)

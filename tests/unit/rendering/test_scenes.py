@@ -28,7 +28,7 @@ def test_scene_names_the_option_when_there_is_heat_and_no_original(grid):
         Scene(grid, None, "angle")
 
 
-def test_scene_is_refused_when_the_original_is_another_mesh(grid):
+def test_scene_rejects_an_original_with_another_mesh(grid):
     with pytest.raises(InvalidInputError, match="only sequences of the same mesh"):
         Scene(grid, waving_grid(12, 5, 5))
 
@@ -69,11 +69,11 @@ def test_scene_without_heat_has_no_range(grid):
     assert Scene(grid, grid).scales([0]) == NO_SCALES
 
 
-def test_scene_shows_the_colours_of_the_surface_when_there_are_any():
+def test_scene_shows_the_colors_of_the_surface_when_there_are_any():
     sheet = quad_sheet()
     plain = MeshSequence(sheet.vertices, sheet.faces)
-    colored, grey = (drawn(Scene(one))[0].astype(int) for one in (sheet, plain))
-    spread = [np.ptp(view, axis=2)[(view != 255).any(axis=2)].mean() for view in (colored, grey)]
+    colored, gray = (drawn(Scene(sequence))[0].astype(int) for sequence in (sheet, plain))
+    spread = [np.ptp(view, axis=2)[(view != 255).any(axis=2)].mean() for view in (colored, gray)]
     assert spread[0] > 2 * spread[1]
 
 
@@ -86,7 +86,7 @@ def with_track(sequence, values, domain="vertex", surface=None, **facts):
 
 
 @pytest.mark.parametrize("domain", ["vertex", "face", "corner"])
-def test_scene_has_the_colours_of_a_track_where_its_values_are(domain, grid):
+def test_scene_shows_the_colors_of_a_track_of_any_domain(domain, grid):
     sizes = {"vertex": grid.n_verts, "face": grid.n_faces, "corner": 3 * grid.n_faces}
     low = np.zeros((12, sizes[domain]), np.float32)
     high = low + np.float32(1)
@@ -101,7 +101,7 @@ def test_scene_has_the_colours_of_a_track_where_its_values_are(domain, grid):
     assert middle[1][1] > 1.5 * middle[1][2]  # yellow
 
 
-def test_scene_of_faces_is_flat_in_each_polygon_when_these_have_values():
+def test_each_polygon_has_one_color_when_faces_have_values():
     sheet = quad_sheet()
     n_polygons = sheet.surface.n_items(Domain.FACE, sheet.n_verts, sheet.n_faces)
     assert n_polygons < sheet.n_faces
@@ -111,7 +111,7 @@ def test_scene_of_faces_is_flat_in_each_polygon_when_these_have_values():
     assert len(np.unique(view[(view != 255).any(axis=2)], axis=0)) >= n_polygons
 
 
-def test_scene_shows_the_error_of_a_track_in_its_unit_when_asked_for(grid):
+def test_heat_map_of_a_track_shows_its_error_in_its_unit(grid):
     values = np.tile(np.linspace(0, 10, grid.n_verts, dtype=np.float32), (12, 1))
     off = values.copy()
     off[5, 7] += 2
@@ -133,7 +133,7 @@ def test_scene_shows_the_error_of_a_track_in_its_unit_when_asked_for(grid):
     assert np.abs(views[2].astype(int) - drawn(scene, 4, scales)[2]).max() > 60
 
 
-def test_scene_says_so_when_a_track_is_not_there_or_another(grid):
+def test_scene_rejects_a_missing_or_different_track(grid):
     values = np.zeros((12, grid.n_verts), np.float32)
     other = np.zeros((12, grid.n_faces), np.float32)
     with pytest.raises(InvalidInputError, match="there is no track 'heta'; did you mean 'heat'"):
@@ -142,7 +142,7 @@ def test_scene_says_so_when_a_track_is_not_there_or_another(grid):
         Scene(with_track(grid, values), grid, track=TrackLook("heat"))
     with pytest.raises(InvalidInputError, match="of the original is scalar of each face"):
         Scene(with_track(grid, values), with_track(grid, other, "face"), track=TrackLook("heat"))
-    with pytest.raises(InvalidInputError, match="needs its name"):
+    with pytest.raises(InvalidInputError, match="add --track"):
         Scene(with_track(grid, values), with_track(grid, values), "track")
 
 
@@ -155,14 +155,14 @@ def test_heat_of_positions_keeps_its_title_when_a_track_is_shown_too(grid, lifte
     assert scene.titles == ["original: heat", "decoded: heat", HEATS["distance"].label]
 
 
-def test_faces_of_a_box_are_of_one_colour_each_when_its_edges_are_hard():
+def test_each_face_of_a_box_has_one_color_when_its_edges_are_hard():
     box = hard_box(1)
     camera = fit_camera(box[0], azimuth_deg=30, elevation_deg=25, width=96, height=96)
     scene = Scene(box)
     (picture,) = scene.draw(scene.read(0), camera)
     smooth = Scene(replace(box, surface=replace(box.surface, hard_edges=None)))
-    (other,) = smooth.draw(smooth.read(0), camera)
-    count = [len(np.unique(one.reshape(-1, 3), axis=0)) for one in (picture, other)]
+    (smooth_picture,) = smooth.draw(smooth.read(0), camera)
+    count = [len(np.unique(image.reshape(-1, 3), axis=0)) for image in (picture, smooth_picture)]
     flat = render(box[0], box.faces, camera, colors=CLAY, background=scene.background, smooth=False)
     assert np.abs(picture.astype(int) - flat).max() <= 1
     assert count[1] > 2 * count[0]

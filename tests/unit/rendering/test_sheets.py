@@ -15,35 +15,35 @@ def blank_views(layout, n_views, color):
 
 
 @pytest.mark.parametrize("background", [WHITE, NIGHT])
-def test_words_leave_the_views_alone_when_the_sheet_is_filled(background):
+def test_text_does_not_overlap_the_views(background):
     words = Words(("first", LONG), "a caption " * 30, "frame 17, 0.68 s", (Bar(0, 0.5, "%"),))
     layout = plan_sheet(words, 6, 1.3, None, (700, 600))
     sheet = Sheet(layout, words, background)
     labels = ["frame 17, 0.68 s"] * 6
     views = blank_views(layout, 6, (200, 30, 30))
-    filled, empty = (np.asarray(sheet.filled(given, labels)) for given in (views, ()))
+    filled, empty = (np.asarray(sheet.compose(images, labels)) for images in (views, ()))
     for x in layout.columns:
         for y in layout.rows:
             width, height = layout.view_size
             assert (filled[y : y + height, x : x + width] == (200, 30, 30)).all()
             assert (empty[y : y + height, x : x + width] == background).all()
-    written = (filled != background).any(axis=2)
-    written[layout.rows[0] : layout.foot] = False
-    assert written.any()
-    assert not written[[0, -1]].any()
+    has_text = (filled != background).any(axis=2)
+    has_text[layout.rows[0] : layout.foot] = False
+    assert has_text.any()
+    assert not has_text[[0, -1]].any()
 
 
-def test_color_bar_stands_right_of_the_views_when_there_is_one():
+def test_color_bar_is_to_the_right_of_the_views():
     words = Words(("", ""), bars=(Bar(0, 0.5, "%"),))
     layout = plan_sheet(words, 2, 1.0, None, (700, 400))
-    picture = np.asarray(Sheet(layout, words, WHITE).filled([]))
+    picture = np.asarray(Sheet(layout, words, WHITE).compose([]))
     right = picture[:, layout.columns[-1] + layout.view_size[0] :]
     saturation = right.max(axis=2).astype(int) - right.min(axis=2)
     column = saturation.max(axis=1) > 60
     assert column.sum() > 0.6 * layout.view_size[1]
 
 
-def test_sheet_has_the_size_asked_for_when_one_is():
+def test_sheet_has_the_requested_size():
     assert plan_sheet(Words(widest_label="frame 9"), 8, 0.4, (801, 403), (9, 9)).size == (801, 403)
 
 
@@ -53,21 +53,21 @@ def test_labels_are_broken_into_lines_when_views_are_narrow():
     assert layout.foot - layout.view_size[1] > 2 * layout.line
 
 
-def test_plan_sheet_ends_when_titles_are_long_and_the_sheet_is_small():
+def test_plan_sheet_terminates_when_titles_are_long_and_the_sheet_is_small():
     layout = plan_sheet(Words((LONG, LONG, LONG), LONG), 3, 1.0, None, (420, 420))
     assert min(layout.view_size) >= MIN_VIEW_PX
 
 
 @pytest.mark.parametrize(("background", "ink"), [(WHITE, INK), (NIGHT, LIGHT_INK)])
-def test_ink_is_dark_on_light_and_light_on_dark_grounds(background, ink):
+def test_ink_is_dark_on_light_and_light_on_dark_backgrounds(background, ink):
     assert ink_on(background) == ink
 
 
-def test_labels_stand_in_the_middle_below_their_views():
+def test_labels_are_centered_below_their_views():
     words = Words(widest_label="00000")
     layout = plan_sheet(words, 3, 1.0, None, (700, 300))
     picture = np.asarray(
-        Sheet(layout, words, WHITE).filled(blank_views(layout, 3, WHITE), ["00000"] * 3)
+        Sheet(layout, words, WHITE).compose(blank_views(layout, 3, WHITE), ["00000"] * 3)
     )
     (width, height), top = layout.view_size, layout.rows[0]
     for left in layout.columns:

@@ -6,7 +6,7 @@ import pytest
 from meshreel.errors import InvalidInputError
 from meshreel.model.sequence import MeshSequence
 from meshreel.rendering.scenes import Scene
-from meshreel.rendering.shots import frame_labels, spread_frames, telling_frames
+from meshreel.rendering.shots import frame_labels, representative_frames, spread_frames
 from meshreel.rendering.stills import still
 from meshreel.rendering.views import View
 
@@ -29,15 +29,15 @@ def test_still_is_filled_by_the_mesh_when_it_shows_one_frame(grid):
 
 
 def test_still_has_a_mesh_for_each_frame_when_it_shows_several(grid):
-    one, many = (
+    single, several = (
         inked(still(Scene(grid), numbers, FRONT, size=(640, 480))).mean()
         for numbers in ([0], range(8))
     )
-    assert 0.3 < many < one
+    assert 0.3 < several < single
 
 
 def travelling(grid):
-    """The sheet, carried away to its right by ten times its width."""
+    """The grid, moving to the right by ten times its width."""
     far = np.linspace(0, 10, grid.n_frames) * np.ptp(grid.vertices[..., 0])
     away = far[:, None, None] * np.array([1.0, 0.0, 0.0])
     return MeshSequence((grid.vertices + away).astype(np.float32), grid.faces)
@@ -45,25 +45,25 @@ def travelling(grid):
 
 def test_still_follows_the_mesh_when_it_would_be_small_otherwise(grid):
     scene = Scene(travelling(grid))
-    shown, stays = (
+    default, static = (
         inked(still(scene, [0, 5, 11], FRONT, size=(700, 300), is_followed=follow)).mean()
         for follow in (None, False)
     )
-    assert shown > 0.3
-    assert shown > 3 * stays
+    assert default > 0.3
+    assert default > 3 * static
 
 
 def test_still_does_not_follow_the_mesh_when_it_stays(grid):
     scene = Scene(grid)
-    shown, stays = (
+    default, static = (
         still(scene, [0, 11], FRONT, size=(600, 240), is_followed=follow).tobytes()
         for follow in (None, False)
     )
-    assert shown == stays
+    assert default == static
 
 
-def test_heat_map_is_nearly_as_bright_in_a_fold_as_beside_it(grid):
-    """Where nothing is off, a heat map has one colour, whatever the light."""
+def test_heat_map_is_nearly_as_bright_in_a_fold_as_elsewhere(grid):
+    """Without errors, a heat map has one color, independent of shading."""
     picture = np.asarray(still(Scene(grid, grid, "distance"), [3], View(), size=(900, 300)))
     left = picture.shape[1] * 2 // 3
     heat = picture[60:250, left : left + 130].reshape(-1, 3).astype(int)
@@ -93,20 +93,20 @@ def test_still_shows_a_color_bar_with_numbers_when_there_is_a_heat_map(grid, lif
     assert dark > 40  # letters
 
 
-def test_still_is_refused_when_the_size_is_too_small(grid):
+def test_still_rejects_a_size_that_is_too_small(grid):
     with pytest.raises(InvalidInputError, match="larger --size or fewer --frames"):
         still(Scene(grid), range(8), FRONT, size=(80, 60))
 
 
-def test_still_tells_how_many_views_are_drawn(grid, lifted):
-    heard: list[tuple[str, Any]] = []
+def test_still_reports_progress(grid, lifted):
+    calls: list[tuple[str, Any]] = []
     still(
         Scene(lifted, grid, "angle"), [0, 4], FRONT, size=(600, 400),
-        progress=lambda *told: heard.append(told),
+        progress=lambda *call: calls.append(call),
     )  # fmt: skip
-    said = [(stage, share.done, share.total, share.unit) for stage, share in heard]
-    assert said[:2] == [("measuring", 1, 2, "frames"), ("measuring", 2, 2, "frames")]
-    assert said[-1] == ("drawing", 6, 6, "views")
+    reports = [(stage, count.done, count.total, count.unit) for stage, count in calls]
+    assert reports[:2] == [("measuring", 1, 2, "frames"), ("measuring", 2, 2, "frames")]
+    assert reports[-1] == ("drawing", 6, 6, "views")
 
 
 def test_labels_have_the_number_and_the_time_when_the_rate_is_known(grid):
@@ -117,15 +117,15 @@ def test_labels_have_the_number_and_the_time_when_the_rate_is_known(grid):
 
 
 @pytest.mark.parametrize(
-    ("n_frames", "n_most", "expected"),
+    ("n_frames", "max_frames", "expected"),
     [(9, 3, [0, 4, 8]), (2, 8, [0, 1]), (1, 8, [0]), (175, 8, [0, 25, 50, 75, 99, 124, 149, 174])],
 )
-def test_frames_are_spread_from_the_first_to_the_last(n_frames, n_most, expected):
-    assert spread_frames(range(n_frames), n_most) == expected
+def test_frames_are_spread_from_the_first_to_the_last(n_frames, max_frames, expected):
+    assert spread_frames(range(n_frames), max_frames) == expected
 
 
 @pytest.mark.parametrize(
     ("n_frames", "expected"), [(300, [100, 199, 299]), (3, [0, 1, 2]), (1, [0])]
 )
-def test_telling_frames_leave_out_the_first_when_there_are_enough(n_frames, expected):
-    assert telling_frames(range(n_frames), 3) == expected
+def test_representative_frames_skip_the_first_when_there_are_enough(n_frames, expected):
+    assert representative_frames(range(n_frames), 3) == expected

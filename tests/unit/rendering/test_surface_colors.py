@@ -14,35 +14,35 @@ def colored(domain, values):
     return Surface(SIZES, (Attribute("color", Kind.COLOR, domain, values),)).validated(5, 3)
 
 
-def test_there_are_no_colours_when_the_mesh_carries_none():
+def test_colors_are_none_when_the_mesh_has_no_color_attribute():
     assert surface_colors(Surface(), FACES) is None
 
 
-def test_colours_are_those_of_vertices_when_they_carry_them():
+def test_colors_of_vertices_are_returned_without_opacity():
     values = np.arange(20, dtype=np.uint8).reshape(5, 4)
-    found = surface_colors(colored(Domain.VERTEX, values), FACES)
-    np.testing.assert_array_equal(found, values[:, :3])
+    actual = surface_colors(colored(Domain.VERTEX, values), FACES)
+    np.testing.assert_array_equal(actual, values[:, :3])
 
 
-def test_colours_are_the_same_at_all_corners_when_faces_carry_them():
+def test_colors_of_faces_are_repeated_at_all_corners():
     values = np.array([RED, GREEN], np.float32) / 255
-    found = surface_colors(colored(Domain.FACE, values), FACES)
-    np.testing.assert_allclose(found, [[RED] * 3, [RED] * 3, [GREEN] * 3])
+    actual = surface_colors(colored(Domain.FACE, values), FACES)
+    np.testing.assert_allclose(actual, [[RED] * 3, [RED] * 3, [GREEN] * 3])
 
 
-def test_colours_follow_the_fan_when_corners_of_polygons_carry_them():
+def test_colors_of_polygon_corners_follow_the_triangle_fan():
     values = np.repeat(np.arange(7, dtype=np.uint8)[:, None], 3, axis=1)
-    found = surface_colors(colored(Domain.CORNER, values), FACES)
-    np.testing.assert_array_equal(found[..., 0], [[0, 1, 2], [0, 2, 3], [4, 5, 6]])
+    actual = surface_colors(colored(Domain.CORNER, values), FACES)
+    np.testing.assert_array_equal(actual[..., 0], [[0, 1, 2], [0, 2, 3], [4, 5, 6]])
 
 
 @pytest.mark.parametrize("value", [-1.0, 2.0, float("nan")])
-def test_colours_stay_in_range_when_floats_do_not(value):
+def test_colors_stay_in_range_when_floats_do_not(value):
     values = np.full((5, 3), value, np.float32)
-    found = surface_colors(colored(Domain.VERTEX, values), FACES)
-    assert 0 <= found.min() <= found.max() <= 255
+    actual = surface_colors(colored(Domain.VERTEX, values), FACES)
+    assert 0 <= actual.min() <= actual.max() <= 255
 
 
-def test_colours_of_a_whole_sheet_fit_its_vertices():
+def test_colors_of_a_whole_sheet_fit_its_vertices():
     sheet = quad_sheet()
     assert surface_colors(sheet.surface, sheet.faces).shape == (sheet.n_verts, 3)

@@ -1,4 +1,4 @@
-"""Tracks as colours: numbers, ranges and words."""
+"""Tracks as colors: components, ranges and captions."""
 
 import numpy as np
 import pytest
@@ -14,10 +14,10 @@ def track_of(values, kind=None, unit="Pa"):
 
 
 def scale_of(colors, track):
-    known = FrameNumbers()
+    numbers = FrameNumbers()
     for frame in track:
-        known.add(colors.numbers(frame))
-    return colors.scale(known)
+        numbers.add(colors.numbers(frame))
+    return colors.scale(numbers)
 
 
 VECTORS = track_of([[[3, 4, 0], [-1, 0, 0], [0, 0, 2]]])
@@ -43,19 +43,17 @@ def test_numbers_are_those_of_the_component_when_it_is_named(component, numbers)
         ),
         (np.zeros((1, 4, 3)), None, "3", "got '3'"),
         (np.zeros((1, 4, 2)), None, "z", "0 to 1, x, y, magnitude; got 'z'"),
-        (np.zeros((1, 4, 1)), None, "x", "1 number of .* is 0, magnitude; got 'x'"),
-        (np.zeros((1, 4, 9)), None, None, "0 to 8; say which"),
+        (np.zeros((1, 4, 1)), None, "x", "1 number per .* is 0, magnitude; got 'x'"),
+        (np.zeros((1, 4, 9)), None, None, "0 to 8; select one"),
         (np.zeros((1, 4, 9)), None, "x", "0 to 8; got 'x'"),
     ],
 )
-def test_track_colors_say_which_components_there_are_when_one_is_not(
-    values, kind, component, message
-):
+def test_track_colors_list_the_components_when_one_does_not_exist(values, kind, component, message):
     with pytest.raises(InvalidInputError, match=message):
         TrackColors(TrackLook("stress", component), track_of(values, kind))
 
 
-def test_component_has_a_default_when_it_is_plain():
+def test_component_has_a_default():
     normals = track_of(np.tile([0, 0, 1.0], (1, 3, 1)), "normal")
     assert TrackColors(TrackLook("n"), normals).title == "n, x"
     assert TrackColors(TrackLook("v"), VECTORS).title == "v, magnitude"
@@ -72,7 +70,7 @@ def test_range_is_between_percentiles_when_none_is_given():
     track = track_of(values[None])
     scale = scale_of(TrackColors(TrackLook("s"), track), track)
     assert (scale.low, scale.high) == pytest.approx((2, 98), abs=0.2)
-    assert (scale.least, scale.most) == (-1e6, 1e6)
+    assert (scale.smallest, scale.largest) == (-1e6, 1e6)
     colors = TrackColors(TrackLook("s"), track)
     assert tuple(colors.colors(track[0], scale)[0]) == tuple(HEAT[0])
     assert tuple(colors.colors(track[0], scale)[-1]) == tuple(HEAT[-1])
@@ -84,10 +82,10 @@ def test_range_is_symmetric_about_0_when_percentiles_lie_on_both_sides():
     scale = scale_of(colors, track)
     assert scale.low == -scale.high == pytest.approx(-2.92, abs=0.01)
     assert colors.colors(np.zeros((1, 1)), scale)[0].tolist() == DIVERGING[8].tolist()
-    assert "as far on both sides of 0" in colors.caption(scale)
+    assert "symmetric about 0" in colors.caption(scale)
 
 
-def test_range_is_the_one_given_when_it_has_numbers():
+def test_range_of_numbers_is_used_unchanged():
     track = track_of(np.linspace(-1, 3, 1001)[None])
     colors = TrackColors(TrackLook("s", range="-0.5:2e0"), track)
     scale = scale_of(colors, track)
@@ -97,18 +95,18 @@ def test_range_is_the_one_given_when_it_has_numbers():
     light, dark = colors.colors(np.array([[-0.5], [0.5]]), scale).astype(int)
     assert abs(int(light.sum()) - int(dark.sum())) < 60  # as far from 0, as dark
     assert colors.caption(scale) == (
-        "Colours: s (Pa), from -0.5 to 2e0; the values shown are -1 to 3."
+        "Colors: s (Pa), from -0.5 to 2e0; the values shown are -1 to 3."
     )
 
 
-def test_range_has_the_least_and_the_most_when_percentiles_are_0_and_100():
+def test_range_is_that_of_all_values_when_percentiles_are_0_and_100():
     rng = np.random.default_rng(0)
     track = track_of(1 + np.abs(rng.normal(size=(7, 12345))))
     scale = scale_of(TrackColors(TrackLook("s", range="0%:100%"), track), track)
-    assert (scale.low, scale.high) == (scale.least, scale.most)
+    assert (scale.low, scale.high) == (scale.smallest, scale.largest)
 
 
-def test_range_is_refused_when_a_percentile_lies_beyond_the_other_end():
+def test_range_is_rejected_when_a_percentile_exceeds_the_other_end():
     track = track_of(np.linspace(5, 9, 100)[None])
     with pytest.raises(InvalidInputError, match="range 2%:3 of track 's' would be"):
         scale_of(TrackColors(TrackLook("s", range="2%:3"), track), track)
@@ -127,20 +125,20 @@ def test_range_has_a_width_when_all_values_are_the_same(value):
     assert scale.low < value < scale.high
 
 
-def test_missing_values_are_grey_when_there_are_some():
+def test_missing_values_are_gray_when_there_are_some():
     track = track_of([[1, np.nan, 3], [np.inf, 2, 3]])
     colors = TrackColors(TrackLook("s"), track)
     scale = scale_of(colors, track)
-    assert (scale.least, scale.most, scale.has_missing) == (1, 3, True)
+    assert (scale.smallest, scale.largest, scale.has_missing) == (1, 3, True)
     assert tuple(colors.colors(track[0], scale)[1]) == NOT_A_NUMBER
-    assert colors.caption(scale).endswith("are 1 to 3. Grey: no value.")
+    assert colors.caption(scale).endswith("are 1 to 3. Gray: no value.")
     nothing = track_of(np.full((1, 3), np.nan))
     scale = scale_of(colors, nothing)
     assert (colors.colors(nothing[0], scale) == NOT_A_NUMBER).all()
-    assert colors.caption(scale).endswith("98%. Grey: no value.")
+    assert colors.caption(scale).endswith("98%. Gray: no value.")
 
 
-def test_colours_are_shown_as_they_are_when_a_track_has_some():
+def test_a_color_track_is_shown_directly():
     floats = track_of([[[1, 0.5, 0, 1], [2, -1, np.nan, 0]]], "color")
     colors = TrackColors(TrackLook("c"), floats)
     assert scale_of(colors, floats) is None
@@ -148,18 +146,18 @@ def test_colours_are_shown_as_they_are_when_a_track_has_some():
     numbers = Track(np.array([[[9, 8, 7]]], np.uint8), kind="color")
     assert TrackColors(TrackLook("c"), numbers).colors(numbers[0], None).tolist() == [[9, 8, 7]]
     assert TrackColors(TrackLook("c", "1"), floats).numbers(floats[0]).tolist() == [0.5, -1]
-    with pytest.raises(InvalidInputError, match="shown as they are; leave --range out"):
+    with pytest.raises(InvalidInputError, match="shown directly; omit --range"):
         TrackColors(TrackLook("c", range="0:1"), floats)
 
 
 @pytest.mark.parametrize(
     "text", ["", "5", "5:3", "a:b", "1:2:3", "-1%:5", "0:101%", "nan:1", "1e999:2", "3%:3%"]
 )
-def test_parse_range_says_how_ranges_are_written_when_one_is_not(text):
+def test_parse_range_explains_the_syntax_when_the_text_is_invalid(text):
     with pytest.raises(InvalidInputError, match="a range is LOW:HIGH, low first"):
         parse_range(text)
 
 
-def test_parse_range_takes_numbers_and_percentiles_when_they_are_mixed():
+def test_parse_range_accepts_numbers_mixed_with_percentiles():
     assert parse_range("0: 99.5%") == ((0.0, False), (99.5, True))
     assert parse_range("2%:-1e3") == ((2.0, True), (-1000.0, False))

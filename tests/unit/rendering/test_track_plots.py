@@ -1,4 +1,4 @@
-"""Tracks over time at one place."""
+"""Tracks over time at one item."""
 
 import numpy as np
 import pytest
@@ -20,14 +20,14 @@ def heated(grid, values, unit="K", **facts):
 
 @pytest.fixture
 def plotted(monkeypatch):
-    """What is plotted, in place of a file."""
-    found = {}
+    """The arguments of the plot, which is not drawn."""
+    captured = {}
 
-    def keep(path, title, label, frames, lines, **facts):
-        found.update(title=title, label=label, frames=list(frames), lines=lines, **facts)
+    def capture(path, title, label, frames, lines, **options):
+        captured.update(title=title, label=label, frames=list(frames), lines=lines, **options)
 
-    monkeypatch.setattr(track_plots, "plot_over_time", keep)
-    return found
+    monkeypatch.setattr(track_plots, "plot_over_time", capture)
+    return captured
 
 
 def test_plot_has_the_numbers_of_both_when_there_is_an_original(grid, plotted, tmp_path):
@@ -50,19 +50,21 @@ def test_plot_has_one_component_of_all_frames_when_it_is_named(grid, plotted, tm
 
 
 @pytest.mark.parametrize(
-    ("place", "look", "message"),
+    ("item", "look", "message"),
     [
         (99, TrackLook("heat"), "has values of vertex 0 to 98; got 99"),
         (-1, TrackLook("heat"), "got -1"),
         (0, TrackLook("cold"), "there is no track 'cold'"),
     ],
 )
-def test_plot_is_refused_when_there_is_no_such_place_or_track(grid, tmp_path, place, look, message):
+def test_plot_is_rejected_when_the_item_or_track_does_not_exist(
+    grid, tmp_path, item, look, message
+):
     with pytest.raises(InvalidInputError, match=message):
-        plot_track(tmp_path / "a.png", look, place, heated(grid, np.zeros((12, 99))))
+        plot_track(tmp_path / "a.png", look, item, heated(grid, np.zeros((12, 99))))
 
 
-def test_plot_asks_for_a_component_when_a_track_has_colours(grid, tmp_path):
+def test_plot_requires_a_component_when_a_track_has_colors(grid, tmp_path):
     painted = heated(grid, np.zeros((12, 99, 3)), kind="color")
     with pytest.raises(InvalidInputError, match="--component 0"):
         plot_track(tmp_path / "a.png", TrackLook("heat"), 0, painted)

@@ -16,16 +16,16 @@ CLOUD = np.random.default_rng(4).normal(size=(5, 40, 3)) * [1, 2, 0.5] + [10, -3
 
 
 @pytest.mark.parametrize("name", NAMED_VIEWS)
-def test_parse_view_gives_the_angles_when_it_is_named(name):
+def test_parse_view_returns_the_angles_of_a_name(name):
     assert parse_view(name, "z") == View("z", *NAMED_VIEWS[name])
 
 
-def test_parse_view_gives_the_angles_when_they_are_written_out():
+def test_parse_view_returns_explicit_angles():
     assert parse_view("-20,35.5", "y") == View("y", -20.0, 35.5)
 
 
 @pytest.mark.parametrize("text", ["behind", "1", "1,2,3", "a,b", ""])
-def test_parse_view_says_what_is_allowed_when_there_is_no_such(text):
+def test_parse_view_lists_the_views_when_the_text_is_invalid(text):
     with pytest.raises(InvalidInputError, match="front, side, top or AZIMUTH,ELEVATION"):
         parse_view(text, "y")
 
@@ -41,12 +41,12 @@ def test_parse_view_says_what_is_allowed_when_there_is_no_such(text):
         ((0, 0, 0), (0, 0, 0), "y"),
     ],
 )
-def test_guess_up_is_z_when_only_that_floor_is_stood_on(low, high, up):
+def test_guess_up_is_z_when_the_mesh_is_only_on_that_floor(low, high, up):
     assert guess_up(Extent(np.array(low, float), np.array(high, float), 1.0)) == up
 
 
 @pytest.mark.parametrize("up", ["x", "y", "z"])
-def test_turntable_sees_everything_when_it_is_at_any_angle(up):
+def test_turntable_sees_everything_at_every_angle(up):
     view = View(up, 30.0, 12.0)
     circle = turntable(view, swept_points(CLOUD, up), 300, 200)
     for angle_deg in range(0, 360, 15):
@@ -57,7 +57,7 @@ def test_turntable_sees_everything_when_it_is_at_any_angle(up):
 
 
 @pytest.mark.parametrize("up", ["x", "y", "z"])
-def test_turntable_looks_as_a_view_of_a_larger_azimuth_does_when_it_has_turned(up):
+def test_turntable_equals_a_view_with_a_larger_azimuth(up):
     swept = swept_points(CLOUD, up)
     turned = turntable(View(up, 30.0, 12.0), swept, 300, 200).camera(45.0)
     expected = View(up, 75.0, 12.0).camera([swept], 300, 200)

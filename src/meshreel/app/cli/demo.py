@@ -43,7 +43,7 @@ def demo_command(
     from meshreel.model.flag import simulate_flag
     from meshreel.rendering.picture import save_png
     from meshreel.rendering.scenes import Scene
-    from meshreel.rendering.shots import telling_frames
+    from meshreel.rendering.shots import representative_frames
     from meshreel.rendering.stills import still
     from meshreel.rendering.views import View
     from meshreel.runtime.outputs.atomic import replace_when_done
@@ -70,7 +70,7 @@ def demo_command(
         scene = Scene(decoded, sequence, "distance")
         of_all = scene.scales(range(frames), progress).heat
         assert of_all is not None  # the scene has a heat map
-        poses = sorted({*telling_frames(range(frames), POSES - 1), of_all.frame})
+        poses = sorted({*representative_frames(range(frames), POSES - 1), of_all.frame})
         image = still(scene, poses, View(), caption=caption, progress=progress)
         save_png(image, picture, overwrite=force)
     if as_json:

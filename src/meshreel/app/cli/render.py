@@ -238,7 +238,7 @@ def _drawn(
     from meshreel.rendering.film_files import save_film
     from meshreel.rendering.films import FILM_PX, GIF_PX, film
     from meshreel.rendering.picture import save_png
-    from meshreel.rendering.shots import spread_frames, telling_frames
+    from meshreel.rendering.shots import representative_frames, spread_frames
     from meshreel.rendering.stills import still
 
     ending = output.suffix.lower()
@@ -246,13 +246,13 @@ def _drawn(
         made = film(
             scene, numbers, seen,
             turn_s=turn_s, size=size,
-            most=GIF_PX if ending == ".gif" else FILM_PX,
+            max_size=GIF_PX if ending == ".gif" else FILM_PX,
             is_followed=follow, progress=progress,
         )  # fmt: skip
         save_film(made, output, overwrite=force, progress=progress)
         return {"size_px": list(made.size), "n_pictures": made.n_pictures, "fps": made.fps}
     if is_range and scene.original is not None:
-        numbers = telling_frames(numbers, COMPARED_FRAMES)
+        numbers = representative_frames(numbers, COMPARED_FRAMES)
     elif is_range:
         numbers = spread_frames(numbers, SHEET_FRAMES)
     picture = still(scene, numbers, seen, size=size, is_followed=follow, progress=progress)

@@ -1,10 +1,10 @@
-"""Figures as the cells of tables show them."""
+"""Numbers as text for the cells of tables."""
 
 NONE = "-"
 
 
 def number(value: float | None) -> str:
-    """A rate with four decimals as the paper prints it."""
+    """Four decimals, as the paper prints rates."""
     return NONE if value is None else f"{value:.4f}"
 
 
@@ -15,10 +15,8 @@ def significant(value: float | None) -> str:
     if value == 0:
         return "0"
     text = f"{value:.3g}"
-    return f"{float(text):.0f}" if abs(value) >= 1000 else _without_exponent(text)
-
-
-def _without_exponent(text: str) -> str:
+    if abs(value) >= 1000:
+        return f"{float(text):.0f}"
     return f"{float(text):.12f}".rstrip("0").rstrip(".") if "e" in text else text
 
 

@@ -1,4 +1,4 @@
-"""A report as one HTML file that needs no other."""
+"""Reports as self-contained HTML files."""
 
 import base64
 import re
@@ -34,12 +34,12 @@ figcaption { font-size: 0.92rem; color: #5c6370; max-width: 48rem; }
 """.strip()
 
 
-def to_html(parts: Sequence[Part | Drawing], title: str, made_by: str = "meshreel") -> str:
-    """The report as HTML with its pictures and its style within it, and the command it is of."""
+def to_html(parts: Sequence[Part | Drawing], title: str, generator: str = "meshreel") -> str:
+    """The report as HTML with embedded pictures and style; `generator` is the command line."""
     body = "\n".join(_html(part) for part in parts)
     return (
         f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        f'<meta name="generator" content="{escape(made_by)}">\n'
+        f'<meta name="generator" content="{escape(generator)}">\n'
         f'<meta name="viewport" content="width=device-width">\n<title>{escape(title)}</title>\n'
         f"<style>\n{_STYLE}\n</style>\n</head>\n<body>\n{body}\n</body>\n</html>\n"
     )
@@ -58,16 +58,16 @@ def _html(part: Part | Drawing) -> str:
         case Table():
             return _table(part)
         case Drawing(svg, title, caption):
-            return f"<figure>{svg}{_captioned(title, caption)}</figure>"
+            return f"<figure>{svg}{_figcaption(title, caption)}</figure>"
         case Picture(path, title, caption):
             data = base64.b64encode(path.read_bytes()).decode("ascii")
             return (
                 f'<figure><img alt="{escape(title)}" src="data:image/png;base64,{data}">'
-                f"{_captioned(title, caption)}</figure>"
+                f"{_figcaption(title, caption)}</figure>"
             )
 
 
-def _captioned(title: str, caption: str) -> str:
+def _figcaption(title: str, caption: str) -> str:
     return f"<figcaption><strong>{escape(title)}.</strong> {_inline(caption)}</figcaption>"
 
 

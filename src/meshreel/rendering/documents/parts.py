@@ -28,14 +28,14 @@ class Code:
 
 @dataclass(frozen=True)
 class Bullets:
-    """A list of texts."""
+    """A bulleted list."""
 
     items: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table; the first column is text, the others are figures."""
+    """A table; the first column is text, the others are numbers."""
 
     title: str
     header: tuple[str, ...]
@@ -44,15 +44,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Picture:
-    """A PNG file with what it shows.
-
-    Attributes
-    ----------
-    title : str
-        Such as "Fig. 2".
-    n_panels : int
-        How many pictures or diagrams it holds.
-    """
+    """A PNG image of `n_panels` pictures or diagrams, with a title such as "Fig. 2"."""
 
     path: Path
     title: str
@@ -62,13 +54,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Drawing:
-    """A drawing that only a page holds, not Markdown.
-
-    Attributes
-    ----------
-    svg : str
-        An element ``<svg>``.
-    """
+    """An ``<svg>`` element; HTML only."""
 
     svg: str
     title: str
@@ -80,7 +66,7 @@ Part = Heading | Paragraph | Code | Bullets | Table | Picture
 
 @dataclass(frozen=True)
 class Document:
-    """A whole report; its title is that of the HTML page."""
+    """A report and the title of its HTML page."""
 
     title: str
     parts: tuple[Part, ...]

@@ -40,10 +40,10 @@ def test_coloring_is_allowed_when_the_track_has_it(track, options):
     [
         (SCALAR, {"component": "y"}, "got 'y'"),
         (VECTOR, {"component": "3"}, "--component is 0 to 2, x, y, z, magnitude; got '3'"),
-        (TENSOR, {}, "9 numbers of each vertex: --component is 0 to 8; say which"),
+        (TENSOR, {}, "9 numbers per vertex: --component is 0 to 8; select one"),
         (TENSOR, {"component": "magnitude"}, "got 'magnitude'"),
-        (COLOR, {"range": "0:1"}, "shown as they are; leave --range out"),
-        (COLOR, {"colormap": "diverging"}, "leave --colormap out"),
+        (COLOR, {"range": "0:1"}, "shown directly; omit --range"),
+        (COLOR, {"colormap": "diverging"}, "omit --colormap"),
         (SCALAR, {"colormap": "jet"}, "--colormap is sequential or diverging; got 'jet'"),
         (SCALAR, {"range": "1"}, "a range is LOW:HIGH"),
         (SCALAR, {"range": "5:1"}, "low first"),
