@@ -25,7 +25,7 @@ from meshreel.formats.remote import local_copy
 from meshreel.formats.sources import AnyPath, Source
 from meshreel.model.frame_choice import start_of
 from meshreel.model.sequence import FrameSource, MeshSequence
-from meshreel.model.tracks import copied
+from meshreel.model.tracks import read_track
 from meshreel.runtime.progress import Progress, silent
 from meshreel.runtime.stores.address import is_remote
 from meshreel.runtime.stores.transfer import read_whole
@@ -232,7 +232,7 @@ def _loaded(sequence: Any) -> MeshSequence:
         source.name,
         source.start_s,
         source.surface,
-        {name: copied(track, range(source.n_frames)) for name, track in source.tracks.items()},
+        {name: read_track(track, range(source.n_frames)) for name, track in source.tracks.items()},
     )
 
 
@@ -267,7 +267,7 @@ def _decode_reel(reel: ReelFile, frames: slice | None) -> MeshSequence:
         reel.name,
         start_of(numbers, reel.start_s, reel.fps),
         reel.surface,
-        {name: copied(track, numbers) for name, track in reel.tracks.items()},
+        {name: read_track(track, numbers) for name, track in reel.tracks.items()},
     )
 
 

@@ -42,7 +42,7 @@ def test_each_stretch_has_only_what_is_named_when_split(sheets, tmp_path):
 def test_names_are_listed_when_one_is_not_there(sheets, tmp_path, command):
     target = tmp_path / "out.reel"
     done = run(command, sheets, "-o", target, "--attributes", "normals")
-    assert_fails(done, "sheets.npz", "'normals'; it carries 'st', 'color', 'material'")
+    assert_fails(done, "sheets.npz", "'normals'; it has 'st', 'color', 'material'")
 
 
 def test_encode_tells_the_error_when_coordinates_are_quantised(sheets, tmp_path):
@@ -74,7 +74,7 @@ def test_batch_notes_inputs_when_options_choose_nothing_in_them(sheets, tmp_path
     assert done.returncode == 0, done.stderr
     records = json.loads((out / "manifest.json").read_text())["inputs"]
     assert records["grid.npz"]["notes"] == [
-        "has no attribute or group 'uv'; it carries none",
+        "has no attribute or group 'uv'; it has none",
         "has no texture coordinates for uv_bits= to quantise",
     ]
     assert records["sheets.npz"]["notes"] == []

@@ -192,7 +192,7 @@ def test_a_limit_that_is_no_size_is_refused(memory):
 def test_the_limit_of_an_open_file_is_chosen_when_it_is_opened():
     with (
         ReelFile(BytesIO(REEL)) as reel,
-        pytest.raises(InvalidInputError, match=r"memory of a ReelFile is chosen by meshreel\.open"),
+        pytest.raises(InvalidInputError, match=r"pass memory to meshreel\.open"),
     ):
         meshreel.decode(reel, memory="1GB")
 

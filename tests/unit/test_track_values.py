@@ -42,11 +42,11 @@ def test_values_are_kept_and_cannot_be_changed():
 REFUSED = {
     "has 4 frames; the positions have 5": np.zeros((4, 16)),
     "the mesh has 16 vertices, 18 faces and 54 corners": np.zeros((5, 17)),
-    r"values of shape \(5,\) are not of vertices, faces or corners": np.zeros(5),
+    r"values of shape \(5,\) do not fit vertices, faces or corners": np.zeros(5),
     r"none of them 0; got \(5, 16, 0\)": np.zeros((5, 16, 0)),
     "must be bool, uint8, .* got complex128": np.zeros((5, 16), complex),
-    f"may have {MAX_COLUMNS} numbers; got 10000: make several": np.zeros((5, 16, 10000)),
-    "of each face; the mesh has 16 vert": meshreel.Track(np.zeros((5, 16)), "face"),
+    f"at most {MAX_COLUMNS} components; got 10000": np.zeros((5, 16, 10000)),
+    "for domain face; the mesh has 16 vert": meshreel.Track(np.zeros((5, 16)), "face"),
 }
 
 
@@ -63,8 +63,8 @@ def test_tracks_are_refused_when_they_do_not_fit(words):
         ((5, 16, 3), int, {"kind": "normal"}, "must be float32 or float64; got int64"),
         ((5, 16, 3), np.int16, {"kind": "velocity"}, "must be float32 or float64; got int16"),
         ((5, 16, 2), np.uint8, {"kind": "uv"}, "must be float32 or float64; got uint8"),
-        ((5, 16), float, {"kind": "colour"}, "kind is one of scalar, .*; got 'colour'"),
-        ((5, 16), float, {"domain": "edge"}, "domain is one of vertex, face, corner; got 'edge'"),
+        ((5, 16), float, {"kind": "colour"}, "kind must be one of scalar, .*; got 'colour'"),
+        ((5, 16), float, {"domain": "edge"}, "must be one of vertex, face, corner; got"),
         ((5, 16, 4), float, {"kind": "vector"}, r"vector have 2 numbers \(2 or 3\); got 4"),
     ],
 )
@@ -79,7 +79,7 @@ def test_a_track_has_integers_when_its_kind_may(kind, n_columns):
 
 
 def test_a_track_is_refused_when_it_has_no_name():
-    with pytest.raises(InvalidInputError, match="needs a name of its own; got ''"):
+    with pytest.raises(InvalidInputError, match="needs a non-empty name; got ''"):
         sequence(tracks={"": np.zeros((5, 16))})
 
 

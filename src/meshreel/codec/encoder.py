@@ -8,7 +8,7 @@ from meshreel.codec.source import Source
 from meshreel.codec.surface.uv_grid import check_uvs
 from meshreel.codec.track_bounds import TrackTargets, kept_bounds
 from meshreel.model.sequence import FrameSource
-from meshreel.model.surface_selection import ALL, Names, selected
+from meshreel.model.surface_selection import ALL, Names, select
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Progress, silent
 
@@ -82,7 +82,7 @@ def encode_with(
     InvalidInputError
         If the mesh is too large for the method, or no stream meets the target.
     """
-    surface = selected(sequence.surface, attributes)
+    surface = select(sequence.surface, attributes)
     if config.uv_bits is not None:
         check_uvs(surface, config.uv_bits)
     progress("encoding connectivity", 0.0)

@@ -11,7 +11,11 @@ from meshreel.codec.open_stream import OpenStream, whole_file
 from meshreel.codec.surface.codes import DOMAINS
 from meshreel.codec.tracks import KINDS
 from meshreel.kernel.files import OpenFile
-from meshreel.model.surface_description import carried, described_images, described_materials
+from meshreel.model.surface_description import (
+    describe_attributes,
+    describe_images,
+    describe_materials,
+)
 from meshreel.model.tracks import TrackKind
 
 CONNECTIVITY = (Section.CONNECTIVITY, Section.ORDER)
@@ -316,11 +320,11 @@ def stream_info(opened: OpenStream, *, is_remote: bool = False) -> StreamInfo:
         is_whole=opened.is_whole,
         start_s=opened.start_s,
         n_polygons=surface.n_faces(opened.n_faces),
-        attributes=carried(surface),
+        attributes=describe_attributes(surface),
         parts=tuple(part.name for part in surface.parts),
         diagonal=opened.frame.scale,
-        materials=described_materials(surface),
-        images=described_images(surface),
+        materials=describe_materials(surface),
+        images=describe_images(surface),
         tracks=tracks,
         segments=(
             SegmentInfo(

@@ -12,7 +12,7 @@ from meshreel.codec.tracks import KINDS
 from meshreel.errors import InvalidInputError
 from meshreel.model.frame_choice import FrameChoice, chosen_frames
 from meshreel.model.surface import Domain
-from meshreel.model.tracks import TrackKind, described_track
+from meshreel.model.tracks import TrackKind, describe_track
 from meshreel.runtime.counting import counted
 
 
@@ -114,7 +114,7 @@ class ReelTrack:
             yield self[number]
 
     def __repr__(self) -> str:
-        return f"<ReelTrack {self.name!r}: {described_track(self)}, {counted(len(self), 'frame')}>"
+        return f"<ReelTrack {self.name!r}: {describe_track(self)}, {counted(len(self), 'frame')}>"
 
 
 def tracks_of_stream(opened: OpenStream, frames: FrameReader) -> dict[str, ReelTrack]:

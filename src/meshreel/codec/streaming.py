@@ -21,7 +21,7 @@ from meshreel.codec.track_bounds import TrackTargets, kept_bounds
 from meshreel.errors import InvalidInputError
 from meshreel.model.sequence import validate_faces, validate_fps, validate_start, validate_vertices
 from meshreel.model.surface import PLAIN, Surface
-from meshreel.model.tracks import Track, described_track, joined, tracks_of
+from meshreel.model.tracks import Track, concatenate_tracks, describe_track, validated_tracks
 from meshreel.runtime.counting import counted
 from meshreel.runtime.outputs.atomic import os_errors_naming_output
 from meshreel.runtime.outputs.checks import check_extension, check_output_path
@@ -263,10 +263,10 @@ class Encoder:
             name: one if isinstance(one, Track) else np.asarray(one)[None]
             for name, one in dict(given or {}).items()
         }
-        found = tracks_of(of_frame, 1, n_verts, len(self._faces), self._surface)
+        found = validated_tracks(of_frame, 1, n_verts, len(self._faces), self._surface)
         for name, track in found.items():
             found[name] = Track(track.values.copy(), track.domain, track.kind, track.unit)
-        described = {name: described_track(track) for name, track in found.items()}
+        described = {name: describe_track(track) for name, track in found.items()}
         if self._described is None:
             kept_bounds(self._config, found, self._targets)
             self._described = described
@@ -291,7 +291,7 @@ class Encoder:
         """Start coding the frames of a block; raises errors of the block before."""
         self._wait()
         vertices, since, self._frames = np.stack(self._frames), self._since, []
-        tracks, self._tracks = joined(self._tracks), []
+        tracks, self._tracks = concatenate_tracks(self._tracks), []
 
         def analyse() -> None:
             if self._writer is None:

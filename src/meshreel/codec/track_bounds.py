@@ -8,7 +8,7 @@ from enum import Enum
 
 from meshreel.codec.config import EncoderConfig
 from meshreel.errors import InvalidInputError
-from meshreel.model.tracks import TrackKind, TrackSource, named_track
+from meshreel.model.tracks import TrackKind, TrackSource, track_by_name
 
 TrackTargets = Mapping[str, float | str]
 """What is asked of tracks, by their names."""
@@ -90,7 +90,7 @@ def track_bounds(
     """
     asked = dict(targets or {})
     for name in asked:
-        named_track(tracks, name)
+        track_by_name(tracks, name)
     return {
         name: bound_of_track(asked[name], name, track)
         if name in asked

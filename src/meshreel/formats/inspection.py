@@ -20,8 +20,12 @@ from meshreel.formats.scenes.timing import frame_times
 from meshreel.formats.sources import Source, SourceFiles, find_files
 from meshreel.formats.supported_options import check_read_options
 from meshreel.model.sequence import FrameSource, bounding_boxes, validate_finite
-from meshreel.model.surface_description import carried, described_images, described_materials
-from meshreel.model.tracks import TrackSource, described_track
+from meshreel.model.surface_description import (
+    describe_attributes,
+    describe_images,
+    describe_materials,
+)
+from meshreel.model.tracks import TrackSource, describe_track
 from meshreel.runtime.progress import Count, Progress
 
 
@@ -200,16 +204,16 @@ def _sequence_info(sequence: FrameSource) -> MeshInfo:
         str(np.dtype(sequence.dtype)),
         tuple(extent.low.tolist()),
         tuple(extent.high.tolist()),
-        carried(sequence.surface),
+        describe_attributes(sequence.surface),
         tuple(part.name for part in sequence.surface.parts),
-        described_materials(sequence.surface),
-        described_images(sequence.surface),
+        describe_materials(sequence.surface),
+        describe_images(sequence.surface),
         _described_tracks(sequence.tracks),
     )
 
 
 def _described_tracks(tracks: Mapping[str, TrackSource]) -> tuple[str, ...]:
-    return tuple(f"{name}: {described_track(track)}" for name, track in tracks.items())
+    return tuple(f"{name}: {describe_track(track)}" for name, track in tracks.items())
 
 
 def _scene_mesh_info(mesh: SceneMesh, options: ReadOptions, number: int, n_meshes: int) -> MeshInfo:
@@ -236,10 +240,10 @@ def _scene_mesh_info(mesh: SceneMesh, options: ReadOptions, number: int, n_meshe
         vertex_type=str(dtype),
         low=tuple(low.tolist()),
         high=tuple(high.tolist()),
-        attributes=carried(surface),
+        attributes=describe_attributes(surface),
         parts=tuple(part.name for part in surface.parts),
-        materials=described_materials(surface),
-        images=described_images(surface),
+        materials=describe_materials(surface),
+        images=describe_images(surface),
         tracks=_described_tracks(mesh.tracks(range(n_frames))) if problem is None else (),
         problem=problem,
     )

@@ -25,7 +25,7 @@ from meshreel.model.geometry.fans import triangulate_fans
 from meshreel.model.sequence import Faces, FrameSource, MeshSequence, Vertices, validate_fps
 from meshreel.model.surface import PLAIN, Surface
 from meshreel.model.surface_selection import ALL, Names
-from meshreel.model.tracks import copied_together
+from meshreel.model.tracks import read_tracks
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.progress import Progress, silent
 
@@ -235,7 +235,7 @@ def read_frames(
     else:
         faces, surface, frames = _survey_frames(files, survey, progress, notes)
     vertices = _stack(frames, len(files)).astype(survey.dtype, copy=False)
-    tracks = copied_together(files.tracks(notes))
+    tracks = read_tracks(files.tracks(notes))
     return MeshSequence(vertices, faces, fps, name, start_s, surface, tracks)
 
 

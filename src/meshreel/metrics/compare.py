@@ -16,7 +16,7 @@ from meshreel.metrics.reference import bounding_box_reference, shared_reference
 from meshreel.metrics.sted import sted
 from meshreel.metrics.track_errors import TrackErrors, errors_of_tracks
 from meshreel.model.sequence import Faces, FrameSource, MeshSequence, Vertices
-from meshreel.model.tracks import described_track
+from meshreel.model.tracks import describe_track
 from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Progress, silent
 
@@ -153,8 +153,8 @@ def require_comparable(original: FrameSource, decoded: FrameSource) -> None:
         track, track_hat = original.tracks[name], decoded.tracks[name]
         if (track.domain, track.shape[2]) != (track_hat.domain, track_hat.shape[2]):
             raise InvalidInputError(
-                f"track {name!r} of the original is {described_track(track)}, of the decoded "
-                f"{described_track(track_hat)}; only tracks of the same kind can be compared"
+                f"track {name!r} of the original is {describe_track(track)}, of the decoded "
+                f"{describe_track(track_hat)}; only tracks of the same kind can be compared"
             )
     for noun, count, count_hat in (
         ("vertex", original.n_verts, decoded.n_verts),

@@ -1,8 +1,8 @@
 """A simulated cloth flag in gusty wind: the demo sequence, which needs no file.
 
 Position-based dynamics in small substeps (Macklin et al. 2019, "Small Steps in Physics
-Simulation"), with tethers to the pole against stretch (Kim et al. 2012, "Long Range Attachments"),
-bending after Bergou et al. 2006. Arrays are (3, rows, columns): x, y, z.
+Simulation"), with tethers to the pole that limit stretch (Kim et al. 2012, "Long Range
+Attachments") and bending after Bergou et al. 2006. Arrays are (3, rows, columns): x, y, z.
 """
 
 from collections.abc import Iterator
@@ -19,10 +19,10 @@ Links = tuple[tuple[slice, ...], tuple[slice, ...], float]
 _WIDTH_M, _HEIGHT_M = 1.5, 1.0
 _GRAVITY_M_PER_S2, _TOP_SPEED_M_PER_S = 9.81, 15.0
 _WIND_M_PER_S, _TURBULENCE = 3.0, 0.3
-_FRONT_DRAG_PER_M, _SKIN_DRAG_PER_M = 24.0, 2.0  # of light silk, 30 g per square metre
+_FRONT_DRAG_PER_M, _SKIN_DRAG_PER_M = 24.0, 2.0  # light silk, 30 g per square meter
 _BENDING_M4_PER_S2, _DAMPING_PER_S = 7e-4, 70.0
 _SUBSTEP_S, _SUBSTEPS_PER_WIND = 1 / 900, 6
-_STRETCH_AIM, _MOST_PASSES = 1.06, 30
+_TARGET_STRETCH, _MAX_PASSES = 1.06, 30
 
 
 def simulate_flag(
@@ -33,14 +33,14 @@ def simulate_flag(
     fps: float = 30.0,
     progress: Progress = silent,
 ) -> MeshSequence:
-    """A flag of 1.5 m by 1 m that flutters at its pole, equal at every call.
+    """Simulate a flag of 1.5 m by 1 m that flutters at its pole; deterministic.
 
     Parameters
     ----------
     n_frames : int
         At least 1. A longer sequence begins with the frames of a shorter one.
     n_rows, n_columns : int
-        Vertices along the pole and away from it, at least 3; row by row from the top.
+        Vertices along the pole and away from it, at least 3; ordered by row from the top.
     fps : float
         Frames per second, 1..1000.
     progress : callable
@@ -48,8 +48,8 @@ def simulate_flag(
 
     Returns
     -------
-    MeshSequence named "flag", float32 positions in metres; y is up, the pole at x = 0
-        The motion is chaotic: it differs between machines whose arithmetic rounds differently.
+    MeshSequence named "flag", float32 positions in meters; y is up, the pole at x = 0
+        The motion is chaotic: machines that round differently produce different motion.
 
     Raises
     ------
@@ -88,7 +88,7 @@ class _Cloth:
         self.steps_m = (_HEIGHT_M / (n_rows - 1), _WIDTH_M / (n_columns - 1))
         below, x = np.indices((n_rows, n_columns)) * np.array(self.steps_m)[:, None, None]
         self.positions = np.stack([x, _HEIGHT_M - below, 0.04 * x * np.sin(3 * x - 2 * below)])
-        self.velocities, self.push = np.zeros((2, *self.positions.shape))
+        self.velocities, self.acceleration = np.zeros((2, *self.positions.shape))
         self.pole = self.positions[:, :, :1].copy()
         self.tethers = ((self.pole, x), (self.pole[:, :1], np.hypot(x, below)))
         self.links = list(_disjoint_links((n_rows, n_columns), self.steps_m))
@@ -97,18 +97,18 @@ class _Cloth:
     def advance(self, n_done: int) -> None:
         """Advance by one substep; `n_done` substeps precede it."""
         if n_done % _SUBSTEPS_PER_WIND == 0:
-            self._feel(self.gusts.wind(n_done * self.substep_s))
-        self.velocities += self.substep_s * self.push
+            self._accelerate(self.gusts.wind(n_done * self.substep_s))
+        self.velocities += self.substep_s * self.acceleration
         self._bend_and_damp()
         np.clip(self.velocities, -_TOP_SPEED_M_PER_S, _TOP_SPEED_M_PER_S, out=self.velocities)
-        before, self.positions = self.positions, self.positions + self.substep_s * self.velocities
-        for _ in range(_MOST_PASSES):
-            if self._satisfy_constraints() < _STRETCH_AIM:
+        old, self.positions = self.positions, self.positions + self.substep_s * self.velocities
+        for _ in range(_MAX_PASSES):
+            if self._satisfy_constraints() < _TARGET_STRETCH:
                 break
-        self.velocities = (self.positions - before) / self.substep_s
+        self.velocities = (self.positions - old) / self.substep_s
 
-    def _feel(self, wind: Floats) -> None:
-        """Set the acceleration by gravity, and by the air on each cell, shared by its corners."""
+    def _accelerate(self, wind: Floats) -> None:
+        """Set the acceleration by gravity and drag; drag of a cell is split among its corners."""
         x, v = self.positions, self.velocities
         normal = np.cross(x[:, 1:, 1:] - x[:, :-1, :-1], x[:, :-1, 1:] - x[:, 1:, :-1], axis=0)
         normal /= np.linalg.norm(normal, axis=0) + 1e-12
@@ -117,18 +117,18 @@ class _Cloth:
         front = _FRONT_DRAG_PER_M * np.abs(across)
         skin = _SKIN_DRAG_PER_M * np.linalg.norm(slip, axis=0)
         # Divided as in an implicit time step, so that no gust overshoots.
-        easing = 1 + (front + skin) * _SUBSTEPS_PER_WIND * self.substep_s
-        share = 0.25 * (front * across * normal + skin * slip) / easing
-        self.push[:] = np.array([0, -_GRAVITY_M_PER_S2, 0])[:, None, None]
+        damping = 1 + (front + skin) * _SUBSTEPS_PER_WIND * self.substep_s
+        share = 0.25 * (front * across * normal + skin * slip) / damping
+        self.acceleration[:] = np.array([0, -_GRAVITY_M_PER_S2, 0])[:, None, None]
         for rows in (slice(1, None), slice(-1)):
-            self.push[:, rows, 1:] += share
-            self.push[:, rows, :-1] += share
+            self.acceleration[:, rows, 1:] += share
+            self.acceleration[:, rows, :-1] += share
 
     def _bend_and_damp(self) -> None:
-        """Bending, linear because the rest shape is flat, and friction between neighbours."""
+        """Apply bending, linear because the rest shape is flat, and friction between neighbors."""
         for axis, step_m in zip((1, 2), self.steps_m, strict=True):
             x, v = np.moveaxis(self.positions, axis, 0), np.moveaxis(self.velocities, axis, 0)
-            # Both bounded so that the explicit time step stays stable on the finest grid.
+            # Both are bounded so that the explicit time step is stable on the finest grid.
             stiffness = min(_BENDING_M4_PER_S2 / step_m**4, 0.1 / self.substep_s**2)
             bend = self.substep_s * stiffness * (x[2:] - 2 * x[1:-1] + x[:-2])
             v[1:-1] += 2 * bend
@@ -139,14 +139,14 @@ class _Cloth:
             v[1:] -= drag
 
     def _satisfy_constraints(self) -> float:
-        """Largest stretch before one pass over links and tethers."""
-        worst = 0.0
+        """Make one pass over links and tethers; return the largest stretch before it."""
+        max_stretch = 0.0
         self.positions[:, :, :1] = self.pole
         for start, end, rest_m in self.links:
             left, right = self.positions[start], self.positions[end]
             span = right - left
             length = np.linalg.norm(span, axis=0) + 1e-12
-            worst = max(worst, float(length.max()) / rest_m)
+            max_stretch = max(max_stretch, float(length.max()) / rest_m)
             span *= 0.5 - 0.5 * rest_m / length
             left += span
             right -= span
@@ -156,11 +156,11 @@ class _Cloth:
             share = np.minimum(reach_m / (np.linalg.norm(span, axis=0) + 1e-12), 1)
             self.positions = anchor + share * span
         self.positions[:, :, :1] = self.pole
-        return worst
+        return max_stretch
 
 
 def _disjoint_links(shape: tuple[int, int], steps_m: tuple[float, float]) -> Iterator[Links]:
-    """Ends and rest length of sets of links of one direction, disjoint within a set."""
+    """Ends and rest lengths of sets of parallel links, disjoint within a set."""
     every, left, right = slice(None), slice(-1), slice(1, None)
     down, across = ([(slice(k, n - 1, 2), slice(k + 1, n, 2)) for k in (0, 1)] for n in shape)
     for start, end in across:
@@ -173,11 +173,11 @@ def _disjoint_links(shape: tuple[int, int], steps_m: tuple[float, float]) -> Ite
 
 
 class _Gusts:
-    """A mean wind with waves of several lengths that travel along the flag."""
+    """Wind with waves of several lengths that travel along the flag."""
 
     def __init__(self, x: Floats, below: Floats) -> None:
         length_m = np.geomspace(0.35, 2.0, 10)
-        # Multiples of irrational roots spread evenly, and the waves never synchronise.
+        # Multiples of irrational roots are evenly spread, and the waves never synchronize.
         phase, tilt, pace, *gains = np.arange(1, 11) * np.sqrt([[2], [3], [5], [7], [11], [13]]) % 1
         per_m = 2 * np.pi / length_m
         angle = 2 * np.pi * phase + per_m * (x[..., None] + 1.4 * (0.5 - tilt) * below[..., None])

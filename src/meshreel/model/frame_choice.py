@@ -1,4 +1,4 @@
-"""The frames that a number, a slice or a list chooses, and when the first of them is."""
+"""Selection of frames by number, slice or list."""
 
 import operator
 from typing import Any, SupportsIndex
@@ -11,92 +11,92 @@ from meshreel.errors import InvalidInputError
 FrameChoice = SupportsIndex | slice | npt.ArrayLike
 
 
-def chosen_frames(chosen: FrameChoice, n_frames: int) -> int | range | npt.NDArray[np.int64]:
-    """The index of one frame, or those of several, all in 0..T-1.
+def chosen_frames(choice: FrameChoice, n_frames: int) -> int | range | npt.NDArray[np.int64]:
+    """The indices, in 0..T-1, of the frames that a choice selects; an int for a single number.
 
     Parameters
     ----------
-    chosen : int, slice, list or array
-        Negative numbers count from the end. A Boolean array marks the frames that are chosen.
+    choice : int, slice, list or array
+        Negative numbers count from the end. A Boolean array has an item for each frame.
     n_frames : int
         T.
 
     Raises
     ------
     IndexError
-        If there is no such frame.
+        If a frame does not exist.
     TypeError
-        If it is of another type.
+        If the choice is of another type.
     """
-    if isinstance(chosen, slice):
-        return range(n_frames)[chosen]
-    if isinstance(chosen, str | bytes | tuple):  # a tuple would mean vertices of frames in NumPy
-        raise _type_error(chosen)
-    if _is_number(chosen):
-        return int(_counted_from_start(np.array([operator.index(chosen)]), n_frames)[0])  # type: ignore[arg-type]
+    if isinstance(choice, slice):
+        return range(n_frames)[choice]
+    if isinstance(choice, str | bytes | tuple):  # NumPy would take a tuple as frame and vertex
+        raise _type_error(choice)
+    if _is_number(choice):
+        return int(_from_start(np.array([operator.index(choice)]), n_frames)[0])  # type: ignore[arg-type]
     try:
-        numbers = np.asarray(chosen)
-    except ValueError:  # lists of several lengths
-        raise _type_error(chosen) from None
+        numbers = np.asarray(choice)
+    except ValueError:  # lists of different lengths
+        raise _type_error(choice) from None
     if numbers.shape == (0,):
         return np.empty(0, np.int64)
     if numbers.dtype == bool and numbers.ndim == 1:
         if len(numbers) != n_frames:
-            raise IndexError(f"{len(numbers)} choices of {n_frames} frames; give one for each")
+            raise IndexError(f"{len(numbers)} Booleans for {n_frames} frames; give one per frame")
         return np.flatnonzero(numbers)
     if numbers.ndim != 1 or not np.issubdtype(numbers.dtype, np.integer):
-        raise _type_error(chosen)
-    return _counted_from_start(numbers, n_frames)
+        raise _type_error(choice)
+    return _from_start(numbers, n_frames)
 
 
 def frame_range(frames: slice | None, n_frames: int) -> range:
-    """The frames of so many that a slice names; None names all.
+    """The frames that a slice selects from `n_frames`; all for None.
 
     Raises
     ------
     InvalidInputError
-        If it names no frame, or has a step.
+        If it selects no frame, or has a step.
     """
     start, stop, step = (frames or slice(None)).indices(n_frames)
     if step != 1:
         raise InvalidInputError(f"frames must have no step; got {frames}")
     if start >= stop:
         raise InvalidInputError(
-            f"frames {slice_text(frames)} name no frame; there are frames 0:{n_frames}"
+            f"frames {slice_text(frames)} select no frame; there are frames 0:{n_frames}"
         )
     return range(start, stop)
 
 
-def start_of(wanted: range, start_s: float, fps: float) -> float:
-    """Time of the first of the wanted frames, in seconds, if the frame rate is known."""
-    return start_s + (wanted.start / fps if fps else 0.0)
+def start_of(frames: range, start_s: float, fps: float) -> float:
+    """Time of the first of these frames, in seconds; `start_s` if the frame rate is unknown."""
+    return start_s + (frames.start / fps if fps else 0.0)
 
 
 def slice_text(frames: slice | None) -> str:
-    """A slice without a step as Python writes it, such as 2:5."""
+    """A slice without a step in Python's notation, such as 2:5."""
     start, stop = (frames.start, frames.stop) if frames else (None, None)
     return ":".join("" if end is None else str(end) for end in (start, stop))
 
 
-def _is_number(chosen: object) -> bool:
-    if isinstance(chosen, np.ndarray):
-        return chosen.ndim == 0 and np.issubdtype(chosen.dtype, np.integer)
-    return isinstance(chosen, SupportsIndex) and not isinstance(chosen, bool | np.bool_)
+def _is_number(choice: object) -> bool:
+    if isinstance(choice, np.ndarray):
+        return choice.ndim == 0 and np.issubdtype(choice.dtype, np.integer)
+    return isinstance(choice, SupportsIndex) and not isinstance(choice, bool | np.bool_)
 
 
-def _counted_from_start(numbers: npt.NDArray[Any], n_frames: int) -> npt.NDArray[np.int64]:
+def _from_start(numbers: npt.NDArray[Any], n_frames: int) -> npt.NDArray[np.int64]:
     outside = (numbers < -n_frames) | (numbers >= n_frames)
     if outside.any():
         raise IndexError(
             f"there is no frame {numbers[outside][0]}; there are {n_frames}, from 0 to "
-            f"{n_frames - 1}, or from -{n_frames} to -1 counted from the end"
+            f"{n_frames - 1}, or from -{n_frames} to -1 from the end"
         )
     numbers = numbers.astype(np.int64)
     return np.where(numbers < 0, numbers + n_frames, numbers)
 
 
-def _type_error(chosen: object) -> TypeError:
+def _type_error(choice: object) -> TypeError:
     return TypeError(
-        "frames are chosen by a number, a slice, or a list or array of numbers; got "
-        f"{type(chosen).__name__} {chosen!r:.60}"
+        "frames must be a number, a slice, or a list or array of numbers; got "
+        f"{type(choice).__name__} {choice!r:.60}"
     )

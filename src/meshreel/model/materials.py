@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from enum import StrEnum
 from typing import Any, SupportsFloat
@@ -11,7 +11,7 @@ from meshreel.errors import InvalidInputError
 
 
 class AlphaMode(StrEnum):
-    """Use of the fourth component of a colour."""
+    """Use of the alpha component of a color."""
 
     OPAQUE = "opaque"
     MASK = "mask"
@@ -19,7 +19,7 @@ class AlphaMode(StrEnum):
 
 
 class Wrap(StrEnum):
-    """Wrap mode of a texture outside its image; USD has the last two, glTF does not."""
+    """Wrap mode of a texture outside its image; BLACK and METADATA exist only in USD."""
 
     REPEAT = "repeat"
     MIRROR = "mirror"
@@ -29,7 +29,7 @@ class Wrap(StrEnum):
 
 
 class Filter(StrEnum):
-    """Filter of a texture for magnification (the first two only) or minification."""
+    """Filter of a texture for minification, or (NEAREST and LINEAR only) magnification."""
 
     NEAREST = "nearest"
     LINEAR = "linear"
@@ -41,7 +41,7 @@ class Filter(StrEnum):
 
 @dataclass(frozen=True)
 class Image:
-    """An image as in its file, not decoded.
+    """An encoded image.
 
     Parameters
     ----------
@@ -50,6 +50,7 @@ class Image:
     mime_type : str
         Such as "image/png".
     data : bytes
+        Contents of an image file.
     """
 
     name: str
@@ -71,12 +72,13 @@ class Texture:
     uv : str
         Name of the texture coordinates, an attribute of the surface.
     channels : str
-        Channels of the image that are used: "rgb" or "rgba" for a colour, one of them for a number.
+        Channels of the image to use: "rgb" or "rgba" for a color, a single one for a number.
     wrap_u, wrap_v : Wrap
     magnified, shrunk : Filter, optional
+        Filters for magnification and minification.
     offset, rotation, scale
-        Transform of texture coordinates as in glTF's KHR_texture_transform: v downwards, in
-        radians.
+        Transform of texture coordinates as in glTF's KHR_texture_transform, where v points down;
+        the rotation is in radians.
     """
 
     image: int
@@ -103,7 +105,7 @@ class Material:
     Parameters
     ----------
     name : str
-        The label of its faces in the groups "material"; no other material has it.
+        The label of its faces in the groups "material"; unique.
     base_color : tuple of 4 floats
         Linear red, green, blue, and opacity.
     metallic, roughness : float
@@ -112,7 +114,7 @@ class Material:
     normal_scale, occlusion_strength : float
     alpha_mode : AlphaMode
     alpha_cutoff : float
-        In mode MASK, opacities below it are not drawn.
+        In mode MASK, opacities below it are invisible.
     double_sided, unlit : bool
     base_color_texture, metallic_texture, roughness_texture, normal_texture, occlusion_texture, \
 emissive_texture : Texture, optional
@@ -139,118 +141,116 @@ emissive_texture : Texture, optional
     @property
     def textures(self) -> dict[str, Texture]:
         """The textures of the material, by slot (`SLOTS`)."""
-        found = {slot: getattr(self, f"{slot}_texture") for slot in SLOTS}
-        return {slot: texture for slot, texture in found.items() if texture is not None}
+        textures = {slot: getattr(self, f"{slot}_texture") for slot in SLOTS}
+        return {slot: texture for slot, texture in textures.items() if texture is not None}
 
     def with_textures(self, textures: dict[str, Texture]) -> "Material":
-        """The material with these textures and no others."""
-        found: dict[str, Any] = {f"{slot}_texture": textures.get(slot) for slot in SLOTS}
-        return replace(self, **found)
+        """The material with its textures replaced by these."""
+        changes: dict[str, Any] = {f"{slot}_texture": textures.get(slot) for slot in SLOTS}
+        return replace(self, **changes)
 
 
 COLOR_SLOTS = ("base_color", "normal", "emissive")
 SLOTS = ("base_color", "metallic", "roughness", "normal", "occlusion", "emissive")
-"""Slots of textures; those that are not in `COLOR_SLOTS` have one component."""
+"""Slots of textures; those not in `COLOR_SLOTS` have one component."""
 
-UNSAID = Material("", metallic=0.0, double_sided=True)
-"""Material of faces without one, for formats that need it: dull, double-sided."""
+DEFAULT_MATERIAL = Material("", metallic=0.0, double_sided=True)
+"""Material of faces without one, in formats that require one."""
 
 
-def used_by(
+def select_materials(
     labels: Sequence[str], materials: Sequence[Material], images: Sequence[Image]
 ) -> tuple[tuple[Material, ...], tuple[Image, ...]]:
-    """The materials of these labels, and the images that they use, renumbered."""
-    wanted = set(labels)
-    kept = [one for one in materials if one.name in wanted]
-    shown = sorted({texture.image for one in kept for texture in one.textures.values()})
-    new = {old: number for number, old in enumerate(shown)}
-    return tuple(renumbered(one, new) for one in kept), tuple(images[one] for one in shown)
+    """The materials with these labels, and the images that they use, renumbered."""
+    names = set(labels)
+    selected = [material for material in materials if material.name in names]
+    used = sorted(
+        {texture.image for material in selected for texture in material.textures.values()}
+    )
+    new = {old: number for number, old in enumerate(used)}
+    return tuple(renumbered(material, new) for material in selected), tuple(
+        images[number] for number in used
+    )
 
 
 def renumbered(material: Material, numbers: dict[int, int]) -> Material:
     """The material with its image indices renumbered."""
-    textures = material.textures
-    moved = {slot: replace(one, image=numbers[one.image]) for slot, one in textures.items()}
-    return material.with_textures(moved)
+    return material.with_textures(
+        {
+            slot: replace(texture, image=numbers[texture.image])
+            for slot, texture in material.textures.items()
+        }
+    )
 
 
 def validated_materials(
     materials: Sequence[Material], images: Sequence[Image]
 ) -> tuple[Material, ...]:
-    """The materials, if their images exist, their names are unique and their numbers finite.
+    """Return the materials if their images exist, names are unique and numbers are finite.
 
     Raises
     ------
     InvalidInputError
-        Naming the material, and its fault.
+        With the name of the material, and its fault.
     """
-    for name, number in Counter(one.name for one in materials).items():
+    for name, number in Counter(material.name for material in materials).items():
         if number > 1:
-            raise InvalidInputError(
-                f"{number} materials are called {name!r}; give each a name of its own"
-            )
-    return tuple(_validated(one, len(images)) for one in materials)
+            raise InvalidInputError(f"{number} materials are named {name!r}; names must be unique")
+    return tuple(_validated(material, len(images)) for material in materials)
 
 
-def _validated(given: Material, n_images: int) -> Material:
-    place = f"material {given.name!r}"
+def _validated(material: Material, n_images: int) -> Material:
+    owner = f"material {material.name!r}"
     textures = {}
-    for slot, one in given.textures.items():
-        where = f"the {slot} texture of {place}"
+    for slot, texture in material.textures.items():
+        name = f"the {slot} texture of {owner}"
         allowed = ("rgb", "rgba") if slot in COLOR_SLOTS else ("r", "g", "b", "a")
-        if one.channels not in allowed:
+        if texture.channels not in allowed:
             raise InvalidInputError(
-                f"{where} has channels {one.channels!r}; allowed are {', '.join(allowed)}"
+                f"{name} has channels {texture.channels!r}; allowed are {', '.join(allowed)}"
             )
-        if not 0 <= one.image < n_images:
-            raise InvalidInputError(f"{where} shows image {one.image}; there are {n_images}")
-        textures[slot] = replace(one, **_plain(one, where), **_filters(one, where))
-    return replace(given, **_plain(given, place)).with_textures(textures)
+        if not 0 <= texture.image < n_images:
+            raise InvalidInputError(f"{name} refers to image {texture.image}; there are {n_images}")
+        textures[slot] = replace(texture, **_converted(texture, name), **_filters(texture, name))
+    return replace(material, **_converted(material, owner)).with_textures(textures)
 
 
-def _plain(one: Material | Texture, place: str) -> dict[str, Any]:
-    """Checked numbers as floats, and choices as members of their enums."""
-    found: dict[str, Any] = {}
-    for name, default in _DEFAULTS[type(one)]:
-        value = getattr(one, name)
+def _converted(instance: Material | Texture, owner: str) -> dict[str, Any]:
+    """Fields with numbers converted to floats, and choices to members of their enums."""
+    values: dict[str, Any] = {}
+    for field in fields(instance):
+        name, default, value = field.name, field.default, getattr(instance, field.name)
         if isinstance(default, StrEnum):
-            found[name] = _choice(value, tuple(type(default)), f"{name} of {place}")
+            values[name] = _member(value, tuple(type(default)), f"{name} of {owner}")
         elif isinstance(default, bool):
-            found[name] = bool(value)
+            values[name] = bool(value)
         elif isinstance(default, tuple):
             if len(value) != len(default):
                 raise InvalidInputError(
-                    f"{name} of {place} must have {len(default)} numbers; got {len(value)}"
+                    f"{name} of {owner} must have {len(default)} numbers; got {len(value)}"
                 )
-            found[name] = tuple(_finite(number, name, place) for number in value)
+            values[name] = tuple(_finite(number, f"{name} of {owner}") for number in value)
         elif isinstance(default, float):
-            found[name] = _finite(value, name, place)
-    return found
+            values[name] = _finite(value, f"{name} of {owner}")
+    return values
 
 
-def _filters(texture: Texture, place: str) -> dict[str, Any]:
+def _filters(texture: Texture, owner: str) -> dict[str, Any]:
     magnified, shrunk = texture.magnified, texture.shrunk
-    enlarging = (Filter.NEAREST, Filter.LINEAR)
+    allowed = (Filter.NEAREST, Filter.LINEAR)
     return {
-        "magnified": magnified and _choice(magnified, enlarging, f"magnified of {place}"),
-        "shrunk": shrunk and _choice(shrunk, tuple(Filter), f"shrunk of {place}"),
+        "magnified": magnified and _member(magnified, allowed, f"magnified of {owner}"),
+        "shrunk": shrunk and _member(shrunk, tuple(Filter), f"shrunk of {owner}"),
     }
 
 
-def _choice(value: Any, allowed: Sequence[StrEnum], what: str) -> StrEnum:
+def _member(value: Any, allowed: Sequence[StrEnum], name: str) -> StrEnum:
     if value not in allowed:
-        raise InvalidInputError(f"{what} must be one of {', '.join(allowed)}; got {value!r}")
+        raise InvalidInputError(f"{name} must be one of {', '.join(allowed)}; got {value!r}")
     return allowed[allowed.index(value)]
 
 
-def _finite(value: Any, name: str, place: str) -> float:
+def _finite(value: Any, name: str) -> float:
     if not isinstance(value, SupportsFloat) or not math.isfinite(value):
-        raise InvalidInputError(f"{name} of {place} must be finite; got {value}")
+        raise InvalidInputError(f"{name} must be finite; got {value}")
     return float(value)
-
-
-def _defaults(kind: type[Material] | type[Texture]) -> Iterator[tuple[str, Any]]:
-    return ((one.name, one.default) for one in fields(kind))
-
-
-_DEFAULTS = {kind: tuple(_defaults(kind)) for kind in (Material, Texture)}

@@ -12,7 +12,7 @@ from meshreel.errors import InvalidInputError
 from meshreel.model.frame_choice import FrameChoice, chosen_frames
 from meshreel.model.showing import notebook_html, show
 from meshreel.model.surface import PLAIN, Surface
-from meshreel.model.tracks import Track, TrackSource, tracks_of
+from meshreel.model.tracks import Track, TrackSource, validated_tracks
 from meshreel.runtime.counting import counted
 
 Vertices = npt.NDArray[np.float32] | npt.NDArray[np.float64]
@@ -67,7 +67,7 @@ class FrameSource(Protocol):
 
     @property
     def name(self) -> str:
-        """A name to show."""
+        """A name for display."""
 
     @property
     def surface(self) -> Surface:
@@ -75,7 +75,7 @@ class FrameSource(Protocol):
 
     @property
     def tracks(self) -> Mapping[str, TrackSource]:
-        """Quantities that change over time, beside the positions, by their names."""
+        """Quantities that change over time, other than the positions, by name."""
 
     @property
     def dtype(self) -> np.dtype[np.floating]:
@@ -87,7 +87,7 @@ class FrameSource(Protocol):
 
     @property
     def is_portable(self) -> bool:
-        """Whether another process can read the frames from a copy that does not hold them."""
+        """Whether another process can read the frames through a pickled copy without frames."""
 
     def read(self, start: int, stop: int) -> Vertices:
         """Positions of frames start..stop - 1, of shape (stop - start, V, 3), all finite."""
@@ -97,9 +97,9 @@ class FrameSource(Protocol):
 class MeshSequence:
     """An animated triangle mesh whose connectivity is the same in every frame.
 
-    Its length is the number of frames. ``sequence[3]`` is the positions of a frame, of shape
-    (V, 3); a slice, or a list of numbers, gives those of several; iterating gives all in turn.
-    The arrays are validated once and kept as read-only views (faces as int32).
+    Its length is the number of frames. ``sequence[3]`` returns the positions of a frame, of shape
+    (V, 3); a slice or a list of numbers selects several frames; iteration yields all in order.
+    Arrays are validated on construction and stored as read-only views (faces as int32).
 
     Parameters
     ----------
@@ -110,16 +110,16 @@ class MeshSequence:
     fps : float, default 0
         Frames per second; 0 means unknown.
     name : str, default ""
-        A name to show; it has no other effect.
+        A name for display; it has no other effect.
     start_s : float, default 0
         Time of the first frame, in seconds.
     surface : Surface, optional
-        Polygons, texture coordinates, colours, materials and merged parts of the mesh. Default:
+        Polygons, texture coordinates, colors, materials and merged parts of the mesh. Default:
         none.
     tracks : mapping of str to Track, or to arrays of shape (T, N) or (T, N, C), optional
-        Quantities that change over time, such as stress or velocity, by their names. An array is
-        of vertices, faces or corners, the first of which there are N. ``sequence.tracks[name]`` is
-        a `Track`. Default: none.
+        Quantities that change over time, such as stress or velocity, by name. An array belongs to
+        vertices, faces or corners: the first that number N. ``sequence.tracks[name]`` is a `Track`.
+        Default: none.
 
     Raises
     ------
@@ -146,7 +146,9 @@ class MeshSequence:
         (n_frames, n_verts, _), n_faces = vertices.shape, len(self.faces)
         if self.surface is not PLAIN:
             object.__setattr__(self, "surface", self.surface.validated(n_verts, n_faces))
-        tracks = self.tracks and tracks_of(self.tracks, n_frames, n_verts, n_faces, self.surface)
+        tracks = self.tracks and validated_tracks(
+            self.tracks, n_frames, n_verts, n_faces, self.surface
+        )
         object.__setattr__(self, "tracks", dict(tracks or {}))
 
     @property
@@ -166,9 +168,10 @@ class MeshSequence:
 
     @property
     def raw_size_bytes(self) -> int:
-        """Bytes of the plain arrays: positions and tracks; faces and surface once."""
-        of_tracks = sum(track.values.nbytes for track in self.tracks.values())
-        return int(self.vertices.nbytes + self.faces.nbytes + self.surface.size_bytes + of_tracks)
+        """Size of the uncompressed arrays: positions, tracks, faces and surface."""
+        tracks_bytes = sum(track.values.nbytes for track in self.tracks.values())
+        mesh_bytes = self.faces.nbytes + self.surface.size_bytes
+        return int(self.vertices.nbytes + mesh_bytes + tracks_bytes)
 
     @property
     def dtype(self) -> np.dtype[np.floating]:
@@ -177,7 +180,7 @@ class MeshSequence:
 
     @property
     def is_portable(self) -> bool:
-        """False: a copy for another process would hold all frames."""
+        """False: a copy for another process contains all frames."""
         return False
 
     @cached_property
@@ -192,11 +195,11 @@ class MeshSequence:
     def __len__(self) -> int:
         return self.n_frames
 
-    def __getitem__(self, chosen: FrameChoice) -> Vertices:
+    def __getitem__(self, choice: FrameChoice) -> Vertices:
         """A frame of shape (V, 3), or frames of shape (T, V, 3); read-only."""
-        numbers = chosen_frames(chosen, self.n_frames)
-        if isinstance(chosen, slice):
-            return self.vertices[chosen]
+        numbers = chosen_frames(choice, self.n_frames)
+        if isinstance(choice, slice):
+            return self.vertices[choice]
         frames: Vertices = read_only(self.vertices[numbers])
         return frames
 
@@ -227,7 +230,7 @@ def extent_of(vertices: Vertices) -> Extent:
 
 def extent_of_boxes(low: Corners, high: Corners) -> Extent:
     """The extent of frames, given the corners of their bounding boxes, of shape (T, 3)."""
-    # Halved, since the difference of two very large numbers overflows.
+    # Halved first: the difference of two very large numbers would overflow.
     return Extent(low.min(axis=0), high.max(axis=0), 2 * mean_length(high / 2 - low / 2))
 
 
@@ -239,29 +242,30 @@ def bounding_boxes(vertices: Vertices) -> tuple[Corners, Corners]:
 
 def _over_vertices(reduce: np.ufunc, vertices: Vertices) -> Vertices:
     """The minimum or maximum of each frame, of shape (T, 3)."""
-    # Rows of many vertices: rows of three numbers are reduced ten times slower.
+    # In rows of many vertices: reducing rows of three numbers is ten times slower.
     n_frames, n_verts, _ = vertices.shape
     width = min(n_verts, ROW_VERTICES)
     whole = n_verts - n_verts % width
     rows = vertices[:, :whole].reshape(n_frames, -1, width * 3)
     reduced = reduce.reduce(rows, axis=1).reshape(n_frames, width, 3)
-    found: Vertices = reduce.reduce(np.concatenate([reduced, vertices[:, whole:]], axis=1), axis=1)
-    return found
+    rest = vertices[:, whole:]
+    result: Vertices = reduce.reduce(np.concatenate([reduced, rest], axis=1), axis=1)
+    return result
 
 
 def mean_length(vectors: npt.NDArray[np.float64]) -> float:
-    """Mean length of vectors of shape (N, 3), accurate for tiny ones too."""
-    largest = float(np.abs(vectors).max()) or 1.0  # divided out: squares of tiny numbers are 0
+    """Mean length of vectors of shape (N, 3), also accurate for tiny vectors."""
+    largest = float(np.abs(vectors).max()) or 1.0  # normalizes: squares of tiny numbers underflow
     return largest * float(np.linalg.norm(vectors / largest, axis=1).mean())
 
 
 def validate_vertices(vertices: Any) -> Vertices:
-    """The array itself, if it holds finite positions of shape (T, V, 3), T and V at least 1.
+    """Return an array of finite positions of shape (T, V, 3), T and V at least 1.
 
     Raises
     ------
     InvalidInputError
-        Naming the shape, the type, or the first frame and vertex that is not finite.
+        With the shape, the type, or the first frame and vertex that is not finite.
     """
     array = np.asarray(vertices)
     if array.ndim != 3 or array.shape[2] != 3:
@@ -279,18 +283,13 @@ def validate_vertices(vertices: Any) -> Vertices:
 
 
 def validate_finite(vertices: Vertices, *, first_frame: int = 0) -> None:
-    """Nothing if all positions, of shape (T, V, 3), are finite.
+    """Raise `InvalidInputError` with the first frame and vertex whose position is not finite.
 
     Parameters
     ----------
     vertices : float array of shape (T, V, 3)
     first_frame : int, default 0
         Number of the first of these frames in its sequence.
-
-    Raises
-    ------
-    InvalidInputError
-        Naming the first frame and vertex that is not finite.
     """
     for index, frame in enumerate(vertices):
         is_finite = np.isfinite(frame)
@@ -303,17 +302,17 @@ def validate_finite(vertices: Vertices, *, first_frame: int = 0) -> None:
 
 
 def validate_faces(faces: Any, n_verts: int) -> Faces:
-    """The faces as int32 of shape (M, 3), if all indices are in 0..V-1 and M is at least 1.
+    """Return the faces as int32 of shape (M, 3), all indices in 0..V-1 and M at least 1.
 
     Raises
     ------
     InvalidInputError
-        Naming the shape, the type, or the first face that is out of range.
+        With the shape, the type, or the first face that is out of range.
     """
     array = np.asarray(faces)
     if array.size == 0:
         raise InvalidInputError(
-            f"a mesh needs at least one face; got {counted(n_verts, 'vertex')} and no faces "
+            f"a mesh needs at least one face; got {counted(n_verts, 'vertex')} without faces "
             "(point clouds are not supported)"
         )
     if array.ndim != 2 or array.shape[1] != 3:
@@ -330,13 +329,7 @@ def validate_faces(faces: Any, n_verts: int) -> Faces:
 
 
 def validate_fps(fps: float) -> float:
-    """The frame rate itself, if it is finite and not negative.
-
-    Raises
-    ------
-    InvalidInputError
-        Naming the value.
-    """
+    """Return a frame rate that is finite and not negative, else raise `InvalidInputError`."""
     fps = float(fps)
     if not (np.isfinite(fps) and fps >= 0):
         raise InvalidInputError(f"fps must be finite and at least 0 (0 = unknown); got {fps}")
@@ -344,13 +337,7 @@ def validate_fps(fps: float) -> float:
 
 
 def validate_start(start_s: float) -> float:
-    """The time of the first frame itself, if it is finite.
-
-    Raises
-    ------
-    InvalidInputError
-        Naming the value.
-    """
+    """Return a finite time of the first frame, else raise `InvalidInputError`."""
     start_s = float(start_s)
     if not np.isfinite(start_s):
         raise InvalidInputError(f"start_s must be finite; got {start_s}")

@@ -1,38 +1,38 @@
-"""How a sequence and a file show themselves, once they are asked to: methods of both."""
+"""Display methods shared by `MeshSequence` and `ReelFile`."""
 
 from typing import Any
 
 
-def notebook_html(shown: Any) -> str:
-    """HTML for a notebook: figures over the player, or over a picture.
+def notebook_html(sequence: Any) -> str:
+    """HTML for a notebook: properties, with the player or a picture.
 
     Parameters
     ----------
-    shown : MeshSequence or ReelFile
+    sequence : MeshSequence or ReelFile
     """
     from meshreel.app.notebook.html import html_of
 
-    return html_of(shown)
+    return html_of(sequence)
 
 
-def show(shown: Any, *, block: bool | None = None) -> None:
-    """Play it: in the output of the cell in a notebook, else in the browser.
+def show(sequence: Any, *, block: bool | None = None) -> None:
+    """Play the sequence: in a notebook in the output of the cell, else in the browser.
 
-    A sequence is shown as `encode` makes it by default; the browser has it beside that. A file
-    must stay open for as long as it is shown.
+    A sequence is encoded with default options; the browser also shows the original. A file must
+    stay open while it plays.
 
     Parameters
     ----------
-    shown : MeshSequence or ReelFile
+    sequence : MeshSequence or ReelFile
     block : bool, optional
-        Whether to wait for ctrl-C while the browser shows it. Default: in a script, whose end
-        would end the player, but not at a prompt.
+        Whether to wait for Ctrl-C while the browser plays it. Default: True in a script, whose end
+        ends the player, False at a prompt.
 
     Raises
     ------
     InvalidInputError
-        If the page of the player is not built, or the model is too large or small to be drawn.
+        If the page of the player is not built, or the model is too large or too small to draw.
     """
     from meshreel.app.notebook.show import show
 
-    show(shown, block=block)
+    show(sequence, block=block)

@@ -15,12 +15,12 @@ Int32s = npt.NDArray[np.int32]
 VALUE_TYPES = tuple(np.dtype(name) for name in ("u1", "i4", "f4", "f8"))
 """Number types of attribute values."""
 
-MAX_NUMBERS = 16
+MAX_COMPONENTS = 16
 """Largest number of components of an attribute value."""
 
 
 class Domain(StrEnum):
-    """Elements that an attribute has values for; faces are polygons, corners are theirs."""
+    """Elements that an attribute has values for; faces are polygons, with their corners."""
 
     VERTEX = "vertex"
     FACE = "face"
@@ -44,13 +44,13 @@ class Attribute:
     name : str
         Name in the file, or the name of the kind ("uv", "color").
     kind : Kind
-        A texture coordinate has two numbers, v upwards; a colour three or four, of 0..1 if they
-        are floats, of 0..255 if they are bytes.
+        A texture coordinate has two numbers, v pointing up; a color three or four, in 0..1 if they
+        are floats, in 0..255 if they are bytes.
     domain : Domain
     values : uint8, int32, float32 or float64 array of shape (N, C)
         C in 1..16.
     indices : int32 array, optional
-        Row of `values` of each vertex, face or corner. Default: one row each, in order.
+        Row of `values` for each vertex, face or corner. Default: one row each, in order.
     """
 
     name: str
@@ -81,7 +81,7 @@ class FaceGroups:
         Kind of the groups: "material", "group".
     labels : tuple of str
     numbers : int32 array of shape (P,)
-        The group of each face, an index of `labels`; -1 is none.
+        The group of each face, an index into `labels`; -1 means none.
     """
 
     name: str
@@ -94,14 +94,14 @@ class FaceGroups:
 
 @dataclass(frozen=True)
 class Part:
-    """One of several meshes that were merged; its vertices and faces are contiguous.
+    """One of several merged meshes; its vertices and faces are contiguous.
 
     Parameters
     ----------
     name : str
-        Path in the file that it came from.
+        Its path in the original file.
     n_verts, n_faces : int
-        Vertices, and faces (polygons), at least 0; the parts together are the whole mesh, in order.
+        Vertices and faces (polygons), at least 0; all parts in order make up the mesh.
     """
 
     name: str
@@ -116,20 +116,20 @@ class Surface:
     Parameters
     ----------
     face_sizes : int32 array of shape (P,), optional
-        Corners of each face, at least 3. A face of n corners is the next n - 2 triangles, a fan
-        from its first corner (`meshreel.model.geometry.fans`). Default: every triangle is a face.
+        Corners of each face, at least 3. A face with n corners consists of the next n - 2
+        triangles, a fan from its first corner (`meshreel.model.geometry.fans`). Default: every
+        triangle is a face.
     attributes : tuple of Attribute
     groups : tuple of FaceGroups
     parts : tuple of Part
         Empty for a mesh of one part.
     materials : tuple of Material
-        Appearance of the faces that have the material's name as label in the groups "material".
+        Appearance of the faces whose label in the groups "material" is the material's name.
     images : tuple of Image
-        Images that textures of the materials refer to.
+        Images of the textures.
     hard_edges : int32 array of shape (H, 2), optional
-        Edges, each by its two vertices, across which faces do not share normals:
-        `meshreel.corner_normals`. Each lies between two faces or more. Default: none, and the mesh
-        is smooth.
+        Vertex pairs of edges across which faces do not share normals (`meshreel.corner_normals`).
+        Each edge has two or more faces. Default: none, and the mesh is smooth.
     """
 
     face_sizes: Int32s | None = None
@@ -145,18 +145,17 @@ class Surface:
             return "<Surface: plain>"
         sizes = [] if self.face_sizes is None else [f"{len(self.face_sizes)} polygons"]
         parts = [f"{len(self.parts)} parts"] if self.parts else []
-        looks = [f"{len(self.materials)} materials"] if self.materials else []
-        groups = map(repr, self.groups)
+        materials = [f"{len(self.materials)} materials"] if self.materials else []
         hard = [] if self.hard_edges is None else [f"{len(self.hard_edges)} hard edges"]
-        carried = [*sizes, *hard, *map(repr, self.attributes), *groups, *parts, *looks]
-        carried += map(repr, self.images)
-        return f"<Surface: {', '.join(carried)}>"
+        contents = [*sizes, *hard, *map(repr, (*self.attributes, *self.groups))]
+        contents += [*parts, *materials, *map(repr, self.images)]
+        return f"<Surface: {', '.join(contents)}>"
 
     @property
     def is_plain(self) -> bool:
         """Whether the mesh has only positions and triangles."""
-        carried = (self.attributes, self.groups, self.parts, self.materials, self.images)
-        return self.face_sizes is None and self.hard_edges is None and not any(carried)
+        contents = (self.attributes, self.groups, self.parts, self.materials, self.images)
+        return self.face_sizes is None and self.hard_edges is None and not any(contents)
 
     def n_faces(self, n_triangles: int) -> int:
         """Number of faces (polygons), P."""
@@ -165,7 +164,7 @@ class Surface:
     def n_items(self, domain: Domain, n_verts: int, n_triangles: int) -> int:
         """Number of vertices, faces or corners of faces."""
         n_faces = self.n_faces(n_triangles)
-        # A face has two corners more than triangles.
+        # A face has two more corners than triangles.
         n_corners = n_triangles + 2 * n_faces
         return {Domain.VERTEX: n_verts, Domain.FACE: n_faces, Domain.CORNER: n_corners}[domain]
 
@@ -176,23 +175,25 @@ class Surface:
         return self.face_sizes
 
     def validated(self, n_verts: int, n_triangles: int) -> "Surface":
-        """The surface, if it fits a mesh of this many vertices and triangles.
+        """Return the surface if it fits a mesh with these numbers of vertices and triangles.
 
-        Its arrays are then read-only and of the documented types; sizes that are all 3 are omitted.
-        Hard edges are sorted then, with the lower vertex first.
+        The arrays of the result are read-only and of the documented types; face sizes are None if
+        all are 3; hard edges are sorted, lower vertex first.
 
         Raises
         ------
         InvalidInputError
-            Naming the part that does not fit.
+            With the field that does not fit.
         """
         sizes = _validated_sizes(self.face_sizes, n_triangles)
         n_faces = n_triangles if sizes is None else len(sizes)
         attributes = tuple(
-            _validated_attribute(one, self.n_items(Domain(one.domain), n_verts, n_triangles))
-            for one in self.attributes
+            _validated_attribute(
+                attribute, self.n_items(Domain(attribute.domain), n_verts, n_triangles)
+            )
+            for attribute in self.attributes
         )
-        groups = tuple(_validated_groups(one, n_faces) for one in self.groups)
+        groups = tuple(_validated_groups(group, n_faces) for group in self.groups)
         _validate_parts(self.parts, n_verts, n_faces)
         images = tuple(self.images)
         materials = validated_materials(self.materials, images)
@@ -205,87 +206,88 @@ class Surface:
         arrays = [self.face_sizes, self.hard_edges, *(groups.numbers for groups in self.groups)]
         for attribute in self.attributes:
             arrays += [attribute.values, attribute.indices]
-        n_shown = sum(len(image.data) for image in self.images)
-        return n_shown + sum(array.nbytes for array in arrays if array is not None)
+        image_bytes = sum(len(image.data) for image in self.images)
+        return image_bytes + sum(array.nbytes for array in arrays if array is not None)
 
     def without_materials(self) -> "Surface":
-        """The surface without materials and images; labels of faces are kept."""
+        """The surface without materials and images, but with the labels of faces."""
         return replace(self, materials=(), images=())
 
     def of_kind(self, kind: Kind) -> tuple[Attribute, ...]:
         """The attributes of a kind, in order."""
-        return tuple(one for one in self.attributes if one.kind is kind)
+        return tuple(attribute for attribute in self.attributes if attribute.kind is kind)
 
 
 PLAIN = Surface()
-"""The surface of a mesh that has only triangles."""
+"""The surface of a mesh that consists of triangles only."""
 
 
 def _validated_sizes(sizes: Any, n_triangles: int) -> Int32s | None:
     if sizes is None:
         return None
-    found = _integers(sizes, "face_sizes")
-    if (found < 3).any():
-        face = int(np.argmax(found < 3))
-        raise InvalidInputError(f"face_sizes must be at least 3; face {face} has {found[face]}")
-    total = int(found.sum(dtype=np.int64)) - 2 * len(found)
+    array = _integers(sizes, "face_sizes")
+    if (array < 3).any():
+        face = int(np.argmax(array < 3))
+        raise InvalidInputError(f"face_sizes must be at least 3; face {face} has {array[face]}")
+    total = int(array.sum(dtype=np.int64)) - 2 * len(array)
     if total != n_triangles:
         raise InvalidInputError(
-            f"face_sizes make {total} triangles as fans; the mesh has {n_triangles}"
+            f"face_sizes imply {total} triangles as fans; the mesh has {n_triangles}"
         )
-    return None if (found == 3).all() else _frozen(found)
+    return None if (array == 3).all() else _frozen(array)
 
 
-def _validated_attribute(given: Attribute, expected: int) -> Attribute:
-    name, domain = f"attribute {given.name!r}", Domain(given.domain)
-    values = np.asarray(given.values)
-    if values.ndim != 2 or not 1 <= values.shape[1] <= MAX_NUMBERS:
+def _validated_attribute(attribute: Attribute, expected: int) -> Attribute:
+    name, domain = f"attribute {attribute.name!r}", Domain(attribute.domain)
+    values = np.asarray(attribute.values)
+    if values.ndim != 2 or not 1 <= values.shape[1] <= MAX_COMPONENTS:
         raise InvalidInputError(
-            f"{name} must have values of shape (N, 1..{MAX_NUMBERS}); got {values.shape}"
+            f"{name} must have values of shape (N, 1..{MAX_COMPONENTS}); got {values.shape}"
         )
     if values.dtype not in VALUE_TYPES:
-        allowed = ", ".join(str(one) for one in VALUE_TYPES)
+        allowed = ", ".join(map(str, VALUE_TYPES))
         raise InvalidInputError(f"{name} must be one of {allowed}; got {values.dtype}")
-    if given.indices is None:
+    kind = Kind(attribute.kind)
+    if attribute.indices is None:
         if len(values) != expected:
             raise InvalidInputError(f"{name} has {len(values)} values; {domain} needs {expected}")
-        return replace(given, domain=domain, kind=Kind(given.kind), values=_frozen(values))
-    indices = _integers(given.indices, f"indices of {name}")
+        return replace(attribute, domain=domain, kind=kind, values=_frozen(values))
+    indices = _integers(attribute.indices, f"indices of {name}")
     if len(indices) != expected:
         raise InvalidInputError(f"{name} has {len(indices)} indices; {domain} needs {expected}")
     if len(indices) and not 0 <= indices.min() <= indices.max() < len(values):
-        raise InvalidInputError(f"{name} has indices outside of 0..{len(values) - 1}")
-    return Attribute(given.name, Kind(given.kind), domain, _frozen(values), _frozen(indices))
+        raise InvalidInputError(f"{name} has indices outside 0..{len(values) - 1}")
+    return Attribute(attribute.name, kind, domain, _frozen(values), _frozen(indices))
 
 
-def _validated_groups(given: FaceGroups, n_faces: int) -> FaceGroups:
-    numbers = _integers(given.numbers, f"groups {given.name!r}")
+def _validated_groups(groups: FaceGroups, n_faces: int) -> FaceGroups:
+    numbers = _integers(groups.numbers, f"groups {groups.name!r}")
     if len(numbers) != n_faces:
         raise InvalidInputError(
-            f"groups {given.name!r} have {len(numbers)} numbers; there are {n_faces} faces"
+            f"groups {groups.name!r} have {len(numbers)} numbers; there are {n_faces} faces"
         )
-    if n_faces and not -1 <= numbers.min() <= numbers.max() < len(given.labels):
+    if n_faces and not -1 <= numbers.min() <= numbers.max() < len(groups.labels):
         raise InvalidInputError(
-            f"groups {given.name!r} have numbers outside of -1..{len(given.labels) - 1}"
+            f"groups {groups.name!r} have numbers outside -1..{len(groups.labels) - 1}"
         )
-    return FaceGroups(given.name, tuple(given.labels), _frozen(numbers))
+    return FaceGroups(groups.name, tuple(groups.labels), _frozen(numbers))
 
 
 def _validated_edges(edges: Any, n_verts: int) -> Int32s | None:
     if edges is None or not len(edges):
         return None
-    found = np.asarray(edges)
-    if found.ndim != 2 or found.shape[1] != 2 or not np.issubdtype(found.dtype, np.integer):
+    array = np.asarray(edges)
+    if array.ndim != 2 or array.shape[1] != 2 or not np.issubdtype(array.dtype, np.integer):
         raise InvalidInputError(
-            f"hard_edges must be integers of shape (H, 2); got {found.dtype} of {found.shape}"
+            f"hard_edges must be integers of shape (H, 2); got {array.dtype} of {array.shape}"
         )
-    if not 0 <= found.min() <= found.max() < n_verts:
-        raise InvalidInputError(f"hard_edges must name vertices in 0..{n_verts - 1}")
-    found = np.sort(found, axis=1)
-    if (found[:, 0] == found[:, 1]).any():
-        vertex = found[np.argmax(found[:, 0] == found[:, 1]), 0]
-        raise InvalidInputError(f"a hard edge needs two vertices; one names vertex {vertex} twice")
-    keys = np.unique(found[:, 0].astype(np.int64) * n_verts + found[:, 1])
+    if not 0 <= array.min() <= array.max() < n_verts:
+        raise InvalidInputError(f"hard_edges must be vertex indices in 0..{n_verts - 1}")
+    low, high = np.sort(array, axis=1).T
+    if (low == high).any():
+        vertex = low[np.argmax(low == high)]
+        raise InvalidInputError(f"a hard edge needs two vertices; one has vertex {vertex} twice")
+    keys = np.unique(low.astype(np.int64) * n_verts + high)
     return _frozen(np.stack([keys // n_verts, keys % n_verts], axis=1).astype(np.int32))
 
 

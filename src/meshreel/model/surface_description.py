@@ -1,4 +1,4 @@
-"""Attributes, materials and images of a surface in words."""
+"""Text about the attributes, materials and images of a surface."""
 
 from meshreel.model.materials import Image, Material
 from meshreel.model.surface import Domain, Surface
@@ -7,35 +7,38 @@ from meshreel.runtime.counting import counted
 PLURALS = {Domain.VERTEX: "vertices", Domain.FACE: "faces", Domain.CORNER: "corners"}
 
 
-def carried(surface: Surface) -> tuple[str, ...]:
-    """Attributes, groups and hard edges of a surface, each as in "uv 'st' of corners"."""
-    attributes = [f"{one.kind} {one.name!r} of {PLURALS[one.domain]}" for one in surface.attributes]
+def describe_attributes(surface: Surface) -> tuple[str, ...]:
+    """Text for each attribute, kind of groups and hard edges, such as "uv 'st' of corners"."""
+    attributes = [
+        f"{attribute.kind} {attribute.name!r} of {PLURALS[attribute.domain]}"
+        for attribute in surface.attributes
+    ]
     groups = [
-        f"{len(one.labels)} group{'s' if len(one.labels) != 1 else ''} {one.name!r} of faces"
-        for one in surface.groups
+        f"{counted(len(groups.labels), 'group')} {groups.name!r} of faces"
+        for groups in surface.groups
     ]
     hard = [] if surface.hard_edges is None else [counted(len(surface.hard_edges), "hard edge")]
     return (*attributes, *groups, *hard)
 
 
-def described_materials(surface: Surface) -> tuple[str, ...]:
-    """The name of each material, and which images its textures show: "skin: normal image 0"."""
-    return tuple(map(_described_material, surface.materials))
+def describe_materials(surface: Surface) -> tuple[str, ...]:
+    """Name of each material and its images, such as "skin: normal image 0"."""
+    return tuple(map(_describe_material, surface.materials))
 
 
-def described_images(surface: Surface) -> tuple[str, ...]:
-    """Number, name, type and size of each image: "0: 'shade', image/png, 92 bytes"."""
-    return tuple(_described_image(*one) for one in enumerate(surface.images))
+def describe_images(surface: Surface) -> tuple[str, ...]:
+    """Number, name, type and size of each image, such as "0: 'shade', image/png, 92 bytes"."""
+    return tuple(_describe_image(number, image) for number, image in enumerate(surface.images))
 
 
-def _described_material(material: Material) -> str:
-    shown = [
+def _describe_material(material: Material) -> str:
+    textures = [
         f"{slot.replace('_', ' ')} image {texture.image}"
         for slot, texture in material.textures.items()
     ]
-    return f"{material.name}: {', '.join(shown)}" if shown else material.name
+    return f"{material.name}: {', '.join(textures)}" if textures else material.name
 
 
-def _described_image(number: int, image: Image) -> str:
-    named = f"{image.name!r}, " if image.name else ""
-    return f"{number}: {named}{image.mime_type}, {len(image.data)} bytes"
+def _describe_image(number: int, image: Image) -> str:
+    name = f"{image.name!r}, " if image.name else ""
+    return f"{number}: {name}{image.mime_type}, {len(image.data)} bytes"

@@ -7,88 +7,85 @@ from meshreel.errors import InvalidInputError
 from meshreel.model.surface import Attribute, FaceGroups, Kind, Surface
 
 Names = str | Sequence[str]
-"""Names of attributes and groups: a list, or text such as "uv,color"; or "all", or "none"."""
+"""Names of attributes and groups: a list, text such as "uv,color", "all" or "none"."""
 
 ALL, NONE = "all", "none"
 
 
-def selected(surface: Surface, names: Names) -> Surface:
+def select(surface: Surface, names: Names, *, ignore_missing: bool = False) -> Surface:
     """A surface with the attributes and groups of these names, all polygons, hard edges and parts.
 
-    Materials and images are kept with the groups "material".
+    Materials and images are included with the groups "material".
 
     Parameters
     ----------
     names : str or sequence of str
-        "all", "none", or names; a kind such as "uv" or "color" names all attributes of it.
+        "all", "none", or names; a kind such as "uv" or "color" selects all its attributes.
+    ignore_missing : bool, default False
+        Whether to ignore names that do not exist.
 
     Raises
     ------
     InvalidInputError
-        If a name does not exist; lists those that do.
+        If a name does not exist; the message lists existing names.
     """
     if names == ALL:
         return surface
-    if unknown := missing_names(surface, names):
-        raise InvalidInputError(describe_missing(surface, unknown))
-    return chosen(surface, names)
-
-
-def chosen(surface: Surface, names: Names) -> Surface:
-    """As `selected`, but names that do not exist are ignored."""
-    if names == ALL:
-        return surface
-    wanted = set(listed_names(names))
-    attributes = tuple(one for one in surface.attributes if wanted & _names_of(one))
-    groups = tuple(one for one in surface.groups if one.name in wanted)
-    kept = surface if "material" in wanted else surface.without_materials()
-    return replace(kept, attributes=attributes, groups=groups)
+    if not ignore_missing and (missing := missing_names(surface, names)):
+        raise InvalidInputError(describe_missing(surface, missing))
+    selected = set(listed_names(names))
+    attributes = tuple(one for one in surface.attributes if selected & _names_of(one))
+    groups = tuple(groups for groups in surface.groups if groups.name in selected)
+    base = surface if "material" in selected else surface.without_materials()
+    return replace(base, attributes=attributes, groups=groups)
 
 
 def missing_names(surface: Surface, names: Names) -> list[str]:
     """The names that no attribute or group of a surface has."""
-    there = {one.name for one in surface.groups}.union(*map(_names_of, surface.attributes))
-    return [] if names == ALL else [name for name in listed_names(names) if name not in there]
+    if names == ALL:
+        return []
+    existing = {groups.name for groups in surface.groups}.union(*map(_names_of, surface.attributes))
+    return [name for name in listed_names(names) if name not in existing]
 
 
 def describe_missing(surface: Surface, names: Sequence[str]) -> str:
-    """A message that these names do not exist, and which do."""
-    carried: list[Attribute | FaceGroups] = [*surface.attributes, *surface.groups]
-    there = [repr(one.name) for one in carried]
-    found = f"it carries {', '.join(there)}" if there else "it carries none"
-    return f"has no attribute or group {', '.join(map(repr, names))}; {found}"
+    """A message with names that do not exist, and the existing names."""
+    contents: list[Attribute | FaceGroups] = [*surface.attributes, *surface.groups]
+    existing = ", ".join(repr(one.name) for one in contents) or "none"
+    return f"has no attribute or group {', '.join(map(repr, names))}; it has {existing}"
 
 
 def listed_names(names: Names) -> list[str]:
-    """List of the names; empty for "none".
+    """The names as a list; empty for "none".
 
     Raises
     ------
     InvalidInputError
-        If one is empty.
+        If a name is empty.
     """
     if names == NONE:
         return []
-    found = [name.strip() for name in names.split(",")] if isinstance(names, str) else [*names]
-    if not all(found):
+    listed = [name.strip() for name in names.split(",")] if isinstance(names, str) else [*names]
+    if not all(listed):
         raise InvalidInputError(
-            f"attributes takes all, none, or names as in uv,color; got {names!r}"
+            f"attributes takes all, none, or names such as uv,color; got {names!r}"
         )
-    return found
+    return listed
 
 
-def differing_names(first: Surface, other: Surface) -> list[str]:
+def differing_names(first: Surface, second: Surface) -> list[str]:
     """Names of attributes and groups that differ between two surfaces, or "hard edges"."""
-    given, found = (dict(_contents(one)) for one in (first, other))
-    names = [name for name in {**given, **found} if given.get(name) != found.get(name)]
-    return list(dict.fromkeys(name for _, name in names))
+    a, b = dict(_contents(first)), dict(_contents(second))
+    differing = [key for key in {**a, **b} if a.get(key) != b.get(key)]
+    return list(dict.fromkeys(name for _, name in differing))
 
 
 def _contents(surface: Surface) -> Iterator[tuple[tuple[str, str], tuple[object, ...]]]:
-    """Type and name of each attribute, each kind of groups and hard edges, with what to compare."""
-    for one in surface.attributes:
-        values = one.per_item()
-        yield ("attribute", one.name), (one.domain, values.dtype, values.shape, values.tobytes())
+    """Type and name of each attribute, kind of groups and hard edges, with values to compare."""
+    for attribute in surface.attributes:
+        values = attribute.per_item()
+        key = ("attribute", attribute.name)
+        yield key, (attribute.domain, values.dtype, values.shape, values.tobytes())
     for groups in surface.groups:
         yield ("groups", groups.name), (groups.labels, groups.numbers.tobytes())
     if surface.hard_edges is not None:
@@ -97,5 +94,4 @@ def _contents(surface: Surface) -> Iterator[tuple[tuple[str, str], tuple[object,
 
 def _names_of(attribute: Attribute) -> set[str]:
     """Names that select an attribute: its own, and its kind unless that is "other"."""
-    is_named_by_kind = attribute.kind is not Kind.OTHER
-    return {attribute.name, *([str(attribute.kind)] if is_named_by_kind else [])}
+    return {attribute.name} | ({str(attribute.kind)} - {str(Kind.OTHER)})

@@ -20,13 +20,11 @@ AnyTrack = TypeVar("AnyTrack")
 NUMBER_TYPES = tuple(
     np.dtype(name) for name in ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8")
 )
-"""Number types of values."""
-
 MAX_COLUMNS = 256
-"""Most numbers of a value."""
+"""Maximum number of components of a value."""
 
 BLOCK_BYTES = 1 << 24
-"""Bytes of values that are read together."""
+"""Size of the values that `track_blocks` reads at once."""
 
 
 class TrackKind(StrEnum):
@@ -50,7 +48,7 @@ COLUMNS_OF: Mapping[TrackKind, tuple[int, ...]] = {
     TrackKind.UV: (2,),
     TrackKind.OTHER: tuple(range(1, MAX_COLUMNS + 1)),
 }
-"""Numbers that a value of a kind may have."""
+"""Allowed numbers of components by kind."""
 
 
 class TrackSource(Protocol):
@@ -58,15 +56,15 @@ class TrackSource(Protocol):
 
     @property
     def domain(self) -> Domain:
-        """Where its values are."""
+        """Elements that have values."""
 
     @property
     def kind(self) -> TrackKind:
-        """What it means."""
+        """Meaning of the values."""
 
     @property
     def unit(self) -> str:
-        """The unit of its numbers, or nothing."""
+        """Unit of the values, possibly empty."""
 
     @property
     def dtype(self) -> np.dtype[Any]:
@@ -74,7 +72,7 @@ class TrackSource(Protocol):
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Frames, vertices or faces or corners, and numbers of each value: (T, N, C)."""
+        """Number of frames, of elements, and of components of each value: (T, N, C)."""
 
     def read(self, start: int, stop: int) -> Values:
         """Values of frames start..stop - 1, of shape (stop - start, N, C)."""
@@ -83,31 +81,26 @@ class TrackSource(Protocol):
 class Track:
     """A quantity over time.
 
-    Its length is the number of frames; ``track[3]`` is the values of a frame, of shape (N, C).
+    Its length is the number of frames; ``track[3]`` returns the values of a frame, of shape (N, C).
 
     Parameters
     ----------
     values : array of shape (T, N) or (T, N, C)
-        Integers of 8 to 64 bits, float32 or float64; booleans become uint8. C is 1..256. Kept as a
-        read-only view of shape (T, N, C). NaN is a missing value.
+        Integers of 8 to 64 bits, float32 or float64; booleans become uint8. C is 1..256. Stored as
+        a read-only view of shape (T, N, C). NaN marks missing values.
     domain : {"vertex", "face", "corner"} or Domain, default "vertex"
-        Where the values are; faces are polygons, corners are theirs.
+        Elements that have values; faces are polygons, with their corners.
     kind : str or TrackKind, optional
-        "scalar", "vector" (2 or 3 numbers), "velocity" (3; model units a second), "normal" (3; of
-        length 1), "color" (3 or 4; of 0..1 if they are floats), "uv" (2) or "other". Default:
-        "scalar" for one number, "vector" for two or three, else "other".
+        "scalar", "vector" (2 or 3 components), "velocity" (3; model units per second), "normal" (3;
+        unit length), "color" (3 or 4; floats in 0..1), "uv" (2) or "other". Default: "scalar" for
+        one component, "vector" for two or three, else "other".
     unit : str, default ""
-        Of the numbers, such as "Pa".
-
-    Attributes
-    ----------
-    values, domain, kind, unit
-        As given.
+        Unit of the values, such as "Pa".
 
     Raises
     ------
     InvalidInputError
-        If shape or type are not allowed, or not for the kind.
+        If the shape or type is not allowed, or not allowed for the kind.
     """
 
     def __init__(
@@ -117,9 +110,11 @@ class Track:
         kind: str | TrackKind | None = None,
         unit: str = "",
     ) -> None:
-        self.values = _checked_values(values)
-        self.domain: Domain = _named(Domain, "domain", domain)
-        self.kind: TrackKind = _named(TrackKind, "kind", kind or default_kind(self.values.shape[2]))
+        self.values = _validated_values(values)
+        self.domain: Domain = _member(Domain, "domain", domain)
+        self.kind: TrackKind = _member(
+            TrackKind, "kind", kind or default_kind(self.values.shape[2])
+        )
         self.unit = unit
         check_kind(self.kind, self.shape[2], self.dtype)
 
@@ -130,7 +125,7 @@ class Track:
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Frames, vertices or faces or corners, and numbers of each value: (T, N, C)."""
+        """Number of frames, of elements, and of components of each value: (T, N, C)."""
         n_frames, n_items, n_columns = self.values.shape
         return n_frames, n_items, n_columns
 
@@ -141,37 +136,37 @@ class Track:
     def __len__(self) -> int:
         return len(self.values)
 
-    def __getitem__(self, chosen: Any) -> Values:
-        """Values of a frame, of shape (N, C), or of several, of shape (T, N, C)."""
-        chosen_values: Values = self.values[chosen]
-        return chosen_values
+    def __getitem__(self, choice: Any) -> Values:
+        """Values of a frame, of shape (N, C), or of several frames, of shape (T, N, C)."""
+        values: Values = self.values[choice]
+        return values
 
     def __iter__(self) -> Iterator[Values]:
         return iter(self.values)
 
     def __repr__(self) -> str:
-        return f"<Track: {described_track(self)}, {counted(len(self), 'frame')}>"
+        return f"<Track: {describe_track(self)}, {counted(len(self), 'frame')}>"
 
 
 @dataclass(frozen=True, eq=False)
 class DerivedTrack:
-    """What a track read from another one has of it: all but the shape and the values."""
+    """A track derived from another one, with the same domain, kind, unit and number type."""
 
     whole: TrackSource
 
     @property
     def domain(self) -> Domain:
-        """Where its values are."""
+        """Elements that have values."""
         return self.whole.domain
 
     @property
     def kind(self) -> TrackKind:
-        """What it means."""
+        """Meaning of the values."""
         return self.whole.kind
 
     @property
     def unit(self) -> str:
-        """The unit of its numbers, or nothing."""
+        """Unit of the values, possibly empty."""
         return self.whole.unit
 
     @property
@@ -182,20 +177,20 @@ class DerivedTrack:
 
 @dataclass(frozen=True, eq=False)
 class TrackPart(DerivedTrack):
-    """Some frames of a track, read on demand.
+    """Consecutive frames of a track, read on demand.
 
     Parameters
     ----------
     whole : TrackSource
     frames : range
-        Numbers of its frames, one after the other.
+        Consecutive frame numbers.
     """
 
     frames: range
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Frames, vertices or faces or corners, and numbers of each value: (T, N, C)."""
+        """Number of frames, of elements, and of components of each value: (T, N, C)."""
         return (len(self.frames), *self.whole.shape[1:])
 
     def read(self, start: int, stop: int) -> Values:
@@ -204,66 +199,66 @@ class TrackPart(DerivedTrack):
         return self.whole.read(first + start, first + stop)
 
 
-def described_track(track: TrackSource) -> str:
-    """A track in words, such as "scalar of each vertex, float32 in Pa"."""
+def describe_track(track: TrackSource) -> str:
+    """Text about a track, such as "scalar of each vertex, float32 in Pa"."""
     n_columns = track.shape[2]
     width = f"{n_columns} x " if n_columns > 1 else ""
     unit = f" in {track.unit}" if track.unit else ""
     return f"{track.kind} of each {track.domain}, {width}{track.dtype}{unit}"
 
 
-def tracks_of(
+def validated_tracks(
     tracks: Mapping[str, Any] | None, n_frames: int, n_verts: int, n_faces: int, surface: Surface
 ) -> dict[str, Track]:
-    """Tracks by their names.
+    """Return tracks that fit a sequence, by name.
 
     Parameters
     ----------
-    tracks : mapping of str to Track, or to values as `Track` takes them; or None
-        Values are of the first domain that has as many: vertices, faces, corners.
+    tracks : mapping of str to Track, or to values of a Track; or None
+        Values belong to the first domain of the same size: vertices, faces, corners.
     n_frames, n_verts, n_faces : int
-        Of the sequence; its faces are triangles.
+        Counts of the sequence; its faces are triangles.
     surface : Surface
-        Says how many polygons and corners there are.
+        Determines the number of polygons and corners.
 
     Raises
     ------
     InvalidInputError
-        Naming the track whose values, or number of frames or places, do not fit.
+        With the name of a track whose values, or number of frames or elements, do not fit.
     """
-    found: dict[str, Track] = {}
+    validated: dict[str, Track] = {}
     sizes = domain_sizes(n_verts, n_faces, surface)
-    for name, given in dict(tracks or {}).items():
+    for name, values in dict(tracks or {}).items():
         if not isinstance(name, str) or not name:
-            raise InvalidInputError(f"a track needs a name of its own; got {name!r}")
+            raise InvalidInputError(f"a track needs a non-empty name; got {name!r}")
         try:
-            is_track = isinstance(given, Track)
-            track = given if is_track else Track(given, _fitting_domain(given, sizes))
+            is_track = isinstance(values, Track)
+            track = values if is_track else Track(values, _fitting_domain(values, sizes))
         except InvalidInputError as error:
             raise InvalidInputError(f"track {name!r}: {error}") from None
         _check_size(name, track, n_frames, sizes)
-        found[name] = track
-    return found
+        validated[name] = track
+    return validated
 
 
-def named_track(tracks: Mapping[str, AnyTrack], name: str) -> AnyTrack:
-    """The track of a name.
+def track_by_name(tracks: Mapping[str, AnyTrack], name: str) -> AnyTrack:
+    """Return the track with a name.
 
     Raises
     ------
     InvalidInputError
-        If there is none; says which there are.
+        If there is none; the message suggests or lists names.
     """
     if name in tracks:
         return tracks[name]
-    near = get_close_matches(name, tracks, 1)
-    there = f"there are {', '.join(tracks)}" if tracks else "there are no tracks"
-    advice = f"did you mean {near[0]!r}?" if near else there
+    close = get_close_matches(name, tracks, 1)
+    existing = f"there are {', '.join(tracks)}" if tracks else "there are no tracks"
+    advice = f"did you mean {close[0]!r}?" if close else existing
     raise InvalidInputError(f"there is no track {name!r}; {advice}")
 
 
-def copied(track: TrackSource, frames: range) -> Track:
-    """Some frames of a track, in memory.
+def read_track(track: TrackSource, frames: range) -> Track:
+    """Read consecutive frames of a track into memory.
 
     Raises
     ------
@@ -274,8 +269,8 @@ def copied(track: TrackSource, frames: range) -> Track:
     return Track(values, track.domain, track.kind, track.unit)
 
 
-def joined(frames: Sequence[Mapping[str, Track]]) -> dict[str, Track]:
-    """Tracks of frames one after another, which all have the same ones."""
+def concatenate_tracks(frames: Sequence[Mapping[str, Track]]) -> dict[str, Track]:
+    """Concatenate tracks over time; all mappings have the same names."""
     return {
         name: Track(
             np.concatenate([frame[name].values for frame in frames]),
@@ -287,8 +282,8 @@ def joined(frames: Sequence[Mapping[str, Track]]) -> dict[str, Track]:
     }
 
 
-def copied_together(tracks: Mapping[str, TrackSource]) -> dict[str, Track]:
-    """All frames of tracks, in memory; those of a frame are read one after the other.
+def read_tracks(tracks: Mapping[str, TrackSource]) -> dict[str, Track]:
+    """Read all tracks into memory, frame by frame: files store a frame of all tracks together.
 
     Raises
     ------
@@ -313,31 +308,32 @@ def size_bytes(track: TrackSource) -> int:
 def check_tracks(
     tracks: Mapping[str, TrackSource], n_frames: int, n_verts: int, n_faces: int, surface: Surface
 ) -> None:
-    """Nothing if tracks fit a sequence; the parameters and errors are those of `tracks_of`."""
+    """Check that tracks fit a sequence; parameters and errors as in `validated_tracks`."""
     sizes = domain_sizes(n_verts, n_faces, surface)
     for name, track in tracks.items():
         _check_size(name, track, n_frames, sizes)
 
 
 def domain_sizes(n_verts: int, n_faces: int, surface: Surface) -> dict[Domain, int]:
-    """Number of vertices, polygons and corners of polygons."""
+    """Numbers of vertices, polygons and corners of polygons."""
     return {domain: surface.n_items(domain, n_verts, n_faces) for domain in Domain}
 
 
 def track_blocks(track: TrackSource) -> Iterator[tuple[int, Values]]:
-    """All values of a track, some frames at a time, with the number of the first of them."""
+    """Yield the first frame number and values of blocks of a track, in order."""
     n_frames, n_items, n_columns = track.shape
-    n_together = max(1, BLOCK_BYTES // (n_items * n_columns * track.dtype.itemsize))
-    for start in range(0, n_frames, n_together):
-        yield start, track.read(start, min(start + n_together, n_frames))
+    block_frames = max(1, BLOCK_BYTES // (n_items * n_columns * track.dtype.itemsize))
+    for start in range(0, n_frames, block_frames):
+        yield start, track.read(start, min(start + block_frames, n_frames))
 
 
-def value_range(track: TrackSource, n_together: int = 64) -> tuple[Values, Values]:
-    """Lowest and highest finite number of each column, of shape (C,); NaN where there is none."""
+def value_range(track: TrackSource, block_frames: int = 64) -> tuple[Values, Values]:
+    """Minimum and maximum finite value of each column, of shape (C,); NaN if there is none."""
     n_frames, _, n_columns = track.shape
     low, high = np.full(n_columns, np.nan), np.full(n_columns, np.nan)
-    for start in range(0, n_frames, n_together):
-        values = track.read(start, min(start + n_together, n_frames)).astype(np.float64, copy=False)
+    for start in range(0, n_frames, block_frames):
+        values = track.read(start, min(start + block_frames, n_frames))
+        values = values.astype(np.float64, copy=False)
         is_finite = np.isfinite(values)
         axes = (0, 1)
         low = np.fmin(low, _or_nan(np.min(values, axes, where=is_finite, initial=np.inf)))
@@ -350,48 +346,48 @@ def _or_nan(values: Values) -> Values:
 
 
 def _check_size(name: str, track: TrackSource, n_frames: int, sizes: Mapping[Domain, int]) -> None:
-    found_frames, n_items, _ = track.shape
-    if found_frames != n_frames:
+    n_track_frames, n_items, _ = track.shape
+    if n_track_frames != n_frames:
         raise InvalidInputError(
-            f"track {name!r} has {counted(found_frames, 'frame')}; the positions have {n_frames}"
+            f"track {name!r} has {counted(n_track_frames, 'frame')}; the positions have {n_frames}"
         )
     if sizes[track.domain] != n_items:
         raise InvalidInputError(
-            f"track {name!r} has {counted(n_items, 'value')} of each frame, said to be of each "
-            f"{track.domain}; the mesh has {described_sizes(sizes)}"
+            f"track {name!r} has {counted(n_items, 'value')} per frame for domain {track.domain}; "
+            f"the mesh has {describe_sizes(sizes)}"
         )
 
 
 def _fitting_domain(values: Any, sizes: Mapping[Domain, int]) -> Domain:
-    """The first domain of as many places as values have."""
+    """The first domain whose size is that of the values."""
     shape = np.shape(values)
     n_items = shape[1] if len(shape) > 1 else None
     for domain, size in sizes.items():
         if size == n_items:
             return domain
     raise InvalidInputError(
-        f"values of shape {shape} are not of vertices, faces or corners: the mesh has "
-        f"{described_sizes(sizes)}"
+        f"values of shape {shape} do not fit vertices, faces or corners: the mesh has "
+        f"{describe_sizes(sizes)}"
     )
 
 
-def described_sizes(sizes: Mapping[Domain, int]) -> str:
-    """Numbers of vertices, faces and corners in words."""
+def describe_sizes(sizes: Mapping[Domain, int]) -> str:
+    """Text with the numbers of vertices, faces and corners."""
     vertices, faces, corners = (sizes[domain] for domain in Domain)
     return (
         f"{counted(vertices, 'vertex')}, {counted(faces, 'face')} and {counted(corners, 'corner')}"
     )
 
 
-def _checked_values(given: Any) -> Values:
-    values = np.asarray(given)
+def _validated_values(array: Any) -> Values:
+    values = np.asarray(array)
     if values.dtype == np.bool_:
         values = values.view(np.uint8)
     if values.ndim == 2:
         values = values[:, :, None]
     if values.ndim != 3 or 0 in values.shape:
         raise InvalidInputError(
-            f"values must have shape (T, N) or (T, N, C), none of them 0; got {np.shape(given)}"
+            f"values must have shape (T, N) or (T, N, C), none of them 0; got {np.shape(array)}"
         )
     if values.dtype.newbyteorder("=") not in NUMBER_TYPES:
         allowed = ", ".join(map(str, NUMBER_TYPES))
@@ -399,8 +395,7 @@ def _checked_values(given: Any) -> Values:
     values = np.ascontiguousarray(values, values.dtype.newbyteorder("="))
     if values.shape[2] > MAX_COLUMNS:
         raise InvalidInputError(
-            f"a value may have {MAX_COLUMNS} numbers; got {values.shape[2]}: make several tracks "
-            "of it"
+            f"a value has at most {MAX_COLUMNS} components; got {values.shape[2]}; split the track"
         )
     values = values.view()
     values.flags.writeable = False
@@ -408,28 +403,22 @@ def _checked_values(given: Any) -> Values:
 
 
 def default_kind(n_columns: int) -> TrackKind:
-    """The kind of values of so many numbers of which nothing else is known."""
+    """The kind of values with this number of components, if nothing else is known."""
     if n_columns == 1:
         return TrackKind.SCALAR
     return TrackKind.VECTOR if n_columns in COLUMNS_OF[TrackKind.VECTOR] else TrackKind.OTHER
 
 
-def _named(choices: type[StrEnum], what: str, given: str) -> Any:
+def _member(choices: type[StrEnum], name: str, value: str) -> Any:
     try:
-        return choices(given)
+        return choices(value)
     except ValueError:
         allowed = ", ".join(choices)
-        raise InvalidInputError(f"{what} is one of {allowed}; got {given!r}") from None
+        raise InvalidInputError(f"{name} must be one of {allowed}; got {value!r}") from None
 
 
 def check_kind(kind: TrackKind, n_columns: int, dtype: np.dtype[Any]) -> None:
-    """Nothing if values of a kind may have so many numbers of a type.
-
-    Raises
-    ------
-    InvalidInputError
-        If they have another number of columns, or must be floats.
-    """
+    """Raise `InvalidInputError` if a kind does not allow this number of columns or number type."""
     allowed = COLUMNS_OF[kind]
     if n_columns not in allowed:
         several = " or ".join(map(str, allowed))

@@ -11,7 +11,7 @@ from meshreel.model.geometry.connectivity import (
     adjacency_matrix,
     component_labels,
     isolated_vertices,
-    neighbours_of,
+    neighbors_of,
 )
 from meshreel.model.sequence import Faces
 from meshreel.runtime.profiling import staged
@@ -122,6 +122,6 @@ def _relax(adjacency: csr_array, source: int, distance: Integers) -> None:
     n_edges = 0
     while frontier.size:
         n_edges += 1
-        _, reached = neighbours_of(adjacency, frontier)
+        _, reached = neighbors_of(adjacency, frontier)
         frontier = np.unique(reached[distance[reached] > n_edges])
         distance[frontier] = n_edges

@@ -16,7 +16,7 @@ from meshreel.model.geometry.fans import fan_corners
 from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.sequence import Faces, FrameSource
 from meshreel.model.surface import Domain, Kind, Surface
-from meshreel.model.tracks import TrackSource, named_track
+from meshreel.model.tracks import TrackSource, track_by_name
 from meshreel.rendering.camera import Camera
 from meshreel.rendering.colormap import colorize, round_up
 from meshreel.rendering.painting import Color, Image
@@ -131,8 +131,8 @@ class Scene:
         self.track: TrackColors | None = None
         self._tracks: list[TrackSource] = []
         if track is not None:
-            self.track = TrackColors(track, named_track(sequence.tracks, track.name))
-            self._tracks = [named_track(source.tracks, track.name) for source in self._sources]
+            self.track = TrackColors(track, track_by_name(sequence.tracks, track.name))
+            self._tracks = [track_by_name(source.tracks, track.name) for source in self._sources]
         self._field: Field | None = None
         if original is not None and heat is not None and heat != TRACK_HEAT:
             extent = original.extent

@@ -8,7 +8,7 @@ import numpy as np
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.compare import require_comparable
 from meshreel.model.sequence import FrameSource
-from meshreel.model.tracks import named_track
+from meshreel.model.tracks import track_by_name
 from meshreel.rendering.plots import plot_over_time
 from meshreel.rendering.track_colors import TrackColors, TrackLook
 from meshreel.runtime.progress import Count, Progress, silent
@@ -44,7 +44,7 @@ def plot_track(
         If the track, component or item does not exist, a color track has no component selected,
         the original has another mesh, matplotlib is missing or the path cannot be written.
     """
-    colors = TrackColors(look, named_track(sequence.tracks, look.name))
+    colors = TrackColors(look, track_by_name(sequence.tracks, look.name))
     if colors.shows_colors:
         raise InvalidInputError(
             f"track {look.name!r} contains colors; select a channel to plot, as in --component 0"
@@ -58,7 +58,7 @@ def plot_track(
     if original is not None:
         require_comparable(original, sequence)
         sources = {"original": original, "decoded": sequence}
-    tracks = {name: named_track(source.tracks, look.name) for name, source in sources.items()}
+    tracks = {name: track_by_name(source.tracks, look.name) for name, source in sources.items()}
     numbers = range(sequence.n_frames) if frames is None else frames
     lines = {name: np.empty(len(numbers)) for name in tracks}
     for step, number in enumerate(numbers):

@@ -72,7 +72,7 @@ def test_frame_that_is_not_there_is_an_index_error_that_says_which_are(frames, n
 
 @pytest.mark.parametrize("mask", [EVEN[:5], [True], np.ones(10, bool)], ids=len)
 def test_choice_of_each_must_be_of_all_frames(frames, mask):
-    with pytest.raises(IndexError, match=f"{len(mask)} choices of 9 frames"):
+    with pytest.raises(IndexError, match=f"{len(mask)} Booleans for 9 frames"):
         frames[mask]
 
 
@@ -82,7 +82,7 @@ def test_choice_of_each_must_be_of_all_frames(frames, mask):
     ids=repr,
 )
 def test_anything_else_is_a_type_error_that_says_what_may_be(frames, chosen):
-    with pytest.raises(TypeError, match="chosen by a number, a slice, or a list or array"):
+    with pytest.raises(TypeError, match="must be a number, a slice, or a list or array"):
         frames[chosen]
 
 

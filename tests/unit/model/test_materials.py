@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.model.materials import Filter, Material, Texture, used_by
+from meshreel.model.materials import Filter, Material, Texture, select_materials
 from meshreel.model.surface import Surface
 from samples.materials import look, png
 
@@ -14,7 +14,7 @@ SHOWN = Material("a", base_color_texture=Texture(0))
 @pytest.mark.parametrize(
     ("material", "message"),
     [
-        (replace(SHOWN, base_color_texture=Texture(1)), "shows image 1; there are 1"),
+        (replace(SHOWN, base_color_texture=Texture(1)), "refers to image 1; there are 1"),
         (replace(SHOWN, base_color_texture=Texture(0, channels="r")), "allowed are rgb, rgba"),
         (replace(SHOWN, metallic_texture=Texture(0)), "allowed are r, g, b, a"),
         (replace(SHOWN, base_color=(1.0, 1.0, 1.0)), "base_color of material 'a' must have 4"),
@@ -34,7 +34,7 @@ def test_surface_is_refused_when_a_material_is_wrong(material, message):
 
 
 def test_surface_is_refused_when_two_materials_have_one_name():
-    with pytest.raises(InvalidInputError, match="2 materials are called 'a'"):
+    with pytest.raises(InvalidInputError, match="2 materials are named 'a'"):
         Surface(materials=(Material("a"), Material("a"))).validated(3, 1)
 
 
@@ -52,7 +52,7 @@ def test_numbers_of_numpy_become_plain_when_validated():
 
 def test_only_images_that_are_shown_stay_when_materials_are_chosen():
     materials, images = look()
-    (found,), (image,) = used_by(["gr\u00fcn", "none"], materials, images)
+    (found,), (image,) = select_materials(["gr\u00fcn", "none"], materials, images)
     assert found.name == "gr\u00fcn"
     assert (found.base_color_texture.image, image) == (0, images[1])
 

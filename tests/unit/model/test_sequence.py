@@ -47,7 +47,7 @@ def test_raw_size_counts_tracks_and_the_surface_once_when_there_are_any():
         (np.zeros((2, 3, 3), np.float16), FACES, 0, "got float16"),
         (np.zeros((0, 3, 3)), FACES, 0, "at least one frame"),
         (np.zeros((2, 0, 3)), FACES, 0, "at least one vertex"),
-        (np.zeros((2, 2, 3)), np.zeros((0, 3), int), 0, "2 vertices and no faces"),
+        (np.zeros((2, 2, 3)), np.zeros((0, 3), int), 0, "2 vertices without faces"),
         (VERTICES, [[0, 1, 3]], 0, r"face 0 is \[0, 1, 3\]; indices must be in 0..2"),
         (VERTICES, [[0, 1, 2], [0, -1, 2]], 0, r"face 1 is \[0, -1, 2\]"),
         (VERTICES, [[0, 1, 2, 0]], 0, r"shape \(M, 3\); got \(1, 4\)"),

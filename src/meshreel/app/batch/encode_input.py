@@ -24,7 +24,7 @@ from meshreel.formats.options import ReadOptions
 from meshreel.formats.remote import local_copy
 from meshreel.formats.supported_options import supported_only
 from meshreel.model.sequence import FrameSource
-from meshreel.model.surface_selection import ALL, chosen, describe_missing, missing_names
+from meshreel.model.surface_selection import ALL, describe_missing, missing_names, select
 from meshreel.runtime.counting import counted
 from meshreel.runtime.engine.engine import Engine
 
@@ -173,7 +173,9 @@ def _suited(
     config = options.config
     if missing := missing_names(opened.surface, options.reading.attributes):
         notes.append(describe_missing(opened.surface, missing))
-    sequence = with_surface(opened, chosen(opened.surface, options.reading.attributes))
+    sequence = with_surface(
+        opened, select(opened.surface, options.reading.attributes, ignore_missing=True)
+    )
     if config.uv_bits is not None and not has_uvs(sequence.surface):
         notes.append("has no texture coordinates for uv_bits= to quantise")
         config = replace(config, uv_bits=None)

@@ -48,7 +48,7 @@ def frames_of(sequence: "FrameSource", wanted: range) -> "FrameSource":
     """The wanted frames of a sequence, loaded unless they are all of it."""
     from meshreel.model.frame_choice import start_of
     from meshreel.model.sequence import MeshSequence
-    from meshreel.model.tracks import copied
+    from meshreel.model.tracks import read_track
 
     if wanted == range(sequence.n_frames):
         return sequence
@@ -59,7 +59,7 @@ def frames_of(sequence: "FrameSource", wanted: range) -> "FrameSource":
         sequence.name,
         start_of(wanted, sequence.start_s, sequence.fps),
         sequence.surface,
-        {name: copied(track, wanted) for name, track in sequence.tracks.items()},
+        {name: read_track(track, wanted) for name, track in sequence.tracks.items()},
     )
 
 

@@ -21,7 +21,7 @@ from meshreel.evaluation.tracks.results import TrackResults
 from meshreel.evaluation.tracks.settings import Level, levels_of
 from meshreel.metrics.track_errors import error_unit
 from meshreel.model.sequence import MeshSequence
-from meshreel.model.tracks import Track, described_track, named_track
+from meshreel.model.tracks import Track, describe_track, track_by_name
 from meshreel.rendering.documents.parts import Document, Picture
 from meshreel.rendering.plots import blank_figure, save_figure
 from meshreel.runtime.progress import Progress
@@ -80,7 +80,7 @@ class TrackStudy:
         track = subject.sequence.tracks[self.track]
         about = {
             **_identity(self.track, track),
-            "described": described_track(track),
+            "described": describe_track(track),
             "shape": list(track.shape),
             "error_unit": error_unit(track),
             "raw_bytes": track.values.nbytes,
@@ -115,12 +115,12 @@ def with_track_alone(sequence: MeshSequence, name: str) -> MeshSequence:
     InvalidInputError
         If it has no such track.
     """
-    return replace(sequence, tracks={name: named_track(sequence.tracks, name)})
+    return replace(sequence, tracks={name: track_by_name(sequence.tracks, name)})
 
 
 def _identity(name: str, track: Track) -> dict[str, Any]:
     """Name and a hash of the values."""
-    digest = hashlib.sha256(f"{described_track(track)} {track.shape}".encode())
+    digest = hashlib.sha256(f"{describe_track(track)} {track.shape}".encode())
     digest.update(track.values.tobytes())
     return {"name": name, "sha256": digest.hexdigest()}
 

@@ -12,7 +12,7 @@ from meshreel.formats.alembic.time_sampling import bracketing_samples
 from meshreel.formats.alembic.winding import reversed_corners
 from meshreel.formats.notes import UNCHANGING, note_kinds, note_moving
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.model.surface import MAX_NUMBERS, Attribute, Domain, FaceGroups, Surface
+from meshreel.model.surface import MAX_COMPONENTS, Attribute, Domain, FaceGroups, Surface
 
 NORMALS, VELOCITIES = "N", ".velocities"
 """Names of mesh properties."""
@@ -128,7 +128,7 @@ def read_face_sets(
 
 
 def _attribute(param: GeometryParam, mesh: PolygonMesh) -> Attribute | None:
-    if param.width > MAX_NUMBERS:
+    if param.width > MAX_COMPONENTS:
         return None
     if (values := param.numbers()) is None:
         return None

@@ -25,7 +25,7 @@ from meshreel.model.tracks import (
     TrackKind,
     TrackSource,
     default_kind,
-    described_sizes,
+    describe_sizes,
     domain_sizes,
 )
 
@@ -157,7 +157,7 @@ def named_tracks(
         note_left_out(
             notes,
             f"arrays: {listed(others)}; tracks are numbers of shape ({n_frames}, N) or "
-            f"({n_frames}, N, C), C up to {MAX_COLUMNS}, for {described_sizes(sizes)}",
+            f"({n_frames}, N, C), C up to {MAX_COLUMNS}, for {describe_sizes(sizes)}",
         )
     return found
 

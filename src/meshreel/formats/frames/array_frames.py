@@ -15,7 +15,7 @@ from meshreel.formats.frames.survey import FrameSurvey
 from meshreel.formats.options import ReadOptions
 from meshreel.model.sequence import Faces, FrameSource, MeshSequence, Vertices, validate_finite
 from meshreel.model.surface import PLAIN, Surface
-from meshreel.model.tracks import TrackSource, copied, size_bytes
+from meshreel.model.tracks import TrackSource, read_track, size_bytes
 
 BLOCK_BYTES = 1 << 24  # positions read at a time
 
@@ -86,7 +86,7 @@ class ArrayFrames:
             description.name,
             description.start_s,
             description.surface,
-            {name: copied(one, range(self.n_frames)) for name, one in tracks.items()},
+            {name: read_track(one, range(self.n_frames)) for name, one in tracks.items()},
         )
 
     def _stored(

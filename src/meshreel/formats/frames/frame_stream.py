@@ -20,7 +20,7 @@ from meshreel.model.sequence import (
     validate_vertices,
 )
 from meshreel.model.surface import PLAIN, Surface
-from meshreel.model.tracks import TrackSource, check_tracks, copied
+from meshreel.model.tracks import TrackSource, check_tracks, read_track
 from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Count, Progress, silent
 
@@ -116,7 +116,7 @@ class FrameStream:
     def gather(self) -> MeshSequence:
         """Load all frames into memory; can be called only once."""
         vertices = np.concatenate(list(self._checked_blocks()))
-        tracks = {name: copied(one, range(self.n_frames)) for name, one in self.tracks.items()}
+        tracks = {name: read_track(one, range(self.n_frames)) for name, one in self.tracks.items()}
         return MeshSequence(
             vertices, self.faces, self.fps, self.name, self.start_s, self.surface, tracks
         )

@@ -7,7 +7,7 @@ from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.model.surface import Surface
-from meshreel.model.surface_selection import Names, selected
+from meshreel.model.surface_selection import Names, select
 
 
 def select_attributes(sequence: FrameSource, names: Names, path: Path) -> FrameSource:
@@ -17,7 +17,7 @@ def select_attributes(sequence: FrameSource, names: Names, path: Path) -> FrameS
     ----------
     sequence : MeshSequence or StoredFrames
     names : str or sequence of str
-        As `meshreel.model.surface_selection.selected` takes them.
+        As `meshreel.model.surface_selection.select` takes them.
     path : Path
         File of the sequence, for errors.
 
@@ -27,7 +27,7 @@ def select_attributes(sequence: FrameSource, names: Names, path: Path) -> FrameS
         If a name does not exist; the message lists the available names.
     """
     with errors_naming(path):
-        surface = selected(sequence.surface, names)
+        surface = select(sequence.surface, names)
     return with_surface(sequence, surface)
 
 

@@ -16,7 +16,7 @@ from meshreel.formats.gltf.interpolation import unit
 from meshreel.formats.gltf.json_object import JsonObject
 from meshreel.formats.gltf.motion import Matrices, compose
 from meshreel.formats.notes import listed, note_left_out
-from meshreel.model.geometry.hard_edges import joined_edges
+from meshreel.model.geometry.hard_edges import merged_edges
 from meshreel.model.surface import Attribute, Domain, Surface
 
 DEFAULTS = {"TRANSLATION": (0, 0, 0), "ROTATION": (0, 0, 0, 1), "SCALE": (1, 1, 1)}
@@ -152,5 +152,5 @@ def _repeated_surface(
         surface,
         attributes=tuple(repeat(one) for one in surface.attributes),
         groups=tuple(groups),
-        hard_edges=joined_edges([surface.hard_edges] * n_instances, [n_verts] * n_instances),
+        hard_edges=merged_edges([surface.hard_edges] * n_instances, [n_verts] * n_instances),
     )

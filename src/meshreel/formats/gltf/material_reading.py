@@ -24,7 +24,7 @@ from meshreel.formats.gltf.specular_glossiness import (
     specular_glossiness,
 )
 from meshreel.formats.notes import GatheredNote, MaterialNotes, listed, note_left_out
-from meshreel.model.materials import UNSAID, Image, Material, Texture, used_by
+from meshreel.model.materials import DEFAULT_MATERIAL, Image, Material, Texture, select_materials
 
 VARIANTS = "KHR_materials_variants"
 SUPPORTED_EXTENSIONS = {UNLIT, STRENGTH}
@@ -84,13 +84,13 @@ class MaterialReader:
             for number, one in materials.items()
             if one is not None and self.labels[number]
         ]
-        return used_by([one.name for one in named], named, self._images)
+        return select_materials([one.name for one in named], named, self._images)
 
     def _has_unnamed_look(self, names: Sequence[str]) -> bool:
         if "" not in names:
             return False
         look = self._read(names.index(""))
-        return look not in (None, Material(""), UNSAID)
+        return look not in (None, Material(""), DEFAULT_MATERIAL)
 
     def _read_material(self, number: int) -> Material | None:
         material = self._document.lists["materials"][number]

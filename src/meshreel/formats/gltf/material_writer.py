@@ -8,7 +8,7 @@ from meshreel.formats.gltf.material_reading import LIT_TEXTURES
 from meshreel.formats.gltf.material_values import ALPHA_CODES, STRENGTH, UNLIT
 from meshreel.formats.gltf.texture_writer import Textures, omit_defaults
 from meshreel.formats.notes import note_left_out
-from meshreel.model.materials import UNSAID, AlphaMode, Material, Texture
+from meshreel.model.materials import DEFAULT_MATERIAL, AlphaMode, Material, Texture
 from meshreel.model.surface import Surface
 
 
@@ -41,7 +41,7 @@ class Materials:
         """Return the index of the material of a label, or None, after writing it if necessary."""
         if label not in self._indices:
             self._indices[label] = len(self.listed)
-            look = UNSAID if label is None else self._looks.get(label, UNSAID)
+            look = DEFAULT_MATERIAL if label is None else self._looks.get(label, DEFAULT_MATERIAL)
             self.listed.append(({"name": label} if label else {}) | self._material(look))
         return self._indices[label]
 

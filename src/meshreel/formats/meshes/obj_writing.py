@@ -23,7 +23,12 @@ from meshreel.formats.notes import (
 )
 from meshreel.formats.text.decimal_text import face_rows, number_rows, vertex_rows
 from meshreel.model.geometry.fans import join_fans
-from meshreel.model.geometry.hard_edges import RowNormals, hard_flags, joined_labels, shared_edges
+from meshreel.model.geometry.hard_edges import (
+    RowNormals,
+    hard_flags,
+    lowest_connected,
+    shared_edges,
+)
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import PLAIN, Attribute, Domain, FaceGroups, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource
@@ -181,7 +186,7 @@ def _smoothing_groups(surface: Surface, faces: Faces) -> FaceGroups | None:
     _, first = np.unique(edge, return_index=True)
     other = of_face[first][edge]
     is_soft = ~is_hard[edge]
-    number = joined_labels(len(counts), of_face[is_soft], other[is_soft])
+    number = lowest_connected(len(counts), of_face[is_soft], other[is_soft])
     if (number[of_face] == number[other])[~is_soft & (of_face != other)].any():
         return None
     sets, row, sizes = np.unique(number, return_inverse=True, return_counts=True)

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.model.geometry.hard_edges import joined_edges
+from meshreel.model.geometry.hard_edges import merged_edges
 from meshreel.model.materials import Image, Material, renumbered
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Part, Surface
 
@@ -39,7 +39,7 @@ def merge_surfaces(
     surfaces, materials, images = merge_materials(surfaces)
     attributes = _merged_attributes(unify_domains(surfaces, frames), frames, notes)
     groups = _merged_groups(surfaces, frames)
-    hard_edges = joined_edges(
+    hard_edges = merged_edges(
         [one.hard_edges for one in surfaces], [len(frame.vertices) for frame in frames]
     )
     return Surface(None, attributes, groups, parts, materials, images, hard_edges)

@@ -19,7 +19,7 @@ from meshreel.formats.scenes.timing import frame_times
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.geometry.fans import triangulate_fans
 from meshreel.model.sequence import FrameSource, MeshSequence, Vertices, validate_finite
-from meshreel.model.tracks import copied_together, size_bytes
+from meshreel.model.tracks import read_tracks, size_bytes
 from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Count
 
@@ -129,7 +129,7 @@ def open_mesh(mesh: SceneMesh, path: Path, options: ReadOptions) -> FrameSource:
         if is_loaded and (options.max_loaded_bytes is None or size <= options.max_loaded_bytes):
             vertices = np.stack(frames).astype(survey.dtype, copy=False)
             return MeshSequence(
-                vertices, faces, rate, name, timing.start_s, surface, copied_together(tracks)
+                vertices, faces, rate, name, timing.start_s, surface, read_tracks(tracks)
             )
         return StoredFrames(
             n_frames=n_frames,

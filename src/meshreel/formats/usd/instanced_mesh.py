@@ -23,7 +23,7 @@ from meshreel.formats.usd.quantities import Quantity
 from meshreel.formats.usd.sampling import Samples
 from meshreel.formats.usd.skinning import Skin
 from meshreel.formats.usd.transforms import transform_instances
-from meshreel.model.geometry.hard_edges import joined_edges
+from meshreel.model.geometry.hard_edges import merged_edges
 from meshreel.model.surface import Attribute, Domain, Int32s, Surface
 from meshreel.runtime.counting import counted
 
@@ -206,7 +206,7 @@ def _instance_surface(surface: Surface, frame: PolygonMesh, is_mirrored: Mask) -
         surface,
         attributes=tuple(instance(one) for one in surface.attributes),
         groups=tuple(groups),
-        hard_edges=joined_edges(
+        hard_edges=merged_edges(
             [surface.hard_edges] * n_instances, [len(frame.vertices)] * n_instances
         ),
     )

@@ -10,7 +10,7 @@ from meshreel.formats.extras import USD
 from meshreel.formats.notes import MaterialNotes
 from meshreel.formats.usd.preview_surface import PreviewSurface
 from meshreel.formats.usd.stage_images import StageImages
-from meshreel.model.materials import Image, Material, used_by
+from meshreel.model.materials import Image, Material, select_materials
 
 
 class StageMaterials:
@@ -100,7 +100,7 @@ class MeshMaterials:
             for label, look in self._looks.items()
             if look is not None
         ]
-        return used_by([one.name for one in materials], materials, self._materials.images)
+        return select_materials([one.name for one in materials], materials, self._materials.images)
 
 
 def label_of(prim: Any) -> str:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from meshreel.formats.extras import USD
 from meshreel.formats.notes import UNCHANGING, note_kinds
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.model.surface import MAX_NUMBERS, VALUE_TYPES, Attribute, Domain, Kind
+from meshreel.model.surface import MAX_COMPONENTS, VALUE_TYPES, Attribute, Domain, Kind
 
 DOMAINS = {
     "vertex": Domain.VERTEX,
@@ -159,7 +159,9 @@ def _values(primvar: Any, code: float) -> npt.NDArray[Any] | None:
         values = values[np.newaxis]
     width = max(1, int(primvar.GetElementSize())) * int(np.prod(values.shape[1:]))
     values = values.astype(CONVERTED_TYPES.get(values.dtype, values.dtype), copy=False)
-    is_supported = width <= MAX_NUMBERS and values.size % width == 0 and values.dtype in VALUE_TYPES
+    is_supported = (
+        width <= MAX_COMPONENTS and values.size % width == 0 and values.dtype in VALUE_TYPES
+    )
     return values.reshape(-1, width) if is_supported else None
 
 

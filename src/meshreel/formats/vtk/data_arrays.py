@@ -12,10 +12,10 @@ from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import COLOR_NAMES, NORMALS, UV_NAMES, Field
 from meshreel.formats.notes import note_kinds, note_normals
 from meshreel.formats.vtk.cells import CellSurface
-from meshreel.model.surface import MAX_NUMBERS, VALUE_TYPES, Attribute, Domain, Kind, Surface
+from meshreel.model.surface import MAX_COMPONENTS, VALUE_TYPES, Attribute, Domain, Kind, Surface
 
 TEXTURE_COORDINATES = "TCoords"
-UNSUPPORTED_ARRAYS = f"arrays of text, or with more than {MAX_NUMBERS} components"
+UNSUPPORTED_ARRAYS = f"arrays of text, or with more than {MAX_COMPONENTS} components"
 """How notes name arrays that attributes cannot hold."""
 
 
@@ -95,7 +95,7 @@ def _attribute(
     if len(values) != n_items:
         raise FormatError(f"array {array.name!r} has {len(values)} values; expected {n_items}")
     values = values.reshape(n_items, -1)
-    if array.role == NORMALS or values.dtype.kind not in "iuf" or values.shape[1] > MAX_NUMBERS:
+    if array.role == NORMALS or values.dtype.kind not in "iuf" or values.shape[1] > MAX_COMPONENTS:
         return None
     values = _as_value_type(values[rows])
     return Attribute(array.name, kind_of(array), domain, values)

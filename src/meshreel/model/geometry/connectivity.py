@@ -1,7 +1,7 @@
-"""Edges, adjacency, components and boundary of a triangle list, however irregular it is.
+"""Edges, adjacency, components and boundary of any triangle list.
 
-Degenerate faces (a vertex named twice) contribute their edges of positive length; duplicate faces
-contribute their edges once; a vertex without an edge is isolated.
+A degenerate face (with a repeated vertex) contributes its edges between different vertices;
+duplicate faces contribute their edges once; a vertex without an edge is isolated.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ from meshreel.model.sequence import Faces
 
 
 def undirected_edges(faces: Faces) -> Integers:
-    """Every edge once, as an array of shape (E, 2) with ends ascending, sorted."""
+    """Unique edges, of shape (E, 2), lower vertex first, sorted."""
     return _edges_and_face_counts(faces)[0]
 
 
@@ -26,29 +26,29 @@ def adjacency_matrix(faces: Faces, n_verts: int) -> csr_array:
     return csr_array((np.ones(len(rows)), (rows, columns)), shape=(n_verts, n_verts))
 
 
-def neighbours_of(
+def neighbors_of(
     adjacency: csr_array, vertices: npt.NDArray[np.integer]
 ) -> tuple[npt.NDArray[np.integer], npt.NDArray[np.integer]]:
-    """Number of neighbours of each of some vertices, and all of the neighbours, concatenated.
+    """Number of neighbors of each given vertex, and their concatenated neighbors.
 
     Parameters
     ----------
     adjacency : csr_array of shape (V, V)
-        Its values do not matter.
+        Its values are ignored.
     vertices : integer array
-        A vertex may occur more than once.
+        May contain duplicates.
     """
     starts, ends = adjacency.indptr[vertices], adjacency.indptr[vertices + 1]
     counts = ends - starts
     last = np.cumsum(counts, dtype=counts.dtype)
-    places = np.arange(last[-1:].sum(), dtype=counts.dtype) + np.repeat(ends - last, counts)
-    return counts, adjacency.indices[places]
+    positions = np.arange(last[-1:].sum(), dtype=counts.dtype) + np.repeat(ends - last, counts)
+    return counts, adjacency.indices[positions]
 
 
 def component_labels(faces: Faces, n_verts: int) -> tuple[int, Integers]:
     """Number of connected components, and the component of each vertex.
 
-    Components are numbered by their lowest vertex; an isolated vertex is one of its own.
+    Components are numbered by their lowest vertex; an isolated vertex is a component.
     """
     n_components, labels = connected_components(adjacency_matrix(faces, n_verts), directed=False)
     return int(n_components), labels.astype(np.int64)
@@ -56,25 +56,25 @@ def component_labels(faces: Faces, n_verts: int) -> tuple[int, Integers]:
 
 def isolated_vertices(faces: Faces, n_verts: int) -> Integers:
     """Vertices without an edge, ascending."""
-    touched = np.zeros(n_verts, bool)
+    has_edge = np.zeros(n_verts, bool)
     for corner in range(3):
         differs = (faces[:, corner, None] != faces).any(axis=1)
-        touched[faces[differs, corner]] = True
-    return np.flatnonzero(~touched)
+        has_edge[faces[differs, corner]] = True
+    return np.flatnonzero(~has_edge)
 
 
 def boundary_edges(faces: Faces) -> Integers:
-    """Edges that belong to exactly one face, as an array of shape (B, 2)."""
+    """Edges that belong to exactly one face, of shape (B, 2)."""
     edges, counts = _edges_and_face_counts(faces)
     return np.asarray(edges[counts == 1], np.int64)
 
 
 def _edges_and_face_counts(faces: Faces) -> tuple[Integers, Integers]:
-    """Sorted edges of shape (E, 2), and the number of sides of faces on each."""
+    """Sorted edges of shape (E, 2), and the number of face sides on each."""
     starts = faces.astype(np.int64).ravel()
     ends = np.roll(faces, -1, axis=1).astype(np.int64).ravel()
     low, high = np.minimum(starts, ends), np.maximum(starts, ends)
-    # One number for each edge: sorting numbers is many times faster than sorting pairs.
+    # One key per edge: sorting keys is many times faster than sorting pairs.
     size = high.max(initial=0) + 1
     keys, counts = np.unique((low * size + high)[low != high], return_counts=True)
     return np.stack([keys // size, keys % size], axis=1), counts

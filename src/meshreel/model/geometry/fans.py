@@ -7,14 +7,12 @@ from meshreel.model.geometry.ragged import Integers, ragged_indices
 
 
 def triangulate_fans(counts: Integers, corners: Integers) -> npt.NDArray[np.int32]:
-    """The triangles of every face, cut as a fan from its first corner.
-
-    The order of the faces is kept, and the triangles of one face follow each other.
+    """Cut each face into a fan of triangles from its first corner, in the order of the faces.
 
     Parameters
     ----------
     counts, corners : integer arrays
-        Number of corners of each face, at least 3; vertex indices, face after face.
+        Number of corners of each face, at least 3; concatenated vertex indices of all faces.
 
     Returns
     -------
@@ -28,14 +26,14 @@ def triangulate_fans(counts: Integers, corners: Integers) -> npt.NDArray[np.int3
 
 
 def join_fans(sizes: Integers, faces: npt.NDArray[np.integer]) -> npt.NDArray[np.int32]:
-    """The corners of the faces that `triangulate_fans` triangulated, face after face.
+    """Concatenated corners of the faces that `triangulate_fans` cut.
 
     Parameters
     ----------
     sizes : integer array of shape (P,)
-        Corners of each face, at least 3.
+        Number of corners of each face, at least 3.
     faces : integer array of shape (sum of sizes - 2, 3)
-        The triangles, those of one face after the other.
+        The triangles, in the order of the faces.
 
     Returns
     -------
@@ -51,9 +49,6 @@ def join_fans(sizes: Integers, faces: npt.NDArray[np.integer]) -> npt.NDArray[np
 
 
 def fan_corners(sizes: Integers) -> npt.NDArray[np.int32]:
-    """Index of the polygon corner at each triangle corner, of shape (M, 3).
-
-    Corners of polygons are numbered consecutively, face after face.
-    """
+    """Index of the polygon corner at each triangle corner, of shape (M, 3)."""
     sizes = np.asarray(sizes, np.int64)
     return triangulate_fans(sizes, np.arange(int(sizes.sum()), dtype=np.int32))

@@ -12,7 +12,7 @@ from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_threads
 
 RELATIVE_RIDGE = 1e-3
-"""Ridge of reproducing weights, as a share of the neighbours' mean squared distance."""
+"""Ridge of reproducing weights, as a fraction of the neighbors' mean squared distance."""
 
 CHUNK_VERTICES = 1024
 """Number of vertices whose weights are computed at once."""
@@ -49,14 +49,14 @@ def uniform_laplacian(faces: Faces, n_verts: int, *, normalized: bool = False) -
 def cotangent_laplacian(faces: Faces, shape: npt.NDArray[np.floating]) -> csr_array:
     """Cotangent Laplacian with rows of unit weight, ``L = I - D^-1 W``.
 
-    An edge weighs half the sum of the cotangents of the angles opposite to it, at least 0.05 and at
-    most 20. Faces without area add nothing to it.
+    The weight of an edge is half the sum of the cotangents of its opposite angles, clamped to
+    0.05..20. Degenerate faces do not contribute.
 
     Parameters
     ----------
     faces : integer array of shape (M, 3)
     shape : float array of shape (V, 3)
-        The positions that angles are measured in.
+        The positions that determine the angles.
 
     Returns
     -------
@@ -71,22 +71,22 @@ def cotangent_laplacian(faces: Faces, shape: npt.NDArray[np.floating]) -> csr_ar
     rows, columns, halves = [], [], []
     for corner in range(3):
         apex, start, end = (faces[:, (corner + k) % 3] for k in range(3))
-        to_start, to_end = (shape[one].astype(np.float64) - shape[apex] for one in (start, end))
+        to_start, to_end = (shape[tip].astype(np.float64) - shape[apex] for tip in (start, end))
         area = np.linalg.norm(np.cross(to_start, to_end), axis=1)
         dot = np.einsum("ij,ij->i", to_start, to_end)
         rows.append(start)
         columns.append(end)
         halves.append(np.divide(dot, 2 * area, out=np.zeros_like(dot), where=area > 0))
-    places = np.concatenate(rows), np.concatenate(columns)
-    weights = csr_array((np.concatenate(halves), places), shape=(n_verts, n_verts))
-    of_edges = csr_array(weights + weights.T).multiply(adjacency).tocsr()
-    bounded = csr_array(adjacency)
-    at = np.repeat(np.arange(n_verts), np.diff(bounded.indptr))
-    found = np.asarray(of_edges[at, bounded.indices]).ravel()
-    bounded.data = np.clip(found, MIN_COTANGENT_WEIGHT, MAX_COTANGENT_WEIGHT)
-    sums = bounded.sum(axis=1)
+    entries = np.concatenate(halves), (np.concatenate(rows), np.concatenate(columns))
+    one_sided = csr_array(entries, shape=(n_verts, n_verts))
+    symmetric = csr_array(one_sided + one_sided.T).multiply(adjacency).tocsr()
+    weights = csr_array(adjacency)
+    row_indices = np.repeat(np.arange(n_verts), np.diff(weights.indptr))
+    cotangents = np.asarray(symmetric[row_indices, weights.indices]).ravel()
+    weights.data = np.clip(cotangents, MIN_COTANGENT_WEIGHT, MAX_COTANGENT_WEIGHT)
+    sums = weights.sum(axis=1)
     inverse = np.divide(1.0, sums, out=np.zeros_like(sums), where=sums > 0)
-    return csr_array(diags_array((sums > 0).astype(np.float64)) - diags_array(inverse) @ bounded)
+    return csr_array(diags_array((sums > 0).astype(np.float64)) - diags_array(inverse) @ weights)
 
 
 def delta_coordinates(laplacian: csr_array, columns: npt.NDArray[np.floating]) -> Floats:
@@ -112,7 +112,7 @@ def delta_coordinates(laplacian: csr_array, columns: npt.NDArray[np.floating]) -
     """
     if columns.shape[0] != laplacian.shape[1]:
         raise InvalidInputError(
-            f"the Laplacian is of {laplacian.shape[1]} vertices; got {columns.shape[0]} rows"
+            f"the Laplacian has {laplacian.shape[1]} vertices; got {columns.shape[0]} rows"
         )
     return np.asarray(laplacian @ np.asarray(columns, np.float64))
 
@@ -121,10 +121,10 @@ def delta_coordinates(laplacian: csr_array, columns: npt.NDArray[np.floating]) -
 def reproducing_laplacian(adjacency: csr_array, fields: Floats, noise: float) -> csr_array:
     """Laplacian ``I - W`` whose weights reproduce known fields on the mesh.
 
-    The weights of a vertex sum to 1 and approximate its value of every field by the weighted mean
-    of its neighbours' values, in the least-squares sense. Fields that vary over the mesh like the
-    known ones then have small deltas, however the mesh is sampled: deltas of uniform weights
-    contain the sampling, and those of cotangent weights, which are of one frame, contain the
+    The weights of a vertex sum to 1 and approximate its value in every field by the weighted mean
+    of its neighbors' values, in the least-squares sense. Fields that vary over the mesh like the
+    known ones then have small deltas for any sampling of the mesh: deltas of uniform weights
+    contain the sampling, and those of cotangent weights, which come from one frame, contain the
     bending.
 
     Weights that fit noise in the fields would propagate it; a ridge keeps them nearly equal where
@@ -135,7 +135,7 @@ def reproducing_laplacian(adjacency: csr_array, fields: Floats, noise: float) ->
     adjacency : csr_array of shape (V, V)
         Binary, symmetric, with an empty diagonal.
     fields : float64 array of shape (V, K)
-        Without a column, all weights of a vertex are equal: the normalised uniform Laplacian.
+        Without columns, all weights of a vertex are equal: the normalized uniform Laplacian.
     noise : float
         Variance of the noise in each field, times the strength of the ridge.
 
@@ -152,17 +152,17 @@ def reproducing_laplacian(adjacency: csr_array, fields: Floats, noise: float) ->
     weights = np.zeros(len(adjacency.indices))
 
     def fill(vertices: npt.NDArray[np.int64]) -> None:
-        places = adjacency.indptr[vertices][:, None] + np.arange(degrees[vertices[0]])
-        offsets = fields[adjacency.indices[places]] - fields[vertices][:, None, :]
-        weights[places] = _reproducing_weights(offsets, noise)
+        entries = adjacency.indptr[vertices][:, None] + np.arange(degrees[vertices[0]])
+        offsets = fields[adjacency.indices[entries]] - fields[vertices][:, None, :]
+        weights[entries] = _reproducing_weights(offsets, noise)
 
-    in_threads(fill, _of_one_degree(degrees))
+    in_threads(fill, _by_degree(degrees))
     mean = csr_array((weights, adjacency.indices, adjacency.indptr), shape=adjacency.shape)
     return csr_array(diags_array((degrees > 0).astype(np.float64)) - mean)
 
 
-def _of_one_degree(degrees: npt.NDArray[np.integer]) -> list[npt.NDArray[np.int64]]:
-    """Vertices that have neighbours, in groups of equal degree."""
+def _by_degree(degrees: npt.NDArray[np.integer]) -> list[npt.NDArray[np.int64]]:
+    """Vertices with neighbors, in groups of equal degree."""
     pieces = []
     for degree in np.unique(degrees[degrees > 0]):
         vertices = np.flatnonzero(degrees == degree)
@@ -171,13 +171,13 @@ def _of_one_degree(degrees: npt.NDArray[np.integer]) -> list[npt.NDArray[np.int6
 
 
 def _reproducing_weights(offsets: Floats, noise: float) -> Floats:
-    """Weights of shape (N, d) for offsets of d neighbours, of shape (N, d, K).
+    """Weights of shape (N, d) for offsets of d neighbors, of shape (N, d, K).
 
-    They are (Z Z^T + r I)^-1 1 up to a factor, found by a system of the size of the K fields
-    (Woodbury): a hub can have any number of neighbours.
+    They are (Z Z^T + r I)^-1 1 up to a factor, computed from a K by K system (Woodbury), because a
+    vertex can have any number of neighbors.
     """
-    n_neighbours, n_fields = offsets.shape[1:]
-    spread = np.einsum("ijk,ijk->i", offsets, offsets) / n_neighbours
+    n_neighbors, n_fields = offsets.shape[1:]
+    spread = np.einsum("ijk,ijk->i", offsets, offsets) / n_neighbors
     ridge = RELATIVE_RIDGE * spread + noise * n_fields
     ridge = np.where(ridge > 0, ridge, 1.0)
     inner = np.swapaxes(offsets, 1, 2) @ offsets + ridge[:, None, None] * np.eye(n_fields)

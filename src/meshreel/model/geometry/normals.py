@@ -8,7 +8,7 @@ from meshreel.model.sequence import Faces
 
 
 def face_normals(vertices: npt.NDArray[np.floating], faces: Faces) -> Floats:
-    """Normals of all faces, of twice their area in length; zero for degenerate faces.
+    """Normals of all faces, whose length is twice the area; zero for degenerate faces.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ def face_normals(vertices: npt.NDArray[np.floating], faces: Faces) -> Floats:
 
 
 def vertex_normals(vertices: npt.NDArray[np.floating], faces: Faces) -> Floats:
-    """Unit normals of the vertices of one frame: means over their faces, weighted by area.
+    """Unit normals of the vertices of one frame: area-weighted means over their faces.
 
     Parameters
     ----------
@@ -33,15 +33,10 @@ def vertex_normals(vertices: npt.NDArray[np.floating], faces: Faces) -> Floats:
 
     Returns
     -------
-    float64 array of shape (V, 3); zero where no face has an area
+    float64 array of shape (V, 3); zero where all faces are degenerate
     """
-    normals = face_normals(vertices, faces)
-    sums = np.stack(
-        [
-            np.bincount(faces.ravel(), np.repeat(normals[:, axis], 3), len(vertices))
-            for axis in range(3)
-        ],
-        axis=1,
-    )
+    normals = face_normals(vertices, faces).T
+    columns = [np.bincount(faces.ravel(), np.repeat(x, 3), len(vertices)) for x in normals]
+    sums = np.stack(columns, axis=1)
     lengths = np.linalg.norm(sums, axis=1, keepdims=True)
     return np.asarray(np.divide(sums, lengths, out=np.zeros_like(sums), where=lengths > 0))

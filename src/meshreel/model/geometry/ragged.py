@@ -9,7 +9,7 @@ Integers = npt.NDArray[np.integer[Any]]
 
 
 def ragged_indices(starts: Integers, counts: Integers) -> npt.NDArray[np.int64]:
-    """All indices of the ranges ``starts[i] .. starts[i] + counts[i] - 1``, concatenated.
+    """Concatenated indices of the ranges ``starts[i] .. starts[i] + counts[i] - 1``.
 
     Parameters
     ----------

@@ -349,7 +349,7 @@ def test_hard_edges_take_no_bytes_when_there_are_none_and_few_when_all_are():
 def test_encoding_is_refused_when_a_hard_edge_is_not_between_faces():
     grid = waving_grid(2)
     given = replace(grid, surface=Surface(hard_edges=np.array([[0, 98]])))
-    with pytest.raises(InvalidInputError, match="hard edge 0, 98 must lie between two faces"):
+    with pytest.raises(InvalidInputError, match="hard edge 0, 98 must have two or more faces"):
         meshreel.encode(given)
     given = replace(grid, surface=Surface(hard_edges=np.array([[0, 1]])))  # on the boundary
     with pytest.raises(InvalidInputError, match="hard edge 0, 1"):

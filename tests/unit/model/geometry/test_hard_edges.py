@@ -105,5 +105,5 @@ def pairs(found):
 def test_normals_are_refused_when_a_hard_edge_is_not_there():
     grid = waving_grid(1)
     surface = Surface(hard_edges=np.array([[0, 50]], np.int32))
-    with pytest.raises(InvalidInputError, match="hard edge 0, 50 must lie between two faces"):
+    with pytest.raises(InvalidInputError, match="hard edge 0, 50 must have two or more faces"):
         meshreel.corner_normals(grid[0], grid.faces, surface)
