@@ -1,78 +1,76 @@
-"""Bits of a stream, one by one: "Bits", "Integers" and "Mixed bits" of docs/format.md."""
+"""Entropy decoding: "Bits", "Integers" and "Mixed bits" of docs/format.md."""
 
 from collections import defaultdict
 from dataclasses import dataclass
 
 HALF, WORD = 2**32, 2**64
-NO_CONTEXT = None
 
 
 class DamagedError(Exception):
-    """The bytes are not those of a stream."""
+    """The bytes are not a valid stream."""
 
 
-def need(is_so, what="the stream contradicts itself"):
-    """Nothing if it is so."""
-    if not is_so:
-        raise DamagedError(what)
+def need(condition, message="the stream is inconsistent"):
+    """Raise DamagedError unless the condition holds."""
+    if not condition:
+        raise DamagedError(message)
 
 
 def clip(number, low, high):
-    """The nearest number in low..high."""
     return max(low, min(high, number))
 
 
 def sign_class(number):
-    """0 of 0, 1 of positive, 2 of negative numbers."""
+    """Return 0 for zero, 1 for positive and 2 for negative numbers."""
     return 0 if number == 0 else 1 if number > 0 else 2
 
 
 class Model:
-    """An adaptive bit: two probabilities that it is 1, and how many bits it has seen."""
+    """An adaptive bit: two probabilities of a 1, and the number of bits coded so far."""
 
-    def __init__(self, guess=32768, count=0):
-        self.quick = self.slow = guess
+    def __init__(self, probability=32768, count=0):
+        self.fast = self.slow = probability
         self.count = count
 
     @property
     def probability(self):
-        return clip((self.quick + self.slow) // 2, 32, 65504)
+        return clip((self.fast + self.slow) // 2, 32, 65504)
 
     def learn(self, bit):
         rate = 131072 // (2 * self.count + 3)
-        self.quick = moved(self.quick, max(rate, 1024), bit)
-        self.slow = moved(self.slow, rate, bit)
+        self.fast = adapted(self.fast, max(rate, 1024), bit)
+        self.slow = adapted(self.slow, rate, bit)
         self.count = min(self.count + 1, 256)
 
 
-def moved(x, rate, bit):
+def adapted(x, rate, bit):
     return x + (65535 - x) * rate // 65536 if bit else x - x * rate // 65536
 
 
 class BitStream:
-    """A bit stream, which is a number in 0..1."""
+    """Range decoder of a bit stream."""
 
     def __init__(self, data):
         self.data, self.position = data, 8
-        self.left = int.from_bytes(data[:8].ljust(8, b"\0"), "big")
+        self.code = int.from_bytes(data[:8].ljust(8, b"\0"), "big")
         self.range = WORD - 1
 
     def bit(self, probability):
-        part = probability * (self.range // 65536)
-        bit = int(self.left < part)
+        split = probability * (self.range // 65536)
+        bit = int(self.code < split)
         if bit:
-            self.range = part
+            self.range = split
         else:
-            self.range -= part
-            self.left -= part
-        self._renew()
+            self.range -= split
+            self.code -= split
+        self._renormalize()
         return bit
 
     def raw(self, n):
         self.range //= 2**n
-        value = min(self.left // self.range, 2**n - 1)
-        self.left -= value * self.range
-        self._renew()
+        value = min(self.code // self.range, 2**n - 1)
+        self.code -= value * self.range
+        self._renormalize()
         return value
 
     def adaptive(self, model):
@@ -80,43 +78,44 @@ class BitStream:
         model.learn(bit)
         return bit
 
-    def in_context(self, every, here):
-        """A bit that has a model for all, and one in its context."""
-        if not here.count:
-            here.quick, here.slow, here.count = every.quick, every.slow, min(every.count, 3)
-        bit = self.bit((3 * here.probability + every.probability) // 4)
-        here.learn(bit)
-        every.learn(bit)
+    def in_context(self, shared, context):
+        """Read a bit with a shared model and the model of its context."""
+        if not context.count:
+            context.fast, context.slow = shared.fast, shared.slow
+            context.count = min(shared.count, 3)
+        bit = self.bit((3 * context.probability + shared.probability) // 4)
+        context.learn(bit)
+        shared.learn(bit)
         return bit
 
     def end(self):
-        """Refuse bytes behind those that were taken."""
-        need(not any(self.data[self.position :]), "bytes are left over")
+        """Refuse nonzero bytes after those consumed."""
+        need(not any(self.data[self.position :]), "the bit stream is followed by other bytes")
 
-    def _renew(self):
+    def _renormalize(self):
         if self.range < HALF:
             word = self.data[self.position : self.position + 4].ljust(4, b"\0")
             self.position += 4
-            self.left = (self.left * HALF + int.from_bytes(word, "big")) % WORD
+            self.code = (self.code * HALF + int.from_bytes(word, "big")) % WORD
             self.range = self.range * HALF % WORD
 
 
 class NamedBits:
-    """Adaptive bits by name, all new at first, of a stream."""
+    """Adaptive bits of a stream by name, initially new."""
 
     def __init__(self, stream):
         self.stream = stream
         self.models = defaultdict(Model)
 
-    def bit(self, name, context=NO_CONTEXT):
-        """An adaptive bit of this name, if there is a context beside one of name and context."""
-        every = self.models[name]
-        if context is NO_CONTEXT:
-            return self.stream.adaptive(every)
-        return self.stream.in_context(every, self.models[name, context])
+    def bit(self, name, context=None):
+        """Read the adaptive bit of this name, together with that of the context if given."""
+        shared = self.models[name]
+        if context is None:
+            return self.stream.adaptive(shared)
+        return self.stream.in_context(shared, self.models[name, context])
 
-    def count(self, name, context=NO_CONTEXT):
-        """An adaptive integer of at least 0, in the model of integers of this name."""
+    def count(self, name, context=None):
+        """Read a count with the integer model of this name."""
         length = 0
         while length < 31 and self.bit((name, "longer", length), context):
             length += 1
@@ -125,61 +124,61 @@ class NamedBits:
         value = 2 + self.bit((name, "second", length), context)
         if length > 2:
             value = 2 * value + self.bit((name, "third", length, value))
-        left = length - 3
-        while left > 0:
-            part = min(left, 16)
-            value = value * 2**part + self.stream.raw(part)
-            left -= part
+        n_raw = length - 3
+        while n_raw > 0:
+            n = min(n_raw, 16)
+            value = value * 2**n + self.stream.raw(n)
+            n_raw -= n
         return value
 
-    def integer(self, name, context=NO_CONTEXT, sign=0):
-        """An adaptive integer; `sign` is the context g of its sign."""
+    def integer(self, name, context=None, sign=0):
+        """Read an adaptive integer; `sign` is the context g of its sign."""
         value = self.count(name, context)
         return -value if value and self.bit((name, "negative", sign), context) else value
 
 
-def mean_class(past, most):
-    """The class of what came before, two for each doubling."""
-    above = past + 4
-    e = above.bit_length() - 1
-    return min(most, 2 * (e - 2) + above // 2 ** (e - 1) % 2)
+def mean_class(past, max_class):
+    """Return the context of the decaying mean P, two per doubling."""
+    p = past + 4
+    e = p.bit_length() - 1
+    return min(max_class, 2 * (e - 2) + p // 2 ** (e - 1) % 2)
 
 
 class TooLargeError(Exception):
-    """Decoding would take more memory than the reader may."""
+    """Decoding would exceed the memory limit."""
 
 
 @dataclass(frozen=True)
 class Memory:
-    """Bytes that decoding may take at once."""
+    """Memory limit of decoding, in bytes."""
 
     size: float = 2**30
 
-    def need(self, size, what):
-        """Refuse what takes more bytes than allowed."""
+    def check(self, size, what):
+        """Raise TooLargeError if more bytes are needed."""
         if size > self.size:
             raise TooLargeError(
-                f"{what}: {size:.3g} bytes of memory are needed, {self.size:.3g} are allowed; give "
-                "`read` a larger Memory"
+                f"{what}: needs {size:.3g} bytes of memory, limit {self.size:.3g}; pass a larger "
+                "Memory to `read`"
             )
 
 
 def stripped(data):
-    """Data of a bit stream, which has no zero byte at its end."""
-    need(not data or data[-1], "a zero byte is at the end")
+    """Return the data of a bit stream after checking that its last byte is not zero."""
+    need(not data or data[-1], "a bit stream ends in a zero byte")
     return data
 
 
 def integers(data, lengths, tables=None):
-    """Rows of integers: `integers(n1, n2, ...)` of the page."""
+    """Return rows of integers: `integers(n1, n2, ...)` of the page."""
     stream = BitStream(stripped(data))
     bits, rows = NamedBits(stream), []
     for table, length in zip(tables or range(len(lengths)), lengths, strict=True):
-        past, before, row = 0, 0, []
+        past, x, row = 0, 0, []
         for _ in range(length):
-            before = bits.integer(table, mean_class(past, 23), sign_class(before))
-            past = past // 2 + 2 * abs(before)
-            row.append(before)
+            x = bits.integer(table, mean_class(past, 23), sign_class(x))
+            past = past // 2 + 2 * abs(x)
+            row.append(x)
         rows.append(row)
     stream.end()
     return rows
@@ -197,7 +196,7 @@ def squash(x):
     return (LOGISTIC[i] * (128 - r) + LOGISTIC[i + 1] * r) // 128
 
 
-def inverse_of_squash():
+def inverse_squash():
     odds, x = [], -2047
     for p in range(4096):
         while x < 2047 and squash(x) < 16 * p + 8:
@@ -206,18 +205,18 @@ def inverse_of_squash():
     return odds
 
 
-ODDS = inverse_of_squash()
+ODDS = inverse_squash()
 
 
 def mixed_bit(stream, models, weights):
-    """A bit that several models predict; weights, a list, are changed."""
-    logits = [ODDS[one.probability // 16] if one.count else 0 for one in models]
+    """Read a bit predicted by several models; updates the list of weights."""
+    logits = [ODDS[model.probability // 16] if model.count else 0 for model in models]
     total = sum(o * w for o, w in zip(logits, weights, strict=True)) // 65536
     q = clip(squash(clip(total, -2047, 2047)), 24, 65512)
     bit = stream.bit(q)
     for i, (model, o) in enumerate(zip(models, logits, strict=True)):
         weights[i] = clip(weights[i] + o * (65536 * bit - q) // 2**14, -(2**20), 2**20)
         if not model.count:
-            model.quick, model.slow, model.count = q, q, 1
+            model.fast, model.slow, model.count = q, q, 1
         model.learn(bit)
     return bit

@@ -1,4 +1,4 @@
-"""A stream as the package and its core decode it, in the shape of `conformance.reader.Reel`."""
+"""Streams decoded by the package and its core, as `conformance.reader.Reel`."""
 
 import numpy as np
 
@@ -17,26 +17,26 @@ from meshreel.model.materials import SLOTS
 from meshreel.paper.decoder import PaperBlockDecoder, stored_mesh, stored_shape
 from meshreel.paper.variants import variant_named
 
-OF_GROUPS = ("frames", "modes", "reference", "step", "n corrections")
-"""What the core says of a track in a block."""
+GROUP_KEYS = ("frames", "modes", "reference", "step", "n corrections")
+"""Keys of a block that the core reports."""
 
 LETTERS = {"u1": "B", "i4": "i", "f4": "f", "f8": "d"}
 
 
 def read_all_by_core(data):
-    """The segments of a stream, decoded; as `conformance.reader.read_all`."""
+    """Decode all segments of a stream, like `conformance.reader.read_all`."""
     return [read_by_core(data, number) for number in range(len(OpenFile(data, np.inf).segments))]
 
 
 def read_by_core(data, segment=None):
-    """A stream, or a segment, as `conformance.reader.read` decodes it, so far as the core does."""
+    """Decode a stream or a segment, as far as the core exposes its contents."""
     opened, sequence = whole_stream(data, segment=segment), decode(data, segment=segment)
-    is_ours = opened.method.name in ("reel", "lossless", "grid")
+    has_tracks = opened.method.name in ("reel", "lossless", "grid")
     blocks, anchors = [block_of(opened, number) for number in range(opened.n_blocks)], []
-    if not is_ours:
+    if not has_tracks:
         blocks, anchors = paper_blocks(opened)
-    starts, promises = (leading(opened, one) for one in (Section.START, Section.PROMISE))
-    numbers = [np.frombuffer(one[0], "<f8").item() if one else None for one in (starts, promises)]
+    starts, promises = (leading(opened, section) for section in (Section.START, Section.PROMISE))
+    numbers = [np.frombuffer(p[0], "<f8").item() if p else None for p in (starts, promises)]
     return Reel(
         container=Container(header_of(opened), [], []),
         internal_faces=opened.internal_faces.tolist(),
@@ -48,32 +48,32 @@ def read_by_core(data, segment=None):
         promise=numbers[1],
         anchors=anchors,
         shape=shape_of(opened),
-        positions=Floats(sequence.vertices) if is_ours else None,
+        positions=Floats(sequence.vertices) if has_tracks else None,
         tracks=tracks_of(opened),
     )
 
 
-def given_by_core(said):
-    """The part of a description that the core gives: values, but not the integers behind them."""
-    if "segments" in said:
-        return {"segments": list(map(given_by_core, said["segments"]))}
-    if "hash of positions" not in said:
-        return said
+def reported_by_core(description):
+    """Return the part of a description that the core reports: values, but not their integers."""
+    if "segments" in description:
+        return {"segments": list(map(reported_by_core, description["segments"]))}
+    if "hash of positions" not in description:
+        return description
     tracks = [
-        {name: one for name, one in track.items() if name != "rate"} | of_groups(track)
-        for track in said.get("tracks", [])
+        {key: value for key, value in track.items() if key != "rate"} | reported_blocks(track)
+        for track in description.get("tracks", [])
     ]
-    return said | of_groups(said) | ({"tracks": tracks} if tracks else {})
+    return description | reported_blocks(description) | ({"tracks": tracks} if tracks else {})
 
 
-def of_groups(said):
-    """The blocks of a description with what the core says of them."""
-    kept = [{name: one[name] for name in OF_GROUPS if name in one} for one in said["blocks"]]
-    return {"blocks": kept}
+def reported_blocks(description):
+    """Return the blocks of a description, reduced to the keys that the core reports."""
+    blocks = description["blocks"]
+    return {"blocks": [{key: b[key] for key in GROUP_KEYS if key in b} for b in blocks]}
 
 
 def shape_of(opened):
-    """Steps and integers of the shape that cotangent weights are measured in."""
+    """Return steps and integers of the shape of cotangent weights."""
     if opened.laplacian is not Laplacian.COTANGENT:
         return None
     shape = stored_shape(opened)
@@ -81,7 +81,7 @@ def shape_of(opened):
 
 
 class Floats:
-    """Floats with the method that the description asks for."""
+    """A float array with the interface of `array.array` that descriptions use."""
 
     def __init__(self, numbers):
         self.numbers = numbers
@@ -92,13 +92,13 @@ class Floats:
     def byteswap(self):
         self.numbers = self.numbers.byteswap()
 
-    def __getitem__(self, place):
+    def __getitem__(self, _):
         return Floats(self.numbers)
 
 
 def leading(opened, section):
-    """Payloads of the leading sections of an id."""
-    return [opened.payload(one) for one in opened.leading if one.id == section]
+    """Return the payloads of the leading sections with an id."""
+    return [opened.payload(other) for other in opened.leading if other.id == section]
 
 
 def header_of(opened):
@@ -121,17 +121,17 @@ def header_of(opened):
 
 
 def block_of(opened, number, track=0):
-    """What the core says of a track in a block."""
-    place, group = opened.file.block(number, track), opened.file.group(number, track)
-    found = {"frames": place.n_frames, "modes": group.n_modes}
+    """Return the description of a track in a block."""
+    stored, group = opened.file.block(number, track), opened.file.group(number, track)
+    block = {"frames": stored.n_frames, "modes": group.n_modes}
     if group.n_modes:
-        found |= {"reference": number - group.key_block, "step": group.step}
-        found |= {"n corrections": group.n_corrections} if group.n_corrections else {}
-    return found
+        block |= {"reference": number - group.key_block, "step": group.step}
+        block |= {"n corrections": group.n_corrections} if group.n_corrections else {}
+    return block
 
 
 def paper_blocks(opened):
-    """Integers of the blocks of the paper's methods, and the anchors."""
+    """Return the integers per block of the paper's methods, and the anchors."""
     variant = variant_named(opened.method.name)
     decoder, mesh = PaperBlockDecoder(opened, variant), stored_mesh(opened, variant)
     blocks = []
@@ -160,77 +160,79 @@ def paper_blocks(opened):
 
 
 def tracks_of(opened):
-    """Of each further track what it is, its blocks, and its values."""
-    found = []
+    """Return fields, blocks and values of each further track."""
+    tracks = []
     for number, track in enumerate(opened.tracks, start=1):
         blocks = [block_of(opened, block, number) for block in range(opened.n_blocks)]
         values = np.empty((opened.n_frames, track.n_items, track.n_columns), track.dtype)
         opened.method.frames(opened, None).fill(values, 0, number)
-        said = {name: getattr(track, name) for name in ("name", "unit", "kind", "domain", "coding")}
-        found.append((said | {"bound": track.bound}, blocks, Floats(values)))
-    return found
+        fields = {key: getattr(track, key) for key in ("name", "unit", "kind", "domain", "coding")}
+        tracks.append((fields | {"bound": track.bound}, blocks, Floats(values)))
+    return tracks
 
 
 def surface_of(surface):
-    """Plain values of a surface."""
+    """Return a surface as plain values."""
     sizes = surface.face_sizes
     return {
         "polygons": None if sizes is None else sizes.tolist(),
-        "attributes": [attribute_of(one) for one in surface.attributes],
+        "attributes": [attribute_of(attribute) for attribute in surface.attributes],
         "groups": [
-            {"name": one.name, "labels": list(one.labels), "numbers": one.numbers.tolist()}
-            for one in surface.groups
+            {"name": group.name, "labels": list(group.labels), "numbers": group.numbers.tolist()}
+            for group in surface.groups
         ],
-        "parts": [[one.name, one.n_verts, one.n_faces] for one in surface.parts],
-        "materials": [material_of(one) for one in surface.materials],
+        "parts": [[part.name, part.n_verts, part.n_faces] for part in surface.parts],
+        "materials": [material_of(material) for material in surface.materials],
         "images": [
-            {"name": one.name, "type": one.mime_type, "data": one.data} for one in surface.images
+            {"name": image.name, "type": image.mime_type, "data": image.data}
+            for image in surface.images
         ],
         "hard edges": [] if surface.hard_edges is None else surface.hard_edges.tolist(),
     }
 
 
-def attribute_of(one):
-    values = one.values.astype(one.values.dtype.newbyteorder("<"))
+def attribute_of(attribute):
+    values = attribute.values.astype(attribute.values.dtype.newbyteorder("<"))
     return {
-        "name": one.name,
-        "kind": str(one.kind),
-        "domain": str(one.domain),
-        "type": LETTERS[one.values.dtype.str[1:]],
+        "name": attribute.name,
+        "kind": str(attribute.kind),
+        "domain": str(attribute.domain),
+        "type": LETTERS[attribute.values.dtype.str[1:]],
         "width": values.shape[1],
         "values": [[row.tobytes()] for row in values],
-        "rows": None if one.indices is None else one.indices.tolist(),
+        "rows": None if attribute.indices is None else attribute.indices.tolist(),
     }
 
 
-def numbers_of(one, sizes):
-    found = [getattr(one, name) for name in sizes]
-    return [number for each in found for number in (each if isinstance(each, tuple) else [each])]
+def numbers_of(item, names):
+    values = [getattr(item, name) for name in names]
+    return [x for value in values for x in (value if isinstance(value, tuple) else [value])]
 
 
-def material_of(one):
+def material_of(material):
     assert ALPHA_MODES[0] == "opaque"
     return {
-        "name": one.name,
-        "alpha mode": str(one.alpha_mode),
-        "numbers": numbers_of(one, MATERIAL_NUMBERS),
-        "double sided": one.double_sided,
-        "unlit": one.unlit,
+        "name": material.name,
+        "alpha mode": str(material.alpha_mode),
+        "numbers": numbers_of(material, MATERIAL_NUMBERS),
+        "double sided": material.double_sided,
+        "unlit": material.unlit,
         "textures": {
-            slot: texture_of(one.textures[slot]) for slot in SLOTS if slot in one.textures
+            slot: texture_of(material.textures[slot]) for slot in SLOTS if slot in material.textures
         },
     }
 
 
-def texture_of(one):
+def texture_of(texture):
     filters = [
-        0 if each is None else 1 + FILTERS.index(each) for each in (one.magnified, one.shrunk)
+        0 if name is None else 1 + FILTERS.index(name)
+        for name in (texture.magnified, texture.shrunk)
     ]
     return {
-        "image": one.image,
-        "uv": one.uv,
-        "wrap": [WRAPS.index(one.wrap_u), WRAPS.index(one.wrap_v)],
-        "channels": "".join(letter for letter in CHANNELS if letter in one.channels),
+        "image": texture.image,
+        "uv": texture.uv,
+        "wrap": [WRAPS.index(texture.wrap_u), WRAPS.index(texture.wrap_v)],
+        "channels": "".join(letter for letter in CHANNELS if letter in texture.channels),
         "filters": filters,
-        "numbers": numbers_of(one, TEXTURE_NUMBERS),
+        "numbers": numbers_of(texture, TEXTURE_NUMBERS),
     }

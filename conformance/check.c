@@ -1,10 +1,10 @@
-/* Decodes a file by meshreel.h: `check IN.reel OUT`, for machines without Python.
+/* Decode a file with meshreel.h: `check IN.reel OUT`, for machines without Python.
 
-   OUT is a sequence of arrays, each behind its size in bytes (uint64): the triangles (uint32), the
-   corners of each face (uint32; empty: all are triangles), of each attribute its values and the row
-   of each item (int32; empty: items have their own values), of each group the label of each face
-   (int32), and of each track, the positions first, the values of all frames. Files of the paper's
-   methods have no tracks here. */
+   OUT is a sequence of arrays, each preceded by its size in bytes (uint64): the triangles (uint32);
+   the number of corners of each face (uint32; empty if all are triangles); for each attribute its
+   values and the row of each item (int32; empty if each has its own); for each group the label of
+   each face (int32); and for each track, positions first, the values of all frames. Files of the
+   paper's methods have no tracks here. */
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -34,12 +34,12 @@ static void release(void *user, void *memory, size_t size) {
     free(memory);
 }
 
-static void *room(uint64_t size) {
-    void *found = malloc(size ? (size_t)size : 1);
-    if (!found) {
-        fail("no memory");
+static void *allocate_array(uint64_t size) {
+    void *memory = malloc(size ? (size_t)size : 1);
+    if (!memory) {
+        fail("out of memory");
     }
-    return found;
+    return memory;
 }
 
 static void write_array(FILE *out, const void *values, uint64_t size) {
@@ -51,16 +51,16 @@ static void write_array(FILE *out, const void *values, uint64_t size) {
 
 static uint64_t size_of(uint32_t type) { return type & 15U; }
 
-static void write_attribute(FILE *out, const meshreel_attribute *one) {
-    uint64_t row = one->width * size_of(one->type), n_items = one->n_items;
-    if (one->is_indexed || !one->rows) {
-        write_array(out, one->values, one->n_rows * row);
-        write_array(out, one->rows, one->rows ? n_items * sizeof *one->rows : 0);
+static void write_attribute(FILE *out, const meshreel_attribute *attribute) {
+    uint64_t row = attribute->width * size_of(attribute->type), n_items = attribute->n_items;
+    if (attribute->is_indexed || !attribute->rows) {
+        write_array(out, attribute->values, attribute->n_rows * row);
+        write_array(out, attribute->rows, attribute->rows ? n_items * sizeof *attribute->rows : 0);
         return;
     }
-    uint8_t *values = room(n_items * row);
+    uint8_t *values = allocate_array(n_items * row);
     for (uint64_t i = 0; i < n_items; i++) {
-        memcpy(values + i * row, (const uint8_t *)one->values + (uint64_t)one->rows[i] * row, row);
+        memcpy(values + i * row, (const uint8_t *)attribute->values + (uint64_t)attribute->rows[i] * row, row);
     }
     write_array(out, values, n_items * row);
     write_array(out, NULL, 0);
@@ -90,7 +90,7 @@ static void write_tracks(FILE *out, const meshreel_file *file) {
         need(meshreel_track_of(file, i, &track), &error);
         uint64_t value = track.n_columns * size_of(track.type);
         uint64_t size = value * track.n_items * info->n_frames;
-        void *values = room(size);
+        void *values = allocate_array(size);
         need(meshreel_decode(decoder, i, 0, info->n_frames, 0, NULL, values, &error), &error);
         write_array(out, values, size);
         free(values);
@@ -99,17 +99,17 @@ static void write_tracks(FILE *out, const meshreel_file *file) {
 }
 
 static meshreel_source whole_file(const char *name) {
-    FILE *given = fopen(name, "rb");
-    if (!given || fseek(given, 0, SEEK_END)) {
-        fail("the file cannot be opened");
+    FILE *file = fopen(name, "rb");
+    if (!file || fseek(file, 0, SEEK_END)) {
+        fail("cannot open the file");
     }
-    size_t size = (size_t)ftell(given);
-    void *bytes = room(size);
-    rewind(given);
-    if (fread(bytes, 1, size, given) != size) {
-        fail("the file cannot be read");
+    size_t size = (size_t)ftell(file);
+    void *bytes = allocate_array(size);
+    rewind(file);
+    if (fread(bytes, 1, size, file) != size) {
+        fail("cannot read the file");
     }
-    fclose(given);
+    fclose(file);
     return (meshreel_source){.bytes = bytes, .size = size};
 }
 

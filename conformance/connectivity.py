@@ -5,17 +5,17 @@ from dataclasses import dataclass, field, replace
 from conformance.bits import BitStream, Model, NamedBits, clip, mixed_bit, need
 
 N_STACKS = 12
-FIRST = {"cap": (2048, 4), "copy": (2048, 4), "far": (2048, 4)}
-"""How bits begin that do not begin even."""
+INITIAL = {"cap": (2048, 4), "copy": (2048, 4), "far": (2048, 4)}
+"""Initial models that differ from the default."""
 
 
 @dataclass(eq=False)
 class Node:
-    """A place of a ring; those of caps have no vertex."""
+    """A node of a ring; those of caps have no vertex."""
 
     vertex: int | None
     degree: int
-    free: int = 0
+    remaining: int = 0
     across: int = 6
     turned: int = 0
     number: int = -1
@@ -39,36 +39,35 @@ def node_class(node):
     return 7 if node.is_cap else degree_class(node.degree)
 
 
-def free_class(node):
-    return min(node.free, 7)
+def remaining_class(node):
+    return min(node.remaining, 7)
 
 
 def flank(node, side):
-    """The node, and up to three more by `next` or `prev`, as long as one edge is to come."""
-    found = [node]
-    while len(found) < 4 and found[-1].free == 1:
-        found.append(getattr(found[-1], side))
-    return found
+    """Return the node, and up to three more by `next` or `prev` while one edge remains."""
+    nodes = [node]
+    while len(nodes) < 4 and nodes[-1].remaining == 1:
+        nodes.append(getattr(nodes[-1], side))
+    return nodes
 
 
 class Walk:
-    """Reads the faces of a mesh of some vertices."""
+    """Reader of the internal faces."""
 
     def __init__(self, data, n_verts, n_faces):
         self.stream = BitStream(data)
         self.bits = NamedBits(self.stream)
-        for name, (guess, count) in FIRST.items():
-            self.bits.models[name] = Model(guess, count)
+        for name, model in INITIAL.items():
+            self.bits.models[name] = Model(*model)
         self.n_verts, self.n_faces, self.faces = n_verts, n_faces, []
         self.mixed = {("meets", 0, k): Model(512, 6) for k in range(2, 10)}
         self.weights = {"meets": [32768, 16384, 16384]}
         self.stacks = [[] for _ in range(N_STACKS)]
-        self.nodes, self.spare, self.n_numbers = {}, [], 0
-        self.n_named = self.n_closing = self.copied = 0
+        self.nodes, self.released, self.n_numbers = {}, [], 0
+        self.n_visited = self.n_closing = self.copied = 0
         self.last_degrees = [6, 6]
 
     def read(self):
-        """All faces."""
         if self.stream.raw(1):
             self.read_listed(self.n_faces)
         else:
@@ -81,7 +80,7 @@ class Walk:
         for _ in range(n_faces):
             a += self.bits.integer("corner 0")
             b, c = (a + self.bits.integer(f"corner {k}") for k in (1, 2))
-            need(all(0 <= one < self.n_verts for one in (a, b, c)), "a corner is no vertex")
+            need(all(0 <= v < self.n_verts for v in (a, b, c)), "a corner is not a vertex")
             self.faces.append((a, b, c))
 
     def read_walks(self):
@@ -91,7 +90,7 @@ class Walk:
         need(n_unused <= self.n_verts and n_flat <= self.n_faces)
         need(self.n_caps <= 3 * self.n_walked, "there are too many caps")
         while len(self.faces) < self.n_walked:
-            self.start_part()
+            self.start_component()
             while any(self.stacks):
                 number = next(i for i in range(N_STACKS) if self.stacks[i])
                 node = self.stacks[number][-1]
@@ -99,41 +98,41 @@ class Walk:
                     self.fill(node)
                 else:
                     self.grow(node, node.next)
-        need(self.n_caps == 0 and self.n_named == self.n_verts - n_unused)
+        need(self.n_caps == 0 and self.n_visited == self.n_verts - n_unused)
         self.read_listed(n_flat)
 
-    def start_part(self):
+    def start_component(self):
         a = self.read_point(self.n_caps and self.bits.bit("starts open"), None, None)
         b = self.read_point(False, None, None)
         link(a, b)
         link(b, a)
-        for one in (a, b):
-            one.free = one.degree - 1
-            self.stack_of(one).append(one)
+        for node in (a, b):
+            node.remaining = node.degree - 1
+            self.stack_of(node).append(node)
 
     def fill(self, n):
-        """A face between a node without free edges and those beside it."""
+        """Add the face between a node without remaining edges and its neighbors."""
         p, q = n.prev, n.next
-        if q.next is p and p.free == q.free == 0:
+        if q.next is p and p.remaining == q.remaining == 0:
             self.add_face(n, q, p)
-            for one in (p, q, n):
-                self.give_back(one)
+            for node in (p, q, n):
+                self.release(node)
             return
-        need(p is not q and p.free and q.free, "a ring cannot be filled")
+        need(p is not q and p.remaining and q.remaining, "a ring cannot be filled")
         p.turned, p.across = self.add_face(n, q, p), n.degree
         link(p, q)
-        self.set_free(p, p.free - 1)
-        self.set_free(q, q.free - 1)
-        self.give_back(n)
+        self.set_remaining(p, p.remaining - 1)
+        self.set_remaining(q, q.remaining - 1)
+        self.release(n)
 
     def grow(self, n, m):
-        """A face at the edge from n to m, to a point that is first met or to a node."""
-        if self.reads_meeting(n, m):
+        """Add the face at the edge from n to m, to a new point or to a node."""
+        if self.meets_node(n, m):
             w = self.read_target(n, m)
-            need(w is not n and w is not m and w.free >= 2, "a ring cannot be met there")
-            rest = self.bits.count("share")
-            need(rest <= w.free - 2, "there are too few edges")
-            new = replace(w, free=w.free - 2 - rest)
+            need(w is not n and w is not m and w.remaining >= 2, "a ring cannot be joined there")
+            share = self.bits.count("share")
+            need(share <= w.remaining - 2, "there are too few edges")
+            new = replace(w, remaining=w.remaining - 2 - share)
             turned = self.add_face(n, m, w)
             self.take_number(new)
             link(w.prev, new)
@@ -141,7 +140,7 @@ class Walk:
             link(n, w)
         else:
             new = self.read_point(self.n_caps and self.bits.bit("cap"), n, m)
-            new.free = new.degree - 2
+            new.remaining = new.degree - 2
             turned = self.add_face(n, m, new)
             link(n, new)
             link(new, m)
@@ -149,33 +148,33 @@ class Walk:
         new.turned = n.turned = turned
         self.stack_of(new).append(new)
         if new.prev is not n:
-            self.set_free(w, rest)
-        self.set_free(n, n.free - 1)
-        self.set_free(m, m.free - 1)
+            self.set_remaining(w, share)
+        self.set_remaining(n, n.remaining - 1)
+        self.set_remaining(m, m.remaining - 1)
 
-    def reads_meeting(self, n, m):
-        k, one = 2, m.next
-        while one is not n and k < 9:
-            one, k = one.next, k + 1
-        fn, fm = free_class(n), free_class(m)
+    def meets_node(self, n, m):
+        k, node = 2, m.next
+        while node is not n and k < 9:
+            node, k = node.next, k + 1
+        fn, fm = remaining_class(n), remaining_class(m)
         contexts = (
             k,
             64 * fn + 8 * fm + k - 2,
-            512 * fn + 64 * fm + 8 * free_class(n.prev) + free_class(m.next),
+            512 * fn + 64 * fm + 8 * remaining_class(n.prev) + remaining_class(m.next),
         )
         return self.read_mixed("meets", contexts)
 
     def read_target(self, n, m):
         if self.bits.bit("far"):
             number = self.stream.raw((self.n_numbers - 1).bit_length())
-            need(number in self.nodes, "there is no such node")
+            need(number in self.nodes, "a node does not exist")
             return self.nodes[number]
-        side, start = ("prev", n.prev) if self.bits.bit("behind") else ("next", m.next)
+        side, node = ("prev", n.prev) if self.bits.bit("behind") else ("next", m.next)
         n_steps = self.bits.count("offset")
         need(n_steps <= 23, "a node is too far away")
         for _ in range(n_steps):
-            start = getattr(start, side)
-        return start
+            node = getattr(node, side)
+        return node
 
     def read_point(self, is_cap, n, m):
         if is_cap:
@@ -191,11 +190,11 @@ class Walk:
     def read_vertex(self):
         if self.pinched and self.bits.bit("copy"):
             self.copied += self.bits.integer("copied")
-            need(0 <= self.copied < self.n_named, "there is no such vertex to copy")
+            need(0 <= self.copied < self.n_visited, "a copied vertex does not exist")
             return self.copied
-        need(self.n_named < self.n_verts, "there are too many vertices")
-        self.n_named += 1
-        return self.n_named - 1
+        need(self.n_visited < self.n_verts, "there are too many vertices")
+        self.n_visited += 1
+        return self.n_visited - 1
 
     def read_degree(self, n, m):
         contexts = self.contexts_of_degree(n, m)
@@ -210,23 +209,23 @@ class Walk:
         if decide(0):
             return 6
         if decide(1):
-            return next((one for one in (5, 4, 3) if decide(7 - one)), 2)
-        larger = next((one for one in range(7, 17) if decide(one - 2)), None)
+            return next((degree for degree in (5, 4, 3) if decide(7 - degree)), 2)
+        larger = next((degree for degree in range(7, 17) if decide(degree - 2)), None)
         return larger or 17 + self.bits.count("more")
 
     def contexts_of_degree(self, n, m):
         if n is None:
             return (3, 0, 0, 0, 0, 0, 0)
         left, right = flank(n, "prev"), flank(m, "next")
-        e = free_class(left[-1])
-        excess = sum(degree_class(one.degree) - 3 for one in left + right if not one.is_cap)
+        e = remaining_class(left[-1])
+        excess = sum(degree_class(node.degree) - 3 for node in left + right if not node.is_cap)
         s, y = clip(excess, -7, 8) + 7, degree_class(n.across)
         g, h = map(degree_class, self.last_degrees)
         cn, cm = node_class(n), node_class(m)
         return (
             1 if n.is_cap else 2 if m.is_cap else 0,
             64 * cn + 8 * cm + y,
-            64 * free_class(n) + 8 * free_class(m) + e,
+            64 * remaining_class(n) + 8 * remaining_class(m) + e,
             64 * e + 8 * g + h,
             512 * node_class(n.prev) + 64 * cn + 8 * cm + node_class(m.next),
             64 * (len(left) - 1) + 16 * (len(right) - 1) + s,
@@ -234,14 +233,12 @@ class Walk:
         )
 
     def read_mixed(self, name, contexts):
-        models = [
-            self.mixed.setdefault((name, i, one), Model(0, 0)) for i, one in enumerate(contexts)
-        ]
+        models = [self.mixed.setdefault((name, i, c), Model(0, 0)) for i, c in enumerate(contexts)]
         weights = self.weights.setdefault(name, [16384] * len(models))
         return mixed_bit(self.stream, models, weights)
 
     def add_face(self, a, b, c):
-        """Whether the face, or that which would be there, is turned over."""
+        """Add a face unless it has a cap; return whether it is flipped."""
         if a.is_cap or b.is_cap or c.is_cap:
             self.n_closing += 1
             need(self.n_closing <= 3 * self.n_walked, "there are too many closing faces")
@@ -249,32 +246,32 @@ class Walk:
         need(len(self.faces) < self.n_walked, "there are too many faces")
         turned = self.bits.bit(("turned", a.turned)) if self.turns else 0
         corners = (a, c, b) if turned else (a, b, c)
-        self.faces.append(tuple(one.vertex for one in corners))
+        self.faces.append(tuple(node.vertex for node in corners))
         return turned
 
     def stack_of(self, node):
-        if node.free == 0:
+        if node.remaining == 0:
             return self.stacks[0]
-        return self.stacks[1 if node.is_cap else min(node.free + 1, 11)]
+        return self.stacks[1 if node.is_cap else min(node.remaining + 1, 11)]
 
-    def set_free(self, node, free):
+    def set_remaining(self, node, remaining):
         self.stack_of(node).remove(node)
-        node.free = free
+        node.remaining = remaining
         self.stack_of(node).append(node)
 
     def take_number(self, node):
-        if self.spare:
-            node.number = self.spare.pop()
+        if self.released:
+            node.number = self.released.pop()
         else:
             node.number, self.n_numbers = self.n_numbers, self.n_numbers + 1
         self.nodes[node.number] = node
 
-    def give_back(self, node):
+    def release(self, node):
         self.stack_of(node).remove(node)
         del self.nodes[node.number]
-        self.spare.append(node.number)
+        self.released.append(node.number)
 
 
 def read_faces(data, n_verts, n_faces):
-    """The internal faces, as tuples of three vertices."""
+    """Return the internal faces, as tuples of three vertices."""
     return Walk(data, n_verts, n_faces).read()

@@ -1,4 +1,4 @@
-"""Header and sections: the bytes of a stream, cut up and checked."""
+"""Header, sections and segments of a stream, parsed and checked."""
 
 import math
 import struct
@@ -39,13 +39,13 @@ NAMES = {
     138: "TRACK",
     139: "HARD_EDGES",
 }
-MOST_NAME_BYTES = 4096
+MAX_NAME_BYTES = 4096
 MAGIC = b"\x89REEL\r\n\x1a"
 
 
 @dataclass
 class Header:
-    """The header as it is stored, or with the mesh of a further segment in place of the first."""
+    """The header of a stream, or that of a further segment."""
 
     n_frames: int
     n_verts: int
@@ -61,16 +61,16 @@ class Header:
 
 
 class Payload:
-    """Bytes that are taken from the front."""
+    """Bytes, read from the front."""
 
     def __init__(self, data):
         self.data, self.position = data, 0
 
     def take(self, n):
-        need(self.position + n <= len(self.data), "the bytes end too early")
-        found = self.data[self.position : self.position + n]
+        need(self.position + n <= len(self.data), "the data ends too early")
+        data = self.data[self.position : self.position + n]
         self.position += n
-        return found
+        return data
 
     def rest(self):
         return self.take(len(self.data) - self.position)
@@ -79,14 +79,14 @@ class Payload:
         return self.take(1)[0]
 
     def number(self, kind):
-        """A number of the kinds of `struct`, little-endian."""
+        """Read a little-endian number; `kind` is a letter of `struct`."""
         return struct.unpack("<" + kind, self.take(struct.calcsize(kind)))[0]
 
     def varint(self):
         value = 0
-        for place in range(9):
+        for i in range(9):
             byte = self.byte()
-            value += (byte % 128) << (7 * place)
+            value += (byte % 128) << (7 * i)
             if byte < 128:
                 return value
         return need(False, "a varint does not end")
@@ -95,19 +95,19 @@ class Payload:
         return self.take(self.varint()).decode()
 
     def end(self):
-        need(self.position == len(self.data), "bytes are left over")
+        need(self.position == len(self.data), "the data is longer than expected")
 
 
 def read_header(payload):
-    need(payload.take(8) == MAGIC and payload.number("H") == 3, "this is no stream of version 3")
+    need(payload.take(8) == MAGIC and payload.number("H") == 3, "not a stream of version 3")
     n_frames, n_verts, n_faces = (payload.number("I") for _ in range(3))
     fps, vertex_type, method = payload.number("d"), payload.byte(), payload.byte()
     laplacian, order = payload.byte(), payload.byte()
     origin, scale = tuple(payload.number("d") for _ in range(3)), payload.number("d")
     n_name_bytes = payload.number("H")
-    need(n_name_bytes <= MOST_NAME_BYTES, "the name is too long")
+    need(n_name_bytes <= MAX_NAME_BYTES, "the name is too long")
     name = payload.take(n_name_bytes).decode()
-    check(payload, 0)
+    check_crc(payload, 0)
     return checked(
         Header(
             n_frames, n_verts, n_faces, fps, vertex_type, METHODS[method], laplacian, order, origin,
@@ -117,15 +117,15 @@ def read_header(payload):
 
 
 def checked(header):
-    """The header, whose fields are in range."""
+    """Return the header after checking its fields."""
     need(header.vertex_type in (4, 8) and header.laplacian < 3 and header.order < 3)
     need(header.n_verts and header.n_faces, "a mesh is empty")
-    need(all(math.isfinite(one) for one in (*header.origin, header.scale)) and header.scale > 0)
+    need(all(math.isfinite(x) for x in (*header.origin, header.scale)) and header.scale > 0)
     return header
 
 
 def header_of_segment(first, data):
-    """What the header is to a segment that begins with these bytes in SEGMENT."""
+    """Return the header of a segment from the payload of its SEGMENT."""
     payload = Payload(data)
     n_verts, n_faces = payload.number("I"), payload.number("I")
     vertex_type, method, laplacian, order = (payload.byte() for _ in range(4))
@@ -141,20 +141,20 @@ def header_of_segment(first, data):
     )  # fmt: skip
 
 
-def check(payload, start):
-    """Refuse a wrong checksum of what stands between `start` and here."""
-    found = zlib.crc32(payload.data[start : payload.position])
-    need(payload.number("I") == found, "a checksum is wrong")
+def check_crc(payload, start):
+    """Compare the checksum that follows with that of the bytes since `start`."""
+    crc = zlib.crc32(payload.data[start : payload.position])
+    need(payload.number("I") == crc, "a checksum is wrong")
 
 
 def read_sections(payload):
-    """Number of the first byte, name and payload of each section up to END."""
+    """Yield position, name and payload of each section up to END."""
     while True:
         start = payload.position
         number = payload.byte()
         section = payload.take(payload.varint())
-        check(payload, start)
-        need(number in NAMES or number >= 128, "a section is unknown")
+        check_crc(payload, start)
+        need(number in NAMES or number >= 128, "a required section is unknown")
         if number in NAMES:
             yield start, NAMES[number], section
         if number == 0:
@@ -164,9 +164,9 @@ def read_sections(payload):
 
 @dataclass
 class Container:
-    """A segment cut up: sections before the blocks; of each block a dict of them for each track.
+    """The sections of a segment: leading ones by name, and a dict for each track of each block.
 
-    `start` is the byte of its SEGMENT; `begins` are those of BLOCK and TRACK_BLOCK, of each block.
+    `start` is the position of its SEGMENT; `begins` has those of BLOCK and TRACK_BLOCK per block.
     """
 
     header: Header
@@ -195,7 +195,7 @@ def read_containers(data):
     container = Container(read_header(payload), [], [])
     containers, index, end = [container], (None, b""), None
     for start, name, section in read_sections(payload):
-        need(end is None or name == "END", "a section is behind INDEX")
+        need(end is None or name == "END", "a section follows INDEX")
         if name == "SEGMENT":
             header = header_of_segment(containers[0].header, section)
             container = Container(header, [], [], start)
@@ -208,7 +208,9 @@ def read_containers(data):
             container.blocks[-1].append({name: section})
             container.begins[-1].append(start)
         elif name in IN_BLOCKS:
-            need(container.blocks and name not in container.blocks[-1][-1], "out of place")
+            need(
+                container.blocks and name not in container.blocks[-1][-1], "a section is misplaced"
+            )
             container.blocks[-1][-1][name] = section
         elif name in ("INDEX", "END"):
             end = start if end is None else end
@@ -217,44 +219,47 @@ def read_containers(data):
             else:
                 need(section == (b"" if index[0] is None else struct.pack("<Q", index[0])))
         else:
-            need(not container.blocks, "a section stands behind the blocks")
-            need(name != "START" or len(containers) == 1, "a further segment has a start")
+            need(not container.blocks, "a section is misplaced after the blocks")
+            need(name != "START" or len(containers) == 1, "START is in a further segment")
             container.leading.append((name, section))
-    lengths = [length for one in containers for length in lengths_of(one)]
-    need(containers[0].header.n_frames in (0, sum(lengths)), "frames are missing")
+    lengths = [length for container in containers for length in lengths_of(container)]
+    need(
+        containers[0].header.n_frames in (0, sum(lengths)),
+        "frames are missing",
+    )
     if index[1]:
         check_index(containers, Payload(index[1]), end)
     return containers
 
 
 def read_container(data):
-    """The segment of a stream that has one."""
+    """Return the only segment of a stream."""
     (container,) = read_containers(data)
     return container
 
 
 def lengths_of(container):
-    """Frames of each block of a segment; all its blocks have all tracks."""
+    """Return the frames of each block, after checking that blocks have all tracks."""
     n_tracks = 1 + len(container.all_of("TRACK"))
-    need(container.blocks, "a segment has no block")
-    need(all(len(block) == n_tracks for block in container.blocks), "a track is missing")
+    need(container.blocks, "a segment has no blocks")
+    need(all(len(block) == n_tracks for block in container.blocks), "a block lacks a track")
     return [Payload(block[0]["BLOCK"]).varint() for block in container.blocks]
 
 
-def check_index(containers, places, end):
-    """Refuse an index that says otherwise than the segments and their blocks."""
+def check_index(containers, index, end):
+    """Compare the index with the segments and their blocks."""
     ends = [*(container.start for container in containers[1:]), end]
     for number, container in enumerate(containers):
         first = container.begins[0][0]
         if number:
             header, n_tracks = container.header, len(container.blocks[0])
-            wanted = [header.n_verts, header.n_faces, n_tracks, first - container.start]
+            expected = [header.n_verts, header.n_faces, n_tracks, first - container.start]
         else:
-            wanted = [first]
-        wanted.append(len(container.blocks))
+            expected = [first]
+        expected.append(len(container.blocks))
         starts = [*container.begins, [ends[number]]]
         for block, length in enumerate(lengths_of(container)):
             edges = [*starts[block], starts[block + 1][0]]
-            wanted += [length, *(after - before for before, after in pairwise(edges))]
-        need(all(places.varint() == one for one in wanted), "the index contradicts the blocks")
-    places.end()
+            expected += [length, *(after - before for before, after in pairwise(edges))]
+        need(all(index.varint() == number for number in expected), "the index is wrong")
+    index.end()

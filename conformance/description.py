@@ -1,4 +1,4 @@
-"""What a stream holds, in a few lines: counts, and SHA-256 of everything long."""
+"""Descriptions of decoded streams: counts, and SHA-256 of longer data."""
 
 import hashlib
 import struct
@@ -6,18 +6,18 @@ import sys
 
 
 def describe_all(reels):
-    """The description of a stream, by its segments."""
+    """Return the description of a stream from its segments."""
     described = [describe(reel) for reel in reels]
     return described[0] if len(described) == 1 else {"segments": described}
 
 
 def describe(reel):
-    """The description of what `conformance.reader.read` gives, as plain values for JSON.
+    """Return the description of a decoded segment, as plain values for JSON.
 
     Integers are hashed as little-endian int64, floats as they are stored.
     """
     header, surface = reel.container.header, reel.surface
-    found = {
+    description = {
         "method": header.method,
         "frames": sum(block["frames"] for block in reel.blocks),
         "vertices": header.n_verts,
@@ -26,7 +26,7 @@ def describe(reel):
         "vertex type": header.vertex_type,
         "laplacian": header.laplacian,
         "order kept": header.order,
-        "origin": [one.hex() for one in header.origin],
+        "origin": [x.hex() for x in header.origin],
         "scale": header.scale.hex(),
         "name": header.name,
         "start": reel.start,
@@ -40,41 +40,43 @@ def describe(reel):
         **describe_surface(surface),
     }
     if reel.positions is not None:
-        found["hash of positions"] = sha(little_endian(reel.positions))
+        description["hash of positions"] = sha(little_endian(reel.positions))
     if reel.tracks:
-        found["tracks"] = [describe_track(*track) for track in reel.tracks]
-    return found
+        description["tracks"] = [describe_track(*track) for track in reel.tracks]
+    return description
 
 
-def describe_track(said, blocks, values):
-    """What a further track is, its blocks, and a hash of its values."""
+def describe_track(track, blocks, values):
+    """Return the fields of a further track, its blocks, and a hash of its values."""
     described = [describe_block(block) for block in blocks]
-    return {**said, "blocks": described, "hash of values": sha(little_endian(values))}
+    return {**track, "blocks": described, "hash of values": sha(little_endian(values))}
 
 
 def describe_block(block):
-    """Counts and hashes of the integers of a block."""
-    found = {}
+    """Return counts and hashes of the integers of a block."""
+    description = {}
     for name, value in block.items():
         if isinstance(value, int) or name == "rests":
-            found[name] = value
+            description[name] = value
         elif name in ("step", "finer") or (name == "correction step" and value):
-            found[name] = value.hex()
+            description[name] = value.hex()
         elif name.endswith(" steps"):
-            found["hash of " + name] = sha(struct.pack(f"<{len(value)}f", *value))
+            description["hash of " + name] = sha(struct.pack(f"<{len(value)}f", *value))
         elif name == "corrections" and value:
-            ordered = sorted(value.items(), key=lambda one: one[0][::-1])
-            found["n corrections"] = len(ordered)
-            found["hash of corrections"] = hash_of(rows((*at, *by) for at, by in ordered))
+            ordered = sorted(value.items(), key=lambda item: item[0][::-1])
+            description["n corrections"] = len(ordered)
+            description["hash of corrections"] = hash_of(
+                rows((*at, *offset) for at, offset in ordered)
+            )
         elif name == "exact":
-            found["hash of exact"] = sha(b"".join(number for row in value for number in row))
+            description["hash of exact"] = sha(b"".join(number for row in value for number in row))
         elif name in ("basis", "anchors", "anchor residuals", "coefficients"):
-            found["hash of " + name] = hash_of(rows(value))
-    return found
+            description["hash of " + name] = hash_of(rows(value))
+    return description
 
 
 def describe_shape(shape):
-    """Hashes of the shape that cotangent weights are measured in; empty if the stream has none."""
+    """Return hashes of the shape of cotangent weights; empty without one."""
     if shape is None:
         return {}
     steps, integers = shape
@@ -85,7 +87,7 @@ def describe_shape(shape):
 
 
 def describe_surface(surface):
-    """Polygons, attributes, groups, parts, materials and images."""
+    """Return the description of a surface."""
     sizes = surface["polygons"]
     return {
         "polygons": None if sizes is None else len(sizes),
@@ -110,12 +112,12 @@ def describe_surface(surface):
 
 
 def describe_hard_edges(edges):
-    """Hard edges, ascending; empty if there are none."""
+    """Return the number and the hash of hard edges; empty without any."""
     return {"hard edges": len(edges), "hash of hard edges": hash_of(rows(edges))} if edges else {}
 
 
 def describe_attribute(one):
-    """An attribute; values are hashed row after row, as they are stored."""
+    """Return the description of an attribute; values are hashed row after row."""
     return {
         **{name: one[name] for name in ("name", "kind", "domain", "type", "width")},
         "n rows": len(one["values"]),
@@ -125,18 +127,18 @@ def describe_attribute(one):
 
 
 def rows(lists):
-    """The numbers of all rows, one after another."""
+    """Return the concatenated rows."""
     return [number for row in lists for number in row]
 
 
 def hash_of(integers):
-    """SHA-256 of integers as little-endian int64."""
+    """Return the SHA-256 of integers as little-endian int64."""
     integers = list(integers)
     return sha(struct.pack(f"<{len(integers)}q", *integers))
 
 
 def little_endian(numbers):
-    """Bytes of an array of floats."""
+    """Return the little-endian bytes of an array of floats."""
     if sys.byteorder == "big":
         numbers = numbers[:]
         numbers.byteswap()
@@ -144,5 +146,5 @@ def little_endian(numbers):
 
 
 def sha(data):
-    """SHA-256, in hexadecimal."""
+    """Return the SHA-256 in hexadecimal."""
     return hashlib.sha256(data).hexdigest()

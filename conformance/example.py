@@ -1,6 +1,6 @@
-"""The worked example of docs/format.md: a tiny stream byte by byte, two payloads bit by bit.
+"""The worked example of docs/format.md: a small stream byte by byte, two payloads bit by bit.
 
-`python -m conformance.example` prints the lines that stand in the page.
+`python -m conformance.example` prints the lines of the page.
 """
 
 from contextlib import ExitStack
@@ -17,17 +17,17 @@ HEADER = (
     *(("vertex type, method, Laplacian, order", 4), ("origin", 24), ("scale", 8)),
     *(("name length", 2), ("checksum", 4)),
 )
-"""Fields of the header of a stream without a name, with their bytes."""
+"""Header fields of a stream without a name, with their sizes."""
 
 
 def hexadecimal(data):
-    """Bytes in hexadecimal; those of many zeros shortened."""
+    """Return bytes in hexadecimal; long runs of zeros are abbreviated."""
     text = data.hex(" ").upper()
     return f"{len(data)} x 00" if len(data) > 8 and not any(data) else text
 
 
 def lines_of(data):
-    """A line for each field of the header and each section."""
+    """Yield position, bytes and name of each header field and section."""
     payload, start = Payload(data), 0
     read_header(payload)
     for name, size in HEADER:
@@ -43,46 +43,46 @@ def lines_of(data):
 
 
 class Traced(bits.BitStream):
-    """A bit stream that notes what it reads."""
+    """A bit stream that records the bits it reads."""
 
     notes: list
 
     def bit(self, probability):
-        found = super().bit(probability)
-        self.notes.append(f"{probability}:{found}")
-        return found
+        bit = super().bit(probability)
+        self.notes.append(f"{probability}:{bit}")
+        return bit
 
     def raw(self, n):
-        found = super().raw(n)
-        self.notes.append(f"raw {n}:{found}")
-        return found
+        value = super().raw(n)
+        self.notes.append(f"raw {n}:{value}")
+        return value
 
 
 def traced(read):
-    """The bits that a function reads, with the probability of each by 65536."""
+    """Return the result of a function and the bits that it reads, with their probabilities."""
     Traced.notes = []
     with ExitStack() as patches:
         for module in (connectivity, fields):
             patches.enter_context(patch.object(module, "BitStream", Traced))
-        found = read()
-    return found, " ".join(Traced.notes)
+        result = read()
+    return result, " ".join(Traced.notes)
 
 
 def example_lines(data):
-    """The lines of the page for a stream."""
-    container, found = read_container(data), []
+    """Return the lines of the page for a stream."""
+    container, lines = read_container(data), []
     for start, text, name in lines_of(data):
-        found.append(f"{start:3}  {text}  {name}")
+        lines.append(f"{start:3}  {text}  {name}")
     header = container.header
     coded = container.only("CONNECTIVITY")
     faces, notes = traced(lambda: read_faces(coded, header.n_verts, header.n_faces))
-    found.append(f"CONNECTIVITY: {notes} = {faces}")
+    lines.append(f"CONNECTIVITY: {notes} = {faces}")
     passes = passes_of(resolutions_of(faces, header.n_verts, 1))
     row, notes = traced(
         lambda: FieldReader(container.blocks[0][0]["COEFFICIENTS"], passes).read_row(0)
     )
-    found.append(f"COEFFICIENTS: {notes} = {[row[i] for i in range(len(row))]}")
-    return found
+    lines.append(f"COEFFICIENTS: {notes} = {[row[i] for i in range(len(row))]}")
+    return lines
 
 
 if __name__ == "__main__":

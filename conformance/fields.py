@@ -1,4 +1,4 @@
-"""Rows of fields from a bit stream: "Fields" of docs/format.md."""
+"""Integers of fields: "Fields" of docs/format.md."""
 
 from collections import defaultdict
 
@@ -19,12 +19,12 @@ def share(n):
 
 
 def signed(number):
-    """A number of -2^31..2^31-1, modulo 2^32."""
+    """Reduce a number modulo 2^32 to -2^31..2^31-1."""
     return (number + 2**31) % 2**32 - 2**31
 
 
 class Models:
-    """The adaptive bits, with what they begin with."""
+    """The adaptive bits in their initial states."""
 
     def __init__(self):
         self.any, self.longer, self.upper = {}, {}, {}
@@ -41,35 +41,35 @@ class Models:
 
 
 class FieldReader:
-    """Rows of fields, from the columns of each pass and the neighbours of each column.
+    """Reader of rows of fields.
 
     Parameters
     ----------
     data : bytes
     passes : list of dict of int to list of int
-        Of each pass, the neighbours of each of its columns, in coding order.
+        For each pass, the context neighbors of each of its columns, in coding order.
     """
 
     def __init__(self, data, passes):
         self.stream, self.models, self.passes = BitStream(data), Models(), passes
-        self.near = {i: near for one in passes for i, near in one.items()}
+        self.near = {i: near for columns in passes for i, near in columns.items()}
         self.sums = {i: [4096] * 3 for i in self.near}
-        self.usual = dict.fromkeys(self.near, 192)
+        self.neighbor_means = dict.fromkeys(self.near, 192)
         self.agreement = {(i, j): 16 for i, near in self.near.items() for j in near}
         self.weights = [0, 0, 16384, 16384, 8192, 8192, 24576, 8192, -16384]
         self.means, self.bias = [32768] * len(passes), [0] * len(passes)
-        self.quiet = defaultdict(int)
+        self.n_zero_rows = defaultdict(int)
 
     def read_row(self, row):
-        """Values of a row, by column."""
+        """Return the values of a row, by column."""
         self.values, self.magnitudes, coded = {}, dict.fromkeys(self.near, 0), set()
         self.a = self.b = 256
         self.g = self.h = 0
-        for number, one in enumerate(self.passes):
-            columns, before = list(one), 1
+        for number, neighbors in enumerate(self.passes):
+            columns, active = list(neighbors), 1
             for start in range(0, len(columns), 64):
-                group, place = columns[start : start + 64], (number, start)
-                if len(group) == 64 and self.quiet[place] and self.is_still(group, place, before):
+                group, key = columns[start : start + 64], (number, start)
+                if len(group) == 64 and self.n_zero_rows[key] and self.is_zero(group, key, active):
                     self.values |= dict.fromkeys(group, 0)
                     self.g = self.h = 0
                     self.means[number] >>= 4
@@ -77,49 +77,50 @@ class FieldReader:
                     for i in group:
                         self.values[i] = self.read_value(number, i)
                     coded.update(group)
-                before = int(any(self.values[i] for i in group))
-                self.quiet[place] = 0 if before else min(self.quiet[place] + 1, 15)
+                active = int(any(self.values[i] for i in group))
+                self.n_zero_rows[key] = 0 if active else min(self.n_zero_rows[key] + 1, 15)
         self.end_row(row, coded)
         return self.values
 
-    def is_still(self, group, place, before):
+    def is_zero(self, group, key, active):
         near = int(any(self.magnitudes[j] for i in group for j in self.near[i]))
-        return not self.stream.adaptive(self.models.becomes_active[before][near][self.quiet[place]])
+        model = self.models.becomes_active[active][near][self.n_zero_rows[key]]
+        return not self.stream.adaptive(model)
 
     def inputs(self, number, i):
-        fast, middle, slow = self.sums[i]
+        fast, medium, slow = self.sums[i]
         s, near = log(slow + 16), self.near[i]
         d = 4096 // len(near) if near else 0
-        most = max((self.magnitudes[j] for j in near), default=0)
+        largest = max((self.magnitudes[j] for j in near), default=0)
         mean = log(d * sum(self.magnitudes[j] for j in near) + 100)
         row = log(self.a) - log(self.b)
         return s, [
             32,
             log(fast + 16) - s,
-            mean - self.usual[i] if near else 0,
+            mean - self.neighbor_means[i] if near else 0,
             row,
-            self.usual[i] - s if near else 0,
+            self.neighbor_means[i] - s if near else 0,
             log(self.means[number] + 16) - s,
-            log(middle + 16) - s,
+            log(medium + 16) - s,
             log(self.g + 32) - log(self.h + 32) - row,
-            log(4096 * most + 100) - mean,
+            log(4096 * largest + 100) - mean,
         ]
 
     def read_value(self, number, i):
         s, x = self.inputs(number, i)
         self.weights[0] = self.bias[number]
-        total = sum(one * other for one, other in zip(self.weights, x, strict=True))
-        expected = clip(s + (total >> 16), 0, 383)
+        total = sum(w * x_j for w, x_j in zip(self.weights, x, strict=True))
+        level = clip(s + (total >> 16), 0, 383)
         value = 0
-        if self.stream.adaptive(self.models.any[expected // 8]):
-            value = self.read_sign(i, self.read_magnitude(expected // 8))
+        if self.stream.adaptive(self.models.any[level // 8]):
+            value = self.read_sign(i, self.read_magnitude(level // 8))
         m = self.magnitudes[i] = min(abs(value), 4095)
-        if value or share(expected) > 4096:
-            error = min(m * (65536 - share(expected)), 2**19) - share(expected)
-            steps = [(error * one + 2048) >> 12 for one in x]
+        if value or share(level) > 4096:
+            error = min(m * (65536 - share(level)), 2**19) - share(level)
+            steps = [(error * x_j + 2048) >> 12 for x_j in x]
             self.weights = [signed(w + step) for w, step in zip(self.weights, steps, strict=True)]
             self.bias[number] = self.weights[0]
-        self.note(number, m, self.sums[i][2])
+        self.update_means(number, m, self.sums[i][2])
         return value
 
     def read_magnitude(self, c):
@@ -128,11 +129,11 @@ class FieldReader:
             k += 1
         if k == 1:
             return 1
-        value, left = 2 + self.stream.adaptive(self.models.upper[k, c]), k - 2
-        while left:
-            n = min(left, 16)
+        value, n_raw = 2 + self.stream.adaptive(self.models.upper[k, c]), k - 2
+        while n_raw:
+            n = min(n_raw, 16)
             value = value << n | self.stream.raw(n)
-            left -= n
+            n_raw -= n
         return value
 
     def read_sign(self, i, magnitude):
@@ -145,7 +146,7 @@ class FieldReader:
                 self.agreement[i, j] += 16 * own * sign - (self.agreement[i, j] >> 3)
         return own * magnitude
 
-    def note(self, number, m, slow):
+    def update_means(self, number, m, slow):
         self.g += 256 * m - (self.g >> 2)
         self.h += (slow >> 4) - (self.h >> 2)
         self.a += 16 * m
@@ -159,14 +160,14 @@ class FieldReader:
             sums = self.sums[i]
             for n in range(3):
                 sums[n] += (4096 * self.magnitudes[i] - sums[n]) >> (n + 1)
-        for place, (i, near) in enumerate(self.near.items()):
-            if i in coded and (row < 4 or place % 4 == row % 4):
+        for position, (i, near) in enumerate(self.near.items()):
+            if i in coded and (row < 4 or position % 4 == row % 4):
                 d = 4096 // len(near) if near else 0
-                self.usual[i] = d * sum(log(self.sums[j][2] + 16) for j in near) >> 12
+                self.neighbor_means[i] = d * sum(log(self.sums[j][2] + 16) for j in near) >> 12
 
 
 def read_fields(data, n_rows, passes):
-    """Rows of integers by column: `fields(K, N)` of the page; passes as of `FieldReader`."""
+    """Return rows of integers by column: `fields(K, N)` of the page; passes as in `FieldReader`."""
     n_columns = sum(map(len, passes))
     reader = FieldReader(stripped(data), passes)
     rows = [reader.read_row(row) for row in range(n_rows)]

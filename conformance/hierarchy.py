@@ -1,4 +1,4 @@
-"""What predicts each vertex, and smooth fields: "Resolutions" and "Smooth fields" of the page."""
+"""Hierarchy, stencils and smooth fields: "Resolutions" and "Smooth fields" of the page."""
 
 from dataclasses import dataclass
 
@@ -61,17 +61,17 @@ LARGE_COEFFICIENTS = [
     ]
 ]
 N_SMOOTH, SMALL_GRAPH = 16, 4096
-MOST_RESOLUTIONS, LARGEST_PASSAGE, MOST_PATHS, MOST_CONTEXTS = 20, 24, 15, 8
+MAX_RESOLUTIONS, MAX_PATH_DEGREE, MAX_PATHS, MAX_CONTEXTS = 20, 24, 15, 8
 
 
 def scattered(number):
-    """The hash of a number by which vertices are ranked and signs are made."""
+    """Return the hash h that ranks vertices and generates signs."""
     mixed = number * 0x9E3779B97F4A7C15 % 2**64
     return (mixed ^ (mixed >> 31)) * 0xBF58476D1CE4E5B9 % 2**64
 
 
 def edges_of(faces, n_verts):
-    """The vertices next to each vertex, as sets."""
+    """Return the neighbors of each vertex, as sets."""
     near = {v: set() for v in range(n_verts)}
     for face in faces:
         for v in face:
@@ -79,17 +79,17 @@ def edges_of(faces, n_verts):
     return near
 
 
-def thinned(near, left):
-    """Of a set of vertices those that are taken by falling rank, none next to another."""
-    taken = set()
-    for v in sorted(left, key=scattered, reverse=True):
-        if not near[v] & taken:
-            taken.add(v)
-    return taken
+def thinned(near, vertices):
+    """Return an independent subset, selected by falling rank."""
+    selected = set()
+    for v in sorted(vertices, key=scattered, reverse=True):
+        if not near[v] & selected:
+            selected.add(v)
+    return selected
 
 
 def coarser_graph(near, kept):
-    """The graph of what is kept: two are next to each other if an edge joins their cells."""
+    """Return the graph of the kept vertices, adjacent if an edge joins their cells."""
     cell = {v: v if v in kept else max(near[v] & kept) for v in near}
     coarser = {v: set() for v in sorted(kept)}
     for v, around in near.items():
@@ -98,29 +98,28 @@ def coarser_graph(near, kept):
 
 
 def stencil_of(near, v, known, size):
-    """Up to `size` pairs of a known vertex and its distance, the nearest first."""
-    found, ring, seen = [], {v: 1}, {v}
+    """Return up to `size` pairs of a known vertex and its distance, nearest first."""
+    stencil, ring, seen = [], {v: 1}, {v}
     for distance in (1, 2, 3):
         following = {}
         for u, paths in ring.items():
-            if u == v or len(near[u]) <= LARGEST_PASSAGE:
+            if u == v or len(near[u]) <= MAX_PATH_DEGREE:
                 for w in near[u] - seen:
                     following[w] = following.get(w, 0) + paths
         seen |= set(following)
         nearest = set(following) & known
-        found += [
-            (w, distance)
-            for w in sorted(nearest, key=lambda w: (-min(following[w], MOST_PATHS), w))
+        stencil += [
+            (w, distance) for w in sorted(nearest, key=lambda w: (-min(following[w], MAX_PATHS), w))
         ]
         ring = following
-    return found[:size]
+    return stencil[:size]
 
 
 def smooth_fields(near):
-    """Of each vertex of a graph its values in the smooth fields."""
+    """Return the values of the smooth fields by vertex."""
     members, zero = sorted(near), [0.0] * N_SMOOTH
-    place = {v: i for i, v in enumerate(members)}
-    rows = [[place[u] for u in sorted(near[v])] for v in members]
+    position = {v: i for i, v in enumerate(members)}
+    rows = [[position[u] for u in sorted(near[v])] for v in members]
     signs = [
         [1.0 if scattered(16 * i + f) >> 63 else -1.0 for f in range(N_SMOOTH)]
         for i in range(len(members))
@@ -133,7 +132,7 @@ def smooth_fields(near):
             factor = single((2.0 if k else 1.0) / len(row)) if row else 0.0
             sums = zero
             for j in row:
-                sums = [single(one + other) for one, other in zip(sums, after[j], strict=True)]
+                sums = [single(x + y) for x, y in zip(sums, after[j], strict=True)]
             now.append(
                 [
                     single(single(single(factor * n) - b) + coefficients[k] * z)
@@ -141,12 +140,12 @@ def smooth_fields(near):
                 ]
             )
         after, before = now, after
-    return {v: after[i] for v, i in place.items()}
+    return {v: after[i] for v, i in position.items()}
 
 
 @dataclass
 class Vertex:
-    """A vertex in coding order: its stencil with distances, its contexts, its smooth fields."""
+    """A vertex in coding order, with its stencil, context neighbors and smooth fields."""
 
     number: int
     stencil: list
@@ -155,43 +154,46 @@ class Vertex:
 
 
 def resolutions_of(faces, n_verts, size):
-    """Vertices in coding order, a list for each resolution, from the coarsest."""
-    near, finest_first, n_together = edges_of(faces, n_verts), [], 0
+    """Return the vertices in coding order, a list per resolution, from the coarsest."""
+    near, finest_first, n_total = edges_of(faces, n_verts), [], 0
     while True:
-        n_together += len(near)
-        has_room = len(finest_first) < MOST_RESOLUTIONS and n_together <= 4 * n_verts
-        if not any(near.values()) or not has_room:
+        n_total += len(near)
+        may_grow = len(finest_first) < MAX_RESOLUTIONS and n_total <= 4 * n_verts
+        if not any(near.values()) or not may_grow:
             break
         kept = thinned(near, near)
-        levels, left = [], set(near) - kept
+        levels, others = [], set(near) - kept
         for _ in range(2):
-            levels.append(thinned(near, left))
-            left -= levels[-1]
-        finest_first.append(vertices_of(near, kept, [*levels, left], size))
+            levels.append(thinned(near, others))
+            others -= levels[-1]
+        finest_first.append(vertices_of(near, kept, [*levels, others], size))
         near = coarser_graph(near, kept)
     coarsest = [Vertex(v, [], below(near, v, set(near)), {}) for v in sorted(near)]
     return [coarsest, *reversed(finest_first)]
 
 
 def vertices_of(near, known, levels, size):
-    """Vertices of the levels of a resolution."""
-    smooth, known, found = smooth_fields(near), set(known), []
+    """Return the vertices of the levels of a resolution."""
+    smooth, known, vertices = smooth_fields(near), set(known), []
     for level in levels:
         for v in sorted(level):
             stencil = stencil_of(near, v, known, size)
-            contexts = (below(near, v, level) + [u for u, _ in stencil])[:MOST_CONTEXTS]
-            found.append(Vertex(v, stencil, contexts, smooth))
+            contexts = (below(near, v, level) + [u for u, _ in stencil])[:MAX_CONTEXTS]
+            vertices.append(Vertex(v, stencil, contexts, smooth))
         known |= level
-    return found
+    return vertices
 
 
 def below(near, v, level):
-    """The first context neighbours: lower ones of the level that are next to it."""
-    return sorted(u for u in near[v] & level if u < v)[:MOST_CONTEXTS]
+    """Return the lower neighbors in the level, the first context neighbors."""
+    return sorted(u for u in near[v] & level if u < v)[:MAX_CONTEXTS]
 
 
 def passes_of(resolutions):
-    """Context neighbours of each column, by pass; columns are vertices in coding order."""
-    order = [vertex.number for one in resolutions for vertex in one]
+    """Return the context neighbors of each column by pass; columns are in coding order."""
+    order = [vertex.number for resolution in resolutions for vertex in resolution]
     column = {v: i for i, v in enumerate(order)}
-    return [{column[v.number]: [column[u] for u in v.contexts] for v in one} for one in resolutions]
+    return [
+        {column[v.number]: [column[u] for u in v.contexts] for v in resolution}
+        for resolution in resolutions
+    ]

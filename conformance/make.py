@@ -1,9 +1,8 @@
-"""Streams of every feature of the format, and what each holds.
+"""Generate streams of every feature of the format, with descriptions of their contents.
 
-`python -m conformance.make` writes conformance/streams/NAME.reel and NAME.json for every name in
-`STREAMS` that is not there yet, and conformance/refused/NAME.reel for every name in `REFUSED`; the
-same of `conformance.segments` to conformance/segments. Existing files are replaced with `--force`
-only.
+`python -m conformance.make` writes missing files: conformance/streams/NAME.reel and NAME.json for
+every name in `STREAMS`, conformance/refused/NAME.reel for every name in `REFUSED`, and those of
+`conformance.segments` in conformance/segments. Only `--force` replaces existing files.
 """
 
 import argparse
@@ -65,17 +64,17 @@ STREAMS: dict[str, Callable[[], bytes]] = {}
 
 
 REFUSED: dict[str, Callable[[], bytes]] = {}
-"""Streams that break a rule of the page and nothing else: every reader refuses them."""
+"""Streams that break one rule of the page: every reader must refuse them."""
 
 
 def stream(make):
-    """The function, whose streams are made under its name."""
+    """Decorator: register a function as the source of the stream with its name."""
     STREAMS[make.__name__] = make
     return make
 
 
 def encoded(name, sequence, **options):
-    """A stream that is what encoding gives; the sequence is made when it is asked for."""
+    """Register the stream of a sequence, which is generated lazily."""
     STREAMS[name] = lambda: meshreel.encode(sequence(), **options)
 
 
@@ -86,13 +85,13 @@ def by_hand(
     *,
     vertex_type=4,
     order="drop",
-    place=((0.0, 0.0, 0.0), 1.0),
+    placement=((0.0, 0.0, 0.0), 1.0),
     name="by hand",
     tracks=(),
     surface=PLAIN,
     more=(),
 ):
-    """A stream of `reel` from integers.
+    """Return a stream of method `reel` from integers.
 
     Parameters
     ----------
@@ -101,7 +100,7 @@ def by_hand(
     tracks : list of (TrackHeader, such blocks)
         Further tracks; their bases have the shape (K, C, T).
     surface : Surface
-        Its polygons are written; then the order has to be kept.
+        Its polygons are written, which requires order "keep".
     more : list of (Section, bytes)
         Further sections before the first block.
     """
@@ -116,15 +115,15 @@ def by_hand(
         method=REEL,
         laplacian=0,
         order=("keep", "vertices", "drop").index(order),
-        origin=place[0],
-        scale=place[1],
+        origin=placement[0],
+        scale=placement[1],
         name=name,
     )
     leading = [(Section.CONNECTIVITY, coded.payload)]
     leading += [(Section.ORDER, coded.order_payload)] if order != "drop" else []
     if surface.face_sizes is not None:
-        above = surface.face_sizes.astype(np.int64) - 3
-        payload = write_varint(len(above)) + encode_integers([above], [0])
+        excess = surface.face_sizes.astype(np.int64) - 3
+        payload = write_varint(len(excess)) + encode_integers([excess], [0])
         leading.append((Section.POLYGONS, payload))
     leading += [(Section.TRACK, write_track(track)) for track, _ in tracks]
     leading += more
@@ -134,26 +133,28 @@ def by_hand(
             return coded.internal_faces
         return item_graph(track.domain, np.asarray(faces, np.int32), surface, n_verts).faces
 
-    written = []
+    coded_blocks = []
     for number, block in enumerate(blocks):
         sections = [sections_of(write_field_block, coded.internal_faces, *block)]
         sections += [
-            sections_of(write_track_block, graph_of(track), *others[number])
-            for track, others in tracks
+            sections_of(write_track_block, graph_of(track), *track_blocks[number])
+            for track, track_blocks in tracks
         ]
-        written.append((block[1].shape[2], [one for group in sections for one in group]))
-    return whole_stream(header, leading, written)
+        coded_blocks.append(
+            (block[1].shape[2], [section for group in sections for section in group])
+        )
+    return whole_stream(header, leading, coded_blocks)
 
 
 def sections_of(write, faces, layout, basis, fields, corrections):
-    """The sections of a track in a block."""
+    """Return the sections of a track in a block."""
     mesh = FieldMesh(faces, fields.shape[1], layout.stencil_size)
     block = FieldBlock(layout, basis.astype(np.int32), fields.astype(np.int32))
     return list(write(block, mesh, corrections))
 
 
 def integers(rng, shape, spread):
-    """Integers of which most are small, of a spread that falls from row to row."""
+    """Return random, mostly small integers; their spread decreases from row to row."""
     falling = spread * 0.6 ** np.arange(shape[0]).reshape(-1, *[1] * (len(shape) - 1))
     return np.rint(rng.laplace(scale=falling, size=shape))
 
@@ -161,13 +162,13 @@ def integers(rng, shape, spread):
 def random_block(
     rng, layout, n_verts, n_modes=4, n_frames=6, *, spreads=(40.0, 30.0), moves=None, n_columns=3
 ):
-    """A block of integers by chance."""
+    """Return a block of random integers."""
     basis = integers(rng, (n_modes, n_columns, n_frames), spreads[0])
     n_own = n_modes - layout.n_reused
     return layout, basis, integers(rng, (n_own, n_verts), spreads[1]), moves
 
 
-# Meshes of every kind, coded by `reel`.
+# Meshes of every kind, method `reel`.
 encoded("sheet", lambda: moving(grid(10, 11)))
 encoded("one_face", lambda: moving([[0, 1, 2]], 3))
 encoded("one_frame", lambda: moving(sphere(5, 8), 1), order="keep")
@@ -229,7 +230,7 @@ encoded("few_modes", lambda: moving(grid(8, 8), 12), n_modes=2, order="drop")
 encoded("blocks", lambda: moving(grid(8, 9), 17), block_frames=5, order="drop")
 encoded("blocks_of_one", lambda: moving(grid(5, 5), 4), block_frames=1, order="drop")
 
-# Number types and places.
+# Number types and placements.
 encoded("doubles", lambda: moving(grid(7, 8), dtype=np.float64), order="vertices")
 encoded("far_away", lambda: moving(grid(7, 8), dtype=np.float64, shape=(1e-3, 1e9)), order="drop")
 encoded("huge", lambda: moving(grid(7, 8), shape=(1e38, 0.0)), order="drop")
@@ -289,7 +290,7 @@ def example():
 
 
 def pushed(sequence, **options):
-    """A stream of frames that come one by one."""
+    """Return a stream of frames that were pushed one by one."""
     file = BytesIO()
     with meshreel.Encoder(sequence.faces, file, **options) as encoder:
         for frame in sequence.vertices:
@@ -299,19 +300,19 @@ def pushed(sequence, **options):
 
 @stream
 def live():
-    """Written block by block, by a writer that does not know how many frames come."""
+    """Written live, with an unknown number of frames."""
     return pushed(moving(grid(7, 8), 13, fps=24.0), fps=24.0, block_frames=6)
 
 
 @stream
 def live_with_bound():
-    """The same, with a largest error."""
+    """The same, with an error bound."""
     return pushed(moving(grid(5, 6), 9, rough=0.05), block_frames=4, max_error=0.05)
 
 
 @stream
 def no_index():
-    """Blocks that no index lists, and a section that readers may skip."""
+    """Without an index, and with an unknown section that readers skip."""
     data = meshreel.encode(moving(grid(5, 5), 6), block_frames=3, order="drop")
     (position,) = np.frombuffer(data[-12:-4], "<u8").tolist()
     unknown = bytearray(write_sections([(Section.IMAGE, b"unknown")])[0])
@@ -322,9 +323,9 @@ def no_index():
 
 
 def stencils(sizes, faces, n_learned, seed):
-    """Blocks of integers by chance, with stencils of these sizes."""
+    """Return a stream of random blocks with stencils of these sizes."""
     rng, n_verts = np.random.default_rng(seed), int(np.max(faces)) + 1
-    blocks = [random_block(rng, Layout(np.float32(0.01), one, n_learned), n_verts) for one in sizes]
+    blocks = [random_block(rng, Layout(np.float32(0.01), n, n_learned), n_verts) for n in sizes]
     return by_hand(faces, n_verts, blocks)
 
 
@@ -335,7 +336,7 @@ STREAMS["stencils_11_to_16"] = lambda: stencils(range(11, 17), uneven(n_verts=50
 
 @stream
 def key_blocks():
-    """Weights that follow an earlier block; steps and sums that differ; a key with fewer modes."""
+    """Weights adapted to an earlier block; different steps and precisions; a key with fewer modes."""
     rng, faces = np.random.default_rng(4), grid(6, 7)
     layouts = [(0, 0.01), (1, 0.02), (2, 0.005), (0, 0.01), (1, 0.01)]
     blocks = [
@@ -349,7 +350,7 @@ def key_blocks():
 
 @stream
 def reused_fields():
-    """Blocks that move fields of their key: some or all of them, beside own ones or alone."""
+    """Blocks that reuse some or all fields of their key block, with and without own ones."""
     rng, faces = np.random.default_rng(14), grid(6, 7)
     kinds = [(0, 0.01, 0), (1, 0.02, 3), (2, 0.01, 5), (3, 0.004, 1), (0, 0.01, 0), (1, 0.01, 2)]
     finer = np.float32(2.5)
@@ -369,7 +370,7 @@ def reused_fields():
 
 @stream
 def rests():
-    """Times that rest: single ones, runs, up to the last; with few moving ones; reused fields."""
+    """Resting times: single ones, runs, up to the last; with few moving ones; reused fields."""
     rng, faces = np.random.default_rng(15), grid(6, 7)
     kinds = [
         ((), 0, 0, 9),
@@ -423,7 +424,7 @@ def cosines():
 
 @stream
 def cosines_of_1024_frames():
-    """Cosines over as many frames as there may be."""
+    """Cosines over the largest number of frames."""
     rng, layout = np.random.default_rng(17), Layout(np.float32(0.01), 1, 0, has_cosines=True)
     return by_hand([[0, 1, 2]], 3, [random_block(rng, layout, 3, 1, 1024)])
 
@@ -468,7 +469,7 @@ def adaptive_times():
 
 @stream
 def adaptive_limits():
-    """Adaptive times of integers so large that predictions and variances meet their limits."""
+    """Adaptive times with integers so large that predictions and variances reach their limits."""
     rng, layout = np.random.default_rng(19), Layout(np.float32(0.01), 1, 0, is_adaptive=True)
     block = random_block(rng, layout, 3, 6, 90)
     block[1][1] = rng.integers(-(2**31) + 1, 2**31, (3, 90))
@@ -479,12 +480,12 @@ def adaptive_limits():
 
 
 def swinging():
-    """A sheet whose vertices swing ever faster, for which encoders choose adaptive times."""
+    """Return a sheet that oscillates ever faster, for which the encoder chooses adaptive times."""
     rng, times = np.random.default_rng(20), np.arange(120)
     waves = [np.sin(0.0006 * (2 + k) * times**1.7 + k) / (1 + k) for k in range(12)]
-    moves = np.tensordot(np.transpose(waves), rng.normal(size=(12, 64, 3)), 1)
-    still = np.pad(np.argwhere(np.ones((8, 8))), ((0, 0), (0, 1)))
-    return MeshSequence((10.0 * still + moves).astype(np.float32), grid(8, 8))
+    displacements = np.tensordot(np.transpose(waves), rng.normal(size=(12, 64, 3)), 1)
+    rest = np.pad(np.argwhere(np.ones((8, 8))), ((0, 0), (0, 1)))
+    return MeshSequence((10.0 * rest + displacements).astype(np.float32), grid(8, 8))
 
 
 encoded("adaptive_swings", swinging, order="drop")
@@ -492,7 +493,7 @@ encoded("adaptive_swings", swinging, order="drop")
 
 @stream
 def large_residuals():
-    """Integers up to the largest, and values that single precision does not hold."""
+    """Integers up to the largest, and values beyond single precision."""
     rng = np.random.default_rng(5)
     layout, basis, fields, _ = random_block(rng, Layout(np.float32(1e-6), 8, 4), 64, 5, 9)
     fields[0, ::7] = (2**31 - 1) * rng.choice([-1, 1], len(fields[0, ::7]))
@@ -503,7 +504,7 @@ def large_residuals():
 
 @stream
 def lively():
-    """Many modes of many values: what learns slowly and what is halved."""
+    """Many large values, which exercise slow adaptation and the halving of sums."""
     rng, faces = np.random.default_rng(6), grid(14, 14)
     fields = rng.integers(-5000, 5000, (4, 196)) * (rng.random((4, 196)) < 0.8)
     fields[2] *= 20
@@ -514,28 +515,28 @@ def lively():
 
 @stream
 def nothing_moves():
-    """Integers that are all 0, which take no bytes."""
+    """Integers that are all 0 and take no bytes."""
     layout = Layout(np.float32(0.5), 5, 1)
     return by_hand(grid(20, 20), 400, [(layout, np.zeros((2, 3, 5)), np.zeros((2, 400)), None)])
 
 
 @stream
 def corrections():
-    """Corrections in runs, alone, of the first and the last vertex and frame."""
+    """Corrections in runs and single ones, at the first and the last vertex and frame."""
     rng, faces = np.random.default_rng(7), grid(5, 6)
-    wanted = sorted({(v, t) for v in (0, 7, 8, 29) for t in (*range(v % 3, 5), 6, 11)})
-    vertices, frames = np.array(wanted).T
-    moves = rng.integers(-9, 10, (len(wanted), 3)) * 10 ** rng.integers(0, 4, (len(wanted), 1))
-    found = Corrections(np.float32(0.003), vertices, frames, moves)
+    at = sorted({(v, t) for v in (0, 7, 8, 29) for t in (*range(v % 3, 5), 6, 11)})
+    vertices, frames = np.array(at).T
+    offsets = rng.integers(-9, 10, (len(at), 3)) * 10 ** rng.integers(0, 4, (len(at), 1))
+    moves = Corrections(np.float32(0.003), vertices, frames, offsets)
     block = random_block(
-        rng, Layout(np.float32(0.02), 7, 2, is_single=True), 30, 3, 12, moves=found
+        rng, Layout(np.float32(0.02), 7, 2, is_single=True), 30, 3, 12, moves=moves
     )
-    return by_hand(faces, 30, [block], order="keep", place=((5.0, -0.1, 1e6), 3.7))
+    return by_hand(faces, 30, [block], order="keep", placement=((5.0, -0.1, 1e6), 3.7))
 
 
 @stream
 def tracks():
-    """Further tracks of one, two and seven columns, in blocks, with steps and keys of their own."""
+    """Further tracks of one, two and seven columns, in blocks, with separate steps and keys."""
     rng, faces, n_verts, lengths = np.random.default_rng(10), grid(6, 7), 42, (5, 3, 6)
 
     def blocks(n_columns, size, step, n_modes, moved=()):
@@ -570,7 +571,7 @@ def tracks():
 
 
 def on_faces(faces, sizes, seed):
-    """A stream with tracks on faces and on their corners, of polygons of these sizes."""
+    """Return a stream with tracks on polygons of these sizes and on their corners."""
     rng, number = np.random.default_rng(seed), np.dtype(np.float32)
     n_verts = int(np.max(faces)) + 1
     layout = Layout(np.float32(0.01), 8, 3, is_single=max(sizes) > 3)
@@ -593,7 +594,7 @@ def on_faces(faces, sizes, seed):
 
 @stream
 def tracks_of_triangles():
-    """Tracks on faces and corners of a mesh with an edge of five faces and a degenerate one."""
+    """Tracks on faces and corners of a mesh with an edge of five faces and a degenerate face."""
     faces = together(shuffled(grid(5, 6)), book(5), [[0, 0, 1]])
     return on_faces(faces, [3] * len(faces), 12)
 
@@ -607,7 +608,7 @@ def tracks_of_polygons():
 
 @stream
 def still_track():
-    """A track of many zeros, which take no bytes."""
+    """A track of zeros, which take no bytes."""
     rng, faces = np.random.default_rng(11), grid(12, 12)
     wide = TrackHeader("wide", "", "other", Domain.VERTEX, np.dtype(np.float32), 1.0, (0.5,) * 64)
     nothing = Layout(np.float32(0.5), 5, 1), np.zeros((1, 64, 6)), np.zeros((1, 144)), None
@@ -617,21 +618,21 @@ def still_track():
 
 @stream
 def normals():
-    """Normals, some of which are none, and a scalar with a bound."""
+    """Normals, some of them zero, and a scalar with a bound."""
     rng, faces = np.random.default_rng(14), grid(5, 6)
     layout = Layout(np.float32(0.05), 6, 2)
     single = np.dtype(np.float32)
-    turned = TrackHeader("n", "", "normal", Domain.VERTEX, single, 1.5, (0.1, 0.2, 0.3), bound=0.5)
+    normal = TrackHeader("n", "", "normal", Domain.VERTEX, single, 1.5, (0.1, 0.2, 0.3), bound=0.5)
     heat = TrackHeader("heat", "K", "scalar", Domain.VERTEX, single, 80.0, (300.0,), bound=0.25)
     further = [
         (track, [random_block(rng, layout, 30, 4, 4, n_columns=track.n_columns)])
-        for track in (turned, heat)
+        for track in (normal, heat)
     ]
     return by_hand(faces, 30, [random_block(rng, layout, 30, 4, 4)], order="keep", tracks=further)
 
 
 def with_exact_tracks(dtype, domain, n_items):
-    """A sheet with a track of numbers of this type, some of which are odd."""
+    """Return a sheet with an exact track of this type, with special values if floats."""
     rng, sheet = np.random.default_rng(15), moving(grid(5, 6), 7)
     values = np.rint(40 + 9 * np.sin(np.arange(n_items)[:, None] / 4 + np.arange(2)))
     values = values + np.arange(7)[:, None, None] + (rng.random((7, n_items, 2)) < 0.1)
@@ -659,7 +660,7 @@ for domain, n_items in (("face", 40), ("corner", 120)):
 
 
 def with_runs():
-    """A sheet whose faces have numbers in runs, as they are listed."""
+    """Return a sheet whose faces have labels in runs."""
     sheet = moving(grid(5, 6), 5)
     runs = np.arange(40, dtype=np.int32) // 3 * 5 % 7
     values = np.broadcast_to(runs[:, None], (5, 40, 1)).copy()
@@ -672,13 +673,13 @@ encoded("exact_in_runs", with_runs, order="keep", tracks={"runs": "exact"})
 
 
 def with_signs(sequence):
-    """Positions that are rounded, so that many repeat, half of the zeros among them negative."""
+    """Round positions, so that many repeat, and negate half of the zeros."""
     rounded = np.round(10 * sequence.vertices) / 10
     negative = np.random.default_rng(17).random(rounded.shape) < 0.5
     return MeshSequence(np.where((rounded == 0) & negative, -rounded, rounded), sequence.faces)
 
 
-# Positions bit for bit.
+# Exact positions.
 encoded("lossless", lambda: moving(grid(8, 9), 12, rough=0.001), lossless=True)
 encoded(
     "lossless_doubles",
@@ -702,7 +703,7 @@ encoded(
 )
 
 
-# Positions on a grid, and where that takes more bytes, as they are.
+# Positions on a grid, or exact if that takes fewer bytes.
 encoded("grid", lambda: moving(grid(8, 9), 12, rough=0.001), method="grid", max_error=0.02)
 encoded(
     "grid_doubles",
@@ -730,52 +731,52 @@ encoded(
 
 @stream
 def grid_live():
-    """The same, written block by block."""
+    """The same, written live."""
     sheet = moving(grid(6, 7), 9, fps=24.0)
     return pushed(sheet, fps=24.0, block_frames=4, method="grid", max_error=0.01)
 
 
 @stream
 def lossless_live():
-    """The same, written block by block."""
+    """The same, written live."""
     return pushed(moving(grid(6, 7), 9, fps=24.0), fps=24.0, block_frames=4, lossless=True)
 
 
 @stream
 def missing_values():
-    """A scalar that some vertices do not have in some frames."""
+    """A scalar with missing values."""
     sheet = moving(grid(5, 6), 7)
     heat = np.sin(np.arange(7)[:, None] / 3 + np.arange(30) / 5).astype(np.float32)
     heat[2:5, 4:9] = np.nan
     heat[:, 11] = np.nan
     tracks = {"heat": Track(heat, unit="K")}
-    gapped = MeshSequence(sheet.vertices, sheet.faces, tracks=tracks)
-    return meshreel.encode(gapped, order="vertices", block_frames=4)
+    sequence = MeshSequence(sheet.vertices, sheet.faces, tracks=tracks)
+    return meshreel.encode(sequence, order="vertices", block_frames=4)
 
 
-def turning(sheet, domain):
-    """Normals of a sheet near to those of its surface, as a program might have them."""
+def slightly_rotated(sheet, domain):
+    """Return normals that are slightly rotated from those of the surface."""
     surface = MovingSurface(sheet.faces, sheet.faces, sheet.surface)
-    found = surface.normals(Domain(domain), sheet.vertices) + np.array([0.02, 0.0, -0.01])
-    return (found / np.linalg.norm(found, axis=2, keepdims=True)).astype(np.float32)
+    normals = surface.normals(Domain(domain), sheet.vertices) + np.array([0.02, 0.0, -0.01])
+    return (normals / np.linalg.norm(normals, axis=2, keepdims=True)).astype(np.float32)
 
 
 @stream
 def predicted_tracks():
-    """Velocities by each kind of difference, some missing, and normals of the surface."""
+    """Velocities predicted by each kind of difference, some missing, and normals."""
     sheet = moving(grid(5, 6), 7)
     positions = sheet.vertices.astype(np.float64)
     steps = 25 * (positions[1:] - positions[:-1])
-    before = np.concatenate([steps[:1], steps]).astype(np.float32)
-    behind = np.concatenate([steps, steps[-1:]])
-    around = (25 * np.gradient(positions, axis=0)).astype(np.float32)
-    around[2, 5:8] = np.nan
-    normals = turning(sheet, "vertex")
+    backward = np.concatenate([steps[:1], steps]).astype(np.float32)
+    forward = np.concatenate([steps, steps[-1:]])
+    central = (25 * np.gradient(positions, axis=0)).astype(np.float32)
+    central[2, 5:8] = np.nan
+    normals = slightly_rotated(sheet, "vertex")
     normals[3, 4] = np.nan
     tracks = {
-        "before": Track(before, kind="velocity"),
-        "around": Track(around, kind="velocity"),
-        "behind": Track(behind, kind="velocity"),
+        "before": Track(backward, kind="velocity"),
+        "around": Track(central, kind="velocity"),
+        "behind": Track(forward, kind="velocity"),
         "normals": Track(normals, kind="normal"),
     }
     whole = MeshSequence(sheet.vertices, sheet.faces, 25, tracks=tracks)
@@ -784,7 +785,7 @@ def predicted_tracks():
 
 @stream
 def predicted_from_exact_positions():
-    """A velocity and normals that positions without an error predict."""
+    """Velocities and normals predicted from exact positions."""
     sheet = moving(grid(5, 6), 7)
     velocity = 30 * np.gradient(sheet.vertices, axis=0).astype(np.float32)
     exactly = velocity.copy()
@@ -792,7 +793,7 @@ def predicted_from_exact_positions():
     in_double = 25 * np.diff(sheet.vertices.astype(np.float64), axis=0, append=0)
     tracks = {
         "velocity": Track(velocity, kind="velocity"),
-        "normals": Track(turning(sheet, "vertex"), kind="normal"),
+        "normals": Track(slightly_rotated(sheet, "vertex"), kind="normal"),
         "exactly": Track(exactly, kind="velocity"),
         "in double": Track(in_double, kind="velocity"),
     }
@@ -803,15 +804,15 @@ def predicted_from_exact_positions():
 
 @stream
 def normals_of_polygons():
-    """Normals of faces and corners that are turned from those of a surface of polygons."""
+    """Normals of faces and corners of polygons, predicted from the surface."""
     sizes, faces = sheet_of_quads()
     plain = moving(faces, 4)
     surface = Surface(face_sizes=np.asarray(sizes, np.int32))
     sheet = MeshSequence(plain.vertices, plain.faces, 25, surface=surface)
-    of_corners = turning(sheet, "corner")
+    of_corners = slightly_rotated(sheet, "corner")
     of_corners *= 1 + np.float32(2**-20) * np.arange(of_corners.shape[1])[:, None]  # all differ
     tracks = {
-        "face": Track(turning(sheet, "face"), "face", "normal"),
+        "face": Track(slightly_rotated(sheet, "face"), "face", "normal"),
         "corner": Track(of_corners.astype(np.float32), "corner", "normal"),
     }
     whole = MeshSequence(sheet.vertices, sheet.faces, 25, surface=surface, tracks=tracks)
@@ -819,9 +820,9 @@ def normals_of_polygons():
 
 
 def with_corners(sizes, faces, jump):
-    """A sheet with tracks of corners that are those of vertices, but on one half, by a jump.
+    """Return a sheet with tracks of corners that share the values of vertices.
 
-    A vertex is of no face. Velocities are there where nothing jumps.
+    With `jump` those of one half differ. One vertex has no face. Without `jump` there is a velocity.
     """
     plain = moving(faces, 16)
     vertices = np.concatenate([plain.vertices, plain.vertices[:, :1] + 1], axis=1)
@@ -836,7 +837,7 @@ def with_corners(sizes, faces, jump):
     gaps[5:9, of_corners == 7] = np.nan
     gaps[3, (of_corners == 9) & (side[:, 0] | (not jump)), 1] = np.nan
     bare = MeshSequence(plain.vertices, faces, surface=surface)
-    normals = turning(bare, "corner")
+    normals = slightly_rotated(bare, "corner")
     normals[:, side[:, 0] & bool(jump)] *= np.array([1, -1, 1], np.float32)
     tracks = {
         "wave": Track(wave, "corner", "vector"),
@@ -852,7 +853,7 @@ def with_corners(sizes, faces, jump):
 
 @stream
 def corners_of_vertices():
-    """Tracks of corners that have the values of their vertices, of triangles."""
+    """Tracks of corners of triangles with the values of their vertices."""
     faces = shuffled(grid(5, 6))
     whole = with_corners(np.full(len(faces), 3), faces, 0)
     return meshreel.encode(whole, max_error=0.001, block_frames=9)
@@ -860,7 +861,7 @@ def corners_of_vertices():
 
 @stream
 def exact_velocities_of_corners():
-    """Velocities of corners, to the bit, that are those of exact vertices."""
+    """Exact velocities of corners with the values of their vertices."""
     faces = shuffled(grid(5, 6))
     whole = with_corners(np.full(len(faces), 3), faces, 0)
     whole = replace(whole, tracks={"velocity": whole.tracks["velocity"]})
@@ -869,7 +870,7 @@ def exact_velocities_of_corners():
 
 @stream
 def corners_in_rows():
-    """Tracks of corners of polygons with seams, and one where each corner has its own values."""
+    """Tracks of corners of polygons with seams, and one with distinct values at each corner."""
     sizes, faces = sheet_of_quads(4, 5)
     whole = with_corners(sizes, faces, 9)
     own = np.random.default_rng(18).random((16, len(whole.tracks["wave"][0])))
@@ -880,7 +881,7 @@ def corners_in_rows():
 
 @stream
 def normals_at_the_pole():
-    """Normals of a flat surface, up or straight down, and ones turned so far that none is left."""
+    """Normals of a flat surface, up or down, some rotated so far that they become 0."""
     rng, faces = np.random.default_rng(16), grid(5, 6)
     layout, single = Layout(np.float32(0.01), 6, 2), np.dtype(np.float32)
     _, basis, fields, _ = random_block(rng, layout, 30, 4, 4)
@@ -895,7 +896,7 @@ def normals_at_the_pole():
 
 @stream
 def many_resolutions():
-    """Leaves of a book that are kept one by one: more resolutions than are counted."""
+    """A book whose pages are kept one by one: more resolutions than the limit."""
     rng, faces = np.random.default_rng(8), together(grid(14, 14), book(33))
     n_verts = int(faces.max()) + 1
     return by_hand(faces, n_verts, [random_block(rng, Layout(np.float32(0.01), 4, 1), n_verts, 2)])
@@ -903,20 +904,20 @@ def many_resolutions():
 
 @stream
 def no_more_rows():
-    """Leaves of a book alone: resolutions end where they have four times the vertices."""
+    """Only a book: resolutions end at four times the vertices."""
     rng, faces = np.random.default_rng(9), book(30)
     return by_hand(faces, 32, [random_block(rng, Layout(np.float32(0.01), 6, 2), 32, 3)])
 
 
 def with_promise(payload):
-    """The worked example with this payload of PROMISE."""
+    """Return the worked example with this payload of PROMISE."""
     layout, basis = Layout(np.float32(0.5), 1, 0), np.array([[[3, 0], [0, -1], [0, 0]]])
     block = (layout, basis, np.array([[4, -1, 2]]), None)
     return by_hand([[0, 1, 2]], 3, [block], more=[(Section.PROMISE, payload)])
 
 
 def with_long_name():
-    """The worked example with a name of one byte more than is allowed."""
+    """Return the worked example with a name one byte too long."""
     layout, basis = Layout(np.float32(0.5), 1, 0), np.array([[[3, 0], [0, -1], [0, 0]]])
     block = (layout, basis, np.array([[4, -1, 2]]), None)
     with patch.object(stream_container, "MAX_NAME_BYTES", MAX_NAME_BYTES + 1):
@@ -924,7 +925,7 @@ def with_long_name():
 
 
 def with_rests(payload):
-    """The worked example, whose second time rests, as these bytes say it."""
+    """Return the worked example with a resting time, replaced by these bytes."""
     rests = Rests(((1, 2),))
     layout = Layout(np.float32(0.5), 1, 0, rests=rests)
     basis = np.array([[[3, 0], [0, -1], [0, 0]]])
@@ -933,14 +934,14 @@ def with_rests(payload):
 
 
 def with_cosines(n_frames, runs):
-    """One face with cosines over as many frames, at some of which it rests."""
+    """Return one face with cosines over n frames and resting times."""
     layout = Layout(np.float32(0.5), 1, 0, rests=Rests(runs), has_cosines=True)
     basis = np.zeros((1, 3, n_frames), np.int64)
     return by_hand([[0, 1, 2]], 3, [(layout, basis, np.array([[4, -1, 2]]), None)])
 
 
 def with_adaptive_cosines():
-    """One face whose layout announces cosines and adaptive times."""
+    """Return one face whose layout announces cosines and adaptive times."""
     layout = Layout(np.float32(0.5), 1, 0, has_cosines=True, is_adaptive=True)
     basis = np.zeros((1, 3, 3), np.int64)
     return by_hand([[0, 1, 2]], 3, [(layout, basis, np.array([[4, -1, 2]]), None)])
@@ -970,41 +971,40 @@ for reason, numbers in {
 
 
 def main():
-    """Write what is missing."""
+    """Write missing streams."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--force", action="store_true", help="replace what is there")
-    parser.add_argument("names", nargs="*", help="of streams; all, if none is given")
-    given = parser.parse_args()
-    if unknown := set(given.names) - {*STREAMS, *segments.STREAMS}:
-        parser.error(f"there are no streams {', '.join(sorted(unknown))}")
-    write_refused(REFUSED, REFUSED_FOLDER, given.force)
-    write_refused(segments.REFUSED, segments.REFUSED_FOLDER, given.force)
-    write_streams(STREAMS, FOLDER, given)
-    write_streams(segments.STREAMS, segments.FOLDER, given)
+    parser.add_argument("--force", action="store_true", help="replace existing files")
+    parser.add_argument("names", nargs="*", help="streams; default: all")
+    arguments = parser.parse_args()
+    if unknown := set(arguments.names) - {*STREAMS, *segments.STREAMS}:
+        parser.error(f"unknown streams: {', '.join(sorted(unknown))}")
+    write_refused(REFUSED, REFUSED_FOLDER, arguments.force)
+    write_refused(segments.REFUSED, segments.REFUSED_FOLDER, arguments.force)
+    write_streams(STREAMS, FOLDER, arguments)
+    write_streams(segments.STREAMS, segments.FOLDER, arguments)
 
 
-def write_refused(streams, folder, is_forced):
-    """Write the streams that are missing, or all."""
+def write_refused(streams, folder, replace_existing):
+    """Write missing streams, or all."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, make in streams.items():
         path = folder / f"{name}.reel"
-        if not path.exists() or is_forced:
+        if not path.exists() or replace_existing:
             path.write_bytes(make())
 
 
-def write_streams(streams, folder, given):
-    """Write the chosen streams that are missing, and the descriptions of what they hold."""
+def write_streams(streams, folder, arguments):
+    """Write the selected missing streams and their descriptions."""
     folder.mkdir(exist_ok=True)
     for name in streams:
         path = folder / f"{name}.reel"
-        is_chosen = not given.names or name in given.names
-        if not is_chosen or (path.exists() and not given.force):
+        is_selected = not arguments.names or name in arguments.names
+        if not is_selected or (path.exists() and not arguments.force):
             continue
         data = streams[name]()
         path.write_bytes(data)
-        found = describe_all(read_all(data))
-        described = json.dumps(found, indent=1, ensure_ascii=False)
-        path.with_suffix(".json").write_text(described + "\n", "utf-8")
+        description = json.dumps(describe_all(read_all(data)), indent=1, ensure_ascii=False)
+        path.with_suffix(".json").write_text(description + "\n", "utf-8")
         print(f"{name}: {len(data)} bytes")
 
 

@@ -1,15 +1,15 @@
-"""The given order of faces and vertices: ORDER of docs/format.md."""
+"""The original order of faces and vertices: ORDER of docs/format.md."""
 
 from conformance.bits import BitStream, NamedBits, need, sign_class
 
 
 def rotated(corner, by):
-    """The corner, or side, `by` places behind in its face."""
+    """Return the corner, or side, that is `by` after this one in its face."""
     return corner // 3 * 3 + (corner + by) % 3
 
 
 def twins_of(faces):
-    """The twin of each side, or the side itself."""
+    """Return the twin of each side, or the side itself."""
     sides, twins = {}, list(range(3 * len(faces)))
     for side in twins:
         a, b = faces[side // 3][side % 3], faces[side // 3][(side + 1) % 3]
@@ -21,18 +21,18 @@ def twins_of(faces):
 
 
 class Leaps:
-    """Leaps of one kind."""
+    """Leaps of one kind between members of lists."""
 
     def __init__(self, bits, name):
         self.bits, self.name, self.last, self.reached = bits, name, 0, None
 
     def read(self, ascending):
-        """The number reached in a list, from the one reached before."""
+        """Return the member of an ascending list that the next leap reaches."""
         start = self.reached
-        place = 0 if start is None else sum(number < start for number in ascending)
+        position = 0 if start is None else sum(number < start for number in ascending)
         context = min(9, abs(self.last).bit_length())
         self.last = self.bits.integer(self.name, context, sign_class(self.last))
-        self.reached = ascending[(place + self.last) % len(ascending)]
+        self.reached = ascending[(position + self.last) % len(ascending)]
         return self.reached
 
 
@@ -46,15 +46,15 @@ class FaceOrder:
         self.bits, self.n_faces, self.twins = bits, n_faces, twins
         self.corners, self.listed = [], set()
         self.open_sides, self.n_opened = {}, 0
-        self.leap, self.anew = Leaps(bits, "leap"), Leaps(bits, "any")
-        self.ways, self.turned = [self.FAR, self.FAR], 0
+        self.leap, self.leap_any = Leaps(bits, "leap"), Leaps(bits, "any")
+        self.ways, self.last_turn = [self.FAR, self.FAR], 0
 
     def read(self):
         for _ in range(self.n_faces):
-            way, arrived, w = self.read_way()
+            way, side, w = self.read_way()
             turn = self.read_turn(w)
-            self.list_face(rotated(arrived, turn))
-            self.ways, self.turned = [way, self.ways[0]], turn
+            self.list_face(rotated(side, turn))
+            self.ways, self.last_turn = [way, self.ways[0]], turn
         return self.corners
 
     def across(self, side):
@@ -62,37 +62,37 @@ class FaceOrder:
         return twin if twin != side and twin // 3 not in self.listed else None
 
     def near(self):
-        """By its way, the side arrived at of each face near the last two."""
-        found = {}
+        """Return, by way, the side at which each face near the last two is entered."""
+        entered = {}
         for way in range(18):
             w = way - 6
             back, by = (way // 3, way % 3) if way < 6 else (w // 6, w // 2 % 3)
             if back >= len(self.corners):
                 continue
-            arrived = self.across(rotated(self.corners[-1 - back], by))
-            if way >= 6 and arrived is not None:
-                arrived = self.across(rotated(arrived, 1 + way % 2))
-            if arrived is not None and all(arrived // 3 != one // 3 for one in found.values()):
-                found[way] = arrived
-        return found
+            side = self.across(rotated(self.corners[-1 - back], by))
+            if way >= 6 and side is not None:
+                side = self.across(rotated(side, 1 + way % 2))
+            if side is not None and all(side // 3 != other // 3 for other in entered.values()):
+                entered[way] = side
+        return entered
 
     def read_way(self):
-        """The way a face is found, the side arrived at, and the way for its turn."""
-        h, before = self.ways
+        """Return the way of the next face, its entered side, and the way of its turn."""
+        h, earlier = self.ways
         near = self.near()
-        if near and self.bits.bit(("near", h), before):
+        if near and self.bits.bit(("near", h), earlier):
             *others, last = near
-            chosen = (one for one in others if self.bits.bit(("is", one, h), before))
+            chosen = (way for way in others if self.bits.bit(("is", way, h), earlier))
             way = next(chosen, last)
             return way, near[way], way
         if self.open_sides and self.bits.bit(("open", h)):
             side = self.open_sides[self.leap.read(list(self.open_sides))]
             return self.FAR, self.twins[side], self.ACROSS_OPEN
-        face = self.anew.read([one for one in range(self.n_faces) if one not in self.listed])
+        face = self.leap_any.read([i for i in range(self.n_faces) if i not in self.listed])
         return self.FAR, 3 * face, self.ANY
 
     def read_turn(self, w):
-        context = self.ways[0], self.turned
+        context = self.ways[0], self.last_turn
         turn = self.bits.bit(("turn", w, 0), context)
         return turn + (turn and self.bits.bit(("turn", w, 1), context))
 
@@ -109,8 +109,8 @@ class FaceOrder:
                 self.n_opened += 1
 
 
-def neighbours_in_order(n_verts, faces):
-    """Of each vertex its neighbours, face by face and corner by corner at it."""
+def neighbors_in_order(n_verts, faces):
+    """Return the neighbors of each vertex, face by face and corner by corner."""
     around = [[] for _ in range(n_verts)]
     for face in faces:
         for k in range(3):
@@ -119,54 +119,54 @@ def neighbours_in_order(n_verts, faces):
 
 
 def read_vertices(bits, n_verts, faces):
-    """Names of vertices in the given order."""
-    leap, anew = Leaps(bits, "leap of vertices"), Leaps(bits, "any of vertices")
-    h, before, came, times, found = 6, 6, set(), {}, []
-    around = neighbours_in_order(n_verts, faces)
+    """Return the numbers of the vertices in the original order."""
+    leap, leap_any = Leaps(bits, "leap of vertices"), Leaps(bits, "any of vertices")
+    h, earlier, coded, times, vertices = 6, 6, set(), {}, []
+    around = neighbors_in_order(n_verts, faces)
     for _ in range(n_verts):
-        vertex, following = None, found[-1] + 1 if found else 0
-        follows = following < n_verts and following not in came
-        if follows and bits.bit(("next", h, before, following in times)):
+        vertex, following = None, vertices[-1] + 1 if vertices else 0
+        follows = following < n_verts and following not in coded
+        if follows and bits.bit(("next", h, earlier, following in times)):
             vertex, way = following, 0
-        if vertex is None and found:
-            near = [one for one in dict.fromkeys(around[found[-1]]) if one not in came]
-            near = [one for one in near if one != following][:16]
-            near.sort(key=lambda one: times[one])
-            for j, one in enumerate(near):
+        if vertex is None and vertices:
+            near = [v for v in dict.fromkeys(around[vertices[-1]]) if v not in coded]
+            near = [v for v in near if v != following][:16]
+            near.sort(key=lambda v: times[v])
+            for j, v in enumerate(near):
                 if bits.bit(("is it", min(j, 4), min(len(near), 7), h)):
-                    vertex, way = one, 1 + min(j, 3)
+                    vertex, way = v, 1 + min(j, 3)
                     break
-        opens = {time: one for one, time in times.items() if one not in came}
+        opens = {time: v for v, time in times.items() if v not in coded}
         if vertex is None and opens and bits.bit(("open vertex", h)):
             vertex, way = opens[leap.read(sorted(opens))], 5
         if vertex is None:
-            vertex, way = anew.read([one for one in range(n_verts) if one not in came]), 6
-        found.append(vertex)
-        came.add(vertex)
-        for one in around[vertex]:
-            if one not in came:
-                times.setdefault(one, len(times))
-        h, before = way, h
-    return found
+            vertex, way = leap_any.read([v for v in range(n_verts) if v not in coded]), 6
+        vertices.append(vertex)
+        coded.add(vertex)
+        for v in around[vertex]:
+            if v not in coded:
+                times.setdefault(v, len(times))
+        h, earlier = way, h
+    return vertices
 
 
 def read_order(payload, faces, n_verts):
-    """Internal number of each vertex in the given order, and the faces in given numbers."""
+    """Return the internal number of each vertex in output order, and the faces in that order."""
     if not payload:
         return list(range(n_verts)), faces
-    need(payload[0] in (1, 2), "the order is of an unknown kind")
-    need(len(payload) == 1 or payload[-1], "a zero byte is at the end")
+    need(payload[0] in (1, 2), "ORDER has an unknown kind")
+    need(len(payload) == 1 or payload[-1], "ORDER ends in a zero byte")
     bits = NamedBits(BitStream(payload[1:]))
     if payload[0] == 1:
-        names, listed = range(n_verts), faces
+        numbers, listed = range(n_verts), faces
     else:
         corners = FaceOrder(bits, len(faces), twins_of(faces)).read()
         listed = [tuple(faces[c // 3][(c + k) % 3] for k in range(3)) for c in corners]
-        names = list(dict.fromkeys(one for face in listed for one in face))
-        names += sorted(set(range(n_verts)) - set(names))
-    name_of = {vertex: name for name, vertex in enumerate(names)}
-    renamed = [tuple(name_of[one] for one in face) for face in listed]
-    internal = [names[one] for one in read_vertices(bits, n_verts, renamed)]
+        numbers = list(dict.fromkeys(v for face in listed for v in face))
+        numbers += sorted(set(range(n_verts)) - set(numbers))
+    number_of = {vertex: number for number, vertex in enumerate(numbers)}
+    renumbered = [tuple(number_of[v] for v in face) for face in listed]
+    internal = [numbers[v] for v in read_vertices(bits, n_verts, renumbered)]
     bits.stream.end()
-    given = {vertex: number for number, vertex in enumerate(internal)}
-    return internal, [tuple(given[one] for one in face) for face in listed]
+    output = {vertex: number for number, vertex in enumerate(internal)}
+    return internal, [tuple(output[v] for v in face) for face in listed]

@@ -1,4 +1,4 @@
-"""Tables of numbers, exactly: "Patterns" of docs/format.md."""
+"""Lossless tables of numbers: "Patterns" of docs/format.md."""
 
 import struct
 
@@ -11,24 +11,24 @@ BITS = {"B": 8, "i": 32, "f": 32, "d": 64}
 
 
 def row_before(n_rows):
-    """Each row is expected to be as the one before."""
+    """Predict each row from the previous one."""
     return [(row, [(row - 1,)] if row else []) for row in range(n_rows)]
 
 
 def nothing(n_rows):
-    """Nothing is expected."""
+    """Predict each row from nothing."""
     return [(row, []) for row in range(n_rows)]
 
 
 def same_step(n_rows):
-    """Each row is expected as far from the one before as that from its own."""
+    """Predict each row by linear extrapolation from the previous two."""
     return row_before(min(n_rows, 2)) + [
         (row, [(row - 1, row - 1, row - 2)]) for row in range(2, n_rows)
     ]
 
 
 class Numbers:
-    """Numbers of a type as integers of B bits, and back."""
+    """Mapping between numbers of a type and integers of B bits."""
 
     def __init__(self, kind):
         self.kind, self.bits = kind, BITS[kind]
@@ -50,55 +50,59 @@ class Numbers:
     def as_number(self, integer):
         return struct.unpack("<" + self.kind, self.as_pattern(integer))[0]
 
-    def expected(self, near):
-        """The integer expected from the numbers of a column in each row that is named."""
-        if not near:
+    def predicted(self, sources):
+        """Return the integer predicted from those of a column: triples, one, or none."""
+        if not sources:
             return self.as_integer(0)
-        if len(near[0]) == 1:
-            return near[0][0]
-        found = [tuple(map(self.as_number, triple)) for triple in near]
+        if len(sources[0]) == 1:
+            return sources[0][0]
+        triples = [tuple(map(self.as_number, triple)) for triple in sources]
         if self.kind in "Bi":
-            mean = (2 * sum(a + b - c for a, b, c in found) + len(found)) // (2 * len(found))
+            mean = (2 * sum(a + b - c for a, b, c in triples) + len(triples)) // (2 * len(triples))
             low, high = (0, 255) if self.kind == "B" else (-(2**31), 2**31 - 1)
             return self.as_integer(max(low, min(high, mean)))
         total = 0.0
-        for a, b, c in found:
+        for a, b, c in triples:
             total += a + b - c
-        mean = total / len(found)
+        mean = total / len(triples)
         if not abs(mean) <= LARGEST[self.kind]:
-            return near[0][0]
+            return sources[0][0]
         return self.as_integer(single(mean) if self.kind == "f" else mean)
 
 
-def signed_magnitude(bits, most_bits, context, sign_name):
-    """A number in the table of a pattern, of up to `most_bits` bits."""
+def read_difference(bits, max_bits, context, signs):
+    """Read a difference of up to `max_bits` bits; `signs` is the context of its sign."""
     length = 0
-    while length < most_bits and bits.bit(("longer", length), context):
+    while length < max_bits and bits.bit(("longer", length), context):
         length += 1
     value = min(length, 1)
     if length > 1:
         value = 2 + bits.bit(("second", length), context)
     if length > 2:
         value = 2 * value + bits.bit(("third", length, value))
-    for place in reversed(range(length - 3)):
-        value = 2 * value + bits.bit(("low", place))
-    return -value if value and bits.bit(("negative", sign_name)) else value
+    for position in reversed(range(length - 3)):
+        value = 2 * value + bits.bit(("low", position))
+    return -value if value and bits.bit(("negative", signs)) else value
 
 
-def read_patterns(data, width, kind, expected):
-    """Rows of `kind` by number, as the bytes of each: `patterns(N, C)` of the page.
+def read_patterns(data, width, kind, predictors):
+    """Return the bytes of each row of `patterns(N, C)` of the page.
 
     Parameters
     ----------
-    expected : list of (row, sources)
-        In the order in which rows are coded: the number of each, and a list of the rows that it is
-        expected from: triples, a single one in a tuple, or nothing.
+    width : int
+        C.
+    kind : str
+        Number type, as a letter of `struct`.
+    predictors : list of (row, sources)
+        Rows in coding order, each with a list of the rows that predict it: triples, a single one
+        in a tuple, or nothing.
     """
     stream = BitStream(stripped(data))
     bits, numbers = NamedBits(stream), Numbers(kind)
     rows, recent, again = {}, [], [0, 0]
     past, signs = [0] * width, [0] * width
-    for row, sources in expected:
+    for row, sources in predictors:
         again.append(bits.bit(("again", 2 * again[-2] + again[-1])) if recent else 0)
         if again[-1]:
             node = 1
@@ -106,15 +110,15 @@ def read_patterns(data, width, kind, expected):
                 node = 2 * node + bits.bit(("which", node))
             rows[row] = recent.pop(min(node - 64, len(recent) - 1))
         else:
-            way, before, values = min(len(sources[0]) if sources else 0, 2), 0, []
+            predictor, sign, values = min(len(sources[0]) if sources else 0, 2), 0, []
             for k in range(width):
-                context = way, mean_class(past[k], 47)
-                d = signed_magnitude(bits, numbers.bits, context, (signs[k], before))
+                context = predictor, mean_class(past[k], 47)
+                d = read_difference(bits, numbers.bits, context, (signs[k], sign))
                 past[k] = past[k] // 2 + 2 * min(abs(d), 2**48)
-                signs[k] = before = sign_class(d)
-                near = [tuple(rows[one][k] for one in source) for source in sources]
-                values.append((numbers.expected(near) + d) % 2**numbers.bits)
+                signs[k] = sign = sign_class(d)
+                known = [tuple(rows[i][k] for i in source) for source in sources]
+                values.append((numbers.predicted(known) + d) % 2**numbers.bits)
             rows[row] = tuple(values)
         recent = [rows[row], *recent][:64]
     stream.end()
-    return [tuple(map(numbers.as_pattern, rows[row])) for row in range(len(expected))]
+    return [tuple(map(numbers.as_pattern, rows[row])) for row in range(len(predictors))]

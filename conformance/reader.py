@@ -1,7 +1,7 @@
-"""A plain reader of `.reel` streams, as docs/format.md has them; slow, and readable.
+"""A plain reader of `.reel` streams, written from docs/format.md: slow, but readable.
 
-`python -m conformance.reader FILE` prints what it finds. It shares no code with the package
-`meshreel`, and needs the standard library only: what both say of a stream is what the page says.
+`python -m conformance.reader FILE` prints a description of a stream. The reader shares no code with
+the package `meshreel`, and needs only the standard library: comparing both verifies the page.
 """
 
 import json
@@ -46,21 +46,21 @@ class Reel:
     ----------
     container : Container
     internal_faces, faces : list of tuple of int
-        In internal order; and as they go out.
+        In internal and in output order.
     order : list of int
-        The internal number of each vertex that goes out.
+        The internal number of each vertex in output order.
     blocks : list of dict
-        Of each block its integers, by section; lists, or lists of rows.
+        Integers of each block by section, as lists or lists of rows.
     surface : dict
-    start, promise : float, None if there is none
+    start, promise : float, or None if absent
     anchors : list of int
     shape : tuple of list and list, or None
-        Steps and integers of the shape that cotangent weights are measured in.
+        Steps and integers of the shape of cotangent weights.
     positions : array of float, or None
-        Of `reel`, `lossless` and `grid`, as they go out: frames, vertices, x y z. Of other methods
-        integers are defined.
+        Frames, vertices, x y z in output order, for `reel`, `lossless` and `grid`. Other methods
+        define integers only.
     tracks : list
-        Of each further track what it is, its blocks, and its values like positions.
+        For each further track its fields, its blocks, and its values like positions.
     """
 
     container: Container
@@ -79,7 +79,7 @@ class Reel:
 
 @dataclass
 class Placement:
-    """How numbers of a track go out: their type, and scale and origins for what is decoded."""
+    """Number type of a track, and scale and origins of decoded numbers."""
 
     number_type: int
     scale: float
@@ -88,61 +88,61 @@ class Placement:
 
 @dataclass
 class Items:
-    """What has values: n vertices, faces or corners; `order` is how they go out.
+    """The n vertices, faces, corners or rows with values; `order` lists them in output order.
 
-    Those at a corner each of one of `faces` are next to each other. `found` keeps resolutions by
-    the size of stencils. Where corners share values, `corners` are the values that they have as
-    these go out; `vertices` are those of rows, as they go out.
+    Items at corners of one of `faces` are adjacent. `cache` has resolutions by stencil size. If
+    corners share values, `corners` has the item of each corner, and `vertices` the vertex of each
+    row, in output order.
     """
 
     faces: list
     n: int
     order: object
-    found: dict
+    cache: dict
     corners: object = None
     vertices: object = None
 
     @property
-    def neighbours(self):
-        """Those next to each, ascending."""
+    def neighbors(self):
+        """Return the neighbors of each item, ascending."""
         near = edges_of(self.faces, self.n)
         return [sorted(near[v]) for v in range(self.n)]
 
     def resolutions(self, size):
-        if size not in self.found:
-            self.found[size] = resolutions_of(self.faces, self.n, size)
-        return self.found[size]
+        if size not in self.cache:
+            self.cache[size] = resolutions_of(self.faces, self.n, size)
+        return self.cache[size]
 
 
 def read_all(data, memory=DEFAULT_MEMORY):
-    """The segments of a stream, decoded; as `read`, of each."""
+    """Decode all segments of a stream; see `read`."""
     return [read_segment(container, memory) for container in read_containers(data)]
 
 
 def read(data, memory=DEFAULT_MEMORY):
-    """A stream of one segment, decoded.
+    """Decode a stream of one segment.
 
     Parameters
     ----------
     data : bytes
     memory : Memory
-        What the mesh, each block, a table of an attribute and all positions or values of a track
-        may take; what is announced is compared with it before it is decoded.
+        Limit for each of: the mesh, a block, a table of an attribute, all values of a track.
+        Announced sizes are checked before decoding.
 
     Raises
     ------
     DamagedError
-        If a rule of the page is broken; other errors may be raised, too.
+        If a rule of the page is broken; other errors are possible too.
     TooLargeError
-        If more memory is needed than allowed.
+        If the memory limit is too low.
     """
     return read_segment(read_container(data), memory)
 
 
 def read_segment(container, memory):
-    """A segment, decoded."""
+    """Decode a segment."""
     header = container.header
-    need_memory(container, memory)
+    check_memory(container, memory)
     internal = read_faces(container.only("CONNECTIVITY"), header.n_verts, header.n_faces)
     order, faces = list(range(header.n_verts)), internal
     if header.order < 2:
@@ -159,8 +159,8 @@ def read_segment(container, memory):
         if header.laplacian == COTANGENT:
             shape = paper.read_shape(container.only("SHAPE"), header.n_verts)
         for (sections,) in container.blocks:
-            before = blocks[-1] if blocks else None
-            block = paper.read_block(sections, header, len(anchors), len(isolated), before)
+            previous = blocks[-1] if blocks else None
+            block = paper.read_block(sections, header, len(anchors), len(isolated), previous)
             blocks.append(block)
     return Reel(
         container=container,
@@ -178,88 +178,91 @@ def read_segment(container, memory):
     )
 
 
-def need_memory(container, memory):
-    """Refuse a mesh, a block or positions that take too much."""
+def check_memory(container, memory):
+    """Check the memory of the mesh, the blocks and the positions."""
     header = container.header
     n, m = header.n_verts, header.n_faces
-    memory.need(512 * n + 128 * m, "the mesh")
+    memory.check(512 * n + 128 * m, "the mesh")
     n_all = 0
     for block, *_ in container.blocks:
         head = Payload(block["BLOCK"])
         n_frames, n_modes = head.varint(), head.varint()
         n_all += n_frames
-        memory.need(24 * n_modes * (n + 3 * n_frames), "the modes of a block")
-    memory.need(24 * n * n_all, "positions")
+        memory.check(24 * n_modes * (n + 3 * n_frames), "the modes of a block")
+    memory.check(24 * n * n_all, "positions")
 
 
 def number_of(container, section):
-    """The number in a section that may not be there."""
+    """Return the number in an optional section, or None."""
     for payload in container.all_of(section):
         number = Payload(payload)
-        found = number.number("d")
+        value = number.number("d")
         number.end()
-        need(math.isfinite(found) and (section != "PROMISE" or found > 0))
-        return found
+        need(math.isfinite(value) and (section != "PROMISE" or value > 0))
+        return value
     return None
 
 
 LETTERS = dict(zip((4, 8, 17, 18, 20, 24, 33, 34, 36, 40), "fdBHIQbhiq", strict=True))
-"""Number types as `struct` and `array` write them."""
+"""Number types as letters of `struct` and `array`."""
 
 COTANGENT = 2
-"""Laplacian of cotangent weights."""
+"""Laplacian with cotangent weights."""
 
 EXACT = 1
 """Coding of an exact track."""
 
 CORNERS, BY_VERTEX, BY_ROW = 2, 3, 4
-"""Domains of tracks of corners: each has its value, or its vertex has it, or its row."""
+"""Domains of tracks of corners: values of each corner, of vertices, or of rows."""
 
 VELOCITIES, NORMALS = 2, 3
 """Kinds of tracks."""
 
 COLUMNS = {1: (2, 3), VELOCITIES: (3,), NORMALS: (3,), 4: (3, 4), 5: (2,), 6: (1,)}
-"""Columns that tracks of some kinds may have."""
+"""Allowed numbers of columns by kind; other kinds have 1 to 256."""
 
 
 def read_track(payload):
-    """The header of a further track, and how its numbers are placed."""
+    """Return the fields of a TRACK, and its placement."""
     payload = Payload(payload)
     kind, domain, number_type, coding = (payload.byte() for _ in range(4))
     name, unit, n_columns = payload.text(), payload.text(), payload.varint()
     need(kind < 7 and domain < 5 and coding < 9 and number_type in LETTERS)
-    need(n_columns in COLUMNS.get(kind, range(1, 257)), "a track has columns that it cannot have")
-    said = {"name": name, "unit": unit, "kind": kind, "domain": domain, "coding": coding}
+    need(n_columns in COLUMNS.get(kind, range(1, 257)), "a track has a wrong number of columns")
+    track = {"name": name, "unit": unit, "kind": kind, "domain": domain, "coding": coding}
     bound, scale, origin = 0.0, 1.0, [0.0] * n_columns
     if not predicted.is_exact(coding):
         bound, scale = payload.number("d"), payload.number("d")
-    need(coding == EXACT or number_type in (4, 8), "modes and differences are of floats")
+    need(coding == EXACT or number_type in (4, 8), "modes and differences require floats")
     if coding == 0:
         origin = [payload.number("d") for _ in range(n_columns)]
-    elif coding == predicted.TURNS:
-        need(kind == NORMALS, "what is turned is no normal")
+    elif coding == predicted.ROTATED:
+        need(kind == NORMALS, "a rotated track does not contain normals")
         origin = [0.0] * 2
     elif coding != EXACT:
-        need(kind == VELOCITIES and domain in (0, BY_VERTEX), "differences are of vertices")
-        said["rate"] = payload.number("d")
+        need(
+            kind == VELOCITIES and domain in (0, BY_VERTEX),
+            "differences require velocities",
+        )
+        track["rate"] = payload.number("d")
     if domain == BY_ROW:
-        said["rows"] = payload.rest()
+        track["rows"] = payload.rest()
     payload.end()
-    return said | {"bound": bound}, Placement(number_type, scale, tuple(origin))
+    return track | {"bound": bound}, Placement(number_type, scale, tuple(origin))
 
 
-def of_unit_length(normals):
-    """Normals divided by their length; 0 where that is below a half."""
+def normalized(normals):
+    """Normalize vectors in place; those shorter than 1/2 become 0."""
     for at in range(0, len(normals), 3):
         x, y, z = normals[at : at + 3]
         length = math.sqrt((x * x + y * y) + z * z)
-        for i, one in enumerate((x, y, z), start=at):
-            normals[i] = 0.0 if length < 0.5 else one / length
+        for i, value in enumerate((x, y, z), start=at):
+            normals[i] = 0.0 if length < 0.5 else value / length
     return normals
 
 
 def read_reel_tracks(container, mesh, polygons, memory):
-    """Of positions and each further track: what it is, integers of its blocks, its values.
+    """Return the fields, the integers per block, and the values of each track, positions first.
 
     Parameters
     ----------
@@ -269,90 +272,90 @@ def read_reel_tracks(container, mesh, polygons, memory):
     polygons : Polygons
     """
     header, tracks = container.header, []
-    placed = Placement(header.vertex_type, header.scale, header.origin)
+    placement = Placement(header.vertex_type, header.scale, header.origin)
     all_items = [mesh, *(Items(pairs, n, range(n), {}) for pairs, n in graphs_of(polygons))]
     all_items.append(replace(mesh, corners=polygons.vertices_of_corners()))
     lengths = [Payload(block[0]["BLOCK"]).varint() for block in container.blocks]
     further = [read_track(payload) for payload in container.all_of("TRACK")]
     positions = {"domain": 0, "coding": int(header.method != "reel")}
-    for number, (said, place) in enumerate([(positions, placed), *further]):
-        blocks, values, rows = [], None, said.pop("rows", None)
-        items = all_items[said["domain"]] if rows is None else of_rows(rows, mesh, all_items)
-        coding = said.get("coding", 0)
-        n_values = max(items.n, len(items.corners or ())) * len(place.origin)
-        memory.need(8 * n_values * sum(lengths), "a track")
+    for number, (track, placed) in enumerate([(positions, placement), *further]):
+        blocks, values, rows = [], None, track.pop("rows", None)
+        items = all_items[track["domain"]] if rows is None else items_of_rows(rows, mesh, all_items)
+        coding = track.get("coding", 0)
+        n_values = max(items.n, len(items.corners or ())) * len(placed.origin)
+        memory.check(8 * n_values * sum(lengths), "a track")
         for block, n_frames in zip(container.blocks, lengths, strict=True):
-            need_modes(block[number], n_values, len(place.origin) * n_frames, memory)
+            check_modes(block[number], n_values, len(placed.origin) * n_frames, memory)
             read = read_exact_block if predicted.is_exact(coding) else read_reel_block
-            if said is positions and header.method == "grid":
+            if track is positions and header.method == "grid":
                 read = read_grid_block
-            integers, found = read(block[number], n_frames, place, blocks, items, coding)
+            integers, numbers = read(block[number], n_frames, placed, blocks, items, coding)
             if coding > EXACT:
-                at, size = sum(one["frames"] for one in blocks), 3 * mesh.n
-                points = tracks[0][2][at * size : (at + n_frames) * size]
-                letter = LETTERS[place.number_type]
-                found = predicted.predicted_values(
-                    said, found, points, mesh, polygons, letter, items.vertices
+                first, size = sum(coded["frames"] for coded in blocks), 3 * mesh.n
+                points = tracks[0][2][first * size : (first + n_frames) * size]
+                letter = LETTERS[placed.number_type]
+                numbers = predicted.predicted_values(
+                    track, numbers, points, mesh, polygons, letter, items.vertices
                 )
-            elif said.get("kind") == NORMALS:
-                found = of_unit_length(found)
+            elif track.get("kind") == NORMALS:
+                numbers = normalized(numbers)
             if "MISSING" in block[number]:
-                n_columns = len(found) // (n_frames * items.n)
-                found = without_missing(found, block[number], (n_frames, items.n, n_columns), items)
+                shape = (n_frames, items.n, len(numbers) // (n_frames * items.n))
+                numbers = without_missing(numbers, block[number], shape, items)
             if items.corners is not None:
-                found = spread(found, n_frames, items)
+                numbers = spread(numbers, n_frames, items)
             blocks.append(integers)
-            values = found if values is None else values + found
-        tracks.append((said | {"domain": min(said["domain"], CORNERS)}, blocks, values))
+            values = numbers if values is None else values + numbers
+        tracks.append((track | {"domain": min(track["domain"], CORNERS)}, blocks, values))
     return tracks
 
 
-def need_modes(group, n_values, n_times, memory):
-    """Refuse modes and corrections of a block that take too much."""
+def check_modes(group, n_values, n_times, memory):
+    """Check the memory of modes and corrections of a block."""
     if "FIELDS" in group:
         head = Payload(group["BLOCK" if "BLOCK" in group else "TRACK_BLOCK"])
         if "BLOCK" in group:
             head.varint()
-        memory.need(8 * head.varint() * (n_values + n_times), "the modes of a block")
+        memory.check(8 * head.varint() * (n_values + n_times), "the modes of a block")
     if "CORRECTIONS" in group:
         head = Payload(group["CORRECTIONS"])
         head.number("f")
         head.varint()
-        memory.need(8 * head.varint() * 6, "corrections")
+        memory.check(8 * head.varint() * 6, "corrections")
 
 
-def of_rows(payload, mesh, all_items):
-    """The rows that corners share."""
+def items_of_rows(payload, mesh, all_items):
+    """Return the rows that corners share."""
     vertices = all_items[BY_VERTEX].corners
     rows = CornerRows(payload, [mesh.order[vertex] for vertex in vertices], mesh.n)
-    of_row = dict(zip(mesh.order, range(mesh.n), strict=True))
-    of_row.update(zip(rows.of_corners, vertices, strict=True))
+    row_vertices = dict(zip(mesh.order, range(mesh.n), strict=True))
+    row_vertices.update(zip(rows.of_corners, vertices, strict=True))
     pairs = rows.pairs(all_items[CORNERS].faces)
-    return Items(pairs, rows.n, range(rows.n), {}, rows.of_corners, of_row)
+    return Items(pairs, rows.n, range(rows.n), {}, rows.of_corners, row_vertices)
 
 
 def spread(values, n_frames, items):
-    """Values of a block for each corner."""
-    width, found = len(values) // (n_frames * items.n), array(values.typecode)
+    """Return the values of each corner in a block."""
+    width, result = len(values) // (n_frames * items.n), array(values.typecode)
     for t in range(n_frames):
         for item in items.corners:
-            place = (t * items.n + item) * width
-            found += values[place : place + width]
-    return found
+            start = (t * items.n + item) * width
+            result += values[start : start + width]
+    return result
 
 
 def read_reel_block(group, n_frames, placed, blocks, items, coding):
-    """Integers and values of a track in a block; `blocks` are those before.
+    """Return integers and values of a track in a block; `blocks` are the previous ones.
 
-    Values of a track that is predicted are not rounded.
+    Values of a predicted track are not rounded.
     """
     block = read_integers(group, n_frames, len(placed.origin), items)
     key = []
     if block["reference"]:
-        need(block["reference"] <= len(blocks), "there is no key block")
-        other = blocks[-block["reference"]]
-        need(other["reference"] == 0 and other["stencil"] == block["stencil"])
-        key = other["values"]
+        need(block["reference"] <= len(blocks), "the key block does not exist")
+        key_block = blocks[-block["reference"]]
+        need(key_block["reference"] == 0 and key_block["stencil"] == block["stencil"])
+        key = key_block["values"]
     n_reused = block.get("reused", 0)
     need(n_reused <= len(key), "the key block has fewer fields than are reused")
     reused = key[:n_reused]
@@ -360,12 +363,12 @@ def read_reel_block(group, n_frames, placed, blocks, items, coding):
     block["values"] = reused + predict_fields(
         resolutions, block["coefficients"], block["stencil"], block["learned"], key
     )
-    scaled = [{v: one * block["step"] for v, one in row.items()} for row in block["values"]]
-    # Fields have their vertices in the order in which they were decoded.
+    scaled = [{v: x * block["step"] for v, x in field.items()} for field in block["values"]]
+    # A field lists its vertices in decoding order.
     lengths = [length_of(field.values()) / block["finer"] for field in reused]
     lengths += [None] * len(block["coefficients"])
     rests, rest_bits = resting_times(block.get("rests", [])), block.get("rest bits", 0)
-    kind = next((one for one in ("cosines", "adaptive") if one in block), "")
+    kind = next((kind for kind in ("cosines", "adaptive") if kind in block), "")
     bases = basis_vectors(block["basis"], n_frames, lengths, n_reused, rests, rest_bits, kind)
     corrections = block["correction step"], block["corrections"]
     if coding:
@@ -374,7 +377,7 @@ def read_reel_block(group, n_frames, placed, blocks, items, coding):
 
 
 def read_exact_block(group, n_frames, placed, blocks, items, coding):
-    """The same of an exact track, or of positions of `lossless`, which have no modes."""
+    """Return the same for an exact track, or positions of `lossless`."""
     head = Payload(group["BLOCK"] if "BLOCK" in group else group["TRACK_BLOCK"])
     if "BLOCK" in group:
         head.varint()
@@ -382,44 +385,44 @@ def read_exact_block(group, n_frames, placed, blocks, items, coding):
     head.end()
     letter = LETTERS[placed.number_type if coding <= EXACT else placed.number_type + 32]
     shape = (n_frames, items.n, len(placed.origin))
-    rows = read_exact(group["VALUES"], shape, letter, items.neighbours)
+    rows = read_exact(group["VALUES"], shape, letter, items.neighbors)
     numbers, size = array(letter), array(letter).itemsize
     for frame in rows:
         for item in items.order:
-            numbers.frombytes(b"".join(one.to_bytes(size, sys.byteorder) for one in frame[item]))
+            numbers.frombytes(b"".join(bits.to_bytes(size, sys.byteorder) for bits in frame[item]))
     return {"frames": n_frames, "modes": 0}, numbers
 
 
 def read_grid_block(group, n_frames, placed, blocks, items, coding):
-    """The same of positions of `grid`: behind the step, integers, or what they stand for."""
+    """Return the same for positions of `grid`: a step and integers, or exact values."""
     (step,) = struct.unpack("<d", group["VALUES"][:8])
-    need(0 <= step <= 1, "the step of a grid is none")
+    need(0 <= step <= 1, "the step of a grid is not in 0..1")
     rest = {**group, "VALUES": group["VALUES"][8:]}
     if step == 0:
         return read_exact_block(rest, n_frames, placed, blocks, items, coding)
     whole = replace(placed, number_type=36)
-    found, places = read_exact_block(rest, n_frames, whole, blocks, items, coding)
+    block, integers = read_exact_block(rest, n_frames, whole, blocks, items, coding)
     numbers = array(LETTERS[placed.number_type])
-    for place, n in enumerate(places):
-        value = n * step * placed.scale + placed.origin[place % 3]
+    for i, n in enumerate(integers):
+        value = n * step * placed.scale + placed.origin[i % 3]
         numbers.append(single(value) if placed.number_type == 4 else value)
     need(all(map(math.isfinite, numbers)), "positions are not finite")
-    return found, numbers
+    return block, numbers
 
 
 def without_missing(values, group, shape, items):
-    """Values of a block, with NaN where the file says so."""
-    rows = read_exact(group["MISSING"], shape, "B", items.neighbours)
+    """Set missing values of a block to NaN."""
+    rows = read_exact(group["MISSING"], shape, "B", items.neighbors)
     flags = (flag for frame in rows for item in items.order for flag in frame[item])
-    for place, flag in enumerate(flags):
-        need(flag < 2, "a value is neither there nor missing")
+    for i, flag in enumerate(flags):
+        need(flag < 2, "a flag of MISSING is not 0 or 1")
         if flag:
-            values[place] = math.nan
+            values[i] = math.nan
     return values
 
 
 def read_integers(group, n_frames, n_columns, items):
-    """The integers of a track in a block."""
+    """Return the integers of a track in a block."""
     is_first = "BLOCK" in group
     head, layout = Payload(group["BLOCK" if is_first else "TRACK_BLOCK"]), Payload(group["FIELDS"])
     if is_first:
@@ -430,9 +433,9 @@ def read_integers(group, n_frames, n_columns, items):
     layout_number = layout.byte()
     precision, has_rests = layout_number & ~(16 + 32 + 64), layout_number & 16
     cosines, is_adaptive = layout_number & 32, layout_number & 64
-    need(precision in (4, 8), "the fields have a layout that is not known")
-    need(not (has_rests and cosines), "times rest in a block with cosines")
-    need(not (is_adaptive and cosines), "times are adaptive in a block with cosines")
+    need(precision in (4, 8), "the layout of the fields is unknown")
+    need(not (has_rests and cosines), "a block with cosines has resting times")
+    need(not (is_adaptive and cosines), "a block with cosines has adaptive times")
     need(n_frames <= 1024 or not cosines, "a block with cosines is too long")
     reference, step, size, n_learned = (
         *(layout.varint(), layout.number("f")),

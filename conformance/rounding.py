@@ -1,8 +1,8 @@
-"""IEEE single precision by Python's floats, which are double."""
+"""IEEE single precision arithmetic on Python floats, which are double."""
 
 from ctypes import c_float
 
 
 def single(number):
-    """The nearest float of single precision; of a single operation of two of them, its result."""
+    """Round to single precision, which also rounds one operation of two singles correctly."""
     return c_float(number).value

@@ -1,4 +1,4 @@
-"""Streams of several segments, and streams that break a rule of segments alone.
+"""Streams of several segments, and streams that break one rule of segments.
 
 `python -m conformance.make` writes them to the folder conformance/segments.
 """
@@ -35,7 +35,7 @@ BOX = [part for a, b, c, d in SIDES for part in ((a, b, c), (a, c, d))]
 
 
 def with_heat(sequence):
-    """The sequence with a number that changes at each vertex."""
+    """Return the sequence with an animated scalar track."""
     heat = np.linspace(0, 1, sequence.n_frames * sequence.n_verts, dtype=np.float32)
     values = heat.reshape(sequence.n_frames, sequence.n_verts)
     return replace(sequence, tracks={"heat": Track(values, unit="K")})
@@ -43,7 +43,7 @@ def with_heat(sequence):
 
 @cache
 def meshes():
-    """A tetrahedron and a box, of other methods, number types, places, tracks and starts."""
+    """Return streams of a tetrahedron and a box that differ in number type, bounds and tracks."""
     timed = {"fps": 24.0, "start_s": 1.5}
     tetrahedron = moving(TETRAHEDRON, 5, name="two meshes", **timed)
     box = with_heat(moving(BOX, 4, dtype=np.float64, shape=(2.0, 7.0), **timed))
@@ -54,13 +54,13 @@ def meshes():
 
 
 def one_frame_each():
-    """Meshes of one frame, of which some are the same."""
+    """Return streams of one frame each, some with equal meshes."""
     faces = (TETRAHEDRON, BOX, BOX, TETRAHEDRON, BOX[:6])
-    return [meshreel.encode(moving(one, 1, seed=i)) for i, one in enumerate(faces)]
+    return [meshreel.encode(moving(mesh, 1, seed=i)) for i, mesh in enumerate(faces)]
 
 
 def of_many_kinds():
-    """A surface of all kinds, exact positions, hard edges, and a method of the paper."""
+    """Return streams with a full surface, exact positions, hard edges, and a paper's method."""
     return (
         meshreel.encode(of_everything(n_frames=2), order="vertices"),
         meshreel.encode(moving(BOX, 3), lossless=True),
@@ -70,19 +70,19 @@ def of_many_kinds():
 
 
 def placed_alike():
-    """Segments that share origin and scale with the header."""
-    return [in_place_of_first(one, one_frame_each()[0]) for one in one_frame_each()]
+    """Return streams with equal origin and scale."""
+    return [placed_like(stream, one_frame_each()[0]) for stream in one_frame_each()]
 
 
-def in_place_of_first(stream, first):
-    """The stream with origin and scale of another, so that its numbers mean other positions."""
-    opened, wanted = whole_stream(stream), header_of(whole_stream(first))
-    header = replace(header_of(opened), origin=wanted.origin, scale=wanted.scale)
+def placed_like(stream, first):
+    """Return the stream with origin and scale of another, which changes its positions."""
+    opened, target = whole_stream(stream), header_of(whole_stream(first))
+    header = replace(header_of(opened), origin=target.origin, scale=target.scale)
     return written([(header, leading_of(opened), blocks_of(opened))])
 
 
 def written(segments, n_frames=None):
-    """A stream of segments, each a header, sections and blocks."""
+    """Return a stream of segments, each a header, sections and blocks."""
     (header, leading, blocks), *further = segments
     file = BytesIO()
     header = header if n_frames is None else replace(header, n_frames=n_frames)
@@ -98,15 +98,15 @@ def written(segments, n_frames=None):
 
 
 def parts():
-    """Header, sections and blocks of both `meshes`."""
+    """Return header, sections and blocks of both `meshes`."""
     return [
-        (header_of(one), list(leading_of(one)), list(blocks_of(one)))
-        for one in map(whole_stream, meshes())
+        (header_of(opened), list(leading_of(opened)), list(blocks_of(opened)))
+        for opened in map(whole_stream, meshes())
     ]
 
 
 def without_index(segments):
-    """A stream of segments, each a list of sections, that ends as one of a live writer."""
+    """Return a stream of segments, each a list of sections, without an index."""
     header, *_ = parts()[0]
     sections = [*(one for segment in segments for one in segment), (Section.END, b"")]
     return write_header(replace(header, n_frames=0)) + b"".join(write_sections(sections))
@@ -134,23 +134,25 @@ STREAMS: dict[str, Callable[[], bytes]] = {
 
 
 def with_section(change):
-    """`meshes`, whose SEGMENT has another payload."""
+    """Join `meshes` with a changed payload of SEGMENT."""
     write = stream_container.write_segment
     with patch.object(stream_container, "write_segment", lambda *headers: change(write(*headers))):
         return join_streams(meshes())
 
 
 def with_header(**changes):
-    """`meshes`, whose second header is changed in SEGMENT alone."""
+    """Join `meshes` with changed fields in SEGMENT."""
     write = stream_container.write_segment
     with patch.object(
-        stream_container, "write_segment", lambda one, first: write(replace(one, **changes), first)
+        stream_container,
+        "write_segment",
+        lambda header, first: write(replace(header, **changes), first),
     ):
         return join_streams(meshes())
 
 
 def with_index(change):
-    """`meshes`, whose index lists other blocks or segments."""
+    """Join `meshes` with a changed index."""
     with patch.object(
         stream_container,
         "write_index",
@@ -160,20 +162,20 @@ def with_index(change):
 
 
 def with_start():
-    """`meshes`, both with a start."""
+    """Join `meshes`, both with START."""
     return written(parts(), n_frames=9)
 
 
 def in_all(n_frames):
-    """`meshes`, with another number of frames in the header."""
+    """Join `meshes` with another number of frames in the header."""
     first, (header, leading, blocks) = parts()
-    own = [one for one in leading if one[0] is not Section.START]
-    return written([first, (header, own, blocks)], n_frames)
+    kept = [section for section in leading if section[0] is not Section.START]
+    return written([first, (header, kept, blocks)], n_frames)
 
 
 def with_blocks(further, change):
-    """Segments for an index, whose blocks are changed."""
-    return [replace(one, places=[change(block) for block in one.places]) for one in further]
+    """Return segments for an index, with changed blocks."""
+    return [replace(s, places=[change(block) for block in s.places]) for s in further]
 
 
 REFUSED: dict[str, Callable[[], bytes]] = {
@@ -187,10 +189,10 @@ REFUSED: dict[str, Callable[[], bytes]] = {
     "start_of_the_second": with_start,
     "frames_of_the_first_alone": lambda: in_all(5),
     "index_of_other_vertices": partial(
-        with_index, lambda further: [replace(one, n_verts=9) for one in further]
+        with_index, lambda further: [replace(s, n_verts=9) for s in further]
     ),
     "index_of_other_faces": partial(
-        with_index, lambda further: [replace(one, n_faces=1) for one in further]
+        with_index, lambda further: [replace(s, n_faces=1) for s in further]
     ),
     "index_of_other_tracks": partial(
         with_index,
@@ -202,7 +204,7 @@ REFUSED: dict[str, Callable[[], bytes]] = {
         with_index, lambda further: with_blocks(further, lambda block: replace(block, n_frames=5))
     ),
     "index_of_another_place": partial(
-        with_index, lambda further: [replace(one, position=one.position - 1) for one in further]
+        with_index, lambda further: [replace(s, position=s.position - 1) for s in further]
     ),
     "index_without_the_second": partial(with_index, lambda further: []),
     "index_with_a_third": partial(with_index, lambda further: [*further, *further]),
@@ -214,5 +216,5 @@ REFUSED: dict[str, Callable[[], bytes]] = {
 
 
 def without_tracks(sections):
-    """The sections without those before the blocks that announce tracks."""
-    return [one for one in sections if one[0] is not Section.TRACK]
+    """Return the sections without TRACK."""
+    return [section for section in sections if section[0] is not Section.TRACK]

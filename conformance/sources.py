@@ -1,4 +1,4 @@
-"""Meshes and motions that streams are made of: all generated, deterministic, small."""
+"""Small, generated, deterministic meshes and motions for the streams."""
 
 import numpy as np
 
@@ -10,12 +10,12 @@ from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Su
 
 
 def grid(rows, columns, *, closed=(False, False), turned=False):
-    """Triangles of a sheet; closed in either direction it is a tube or a torus."""
+    """Return the triangles of a sheet; closed in one direction a tube, in both a torus."""
     i, j = np.mgrid[0 : rows - (not closed[0]), 0 : columns - (not closed[1])].reshape(2, -1)
 
     def at(a, b):
-        round_once = (a // rows) % 2
-        b = np.where(turned & (round_once == 1), columns - 1 - b, b)
+        wrapped = (a // rows) % 2
+        b = np.where(turned & (wrapped == 1), columns - 1 - b, b)
         return a % rows * columns + b % columns
 
     a, b, c, d = at(i, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)
@@ -23,7 +23,7 @@ def grid(rows, columns, *, closed=(False, False), turned=False):
 
 
 def sphere(rows, columns):
-    """A closed surface: a tube with a fan at either end."""
+    """Return a closed surface: a tube with a fan at each end."""
     body = grid(rows, columns, closed=(False, True))
     ring = np.arange(columns)
     first, last = rows * columns, rows * columns + 1
@@ -34,39 +34,39 @@ def sphere(rows, columns):
 
 
 def fan(n_rim):
-    """One vertex with all others around it."""
+    """Return a fan: one vertex surrounded by all others."""
     rim = np.arange(n_rim)
     return np.stack([np.full(n_rim, n_rim), rim, (rim + 1) % n_rim], 1)
 
 
 def book(n_pages):
-    """Triangles at one edge."""
+    """Return triangles that share one edge."""
     pages = np.arange(2, n_pages + 2)
     return np.stack([np.zeros_like(pages), np.ones_like(pages), pages], 1)
 
 
 def holes(rows, columns, seed=1, share=0.25):
-    """A sheet of which a share of the triangles is missing."""
+    """Return a sheet without a random share of its triangles."""
     faces = grid(rows, columns)
     return faces[np.random.default_rng(seed).random(len(faces)) >= share]
 
 
 def tangled(n_verts, n_faces, seed=2):
-    """Faces between vertices at random: degenerate, repeated, nothing that is a surface."""
+    """Return faces between random vertices, some degenerate or repeated."""
     return np.random.default_rng(seed).integers(0, n_verts, (n_faces, 3))
 
 
 def together(*meshes):
-    """Several meshes beside each other."""
-    found, n_verts = [], 0
+    """Return the disjoint union of meshes."""
+    parts, n_verts = [], 0
     for faces in meshes:
-        found.append(np.asarray(faces) + n_verts)
-        n_verts = int(found[-1].max()) + 1
-    return np.concatenate(found)
+        parts.append(np.asarray(faces) + n_verts)
+        n_verts = int(parts[-1].max()) + 1
+    return np.concatenate(parts)
 
 
 def pinched():
-    """Three sheets that have a vertex in common, and nothing else."""
+    """Return three sheets that share only a vertex."""
     faces = together(grid(4, 4), grid(4, 4), grid(4, 4))
     faces[faces == 16] = 5
     faces[faces == 37] = 5
@@ -75,42 +75,42 @@ def pinched():
 
 
 def uneven(seed=3, n_verts=140):
-    """A closed surface with vertices of 3 to 20 and more neighbours: corners cut off again."""
+    """Return a closed surface of widely varying degrees, by repeatedly splitting faces."""
     rng = np.random.default_rng(seed)
     faces = [[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]]
     for vertex in range(4, n_verts):
-        place = int(len(faces) * rng.random() ** 2)
-        a, b, c = faces[place]
-        faces[place] = [a, b, vertex]
+        split = int(len(faces) * rng.random() ** 2)
+        a, b, c = faces[split]
+        faces[split] = [a, b, vertex]
         faces += [[b, c, vertex], [c, a, vertex]]
     return np.array(faces)
 
 
 def shuffled(faces, seed=4, *, turns=False):
-    """Faces in another order, each from another corner, vertices renamed."""
+    """Permute faces, their first corners and vertices; with `turns` also flip some faces."""
     rng = np.random.default_rng(seed)
     faces = rng.permutation(int(faces.max()) + 1)[faces[rng.permutation(len(faces))]]
     faces = np.take_along_axis(faces, (rng.integers(0, 3, (len(faces), 1)) + range(3)) % 3, 1)
     if turns:
-        over = rng.random(len(faces)) < 0.4
-        faces[over] = faces[over][:, ::-1]
+        flipped = rng.random(len(faces)) < 0.4
+        faces[flipped] = faces[flipped][:, ::-1]
     return faces
 
 
 def moving(faces, n_frames=10, *, seed=5, n_more=0, dtype=np.float32, shape=(1.0, 0.0), rough=0.0,
            n_waves=4, **more):  # fmt: skip
-    """A mesh whose vertices are smoothed noise and move in waves.
+    """Return a mesh whose vertices are smoothed noise and move in waves.
 
     Parameters
     ----------
     n_more : int
-        Vertices that no face uses.
+        Vertices without faces.
     shape : pair of float
         Size and offset in model units.
     rough : float
-        What is noise in each frame, as a share of the size.
+        Noise of each frame, relative to the size.
     n_waves : int
-        Different motions.
+        Number of independent motions.
     """
     faces, rng = np.asarray(faces, np.int32), np.random.default_rng(seed)
     n_verts = int(faces.max()) + 1 + n_more
@@ -132,7 +132,7 @@ def moving(faces, n_frames=10, *, seed=5, n_more=0, dtype=np.float32, shape=(1.0
 
 
 def sheet_of_quads(rows=6, columns=7):
-    """Polygons of a sheet: quads, a triangle and a pentagon, as sizes and triangles."""
+    """Return a sheet of quads, triangles and a pentagon, as sizes and triangles."""
     corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
     quads = np.stack([corner, corner + columns, corner + columns + 1, corner + 1], 1)
     triangles = quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
@@ -148,7 +148,7 @@ def attribute(name, kind, domain, values, indices=None):
 
 
 def seamed_uvs(sizes, triangles, dtype=np.float32, name="uv"):
-    """Texture coordinates at corners, of which those of some faces lie elsewhere."""
+    """Return texture coordinates of corners, with some faces in a second chart."""
     n_corners, n_verts = int(sizes.sum()), int(triangles.max()) + 1
     first, triangle, at = 0, 0, np.empty(n_corners, np.int64)
     for size in sizes:
@@ -164,7 +164,7 @@ def seamed_uvs(sizes, triangles, dtype=np.float32, name="uv"):
 
 
 def of_everything(dtype=np.float32, n_frames=5, **more):
-    """A sheet of polygons with attributes of each domain and number type, groups and parts."""
+    """Return a sheet of polygons with attributes of all domains and types, groups and parts."""
     sizes, triangles = sheet_of_quads()
     n_verts, n_faces, n_corners = int(triangles.max()) + 1, len(sizes), int(sizes.sum())
     rng = np.random.default_rng(6)
@@ -193,7 +193,7 @@ def of_everything(dtype=np.float32, n_frames=5, **more):
 
 
 def of_boxes():
-    """Boxes of quads with hard rims, one of which is left out, and more than two faces at edges."""
+    """Return boxes of quads with hard edges except two, and edges of more than two faces."""
     frame = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4]])
     quads = np.concatenate([frame, frame + 8, [[5, 4, 8, 9], [5, 4, 10, 11]]])
     sizes, corners = np.full(len(quads), 4, np.int32), quads.ravel()
@@ -203,13 +203,13 @@ def of_boxes():
 
 
 def faceted(faces):
-    """A mesh whose edges are all hard."""
+    """Return a mesh with hard edges only."""
     edges = shared_edges(np.full(len(faces), 3), np.asarray(faces).ravel()).ends
     return moving(faces, 4, surface=Surface(hard_edges=edges))
 
 
 def extreme(n):
-    """Floats of every size and sign; infinite, none, the smallest."""
+    """Return floats of every size and sign, infinite, NaN and subnormal ones."""
     values = np.float32(10.0) ** (np.arange(n) % 77 - 38) * np.where(np.arange(n) % 3, 1, -1)
     values[:6] = [np.inf, -np.inf, np.nan, 0.0, -0.0, 1e-45]
     values[6:9] = np.finfo(np.float32).max
@@ -217,7 +217,7 @@ def extreme(n):
 
 
 def look():
-    """Materials that use everything, and their images."""
+    """Return materials that use every feature, and their images."""
     red = Material(
         name="red",
         base_color=(1.0, 0.5, 0.25, 0.75),

@@ -1,4 +1,4 @@
-"""The surface of a mesh: what docs/format.md says of POLYGONS to IMAGE, and of HARD_EDGES."""
+"""The surface of a mesh: POLYGONS to IMAGE, and HARD_EDGES, of docs/format.md."""
 
 import struct
 from itertools import accumulate
@@ -17,7 +17,7 @@ TEXTURE_NUMBERS = (0.0, 0.0, 0.0, 1.0, 1.0)
 
 
 class Polygons:
-    """How triangles make up faces."""
+    """Faces as fans of triangles."""
 
     def __init__(self, payload, triangles):
         self.triangles, self.is_plain = triangles, payload is None
@@ -27,20 +27,20 @@ class Polygons:
             n_faces = payload.varint()
             need(n_faces <= len(triangles))
             (above,) = integers(payload.rest(), [n_faces])
-            self.sizes = [3 + one for one in above]
-            need(all(one >= 0 for one in above) and sum(self.sizes) == self.n_corners)
+            self.sizes = [3 + n for n in above]
+            need(all(n >= 0 for n in above) and sum(self.sizes) == self.n_corners)
 
     @property
     def n_corners(self):
         return len(self.triangles) + 2 * len(self.sizes)
 
     def fans(self):
-        """Of each triangle the numbers of its corners, counted through all faces."""
-        found, first = [], 0
+        """Return the corner numbers of each triangle."""
+        fans, first = [], 0
         for size in self.sizes:
-            found += [(first, first + k, first + k + 1) for k in range(1, size - 1)]
+            fans += [(first, first + k, first + k + 1) for k in range(1, size - 1)]
             first += size
-        return found
+        return fans
 
     def vertices_of_corners(self):
         vertices = [None] * self.n_corners
@@ -52,84 +52,90 @@ class Polygons:
 
 
 class AlongFaces:
-    """Rows in the order in which they come along the faces, each with what it is expected from."""
+    """Rows in coding order along the faces, each with its predictors."""
 
     def __init__(self, faces, n_rows):
         self.faces, self.twins, self.n_rows = faces, twins_of(faces), n_rows
-        self.every = [row for face in faces for row in face]
+        self.row_of = [row for face in faces for row in face]
         self.corners = [[] for _ in range(n_rows)]
-        for corner, row in enumerate(self.every):
+        for corner, row in enumerate(self.row_of):
             self.corners[row].append(corner)
-        self.came, self.known, self.visited = [], set(), set()
+        self.coded, self.known, self.visited = [], set(), set()
         self.stacks = ([], [], [], [])
 
-    def find(self):
+    def traverse(self):
         for i, face in enumerate(self.faces):
             if i not in self.visited:
                 self.visited.add(i)
                 for k in range(3):
-                    last = self.came[-1][0] if self.came else None
-                    self.come(face[k], face[k - 1] if k else last)
+                    last = self.coded[-1][0] if self.coded else None
+                    self.add(face[k], face[k - 1] if k else last)
                 for k in range(3):
                     self.push(3 * i + k)
-                self.go_on()
+                self.grow()
         for row in range(self.n_rows):
-            self.come(row, row - 1 if row else None)
-        return self.came
+            self.add(row, row - 1 if row else None)
+        return self.coded
 
-    def go_on(self):
+    def grow(self):
         while any(self.stacks):
             twin = self.twins[next(stack for stack in reversed(self.stacks) if stack).pop()]
             if twin // 3 not in self.visited:
                 self.visited.add(twin // 3)
-                self.come(self.every[rotated(twin, 2)], self.every[twin])
+                self.add(self.row_of[rotated(twin, 2)], self.row_of[twin])
                 self.push(rotated(twin, 1))
                 self.push(rotated(twin, 2))
 
-    def come(self, row, near):
+    def add(self, row, near):
         if row not in self.known:
-            self.came.append((row, self.parallelograms(row) or ([] if near is None else [(near,)])))
+            self.coded.append(
+                (row, self.parallelograms(row) or ([] if near is None else [(near,)]))
+            )
             self.known.add(row)
 
     def push(self, side):
         twin = self.twins[side]
         if twin != side and twin // 3 not in self.visited:
-            row = self.every[rotated(twin, 2)]
-            full = row in self.known
-            self.stacks[3 if full else min(3, len(self.parallelograms(row)))].append(side)
+            row = self.row_of[rotated(twin, 2)]
+            is_known = row in self.known
+            self.stacks[3 if is_known else min(3, len(self.parallelograms(row)))].append(side)
 
     def parallelograms(self, row):
-        found = []
+        triples = []
         for corner in self.corners[row][:32]:
             side = rotated(corner, 1)
             twin = self.twins[side]
-            triple = self.every[side], self.every[rotated(side, 1)], self.every[rotated(twin, 2)]
-            if twin != side and self.known.issuperset(triple) and len(found) < 8:
-                found.append(triple)
-        return found
+            triple = (
+                self.row_of[side],
+                self.row_of[rotated(side, 1)],
+                self.row_of[rotated(twin, 2)],
+            )
+            if twin != side and self.known.issuperset(triple) and len(triples) < 8:
+                triples.append(triple)
+        return triples
 
 
-def read_references(payload, places):
-    """The row of each item."""
+def read_references(payload, slots):
+    """Return the row of each item."""
     payload = Payload(payload)
     n_explicit, seen, is_first = payload.varint(), set(), []
-    for place in places:
-        is_first.append(place not in seen)
-        seen.add(place)
+    for slot in slots:
+        is_first.append(slot not in seen)
+        seen.add(slot)
     n_first = sum(is_first)
-    rows = integers(payload.rest(), [n_first, len(places) - n_first, n_explicit])
+    rows = integers(payload.rest(), [n_first, len(slots) - n_first, n_explicit])
     first, later, explicit = iter(rows[0]), iter(rows[1]), accumulate(rows[2])
-    n_new, last, found = 0, {}, []
-    for place, is_new in zip(places, is_first, strict=True):
+    n_new, last, references = 0, {}, []
+    for slot, is_new in zip(slots, is_first, strict=True):
         code = next(first if is_new else later)
         need(code in (0, 1, 2))
         if code == 1:
-            last[place], n_new = n_new, n_new + 1
+            last[slot], n_new = n_new, n_new + 1
         elif code == 2:
-            last[place] = next(explicit)
-        need(place in last)
-        found.append(last[place])
-    return found
+            last[slot] = next(explicit)
+        need(slot in last)
+        references.append(last[slot])
+    return references
 
 
 def divisor(form):
@@ -142,25 +148,25 @@ def read_attribute(payload, polygons, n_verts, memory):
     number_type, width = "Bifd"[payload.byte()], payload.byte()
     name, layout, n_rows = payload.text(), payload.byte(), payload.varint()
     references = payload.take(payload.varint())
-    form, way = payload.byte(), payload.byte()
+    form, predictor = payload.byte(), payload.byte()
     vertices = polygons.vertices_of_corners()
     n_items = {"vertex": n_verts, "face": len(polygons.sizes), "corner": len(vertices)}[domain]
     need(1 <= width <= 16 and layout in (EACH, INDEXED, SHARED))
-    memory.need(n_rows * (32 + 8 * width), "a table")
+    memory.check(n_rows * (32 + 8 * width), "a table")
     rows = list(range(n_items))
     if layout == EACH:
         need(n_rows == n_items and not references)
     else:
         rows = read_references(references, vertices if domain == "corner" else [0] * n_items)
-    need(way < (2 if domain == "face" else 3) and all(0 <= one < n_rows for one in rows))
-    if way == 2:
+    need(predictor < (2 if domain == "face" else 3) and all(0 <= row < n_rows for row in rows))
+    if predictor == 2:
         corners = polygons.triangles if domain == "vertex" else polygons.fans()
-        used = [tuple(rows[corner] for corner in three) for three in corners]
-        expected = AlongFaces(used, n_rows).find()
+        triangles = [tuple(rows[corner] for corner in triangle) for triangle in corners]
+        predictors = AlongFaces(triangles, n_rows).traverse()
     else:
-        expected = (nothing, row_before)[way](n_rows)
+        predictors = (nothing, row_before)[predictor](n_rows)
     stored = number_type if form == 255 else "i"
-    table = read_patterns(payload.rest(), width, stored, expected)
+    table = read_patterns(payload.rest(), width, stored, predictors)
     if form != 255:
         need(number_type in "fd" and (form <= 11 or 64 <= form <= 88))
         table = [divided(row, width, form, number_type) for row in table]
@@ -178,9 +184,9 @@ def read_attribute(payload, polygons, n_verts, memory):
 
 
 def divided(row, width, form, number_type):
-    numbers = [struct.unpack("<i", one)[0] / divisor(form) for one in row]
+    numbers = [struct.unpack("<i", integer)[0] / divisor(form) for integer in row]
     numbers = map(single, numbers) if number_type == "f" else numbers
-    return tuple(struct.pack("<" + number_type, one) for one in numbers)
+    return tuple(struct.pack("<" + number_type, number) for number in numbers)
 
 
 def read_groups(payload, n_faces):
@@ -189,7 +195,7 @@ def read_groups(payload, n_faces):
     labels = [payload.text() for _ in range(payload.varint())]
     (differences,) = integers(payload.rest(), [n_faces])
     numbers = list(accumulate(differences))
-    need(all(-1 <= one < len(labels) for one in numbers), "there is no such group")
+    need(all(-1 <= number < len(labels) for number in numbers), "a group does not exist")
     return {"name": name, "labels": labels, "numbers": numbers}
 
 
@@ -204,7 +210,7 @@ def read_parts(payload):
 
 
 def shared_edges(polygons):
-    """Edges that two sides of faces or more lie on, as pairs of vertices, lower first, in order."""
+    """Return the edges with two sides or more, in order, as pairs of vertices, lower first."""
     vertices, first, sides = polygons.vertices_of_corners(), 0, {}
     for size in polygons.sizes:
         for k in range(size):
@@ -219,27 +225,25 @@ def shared_edges(polygons):
 def read_hard_edges(payload, polygons):
     payload, edges = Payload(payload), shared_edges(polygons)
     n_hard = payload.varint()
-    need(1 <= n_hard <= len(edges), "there are not as many edges between faces")
-    (between,) = integers(payload.rest(), [n_hard])
-    numbers = list(accumulate((one + 1 for one in between), initial=-1))[1:]
-    need(min(between) >= 0 and numbers[-1] < len(edges), "there is no such edge between faces")
-    return [edges[one] for one in numbers]
+    need(1 <= n_hard <= len(edges), "more edges are hard than exist")
+    (gaps,) = integers(payload.rest(), [n_hard])
+    numbers = list(accumulate((gap + 1 for gap in gaps), initial=-1))[1:]
+    need(min(gaps) >= 0 and numbers[-1] < len(edges), "a hard edge does not exist")
+    return [edges[number] for number in numbers]
 
 
 def read_numbers(payload, defaults):
-    """Numbers with the defaults of those that are not there."""
+    """Read numbers, with defaults for absent ones."""
     present = payload.varint()
     need(present < 2 ** len(defaults))
-    return [payload.number("d") if present >> i & 1 else one for i, one in enumerate(defaults)]
+    return [payload.number("d") if present >> i & 1 else d for i, d in enumerate(defaults)]
 
 
 def read_material(payload):
     payload = Payload(payload)
     name, flags = payload.text(), payload.byte()
     numbers, slots = read_numbers(payload, MATERIAL_NUMBERS), payload.byte()
-    textures = {
-        slot: read_texture(payload) for place, slot in enumerate(SLOTS) if slots >> place & 1
-    }
+    textures = {slot: read_texture(payload) for i, slot in enumerate(SLOTS) if slots >> i & 1}
     payload.end()
     alpha, double_sided, unlit = flags & 3, bool(flags & 4), bool(flags & 8)
     return {
@@ -259,7 +263,7 @@ def read_texture(payload):
         "image": image,
         "uv": uv,
         "wrap": [wrap & 15, wrap >> 4],
-        "channels": "".join(one for i, one in enumerate("rgba") if channels >> i & 1),
+        "channels": "".join(c for i, c in enumerate("rgba") if channels >> i & 1),
         "filters": [filters & 15, filters >> 4],
         "numbers": read_numbers(payload, TEXTURE_NUMBERS),
     }
@@ -271,12 +275,12 @@ def read_image(payload):
 
 
 def polygons_of(container, faces):
-    """What polygons the faces make up as they go out."""
+    """Return the polygons of the faces in output order."""
     return Polygons(next(iter(container.all_of("POLYGONS")), None), faces)
 
 
 def graphs_of(polygons):
-    """Of faces and of corners: pairs of those next to each other, and how many there are."""
+    """Return the pairs of adjacent faces and their number, and those of corners."""
     fans, twins = polygons.fans(), twins_of(polygons.triangles)
     of_triangle = [face for face, size in enumerate(polygons.sizes) for _ in range(size - 2)]
     vertices = [vertex for triangle in polygons.triangles for vertex in triangle]
@@ -295,50 +299,51 @@ def graphs_of(polygons):
 
 
 class CornerRows:
-    """The rows that corners share: `of_corners`, and how many there are."""
+    """Rows shared by corners: their number `n`, and the row of each corner."""
 
     def __init__(self, payload, vertices, n_verts):
         payload = Payload(payload)
         n_stored, last = payload.varint(), [[] for _ in range(n_verts)]
         for corner, vertex in enumerate(vertices):
             last[vertex].append(corner)
-        need(n_stored <= len(vertices), "rows are of more corners than there are")
+        need(n_stored <= len(vertices), "rows refer to more corners than exist")
         has_seam, stored = integers(payload.rest(), [n_verts, n_stored])
-        need(all(one in (0, 1) for one in has_seam), "a vertex neither has a seam nor has none")
+        need(all(flag in (0, 1) for flag in has_seam), "a seam flag is not 0 or 1")
         need(n_stored == sum(len(last[v]) - 1 for v in range(n_verts) if has_seam[v] and last[v]))
         self.n, codes, self.of_corners = n_verts, iter(stored), [None] * len(vertices)
         for vertex, corners in enumerate(last):
-            found = []
+            rows = []
             for _ in corners:
-                code = next(codes) if has_seam[vertex] and found else 0
-                found.append(self.row(code, found) if found else vertex)
-            for corner, row in zip(corners, found, strict=True):
+                code = next(codes) if has_seam[vertex] and rows else 0
+                rows.append(self.row(code, rows) if rows else vertex)
+            for corner, row in zip(corners, rows, strict=True):
                 self.of_corners[corner] = row
 
-    def row(self, code, before):
+    def row(self, code, previous):
         if code == 1:
             self.n += 1
             return self.n - 1
-        need(0 <= code <= len(before), "a corner has the row of none before")
-        return before[-max(code, 1)]
+        need(0 <= code <= len(previous), "a corner refers to a row that does not exist")
+        return previous[-max(code, 1)]
 
     def pairs(self, pairs):
-        """Pairs of rows for pairs of corners."""
-        return [(self.of_corners[one], self.of_corners[other]) for one, other in pairs]
+        """Return the pairs of rows of pairs of corners."""
+        return [(self.of_corners[a], self.of_corners[b]) for a, b in pairs]
 
 
 def read_surface(container, polygons, memory):
-    """All that is said of the faces and vertices as they go out."""
+    """Return the surface, in output order."""
     n_verts, hard_edges = container.header.n_verts, container.all_of("HARD_EDGES")
     need(len(hard_edges) < 2)
     return {
         "polygons": None if polygons.is_plain else polygons.sizes,
         "attributes": [
-            read_attribute(one, polygons, n_verts, memory) for one in container.all_of("ATTRIBUTE")
+            read_attribute(payload, polygons, n_verts, memory)
+            for payload in container.all_of("ATTRIBUTE")
         ],
-        "groups": [read_groups(one, len(polygons.sizes)) for one in container.all_of("GROUPS")],
-        "parts": [part for one in container.all_of("PARTS") for part in read_parts(one)],
+        "groups": [read_groups(data, len(polygons.sizes)) for data in container.all_of("GROUPS")],
+        "parts": [part for data in container.all_of("PARTS") for part in read_parts(data)],
         "materials": list(map(read_material, container.all_of("MATERIAL"))),
         "images": list(map(read_image, container.all_of("IMAGE"))),
-        "hard edges": [pair for one in hard_edges for pair in read_hard_edges(one, polygons)],
+        "hard edges": [pair for data in hard_edges for pair in read_hard_edges(data, polygons)],
     }

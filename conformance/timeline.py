@@ -1,4 +1,4 @@
-"""Temporal basis, corrections, frames of a track: "Times" to "Cosines", "Corrections", "Frames"."""
+"""Temporal basis, corrections and frames: "Times" to "Cosines", "Corrections", "Frames"."""
 
 from array import array
 from math import sqrt
@@ -9,13 +9,13 @@ from conformance.rounding import single
 
 
 def levels_of(n_frames):
-    """Pairs of the distance d and the times of each level; that of level 0 is 2."""
+    """Return distance d and times of each level that has any; d of level 0 is 2."""
     levels = [(2, range(0, n_frames, 4)), (2, range(2, n_frames, 4)), (1, range(1, n_frames, 2))]
     return [(d, times) for d, times in levels if times]
 
 
 def read_rests(layout, n_frames):
-    """The r of the integers of resting times, and the first time and the end of each run."""
+    """Return r of the resting times, and first time and end of each run."""
     r, n_runs, runs, end = layout.varint(), layout.varint(), [], 0
     need(r <= 8 and n_runs >= 1)
     for _ in range(n_runs):
@@ -31,12 +31,12 @@ def resting_times(runs):
 
 
 def passes_by_times(n_columns, n_frames, rests=()):
-    """Context neighbours of each time of each column of a track, column after column, by pass."""
+    """Return, for each pass, the context neighbors of each time of each column."""
     moving, passes = [t for t in range(n_frames) if t not in rests], []
-    for d, places in levels_of(len(moving)):
+    for d, times in levels_of(len(moving)):
         passes.append({})
-        for i in places:
-            around = [] if places[0] == 0 else [i - d, i + d]
+        for i in times:
+            around = [] if times[0] == 0 else [i - d, i + d]
             around += [i - 2 * d, i - 4 * d]
             passes[-1][moving[i]] = [moving[j] for j in around if 0 <= j < len(moving)]
     if rests:
@@ -45,32 +45,32 @@ def passes_by_times(n_columns, n_frames, rests=()):
 
 
 def pass_of_cosines(n_columns, n_frames):
-    """The single pass of coefficients, as `passes_by_times`."""
+    """Return the single pass of cosines, as `passes_by_times`."""
     near_of = {k: [j for j in range(k - 1, k - 5, -1) if j >= 0] for k in range(n_frames)}
     return [in_columns(near_of, n_columns, n_frames)]
 
 
 def in_columns(near_of, n_columns, n_frames):
-    """A pass of all columns, of the neighbours of each time in one of them."""
-    found = {}
+    """Extend a pass of one column to all columns."""
+    columns = {}
     for c in range(n_columns):
         for t, around in near_of.items():
-            before = [other * n_frames + t for other in range(max(0, c - 2), c)]
-            found[c * n_frames + t] = [c * n_frames + u for u in around] + before
-    return found
+            preceding = [other * n_frames + t for other in range(max(0, c - 2), c)]
+            columns[c * n_frames + t] = [c * n_frames + u for u in around] + preceding
+    return columns
 
 
 def values_at_times(coded, rests=(), r=0, filters=None):
-    """Values of one column from its integers; `filters` are those of adaptive times."""
-    moving = values_at_moving([one for t, one in enumerate(coded) if t not in rests], filters)
+    """Return the values of one column; `filters` are those of adaptive times."""
+    moving = values_at_moving([i for t, i in enumerate(coded) if t not in rests], filters)
     v, moving = [], iter(moving)
-    for t, one in enumerate(coded):
-        v.append(v[-1] + one / 2**r if t in rests else next(moving))
+    for t, integer in enumerate(coded):
+        v.append(v[-1] + integer / 2**r if t in rests else next(moving))
     return v
 
 
 def values_at_moving(coded, filters):
-    """Values of one column at the times that do not rest."""
+    """Return the values of one column at moving times."""
     n_frames, v = len(coded), [0.0] * len(coded)
     for d, times in levels_of(n_frames):
         level = 3 - d if times[0] else 0
@@ -82,28 +82,28 @@ def values_at_moving(coded, filters):
             if level > 0 and t >= 5 * d and t + 5 * d < n_frames:
                 y = v[t - 3 * d] + v[t + 3 * d]
                 x[1:] = (v[t - d] + v[t + d]) - y, y - (v[t - 5 * d] + v[t + 5 * d])
-            v[t] = filters[level].predicted(x) + coded[t]
-            filters[level].follow(x, float(coded[t]))
+            v[t] = filters[level].predict(x) + coded[t]
+            filters[level].observe(x, float(coded[t]))
     return v
 
 
 class Filter:
-    """What is learned of a level of adaptive times."""
+    """Weights and variances of a level of adaptive times."""
 
-    first = (1 / 16, 1 / 64, 1 / 64)
+    initial = (1 / 16, 1 / 64, 1 / 64)
 
     def __init__(self):
-        self.w, self.p, self.m = [0.0] * 3, list(self.first), 1.0
+        self.w, self.p, self.m = [0.0] * 3, list(self.initial), 1.0
 
     def begin_mode(self):
-        self.p = [15 / 16 * p + 1 / 16 * q for p, q in zip(self.p, self.first, strict=True)]
+        self.p = [15 / 16 * p + 1 / 16 * q for p, q in zip(self.p, self.initial, strict=True)]
 
-    def predicted(self, x):
+    def predict(self, x):
         w = self.w
-        found = x[0] + ((w[0] * x[0] + w[1] * x[1]) + w[2] * x[2])
-        return min(max(found, -(2.0**29)), 2.0**29)
+        prediction = x[0] + ((w[0] * x[0] + w[1] * x[1]) + w[2] * x[2])
+        return min(max(prediction, -(2.0**29)), 2.0**29)
 
-    def follow(self, x, e):
+    def observe(self, x, e):
         g = [self.p[j] * x[j] for j in range(3)]
         n = ((((1 + self.m) + 4 * (e * e)) + g[0] * x[0]) + g[1] * x[1]) + g[2] * x[2]
         u = 1 / n
@@ -116,10 +116,7 @@ def plain_prediction(v, t, d):
     a = v[t - 3 * d] if t >= 3 * d else None
     c = v[t + d] if t + d < len(v) else None
     e = v[t + 3 * d] if t + 3 * d < len(v) else None
-    return predicted(a, v[t - d], c, e)
-
-
-def predicted(a, b, c, e):
+    b = v[t - d]
     if c is None:
         return b
     if a is not None and e is not None:
@@ -131,49 +128,49 @@ def predicted(a, b, c, e):
     return (b + c) / 2
 
 
-def cosine(place, n_frames):
-    """c(i) of the page."""
-    if place > 2 * n_frames:
-        return cosine(4 * n_frames - place, n_frames)
-    if place > n_frames:
-        return -cosine(2 * n_frames - place, n_frames)
-    if place == n_frames:
+def cosine(i, n_frames):
+    """Return c(i) of the page."""
+    if i > 2 * n_frames:
+        return cosine(4 * n_frames - i, n_frames)
+    if i > n_frames:
+        return -cosine(2 * n_frames - i, n_frames)
+    if i == n_frames:
         return 0.0
-    angle = place * float.fromhex("0x1.921fb54442d18p+0") / n_frames
-    square, found = angle * angle, 1.0
+    angle = i * float.fromhex("0x1.921fb54442d18p+0") / n_frames
+    square, z = angle * angle, 1.0
     for j in range(11, 0, -1):
-        found = 1 - found * square / (2 * j * (2 * j - 1))
-    return found
+        z = 1 - z * square / (2 * j * (2 * j - 1))
+    return z
 
 
 def values_of_cosines(coded):
-    """Values of one column from its coefficients."""
+    """Return the values of one column from cosine coefficients."""
     n_frames = len(coded)
-    cosines = [cosine(place, n_frames) for place in range(4 * n_frames)]
+    cosines = [cosine(i, n_frames) for i in range(4 * n_frames)]
     even, odd = [coded[0] * sqrt(1 / n_frames)] * n_frames, [0.0] * n_frames
-    for k, one in enumerate(coded[1:], start=1):
+    for k, coefficient in enumerate(coded[1:], start=1):
         sums = odd if k % 2 else even
         for t in range(n_frames):
             wave = sqrt(2 / n_frames) * cosines[(2 * t + 1) * k % (4 * n_frames)]
-            sums[t] += one * wave
-    return [one + other for one, other in zip(even, odd, strict=True)]
+            sums[t] += coefficient * wave
+    return [e + o for e, o in zip(even, odd, strict=True)]
 
 
 def basis_vectors(rows, n_frames, lengths, n_reused=0, rests=(), r=0, kind=""):
-    """The C T_b numbers of each mode; divided by their length, where no other is given.
+    """Return the basis vectors, C T_b numbers each, divided by the given length or their own.
 
-    The kind is "cosines", "adaptive" or neither.
+    The kind is "cosines", "adaptive" or "".
     """
-    found, filters = [], None
+    vectors, filters = [], None
     for number, (coded, length) in enumerate(zip(rows, lengths, strict=True)):
         if kind == "adaptive" and number in (0, n_reused):
             filters = [Filter() for _ in range(3)]
         if filters and any(coded):
-            for one in filters:
-                one.begin_mode()
-        of_mode = filters if any(coded) else None
-        found.append(basis_vector(coded, n_frames, length, rests, r, kind == "cosines", of_mode))
-    return found
+            for level in filters:
+                level.begin_mode()
+        active = filters if any(coded) else None
+        vectors.append(basis_vector(coded, n_frames, length, rests, r, kind == "cosines", active))
+    return vectors
 
 
 def basis_vector(coded, n_frames, length=None, rests=(), r=0, has_cosines=False, filters=None):
@@ -185,42 +182,42 @@ def basis_vector(coded, n_frames, length=None, rests=(), r=0, has_cosines=False,
         else:
             values += values_at_times(column, rests, r, filters)
     length = length or length_of(values)
-    return [one / length for one in values]
+    return [value / length for value in values]
 
 
 def length_of(values):
-    """The root of the sum of the squares; 1 if it is 0."""
+    """Return the Euclidean norm, or 1 if it is 0."""
     total = 0.0
-    for one in values:
-        total += one * one
+    for value in values:
+        total += value * value
     return sqrt(total) or 1.0
 
 
 def read_corrections(payload, n_columns, n_frames, n_verts):
-    """The step, and by frame and vertex the integers of a correction."""
+    """Return the step, and the integers of corrections by frame and vertex."""
     payload = Payload(payload)
     step, n_corrected, n = payload.number("f"), payload.varint(), payload.varint()
     need(0 < step < 1e6 and n_corrected <= n_verts)
     need(n_corrected <= n <= n_frames * n_verts)
     lengths = [n_corrected, n_corrected, n, *[n] * n_columns]
     numbers = integers(payload.rest(), lengths, [0, 1, 2, *[3] * n_columns])
-    gaps, more, frames, *moves = numbers
-    found, vertex, rows = {}, 0, iter(zip(frames, *moves, strict=True))
-    for gap, n_more in zip(gaps, more, strict=True):
-        vertex, frame, before = vertex + gap, 0, None
-        for _ in range(n_more + 1):
-            behind, *offset = next(rows)
-            frame += behind
-            if before is not None and behind == 1:
-                offset = [one + other for one, other in zip(offset, before, strict=True)]
-            found[frame, vertex] = before = offset
-    need(len(found) == n and next(rows, None) is None)
-    need(all(0 <= t < n_frames and 0 <= v < n_verts for t, v in found))
-    return step, found
+    vertex_steps, counts, frame_steps, *columns = numbers
+    corrections, vertex, rows = {}, 0, iter(zip(frame_steps, *columns, strict=True))
+    for vertex_step, count in zip(vertex_steps, counts, strict=True):
+        vertex, frame, previous = vertex + vertex_step, 0, None
+        for _ in range(count + 1):
+            frame_step, *offset = next(rows)
+            frame += frame_step
+            if previous is not None and frame_step == 1:
+                offset = [a + b for a, b in zip(offset, previous, strict=True)]
+            corrections[frame, vertex] = previous = offset
+    need(len(corrections) == n and next(rows, None) is None)
+    need(all(0 <= t < n_frames and 0 <= v < n_verts for t, v in corrections))
+    return step, corrections
 
 
-def frames_of(bases, fields, precision, corrections, placed, order):
-    """Values of the frames of a track, frame after frame, vertices as they go out.
+def frames_of(bases, fields, precision, corrections, placement, order):
+    """Return the values of a track, frame after frame, vertices in output order.
 
     Parameters
     ----------
@@ -228,25 +225,25 @@ def frames_of(bases, fields, precision, corrections, placed, order):
     fields : list of dict
         Decoded, by vertex.
     precision : int
-        Bytes of the numbers that products are summed up in.
-    corrections : pair of the step, and of dict of (frame, vertex) to list of int
-    placed : Placement
+        Bytes of the numbers in which products are summed.
+    corrections : pair of a step and a dict of (frame, vertex) to list of int
+    placement : Placement
     order : list of int
     """
-    n_frames = len(bases[0]) // len(placed.origin)
-    step, moves = corrections
+    n_frames = len(bases[0]) // len(placement.origin)
+    step, offsets = corrections
     if precision == 4:
-        bases = [[single(one) for one in basis] for basis in bases]
-        fields = [{v: single(one) for v, one in field.items()} for field in fields]
+        bases = [[single(value) for value in basis] for basis in bases]
+        fields = [{v: single(value) for v, value in field.items()} for field in fields]
     rounded = single if precision == 4 else float
-    numbers = array("f" if placed.number_type == 4 else "d")
+    numbers = array("f" if placement.number_type == 4 else "d")
     for t in range(n_frames):
         for v in order:
-            for c, origin in enumerate(placed.origin):
+            for c, origin in enumerate(placement.origin):
                 total = 0.0
                 for basis, field in zip(bases, fields, strict=True):
                     total = rounded(total + rounded(basis[c * n_frames + t] * field[v]))
-                if (t, v) in moves:
-                    total += moves[t, v][c] * step
-                numbers.append(total * placed.scale + origin)
+                if (t, v) in offsets:
+                    total += offsets[t, v][c] * step
+                numbers.append(total * placement.scale + origin)
     return numbers

@@ -1,11 +1,11 @@
-"""Streams of several segments: what readers find in them, and how the decoder in C opens them."""
+"""Streams of several segments: contents, refusals, and the C library."""
 
 import numpy as np
 import pytest
 
 from conformance import segments
 from conformance.bits import DamagedError
-from conformance.by_core import given_by_core, read_all_by_core
+from conformance.by_core import read_all_by_core, reported_by_core
 from conformance.check import differences
 from conformance.reader import read_all
 from conformance.segments import FOLDER, REFUSED_FOLDER, STREAMS, meshes, one_frame_each
@@ -34,7 +34,7 @@ def stored(name):
 
 
 def everything_of(data, host=None, source=None):
-    """Bits of all segments, by the decoder in C: triangles, and values of each track."""
+    """Return triangles and track values of all segments, decoded by the C library."""
     with File(source or in_memory(data), host, mesh=False) as whole:
         return [values_of(whole, number) for number in range(whole.info.n_segments)]
 
@@ -47,47 +47,47 @@ def values_of(whole, number):
 
 
 def bits_of(stream):
-    """The same of a stream of one segment, by the package."""
+    """Return the same for a stream of one segment, decoded by the package."""
     sequence = decode(stream)
     values = sequence.vertices, *(track.values for track in sequence.tracks.values())
-    return [one.tobytes() for one in (sequence.faces, *values)]
+    return [array.tobytes() for array in (sequence.faces, *values)]
 
 
-# ---- what is found ----
+# ---- contents ----
 
 
-def test_every_stream_is_stored_with_what_it_holds():
+def test_every_stream_is_stored_with_its_description():
     assert {path.stem for path in FOLDER.glob("*.reel")} == set(STREAMS)
     assert {path.stem for path in FOLDER.glob("*.json")} == set(STREAMS)
     assert {path.stem for path in REFUSED_FILES} == set(segments.REFUSED)
 
 
 @pytest.mark.parametrize("name", STREAMS)
-def test_readers_find_what_is_said_of_a_stream(name):
+def test_readers_reproduce_the_description(name):
     assert differences(name, read_all, folder=FOLDER) == []
-    assert differences(name, read_all_by_core, given_by_core, FOLDER) == []
+    assert differences(name, read_all_by_core, reported_by_core, FOLDER) == []
 
 
-def test_segments_hold_what_the_streams_held_that_were_joined():
+def test_segments_equal_the_joined_streams():
     streams = meshes()
     data = join_streams(streams)
     assert everything_of(data) == list(map(bits_of, streams))
     assert everything_of(stored("two_meshes_no_index")) == everything_of(data)
 
 
-def test_joining_one_stream_gives_the_same_stream():
+def test_joining_one_stream_returns_it_unchanged():
     for stream in meshes():
         assert join_streams([stream]) == stream
 
 
-def test_a_segment_of_one_frame_takes_less_than_its_own_header_took():
+def test_a_segment_of_one_frame_adds_less_than_50_bytes():
     streams = one_frame_each()
-    own = [len(stream) - len(write_header(header_of(whole_stream(stream)))) for stream in streams]
-    spent = len(join_streams(streams)) - len(streams[0]) - sum(own[1:])
-    assert spent / len(streams[1:]) < 50
+    without_header = [len(s) - len(write_header(header_of(whole_stream(s)))) for s in streams]
+    added = len(join_streams(streams)) - len(streams[0]) - sum(without_header[1:])
+    assert added / len(streams[1:]) < 50
 
 
-# ---- what is refused ----
+# ---- refusals ----
 
 
 @pytest.mark.parametrize("path", REFUSED_FILES, ids=lambda path: path.stem)
@@ -98,18 +98,18 @@ def test_every_reader_refuses_segments_that_break_a_rule(path):
     with pytest.raises(CorruptStreamError):
         read_all_by_core(data)
     host = Host()
-    with_refusal = refusal(lambda: everything_of(data, host))
-    if with_refusal is None:  # all that is there is complete
+    refused = refusal(lambda: everything_of(data, host))
+    if refused is None:  # the first segments are complete
         with File(data, host, mesh=False) as file:
             assert not file.info.is_whole
             assert file.info.damage.code == Code.CORRUPT
     else:
-        assert with_refusal.code == Code.CORRUPT
-        assert 0 < with_refusal.offset < len(data)
+        assert refused.code == Code.CORRUPT
+        assert 0 < refused.offset < len(data)
     assert not host.held
 
 
-def test_streams_that_cannot_be_joined_are_refused():
+def test_joining_refuses_incompatible_streams():
     first, second = meshes()
     with pytest.raises(InvalidInputError, match="no streams"):
         join_streams([])
@@ -119,10 +119,10 @@ def test_streams_that_cannot_be_joined_are_refused():
         join_streams([join_streams([first, second]), first])
 
 
-# ---- the decoder in C ----
+# ---- the C library ----
 
 
-def test_a_file_of_several_segments_is_not_decoded_as_one():
+def test_a_file_of_several_segments_must_be_opened_by_segment():
     with File(stored("two_meshes"), mesh=False) as file:
         info = file.info
         assert (info.n_segments, info.n_frames, info.fps, info.start_s) == (2, 9, 24.0, 1.5)
@@ -135,13 +135,11 @@ def test_a_file_of_several_segments_is_not_decoded_as_one():
             assert code_of(act) == Code.INVALID
 
 
-def test_segments_tell_their_frames_meshes_and_bytes():
+def test_segments_report_frames_meshes_and_bytes():
     data = stored("two_meshes")
     with File(data, mesh=False) as file:
         first, second = file.segments
-        counts = [
-            (one.first_frame, one.n_frames, one.n_verts, one.n_triangles) for one in file.segments
-        ]
+        counts = [(s.first_frame, s.n_frames, s.n_verts, s.n_triangles) for s in file.segments]
         assert counts == [(0, 5, 4, 4), (5, 4, 8, 12)]
         assert second.offset == first.offset + first.size
         assert data[second.offset] == 5  # SEGMENT
@@ -151,53 +149,53 @@ def test_segments_tell_their_frames_meshes_and_bytes():
         assert code_of(lambda: file.open_segment(2)) == Code.INVALID
 
 
-def test_an_open_segment_is_a_file_of_its_own():
+def test_an_open_segment_is_an_independent_file():
     data, host = stored("two_meshes"), Host()
     with File(data, host, mesh=False) as whole:
         file = whole.open_segment(1)
-        place = whole.segment(1)
-    with file:  # the whole is closed
+        segment = whole.segment(1)
+    with file:  # the whole file is closed
         info = file.info
         assert (info.n_segments, info.n_frames, info.n_verts, info.n_tracks) == (1, 4, 8, 2)
         assert (str(info.name), info.start_s, info.number_bytes) == ("two meshes", 1.5 + 5 / 24, 8)
-        assert info.size == place.offset + place.size
+        assert info.size == segment.offset + segment.size
         assert [file.block_of_frame(frame) for frame in range(4)] == [0] * 4
         assert file.block(0).first_frame == 0
         assert file.block(0, 1).offset + file.block(0, 1).size == info.size
         assert file.segment(0).first_frame == 5
         assert file.section(0).id == 5  # SEGMENT
-        assert file.section(0).offset == place.offset
+        assert file.section(0).offset == segment.offset
         assert code_of(lambda: file.section(info.size)) == Code.INVALID
         assert code_of(lambda: file.open_segment(0)) == Code.INVALID
     assert not host.held
 
 
-def test_a_file_of_one_segment_can_be_opened_by_it_too():
+def test_a_single_segment_can_be_opened_too():
     stream = meshes()[1]
     with File(stream) as file, file.open_segment(0) as segment:
         assert segment.values().tobytes() == file.values().tobytes()
         assert segment.info.size == file.info.size == len(stream)
 
 
-def test_sections_of_the_whole_go_through_all_segments():
+def test_sections_of_a_file_span_all_segments():
     data = stored("two_meshes")
     with File(data, mesh=False) as file:
-        offset, found = 0, []
+        offset, ids = 0, []
         while offset < len(data):
             section = file.section(offset)
-            found.append(section.id)
+            ids.append(section.id)
             offset = section.offset + section.size
-        assert found.count(5) == 1  # SEGMENT
-        assert found.count(1) == 2  # CONNECTIVITY
-        assert found[-2:] == [130, 0]
+        assert ids.count(5) == 1  # SEGMENT
+        assert ids.count(1) == 2  # CONNECTIVITY
+        assert ids[-2:] == [130, 0]
 
 
 @pytest.mark.parametrize("name", ["two_meshes", "one_frame_each"])
-def test_a_stream_that_is_cut_off_holds_all_complete_blocks(name):
+def test_a_truncated_stream_keeps_all_complete_blocks(name):
     data = stored(name)
     with File(data, mesh=False) as file:
-        ends = [one.offset + one.size for one in file.segments]
-    wanted = everything_of(data)
+        ends = [segment.offset + segment.size for segment in file.segments]
+    expected = everything_of(data)
     for size in range(ends[0], len(data)):
         with File(data[:size], mesh=False) as file:
             assert not file.info.is_whole
@@ -205,55 +203,55 @@ def test_a_stream_that_is_cut_off_holds_all_complete_blocks(name):
             assert n_complete <= file.info.n_segments <= n_complete + 1
             assert file.info.size <= size
             for number in range(n_complete):
-                assert values_of(file, number) == wanted[number]
+                assert values_of(file, number) == expected[number]
                 with file.open_segment(number) as segment:
                     assert segment.info.is_whole or number + 1 == file.info.n_segments
 
 
-def test_a_damaged_byte_is_found_or_changes_nothing():
+def test_a_damaged_byte_is_detected_or_harmless():
     data, rng = stored("two_meshes"), np.random.default_rng(3)
-    wanted = everything_of(data)
-    for place in rng.choice(len(data), 150, replace=False):
+    expected = everything_of(data)
+    for position in rng.choice(len(data), 150, replace=False):
         damaged = bytearray(data)
-        damaged[place] ^= 1 << int(rng.integers(8))
+        damaged[position] ^= 1 << int(rng.integers(8))
         host = Host()
-        found = []
-        refused = refusal(lambda d=damaged, h=host, f=found: f.append(everything_of(bytes(d), h)))
+        decoded = []
+        refused = refusal(lambda d=damaged, h=host, r=decoded: r.append(everything_of(bytes(d), h)))
         assert not host.held
         if refused is None:
-            assert len(found[0]) <= 2
-            for one, of_all in zip(found[0], wanted, strict=False):
-                for values, all_values in zip(one, of_all, strict=True):
+            assert len(decoded[0]) <= 2
+            for segment, expected_segment in zip(decoded[0], expected, strict=False):
+                for values, all_values in zip(segment, expected_segment, strict=True):
                     assert all_values.startswith(values)
         else:
             assert refused.code in DAMAGED
 
 
-def test_every_allocation_may_fail_and_nothing_leaks():
+def test_failing_allocations_leak_nothing():
     for name in ("two_meshes", "two_meshes_no_index"):
         data, host = stored(name), Host()
-        wanted = everything_of(data, host)
+        expected = everything_of(data, host)
         assert not host.held
         for number in range(host.n_allocations):
             failing = Host(fails_at=number)
             refused = refusal(lambda d=data, h=failing: everything_of(d, h))
             assert refused.code == Code.NO_MEMORY, number
             assert not failing.held, number
-        assert everything_of(data, Host(), by_calls(data)) == wanted
+        assert everything_of(data, Host(), by_calls(data)) == expected
 
 
-def test_what_cannot_be_read_is_told_apart_from_damage():
+def test_failing_reads_are_not_reported_as_damage():
     data = stored("two_meshes")
-    for place in range(0, len(data), 3):
-        source = by_calls(data, lambda begin, end, place=place: not begin <= place < end)
+    for position in range(0, len(data), 3):
+        source = by_calls(data, lambda begin, end, at=position: not begin <= at < end)
         host = Host()
         refused = refusal(lambda h=host, s=source: everything_of(data, h, s))
-        assert refused.code == Code.UNREADABLE, place
-        assert refused.offset <= place < refused.offset + refused.size
+        assert refused.code == Code.UNREADABLE, position
+        assert refused.offset <= position < refused.offset + refused.size
         assert not host.held
 
 
-def test_many_segments_take_memory_in_proportion_and_a_limit_is_kept():
+def test_memory_of_many_segments_is_linear_and_limited():
     count = 3000
     stream = one_frame_each()[0]
     data, host = join_streams([stream] * count), Host()

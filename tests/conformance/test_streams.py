@@ -1,4 +1,4 @@
-"""The stored streams: the core and the plain reader find in them what is said beside them."""
+"""The core and the plain reader decode the stored streams to their descriptions."""
 
 from io import BytesIO
 
@@ -6,7 +6,7 @@ import pytest
 
 import meshreel
 from conformance.bits import DamagedError
-from conformance.by_core import given_by_core, read_all_by_core
+from conformance.by_core import read_all_by_core, reported_by_core
 from conformance.check import differences
 from conformance.make import FOLDER, REFUSED, REFUSED_FOLDER, STREAMS
 from conformance.reader import read, read_all
@@ -28,35 +28,35 @@ QUICK = (
     "pinched",
     "tangled",
 )
-"""One of each kind; the plain reader takes a second or so for some of the others."""
+"""Streams of each kind that the plain reader decodes quickly."""
 
 REFUSED_FILES = sorted(REFUSED_FOLDER.glob("*.reel"))
 
-LARGEST_FOLDER_BYTES = 1_000_000
+MAX_FOLDER_BYTES = 1_000_000
 
 
-def test_every_stream_is_stored_with_what_it_holds():
+def test_every_stream_is_stored_with_its_description():
     assert {path.stem for path in FOLDER.glob("*.reel")} == set(STREAMS)
     assert {path.stem for path in FOLDER.glob("*.json")} == set(STREAMS)
     assert len(STREAMS) >= 40
-    assert sum(path.stat().st_size for path in FOLDER.iterdir()) < LARGEST_FOLDER_BYTES
+    assert sum(path.stat().st_size for path in FOLDER.iterdir()) < MAX_FOLDER_BYTES
 
 
 @pytest.mark.every_case
 @pytest.mark.parametrize("name", STREAMS)
-def test_core_finds_what_is_said_of_a_stream(name):
-    assert differences(name, read_all_by_core, given_by_core) == []
+def test_core_reproduces_the_description(name):
+    assert differences(name, read_all_by_core, reported_by_core) == []
 
 
 @pytest.mark.every_case
 @pytest.mark.parametrize("name", QUICK)
-def test_plain_reader_finds_what_is_said_of_a_stream(name):
+def test_plain_reader_reproduces_the_description(name):
     assert differences(name, read_all) == []
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(set(STREAMS) - set(QUICK)))
-def test_plain_reader_finds_what_is_said_of_a_stream_when_it_takes_longer(name):
+def test_plain_reader_reproduces_the_description_of_slow_streams(name):
     assert differences(name, read_all) == []
 
 
@@ -79,15 +79,15 @@ def test_every_reader_refuses_a_stream_that_breaks_a_rule(path):
 
 
 def decode_by_c(data):
-    """Decode all tracks of a stream by the library for C."""
+    """Decode all tracks of a stream with the C library."""
     with File(data) as file:
         for track in range(file.info.n_tracks):
             file.values(track)
 
 
 @pytest.mark.parametrize("path", REFUSED_FILES, ids=lambda path: path.stem)
-def test_streams_whose_header_or_leading_sections_break_a_rule_are_not_described(path):
-    if path.stem.startswith("rests"):  # blocks are read when their frames are
+def test_info_refuses_streams_with_a_broken_header_or_leading_section(path):
+    if path.stem.startswith("rests"):  # info does not decode blocks
         return
     with pytest.raises(CorruptStreamError):
         meshreel.info(path.read_bytes())

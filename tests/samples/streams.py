@@ -70,29 +70,29 @@ class Stream:
 
 
 def track_headers(data):
-    """What a stream says of its tracks beside the positions."""
+    """Return the headers of the further tracks of a stream."""
     payloads = [payload for section, payload in Stream(data).sections if section is Section.TRACK]
     return [track_header(payload) for payload in payloads]
 
 
 def track_header(payload):
-    """What a section TRACK says, as the plain reader reads it."""
-    said, placed = read_track(payload)
-    sharing = Sharing(max(0, said["domain"] - len(DOMAINS) + 1))
-    coding = Coding(said["coding"])
+    """Return the header of a TRACK, read by the plain reader."""
+    fields, placement = read_track(payload)
+    sharing = Sharing(max(0, fields["domain"] - len(DOMAINS) + 1))
+    coding = Coding(fields["coding"])
     return TrackHeader(
-        said["name"],
-        said["unit"],
-        KINDS[said["kind"]],
-        DOMAINS[said["domain"] - sharing],
-        NUMBER_TYPES[placed.number_type],
-        placed.scale,
-        (0.0,) * 3 if coding.is_predicted else placed.origin,
+        fields["name"],
+        fields["unit"],
+        KINDS[fields["kind"]],
+        DOMAINS[fields["domain"] - sharing],
+        NUMBER_TYPES[placement.number_type],
+        placement.scale,
+        (0.0,) * 3 if coding.is_predicted else placement.origin,
         coding,
-        said["bound"],
-        said.get("rate", 0.0),
+        fields["bound"],
+        fields.get("rate", 0.0),
         sharing,
-        said.get("rows", b""),
+        fields.get("rows", b""),
     )
 
 

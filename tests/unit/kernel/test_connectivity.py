@@ -225,7 +225,7 @@ def test_a_copy_of_the_next_vertex_is_refused(position, value):
     faces = np.array([[0, 1, 2], [2, 3, 4], [4, 5, 6]], np.int32)
     changed = bytearray(encode_faces(faces, 7, listed=False)[0])
     changed[position] ^= value
-    with pytest.raises(DamagedError, match="no such vertex to copy"):
+    with pytest.raises(DamagedError, match="a copied vertex does not exist"):
         read_faces(bytes(changed), 7, 3)
     with pytest.raises(CorruptStreamError):
         decode_faces(bytes(changed), 7, 3)

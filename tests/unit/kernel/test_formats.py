@@ -66,6 +66,6 @@ def test_numbers_along_faces_are_read_as_the_format_says(name):
     values[3] = np.iinfo(np.int32).min, np.iinfo(np.int32).max
     twins = twin_sides(faces, n_rows)
     data = encode_patterns(values, expected_along(faces, twins, n_rows))
-    expected = AlongFaces(faces.tolist(), n_rows).find()
+    expected = AlongFaces(faces.tolist(), n_rows).traverse()
     found = b"".join(one for row in read_patterns(data, 2, "i", expected) for one in row)
     assert found == values.astype("<i4").tobytes()
