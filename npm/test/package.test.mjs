@@ -10,10 +10,10 @@ import { PACKAGE } from "./support/bundle.mjs";
 import { streamBytes, expectedOf, sha } from "./support/streams.mjs";
 
 /** Limit of the gzipped decoder: the module and all scripts that are loaded with it. */
-const MAX_BYTES = 64_000;
+const MAX_BYTES = 61_000;
 
 /** Limit of the gzipped module for tracks and exact positions. */
-const MAX_WHOLE_BYTES = 60_500;
+const MAX_WHOLE_BYTES = 56_000;
 
 /** Limit of the gzipped part for three.js. */
 const MAX_THREE_BYTES = 11_700;
