@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from meshreel.codec.bitstream.container import write_varint
+from meshreel.codec.bitstream.container import write_text, write_varint
 from meshreel.codec.surface.codes import DOMAINS
-from meshreel.codec.surface.texts import write_text
 from meshreel.kernel.files import NUMBER_TYPES
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackKind

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis.extra.numpy import arrays
 
 from meshreel.codec.connectivity.triangles import twin_sides
-from meshreel.codec.entropy.expected import (
+from meshreel.codec.entropy.exact import (
     nothing_expected,
     row_before_expected,
     same_step_expected,

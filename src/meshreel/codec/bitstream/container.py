@@ -64,6 +64,12 @@ def read_varint(data: bytes | memoryview, position: int) -> tuple[int, int]:
     )
 
 
+def write_text(text: str) -> bytes:
+    """Return the length of a text in UTF-8, in bytes, and its bytes."""
+    data = text.encode("utf-8", errors="replace")
+    return write_varint(len(data)) + data
+
+
 def write_block_counts(n_frames: int, n_modes: int) -> bytes:
     """Return the payload of the section BLOCK: numbers of frames and modes."""
     return write_varint(n_frames) + write_varint(n_modes)

@@ -5,9 +5,33 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.entropy.expected import row_before_expected, same_step_expected
 from meshreel.errors import CorruptStreamError
 from meshreel.kernel.patterns import Expected, decode_patterns, encode_patterns
+
+
+def nothing_expected(n_rows: int) -> Expected:
+    """Rows in order, without predictions."""
+    return Expected(_in_order(n_rows), np.zeros(n_rows + 1, np.int64), np.zeros((0, 3), np.int32))
+
+
+def row_before_expected(n_rows: int) -> Expected:
+    """Rows in order, each predicted to equal the previous one."""
+    before = np.arange(max(n_rows - 1, 0), dtype=np.int32)
+    triples = np.stack([before, before, np.full_like(before, -1)], axis=1)
+    starts = np.maximum(np.arange(-1, n_rows, dtype=np.int64), 0)
+    return Expected(_in_order(n_rows), starts, triples)
+
+
+def same_step_expected(n_rows: int) -> Expected:
+    """Rows in order, each predicted linearly from the two before; the second equals the first."""
+    expected = row_before_expected(n_rows)
+    expected.triples[1:, 2] = expected.triples[:-1, 0]
+    return expected
+
+
+def _in_order(n_rows: int) -> npt.NDArray[np.int32]:
+    return np.arange(n_rows, dtype=np.int32)
+
 
 EXPECTATIONS = (row_before_expected, same_step_expected)
 """What is expected of a frame, by the first byte: the frame before, or the same motion again."""

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.entropy.exact import encode_numbers
-from meshreel.codec.entropy.expected import nothing_expected, row_before_expected
+from meshreel.codec.entropy.exact import encode_numbers, nothing_expected, row_before_expected
 from meshreel.codec.entropy.multiples import GRID, as_multiples
 from meshreel.kernel.patterns import Expected
 

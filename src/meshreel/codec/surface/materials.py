@@ -2,9 +2,8 @@
 
 import struct
 
-from meshreel.codec.bitstream.container import write_varint
+from meshreel.codec.bitstream.container import write_text, write_varint
 from meshreel.codec.surface.codes import ALPHA_MODES, CHANNELS, FILTERS, WRAPS
-from meshreel.codec.surface.texts import write_text
 from meshreel.model.materials import SLOTS, Image, Material, Texture
 
 MATERIAL_NUMBERS = {

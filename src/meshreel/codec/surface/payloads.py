@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.bitstream.container import write_varint
+from meshreel.codec.bitstream.container import write_text, write_varint
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.choices import Order
 from meshreel.codec.entropy.tables import encode_grid_table, encode_table
@@ -16,7 +16,6 @@ from meshreel.codec.surface.codes import DOMAINS, KINDS
 from meshreel.codec.surface.materials import write_image, write_material
 from meshreel.codec.surface.nearness import along_faces, distinct_rows, places_of
 from meshreel.codec.surface.references import encode_references
-from meshreel.codec.surface.texts import write_text
 from meshreel.codec.surface.uv_grid import is_quantized, uv_integers
 from meshreel.kernel.integers import encode_integers
 from meshreel.model.geometry.fans import join_fans

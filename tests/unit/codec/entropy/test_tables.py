@@ -4,8 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from meshreel.codec.entropy.exact import decode_numbers
-from meshreel.codec.entropy.expected import nothing_expected, row_before_expected
+from meshreel.codec.entropy.exact import decode_numbers, nothing_expected, row_before_expected
 from meshreel.codec.entropy.multiples import BY_SHORT, GRID, LARGEST, MAX_GRID_BITS, values_of
 from meshreel.codec.entropy.tables import AS_THEY_ARE, INTEGER, encode_grid_table, encode_table
 

@@ -6,7 +6,7 @@ import pytest
 import meshreel
 from conformance.bits import DamagedError
 from conformance.surface import Polygons, read_hard_edges
-from meshreel.codec.bitstream.container import write_varint
+from meshreel.codec.bitstream.container import write_text, write_varint
 from meshreel.codec.bitstream.layout import SURFACE_SECTIONS, Section
 from meshreel.codec.choices import Order
 from meshreel.codec.connectivity.coder import encode_connectivity
@@ -16,7 +16,6 @@ from meshreel.codec.surface.payloads import (
     surface_in_order,
     surface_sections,
 )
-from meshreel.codec.surface.texts import write_text
 from meshreel.errors import (
     CorruptStreamError,
     InvalidInputError,
