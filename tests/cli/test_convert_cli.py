@@ -79,7 +79,7 @@ def test_encode_writes_one_stream_when_faces_stay(tmp_path):
 
 def test_encode_says_what_goes_when_the_order_of_faces_does(tmp_path, sheet):
     figures = run_json("encode", sheet, "-o", tmp_path / "b.reel", "--order", "drop")
-    assert any("left out, since the order of faces is not kept: polygons" in note
+    assert any("omitted, since the order of faces is not kept: polygons" in note
                for note in figures["notes"])  # fmt: skip
 
 

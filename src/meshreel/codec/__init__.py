@@ -1,1 +1,1 @@
-"""Sequences to streams and back, whatever the method."""
+"""Encoding of sequences to streams, and decoding, by any method."""

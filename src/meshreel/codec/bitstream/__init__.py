@@ -1,1 +1,1 @@
-"""The container format: header, sections and their checksums, whatever they hold."""
+"""The container format: header, sections and their checksums, independent of their contents."""

@@ -1,4 +1,4 @@
-"""The container of a stream: header, sections with checksums, index, and the writer of all.
+"""The container of a stream: header, sections with checksums, index, and their writer.
 
 Integers of variable length are LEB128: 7 bits per byte, low bits first.
 """
@@ -95,11 +95,11 @@ def read_block_counts(payload: bytes) -> tuple[int, int]:
 
 def write_sections(sections: Sequence[tuple[Section, bytes]]) -> list[bytes]:
     """Encode each section: id, length, payload, and a checksum of all three."""
-    written = []
+    encoded = []
     for section, payload in sections:
         body = bytes([section]) + write_varint(len(payload)) + payload
-        written.append(body + _CHECKSUM.pack(zlib.crc32(body)))
-    return written
+        encoded.append(body + _CHECKSUM.pack(zlib.crc32(body)))
+    return encoded
 
 
 @dataclass(frozen=True)
@@ -122,9 +122,9 @@ class Header:
     laplacian : int
         Code of the Laplacian (`codec.choices`).
     order : int
-        Code of the part of the vertex and face order that is kept (`codec.choices`).
+        Code of the kept order of vertices and faces (`codec.choices`).
     origin : tuple of 3 floats
-        Centre of the model, in model units.
+        Center of the model, in model units.
     scale : float
         Diagonal of the bounding box in model units, the unit of all other lengths in the stream.
     name : str
@@ -306,13 +306,13 @@ class StreamWriter:
             BLOCK first and COEFFICIENTS last, so that a block is complete if its last section is.
             Each TRACK_BLOCK starts the sections of a further track.
         """
-        found = list(sections)
-        written, start, sizes = write_sections(found), self._position, [0]
-        for (section, _), data in zip(found, written, strict=True):
+        listed = list(sections)
+        encoded, start, sizes = write_sections(listed), self._position, [0]
+        for (section, _), data in zip(listed, encoded, strict=True):
             if section is Section.TRACK_BLOCK:
                 sizes.append(0)
             sizes[-1] += len(data)
-        self._write(b"".join(written))
+        self._write(b"".join(encoded))
         self._file.flush()
         self._places.append(BlockPlace(n_frames, start, tuple(sizes)))
 
@@ -331,7 +331,7 @@ class StreamWriter:
 def whole_stream(
     header: Header, leading: Sections, blocks: Iterable[tuple[int, Sections]]
 ) -> bytes:
-    """Return the bytes of a stream.
+    """Encode a stream of one segment.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The constants of the container, which `docs/format.md` explains."""
+"""Constants of the container; see `docs/format.md`."""
 
 from enum import IntEnum
 from struct import Struct
@@ -7,7 +7,7 @@ MAGIC = b"\x89REEL\r\n\x1a"
 """The high bit catches 7-bit transfers, CR LF catches newline conversion, 1A stops `type`."""
 
 FORMAT_VERSION = 3
-"""The version that this build writes and reads; 1 and 2 were of builds before the first release."""
+"""Version that this build writes and reads; 1 and 2 preceded the first release."""
 
 OPTIONAL = 0x80
 """Bit of a section id: readers that do not know the section skip it."""

@@ -1,4 +1,4 @@
-"""Lossless coder of the connectivity of a mesh, with or without its order.
+"""Lossless coding of the connectivity of a mesh, with or without its order.
 
 Everything in a stream is coded in an internal vertex order, the one in which the coder of the
 faces visits the vertices. Storing the given order is optional: it takes more bytes than the
@@ -17,8 +17,8 @@ from meshreel.model.sequence import Faces
 from meshreel.runtime.profiling import staged
 
 ORDERS = ("keep", "vertices", "drop")
-WALKS_WELL = 0.5
-"""Bytes for each face below which the list as it is given is not tried."""
+GOOD_WALK_BYTES = 0.5
+"""Bytes per face of a walk below which the plain face list is not tried."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class CodedConnectivity:
 
 @staged("connectivity")
 def encode_connectivity(faces: Faces, n_verts: int, *, order: str = "keep") -> CodedConnectivity:
-    """The coded face list: as a walk over the surface, or as it is listed, whichever is smaller.
+    """Encode a face list as a walk over the surface or as a plain list, whichever is smaller.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def encode_connectivity(faces: Faces, n_verts: int, *, order: str = "keep") -> C
     n_verts : int
         V. Vertices that no face uses are kept.
     order : {"keep", "vertices", "drop"}
-        What is preserved: everything as given; the vertex order, and the same oriented triangles
+        Preserve the order of vertices and faces; the vertex order, and the same oriented triangles
         in any order and rotation; or the mesh with its vertices renumbered.
 
     Raises
@@ -71,7 +71,7 @@ def encode_connectivity(faces: Faces, n_verts: int, *, order: str = "keep") -> C
     if order not in ORDERS:
         raise InvalidInputError(f"order must be one of {', '.join(ORDERS)}; got {order!r}")
     walked = _code(faces, n_verts, order, listed=False)
-    if walked.size_bytes <= WALKS_WELL * len(faces):
+    if walked.size_bytes <= GOOD_WALK_BYTES * len(faces):
         return walked
     listed = _code(faces, n_verts, order, listed=True)
     return min(walked, listed, key=lambda coded: coded.size_bytes)
@@ -79,7 +79,7 @@ def encode_connectivity(faces: Faces, n_verts: int, *, order: str = "keep") -> C
 
 @staged("connectivity")
 def decode_connectivity(payload: bytes, n_verts: int, n_faces: int) -> Faces:
-    """The internal faces, int32 of shape (M, 3).
+    """Decode the internal faces, int32 of shape (M, 3).
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def decode_connectivity(payload: bytes, n_verts: int, n_faces: int) -> Faces:
 def decode_order(
     order_payload: bytes, internal_faces: Faces, n_verts: int
 ) -> tuple[Integers, Faces]:
-    """`internal_to_given`, and the faces in the given order.
+    """Decode `internal_to_given` and the faces in the given order.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Coder of the given order of vertices and faces, for a mesh that is known without it."""
+"""Coding of the given order of vertices and faces of a mesh in internal order."""
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +15,7 @@ from meshreel.kernel import order
 from meshreel.model.sequence import Faces
 
 VERTICES_ONLY, VERTICES_AND_FACES = 1, 2
-"""First byte: what follows in its order."""
+"""First byte: whose order follows."""
 
 
 def inverse_permutation(order: npt.NDArray[np.integer]) -> Integers:
@@ -28,12 +28,12 @@ def inverse_permutation(order: npt.NDArray[np.integer]) -> Integers:
 def encode_order(
     faces: Faces, internal_faces: AnyFaces, internal_to_given: Integers, keep_faces: bool
 ) -> bytes:
-    """Bytes of the permutation from the internal order to the given one.
+    """Encode the permutation from the internal order to the given one.
 
     Parameters
     ----------
     faces : int32 array of shape (M, 3)
-        As given.
+        In the given order.
     internal_faces : integer array of shape (M, 3)
         The same oriented triangles in any order, in internal vertices.
     internal_to_given : int64 array of shape (V,)
@@ -53,7 +53,7 @@ def encode_order(
 def decode_given_order(
     order_payload: bytes, internal_faces: AnyFaces, n_verts: int
 ) -> tuple[Integers, Faces]:
-    """Given number of each internal vertex, and the faces in given numbers.
+    """Decode the given number of each internal vertex, and the faces in given numbers.
 
     Raises
     ------
@@ -68,12 +68,12 @@ def decode_given_order(
     twins = twin_sides(internal_faces, n_verts) if with_faces else None
     corners, sequence = order.decode_order(order_payload[1:], internal_faces, twins, n_verts)
     internal_to_given = inverse_permutation(sequence)
-    named = internal_to_given.astype(np.int32).take(internal_faces)
-    return internal_to_given, named if corners is None else list_faces(named, corners)
+    faces = internal_to_given.astype(np.int32).take(internal_faces)
+    return internal_to_given, faces if corners is None else list_faces(faces, corners)
 
 
 def list_faces(known: Faces, corners: npt.NDArray[np.integer]) -> Faces:
-    """The known faces in the order and with the first corners given by `corners`.
+    """Return the known faces in the order, and with the first corners, that `corners` selects.
 
     Corner k of known face i has the number ``3 i + k``.
     """
@@ -86,7 +86,7 @@ def list_faces(known: Faces, corners: npt.NDArray[np.integer]) -> Faces:
 
 
 def _matching_corners(faces: AnyFaces, known: AnyFaces, n_verts: int) -> Integers:
-    """The first corner of each face in a list of the same triangles in another order."""
+    """Find the first corner of each face in a list of the same triangles in another order."""
     lowest, front = lowest_rotation(faces, n_verts)
     known_lowest, known_front = lowest_rotation(known, n_verts)
     corners = np.empty(len(lowest), np.int64)

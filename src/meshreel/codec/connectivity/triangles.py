@@ -12,13 +12,13 @@ CORNERS = np.arange(3)
 
 
 def rotate_corners(faces: AnyFaces, first: Integers) -> Integers:
-    """Every face with its corner number `first` (0..2) moved to the front, as int64."""
-    turned = (first[:, None] + CORNERS) % 3
-    return np.take_along_axis(np.asarray(faces, np.int64), turned, axis=1)
+    """Rotate each face so that its corner number `first` (0..2) comes first; returns int64."""
+    corners = (first[:, None] + CORNERS) % 3
+    return np.take_along_axis(np.asarray(faces, np.int64), corners, axis=1)
 
 
 def lowest_rotation(faces: AnyFaces, n_verts: int) -> tuple[Integers, Integers]:
-    """Every face rotated to be lexicographically lowest, and the corner that is then first.
+    """Rotate each face to be lexicographically lowest; also return the corner that becomes first.
 
     Two faces are the same oriented triangle if and only if these representatives are equal.
     """
@@ -28,12 +28,12 @@ def lowest_rotation(faces: AnyFaces, n_verts: int) -> tuple[Integers, Integers]:
 
 
 def sorted_order(lowest: Integers, n_verts: int) -> Integers:
-    """Indices that sort representatives lexicographically; equal ones stay in their order."""
+    """Indices that sort representatives lexicographically; the sort is stable."""
     return np.lexsort((lowest[:, 2], lowest[:, 0] * n_verts + lowest[:, 1])).astype(np.int64)
 
 
 def twin_sides(faces: AnyFaces, n_verts: int) -> Integers:
-    """The opposite side of each side of each face; the side itself where there is none.
+    """The opposite side of each side of each face; a boundary side is its own opposite.
 
     Parameters
     ----------
@@ -43,6 +43,6 @@ def twin_sides(faces: AnyFaces, n_verts: int) -> Integers:
     Returns
     -------
     int64 array of shape (3 M,), an involution. Where more than two sides lie on one edge, they
-    are paired in their order, whatever their direction.
+    are paired in order, regardless of their direction.
     """
     return opposite_sides(faces, n_verts).astype(np.int64)

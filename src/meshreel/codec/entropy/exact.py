@@ -1,4 +1,4 @@
-"""Lossless coder of numbers over time, from their bit patterns."""
+"""Lossless coding of numbers over time by their bit patterns."""
 
 from typing import Any
 
@@ -34,21 +34,21 @@ def _in_order(n_rows: int) -> npt.NDArray[np.int32]:
 
 
 EXPECTATIONS = (row_before_expected, same_step_expected)
-"""What is expected of a frame, by the first byte: the frame before, or the same motion again."""
+"""Predictions of a frame, by the first byte: the frame before, or the same motion again."""
 
 
 def encode_exact(values: npt.NDArray[Any]) -> bytes:
-    """Bytes of values of shape (T, ...) of uint8, int32, float32 or float64, exactly."""
+    """Encode values of shape (T, ...) of uint8, int32, float32 or float64 losslessly."""
     table = values.reshape(len(values), -1)
     coded = (
-        bytes([way]) + encode_numbers(table, expected(len(table)))
-        for way, expected in enumerate(EXPECTATIONS)
+        bytes([code]) + encode_numbers(table, expected(len(table)))
+        for code, expected in enumerate(EXPECTATIONS)
     )
     return min(coded, key=len)
 
 
 def decode_exact(data: bytes, shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
-    """Values that `encode_exact` wrote; the caller bounds their number.
+    """Decode the values that `encode_exact` wrote; the caller bounds their number.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def decode_exact(data: bytes, shape: tuple[int, ...], dtype: npt.DTypeLike) -> n
         If the bytes are not those of an array of this shape and type.
     """
     if not data or data[0] >= len(EXPECTATIONS):
-        raise CorruptStreamError("it is not known how exact values follow one another")
+        raise CorruptStreamError("the prediction of exact values is unknown")
     n_rows = shape[0]
     width = int(np.prod(shape[1:], dtype=object))
     expected = EXPECTATIONS[data[0]](n_rows)
@@ -64,14 +64,14 @@ def decode_exact(data: bytes, shape: tuple[int, ...], dtype: npt.DTypeLike) -> n
 
 
 def encode_numbers(table: npt.NDArray[Any], expected: Expected) -> bytes:
-    """Bytes of a table of shape (N, C)."""
+    """Encode a table of shape (N, C)."""
     return encode_patterns(table, expected)
 
 
 def decode_numbers(
     data: bytes, shape: tuple[int, int], dtype: np.dtype[Any], expected: Expected
 ) -> npt.NDArray[Any]:
-    """The table that `encode_numbers` wrote; the caller bounds its shape.
+    """Decode the table that `encode_numbers` wrote; the caller bounds its shape.
 
     Raises
     ------

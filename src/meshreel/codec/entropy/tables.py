@@ -1,4 +1,4 @@
-"""Lossless coder of tables of numbers: as multiples of a fraction, or as they are."""
+"""Lossless coding of tables of numbers, as multiples of a fraction or by their bit patterns."""
 
 from collections.abc import Callable
 from typing import Any
@@ -12,44 +12,43 @@ from meshreel.kernel.patterns import Expected
 
 Integers = npt.NDArray[np.integer]
 Numbers = npt.NDArray[Any]
-Along = Callable[[int], Expected]
-"""From which others each row is expected, given the number of rows."""
+RowPredictor = Callable[[int], Expected]
+"""Returns the rows that each row is predicted from, for a number of rows."""
 
-AS_THEY_ARE = 255
-"""First byte of a table of numbers that are not written as integers by another number."""
+BIT_PATTERNS = 255
+"""First byte of a table that is not stored as multiples."""
 
 INTEGER = np.dtype(np.int32)
 
 
-def encode_table(values: Numbers, along: Along | None = None) -> bytes:
-    """Bytes of a table of shape (N, C), exactly.
+def encode_table(values: Numbers, predictor: RowPredictor | None = None) -> bytes:
+    """Encode a table of shape (N, C) losslessly.
 
     Parameters
     ----------
     values : array of uint8, int32, float32 or float64
-    along : callable, optional
-        From which others rows may be expected, besides nothing and the row before. The reader
-        needs the same.
+    predictor : callable, optional
+        A further prediction to try, besides none and the previous row. The reader needs the same.
     """
-    return _shortest([(AS_THEY_ARE, values), *as_multiples(values)], along)
+    return _shortest([(BIT_PATTERNS, values), *as_multiples(values)], predictor)
 
 
-def encode_grid_table(integers: Integers, bits: int, along: Along | None = None) -> bytes:
-    """Bytes of a table of shape (N, C) of integer multiples of 2^-bits."""
-    return _shortest([(GRID + bits, integers.astype(INTEGER))], along)
+def encode_grid_table(
+    integers: Integers, bits: int, predictor: RowPredictor | None = None
+) -> bytes:
+    """Encode a table of shape (N, C) of integer multiples of 2^-bits."""
+    return _shortest([(GRID + bits, integers.astype(INTEGER))], predictor)
 
 
-def _shortest(forms: list[tuple[int, Numbers]], along: Along | None) -> bytes:
-    """The shortest of all ways to write a table that has several forms."""
+def _shortest(forms: list[tuple[int, Numbers]], predictor: RowPredictor | None) -> bytes:
+    """Encode a table by the form and prediction that take the fewest bytes."""
+    predictors = [nothing_expected, row_before_expected, *([predictor] if predictor else [])]
+    n_rows = len(forms[0][1])
     return min(
         (
-            bytes([code, way]) + encode_numbers(numbers, expected)
-            for way, expected in enumerate(one(len(forms[0][1])) for one in _ways(along))
+            bytes([code, number]) + encode_numbers(numbers, expected)
+            for number, expected in enumerate(one(n_rows) for one in predictors)
             for code, numbers in forms
         ),
         key=len,
     )
-
-
-def _ways(along: Along | None) -> list[Along]:
-    return [nothing_expected, row_before_expected, *([along] if along else [])]

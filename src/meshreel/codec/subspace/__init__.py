@@ -1,1 +1,1 @@
-"""Subspaces of trajectories: eigen-trajectories of a matrix of frames, projection, expansion."""
+"""Subspaces of trajectories: principal components, projection and expansion."""

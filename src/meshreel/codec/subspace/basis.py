@@ -1,4 +1,4 @@
-"""Projection of frames on a basis of trajectories, and expansion."""
+"""Projection of frames on a temporal basis, and its inverse."""
 
 import numpy as np
 
@@ -22,7 +22,7 @@ def project(basis: Floats, frames: Floats) -> Floats:
 
 
 def expand(basis: Floats, coefficients: Floats) -> Floats:
-    """Frames with these coefficients, ``U C``: inverts `project` within the span of the basis.
+    """Frames of these coefficients, ``U C``: inverts `project` within the span of the basis.
 
     Parameters
     ----------

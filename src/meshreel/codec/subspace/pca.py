@@ -13,21 +13,22 @@ from meshreel.runtime.threads import chunks, in_threads, one_blas_thread
 RANK_TOLERANCE = 1e-13
 """Eigenvalues of a Gram matrix below this share of the largest are rounding errors."""
 
-FAITHFUL = 3e-6
-"""Share of the largest singular value above which a Gram matrix tells others well."""
+ACCURATE = 3e-6
+"""Singular values above this share of the largest are accurate in a Gram matrix."""
 
 ROUNDING = 1e-14
 """Singular values below this share of the largest are rounding errors of the matrix itself."""
 
 GRAM_COLUMNS = 2048
-"""Number of columns whose contribution to a Gram matrix is computed at once."""
+"""Columns whose contribution to a Gram matrix is computed at a time."""
 
 SMALL_GRAM = 200
-"""Size up to which all eigenvectors are computed; beyond, only the leading ones if they are few."""
+"""Gram matrices up to this size are decomposed completely; larger ones only partly, if few
+eigenvalues matter."""
 
-FIRST_COUNT, SPARE, SHARE_OF_GRAM, N_ITERATIONS = 64, 16, 0.3, 2
-"""Eigenvectors that are looked for at first; how many more are, so that these converge; the largest
-share of all that is worth it; and how often."""
+FIRST_COUNT, OVERSAMPLING, MAX_SHARE, N_ITERATIONS = 64, 16, 0.3, 2
+"""Of subspace iteration: eigenvectors of the first trial, extra vectors for convergence, largest
+share of all eigenvectors, and number of iterations."""
 
 
 def autocorrelation(frames: Floats) -> Floats:
@@ -72,7 +73,7 @@ def eigen_trajectories(correlation: Floats, n_modes: int) -> tuple[Floats, Float
 def joint_trajectories(
     frames: npt.NDArray[np.floating], n_modes: int, least: float = 0.0
 ) -> tuple[Floats, Floats]:
-    """Leading singular values and temporal basis vectors of all three coordinates together.
+    """Leading singular values and temporal basis vectors, jointly for all three coordinates.
 
     A mode is one field on the mesh with a temporal basis vector of 3 T numbers, instead of a field
     and a basis vector of T numbers for each axis: the singular vectors of the matrix of shape
@@ -81,8 +82,8 @@ def joint_trajectories(
     Parameters
     ----------
     frames : float array of shape (3, T, V)
-        Or (1, T, 3 V) for modes that are a field of three coordinates with one basis vector.
-        Products of float32 are float64 too, a chunk at a time.
+        Or (1, T, 3 V) for modes with a field of three coordinates and one basis vector. Products
+        of float32 are accumulated in float64.
     n_modes : int
         At most this many; fewer if the matrix has a lower rank.
     least : float, default 0
@@ -117,26 +118,26 @@ def _leading_trajectories(gram: Floats, n_modes: int, least: float) -> tuple[Flo
 
 
 @staged("trajectories")
-def weak_trajectories(
+def truncated_pca(
     columns: Callable[[slice], npt.NDArray[np.floating]],
     gram: Floats,
     n_columns: int,
     least: float,
 ) -> tuple[Floats, Floats]:
-    """Return singular values above `least`, at least one, and left singular vectors of a matrix.
-
-    The matrix is wide. The caller limits BLAS to one thread (`one_blas_thread`), so that the result
-    does not depend on the number of cores.
+    """Return singular values of a wide matrix above `least`, at least one, and left vectors.
 
     A Gram matrix has squares of singular values, of which the smallest vanish in the rounding of
-    the largest. Those are found again, from the Gram matrix of what the stronger modes leave.
+    the largest. They are recomputed from the Gram matrix of the residual of the stronger modes.
+
+    The caller limits BLAS to one thread (`one_blas_thread`), so that the result does not depend on
+    the number of cores.
 
     Parameters
     ----------
     columns, n_columns
-        As of `gram_of_rows`.
+        As in `gram_of_rows`.
     gram : float64 array of shape (n_rows, n_rows)
-        What that gives.
+        From `gram_of_rows`.
 
     Returns
     -------
@@ -148,25 +149,25 @@ def weak_trajectories(
     largest = float(values[0])
     if least >= math.sqrt(RANK_TOLERANCE) * largest or largest == 0.0:
         return values, vectors
-    values, vectors = _above(values, vectors, FAITHFUL * largest)
+    values, vectors = _above(values, vectors, ACCURATE * largest)
     least = max(least, ROUNDING * largest)
     while len(values) < n_rows:
         strong = vectors
 
-        def left(piece: slice, strong: Floats = strong) -> Floats:
+        def residual(piece: slice, strong: Floats = strong) -> Floats:
             part = columns(piece).astype(np.float64)
-            for _ in range(2):  # once is not enough where little is left
+            for _ in range(2):  # a second pass restores orthogonality of small residuals
                 part -= strong @ (strong.T @ part)
             return part
 
-        rest = gram_of_rows(left, n_rows, n_columns)
-        found, more = _leading_trajectories(rest, n_rows - len(values), least)
-        cut = max(least, FAITHFUL * float(found[0]))
-        found, more = _above(found, more, cut)
-        more -= strong @ (strong.T @ more)
-        values = np.concatenate([values, found])
-        vectors = np.concatenate([strong, fix_signs(np.linalg.qr(more)[0])], axis=1)
-        if cut == least:
+        residual_gram = gram_of_rows(residual, n_rows, n_columns)
+        weak_values, weak = _leading_trajectories(residual_gram, n_rows - len(values), least)
+        threshold = max(least, ACCURATE * float(weak_values[0]))
+        weak_values, weak = _above(weak_values, weak, threshold)
+        weak -= strong @ (strong.T @ weak)
+        values = np.concatenate([values, weak_values])
+        vectors = np.concatenate([strong, fix_signs(np.linalg.qr(weak)[0])], axis=1)
+        if threshold == least:
             break
     order = np.argsort(-values, kind="stable")
     return values[order], vectors[:, order]
@@ -181,14 +182,14 @@ def _above(values: Floats, vectors: Floats, least: float) -> tuple[Floats, Float
 def gram_of_rows(
     columns: Callable[[slice], npt.NDArray[np.floating]], n_rows: int, n_columns: int
 ) -> Floats:
-    """``A A^T`` of a wide matrix; summed in the same order on any number of cores.
+    """Return ``A A^T`` of a wide matrix, summed in the same order on any number of cores.
 
     Parameters
     ----------
     columns : callable
-        Gives some columns of A; called in any thread.
+        Returns some columns of A; called in any thread.
     n_rows, n_columns : int
-        Of A.
+        Shape of A.
     """
     pieces = chunks(n_columns, GRAM_COLUMNS)
     total = np.zeros((n_rows, n_rows))
@@ -206,43 +207,43 @@ def gram_of_rows(
 
 
 def _leading(gram: Floats, n_modes: int, least: float) -> tuple[Floats, Floats]:
-    """Eigenvalues whose root exceeds `least`, descending, and eigenvectors of a Gram matrix."""
-    found = _few_leading(gram, least**2) if len(gram) > SMALL_GRAM else None
-    eigenvalues, vectors = found or np.linalg.eigh(gram)
+    """Eigenvalues of a Gram matrix whose root exceeds `least`, descending, and eigenvectors."""
+    pairs = _few_leading(gram, least**2) if len(gram) > SMALL_GRAM else None
+    eigenvalues, vectors = pairs or np.linalg.eigh(gram)
     eigenvalues, vectors = eigenvalues[::-1], vectors[:, ::-1]
     floor = max(least**2, RANK_TOLERANCE * max(eigenvalues[0], 0.0))
-    kept = max(1, min(n_modes, int(np.sum(eigenvalues > floor))))
-    return eigenvalues[:kept], vectors[:, :kept]
+    n_kept = max(1, min(n_modes, int(np.sum(eigenvalues > floor))))
+    return eigenvalues[:n_kept], vectors[:, :n_kept]
 
 
 def _few_leading(gram: Floats, least: float) -> tuple[Floats, Floats] | None:
     """Eigenvalues above `least`, and some more, ascending, with their eigenvectors.
 
-    By subspace iteration from a fixed start; None where too many are above. Eigenvectors whose
-    eigenvalues are nearly the same are only known together.
+    Subspace iteration from a fixed start; None if too many are above. Of nearly equal eigenvalues
+    it determines the common eigenspace only.
     """
     count = FIRST_COUNT
-    while count <= SHARE_OF_GRAM * len(gram):
-        start = np.random.default_rng(count).standard_normal((len(gram), count + SPARE))
+    while count <= MAX_SHARE * len(gram):
+        start = np.random.default_rng(count).standard_normal((len(gram), count + OVERSAMPLING))
         vectors = np.linalg.qr(gram @ start)[0]
-        moved = gram @ vectors
-        at_least = np.linalg.eigvalsh(vectors.T @ moved)  # Ritz values are never too large
-        if at_least[SPARE] < least:
+        product = gram @ vectors
+        lower_bounds = np.linalg.eigvalsh(vectors.T @ product)  # Ritz values
+        if lower_bounds[OVERSAMPLING] < least:
             for _ in range(N_ITERATIONS):
-                vectors = np.linalg.qr(gram @ moved)[0]
-                moved = gram @ vectors
-            eigenvalues, turned = np.linalg.eigh(vectors.T @ moved)
-            if eigenvalues[SPARE] < least:
-                return eigenvalues, vectors @ turned
+                vectors = np.linalg.qr(gram @ product)[0]
+                product = gram @ vectors
+            eigenvalues, rotation = np.linalg.eigh(vectors.T @ product)
+            if eigenvalues[OVERSAMPLING] < least:
+                return eigenvalues, vectors @ rotation
         count *= 2
     return None
 
 
 def fix_signs(basis: Floats) -> Floats:
-    """The columns, each with the sign that makes its first large entry positive.
+    """Flip the sign of each column so that its first large entry is positive.
 
-    Large means at least half of the column's largest magnitude, so that two entries of nearly
-    equal size do not let rounding decide: streams do not depend on the LAPACK build.
+    Large means at least half of the column's largest magnitude: rounding cannot decide between two
+    entries of nearly equal size, so streams do not depend on the LAPACK build.
 
     Parameters
     ----------

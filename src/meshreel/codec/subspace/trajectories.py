@@ -1,6 +1,6 @@
 """Conversion of positions of shape (T, V, 3) to matrices of frames, one per coordinate, and back.
 
-The matrices hold model coordinates relative to the centre of the bounding box, divided by its
+The matrices hold model coordinates relative to the center of the bounding box, divided by its
 diagonal, in float64, so that neither a far offset nor a small unit reduces precision.
 """
 
@@ -16,14 +16,14 @@ from meshreel.runtime.profiling import staged
 
 @dataclass(frozen=True)
 class BoundingFrame:
-    """Centre and diagonal of the bounding box of all frames, of positions or of a track's values.
+    """Center and diagonal of the bounding box of all frames, of positions or of a track's values.
 
     Attributes
     ----------
     origin : tuple of C floats
-        Centre of the box, in model units; C is 3 for positions.
+        Center of the box, in model units; C is 3 for positions.
     scale : float
-        Diagonal of the box in model units; 1 where the box is a point.
+        Diagonal of the box in model units; 1 if the box is a point.
     """
 
     origin: tuple[float, ...]
@@ -37,21 +37,21 @@ class BoundingFrame:
 
 def bounding_frame(extent: Extent) -> BoundingFrame:
     """The bounding frame of positions, or of a track's values, of this extent; always finite."""
-    most = float(np.finfo(np.float64).max)
+    largest_float = float(np.finfo(np.float64).max)
     with np.errstate(over="ignore"):
         sides = extent.high - extent.low
-    if not np.isfinite(sides).all():  # between the largest numbers of either sign
-        return BoundingFrame(tuple((extent.low / 2 + extent.high / 2).tolist()), most)
+    if not np.isfinite(sides).all():  # overflow
+        return BoundingFrame(tuple((extent.low / 2 + extent.high / 2).tolist()), largest_float)
     origin = tuple((extent.low + sides / 2).tolist())
     largest = float(sides.max()) or 1.0  # divided out: squares of tiny sides are 0
     scale = largest * float(np.linalg.norm(sides / largest)) or 1.0
-    return BoundingFrame(origin, min(scale, most))
+    return BoundingFrame(origin, min(scale, largest_float))
 
 
 @staged("coordinates")
 def to_matrices(vertices: npt.NDArray[np.floating], frame: BoundingFrame) -> Floats:
-    """Coordinate matrices A of shape (3, T, V), relative to the centre, in diagonals."""
-    # A copy even where nothing needs converting: it is changed in place below.
+    """Coordinate matrices A of shape (3, T, V), relative to the center, in diagonals."""
+    # Always a copy, because it is changed in place below.
     matrices = np.array(np.moveaxis(vertices, 2, 0), dtype=np.float64, order="C")
     matrices -= np.array(frame.origin)[:, None, None]
     matrices /= frame.scale

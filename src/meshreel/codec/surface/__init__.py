@@ -1,1 +1,1 @@
-"""Sections of the surface of a mesh: polygons, attributes, groups, hard edges, and so on."""
+"""Surface of a mesh: polygons, attributes, groups, parts, hard edges, materials, images."""

@@ -1,4 +1,4 @@
-"""Choices of surfaces in the order of their codes in a stream."""
+"""Enumerations of surfaces, in the order of their codes in a stream."""
 
 from meshreel.model.materials import AlphaMode, Filter, Wrap
 from meshreel.model.surface import Domain, Kind
@@ -8,7 +8,7 @@ DOMAINS = (Domain.VERTEX, Domain.FACE, Domain.CORNER)
 ALPHA_MODES, WRAPS = tuple(AlphaMode), tuple(Wrap)
 
 FILTERS = tuple(Filter)
-"""Starting with 1; 0 is any filter."""
+"""Codes start at 1; 0 means any filter."""
 
 CHANNELS = "rgba"
-"""By the bits of a mask."""
+"""In the order of the bits of a mask."""

@@ -91,24 +91,24 @@ def decoded_surface(file: OpenFile) -> Surface:
     MemoryLimitError
         If it takes more memory than allowed.
     """
-    found = _Surface.from_address(file.surface_address())
+    stored = _Surface.from_address(file.surface_address())
     info = file.info
     sizes = None
-    if found.face_sizes:
-        sizes = array_at(found.face_sizes, info.n_faces, np.int32)
+    if stored.face_sizes:
+        sizes = array_at(stored.face_sizes, info.n_faces, np.int32)
     hard_edges = None
-    if found.n_hard_edges:
-        hard_edges = array_at(found.hard_edges, 2 * found.n_hard_edges, np.int32).reshape(-1, 2)
+    if stored.n_hard_edges:
+        hard_edges = array_at(stored.hard_edges, 2 * stored.n_hard_edges, np.int32).reshape(-1, 2)
     surface = Surface(
         sizes,
-        tuple(_attribute(found.attributes[i]) for i in range(found.n_attributes)),
-        tuple(_groups(found.groups[i], info.n_faces) for i in range(found.n_groups)),
+        tuple(_attribute(stored.attributes[i]) for i in range(stored.n_attributes)),
+        tuple(_groups(stored.groups[i], info.n_faces) for i in range(stored.n_groups)),
         tuple(
             Part(str(one.name), one.n_verts, one.n_faces)
-            for one in (found.parts[i] for i in range(found.n_parts))
+            for one in (stored.parts[i] for i in range(stored.n_parts))
         ),
-        tuple(_material(found.materials[i]) for i in range(found.n_materials)),
-        tuple(_image(found.images[i], file) for i in range(found.n_images)),
+        tuple(_material(stored.materials[i]) for i in range(stored.n_materials)),
+        tuple(_image(stored.images[i], file) for i in range(stored.n_images)),
         hard_edges,
     )
     try:
@@ -117,55 +117,57 @@ def decoded_surface(file: OpenFile) -> Surface:
         raise CorruptStreamError(f"the surface does not fit the mesh: {error}") from error
 
 
-def _attribute(found: _Attribute) -> Attribute:
-    dtype = NUMBER_TYPES[found.type]
-    values = array_at(found.values, found.n_rows * found.width, dtype).reshape(-1, found.width)
-    rows = array_at(found.rows, found.n_items, np.int32) if found.rows else None
-    if rows is not None and not found.is_indexed:
+def _attribute(stored: _Attribute) -> Attribute:
+    dtype = NUMBER_TYPES[stored.type]
+    values = array_at(stored.values, stored.n_rows * stored.width, dtype).reshape(-1, stored.width)
+    rows = array_at(stored.rows, stored.n_items, np.int32) if stored.rows else None
+    if rows is not None and not stored.is_indexed:
         values, rows = values[rows], None
-    return Attribute(str(found.name), KINDS[found.kind], DOMAINS[found.domain], values, rows)
+    return Attribute(str(stored.name), KINDS[stored.kind], DOMAINS[stored.domain], values, rows)
 
 
-def _groups(found: _Groups, n_faces: int) -> FaceGroups:
-    labels = tuple(str(found.labels[i]) for i in range(found.n_labels))
-    return FaceGroups(str(found.name), labels, array_at(found.of_faces, n_faces, np.int32))
+def _groups(stored: _Groups, n_faces: int) -> FaceGroups:
+    labels = tuple(str(stored.labels[i]) for i in range(stored.n_labels))
+    return FaceGroups(str(stored.name), labels, array_at(stored.of_faces, n_faces, np.int32))
 
 
-def _material(found: _Material) -> Material:
+def _material(stored: _Material) -> Material:
     textures = {
         slot: _texture(one)
-        for slot, one in zip(SLOTS, found.textures, strict=True)
+        for slot, one in zip(SLOTS, stored.textures, strict=True)
         if one.image != NO_IMAGE
     }
     return Material(
-        str(found.name),
-        tuple(found.base_color),
-        found.metallic,
-        found.roughness,
-        tuple(found.emissive),
-        found.normal_scale,
-        found.occlusion_strength,
-        ALPHA_MODES[found.alpha_mode],
-        found.alpha_cutoff,
-        bool(found.is_double_sided),
-        bool(found.is_unlit),
+        str(stored.name),
+        tuple(stored.base_color),
+        stored.metallic,
+        stored.roughness,
+        tuple(stored.emissive),
+        stored.normal_scale,
+        stored.occlusion_strength,
+        ALPHA_MODES[stored.alpha_mode],
+        stored.alpha_cutoff,
+        bool(stored.is_double_sided),
+        bool(stored.is_unlit),
     ).with_textures(textures)
 
 
-def _texture(found: _Texture) -> Texture:
+def _texture(stored: _Texture) -> Texture:
     return Texture(
-        found.image,
-        str(found.uv),
-        "".join(letter for bit, letter in enumerate(CHANNELS) if found.channels >> bit & 1),
-        WRAPS[found.wrap_u],
-        WRAPS[found.wrap_v],
-        FILTERS_OR_ANY[found.magnified],
-        FILTERS_OR_ANY[found.shrunk],
-        tuple(found.offset),
-        found.rotation,
-        tuple(found.scale),
+        stored.image,
+        str(stored.uv),
+        "".join(letter for bit, letter in enumerate(CHANNELS) if stored.channels >> bit & 1),
+        WRAPS[stored.wrap_u],
+        WRAPS[stored.wrap_v],
+        FILTERS_OR_ANY[stored.magnified],
+        FILTERS_OR_ANY[stored.shrunk],
+        tuple(stored.offset),
+        stored.rotation,
+        tuple(stored.scale),
     )
 
 
-def _image(found: _Image, file: OpenFile) -> Image:
-    return Image(str(found.name), str(found.media_type), file.bytes_at(found.offset, found.size))
+def _image(stored: _Image, file: OpenFile) -> Image:
+    return Image(
+        str(stored.name), str(stored.media_type), file.bytes_at(stored.offset, stored.size)
+    )

@@ -1,4 +1,4 @@
-"""Payloads of the sections of materials and images."""
+"""Encoding of materials and images to payloads of sections."""
 
 import struct
 
@@ -16,16 +16,16 @@ MATERIAL_NUMBERS = {
     "alpha_cutoff": 1,
 }
 TEXTURE_NUMBERS = {"offset": 2, "rotation": 1, "scale": 2}
-"""Fields of numbers in the order of the stream, with their sizes."""
+"""Numeric fields in the order of the stream, with their sizes."""
 
 DOUBLE_SIDED, UNLIT = 4, 8
 NUMBER = struct.Struct("<d")
 
-Look = Material | Texture
+Appearance = Material | Texture
 
 
 def write_material(material: Material) -> bytes:
-    """Payload of a material; only values other than the defaults take bytes."""
+    """Encode a material; default values take no bytes."""
     flags = ALPHA_MODES.index(material.alpha_mode)
     flags |= DOUBLE_SIDED * material.double_sided | UNLIT * material.unlit
     textures = material.textures
@@ -36,7 +36,7 @@ def write_material(material: Material) -> bytes:
 
 
 def write_image(image: Image) -> bytes:
-    """Payload of an image: its name, type, and unchanged bytes."""
+    """Encode an image: its name, type, and unchanged bytes."""
     return write_text(image.name) + write_text(image.mime_type) + image.data
 
 
@@ -51,14 +51,14 @@ def _write_texture(texture: Texture) -> bytes:
     return write_varint(texture.image) + write_text(texture.uv) + codes + numbers
 
 
-def _write_numbers(one: Look, default: Look, sizes: dict[str, int]) -> bytes:
-    """A mask of the numbers that are not defaults, and these numbers."""
-    pairs = list(zip(_numbers(one, sizes), _numbers(default, sizes), strict=True))
+def _write_numbers(appearance: Appearance, default: Appearance, sizes: dict[str, int]) -> bytes:
+    """Encode a mask of the numbers that differ from the defaults, and these numbers."""
+    pairs = list(zip(_numbers(appearance, sizes), _numbers(default, sizes), strict=True))
     changed = [number for number, (own, other) in enumerate(pairs) if own != other]
     mask = sum(1 << number for number in changed)
     return write_varint(mask) + b"".join(NUMBER.pack(pairs[number][0]) for number in changed)
 
 
-def _numbers(one: Look, sizes: dict[str, int]) -> list[float]:
-    values = [(getattr(one, name), size) for name, size in sizes.items()]
+def _numbers(appearance: Appearance, sizes: dict[str, int]) -> list[float]:
+    values = [(getattr(appearance, name), size) for name, size in sizes.items()]
     return [number for value, size in values for number in ([value] if size == 1 else value)]

@@ -1,4 +1,4 @@
-"""Sections of a surface: polygons, attributes, groups, parts, hard edges."""
+"""Encoding of the sections of a surface: polygons, attributes, groups, parts, hard edges."""
 
 import struct
 from collections.abc import Iterator
@@ -14,20 +14,20 @@ from meshreel.codec.choices import Order
 from meshreel.codec.entropy.tables import encode_grid_table, encode_table
 from meshreel.codec.surface.codes import DOMAINS, KINDS
 from meshreel.codec.surface.materials import write_image, write_material
-from meshreel.codec.surface.nearness import along_faces, distinct_rows, places_of
 from meshreel.codec.surface.references import encode_references
+from meshreel.codec.surface.rows import distinct_rows, places_of, predictor_along_faces
 from meshreel.codec.surface.uv_grid import is_quantized, uv_integers
 from meshreel.kernel.integers import encode_integers
 from meshreel.model.geometry.fans import join_fans
-from meshreel.model.geometry.hard_edges import SharedEdges, hard_flags, shared_edges
+from meshreel.model.geometry.hard_edges import hard_flags, shared_edges
 from meshreel.model.surface import VALUE_TYPES, Attribute, Domain, FaceGroups, Part, Surface
 
 Integers = npt.NDArray[np.integer]
 Faces = npt.NDArray[np.int32]
 
 EACH, INDEXED, SHARED = range(3)
-"""Layouts of values: each item has its own row; the row of each is named; or it is named only to be
-written, and each item has its own again when it is read."""
+"""Layouts of values: one row per item; indexed rows; or rows that corners share in the stream and
+that are expanded to one row per item on decoding."""
 
 START = struct.Struct("<d")
 
@@ -35,19 +35,19 @@ START = struct.Struct("<d")
 def surface_sections(
     surface: Surface, faces: Faces, uv_bits: int | None = None
 ) -> Iterator[tuple[Section, bytes]]:
-    """The sections of a surface of a mesh with these triangles; none if it is plain.
+    """Yield the sections of the surface of a mesh; none if it is plain.
 
     Parameters
     ----------
     faces : int32 array of shape (M, 3)
-        As they go out when the stream is decoded.
+        In output order.
     uv_bits : int, optional
-        Bits of the grid that texture coordinates are quantised to. Default: they are exact.
+        Bits of the grid of texture coordinates. Default: they are exact.
 
     Raises
     ------
     InvalidInputError
-        If a hard edge does not lie between two faces or more.
+        If a hard edge has fewer than two faces.
     """
     if surface.face_sizes is not None:
         sizes = surface.face_sizes
@@ -67,7 +67,7 @@ def surface_sections(
 
 
 def surface_in_order(surface: Surface, order: Order, internal_to_given: Integers) -> Surface:
-    """The part of a surface that a stream with this choice of order holds.
+    """Return the part of a surface that a stream with this choice of order contains.
 
     Attributes of faces and corners, groups and materials need the order of faces; without it, only
     attributes of vertices and hard edges remain.
@@ -82,14 +82,14 @@ def surface_in_order(surface: Surface, order: Order, internal_to_given: Integers
     kept, hard_edges = surface.attributes, surface.hard_edges
     kept = tuple(one for one in kept if one.domain is Domain.VERTEX)
     if order is Order.DROP:
-        kept = tuple(_of_vertices(one, internal_to_given) for one in kept)
+        kept = tuple(_reordered(one, internal_to_given) for one in kept)
         if hard_edges is not None:
             hard_edges = np.argsort(internal_to_given).astype(np.int32)[hard_edges]
     return Surface(attributes=kept, hard_edges=hard_edges)
 
 
 def order_loss_note(surface: Surface, order: Order) -> str:
-    """A note on what a stream with this choice of order leaves out; possibly empty."""
+    """Describe what a stream with this choice of order omits; possibly empty."""
     if order is Order.KEEP:
         return ""
     lost = ["polygons"] if surface.face_sizes is not None else []
@@ -100,18 +100,18 @@ def order_loss_note(surface: Surface, order: Order) -> str:
     lost += [f"material {one.name!r}" for one in surface.materials]
     if n_images := len(surface.images):
         lost.append(f"{n_images} image{'s' if n_images > 1 else ''}")
-    return f"left out, since the order of faces is not kept: {', '.join(lost)}" if lost else ""
+    return f"omitted, since the order of faces is not kept: {', '.join(lost)}" if lost else ""
 
 
 def write_start(start_s: float) -> bytes:
-    """Payload of the time of the first frame."""
+    """Encode the time of the first frame."""
     return START.pack(start_s)
 
 
-def _of_vertices(given: Attribute, internal_to_given: Integers) -> Attribute:
-    if given.indices is not None:
-        return replace(given, indices=given.indices[internal_to_given])
-    return replace(given, values=given.values[internal_to_given])
+def _reordered(attribute: Attribute, order: Integers) -> Attribute:
+    if attribute.indices is not None:
+        return replace(attribute, indices=attribute.indices[order])
+    return replace(attribute, values=attribute.values[order])
 
 
 def _write_attribute(
@@ -126,28 +126,29 @@ def _write_attribute(
 def _write_values(
     attribute: Attribute, surface: Surface, faces: Faces, uv_bits: int | None
 ) -> bytes:
-    """The shortest of the layouts that fit: how many rows, the row of each item, the rows."""
+    """Encode values in the layout that takes the fewest bytes."""
     domain, indices = attribute.domain, attribute.indices
     bits = uv_bits if is_quantized(attribute) else None
     values = attribute.values if bits is None else uv_integers(attribute, bits)
     places = places_of(domain, surface, faces, len(values if indices is None else indices))
 
-    def written(layout: int, rows: Integers | None, table: npt.NDArray[Any]) -> bytes:
+    def encoded(layout: int, rows: Integers | None, table: npt.NDArray[Any]) -> bytes:
         references = b"" if rows is None else encode_references(rows, places)
         counts = write_varint(len(table)) + write_varint(len(references))
-        along = along_faces(domain, rows, surface, faces)
-        coded = (
-            encode_table(table, along) if bits is None else encode_grid_table(table, bits, along)
-        )
+        predictor = predictor_along_faces(domain, rows, surface, faces)
+        if bits is None:
+            coded = encode_table(table, predictor)
+        else:
+            coded = encode_grid_table(table, bits, predictor)
         return bytes([layout]) + counts + references + coded
 
     if indices is not None:
-        return written(INDEXED, indices, values)
-    found = [written(EACH, None, values)]
+        return encoded(INDEXED, indices, values)
+    layouts = [encoded(EACH, None, values)]
     if domain is Domain.CORNER:
         first, rows = distinct_rows(values, places)
-        found.append(written(SHARED, rows, values[first]))
-    return min(found, key=len)
+        layouts.append(encoded(SHARED, rows, values[first]))
+    return min(layouts, key=len)
 
 
 def _write_groups(groups: FaceGroups) -> bytes:
@@ -163,11 +164,7 @@ def _write_parts(parts: tuple[Part, ...]) -> bytes:
 
 
 def _write_hard_edges(surface: Surface, faces: Faces) -> bytes:
-    edges = _shared_edges(surface, faces)
+    sizes = surface.sizes(len(faces))
+    edges = shared_edges(sizes, join_fans(sizes, faces))
     numbers = np.flatnonzero(hard_flags(surface.hard_edges, edges))
     return write_varint(len(numbers)) + encode_integers([np.diff(numbers, prepend=-1) - 1])
-
-
-def _shared_edges(surface: Surface, faces: Faces) -> SharedEdges:
-    counts = surface.sizes(len(faces))
-    return shared_edges(counts, join_fans(counts, faces))

@@ -13,7 +13,7 @@ from meshreel.model.sequence import FrameSource
 from meshreel.model.surface import Attribute
 
 TEXELS = 4096
-"""Width of the texture in whose texels errors are given."""
+"""Width of the texture whose texels are the unit of errors."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class UvErrors:
     Attributes
     ----------
     largest : float
-        Largest error of a coordinate, where 1 is the width of a texture.
+        Largest error of a coordinate, in widths of the texture.
     """
 
     largest: float
@@ -35,12 +35,12 @@ class UvErrors:
 
 
 def measure_uvs(sequence: FrameSource, data: bytes) -> UvErrors | None:
-    """Measured errors of the texture coordinates of a stream; None if it has none.
+    """Measure the errors of the texture coordinates of a stream; None if it has none.
 
     Parameters
     ----------
     sequence : FrameSource
-        The original of the stream, with all of its surface.
+        The original, with its complete surface.
     """
     opened = whole_stream(data)
     order = opened.order_kept
@@ -56,5 +56,5 @@ def measure_uvs(sequence: FrameSource, data: bytes) -> UvErrors | None:
 
 
 def _largest(given: Attribute, decoded: Attribute) -> float:
-    off = decoded.per_item().astype(np.float64) - given.per_item()
-    return float(np.abs(off[np.isfinite(off)]).max(initial=0))
+    errors = decoded.per_item().astype(np.float64) - given.per_item()
+    return float(np.abs(errors[np.isfinite(errors)]).max(initial=0))

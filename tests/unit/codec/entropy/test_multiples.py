@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from meshreel.codec.entropy.multiples import (
-    BY_BYTE,
-    BY_SHORT,
     GRID,
-    LARGEST,
+    MAX_INTEGER,
+    UNORM8,
+    UNORM16,
     as_multiples,
     values_of,
 )
@@ -20,11 +20,11 @@ from meshreel.codec.entropy.multiples import (
         ([0.0, 3.0], 0, [0, 3]),
         ([0.1, 25.3], 1, [1, 253]),
         ([1e-9], 9, [1]),
-        ([1 / 255, 1.0], BY_BYTE, [1, 255]),
-        ([1 / 65535, 1.0], BY_SHORT, [1, 65535]),
+        ([1 / 255, 1.0], UNORM8, [1, 255]),
+        ([1 / 65535, 1.0], UNORM16, [1, 65535]),
         ([0.5, 0.75], GRID + 2, [2, 3]),
         ([2.0**-24], GRID + 24, [1]),
-        ([float(LARGEST)], 0, [LARGEST]),
+        ([float(MAX_INTEGER)], 0, [MAX_INTEGER]),
     ],
 )
 def test_values_are_integers_by_the_coarsest_number(values, code, integers, dtype):
@@ -35,6 +35,6 @@ def test_values_are_integers_by_the_coarsest_number(values, code, integers, dtyp
         assert values_of(whole, one, given.dtype).tobytes() == given.tobytes()
 
 
-@pytest.mark.parametrize("values", [[2.0**-25], [2.0 * LARGEST], [np.pi], [np.nan], [-0.0]])
+@pytest.mark.parametrize("values", [[2.0**-25], [2.0 * MAX_INTEGER], [np.pi], [np.nan], [-0.0]])
 def test_values_are_left_alone_when_no_code_stands_for_their_number(values):
     assert list(as_multiples(np.array(values))) == []

@@ -5,10 +5,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from meshreel.codec.entropy.exact import decode_numbers, nothing_expected, row_before_expected
-from meshreel.codec.entropy.multiples import BY_SHORT, GRID, LARGEST, MAX_GRID_BITS, values_of
-from meshreel.codec.entropy.tables import AS_THEY_ARE, INTEGER, encode_grid_table, encode_table
+from meshreel.codec.entropy.multiples import GRID, MAX_GRID_BITS, MAX_INTEGER, UNORM16, values_of
+from meshreel.codec.entropy.tables import BIT_PATTERNS, INTEGER, encode_grid_table, encode_table
 
-CODES = (*range(BY_SHORT + 1), *range(GRID, GRID + MAX_GRID_BITS + 1))
+CODES = (*range(UNORM16 + 1), *range(GRID, GRID + MAX_GRID_BITS + 1))
 SINGLE = np.dtype(np.float32)
 SHAPES = st.tuples(st.integers(0, 12), st.integers(1, 4))
 
@@ -17,7 +17,7 @@ def decoded(data, shape, dtype):
     """The table whose form and way are the first two bytes."""
     form, way = data[:2]
     expected = (nothing_expected, row_before_expected)[way](shape[0])
-    if form == AS_THEY_ARE:
+    if form == BIT_PATTERNS:
         return decode_numbers(data[2:], shape, dtype, expected)
     return values_of(decode_numbers(data[2:], shape, INTEGER, expected), form, dtype)
 
@@ -60,7 +60,7 @@ def test_multiples_take_what_their_integers_do_when_they_are_of_any_form(code):
 
 
 @given(
-    arrays(np.int64, SHAPES, elements=st.integers(-LARGEST, LARGEST)),
+    arrays(np.int64, SHAPES, elements=st.integers(-MAX_INTEGER, MAX_INTEGER)),
     st.integers(0, MAX_GRID_BITS),
     st.sampled_from(["f4", "f8"]),
 )

@@ -8,7 +8,7 @@ from meshreel.codec.subspace.pca import (
     eigen_trajectories,
     fix_signs,
     joint_trajectories,
-    weak_trajectories,
+    truncated_pca,
 )
 
 
@@ -78,7 +78,7 @@ def test_weak_modes_are_found_behind_strong_ones(shape):
     left, right = (np.linalg.qr(rng.normal(size=(n, len(strengths))))[0] for n in shape)
     matrix = left * strengths @ right.T
     least = 2e-10
-    values, vectors = weak_trajectories(
+    values, vectors = truncated_pca(
         lambda piece: matrix[:, piece], matrix @ matrix.T, shape[1], least
     )
     np.testing.assert_allclose(values, strengths[strengths > least], rtol=1e-3)
@@ -89,10 +89,10 @@ def test_weak_modes_are_found_behind_strong_ones(shape):
 def test_weak_modes_are_no_more_than_the_matrix_has():
     rng = np.random.default_rng(4)
     matrix = rng.normal(size=(12, 3)) @ rng.normal(size=(3, 50))
-    values, _ = weak_trajectories(lambda piece: matrix[:, piece], matrix @ matrix.T, 50, 1e-300)
+    values, _ = truncated_pca(lambda piece: matrix[:, piece], matrix @ matrix.T, 50, 1e-300)
     assert len(values) == 3
 
 
 def test_weak_modes_of_nothing_are_one():
-    values, _ = weak_trajectories(lambda _: np.zeros((4, 9)), np.zeros((4, 4)), 9, 1e-9)
+    values, _ = truncated_pca(lambda _: np.zeros((4, 9)), np.zeros((4, 4)), 9, 1e-9)
     assert values.tolist() == [0.0]

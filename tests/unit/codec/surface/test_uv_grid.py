@@ -96,7 +96,7 @@ def test_encode_refuses_bits_when_coordinates_reach_too_far():
 def test_encode_refuses_bits_when_a_coordinate_is_not_finite():
     given = random_uvs()
     given[5, 1] = np.nan
-    with pytest.raises(InvalidInputError, match="in row 5, which cannot be quantised"):
+    with pytest.raises(InvalidInputError, match="in row 5, which cannot be quantized"):
         meshreel.encode(grid_with_uvs(given), uv_bits=12)
 
 

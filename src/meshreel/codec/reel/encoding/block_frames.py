@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.subspace.pca import fix_signs, gram_of_rows, weak_trajectories
+from meshreel.codec.subspace.pca import fix_signs, gram_of_rows, truncated_pca
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.kernel.frames import add_coordinate_rows, coordinate_rows
 from meshreel.runtime.profiling import staged
@@ -221,13 +221,13 @@ class BlockFrames:
         if self._n_rows < self.n_verts:
             columns, n_columns = self._telling_columns
             if of is None:
-                return weak_trajectories(columns, self._gram, n_columns, least)
+                return truncated_pca(columns, self._gram, n_columns, least)
 
             def changed(piece: slice) -> Floats:
                 return of(columns(piece))
 
             gram = gram_of_rows(changed, self._n_rows, n_columns)
-            return weak_trajectories(changed, gram, n_columns, least)
+            return truncated_pca(changed, gram, n_columns, least)
         rows = self.coordinates(slice(0, self.n_verts))
         rows = rows if of is None else of(rows)
 
@@ -235,6 +235,6 @@ class BlockFrames:
             return np.asarray(rows.T[:, piece])
 
         gram = gram_of_rows(frames, self.n_verts, self._n_rows)
-        strengths, fields = weak_trajectories(frames, gram, self._n_rows, least)
+        strengths, fields = truncated_pca(frames, gram, self._n_rows, least)
         divisors = np.where(strengths > 0, strengths, 1.0)
         return strengths, fix_signs(rows @ fields / divisors)

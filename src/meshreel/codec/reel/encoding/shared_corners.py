@@ -15,7 +15,7 @@ from meshreel.codec.corner_rows import (
 )
 from meshreel.codec.reel.normative.graphs import ItemGraph, row_graph
 from meshreel.codec.source import CodedMesh
-from meshreel.codec.surface.nearness import distinct_rows
+from meshreel.codec.surface.rows import distinct_rows
 from meshreel.codec.tracks import Sharing
 from meshreel.model.geometry.fans import join_fans
 from meshreel.model.surface import Domain

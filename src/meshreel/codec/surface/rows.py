@@ -1,10 +1,10 @@
-"""Which values of an attribute are near each other, by the faces whose corners have them."""
+"""Rows of attribute tables: prediction along faces, and sharing between corners."""
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.connectivity.triangles import twin_sides
-from meshreel.codec.entropy.tables import Along
+from meshreel.codec.entropy.tables import RowPredictor
 from meshreel.kernel.patterns import Expected, expected_along
 from meshreel.model.geometry.fans import fan_corners, join_fans
 from meshreel.model.surface import Domain, Surface
@@ -13,10 +13,10 @@ Integers = npt.NDArray[np.integer]
 Faces = npt.NDArray[np.int32]
 
 
-def along_faces(
+def predictor_along_faces(
     domain: Domain, rows: Integers | None, surface: Surface, faces: Faces
-) -> Along | None:
-    """From which other rows of its table each row of an attribute is expected; None if unknown.
+) -> RowPredictor | None:
+    """Return the predictor of an attribute's rows from those of neighboring faces, or None.
 
     Parameters
     ----------
@@ -29,29 +29,29 @@ def along_faces(
     corners = faces if domain is Domain.VERTEX else fan_corners(surface.sizes(len(faces)))
     used = corners if rows is None else np.asarray(rows)[corners]
 
-    def along(n_rows: int) -> Expected:
+    def predictor(n_rows: int) -> Expected:
         return expected_along(used, twin_sides(used.astype(np.int32), n_rows), n_rows)
 
-    return along
+    return predictor
 
 
 def distinct_rows(values: npt.NDArray[np.generic], places: Integers) -> tuple[Integers, Integers]:
-    """The first item of each different value at a place, and the number of each item's among them.
+    """Return the first item of each distinct value at each place, and the value of each item.
 
-    Values at one place are the same if their bits are.
+    Values are equal if their bits are.
     """
     patterns = np.ascontiguousarray(values).view(np.uint8).reshape(len(values), -1)
     keys = np.concatenate([np.asarray(places, ">i8")[:, None].view(np.uint8), patterns], axis=1)
-    whole = np.ascontiguousarray(keys).view(np.dtype((np.void, keys.shape[1])))[:, 0]
-    _, first, number = np.unique(whole, return_index=True, return_inverse=True)
-    in_turn = np.argsort(first)
+    records = np.ascontiguousarray(keys).view(np.dtype((np.void, keys.shape[1])))[:, 0]
+    _, first, number = np.unique(records, return_index=True, return_inverse=True)
+    order = np.argsort(first)
     rank = np.empty(len(first), np.int64)
-    rank[in_turn] = np.arange(len(first))
-    return first[in_turn], rank[number]
+    rank[order] = np.arange(len(first))
+    return first[order], rank[number]
 
 
 def places_of(domain: Domain, surface: Surface, faces: Faces, n_items: int) -> Integers:
-    """The place of each item: corners of faces are at their vertices, all others at one place."""
+    """Return the place of each item: the vertex of a corner, 0 for other items."""
     if domain is not Domain.CORNER:
         return np.zeros(n_items, np.int64)
     return join_fans(surface.sizes(len(faces)), faces)
