@@ -1,4 +1,4 @@
-"""Bytes that were cut or changed give an error of meshreel: never another, never a hang."""
+"""Truncated or changed bytes raise our errors: never others, never a hang."""
 
 import struct
 import zlib
@@ -23,7 +23,7 @@ from samples.streams import Stream, parts_of, raw_stream
 ROOT = Path(__file__).parents[2]
 
 MEMORY = "20MB"
-"""What a stream may take: hostile ones announce any size, and decoding takes as long as that."""
+"""Memory limit of decoding, which also limits its time for hostile streams."""
 
 STREAMS = {
     "grid": encode(waving_grid(4, 4, 5), "pca-qp"),
@@ -46,7 +46,7 @@ STREAMS = {
 
 
 @pytest.mark.parametrize("name", STREAMS)
-def test_every_truncation_is_told_when_a_stream_is_cut(name):
+def test_every_truncation_is_detected(name):
     data = STREAMS[name]
     for size in range(len(data)):
         with pytest.raises(TruncatedStreamError):
@@ -54,7 +54,7 @@ def test_every_truncation_is_told_when_a_stream_is_cut(name):
 
 
 @pytest.mark.parametrize("name", STREAMS)
-def test_byte_flips_are_told_when_they_hit_anywhere(name):
+def test_byte_flips_are_detected_anywhere(name):
     rng = np.random.default_rng(2026)
     for _ in range(draws(2000)):
         data = bytearray(STREAMS[name])
@@ -64,7 +64,7 @@ def test_byte_flips_are_told_when_they_hit_anywhere(name):
 
 
 @pytest.mark.parametrize("name", STREAMS)
-def test_info_tells_too_when_bytes_are_flipped(name):
+def test_info_detects_flipped_bytes(name):
     for position in range(len(STREAMS[name])):
         data = bytearray(STREAMS[name])
         data[position] ^= 0x40
@@ -73,8 +73,8 @@ def test_info_tells_too_when_bytes_are_flipped(name):
 
 
 @pytest.mark.parametrize("name", STREAMS)
-def test_hostile_payloads_give_our_error_or_a_mesh_when_checksums_are_made_to_fit(name):
-    """An attacker can compute checksums: the layers behind them must stand by themselves."""
+def test_hostile_payloads_with_valid_checksums_raise_our_errors_or_decode(name):
+    """An attacker can compute checksums, so the layers behind them must check too."""
     stream = Stream(STREAMS[name])
     rng = np.random.default_rng(99)
     for _ in range(draws(400)):
@@ -89,7 +89,7 @@ def test_hostile_payloads_give_our_error_or_a_mesh_when_checksums_are_made_to_fi
 
 
 @pytest.mark.parametrize("name", STREAMS)
-def test_hostile_headers_give_our_error_or_a_mesh_when_checksums_are_made_to_fit(name):
+def test_hostile_headers_with_valid_checksums_raise_our_errors_or_decode(name):
     size = Stream(STREAMS[name]).header_size_bytes
     rng = np.random.default_rng(5)
     for _ in range(draws(400)):
@@ -113,34 +113,34 @@ def _mutate(payload, rng, *, keep_length=False):
         payload += rng.bytes(rng.integers(1, 20))
 
 
-def test_empty_file_is_told_when_it_is_decoded():
+def test_an_empty_file_is_truncated():
     with pytest.raises(TruncatedStreamError, match="ends inside its header"):
         decode(b"")
 
 
 def without(stream, number):
-    """The bytes of a stream without its section of this number."""
+    """Return a stream without its section of this number."""
     parts = parts_of(stream)
     return raw_stream(stream.header, parts[:number] + parts[number + 1 :])
 
 
-def replaced(stream, changed, other):
-    """The parts of a stream with another payload in all sections of an id."""
-    return [(section, other if section is changed else own) for section, own in parts_of(stream)]
+def replaced(stream, changed, payload):
+    """Return the parts of a stream with this payload in all sections of an id."""
+    return [(section, payload if section is changed else own) for section, own in parts_of(stream)]
 
 
-def test_a_section_left_out_is_told_when_the_rest_is_whole():
+def test_a_missing_section_is_detected():
     for name in ("irregular", "reel irregular", "lossless irregular", "on a grid irregular"):
         stream = Stream(STREAMS[name])
         for number, (section, _) in enumerate(parts_of(stream)):
-            if section is Section.PROMISE:  # without it nothing is promised
+            if section is Section.PROMISE:  # optional
                 continue
             with pytest.raises(CorruptStreamError):
                 decode(without(stream, number))
 
 
 def referring_to(stream, number, reference, stencil_size=None):
-    """The bytes of a stream of `reel` whose block of this number refers so many blocks back."""
+    """Return a stream of `reel` with another reference of the block of this number."""
     parts, n_blocks = [], -1
     for section, payload in parts_of(stream):
         n_blocks += section is Section.BLOCK
@@ -164,14 +164,14 @@ def referring_to(stream, number, reference, stencil_size=None):
         ((1, 1, 3), "refers to a block that is not a key block"),
     ],
 )
-def test_a_reference_is_refused_when_it_leads_nowhere(changes, message):
+def test_invalid_references_are_refused(changes, message):
     stream = Stream(encode(waving_grid(9, 4, 5), step=0.003, block_frames=3))
     with pytest.raises(CorruptStreamError, match=message):
         decode(referring_to(stream, *changes))
 
 
 @pytest.mark.parametrize("n_reused", [6, 2**40])
-def test_fields_are_refused_when_more_are_reused_than_there_are_modes(n_reused):
+def test_more_reused_fields_than_modes_are_refused(n_reused):
     data = (ROOT / "conformance" / "streams" / "reused_fields.reel").read_bytes()
     stream = Stream(data)
     parts = []
@@ -183,21 +183,21 @@ def test_fields_are_refused_when_more_are_reused_than_there_are_modes(n_reused):
         decode(raw_stream(stream.header, parts))
 
 
-def test_a_mesh_comes_out_when_a_block_no_longer_refers():
+def test_a_block_without_its_reference_decodes():
     stream = Stream(STREAMS["reel"])
     assert decode(referring_to(stream, 1, 0)).n_frames == 5
 
 
-def test_corrections_are_there_when_a_stream_is_damaged_that_has_some():
-    """The tests above are about nothing else."""
+def test_the_corrected_stream_contains_corrections():
+    """Otherwise the tests above would prove nothing."""
     stream = Stream(STREAMS["reel corrected"])
-    found = [payload for section, payload in parts_of(stream) if section is Section.CORRECTIONS]
-    assert len(found) == 2
-    assert all(len(payload) > 12 for payload in found), [len(one) for one in found]
+    sizes = [len(data) for section, data in parts_of(stream) if section is Section.CORRECTIONS]
+    assert len(sizes) == 2
+    assert min(sizes) > 12
 
 
-def test_a_mesh_comes_out_when_corrections_or_promise_are_left_out():
-    """They are no part of the frames: an attacker may take them away, but breaks nothing."""
+def test_corrections_and_promise_are_optional():
+    """An attacker may remove them without breaking anything else."""
     stream = Stream(STREAMS["reel corrected"])
     for number, (section, _) in enumerate(parts_of(stream)):
         if section in (Section.CORRECTIONS, Section.PROMISE):
@@ -205,7 +205,7 @@ def test_a_mesh_comes_out_when_corrections_or_promise_are_left_out():
             np.testing.assert_array_equal(decoded.faces, irregular_sequence(4).faces)
 
 
-def test_corrections_are_refused_when_they_come_before_any_block():
+def test_corrections_before_the_first_block_are_refused():
     stream = Stream(STREAMS["reel corrected"])
     parts = parts_of(stream)
     (first, *_) = [part for part in parts if part[0] is Section.CORRECTIONS]
@@ -215,8 +215,8 @@ def test_corrections_are_refused_when_they_come_before_any_block():
 
 
 @pytest.mark.slow
-def test_damaged_corrections_give_our_error_or_a_mesh_when_checksums_are_made_to_fit():
-    """Aimed at this section alone: of the others there are many more bytes."""
+def test_damaged_corrections_with_valid_checksums_raise_our_errors_or_decode():
+    """The general test rarely hits this short section."""
     stream = Stream(STREAMS["reel corrected"])
     parts = parts_of(stream)
     (first, *_) = [part for part in parts if part[0] is Section.CORRECTIONS]
@@ -237,25 +237,25 @@ def test_damaged_corrections_give_our_error_or_a_mesh_when_checksums_are_made_to
 
 
 @pytest.mark.parametrize("payload", [b"", b"\0" * 8, b"\xff" * 8, b"\0" * 9])
-def test_info_refuses_a_promise_when_it_is_none(payload):
+def test_info_refuses_invalid_promises(payload):
     stream = Stream(STREAMS["reel corrected"])
     data = raw_stream(stream.header, replaced(stream, Section.PROMISE, payload))
     with pytest.raises(CorruptStreamError, match="promised error"):
         info(data)
 
 
-def test_corrections_take_no_memory_when_their_number_is_a_lie():
-    """Announced numbers are checked against the block before anything is allocated."""
+def test_a_wrong_number_of_corrections_allocates_nothing():
+    """Announced numbers are checked against the block before allocation."""
     stream = Stream(STREAMS["reel corrected"])
-    lie = struct.pack("<f", 0.5) + write_varint(3) + write_varint(2**50)
-    data = raw_stream(stream.header, replaced(stream, Section.CORRECTIONS, lie))
+    wrong = struct.pack("<f", 0.5) + write_varint(3) + write_varint(2**50)
+    data = raw_stream(stream.header, replaced(stream, Section.CORRECTIONS, wrong))
     with pytest.raises(CorruptStreamError, match="more corrections than values"):
         decode(data)
 
 
 @pytest.mark.slow
-def test_damaged_materials_give_our_error_or_a_mesh_when_checksums_are_made_to_fit():
-    """Aimed at this section alone: of the others there are many more bytes."""
+def test_damaged_materials_with_valid_checksums_raise_our_errors_or_decode():
+    """The general test rarely hits this short section."""
     stream = Stream(STREAMS["materials"])
     parts = parts_of(stream)
     (first, *_) = [part for part in parts if part[0] is Section.MATERIAL]
@@ -275,7 +275,7 @@ def test_damaged_materials_give_our_error_or_a_mesh_when_checksums_are_made_to_f
     assert draws(50) < n_refused < draws(750)
 
 
-def test_images_are_refused_when_a_material_shows_one_that_is_left_out():
+def test_a_material_with_a_missing_image_is_refused():
     stream = Stream(STREAMS["materials"])
     kept = [part for part in parts_of(stream) if part[0] is not Section.IMAGE]
     with pytest.raises(CorruptStreamError, match="refers to an image that does not exist"):

@@ -1,4 +1,4 @@
-"""Streams of a few bytes that announce enormous sizes: refused at once, with nothing allocated."""
+"""Small streams that announce enormous sizes are refused without allocating memory."""
 
 import tracemalloc
 from dataclasses import replace
@@ -23,21 +23,21 @@ from samples.meshes import irregular_sequence, waving_grid
 from samples.streams import Stream, parts_of, raw_stream
 
 MANY = 2**40
-"""Numbers that each stream below announces, at least."""
+"""Each stream below announces at least this many numbers."""
 
-ALLOCATED_BYTES = 30e6
-"""What refusing a stream may allocate, which is mostly for code that is imported."""
+MAX_ALLOCATED_BYTES = 30e6
+"""Allocations allowed before a refusal, mostly for imported code."""
 
 
 def changed(data, change, **header):
-    """The stream with other payloads, and another header."""
+    """Return the stream with changed payloads and header fields."""
     stream = Stream(data)
     parts = [(section, change(section, payload)) for section, payload in parts_of(stream)]
     return raw_stream(replace(stream.header, **header), parts)
 
 
 def with_counts(data, n_frames, n_modes=None, **header):
-    """The stream with one block of this many frames and modes of positions."""
+    """Return the stream with other numbers of frames and modes in its block."""
 
     def change(section, payload):
         if section is not Section.BLOCK:
@@ -49,7 +49,7 @@ def with_counts(data, n_frames, n_modes=None, **header):
 
 
 def with_track(**options):
-    """A stream with a track of zeros."""
+    """Return a stream with a track of zeros."""
     grid = waving_grid(4, 4, 5)
     tracks = {"still": Track(np.zeros((4, 20, 9), np.float32), "vertex", "other")}
     return encode(replace(grid, tracks=tracks), tracks=options or None)
@@ -72,7 +72,7 @@ def with_corrections():
             return payload
         return payload[:4] + write_varint(n_verts) + write_varint(n_frames * n_verts)
 
-    # The frames themselves are within the limit of a block with two modes, and not decoded yet.
+    # The frames fit the limit of a block with two modes, and are not decoded before the refusal.
     return with_counts(changed(data, change), n_frames, 2)
 
 
@@ -90,7 +90,7 @@ def with_table():
     def change(section, payload):
         if section is not Section.ATTRIBUTE:
             return payload
-        at = 4 + 1 + len("uv") + 1  # behind kind to width, the name, the layout
+        at = 4 + 1 + len("uv") + 1  # after kind to width, name and layout
         _, end = read_varint(payload, at)
         return payload[:at] + write_varint(MANY) + payload[end:]
 
@@ -114,7 +114,7 @@ BOMBS = {
 
 
 @pytest.mark.parametrize("name", BOMBS)
-def test_a_stream_that_announces_too_much_is_refused_before_memory_is_taken(name):
+def test_announced_sizes_are_refused_before_allocation(name):
     data = BOMBS[name]
     assert len(data) < 3000
     tracemalloc.start()
@@ -124,27 +124,27 @@ def test_a_stream_that_announces_too_much_is_refused_before_memory_is_taken(name
         )
         with pytest.raises(MeshReelError, match=refusals):
             decode(data)
-        assert tracemalloc.get_traced_memory()[1] < ALLOCATED_BYTES
+        assert tracemalloc.get_traced_memory()[1] < MAX_ALLOCATED_BYTES
     finally:
         tracemalloc.stop()
 
 
 @pytest.mark.parametrize("name", BOMBS)
-def test_the_plain_reader_refuses_it_too(name):
+def test_the_plain_reader_refuses_announced_sizes(name):
     with pytest.raises(TooLargeError, match="larger Memory"):
         plain.read(BOMBS[name])
 
 
 @pytest.mark.parametrize("name", sorted(set(BOMBS) - {"paper"}))
-def test_the_decoder_in_c_refuses_it_within_its_limit(name):
+def test_the_c_library_refuses_announced_sizes_within_its_limit(name):
     host = Host(limit=2**20)
     assert refusal_of(BOMBS[name], host) in (Code.LIMIT, Code.CORRUPT, Code.UNSUPPORTED)
-    assert host.largest <= 2 * 2**20  # of the file and of a decoder
+    assert host.largest <= 2 * 2**20  # file and decoder
     assert not host.held
 
 
 def refusal_of(data, host=None):
-    """The code that the decoder in C refuses bytes with."""
+    """Return the error code of the C library."""
     try:
         with File(data, host) as file:
             file.read_surface()
@@ -156,9 +156,9 @@ def refusal_of(data, host=None):
     return Code.OK
 
 
-def test_a_block_is_read_within_a_limit_that_the_whole_exceeds():
+def test_a_block_decodes_within_a_limit_that_the_whole_exceeds():
     data = encode(waving_grid(1500, 8, 8), step=0.01, block_frames=5)
-    limit = 1_000_000  # more than the mesh or a block takes
+    limit = 1_000_000  # enough for the mesh and a block
     whole = decode(data)
     assert whole.vertices.nbytes > limit
     with pytest.raises(MemoryLimitError, match=r"frames 0:1500 of 64 vertices would take 1.15 MB"):
@@ -167,13 +167,13 @@ def test_a_block_is_read_within_a_limit_that_the_whole_exceeds():
     np.testing.assert_array_equal(found.vertices, whole.vertices[7:12])
     with ReelFile(BytesIO(data), memory=limit) as reel:
         np.testing.assert_array_equal(reel[1499], whole.vertices[1499])
-        for frame, wanted in zip(reel, whole.vertices, strict=True):
-            np.testing.assert_array_equal(frame, wanted)
+        for frame, expected in zip(reel, whole.vertices, strict=True):
+            np.testing.assert_array_equal(frame, expected)
         with pytest.raises(MemoryLimitError, match="frames 0:1500"):
             reel[:]
 
 
-def test_frames_and_tracks_count_together_when_all_is_decoded():
+def test_the_limit_covers_frames_and_tracks_together():
     grid = waving_grid(900, 4, 5)
     still = Track(np.zeros((900, 20, 9), np.float32), "vertex", "other")
     data = encode(replace(grid, tracks={"still": still}), block_frames=9)
@@ -184,12 +184,12 @@ def test_frames_and_tracks_count_together_when_all_is_decoded():
 
 
 @pytest.mark.parametrize("memory", ["lots", 0, -1, "0GB"])
-def test_a_limit_that_is_no_size_is_refused(memory):
+def test_invalid_limits_are_refused(memory):
     with pytest.raises(InvalidInputError, match="memory"):
         meshreel.decode(REEL, memory=memory)
 
 
-def test_the_limit_of_an_open_file_is_chosen_when_it_is_opened():
+def test_the_limit_of_an_open_file_is_set_by_open():
     with (
         ReelFile(BytesIO(REEL)) as reel,
         pytest.raises(InvalidInputError, match=r"pass memory to meshreel\.open"),
@@ -198,10 +198,10 @@ def test_the_limit_of_an_open_file_is_chosen_when_it_is_opened():
 
 
 @pytest.mark.parametrize("section", [Section.BASIS, Section.COEFFICIENTS, Section.CORRECTIONS])
-def test_a_zero_at_the_end_of_bits_is_refused_by_every_reader(section):
+def test_every_reader_refuses_trailing_zero_bytes(section):
     data = changed(
         encode(irregular_sequence(4), max_error=8.0, n_modes=2),
-        lambda one, payload: payload + b"\0" if one is section else payload,
+        lambda other, payload: payload + b"\0" if other is section else payload,
     )
     with pytest.raises(CorruptStreamError, match="end with a zero byte"):
         decode(data)

@@ -1,4 +1,4 @@
-"""Examples run: scripts as they are called, and the cells of notebooks in order."""
+"""All example scripts and notebooks run."""
 
 import ast
 import json
@@ -17,13 +17,12 @@ NOTEBOOKS = sorted(EXAMPLES.glob("*.ipynb"))
 
 
 def code_cells(notebook):
-    """The code of each cell."""
     content = json.loads(notebook.read_text(encoding="utf-8"))
     return ["".join(cell["source"]) for cell in content["cells"] if cell["cell_type"] == "code"]
 
 
 def run_cell(code, names):
-    """Run a cell, and show what its last expression is, as a notebook does."""
+    """Run a cell and, like a notebook, represent its last expression."""
     parsed = ast.parse(code)
     last = parsed.body[-1]
     is_shown = isinstance(last, ast.Expr) and not code.rstrip().endswith(";")
@@ -43,7 +42,7 @@ def run_script(name, monkeypatch, *arguments):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
-def test_cells_of_a_notebook_run_in_order(notebook, tmp_path, monkeypatch):
+def test_notebooks_run(notebook, tmp_path, monkeypatch):
     plots = pytest.importorskip("matplotlib.pyplot", reason="the extra `plot` is not installed")
     pytest.importorskip("h5py", reason="the extra `hdf` is not installed")
     plots.switch_backend("agg")
@@ -60,7 +59,7 @@ def test_notebooks_are_stored_without_their_output():
         assert not any(cell.get("outputs") or cell.get("execution_count") for cell in cells)
 
 
-def test_an_archive_holds_every_sequence_within_the_promised_error(tmp_path, monkeypatch, capsys):
+def test_archived_sequences_are_within_the_error_bound(tmp_path, monkeypatch, capsys):
     flag = meshreel.simulate_flag(12, n_rows=12, n_columns=16)
     (tmp_path / "captures").mkdir()
     meshreel.save(flag, tmp_path / "captures" / "one.npz")
@@ -85,7 +84,7 @@ def test_a_cloth_falls_and_stays_outside_the_sphere_and_the_floor(tmp_path, monk
     assert np.linalg.norm(from_sphere, axis=2).min() > 0.3 - 1e-6
 
 
-def test_heat_spreads_and_comes_back_within_its_bounds(tmp_path, monkeypatch, capsys):
+def test_heat_spreads_and_decodes_within_its_bounds(tmp_path, monkeypatch, capsys):
     path = tmp_path / "sphere.reel"
     shape = ["--vertices", "400", "--frames", "20"]
     run_script("heat_on_a_sphere.py", monkeypatch, *shape, "--out", path)
@@ -107,14 +106,14 @@ def test_an_animal_is_a_closed_surface_that_moves(tmp_path, monkeypatch, capsys)
     animal = meshreel.load(path)
     assert animal.n_verts == 642
     edges = animal.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    assert len(np.unique(edges, axis=0)) == len(edges)  # each is walked once in each direction
+    assert len(np.unique(edges, axis=0)) == len(edges)  # each half-edge occurs once
     assert {tuple(edge) for edge in edges} == {tuple(edge) for edge in edges[:, ::-1]}
     moved = np.linalg.norm(animal.vertices[6] - animal.vertices[0], axis=1)
     assert np.median(moved) < 0.1 < moved.max()
 
 
 @pytest.mark.slow
-def test_a_live_recording_can_be_read_while_it_goes_on(tmp_path, monkeypatch, capsys):
+def test_a_live_recording_is_readable_while_it_is_written(tmp_path, monkeypatch, capsys):
     run_script("record.py", monkeypatch, tmp_path / "a.reel", "--seconds", "2.5")
     assert "can be read already" in capsys.readouterr().out
     with meshreel.open(tmp_path / "a.reel") as reel:
@@ -122,7 +121,7 @@ def test_a_live_recording_can_be_read_while_it_goes_on(tmp_path, monkeypatch, ca
         assert np.isfinite(reel[61]).all()
 
 
-def test_a_rate_distortion_table_falls_in_error_as_it_grows_in_size(tmp_path, monkeypatch, capsys):
+def test_errors_of_a_rate_distortion_table_fall_as_sizes_grow(tmp_path, monkeypatch, capsys):
     meshreel.save(meshreel.simulate_flag(12, n_rows=12, n_columns=16), tmp_path / "flag.npz")
     run_script("rate_distortion.py", monkeypatch, tmp_path / "flag.npz", "--qualities", "60,75,90")
     rows = [line.split() for line in capsys.readouterr().out.splitlines()[2:]]

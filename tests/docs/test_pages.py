@@ -1,4 +1,4 @@
-"""What pages say of the program is so: commands, options, links, files."""
+"""Commands, options, links and files in the documentation exist."""
 
 import re
 from itertools import pairwise
@@ -18,12 +18,12 @@ from samples.pages import PAGES, README, ROOT, name_of, parts_of, prose, snippet
 COMMANDS = {name: command_named(name) for name in NAMES}
 LANGUAGES = {"bash", "c", "cpp", "csharp", "html", "css", "js", "python", "text", "tsx"}
 OPEN = {"component"}
-"""Parameters that take other values than those that the shell completes."""
+"""Parameters that also accept values that shell completion does not list."""
 every_page = pytest.mark.parametrize("page", PAGES, ids=name_of)
 
 
 def commands_of(page):
-    """Words of all commands of this program, in snippets and within sentences."""
+    """Yield the words of all `meshreel` commands, in snippets and prose."""
     lines = [
         line
         for snippet in snippets(page)
@@ -38,40 +38,41 @@ def commands_of(page):
 
 
 def slug(heading):
-    """The anchor of a heading."""
+    """Return the anchor of a heading."""
     words = re.sub(r"`|\[|\]\([^)]*\)", "", heading).lower()
     return re.sub(r"\s", "-", re.sub(r"[^\w\s-]", "", words).strip())
 
 
 def anchors_of(page):
-    """Anchors of all headings of a page."""
     return {slug(heading) for heading in re.findall(r"^#+ (.+)$", prose(page), re.MULTILINE)}
 
 
 @every_page
-def test_options_exist_when_a_command_names_them(page):
+def test_options_of_commands_exist(page):
     for name, *words in commands_of(page):
         assert name.startswith("--") or name in COMMANDS, name
         if name not in COMMANDS:
             continue
-        options = {one for param in COMMANDS[name].params for one in param.opts} | {"--help"}
-        options |= {one for param in COMMANDS[name].params for one in param.secondary_opts}
-        given = {word.partition("=")[0] for word in words if re.match(r"--?[a-z]", word)}
-        assert given <= options, (name, given - options)
+        options = {flag for param in COMMANDS[name].params for flag in flags_of(param)}
+        used = {word.partition("=")[0] for word in words if re.match(r"--?[a-z]", word)}
+        assert used <= options | {"--help"}, (name, used - options)
+
+
+def flags_of(param):
+    return (*param.opts, *param.secondary_opts)
 
 
 def param_named(command, flag):
-    """The option of a command that has this name, or None."""
-    found = (one for one in COMMANDS[command].params if flag in (*one.opts, *one.secondary_opts))
-    return next(found, None)
+    """Return the parameter of a command with this flag, or None."""
+    return next((param for param in COMMANDS[command].params if flag in flags_of(param)), None)
 
 
 def is_allowed(param, value):
-    """Whether a value is one of the choices of an option, or a number of its range, if it has."""
+    """Whether a value is valid for an option."""
     context = click.Context(click.Command("any"))
     choices = param.shell_complete(context, "")
-    if choices and {one.type for one in choices} == {"plain"} and param.name not in OPEN:
-        return value in {one.value for one in choices}
+    if choices and {choice.type for choice in choices} == {"plain"} and param.name not in OPEN:
+        return value in {choice.value for choice in choices}
     try:
         param.type.convert(value, param, context)
     except (click.UsageError, InvalidInputError):
@@ -79,23 +80,23 @@ def is_allowed(param, value):
     return True
 
 
-def given_values(words):
-    """Pairs of an option and the word that is its value, if a command is given these words."""
+def option_values(words):
+    """Return candidate pairs of an option and its value."""
     joined = [word.partition("=")[::2] for word in words if re.match("--[a-z-]+=", word)]
     return [*joined, *pairwise(words)]
 
 
 @every_page
-def test_values_of_options_are_allowed_when_a_command_names_them(page):
+def test_option_values_of_commands_are_valid(page):
     for name, *words in commands_of(page):
-        for flag, value in given_values(words) if name in COMMANDS else ():
+        for flag, value in option_values(words) if name in COMMANDS else ():
             param = param_named(name, flag)
             if param is not None and not param.is_flag and not is_placeholder(value):
                 assert is_allowed(param, value), (name, flag, value)
 
 
 @every_page
-def test_values_of_options_are_allowed_when_a_sentence_names_them(page):
+def test_option_values_in_prose_are_valid(page):
     for flag, value in re.findall(r"`(--[a-z][a-z-]*)[ =]([^`\s]+)[^`]*`", prose(page)):
         params = [param for name in COMMANDS if (param := param_named(name, flag))]
         if params and not params[0].is_flag and not is_placeholder(value):
@@ -103,7 +104,7 @@ def test_values_of_options_are_allowed_when_a_sentence_names_them(page):
 
 
 def is_placeholder(value):
-    """Whether a word is a placeholder of a value: N, PATH, "..."."""
+    """Whether a word is a placeholder such as N, PATH or "..."."""
     return value.isupper() or set(value) == {"."}
 
 
@@ -121,14 +122,14 @@ def is_placeholder(value):
         ("encode", "--max-error", "0.5mm", True),
     ],
 )
-def test_values_are_told_apart(command, flag, value, expected):
+def test_valid_values_are_recognized(command, flag, value, expected):
     assert is_allowed(param_named(command, flag), value) is expected
 
 
 def options_of_programs():
-    """Options of all commands, and of the scripts of the repository."""
+    """Return the options of all commands and of the scripts of the repository."""
     params = [param for command in COMMANDS.values() for param in command.params]
-    known = {one for param in params for one in (*param.opts, *param.secondary_opts)}
+    known = {flag for param in params for flag in flags_of(param)}
     for folder in ("bench", "conformance", "core", "docs"):
         for path in (ROOT / folder).rglob("*.py"):
             known |= set(re.findall(r'"(--[a-z][a-z-]*)"', path.read_text(encoding="utf-8")))
@@ -136,7 +137,7 @@ def options_of_programs():
 
 
 @every_page
-def test_snippets_end_with_the_command_that_waits_when_they_have_one(page):
+def test_only_the_last_command_of_a_snippet_may_wait(page):
     for snippet in snippets(page):
         if snippet.language == "bash":
             commands = [words[:2] for line in snippet.command_lines for words in parts_of(line)]
@@ -144,46 +145,46 @@ def test_snippets_end_with_the_command_that_waits_when_they_have_one(page):
 
 
 @every_page
-def test_options_exist_when_a_sentence_names_them(page):
+def test_options_in_prose_exist(page):
     named = set(re.findall(r"`(--[a-z][a-z-]*)", prose(page)))
     assert named - options_of_programs() - {"--all", "--platform"} == set()  # of pytest and pip
 
 
 @every_page
-def test_snippets_say_their_language(page):
+def test_snippets_state_their_language(page):
     assert {snippet.language for snippet in snippets(page)} <= LANGUAGES
 
 
 @every_page
-def test_links_lead_to_files_and_headings_that_are_there(page):
+def test_links_lead_to_existing_files_and_headings(page):
     for target, anchor in re.findall(r"\]\(([^)#\s]*)(#[^)\s]*)?\)", prose(page)):
         if re.match(r"[a-z]+:", target):
             continue
-        aim = (page.parent / target).resolve() if target else page
-        assert aim.exists(), target
-        assert aim.is_relative_to(ROOT)
-        assert not anchor or anchor[1:] in anchors_of(aim), f"{target}{anchor}"
+        linked = (page.parent / target).resolve() if target else page
+        assert linked.exists(), target
+        assert linked.is_relative_to(ROOT)
+        assert not anchor or anchor[1:] in anchors_of(linked), f"{target}{anchor}"
 
 
 @every_page
-def test_files_of_the_repository_are_there_when_they_are_named(page):
+def test_mentioned_files_of_the_repository_exist(page):
     named = r"`((?:bench|docs|examples|tests|src|\.ci|\.github|integrations)/[\w./-]*)`"
     for path in re.findall(named, prose(page)):
         assert (ROOT / path).exists(), path
 
 
-def test_every_public_name_has_its_place_in_the_reference():
+def test_the_reference_lists_every_public_name():
     listed = re.findall(r"^::: meshreel\.(\w+)$", (ROOT / "docs/api.md").read_text(), re.MULTILINE)
     assert sorted(listed) == sorted(meshreel.__all__)
 
 
-def test_every_name_of_the_paper_package_has_its_place_in_the_reference():
+def test_the_reference_lists_every_name_of_the_paper_package():
     text = (ROOT / "docs/api.md").read_text(encoding="utf-8")
     listed = re.findall(r"^::: meshreel\.paper\.(\w+)$", text, re.MULTILINE)
     assert sorted([*listed, "METHODS"]) == sorted(meshreel.paper.__all__)
 
 
-def test_every_command_has_its_table_of_options():
+def test_every_command_has_a_table_of_options():
     text = (ROOT / "docs/options.md").read_text(encoding="utf-8")
     tables = re.findall(r"^<!-- options: (\w+) -->$", text, re.MULTILINE)
     assert {*tables, "formats"} == set(COMMANDS)
@@ -193,9 +194,9 @@ def test_readme_is_short():
     assert len(README.read_text(encoding="utf-8").splitlines()) <= 150
 
 
-@pytest.mark.parametrize("told", [WHOLE, FRAMES])
-def test_guide_and_help_tell_what_batch_takes(told):
-    expected = WHOLE_SEQUENCES if told is WHOLE else FRAME_FORMATS
-    assert set(told.split()) == set(expected)
+@pytest.mark.parametrize("listed", [WHOLE, FRAMES])
+def test_guide_and_help_list_the_formats_of_batch(listed):
+    expected = WHOLE_SEQUENCES if listed is WHOLE else FRAME_FORMATS
+    assert set(listed.split()) == set(expected)
     guide = (ROOT / "docs/guides/batch.md").read_text(encoding="utf-8")
-    assert told in " ".join(guide.split())
+    assert listed in " ".join(guide.split())

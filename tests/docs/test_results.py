@@ -1,4 +1,4 @@
-"""Figures of the pages are those of stored results, and these are what the codec gives."""
+"""Figures of the pages match the stored results, and these match the codec."""
 
 import runpy
 from pathlib import Path
@@ -13,24 +13,24 @@ PAGES, TABLES, results, with_tables = (
     SCRIPT[name] for name in ("PAGES", "TABLES", "results", "with_tables")
 )
 TOLERANCE = 0.02
-"""Relative: eigenvectors and solutions differ in their last bits from machine to machine."""
+"""Relative: eigenvectors and solutions differ in their last bits between machines."""
 
 
 @pytest.mark.every_case
 @pytest.mark.parametrize("page", PAGES)
-def test_tables_of_a_page_are_those_of_the_stored_results(page):
+def test_tables_of_a_page_match_the_stored_results(page):
     text = (ROOT / page).read_text(encoding="utf-8")
     assert with_tables(text) == text, "run python docs/result_tables.py --write"
 
 
-def test_every_table_stands_in_a_page():
+def test_every_table_is_in_a_page():
     text = "".join((ROOT / page).read_text(encoding="utf-8") for page in PAGES)
     assert [name for name in TABLES if f"<!-- results: {name} -->" not in text] == []
 
 
 @pytest.mark.every_case
 @pytest.mark.parametrize("name", ["paper", "codecs", "checks"])
-def test_results_say_which_commit_they_are_of(name):
+def test_results_state_their_commit(name):
     commit = results(name)["commit"]
     assert len(commit) == 12
     assert int(commit, 16)
@@ -39,7 +39,7 @@ def test_results_say_which_commit_they_are_of(name):
 @pytest.mark.every_case
 @pytest.mark.parametrize("method", ["reel", "pca-qp", "v2v", "blocks"])
 def test_stored_figures_still_hold(method):
-    """A change of the codec that moves them has to measure all pages again."""
+    """A change of the codec that changes them requires measuring all pages again."""
     checks = results("checks")
     stored = checks["methods"][method]
     flag = meshreel.simulate_flag(checks["n_frames"])

@@ -1,4 +1,4 @@
-"""Snippets run as they stand, page by page and from top to bottom, after `meshreel demo`."""
+"""Snippets run unchanged, page by page in order, after `meshreel demo`."""
 
 import re
 import shutil
@@ -18,27 +18,27 @@ from samples.figures import coarse_figures
 from samples.pages import PAGES, name_of, parts_of, snippets
 
 N_FRAMES = 60
-"""Frames of the flag here, all that snippets name among them; the demo has 300."""
+"""Frames of the flag, enough for all snippets; the demo has 300."""
 
 SIZE = {"n_rows": 25, "n_columns": 30}
-"""Of the flag here; the demo has four times its vertices."""
+"""Size of the flag; the demo has four times as many vertices."""
 
 PICTURE_PX = (480, 300)
-"""Of pictures and films, unless a snippet says it; by default they have ten times as many."""
+"""Default size of pictures and films, a tenth of the real one."""
 
 DEMO = ["meshreel", "demo"]
 
 
 def run_program(words, monkeypatch):
-    """Run `meshreel` in this process; it must end well."""
+    """Run `meshreel` in this process; it must succeed."""
     monkeypatch.setattr(sys, "argv", words)
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 0, words
 
 
-def look_at(words):
-    """Start a player, wait until it says where it plays, and stop it as ctrl-C does."""
+def view(words):
+    """Start a player, open its page, and stop it with ctrl-C."""
     command = [sys.executable, "-m", *words, "--no-open"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, bufsize=1) as process:
         try:
@@ -54,9 +54,9 @@ def look_at(words):
 def run_line(line, monkeypatch):
     for words in parts_of(line):
         if words == DEMO:
-            assert Path("meshreel-demo").is_dir()  # with fewer frames, see the fixture
+            assert Path("meshreel-demo").is_dir()  # the fixture ran it with fewer frames
         elif words[:2] == ["meshreel", "view"]:
-            look_at(words)
+            view(words)
         elif words[0] == "meshreel":
             run_program(words, monkeypatch)
         else:
@@ -82,14 +82,13 @@ def demo(tmp_path_factory):
     return folder / "meshreel-demo"
 
 
-def test_a_snippet_says_what_it_needs_when_it_is_not_run():
-    of_others = [snippet for page in PAGES for snippet in snippets(page) if snippet.needs]
-    assert of_others
+def test_snippets_that_do_not_run_state_their_requirements():
+    skipped = [snippet for page in PAGES for snippet in snippets(page) if snippet.needs]
+    assert skipped
     known = r"Blender|Houdini|Maya|ParaView|three\.js|npm|Dask|bucket|checkout"
-    for snippet in of_others:
+    for snippet in skipped:
         assert re.search(known, snippet.needs), snippet.text
-    elsewhere = {"js"} & {s.language for p in PAGES for s in snippets(p) if not s.needs}
-    assert not elsewhere
+    assert "js" not in {s.language for p in PAGES for s in snippets(p) if not s.needs}
 
 
 @pytest.mark.slow

@@ -72,7 +72,7 @@ def upright(positions):
     return np.stack([positions[..., 0], -positions[..., 2], positions[..., 1]], axis=-1)
 
 
-def test_blender_shows_our_positions_exactly_when_it_brings_a_file_in(brought):
+def test_blender_imports_our_positions_exactly(brought):
     sequence, known = brought
     assert known["range"].tolist() == [5, 10]
     for frame in (5, 8, 10):
@@ -80,34 +80,34 @@ def test_blender_shows_our_positions_exactly_when_it_brings_a_file_in(brought):
         np.testing.assert_array_equal(known[f"frame_{frame}"], expected)
 
 
-def test_blender_shows_our_polygons_corner_by_corner_when_it_brings_a_file_in(brought):
+def test_blender_imports_our_polygons_exactly(brought):
     _, known = brought
     np.testing.assert_array_equal(known["sizes"], SIZES)
     np.testing.assert_array_equal(known["corners"], CORNERS)
 
 
-def test_blender_shows_our_textures_and_materials_when_it_brings_a_file_in(brought):
+def test_blender_imports_our_textures_and_materials(brought):
     sequence, known = brought
     [texture] = sequence.surface.attributes
     np.testing.assert_array_equal(known["uv_map"], texture.per_item())
     assert known["materials"].tolist() == ["blue", "red", "blue"]
 
 
-def test_load_gives_the_positions_of_blender_when_it_sent_a_file_out(sent):
+def test_load_reads_positions_exported_by_blender(sent):
     found, known = sent
     assert (found.n_frames, found.fps, found.start_s) == (10, 30.0, 5 / 30)
     for index, frame in enumerate(upright(found.vertices)):
         assert np.abs(frame - known[f"frame_{index + 5}"]).max() < FLOAT32_STEPS
 
 
-def test_load_gives_the_polygons_of_blender_when_it_sent_a_file_out(sent):
+def test_load_reads_polygons_exported_by_blender(sent):
     found, known = sent
     sizes = found.surface.sizes(found.n_faces)
     np.testing.assert_array_equal(sizes, known["sizes"])
     np.testing.assert_array_equal(join_fans(sizes, found.faces), known["corners"])
 
 
-def test_load_gives_the_textures_and_materials_of_blender_when_it_sent_a_file_out(sent):
+def test_load_reads_textures_and_materials_exported_by_blender(sent):
     found, known = sent
     textures = {one.name: one.per_item() for one in found.surface.of_kind(Kind.UV)}
     assert set(textures) == {"UVMap", "second"}

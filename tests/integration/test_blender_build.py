@@ -29,7 +29,7 @@ def test_manifest_has_the_version_of_the_library(build):
     assert tomllib.loads(manifest_of(build))["version"] == meshreel.__version__
 
 
-def test_manifest_keeps_what_it_said_when_wheels_are_listed(build):
+def test_listing_wheels_preserves_the_manifest(build):
     before = tomllib.loads(manifest_of(build))
     wheels = [Path("somewhere/one-1.0-py3-none-any.whl"), Path("two-2.0-py3-none-any.whl")]
     after = tomllib.loads(build.manifest_with(manifest_of(build), ["linux-x64"], wheels))
@@ -41,7 +41,7 @@ def test_manifest_keeps_what_it_said_when_wheels_are_listed(build):
     assert after == before
 
 
-def test_requirements_are_those_of_the_library_but_what_blender_brings(build):
+def test_requirements_are_the_librarys_without_those_in_blender(build):
     found = sorted(build.requirements())
     assert found == [
         "cholespy>=2.0",
@@ -51,7 +51,7 @@ def test_requirements_are_those_of_the_library_but_what_blender_brings(build):
 
 
 @pytest.mark.slow
-def test_add_on_plays_and_writes_when_its_zip_is_installed(tmp_path, build):
+def test_the_installed_extension_plays_and_exports(tmp_path, build):
     if why_not():
         pytest.skip(why_not())
     platform = {"linux": "linux-x64", "win32": "windows-x64"}.get(sys.platform, "macos-arm64")

@@ -20,7 +20,7 @@ def error_percent(found, expected):
     return 100 * np.linalg.norm(found - expected, axis=-1).max() / diagonal
 
 
-def test_frames_are_as_evaluated_when_shape_keys_modifiers_and_transform_move(blender, tmp_path):
+def test_exported_frames_include_shape_keys_modifiers_and_transforms(blender, tmp_path):
     path = tmp_path / "grid.reel"
     options = {"target": "MAX_ERROR", "max_error": MAX_ERROR_PERCENT}
     found = blender("export_shape_key", path=path, last_frame=8, **options)
@@ -33,14 +33,14 @@ def test_frames_are_as_evaluated_when_shape_keys_modifiers_and_transform_move(bl
     assert reel.surface.face_sizes.tolist() == [4] * 18
 
 
-def test_file_is_smaller_when_less_quality_is_asked_for(blender, tmp_path):
+def test_lower_quality_exports_a_smaller_file(blender, tmp_path):
     low, high = tmp_path / "low.reel", tmp_path / "high.reel"
     blender("export_shape_key", path=low, last_frame=8, quality=30.0)
     blender("export_shape_key", path=high, last_frame=8, quality=95.0)
     assert low.stat().st_size < high.stat().st_size
 
 
-def test_parts_and_surfaces_come_back_exactly_when_exported_and_imported(blender, tmp_path):
+def test_parts_and_surfaces_round_trip_exactly(blender, tmp_path):
     found = blender("export_parts", path=tmp_path / "two.reel")
     assert str(found["error"]) == ""
     names = [key.removeprefix("before ") for key in found if key.startswith("before ")]
@@ -49,7 +49,7 @@ def test_parts_and_surfaces_come_back_exactly_when_exported_and_imported(blender
         np.testing.assert_array_equal(found[f"after {name}"], found[f"before {name}"], name)
 
 
-def test_surface_is_in_the_file_when_objects_have_one(blender, tmp_path):
+def test_surfaces_of_objects_are_exported(blender, tmp_path):
     blender("export_parts", path=tmp_path / "two.reel")
     surface = meshreel.decode((tmp_path / "two.reel").read_bytes()).surface
     assert [(part.name, part.n_verts, part.n_faces) for part in surface.parts] == [
@@ -67,7 +67,7 @@ def test_surface_is_in_the_file_when_objects_have_one(blender, tmp_path):
     }
 
 
-def test_all_kinds_of_objects_are_parts_when_they_have_a_surface(blender, tmp_path):
+def test_all_kinds_of_objects_with_a_surface_are_exported(blender, tmp_path):
     path = tmp_path / "kinds.reel"
     found = blender("export_kinds", path=path)
     assert str(found["error"]) == ""
@@ -77,7 +77,7 @@ def test_all_kinds_of_objects_are_parts_when_they_have_a_surface(blender, tmp_pa
     assert [part.n_faces > 0 for part in parts] == [False, True, True]
 
 
-def test_export_names_the_frame_when_faces_change(blender, tmp_path):
+def test_export_reports_the_frame_in_which_faces_change(blender, tmp_path):
     path = tmp_path / "grid.reel"
     path.write_bytes(b"what was there")
     found = blender("export_changing", path=path)
@@ -87,7 +87,7 @@ def test_export_names_the_frame_when_faces_change(blender, tmp_path):
     assert path.read_bytes() == b"what was there"
 
 
-def test_faces_look_the_same_way_when_the_object_is_mirrored(blender, tmp_path):
+def test_mirrored_objects_keep_their_face_orientation(blender, tmp_path):
     path = tmp_path / "grid.reel"
     found = blender("export_mirrored", path=path)
     reel = meshreel.decode(path.read_bytes())
@@ -105,7 +105,7 @@ def test_faces_look_the_same_way_when_the_object_is_mirrored(blender, tmp_path):
     ("fps", "fps_base", "rate"),
     [(24, 1.0, 24.0), (25, 1.0, 25.0), (30, 1.001, 30000 / 1001), (60, 1.0, 60.0)],
 )
-def test_rate_and_start_survive_when_exported(blender, tmp_path, fps, fps_base, rate):
+def test_export_keeps_rate_and_start(blender, tmp_path, fps, fps_base, rate):
     path = tmp_path / "grid.reel"
     found = blender("export_timed", path=path, fps=fps, fps_base=fps_base, start=11, end=20, step=3)
     reel = meshreel.decode(path.read_bytes())
@@ -113,14 +113,14 @@ def test_rate_and_start_survive_when_exported(blender, tmp_path, fps, fps_base, 
     assert found["start"] == 11.0
 
 
-def test_export_says_why_when_there_are_no_frames(blender, tmp_path):
+def test_export_without_frames_reports_why(blender, tmp_path):
     path = tmp_path / "grid.reel"
     found = blender("export_without_frames", path=path, start=5, end=4)
     assert "no frames in 5 to 4" in str(found["error"])
     assert not path.exists()
 
 
-def test_export_says_why_when_there_are_no_faces(blender, tmp_path):
+def test_export_without_faces_reports_why(blender, tmp_path):
     path = tmp_path / "grid.reel"
     found = blender("export_without_faces", path=path)
     assert "points: no faces" in str(found["error"])
@@ -128,7 +128,7 @@ def test_export_says_why_when_there_are_no_faces(blender, tmp_path):
 
 
 @pytest.mark.parametrize("n_steps", [3, 10, 11])
-def test_nothing_is_left_when_the_export_is_stopped(blender, tmp_path, n_steps):
+def test_a_stopped_export_leaves_no_file(blender, tmp_path, n_steps):
     (tmp_path / "out").mkdir()
     found = blender("stop_export", path=tmp_path / "out" / "grid.reel", n_steps=n_steps)
     assert found["files"].tolist() == []
@@ -137,7 +137,7 @@ def test_nothing_is_left_when_the_export_is_stopped(blender, tmp_path, n_steps):
     assert found["progress"].max() <= 1
 
 
-def test_file_is_written_when_a_window_goes_step_by_step(blender, tmp_path):
+def test_modal_export_writes_the_file(blender, tmp_path):
     path = tmp_path / "grid.reel"
     found = blender("export_from_window", path=path, stop_after=-1)
     assert found["status"].tolist() == ["FINISHED"]
@@ -150,7 +150,7 @@ def test_file_is_written_when_a_window_goes_step_by_step(blender, tmp_path):
 
 
 @pytest.mark.parametrize("stop_after", [0, 4, 10])
-def test_no_file_is_written_when_esc_is_pressed(blender, tmp_path, stop_after):
+def test_esc_cancels_the_export(blender, tmp_path, stop_after):
     path = tmp_path / "grid.reel"
     found = blender("export_from_window", path=path, stop_after=stop_after)
     assert found["status"].tolist() == ["CANCELLED"]

@@ -36,7 +36,7 @@ def strip_file(tmp_path):
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_shape_is_the_decoded_frame_when_the_scene_is_there(blender, tmp_path, dtype):
+def test_the_shape_is_the_decoded_frame(blender, tmp_path, dtype):
     decoded = write(tmp_path / "strip.reel", strip(dtype=dtype)).astype(np.float32)
     found = blender("play", path=tmp_path / "strip.reel", frames=[3, 0, 4])
     np.testing.assert_array_equal(found["own"], decoded[[3, 0, 4]])
@@ -44,7 +44,7 @@ def test_shape_is_the_decoded_frame_when_the_scene_is_there(blender, tmp_path, d
 
 
 @pytest.mark.real
-def test_shape_is_the_decoded_frame_when_the_reel_is_samba(blender, tmp_path):
+def test_the_shape_is_the_decoded_frame_of_samba(blender, tmp_path):
     if "MESHREEL_DATA" not in os.environ:
         pytest.skip("MESHREEL_DATA is not set")
     samba = meshreel.load(Path(os.environ["MESHREEL_DATA"]) / "samba.npz")
@@ -54,13 +54,13 @@ def test_shape_is_the_decoded_frame_when_the_reel_is_samba(blender, tmp_path):
     np.testing.assert_array_equal(found["evaluated"], decoded[[0, 87, 174]])
 
 
-def test_shape_is_the_only_frame_when_the_reel_has_one(blender, tmp_path):
+def test_a_reel_of_one_frame_shows_it(blender, tmp_path):
     decoded = write(tmp_path / "still.reel", strip(1))
     found = blender("play", path=tmp_path / "still.reel", frames=[-5, 0, 30])
     np.testing.assert_array_equal(found["own"], decoded[[0, 0, 0]])
 
 
-def test_reel_is_held_when_the_scene_is_outside(blender, tmp_path, strip_file):
+def test_the_shape_is_held_outside_of_the_reel(blender, tmp_path, strip_file):
     decoded = meshreel.decode(strip_file.read_bytes()).vertices
     found = blender(
         "play", path=strip_file, frames=[7, 9, 14, 15, 90], settings={"start_frame": 10}
@@ -68,39 +68,39 @@ def test_reel_is_held_when_the_scene_is_outside(blender, tmp_path, strip_file):
     np.testing.assert_array_equal(found["own"], decoded[[0, 0, 4, 4, 4]])
 
 
-def test_reel_begins_again_when_it_loops(blender, strip_file):
+def test_loop_restarts_the_reel(blender, strip_file):
     decoded = meshreel.decode(strip_file.read_bytes()).vertices
     found = blender("play", path=strip_file, frames=[4, 5, 11, -1], settings={"end": "LOOP"})
     np.testing.assert_array_equal(found["own"], decoded[[4, 0, 1, 4]])
 
 
-def test_reel_keeps_its_speed_when_the_scene_has_another_rate(blender, strip_file):
+def test_the_reel_keeps_its_speed_at_other_scene_rates(blender, strip_file):
     decoded = meshreel.decode(strip_file.read_bytes()).vertices
     found = blender("play", path=strip_file, frames=[0, 2, 4, 8], fps=48)["own"]
     np.testing.assert_array_equal(found, decoded[[0, 1, 2, 4]])
 
 
-def test_frames_are_blended_when_the_scene_is_between_two(blender, strip_file):
+def test_frames_are_blended_between_two(blender, strip_file):
     decoded = meshreel.decode(strip_file.read_bytes()).vertices
     found = blender("play", path=strip_file, frames=[1, 1.5], fps=48)["own"]
     expected = [(decoded[0] + decoded[1]) / 2, (decoded[0] + 3 * decoded[1]) / 4]
     np.testing.assert_array_equal(found, np.array(expected))
 
 
-def test_frame_before_is_shown_when_blending_is_off(blender, strip_file):
+def test_without_blending_the_previous_frame_is_shown(blender, strip_file):
     decoded = meshreel.decode(strip_file.read_bytes()).vertices
     off = {"interpolate": False}
     found = blender("play", path=strip_file, frames=[1, 3, 4], fps=48, settings=off)
     np.testing.assert_array_equal(found["own"], decoded[[0, 1, 2]])
 
 
-def test_each_scene_frame_shows_a_frame_when_the_rate_is_unknown(blender, tmp_path):
+def test_without_a_rate_each_scene_frame_shows_one_frame(blender, tmp_path):
     decoded = write(tmp_path / "strip.reel", strip(fps=0))
     found = blender("play", path=tmp_path / "strip.reel", frames=[0, 1, 4], fps=60)
     np.testing.assert_array_equal(found["own"], decoded[[0, 1, 4]])
 
 
-def test_scene_takes_rate_and_range_when_asked_for(blender, tmp_path):
+def test_import_can_set_rate_and_range_of_the_scene(blender, tmp_path):
     rate = 30000 / 1001
     write(tmp_path / "strip.reel", strip(fps=rate, start_s=10 / rate))
     found = blender("describe_import", path=tmp_path / "strip.reel", set_rate=True, scale=2.0)
@@ -111,12 +111,12 @@ def test_scene_takes_rate_and_range_when_asked_for(blender, tmp_path):
 
 
 @pytest.mark.parametrize(("up", "angle"), [("Y", np.pi / 2), ("Z", 0.0)])
-def test_object_is_turned_when_the_file_has_another_axis_up(blender, strip_file, up, angle):
+def test_the_up_axis_rotates_the_object(blender, strip_file, up, angle):
     found = blender("describe_import", path=strip_file, up=up)
     np.testing.assert_allclose(found["rotations"], [[angle, 0, 0]], atol=1e-7)
 
 
-def test_normals_are_of_the_shape_when_the_frame_has_changed(blender, tmp_path):
+def test_normals_follow_the_frame(blender, tmp_path):
     tilted = np.array(strip(2).vertices)
     tilted[1] = tilted[0] @ np.array([[0, 0, -1], [0, 1, 0], [1, 0, 0]], np.float32)
     write(tmp_path / "strip.reel", meshreel.MeshSequence(tilted, strip().faces, 24))
@@ -125,7 +125,7 @@ def test_normals_are_of_the_shape_when_the_frame_has_changed(blender, tmp_path):
     np.testing.assert_allclose(found["normals"], [[1, 0, 0]] * 6, atol=1e-2)
 
 
-def test_surface_comes_in_exactly_when_the_reel_has_one(blender, tmp_path):
+def test_the_surface_is_imported_exactly(blender, tmp_path):
     rng = np.random.default_rng(0)
     uv, tint = rng.random((5, 2), np.float32), rng.random((6, 3), np.float32)
     paint = rng.integers(0, 256, (8, 4), np.uint8)
@@ -155,7 +155,7 @@ def test_surface_comes_in_exactly_when_the_reel_has_one(blender, tmp_path):
     assert found["strip material_indices"].tolist() == [0, 1]
 
 
-def test_parts_are_objects_when_the_reel_has_several(blender, tmp_path):
+def test_parts_become_objects(blender, tmp_path):
     one = strip(2)
     vertices = np.concatenate([one.vertices, one.vertices + np.float32(5)], axis=1)
     faces = np.concatenate([one.faces, one.faces + 6])
@@ -168,7 +168,7 @@ def test_parts_are_objects_when_the_reel_has_several(blender, tmp_path):
     np.testing.assert_array_equal(found["arm corners"].reshape(-1, 3), one.faces)
 
 
-def test_mesh_plays_when_blender_does_not_hold_all_faces(blender, tmp_path):
+def test_a_mesh_with_faces_that_blender_drops_plays(blender, tmp_path):
     bad = strip(2)
     faces = np.concatenate([bad.faces, [[0, 0, 1]], bad.faces[:1]])
     decoded = write(tmp_path / "bad.reel", meshreel.MeshSequence(bad.vertices, faces, 24))
@@ -177,21 +177,21 @@ def test_mesh_plays_when_blender_does_not_hold_all_faces(blender, tmp_path):
     np.testing.assert_array_equal(found["own"], decoded)
 
 
-def test_import_says_why_when_the_file_is_missing(blender, tmp_path):
+def test_import_reports_a_missing_file(blender, tmp_path):
     found = blender("import_error", path=tmp_path / "none.reel")
     assert f"{tmp_path / 'none.reel'} is missing" in str(found["error"])
     assert found["n_objects"] == 0
 
 
 @pytest.mark.parametrize("kept", [0, 3, 200])
-def test_import_says_why_when_the_file_is_damaged(blender, strip_file, kept):
+def test_import_reports_a_damaged_file(blender, strip_file, kept):
     strip_file.write_bytes(strip_file.read_bytes()[:kept])
     found = blender("import_error", path=strip_file)
     assert str(strip_file) in str(found["error"])
     assert found["n_objects"] == 0
 
 
-def test_shape_stays_and_panel_says_why_when_the_file_is_lost(blender, tmp_path, strip_file):
+def test_a_lost_file_keeps_the_shape_and_is_reported(blender, tmp_path, strip_file):
     decoded = meshreel.decode(strip_file.read_bytes()).vertices
     found = blender("lose_and_find", path=strip_file, away=tmp_path / "away.reel")
     np.testing.assert_array_equal(found["lost"], found["before"])
@@ -201,7 +201,7 @@ def test_shape_stays_and_panel_says_why_when_the_file_is_lost(blender, tmp_path,
     assert str(found["problem_after"]) == ""
 
 
-def test_new_frames_are_shown_when_the_file_is_written_anew(blender, tmp_path, strip_file):
+def test_a_rewritten_file_shows_its_new_frames(blender, tmp_path, strip_file):
     shifted = meshreel.MeshSequence(strip().vertices + np.float32(7), strip().faces, 24)
     decoded = write(tmp_path / "other.reel", shifted)
     found = blender("change", path=strip_file, other=tmp_path / "other.reel")
@@ -209,7 +209,7 @@ def test_new_frames_are_shown_when_the_file_is_written_anew(blender, tmp_path, s
     assert str(found["problem"]) == ""
 
 
-def test_shape_stays_when_the_file_has_other_faces(blender, tmp_path, strip_file):
+def test_a_file_with_other_faces_keeps_the_shape(blender, tmp_path, strip_file):
     turned = meshreel.MeshSequence(strip().vertices, strip().faces[:, ::-1], 24)
     write(tmp_path / "other.reel", turned)
     found = blender("change", path=strip_file, other=tmp_path / "other.reel")
@@ -217,12 +217,12 @@ def test_shape_stays_when_the_file_has_other_faces(blender, tmp_path, strip_file
     assert "has other faces" in str(found["problem"])
 
 
-def test_problem_is_told_when_the_mesh_was_edited(blender, strip_file):
+def test_an_edited_mesh_is_reported(blender, strip_file):
     found = blender("edit_mesh", path=strip_file)
     assert "has 7 vertices and its reel 6" in str(found["problem"])
 
 
-def test_reel_plays_again_when_the_scene_is_opened_elsewhere(blender, tmp_path, strip_file):
+def test_a_reopened_scene_plays_the_reel(blender, tmp_path, strip_file):
     decoded = meshreel.decode(strip_file.read_bytes()).vertices
     (tmp_path / "here").mkdir()
     os.rename(strip_file, tmp_path / "here" / "strip.reel")
@@ -235,7 +235,7 @@ def test_reel_plays_again_when_the_scene_is_opened_elsewhere(blender, tmp_path, 
     np.testing.assert_array_equal(found["own"], decoded[[1, 4]])
 
 
-def test_scene_opens_and_says_why_when_the_reel_is_gone(blender, tmp_path, strip_file):
+def test_a_scene_without_its_reel_opens_and_reports_why(blender, tmp_path, strip_file):
     decoded = meshreel.decode(strip_file.read_bytes()).vertices
     blend = tmp_path / "scene.blend"
     blender("save_scene", path=strip_file, blend=blend, frame=3)
@@ -245,7 +245,7 @@ def test_scene_opens_and_says_why_when_the_reel_is_gone(blender, tmp_path, strip
     assert "is missing" in str(found["problem"])
 
 
-def test_frames_differ_when_they_are_rendered(blender, tmp_path):
+def test_rendered_frames_differ(blender, tmp_path):
     left = np.array([[-2, -2, 0], [0, -2, 0], [0, 2, 0], [-2, 2, 0]], np.float32)
     sequence = meshreel.MeshSequence(
         [left, left + np.float32([2, 0, 0])], [[0, 1, 2], [0, 2, 3]], 24

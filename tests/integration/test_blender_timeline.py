@@ -20,7 +20,7 @@ def timeline():
 
 
 @pytest.mark.parametrize("rate", [1.0, 12.5, 24.0, 24000 / 1001, 29.97, 30000 / 1001, 59.94, 240.0])
-def test_rate_is_the_same_when_it_went_through_blenders_numbers(timeline, rate):
+def test_rates_round_trip_through_blenders_numbers(timeline, rate):
     fps, base = timeline.rate_numbers(rate)
     assert isinstance(fps, int)
     found = timeline.scene_rate(fps, float(np.float32(base)))
@@ -28,7 +28,7 @@ def test_rate_is_the_same_when_it_went_through_blenders_numbers(timeline, rate):
 
 
 @pytest.mark.parametrize(("fps", "base", "rate"), [(30, 1.001, 30000 / 1001), (25, 1.0, 25.0)])
-def test_rate_is_the_one_people_mean_when_blender_stores_it(timeline, fps, base, rate):
+def test_nominal_rates_are_recovered_from_blender(timeline, fps, base, rate):
     assert timeline.scene_rate(fps, float(np.float32(base))) == rate
 
 
@@ -54,12 +54,12 @@ def test_position_is_exact_at_frames_of_the_reel(
 
 
 @pytest.mark.parametrize("end", ["HOLD", "LOOP"])
-def test_position_stays_when_there_is_one_frame(timeline, end):
+def test_a_single_frame_has_a_constant_position(timeline, end):
     positions = [timeline.reel_position(frame, 1, 0.8, 1, end) for frame in range(-5, 9)]
     assert positions == [0.0] * 14
 
 
-def test_each_scene_frame_is_a_frame_when_the_rate_of_the_reel_is_unknown(timeline):
+def test_an_unknown_rate_maps_scene_frames_to_frames(timeline):
     assert timeline.scene_frames_per_reel_frame(60.0, 0.0) == 1.0
 
 

@@ -126,7 +126,7 @@ def split_sources(sequence):
 
 
 @needs_node
-def test_validator_has_nothing_to_say_when_files_are_written(tmp_path):
+def test_the_validator_accepts_written_files(tmp_path):
     paths = []
     for case, (make, options) in CASES.items():
         for write, ending in ((write_glb, "glb"), (write_gltf, "gltf")):
@@ -161,7 +161,7 @@ def is_harmless(message):
 
 @needs_node
 @pytest.mark.parametrize("case", CASES)
-def test_browser_shows_the_frames_when_it_plays_the_file(page, tmp_path, case):
+def test_the_browser_plays_the_frames(page, tmp_path, case):
     make, options = CASES[case]
     sequence, notes = make(), []
     write_glb(tmp_path / "a.glb", stream_of(sequence, notes), WriteOptions(**options))

@@ -69,7 +69,7 @@ def test_bytes_of_parts_and_tracks_sum_to_the_file_and_are_printed(folder):
         )
 
 
-def test_solver_state_is_noted_when_it_is_encoded(folder):
+def test_encoding_notes_solver_state(folder):
     track = meshreel.Track(GRID.vertices, kind="vector")
     sequence = meshreel.MeshSequence(GRID.vertices, GRID.faces, 25, tracks={"vlast": track})
     meshreel.save(sequence, "sim.npz")
@@ -79,7 +79,7 @@ def test_solver_state_is_noted_when_it_is_encoded(folder):
     assert json.loads(dropped.stdout)["notes"] == []
 
 
-def test_advice_on_a_size_mentions_tracks_when_there_are_any(folder):
+def test_advice_on_a_size_mentions_tracks(folder):
     words = ["convert", "a.reel", "-o", "b.reel", "--size", "50"]
     assert "or drop tracks or allow" in str(run(*words).exception)
     drop = ["--track", "heat=drop", "--track", "flow=drop"]
@@ -105,13 +105,13 @@ def test_json_has_the_errors_of_tracks(folder):
         (["b.npz", "--track", "heat=1"], "--track has no effect on b.npz"),
     ],
 )
-def test_what_cannot_be_is_refused_in_words(folder, words, told):
+def test_impossible_bounds_are_refused_with_a_message(folder, words, told):
     done = run("convert", "a.reel", "-o", *words)
     assert done.exit_code != 0
     assert told in " ".join(f"{done.output} {done.exception}".replace("│", " ").split())
 
 
-def test_batch_takes_bounds_and_says_which_input_lacks_a_track(folder):
+def test_batch_accepts_bounds_and_reports_missing_tracks(folder):
     (folder / "in").mkdir()
     meshreel.save(GRID, "in/plain.npz")
     bounds = ["--track", "heat=1K", "--workers", "1"]

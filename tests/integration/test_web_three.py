@@ -118,50 +118,50 @@ def assert_right(found, most=1e-4):
         assert errors["normal"] < 10 * most, place
 
 
-def test_gpu_positions_and_normals_are_right_when_time_goes_anywhere(ask):
+def test_gpu_positions_and_normals_match_at_any_time(ask):
     answer = ask("errors", PLACES, {})
     assert answer["isOnGpu"]
     assert_right(answer["found"], 1e-6)
 
 
-def test_cpu_positions_and_normals_are_right_when_that_is_asked_for(ask):
+def test_cpu_positions_and_normals_match(ask):
     answer = ask("errors", PLACES, {"gpu": False})
     assert not answer["isOnGpu"]
     assert_right(answer["found"], 1e-6)
 
 
-def test_cpu_stands_in_when_floats_cannot_be_drawn(ask):
+def test_cpu_fallback_without_float_render_targets(ask):
     allowed = ["EXT_color_buffer_float extension not supported"]
     answer = ask("errors", PLACES, {}, before=WITHOUT_FLOAT_TARGETS, allowed=allowed)
     assert not answer["isOnGpu"]
     assert_right(answer["found"], 1e-6)
 
 
-def test_cpu_stands_in_when_the_driver_refuses(ask):
+def test_cpu_fallback_after_a_driver_error(ask):
     answer = ask("errors", PLACES, {}, before=WITHOUT_FEEDBACK)
     assert not answer["isOnGpu"]
     assert_right(answer["found"], 1e-6)
 
 
-def test_cpu_takes_over_when_a_block_has_more_modes_than_textures_have_room_for(ask):
+def test_cpu_fallback_for_blocks_with_too_many_modes(ask):
     answer = ask("errors", PLACES, {}, before=FEW_LAYERS)
     assert not answer["isOnGpu"]  # the second block has 9, and 8 have room
     assert_right(answer["found"], 1e-6)
 
 
-def test_positions_are_right_when_the_model_is_far_away_and_brought_near(ask):
+def test_positions_far_from_the_origin_are_accurate(ask):
     center = [4e6, -3e6, 1e5]
     answer = ask("errors", PLACES, {"origin": center}, {"center": center})
     assert_right(answer["found"], 1e-6)
 
 
 @pytest.mark.parametrize("is_point", [False, True])
-def test_shadow_falls_when_a_mesh_casts_one(ask, is_point):
+def test_the_mesh_casts_its_shadow(ask, is_point):
     answer = ask("shadow", is_point)
     assert sum(answer["shaded"]) < 0.8 * sum(answer["lit"])
 
 
-def test_every_material_shows_the_frame_when_it_replaces_the_own(ask):
+def test_replaced_materials_show_the_frame(ask):
     answer = ask("otherMaterials")
     assert answer == {"overridden": [255, 0, 0], "own": [0, 255, 0]}
 
@@ -172,7 +172,7 @@ def test_renderer_for_webgpu_shows_the_frame(ask, is_given):
     assert answer == {"isOnGpu": False, "color": [255, 0, 0]}
 
 
-def test_materials_of_the_file_are_shown_upright_when_they_have_images(ask):
+def test_images_of_the_file_are_shown_upright(ask):
     answer = ask("picture", 8.5)
     assert strongest(answer["top"]) == 1
     assert strongest(answer["left"]) == 0
@@ -198,7 +198,7 @@ def test_rays_hit_the_frame_that_is_shown(ask, options):
         assert hit["hasUv"]
 
 
-def test_renderer_counts_as_before_when_meshes_are_disposed_of(ask):
+def test_dispose_releases_all_gpu_resources(ask):
     answer = ask("disposal", 3, before=COUNTING)  # the second mesh moves on the CPU
     after = [one["after"] for one in answer["counts"]]
     assert after[1:] == after[:1] * 2
@@ -209,7 +209,7 @@ def test_renderer_counts_as_before_when_meshes_are_disposed_of(ask):
     assert during["TransformFeedback"] > after[-1]["TransformFeedback"] == 0
 
 
-def test_picture_comes_back_when_the_context_was_lost(ask):
+def test_a_lost_context_is_restored(ask):
     answer = ask("contextLoss")
     assert max(answer["before"].values()) < 1e-5
     assert max(answer["after"].values()) < 1e-5
@@ -236,7 +236,7 @@ def assert_colored(answer, *, is_on_gpu=True, n_missing=1, most=5):
 
 
 @pytest.mark.parametrize("gpu", [True, False])
-def test_colours_are_those_of_the_track_when_it_is_of_vertices(ask, gpu):
+def test_colors_match_a_track_of_vertices(ask, gpu):
     answer = ask("colors", "scalar", FRAMES, {}, {"gpu": gpu})
     assert_colored(answer, is_on_gpu=gpu, n_missing=6)
     low, high = answer["range"]
@@ -248,7 +248,7 @@ def test_colours_are_those_of_the_track_when_it_is_of_vertices(ask, gpu):
 @pytest.mark.parametrize("gpu", [True, False])
 @pytest.mark.parametrize("name", ["faces", "corners"])
 @pytest.mark.parametrize("has_quads", [False, True])
-def test_colours_are_those_of_the_track_when_it_is_of_faces(ask, name, has_quads, gpu):
+def test_colors_match_a_track_of_faces(ask, name, has_quads, gpu):
     options = {"component": 0, "range": [-1.5, 2]}
     answer = ask("colors", name, FRAMES, options, {"gpu": gpu}, {"hasQuads": has_quads})
     assert_colored(answer, is_on_gpu=gpu)
@@ -259,7 +259,7 @@ def test_colours_are_those_of_the_track_when_it_is_of_faces(ask, name, has_quads
 
 
 @pytest.mark.parametrize("gpu", [True, False])
-def test_colours_are_those_of_a_length_or_a_column_when_the_track_is_of_vectors(ask, gpu):
+def test_colors_match_magnitude_or_component_of_vectors(ask, gpu):
     answer = ask("colors", "vector", FRAMES, {}, {"gpu": gpu})
     assert answer["component"] == "magnitude"
     assert answer["range"][0] >= 0
@@ -269,7 +269,7 @@ def test_colours_are_those_of_a_length_or_a_column_when_the_track_is_of_vectors(
     assert_colored(answer, is_on_gpu=gpu, n_missing=6)
 
 
-def test_colours_are_right_when_numbers_are_far_from_0_or_beyond_the_range(ask):
+def test_colors_match_for_offset_and_out_of_range_values(ask):
     assert_colored(ask("colors", "high", FRAMES, {}), n_missing=6, most=7)
     options = {"range": [-0.2, 0.1], "map": ["#000000", "#ff0000", "#ffffff"]}
     answer = ask("colors", "scalar", [0, 11], options)
@@ -277,12 +277,12 @@ def test_colours_are_right_when_numbers_are_far_from_0_or_beyond_the_range(ask):
     assert all(found["nGrey"] <= 2 for found in answer["found"])
 
 
-def test_colours_come_back_when_the_context_was_lost(ask):
+def test_colors_are_restored_after_a_lost_context(ask):
     assert_colored(ask("colors", "scalar", FRAMES, {}, {}, {}, True), n_missing=6)
     assert_colored(ask("colors", "faces", FRAMES, {}, {}, {}, True))
 
 
-def test_track_is_grey_where_its_block_is_damaged_when_the_rest_plays(ask):
+def test_a_damaged_block_of_a_track_is_gray(ask):
     answer = ask("colors", "scalar", [2, 7, 12], {}, {}, {"damagedTracks": [1]})
     assert set(answer["errors"]) == {1}
     sound, damaged, behind = answer["found"]
@@ -290,7 +290,7 @@ def test_track_is_grey_where_its_block_is_damaged_when_the_rest_plays(ask):
     assert damaged["nGrey"] == damaged["n"] - damaged["nMissing"] > 300
 
 
-def test_colours_that_cannot_be_are_refused_with_what_is_possible(ask):
+def test_invalid_colors_are_refused_with_the_valid_ones(ask):
     answer = ask(
         "refusedColors",
         [
@@ -314,7 +314,7 @@ def test_colours_that_cannot_be_are_refused_with_what_is_possible(ask):
     assert "none has a map" in answer["other"]
 
 
-def test_whoever_draws_the_mesh_plays_it_when_no_renderer_is_given(ask):
+def test_any_renderer_plays_the_mesh(ask):
     answer = ask("events", [])
     types = [event["type"] for event in answer["events"]]
     assert answer["early"] == {"isOnGpu": False, "isWaiting": True, "hits": 0}
@@ -326,7 +326,7 @@ def test_whoever_draws_the_mesh_plays_it_when_no_renderer_is_given(ask):
     assert "error" not in types
 
 
-def test_damaged_block_is_passed_over_when_the_rest_plays(ask):
+def test_a_damaged_block_is_skipped(ask):
     answer = ask("events", [1])
     errors = [event for event in answer["events"] if event["type"] == "error"]
     assert [(one["block"], one["error"]) for one in errors] == [(1, "CorruptStreamError")]

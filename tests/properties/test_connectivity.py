@@ -53,16 +53,16 @@ def sorted_triangles(faces, n_verts):
 
 @settings(max_examples=draws(250))
 @given(meshes, orders)
-def test_mesh_comes_back_exactly_whatever_its_faces(mesh, order):
+def test_any_connectivity_round_trips(mesh, order):
     faces, n_verts = mesh
     coded = encode_connectivity(faces, n_verts, order=order)
     internal = decode_connectivity(coded.payload, n_verts, len(faces))
     np.testing.assert_array_equal(internal, coded.internal_faces)
-    found, given_faces = decode_order(coded.order_payload, internal, n_verts)
+    order_of_vertices, decoded = decode_order(coded.order_payload, internal, n_verts)
     if order == "keep":
-        np.testing.assert_array_equal(given_faces, faces)
+        np.testing.assert_array_equal(decoded, faces)
     if order != "drop":
-        np.testing.assert_array_equal(found, coded.internal_to_given)
+        np.testing.assert_array_equal(order_of_vertices, coded.internal_to_given)
     np.testing.assert_array_equal(
         sorted_triangles(coded.internal_to_given[internal], n_verts),
         sorted_triangles(faces, n_verts),
@@ -71,7 +71,7 @@ def test_mesh_comes_back_exactly_whatever_its_faces(mesh, order):
 
 @settings(max_examples=draws(250))
 @given(meshes, st.booleans())
-def test_each_way_gives_the_same_triangles_even_where_the_other_is_shorter(mesh, listed):
+def test_listed_and_walked_faces_decode_to_the_same_triangles(mesh, listed):
     faces, n_verts = mesh
     payload, internal_to_given, internal = encode_faces(faces, n_verts, listed=listed)
     np.testing.assert_array_equal(decode_faces(payload, n_verts, len(faces)), internal)
@@ -84,7 +84,7 @@ def test_each_way_gives_the_same_triangles_even_where_the_other_is_shorter(mesh,
 
 @settings(max_examples=draws(150))
 @given(meshes, st.integers(0, 2**32 - 1), st.booleans())
-def test_order_comes_back_exactly_whatever_the_internal_order(mesh, seed, keep_faces):
+def test_the_original_order_round_trips_for_any_internal_order(mesh, seed, keep_faces):
     faces, n_verts = mesh
     rng = np.random.default_rng(seed)
     internal_to_given = rng.permutation(n_verts)
@@ -98,7 +98,7 @@ def test_order_comes_back_exactly_whatever_the_internal_order(mesh, seed, keep_f
 
 @settings(max_examples=draws(300))
 @given(st.binary(max_size=120), st.integers(1, 200), st.integers(1, 200))
-def test_any_bytes_give_a_mesh_or_our_error(data, n_verts, n_faces):
+def test_random_bytes_decode_to_a_mesh_or_our_error(data, n_verts, n_faces):
     try:
         faces = decode_connectivity(data, n_verts, n_faces)
     except MeshReelError:
@@ -109,7 +109,7 @@ def test_any_bytes_give_a_mesh_or_our_error(data, n_verts, n_faces):
 
 @settings(max_examples=draws(300))
 @given(meshes, st.data())
-def test_changed_bytes_give_a_mesh_or_our_error(mesh, data):
+def test_changed_bytes_decode_to_a_mesh_or_our_error(mesh, data):
     faces, n_verts = mesh
     coded = encode_connectivity(faces, n_verts, order=data.draw(orders))
     changed = []

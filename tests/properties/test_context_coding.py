@@ -26,7 +26,7 @@ def fields_and_passes(draw):
 
 @st.composite
 def passes_of(draw, n_columns):
-    """Every column once, in any passes; neighbours any columns before it, repeated too."""
+    """Every column once, in any passes; neighbors are any earlier columns, also repeated."""
     if draw(st.booleans()):
         return None
     order = draw(st.permutations(range(n_columns)))
@@ -34,8 +34,8 @@ def passes_of(draw, n_columns):
     passes = []
     for start, end in pairwise([0, *cuts, n_columns]):
         near = [
-            draw(st.lists(st.sampled_from(order[:place]), max_size=4)) if place else []
-            for place in range(start, end)
+            draw(st.lists(st.sampled_from(order[:i]), max_size=4)) if i else []
+            for i in range(start, end)
         ]
         passes.append(as_pass(order[start:end], near))
     return passes
@@ -43,7 +43,7 @@ def passes_of(draw, n_columns):
 
 @settings(max_examples=draws(300))
 @given(fields_and_passes())
-def test_fields_come_back_exactly_whatever_they_hold(case):
+def test_any_fields_round_trip(case):
     fields, passes = case
     data = encode_fields(fields, passes)
     np.testing.assert_array_equal(decode_fields(data, *fields.shape, passes=passes), fields)
@@ -51,7 +51,7 @@ def test_fields_come_back_exactly_whatever_they_hold(case):
 
 @settings(max_examples=draws(300))
 @given(st.binary(max_size=200), st.integers(0, 16), st.data())
-def test_any_bytes_give_fields_or_our_error(data, n_rows, drawn):
+def test_random_bytes_decode_to_fields_or_our_error(data, n_rows, drawn):
     n_columns = drawn.draw(st.integers(0, 40))
     passes = drawn.draw(passes_of(n_columns))
     try:
@@ -63,10 +63,10 @@ def test_any_bytes_give_fields_or_our_error(data, n_rows, drawn):
 
 @settings(max_examples=draws(200))
 @given(fields_and_passes(), st.data())
-def test_a_flipped_bit_gives_fields_or_our_error(case, drawn):
+def test_a_flipped_bit_decodes_to_fields_or_our_error(case, drawn):
     fields, passes = case
     data = bytearray(encode_fields(fields, passes))
-    data += bytes(not data)  # there is something to flip
+    data += bytes(not data)  # at least one byte to flip
     data[drawn.draw(st.integers(0, len(data) - 1))] ^= 1 << drawn.draw(st.integers(0, 7))
     try:
         decoded = decode_fields(bytes(data), *fields.shape, passes=passes)

@@ -1,4 +1,4 @@
-"""Corrections to bytes and back, and what bytes that were never written give."""
+"""Coding of corrections, and decoding of arbitrary bytes."""
 
 import numpy as np
 from hypothesis import given, settings
@@ -12,7 +12,7 @@ from samples.costs import draws
 
 @st.composite
 def corrections_of_blocks(draw):
-    """Corrections, and frames and vertices of their block: none, some, in runs, or all."""
+    """Corrections with the size of their block: none, some, in runs, or all."""
     n_frames, n_verts = draw(st.integers(1, 12)), draw(st.integers(1, 9))
     is_dense = draw(st.booleans())
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
@@ -35,7 +35,7 @@ def assert_equal(found, expected):
 
 
 def assert_usable(found, n_frames, n_verts):
-    """What no bytes may break: whatever is read moves positions that exist."""
+    """Assert that decoded corrections move existing positions."""
     assert found.vertices.shape == found.frames.shape == found.offsets.shape[:1]
     assert np.all((found.vertices >= 0) & (found.vertices < n_verts))
     assert np.all((found.frames >= 0) & (found.frames < n_frames))
@@ -43,7 +43,7 @@ def assert_usable(found, n_frames, n_verts):
 
 @settings(max_examples=draws(300))
 @given(corrections_of_blocks())
-def test_corrections_come_back_exactly_whatever_they_are(case):
+def test_any_corrections_round_trip(case):
     corrections, n_frames, n_verts = case
     payload = write_corrections(corrections)
     assert_equal(read_corrections(payload, 3, n_frames, n_verts), corrections)
@@ -51,7 +51,7 @@ def test_corrections_come_back_exactly_whatever_they_are(case):
 
 @settings(max_examples=draws(200))
 @given(corrections_of_blocks())
-def test_corrections_given_stay_as_they_are_when_written(case):
+def test_writing_does_not_change_corrections(case):
     corrections, _, _ = case
     before = [corrections.vertices.copy(), corrections.frames.copy(), corrections.offsets.copy()]
     write_corrections(corrections)
@@ -62,7 +62,7 @@ def test_corrections_given_stay_as_they_are_when_written(case):
 
 @settings(max_examples=draws(500))
 @given(st.binary(max_size=200), st.integers(1, 30), st.integers(1, 30))
-def test_any_bytes_give_corrections_or_our_error(data, n_frames, n_verts):
+def test_random_bytes_decode_to_corrections_or_our_error(data, n_frames, n_verts):
     try:
         found = read_corrections(data, 3, n_frames, n_verts)
     except CorruptStreamError:
@@ -72,11 +72,11 @@ def test_any_bytes_give_corrections_or_our_error(data, n_frames, n_verts):
 
 @settings(max_examples=draws(500))
 @given(corrections_of_blocks(), st.lists(st.tuples(st.integers(0), st.integers(0, 7)), min_size=1))
-def test_flipped_bits_give_corrections_or_our_error(case, flips):
+def test_flipped_bits_decode_to_corrections_or_our_error(case, flips):
     corrections, n_frames, n_verts = case
     data = bytearray(write_corrections(corrections))
-    for place, bit in flips:
-        data[place % len(data)] ^= 1 << bit
+    for position, bit in flips:
+        data[position % len(data)] ^= 1 << bit
     try:
         found = read_corrections(bytes(data), 3, n_frames, n_verts)
     except CorruptStreamError:
@@ -86,7 +86,7 @@ def test_flipped_bits_give_corrections_or_our_error(case, flips):
 
 @settings(max_examples=draws(100))
 @given(corrections_of_blocks())
-def test_corrections_are_usable_or_refused_when_they_are_cut(case):
+def test_truncated_corrections_are_valid_or_refused(case):
     corrections, n_frames, n_verts = case
     payload = write_corrections(corrections)
     for size in range(len(payload)):
@@ -99,7 +99,7 @@ def test_corrections_are_usable_or_refused_when_they_are_cut(case):
 
 @settings(max_examples=draws(300))
 @given(corrections_of_blocks(), st.integers(1, 12), st.integers(1, 9))
-def test_corrections_of_a_larger_block_are_refused_when_they_do_not_fit(case, n_frames, n_verts):
+def test_corrections_outside_of_the_block_are_refused(case, n_frames, n_verts):
     corrections, _, _ = case
     fits = np.all(corrections.vertices < n_verts) and np.all(corrections.frames < n_frames)
     try:

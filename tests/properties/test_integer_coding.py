@@ -14,7 +14,7 @@ rows = st.lists(st.lists(integers, max_size=60), max_size=6)
 
 @settings(max_examples=draws(200))
 @given(rows, st.data())
-def test_rows_come_back_exactly_whatever_they_hold(values, data):
+def test_any_rows_round_trip(values, data):
     tables = data.draw(st.lists(st.integers(0, 3), min_size=len(values), max_size=len(values)))
     arrays = [np.array(row, np.int64) for row in values]
     decoded = decode_integers(encode_integers(arrays, tables), [len(row) for row in values], tables)
@@ -23,7 +23,7 @@ def test_rows_come_back_exactly_whatever_they_hold(values, data):
 
 @settings(max_examples=draws(300))
 @given(st.binary(max_size=200), st.lists(st.integers(0, 500), max_size=4))
-def test_any_bytes_give_rows_or_our_error(data, lengths):
+def test_random_bytes_decode_to_rows_or_our_error(data, lengths):
     try:
         decoded = decode_integers(data, lengths)
     except MeshReelError:

@@ -1,4 +1,4 @@
-"""What is promised of the largest error holds, whatever the mesh."""
+"""The guaranteed error bound holds for any mesh."""
 
 import numpy as np
 from hypothesis import HealthCheck, assume, event, example, given, settings
@@ -9,8 +9,8 @@ from meshreel.codec.reel.encoding.corrections import FLOOR
 from samples.costs import draws
 from samples.strategies import bodies, moving, odd_sequences
 
-MOST_ROUNDING = 4.0
-"""A promise may be refused if it is below so many spacings of the number type, and the floor."""
+MAX_ROUNDING = 4.0
+"""Bounds below this many spacings of the number type, plus the floor, may be refused."""
 
 PERCENTS = (1e-4, 0.01, 0.3, 5.0, 80.0)
 CUTS = st.sampled_from([None, None, 1, 5])
@@ -24,20 +24,20 @@ def many_components():
 
 
 def spacing_percent(sequence):
-    """Spacing of the coordinates' number type in percent of the diagonal."""
+    """Return the spacing of the coordinates' number type in percent of the diagonal."""
     vertices = sequence.vertices
     diagonal = np.linalg.norm(np.ptp(vertices.astype(np.float64), axis=(0, 1))) or 1.0
     return 100 * float(np.spacing(np.abs(vertices).max())) / diagonal
 
 
-def assert_promise_is_kept(sequence, percent, **options):
+def assert_bound_holds(sequence, percent, **options):
     try:
         data = encode(sequence, max_error=percent, **options)
     except InvalidInputError as error:
         event("refused")
         message = str(error)
         assert "cannot be promised" in message
-        assert percent < MOST_ROUNDING * spacing_percent(sequence) + 101 * FLOOR
+        assert percent < MAX_ROUNDING * spacing_percent(sequence) + 101 * FLOOR
         return
     decoded = decode(data)
     np.testing.assert_array_equal(decoded.faces, sequence.faces)
@@ -49,28 +49,24 @@ def assert_promise_is_kept(sequence, percent, **options):
 @given(odd_sequences(), st.sampled_from(PERCENTS), st.integers(1, 9), CUTS, FEW_MODES)
 @example(many_components(), 0.05, 5, None, None)
 @example(many_components(), 0.5, 1, 3, 1)
-def test_largest_error_is_as_promised_whatever_the_mesh(
-    sequence, percent, effort, block_frames, n_modes
-):
-    """Few modes leave much to correct."""
+def test_the_error_bound_holds_for_any_mesh(sequence, percent, effort, block_frames, n_modes):
+    """Few modes require many corrections."""
     options = {"effort": effort, "block_frames": block_frames, "n_modes": n_modes}
-    assert_promise_is_kept(sequence, percent, **options)
+    assert_bound_holds(sequence, percent, **options)
 
 
 @settings(max_examples=draws(60), suppress_health_check=[HealthCheck.too_slow])
 @given(odd_sequences(np.float32), st.floats(0.1, 20.0), FEW_MODES)
-def test_largest_error_is_as_promised_when_it_is_near_the_spacing_of_the_number_type(
-    sequence, spacings, n_modes
-):
+def test_bounds_near_the_spacing_of_the_number_type_hold(sequence, spacings, n_modes):
     percent = spacings * spacing_percent(sequence)
     assume(percent < 1e4)  # a point far away
-    assert_promise_is_kept(sequence, percent, n_modes=n_modes, effort=1)
+    assert_bound_holds(sequence, percent, n_modes=n_modes, effort=1)
 
 
 @settings(max_examples=draws(60), suppress_health_check=[HealthCheck.too_slow])
 @given(odd_sequences(), st.sampled_from(PERCENTS), CUTS, FEW_MODES, st.data())
-def test_part_is_as_promised_when_frames_are_chosen(sequence, percent, block_frames, n_modes, data):
-    """Corrections fall on the frames that they are of."""
+def test_the_error_bound_holds_for_ranges_of_frames(sequence, percent, block_frames, n_modes, data):
+    """Corrections are applied to the right frames."""
     start = data.draw(st.integers(0, sequence.n_frames - 1))
     frames = slice(start, data.draw(st.integers(start + 1, sequence.n_frames)))
     try:

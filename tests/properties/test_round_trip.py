@@ -27,7 +27,7 @@ def irregular_sequences(draw):
 
 @settings(max_examples=draws(150))
 @given(irregular_sequences(), st.sampled_from(["normalized", "combinatorial"]))
-def test_any_mesh_comes_back_when_the_papers_method_keeps_all_modes(sequence, laplacian):
+def test_the_papers_method_with_all_modes_round_trips_any_mesh(sequence, laplacian):
     data = encode(sequence, "pca-qp", n_modes=sequence.n_frames, bits=24, laplacian=laplacian)
     decoded = decode(data)
     np.testing.assert_array_equal(decoded.faces, sequence.faces)
@@ -44,14 +44,14 @@ def test_any_mesh_comes_back_when_the_papers_method_keeps_all_modes(sequence, la
     st.integers(1, 6),
     st.booleans(),
 )
-def test_every_bit_of_any_mesh_comes_back_when_it_is_lossless(
+def test_lossless_coding_preserves_every_bit_of_any_mesh(
     sequence, dtype, order, block_frames, is_rounded
 ):
     vertices = np.round(sequence.vertices, 1) if is_rounded else sequence.vertices
-    given_sequence = MeshSequence((-vertices).astype(dtype), sequence.faces)  # zeros become -0.0
-    data = encode(given_sequence, lossless=True, order=order, block_frames=block_frames)
+    sequence_of_type = MeshSequence((-vertices).astype(dtype), sequence.faces)  # zeros become -0.0
+    data = encode(sequence_of_type, lossless=True, order=order, block_frames=block_frames)
     decoded = decode(data)
     assert decoded.vertices.dtype == dtype
-    assert decoded.vertices.tobytes() == given_sequence.vertices.tobytes()
+    assert decoded.vertices.tobytes() == sequence_of_type.vertices.tobytes()
     if order == "keep":
         np.testing.assert_array_equal(decoded.faces, sequence.faces)

@@ -1,4 +1,4 @@
-"""Alembic files as Maya and Houdini wrote them."""
+"""Alembic files written by Maya and Houdini."""
 
 import os
 from pathlib import Path
@@ -12,39 +12,41 @@ from meshreel.formats.save import save
 pytestmark = pytest.mark.real
 
 LAST_PLACE = 2.0**-24
-"""Of the coordinates of these models, which go up to 2."""
+"""Of coordinates up to 2."""
 
 
 @pytest.fixture(params=["bone", "balloons"])
 def pair(request):
-    """What we read of a file, what Blender made of it, and its positions turned from z to y up."""
+    """Our reading of a file, Blender's, and Blender's positions rotated to y up."""
     folder = os.environ.get("MESHREEL_DATA")
     if not folder:
-        pytest.skip("MESHREEL_DATA names no folder of real sequences")
-    known = load(Path(folder) / f"{request.param}.npz")
-    turned = known.vertices[..., [0, 2, 1]] * np.float32([1, 1, -1])
-    return load(Path(folder) / "native" / f"{request.param}.abc"), known, turned
+        pytest.skip("MESHREEL_DATA is not set")
+    blender = load(Path(folder) / f"{request.param}.npz")
+    rotated = blender.vertices[..., [0, 2, 1]] * np.float32([1, 1, -1])
+    return load(Path(folder) / "native" / f"{request.param}.abc"), blender, rotated
 
 
-def test_load_gives_the_faces_of_blender_when_a_program_wrote_quads(pair):
-    found, known, _ = pair
-    np.testing.assert_array_equal(found.faces, known.faces)
+def test_faces_match_blenders(pair):
+    found, blender, _ = pair
+    np.testing.assert_array_equal(found.faces, blender.faces)
 
 
-def test_load_gives_the_positions_of_blender_when_a_program_wrote_them(pair):
+def test_positions_match_blenders(pair):
     # Blender adds the translation of "bone" in float32, we in float64; "balloons" has none.
-    found, _, turned = pair
-    assert np.abs(found.vertices - turned).max() <= (LAST_PLACE if found.name == "BoneShape" else 0)
+    found, _, rotated = pair
+    assert np.abs(found.vertices - rotated).max() <= (
+        LAST_PLACE if found.name == "BoneShape" else 0
+    )
     assert (found.fps, found.start_s) == (24.0, 1 / 24)
 
 
-def test_load_gives_faces_that_look_outward_when_a_program_wrote_them_clockwise(pair):
+def test_clockwise_faces_are_reversed_to_face_outward(pair):
     found, _, _ = pair
     first, second, third = np.moveaxis(found.vertices[0][found.faces].astype(float), 1, 0)
     assert np.einsum("ij,ij->", first, np.cross(second, third)) > 0
 
 
-def test_load_gives_back_all_exactly_when_save_wrote_what_it_read(tmp_path, pair):
+def test_alembic_round_trips_exactly(tmp_path, pair):
     found, _, _ = pair
     save(found, tmp_path / "a.abc")
     back = load(tmp_path / "a.abc")

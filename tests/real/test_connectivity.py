@@ -1,4 +1,4 @@
-"""The face lists of the real sequences, whose orders have the structure that programs give."""
+"""Face lists of real sequences, with the structure that programs give them."""
 
 import os
 from pathlib import Path
@@ -18,7 +18,7 @@ pytestmark = [
     pytest.mark.skipif("MESHREEL_DATA" not in os.environ, reason="MESHREEL_DATA is not set"),
 ]
 
-# Bits per vertex that the faces in their given order must stay below: measured, and 2 % more.
+# Limits in bits per vertex of faces and order: measured figures plus 2 %.
 LIMITS = {
     "balloons": 13.5,
     "bone": 12.8,
@@ -31,7 +31,7 @@ LIMITS = {
     "samba": 29.9,
 }
 
-# The same of the surface, without any order.
+# The same without the order.
 SURFACE_LIMITS = {
     "balloons": 0.34,
     "bone": 0.44,
@@ -62,7 +62,7 @@ def sorted_triangles(faces, n_verts):
 
 
 @pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
-def test_faces_come_back_exactly_when_sequence_is_real(mesh, order):
+def test_real_faces_round_trip_exactly(mesh, order):
     faces, n_verts = mesh
     coded = encode_connectivity(faces, n_verts, order=order)
     internal = decode_connectivity(coded.payload, n_verts, len(faces))
@@ -79,11 +79,11 @@ def test_faces_come_back_exactly_when_sequence_is_real(mesh, order):
     )
 
 
-def test_surface_stays_below_its_rate_when_sequence_is_real(name, mesh):
+def test_connectivity_of_real_surfaces_stays_below_its_rate(name, mesh):
     coded = encode_connectivity(*mesh, order="drop")
     assert 8 * len(coded.payload) < SURFACE_LIMITS[name] * mesh[1]
 
 
-def test_given_order_stays_below_its_rate_when_sequence_is_real(name, mesh):
+def test_original_order_of_real_meshes_stays_below_its_rate(name, mesh):
     coded = encode_connectivity(*mesh)
     assert 8 * (len(coded.payload) + len(coded.order_payload)) < LIMITS[name] * mesh[1]

@@ -1,4 +1,4 @@
-"""Real sequences through point caches, HDF5 and VTKHDF and back."""
+"""Real sequences round-trip through point caches, HDF5 and VTKHDF."""
 
 import os
 from pathlib import Path
@@ -18,13 +18,13 @@ pytestmark = pytest.mark.real
 def sequence(request):
     folder = os.environ.get("MESHREEL_DATA")
     if not folder:
-        pytest.skip("MESHREEL_DATA names no folder of real sequences")
+        pytest.skip("MESHREEL_DATA is not set")
     whole = load(Path(folder) / f"{request.param}.npz")
     return MeshSequence(whole.vertices[:40], whole.faces, 29.97, whole.name, 1.5)
 
 
 @pytest.mark.parametrize("ending", ["npz", "h5", "vtkhdf"])
-def test_load_gives_back_all_exactly_when_save_wrote_one_file(tmp_path, sequence, ending):
+def test_single_file_formats_round_trip_exactly(tmp_path, sequence, ending):
     [path] = save(sequence, tmp_path / f"a.{ending}")
     for found in (load(path), open_source(path)):
         assert found.read(0, 40).tobytes() == sequence.vertices.tobytes()
@@ -33,7 +33,7 @@ def test_load_gives_back_all_exactly_when_save_wrote_one_file(tmp_path, sequence
 
 
 @pytest.mark.parametrize("ending", ["pc2", "mdd"])
-def test_load_gives_back_positions_exactly_when_save_wrote_a_cache(tmp_path, sequence, ending):
+def test_point_caches_round_trip_positions_exactly(tmp_path, sequence, ending):
     path, topology = save(sequence, tmp_path / f"a.{ending}")
     for found in (load(path, topology=topology), open_source(path, topology=topology)):
         assert found.read(0, 40).tobytes() == sequence.vertices.tobytes()
@@ -41,7 +41,7 @@ def test_load_gives_back_positions_exactly_when_save_wrote_a_cache(tmp_path, seq
         assert found.fps == {"pc2": 0, "mdd": 29.97}[ending]
 
 
-def test_vtk_reads_positions_exactly_when_save_wrote_vtkhdf(tmp_path, sequence):
+def test_vtk_reads_exact_positions_from_our_vtkhdf(tmp_path, sequence):
     pytest.importorskip("vtkmodules")
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkIOHDF import vtkHDFReader

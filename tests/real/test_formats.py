@@ -1,4 +1,4 @@
-"""A real sequence through every frame format and back."""
+"""A real sequence round-trips through every frame format."""
 
 import os
 from pathlib import Path
@@ -17,13 +17,13 @@ pytestmark = pytest.mark.real
 def samba():
     folder = os.environ.get("MESHREEL_DATA")
     if not folder:
-        pytest.skip("MESHREEL_DATA names no folder of real sequences")
+        pytest.skip("MESHREEL_DATA is not set")
     whole = load(Path(folder) / "samba.npz")
     return MeshSequence(whole.vertices[:5], whole.faces, whole.fps, whole.name)
 
 
 @pytest.mark.parametrize("ending", ["obj", "ply", "off"])
-def test_load_gives_back_samba_exactly_when_save_wrote_frames(tmp_path, samba, ending):
+def test_text_and_ply_frames_round_trip_exactly(tmp_path, samba, ending):
     save(samba, tmp_path / f"samba_%04d.{ending}")
     found = load(tmp_path)
     assert found.vertices.dtype == samba.vertices.dtype
@@ -31,7 +31,7 @@ def test_load_gives_back_samba_exactly_when_save_wrote_frames(tmp_path, samba, e
     np.testing.assert_array_equal(found.faces, samba.faces)
 
 
-def test_load_gives_back_the_geometry_of_samba_when_save_wrote_stl(tmp_path, samba):
+def test_stl_frames_round_trip_the_geometry(tmp_path, samba):
     save(samba, tmp_path / "samba_%04d.stl")
     found = load(tmp_path)
     assert found.n_verts <= samba.n_verts

@@ -1,4 +1,4 @@
-"""A skinned walk as glTF against the same walk as other programs bake it."""
+"""A skinned glTF walk matches the same walk baked by other programs."""
 
 import os
 from dataclasses import replace
@@ -15,14 +15,14 @@ from samples.opening import open_source
 pytestmark = pytest.mark.real
 
 TOLERANCE = 1e-6
-"""Of a model 1.5 high; all are float32, and positions differ by 7e-7 at most."""
+"""The model is 1.5 high; positions in float32 differ by at most 7e-7."""
 
 
 @pytest.fixture(scope="module")
 def folder():
     name = os.environ.get("MESHREEL_DATA")
     if not name:
-        pytest.skip("MESHREEL_DATA names no folder of real sequences")
+        pytest.skip("MESHREEL_DATA is not set")
     return Path(name)
 
 
@@ -31,15 +31,15 @@ def walk(folder):
     return load(folder / "native" / "cesium_man.glb")
 
 
-def test_walk_has_the_frames_of_the_baked_one_when_its_axes_are_turned(folder, walk):
+def test_walk_matches_the_baked_frames(folder, walk):
     baked = load(folder / "cesium_man.npz")  # z is up, in glTF it is y
-    turned = baked.vertices[:, :, [0, 2, 1]] * [1, 1, -1]
+    rotated = baked.vertices[:, :, [0, 2, 1]] * [1, 1, -1]
     np.testing.assert_array_equal(walk.faces, baked.faces)
-    np.testing.assert_allclose(walk.vertices, turned, rtol=0, atol=TOLERANCE)
+    np.testing.assert_allclose(walk.vertices, rotated, rtol=0, atol=TOLERANCE)
     assert (walk.fps, walk.start_s) == (baked.fps, 1 / 24)
 
 
-def test_walk_is_where_openusd_puts_it_when_it_comes_from_the_same_scene(folder, walk):
+def test_walk_matches_openusd_skinning(folder, walk):
     usd, geom, skel, vt = (
         pytest.importorskip(f"pxr.{name}") for name in ("Usd", "UsdGeom", "UsdSkel", "Vt")
     )
@@ -62,19 +62,19 @@ def test_walk_is_where_openusd_puts_it_when_it_comes_from_the_same_scene(folder,
         np.testing.assert_allclose(found, expected[corners], rtol=0, atol=TOLERANCE)
 
 
-def test_walk_is_sampled_between_its_keys_when_fps_is_given(folder, walk):
+def test_fps_samples_the_walk_between_its_keys(folder, walk):
     found = load(folder / "native" / "cesium_man.glb", fps=48)
     assert (found.n_frames, found.fps, found.start_s) == (95, 48, walk.start_s)
     np.testing.assert_array_equal(found.vertices[::2], walk.vertices)
 
 
-def test_walk_is_read_bit_by_bit_when_it_stays_in_its_file(folder, walk):
+def test_frames_on_demand_equal_loaded_frames(folder, walk):
     opened = open_source(folder / "native" / "cesium_man.glb", max_loaded_bytes=0)
     assert opened.read(0, walk.n_frames).tobytes() == walk.vertices.tobytes()
     assert opened.read(30, 31).tobytes() == walk.vertices[30:31].tobytes()
 
 
-def test_walk_has_its_seams_at_corners_when_vertices_are_welded(folder, walk):
+def test_welded_vertices_keep_seams_at_corners(folder, walk):
     notes = []
     load(folder / "native" / "cesium_man.glb", notes=notes)
     assert "welded 3273 vertices, split at seams, to 2338" in notes
@@ -84,7 +84,7 @@ def test_walk_has_its_seams_at_corners_when_vertices_are_welded(folder, walk):
     assert materials.labels == ("Cesium_Man-effect",)
 
 
-def test_walk_takes_a_third_less_when_its_texture_coordinates_are_texels(walk):
+def test_rounding_uvs_to_texels_saves_a_third(walk):
     bare = replace(walk, surface=walk.surface.without_materials())
     exact, texels = (meshreel.encode(bare, uv_bits=bits) for bits in (None, 12))
     bytes_of = [meshreel.info(data).budget_bytes["attribute"] for data in (exact, texels)]
@@ -93,8 +93,8 @@ def test_walk_takes_a_third_less_when_its_texture_coordinates_are_texels(walk):
     assert measure_uvs(walk, texels).texels <= 0.5
 
 
-def test_walk_is_shaded_within_5_degrees_when_it_is_written_by_default(walk, tmp_path):
+def test_default_glb_normals_are_within_5_degrees(walk, tmp_path):
     notes = []
     meshreel.save(walk, tmp_path / "walk.glb", notes=notes)
-    (said,) = (note.split() for note in notes if note.startswith("normals are smooth"))
-    assert float(said[said.index("degrees") - 1]) < 5
+    (words,) = (note.split() for note in notes if note.startswith("normals are smooth"))
+    assert float(words[words.index("degrees") - 1]) < 5

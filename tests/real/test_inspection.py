@@ -1,4 +1,4 @@
-"""What files of other programs hold, as `meshreel info` tells it."""
+"""`meshreel info` on files of other programs."""
 
 import os
 from pathlib import Path
@@ -16,14 +16,14 @@ pytestmark = pytest.mark.real
 def native():
     folder = Path(os.environ.get("MESHREEL_DATA", "nowhere")) / "native"
     if not folder.is_dir():
-        pytest.skip("MESHREEL_DATA names no folder with files of other programs")
+        pytest.skip("MESHREEL_DATA has no folder native")
     return folder
 
 
-def test_both_meshes_are_told_when_a_package_holds_two(native):
+def test_both_meshes_of_a_package_are_listed(native):
     path = native / "odd" / "BoxAnimated.usdz"
     if not path.is_file():
-        pytest.skip(f"{path.name} is not there")
+        pytest.skip(f"{path.name} is missing")
     found = inspect_source(path, ReadOptions()).meshes
     assert [(mesh.name.rpartition("/")[2], mesh.n_verts, mesh.n_faces) for mesh in found] == [
         ("node_3", 224, 192),
@@ -32,9 +32,9 @@ def test_both_meshes_are_told_when_a_package_holds_two(native):
 
 
 @pytest.mark.parametrize("name", ["bone.abc", "cesium_man.glb", "cesium_man.usdz"])
-def test_figures_are_those_of_the_sequence_when_it_is_loaded(native, name):
+def test_reported_figures_match_the_loaded_sequence(native, name):
     if not (native / name).is_file():
-        pytest.skip(f"{name} is not there")
+        pytest.skip(f"{name} is missing")
     sequence = load(native / name)
     [found] = inspect_source(native / name, ReadOptions()).meshes
     assert (found.n_frames, found.n_verts, found.n_faces) == (
@@ -47,10 +47,10 @@ def test_figures_are_those_of_the_sequence_when_it_is_loaded(native, name):
     assert found.high == tuple(sequence.extent.high.tolist())
 
 
-def test_only_mesh_is_taken_when_its_root_is_named(native):
+def test_the_root_selects_its_only_mesh(native):
     path = native / "bone.abc"
     if not path.is_file():
-        pytest.skip(f"{path.name} is not there")
+        pytest.skip(f"{path.name} is missing")
     [found] = inspect_source(path, ReadOptions()).meshes
     root = "/" + found.name.strip("/").partition("/")[0]
     assert inspect_source(path, ReadOptions(object=root)).meshes == (found,)

@@ -1,4 +1,4 @@
-"""Real sequences come back bit for bit, in fewer bytes than general coders take."""
+"""Real sequences round-trip bit for bit, in fewer bytes than with general compressors."""
 
 import lzma
 import os
@@ -16,17 +16,17 @@ NAMES = ("samba", "cow", "dance", "horse_gallop", "chicken", "balloons", "bone",
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_bit_of_a_real_sequence_comes_back(name):
+def test_real_sequences_round_trip_bit_for_bit(name):
     folder = os.environ.get("MESHREEL_DATA")
     if not folder:
-        pytest.skip("MESHREEL_DATA names no folder of real sequences")
+        pytest.skip("MESHREEL_DATA is not set")
     whole = meshreel.load(Path(folder) / f"{name}.npz")
     for dtype in (np.float32, np.float64):
         vertices = whole.vertices[:20].astype(dtype)
-        given = MeshSequence(vertices, whole.faces, whole.fps)
-        data = meshreel.encode(given, lossless=True, block_frames=12)
+        original = MeshSequence(vertices, whole.faces, whole.fps)
+        data = meshreel.encode(original, lossless=True, block_frames=12)
         found = meshreel.decode(data)
         assert found.vertices.dtype == dtype
         assert found.vertices.tobytes() == vertices.tobytes()
-        assert found.faces.tobytes() == given.faces.tobytes()
+        assert found.faces.tobytes() == original.faces.tobytes()
         assert len(data) < len(lzma.compress(vertices.tobytes(), preset=1))

@@ -1,4 +1,4 @@
-"""The main job on real sequences; they run where MESHREEL_DATA names their folder."""
+"""Rates and errors of real sequences, in the folder MESHREEL_DATA."""
 
 import os
 from dataclasses import replace
@@ -14,8 +14,8 @@ pytestmark = [
     pytest.mark.skipif("MESHREEL_DATA" not in os.environ, reason="MESHREEL_DATA is not set"),
 ]
 
-# Bits per vertex and frame (order dropped), KG error in percent and STED of quality 80: measured,
-# and 4 % more.
+# Bits per vertex and frame (order dropped), KG error in percent and STED of quality 80: measured
+# figures plus 4 %.
 LIMITS = {
     "samba": (0.308, 0.245, 0.0157),
     "jumping": (0.565, 0.301, 0.0210),
@@ -34,7 +34,7 @@ def load(name):
 
 
 @pytest.mark.parametrize("name", LIMITS)
-def test_sequence_comes_back_within_its_limits_when_coded_by_default(name):
+def test_default_encoding_stays_within_its_limits(name):
     sequence = load(name)
     data = meshreel.encode(sequence)
     decoded = meshreel.decode(data)
@@ -47,8 +47,8 @@ def test_sequence_comes_back_within_its_limits_when_coded_by_default(name):
     assert quality.sted < sted_limit
 
 
-def test_samba_comes_back_when_it_goes_in_as_a_folder_of_obj_files(tmp_path):
-    """What a codec makes of these arrays is tested with the same arrays from another file."""
+def test_samba_round_trips_through_obj_files(tmp_path):
+    """Other tests cover coding of the same arrays."""
     sequence = load("samba")
     sequence = replace(sequence, vertices=sequence.vertices[:40])
     (tmp_path / "frames").mkdir()
@@ -59,28 +59,28 @@ def test_samba_comes_back_when_it_goes_in_as_a_folder_of_obj_files(tmp_path):
     assert from_files.fps == sequence.fps
 
 
-# Targets, and how far from them the figure of the stream may be at most.
+# Targets, and the smallest share of each that the stream must use.
 TARGETS = [("kg", 0.5, 0.97), ("sted", 0.03, 0.97), ("bpvf", 0.6, 0.97), ("max_error", 0.1, 0.9)]
 
 
 @pytest.mark.parametrize("name", ["cow", "bone"])
-@pytest.mark.parametrize(("aim", "limit", "least_share"), TARGETS)
-def test_target_is_met_and_used_up_when_sequence_is_real(name, aim, limit, least_share):
+@pytest.mark.parametrize(("target", "limit", "min_share"), TARGETS)
+def test_targets_are_met_closely(name, target, limit, min_share):
     sequence = load(name)
-    data = meshreel.encode(sequence, **{aim: limit})
+    data = meshreel.encode(sequence, **{target: limit})
     quality = meshreel.compare(sequence, meshreel.decode(data))
-    found = {
+    measured = {
         "kg": quality.kg_error_percent,
         "sted": quality.sted,
         "max_error": quality.max_error_percent,
         "bpvf": meshreel.info(data).rate_bpvf,
     }
-    assert least_share * limit < found[aim] <= limit
+    assert min_share * limit < measured[target] <= limit
 
 
 @pytest.mark.parametrize("step", [1e-4, 1e-6])
-def test_errors_stay_at_the_step_when_weights_are_large(step):
-    """Values grow 30-fold from scale to scale: without a limit, feedback made errors of 7,500."""
+def test_large_weights_do_not_amplify_errors(step):
+    """Values grow 30-fold per resolution: without a limit, feedback caused errors of 7,500."""
     sequence = load("hostile/growing")
     decoded = meshreel.decode(meshreel.encode(sequence, step=step))
     error = np.linalg.norm(decoded.vertices - sequence.vertices, axis=2).max()

@@ -1,4 +1,4 @@
-"""Materials and images of files that other programs wrote, through streams and other formats."""
+"""Materials and images of other programs survive streams and other formats."""
 
 import json
 import os
@@ -20,19 +20,19 @@ pytestmark = pytest.mark.real
 def folder():
     found = os.environ.get("MESHREEL_DATA")
     if not found:
-        pytest.skip("MESHREEL_DATA names no folder of real sequences")
+        pytest.skip("MESHREEL_DATA is not set")
     return Path(found) / "native"
 
 
 @pytest.fixture(scope="module")
 def decoded(folder):
-    """What comes back of each walk that was encoded."""
+    """Return the decoded walks by file name."""
     names = ("cesium_man.glb", "cesium_man.usdz")
     return {name: meshreel.decode(meshreel.encode(load(folder / name))) for name in names}
 
 
 def glb_of(path):
-    """The JSON of a GLB file, and the bytes of its first image, by the specification alone."""
+    """Return the JSON of a GLB file and the bytes of its first image, without our reader."""
     data = path.read_bytes()
     (length,) = struct.unpack_from("<I", data, 12)
     document = json.loads(data[20 : 20 + length])
@@ -46,9 +46,7 @@ def package_images(path):
         return [package.read(one) for one in package.namelist() if not one.endswith(".usdc")]
 
 
-def test_image_and_material_come_back_when_a_glb_is_written_from_a_stream(
-    folder, decoded, tmp_path
-):
+def test_glb_from_a_stream_keeps_image_and_material(folder, decoded, tmp_path):
     save(decoded["cesium_man.glb"], tmp_path / "a.glb")
     given, image = glb_of(folder / "cesium_man.glb")
     found, found_image = glb_of(tmp_path / "a.glb")
@@ -60,15 +58,13 @@ def test_image_and_material_come_back_when_a_glb_is_written_from_a_stream(
         "metallicFactor": 0.0,
         "baseColorTexture": {"index": 0},
     }
-    # All else is as the standard has it where a file is silent.
+    # Everything else has the defaults of the standard.
     assert set(material) == {"name", "pbrMetallicRoughness"}
     assert expected["pbrMetallicRoughness"]["roughnessFactor"] == 1
     assert isinstance(Glb.read((tmp_path / "a.glb").read_bytes()), Glb)
 
 
-def test_image_and_material_come_back_when_a_package_is_written_from_a_stream(
-    folder, decoded, tmp_path
-):
+def test_usdz_from_a_stream_keeps_image_and_material(folder, decoded, tmp_path):
     given = load(folder / "cesium_man.usdz").surface
     save(decoded["cesium_man.usdz"], tmp_path / "a.usdz")
     found = load(tmp_path / "a.usdz").surface
@@ -79,9 +75,7 @@ def test_image_and_material_come_back_when_a_package_is_written_from_a_stream(
 
 @pytest.mark.parametrize("ending", ["usda", "usdz", "gltf"])
 @pytest.mark.parametrize("name", ["cesium_man.glb", "cesium_man.usdz"])
-def test_image_and_factors_are_the_same_when_they_went_through_another_format(
-    decoded, tmp_path, name, ending
-):
+def test_other_formats_keep_image_and_factors(decoded, tmp_path, name, ending):
     save(decoded[name], tmp_path / f"a.{ending}")
     again = meshreel.decode(meshreel.encode(load(tmp_path / f"a.{ending}")))
     save(again, tmp_path / "b.glb")
@@ -99,7 +93,7 @@ def test_image_and_factors_are_the_same_when_they_went_through_another_format(
     assert one.textures.keys() == {"base_color"}
 
 
-def test_most_of_a_stream_is_its_image_when_info_counts_it(folder):
-    told = meshreel.info(meshreel.encode(load(folder / "cesium_man.usdz")))
-    assert told.budget_bytes["image"] == 209908 + len("CesiumMan_img0") + len("image/jpeg") + 10
-    assert told.materials == ("Cesium_Man_effect: base color image 0",)
+def test_info_reports_the_bytes_of_the_image(folder):
+    stream = meshreel.info(meshreel.encode(load(folder / "cesium_man.usdz")))
+    assert stream.budget_bytes["image"] == 209908 + len("CesiumMan_img0") + len("image/jpeg") + 10
+    assert stream.materials == ("Cesium_Man_effect: base color image 0",)

@@ -1,7 +1,7 @@
-"""Cross-check against an independent implementation of the same definitions.
+"""Metrics match an independent implementation of the same definitions.
 
 Decoded = round(v / q) q with q = 1e-3 of the diagonal of the whole sequence. The figures have
-six decimals, so half of the last one is allowed beside the relative tolerance.
+six decimals, so half of the last one is added to the relative tolerance.
 """
 
 import os
@@ -34,7 +34,7 @@ CASES = [
 def rounded_quality(name):
     folder = os.environ.get("MESHREEL_DATA")
     if not folder or not Path(folder, f"{name}.npz").exists():
-        pytest.skip(f"MESHREEL_DATA names no folder with {name}.npz")
+        pytest.skip(f"MESHREEL_DATA contains no {name}.npz")
     with np.load(Path(folder, f"{name}.npz")) as arrays:
         vertices, faces = arrays["vertices"].astype(np.float64), arrays["faces"]
     step = 1e-3 * np.linalg.norm(np.ptp(vertices, axis=(0, 1)))
@@ -43,6 +43,6 @@ def rounded_quality(name):
 
 
 @pytest.mark.parametrize(("name", "figure", "expected"), CASES)
-def test_compare_agrees_with_the_cross_check_when_rounded(name, figure, expected):
+def test_compare_agrees_with_the_cross_check(name, figure, expected):
     found = getattr(rounded_quality(name), figure)
     assert found == pytest.approx(expected, rel=1e-5, abs=5.1e-7)

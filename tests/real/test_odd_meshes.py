@@ -1,4 +1,4 @@
-"""Small files of other programs that were read wrongly, or refused, against other readers."""
+"""Files of other programs that were once misread or refused, compared with other readers."""
 
 import os
 import re
@@ -24,9 +24,9 @@ pytestmark = pytest.mark.real
 def folder():
     name = os.environ.get("MESHREEL_DATA")
     if not name:
-        pytest.skip("MESHREEL_DATA names no folder of real sequences")
+        pytest.skip("MESHREEL_DATA is not set")
     if not (Path(name) / "native" / "odd").is_dir():
-        pytest.skip("there is no folder of odd files")
+        pytest.skip("the folder native/odd is missing")
     return Path(name)
 
 
@@ -36,21 +36,21 @@ def odd(folder):
 
 
 def sorted_triangles(vertices, faces):
-    """The corners of every triangle, in an order that does not depend on that of the faces."""
+    """Return the corners of all triangles in a canonical order."""
     corners = np.asarray(vertices, np.float64)[np.asarray(faces)]
     first = np.lexsort(np.moveaxis(corners.round(5), 2, 0)[::-1], axis=1)[:, 0]
-    turned = (first[:, None] + np.arange(3)) % 3
-    corners = np.take_along_axis(corners, turned[:, :, None], axis=1).reshape(-1, 9)
+    rotated = (first[:, None] + np.arange(3)) % 3
+    corners = np.take_along_axis(corners, rotated[:, :, None], axis=1).reshape(-1, 9)
     return corners[np.lexsort(corners.round(5).T[::-1])]
 
 
 def trimesh_triangles(path):
-    """What trimesh reads of a file, all its meshes in the world."""
+    """Return all triangles that trimesh reads, in world space."""
     mesh = trimesh.load_scene(path).to_mesh()
     return sorted_triangles(mesh.vertices, mesh.faces)
 
 
-def test_slices_of_a_cake_are_there_once_when_the_scene_lists_an_inner_node(odd):
+def test_an_inner_node_in_the_scene_adds_no_duplicate_slices(odd):
     notes = []
     found = load(odd / "cakeBirthday.glb", merge=True, notes=notes)
     assert (len(found.surface.parts), found.n_faces) == (6, 1332)
@@ -60,32 +60,34 @@ def test_slices_of_a_cake_are_there_once_when_the_scene_lists_an_inner_node(odd)
     assert notes[0].startswith("scene 0 lists nodes that are not roots: cakeBirthday; ")
 
 
-def test_bowl_is_read_when_the_scene_lists_an_inner_node(odd):
+def test_a_scene_that_lists_an_inner_node_is_read(odd):
     assert load(odd / "bowl-cereal" / "model.gltf").n_faces == 137
 
 
-def test_boxes_are_where_scipy_turns_them_when_they_are_instances(odd):
+def test_instances_match_scipy_transforms(odd):
     found = load(odd / "simple-instancing.glb")
     assert (found.n_verts, found.n_faces) == (1000, 1500)
     file = Glb.read((odd / "simple-instancing.glb").read_bytes())
-    for accessor in file.document["accessors"]:  # bounds are written in fewer digits there
+    for accessor in file.document["accessors"]:  # the file rounds these bounds
         accessor.pop("min")
         accessor.pop("max")
-    corners, box, moves, turns, scales = (file.array(number) for number in (0, 1, 3, 4, 5))
+    corners, box, translations, rotations, scales = (
+        file.array(number) for number in (0, 1, 3, 4, 5)
+    )
     boxes = [
-        Rotation.from_quat(turn).apply(box * scale) + move
-        for move, turn, scale in zip(moves, turns, scales, strict=True)
+        Rotation.from_quat(rotation).apply(box * scale) + translation
+        for translation, rotation, scale in zip(translations, rotations, scales, strict=True)
     ]
-    expected = np.concatenate([one[corners[:, 0]] for one in boxes])
+    expected = np.concatenate([points[corners[:, 0]] for points in boxes])
     np.testing.assert_allclose(found.vertices[0][found.faces.ravel()], expected, rtol=0, atol=2e-6)
 
 
-def test_a_truck_of_gltf_1_says_so(odd):
+def test_gltf_1_is_refused(odd):
     with pytest.raises(FormatError, match=r"is glTF 1\.0; only glTF 2\.0 is supported"):
         load(odd / "CesiumMilkTruck.gltf")
 
 
-def test_spheres_are_where_vtk_has_them_when_parts_share_empty_groups(odd):
+def test_vtkhdf_parts_with_shared_empty_groups_match_vtk(odd):
     vtk = pytest.importorskip("vtkmodules.vtkIOHDF")
     numpy_of = pytest.importorskip("vtkmodules.util.numpy_support").vtk_to_numpy
     found = load(odd / "warping_spheres.vtkhdf")
@@ -97,19 +99,19 @@ def test_spheres_are_where_vtk_has_them_when_parts_share_empty_groups(odd):
         reader.SetStep(step)
         reader.Update()
         parts = [reader.GetOutputDataObject(0).GetPartition(number) for number in range(2)]
-        points = np.concatenate([numpy_of(one.GetPoints().GetData()) for one in parts])
+        points = np.concatenate([numpy_of(part.GetPoints().GetData()) for part in parts])
         np.testing.assert_array_equal(found.vertices[step], points)
-        corners = [numpy_of(one.GetPolys().GetConnectivityArray()) for one in parts]
+        corners = [numpy_of(part.GetPolys().GetConnectivityArray()) for part in parts]
         np.testing.assert_array_equal(
             found.faces.ravel(), np.concatenate([corners[0], corners[1] + 842])
         )
 
 
-def test_two_spheres_are_merged_at_each_time_when_they_have_no_part_numbers(odd):
+def test_pvd_files_without_part_numbers_are_merged_at_each_time(odd):
     path = odd / "dualSphereAnimation4NoPart.pvd"
     with pytest.raises(InvalidInputError, match=r"lists 2 files for the time 1 .* with --merge"):
         load(path)
-    first, rest = (one.open() for one in find_stretches(path, ReadOptions(merge=True)))
+    first, rest = (stretch.open() for stretch in find_stretches(path, ReadOptions(merge=True)))
     assert (first.n_frames, first.n_verts, len(first.faces)) == (1, 50, 96)
     assert (rest.n_frames, rest.n_verts, len(rest.faces)) == (4, 112, 192)
     for index in range(4):
@@ -117,12 +119,12 @@ def test_two_spheres_are_merged_at_each_time_when_they_have_no_part_numbers(odd)
             load(odd / "dualSphereAnimation" / f"dualSphereAnimation_P0{piece}T000{index + 1}.vtp")
             for piece in range(2)
         ]
-        expected = np.concatenate([one.vertices[0] for one in pieces])
+        expected = np.concatenate([piece.vertices[0] for piece in pieces])
         np.testing.assert_array_equal(rest.read(index, index + 1)[0], expected)
 
 
 @pytest.mark.parametrize("name", ["cube_binary_header_with_RN_newline.ply", "whitespace.off"])
-def test_cube_is_that_of_trimesh_when_its_header_is_unusual(odd, name):
+def test_cubes_with_unusual_headers_match_trimesh(odd, name):
     found = load(odd / name)
     assert (found.n_verts, found.n_faces) == (8, 12)
     corners = found.vertices[0][found.faces].astype(np.float64)
@@ -131,14 +133,14 @@ def test_cube_is_that_of_trimesh_when_its_header_is_unusual(odd, name):
     assert abs(volume) == pytest.approx(1.0 if expected is None else abs(expected.volume), rel=1e-5)
 
 
-def test_box_in_utf_16_says_so(odd):
+def test_utf_16_text_is_refused(odd):
     with pytest.raises(FormatError, match=r"is text in UTF-16, .* save it as UTF-8"):
         load(odd / "box_UTF16BE.obj")
 
 
 @pytest.mark.parametrize("name", ["cesium_man", "balloons"])
 @pytest.mark.parametrize("bound", [None, 0.2])
-def test_glb_is_within_the_stated_error_when_its_stream_has_one(folder, tmp_path, name, bound):
+def test_glb_of_a_stream_with_a_bound_is_within_the_stated_total(folder, tmp_path, name, bound):
     original = load(folder / f"{name}.npz")
     (tmp_path / "a.reel").write_bytes(meshreel.encode(original, max_error=0.1))
     notes = []
@@ -154,7 +156,7 @@ def test_glb_is_within_the_stated_error_when_its_stream_has_one(folder, tmp_path
     assert bound is None or total <= bound
 
 
-def test_field_of_warping_spheres_is_a_track_when_it_changes_over_time(odd):
+def test_a_changing_vtkhdf_field_is_a_track(odd):
     h5py = pytest.importorskip("h5py")
     notes = []
     found = load(odd / "warping_spheres.vtkhdf", notes=notes)

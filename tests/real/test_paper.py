@@ -1,4 +1,4 @@
-"""The paper's claims on its own sequence, from streams."""
+"""The paper's claims on its own sequence, measured on streams."""
 
 import os
 from dataclasses import replace
@@ -26,12 +26,12 @@ MEASURED = ("pca-q", "v2v", "pca-qp")
 
 
 def settings_of(sequence):
-    """The settings of the tables by label."""
-    return {one.label: one for one in variants(sequence.n_frames)}
+    """Return the settings of the tables by label."""
+    return {setting.label: setting for setting in variants(sequence.n_frames)}
 
 
 def results_in(folder, sequence):
-    """Results of the variants whose quality claims are of."""
+    """Return the results of the measured variants."""
     store = Store.for_sequence(folder, sequence)
     settings = [settings_of(sequence)[label] for label in MEASURED]
     return PaperResults(
@@ -39,39 +39,37 @@ def results_in(folder, sequence):
     )
 
 
-def check_that_the_dictionary_rate_is_the_printed_one(results):
+def check_printed_dictionary_rate(results):
     for label in ("pca-q", "v2v", "pca-qp"):
         assert results.variant(label)["paper_count"]["q_d"] == pytest.approx(0.2808, abs=5e-5)
 
 
-def check_that_the_anchor_rate_is_the_printed_one_up_to_an_anchor(
-    results,
-):
-    # Printed is 0.1595, which would be 99.4 anchors; here they are 100.
+def check_printed_anchor_rate(results):
+    # The printed 0.1595 would be 99.4 anchors; we use 100.
     count = results.variant("pca-qp")["paper_count"]
     assert count["q_a_printed"] == pytest.approx(0.1595, abs=16 / 9971)
-    # What the stream carries of positions in all frames is a fourth of the paper's 16 bits each.
+    # In the stream, positions take a fourth of the paper's 16 bits each.
     assert 0.02 < count["q_a"] < 0.06
 
 
-def check_that_the_table_holds_the_printed_figures(results):
+def check_table_has_printed_figures(results):
     assert "q, paper" in rate_table(results).header
 
 
-def check_that_deltas_are_smoother_than_vertices(results):
+def check_deltas_are_smoother_than_vertices(results):
     deltas, vertices = results.variant("pca-qp"), results.variant("v2v")
     assert deltas["rate_order_dropped_bpvf"] < vertices["rate_order_dropped_bpvf"]
     assert deltas["quality"]["sted"] < 0.5 * vertices["quality"]["sted"]
 
 
-def check_that_anchors_take_away_most_of_the_error(results):
+def check_anchors_remove_most_of_the_error(results):
     without, with_anchors = (
         results.variant(label)["quality"]["kg_error_percent"] for label in ("pca-q", "pca-qp")
     )
     assert with_anchors < 0.3 * without
 
 
-def check_that_blocks_cost_more(results, sequence):
+def check_blocks_cost_more(results, sequence):
     setting = settings_of(sequence)["blocks"]
     data = meshreel.encode(sequence, **setting.options())
     blocks = paper_count(setting, meshreel.info(data), coded_blocks(data))["q"]
@@ -79,10 +77,10 @@ def check_that_blocks_cost_more(results, sequence):
     assert 1.2 * whole < blocks < 3 * whole
 
 
-def check_that_the_error_and_the_rate_are_below_2(results):
-    found = results.variant("pca-qp")
-    assert found["quality"]["kg_error_percent"] < 2
-    assert found["rate_bpvf"] < 2
+def check_error_and_rate_are_below_2(results):
+    result = results.variant("pca-qp")
+    assert result["quality"]["kg_error_percent"] < 2
+    assert result["rate_bpvf"] < 2
 
 
 @pytest.mark.parametrize(("n_modes", "error"), [(4, 0.80), (8, 0.48), (20, 0.297)])
@@ -101,13 +99,13 @@ def test_positions_of_anchors_have_the_error_of_an_independent_computation(n_mod
 
 
 def test_claims_hold_on_samba(tmp_path):
-    """All of them in one test: the results take minutes, and workers do not share them."""
+    """One test for all claims: the results take minutes, and workers do not share them."""
     sequence = load(Path(os.environ["MESHREEL_DATA"]) / "samba.npz")
     results = results_in(tmp_path, sequence)
-    check_that_the_dictionary_rate_is_the_printed_one(results)
-    check_that_the_anchor_rate_is_the_printed_one_up_to_an_anchor(results)
-    check_that_the_table_holds_the_printed_figures(results)
-    check_that_deltas_are_smoother_than_vertices(results)
-    check_that_anchors_take_away_most_of_the_error(results)
-    check_that_blocks_cost_more(results, sequence)
-    check_that_the_error_and_the_rate_are_below_2(results)
+    check_printed_dictionary_rate(results)
+    check_printed_anchor_rate(results)
+    check_table_has_printed_figures(results)
+    check_deltas_are_smoother_than_vertices(results)
+    check_anchors_remove_most_of_the_error(results)
+    check_blocks_cost_more(results, sequence)
+    check_error_and_rate_are_below_2(results)

@@ -1,4 +1,4 @@
-"""USD files as other programs wrote them, against their frames as baked, or as USD has them."""
+"""USD files of other programs match baked frames, or those computed by USD."""
 
 import math
 import os
@@ -15,22 +15,22 @@ from samples.opening import open_source
 pytestmark = pytest.mark.real
 
 UNITS_IN_THE_LAST_PLACE = 8
-"""Of the largest coordinate in float32: it was baked in another order of additions."""
+"""Of the largest coordinate in float32; baking added in another order."""
 
 
 @pytest.fixture(scope="module")
 def folder():
     found = os.environ.get("MESHREEL_DATA")
     if not found:
-        pytest.skip("MESHREEL_DATA names no folder of real sequences")
+        pytest.skip("MESHREEL_DATA is not set")
     return Path(found)
 
 
 def odd(folder, name):
-    """A file that was read wrongly or refused wrongly once."""
+    """Return the path of a file that was once misread or refused."""
     path = folder / "native" / "odd" / name
     if not path.exists():
-        pytest.skip(f"no {name} in the folder of real sequences")
+        pytest.skip(f"{name} is missing")
     return path
 
 
@@ -39,30 +39,30 @@ def walk(folder):
     return load(folder / "native" / "cesium_man.usdz")
 
 
-def test_load_bakes_the_walk_when_a_skeleton_moves_it(folder, walk):
+def test_skeletal_animation_matches_the_baked_walk(folder, walk):
     baked = load(folder / "cesium_man.npz")
-    # It was baked with z upwards and welded, at each of the time codes 1 to 48.
-    turned = np.stack([walk.vertices[..., 0], -walk.vertices[..., 2], walk.vertices[..., 1]], -1)
-    error = np.abs(turned[:, walk.faces] - baked.vertices[:, baked.faces]).max()
+    # The baked walk has z up and welded vertices, at time codes 1 to 48.
+    rotated = np.stack([walk.vertices[..., 0], -walk.vertices[..., 2], walk.vertices[..., 1]], -1)
+    error = np.abs(rotated[:, walk.faces] - baked.vertices[:, baked.faces]).max()
     assert error <= UNITS_IN_THE_LAST_PLACE * np.spacing(np.float32(1))
     assert (walk.fps, walk.start_s, walk.n_frames) == (24.0, 1 / 24, 48)
     assert [one.name for one in walk.surface.attributes] == ["st"]
     assert walk.surface.groups[0].labels == ("Cesium_Man_effect",)
 
 
-def test_load_bakes_the_walk_in_between_when_a_rate_is_given(folder, walk):
+def test_fps_samples_the_walk_between_its_frames(folder, walk):
     finer = load(folder / "native" / "cesium_man.usdz", fps=48)
     assert (finer.fps, finer.n_frames) == (48.0, 95)
     np.testing.assert_array_equal(finer.vertices[::2], walk.vertices)
 
 
-def test_open_source_bakes_the_same_when_frames_stay_in_the_file(folder, walk):
+def test_usd_frames_on_demand_equal_loaded_frames(folder, walk):
     found = open_source(folder / "native" / "cesium_man.usdz", max_loaded_bytes=0)
     np.testing.assert_array_equal(found.read(0, 48), walk.vertices)
 
 
 @pytest.mark.parametrize("ending", ["usd", "usda", "usdc", "usdz"])
-def test_load_gives_back_the_walk_when_save_wrote_it(tmp_path, walk, ending):
+def test_usd_round_trips_the_walk(tmp_path, walk, ending):
     notes = []
     save(walk, tmp_path / f"x.{ending}", notes=notes)
     found = load(tmp_path / f"x.{ending}")
@@ -74,7 +74,7 @@ def test_load_gives_back_the_walk_when_save_wrote_it(tmp_path, walk, ending):
 
 
 def placed_by_usd(path, mesh, codes):
-    """Points of a mesh that does not deform, in world space as USD itself has it at some codes."""
+    """Return the points of a rigid mesh in world space at time codes, computed by USD."""
     from pxr import Usd, UsdGeom
 
     stage = Usd.Stage.Open(str(path))
@@ -94,7 +94,7 @@ def placed_by_usd(path, mesh, codes):
     ],
 )
 @pytest.mark.parametrize("fps", [None, 48, 10])
-def test_load_turns_as_usd_does_when_keys_are_far_apart(folder, name, mesh, n_frames, fps):
+def test_rotation_between_distant_keys_matches_usd(folder, name, mesh, n_frames, fps):
     path = odd(folder, name)
     found = load(path, object=mesh, fps=fps)
     rate = fps or 24
@@ -105,7 +105,7 @@ def test_load_turns_as_usd_does_when_keys_are_far_apart(folder, name, mesh, n_fr
     np.testing.assert_allclose(found.vertices, expected, rtol=0, atol=2e-7 * size)
 
 
-def test_load_reads_a_mesh_when_its_unit_is_stored_as_float(folder):
+def test_a_unit_stored_as_float_is_read(folder):
     from pxr import Usd, UsdGeom
 
     path, notes = odd(folder, "suzanne.usdc"), []
@@ -116,13 +116,13 @@ def test_load_reads_a_mesh_when_its_unit_is_stored_as_float(folder):
     assert any("z points up" in note and "a unit is" not in note for note in notes)
 
 
-def test_load_names_the_mesh_when_it_is_empty_in_its_first_frame(folder):
+def test_the_error_names_a_mesh_that_is_empty_in_its_first_frame(folder):
     path = odd(folder, "color_opacity_primvar.usda")
     with pytest.raises(FormatError, match="EmptyColorNoOpacity has 0 vertices and 1 face"):
         load(path, merge=True)
 
 
-def test_load_refuses_a_rate_of_zero_before_the_library_hangs_on_it(folder):
+def test_a_rate_of_zero_is_refused_before_the_library_hangs(folder):
     with pytest.raises(FormatError, match="has 0 as timeCodesPerSecond; expected"):
         load(odd(folder, "timeCodesPerSecond_0.usda"))
 
@@ -131,7 +131,7 @@ def test_load_refuses_a_rate_of_zero_before_the_library_hangs_on_it(folder):
     ("name", "mesh", "n_faces"),
     [("pyramid.usda", "/Pyramid/geo/shape", 24), ("CubeWithHoles.usda", "/Cube/Geom/Cube", 8)],
 )
-def test_load_leaves_holes_open_when_a_mesh_has_some(folder, name, mesh, n_faces):
+def test_holes_of_a_mesh_stay_open(folder, name, mesh, n_faces):
     from pxr import Usd, UsdGeom
 
     path, notes = odd(folder, name), []
@@ -145,7 +145,7 @@ def test_load_leaves_holes_open_when_a_mesh_has_some(folder, name, mesh, n_faces
     assert f"left out: subdivision of {mesh}, whose cage is read" in notes
 
 
-def test_load_leaves_bad_meshes_out_when_asked_to(folder):
+def test_skip_bad_leaves_out_bad_meshes(folder):
     path, notes = odd(folder, "color_opacity_primvar.usda"), []
     found = load(path, merge=True, skip_bad=True, notes=notes)
     assert [part.n_verts for part in found.surface.parts] == [8] * 13 + [482]

@@ -241,7 +241,7 @@ def growing_grid(growth=30.0, n_frames=12, side=20):
 
 
 @pytest.mark.parametrize("step", [1e-4, 1e-6])
-def test_errors_stay_at_the_step_when_weights_are_large(step):
+def test_large_weights_do_not_amplify_errors(step):
     """Feedback without a limit would be amplified from level to level: 200 steps."""
     sequence = growing_grid()
     error = np.linalg.norm(decode(encode(sequence, step=step)).vertices - sequence.vertices, axis=2)
