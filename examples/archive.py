@@ -1,10 +1,9 @@
-"""Archive a folder of sequences at a promised error, check every promise, and write a table.
+"""Archive a folder of sequences within an error bound, verify each, and write a table.
 
     python examples/archive.py captures/ archive/ --max-error 0.1
 
-Every file or folder of frames directly under the first folder becomes a `.reel` in the second.
-Each is decoded again and compared with its original before it counts; `archive.csv` lists sizes
-and measured errors.
+Every file or folder of frames in the first folder becomes a `.reel` in the second. Each stream is
+decoded and compared with its original before it is written; `archive.csv` lists sizes and errors.
 """
 
 import argparse
@@ -13,21 +12,21 @@ from pathlib import Path
 
 import meshreel
 
-COLUMNS = ("name", "frames", "vertices", "raw_bytes", "bytes", "promised_percent", "error_percent")
+COLUMNS = ("name", "frames", "vertices", "raw_bytes", "bytes", "bound_percent", "error_percent")
 
 
-def archived(source: Path, out: Path, max_error: float) -> dict[str, object]:
-    """The row of one sequence, whose stream is written once its promise has been checked."""
+def archive(source: Path, out: Path, max_error: float) -> dict[str, object]:
+    """Write the verified stream of a sequence, and return its row of the table."""
     sequence = meshreel.load(source)
     data = meshreel.encode(sequence, max_error=max_error)
-    found = meshreel.compare(sequence, data)
-    promised = meshreel.info(data).max_error_percent
-    if promised is None or found.max_error_percent > promised:
-        raise SystemExit(f"{source}: off by {found.max_error_percent} %, promised {promised} %")
+    error = meshreel.compare(sequence, data).max_error_percent
+    bound = meshreel.info(data).max_error_percent
+    if bound is None or error > bound:
+        raise SystemExit(f"{source}: the largest error is {error} %, the bound {bound} %")
     (out / f"{source.stem}.reel").write_bytes(data)
     sizes = (sequence.raw_size_bytes, len(data))
     shape = (source.stem, sequence.n_frames, sequence.n_verts)
-    row = (*shape, *sizes, promised, round(found.max_error_percent, 6))
+    row = (*shape, *sizes, bound, round(error, 6))
     return dict(zip(COLUMNS, row, strict=True))
 
 
@@ -40,7 +39,7 @@ def main() -> None:
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     sources = sorted(path for path in arguments.sources.iterdir() if path.suffix != ".reel")
-    rows = [archived(source, arguments.out, arguments.max_error) for source in sources]
+    rows = [archive(source, arguments.out, arguments.max_error) for source in sources]
     with (arguments.out / "archive.csv").open("w", newline="", encoding="utf-8") as file:
         table = csv.DictWriter(file, COLUMNS)
         table.writeheader()

@@ -1,10 +1,10 @@
-"""A dense animal with fine wrinkles that trots: a sequence that is mostly shape.
+"""Simulate a trotting animal with fine wrinkles: a sequence that is mostly shape.
 
     python examples/dense_animal.py --out animal.npz
     python examples/dense_animal.py --frames 24 --subdivisions 5
 
-Some 40,000 vertices move as a few joints do, and each carries detail that never changes: most of a
-file is the shape of one frame. Prints what the default and the paper's method make of it.
+Some 40,000 vertices follow a few joints, with static detail: most of a file is the shape of one
+frame. Prints sizes and errors of the default and of the paper's method.
 """
 
 import argparse
@@ -20,9 +20,9 @@ Integers = npt.NDArray[np.int64]
 
 FPS, CYCLE_S = 24.0, 1.0
 LENGTHS = np.array([1.0, 0.42, 0.3])
-"""Half axes of the body: along, up, and to the side."""
+"""Semi-axes of the body: length, height, width."""
 LIMBS = (
-    # direction on the unit sphere it grows from, where it ends, how wide it is, beginning of step
+    # direction of the root on the unit sphere, end point, width, phase of the step
     ((0.62, -0.65, 0.44), (0.55, -1.05, 0.24), 0.20, 0.00),
     ((0.62, -0.65, -0.44), (0.55, -1.05, -0.24), 0.20, 0.50),
     ((-0.62, -0.65, 0.44), (-0.6, -1.05, 0.24), 0.22, 0.50),
@@ -31,16 +31,16 @@ LIMBS = (
 )
 """Four legs, and the neck with the head."""
 WRINKLES = ((14.0, 0.0100), (29.0, 0.0045), (61.0, 0.0020), (119.0, 0.0008))
-"""Waves per unit of length, and their height."""
+"""Waves per unit of length, and their amplitude."""
 
 
 def sphere(subdivisions: int) -> tuple[Floats, Integers]:
-    """Points and faces of an icosahedron whose faces are cut in four again and again."""
+    """Return points and faces of a repeatedly subdivided icosahedron."""
     golden = (1 + 5**0.5) / 2
     corners = [(-1, golden, 0), (1, golden, 0), (-1, -golden, 0), (1, -golden, 0)]
     points = np.array([np.roll(corner, turn) for turn in range(3) for corner in corners])
-    apart = np.linalg.norm(points[:, None] - points, axis=2)
-    near = np.abs(apart - 2) < 1e-6
+    distances = np.linalg.norm(points[:, None] - points, axis=2)
+    near = np.abs(distances - 2) < 1e-6
     faces = np.array(
         [
             (a, b, c) if np.dot(points[a], np.cross(points[b], points[c])) > 0 else (a, c, b)
@@ -60,15 +60,15 @@ def sphere(subdivisions: int) -> tuple[Floats, Integers]:
 
 
 def normals_of(points: Floats, faces: Integers) -> Floats:
-    """Unit normals of the vertices."""
+    """Return unit normals of the vertices."""
     a, b, c = (points[faces[:, k]] for k in range(3))
-    across = np.cross(b - a, c - a)
-    sums = np.stack([np.bincount(faces.ravel(), np.repeat(x, 3)) for x in across.T], axis=1)
+    normals = np.cross(b - a, c - a)
+    sums = np.stack([np.bincount(faces.ravel(), np.repeat(x, 3)) for x in normals.T], axis=1)
     return np.asarray(sums / np.linalg.norm(sums, axis=1)[:, None])
 
 
 def wrinkled(points: Floats, faces: Integers) -> Floats:
-    """Waves of several lengths in all directions along the normals, the same in all frames."""
+    """Displace points along their normals by waves of several lengths and directions."""
     height = np.zeros(len(points))
     for size, (per_unit, strength) in enumerate(WRINKLES):
         for number in range(6):
@@ -82,14 +82,14 @@ def wrinkled(points: Floats, faces: Integers) -> Floats:
 
 
 def animal(n_frames: int = 48, subdivisions: int = 6) -> meshreel.MeshSequence:
-    """The animal, of 10 x 4^subdivisions + 2 vertices; y is up. Equal at every call."""
+    """Return the animal, with 10 x 4^subdivisions + 2 vertices; y is up. Deterministic."""
     directions, faces = sphere(subdivisions)
     shape = LENGTHS * directions
     shares = []
-    for grown, end, width, _ in LIMBS:
-        axis = np.array(grown) / np.linalg.norm(grown)
-        apart = np.linalg.norm(directions - axis, axis=1) / width
-        share = np.exp(-(apart**2)) ** 0.75
+    for direction, end, width, _ in LIMBS:
+        axis = np.array(direction) / np.linalg.norm(direction)
+        distance = np.linalg.norm(directions - axis, axis=1) / width
+        share = np.exp(-(distance**2)) ** 0.75
         root = LENGTHS * axis
         shape = shape + share[:, None] * (np.array(end) - root) * 0.95
         shares.append(share)
@@ -98,16 +98,14 @@ def animal(n_frames: int = 48, subdivisions: int = 6) -> meshreel.MeshSequence:
     for number in range(n_frames):
         phase = number / FPS / CYCLE_S
         posed = shape.copy()
-        for (_, end, _, begin), share in zip(LIMBS, shares, strict=True):
-            angle = 2 * np.pi * (phase + begin)
+        for (_, end, _, start), share in zip(LIMBS, shares, strict=True):
+            angle = 2 * np.pi * (phase + start)
             root = np.array([end[0], -0.25 if end[1] < 0 else 0.2, end[2]])
             swing = share * (0.55 * np.sin(angle) if end[1] < 0 else 0.12 * np.sin(2 * angle))
-            off = posed - root
+            offset = posed - root
             cosine, sine = np.cos(swing), np.sin(swing)
-            turned = np.stack(
-                [cosine * off[:, 0] - sine * off[:, 1], sine * off[:, 0] + cosine * off[:, 1]], 1
-            )
-            posed[:, :2] = root[:2] + turned
+            x, y = offset[:, 0], offset[:, 1]
+            posed[:, :2] = root[:2] + np.stack([cosine * x - sine * y, sine * x + cosine * y], 1)
             posed[:, 1] += 0.08 * share * np.maximum(0, np.cos(angle)) * (end[1] < 0)
         posed[:, 2] += 0.05 * np.sin(2 * np.pi * phase + 2.5 * shape[:, 0])
         posed[:, 1] += 0.03 * np.sin(4 * np.pi * phase) + 0.02 * np.sin(
@@ -118,7 +116,7 @@ def animal(n_frames: int = 48, subdivisions: int = 6) -> meshreel.MeshSequence:
 
 
 def main() -> None:
-    """Make it, write it if asked to, and print sizes and errors."""
+    """Simulate the animal, optionally save it, and print sizes and errors."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--frames", type=int, default=48)
     parser.add_argument("--subdivisions", type=int, default=6)
@@ -130,8 +128,8 @@ def main() -> None:
         meshreel.save(sequence, arguments.out)
     for method in ("reel", "pca-qp"):
         data = meshreel.encode(sequence, method=method)
-        lost = meshreel.compare(sequence, data)
-        print(f"{method:>7} {len(data) / 1000:8.1f} kB  {lost}")
+        errors = meshreel.compare(sequence, data)
+        print(f"{method:>7} {len(data) / 1000:8.1f} kB  {errors}")
 
 
 if __name__ == "__main__":

@@ -1,10 +1,10 @@
-"""A cloth that falls over a sphere and folds up on the floor: a sequence that is mostly shape.
+"""Simulate a cloth that falls over a sphere and folds: a sequence that is mostly shape.
 
     python examples/falling_cloth.py --out cloth.npz
     python examples/falling_cloth.py --frames 30 --side 60
 
-It has few frames, and folds that never come back, so few modes explain it: a hard case for a codec
-that lives on repeated motion. Prints what the default and the paper's method make of it.
+It has few frames, and folds that never recur, so it needs many modes: a hard case for a codec that
+exploits repeated motion. Prints sizes and errors of the default and of the paper's method.
 
 Position-based dynamics in small substeps (Macklin et al. 2019, "Small Steps in Physics
 Simulation"). The cloth does not collide with itself.
@@ -25,17 +25,17 @@ SIDE_M, FPS, SUBSTEPS = 1.6, 30.0, 16
 SPHERE_M, RADIUS_M, FLOOR_M = np.array([0.12, 0.0, -0.07]), 0.3, -0.42
 GRAVITY_M_PER_S2, DRAG_PER_S = 9.81, 0.6
 STRETCH, SHEAR, BENDING = 1.0, 0.25, 0.25
-"""Share of the change of a link's length that a substep undoes."""
+"""Fraction of the change of a link's length that a substep corrects."""
 FRICTION = 0.35
-"""Share of its way along the sphere or the floor that a vertex is held back by."""
+"""Fraction of a vertex's motion along the sphere or the floor that is removed."""
 
 
 def links_of(side: int) -> list[Links]:
-    """Ends, rest length and stiffness of sets of links; no two of a set share a vertex."""
+    """Return ends, rest length and stiffness of sets of links without common vertices."""
     number = np.arange(side * side).reshape(side, side)
     row, column = np.divmod(number, side)
     spacing_m = SIDE_M / (side - 1)
-    found = []
+    links = []
     for down, across, stiffness in (
         (0, 1, STRETCH), (1, 0, STRETCH), (1, 1, SHEAR), (1, -1, SHEAR),
         (0, 2, BENDING), (2, 0, BENDING),
@@ -46,12 +46,12 @@ def links_of(side: int) -> list[Links]:
         for half in (~is_odd, is_odd):
             first = number[half & is_inside]
             last = first + down * side + across
-            found.append((first, last, spacing_m * float(np.hypot(down, across)), stiffness))
-    return found
+            links.append((first, last, spacing_m * float(np.hypot(down, across)), stiffness))
+    return links
 
 
-def held_outside(positions: Floats, before: Floats) -> None:
-    """Hold vertices back that touch the sphere or the floor, and move them out of both."""
+def collide(positions: Floats, before: Floats) -> None:
+    """Apply friction to vertices that touch the sphere or the floor, and move them outside."""
     touching = (distances_m(positions) < RADIUS_M) | (positions[:, 1] < FLOOR_M)
     positions[touching] -= FRICTION * (positions - before)[touching]
     distance_m = distances_m(positions)
@@ -63,15 +63,15 @@ def held_outside(positions: Floats, before: Floats) -> None:
 
 
 def distances_m(positions: Floats) -> Floats:
-    """Distances from the middle of the sphere."""
-    away = positions - SPHERE_M
-    return np.asarray(np.sqrt(np.einsum("va,va->v", away, away)))
+    """Return the distances from the center of the sphere."""
+    offset = positions - SPHERE_M
+    return np.asarray(np.sqrt(np.einsum("va,va->v", offset, offset)))
 
 
 def simulate_cloth(n_frames: int = 60, side: int = 90) -> meshreel.MeshSequence:
-    """The cloth in metres, y upwards; `side` x `side` vertices, equal at every call."""
+    """Return the cloth in meters, y up, with `side` x `side` vertices. Deterministic."""
     across, down = np.meshgrid(*2 * [np.linspace(-0.5, 0.5, side) * SIDE_M])
-    # Not quite flat, so that it does not fall alike on all sides.
+    # Slightly curved, to break the symmetry of the fall.
     height = 0.33 + 0.01 * np.sin(9 * across + 4 * down) + 0.006 * np.cos(23 * down - 14 * across)
     positions = np.stack([across, height, down], axis=2).reshape(-1, 3)
     velocities = np.zeros_like(positions)
@@ -91,7 +91,7 @@ def simulate_cloth(n_frames: int = 60, side: int = 90) -> meshreel.MeshSequence:
                 span *= (0.5 * stiffness * (1 - rest_m / length_m))[:, None]
                 positions[first] += span
                 positions[last] -= span
-            held_outside(positions, before)
+            collide(positions, before)
             velocities = (positions - before) / substep_s
     corner = np.arange(side * side).reshape(side, side)
     a, b, c, d = (
@@ -102,7 +102,7 @@ def simulate_cloth(n_frames: int = 60, side: int = 90) -> meshreel.MeshSequence:
 
 
 def main() -> None:
-    """Simulate, write if asked to, and print sizes and errors."""
+    """Simulate the cloth, optionally save it, and print sizes and errors."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--frames", type=int, default=60)
     parser.add_argument("--side", type=int, default=90, help="vertices along each side")
@@ -114,8 +114,8 @@ def main() -> None:
         meshreel.save(cloth, arguments.out)
     for method in ("reel", "pca-qp"):
         data = meshreel.encode(cloth, method=method)
-        lost = meshreel.compare(cloth, data)
-        print(f"{method:>7} {len(data) / 1000:8.1f} kB  {lost}")
+        errors = meshreel.compare(cloth, data)
+        print(f"{method:>7} {len(data) / 1000:8.1f} kB  {errors}")
 
 
 if __name__ == "__main__":

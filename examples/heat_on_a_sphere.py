@@ -1,10 +1,10 @@
-"""Heat that spreads over a sphere that breathes and turns: a simulation whose answer is known.
+"""Simulate heat diffusion on a pulsating, rotating sphere, with a known solution.
 
     python examples/heat_on_a_sphere.py
     python examples/heat_on_a_sphere.py --vertices 50000 --frames 500
 
-Each vertex has a temperature and a velocity, each face a flow of heat. Prints what the bounds of
-`--track` cost, and how far the values that come back are from the answer.
+Vertices have temperature and velocity, faces a heat flow. Prints the bytes of each track within its
+bound, and the errors of decoded values.
 
 Spots of heat on a sphere of radius r(t) are sums of heat kernels: each spherical harmonic of
 degree l decays by exp(-l (l + 1) s), where s grows by k dt / r^2.
@@ -22,53 +22,53 @@ Floats = npt.NDArray[np.float64]
 
 FPS = 25.0
 RADIUS_M, BREATH_M, BREATHS_PER_S = 1.0, 0.25, 0.4
-TURN_RAD_PER_S = np.array([0.2, 0.9, 0.1])
+SPIN_RAD_PER_S = np.array([0.2, 0.9, 0.1])
 CONDUCTION_M2_PER_S, ROOM_K = 0.01, 293.0
 SPOTS = (
     ((1.0, 0.2, 0.1), 0.010, 6.0),
     ((-0.3, 0.9, 0.4), 0.004, 2.0),
     ((0.1, -0.5, -1.0), 0.030, 9.0),
 )
-"""Where spots of heat are, how far each has spread at first, and how warm it is."""
+"""Direction, initial spread and temperature of each spot of heat."""
 DEGREES = 48
-"""Spherical harmonics that are summed up; those that follow are below 1e-3 K at first."""
+"""Number of spherical harmonics; the omitted ones are initially below 1e-3 K."""
 
 
 def sphere(n_verts: int) -> tuple[Floats, npt.NDArray[np.int32]]:
-    """Points on the unit sphere along a spiral, and triangles that look outwards."""
-    at = np.arange(n_verts) + 0.5
-    height, angle = 1 - 2 * at / n_verts, np.pi * (1 + np.sqrt(5)) * at
-    across = np.sqrt(1 - height**2)
-    points = np.stack([across * np.cos(angle), height, across * np.sin(angle)], axis=1)
+    """Return points on the unit sphere along a spiral, and outward-facing triangles."""
+    index = np.arange(n_verts) + 0.5
+    height, angle = 1 - 2 * index / n_verts, np.pi * (1 + np.sqrt(5)) * index
+    radius = np.sqrt(1 - height**2)
+    points = np.stack([radius * np.cos(angle), height, radius * np.sin(angle)], axis=1)
     faces = ConvexHull(points).simplices.astype(np.int32)
     a, b, c = np.moveaxis(points[faces], 1, 0)
-    inwards = np.einsum("fa,fa->f", np.cross(b - a, c - a), a) < 0
-    faces[inwards] = faces[inwards][:, [0, 2, 1]]
+    is_inward = np.einsum("fa,fa->f", np.cross(b - a, c - a), a) < 0
+    faces[is_inward] = faces[is_inward][:, [0, 2, 1]]
     return points, faces
 
 
 def kernel(cosines: Floats, spread: float) -> Floats:
-    """The heat kernel of the unit sphere: the sum of (2 l + 1) exp(-l (l + 1) s) P_l."""
-    before, legendre, total = np.zeros_like(cosines), np.ones_like(cosines), np.ones_like(cosines)
+    """Return the heat kernel of the unit sphere: the sum of (2 l + 1) exp(-l (l + 1) s) P_l."""
+    previous, legendre, total = np.zeros_like(cosines), np.ones_like(cosines), np.ones_like(cosines)
     for degree in range(1, DEGREES):
-        following = ((2 * degree - 1) * cosines * legendre - (degree - 1) * before) / degree
-        before, legendre = legendre, following
+        following = ((2 * degree - 1) * cosines * legendre - (degree - 1) * previous) / degree
+        previous, legendre = legendre, following
         total += (2 * degree + 1) * np.exp(-degree * (degree + 1) * spread) * legendre
     return total
 
 
-def turned(points: Floats, time_s: float) -> Floats:
-    """The points, turned as far as the sphere has turned (Rodrigues)."""
-    speed = float(np.linalg.norm(TURN_RAD_PER_S))
-    axis, angle = TURN_RAD_PER_S / speed, speed * time_s
+def rotated(points: Floats, time_s: float) -> Floats:
+    """Return the points, rotated with the sphere (Rodrigues)."""
+    speed = float(np.linalg.norm(SPIN_RAD_PER_S))
+    axis, angle = SPIN_RAD_PER_S / speed, speed * time_s
     along = (points @ axis)[:, None] * axis
-    found: Floats = along + np.cos(angle) * (points - along)
-    found += np.sin(angle) * np.cross(axis, points)
-    return found
+    result: Floats = along + np.cos(angle) * (points - along)
+    result += np.sin(angle) * np.cross(axis, points)
+    return result
 
 
 def heat_flow(positions: Floats, faces: npt.NDArray[np.int32], temperature: Floats) -> Floats:
-    """Flow of heat in each face, down the gradient of the temperature at its corners."""
+    """Return the heat flow of each face, from the temperature gradient of its corners."""
     a, b, c = np.moveaxis(positions[faces], 1, 0)
     normal = np.cross(b - a, c - a)
     squared = np.einsum("fa,fa->f", normal, normal)[:, None]
@@ -79,7 +79,7 @@ def heat_flow(positions: Floats, faces: npt.NDArray[np.int32], temperature: Floa
 
 
 def simulate(n_verts: int = 10_000, n_frames: int = 150) -> meshreel.MeshSequence:
-    """The sphere in metres with its tracks, equal at every call."""
+    """Return the sphere in meters with its tracks. Deterministic."""
     points, faces = sphere(n_verts)
     axes = [np.array(axis) / np.linalg.norm(axis) for axis, _, _ in SPOTS]
     cosines = [points @ axis for axis in axes]
@@ -92,12 +92,12 @@ def simulate(n_verts: int = 10_000, n_frames: int = 150) -> meshreel.MeshSequenc
         time_s, phase = frame / FPS, 2 * np.pi * BREATHS_PER_S * frame / FPS
         radius_m = RADIUS_M + BREATH_M * np.sin(phase)
         growth = 2 * np.pi * BREATHS_PER_S * BREATH_M * np.cos(phase)
-        now = turned(points, time_s)
+        now = rotated(points, time_s)
         positions[frame] = radius_m * now
-        velocity[frame] = growth * now + np.cross(TURN_RAD_PER_S, radius_m * now)
+        velocity[frame] = growth * now + np.cross(SPIN_RAD_PER_S, radius_m * now)
         kelvin = np.full(n_verts, ROOM_K)
-        for cosine, (_, first, warmth) in zip(cosines, SPOTS, strict=True):
-            kelvin += warmth * kernel(cosine, first + spread)
+        for cosine, (_, initial, warmth) in zip(cosines, SPOTS, strict=True):
+            kelvin += warmth * kernel(cosine, initial + spread)
         temperature[frame] = kelvin
         flow[frame] = heat_flow(radius_m * now, faces, kelvin)
         spread += CONDUCTION_M2_PER_S / FPS / radius_m**2

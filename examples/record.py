@@ -1,9 +1,9 @@
-"""Record frames as they come from a camera, and play back while it still records.
+"""Record frames of a camera, and read the file while it is written.
 
     python examples/record.py recording.reel --seconds 4
 
-The camera is simulated: a flag with the noise of a sensor. Whatever stops the recording, the file
-opens up to the last complete block.
+The camera is simulated: a flag with sensor noise. If the recording is interrupted, the file opens
+up to the last complete block.
 """
 
 import argparse
@@ -20,7 +20,7 @@ NOISE_M = 5e-4
 
 
 def camera(seconds: float) -> tuple[np.ndarray, Iterator[np.ndarray]]:
-    """Faces of shape (M, 3), and frames of shape (V, 3) that come one by one, in real time."""
+    """Return faces of shape (M, 3), and an iterator of frames of shape (V, 3) in real time."""
     flag = meshreel.simulate_flag(int(seconds * FPS), fps=FPS)
     rng = np.random.default_rng(1)
 
@@ -33,7 +33,7 @@ def camera(seconds: float) -> tuple[np.ndarray, Iterator[np.ndarray]]:
 
 
 def main() -> None:
-    """Record, and look into the file in between."""
+    """Record, and read the file before and after its end."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("output", type=Path)
     parser.add_argument("--seconds", type=float, default=4.0)

@@ -1,4 +1,4 @@
-/* Writes the positions of all frames of a .reel file, as float32: `frames FILE > positions`. */
+/* Write the positions of all frames of a .reel file as float32: `frames FILE > positions`. */
 #include <meshreel.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,7 +10,7 @@ static void need(int code, const meshreel_error *error) {
     }
 }
 
-/* Memory aligned to 64 bytes; the address of the whole block is stored in front of it. */
+/* Allocate memory aligned to 64 bytes, preceded by the address of the whole block. */
 static void *allocate(void *user, size_t size) {
     char *whole = (char *)malloc(size + 64 + sizeof(void *)), *aligned;
     (void)user;
@@ -30,19 +30,19 @@ static void release(void *user, void *memory, size_t size) {
 }
 
 static int read_bytes(void *user, uint64_t offset, void *to, size_t size) {
-    FILE *given = (FILE *)user;
-    return fseek(given, (long)offset, SEEK_SET) || fread(to, 1, size, given) != size;
+    FILE *input = (FILE *)user;
+    return fseek(input, (long)offset, SEEK_SET) || fread(to, 1, size, input) != size;
 }
 
 int main(int count, char **words) {
-    FILE *given = count > 1 ? fopen(words[1], "rb") : NULL;
-    if (!given || fseek(given, 0, SEEK_END)) {
+    FILE *input = count > 1 ? fopen(words[1], "rb") : NULL;
+    if (!input || fseek(input, 0, SEEK_END)) {
         fprintf(stderr, "usage: frames FILE > positions\n");
         return 1;
     }
-    meshreel_source source = {NULL, (uint64_t)ftell(given), read_bytes, given, NULL};
+    meshreel_source source = {NULL, (uint64_t)ftell(input), read_bytes, input, NULL};
     meshreel_host host = {NULL, allocate, release, NULL, 0, 0, 0};
-    meshreel_layout floats = {MESHREEL_FLOAT32, 0, 0, 0}; /* of files of doubles, too */
+    meshreel_layout floats = {MESHREEL_FLOAT32, 0, 0, 0}; /* converts doubles, too */
     meshreel_error error;
     meshreel_file *file;
     meshreel_decoder *decoder;
@@ -58,5 +58,5 @@ int main(int count, char **words) {
     free(positions);
     meshreel_end(decoder);
     meshreel_close(file);
-    return fclose(given);
+    return fclose(input);
 }

@@ -1,4 +1,4 @@
-// Decodes a .reel file on several threads, and prints what it holds: `threads FILE`.
+// Decode a .reel file on several threads, and print its contents: `threads FILE`.
 #include <meshreel.h>
 #include <meshreel_threads.hpp>
 
@@ -25,14 +25,14 @@ static void decode(const std::string &name) {
     std::ifstream stream(name, std::ios::binary);
     const std::vector<char> bytes{std::istreambuf_iterator<char>(stream), {}};
     const meshreel_source source = {bytes.data(), bytes.size(), nullptr, nullptr, nullptr};
-    const meshreel::Host host(0, uint64_t(1) << 30); // a thread for each core; 1 GiB at most
+    const meshreel::Host host(0, uint64_t(1) << 30); // one thread per core; at most 1 GiB
     meshreel_error error;
 
     meshreel_file *opened = nullptr;
     need(meshreel_open(&source, host.get(), &opened, &error), error);
     const std::unique_ptr<meshreel_file, Close> file(opened);
     const meshreel_info &info = *meshreel_info_of(file.get());
-    need(meshreel_read_surface(file.get(), &error), error); // the triangles, too
+    need(meshreel_read_surface(file.get(), &error), error); // includes the triangles
     const meshreel_surface &surface = *meshreel_surface_of(file.get());
     std::printf("%u triangles, %u attributes\n", info.n_triangles, surface.n_attributes);
 
@@ -40,7 +40,7 @@ static void decode(const std::string &name) {
     need(meshreel_begin(file.get(), &begun, &error), error);
     const std::unique_ptr<meshreel_decoder, Close> decoder(begun);
 
-    // Positions as floats in vertices of 8 numbers, with normals behind them.
+    // Positions as floats in vertices of 8 numbers, followed by normals.
     const meshreel_layout packed = {MESHREEL_FLOAT32, 0, 0, 0};
     const meshreel_layout in_vertices = {MESHREEL_FLOAT32, 0, 8 * sizeof(float), 0};
     std::vector<float> positions(3 * size_t(info.n_verts)), normals(positions.size());
@@ -75,8 +75,8 @@ static void decode(const std::string &name) {
 int main(int count, char **words) {
     try {
         decode(count > 1 ? words[1] : "");
-    } catch (const std::exception &failure) {
-        std::fprintf(stderr, "%s\n", failure.what());
+    } catch (const std::exception &error) {
+        std::fprintf(stderr, "%s\n", error.what());
         return 1;
     }
 }
