@@ -57,11 +57,11 @@ def no_smooth_fields(mesh: FieldMesh) -> Hierarchy:
     usual: Hierarchy = HIERARCHY(mesh)
     constant: Future[Any] = Future()
     constant.set_result(np.zeros_like(usual.smooth))
-    return dataclasses.replace(usual, coming_smooth=constant)
+    return dataclasses.replace(usual, smooth_future=constant)
 
 
 def one_pass(mesh: FieldMesh) -> CodingOrder:
-    """All vertices in coding order, in one pass, without context neighbours."""
+    """All vertices in coding order, in one pass, without context neighbors."""
     return order_of(single_pass(mesh.n_verts), mesh.n_verts)
 
 
@@ -78,9 +78,7 @@ VARIANTS: dict[str, list[Any]] = {
     "rounding to the nearest": [choices(price=0.0)],
     "no noise shaping": [choices(feedback_gain=0.0)],
     "noise shaping on all resolutions": [choices(n_shaped_resolutions=99)],
-    "one pass without context neighbours": [
-        constant(FieldMesh, "coding_order", property(one_pass))
-    ],
+    "one pass without context neighbors": [constant(FieldMesh, "coding_order", property(one_pass))],
     "basis step 2 times that of the fields": [choices(basis_step=2.0)],
     "basis step 5 times that of the fields": [choices(basis_step=5.0)],
     "modes kept from 0.4 steps": [choices(least_rms=0.4)],

@@ -66,7 +66,7 @@ def processor_time(source: str | None) -> Times:
 def run_worker(build: Path, source: str | None) -> Times:
     """Times of one build, measured in a separate process."""
     arguments = [sys.executable, __file__, "--worker", *(["--source", source] if source else [])]
-    environment = {**os.environ, library.PLACE: str(build.resolve())}
+    environment = {**os.environ, library.PATH_VARIABLE: str(build.resolve())}
     found = subprocess.run(arguments, env=environment, check=True, capture_output=True, text=True)
     times: Times = json.loads(found.stdout)
     return times

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 import meshreel
 from meshreel.kernel.exact import decode_exact, encode_exact
-from meshreel.kernel.mesh import Neighbours, neighbours
+from meshreel.kernel.mesh import Neighbors, neighbors
 from meshreel.model.geometry.normals import vertex_normals
 
 Numbers = npt.NDArray[Any]
@@ -27,7 +27,7 @@ ZSTD_LEVEL = 19
 BLOSC_LEVEL = 9
 
 
-def ours(graph: Neighbours, shape: tuple[int, int, int], dtype: np.dtype[Any]) -> Coder:
+def ours(graph: Neighbors, shape: tuple[int, int, int], dtype: np.dtype[Any]) -> Coder:
     return (
         lambda values: encode_exact(values, graph),
         lambda data: decode_exact(data, shape, dtype, graph),
@@ -178,7 +178,7 @@ def main() -> None:
             report(file, "whole file", coder_name, bare.raw_size_bytes, size + more, *speeds)
         if given.whole:
             continue
-        graph = neighbours(sequence.faces, sequence.vertices.shape[1])
+        graph = neighbors(sequence.faces, sequence.vertices.shape[1])
         for name, values in derived(sequence):
             values = np.ascontiguousarray(values)
             if given.frames:

@@ -90,7 +90,7 @@ def analysed_flag(n_frames: int) -> Flag:
 def predictions(flag: Flag, fields: Floats, n_learned: int) -> Floats:
     """What weights predict that followed some first fields; of shape (V, K), as the fields."""
     mesh, order = flag.mesh.hierarchy, flag.mesh.order
-    plain = Choice(first_shaped=len(mesh.level_starts), gain=0.0, price=0.0)
+    plain = Choice(first_shaped=len(mesh.level_starts), gain=0.0, rate_weight=0.0)
     residuals, values = encode_values(mesh, fields[order], plain, n_learned)
     found = np.empty_like(fields)
     found[order] = values - residuals.T

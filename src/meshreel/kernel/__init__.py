@@ -1,1 +1,1 @@
-"""The core, the C library of `core/`, for arrays: what both sides of a stream must agree on."""
+"""Bindings of the C library in `core/`, for NumPy arrays."""

@@ -1,4 +1,4 @@
-"""Basis vectors over time to integers and back, by the core: by times or by cosines.
+"""Coding of basis vectors over time, as values or as cosine coefficients, by the core.
 
 A track has C columns: positions have x, y and z.
 """
@@ -16,17 +16,17 @@ MAX_REST_BITS = 8
 """REEL_MAX_REST_BITS of `core/reel.h`."""
 
 MAX_COSINES = 1024
-"""REEL_MAX_COSINES of `core/reel.h`: most frames of a block with cosines over time."""
+"""REEL_MAX_COSINES of `core/reel.h`: maximum number of frames of a block with cosines."""
 
 
 @dataclass(frozen=True)
 class Rests:
-    """Times of a block at which little or nothing moves.
+    """Times of a block with little or no motion.
 
     Attributes
     ----------
     runs : tuple of (int, int)
-        First time and end of each run, in ascending order; a moving time precedes each run.
+        Start and end of each run of resting times, ascending; a moving time precedes each run.
     bits : int
         Integers of resting times are divided by 2 to this power, at most `MAX_REST_BITS`.
     """
@@ -35,13 +35,13 @@ class Rests:
     bits: int = 0
 
     def flags(self, n_frames: int) -> npt.NDArray[np.uint8] | None:
-        """Return 1 for each resting time, in an array of shape (n_frames,); None without rests."""
+        """Array of shape (n_frames,) with 1 for each resting time; None without rests."""
         if not self.runs:
             return None
-        found = np.zeros(n_frames, np.uint8)
+        flags = np.zeros(n_frames, np.uint8)
         for start, end in self.runs:
-            found[start:end] = 1
-        return found
+            flags[start:end] = 1
+        return flags
 
 
 NO_REST = Rests()
@@ -54,12 +54,12 @@ class BasisCoding:
     Attributes
     ----------
     rests : Rests
-        Times that are predicted from the time before; none with cosines.
+        Times predicted from the previous time; none with cosines.
     has_cosines : bool
         Integers are coefficients of an orthonormal discrete cosine transform over time (DCT-II),
-        low frequencies first, and not values at times.
+        low frequencies first, instead of values.
     is_adaptive : bool
-        Weights of the predictions of moving times follow the decoded values; not with cosines.
+        The prediction weights of moving times adapt to decoded values; not with cosines.
     """
 
     rests: Rests = NO_REST
@@ -73,16 +73,15 @@ BY_TIMES = BasisCoding()
 def lengths_of(values: Floats, n_modes: int, finer: float) -> Floats:
     """Return the lengths of the first n_modes fields of shape (V, K), divided by `finer`.
 
-    A field of zeros counts as length 1.
+    The length of a zero field is 1.
     """
     lengths = np.empty(n_modes)
-    n_verts, n_there = values.shape
-    given = np.ascontiguousarray(values, np.float64)
+    n_verts, n_fields = values.shape
     call(
         "reel_lengths",
-        given,
+        np.ascontiguousarray(values, np.float64),
         n_verts,
-        n_there,
+        n_fields,
         n_modes,
         ctypes.c_double(finer),
         lengths,
@@ -99,15 +98,15 @@ def basis_vectors(
     Parameters
     ----------
     coded : integer array of shape (K, C, T)
-        As in the stream: by times, the coarsest are differences.
+        As in the stream.
     coding : BasisCoding
     lengths : float64 array of shape (n,), optional
-        Divisors of the first n vectors, instead of their own lengths.
+        Divisors of the first n vectors, instead of their lengths.
 
     Raises
     ------
     InvalidInputError
-        If there are cosines over more than `MAX_COSINES` frames, or over none.
+        If cosines are used with 0 or more than `MAX_COSINES` frames.
     """
     n_modes, n_columns, n_frames = coded.shape
     basis = np.empty((n_columns, n_frames, n_modes))
@@ -141,10 +140,9 @@ def quantized_basis(
     Parameters
     ----------
     targets : float64 array of shape (K, C, T)
-        The basis vectors, in steps.
+        The basis vectors, in quantization steps.
     rate_weight : float
-        Lagrange multiplier: the squared steps of error that one bit is worth; 0 rounds to the
-        nearest.
+        Lagrange multiplier: squared error, in squared steps, per bit; 0 rounds to the nearest.
     coding : BasisCoding
     lengths : float64 array of shape (n,), optional
         As in `basis_vectors`.
@@ -158,7 +156,7 @@ def quantized_basis(
     Raises
     ------
     InvalidInputError
-        If an integer is too large for a stream, or there are cosines over more than `MAX_COSINES`
+        If an integer is too large for a stream, or cosines are used with more than `MAX_COSINES`
         frames.
     """
     n_modes, n_columns, n_frames = shape = targets.shape
@@ -188,7 +186,7 @@ def encode_basis(
 
 
 def _options_of_times(coding: BasisCoding, n_frames: int) -> tuple[Argument, ...]:
-    """Return the arguments that only the functions of times have."""
+    """The arguments that only the functions for values at times have."""
     if coding.has_cosines:
         return ()
     return coding.rests.flags(n_frames), coding.rests.bits, int(coding.is_adaptive)

@@ -1,4 +1,4 @@
-"""Face lists to bytes and back, by the core."""
+"""Coding of face lists, by the core."""
 
 import numpy as np
 import numpy.typing as npt
@@ -9,27 +9,27 @@ from meshreel.kernel.library import call
 
 Faces = npt.NDArray[np.int32]
 
-MOST_ITEMS = 1 << 26
-"""Most vertices, and most faces, of a mesh."""
+MAX_ITEMS = 1 << 26
+"""Maximum number of vertices, and of faces, of a mesh."""
 
 BYTES_EACH = 96
 MORE_BYTES = 1024
 
 
 def encode_faces(faces: Faces, n_verts: int, *, listed: bool) -> tuple[bytes, Integers, Faces]:
-    """Bytes of a face list, the given number of each internal vertex, and the internal faces.
+    """Encode a face list; return the bytes, the input vertex of each internal one, internal faces.
 
     Parameters
     ----------
     faces : int32 array of shape (M, 3)
     listed : bool
-        Whether internal faces and vertices are the given ones in their given order; otherwise
-        they are in the order of a walk over the surface, which takes fewer bytes.
+        Whether internal faces and vertices have the input order; otherwise the order of a
+        traversal of the surface, which takes fewer bytes.
 
     Raises
     ------
     InvalidInputError
-        If a corner is no vertex, or there are more than `MOST_ITEMS`.
+        If a vertex does not exist, or there are more than `MAX_ITEMS`.
     """
     faces = np.ascontiguousarray(faces, np.int32)
     internal_faces = np.empty_like(faces)
@@ -52,17 +52,17 @@ def encode_faces(faces: Faces, n_verts: int, *, listed: bool) -> tuple[bytes, In
 
 
 def decode_faces(data: bytes, n_verts: int, n_faces: int) -> Faces:
-    """The internal faces, of shape (M, 3), that `encode_faces` wrote.
+    """Decode the internal faces, of shape (M, 3), that `encode_faces` wrote.
 
-    The caller bounds both counts.
+    The caller must bound both counts.
 
     Raises
     ------
     CorruptStreamError
-        If the bytes are not those of so many faces on so many vertices.
+        If the bytes do not encode these numbers of faces and vertices.
     """
-    if max(n_verts, n_faces) > MOST_ITEMS:
-        raise CorruptStreamError(f"a mesh has at most {MOST_ITEMS} vertices and faces")
+    if max(n_verts, n_faces) > MAX_ITEMS:
+        raise CorruptStreamError(f"a mesh has at most {MAX_ITEMS} vertices and faces")
     faces = np.empty((n_faces, 3), np.int32)
     call(
         "reel_connectivity_decode",

@@ -1,7 +1,7 @@
-"""Fields to bytes and back, by the core: rows of small integers over the same columns.
+"""Coding of fields, rows of small integers over the same columns, by the core.
 
-Meant for residuals of modes at the vertices of a mesh, modes by falling energy. Both sides learn
-what to expect from what is already coded, so that no tables are sent.
+Designed for residuals of modes at the vertices of a mesh, modes by descending energy. The
+probabilities adapt to coded values on both sides, so no tables are stored.
 """
 
 from collections.abc import Sequence
@@ -18,15 +18,15 @@ from meshreel.runtime.profiling import staged
 
 MAX_MAGNITUDE = (1 << 31) - 1
 MAX_NEAR = 16
-"""Most context neighbours of a column."""
+"""Maximum number of context neighbors of a column."""
 
 BYTES_EACH, BYTES_AT_FIRST = 16, 1 << 16
-"""Room for the bytes of each integer, and for the surprises before anything is learned."""
+"""Bounds of the bytes of an integer, and of the extra bytes before probabilities have adapted."""
 
 
 @dataclass(frozen=True)
 class Pass:
-    """Columns that are coded one after another, and the context neighbours of each.
+    """Columns that are coded sequentially, and their context neighbors.
 
     Attributes
     ----------
@@ -34,8 +34,8 @@ class Pass:
         Every column is in exactly one pass of a row.
     indptr : integer array of shape (n + 1,)
     indices : integer array
-        The context neighbours of columns[i] are indices[indptr[i] : indptr[i + 1]], at most
-        `MAX_NEAR`. All come before it, in this pass or in an earlier one.
+        The context neighbors of columns[i] are indices[indptr[i] : indptr[i + 1]], at most
+        `MAX_NEAR`, all coded before it, in this pass or an earlier one.
     """
 
     columns: npt.NDArray[np.integer]
@@ -44,13 +44,13 @@ class Pass:
 
 
 def single_pass(n_columns: int) -> list[Pass]:
-    """The pass that holds all columns, without context neighbours."""
-    nothing = np.zeros(0, np.int64)
-    return [Pass(np.arange(n_columns), np.zeros(n_columns + 1, np.int64), nothing)]
+    """One pass with all columns, without context neighbors."""
+    no_neighbors = np.zeros(0, np.int64)
+    return [Pass(np.arange(n_columns), np.zeros(n_columns + 1, np.int64), no_neighbors)]
 
 
 class CodingOrder(NamedTuple):
-    """In which order the columns of a row are coded, as the core takes it; see `core/reel.h`.
+    """Coding order of the columns of a row, as in `core/reel.h`.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class CodingOrder(NamedTuple):
 
     @property
     def memory(self) -> npt.NDArray[np.uint8]:
-        """Memory that the core needs."""
+        """Working memory for the core."""
         return memory(size_of("reel_fields_memory", self.n_columns, self.n_passes, len(self.near)))
 
 
@@ -77,12 +77,12 @@ Passes = CodingOrder | Sequence[Pass]
 
 
 def order_of(passes: Sequence[Pass], n_columns: int) -> CodingOrder:
-    """The order that passes say, for `encode_fields` and `decode_fields`.
+    """The coding order of passes, for `encode_fields` and `decode_fields`.
 
     Raises
     ------
     InvalidInputError
-        If they are of another number of columns, or of neighbours.
+        If the number of columns or neighbors does not match.
     """
     none = np.zeros(0, np.int64)
     columns = np.concatenate([none, *(one.columns for one in passes)])
@@ -90,7 +90,7 @@ def order_of(passes: Sequence[Pass], n_columns: int) -> CodingOrder:
     near = np.concatenate([none, *(one.indices for one in passes)])
     if len(columns) != n_columns or len(n_near) != n_columns or n_near.sum() != len(near):
         raise InvalidInputError(
-            f"the passes have {len(columns)} columns and {len(near)} context neighbours; the "
+            f"the passes have {len(columns)} columns and {len(near)} context neighbors; the "
             f"fields have {n_columns} columns"
         )
     return CodingOrder(
@@ -104,56 +104,55 @@ def order_of(passes: Sequence[Pass], n_columns: int) -> CodingOrder:
 
 
 def order_of_rows(near: npt.NDArray[np.int32], pass_starts: Integers) -> CodingOrder:
-    """The order of columns as they are numbered.
+    """The coding order of columns in numerical order.
 
     Parameters
     ----------
     near : int32 array of shape (n_columns, n)
-        Context neighbours of each column; -1 behind the last.
+        Context neighbors of each column, padded with -1.
     pass_starts : int64 array
         The first column of each pass, and the number of columns.
     """
-    is_there = near >= 0
+    is_neighbor = near >= 0
     near_starts = np.zeros(len(near) + 1, np.int64)
-    np.cumsum(is_there.sum(axis=1), out=near_starts[1:])
+    np.cumsum(is_neighbor.sum(axis=1), out=near_starts[1:])
     columns = np.arange(len(near), dtype=np.int32)
     n_passes = len(pass_starts) - 1
-    return CodingOrder(len(near), columns, pass_starts, n_passes, near_starts, near[is_there])
+    return CodingOrder(len(near), columns, pass_starts, n_passes, near_starts, near[is_neighbor])
 
 
 def encode_fields(fields: npt.NDArray[np.integer], passes: Passes | None = None) -> bytes:
-    """Bytes of rows of integers over the same columns.
+    """Encode rows of integers over the same columns.
 
     Parameters
     ----------
     fields : integer array of shape (rows, columns)
-        Magnitudes up to `MAX_MAGNITUDE`. Rows that resemble those before take the fewest bytes.
+        Magnitudes up to `MAX_MAGNITUDE`. Rows similar to previous rows take the fewest bytes.
     passes : CodingOrder or sequence of Pass, optional
-        The order in which each row is coded, and the context neighbours of each column. Columns of
-        a pass should be alike in magnitude. The reader needs the same passes. Default: all columns
-        in one.
+        Coding order of each row, and the context neighbors of each column. Columns of a pass should
+        have similar magnitudes. The decoder needs the same passes. Default: one pass.
 
     Raises
     ------
     InvalidInputError
-        If an integer is too large, or the array does not have two axes, or the passes do not hold
-        each column once with neighbours that come before it.
+        If an integer is too large, the array does not have two axes, or the passes do not contain
+        each column once, after its neighbors.
     """
-    found = np.asarray(fields)
-    if found.ndim != 2 or max(found.max(initial=0), -int(found.min(initial=0))) > MAX_MAGNITUDE:
+    array = np.asarray(fields)
+    if array.ndim != 2 or max(array.max(initial=0), -int(array.min(initial=0))) > MAX_MAGNITUDE:
         raise InvalidInputError(
             f"fields must have shape (rows, columns) and magnitudes up to {MAX_MAGNITUDE}; "
-            f"got shape {found.shape}; use fewer bits or a larger quantisation step"
+            f"got shape {array.shape}; use fewer bits or a larger quantization step"
         )
-    n_rows, n_columns = found.shape
-    values = np.array(found, np.int32, order="C")  # a copy: the core writes what it codes
+    n_rows, n_columns = array.shape
+    values = np.array(array, np.int32, order="C")  # a copy, because the core modifies it
     out = np.empty(BYTES_EACH * values.size + BYTES_AT_FIRST, np.uint8)
-    order = _checked(passes, n_columns)
-    room = order.memory
+    order = _coding_order(passes, n_columns)
+    work = order.memory
     size = call(
         "reel_fields_encode",
-        room,
-        len(room),
+        work,
+        len(work),
         values,
         n_rows,
         *order,
@@ -172,26 +171,26 @@ def decode_fields(
     passes: Passes | None = None,
     n_wanted: int | None = None,
 ) -> npt.NDArray[np.int32]:
-    """Integers of shape (rows, columns) that `encode_fields` wrote, given the same passes.
+    """Decode integers of shape (rows, columns) that `encode_fields` wrote with the same passes.
 
-    Only the first `n_wanted` rows, where these are fewer. The caller bounds both counts: any number
-    of zeros takes few bytes.
+    Only the first `n_wanted` rows, if fewer. The caller must bound both counts: any number of zeros
+    takes few bytes.
 
     Raises
     ------
     CorruptStreamError
-        If some bytes are left over.
+        If bytes are missing or left over.
     """
     if data and not data[-1]:
         raise CorruptStreamError("the fields end before their section does")
     n_wanted = n_rows if n_wanted is None else min(n_wanted, n_rows)
     values = np.empty((n_wanted, n_columns), np.int32)
-    order = _checked(passes, n_columns)
-    room = order.memory
+    order = _coding_order(passes, n_columns)
+    work = order.memory
     call(
         "reel_fields_decode",
-        room,
-        len(room),
+        work,
+        len(work),
         data,
         len(data),
         n_rows,
@@ -203,7 +202,7 @@ def decode_fields(
     return values
 
 
-def _checked(passes: Passes | None, n_columns: int) -> CodingOrder:
+def _coding_order(passes: Passes | None, n_columns: int) -> CodingOrder:
     if not isinstance(passes, CodingOrder):
         return order_of(single_pass(n_columns) if passes is None else passes, n_columns)
     if passes.n_columns != n_columns:

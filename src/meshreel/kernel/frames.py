@@ -1,4 +1,4 @@
-"""Frames as products of fields and basis vectors over time, by the core.
+"""Products of fields and basis vectors over time, by the core.
 
 A track has C columns: positions have x, y and z.
 """
@@ -18,13 +18,13 @@ from meshreel.runtime.threads import chunks, in_threads
 Integers = npt.NDArray[np.integer]
 
 COLUMNS = 0
-"""REEL_COLUMNS of `core/reel.h`; layouts of values are the bytes of a number."""
+"""REEL_COLUMNS of `core/reel.h`; other layouts are the bytes per number."""
 
 SINGLE, DOUBLE = 4, 8
 """REEL_SUMS_4 and REEL_SUMS_8."""
 
 VERTICES_AT_ONCE = 1 << 12
-"""Vertices whose fields a thread packs at once; a multiple of 64."""
+"""Number of vertices that a thread packs at once; a multiple of 64."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Moves:
     Attributes
     ----------
     starts : int64 array of shape (n + 1,)
-        Those of frame i are starts[i] : starts[i + 1] of the others.
+        Frame i has the entries starts[i] : starts[i + 1] of the other arrays.
     vertices : int32 array of shape (N,)
         Ascending in each frame.
     displacements : float64 array of shape (N, C)
@@ -45,19 +45,19 @@ class Moves:
     displacements: Floats
 
     def of_frames(self, frames: range) -> "Moves":
-        """Those of a range of frames."""
+        """The displacements of a range of frames."""
         return Moves(self.starts[frames.start : frames.stop + 1], self.vertices, self.displacements)
 
 
 @dataclass(frozen=True)
 class PackedFields:
-    """Fields as the core multiplies them by basis vectors; from `packed_fields`.
+    """Fields in the core's layout for products with basis vectors, from `packed_fields`.
 
     Attributes
     ----------
     n_modes, n_verts : int
     precision : int
-        A `reel_precision` of the core: that of sums.
+        Precision of sums, a `reel_precision` of the core.
     data : uint8 array
     """
 
@@ -74,29 +74,29 @@ def packed_fields(
     is_single: bool = False,
     order: Integers | None = None,
 ) -> PackedFields:
-    """Fields packed for any number of products, on all cores.
+    """Pack fields for any number of products, on all cores.
 
     Parameters
     ----------
     fields : float64 array of shape (K, V)
-        The view of an array of shape (V, K) serves as well.
+        May be a transposed view.
     step : float
         Fields are multiplied by it.
     is_single : bool, default False
-        Fields and basis vectors are rounded to IEEE single precision, and products summed up in it.
+        Round fields and basis vectors to IEEE single precision, and sum products in it.
     order : integer array of shape (V,), optional
-        The vertex of the fields that each packed vertex is.
+        Vertex of the fields for each packed vertex.
 
     Raises
     ------
     InvalidInputError
-        If the order names a vertex that is not there.
+        If the order contains a vertex that does not exist.
     """
     fields = np.asarray(fields, np.float64)
     n_modes, n_verts = fields.shape
     precision = SINGLE if is_single else DOUBLE
-    found = memory(size_of("reel_packed_bytes", n_modes, n_verts, precision))
-    places = None if order is None else np.ascontiguousarray(order, np.int32)
+    packed = memory(size_of("reel_packed_bytes", n_modes, n_verts, precision))
+    order = None if order is None else np.ascontiguousarray(order, np.int32)
 
     def pack(piece: slice) -> None:
         call(
@@ -105,28 +105,21 @@ def packed_fields(
             *(stride // fields.itemsize for stride in fields.strides),
             ctypes.c_double(step),
             precision,
-            places,
+            order,
             n_modes,
             n_verts,
             piece.start,
             piece.stop,
-            found,
+            packed,
             what="fields",
         )
 
     in_threads(pack, chunks(n_verts, VERTICES_AT_ONCE))
-    return PackedFields(n_modes, n_verts, precision, found)
+    return PackedFields(n_modes, n_verts, precision, packed)
 
 
 def frame_columns(basis: Floats, fields: PackedFields, frames: range) -> Floats:
-    """Matrices of shape (C, frames, V): sums over the modes.
-
-    Parameters
-    ----------
-    basis : float64 array of shape (C, T, K)
-    fields : PackedFields
-        K of V vertices.
-    """
+    """Products of a basis of shape (C, T, K) and K fields, of shape (C, frames, V)."""
     out = np.empty((len(basis), len(frames), fields.n_verts))
     _frames(basis, fields, frames, None, None, out, COLUMNS)
     return out
@@ -147,28 +140,27 @@ def fill_values(
     out : contiguous float32 or float64 array of shape (n, V, C)
     basis : float64 array of shape (C, T, K)
     fields : PackedFields
-        K of V vertices.
+        K fields of V vertices.
     frames : range
         The n frames.
     placement : 1 + C floats
         Scale, and the origin of each column.
     moves : Moves, optional
-        Of these frames, and vertices of `out`.
+        Moves of these frames; vertices are indices into `out`.
 
     Raises
     ------
     InvalidInputError
-        If a frame is not there.
+        If a frame does not exist.
     """
-    placed = np.array(placement, np.float64)
-    _frames(basis, fields, frames, moves, placed, out, out.itemsize)
+    _frames(basis, fields, frames, moves, np.array(placement, np.float64), out, out.itemsize)
 
 
 @dataclass(frozen=True)
 class JointFrames:
     """Frames as the product of a temporal basis and fields that all columns share.
 
-    The core computes it, with the same bits on every machine.
+    Results are bit-identical on every machine.
 
     Attributes
     ----------
@@ -196,13 +188,13 @@ class JointFrames:
 
     @cached_property
     def packed(self) -> PackedFields:
-        """Fields as the core multiplies them, packed once for all calls."""
+        """Packed fields, computed once."""
         return packed_fields(
             self.values.T, step=self.step, is_single=self.is_single, order=self.order
         )
 
     def pack(self) -> None:
-        """Pack the fields now, on all cores, before several threads fill frames."""
+        """Pack the fields now, on all cores, before threads call `fill`."""
         _ = self.packed
 
     def fill(
@@ -214,8 +206,8 @@ class JointFrames:
     ) -> None:
         """Fill a contiguous array of shape (n, V, C) with values of n frames, in model units.
 
-        The placement is the scale, and the origin of each column. Positions are those that
-        `from_matrices` makes of ``self(frames)``, to the last bit.
+        The placement is the scale, and the origin of each column. The result is bit-identical to
+        `from_matrices` of ``self(frames)``.
         """
         fill_values(out, self.basis, self.packed, frames, placement, moves)
 
@@ -226,15 +218,15 @@ def coordinate_rows(
     piece: slice,
     placement: Sequence[float],
 ) -> Floats:
-    """Values of some vertices, such as coordinates, less the origin and divided by the scale.
+    """Normalized values of some vertices: minus the origin, divided by the scale.
 
     Parameters
     ----------
     vertices : contiguous float32 or float64 array of shape (T, V, C)
     order : contiguous int32 array of shape (V,), or None
-        The vertex that stands at each place; None: its own.
+        The vertex at each index of the result; None means the identity.
     piece : slice
-        Places, n of them.
+        The n indices to return.
     placement : 1 + C floats
         Scale, and the origin of each column.
 
@@ -256,9 +248,7 @@ def add_coordinate_rows(
     signs: Floats,
     out: Floats,
 ) -> None:
-    """Add what `coordinate_rows` gives, times a sign of each place, shape (n,), to contiguous rows
-    of shape (C T, n).
-    """
+    """Add `coordinate_rows`, times signs of shape (n,), to contiguous rows of shape (C T, n)."""
     _coordinates(vertices, order, piece, placement, signs, out)
 
 
@@ -299,9 +289,9 @@ def _frames(
 ) -> None:
     n_columns, n_frames, n_modes = basis.shape
     assert n_modes == fields.n_modes
-    moved: tuple[Argument, ...] = (None, None, None)
+    move_arrays: tuple[Argument, ...] = (None, None, None)
     if moves is not None:
-        moved = (moves.starts, moves.vertices, moves.displacements)
+        move_arrays = (moves.starts, moves.vertices, moves.displacements)
     call(
         "reel_frames",
         np.ascontiguousarray(basis, np.float64),
@@ -313,7 +303,7 @@ def _frames(
         fields.n_verts,
         np.array(frames, np.int32),
         len(frames),
-        *moved,
+        *move_arrays,
         placement,
         layout,
         out,

@@ -1,4 +1,4 @@
-"""Coder of rows of integers, by the core: adaptive bits in contexts of the preceding integers."""
+"""Coding of rows of integers with adaptive contexts of preceding integers, by the core."""
 
 from collections.abc import Sequence
 
@@ -12,10 +12,10 @@ from meshreel.runtime.profiling import staged
 
 MAX_MAGNITUDE = (1 << 31) - 1
 BYTES_EACH = 16
-"""Upper bound of the bytes that an integer takes, and of those that end the payload."""
+"""Upper bound of the bytes of an integer, and of the end of a payload."""
 
 MAX_TABLES = 64
-"""Most probability tables of one payload; each takes 20 kB while it is in use."""
+"""Maximum number of probability tables of a payload; each takes 20 kB of memory."""
 
 
 def encode_integers(
@@ -41,7 +41,7 @@ def encode_integers(
         if largest > MAX_MAGNITUDE:
             raise InvalidInputError(
                 f"integers up to {MAX_MAGNITUDE} can be coded; got {largest}; "
-                "use fewer bits or a larger quantisation step"
+                "use fewer bits or a larger quantization step"
             )
     tables = _tables_of_rows(len(rows), tables)
     lengths = np.array([len(row) for row in rows], np.int64)
@@ -68,14 +68,14 @@ def encode_integers(
 def decode_integers(
     data: bytes, lengths: Sequence[int], tables: Sequence[int] | None = None
 ) -> list[Integers]:
-    """Decode rows that `encode_integers` wrote, given the same lengths and tables.
+    """Decode rows that `encode_integers` wrote with these lengths and tables.
 
-    The caller bounds the lengths: any number of zeros takes few bytes.
+    The caller must bound the lengths: any number of zeros takes few bytes.
 
     Raises
     ------
     CorruptStreamError
-        If the bytes are not those of rows of these lengths.
+        If the bytes do not encode rows of these lengths.
     """
     if data and not data[-1]:
         raise CorruptStreamError("the integers end before their section does")
@@ -94,12 +94,13 @@ def decode_integers(
         what="integers",
         memory_of=("reel_integers_memory", n_tables),
     )
-    found = values.astype(np.int64)
-    return np.split(found, np.cumsum(lengths)[:-1]) if len(lengths) else []
+    if not lengths:
+        return []
+    return np.split(values.astype(np.int64), np.cumsum(lengths)[:-1])
 
 
 def _tables_of_rows(n_rows: int, tables: Sequence[int] | None) -> Sequence[int]:
-    found = range(n_rows) if tables is None else tables
-    if len(found) != n_rows or max(found, default=0) >= MAX_TABLES:
-        raise ValueError(f"{n_rows} rows need as many tables, of 0..{MAX_TABLES - 1}")
-    return found
+    indices = range(n_rows) if tables is None else tables
+    if len(indices) != n_rows or max(indices, default=0) >= MAX_TABLES:
+        raise ValueError(f"{n_rows} rows need as many table indices in 0..{MAX_TABLES - 1}")
+    return indices

@@ -1,4 +1,4 @@
-"""How programs in C and C++ are compiled and linked with the library of this package."""
+"""Compiler and linker flags for C and C++ programs that use the library of this package."""
 
 import shlex
 import sys
@@ -13,12 +13,12 @@ _IN_CHECKOUT = _HERE.parents[2] / "core" / "include"
 
 
 def compiler_flags() -> list[str]:
-    """What a compiler needs to find `meshreel.h`, as words of a shell.
+    """Shell-quoted compiler flags to find `meshreel.h`.
 
     Raises
     ------
     InvalidInputError
-        If the header is not there.
+        If the header is missing.
     """
     for folder in (_HERE, _IN_CHECKOUT):
         if (folder / HEADER).exists():
@@ -27,7 +27,7 @@ def compiler_flags() -> list[str]:
 
 
 def linker_flags() -> list[str]:
-    """What a linker needs to find the library, and a program when it runs; likewise."""
+    """Shell-quoted linker flags to find the library, also at run time."""
     if sys.platform == "win32":
         return [shlex.quote(str(_HERE / NAME))]
     name = NAME.removeprefix("lib").split(".")[0]

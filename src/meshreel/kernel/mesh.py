@@ -1,4 +1,4 @@
-"""What the core derives from connectivity: neighbours, and a hierarchy of the vertices."""
+"""Neighbors and hierarchy of the vertices of a mesh, by the core."""
 
 from concurrent.futures import Future
 from dataclasses import dataclass
@@ -18,25 +18,25 @@ _Stencils = tuple[Integers, Hops, Integers]
 
 MAX_STENCIL = 16
 N_SMOOTH_FIELDS = 16
-N_NEIGHBOURS = 8
-MOST_SMOOTH_ROWS = 4
+N_NEIGHBORS = 8
+MAX_SMOOTH_ROWS = 4
 MAX_RESOLUTIONS = 20
 MAX_LEVELS = 1 + 3 * MAX_RESOLUTIONS
 """As in `core/reel.h`."""
 
-LEAST_APART = 4096
-"""Vertices of a mesh whose smooth fields are worth a thread: levels are then found twice."""
+MIN_PARALLEL_VERTICES = 4096
+"""Vertices from which smooth fields use a thread, which computes the levels a second time."""
 
 
 @dataclass(frozen=True)
-class Neighbours:
-    """Which vertices of a mesh are next to each other.
+class Neighbors:
+    """Adjacency lists of a mesh.
 
     Attributes
     ----------
     starts : int32 array of shape (V + 1,)
     near : int32 array
-        Those next to v are near[starts[v] : starts[v + 1]], ascending, each once.
+        The neighbors of v are near[starts[v] : starts[v + 1]], ascending and unique.
     """
 
     starts: Integers
@@ -45,28 +45,28 @@ class Neighbours:
 
 @dataclass(frozen=True)
 class Hierarchy:
-    """All vertices of a mesh in coding order, and what predicts each.
+    """The vertices of a mesh in coding order, with their prediction stencils.
 
-    But for `order`, vertices are numbered in coding order: coarsest resolution first, level after
-    level.
+    Vertices are numbered in coding order, level by level from the coarsest resolution, except in
+    the values of `order`.
 
     Attributes
     ----------
     order : int32 array of shape (V,)
-        Vertices as the faces name them, in coding order; ascending in each level.
+        Vertex index in the faces for each number; ascending in each level.
     level_starts : int32 array of shape (L + 1,)
-        Where each level begins; the last is V.
+        First number of each level, then V.
     level_resolutions : int32 array of shape (L,)
         Resolution of each level; 0 is the coarsest.
     smooth_starts : int64 array of shape (L,)
         The smooth fields of vertex v for each level are in row start + v.
     stencil : int32 array of shape (V, S)
-        Lower numbers, nearest first; -1 where there are no more. Level 0 has none.
+        Lower numbers, nearest first, padded with -1. Level 0 has none.
     hops : uint8 array of shape (V, S)
-        How many edges of the resolution away they are; 0 where there are no more.
-    contexts : int32 array of shape (V, N_NEIGHBOURS)
-        Context neighbours, lower numbers too; -1 where there are no more.
-    coming_smooth : Future of a float32 array of shape (rows, N_SMOOTH_FIELDS)
+        Distances to them, in edges of the resolution, padded with 0.
+    contexts : int32 array of shape (V, N_NEIGHBORS)
+        Context neighbors, with lower numbers, padded with -1.
+    smooth_future : Future of a float32 array of shape (rows, N_SMOOTH_FIELDS)
     """
 
     order: Integers
@@ -76,21 +76,21 @@ class Hierarchy:
     stencil: Integers
     hops: Hops
     contexts: Integers
-    coming_smooth: Future[Smooth]
+    smooth_future: Future[Smooth]
 
     @property
     def n_verts(self) -> int:
-        """V."""
+        """Number of vertices, V."""
         return len(self.order)
 
     @property
     def smooth(self) -> Smooth:
-        """The smooth fields, waited for: they may be found while `order` is used already."""
-        return self.coming_smooth.result()
+        """The smooth fields; waits for the background thread."""
+        return self.smooth_future.result()
 
 
-def neighbours(faces: npt.NDArray[np.integer], n_verts: int) -> Neighbours:
-    """The neighbours of every vertex; faces may be degenerate, and name an edge often.
+def neighbors(faces: npt.NDArray[np.integer], n_verts: int) -> Neighbors:
+    """The neighbors of every vertex; faces may be degenerate, and edges repeated.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def neighbours(faces: npt.NDArray[np.integer], n_verts: int) -> Neighbours:
     Raises
     ------
     InvalidInputError
-        If a face names a vertex that is not there.
+        If a face contains a vertex that does not exist.
     """
     faces = np.ascontiguousarray(faces, np.int32)
     starts, near = np.empty(n_verts + 1, np.int32), np.empty(2 * faces.size, np.int32)
@@ -115,44 +115,44 @@ def neighbours(faces: npt.NDArray[np.integer], n_verts: int) -> Neighbours:
         what="faces",
         memory_of=("reel_adjacency_memory", n_verts, len(faces)),
     )
-    return Neighbours(starts, near[:n_near].copy())
+    return Neighbors(starts, near[:n_near].copy())
 
 
-def hierarchy(found: Neighbours, stencil_size: int) -> Hierarchy:
-    """The hierarchy of the vertices of a mesh, with stencils of so many vertices.
+def hierarchy(graph: Neighbors, stencil_size: int) -> Hierarchy:
+    """The hierarchy of the vertices of a mesh, with stencils of up to `stencil_size` vertices.
 
-    Of a large mesh smooth fields are found in the background.
+    The smooth fields of a large mesh are computed in the background.
 
     Raises
     ------
     InvalidInputError
         If `stencil_size` is not in 1..`MAX_STENCIL`.
     """
-    if len(found.starts) <= LEAST_APART or n_cores() == 1:
-        levels, stencils, smooth = _hierarchy(found, stencil_size)
-        coming: Future[Smooth] = Future()
-        coming.set_result(smooth)
-        return Hierarchy(*levels, *stencils, coming)
-    coming = in_background(lambda: _hierarchy(found, stencil_size, has_stencils=False)[2])
-    levels, stencils, _ = _hierarchy(found, stencil_size, has_smooth=False)
-    return Hierarchy(*levels, *stencils, coming)
+    if len(graph.starts) <= MIN_PARALLEL_VERTICES or n_cores() == 1:
+        levels, stencils, smooth = _hierarchy(graph, stencil_size)
+        future: Future[Smooth] = Future()
+        future.set_result(smooth)
+        return Hierarchy(*levels, *stencils, future)
+    future = in_background(lambda: _hierarchy(graph, stencil_size, has_stencils=False)[2])
+    levels, stencils, _ = _hierarchy(graph, stencil_size, has_smooth=False)
+    return Hierarchy(*levels, *stencils, future)
 
 
 def _hierarchy(
-    found: Neighbours, stencil_size: int, *, has_stencils: bool = True, has_smooth: bool = True
+    graph: Neighbors, stencil_size: int, *, has_stencils: bool = True, has_smooth: bool = True
 ) -> tuple[_Levels, _Stencils, Smooth]:
-    """The parts of a hierarchy; those that are not wanted are not filled."""
-    n_verts = len(found.starts) - 1
+    """Levels, stencils and smooth fields; only the requested ones are filled."""
+    n_verts = len(graph.starts) - 1
     shape = (n_verts, max(stencil_size, 0))
     order, stencil = np.empty(n_verts, np.int32), np.empty(shape, np.int32)
-    hops, contexts = np.empty(shape, np.uint8), np.empty((n_verts, N_NEIGHBOURS), np.int32)
-    smooth = np.empty((MOST_SMOOTH_ROWS * n_verts, N_SMOOTH_FIELDS), np.float32)
+    hops, contexts = np.empty(shape, np.uint8), np.empty((n_verts, N_NEIGHBORS), np.int32)
+    smooth = np.empty((MAX_SMOOTH_ROWS * n_verts, N_SMOOTH_FIELDS), np.float32)
     starts, resolutions = np.empty(MAX_LEVELS + 1, np.int32), np.empty(MAX_LEVELS, np.int32)
     smooth_starts = np.empty(MAX_LEVELS, np.int64)
     n_levels = call(
         "reel_hierarchy",
-        found.starts,
-        found.near,
+        graph.starts,
+        graph.near,
         n_verts,
         stencil_size,
         order,
@@ -164,10 +164,10 @@ def _hierarchy(
         contexts,
         smooth if has_smooth else None,
         what="stencils",
-        memory_of=("reel_hierarchy_memory", n_verts, len(found.near)),
+        memory_of=("reel_hierarchy_memory", n_verts, len(graph.near)),
     )
     finest = smooth_starts[n_levels - 1]
     n_rows = finest + n_verts if resolutions[n_levels - 1] else 0
     levels = order, starts[: n_levels + 1], resolutions[:n_levels], smooth_starts[:n_levels]
-    # What was never touched takes no memory.
+    # Pages of these arrays that were never written take no memory.
     return levels, (stencil, hops, contexts), smooth[:n_rows]

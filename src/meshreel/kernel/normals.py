@@ -1,4 +1,4 @@
-"""Normals of a surface that moves, and normals turned from them, by the core."""
+"""Normals of a moving surface, and rotations between normals, by the core."""
 
 from typing import Any
 
@@ -13,16 +13,16 @@ Integers = npt.NDArray[np.int32]
 
 
 def surface_normals(positions: Vertices, faces: Integers, items: Integers | None = None) -> Floats:
-    """Normals of length 1, or 0 where there is none: area-weighted means over triangles.
+    """Unit normals, area-weighted means over triangles; 0 where undefined.
 
     Parameters
     ----------
     positions : contiguous float32 or float64 array of shape (T, V, 3)
     faces : contiguous int32 array of shape (M, 3)
-        Triangles, in the order in which they are summed up.
+        Triangles, in the order of summation.
     items : contiguous int32 array of shape (M,), optional
-        The item, such as a polygon, that each triangle is of; each number up to the largest has a
-        triangle. None: items are the vertices.
+        The item, such as a polygon, of each triangle; every item up to the largest has a triangle.
+        None: items are the vertices.
 
     Returns
     -------
@@ -31,11 +31,11 @@ def surface_normals(positions: Vertices, faces: Integers, items: Integers | None
     Raises
     ------
     InvalidInputError
-        If a face names a vertex that is not there.
+        If a face contains a vertex that does not exist.
     """
     n_frames, n_verts, _ = positions.shape
     n_items = n_verts if items is None else int(items.max(initial=-1)) + 1
-    found = np.empty((n_frames, n_items, 3))
+    normals = np.empty((n_frames, n_items, 3))
     call(
         "reel_normals",
         positions,
@@ -46,33 +46,33 @@ def surface_normals(positions: Vertices, faces: Integers, items: Integers | None
         len(faces),
         items,
         n_items,
-        found,
+        normals,
         what="normals",
     )
-    return found
+    return normals
 
 
-def turns_to(normals: Floats, wanted: Vertices) -> Floats:
-    """The numbers of shape (..., 2) by which `turned` makes the wanted normals of others.
+def find_rotations(normals: Floats, targets: Vertices) -> Floats:
+    """Rotations of shape (..., 2) that turn normals into target normals.
 
     Parameters
     ----------
     normals : contiguous float64 array of shape (..., 3)
-    wanted : contiguous float32 or float64 array of shape (..., 3)
+    targets : contiguous float32 or float64 array of shape (..., 3)
 
     Raises
     ------
     InvalidInputError
-        If one cannot be reached: where only one of the two is 0, or nearly the opposite.
+        If a target cannot be reached: only one of the two is 0, or they are nearly opposite.
     """
-    found = np.empty((*normals.shape[:-1], 2))
+    rotations = np.empty((*normals.shape[:-1], 2))
     call(
         "reel_find_rotations",
         normals,
-        wanted,
-        wanted.itemsize,
+        targets,
+        targets.itemsize,
         normals.size // 3,
-        found,
+        rotations,
         what="normals",
     )
-    return found
+    return rotations

@@ -1,4 +1,4 @@
-"""The given order of faces and vertices of a known mesh to bytes and back, by the core."""
+"""Coding of the original order of faces and vertices of a known mesh, by the core."""
 
 import numpy as np
 import numpy.typing as npt
@@ -10,9 +10,9 @@ Integers = npt.NDArray[np.int32]
 AnyIntegers = npt.NDArray[np.integer]
 
 BYTES_EACH = 32
-"""Most bytes that a vertex or a face takes."""
+"""Upper bound of the bytes of a vertex or a face."""
 
-MOST_FACES = 1 << 29
+MAX_FACES = 1 << 29
 
 
 def opposite_sides(faces: AnyIntegers, n_verts: int) -> Integers:
@@ -21,14 +21,14 @@ def opposite_sides(faces: AnyIntegers, n_verts: int) -> Integers:
     Raises
     ------
     InvalidInputError
-        If there are too many faces, or one names a vertex that is not there.
+        If there are too many faces, or a face contains a vertex that does not exist.
     """
     n_faces = len(faces)
-    _require_few(n_faces)
-    given, twins = _passed(faces), np.empty(3 * n_faces, np.int32)
+    _check_count(n_faces)
+    twins = np.empty(3 * n_faces, np.int32)
     call(
         "reel_twins",
-        given,
+        _contiguous(faces),
         n_faces,
         n_verts,
         twins,
@@ -44,19 +44,19 @@ def encode_order(
     corners: AnyIntegers | None,
     sequence: AnyIntegers,
 ) -> bytes:
-    """Bytes of the order in which vertices, and if asked for faces, were given.
+    """Encode the original order of vertices, and optionally of faces.
 
     Parameters
     ----------
     faces : integer array of shape (M, 3)
-        The mesh that the reader knows.
+        The mesh that the decoder knows.
     twins : integer array of shape (3 M,), or None
         The opposite side of each side ``3 i + k`` of face i, or itself: an involution.
     corners : integer array of shape (M,), or None
-        ``3 i + k`` of each face in the given order: the i-th known face, from its corner k. None
-        if only the order of vertices is kept.
+        ``3 i + k`` for each face in the original order: the i-th known face, from its corner k.
+        None to encode only the order of vertices.
     sequence : integer array of shape (V,)
-        Known vertices in the given order.
+        Known vertices in the original order.
 
     Raises
     ------
@@ -64,18 +64,17 @@ def encode_order(
         If there are too many faces.
     """
     n_verts, n_faces = len(sequence), len(faces)
-    _require_few(n_faces)
+    _check_count(n_faces)
     out = np.empty(BYTES_EACH * (n_verts + n_faces + 1), np.uint8)
-    given = _passed(faces), None if twins is None else _passed(twins)
-    # Copies: the core changes them.
-    orders = None if corners is None else _passed(corners).copy(), _passed(sequence).copy()
     size = call(
         "reel_order_encode",
-        *given,
+        _contiguous(faces),
+        None if twins is None else _contiguous(twins),
         n_verts,
         n_faces,
         int(corners is not None),
-        *orders,
+        None if corners is None else _contiguous(corners).copy(),  # the core modifies copies
+        _contiguous(sequence).copy(),
         out,
         len(out),
         what="orders",
@@ -87,23 +86,23 @@ def encode_order(
 def decode_order(
     data: bytes, faces: AnyIntegers, twins: AnyIntegers | None, n_verts: int
 ) -> tuple[Integers | None, Integers]:
-    """First corners and vertices in the given order, as `encode_order` was given them.
+    """Decode the `corners` and the `sequence` of `encode_order`.
 
     Raises
     ------
     CorruptStreamError
-        If the bytes are not those of an order of this mesh.
+        If the bytes do not encode an order of this mesh.
     """
     n_faces = len(faces)
-    _require_few(n_faces)
+    _check_count(n_faces)
     corners = None if twins is None else np.zeros(n_faces, np.int32)
     sequence = np.zeros(n_verts, np.int32)
     call(
         "reel_order_decode",
         data,
         len(data),
-        _passed(faces),
-        None if twins is None else _passed(twins),
+        _contiguous(faces),
+        None if twins is None else _contiguous(twins),
         n_verts,
         n_faces,
         int(corners is not None),
@@ -115,10 +114,10 @@ def decode_order(
     return corners, sequence
 
 
-def _passed(values: AnyIntegers) -> Integers:
+def _contiguous(values: AnyIntegers) -> Integers:
     return np.ascontiguousarray(values, np.int32)
 
 
-def _require_few(n_faces: int) -> None:
-    if n_faces > MOST_FACES:
-        raise InvalidInputError(f"{n_faces} faces; the order of up to {MOST_FACES} can be kept")
+def _check_count(n_faces: int) -> None:
+    if n_faces > MAX_FACES:
+        raise InvalidInputError(f"the order of at most {MAX_FACES} faces is kept; got {n_faces}")

@@ -1,4 +1,4 @@
-"""Tables of numbers to bytes and back, exactly, by the core."""
+"""Lossless coding of tables of numbers, by the core."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -11,21 +11,21 @@ from meshreel.kernel.library import call
 Numbers = npt.NDArray[Any]
 
 BYTES_EACH, BYTES_A_ROW = 24, 32
-"""Most bytes that a number takes, and a row besides."""
+"""Upper bounds of the bytes of a number, and of the overhead of a row."""
 
 
 @dataclass(frozen=True)
 class Expected:
-    """In which order the rows of a table are coded, and from which others each is expected.
+    """Coding order and predictors of the rows of a table.
 
     Attributes
     ----------
     order : int32 array of shape (N,)
-        Each of 0..N-1 once.
+        A permutation of 0..N-1.
     starts : int64 array of shape (N + 1,)
     triples : int32 array of shape (*, 3)
-        Row ``order[i]`` is expected at the mean of ``a + b - c`` of those of
-        ``starts[i]:starts[i + 1]``; at a single ``a`` where c is -1. All are rows before it.
+        The prediction of row ``order[i]`` is the mean of ``a + b - c`` over the triples
+        ``starts[i]:starts[i + 1]``, or row ``a`` if c is -1. All are rows coded before it.
     """
 
     order: npt.NDArray[np.int32]
@@ -34,12 +34,12 @@ class Expected:
 
 
 def expected_along(faces: Numbers, twins: Numbers, n_rows: int) -> Expected:
-    """From which rows of a table each is expected, where faces say which are near each other.
+    """Find the predictors of the rows of a table whose adjacency faces define.
 
     Parameters
     ----------
     faces : integer array of shape (M, 3)
-        Rows of 0..N-1.
+        Rows, in 0..N-1.
     twins : integer array of shape (3 M,)
         The opposite side of each side ``3 i + k`` of face i, or itself: an involution.
     n_rows : int
@@ -64,7 +64,7 @@ def expected_along(faces: Numbers, twins: Numbers, n_rows: int) -> Expected:
 
 
 def encode_patterns(values: Numbers, expected: Expected) -> bytes:
-    """Bytes of a table of shape (N, C) of uint8, int32, float32 or float64."""
+    """Encode a table of shape (N, C) of uint8, int32, float32 or float64."""
     table = np.array(values, order="C")
     n_rows, width = table.shape
     out = np.empty(BYTES_EACH * table.size + BYTES_A_ROW * (n_rows + 1), np.uint8)
@@ -88,7 +88,7 @@ def encode_patterns(values: Numbers, expected: Expected) -> bytes:
 def decode_patterns(
     data: bytes, shape: tuple[int, int], dtype: np.dtype[Any], expected: Expected
 ) -> Numbers:
-    """The table that `encode_patterns` wrote; the caller bounds the shape.
+    """Decode a table that `encode_patterns` wrote; the caller must bound the shape.
 
     Raises
     ------

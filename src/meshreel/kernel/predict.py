@@ -1,4 +1,4 @@
-"""Prediction of fields over a mesh, by the core: residuals to values, and values to residuals."""
+"""Prediction of fields over a mesh, by the core."""
 
 import ctypes
 from collections.abc import Callable
@@ -15,18 +15,18 @@ from meshreel.kernel.mesh import Hierarchy
 from meshreel.runtime.threads import in_threads, n_cores
 
 CHUNK_VERTICES = 16384
-"""Vertices of a level that one thread takes; the encoder counts in each by itself, so that its
-choices do not depend on the number of threads."""
+"""Part of a level that one thread encodes; statistics are per part, so that the encoder's choices
+do not depend on the number of threads."""
 
 BATCH_VERTICES = 16
-"""Vertices that the core takes at once: parts are whole numbers of these, for what is prepared in
-one way of parting a level serves in every other."""
+"""Vertices that the core processes at once: parts are multiples, so that prepared weights fit any
+division of a level."""
 
-LEAST_VERTICES = 512
-"""Fewest of a level that one thread takes where nothing is counted: about a millisecond."""
+MIN_VERTICES = 512
+"""Minimum part of a level that one thread decodes, about a millisecond."""
 
 Prepared = npt.NDArray[np.uint8]
-"""What is known about the weights of all vertices before the first mode, as the core has it."""
+"""Prediction weights of all vertices before the first mode, in the core's layout."""
 
 
 class _Mesh(ctypes.Structure):
@@ -50,28 +50,28 @@ class _Choice(ctypes.Structure):
     _fields_ = [
         ("first_shaped", ctypes.c_int64),
         ("gain", ctypes.c_double),
-        ("price", ctypes.c_double),
-        *((name, ctypes.c_void_p) for name in ("wanted", "counts", "zones")),
+        ("rate_weight", ctypes.c_double),
+        *((name, ctypes.c_void_p) for name in ("target", "counts", "zones")),
     ]
 
 
 @dataclass(frozen=True)
 class Choice:
-    """What an encoder of fields chooses by.
+    """Parameters of the encoder's choices.
 
     Attributes
     ----------
     first_shaped : int
-        First level whose noise is shaped.
+        First level with noise shaping.
     gain : float
-        Of noise shaping.
-    price : float
-        Squared quantisation steps that a bit is worth; 0 rounds to the nearest.
+        Gain of noise shaping.
+    rate_weight : float
+        Lagrange multiplier: squared error, in squared steps, per bit; 0 rounds to the nearest.
     """
 
     first_shaped: int
     gain: float
-    price: float
+    rate_weight: float
 
 
 def decode_values(
@@ -81,66 +81,67 @@ def decode_values(
     key: Floats | None = None,
     prepared: Prepared | None = None,
 ) -> Floats:
-    """Values of fields, of shape (V, K), in quantisation steps.
+    """Decode fields of shape (V, K), in quantization steps.
 
     Parameters
     ----------
     residuals : int32 array of shape (K, V)
-        In coding order, as everything here.
+        In coding order, like all arrays of this module.
     n_learned : int
-        Modes that the weights follow.
+        Number of modes that the weights adapt to.
     key : float64 array of shape (V, K of the key block), optional
         Values of the key block.
     prepared : Prepared, optional
-        `prepared_weights` of this mesh, key and `n_learned`; else they are found anew.
+        `prepared_weights` of this mesh, key and `n_learned`; computed if None.
     """
     return _run(mesh, residuals, n_learned, key, prepared, None, None)
 
 
 def prepared_weights(mesh: Hierarchy, n_learned: int, key: Floats | None = None) -> Prepared:
-    """What several blocks of the same key, or without any, begin with: 608 bytes a vertex."""
-    found = memory(size_of("reel_predict_prepare_memory", len(mesh.order), len(mesh.smooth_starts)))
+    """Initial weights, shared by blocks with the same key or without one: 608 bytes per vertex."""
+    n_levels = len(mesh.smooth_starts)
+    prepared = memory(size_of("reel_predict_prepare_memory", len(mesh.order), n_levels))
     core_mesh = _mesh(mesh)
-    fields = _fields(mesh, 0, n_learned, None, None, key, found)
+    fields = _fields(mesh, 0, n_learned, None, None, key, prepared)
 
     def fill(part: slice) -> None:
-        given = ctypes.byref(core_mesh), ctypes.byref(fields)
-        call("reel_predict_prepare", *given, part.start, part.stop, what="fields")
+        arguments = ctypes.byref(core_mesh), ctypes.byref(fields)
+        call("reel_predict_prepare", *arguments, part.start, part.stop, what="fields")
 
-    in_threads(fill, [part for parts in stretches(mesh, _decoded_apart()) for part in parts])
-    return found
+    stages = independent_parts(mesh, _decoded_part_sizes())
+    in_threads(fill, [part for parts in stages for part in parts])
+    return prepared
 
 
 def encode_values(
     mesh: Hierarchy,
-    wanted: Floats,
+    target: Floats,
     choice: Choice,
     n_learned: int,
     key: Floats | None = None,
     prepared: Prepared | None = None,
 ) -> tuple[npt.NDArray[np.int32], Floats]:
-    """Residuals of shape (K, V), and the values of shape (V, K) that they decode to.
+    """Encode fields; return residuals of shape (K, V) and their decoded values, of shape (V, K).
 
     Parameters
     ----------
-    wanted : float64 array of shape (V, K)
-        Values to come near to, in quantisation steps.
+    target : float64 array of shape (V, K)
+        Values to approximate, in quantization steps.
     n_learned, key, prepared
-        As of `decode_values`.
+        As in `decode_values`.
 
     Raises
     ------
     InvalidInputError
         If a residual is too large for a stream.
     """
-    residuals = np.empty(wanted.shape[::-1], np.int32)
-    given = np.ascontiguousarray(wanted)
-    values = _run(mesh, residuals, n_learned, key, prepared, given, choice)
-    return residuals, values
+    residuals = np.empty(target.shape[::-1], np.int32)
+    target = np.ascontiguousarray(target)
+    return residuals, _run(mesh, residuals, n_learned, key, prepared, target, choice)
 
 
 def _mesh(mesh: Hierarchy) -> _Mesh:
-    smooth, (n_verts, stencil_size) = mesh.coming_smooth.result(), mesh.stencil.shape
+    smooth, (n_verts, stencil_size) = mesh.smooth_future.result(), mesh.stencil.shape
     return _Mesh(
         n_verts,
         len(mesh.smooth_starts),
@@ -173,7 +174,7 @@ def _run(
     n_learned: int,
     key: Floats | None,
     prepared: Prepared | None,
-    wanted: Floats | None,
+    target: Floats | None,
     choice: Choice | None,
 ) -> Floats:
     n_modes, n_verts = residuals.shape
@@ -183,27 +184,27 @@ def _run(
     counts = np.zeros((n_modes, 2))
 
     def run(part: slice) -> Floats:
-        found = counts.copy()
-        given = [ctypes.byref(core_mesh), ctypes.byref(fields)]
+        part_counts = counts.copy()
+        arguments = [ctypes.byref(core_mesh), ctypes.byref(fields)]
         if choice is None:
-            call("reel_predict_decode", *given, part.start, part.stop, what="fields")
-            return found
+            call("reel_predict_decode", *arguments, part.start, part.stop, what="fields")
+            return part_counts
         zones = np.empty(n_modes)
-        chosen = _Choice(
-            choice.first_shaped, choice.gain, choice.price, *map(_address, (wanted, found, zones))
-        )
-        given.append(ctypes.byref(chosen))
-        call("reel_predict_encode", *given, part.start, part.stop, what="fields")
-        return found
+        arrays = map(_address, (target, part_counts, zones))
+        core_choice = _Choice(choice.first_shaped, choice.gain, choice.rate_weight, *arrays)
+        arguments.append(ctypes.byref(core_choice))
+        call("reel_predict_encode", *arguments, part.start, part.stop, what="fields")
+        return part_counts
 
-    for parts in stretches(mesh, _decoded_apart() if choice is None else _counted_apart):
+    part_size = _decoded_part_sizes() if choice is None else _encoded_part_size
+    for parts in independent_parts(mesh, part_size):
         if len(parts) == 1:
             counts = run(parts[0])
             continue
         results = [counts] * len(parts)
 
-        def fill(number: int, parts: list[slice] = parts, found: list[Floats] = results) -> None:
-            found[number] = run(parts[number])
+        def fill(number: int, parts: list[slice] = parts, results: list[Floats] = results) -> None:
+            results[number] = run(parts[number])
 
         in_threads(fill, range(len(parts)))
         counts = np.sum(results, axis=0)
@@ -213,39 +214,38 @@ def _run(
 def _address(array: npt.NDArray[Any] | None) -> int | None:
     if array is None:
         return None
-    assert array.flags.c_contiguous  # else what is passed is not what it shows
+    assert array.flags.c_contiguous  # the core receives only its address
     return array.ctypes.data
 
 
-def stretches(mesh: Hierarchy, size_of_parts: Callable[[int], int]) -> list[list[slice]]:
-    """Cut the vertices into stretches in order, whose parts do not depend on each other.
+def independent_parts(mesh: Hierarchy, size_of_parts: Callable[[int], int]) -> list[list[slice]]:
+    """Divide the vertices into stages in coding order, whose parts are independent of each other.
 
-    A stretch is many small levels in one part, or one large level in parts of a size that depends
-    on that of the level.
+    A stage is several small levels in one part, or one large level in parts whose size depends on
+    that of the level.
     """
-    found: list[list[slice]] = [[]]
+    stages: list[list[slice]] = [[]]
     for start, stop in pairwise(mesh.level_starts.tolist()):
         size = size_of_parts(stop - start)
         if stop - start > size:
             parts = range(start, stop, size)
-            found += [[slice(part, min(part + size, stop)) for part in parts], []]
+            stages += [[slice(part, min(part + size, stop)) for part in parts], []]
         else:
-            first = found[-1][0].start if found[-1] else start
-            found[-1] = [slice(first, stop)]
-    return [parts for parts in found if parts]
+            first = stages[-1][0].start if stages[-1] else start
+            stages[-1] = [slice(first, stop)]
+    return [parts for parts in stages if parts]
 
 
-def _counted_apart(_: int) -> int:
-    """Vertices in a part of a level in which the encoder counts."""
+def _encoded_part_size(_: int) -> int:
     return CHUNK_VERTICES
 
 
-def _decoded_apart() -> Callable[[int], int]:
-    """Vertices in a part of a level that is only decoded, by those in it: some parts a core."""
+def _decoded_part_sizes() -> Callable[[int], int]:
+    """The part size of a level that is only decoded, by its size: several parts per core."""
     n_parts = 4 * n_cores()
 
     def size_of_parts(n_verts: int) -> int:
-        size = min(max(LEAST_VERTICES, n_verts // n_parts), CHUNK_VERTICES)
+        size = min(max(MIN_VERTICES, n_verts // n_parts), CHUNK_VERTICES)
         return -(-size // BATCH_VERTICES) * BATCH_VERTICES
 
     return size_of_parts

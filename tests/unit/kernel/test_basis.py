@@ -71,7 +71,7 @@ def test_smooth_curves_need_no_integers_between_the_coarsest_times():
 
 @pytest.mark.parametrize("value", [1e12, np.inf, np.nan])
 def test_error_is_raised_when_an_integer_is_too_large(value):
-    with pytest.raises(InvalidInputError, match="basis vectors cannot be coded"):
+    with pytest.raises(InvalidInputError, match="basis vectors cannot be encoded"):
         encode_basis(np.full((1, 3, 5), value), FAIR_PRICE)
 
 
@@ -106,16 +106,16 @@ def resting(bits, *runs):
     return BasisCoding(Rests(runs, bits))
 
 
-@pytest.mark.parametrize("price", [0.0, FAIR_PRICE])
-def test_equal_times_are_decoded_equal_when_they_rest(price):
+@pytest.mark.parametrize("rate_weight", [0.0, FAIR_PRICE])
+def test_equal_times_are_decoded_equal_when_they_rest(rate_weight):
     wanted = curves(4, 60, 3.0, 2)
     wanted[:, :, 21:33] = wanted[:, :, 20:21]
     coding = resting(3, (21, 33))
-    coded = encode_basis(wanted, price, coding)
+    coded = encode_basis(wanted, rate_weight, coding)
     assert not coded[:, :, 21:33].any()
     vectors = basis_vectors(coded, coding)
     np.testing.assert_array_equal(vectors[:, 21:33], np.broadcast_to(vectors[:, 20:21], (3, 12, 4)))
-    without = basis_vectors(encode_basis(wanted, price))
+    without = basis_vectors(encode_basis(wanted, rate_weight))
     assert np.ptp(without[:, 20:33], axis=1).max() > 0.0
 
 

@@ -7,7 +7,7 @@ from conformance.bits import DamagedError
 from conformance.connectivity import read_faces
 from meshreel.codec.connectivity.triangles import lowest_rotation, sorted_order
 from meshreel.errors import CorruptStreamError, InvalidInputError
-from meshreel.kernel.connectivity import MOST_ITEMS, decode_faces, encode_faces
+from meshreel.kernel.connectivity import MAX_ITEMS, decode_faces, encode_faces
 from samples.meshes import grid_faces, octahedron_faces
 
 
@@ -175,7 +175,7 @@ def test_faces_are_refused_when_a_corner_is_no_vertex(corner):
         encode_faces(np.array([[0, 1, 2], [0, corner, 2]], np.int32), 4, listed=False)
 
 
-@pytest.mark.parametrize("counts", [(MOST_ITEMS + 1, 1), (1, MOST_ITEMS + 1)])
+@pytest.mark.parametrize("counts", [(MAX_ITEMS + 1, 1), (1, MAX_ITEMS + 1)])
 def test_bytes_are_refused_when_too_many_items_are_announced(counts):
     with pytest.raises(CorruptStreamError, match="at most"):
         decode_faces(b"\xaa" * 30, *counts)

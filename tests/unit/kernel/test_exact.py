@@ -4,26 +4,26 @@ import numpy as np
 import pytest
 
 from meshreel.errors import CorruptStreamError, InvalidInputError
-from meshreel.kernel.exact import MOST_FRAMES, TYPES, decode_exact, encode_exact
-from meshreel.kernel.mesh import Neighbours, neighbours
+from meshreel.kernel.exact import MAX_FRAMES, TYPES, decode_exact, encode_exact
+from meshreel.kernel.mesh import Neighbors, neighbors
 from samples.costs import draws
 
 LATTICE_ROWS, LATTICE_COLUMNS = 9, 11
 
 
 def lattice():
-    """Neighbours of a sheet of triangles, and where its 99 vertices lie."""
+    """Neighbors of a sheet of triangles, and where its 99 vertices lie."""
     across, up = np.meshgrid(np.arange(LATTICE_COLUMNS), np.arange(LATTICE_ROWS))
     vertex = (up * LATTICE_COLUMNS + across)[:-1, :-1].ravel()
     right, above = vertex + 1, vertex + LATTICE_COLUMNS
     faces = np.concatenate(
         [np.stack([vertex, right, above], 1), np.stack([right, above + 1, above], 1)]
     )
-    return neighbours(faces, across.size), np.stack([across.ravel(), up.ravel()], 1) / 10
+    return neighbors(faces, across.size), np.stack([across.ravel(), up.ravel()], 1) / 10
 
 
 def no_neighbours(n_items):
-    return Neighbours(np.zeros(n_items + 1, np.int32), np.zeros(0, np.int32))
+    return Neighbors(np.zeros(n_items + 1, np.int32), np.zeros(0, np.int32))
 
 
 def waves(n_frames, dtype=np.float32):
@@ -163,7 +163,7 @@ def test_a_mask_that_hardly_changes_takes_next_to_nothing():
 
 @pytest.mark.parametrize("dtype", TYPES)
 def test_numbers_in_runs_of_the_items_take_next_to_nothing(dtype):
-    graph = neighbours(np.random.default_rng(1).integers(0, 1000, (2000, 3)), 1000)
+    graph = neighbors(np.random.default_rng(1).integers(0, 1000, (2000, 3)), 1000)
     runs = np.arange(1000).astype(dtype)[:, None] // np.array(100, dtype)
     values = np.broadcast_to(np.floor(runs), (8, 1000, 1)).astype(dtype)
     assert len(assert_comes_back(values, graph)) < 100
@@ -187,8 +187,8 @@ def test_a_motion_that_comes_again_takes_less_bytes():
 def test_items_that_touch_everything_come_back():
     hub = np.array([[0, i, i + 1] for i in range(1, 400)])
     values = any_bits((3, 401, 1), np.float32, 5)
-    assert_comes_back(values, neighbours(hub, 401))
-    assert_comes_back(np.cumsum(np.ones((6, 401, 2), np.int32), axis=0), neighbours(hub, 401))
+    assert_comes_back(values, neighbors(hub, 401))
+    assert_comes_back(np.cumsum(np.ones((6, 401, 2), np.int32), axis=0), neighbors(hub, 401))
 
 
 def test_values_in_any_memory_order_come_back():
@@ -199,7 +199,7 @@ def test_values_in_any_memory_order_come_back():
 def test_truth_values_that_are_neither_are_refused():
     graph = lattice()[0]
     data = encode_exact(np.full((2, 99, 1), 2, np.uint8), graph)
-    with pytest.raises(CorruptStreamError, match="truth values are 0 or 1; got 2"):
+    with pytest.raises(CorruptStreamError, match="booleans must be 0 or 1; got 2"):
         decode_exact(data, (2, 99, 1), np.bool_, graph)
 
 
@@ -207,9 +207,9 @@ def test_truth_values_that_are_neither_are_refused():
     ("values", "message"),
     [
         (np.zeros((2, 99), np.float32), "must have shape"),
-        (np.zeros((2, 99, 1), np.complex64), "must be of a type of"),
-        (np.zeros((2, 99, 1), np.float16), "must be of a type of"),
-        (np.zeros((2, 98, 1), np.float32), "those of the 98 items; got 99"),
+        (np.zeros((2, 99, 1), np.complex64), "must have one of the types"),
+        (np.zeros((2, 99, 1), np.float16), "must have one of the types"),
+        (np.zeros((2, 98, 1), np.float32), "the neighbors have 99"),
     ],
 )
 def test_what_does_not_fit_is_refused(values, message):
@@ -221,8 +221,8 @@ def test_what_does_not_fit_is_refused(values, message):
 
 @pytest.mark.parametrize(("starts", "near"), [([0, 1, 1], [2]), ([0, 1, 0], [1]), ([1, 1, 1], [])])
 def test_a_graph_of_other_items_is_refused(starts, near):
-    graph = Neighbours(np.array(starts, np.int32), np.array([*near, 0], np.int32))
-    with pytest.raises(InvalidInputError, match="cannot be coded"):
+    graph = Neighbors(np.array(starts, np.int32), np.array([*near, 0], np.int32))
+    with pytest.raises(InvalidInputError, match="cannot be encoded"):
         encode_exact(np.zeros((2, 2, 1), np.float32), graph)
 
 
@@ -256,7 +256,7 @@ def test_bytes_behind_the_values_are_refused():
         decode_exact(encode_exact(values, graph) + b"\0" * 8 + b"1", values.shape, "f4", graph)
 
 
-@pytest.mark.parametrize("shape", [(MOST_FRAMES + 1, 0, 1), (1, -1, 1), (1, 0)])
+@pytest.mark.parametrize("shape", [(MAX_FRAMES + 1, 0, 1), (1, -1, 1), (1, 0)])
 def test_shapes_are_refused_when_they_are_not_of_frames_items_and_numbers(shape):
     with pytest.raises(InvalidInputError, match=r"must have shape \(T, N, C\)"):
         decode_exact(b"", shape, np.dtype("f4"), no_neighbours(0))

@@ -5,7 +5,7 @@ import pytest
 
 from conformance.exact import read_exact
 from meshreel.kernel.exact import TYPES, encode_exact
-from meshreel.kernel.mesh import neighbours
+from meshreel.kernel.mesh import neighbors
 
 LETTERS = dict(zip(TYPES, "BbHhIifQqd", strict=True))
 """Number types as `struct` writes them."""
@@ -19,7 +19,7 @@ COLUMNS = np.arange(3)
 def tape():
     """A strip of triangles, a fan around its first vertex, and lone vertices."""
     strip = [(i, i + 1, i + 2) for i in range(45)]
-    return neighbours(np.array(strip + [(0, i, i + 1) for i in range(10, 46)]), N_ITEMS)
+    return neighbors(np.array(strip + [(0, i, i + 1) for i in range(10, 46)]), N_ITEMS)
 
 
 def kinds_of_values():

@@ -180,9 +180,9 @@ def test_decoding_raises_when_bytes_are_left_over():
     ],
 )
 def test_passes_are_refused_when_they_are_not_an_order_of_the_columns(passes):
-    with pytest.raises(InvalidInputError, match=r"passes have|cannot be coded"):
+    with pytest.raises(InvalidInputError, match=r"passes have|cannot be encoded"):
         encode_fields(SMALL, passes)
-    with pytest.raises(InvalidInputError, match=r"passes have|cannot be coded"):
+    with pytest.raises(InvalidInputError, match=r"passes have|cannot be encoded"):
         decode_fields(b"\1" * 100, *SMALL.shape, passes=passes)
 
 

@@ -93,13 +93,13 @@ def test_moves_are_added_before_positions_are_scaled(made, share, seed):
 @pytest.mark.parametrize("order", [[0, 1, 3], [0, -1, 2]])
 def test_error_is_raised_when_the_order_names_a_vertex_that_is_not_there(order):
     _, fields = block(2, 2, 3)
-    with pytest.raises(InvalidInputError, match="fields cannot be coded"):
+    with pytest.raises(InvalidInputError, match="fields cannot be encoded"):
         packed_fields(fields, order=np.array(order))
 
 
 @pytest.mark.parametrize("frames", [range(-1, 1), range(1, 3)])
 def test_error_is_raised_when_a_frame_is_not_there(frames):
-    with pytest.raises(InvalidInputError, match="frames cannot be coded"):
+    with pytest.raises(InvalidInputError, match="frames cannot be encoded"):
         frame_columns(block(2, 2, 3)[0], packed_fields(block(2, 2, 3)[1]), frames)
 
 

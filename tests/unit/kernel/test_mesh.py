@@ -9,14 +9,14 @@ from scipy.special import ive
 
 from conformance.hierarchy import edges_of, scattered
 from meshreel.errors import InvalidInputError
-from meshreel.kernel.mesh import MAX_LEVELS, MAX_RESOLUTIONS, MAX_STENCIL, hierarchy, neighbours
+from meshreel.kernel.mesh import MAX_LEVELS, MAX_RESOLUTIONS, MAX_STENCIL, hierarchy, neighbors
 from samples.meshes import grid_faces
 
 
 @given(st.lists(st.tuples(*[st.integers(0, 19)] * 3), max_size=60))
 def test_neighbours_are_those_of_the_faces_when_some_are_degenerate(faces):
     faces = np.array(faces, np.int32).reshape(-1, 3)
-    found = neighbours(faces, 20)
+    found = neighbors(faces, 20)
     rows = np.split(found.near, found.starts[1:-1])
     wanted = edges_of(faces.tolist(), 20)
     assert [row.tolist() for row in rows] == [sorted(wanted[v]) for v in range(20)]
@@ -24,29 +24,29 @@ def test_neighbours_are_those_of_the_faces_when_some_are_degenerate(faces):
 
 @pytest.mark.parametrize("vertex", [-1, 4, 2**31 - 1])
 def test_error_is_raised_when_a_face_names_a_vertex_that_is_not_there(vertex):
-    with pytest.raises(InvalidInputError, match="number 1 is beyond"):
-        neighbours(np.array([[0, 1, 2], [1, vertex, 3]]), 4)
+    with pytest.raises(InvalidInputError, match="number 1 exceeds"):
+        neighbors(np.array([[0, 1, 2], [1, vertex, 3]]), 4)
 
 
 @pytest.mark.parametrize("size", [-1, 0, MAX_STENCIL + 1])
 def test_error_is_raised_when_a_stencil_has_a_size_that_cannot_be(size):
     with pytest.raises(InvalidInputError):
-        hierarchy(neighbours(grid_faces(3, 3), 9), size)
+        hierarchy(neighbors(grid_faces(3, 3), 9), size)
 
 
 def test_hierarchy_is_one_level_when_there_is_no_edge():
-    found = hierarchy(neighbours(np.zeros((0, 3), np.int32), 3), 4)
+    found = hierarchy(neighbors(np.zeros((0, 3), np.int32), 3), 4)
     assert (found.order.tolist(), found.level_starts.tolist()) == ([0, 1, 2], [0, 3])
     assert (found.stencil == -1).all()
 
 
 @pytest.mark.parametrize("n_rows", [2, 30, 70])
 def test_hierarchy_is_the_same_when_smooth_fields_are_found_apart(n_rows, monkeypatch):
-    found = neighbours(grid_faces(n_rows, 65), n_rows * 65)
+    found = neighbors(grid_faces(n_rows, 65), n_rows * 65)
     monkeypatch.setattr("meshreel.kernel.mesh.n_cores", lambda: 1)
     together = hierarchy(found, 7)
     monkeypatch.setattr("meshreel.kernel.mesh.n_cores", lambda: 2)
-    monkeypatch.setattr("meshreel.kernel.mesh.LEAST_APART", 0)
+    monkeypatch.setattr("meshreel.kernel.mesh.MIN_PARALLEL_VERTICES", 0)
     apart = hierarchy(found, 7)
     for name in ("order", "level_starts", "smooth_starts", "stencil", "hops", "contexts", "smooth"):
         np.testing.assert_array_equal(getattr(apart, name), getattr(together, name), name)
@@ -76,7 +76,7 @@ def smooth_fields_of_the_format(found, time):
 @pytest.mark.every_case
 @pytest.mark.parametrize(("n_columns", "time"), [(64, 12), (65, 40)])
 def test_smooth_fields_are_those_of_the_format_on_small_and_large_graphs(n_columns, time):
-    found = neighbours(grid_faces(64, n_columns), 64 * n_columns)
+    found = neighbors(grid_faces(64, n_columns), 64 * n_columns)
     made = hierarchy(found, 3)
     finest = made.smooth[made.smooth_starts[-1] :]
     np.testing.assert_array_equal(finest, smooth_fields_of_the_format(found, time)[made.order])

@@ -5,7 +5,7 @@ import pytest
 
 from conformance import predicted
 from meshreel.errors import InvalidInputError
-from meshreel.kernel.normals import surface_normals, turns_to
+from meshreel.kernel.normals import find_rotations, surface_normals
 from meshreel.model.geometry.normals import vertex_normals
 from samples.meshes import waving_grid
 
@@ -50,7 +50,7 @@ def test_a_face_is_refused_when_it_has_no_such_vertex(vertex):
 def turned(normals, turns):
     """Normals, each turned by two numbers, as the plain reader does it."""
     each = zip(normals.tolist(), turns.tolist(), strict=True)
-    return np.array([predicted.turned(normal, *by) for normal, by in each])
+    return np.array([predicted.rotated(normal, *by) for normal, by in each])
 
 
 def test_turns_lead_to_the_normals_that_are_wanted():
@@ -61,14 +61,14 @@ def test_turns_lead_to_the_normals_that_are_wanted():
     can = np.einsum("ij,ij->i", normals, wanted) > -0.99
     can[2] = True
     normals, wanted = normals[can], wanted[can]
-    found = turned(normals, turns_to(normals, wanted))
+    found = turned(normals, find_rotations(normals, wanted))
     np.testing.assert_allclose(found, wanted, atol=1e-9)
 
 
 def test_an_error_of_turns_is_none_larger_of_normals():
     normals, wanted = unit(1000), unit(1000)
     can = np.einsum("ij,ij->i", normals, wanted) > -0.99
-    normals, turns = normals[can], turns_to(normals[can], wanted[can])
+    normals, turns = normals[can], find_rotations(normals[can], wanted[can])
     error = 0.01 * RNG.normal(size=turns.shape)
     exact, moved = turned(normals, turns), turned(normals, turns + error)
     angle = 2 * np.arcsin(np.clip(np.linalg.norm(exact - moved, axis=1) / 2, 0, 1))
@@ -78,4 +78,4 @@ def test_an_error_of_turns_is_none_larger_of_normals():
 @pytest.mark.parametrize("wanted", [(0, 0, 0), (0, 0.01, -1)])
 def test_normals_cannot_be_reached_when_they_are_none_or_opposite(wanted):
     with pytest.raises(InvalidInputError):
-        turns_to(np.array([[0, 0, 1.0]]), np.array([wanted], float))
+        find_rotations(np.array([[0, 0, 1.0]]), np.array([wanted], float))

@@ -15,7 +15,7 @@ from meshreel.kernel.predict import (
 )
 from samples.meshes import irregular_sequence, waving_grid
 
-PLAIN = Choice(first_shaped=1 << 30, gain=0.0, price=0.0)
+PLAIN = Choice(first_shaped=1 << 30, gain=0.0, rate_weight=0.0)
 
 
 def decode_slowly(sequence, size, residuals, n_learned, key=None):
@@ -77,7 +77,7 @@ def test_weights_stay_small_when_parts_of_a_mesh_move_apart():
 def test_values_do_not_depend_on_the_parts_of_a_level(monkeypatch):
     mesh, residuals = sample(waving_grid(1, 20, 31), 16)
     whole = decode_values(mesh, residuals, 5)
-    monkeypatch.setattr("meshreel.kernel.predict.LEAST_VERTICES", 1)
+    monkeypatch.setattr("meshreel.kernel.predict.MIN_VERTICES", 1)
     np.testing.assert_array_equal(decode_values(mesh, residuals, 5), whole)
 
 
@@ -85,7 +85,7 @@ def test_values_do_not_depend_on_the_parts_of_a_level(monkeypatch):
 @pytest.mark.parametrize("has_key", [False, True])
 def test_values_are_the_same_bits_when_weights_are_prepared(size, has_key, monkeypatch):
     monkeypatch.setattr("meshreel.kernel.predict.CHUNK_VERTICES", 32)
-    monkeypatch.setattr("meshreel.kernel.predict.LEAST_VERTICES", 1)
+    monkeypatch.setattr("meshreel.kernel.predict.MIN_VERTICES", 1)
     mesh, residuals = sample(waving_grid(1, 20, 31), size)
     key = (
         decode_values(mesh, sample(waving_grid(1, 20, 31), size, 11, 4)[1], 9) if has_key else None
@@ -119,5 +119,5 @@ def test_error_is_raised_when_a_residual_is_too_large(value):
     mesh, _ = sample(waving_grid(1, 8, 9))
     wanted = np.zeros((mesh.n_verts, 2))
     wanted[40, 1] = value
-    with pytest.raises(InvalidInputError, match="fields cannot be coded"):
+    with pytest.raises(InvalidInputError, match="fields cannot be encoded"):
         encode_values(mesh, wanted, PLAIN, 2)

@@ -17,7 +17,7 @@ from meshreel.codec.reel.normative.payloads import read_basis, read_layout
 from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
 from meshreel.errors import InvalidInputError, UnsupportedVersionError
 from meshreel.kernel import fields as field_coder
-from meshreel.kernel.mesh import N_NEIGHBOURS
+from meshreel.kernel.mesh import N_NEIGHBORS
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.decoder import coded_blocks
 from samples.meshes import irregular_sequence, kg_error_percent, waving_grid
@@ -143,7 +143,7 @@ def test_passes_take_every_vertex_once_and_tell_of_it_by_earlier_ones_when_a_fie
         for column, told in zip(order.columns.tolist(), near, strict=True):
             assert column not in known
             assert set(told.tolist()) <= known
-            assert len(set(told.tolist())) == len(told) <= N_NEIGHBOURS
+            assert len(set(told.tolist())) == len(told) <= N_NEIGHBORS
             known.add(column)
         assert known == set(range(sequence.n_verts))
         assert order.pass_starts[0] == 0

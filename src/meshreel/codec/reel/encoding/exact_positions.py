@@ -19,7 +19,7 @@ from meshreel.codec.source import CodedMesh, Piece, Source
 from meshreel.codec.track_bounds import TrackTargets
 from meshreel.errors import SolverError
 from meshreel.kernel.exact import decode_exact
-from meshreel.kernel.mesh import Neighbours, neighbours
+from meshreel.kernel.mesh import Neighbors, neighbors
 from meshreel.model.sequence import Faces
 from meshreel.model.tracks import Track
 from meshreel.runtime.engine.engine import Engine
@@ -48,11 +48,11 @@ class PositionCoder(ABC):
     n_verts: int
 
     @cached_property
-    def graph(self) -> Neighbours:
+    def graph(self) -> Neighbors:
         """The vertices next to each vertex."""
-        return neighbours(self.faces, self.n_verts)
+        return neighbors(self.faces, self.n_verts)
 
-    def __reduce__(self) -> tuple[Any, ...]:  # neighbours are found again where they are needed
+    def __reduce__(self) -> tuple[Any, ...]:  # neighbors are found again where they are needed
         return type(self), tuple(getattr(self, each.name) for each in fields(self))
 
     @property

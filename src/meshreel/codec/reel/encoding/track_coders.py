@@ -34,7 +34,7 @@ from meshreel.codec.subspace.trajectories import BoundingFrame, bounding_frame
 from meshreel.codec.track_bounds import Measure, TrackBound
 from meshreel.codec.tracks import TURN_COLUMNS, Coding, TrackHeader, write_track
 from meshreel.errors import InvalidInputError
-from meshreel.kernel.mesh import Neighbours, neighbours
+from meshreel.kernel.mesh import Neighbors, neighbors
 from meshreel.model.sequence import Extent
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackKind, TrackSource
@@ -60,7 +60,7 @@ class ExactTrackCoder:
     header : TrackHeader
     order : int64 array of shape (N,), or None
         Number of the value of each vertex in internal order; None: they are in it.
-    graph : Neighbours
+    graph : Neighbors
         Of its vertices, faces or corners.
     surface, goes_out_as_given
         As of `TrackCoder`.
@@ -68,7 +68,7 @@ class ExactTrackCoder:
 
     header: TrackHeader
     order: Integers | None
-    graph: Neighbours
+    graph: Neighbors
     surface: MovingSurface | None = None
     goes_out_as_given: bool = True
 
@@ -172,7 +172,7 @@ class TrackCoder:
             return PreparedValues(self.coder.frames(coded, order), None)
         frames = self.coder.frames(filled(coded, np.isnan(coded), origin), order)
         ordered = in_order(is_missing, self.order)
-        return PreparedValues(frames, write_missing(ordered, self.coder.mesh.neighbours))
+        return PreparedValues(frames, write_missing(ordered, self.coder.mesh.neighbors))
 
     def coded(self, prepared: PreparedValues) -> Sections:
         """The sections of the next block."""
@@ -211,7 +211,7 @@ class TrackCoder:
     def as_exact(self) -> ExactTrackCoder:
         """The coder of the same track that changes nothing."""
         header = exact_header(self.header.name, self.header, self.header.n_columns)
-        graph = self.coder.mesh.neighbours
+        graph = self.coder.mesh.neighbors
         return ExactTrackCoder(header, self.order, graph)
 
     def with_step(self, step: float) -> "TrackCoder":
@@ -234,7 +234,7 @@ def exact_coder(name: str, track: TrackSource, mesh: CodedMesh) -> ExactTrackCod
     return ExactTrackCoder(
         header,
         order,
-        neighbours(*graph),
+        neighbors(*graph),
         goes_out_as_given=mesh.goes_out_as_given,
     )
 

@@ -15,7 +15,7 @@ from meshreel.codec.reel.normative.expected import (
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.tracks import DIFFERENCES, Coding, TrackHeader
 from meshreel.errors import InvalidInputError
-from meshreel.kernel.normals import turns_to
+from meshreel.kernel.normals import find_rotations
 from meshreel.runtime.threads import chunks, in_threads
 
 Values = npt.NDArray[Any]
@@ -135,7 +135,7 @@ def residuals(
             raise UnreachableError("a normal is missing in part")
         wanted = np.where(is_missing, expected, values[piece])
         try:
-            found[piece] = turns_to(expected, wanted)
+            found[piece] = find_rotations(expected, wanted)
         except InvalidInputError as error:
             raise UnreachableError(str(error)) from error
         found[piece][is_missing.any(axis=2)] = np.nan

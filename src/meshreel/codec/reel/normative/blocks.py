@@ -22,7 +22,7 @@ from meshreel.errors import CorruptStreamError
 from meshreel.kernel.basis import MAX_COSINES
 from meshreel.kernel.exact import encode_exact
 from meshreel.kernel.fields import decode_fields
-from meshreel.kernel.mesh import Neighbours
+from meshreel.kernel.mesh import Neighbors
 from meshreel.kernel.predict import Prepared, prepared_weights
 from meshreel.runtime.profiling import stage
 from meshreel.runtime.threads import in_background, n_cores
@@ -50,7 +50,7 @@ def write_track_block(
     yield from [opening, *payloads.field_sections(block, mesh, corrections)]
 
 
-def write_exact_positions(vertices: Numbers, graph: Neighbours) -> list[tuple[Section, bytes]]:
+def write_exact_positions(vertices: Numbers, graph: Neighbors) -> list[tuple[Section, bytes]]:
     """The sections of a block of `lossless`: positions of shape (T_b, V, 3), in internal order."""
     return [
         (Section.BLOCK, write_block_counts(len(vertices), 0)),
@@ -59,7 +59,7 @@ def write_exact_positions(vertices: Numbers, graph: Neighbours) -> list[tuple[Se
 
 
 def write_grid_positions(
-    values: Numbers, step: float, graph: Neighbours
+    values: Numbers, step: float, graph: Neighbors
 ) -> list[tuple[Section, bytes]]:
     """The sections of a block of `grid`, in internal order.
 
@@ -69,7 +69,7 @@ def write_grid_positions(
         Places of the grid; or positions that are to stay as they are.
     step : float
         Of the grid; or `NO_GRID`.
-    graph : Neighbours
+    graph : Neighbors
         Of the vertices.
     """
     return [
@@ -78,7 +78,7 @@ def write_grid_positions(
     ]
 
 
-def write_exact_block(values: Numbers, graph: Neighbours) -> list[tuple[Section, bytes]]:
+def write_exact_block(values: Numbers, graph: Neighbors) -> list[tuple[Section, bytes]]:
     """The sections of a further track whose values, of shape (T_b, N, C), come back as they are."""
     return [
         (Section.TRACK_BLOCK, write_varint(0)),
@@ -86,7 +86,7 @@ def write_exact_block(values: Numbers, graph: Neighbours) -> list[tuple[Section,
     ]
 
 
-def write_missing(is_missing: npt.NDArray[np.bool_], graph: Neighbours) -> tuple[Section, bytes]:
+def write_missing(is_missing: npt.NDArray[np.bool_], graph: Neighbors) -> tuple[Section, bytes]:
     """Which values, of shape (T_b, N, C), a block does not have."""
     return Section.MISSING, encode_exact(is_missing, graph)
 

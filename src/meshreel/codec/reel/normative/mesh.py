@@ -11,7 +11,7 @@ from meshreel.arrays import Integers
 from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.reel.normative.hierarchy import Resolution, resolutions_of
 from meshreel.kernel.fields import CodingOrder, order_of_rows
-from meshreel.kernel.mesh import Hierarchy, Neighbours, hierarchy, neighbours
+from meshreel.kernel.mesh import Hierarchy, Neighbors, hierarchy, neighbors
 from meshreel.kernel.predict import Prepared, prepared_weights
 from meshreel.model.sequence import Faces
 from meshreel.runtime.profiling import staged
@@ -52,15 +52,15 @@ class FieldMesh:
         return shared_field_mesh, self.connectivity
 
     @cached_property
-    def neighbours(self) -> Neighbours:
+    def neighbors(self) -> Neighbors:
         """The vertices next to each vertex."""
-        return neighbours(self.faces, self.n_verts)
+        return neighbors(self.faces, self.n_verts)
 
     @cached_property
     @staged("hierarchy")
     def hierarchy(self) -> Hierarchy:
         """All vertices in coding order, and what predicts each."""
-        return hierarchy(self.neighbours, self.stencil_size)
+        return hierarchy(self.neighbors, self.stencil_size)
 
     @property
     def is_large(self) -> bool:
@@ -89,7 +89,7 @@ class FieldMesh:
 
     @cached_property
     def coding_order(self) -> CodingOrder:
-        """Vertices in coding order, a pass for each resolution, with context neighbours of each."""
+        """Vertices in coding order, a pass for each resolution, with context neighbors of each."""
         found = self.hierarchy
         is_last = np.diff(found.level_resolutions, append=-1) != 0
         ends = found.level_starts[1:][is_last]

@@ -105,9 +105,9 @@ def test_members_are_those_of_the_coarser_scale_and_the_targets_when_a_scale_fol
 def test_finest_scale_is_the_mesh_when_the_coarsest_comes_first(name):
     finest = SCALES[name][-1]
     assert finest.members.tolist() == list(range(MESHES[name][1]))
-    neighbours = FIELD_MESHES[name].neighbours
+    neighbors = FIELD_MESHES[name].neighbors
     found = np.zeros(GRAPHS[name][-1].shape, bool)
-    found[np.repeat(finest.members, np.diff(neighbours.starts)), neighbours.near] = True
+    found[np.repeat(finest.members, np.diff(neighbors.starts)), neighbors.near] = True
     np.testing.assert_array_equal(found, GRAPHS[name][-1])
 
 
@@ -276,7 +276,7 @@ def assert_follows_the_format(faces, n_verts):
 
 
 def contexts_of(order):
-    """Context neighbours of the columns of each pass."""
+    """Context neighbors of the columns of each pass."""
     rows = [row.tolist() for row in np.split(order.near, order.near_starts[1:-1])]
     pairs = list(zip(order.columns.tolist(), rows, strict=True))
     return [dict(pairs[start:stop]) for start, stop in pairwise(order.pass_starts.tolist())]
