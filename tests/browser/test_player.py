@@ -111,7 +111,7 @@ def test_page_does_not_seek_when_the_user_has_interacted(new_page, compared_url)
     assert state_of(page)["frame"] == 0
 
 
-def test_drawn_positions_match_decode_when_frames_are_sought(page, decoded):
+def test_sought_frames_match_decode(page, decoded):
     for frame in FRAMES:
         show(page, frame)
         assert state_of(page)["frame"] == frame
@@ -119,9 +119,7 @@ def test_drawn_positions_match_decode_when_frames_are_sought(page, decoded):
         assert errors.max() < 1e-4 * diagonal_of(decoded), frame
 
 
-def test_exported_page_draws_what_decode_gives_when_it_is_opened_as_a_file(
-    new_page, exported, decoded
-):
+def test_exported_page_opened_as_a_file_draws_the_decoded_positions(new_page, exported, decoded):
     page = new_page(exported)
     for frame in (17, LAST):
         show(page, frame)
@@ -129,7 +127,7 @@ def test_exported_page_draws_what_decode_gives_when_it_is_opened_as_a_file(
         assert errors.max() < 1e-4 * diagonal_of(decoded)
 
 
-def test_drawn_positions_converge_to_decode_when_there_are_more_modes(page, decoded):
+def test_more_modes_converge_to_decode(page, decoded):
     show(page, 17)
     errors = []
     for n_modes in (1, 3, 8, MOST_MODES):
@@ -139,7 +137,7 @@ def test_drawn_positions_converge_to_decode_when_there_are_more_modes(page, deco
     assert errors[0] > 100 * errors[-1]
 
 
-def test_drawn_positions_match_decode_when_modes_are_reduced(page, flag):
+def test_reduced_modes_match_decode(page, flag):
     for n_modes in (1, FEW_MODES):
         few = meshreel.decode((flag / "flag.reel").read_bytes(), n_modes=n_modes).vertices
         page.evaluate("n => player.setModes(n)", n_modes)
@@ -149,7 +147,7 @@ def test_drawn_positions_match_decode_when_modes_are_reduced(page, flag):
             assert off < 1e-4 * diagonal_of(few), (n_modes, frame)
 
 
-def test_heat_map_shows_the_reduced_modes_when_modes_are_reduced(compared, flag):
+def test_heat_map_follows_reduced_modes(compared, flag):
     original = meshreel.load(flag / "original.npz")
     show(compared, 17)
     compared.evaluate("n => player.setModes(n)", FEW_MODES)
@@ -161,7 +159,7 @@ def test_heat_map_shows_the_reduced_modes_when_modes_are_reduced(compared, flag)
         np.testing.assert_allclose(values_of(compared), values, atol=2e-3 * values.max())
 
 
-def test_panel_shows_errors_of_reduced_modes_when_the_slider_is_moved(compared, flag):
+def test_panel_shows_errors_of_reduced_modes(compared, flag):
     few = meshreel.decode((flag / "flag.reel").read_bytes(), n_modes=FEW_MODES).vertices
     largest = distance_percent(flag, few, 20).max()
     show(compared, 20)
@@ -174,7 +172,7 @@ def test_panel_shows_errors_of_reduced_modes_when_the_slider_is_moved(compared, 
     )
 
 
-def test_errors_of_all_modes_are_gray_only_when_modes_are_reduced(compared):
+def test_errors_of_all_modes_are_gray_with_reduced_modes(compared):
     marked = "() => [...document.querySelectorAll('.of-all')].map((part) => part.id)"
     assert compared.evaluate(marked) == []
     compared.locator("#modes").fill("2")
@@ -186,13 +184,13 @@ def test_errors_of_all_modes_are_gray_only_when_modes_are_reduced(compared):
     assert not compared.locator("#few").is_visible()
 
 
-def test_label_shows_the_number_of_modes_when_the_slider_is_moved(page):
+def test_slider_label_shows_the_number_of_modes(page):
     page.locator("#modes").fill("2")
     assert state_of(page)["modes"] == 2
     assert re.fullmatch(r"first 2 of \d+ modes", page.locator("#modes-label").inner_text())
 
 
-def test_playback_crosses_blocks_when_play_is_pressed(page):
+def test_playback_crosses_blocks(page):
     page.get_by_role("button", name="Play").click()
     wait_until(page, "player.state().frame > 13")
     page.get_by_role("button", name="Pause").click()
@@ -201,7 +199,7 @@ def test_playback_crosses_blocks_when_play_is_pressed(page):
     assert state_of(page)["frame"] == frame
 
 
-def test_page_stops_at_the_end_when_it_does_not_loop(own_page):
+def test_page_stops_at_the_end_without_loop(own_page):
     own_page.get_by_role("button", name="Loop").click()
     own_page.get_by_label("Speed").select_option("4")
     own_page.get_by_role("button", name="Play").click()
@@ -209,7 +207,7 @@ def test_page_stops_at_the_end_when_it_does_not_loop(own_page):
     assert state_of(own_page)["frame"] == LAST
 
 
-def test_positions_are_interpolated_when_filling_in_is_on(own_page, decoded):
+def test_filling_in_interpolates_positions(own_page, decoded):
     own_page.get_by_label("Fill in between frames").check()
     own_page.get_by_label("Speed").select_option("0.25")
     own_page.get_by_role("button", name="Play").click()
@@ -224,7 +222,7 @@ def test_positions_are_interpolated_when_filling_in_is_on(own_page, decoded):
     assert np.abs(positions_of(own_page) - decoded[frame]).max() < 1e-4 * diagonal_of(decoded)
 
 
-def test_page_shows_the_frame_when_the_bar_is_dragged(page, decoded):
+def test_dragging_the_bar_shows_its_frame(page, decoded):
     page.locator("#scrub").fill("29")
     wait_until(page, "player.state().frame === 29")
     show(page, 29)
@@ -232,7 +230,7 @@ def test_page_shows_the_frame_when_the_bar_is_dragged(page, decoded):
     assert page.locator("#time").inner_text().split()[:3] == ["29", "/", str(LAST)]
 
 
-def test_frames_per_second_advance_when_they_are_measured(page, record_property):
+def test_measured_frames_per_second_are_positive(page, record_property):
     rate = page.evaluate("player.measureFps(1)")
     record_property("frames_per_second", rate)
     assert rate > 1
@@ -250,7 +248,7 @@ def test_player_plays_in_the_frame_of_a_notebook_when_a_file_shows_itself(new_pa
     assert 0.05 < covered(picture_of(frame, "#canvas")).mean() < 0.9
 
 
-def test_page_sends_no_external_requests_when_it_plays(browser, new_page, compared_url):
+def test_page_sends_no_external_requests(browser, new_page, compared_url):
     page = new_page(compared_url)
     asked = []
     page.on("request", lambda request: asked.append(request.url))
@@ -261,7 +259,7 @@ def test_page_sends_no_external_requests_when_it_plays(browser, new_page, compar
     assert [one for one in asked if not one.startswith((compared_url, "blob:"))] == []
 
 
-def test_heat_map_shows_errors_of_vertices_when_the_range_is_fixed(compared, flag, decoded):
+def test_fixed_range_heat_map_shows_vertex_errors(compared, flag, decoded):
     compared.locator("#heat").select_option("distance")
     wait_until(compared, "player.state().heat === 'distance'")
     for frame in (3, 30):
@@ -272,7 +270,7 @@ def test_heat_map_shows_errors_of_vertices_when_the_range_is_fixed(compared, fla
         assert 0.5 < state_of(compared)["hottest"] / expected.max() < 3, frame
 
 
-def test_mesh_has_colors_of_the_map_when_a_heat_map_is_on(own_compared):
+def test_heat_map_colors_the_mesh(own_compared):
     show(own_compared, 20)
     own_compared.locator("[name=arrangement][value=decoded]").check()
     own_compared.evaluate("player.setHeat('distance')")
@@ -288,9 +286,7 @@ def test_mesh_has_colors_of_the_map_when_a_heat_map_is_on(own_compared):
     assert len(np.unique(painted // 16, axis=0)) > 20
 
 
-def test_heat_map_ends_at_the_largest_error_when_its_range_is_per_frame(
-    own_compared, flag, decoded
-):
+def test_per_frame_heat_map_ends_at_the_largest_error(own_compared, flag, decoded):
     show(own_compared, 20)
     own_compared.evaluate("player.setHeat('distance')")
     own_compared.get_by_label(re.compile("Colou?rs span the shown frame only")).check()
@@ -301,14 +297,14 @@ def test_heat_map_ends_at_the_largest_error_when_its_range_is_per_frame(
     assert values_of(own_compared).argmax() == values.argmax()
 
 
-def test_mesh_is_not_painted_when_the_heat_map_is_off(compared):
+def test_mesh_is_plain_without_heat_map(compared):
     compared.evaluate("player.setHeat('angle')")
     assert len(np.unique(values_of(compared))) > 50
     compared.evaluate("player.setHeat(null)")
     assert compared.evaluate("player.heatValues()") is None
 
 
-def test_heat_is_that_of_the_shown_frame_when_playing_stops(compared, flag, decoded):
+def test_heat_map_of_a_paused_player_is_of_the_shown_frame(compared, flag, decoded):
     compared.evaluate("player.setHeat('distance')")
     compared.evaluate("player.play()")
     compared.wait_for_timeout(600)
@@ -319,7 +315,7 @@ def test_heat_is_that_of_the_shown_frame_when_playing_stops(compared, flag, deco
     np.testing.assert_allclose(values_of(compared), expected, atol=1e-4)
 
 
-def test_color_bar_shows_its_ends_and_ticks_when_a_heat_map_is_on(compared):
+def test_color_bar_shows_ends_and_ticks(compared):
     bar = compared.locator("#heat-bar")
     assert not bar.is_visible()
     compared.evaluate("player.setHeat('distance')")
@@ -336,7 +332,7 @@ def test_color_bar_shows_its_ends_and_ticks_when_a_heat_map_is_on(compared):
 
 
 @pytest.mark.parametrize(("width", "height"), [(1280, 720), (390, 844)])
-def test_legend_covers_nothing_when_a_heat_map_is_on(new_page, compared_url, width, height):
+def test_legend_covers_nothing(new_page, compared_url, width, height):
     page = new_page(compared_url, width=width, height=height)
     page.evaluate("player.setHeat('distance')")
     legend, canvas = (page.locator(one).bounding_box() for one in ("#heat-bar", "#canvas"))
@@ -349,7 +345,7 @@ def test_legend_covers_nothing_when_a_heat_map_is_on(new_page, compared_url, wid
         assert box["y"] + box["height"] <= legend["y"] + legend["height"] - 6
 
 
-def test_plot_seeks_when_it_is_clicked(compared):
+def test_clicking_the_plot_seeks(compared):
     plot = compared.locator("#plots svg").first
     plot.scroll_into_view_if_needed()
     box = plot.bounding_box()
@@ -357,13 +353,13 @@ def test_plot_seeks_when_it_is_clicked(compared):
     wait_until(compared, f"player.state().frame > {LAST - 2}")
 
 
-def test_panel_shows_ratio_errors_and_sizes_when_there_is_an_original(compared):
+def test_panel_shows_ratio_errors_and_sizes(compared):
     panel = compared.locator("#panel").inner_text()
     for figure in ("ratio", "KG error", "STED", "Where the bytes are"):
         assert figure in panel
 
 
-def test_mesh_is_centered_when_the_page_opens(own_page):
+def test_mesh_is_centered_at_first(own_page):
     mask = covered(picture_of(own_page, "#canvas"))[60:]
     assert 0.1 < mask.mean() < 0.7
     middle = np.argwhere(mask).mean(axis=0) / mask.shape
@@ -371,7 +367,7 @@ def test_mesh_is_centered_when_the_page_opens(own_page):
 
 
 @pytest.mark.parametrize(("width", "height"), [(1280, 720), (390, 844)])
-def test_mesh_fills_two_thirds_of_the_canvas_when_the_page_opens(new_page, url, width, height):
+def test_mesh_fills_two_thirds_of_the_canvas_at_first(new_page, url, width, height):
     page = new_page(url, width=width, height=height)
     page.evaluate("document.getElementById('name').hidden = true")
     mask = covered(picture_of(page, "#canvas"))
@@ -380,7 +376,7 @@ def test_mesh_fills_two_thirds_of_the_canvas_when_the_page_opens(new_page, url, 
     assert max(shares) < 1
 
 
-def test_mesh_stays_centered_when_it_is_followed(new_page, url):
+def test_followed_mesh_stays_centered(new_page, url):
     page = new_page(url, width=1280, height=720)  # of lower ones, the cut below is a large part
     page.get_by_label("Keep the mesh in the middle").check()
     for frame in (0, LAST):
@@ -391,13 +387,13 @@ def test_mesh_stays_centered_when_it_is_followed(new_page, url):
         assert np.abs(np.argwhere(mask).mean(axis=0) / mask.shape - 0.5).max() < 0.12, frame
 
 
-def test_both_meshes_have_the_same_size_when_they_are_side_by_side(compared):
+def test_meshes_side_by_side_have_the_same_size(compared):
     left, right = np.array_split(covered(picture_of(compared, "#canvas"))[60:-120], 2, axis=1)
     assert left.mean() > 0.05
     assert left.mean() == pytest.approx(right.mean(), rel=0.02)
 
 
-def test_views_share_a_camera_when_one_is_dragged(own_compared):
+def test_views_share_a_camera(own_compared):
     before = picture_of(own_compared, "#canvas")
     box = own_compared.locator("#canvas").bounding_box()
     own_compared.mouse.move(box["x"] + box["width"] * 0.25, box["y"] + box["height"] / 2)
@@ -411,7 +407,7 @@ def test_views_share_a_camera_when_one_is_dragged(own_compared):
     assert min(left.mean(), right.mean()) > 0.03
 
 
-def test_overlay_draws_lines_of_the_original_when_it_is_chosen(own_compared):
+def test_overlay_draws_lines_of_the_original(own_compared):
     own_compared.locator("[name=arrangement][value=over]").check()
     own_compared.wait_for_timeout(300)
     red, _, blue = picture_of(own_compared, "#canvas")[60:].transpose(2, 0, 1)
@@ -430,7 +426,7 @@ def test_overlay_is_not_hidden_when_the_original_lies_just_behind(new_page, flag
     assert (red - blue > 40).mean() > 0.02
 
 
-def test_keys_do_what_their_controls_do_when_they_are_pressed(own_page):
+def test_keys_act_like_their_controls(own_page):
     before = picture_of(own_page, "#canvas")
     for key, changed in (
         ("w", "#wire"),
@@ -445,7 +441,7 @@ def test_keys_do_what_their_controls_do_when_they_are_pressed(own_page):
         before = after
 
 
-def test_keys_step_and_jump_when_they_are_pressed(own_page):
+def test_keys_step_and_jump(own_page):
     for key, frame in [
         ("ArrowRight", 1),
         ("Shift+ArrowRight", 11),
@@ -461,21 +457,21 @@ def test_keys_step_and_jump_when_they_are_pressed(own_page):
     assert state_of(own_page)["playing"]
 
 
-def test_help_lists_the_keys_when_it_is_opened(page):
+def test_help_lists_the_keys(page):
     page.keyboard.press("?")
     assert "play or pause" in page.get_by_role("dialog").inner_text()
     page.keyboard.press("Escape")
     assert not page.get_by_role("dialog").is_visible()
 
 
-def test_screenshot_saves_the_picture_when_its_button_is_pressed(page):
+def test_screenshot_button_saves_the_picture(page):
     with page.expect_download() as download:
         page.get_by_role("button", name="Screenshot").click()
     assert download.value.suggested_filename == "flag-0.png"
     assert download.value.path().read_bytes().startswith(b"\x89PNG")
 
 
-def test_controls_have_names_when_a_screen_reader_asks(compared):
+def test_controls_have_accessible_names(compared):
     unnamed = compared.evaluate(
         """() => [...document.querySelectorAll("button, input, select")].filter((control) =>
             !(control.ariaLabel || control.textContent.trim() || control.labels?.length)
@@ -485,7 +481,7 @@ def test_controls_have_names_when_a_screen_reader_asks(compared):
 
 
 @pytest.mark.parametrize("width", [1280, 390])
-def test_axe_finds_no_violations_when_it_runs(new_page, compared_url, width):
+def test_axe_finds_no_violations(new_page, compared_url, width):
     if not AXE.is_file():
         pytest.skip("needs axe-core: npm ci in web/")
     page = new_page(compared_url, width=width)
@@ -506,7 +502,7 @@ def assert_no_barriers(page):
     assert len(found["passes"]) > 10
 
 
-def test_nothing_overflows_when_the_screen_is_a_phone(new_page, compared_url):
+def test_nothing_overflows_on_a_phone(new_page, compared_url):
     page = new_page(compared_url, width=390, height=844)
     for height in (844, 600):
         page.set_viewport_size({"width": 390, "height": height})
@@ -527,7 +523,7 @@ def test_pages_do_not_disturb_each_other_when_two_are_open(new_page, url, decode
         assert np.abs(positions_of(page) - decoded[frame]).max() < 1e-4 * diagonal_of(decoded)
 
 
-def test_page_shows_an_error_when_the_server_is_gone(new_page, flag):
+def test_a_lost_server_is_an_error(new_page, flag):
     with viewing(flag / "flag.reel", "--original", flag / "original.npz") as (_, address):
         page = new_page(address)
         page.locator("#plots figure").first.wait_for()  # nothing else is asked for by itself

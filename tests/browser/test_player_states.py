@@ -145,7 +145,7 @@ def test_error_is_cleared_when_the_context_is_restored(shown):
 
 
 @pytest.mark.parametrize("how", ["online", "button"])
-def test_file_is_opened_again_when_the_network_is_back(shown, how):
+def test_the_file_is_reopened_after_a_network_failure(shown, how):
     page = shown("<reel-player controls></reel-player>", script=NETWORK)
     page.evaluate("window.isCut = true; player.src = '/flag.reel'")
     until(page, "player.error")
@@ -160,7 +160,7 @@ def test_file_is_opened_again_when_the_network_is_back(shown, how):
 
 
 @pytest.mark.parametrize("how", ["online", "button", "seek"])
-def test_missing_block_is_loaded_when_the_network_is_back(shown, how):
+def test_a_missing_block_is_loaded_after_a_network_failure(shown, how):
     page = shown('<reel-player src="/large.reel" controls></reel-player>', script=NETWORK)
     settled(page)
     page.evaluate("window.isCut = true; player.seek({ frame: 59 })")
@@ -211,7 +211,7 @@ def test_error_names_other_file_formats(shown, src):
     assert all(words in said for words in WRONG_FILES[src]), said
 
 
-def test_time_does_not_advance_while_the_thumb_is_held(shown):
+def test_dragging_the_thumb_stops_time(shown):
     page = shown('<reel-player src="/flag.reel" autoplay loop controls></reel-player>')
     page.evaluate("player.style.width = '600px'")  # the bar is in the window
     until(page, "player.mesh && player.mesh.frame > 2")

@@ -320,7 +320,7 @@ def test_original_has_the_colours_of_its_own_values(new_page, mirrored, command)
 
 
 @pytest.mark.parametrize("track", ["velocity", "part"])
-def test_original_says_so_when_it_lacks_the_values(shared_page, mirrored, track):
+def test_a_missing_track_of_the_original_is_reported(shared_page, mirrored, track):
     page = shared_page(mirrored["view"])
     show_track(page, track)
     assert page.get_by_text("original, which lacks these values").is_visible()

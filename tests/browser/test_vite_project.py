@@ -78,7 +78,7 @@ def test_built_page_plays_and_its_types_are_right(new_page, project, data):
         assert_plays(new_page, f"{url}/index.html", data)
 
 
-def test_page_plays_as_it_is_developed(new_page, project, data):
+def test_the_development_server_plays(new_page, project, data):
     with developing(project) as url:
         assert_plays(new_page, url, data)
 

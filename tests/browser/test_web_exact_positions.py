@@ -43,7 +43,7 @@ def _package():
 
 
 @pytest.mark.parametrize("method", ["lossless", "grid"])
-def test_mesh_is_where_the_file_has_it_when_positions_are_exact(new_page, method):
+def test_exact_positions_are_shown_in_place(new_page, method):
     flag = meshreel.simulate_flag(70, n_rows=9, n_columns=11)
     height = Track(flag.vertices[:, :, 2].astype(np.float32))
     sequence = meshreel.MeshSequence(flag.vertices, flag.faces, fps=24, tracks={"height": height})

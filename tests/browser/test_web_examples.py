@@ -83,7 +83,7 @@ def test_example_plays_in_firefox(pages, data, name):
     assert_shown(base64.b64decode(found["picture"].partition(",")[2]))
 
 
-def test_react_lets_all_go_when_the_component_goes_and_plays_again_when_it_comes(new_page, pages):
+def test_react_releases_everything_on_unmount_and_plays_after_remount(new_page, pages):
     with serving(pages("react")) as (url, _):
         page = new_page(f"{url}/index.html", width=640, height=400, is_shown=False)
         page.evaluate(PLAYED)

@@ -59,7 +59,7 @@ def page(new_page):
 
 
 @pytest.mark.parametrize("gpu", [True, False])
-def test_each_face_of_a_box_has_one_normal_when_its_edges_are_hard(page, gpu):
+def test_hard_edges_give_each_face_of_a_box_one_normal(page, gpu):
     found = page.evaluate(COLORS, gpu)
     assert found["isOnGpu"] == gpu
     faces = []

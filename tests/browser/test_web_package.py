@@ -157,7 +157,7 @@ def test_frames_are_decoded_in_a_worker_where_the_policy_allows_it(new_page, she
     assert found == {"sheet": [hash_of(meshreel.decode(sheet)), True]}
 
 
-def test_only_the_blocks_that_are_asked_for_are_read(new_page, sheet):
+def test_only_requested_blocks_are_read(new_page, sheet):
     with serving({"/sheet.reel": sheet}) as (url, asked):
         page = new_page(url, is_shown=False)
         page.evaluate(
@@ -202,7 +202,7 @@ def test_errors_have_their_types(new_page, sheet):
     assert found["names"].count("CorruptStreamError") == 1
 
 
-def test_connectivity_that_is_not_sound_is_told_though_it_is_decoded_early(new_page, sheet):
+def test_invalid_connectivity_is_reported_despite_early_decoding(new_page, sheet):
     stream = Stream(sheet)
     sections = parts_of(stream)
     place = [number for number, _ in sections].index(Section.CONNECTIVITY)

@@ -128,7 +128,7 @@ def test_one_script_and_one_element_play_a_file_under_a_strict_policy(shown):
     until(page, "player.paused && player.currentTime === player.duration")
 
 
-def test_events_tell_what_happens(shown):
+def test_events_report_the_playback_state(shown):
     page = shown('<reel-player speed="2"></reel-player>')
     page.evaluate(
         """() => {
@@ -150,7 +150,7 @@ def test_events_tell_what_happens(shown):
     assert "error" not in told
 
 
-def test_methods_and_properties_do_what_their_names_say(shown):
+def test_methods_and_properties_control_the_player(shown):
     page = shown('<reel-player src="/flag.reel" start-frame="12"></reel-player>')
     settled(page)
     assert page.evaluate("player.mesh.frame") == 12
@@ -176,7 +176,7 @@ def test_methods_and_properties_do_what_their_names_say(shown):
     assert page.evaluate("[player.mesh.interpolate, player.loop]") == [False, True]
 
 
-def test_properties_count_when_they_were_set_before_the_element_was_there(shown):
+def test_properties_set_before_the_definition_are_applied(shown):
     page = shown("")
     page.evaluate(
         """() => {
@@ -288,7 +288,7 @@ def test_everything_is_reached_by_the_tab_key_and_shows_it(shown):
     assert [one for one in reached if one] == [[name, True] for name in names]
 
 
-def test_nothing_moves_by_itself_when_people_want_less_motion(shown):
+def test_reduced_motion_disables_autoplay(shown):
     page = shown("")
     page.emulate_media(reduced_motion="reduce")
     page.evaluate(
@@ -332,7 +332,7 @@ ERRORS = {
 
 
 @pytest.mark.parametrize("attributes", ERRORS)
-def test_errors_are_seen_and_told(shown, attributes):
+def test_errors_are_shown_and_reported(shown, attributes):
     name, words = ERRORS[attributes]
     page = shown("")
     page.evaluate(
@@ -350,7 +350,7 @@ def test_errors_are_seen_and_told(shown, attributes):
     assert page.evaluate("window.told === player.error")
 
 
-def test_what_was_wrong_is_forgotten_when_it_is_put_right(shown):
+def test_a_corrected_attribute_clears_the_error(shown):
     page = shown('<reel-player src="/flag.reel" loop="no"></reel-player>')
     until(page, "player.error")
     page.evaluate("player.loop = true")
@@ -364,7 +364,7 @@ def test_what_was_wrong_is_forgotten_when_it_is_put_right(shown):
     assert text_of(page, "[role=alert]") == ""
 
 
-def test_the_rest_plays_when_a_block_is_damaged(shown):
+def test_playback_skips_a_damaged_block(shown):
     page = shown('<reel-player src="/damaged.reel" autoplay loop></reel-player>')
     page.evaluate("player.addEventListener('timeupdate', () => (window.seen ??= new Set())"
                   ".add(player.mesh.frame))")  # fmt: skip
@@ -376,7 +376,7 @@ def test_the_rest_plays_when_a_block_is_damaged(shown):
     assert text_of(page, "[role=alert]") == ""
 
 
-def test_only_the_last_address_counts_when_it_changes(shown):
+def test_only_the_last_source_is_loaded(shown):
     page = shown('<reel-player src="/slow.reel"></reel-player>', script=GATE + COUNTING)
     page.evaluate(
         "window.loads = 0; player.addEventListener('load', () => loads++);"
@@ -435,7 +435,7 @@ def test_a_track_that_is_not_there_is_an_error_with_those_that_are(shown):
     assert page.evaluate(f"{LEGEND}.hidden")
 
 
-def test_nothing_is_left_when_players_are_taken_out(shown):
+def test_removed_players_release_everything(shown):
     page = shown("", script=HOLDING, width=480, height=320)
     warnings = []
     page.on("console", lambda message: warnings.append(message.text))
@@ -469,7 +469,7 @@ def test_a_player_that_is_moved_plays_on(shown):
     assert page.evaluate("player.mesh === before && !player.paused")
 
 
-def test_nothing_is_drawn_when_nothing_changes_or_nothing_is_seen(shown):
+def test_nothing_is_drawn_without_changes_or_off_screen(shown):
     body = '<reel-player src="/flag.reel" loop></reel-player><div class="far"></div>'
     page = shown(body, script=DRAWING)
     page.evaluate("document.querySelector('.far').style.height = '4000px'")
@@ -545,7 +545,7 @@ def test_all_of_the_motion_is_seen_and_fills_the_picture(shown, size, up, least)
     assert max(np.ptp(rows) / len(seen), np.ptp(columns) / len(seen[0])) > least
 
 
-def test_a_video_is_in_step_and_stands_still_out_of_sight(shown):
+def test_a_video_is_synchronized_and_pauses_off_screen(shown):
     page = shown(
         '<reel-player src="/sheet.reel" autoplay loop controls muted interpolate="false"'
         ' texture="/walk.webm"></reel-player><div class="far"></div>'
@@ -579,7 +579,7 @@ def test_a_video_is_in_step_and_stands_still_out_of_sight(shown):
 
 
 @pytest.mark.skipif(shutil.which("firefox") is None, reason="needs Firefox")
-def test_what_is_wrong_is_seen_where_there_is_no_webgl(files):
+def test_errors_are_visible_without_webgl(files):
     script = """
       const player = document.querySelector("reel-player");
       const end = performance.now() + 60000;

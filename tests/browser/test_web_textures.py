@@ -116,12 +116,12 @@ def assert_in_step(found):
 
 
 @pytest.mark.slow
-def test_mesh_is_of_the_frame_of_each_picture_when_it_plays_seeks_and_loops(ask):
+def test_the_mesh_matches_each_video_frame_while_playing_seeking_and_looping(ask):
     assert_in_step(ask('{ texture: "/same.webm" }', STEPS))
 
 
 @pytest.mark.slow
-def test_mesh_follows_the_video_when_its_pictures_are_not_told_of(ask):
+def test_the_mesh_follows_a_video_without_frame_callbacks(ask):
     script = "delete HTMLVideoElement.prototype.requestVideoFrameCallback"
     found = ask('{ texture: "/same.webm" }', STEPS, script=script)
     # The time of a video may be that of another picture by now, which is why this is no proof of
@@ -171,7 +171,7 @@ def test_mesh_is_of_the_frame_of_each_picture_in_firefox(files, numbers):
 
 
 @pytest.mark.slow
-def test_video_drives_the_mesh_when_its_own_controls_are_used(ask):
+def test_video_controls_drive_the_mesh(ask):
     found = ask(
         '{ texture: "/same.webm" }',
         """
@@ -198,7 +198,7 @@ def test_video_drives_the_mesh_when_its_own_controls_are_used(ask):
 
 
 @pytest.mark.slow
-def test_video_stands_still_when_a_block_is_not_there_yet(ask):
+def test_the_video_waits_for_missing_blocks(ask):
     found = ask(
         '{ texture: "/same.webm" }',
         """
@@ -233,7 +233,7 @@ def test_video_stands_still_when_a_block_is_not_there_yet(ask):
 
 
 @pytest.mark.slow
-def test_picture_stays_with_its_mesh_when_a_block_is_damaged(ask):
+def test_the_video_frame_stays_with_its_mesh_at_damaged_blocks(ask):
     found = ask(
         '{ texture: "/same.webm" }',
         """
@@ -257,7 +257,7 @@ def test_picture_stays_with_its_mesh_when_a_block_is_damaged(ask):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("film", "last"), [("short", 44), ("long", 89)])
-def test_only_what_both_have_is_played_when_one_is_longer(ask, film, last):
+def test_playback_covers_the_common_duration(ask, film, last):
     found = ask(
         f'{{ texture: "/{film}.webm", loop: "once" }}',
         """
@@ -303,7 +303,7 @@ def test_numbers_in_pictures_count_more_than_times(ask):
 
 
 @pytest.mark.slow
-def test_last_picture_stays_when_a_number_cannot_be_read(ask):
+def test_an_unreadable_frame_number_keeps_the_last_frame(ask):
     found = ask(
         f'{{ texture: "/covered.webm", options: {{ frameNumber: {NUMBERS} }} }}',
         """
@@ -410,7 +410,7 @@ def assert_matches(text, words):
 
 
 @pytest.mark.slow
-def test_video_of_another_site_is_an_error_when_it_may_not_be_read(ask, films):
+def test_an_unreadable_cross_origin_video_is_an_error(ask, films):
     with serving(films) as (elsewhere, _):
         found = ask(
             "{}",
@@ -430,7 +430,7 @@ def test_video_of_another_site_is_an_error_when_it_may_not_be_read(ask, films):
 
 
 @pytest.mark.slow
-def test_nothing_is_left_when_textures_change_and_the_mesh_is_disposed_of(ask):
+def test_changed_and_disposed_textures_are_released(ask):
     found = ask(
         "{}",
         """

@@ -1,1 +1,1 @@
-"""Small meshes, files, commands and stand-ins that tests of several rooms share; no tests."""
+"""Meshes, files, commands and stubs shared by tests."""

@@ -1,4 +1,4 @@
-"""Alembic files that tests make with the library itself."""
+"""Alembic files written by the library, for tests."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def archive(path):
 
 
 def add_transform(parent, name, samples, sampling=None):
-    """A transform; each sample is a list of operations and whether it inherits."""
+    """Write a transform; each sample is a list of operations and whether it inherits."""
     made = AbcGeom.OXform(parent, name)
     if sampling is not None:
         made.getSchema().setTimeSampling(sampling)
@@ -47,7 +47,7 @@ def add_transform(parent, name, samples, sampling=None):
 
 
 def add_mesh(parent, name, frames, sampling=None, faces=QUADS, kind="PolyMesh"):
-    """A mesh whose faces are as the file has them; those of each frame, if there is a list."""
+    """Write a mesh with faces in the file's winding; a list contains those of each frame."""
     made = getattr(AbcGeom, f"O{kind}")(parent, name)
     if sampling is not None:
         made.getSchema().setTimeSampling(sampling)
@@ -78,7 +78,7 @@ def matrix(rows):
 
 
 def library_meshes(path):
-    """Points of the first frame and world matrix of each mesh, as the library reads them."""
+    """Return points of the first frame and world matrix of each mesh, read by the library."""
     return dict(_library_meshes(Abc.IArchive(str(path)).getTop(), np.eye(4)))
 
 

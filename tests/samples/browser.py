@@ -1,4 +1,4 @@
-"""A browser without a screen that playwright drives, and glTF files that it plays."""
+"""A headless browser driven by playwright, and glTF files that it plays."""
 
 import shutil
 import threading
@@ -26,7 +26,7 @@ DRAWN_BY_SOFTWARE = (  # so that no graphics card is needed
 
 @contextmanager
 def driven_browser():
-    """A browser that playwright drives; tests that ask are skipped where there is none."""
+    """Start a browser; skip the test if none is installed."""
     driver = pytest.importorskip("playwright.sync_api", reason="needs playwright")
     path = next(filter(None, map(shutil.which, DRIVEN)), None)
     if path is None:
@@ -38,7 +38,7 @@ def driven_browser():
 
 
 def play(page, file, times_s):
-    """Positions at each time, of shape (times, vertices, 3), and a PNG of the last."""
+    """Return positions at each time, of shape (times, vertices, 3), and a PNG of the last."""
     with _server(file) as (address, posted):
         page.goto(f"{address}/play.html?times={','.join(map(repr, map(float, times_s)))}")
         answers = dict(_answers(posted))

@@ -1,4 +1,4 @@
-"""A Dask cluster on this machine, whose workers are processes that tests may kill."""
+"""A local Dask cluster with worker processes that tests may kill."""
 
 from contextlib import contextmanager
 
@@ -7,13 +7,13 @@ from samples.waiting import time_limit
 
 @contextmanager
 def local_cluster(n_workers):
-    """A `LocalCluster` of so many workers, of one thread each."""
+    """Start a `LocalCluster` of single-threaded workers."""
     import dask
     import distributed
 
     settings = {
         "distributed.scheduler.allowed-failures": 1,
-        # Else a worker that is away for 15 s, as on a busy machine, is never started again.
+        # By default, a worker that is silent for 15 s on a busy machine is never restarted.
         "distributed.deploy.lost-worker-timeout": "1h",
     }
     with dask.config.set(settings):

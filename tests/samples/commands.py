@@ -1,4 +1,4 @@
-"""The program as a user runs it: its words, its exit code and what it says."""
+"""Runs of the program: arguments, exit code and output."""
 
 import io
 import json
@@ -11,14 +11,14 @@ from unittest.mock import patch
 from meshreel.app.cli import main
 
 PROGRESS_LINE = re.compile(r"^meshreel: .* \((?:\d+:)+\d\d so far\)\n", re.MULTILINE)
-"""What slow work says every few seconds, on a machine that is busy any work."""
+"""Progress line, printed every few seconds; on a busy machine by any command."""
 
 
 def run(*arguments, cwd=None):
-    """The exit code and output of `meshreel ARGUMENTS`, without its lines of progress.
+    """Run `meshreel ARGUMENTS`; return exit code and output without progress lines.
 
-    The program runs in this process, for a new one spends a second on imports; `finished` starts
-    one. An error that the program lets through is raised here.
+    The program runs in this process, because a new one spends a second on imports; `finished`
+    starts one. Errors that the program does not catch are raised.
     """
     words = ["meshreel", *map(str, arguments)]
     streams = [io.TextIOWrapper(io.BytesIO(), encoding="utf-8") for _ in range(2)]
@@ -37,7 +37,7 @@ def _exit_code():
         main()
     except SystemExit as end:
         return end.code
-    raise AssertionError("the program returned; it ends by sys.exit")
+    raise AssertionError("the program returned without sys.exit")
 
 
 def _text_of(stream):
@@ -46,7 +46,7 @@ def _text_of(stream):
 
 
 def finished(command, **options):
-    """The finished process of a command, without its lines of progress."""
+    """Run a command in a new process; return it without its progress lines."""
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, **options)
     done.stderr = PROGRESS_LINE.sub("", done.stderr)
     return done
@@ -59,7 +59,7 @@ def run_json(*arguments, cwd=None):
 
 
 def assert_fails(done, *words):
-    """One line on stderr, beside those of progress, that holds the words; exit code 1."""
+    """Assert exit code 1 and a single line on stderr, except progress, with these words."""
     assert done.returncode == 1
     stderr = PROGRESS_LINE.sub("", done.stderr)
     assert len(stderr.strip().splitlines()) == 1, stderr

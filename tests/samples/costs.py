@@ -1,4 +1,4 @@
-"""How much a run of the tests does: everything, or what `pytest` alone has a minute for."""
+"""Extent of a test run: everything, or the quick tests of `pytest` alone."""
 
 import pytest
 
@@ -6,22 +6,22 @@ _does_everything = False
 
 
 def do_everything():
-    """From here on every case is drawn; `conftest.py` says so before any test is read."""
+    """Run all random cases; `conftest.py` calls this before collection."""
     global _does_everything
     _does_everything = True
 
 
 def draws(n):
-    """So many cases of a test that draws them at random; a tenth of them in `pytest` alone."""
+    """Return the number of random cases of a test: n, or a tenth in quick runs."""
     return n if _does_everything else max(1, n // 10)
 
 
 def slow_but(quick, values):
-    """The values as parameters, all of them marked slow but those that are quick.
+    """Return the values as parameters, marked slow unless they are in `quick`.
 
     Tuples are values of several parameters.
     """
-    return [one if one in quick else _slow(one) for one in values]
+    return [value if value in quick else _slow(value) for value in values]
 
 
 def _slow(value):

@@ -1,4 +1,4 @@
-"""A small animation that carries all that a surface can, and how to compare two."""
+"""A small animation with a full surface, and comparisons."""
 
 import numpy as np
 
@@ -9,11 +9,11 @@ from samples.costs import draws
 
 COUNTS = np.array([4, 3, 5, 3], np.int32)
 CORNERS = np.array([0, 1, 2, 3, 1, 4, 2, 5, 6, 7, 8, 9, 5, 7, 9], np.int32)
-N_VERTS = 11  # the last one is in no face
+N_VERTS = 11  # the last one has no face
 
 
 def full_surface():
-    """Polygons, attributes of every domain and type, groups and two parts."""
+    """Return a surface with attributes of every domain and type, groups and two parts."""
     rng = np.random.default_rng(3)
     uv = rng.random((6, 2)).astype(np.float32)
     return Surface(
@@ -33,14 +33,14 @@ def full_surface():
 
 
 def polygon_surface():
-    """Polygons and nothing else."""
+    """Return a surface with polygons only."""
     return Surface(COUNTS)
 
 
 def surfaced_sequence(
     n_frames=5, dtype=np.float32, fps=25.0, start_s=0.0, surface=None, name="walk"
 ):
-    """An animation of quads, triangles and a pentagon, with values that need all their digits."""
+    """Return an animation of quads, triangles and a pentagon, with full-precision values."""
     rng = np.random.default_rng(n_frames)
     vertices = rng.standard_normal((n_frames, N_VERTS, 3)).astype(dtype)
     faces = triangulate_fans(COUNTS, CORNERS)
@@ -49,17 +49,17 @@ def surfaced_sequence(
 
 
 def plain_sequence(**options):
-    """The same animation of triangles only."""
+    """Return the same animation without a surface."""
     return surfaced_sequence(surface=PLAIN, **options)
 
 
 def positions_of(source):
-    """Positions of all frames of a source, of shape (T, V, 3)."""
+    """Return the positions of all frames of a source, of shape (T, V, 3)."""
     return source.read(0, source.n_frames)
 
 
 def assert_same_positions(found, expected):
-    """Fails unless positions, their type, and triangles agree in every bit."""
+    """Assert that positions, their type, and triangles are equal bit for bit."""
     assert (found.n_frames, found.n_verts) == (expected.n_frames, expected.n_verts)
     assert found.dtype == expected.dtype
     assert positions_of(found).tobytes() == positions_of(expected).tobytes()
@@ -67,15 +67,15 @@ def assert_same_positions(found, expected):
 
 
 def damaged_versions(data, n_damaged=120, n_header=200, seed=1):
-    """Random truncations, changed bytes and changed header bytes of a file: see `draws`."""
+    """Yield random truncations, changed bytes and changed header bytes of a file."""
     rng = np.random.default_rng(seed)
     for index in range(draws(n_damaged)):
         damaged = bytearray(data)
         if index % 3 == 0:
             del damaged[int(rng.integers(0, len(data))) :]
         elif index % 3 == 1:
-            for place in rng.integers(0, len(data), rng.integers(1, 4)):
-                damaged[place] = rng.integers(256)
+            for position in rng.integers(0, len(data), rng.integers(1, 4)):
+                damaged[position] = rng.integers(256)
         else:
             damaged[rng.integers(min(len(data), n_header))] = rng.integers(256)
         yield bytes(damaged)

@@ -1,4 +1,4 @@
-"""Pages with the element <reel-player>, and what tests do with them."""
+"""Pages with the element <reel-player>, and helpers for tests."""
 
 import io
 import time
@@ -24,7 +24,7 @@ SMALL = {"width": 640, "height": 480}
 
 @contextmanager
 def showing(new_page, files, headers=POLICY):
-    """A function that opens a page with a body; `player` is its first player.
+    """Return a function that opens a page with a body; `player` is its first player.
 
     `files` are bytes by path, and `headers` come with every answer. Further arguments of the
     function are those of the fixture `new_page`.
@@ -43,7 +43,7 @@ def showing(new_page, files, headers=POLICY):
 
 
 def until(page, condition):
-    """Waits for something; not by `wait_for_function`, which the policy of the pages forbids."""
+    """Wait for a condition; the pages' policy blocks `wait_for_function`."""
     end = time.monotonic() + PATIENCE_S
     while not page.evaluate(f"!!({condition})"):
         assert time.monotonic() < end, f"waited {PATIENCE_S} s for {condition}"
@@ -51,7 +51,7 @@ def until(page, condition):
 
 
 def settled(page):
-    """Waits until the file is open and its picture is there."""
+    """Wait until the file is open and drawn."""
     until(page, "player.mesh && !player.mesh.isWaiting && player.mesh.geometry.drawRange.count > 0")
     page.wait_for_timeout(200)
 
@@ -69,12 +69,12 @@ def picture(page):
 
 
 def is_drawn(page):
-    """How much of the element is not white."""
+    """Return the fraction of the element that is not white."""
     return (np.abs(picture(page) - 255).max(axis=2) > 12).mean()
 
 
 def press(page, selector, *keys):
-    """Gives a part of the player the focus, and presses keys."""
+    """Focus a part of the player, and press keys."""
     page.evaluate("selector => player.shadowRoot.querySelector(selector).focus()", selector)
     for key in keys:
         page.keyboard.press(key)

@@ -1,10 +1,10 @@
-"""An engine that works in the caller, for tests of what is done with one."""
+"""An engine that runs calls in the caller, for tests."""
 
 from concurrent.futures import Future
 
 
 class InlineWorkers:
-    """Does every call when it is submitted, and remembers it."""
+    """Runs every call on submission, and records it."""
 
     n_workers = 1
 

@@ -1,4 +1,4 @@
-"""Figures of reports with a fourth of their pixels per inch, for tests of what is around them."""
+"""Low-resolution figures of reports, for tests of their surroundings."""
 
 from contextlib import contextmanager
 
@@ -10,7 +10,7 @@ COARSE_PANEL_PX = 100
 
 @contextmanager
 def coarse_figures():
-    """Draw figures coarsely; at the resolution of print they take most of a report's time."""
+    """Draw figures at low resolution; at print resolution they dominate a report's time."""
     matplotlib = pytest.importorskip("matplotlib.figure", reason="needs matplotlib")
     from meshreel.paper.study.figures import panels
 
@@ -19,9 +19,7 @@ def coarse_figures():
         patch.setattr(
             matplotlib.Figure,
             "savefig",
-            lambda figure, *given, **options: save(
-                figure, *given, **{**options, "dpi": COARSE_DPI}
-            ),
+            lambda figure, *args, **options: save(figure, *args, **{**options, "dpi": COARSE_DPI}),
         )
         patch.setattr(panels, "MAX_PANEL_PX", COARSE_PANEL_PX)
         yield

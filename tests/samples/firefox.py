@@ -1,4 +1,4 @@
-"""Firefox on a screen that nobody sees: without one it has no WebGL 2."""
+"""Firefox on a virtual screen: headless, it has no WebGL 2."""
 
 import json
 import os
@@ -22,14 +22,14 @@ SETTINGS = {
 
 
 def require_screen():
-    """Skips where Firefox cannot draw: headless, it has no WebGL 2."""
+    """Skip the test if Firefox or the virtual screen is missing."""
     for program in ("firefox", "xvfb-run"):
         if shutil.which(program) is None:
             pytest.skip(f"needs {program}: without a screen Firefox has no WebGL 2")
 
 
 def said_by(url, posted):
-    """What a page that Firefox opens posts first, into the queue of its server."""
+    """Return the first message that a page in Firefox posts to its server."""
     with _opened(url):
         try:
             return json.loads(posted.get(timeout=PATIENCE_S))
@@ -39,14 +39,14 @@ def said_by(url, posted):
 
 @contextmanager
 def _opened(url):
-    # The browser may still write into its profile while that is removed.
+    # The browser may still write to its profile during removal.
     with TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         lines = [f"user_pref({json.dumps(k)}, {json.dumps(v)});" for k, v in SETTINGS.items()]
         Path(profile, "user.js").write_text("\n".join(lines), "utf-8")
         screen = ["xvfb-run", "--auto-servernum", "--server-args=-screen 0 1280x720x24"]
         command = [*screen, "firefox", "--no-remote", "--profile", profile, url]
         silent = subprocess.DEVNULL
-        # A group of their own: xvfb-run leaves what it has started behind.
+        # A separate process group: xvfb-run does not stop its children.
         process = subprocess.Popen(command, stdout=silent, stderr=silent, start_new_session=True)
         try:
             yield

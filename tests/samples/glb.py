@@ -1,4 +1,4 @@
-"""GLB files taken apart as the specification of glTF says, without our reader, for tests."""
+"""Independent parser of GLB files, written from the specification, for tests."""
 
 import json
 import struct
@@ -15,7 +15,7 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
 def stream_of(sequence, notes=None):
-    """A stream of all frames of a sequence, one by one."""
+    """Return a stream of all frames of a sequence, one by one."""
     return FrameStream(
         (sequence.read(index, index + 1) for index in range(sequence.n_frames)),
         sequence.faces,
@@ -29,7 +29,7 @@ def stream_of(sequence, notes=None):
 
 
 def written(folder, sequence, notes=None, **options):
-    """The file that a sequence makes, taken apart."""
+    """Write a sequence as GLB, and parse it."""
     path = folder / "written.glb"
     write_glb(path, stream_of(sequence, notes), WriteOptions(**options))
     return Glb.read(path.read_bytes())
@@ -52,7 +52,7 @@ class Glb:
         return cls(json.loads(text), rest[8:])
 
     def array(self, number):
-        """What an accessor means, of shape (count, width); floats if it is normalised."""
+        """Return the values of an accessor, of shape (count, width); floats if normalized."""
         accessor = self.document["accessors"][number]
         view = self.document["bufferViews"][accessor["bufferView"]]
         dtype, width = np.dtype(DTYPES[accessor["componentType"]]), WIDTHS[accessor["type"]]
@@ -69,15 +69,15 @@ class Glb:
         return np.maximum(values / np.float64(largest), -1)
 
     def node(self, name):
-        """The first node of a name."""
+        """Return the first node with a name."""
         return next(one for one in self.document["nodes"] if one["name"] == name)
 
     def primitives(self, name):
-        """Those of the mesh that a node shows."""
+        """Return the primitives of a node's mesh."""
         return self.document["meshes"][self.node(name)["mesh"]]["primitives"]
 
     def weights(self, name):
-        """When, and the weights then, of the mesh of a node; None if it is not animated."""
+        """Return key times and weights of a node's mesh; None if it is not animated."""
         number = self.document["nodes"].index(self.node(name))
         animation = self.document.get("animations", [{"channels": []}])[0]
         for channel in animation["channels"]:
@@ -89,7 +89,7 @@ class Glb:
         return None
 
     def morphed(self, name, attribute="POSITION"):
-        """Values of all frames and primitives, of shape (T, N, 3), in the space of the node."""
+        """Return values of all frames and primitives, of shape (T, N, 3), in node space."""
         animated = self.weights(name)
         weights = np.zeros((1, 0)) if animated is None else animated[1].astype(np.float64)
         frames = []
@@ -101,7 +101,7 @@ class Glb:
         return np.concatenate(frames, axis=1)
 
     def world(self, name):
-        """Positions of all frames in the world."""
+        """Return the positions of all frames in world space."""
         positions = self.morphed(name)
         chain = [self.document["nodes"].index(self.node(name))]
         while above := [
@@ -116,7 +116,7 @@ class Glb:
         return positions
 
     def triangles(self, name):
-        """Triangles of all primitives, in the vertices of all of them."""
+        """Return the triangles of all primitives, with joint vertex numbers."""
         found, start = [], 0
         for primitive in self.primitives(name):
             indices = self.array(primitive["indices"]).astype(int).reshape(-1, 3)
@@ -126,7 +126,7 @@ class Glb:
 
 
 def largest_error_percent(sequence, positions):
-    """Distance of the vertex that is off the furthest, in percent of the diagonal of all."""
+    """Return the largest vertex error, in percent of the diagonal."""
     vertices = sequence.vertices.astype(np.float64)
     diagonal = np.linalg.norm(vertices.max(axis=(0, 1)) - vertices.min(axis=(0, 1)))
     return 100 * np.linalg.norm(positions - vertices, axis=2).max() / diagonal

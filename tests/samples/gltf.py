@@ -1,4 +1,4 @@
-"""Small glTF files for tests, put together piece by piece."""
+"""Small glTF files for tests, assembled step by step."""
 
 import base64
 import json
@@ -16,12 +16,12 @@ SQUARE_FACES = [0, 1, 2, 0, 2, 3]
 
 
 def shifted(points, by):
-    """Points, each moved by the same."""
+    """Return translated points."""
     return np.add(points, by)
 
 
 class Gltf:
-    """A glTF file that grows; `json` is open to every change."""
+    """Builder of a glTF file; tests may change `json`."""
 
     def __init__(self):
         self.json: dict[str, Any] = {
@@ -32,20 +32,20 @@ class Gltf:
         self.data = bytearray()
 
     def add(self, kind, **values):
-        """The number of a new item of a list of the file."""
+        """Add an item to a list of the file; return its number."""
         items = self.json.setdefault(kind, [])
         items.append(values)
         return len(items) - 1
 
     def view(self, data, **values):
-        """The number of a new buffer view of these bytes."""
+        """Add a buffer view of these bytes; return its number."""
         self.data += bytes(-len(self.data) % 4)
         values = {"buffer": 0, "byteOffset": len(self.data), "byteLength": len(data), **values}
         self.data += data
         return self.add("bufferViews", **values)
 
     def accessor(self, values, dtype="f4", **more):
-        """The number of a new accessor of these values, of shape (N,), (N, C) or (N, 4, 4)."""
+        """Add an accessor of values of shape (N,), (N, C) or (N, 4, 4); return its number."""
         array = np.asarray(values)
         array = array.reshape(len(array), -1).astype(f"<{dtype}")
         return self.add(
@@ -58,7 +58,7 @@ class Gltf:
         )
 
     def mesh(self, positions=TRIANGLE, faces=None, targets=(), *, attributes=None, **more):
-        """The number of a new mesh of one primitive; attributes are numbers of accessors."""
+        """Add a mesh of one primitive; attributes are accessor numbers. Return its number."""
         primitive: dict[str, Any] = {
             "attributes": {"POSITION": self.accessor(positions), **(attributes or {})}
         }
@@ -69,14 +69,14 @@ class Gltf:
         return self.add("meshes", primitives=[primitive], **more)
 
     def node(self, *, is_root=True, **values):
-        """The number of a new node, shown unless it is a child of another."""
+        """Add a node, a root unless it is a child of another; return its number."""
         number = self.add("nodes", **values)
         if is_root:
             self.json["scenes"][0]["nodes"].append(number)
         return number
 
     def animate(self, node, path, keys, values, interpolation=None, *, dtype="f4", animation=0):
-        """Let an animation move a node; it is made if it is not there."""
+        """Animate a node; creates the animation if necessary."""
         animations = self.json.setdefault("animations", [])
         while len(animations) <= animation:
             animations.append({"samplers": [], "channels": []})
@@ -94,7 +94,7 @@ class Gltf:
         found["channels"].append({"sampler": len(found["samplers"]) - 1, "target": target})
 
     def save(self, path):
-        """The path, with the file written there: `.glb`, or `.gltf` that holds its data as text."""
+        """Write a `.glb`, or a `.gltf` with embedded data; return the path."""
         whole = dict(self.json)
         if path.suffix == ".glb":
             path.write_bytes(glb({**whole, "buffers": [{"byteLength": len(self.data)}]}, self.data))
@@ -106,7 +106,7 @@ class Gltf:
 
 
 def glb(document, data):
-    """The bytes of a GLB file."""
+    """Return the bytes of a GLB file."""
     text = json.dumps(document).encode()
     text += b" " * (-len(text) % 4)
     data = bytes(data) + bytes(-len(data) % 4)
@@ -116,7 +116,7 @@ def glb(document, data):
 
 
 def moving_triangle():
-    """A triangle that goes from 0 to 2 along x within a second, at three keys."""
+    """Return a triangle that moves from 0 to 2 along x within a second, at three keys."""
     file = Gltf()
     node = file.node(mesh=file.mesh(), name="tri")
     file.animate(node, "translation", [0, 0.5, 1], [[0, 0, 0], [1, 0, 0], [2, 0, 0]])
@@ -124,7 +124,7 @@ def moving_triangle():
 
 
 def rich_gltf():
-    """A file that has a bit of everything: a skin, morph targets, materials, seams, an armature."""
+    """Return a file with a skin, morph targets, materials, seams and an armature."""
     file = Gltf()
     joints = file.accessor(np.tile([0, 1, 0, 0], (4, 1)), "u1")
     weights = file.accessor(np.tile([128, 127, 0, 0], (4, 1)), "u1", normalized=True)

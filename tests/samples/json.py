@@ -1,4 +1,4 @@
-"""Every value of a JSON document, changed into odd ones."""
+"""JSON documents with each value replaced by unexpected ones."""
 
 import copy
 from typing import Any
@@ -26,7 +26,7 @@ DELETED = object()
 
 
 def places(value, path=()):
-    """Every place of a JSON value, as keys and numbers to follow."""
+    """Yield the path of every nested value, as keys and indices."""
     items = value.items() if isinstance(value, dict) else enumerate(value)
     for key, below in items:
         yield (*path, key)
@@ -35,7 +35,7 @@ def places(value, path=()):
 
 
 def changed(document, path, value):
-    """The document with another value at a place."""
+    """Return the document with another value at a path, or without it."""
     document = copy.deepcopy(document)
     holder = document
     for key in path[:-1]:

@@ -1,10 +1,10 @@
-"""A batch that is killed at the n-th change of a file under its folder of outputs, for every n.
+"""Kill a batch at the n-th change of a file in its output folder, for every n.
 
     python -m samples.kill_moments INPUTS FOLDER STEP
 
-Each run is a fork of this process, which has no threads yet; it kills itself. Then the batch is run
-again, undisturbed. Prints a line of JSON for every moment: whether the run was killed, and the
-files that are there after the second, with their bytes in hexadecimal.
+Each run is a fork of this process, which has no threads yet; it kills itself. Then the batch runs
+again undisturbed. Prints one line of JSON per moment: whether the run was killed, and the files
+after the second run, with their bytes in hexadecimal.
 """
 
 import json
@@ -30,7 +30,7 @@ def run(inputs, out):
 
 
 def kill_at(moment, out):
-    """Kill this process when so many changes were made under a folder."""
+    """Kill this process at the given number of changes in a folder."""
     seen = 0
 
     def watch(event, args):
@@ -44,7 +44,7 @@ def kill_at(moment, out):
 
 
 def in_fork(work, *args):
-    """Whether a fork of this process was killed while it worked."""
+    """Run a function in a fork; return whether it was killed."""
     child = os.fork()
     if child == 0:
         work(*args)

@@ -1,4 +1,4 @@
-"""Materials and images that tests share; made here, deterministic."""
+"""Deterministic materials and images shared by tests."""
 
 import struct
 import zlib
@@ -9,7 +9,7 @@ from samples.meshes import quad_sheet, two_sheets
 
 
 def png(shade=128, name="shade"):
-    """An image of one grey pixel."""
+    """Return a PNG of one gray pixel."""
 
     def chunk(kind, data):
         return (
@@ -23,12 +23,12 @@ def png(shade=128, name="shade"):
 
 
 def jpeg(name="photo"):
-    """Bytes that begin and end like a JPEG; nothing looks further."""
+    """Return bytes that begin and end like a JPEG."""
     return Image(name, "image/jpeg", b"\xff\xd8\xff\xe0" + bytes(range(200)) + b"\xff\xd9")
 
 
 def look():
-    """Two materials that use everything glTF has, and their images.
+    """Return two materials that use every feature of glTF, and their images.
 
     All numbers are of float32, so that USD holds them too.
     """
@@ -68,16 +68,16 @@ def look():
 
 
 def dressed(sequence):
-    """The sequence with a look for its materials "red" and "grün"."""
+    """Return the sequence with materials for its groups "red" and "grün"."""
     materials, images = look()
     return replace(sequence, surface=replace(sequence.surface, materials=materials, images=images))
 
 
 def dressed_sheet(n_frames=6):
-    """`quad_sheet` with materials and images."""
+    """Return `quad_sheet` with materials and images."""
     return dressed(quad_sheet(n_frames))
 
 
 def dressed_sheets(n_frames=6):
-    """`two_sheets` with materials and images."""
+    """Return `two_sheets` with materials and images."""
     return dressed(two_sheets(n_frames))

@@ -1,4 +1,4 @@
-"""Small meshes and animations that tests share; made here, deterministic."""
+"""Small, deterministic meshes and animations shared by tests."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Su
 
 
 def grid_faces(rows, columns):
-    """Triangles of a grid of rows x columns vertices."""
+    """Return the triangles of a grid of rows x columns vertices."""
     corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
     below = corner + columns
     return np.concatenate(
@@ -20,7 +20,7 @@ def grid_faces(rows, columns):
 
 
 def waving_grid(n_frames=12, rows=9, columns=11, dtype=np.float32):
-    """A sheet with travelling waves: one component, with a boundary."""
+    """Return a sheet with traveling waves: one component, with a boundary."""
     y, x = np.mgrid[0:rows, 0:columns] / 8.0
     time = np.arange(n_frames)[:, None, None] / 5.0
     height = 0.2 * np.sin(4 * x - 2 * time) + 0.1 * np.cos(5 * y + 3 * time) * x
@@ -31,7 +31,7 @@ def waving_grid(n_frames=12, rows=9, columns=11, dtype=np.float32):
 
 
 def octahedron_faces():
-    """A closed surface of six vertices."""
+    """Return a closed surface of six vertices."""
     return np.array(
         [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]],
         np.int32,
@@ -39,7 +39,7 @@ def octahedron_faces():
 
 
 def irregular_sequence(n_frames=8):
-    """Two components, isolated vertices, degenerate, duplicate and non-manifold faces."""
+    """Return two components, isolated vertices, degenerate, duplicate and non-manifold faces."""
     grid = waving_grid(n_frames, 5, 6, np.float64)
     rng = np.random.default_rng(7)
     body = rng.normal(size=(6, 3))
@@ -52,7 +52,7 @@ def irregular_sequence(n_frames=8):
 
 
 def quad_sheet(n_frames=6, dtype=np.float32, name="sheet", shift=0.0):
-    """A waving sheet of 20 quads, a pentagon and a triangle, with attributes of every kind."""
+    """Return a waving sheet of quads, a pentagon and a triangle, with attributes of every kind."""
     grid = waving_grid(n_frames, 5, 6, dtype)
     corner = (np.arange(4)[:, None] * 6 + np.arange(5)).ravel()
     quads = np.stack([corner, corner + 6, corner + 7, corner + 1], axis=1)
@@ -82,7 +82,7 @@ def quad_sheet(n_frames=6, dtype=np.float32, name="sheet", shift=0.0):
 
 
 def two_sheets(n_frames=6, dtype=np.float32):
-    """Two of `quad_sheet` as parts of one mesh, with attributes of every kind."""
+    """Return two `quad_sheet` parts in one mesh, with attributes of every kind."""
     first, second = (quad_sheet(n_frames, dtype, name, at) for name, at in (("a", 0), ("b", 2)))
     n_faces, surface = len(first.surface.face_sizes), first.surface
     uv, color = surface.attributes
@@ -105,13 +105,13 @@ def two_sheets(n_frames=6, dtype=np.float32):
 
 
 def every_third_edge(surface, faces):
-    """Every third of the edges between faces."""
+    """Return every third edge between faces."""
     sizes = surface.sizes(len(faces))
     return shared_edges(sizes, join_fans(sizes, faces)).ends[::3].astype(np.int32)
 
 
 def hard_sheet(n_frames=6):
-    """A `quad_sheet` of which every third edge is hard."""
+    """Return `quad_sheet` with every third edge hard."""
     sheet = quad_sheet(n_frames)
     edges = every_third_edge(sheet.surface, sheet.faces)
     return replace(sheet, surface=replace(sheet.surface, hard_edges=edges))
@@ -126,7 +126,7 @@ BOX_CORNERS = np.array([[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1
 
 
 def hard_box(n_frames=4):
-    """A box of quads that grows, with hard edges."""
+    """Return a growing box of quads with hard edges."""
     sizes, corners = np.full(6, 4, np.int32), BOX_QUADS.ravel()
     edges = shared_edges(sizes, corners).ends
     growth = 1 + np.arange(n_frames, dtype=np.float32) / n_frames
@@ -140,7 +140,7 @@ def hard_box(n_frames=4):
 
 
 def cake(n_frames=3, n_around=24):
-    """A cake: a smooth side of quads and flat ends of triangles, with hard rims; it leans over."""
+    """Return a leaning cylinder: a smooth side of quads, flat ends of triangles, hard rims."""
     angles = np.arange(n_around) * (2 * np.pi / n_around)
     ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(n_around)], axis=1)
     points = np.concatenate([ring, np.add(ring, [0, 0, 0.5]), [[0, 0, 0], [0, 0, 0.5]]])
@@ -163,7 +163,7 @@ def cake(n_frames=3, n_around=24):
 
 
 def cake_normals(sequence):
-    """Normals of the corners of a `cake` in its first frame, as a program has them: (C, 3)."""
+    """Return the exact corner normals of a `cake` in its first frame: (C, 3)."""
     corners = join_fans(sequence.surface.face_sizes, sequence.faces)
     radial = sequence[0][corners].astype(float) * [1, 1, 0]
     n_side = 4 * (len(sequence.surface.face_sizes) // 3)
@@ -173,7 +173,7 @@ def cake_normals(sequence):
 
 
 def assert_same_surface(found, expected):
-    """Every array, name and type of two surfaces is the same."""
+    """Assert that all arrays, names and types of two surfaces are equal."""
     assert (found.face_sizes is None) == (expected.face_sizes is None)
     if expected.face_sizes is not None:
         np.testing.assert_array_equal(found.face_sizes, expected.face_sizes)
@@ -199,7 +199,7 @@ def assert_same_surface(found, expected):
 
 
 def kg_error_percent(original, decoded):
-    """KG error of two position arrays, written out here so that it can check the library's."""
+    """Return the KG error of two position arrays, independently of the library."""
     original = np.asarray(original, np.float64)
     centred = original - original.mean(axis=1, keepdims=True)
     return 100 * np.linalg.norm(original - decoded) / np.linalg.norm(centred)

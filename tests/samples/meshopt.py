@@ -1,4 +1,4 @@
-"""Streams of meshoptimizer 1.1.1 (its npm package), and the bytes that it decodes them to."""
+"""Streams of meshoptimizer 1.1.1 (its npm package), and their decoded bytes."""
 
 STREAMS = [
     ("TRIANGLES", "NONE", 24, 4,

@@ -1,4 +1,4 @@
-"""Projects that use the package for pages as people do: installed from what `npm pack` makes."""
+"""Projects that install the npm package from the output of `npm pack`."""
 
 import fcntl
 import json
@@ -16,7 +16,7 @@ OUT_OF_REACH = ("ENOTFOUND", "ECONNREFUSED", "ECONNRESET", "EAI_AGAIN", "ETIMEDO
 
 
 def npm(*command, folder):
-    """What a command of npm says; the test is skipped where it cannot reach the registry."""
+    """Return the output of an npm command; skip the test without access to the registry."""
     environment = {
         **os.environ,
         "npm_config_audit": "false",
@@ -41,7 +41,7 @@ def npm(*command, folder):
 
 
 def packed(folder):
-    """The file that `npm pack` makes of the package, in a folder."""
+    """Return the output of `npm pack`, in a folder."""
     built_package()
     with (PACKAGE / ".building").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
@@ -50,7 +50,7 @@ def packed(folder):
 
 
 def built_example(name, folder):
-    """The files of an example's page by path, made as its package.json says."""
+    """Build an example; return the files of its page by path."""
     project = folder / name
     shutil.copytree(EXAMPLES / name, project)
     described = json.loads((project / "package.json").read_text("utf-8"))
@@ -62,6 +62,6 @@ def built_example(name, folder):
 
 
 def files_below(folder):
-    """Contents of files by path, as a server has them."""
+    """Return file contents by path, for a server."""
     paths = [path for path in folder.rglob("*") if path.is_file()]
     return {f"/{path.relative_to(folder).as_posix()}": path.read_bytes() for path in paths}

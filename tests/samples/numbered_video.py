@@ -1,4 +1,4 @@
-"""A sheet that moves by its frame number, and videos whose pictures show theirs."""
+"""A sheet that moves by its frame number, and videos that contain frame numbers."""
 
 import io
 import re
@@ -19,11 +19,11 @@ CODE = {"x": 0, "y": 0, "cell": CELL, "bits": BITS}
 SIZE = 256
 FPS = 30.0
 STEP = 1 / 64
-"""The sheet is 1 wide, and moves this far to the right in a frame."""
+"""Motion of the sheet per frame; its width is 1."""
 
 
 def moving_sheet(n_frames=90, *, has_uv=True):
-    """A square in the plane z = 0 from (0, 0) to (1, 1), which moves to the right."""
+    """Return a square in the plane z = 0 from (0, 0) to (1, 1), which moves to the right."""
     n = 5
     y, x = (one.ravel() / (n - 1) for one in np.indices((n, n)))
     still = np.stack([x, y, np.zeros_like(x)], axis=1)
@@ -42,7 +42,7 @@ def moving_sheet(n_frames=90, *, has_uv=True):
 
 
 def baking():
-    """The filter of ffmpeg that puts numbers into pictures, as the guide makes it."""
+    """Return the ffmpeg filter of the guide that adds frame numbers."""
     program = re.search(r"```python\n(cell, bits = .*?)```", GUIDE.read_text("utf-8"), re.S)
     printed = io.StringIO()
     with redirect_stdout(printed):
@@ -52,7 +52,7 @@ def baking():
 
 
 def numbered_video(path, n_frames=90, *, fps=FPS, has_sound=True, covered=()):
-    """Writes a WebM film of numbered pictures; `covered`: frames whose numbers are hidden."""
+    """Write a numbered WebM film; the numbers of `covered` frames are hidden."""
     imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="needs imageio-ffmpeg")
     seconds = n_frames / fps
     picture = f"gradients=s={SIZE}x{SIZE}:r={fps}:d={seconds}:c0=0xd06030:c1=0x3060d0:speed=0.01"

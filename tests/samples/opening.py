@@ -1,4 +1,4 @@
-"""Sequences whose frames stay in their files, as `encode` and `info` open them."""
+"""Sequences whose frames stay in their files, as opened by `encode` and `info`."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from meshreel.formats.sources import find_files
 
 
 def open_source(source, *, topology=None, max_loaded_bytes=0, **options):
-    """The sequence that `load` gives, with at most these bytes of positions loaded."""
+    """Open the sequence that `load` returns, with at most this many bytes of positions loaded."""
     topology = None if topology is None else Path(topology)
     reading = ReadOptions(topology=topology, max_loaded_bytes=max_loaded_bytes, **options)
     return open_found(find_files(source), reading)

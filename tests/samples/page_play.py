@@ -1,4 +1,4 @@
-"""What a page that plays a flag has to show: scripts that ask it, and what is asserted of it."""
+"""Scripts and assertions for pages that play the flag."""
 
 import io
 
@@ -22,7 +22,7 @@ HTMLCanvasElement.prototype.getContext = function (kind, options) {
   return contextOf.call(this, kind, { ...options, preserveDrawingBuffer: true });
 };
 """
-"""Before all scripts of a page: what is wrong is noted, and pictures can be read."""
+"""Script before all others: records errors, and makes pixels readable."""
 
 PLAYED = """async () => {
   const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
@@ -60,13 +60,13 @@ PLAYED = """async () => {
 
 
 def complaints_of(found, name=""):
-    """What the page said, but for a word of three.js on what React's renderer makes of it."""
+    """Return the messages of the page, except a warning of three.js about React's renderer."""
     known = "THREE.Clock: This module has been deprecated" if name == "react" else None
     return [one for one in found["complaints"] if not (known and one.startswith(known))]
 
 
 def assert_played(found, data, name=""):
-    """Frames passed, and the one that was shown is that of Python."""
+    """Assert that frames advanced, and that the shown one equals Python's."""
     assert complaints_of(found, name) == []
     assert len(found["frames"]) >= 4
     if name != "babylon":
@@ -83,7 +83,7 @@ def assert_played(found, data, name=""):
 
 
 def assert_shown(png):
-    """Something is shown, from its front, on which light falls."""
+    """Assert that the lit front of the mesh is visible."""
     picture = np.asarray(Image.open(io.BytesIO(png)).convert("RGB"), int)
     is_drawn = np.abs(picture - picture[-3, 2]).max(axis=2) > 12
     assert 0.05 < is_drawn.mean() < 0.9

@@ -15,8 +15,8 @@ PAGES = [
 ]
 FENCED = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 INSTALLS = re.compile(r"^pip install [^&]*(&&)?")
-OF_OTHERS = re.compile(r"(#|//) with (?P<what>[^:\n]+)")
-"""How a snippet begins that needs a program or a file that is not here, and says which."""
+REQUIREMENT = re.compile(r"(#|//) with (?P<what>[^:\n]+)")
+"""First line of a snippet that needs another program or file, and its name."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Snippet:
     Attributes
     ----------
     language : str
-        "bash" and "python" are run; "text" and "toml" are not code; all else is of other programs.
+        "bash" and "python" are run; "text" and "toml" are not code; others are not run.
     text : str
     """
 
@@ -35,34 +35,34 @@ class Snippet:
 
     @property
     def needs(self):
-        """What must be there to run it, as its first line says; None if this package does."""
-        found = OF_OTHERS.match(self.text)
-        return found["what"] if found else None
+        """Return the requirement stated in its first line, or None."""
+        match = REQUIREMENT.match(self.text)
+        return match["what"] if match else None
 
     @property
     def command_lines(self):
-        """The lines of a shell, without what installs things or runs the tests."""
+        """Return the shell commands, without installations and test runs."""
         lines = [INSTALLS.sub("", line).strip() for line in self.text.splitlines()]
         return [line for line in lines if line and not line.startswith(("#", "pytest"))]
 
 
 def snippets(page):
-    """The snippets of a page, from top to bottom."""
+    """Return the snippets of a page, in order."""
     text = page.read_text(encoding="utf-8")
     return [Snippet(language, block) for language, block in FENCED.findall(text)]
 
 
 def prose(page):
-    """A page without its snippets."""
+    """Return a page without its snippets."""
     return FENCED.sub("", page.read_text(encoding="utf-8"))
 
 
 def parts_of(line):
-    """The commands of a line that are joined by &&, as words."""
+    """Return the words of each command of a line, separated by &&."""
     parts = (shlex.split(part, comments=True) for part in line.split("&&"))
     return [words for words in parts if words]
 
 
 def name_of(page):
-    """The page, to tell tests apart."""
+    """Return the id of a page in test names."""
     return page.relative_to(ROOT).as_posix()

@@ -1,4 +1,4 @@
-"""Passes over few columns that tests share."""
+"""Small passes shared by tests."""
 
 import numpy as np
 
@@ -6,17 +6,17 @@ from meshreel.kernel.fields import Pass
 
 
 def as_pass(columns, near):
-    """A pass of columns, of which near[i] lists the neighbours of columns[i]."""
-    counts = [len(one) for one in near]
+    """Return a pass of columns; near[i] lists the neighbors of columns[i]."""
+    counts = [len(neighbors) for neighbors in near]
     return Pass(
         np.array(columns, np.int64),
         np.cumsum([0, *counts]),
-        np.array([index for one in near for index in one], np.int64),
+        np.array([index for neighbors in near for index in neighbors], np.int64),
     )
 
 
 def line_passes(n_columns, coarsest=8):
-    """Every eighth column first, then those half-way between, ...: each between two of before."""
+    """Return passes that bisect a line: every eighth column first, then those between."""
     first = np.arange(0, n_columns, coarsest)
     passes = [as_pass(first, [[]] * len(first))]
     while coarsest > 1:

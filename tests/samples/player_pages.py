@@ -1,4 +1,4 @@
-"""What a browser shows of a player, and the commands that make one."""
+"""Players in a browser, and the commands that create them."""
 
 import base64
 import io
@@ -18,7 +18,7 @@ COMMAND = (sys.executable, "-c", "from meshreel.app.cli import main; main()")
 
 @contextmanager
 def viewing(path, *options):
-    """The process of `meshreel view`, and the address that it tells."""
+    """Start `meshreel view`; return the process and its address."""
     command = [*COMMAND, "view", str(path), "--no-open", *map(str, options)]
     environment = {**os.environ, "PYTHONUNBUFFERED": "1", "COLUMNS": "200"}
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
@@ -31,7 +31,7 @@ def viewing(path, *options):
 
 
 def array_of(page, expression, dtype):
-    """A typed array of the page."""
+    """Return a typed array of the page."""
     text = page.evaluate(
         f"""() => {{
             const bytes = new Uint8Array(({expression}).buffer);
@@ -45,17 +45,17 @@ def array_of(page, expression, dtype):
 
 
 def positions_of(page):
-    """Positions of shape (V, 3) that are drawn."""
+    """Return the drawn positions, of shape (V, 3)."""
     return array_of(page, "player.positions()", np.float32).reshape(-1, 3)
 
 
 def values_of(page):
-    """Values of shape (V,) by which the decoded mesh is painted."""
+    """Return the values that color the decoded mesh, of shape (V,)."""
     return array_of(page, "player.heatValues()", np.float32)
 
 
 def show(page, frame):
-    """Have a frame shown."""
+    """Show a frame."""
     page.evaluate("frame => player.seek(frame)", frame)
 
 
@@ -66,7 +66,7 @@ def wait_for_player(page):
 
 
 def put_to_rest(page):
-    """Have the first frame shown plainly, and nothing move by itself."""
+    """Show the first frame without heat map, paused."""
     page.evaluate("player.takeOver()")
     page.evaluate("player.pause()")
     page.evaluate("player.setHeat(null)")
@@ -74,7 +74,7 @@ def put_to_rest(page):
 
 
 def wait_until(page, condition, limit_s=20.0):
-    """Wait for a condition in JavaScript; the page's policy keeps out playwright's own way."""
+    """Wait for a condition in JavaScript; the page's policy blocks playwright's own function."""
     end = time.monotonic() + limit_s
     while not page.evaluate(condition):
         assert time.monotonic() < end, condition
@@ -82,17 +82,17 @@ def wait_until(page, condition, limit_s=20.0):
 
 
 def state_of(page):
-    """What `player.state()` tells."""
+    """Return `player.state()`."""
     return page.evaluate("player.state()")
 
 
 def picture_of(page, selector=None):
-    """Pixels of the page, or of a part of it, of shape (height, width, 3)."""
+    """Return pixels of the page or of an element, of shape (height, width, 3)."""
     shown = page.locator(selector) if selector else page
     with Image.open(io.BytesIO(shown.screenshot())) as image:
         return np.asarray(image.convert("RGB")).astype(int)
 
 
 def covered(picture):
-    """Where pixels are not of the background, which is that of the lower right corner."""
+    """Return a mask of pixels that differ from the lower right corner."""
     return np.abs(picture - picture[-3, -3]).max(axis=2) > 12

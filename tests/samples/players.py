@@ -1,4 +1,4 @@
-"""A page that stands for the built one, what pages carry, and players of small streams."""
+"""A stub of the built page, contents of exported pages, and players of small streams."""
 
 import base64
 import json
@@ -21,7 +21,7 @@ PAGE = Page(
 
 
 def write_page(folder):
-    """Has the page in a folder, as a build leaves it."""
+    """Create the page in a folder, like a build."""
     folder.mkdir()
     (folder / "index.html").write_text(PAGE.html)
     (folder / "player.js").write_text(PAGE.script)
@@ -29,7 +29,7 @@ def write_page(folder):
 
 
 def carried(html):
-    """What an exported page carries; files inside it as bytes."""
+    """Return the contents of an exported page; embedded files as bytes."""
     (script,) = re.findall(r"<script>window\.MESHREEL=(.*?)</script>", html, re.S)
     return {
         name: base64.b64decode(part["base64"]) if "base64" in part else part
@@ -39,7 +39,7 @@ def carried(html):
 
 @contextmanager
 def opened_api(sequence, original=None, data=None, **options):
-    """What a player of a sequence is told; its original may be another one."""
+    """Return the input of a player of a sequence, with an optional original."""
     made = encode(sequence, **options.pop("encoding", {})) if data is None else data
     with ReelFile(BytesIO(made)) as reel:
         comparison = Comparison(reel, Original(original, reel)) if original else None

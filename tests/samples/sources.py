@@ -1,8 +1,8 @@
-"""Modules of Python as they are written."""
+"""Traversal of Python syntax trees."""
 
 
 def statements(node):
-    """All statements of a module or of one of its blocks; what is in expressions is passed over."""
+    """Yield all statements of a module or block, except those in expressions."""
     for field in ("body", "handlers", "orelse", "finalbody", "cases"):
         for inner in getattr(node, field, ()):
             yield inner

@@ -1,4 +1,4 @@
-"""Hypothesis strategies of odd meshes that property tests share."""
+"""Hypothesis strategies of irregular meshes, shared by property tests."""
 
 import numpy as np
 from hypothesis import strategies as st
@@ -12,14 +12,14 @@ OFFSETS = (0.0, 1.0, -1e3, 1e6)
 
 
 def scattered_faces(n_verts):
-    """Any faces over the vertices: isolated, degenerate, duplicate, non-manifold."""
+    """Any faces over the vertices, including degenerate, duplicate and non-manifold ones."""
     corner = st.integers(0, n_verts - 1)
     return st.lists(st.tuples(corner, corner, corner), min_size=1, max_size=2 * n_verts + 4)
 
 
 @st.composite
 def connectivities(draw):
-    """Number of vertices, and faces."""
+    """The number of vertices, and faces."""
     kind = draw(st.sampled_from(["tiny", "scattered", "grid", "bodies", "fan", "book"]))
     if kind == "tiny":
         n_verts = draw(st.integers(1, 4))
@@ -37,20 +37,20 @@ def connectivities(draw):
 
 
 def bodies(n_bodies, n_isolated=0):
-    """Closed components of six vertices, with isolated vertices between and behind them."""
+    """Return closed components of six vertices, with isolated vertices before and after them."""
     faces = np.concatenate([octahedron_faces() + 6 * body for body in range(n_bodies)])
     return 6 * n_bodies + n_isolated, faces + n_isolated // 2
 
 
 def fan(n_leaves):
-    """A hub that all triangles share."""
+    """Return triangles that share a vertex."""
     rim = np.arange(1, n_leaves)
     faces = np.stack([np.zeros_like(rim), rim, rim + 1], axis=1)
     return n_leaves + 1, faces.astype(np.int32)
 
 
 def book(n_leaves):
-    """An edge that all triangles share."""
+    """Return triangles that share an edge."""
     leaves = np.arange(2, n_leaves + 2)
     faces = np.stack([np.zeros_like(leaves), np.ones_like(leaves), leaves], axis=1)
     return n_leaves + 2, faces.astype(np.int32)
@@ -58,7 +58,7 @@ def book(n_leaves):
 
 @st.composite
 def motions(draw, n_verts):
-    """Positions of shape (T, V, 3), of a size of about 1."""
+    """Positions of shape (T, V, 3) and size about 1."""
     kind = draw(st.sampled_from(["rigid", "still", "bending", "noise", "bending and noise"]))
     n_frames = draw(st.sampled_from([1, 2, 3, 7, 20, n_verts + 5]))
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
@@ -66,7 +66,7 @@ def motions(draw, n_verts):
 
 
 def moving(rng, kind, n_frames, body):
-    """A body of shape (V, 3) that moves in some manner, of shape (T, V, 3)."""
+    """Return the motion of a body of shape (V, 3), of shape (T, V, 3)."""
     time = np.arange(n_frames)[:, None] / 9.0
     vertices = np.repeat(body[None], n_frames, axis=0)
     if kind == "rigid":
@@ -85,7 +85,7 @@ def moving(rng, kind, n_frames, body):
 
 @st.composite
 def odd_sequences(draw, dtype=None):
-    """Sequences that codecs stumble over, of a number type or any."""
+    """Sequences that are hard for codecs, of one or any number type."""
     n_verts, faces = draw(connectivities())
     vertices = draw(motions(n_verts))
     if draw(st.booleans()):

@@ -1,4 +1,4 @@
-"""Streams taken apart by the core, and put together from sections, sound or not."""
+"""Parsing of streams by the core, and assembly of valid and invalid ones."""
 
 from functools import cached_property
 
@@ -13,21 +13,21 @@ from meshreel.codec.tracks import KINDS, Coding, Sharing, TrackHeader
 from meshreel.kernel.files import NUMBER_TYPES, OpenFile
 
 FRAMES_AT, FRAMES_BYTES = 10, 4
-"""Place of the number of frames in a header; 0 means that it was not known."""
+"""Position of the number of frames in a header; 0 means unknown."""
 
 
 def raw_stream(header, sections):
-    """The bytes of a header, these sections and an end marker."""
+    """Return the bytes of a header, these sections and END."""
     return write_header(header) + b"".join(write_sections([*sections, (Section.END, b"")]))
 
 
 def parts_of(stream):
-    """Sections of a stream as pairs of id and payload, without index and end."""
+    """Return the sections of a stream as pairs of id and payload, without INDEX and END."""
     return [part for part in stream.sections if part[0] not in (Section.INDEX, Section.END)]
 
 
 class Stream:
-    """The parts of a stream, of which the end may be missing."""
+    """The parts of a stream, which may be truncated."""
 
     def __init__(self, data):
         self.file = OpenFile(data, float("inf"))
@@ -47,18 +47,18 @@ class Stream:
 
     @cached_property
     def sections(self):
-        """All known sections as pairs of id and payload."""
+        """Return all known sections as pairs of id and payload."""
         return self._between(0, None)
 
     @cached_property
     def groups(self):
-        """First byte, and byte after the last, of each track in each block."""
+        """Return start and end of the bytes of each track in each block."""
         numbers = range(self.file.info.n_blocks), range(self.file.info.n_tracks)
         found = [[self.file.block(number, track) for track in numbers[1]] for number in numbers[0]]
         return [[(one.offset, one.offset + one.size_bytes) for one in block] for block in found]
 
     def block(self, number, track=0):
-        """Payloads of a track in a block by their ids."""
+        """Return the payloads of a track in a block by id."""
         return dict(self._between(*self.groups[number][track]))
 
     def _between(self, start, stop):
@@ -97,7 +97,7 @@ def track_header(payload):
 
 
 def track_values(data):
-    """All values of all tracks beside the positions."""
+    """Return all values of the further tracks."""
     opened, found = whole_stream(data), []
     reader = opened.method.frames(opened, None)
     for number, track in enumerate(opened.tracks, start=1):

@@ -1,4 +1,4 @@
-"""Surfaces that tests share, and their comparison; made here, deterministic."""
+"""Deterministic surfaces shared by tests, and their comparison."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ CUBE_FACES = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], 
 
 
 def rich_cube(n_frames=3, *, attributes=(), groups=(), parts=(), dtype=np.float32):
-    """A growing cube of quads and two triangles, with what is asked for."""
+    """Return a growing cube of quads and two triangles, with these attributes, groups and parts."""
     scale = 1 + np.arange(n_frames)[:, None, None] / 7
     vertices = (CUBE * scale).astype(dtype)
     surface = Surface(np.array(CUBE_SIZES), tuple(attributes), tuple(groups), tuple(parts))
@@ -23,7 +23,7 @@ N_ITEMS = {Domain.VERTEX: 8, Domain.FACE: 7, Domain.CORNER: 26}
 
 
 def attribute(kind, domain, width, dtype=np.float32, *, name="", rows=0):
-    """An attribute of the cube with values that need all their digits; indexed if it has rows."""
+    """Return an attribute of the cube with full-precision values; indexed if it has rows."""
     rng = np.random.default_rng(width)
     n_items = N_ITEMS[Domain(domain)]
     values = rng.random((rows or n_items, width))
@@ -34,12 +34,12 @@ def attribute(kind, domain, width, dtype=np.float32, *, name="", rows=0):
 
 
 def groups(name, labels, numbers):
-    """Faces of the cube sorted into groups."""
+    """Return face groups of the cube."""
     return FaceGroups(name, tuple(labels), np.array(numbers, np.int32))
 
 
 def two_cubes(n_frames=3):
-    """Two parts that have names with slashes and share nothing."""
+    """Return two disjoint parts with slashes in their names."""
     one = rich_cube(n_frames)
     vertices = np.concatenate([one.vertices, one.vertices + 2], axis=1)
     faces = np.concatenate([one.faces, one.faces + 8])
@@ -49,7 +49,7 @@ def two_cubes(n_frames=3):
 
 
 def described(surface):
-    """All that a surface holds as plain values, to be compared."""
+    """Return a surface as plain values, for comparison."""
     sizes = None if surface.face_sizes is None else surface.face_sizes.tolist()
     return {
         "sizes": sizes,

@@ -1,10 +1,10 @@
-"""Pages that tests have one after another: to open one anew takes longer than most of them."""
+"""Browser pages reused by tests: opening one takes longer than most tests."""
 
 from collections import defaultdict
 
 
 class Tab:
-    """A page, and the errors in what it shows.
+    """A page, and its errors.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class Tab:
             self.page.route(pattern, _answering(body))
 
     def is_cleared(self):
-        """Whether what it showed is left, with workers and sound; closed where it cannot be."""
+        """Clear the page for reuse, and stop its workers and sound; close it after errors."""
         if not (self.is_gone or self.page.is_closed()):
             self.page.mouse.move(0, 0)
             self.page.emulate_media(reduced_motion="null", color_scheme="null")
@@ -43,7 +43,7 @@ class Tab:
 
 
 class Tabs:
-    """Tabs of a browser, lent to one test after another.
+    """Tabs of a browser, lent to tests in turn.
 
     Two that have another script or other routes are never the same.
     """
@@ -53,7 +53,7 @@ class Tabs:
         self.free, self.taken = defaultdict(list), []
 
     def take(self, script="", routes=None):
-        """A page that shows nothing."""
+        """Return an empty page."""
         kind = (script, tuple((routes or {}).items()))
         made = (self.browser, script, routes or {}, self.is_webgl_watched)
         tab = self.free[kind].pop() if self.free[kind] else Tab(*made)
@@ -61,7 +61,7 @@ class Tabs:
         return tab.page
 
     def give_back(self):
-        """Errors in the pages that were taken; these are there for others, if there are none."""
+        """Return the errors of the lent pages; without errors the pages become available again."""
         taken, self.taken = self.taken, []
         for kind, tab in taken:
             if tab.is_cleared():

@@ -1,4 +1,4 @@
-"""Calls for workers, which import them from here."""
+"""Functions that workers execute."""
 
 import os
 import signal
@@ -38,7 +38,7 @@ def fail_unpicklably():
 
 
 def die_once(number, folder):
-    """The square; the first call for a number kills its process."""
+    """Return the square; the first call for a number kills its process."""
     mark = Path(folder) / f"died-{number}"
     if not mark.exists():
         mark.touch()
@@ -77,19 +77,19 @@ def cores_and_blas_threads():
     import numpy as np
 
     np.ones((2, 2)) @ np.ones((2, 2))
-    blas = [one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"]
+    blas = [pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"]
     return n_cores(), blas
 
 
 def ignores_ctrl_c(seconds):
-    """Told to stop by ctrl-C, it goes on; gives its process."""
+    """Ignore ctrl-C and return the process id."""
     os.kill(os.getpid(), signal.SIGINT)
     time.sleep(seconds)
     return os.getpid()
 
 
 def encode_or_die(source, options, version):
-    """As `encode_input`; an input kills its worker if its name says so."""
+    """Like `encode_input`, but inputs named "deadly" or "dies_once" kill the worker."""
     from meshreel.app.batch.encode_input import encode_input
 
     path = Path(source)

@@ -1,4 +1,4 @@
-"""Sequences with tracks of every domain, kind and type, and what must come back of them."""
+"""Sequences with tracks of every domain, kind and type, and comparisons."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from samples.meshes import quad_sheet
 
 
 def tracked_sheet(n_frames=6, domains=tuple(Domain)):
-    """The sheet of `quad_sheet` with tracks of these domains, some of their values not finite."""
+    """Return `quad_sheet` with tracks of these domains, with some values not finite."""
     sheet = quad_sheet(n_frames)
     sizes = domain_sizes(sheet.n_verts, sheet.n_faces, sheet.surface)
     rng = np.random.default_rng(5)
@@ -32,7 +32,7 @@ def tracked_sheet(n_frames=6, domains=tuple(Domain)):
 
 
 def assert_same_tracks(found, expected):
-    """Both have the same tracks, bit for bit, whether they are in memory or not."""
+    """Assert that tracks are equal bit for bit, in memory or not."""
     assert set(found) == set(expected)
     for name, track in expected.items():
         other = found[name]
@@ -43,11 +43,11 @@ def assert_same_tracks(found, expected):
 
 
 def given_places(order, given, decoded):
-    """The given vertex that each decoded one is: the nearest in the first frame without an order.
+    """Return the original vertex of each decoded one; without an order, the nearest one.
 
-    Both are positions of shape (T, V, 3).
+    Both are positions of shape (T, V, 3); distances are those in the first frame.
     """
     if order != "drop":
         return np.arange(given.shape[1])
-    apart = given[0][:, None] - decoded[0][None]
-    return np.linalg.norm(apart, axis=2).argmin(axis=0)
+    differences = given[0][:, None] - decoded[0][None]
+    return np.linalg.norm(differences, axis=2).argmin(axis=0)

@@ -1,5 +1,5 @@
-// Decodes all tracks of files by two decoders on two threads, which share one host with two threads
-// of its own: `two_decoders FILE...`. Built with a sanitizer of threads by tests/conformance.
+// Decode all tracks of files with two decoders on two threads, which share a host with two threads:
+// `two_decoders FILE...`. tests/conformance builds it with the thread sanitizer.
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>

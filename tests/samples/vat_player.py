@@ -1,4 +1,4 @@
-"""Plays folders of vertex animation textures as the shaders of programs do, in float32.
+"""Plays vertex animation textures like the shaders of engines, in float32.
 
 Written from those programs' sources, and of nothing but the files: see
 docs/guides/vertex_textures.md. Vectors come back in the axes and units of the glTF file.
@@ -55,7 +55,7 @@ def texels_at(image, u, v):
 
 
 def rotated(vector, quaternions):
-    """A vector turned by each of the quaternions x y z w."""
+    """Rotate a vector by each of the quaternions x y z w."""
     axis, w = quaternions[:, :3], quaternions[:, 3:]
     vector = np.broadcast_to(np.asarray(vector, F), axis.shape)
     return vector + F(2) * np.cross(axis, np.cross(axis, vector) + w * vector)
@@ -67,14 +67,14 @@ def only(folder, pattern):
 
 
 class Player:
-    """A folder; gives positions and normals of the vertices of its mesh in each frame.
+    """A folder of textures, with positions and normals of its mesh in each frame.
 
     Attributes
     ----------
     n_frames : int
-        As the shader has it.
+        As in the shader.
     is_hidden : bool array
-        Of the vertices of the mesh: those that the shader collapses into a point.
+        Vertices of the mesh that the shader collapses into a point.
     """
 
     def __init__(self, folder):
@@ -86,12 +86,12 @@ class Player:
 
     @property
     def shift(self):
-        """Where the node of the mesh stands."""
+        """Return the translation of the mesh node."""
         return np.array(self.node.get("translation", [0, 0, 0]), float)
 
 
 class OpenVatPlayer(Player):
-    """The shader for Godot, which is for the glTF file."""
+    """The shader for Godot, in the axes of the glTF file."""
 
     def __init__(self, folder):
         super().__init__(folder)

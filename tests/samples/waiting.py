@@ -1,16 +1,16 @@
-"""Waits with a limit, which say what was waited for."""
+"""Waits with a time limit and a descriptive error."""
 
 import signal
 import time
 from contextlib import contextmanager
 
 TEST_S = 150.0
-"""Seconds in which every test that waits for other processes ends, on a busy machine too."""
+"""Time limit of tests that wait for other processes, also on a busy machine."""
 
 
 @contextmanager
 def time_limit(seconds, what):
-    """Whatever the main thread does within it fails where it is when the time is over."""
+    """Raise an error in the main thread when the block exceeds the time limit."""
 
     def stop(number, frame):
         raise AssertionError(f"waited {seconds:g} s for {what}; it hangs where this was raised")

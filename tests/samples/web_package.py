@@ -1,4 +1,4 @@
-"""The package for pages, built once, and a server of files in ranges."""
+"""The npm package, built once, and a web server with range requests."""
 
 import fcntl
 import importlib.util
@@ -21,7 +21,7 @@ SOURCES = ("npm/src", "npm/build.mjs", "npm/package-lock.json", "npm/tsconfig.js
 
 
 def built_package():
-    """The folder of the built scripts; tests that ask are skipped where it cannot be built."""
+    """Return the folder of the built scripts; skip the test if they cannot be built."""
     if shutil.which("npm") is None:
         pytest.skip("needs Node (npm)")
     if importlib.util.find_spec("ziglang") is None:
@@ -53,14 +53,14 @@ def _is_current():
     made = (DIST / "built").stat().st_mtime
     paths = [ROOT / name for name in SOURCES]
     files = [file for path in paths for file in [path, *path.rglob("*")] if file.is_file()]
-    # Other tests import modules of core/, and Python then writes bytecode there.
+    # Other tests import modules of core/, which creates bytecode there.
     sources = [file for file in files if file.suffix != ".pyc"]
     return all(file.stat().st_mtime <= made for file in sources)
 
 
 @contextmanager
 def serving(files, headers=None, posted=None):
-    """The address of a server of bytes by path, and the ranges that it was asked for.
+    """Serve bytes by path; return the address and the requested ranges.
 
     `headers` come with every answer. Videos come in ranges too. The path "/" is an empty page.
     What a page posts is put into the queue `posted`.

@@ -1,4 +1,4 @@
-"""A web server on this machine that gives ranges of files, counts, and fails as it is told to."""
+"""A local web server with range requests, which counts them and can simulate failures."""
 
 import re
 import threading
@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 class WebServer:
-    """Files of a folder at `address`.
+    """Server of the files of a folder at `address`.
 
     `requests` lists what was asked for: method, path, and the range or None; `sent_bytes` counts
     the bytes of all answers. `faults` says how it fails: "no ranges" ignores them, "no length"
@@ -75,7 +75,7 @@ class WebServer:
         self.sent_bytes += len(data)
 
     def ranges(self):
-        """The ranges that were asked for, as pairs of the first byte and that after the last."""
+        """Return the requested ranges, as pairs of the first byte and the byte after the last."""
         found = [re.fullmatch(r"bytes=(\d+)-(\d+)", one) for _, _, one in self.requests if one]
         return [(int(one[1]), int(one[2]) + 1) for one in found]
 

@@ -1,4 +1,4 @@
-"""What a page holds of WebGL."""
+"""WebGL resources of a page."""
 
 COUNTING = """
 window.alive = {};
@@ -19,4 +19,4 @@ for (const kind of ["Buffer", "Texture", "Program", "VertexArray", "TransformFee
   Object.defineProperty(window.alive, kind, { enumerable: true, get: () => alive.size });
 }
 """
-"""Counts what is alive, by kind, in `window.alive`; to be run before the scripts of a page."""
+"""Script before all others: counts live WebGL objects by kind in `window.alive`."""
