@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# Tests with the lowest version of every dependency that pyproject.toml allows, on the lowest Python.
+# Test with the lowest version of every dependency that pyproject.toml allows, on the lowest Python.
 #
 #     tests/check_floors.sh                 # all unit tests
-#     tests/check_floors.sh tests/unit/cli  # or whatever pytest is to run
+#     tests/check_floors.sh tests/unit/cli  # or other arguments of pytest
 #
-# Run it when pyproject.toml or what is imported has changed. It takes minutes, needs python3.11 and
-# the network, and leaves nothing behind. What the dependencies need in turn is the newest that fits.
+# Run it after changes of pyproject.toml or of imports. It takes minutes, needs python3.11 and the
+# network, and leaves no files behind. Indirect dependencies have the newest version that fits.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

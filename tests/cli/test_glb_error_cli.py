@@ -1,4 +1,4 @@
-"""The error that glTF output states, where a stream has one of its own."""
+"""The error that glTF output states, including that of its stream."""
 
 import re
 

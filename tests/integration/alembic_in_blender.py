@@ -1,4 +1,4 @@
-"""Run in a Python that has Blender: brings an Alembic file in, or sends one out, and says what is.
+"""Run in a Python with Blender: import or export an Alembic file, and print its contents.
 
 python alembic_in_blender.py bring|send FILE.abc RESULT.npz
 """
@@ -42,7 +42,7 @@ def send(path):
 
 
 def animate(monkey, scene):
-    """A shape that changes, below a parent that moves and turns."""
+    """Create an animated shape with an animated parent."""
     monkey.shape_key_add(name="Basis")
     key = monkey.shape_key_add(name="wave")
     for number, point in enumerate(key.data):
@@ -72,7 +72,7 @@ def decorate(mesh):
 
 
 def described(found, scene, frames):
-    """Positions in the world, polygons, materials and texture coordinates of an object."""
+    """Return world positions, polygons, materials and texture coordinates of an object."""
     result = {}
     for frame in frames:
         scene.frame_set(frame)

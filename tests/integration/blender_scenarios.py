@@ -1,4 +1,4 @@
-"""What tests do inside Blender; each scenario gives arrays back."""
+"""Test scenarios that run inside Blender; each returns arrays."""
 
 import os
 from pathlib import Path
@@ -24,7 +24,7 @@ def import_file(path, **options):
 
 
 def shapes(obj, frames):
-    """Own and evaluated positions at scene frames, each of shape (T, V, 3)."""
+    """Return own and evaluated positions at scene frames, each of shape (T, V, 3)."""
     own, evaluated = [], []
     for frame in frames:
         bpy.context.scene.frame_set(int(frame), subframe=frame % 1)
@@ -66,7 +66,7 @@ def describe_import(path, **options):
 
 
 def import_surface(path):
-    """Polygons, layers and materials of each object, keys beginning with its name."""
+    """Return polygons, layers and materials of each object; keys begin with its name."""
     found = {}
     for obj in import_file(path):
         mesh = obj.data
@@ -88,7 +88,7 @@ def import_surface(path):
 
 
 def notes_of_import(path):
-    """Faces that are left of a mesh some of whose faces Blender does not hold."""
+    """Import a mesh with faces that Blender drops."""
     (obj,) = import_file(path)
     return {"n_faces": len(obj.data.polygons), **shapes(obj, [0, 1])}
 
@@ -102,7 +102,7 @@ def import_error(path):
 
 
 def lose_and_find(path, away):
-    """A file that is taken away while it plays, and brought back."""
+    """Remove a file while it plays, and restore it."""
     (obj,) = import_file(path)
     before = shapes(obj, [1])["own"]
     os.rename(path, away)
@@ -117,7 +117,7 @@ def lose_and_find(path, away):
 
 
 def change(path, other):
-    """A file that is replaced by another while it plays."""
+    """Replace a file while it plays."""
     (obj,) = import_file(path)
     before = shapes(obj, [1])["own"]
     os.replace(other, path)
@@ -125,7 +125,7 @@ def change(path, other):
 
 
 def edit_mesh(path):
-    """A mesh that gets one vertex more than its reel has."""
+    """Add a vertex to an imported mesh."""
     (obj,) = import_file(path)
     obj.data.vertices.add(1)
     bpy.context.scene.frame_set(2)
@@ -147,7 +147,7 @@ def open_scene(blend, frames):
 
 
 def render(path, folder):
-    """The alpha of two rendered frames of a reel."""
+    """Return the alpha of two rendered frames of a reel."""
     import_file(path, up="Z")
     scene = bpy.context.scene
     camera = bpy.data.cameras.new("camera")
@@ -173,7 +173,7 @@ def render(path, folder):
 
 
 def grid_object(name, size=2, n_cells=3):
-    """A square of quads, n_cells on each side."""
+    """Create a square of quads, n_cells on each side."""
     steps = np.linspace(-size / 2, size / 2, n_cells + 1)
     verts = [(x, y, 0.0) for y in steps for x in steps]
     row = n_cells + 1
@@ -191,7 +191,7 @@ def grid_object(name, size=2, n_cells=3):
 
 
 def bulge(obj, last_frame):
-    """A shape key that grows from frame 1 on, and a transform that moves with it."""
+    """Animate a shape key and a transform, starting at frame 1."""
     obj.shape_key_add(name="Basis")
     key = obj.shape_key_add(name="Bulge")
     for point in key.data:
@@ -206,7 +206,7 @@ def bulge(obj, last_frame):
 
 
 def world_shapes(obj, frames):
-    """Positions in the axes of a file with y up, of shape (T, V, 3)."""
+    """Return positions in the axes of a file with y up, of shape (T, V, 3)."""
     found = []
     for frame in frames:
         bpy.context.scene.frame_set(frame)
@@ -240,7 +240,7 @@ def export_shape_key(path, last_frame, **options):
 
 
 def decorate(obj, seed):
-    """UV maps, colours and materials for an object."""
+    """Add UV maps, colors and materials to an object."""
     rng = np.random.default_rng(seed)
     mesh = obj.data
     uv = mesh.uv_layers.new(name="map")
@@ -255,7 +255,7 @@ def decorate(obj, seed):
 
 
 def export_parts(path):
-    """Two decorated objects, exported; what they are, and what comes back when imported."""
+    """Export two objects with surfaces; return them before and after import."""
     for number, name in enumerate(("body", "arm")):
         decorate(grid_object(name, n_cells=2 + number), number)
     error = export(path, frame_start=1, frame_end=2)
@@ -286,7 +286,7 @@ def _surfaces(names):
 
 
 def export_changing(path):
-    """A mesh that loses faces at frame 4."""
+    """Export a mesh that loses faces at frame 4."""
     obj = grid_object("grid")
     bpy.context.scene.frame_set(2)
     build = obj.modifiers.new("Decimate", "DECIMATE")
@@ -299,7 +299,7 @@ def export_changing(path):
 
 
 def export_mirrored(path):
-    """A mirrored object, and world position and UV of each corner of its faces."""
+    """Return world position and UV of each corner of a mirrored object."""
     obj = grid_object("grid")
     decorate(obj, 0)
     obj.matrix_world = matrix = Matrix.Diagonal((-1, 1, 1, 1))
@@ -324,7 +324,7 @@ def export_timed(path, fps, fps_base, start, end, step):
 
 
 class _Window:
-    """Stands in for the window manager and the workspace, which there are none of here."""
+    """Stub of the window manager and the workspace, which background mode lacks."""
 
     def __init__(self):
         self.progress, self.calls = [], []
@@ -340,7 +340,7 @@ class _Window:
 
 
 def export_from_window(path, stop_after):
-    """The operator as a window runs it: a tick of its timer for each step, Esc after some."""
+    """Run the modal operator: one timer tick per step, Esc after some."""
     grid_object("grid")
     window = _Window()
     context = SimpleNamespace(
@@ -362,7 +362,7 @@ def export_from_window(path, stop_after):
 
 
 def stop_export(path, n_steps):
-    """An export that is given up after some steps."""
+    """Cancel an export after some steps."""
     obj = grid_object("grid")
     bpy.context.scene.frame_set(7)
     choices = ExportChoices(range(1, 11), "Y", {"quality": 80})
@@ -377,7 +377,7 @@ def stop_export(path, n_steps):
 
 
 def export_kinds(path):
-    """A mesh without vertices, a curve with a bevel and a text."""
+    """Export a mesh without vertices, a beveled curve and a text."""
     for name in ("nothing", "tube", "words"):
         data = {
             "nothing": lambda: bpy.data.meshes.new("nothing"),
@@ -415,7 +415,7 @@ def export_without_faces(path):
 
 
 def import_hard_edges(path, frames):
-    """Sharp edges of an imported mesh, and normals of its corners at frames."""
+    """Return sharp edges of an imported mesh, and corner normals at frames."""
     (obj,) = import_file(path)
     normals = []
     for frame in frames:
@@ -426,7 +426,7 @@ def import_hard_edges(path, frames):
 
 
 def export_hard_edges(path, kind):
-    """A cube: flat, smooth, with sharp edges around its top, or with custom normals there."""
+    """Create a cube: flat, smooth, with sharp edges around its top, or custom normals there."""
     bpy.ops.mesh.primitive_cube_add()
     obj = bpy.context.object
     mesh = obj.data

@@ -1,4 +1,4 @@
-"""Blender in a process of its own, for tests: it cannot disturb them."""
+"""Blender in a separate process, isolated from the tests."""
 
 import json
 import os
@@ -13,16 +13,16 @@ ADD_ON_FOLDER = Path(__file__).parents[2] / "integrations" / "blender"
 ANSWER = "scenario answered: "
 
 PYTHON = os.environ.get("MESHREEL_BPY_PYTHON", sys.executable)
-"""A Python that has bpy and meshreel: this one, or another whose Blender is to be tested."""
+"""A Python with bpy and meshreel: this one, or that of the Blender to test."""
 
 
 class BlenderError(Exception):
-    """A scenario that ended with a traceback, or a Blender that died; what it printed."""
+    """A scenario failed or Blender died; the message is its output."""
 
 
 @cache
 def why_not():
-    """Why tests in Blender are skipped; empty if there is one."""
+    """Return why tests in Blender are skipped; empty if Blender is available."""
     check = [PYTHON, "-c", "import bpy, meshreel"]
     found = subprocess.run(check, capture_output=True, text=True, check=False)
     reason = found.stderr.strip().rpartition("\n")[2]
@@ -30,13 +30,13 @@ def why_not():
 
 
 def environment():
-    """Variables of a Python that finds the add-on."""
+    """Return environment variables with which Python finds the extension."""
     paths = [str(ADD_ON_FOLDER), os.environ.get("PYTHONPATH", "")]
     return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))}
 
 
 def run_python(script, *arguments, **variables):
-    """What a script prints in Blender's Python."""
+    """Run a script in Blender's Python; return its output."""
     command = [PYTHON, str(script), *map(str, arguments)]
     found = subprocess.run(
         command, capture_output=True, text=True, check=False, env={**os.environ, **variables}
@@ -60,7 +60,7 @@ class Blender:
         )
 
     def run(self, name, arguments, result):
-        """The arrays that a scenario returns, by way of a file."""
+        """Run a scenario; return its arrays, passed through a file."""
         print(json.dumps([name, arguments, result], default=str), file=self._process.stdin)
         self._process.stdin.flush()
         printed = []

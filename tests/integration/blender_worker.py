@@ -1,4 +1,4 @@
-"""Runs scenarios inside Blender: reads a request from each line, and answers with one.
+"""Run scenarios inside Blender: one request per line of input, one reply per line of output.
 
 A request names a scenario, its arguments and the .npz that takes what it returns. The answer is a
 line that begins with ANSWER and holds the traceback, empty if there was none, as JSON.

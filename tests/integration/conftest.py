@@ -5,7 +5,7 @@ from integration.blender_session import Blender
 
 @pytest.fixture(scope="session")
 def blenders():
-    """Blenders that were started; the last one may be used again."""
+    """Running Blender processes; the last one may be reused."""
     started = []
     yield started
     for one in started:
@@ -14,7 +14,7 @@ def blenders():
 
 @pytest.fixture
 def blender(blenders, tmp_path):
-    """Runs a scenario by its name, and gives the arrays that it returns."""
+    """Return a function that runs a scenario by name and returns its arrays."""
 
     def run(name, **arguments):
         if not (blenders and blenders[-1].is_alive):

@@ -1,4 +1,4 @@
-"""Validates and installs the extension in a Blender without it: `... ZIP OUT.reel`."""
+"""Validate and install the extension in Blender: `... ZIP OUT.reel`."""
 
 import os
 import subprocess

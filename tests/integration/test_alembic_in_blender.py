@@ -1,4 +1,4 @@
-"""What we write opens in Blender as it is, and what Blender writes is read as it was there."""
+"""Blender reads our Alembic files exactly, and meshreel reads Blender's."""
 
 import os
 import subprocess
@@ -15,12 +15,12 @@ from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 
 PYTHON = os.environ.get("MESHREEL_BPY_PYTHON", sys.executable)
-"""A Python that has bpy: this one, or another whose Blender is to be tested."""
+"""A Python with bpy: this one, or that of the Blender to test."""
 
 SIZES = np.array([4, 3, 5], np.int32)
 CORNERS = np.array([0, 1, 2, 3, 4, 5, 6, 7, 0, 2, 4, 6], np.int32)
 FLOAT32_STEPS = 2e-6
-"""How far positions of up to 5 may be off after Blender's transforms in float32."""
+"""Tolerance of positions up to 5 after Blender's transforms in float32."""
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,7 @@ def has_blender():
 
 @pytest.fixture(scope="module")
 def sent(has_blender, tmp_path_factory):
-    """A sequence that Blender wrote, as we read it, and what Blender has."""
+    """A sequence exported by Blender, as read by meshreel, and Blender's data."""
     path = tmp_path_factory.mktemp("sent") / "monkey.abc"
     known = in_blender("send", path)
     return load(path), known
@@ -39,7 +39,7 @@ def sent(has_blender, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def brought(has_blender, tmp_path_factory):
-    """A sequence that we wrote, and what Blender makes of it."""
+    """A sequence written by meshreel, and Blender's import."""
     path = tmp_path_factory.mktemp("brought") / "model.abc"
     rng = np.random.default_rng(0)
     texture = rng.random((7, 2)).astype(np.float32)
@@ -68,7 +68,7 @@ def in_blender(action, path):
 
 
 def upright(positions):
-    """Positions with y up, which are so in Alembic files, with z up as in Blender."""
+    """Convert positions from y up, as in Alembic files, to z up, as in Blender."""
     return np.stack([positions[..., 0], -positions[..., 2], positions[..., 1]], axis=-1)
 
 

@@ -1,4 +1,4 @@
-"""What the built extension says of itself, and that Blender installs it."""
+"""The manifest of the built extension, and its installation in Blender."""
 
 import importlib.util
 import subprocess

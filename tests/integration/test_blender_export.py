@@ -1,4 +1,4 @@
-"""The add-on writes what Blender evaluates; skipped where there is none."""
+"""The extension exports evaluated meshes; skipped without Blender."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ MAX_ERROR_PERCENT = 0.01
 
 
 def error_percent(found, expected):
-    """Largest distance of a vertex, in percent of the diagonal of the box of all frames."""
+    """Return the largest vertex distance in percent of the diagonal."""
     diagonal = np.linalg.norm(np.ptp(expected.reshape(-1, 3), axis=0))
     return 100 * np.linalg.norm(found - expected, axis=-1).max() / diagonal
 

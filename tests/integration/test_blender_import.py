@@ -1,4 +1,4 @@
-"""The add-on plays reels in Blender; skipped where there is none."""
+"""The extension plays reels in Blender; skipped without it."""
 
 import os
 from pathlib import Path
@@ -17,7 +17,7 @@ if why_not():
 
 
 def strip(n_frames=5, fps=24.0, dtype=np.float32, **rest):
-    """Six vertices in two rows, which rise."""
+    """Six rising vertices in two rows."""
     flat = np.array([[x, y, 0.0] for y in (0, 1) for x in (0, 1, 2)])
     frames = [flat + np.array([0.1 * t, 0, t * t]) for t in range(n_frames)]
     faces = [[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]]

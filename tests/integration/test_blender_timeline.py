@@ -1,4 +1,4 @@
-"""Scene frames to frames of a reel; this module of the add-on needs no Blender."""
+"""Mapping of scene frames to frames of a reel; this module needs no Blender."""
 
 import importlib.util
 

@@ -1,4 +1,4 @@
-"""Written glTF files before the Khronos validator, and played by three.js in a browser."""
+"""The Khronos validator and three.js accept and play written glTF files."""
 
 import json
 import os
@@ -33,7 +33,7 @@ INSTALL = ("npm", "ci", "--no-audit", "--no-fund", "--fetch-retries=1")
 
 @pytest.fixture(scope="module", autouse=True)
 def node_modules():
-    """Brings the validator and three.js, once in a checkout."""
+    """Install the validator and three.js, once per checkout."""
     if MODULES.is_dir() or not shutil.which("npm"):
         return
     done = subprocess.run(INSTALL, cwd=FOLDER, capture_output=True, text=True, timeout=300)
@@ -54,7 +54,7 @@ def flag(n_frames=40):
 
 
 def dressed(n_frames=20):
-    """Two flags, one beside the other: parts with materials, texture coordinates and colours."""
+    """Two flags side by side: parts with materials, texture coordinates and colors."""
     one = flag(n_frames)
     n_faces, rng = one.n_faces, np.random.default_rng(6)
     steps = one.vertices[0, :, :2]
@@ -81,7 +81,7 @@ def still():
 
 
 def textured():
-    """Two flags whose materials have images, and all else that materials can have."""
+    """Two flags whose materials use every feature."""
     materials, _ = look()
     named = [
         one.with_textures({slot: replace(t, uv="uv") for slot, t in one.textures.items()})
@@ -111,13 +111,13 @@ CASES = {
 
 
 def reports_of(*paths):
-    """What the validator says of each file."""
+    """Return the report of the validator for each file."""
     command = ["node", FOLDER / "validate.cjs", *paths]
     return json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
 
 
 def split_sources(sequence):
-    """The vertex of the sequence that each one of the file is, in the order of three.js."""
+    """Return the original vertex of each vertex in the order of three.js."""
     found = []
     parts = split_parts(sequence.faces, sequence.surface, sequence.n_verts, sequence.name)
     for part in sorted(parts, key=lambda one: one.name):  # nodes above come first
@@ -150,7 +150,7 @@ def test_validator_has_nothing_to_say_of_meshes_of_vertex_animation_textures(tmp
 
 
 def is_harmless(message):
-    """Texture coordinates are kept though there is no texture, as a program may add one.
+    """Texture coordinates are kept without a texture, because a program may add one.
 
     Where a material has a normal texture, viewers make tangents.
     """
@@ -178,7 +178,7 @@ def test_the_browser_plays_the_frames(page, tmp_path, case):
 
 
 def achieved_percent(notes):
-    """The error that the notes of writing promise; 0 where nothing moves."""
+    """Return the error stated in the notes; 0 if nothing moves."""
     found = [note.split() for note in notes if note.startswith("the largest error is")]
     return float(found[0][4]) + 5e-5 if found else 0.0
 

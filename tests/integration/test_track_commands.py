@@ -1,4 +1,4 @@
-"""Tracks on the command line: bounds asked for, printed and refused."""
+"""Tracks on the command line: bounds accepted, printed and refused."""
 
 import json
 

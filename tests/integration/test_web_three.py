@@ -1,4 +1,4 @@
-"""`meshreel/three` in a browser, whose graphics are software, against numbers that are known."""
+"""`meshreel/three` in a browser with software rendering draws the expected values."""
 
 import os
 import subprocess
@@ -18,7 +18,7 @@ HTML = """<!doctype html><title>three</title>
 <body><script type="module">{script}</script>"""
 
 PLACES = [0, 2, 2.5, 4, 5, 5.25, 5.75, 6, 10.5, 11, 17, 0.5]
-"""In blocks and between them, forwards and back; frames 2, 4 and 6 have corrections."""
+"""Times within and between blocks, forward and back; frames 2, 4 and 6 have corrections."""
 
 WITHOUT_FLOAT_TARGETS = """
 const given = WebGL2RenderingContext.prototype.getExtension;
@@ -73,7 +73,7 @@ def tabs():
 
 @pytest.fixture
 def page_with(browser, script, tabs):
-    """Opens a page once for each script that runs first; an error in its scripts fails the test.
+    """Open a page once for each initial script; script errors fail the test.
 
     Tests share pages, since each draws in a new canvas.
     """
@@ -97,7 +97,7 @@ def page_with(browser, script, tabs):
 
 @pytest.fixture
 def ask(page_with):
-    """The answer of a test of the page."""
+    """Return the result of a test function of the page."""
 
     def answer(name, *given, before="", allowed=()):
         found = page_with(before).evaluate(
@@ -216,11 +216,11 @@ def test_a_lost_context_is_restored(ask):
 
 
 FRAMES = [0, 2.5, 5.5, 11, 17]
-"""In three blocks, and between two of them."""
+"""Times within three blocks, and between two of them."""
 
 
 def assert_colored(answer, *, is_on_gpu=True, n_missing=1, most=5):
-    """Colours in the middle of triangles are right but for the half of a pixel, and 8 bits."""
+    """Colors at the centers of triangles match up to half a pixel and 8 bits."""
     assert answer["isOnGpu"] == is_on_gpu
     assert answer["errors"] == []
     for found in answer["found"]:

@@ -1,4 +1,4 @@
-"""Edits of sources of Python and C that make them wrong: operators, constants, statements."""
+"""Edits of Python and C sources that introduce faults: operators, constants, statements."""
 
 import ast
 import re
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Edit:
-    """Bytes of a source that are replaced.
+    """A replacement of bytes of a source.
 
     Attributes
     ----------
@@ -46,14 +46,14 @@ ARITHMETIC: dict[type[ast.operator], tuple[str, str]] = {
     ast.RShift: (">>", "<<"),
 }
 RETURNED = {"bool": ("True", "False"), "int": ("0",), "float": ("0.0",), "str": ('""',)}
-"""Values that a function may return instead, by its annotation; None for all others."""
+"""Replacement return values by annotation; None for all others."""
 
 
 def python_edits(source: bytes) -> list[Edit]:
-    """All edits of a Python module.
+    """Return all edits of a Python module.
 
-    Annotations, decorators, docstrings, format strings, assertions and arguments of exceptions stay
-    as they are: they decide nothing, or only the words of a message.
+    Annotations, decorators, docstrings, format strings, assertions and arguments of exceptions are
+    not edited: they have no effect except on messages.
     """
     visitor = _Visitor(source)
     visitor.visit(ast.parse(source))
@@ -76,17 +76,17 @@ class _Visitor(ast.NodeVisitor):
         return start, self.line_starts[node.end_lineno - 1] + node.end_col_offset
 
     def _replace(self, kind: str, node: ast.stmt | ast.expr, *new: str) -> None:
-        self.edits += [Edit(kind, *self._span(node), one) for one in new]
+        self.edits += [Edit(kind, *self._span(node), text) for text in new]
 
     def _replace_between(
         self, kind: str, left: ast.expr, right: ast.expr, old: str, *new: str
     ) -> None:
         """Replace the operator that matches the pattern `old`."""
         start, end = self._span(left)[1], self._span(right)[0]
-        found = re.search(old.encode(), self.source[start:end])
-        if found:
-            place = start + found.start(), start + found.end()
-            self.edits += [Edit(kind, *place, one) for one in new]
+        match = re.search(old.encode(), self.source[start:end])
+        if match:
+            span = start + match.start(), start + match.end()
+            self.edits += [Edit(kind, *span, text) for text in new]
 
     def _negate(self, test: ast.expr) -> None:
         if ast.unparse(test) != "TYPE_CHECKING":
@@ -219,7 +219,7 @@ INTEGER = re.compile(rb"(\d+)([uUlL]*)$")
 
 
 def c_edits(source: bytes) -> list[Edit]:
-    """All edits of a file of C; comments, strings and preprocessor lines stay as they are."""
+    """Return all edits of a C file; comments, strings and preprocessor lines are not edited."""
     code = NOT_CODE.sub(lambda found: re.sub(rb"[^\n]", b" ", found[0]), source)
     edits, before = [], b"("
     for found in C_TOKEN.finditer(code):

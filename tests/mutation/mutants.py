@@ -1,4 +1,4 @@
-"""Mutants: sources with one fault each, drawn evenly over all packages and the core."""
+"""Mutants: sources with one fault each, sampled from all packages and the core."""
 
 import random
 from dataclasses import dataclass
@@ -7,16 +7,16 @@ from pathlib import Path
 from mutation.edits import Edit, c_edits, python_edits
 
 CORE, MODULES = "core", "modules"
-"""What is no package of `src/meshreel`: the C core, and the modules beside the packages."""
+"""Names for the C core, and for the modules outside of packages."""
 
 NOT_MUTATED = ("flag.py", "__main__.py")
-FEWEST = 6
-"""Mutants of a package."""
+MIN_MUTANTS = 6
+"""Smallest number of mutants of a package."""
 
 
 @dataclass(frozen=True)
 class Mutant:
-    """A fault: whole lines of a file, and what they are replaced with.
+    """A fault: lines of a file, and their replacement.
 
     Attributes
     ----------
@@ -25,9 +25,9 @@ class Mutant:
     file : str
         Relative to the repository.
     line : int
-        Of the first replaced line, from 1.
+        Number of the first replaced line, from 1.
     kind : str
-        As of `Edit`.
+        As in `Edit`.
     old, new : str
     """
 
@@ -39,7 +39,7 @@ class Mutant:
     new: str
 
     def applied(self, text: str) -> str:
-        """The text of the file with the fault; lines that have moved are found again.
+        """Return the text of the file with the fault; finds lines that have moved.
 
         Raises
         ------
@@ -55,7 +55,7 @@ class Mutant:
 
 
 def mutant_of(edit: Edit, package: str, file: str, source: bytes) -> Mutant:
-    """The mutant that an edit of a source makes."""
+    """Return the mutant of an edit."""
     first = source.rfind(b"\n", 0, edit.start) + 1
     last = source.find(b"\n", edit.end)
     last = len(source) if last < 0 else last
@@ -65,7 +65,7 @@ def mutant_of(edit: Edit, package: str, file: str, source: bytes) -> Mutant:
 
 
 def sources(root: Path) -> dict[str, list[Path]]:
-    """Source files of the core, of each package, and of the modules beside the packages."""
+    """Return the source files of the core, of each package, and of other modules."""
     folders = (root / "core", root / "core/reader")
     found = {CORE: sorted(file for folder in folders for file in folder.glob("*.[ch]"))}
     top = root / "src/meshreel"
@@ -79,10 +79,10 @@ def sources(root: Path) -> dict[str, list[Path]]:
 
 
 def sample(root: Path, n_mutants: int, seed: int) -> list[Mutant]:
-    """About `n_mutants` mutants, in a random order that the seed decides.
+    """Return about `n_mutants` mutants, in a random order determined by the seed.
 
-    A package gets a share by the square root of its size, `FEWEST` at least; within it all kinds
-    get as many.
+    The share of a package is proportional to the square root of its size, at least `MIN_MUTANTS`,
+    with equal numbers of each kind.
     """
     files = sources(root)
     weights = {
@@ -90,7 +90,7 @@ def sample(root: Path, n_mutants: int, seed: int) -> list[Mutant]:
     }
     chosen: list[Mutant] = []
     for package, weight in weights.items():
-        n_here = max(FEWEST, round(n_mutants * weight / sum(weights.values())))
+        n_here = max(MIN_MUTANTS, round(n_mutants * weight / sum(weights.values())))
         chosen += _sample_of(package, files[package], root, n_here, f"{seed} {package}")
     random.Random(seed).shuffle(chosen)
     return chosen

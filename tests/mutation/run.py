@@ -1,11 +1,11 @@
-"""Measures which faults the tests notice: puts mutants into clones, and runs the tests on each.
+"""Mutation testing: put faults into clones of the repository, and run the tests on each.
 
-`PYTHONPATH=tests:core python -m mutation.run --work DIR` clones the repository into DIR, records
-once which test of `pytest` alone executes which line (this needs `pip install coverage`), draws
-mutants evenly over the packages and the core, and prints how many make the tests of their own
-package fail. Results are in DIR/results.jsonl, where a second run continues. `--again` brings the
-clones up to date and runs what survived against all cases of the tests of its package. Nothing
-outside of DIR is written. The core is compiled with -O1 for this machine, Linux or macOS.
+`PYTHONPATH=tests:core python -m mutation.run --work DIR` clones the repository into DIR and records
+once which quick tests execute which line (this needs `pip install coverage`). It samples mutants
+from all packages and the core, and prints how many the tests of their own package detect. Results
+are in DIR/results.jsonl; a second run continues them. `--again` updates the clones and tests
+survivors with all cases of their package. Nothing outside of DIR is written. The core is compiled
+with -O1 for this machine, Linux or macOS.
 """
 
 import argparse
@@ -32,7 +32,7 @@ from mutation.plugin import LINES, RECORD, SECONDS, SELECT
 
 ROOT = Path(__file__).resolve().parents[2]
 RECORDED = ("unit", "cli", "conformance", "corruption", "properties")
-"""Folders of tests that are recorded; the others need browsers, Blender or real sequences."""
+"""Recorded folders of tests; the others need browsers, Blender or real sequences."""
 
 OWN = {
     CORE: (
@@ -42,39 +42,39 @@ OWN = {
     MODULES: ("unit/test_",),
     "cli": ("unit/cli", "cli"),
 }
-"""Beginnings of the tests of a package, below tests/; else unit/ and its name."""
+"""Prefixes of the tests of a package, below tests/; by default unit/ and its name."""
 
 OWN_S, OTHERS_S = 25.0, 12.0
-"""Tests run fastest first, up to this time in total: those of the package, and others."""
+"""Time limits of the tests of the package and of others; the fastest run first."""
 
 AGAIN_S = 400.0
 SLOWER = 8
 """A run fails if it takes longer than this multiple of the recorded time, plus a minute."""
 
-MOST_MEMORY_BYTES = 12 << 30
+MAX_MEMORY_BYTES = 12 << 30
 COMPILE = ("cc", *FLAGS, "-O1", "-fPIC", "-c")
 PYTEST = ("-n0", "-q", "-p", "no:cacheprovider", "-p", "mutation.plugin")
 COMMIT = "commit"
 """File with the commit that the tests were recorded at."""
 
 BUILT = ("npm/dist", "npm/wasm")
-"""What a build adds to a checkout, and some tests read."""
+"""Build outputs that some tests read."""
 
 SURVIVED, BY_OWN, BY_OTHERS, NONE = "survived", "own", "others", "none"
-"""What becomes of a mutant; of none nothing is known, for it is no program, or the same one."""
+"""Fates of a mutant; "none" if it does not compile, or compiles to the same code."""
 
 Result = dict[str, str | int]
 
 
 class Bench:
-    """A clone of the repository in which mutants are tried.
+    """A clone of the repository in which mutants are tested.
 
     Parameters
     ----------
     work : Path
         The folder with the record of the tests.
     number : int
-        Of the clone.
+        Number of the clone.
     """
 
     def __init__(self, work: Path, number: int) -> None:
@@ -83,7 +83,7 @@ class Bench:
         self.seconds: dict[str, float] = {}
 
     def prepare(self, *, is_new: bool) -> None:
-        """Clone and compile, or restore what an interrupted run has left.
+        """Clone and compile, or restore the clone of an interrupted run.
 
         Parameters
         ----------
@@ -97,7 +97,7 @@ class Bench:
         _git(self.clone, "checkout", "-q", "--", ".")
         if is_new:
             _git(self.clone, "pull", "-q")
-        # Times of files are too coarse to tell mutants apart.
+        # Modification times are too coarse to distinguish mutants.
         mode = ("--invalidation-mode", "checked-hash")
         compiling = [sys.executable, "-m", "compileall", "-q", *mode, str(self.clone / "src")]
         subprocess.run(compiling, check=True)
@@ -106,18 +106,18 @@ class Bench:
             raise RuntimeError("the core does not compile")
 
     def record(self) -> None:
-        """Record the tests and the commit, unless that is done."""
+        """Record the tests and the commit, unless they are recorded."""
         if not (self.work / SECONDS).exists():
             (self.work / COMMIT).write_text(_git(self.clone, "rev-parse", "HEAD"))
-            folders = [f"tests/{one}" for one in RECORDED]
+            folders = [f"tests/{folder}" for folder in RECORDED]
             self._pytest(["-o", f"testpaths={' '.join(folders)}"], {RECORD: str(self.work)}, None)
 
     def judge(self, mutant: Mutant, *, is_again: bool) -> dict[str, str]:
-        """What becomes of a mutant, and the first test that fails."""
+        """Return the fate of a mutant, and the first test that fails."""
         self.seconds = json.loads((self.work / SECONDS).read_text())
         try:
-            if hindrance := self._apply(mutant):
-                return {"fate": NONE, "by": hindrance}
+            if reason := self._apply(mutant):
+                return {"fate": NONE, "by": reason}
             if is_again:
                 by = self._failure_in_files(self._own_files(mutant))
                 return {"fate": BY_OWN if by else SURVIVED, "by": by}
@@ -130,7 +130,7 @@ class Bench:
             self._restore(mutant)
 
     def _apply(self, mutant: Mutant) -> str:
-        """Put the fault in; what hinders that, or an empty text."""
+        """Apply the fault; return why that failed, or an empty text."""
         file = self.clone / mutant.file
         try:
             text = mutant.applied(file.read_text("utf-8"))
@@ -174,18 +174,18 @@ class Bench:
     def _link(self) -> bool:
         name = "libreel.dylib" if sys.platform == "darwin" else "libreel.so"
         library = self.clone / "src/meshreel/kernel" / name
-        library.unlink(missing_ok=True)  # a process may have it mapped
+        library.unlink(missing_ok=True)  # another process may have mapped it
         objects = [str(self._object(file)) for file in self._c_files()]
         command = ["cc", "-shared", *objects, "-o", str(library)]
         return subprocess.run(command, capture_output=True, check=False).returncode == 0
 
     def _tests_of(self, mutant: Mutant) -> tuple[list[str], list[str]]:
-        """Tests that execute the lines of a mutant: those of its package, and all others."""
+        """Return the tests that execute the lines of a mutant: those of its package, and others."""
         found = list(self.seconds) if mutant.package == CORE else self._executing(mutant)
-        beginnings = _own_beginnings(mutant.package)
-        own = [name for name in found if name.startswith(beginnings)]
+        prefixes = _own_prefixes(mutant.package)
+        own = [name for name in found if name.startswith(prefixes)]
         if not own:  # lines are executed in other processes, or not at all
-            own = [name for name in self.seconds if name.startswith(beginnings)]
+            own = [name for name in self.seconds if name.startswith(prefixes)]
         return own, sorted(set(found) - set(own))
 
     def _executing(self, mutant: Mutant) -> list[str]:
@@ -201,17 +201,17 @@ class Bench:
         return sorted(found)
 
     def _own_files(self, mutant: Mutant) -> list[str]:
-        """Files of tests of the package that executed the mutant, or have changed since."""
+        """Return test files of the package that executed the mutant or have changed since."""
         executing = {name.partition("::")[0] for name in self._tests_of(mutant)[0]}
         commit = (self.work / COMMIT).read_text().strip()
         changed = set(_git(self.clone, "diff", "--name-only", commit, "--", "tests").split())
-        beginnings = _own_beginnings(mutant.package)
+        prefixes = _own_prefixes(mutant.package)
         tests = (file.relative_to(self.clone) for file in self.clone.glob("tests/**/test_*.py"))
-        own = [file.as_posix() for file in tests if file.as_posix().startswith(beginnings)]
+        own = [file.as_posix() for file in tests if file.as_posix().startswith(prefixes)]
         return [file for file in own if file in executing | changed]
 
     def _failure_in_tests(self, names: Sequence[str]) -> str:
-        """The first of some tests that fails; empty if none does."""
+        """Return the first of these tests that fails; empty if none does."""
         if not names:
             return ""
         listed = self.work / f"listed-{self.number}.json"
@@ -223,7 +223,7 @@ class Bench:
         )
 
     def _failure_in_files(self, files: Sequence[str]) -> str:
-        """The first test with any case that fails in some files; empty if none does."""
+        """Return the first failing test of these files, with all cases; empty if none fails."""
         if not files:
             return ""
         return self._pytest(["-x", "-m", "not slow and not real", *files], {}, AGAIN_S)
@@ -231,7 +231,7 @@ class Bench:
     def _pytest(
         self, arguments: Sequence[str], variables: dict[str, str], limit_s: float | None
     ) -> str:
-        """Run pytest in the clone; what failed, or an empty text."""
+        """Run pytest in the clone; return the first failure, or an empty text."""
         temporary = self.work / f"tmp-{self.number}"
         shutil.rmtree(temporary, ignore_errors=True)
         temporary.mkdir()
@@ -259,24 +259,24 @@ class Bench:
             return "time limit"
         finally:
             with suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGKILL)  # what tests have started, too
+                os.killpg(process.pid, signal.SIGKILL)  # includes processes started by tests
             process.wait()
-        if process.returncode in (0, 5):  # 5: there is no test
+        if process.returncode in (0, 5):  # 5: no tests
             return ""
         failed = re.search(r"^(?:FAILED|ERROR) (.*)$", output, re.MULTILINE)
         return failed[1][:200] if failed else f"exit status {process.returncode}"
 
 
-def _own_beginnings(package: str) -> tuple[str, ...]:
+def _own_prefixes(package: str) -> tuple[str, ...]:
     return tuple(f"tests/{one}" for one in OWN.get(package, (f"unit/{package}/",)))
 
 
 def _fastest(names: Iterable[str], seconds: dict[str, float], limit_s: float) -> list[str]:
-    """As many tests as take no longer than a limit together, the fastest first."""
-    chosen, whole_s = [], 0.0
+    """Return the fastest tests that fit a time limit."""
+    chosen, total_s = [], 0.0
     for name in sorted(filter(seconds.__contains__, names), key=seconds.__getitem__):
-        whole_s += seconds[name]
-        if whole_s > limit_s:
+        total_s += seconds[name]
+        if total_s > limit_s:
             break
         chosen.append(name)
     return chosen
@@ -288,7 +288,7 @@ def _git(folder: Path, *arguments: str) -> str:
 
 
 def _limit_memory() -> None:
-    resource.setrlimit(resource.RLIMIT_DATA, (MOST_MEMORY_BYTES, MOST_MEMORY_BYTES))
+    resource.setrlimit(resource.RLIMIT_DATA, (MAX_MEMORY_BYTES, MAX_MEMORY_BYTES))
 
 
 def _mutant_of(result: Result) -> Mutant:
@@ -296,7 +296,7 @@ def _mutant_of(result: Result) -> Mutant:
 
 
 def print_table(results: Iterable[Result]) -> None:
-    """Print how many mutants each package had, and what became of them."""
+    """Print the numbers of mutants and fates of each package."""
     by_package: dict[str, Counter[str | int]] = {}
     for one in results:
         for name in (str(one["package"]), "total"):
@@ -308,20 +308,20 @@ def print_table(results: Iterable[Result]) -> None:
 
 
 def main() -> None:
-    """Try the mutants that have no result yet, and print the table."""
+    """Test mutants without results, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--work", type=Path, required=True, help="folder of clones and results")
-    parser.add_argument("--count", type=int, default=300, help="about how many mutants")
+    parser.add_argument("--count", type=int, default=300, help="approximate number of mutants")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--jobs", type=int, default=1, help="mutants at a time")
-    parser.add_argument("--again", action="store_true", help="run what survived once more")
-    given = parser.parse_args()
-    work = given.work.resolve()
+    parser.add_argument("--jobs", type=int, default=1, help="mutants tested in parallel")
+    parser.add_argument("--again", action="store_true", help="test survivors again")
+    options = parser.parse_args()
+    work = options.work.resolve()
     work.mkdir(parents=True, exist_ok=True)
     benches: queue.Queue[Bench] = queue.Queue()
-    for number in range(given.jobs):
+    for number in range(options.jobs):
         benches.put(Bench(work, number))
-        benches.queue[-1].prepare(is_new=given.again)
+        benches.queue[-1].prepare(is_new=options.again)
     benches.queue[0].record()
     stored = work / "results.jsonl"
     lines = stored.read_text().splitlines() if stored.exists() else []
@@ -330,17 +330,17 @@ def main() -> None:
     def judge(mutant: Mutant) -> Result:
         bench = benches.get()
         try:
-            return {**asdict(mutant), **bench.judge(mutant, is_again=given.again)}
+            return {**asdict(mutant), **bench.judge(mutant, is_again=options.again)}
         finally:
             benches.put(bench)
 
-    if given.again:
+    if options.again:
         mutants = [_mutant_of(one) for one in results if one["fate"] in (SURVIVED, BY_OTHERS)]
     else:
         known = [_mutant_of(one) for one in results]
-        drawn = sample(work / "clone-0", given.count, given.seed)
+        drawn = sample(work / "clone-0", options.count, options.seed)
         mutants = [one for one in drawn if one not in known]
-    with ThreadPoolExecutor(given.jobs) as pool:
+    with ThreadPoolExecutor(options.jobs) as pool:
         for mutant, result in zip(mutants, pool.map(judge, mutants), strict=True):
             results = [one for one in results if _mutant_of(one) != mutant] + [result]
             stored.write_text("".join(json.dumps(one) + "\n" for one in results))
