@@ -117,7 +117,7 @@ def test_batch_takes_it():
         (["encode", "walk.npz", "--lossless", "--uv-bits", "12"], "that --uv-bits has no effect"),
         (
             ["convert", "walk.npz", "-o", "a.reel", "--lossless", "--max-error", "1mm", "--unit=m"],
-            "--lossless keeps every bit, so that --max-error has no effect; leave it out",
+            "--max-error has no effect with --lossless; omit it",
         ),
         (["encode", "walk.npz", "--lossless", "--method", "v2v"], "v2v does not take --lossless"),
         (["convert", "walk.npz", "-o", "a.glb", "--lossless"], "--lossless has no effect on a.glb"),

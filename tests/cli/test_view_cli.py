@@ -333,7 +333,7 @@ def test_view_and_export_tell_the_page_the_track_that_is_named(page, tracked, tm
 def test_track_that_is_not_there_is_refused_with_those_that_are(page, tracked, tmp_path, command):
     more = ["-o", tmp_path / "page.html"] if command == "export" else []
     done = run_with(page, command, tracked, *more, "--track", "hight")
-    assert_fails(done, "tracked.reel: the file has no track 'hight'; there are height")
+    assert_fails(done, "tracked.reel: the file has no track 'hight'; choose height")
     done = run_with(page, command, tracked, *more, "--range", "0:1")
     assert_fails(done, "--range says how a track is shown; name it with --track")
     done = run_with(page, command, tracked, *more, "--track", "height", "--range", "1:0")

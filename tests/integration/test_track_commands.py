@@ -51,7 +51,7 @@ def test_bounds_are_kept_and_printed(folder):
 def test_unit_that_the_file_does_not_name_is_left_out_with_a_note(folder):
     done = run("convert", "a.reel", "-o", "b.reel", "--track", "flow=0.5m/s", "--json")
     assert done.exit_code == 0, done.output
-    said = "track 'flow' has no unit in the file; its bound 0.5m/s is taken as 0.5"
+    said = "track 'flow' has no unit in the file; its bound 0.5m/s is read as 0.5"
     assert said in json.loads(done.stdout)["notes"]
     with meshreel.open("b.reel") as reel:
         assert {track.name: track.bound for track in reel.info().tracks}["flow"] == 0.5

@@ -51,9 +51,9 @@ def measure_stream(
     Parameters
     ----------
     order : {"keep", "vertices", "drop"}
-        As encoded: vertices whose order was dropped are matched by connectivity.
+        The encoder's option: vertices whose order was dropped are matched by connectivity.
     with_sted : bool, default False
-        Whether to measure STED too, which holds all frames in memory.
+        Whether to measure STED too, which keeps all frames in memory.
     progress : callable, optional
     """
     internal = _internal(sequence, order)
@@ -61,10 +61,10 @@ def measure_stream(
 
     def pieces(reel: ReelFile) -> Iterator[tuple[int, Vertices]]:
         for start, frames in reel.pieces():
-            given = frames if internal is None else frames[:, internal]
+            ordered = frames if internal is None else frames[:, internal]
             if with_sted:
-                runs.append(given)
-            yield start, given
+                runs.append(ordered)
+            yield start, ordered
             progress("measuring", Count(start + len(frames), reel.n_frames, "frames"))
 
     with ReelFile(BytesIO(data), memory=OWN_STREAM) as reel:
@@ -81,13 +81,13 @@ def measure_stream(
 
 @staged("measuring")
 def measure_tracks(sequence: FrameSource, data: bytes, *, order: str) -> dict[str, TrackErrors]:
-    """Errors of the tracks of a stream; the parameters are those of `measure_stream`."""
+    """Return the errors of the tracks of a stream; parameters as in `measure_stream`."""
     with ReelFile(BytesIO(data), memory=OWN_STREAM) as reel:
         return errors_of_tracks(sequence.tracks, reel.tracks, _internal(sequence, order))
 
 
 def _internal(sequence: FrameSource, order: str) -> Integers | None:
-    """The decoded place of each vertex; None: its own."""
+    """Return the decoded number of each vertex; None if the order is kept."""
     if order != "drop":
         return None
     connectivity = encode_connectivity(sequence.faces, sequence.n_verts, order="drop")

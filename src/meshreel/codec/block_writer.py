@@ -1,4 +1,4 @@
-"""Writer of blocks of live frames to a stream."""
+"""Encoding and writing of blocks of live frames."""
 
 from itertools import chain
 from typing import BinaryIO
@@ -17,17 +17,17 @@ Vertices = npt.NDArray[np.floating]
 
 
 class BlockWriter:
-    """Codes blocks of positions in given order and writes them; the first one sets box and step.
+    """Encodes and writes blocks of positions in given order; the first sets bounding box and step.
 
     Parameters
     ----------
     file : binary file, open for writing
     first : float array of shape (T_b, V, 3)
-        The first block, from which bounding box and step follow; it is not written yet.
+        The first block, which determines bounding box and step; it is not written yet.
     tracks : dict of str to Track
-        Its values beside the positions.
+        Tracks of the first block.
     targets : mapping of str to str or float, or None
-        How exact these are to come back.
+        Error bounds of tracks.
     """
 
     def __init__(
@@ -53,8 +53,8 @@ class BlockWriter:
         """Bytes written so far."""
         return self._writer.size_bytes
 
-    def analyse(self, vertices: Vertices, tracks: dict[str, Track]) -> Sections:
-        """The sections of a block of shape (T_b, V, 3), in the given order of vertices.
+    def analyze(self, vertices: Vertices, tracks: dict[str, Track]) -> Sections:
+        """Encode a block of shape (T_b, V, 3), in the given order of vertices.
 
         Integers are computed now, bytes when the sections are iterated.
         """

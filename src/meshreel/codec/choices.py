@@ -1,10 +1,10 @@
-"""Choices that a stream is made with; those that it states have codes in it."""
+"""Enumerated choices of encoding; the integers are codes in the stream."""
 
 from enum import Enum, IntEnum
 
 
 class Laplacian(IntEnum):
-    """Which matrix the delta coordinates are made with."""
+    """Laplacian matrix of the delta coordinates."""
 
     NORMALIZED = 0
     COMBINATORIAL = 1
@@ -12,7 +12,7 @@ class Laplacian(IntEnum):
 
 
 class Order(IntEnum):
-    """The part of the given order of vertices and faces that is kept."""
+    """Which part of the given order of vertices and faces to keep."""
 
     KEEP = 0
     VERTICES = 1
@@ -20,14 +20,14 @@ class Order(IntEnum):
 
 
 class Tune(Enum):
-    """The error that bits are spent against."""
+    """Error measure that the encoder optimizes."""
 
     VISUAL = "visual"
     GEOMETRY = "geometry"
 
 
 class Allocation(Enum):
-    """The allocation of a single number of bits to the rows of coefficients."""
+    """Distribution of bits over the rows of coefficients."""
 
     ENERGY = "energy"
     CONSTANT = "constant"

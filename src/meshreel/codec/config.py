@@ -1,7 +1,7 @@
-"""Options of encoding: the fields of `EncoderConfig`, and their checks.
+"""Encoding options: the fields of `EncoderConfig`, and their validation.
 
-`encode`, the command line, batches and the documentation take options, types, defaults and texts
-from these fields. An option is added as a field here; the methods that it is for read it.
+`encode`, the command line, batches and the documentation derive options, types, defaults and texts
+from these fields. To add an option, add a field here and read it in the methods that support it.
 """
 
 from bisect import bisect_right
@@ -12,7 +12,7 @@ from functools import cache, cached_property
 from typing import Annotated, Any
 
 from meshreel.codec.choices import Allocation, Laplacian, Order, Tune
-from meshreel.codec.error_bounds import METRES, bound_of
+from meshreel.codec.error_bounds import METERS, bound_of
 from meshreel.codec.memory import bytes_of
 from meshreel.codec.methods import METHOD_NAMES, Method, method_named
 from meshreel.codec.option import COUNT, Option, Range, options_of_fields
@@ -22,8 +22,8 @@ from meshreel.codec.targets import (
     DIAGONAL_OF_ALL,
     GROUP,
     QUALITIES,
-    Aim,
     Target,
+    TargetKind,
     target_of,
 )
 from meshreel.errors import InvalidInputError
@@ -38,7 +38,7 @@ BOUNDED = ("reel", "grid")
 PAPER = ("pca-qp", "pca", "pca-q", "v2v", "pca-qs", "blocks", "gft")
 OF_DELTAS = tuple(name for name in PAPER if name != "v2v")
 ROUNDING = tuple(name for name in METHOD_NAMES if name != LOSSLESS_METHOD)
-"""Methods that options are for."""
+"""Methods that support an option."""
 
 PAPER_GROUP = "The paper's methods"
 
@@ -46,15 +46,15 @@ EFFORT_RANGE = Range(1, 9, is_whole=True)
 DEFAULT_EFFORT = 5
 
 UV_BITS_RANGE = Range(4, 24, is_whole=True)
-"""A float32 of up to 1 holds every number of a grid of 24 bits."""
+"""A float32 of up to 1 represents every number of a grid of 24 bits."""
 
 BITS_RANGE = Range(2, 24, is_whole=True)
 DEFAULT_BITS, FINE_BITS = 9, 16
 DEFAULT_ENERGY, DEFAULT_ANCHORS, DEFAULT_ITERATIONS = 0.99995, 0.01, 4
-"""Of the paper's methods; the second number of bits is that of `pca`."""
+"""Defaults of the paper's methods; `pca` uses `FINE_BITS`."""
 
 MAX_BLOCK_POSITIONS = 1 << 28
-"""Positions that are coded together at most, where no number of frames is asked for."""
+"""Most positions of a block if `block_frames` is not given."""
 
 
 @dataclass(frozen=True)
@@ -70,26 +70,26 @@ class EncoderConfig:
     method: Annotated[
         str,
         Option(
-            "How to code.",
+            "Encoding method.",
             names=METHOD_NAMES,
             methods=METHOD_NAMES,
             more="`reel`: our own, several times smaller than the others, which are variants of "
             "the paper. `pca-qp`: deltas on the eigen-trajectories of each axis, least squares "
             "with anchors. `pca`, `pca-q`: without anchors, the first at 16 bits. `v2v`: vertices "
-            "instead of deltas. `pca-qs`: as `pca-qp`, decoded one frame after another. `blocks`: "
+            "instead of deltas. `pca-qs`: as `pca-qp`, decoded frame by frame. `blocks`: "
             "eigen-trajectories of short blocks, tracked. `gft`: each frame's deltas on the low "
-            "frequencies of the graph. `lossless`: every bit comes back. `grid`: positions are "
-            "rounded to a grid that keeps max_error=, and coded as `lossless` does.",
+            "frequencies of the graph. `lossless`: bit-exact. `grid`: positions rounded to a grid "
+            "within max_error=, then coded losslessly.",
         ),
     ] = DEFAULT_METHOD
     _: KW_ONLY
     quality: Annotated[
         float | None,
         Option(
-            f"{QUALITIES.words}; every 12 points halve the error, which is relative to the "
-            "model's size, the diagonal of a frame's bounding box, the mean of all frames, and "
-            "smaller on smooth surfaces.",
-            default_text=f"{DEFAULT_QUALITY:g}, if nothing else is asked for",
+            f"{QUALITIES.words}; every 12 points halve the error, which is relative to the model's "
+            "size (the mean diagonal of the bounding boxes of single frames), and smaller on "
+            "smooth surfaces.",
+            default_text=f"{DEFAULT_QUALITY:g}, without another target",
             range=QUALITIES,
             group=GROUP,
             methods=REEL,
@@ -98,7 +98,7 @@ class EncoderConfig:
     max_error: Annotated[
         float | str | None,
         Option(
-            "No vertex of any frame farther from the original than this. Promised. 0.1 or 0.1%: "
+            "Largest distance of any vertex from the original, guaranteed. 0.1 or 0.1%: "
             f"percent {DIAGONAL_OF_ALL}; 0.5u: model units; 0.5mm: a length, see {{unit}}.",
             range=ABOVE_ZERO,
             unit="in percent",
@@ -110,17 +110,17 @@ class EncoderConfig:
     unit: Annotated[
         str | None,
         Option(
-            "How long one unit of the model is, for a {max_error} that is a length.",
-            names=tuple(METRES),
+            "Length of one model unit, if {max_error} is a length.",
+            names=tuple(METERS),
             group=GROUP,
-            metavar="|".join(METRES),
+            metavar="|".join(METERS),
             methods=BOUNDED,
         ),
     ] = None
     kg: Annotated[
         float | None,
         Option(
-            "Smallest file of at most this KG error, a share of the shape's extent.",
+            "Smallest file of at most this KG error, relative to the shape's extent.",
             range=ABOVE_ZERO,
             unit="in percent",
             group=GROUP,
@@ -136,11 +136,11 @@ class EncoderConfig:
     bpvf: Annotated[
         float | None,
         Option(
-            "Best quality within so many bits for each vertex and frame.",
+            "Best quality within this many bits per vertex and frame.",
             range=ABOVE_ZERO,
             unit="in bits per vertex and frame",
             group=GROUP,
-            more="The whole stream counts.",
+            more="Counts the whole stream.",
             methods=REEL,
         ),
     ] = None
@@ -158,8 +158,7 @@ class EncoderConfig:
     step: Annotated[
         float | None,
         Option(
-            "Step of rounding as it acts on a position, in diagonals of the bounding box of all "
-            "frames.",
+            "Quantization step of positions, in diagonals of the bounding box of all frames.",
             range=Range(0, 1, is_open=True),
             unit="in diagonals of the bounding box",
             group=GROUP,
@@ -169,27 +168,27 @@ class EncoderConfig:
     lossless: Annotated[
         bool,
         Option(
-            "Every number comes back bit for bit: positions and tracks. The order of vertices and "
-            "faces stays as well, unless {order} says otherwise.",
+            "Decode positions and tracks bit for bit. Also keeps the order of vertices and faces, "
+            "unless {order} is given.",
             group=GROUP,
-            more='The same as method="lossless". `tracks` may still name bounds, or drop tracks.',
+            more='Equals method="lossless". `tracks` may still set bounds, or drop tracks.',
             methods=("reel", LOSSLESS_METHOD),
         ),
     ] = False
     tune: Annotated[
         str | None,
         Option(
-            "What bits are spent on. visual: how the surface looks; geometry: where vertices are.",
-            default_text="what the target needs, else visual",
+            "Error measure to optimize. visual: how the surface looks; geometry: vertex positions.",
+            default_text="the measure of the target, else visual",
             names=tuple(tune.value for tune in Tune),
-            more="visual serves STED, geometry KG and the largest error.",
+            more="visual suits STED, geometry the KG error and the largest error.",
             methods=REEL,
         ),
     ] = None
     effort: Annotated[
         int | None,
         Option(
-            f"{EFFORT_RANGE.words}: time against size.",
+            f"{EFFORT_RANGE.words}: encoding time against size.",
             default_text=str(DEFAULT_EFFORT),
             range=EFFORT_RANGE,
             methods=REEL,
@@ -198,7 +197,7 @@ class EncoderConfig:
     n_modes: Annotated[
         int | None,
         Option(
-            "Modes to keep, 1 or more: of reel at most so many, else of each axis.",
+            "Number of modes, 1 or more: a maximum for reel, else a number per axis.",
             range=COUNT,
             flag="--modes",
             more="Those of an axis are eigen-trajectories (the paper's k_l); at most as many as a "
@@ -210,7 +209,7 @@ class EncoderConfig:
     uv_bits: Annotated[
         int | None,
         Option(
-            "Round texture coordinates to a grid of 2^N steps to the width of a texture, N of "
+            "Round texture coordinates to a grid of 2^N steps per texture width, N of "
             f"{UV_BITS_RANGE.words}; 12 is a texel of a 4096 texture. Default: exact.",
             range=UV_BITS_RANGE,
             metavar="N",
@@ -220,8 +219,8 @@ class EncoderConfig:
     order: Annotated[
         str,
         Option(
-            "What to keep of the order of vertices and faces. keep: both; vertices: of the "
-            "vertices; drop: neither, for the smallest file.",
+            "Which order to keep. keep: of vertices and faces; vertices: of the vertices; drop: "
+            "neither, for the smallest file.",
             names=tuple(order.name.lower() for order in Order),
             methods=METHOD_NAMES,
         ),
@@ -229,8 +228,8 @@ class EncoderConfig:
     block_frames: Annotated[
         int | None,
         Option(
-            "Frames coded together; fewer take less memory and more bytes. Default: all, as far "
-            "as memory allows; of more than 1024 and 8 million positions, up to 512 (blocks: 25).",
+            "Frames per block; fewer take less memory and more bytes. Default: all, as far as "
+            "memory allows; above 1024 frames and 8 million positions, up to 512 (blocks: 25).",
             range=COUNT,
             methods=METHOD_NAMES,
         ),
@@ -238,13 +237,13 @@ class EncoderConfig:
     memory: Annotated[
         float | str | None,
         Option(
-            "Memory that encoding may take, as in 500MB or 1GiB; blocks of frames are cut to fit, "
-            "and frames stay in their files. Default: blocks of up to 268 million positions.",
+            "Memory limit of encoding, as in 500MB or 1GiB; blocks are shortened to fit, and "
+            "frames stay in their files. Default: blocks of up to 268 million positions.",
             range=ABOVE_ZERO,
             unit="in bytes",
             metavar="SIZE",
-            more="This program counts, too. Blocks of the default size take some 6 GB. Those of "
-            "`lossless` and `grid` are of up to 4 million positions, or 64 frames.",
+            more="Includes the program itself. Blocks of the default size take about 6 GB. "
+            "Blocks of `lossless` and `grid` have up to 4 million positions, or 64 frames.",
             methods=METHOD_NAMES,
         ),
     ] = None
@@ -256,15 +255,14 @@ class EncoderConfig:
             range=Range(0, 1, is_open=True),
             unit="a share of the energy",
             group=PAPER_GROUP,
-            more="What is left out makes a KG error of sqrt(1 - energy), by default 0.7 %.",
+            more="The omitted energy causes a KG error of sqrt(1 - energy), by default 0.7 %.",
             methods=PAPER,
         ),
     ] = None
     bits: Annotated[
         int | Sequence[int] | None,
         Option(
-            f"Bits of the largest coefficient, {BITS_RANGE.words}; or of each row, 0 to leave it "
-            "out.",
+            f"Bits of the largest coefficient, {BITS_RANGE.words}; or of each row, 0 to omit it.",
             default_text=f"{DEFAULT_BITS}; pca: {FINE_BITS}",
             range=BITS_RANGE,
             group=PAPER_GROUP,
@@ -275,7 +273,7 @@ class EncoderConfig:
     allocation: Annotated[
         str,
         Option(
-            "How one number of bits is spread over the rows.",
+            "How to distribute one number of bits over the rows.",
             names=tuple(allocation.value for allocation in Allocation),
             group=PAPER_GROUP,
             more="energy: all share the step of the largest, so that bits follow a row's energy; "
@@ -286,22 +284,21 @@ class EncoderConfig:
     anchors: Annotated[
         float | Sequence[int] | None,
         Option(
-            "Share of the vertices sent as anchors, 0 to 1, where the method has them; or their "
-            "numbers.",
+            "Share of the vertices stored as anchors, 0 to 1, if the method has anchors; or their "
+            "indices.",
             default_text=str(DEFAULT_ANCHORS),
             range=Range(0, 1),
             unit="a share of the vertices (0.01 = 1 %)",
             group=PAPER_GROUP,
             metavar="SHARE or N,N...",
-            more="Every connected component gets at least one: with 0 this is decoding by L alone "
-            "(Eq. 11).",
+            more="Every connected component gets at least one: 0 decodes by L alone (Eq. 11).",
             methods=PAPER,
         ),
     ] = None
     choices: Annotated[
         str | Mapping[str, object] | None,
         Option(
-            "What the paper leaves open: values of anchor-values, anchor-set, anchor-seed, "
+            "Choices that the paper leaves open: values of anchor-values, anchor-set, anchor-seed, "
             "anchor-bits, dictionary-bits, quantize, dictionary and rotation, separated by commas.",
             group=PAPER_GROUP,
             metavar="NAME=VALUE[,...]",
@@ -313,12 +310,12 @@ class EncoderConfig:
     laplacian: Annotated[
         str,
         Option(
-            "The matrix that makes deltas.",
+            "Laplacian matrix of the deltas.",
             names=tuple(laplacian.name.lower() for laplacian in Laplacian),
             group=PAPER_GROUP,
-            more="normalized: I - D^-1 C (Eq. 3), which measured better; combinatorial: D - C "
-            "(Eq. 1); cotangent: I - D^-1 W with the cotangent weights of the first frame, which "
-            "is sent too.",
+            more="normalized: I - D^-1 C (Eq. 3), with smaller measured errors; combinatorial: "
+            "D - C (Eq. 1); cotangent: I - D^-1 W with the cotangent weights of the first frame, "
+            "which is stored too.",
             methods=OF_DELTAS,
         ),
     ] = Laplacian.NORMALIZED.name.lower()
@@ -336,75 +333,75 @@ class EncoderConfig:
     def __post_init__(self) -> None:
         for option in all_options():
             option.check(getattr(self, option.name))
-        self._read_texts()
+        self._parse_texts()
         chosen = self.chosen
         for option in chosen:
             if self.method not in option.methods:
                 raise InvalidInputError(
-                    f"method {self.method} does not take {option.name}=; leave it out, or choose "
+                    f"method {self.method} does not take {option.name}=; omit it, or choose "
                     f"{' or '.join(option.methods)}"
                 )
         if self.lossless:
-            self._become_lossless(chosen)
+            self._make_lossless(chosen)
         object.__setattr__(self, "lossless", self.method == LOSSLESS_METHOD)
         self.method_row.check(self)
 
     @property
     def chosen(self) -> list[Option]:
-        """The options that are not the default."""
+        """Options that differ from their defaults."""
         return [option for option in all_options() if getattr(self, option.name) != option.default]
 
-    def _become_lossless(self, chosen: Sequence[Option]) -> None:
-        """Make it the method that `lossless` asks for, unless another option is to change bits."""
-        idle = [f"{one.name}=" for one in chosen if LOSSLESS_METHOD not in one.methods]
-        if idle:
-            have, them = ("has", "it") if len(idle) == 1 else ("have", "them")
+    def _make_lossless(self, chosen: Sequence[Option]) -> None:
+        """Set the method to lossless; raise if another option excludes it."""
+        unused = [f"{one.name}=" for one in chosen if LOSSLESS_METHOD not in one.methods]
+        if unused:
+            verb, pronoun = ("has", "it") if len(unused) == 1 else ("have", "them")
             raise InvalidInputError(
-                f"lossless= keeps every bit, so that {' and '.join(idle)} {have} no effect; leave "
-                f"{them} out, or lossless="
+                f"{' and '.join(unused)} {verb} no effect with lossless=; omit {pronoun}, or "
+                "lossless="
             )
         object.__setattr__(self, "method", LOSSLESS_METHOD)
 
-    def _read_texts(self) -> None:
-        """Put numbers in place of sizes such as "100kB", and of lengths what they are in units."""
+    def _parse_texts(self) -> None:
+        """Replace sizes such as "100kB" by bytes, and lengths by model units."""
         for name in ("memory", "size"):
-            if (given := getattr(self, name)) is not None:
-                object.__setattr__(self, name, bytes_of(given, name))
+            if (size := getattr(self, name)) is not None:
+                object.__setattr__(self, name, bytes_of(size, name))
         if self.max_error is not None:
             object.__setattr__(self, "max_error", bound_of(self.max_error, self.unit).plain)
             object.__setattr__(self, "unit", None)
         elif self.unit is not None:
-            raise InvalidInputError("unit= says what a length in max_error= means; give both")
+            raise InvalidInputError("unit= applies to a length in max_error=; give both")
 
     @cached_property
     def target(self) -> Target:
-        """The target of `reel`: a rate, an error or a step."""
+        """Target of `reel`: a rate, an error or a step."""
         return target_of(**{name: getattr(self, name) for name in _TARGETS})
 
     @property
     def method_row(self) -> Method:
-        """The method of this name."""
+        """The method object."""
         return method_named(self.method)
 
     @property
     def laplacian_choice(self) -> Laplacian:
-        """The Laplacian by its code."""
+        """The Laplacian as an enumeration member."""
         return Laplacian[self.laplacian.upper()]
 
     @property
     def order_choice(self) -> Order:
-        """The order by its code."""
+        """The order as an enumeration member."""
         return Order[self.order.upper()]
 
     @property
     def memory_bytes(self) -> float | None:
-        """Bytes that encoding may take; None where nothing is said."""
+        """Memory limit in bytes, or None."""
         return None if self.memory is None else float(self.memory)
 
     def frames_in_block(self, n_frames: int, n_verts: int, number_bytes: int) -> int:
-        """Frames coded together, of a sequence of so many frames and vertices.
+        """Return the number of frames per block.
 
-        `reel` cuts as little as memory allows: every cut sends all fields again.
+        Blocks of `reel` are as long as memory allows, because each stores its own fields.
 
         Parameters
         ----------
@@ -414,7 +411,7 @@ class EncoderConfig:
         Raises
         ------
         InvalidInputError
-            If memory does not allow one.
+            If not even one frame fits into the memory limit.
         """
         chosen = self.block_frames or self.method_row.longest_block(n_frames, n_verts)
         chosen = min(chosen, n_frames)
@@ -433,58 +430,41 @@ class EncoderConfig:
         if memory < needed(1):
             raise InvalidInputError(
                 f"memory of {memory / 1e6:.0f} MB is too little for {counted(n_verts, 'vertex')}; "
-                f"at least {needed(1) / 1e6:.0f} MB is needed"
+                f"allow at least {needed(1) / 1e6:.0f} MB"
             )
         return bisect_right(range(1, chosen), memory, key=needed)
 
     def with_blocks_of(self, block_frames: int, n_verts: int, number_bytes: int) -> "EncoderConfig":
-        """The options with blocks of so many frames at most, and as much memory as these need."""
+        """Return these options with shorter blocks, and the memory that they need."""
         needed = self.method_row.block_bytes(block_frames, n_verts, number_bytes, is_whole=False)
         return replace(self, block_frames=block_frames, memory=needed)
 
 
-_TARGETS = tuple(aim.value for aim in Aim)
+_TARGETS = tuple(kind.value for kind in TargetKind)
 
 
 @cache
 def all_options() -> tuple[Option, ...]:
-    """The fields of `EncoderConfig`."""
+    """Return the fields of `EncoderConfig`."""
     return options_of_fields(EncoderConfig)
 
 
 def option_named(name: str) -> Option:
-    """The option of this name, which must exist."""
+    """Return the option of this name, which must exist."""
     return next(option for option in all_options() if option.name == name)
 
 
 def check_names(names: Iterable[str], known: Iterable[str]) -> None:
-    """Nothing if there are options of these names.
-
-    Parameters
-    ----------
-    names, known : iterable of str
-        What was given, and what there is.
-
-    Raises
-    ------
-    InvalidInputError
-        If one is not there; names the nearest that is, or all if none is near.
-    """
+    """Raise InvalidInputError, with the closest known name, unless all names are known."""
     allowed = list(known)
     for name in names:
         if name not in allowed:
             near = get_close_matches(name, allowed, 1)
-            advice = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(allowed)}"
+            advice = f"did you mean {near[0]!r}?" if near else f"choose {', '.join(allowed)}"
             raise InvalidInputError(f"option {name!r} is unknown; {advice}")
 
 
 def config_of(options: Mapping[str, Any]) -> EncoderConfig:
-    """The options of these names, checked.
-
-    Raises
-    ------
-    InvalidInputError
-        If there is no such option, naming the nearest, or as `EncoderConfig`.
-    """
+    """Build an `EncoderConfig`; raises InvalidInputError for an unknown option too."""
     check_names(options, (option.name for option in all_options()))
     return EncoderConfig(**options)

@@ -1,7 +1,7 @@
-"""Which corners of faces always have equal values: the rows that a track of corners is coded by.
+"""Rows of values that corners of faces share in a track.
 
-Each vertex has a row, of its first corner, with the number of the vertex in internal order; where
-its corners differ, at a seam, further rows follow. `docs/format.md`, "Tracks".
+Each vertex has a row, with its number in internal order, for its first corner and those that share
+its values; at a seam, further rows follow. See `docs/format.md`, "Tracks".
 """
 
 from dataclasses import dataclass
@@ -13,13 +13,13 @@ from meshreel.codec.bitstream.container import write_varint
 from meshreel.kernel.integers import encode_integers
 
 AGAIN, NEW = 0, 1
-"""The row of the corner before at the vertex; one that has not come. A larger code k is the row of
-the corner k before."""
+"""Codes of the row of the previous corner at the vertex, and of a new row. A larger code k is the
+row of the k-th previous corner."""
 
 
 @dataclass(frozen=True)
 class CornerRows:
-    """The row of each corner.
+    """Row of each corner.
 
     Attributes
     ----------
@@ -33,29 +33,29 @@ class CornerRows:
 
 
 def numbered_rows(groups: Integers, vertices: Integers, n_verts: int) -> CornerRows:
-    """The rows of corners that are in groups.
+    """Number the rows of groups of corners.
 
     Parameters
     ----------
     groups : integer array of shape (N,)
-        From 0 on; corners of a group have one vertex, and always equal values.
+        At least 0; corners of a group have the same vertex, and equal values in all frames.
     vertices : integer array of shape (N,)
         Internal number of the vertex of each corner.
     """
     order, places = _by_vertex(vertices)
-    found = np.full(int(groups.max(initial=-1)) + 1, -1, np.int64)
+    rows = np.full(int(groups.max(initial=-1)) + 1, -1, np.int64)
     first = order[places == 0]
-    found[groups[first]] = vertices[first]
+    rows[groups[first]] = vertices[first]
     others = groups[order]
     _, at = np.unique(others, return_index=True)
     others = others[np.sort(at)]
-    others = others[found[others] < 0]
-    found[others] = n_verts + np.arange(len(others))
-    return CornerRows(found[groups], n_verts + len(others))
+    others = others[rows[others] < 0]
+    rows[others] = n_verts + np.arange(len(others))
+    return CornerRows(rows[groups], n_verts + len(others))
 
 
 def write_corner_rows(rows: CornerRows, vertices: Integers, n_verts: int) -> bytes:
-    """Bytes of the rows that `numbered_rows` gave; the reader needs the same vertices."""
+    """Encode the rows of `numbered_rows`; the reader needs the same vertices."""
     has_seam = np.zeros(n_verts, np.int64)
     has_seam[vertices[rows.of_corners >= n_verts]] = 1
     order, places = _by_vertex(vertices)
@@ -70,7 +70,7 @@ def write_corner_rows(rows: CornerRows, vertices: Integers, n_verts: int) -> byt
 
 
 def _by_vertex(vertices: Integers) -> tuple[Integers, Integers]:
-    """Corners by their vertices, ascending; and how many corners of its vertex are before each."""
+    """Sort corners by vertex; also return the rank of each among the corners of its vertex."""
     order = np.argsort(vertices, kind="stable")
     sorted_vertices = vertices[order]
     is_first = np.ones(len(order), np.bool_)

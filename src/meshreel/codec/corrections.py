@@ -1,7 +1,7 @@
-"""Corrections of single positions, so that an error bound can be promised.
+"""Corrections of single positions, which guarantee an error bound.
 
-Positions of a decoded block that violate the bound are displaced by multiples of a step. They are
-clustered in vertices and runs of frames, and coded accordingly.
+Positions of a decoded block that violate the bound are displaced by multiples of a step. They
+cluster in vertices and runs of frames, and are coded accordingly.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ class Corrections:
     Attributes
     ----------
     step : float32
-        Quantisation step of the displacements, in diagonals.
+        Quantization step of the displacements, in diagonals.
     vertices, frames : int64 arrays of shape (N,)
         Internal vertex numbers and frames of the block, ordered by vertex, then frame.
     offsets : int64 array of shape (N, 3)
@@ -31,23 +31,24 @@ class Corrections:
     offsets: Integers
 
     @property
-    def moves(self) -> Floats:
+    def displacements(self) -> Floats:
         """Displacements of shape (N, 3), in diagonals."""
         return np.asarray(self.offsets * float(self.step))
 
 
-def moves_by_frame(corrections: Corrections, n_frames: int, output: Integers) -> Moves:
-    """The corrections of each frame of a block, by ascending output vertices.
+def corrections_by_frame(corrections: Corrections, n_frames: int, output: Integers) -> Moves:
+    """Group the corrections of a block by frame, with ascending output vertices.
 
     Parameters
     ----------
     n_frames : int
-        Of the block.
     output : integer array of shape (V,)
         Output number of each internal vertex.
     """
-    given = output[corrections.vertices]
-    order = np.lexsort((given, corrections.frames))
+    output_vertices = output[corrections.vertices]
+    order = np.lexsort((output_vertices, corrections.frames))
     starts = np.searchsorted(corrections.frames[order], np.arange(n_frames + 1))
-    vertices = given[order].astype(np.int32)
-    return Moves(starts.astype(np.int64), vertices, np.ascontiguousarray(corrections.moves[order]))
+    vertices = output_vertices[order].astype(np.int32)
+    return Moves(
+        starts.astype(np.int64), vertices, np.ascontiguousarray(corrections.displacements[order])
+    )

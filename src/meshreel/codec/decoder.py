@@ -1,4 +1,4 @@
-"""Decoding of a stream to a mesh sequence."""
+"""Decode a stream to a mesh sequence."""
 
 from itertools import pairwise
 from typing import Any
@@ -15,8 +15,8 @@ from meshreel.model.sequence import MeshSequence
 from meshreel.model.tracks import Track
 from meshreel.runtime.progress import Count, Progress, silent
 
-FRAMES_AT_ONCE = 256
-"""Most frames that are decoded between two progress reports."""
+FRAMES_PER_REPORT = 256
+"""Most frames between two progress reports."""
 
 
 def decode(
@@ -33,15 +33,15 @@ def decode(
     Parameters
     ----------
     data : bytes
-        A whole stream, from `encode` or a file.
+        A complete stream, from `encode` or a file.
     frames : slice, optional
         Frames to return, as a Python slice without a step; only the blocks that contain some of
         them are decoded. Default: all.
     n_modes : int, optional
         Number of leading modes of each block to use: a coarser animation. Default: all. In streams
-        of `reel` further modes, up to the 16th at least, are held at their mean over the block, and
-        corrections are omitted. The paper's methods leave further rows of coefficients out (the
-        paper's k_l). Streams of `lossless` and `grid` have no modes.
+        of `reel` further modes, up to the 16th at least, keep their mean over the block, and
+        corrections are omitted. The paper's methods omit further rows of coefficients (the paper's
+        k_l). Streams of `lossless` and `grid` have no modes.
     segment : int, optional
         Number of a segment, from 0; needed if the stream has several.
     memory : float or str, optional
@@ -64,27 +64,27 @@ def decode(
     progress("decoding connectivity", 0.0)
     opened = whole_stream(bytes(data), limit, segment)
     opened.require_mesh()
-    wanted = frame_range(frames, opened.n_frames)
-    start_s = start_of(wanted, opened.start_s, opened.fps)
+    selected = frame_range(frames, opened.n_frames)
+    start_s = start_of(selected, opened.start_s, opened.fps)
     reader = opened.method.frames(opened, n_modes)
     tracks = tracks_of_stream(opened, reader)
-    opened.require_frames(wanted, with_tracks=True)
-    vertices = np.empty((len(wanted), opened.n_verts, 3), opened.dtype)
+    opened.require_frames(selected, with_tracks=True)
+    vertices = np.empty((len(selected), opened.n_verts, 3), opened.dtype)
     values: list[npt.NDArray[Any]] = []
     for track in tracks.values():
-        values.append(np.empty((len(wanted), *track.shape[1:]), track.dtype))
+        values.append(np.empty((len(selected), *track.shape[1:]), track.dtype))
     for block, (start, stop) in enumerate(pairwise(opened.starts)):
-        first, last = max(start, wanted.start), min(stop, wanted.stop)
+        first, last = max(start, selected.start), min(stop, selected.stop)
         if first >= last:
             continue
         reader.load(block)
         # The reader holds this block until the next one: decode its tracks now.
         for number, out in enumerate(values, start=1):
-            reader.fill(out[first - wanted.start : last - wanted.start], first, number)
-        for begin in range(first, last, FRAMES_AT_ONCE):
-            end = min(begin + FRAMES_AT_ONCE, last)
-            reader.fill(vertices[begin - wanted.start : end - wanted.start], begin)
-            progress("decoding", Count(end - wanted.start, len(wanted), "frames"))
+            reader.fill(out[first - selected.start : last - selected.start], first, number)
+        for begin in range(first, last, FRAMES_PER_REPORT):
+            end = min(begin + FRAMES_PER_REPORT, last)
+            reader.fill(vertices[begin - selected.start : end - selected.start], begin)
+            progress("decoding", Count(end - selected.start, len(selected), "frames"))
     reader.close()
     try:
         decoded: dict[str, Track] = {}

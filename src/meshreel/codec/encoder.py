@@ -1,4 +1,4 @@
-"""A mesh sequence to the bytes of a stream."""
+"""Encode a mesh sequence to a stream."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ from meshreel.runtime.progress import Progress, silent
 
 @dataclass(frozen=True, kw_only=True)
 class EncodeCall(EncoderConfig):
-    """All that `encode` takes besides a sequence, as its docstring describes it."""
+    """Parameters of `encode` other than the sequence; see its docstring."""
 
     attributes: Names = ALL
     tracks: TrackTargets | None = None
@@ -25,33 +25,32 @@ class EncodeCall(EncoderConfig):
 
 @takes_fields(EncodeCall)
 def encode(sequence: FrameSource, call: EncodeCall) -> bytes:
-    """The bytes of a `.reel` stream that holds the sequence.
+    """Encode a sequence to the bytes of a `.reel` stream.
 
-    What `reel` is to meet is one of `quality`, `max_error`, `kg`, `sted`, `bpvf`, `size` and
-    `step`; without any it is quality 80. The paper's methods take numbers of modes and bits.
+    The target of `reel` is one of `quality`, `max_error`, `kg`, `sted`, `bpvf`, `size` and `step`,
+    by default quality 80. The paper's methods take numbers of modes and bits.
 
     Parameters
     ----------
     sequence : MeshSequence, or FrameSource
-        Frames that are not in memory are read block by block. `meshreel.encode` also takes what
-        `meshreel.load` reads, such as a path, and warns of what reading leaves out.
+        Frames that are not in memory are read block by block. `meshreel.encode` also accepts inputs
+        of `meshreel.load`, such as a path, and warns of contents that reading omits.
     options
         The fields of `EncoderConfig`.
     attributes : str or sequence of str, default "all"
         Which attributes and groups of the surface to keep: "all", "none", or names; a kind such
         as "uv" or "color" names all of it. Polygons and parts are kept.
     tracks : mapping of str to str or float, optional
-        How exact tracks are to come back, by their names: "0.1%" of the range, "500Pa" or 500 in
-        units of the track, "0.5deg" (normals), "8bit" (colours), "exact", "drop". No value is
-        farther from the original; promised. Default: normals 0.5deg, colours 8bit, texture
-        coordinates half a texel of 4096, integers exact, all others 0.1%. Positions come back finer
-        than asked where velocities and normals make the file smaller so. `reel` only.
+        Error bounds by track name, guaranteed for each value: "0.1%" of the range, "500Pa" or 500
+        in units of the track, "0.5deg" (normals), "8bit" (colors), "exact", "drop". Default:
+        normals 0.5deg, colors 8bit, texture coordinates half a texel of 4096, integers exact, all
+        others 0.1%. Positions may be finer than requested if velocities and normals, which they
+        predict, then make the file smaller. `reel` only.
     progress : callable, optional
-        Called with the stage and the share done, 0..1.
+        Called with the stage and the completed share, 0..1.
     engine : Engine, optional
-        Workers that code the blocks of `reel`, each of which needs the first one only; the
-        bytes are the same. Not while an error is searched for (`kg`, `sted`), and of no use to
-        other methods.
+        Workers that encode blocks of `reel` in parallel, to the same bytes. Not used by searches
+        for an error (`kg`, `sted`) or by other methods.
 
     Raises
     ------
@@ -75,7 +74,7 @@ def encode_with(
     progress: Progress = silent,
     engine: Engine | None = None,
 ) -> bytes:
-    """The bytes of a stream, as `encode` gives them, of options that are checked already.
+    """Encode a sequence with options that are already checked, as `encode`.
 
     Raises
     ------

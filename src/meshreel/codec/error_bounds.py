@@ -1,14 +1,14 @@
-"""Error bounds as users write them: shares of the diagonal, or lengths."""
+"""Parsing of error bounds: percent of the diagonal, or lengths."""
 
 import re
 from dataclasses import dataclass
 
 from meshreel.errors import InvalidInputError
 
-METRES = {
+METERS = {
     "mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3, "in": 0.0254, "ft": 0.3048,
 }  # fmt: skip
-"""Length of each unit of error bounds and of models, in metres."""
+"""Length of each unit of error bounds and of models, in meters."""
 
 MODEL_UNITS = "u"
 _BOUND = re.compile(r"(\d+(?:\.\d*)?(?:e[+-]?\d{1,3})?|\.\d+(?:e[+-]?\d{1,3})?)\s*([a-z%]*)")
@@ -40,7 +40,7 @@ class ErrorBound:
 
     @property
     def plain(self) -> float | str:
-        """The same as `bound_of` takes it: a number of percent, or text such as "0.5u"."""
+        """The bound in the syntax of `bound_of`: a number of percent, or text such as "0.5u"."""
         return f"{self.amount!r}{MODEL_UNITS}" if self.is_length else self.amount
 
     def __str__(self) -> str:
@@ -48,51 +48,51 @@ class ErrorBound:
 
 
 def bound_of(given: float | str, unit: str | None = None) -> ErrorBound:
-    """The error bound that a number or a text specifies.
+    """Parse an error bound.
 
     Parameters
     ----------
     given : float, or str
         Percent of the diagonal of the bounding box of all frames: 0.1, "0.1", "0.1%". Model units:
-        "0.5u". A length: "0.5mm", in any of `METRES`.
+        "0.5u". A length: "0.5mm", in any of `METERS`.
     unit : str, optional
-        Length unit of the model, also of `METRES`: needed for lengths only, since a sequence does
-        not have it.
+        Length unit of the model, also of `METERS`; required for lengths only, because a sequence
+        has no unit.
 
     Raises
     ------
     InvalidInputError
-        If it is none of these or not above 0, a length is given without the unit of the model, or
-        the unit with a bound that is no length.
+        If it is none of these or not above 0, a length lacks the unit of the model, or a unit is
+        given with a bound that is not a length.
     """
     if not isinstance(given, str):
         return _checked(given, "", given, unit)
-    found = _BOUND.fullmatch(given.strip().lower())
-    if not found:
+    match = _BOUND.fullmatch(given.strip().lower())
+    if not match:
         raise InvalidInputError(
             "max_error= takes percent of the diagonal (0.1 or 0.1%), model units (0.5u) or a "
-            f"length ({', '.join(f'0.5{name}' for name in METRES)}); got {given!r}"
+            f"length ({', '.join(f'0.5{name}' for name in METERS)}); got {given!r}"
         )
-    return _checked(float(found[1]), found[2], given, unit)
+    return _checked(float(match[1]), match[2], given, unit)
 
 
 def _checked(amount: float, written: str, given: float | str, unit: str | None) -> ErrorBound:
     if not 0 < amount < float("inf"):
         raise InvalidInputError(f"max_error must be above 0; got {given}")
-    if unit is not None and unit not in METRES:
-        raise InvalidInputError(f"unit= is one of {', '.join(METRES)}; got {unit!r}")
-    if written in METRES:
+    if unit is not None and unit not in METERS:
+        raise InvalidInputError(f"unit= is one of {', '.join(METERS)}; got {unit!r}")
+    if written in METERS:
         return ErrorBound(
-            amount * METRES[written] / METRES[_required_unit(unit, given)], is_length=True
+            amount * METERS[written] / METERS[_required_unit(unit, given)], is_length=True
         )
     if written not in ("", "%", MODEL_UNITS):
         raise InvalidInputError(
-            f"max_error= knows no unit {written!r}; it takes %, {MODEL_UNITS} (model units), "
-            f"{', '.join(METRES)}; got {given!r}"
+            f"max_error= has no unit {written!r}; use %, {MODEL_UNITS} (model units), "
+            f"{', '.join(METERS)}; got {given!r}"
         )
     if unit is not None:
         raise InvalidInputError(
-            f"unit= has no effect on {given}, which is no length; leave it out, or give max_error "
+            f"unit= has no effect on {given}, which is not a length; omit it, or give max_error "
             "in mm, cm, m, km, in or ft"
         )
     return ErrorBound(amount, is_length=written == MODEL_UNITS)
@@ -101,7 +101,7 @@ def _checked(amount: float, written: str, given: float | str, unit: str | None) 
 def _required_unit(unit: str | None, given: float | str) -> str:
     if unit is None:
         raise InvalidInputError(
-            f"max_error {given} is a length, and a sequence does not say how long its unit is; say "
-            f"so with unit= ({', '.join(METRES)}), or give model units as in 0.5{MODEL_UNITS}"
+            f"max_error {given} is a length, but the model has no length unit; give it with unit= "
+            f"({', '.join(METERS)}), or use model units as in 0.5{MODEL_UNITS}"
         )
     return unit

@@ -1,4 +1,4 @@
-"""Information on a stream, without decoding a frame."""
+"""Description of a stream, without decoding a frame."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -20,7 +20,7 @@ from meshreel.model.tracks import TrackKind
 
 CONNECTIVITY = (Section.CONNECTIVITY, Section.ORDER)
 POSITIONS = (Section.ANCHOR_VERTICES, Section.SHAPE, Section.PROMISE)
-"""Sections of the positions beside their blocks."""
+"""Sections of the positions, except their blocks."""
 
 
 @dataclass(frozen=True)
@@ -30,16 +30,16 @@ class TrackInfo:
     Attributes
     ----------
     number_type : str
-        Such as "float32".
+        For example "float32".
     is_exact : bool
-        Whether its numbers are those of the original.
+        Whether its numbers are lossless.
     bound : float
-        Largest error of a value that is promised, in its unit; of normals in degrees. 0: none is
-        promised, or it is exact.
+        Guaranteed largest error of a value, in its unit; in degrees for normals. 0: none, or the
+        track is exact.
     size_bytes : int
-        Of its groups in all blocks, and of its section TRACK.
+        Size of its sections in all blocks, and of its section TRACK.
     raw_size_bytes : int
-        Of its values as they are decoded.
+        Size of the decoded values.
     """
 
     name: str
@@ -56,13 +56,13 @@ class TrackInfo:
     def __str__(self) -> str:
         width = f"{self.n_columns} x " if self.n_columns > 1 else ""
         unit = "deg" if self.kind == TrackKind.NORMAL else self.unit
-        promise = "exact" if self.is_exact else f"within {self.bound:.4g} {unit}".rstrip()
+        accuracy = "exact" if self.is_exact else f"within {self.bound:.4g} {unit}".rstrip()
         if not self.bound and not self.is_exact:
-            promise = "no bound"
+            accuracy = "no bound"
         return (
             f"{self.name}: {self.kind} of each {self.domain}, {width}{self.number_type}"
             + (f" in {self.unit}" if self.unit else "")
-            + f", {promise}"
+            + f", {accuracy}"
         )
 
 
@@ -85,11 +85,10 @@ class SegmentInfo:
 
 @dataclass(frozen=True)
 class StreamInfo:
-    """Header, modes and sizes of a stream, or of a segment of it.
+    """Header, modes and sizes of a stream, or of one of its segments.
 
-    Of a stream of several segments, frames and bytes are sums, and tuples are those of all
-    segments, in order; vertices, faces, polygons, diagonal and the promised error are the largest
-    of a segment.
+    For several segments, frames and bytes are sums, tuples are concatenated, and vertices, faces,
+    polygons, diagonal and error bound are the maxima.
 
     Attributes
     ----------
@@ -100,8 +99,7 @@ class StreamInfo:
     vertex_type : str
         "float32" or "float64".
     n_modes : tuple of int
-        Modes of each block of frames (of each axis, where axes have their own); 0 in a lossless
-        stream.
+        Modes of each block (per axis, if axes have separate modes); 0 in a lossless stream.
     block_frames : tuple of int
         Frames of each block.
     size_bytes : int
@@ -113,35 +111,33 @@ class StreamInfo:
     part_bytes : dict of str to int
         Bytes of "positions", "connectivity" (with the order of vertices and faces), "surface"
         (polygons, attributes, groups, parts, materials, images), each "track NAME" and the
-        "container" around them, with blocks that are cut off; they sum to `size_bytes`. Parts of 0
-        bytes are left out.
+        "container", with truncated blocks; they sum to `size_bytes`. Parts of 0 bytes are omitted.
     block_bytes : tuple of int
-        Size of the sections of the positions in each block. Each block has its own fields: a
-        stream of a single block would save most of the bytes of the later ones.
+        Size of the sections of the positions in each block.
     max_error_percent : float or None
-        Promised bound of the distance of vertices from the original, in percent of the diagonal; 0
-        of a lossless stream.
+        Guaranteed largest distance of vertices from the original, in percent of the diagonal; 0
+        for a lossless stream.
     is_lossless : bool
-        Whether positions are those of the original, bit for bit.
+        Whether positions are lossless.
     is_whole : bool
-        False if the end is missing: the other attributes are then of the complete blocks.
+        False if the end is missing: the other attributes then describe the complete blocks.
     start_s : float
         Time of the first frame, in seconds.
     n_polygons : int
         Number of faces before triangulation.
     attributes : tuple of str
-        Attributes and groups of the mesh, such as "uv 'st' of corners".
+        Attributes and groups of the mesh, for example "uv 'st' of corners".
     parts : tuple of str
         Names of the merged meshes.
     diagonal : float
-        Diagonal of the bounding box, to which errors are relative, in model units: of all frames,
-        or of the first block of a live recording.
+        Diagonal of the bounding box of all frames (of the first block in a live recording), the
+        unit of relative errors, in model units.
     materials : tuple of str
-        Names of materials with their textures, such as "skin: base color image 0".
+        Names of materials with their textures, for example "skin: base color image 0".
     images : tuple of str
-        Descriptions of images, such as "0: 'shade', image/png, 92 bytes".
+        Descriptions of images, for example "0: 'shade', image/png, 92 bytes".
     tracks : tuple of TrackInfo
-        Tracks beside the positions.
+        Tracks other than the positions.
     segments : tuple of SegmentInfo
         At least one.
     """
@@ -201,7 +197,7 @@ class StreamInfo:
 
 
 def info(data: bytes, segment: int | None = None) -> StreamInfo:
-    """Contents of a `.reel` stream, and its bytes by section.
+    """Describe a `.reel` stream: contents, and bytes by section.
 
     Parameters
     ----------
@@ -212,9 +208,9 @@ def info(data: bytes, segment: int | None = None) -> StreamInfo:
     Raises
     ------
     InvalidInputError
-        If there is no such segment.
+        If the segment does not exist.
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
-        If the bytes are not a whole stream that this build reads.
+        If the bytes are not a complete stream that this build reads.
     """
     return file_info(whole_file(bytes(data)), segment)
 
@@ -226,63 +222,64 @@ def file_info(
     *,
     is_remote: bool = False,
 ) -> StreamInfo:
-    """Contents of a file, or of one of its segments; parameters and errors as of `stream_info`."""
+    """Describe a file, or one of its segments; parameters and errors as in `stream_info`."""
     if segment is not None or file.info.n_segments == 1:
         return stream_info(OpenStream(file, limit, segment), is_remote=is_remote)
-    found = []
+    segments = []
     for number in range(file.info.n_segments):
         opened = OpenStream(file, limit, number)
-        found.append(stream_info(opened, is_remote=is_remote))
+        segments.append(stream_info(opened, is_remote=is_remote))
         opened.file.close()
-    return _together(file, found)
+    return _combined(file, segments)
 
 
-def _together(file: OpenFile, found: list[StreamInfo]) -> StreamInfo:
-    """All segments of a file as one."""
+def _combined(file: OpenFile, segments: list[StreamInfo]) -> StreamInfo:
+    """Combine the descriptions of all segments of a file."""
 
     def largest(name: str) -> Any:
-        return max(getattr(one, name) for one in found)
+        return max(getattr(one, name) for one in segments)
 
     def joined(name: str) -> Any:
-        return tuple(item for one in found for item in getattr(one, name))
+        return tuple(item for one in segments for item in getattr(one, name))
 
     def named(name: str) -> Any:
-        return ", ".join(dict.fromkeys(getattr(one, name) for one in found))
+        return ", ".join(dict.fromkeys(getattr(one, name) for one in segments))
 
     budget, parts = Counter[str](), Counter[str]()
-    for one in found:
+    for one in segments:
         budget.update(one.budget_bytes)
         parts.update(one.part_bytes)
     size_bytes = file.info.size_bytes
-    around = size_bytes - sum(one.size_bytes for one in found)  # the index and the end
-    budget["framing"] += around
-    parts["container"] += around
-    promised = [one.max_error_percent for one in found if one.max_error_percent is not None]
+    ending = size_bytes - sum(one.size_bytes for one in segments)  # index and end marker
+    budget["framing"] += ending
+    parts["container"] += ending
+    promised = [one.max_error_percent for one in segments if one.max_error_percent is not None]
     return replace(
-        found[0],
+        segments[0],
         n_frames=file.info.n_frames,
         **{name: largest(name) for name in ("n_verts", "n_faces", "n_polygons", "diagonal")},
         **{name: named(name) for name in ("method", "laplacian", "order", "vertex_type")},
         **{name: joined(name) for name in ("n_modes", "block_frames", "block_bytes", "tracks")},
         **{name: joined(name) for name in ("attributes", "parts", "materials", "images")},
         size_bytes=size_bytes,
-        raw_size_bytes=sum(one.raw_size_bytes for one in found),
+        raw_size_bytes=sum(one.raw_size_bytes for one in segments),
         budget_bytes=dict(budget),
         part_bytes=dict(parts),
-        max_error_percent=max(promised) if len(promised) == len(found) else None,
-        is_lossless=all(one.is_lossless for one in found),
+        max_error_percent=max(promised) if len(promised) == len(segments) else None,
+        is_lossless=all(one.is_lossless for one in segments),
         is_whole=file.info.is_whole,
         segments=joined("segments"),
     )
 
 
 def stream_info(opened: OpenStream, *, is_remote: bool = False) -> StreamInfo:
-    """Contents of a stream, and its bytes by section.
+    """Describe a stream: contents, and bytes by section.
 
     Parameters
     ----------
+    opened : OpenStream
     is_remote : bool, default False
-        Read the heads of sections and the shortest ones alone, and compare no checksums.
+        Read only short sections and the heads of others, without verifying checksums.
 
     Raises
     ------
@@ -339,12 +336,12 @@ def stream_info(opened: OpenStream, *, is_remote: bool = False) -> StreamInfo:
 
 
 def _tracks(opened: OpenStream, section_bytes: list[int]) -> tuple[TrackInfo, ...]:
-    """The tracks beside the positions; `section_bytes` are those of their sections TRACK."""
-    found = []
+    """Describe the tracks; `section_bytes` are the sizes of their sections TRACK."""
+    infos = []
     for number, track in enumerate(opened.tracks, start=1):
         groups = (opened.file.block(block, number).size_bytes for block in range(opened.n_blocks))
         value_bytes = track.n_columns * track.dtype.itemsize
-        found.append(
+        infos.append(
             TrackInfo(
                 name=track.name,
                 kind=str(KINDS[track.kind]),
@@ -358,22 +355,12 @@ def _tracks(opened: OpenStream, section_bytes: list[int]) -> tuple[TrackInfo, ..
                 raw_size_bytes=opened.n_frames * track.n_items * value_bytes,
             )
         )
-    return tuple(found)
+    return tuple(infos)
 
 
 @dataclass
 class _Sizes:
-    """Bytes of a stream.
-
-    Attributes
-    ----------
-    of_sections : Counter of Section
-        Of each kind of section.
-    of_tracks : list of int
-        Of each section TRACK.
-    block_bytes : list of int
-        Of payloads of the positions of each block.
-    """
+    """Bytes of the header, kinds of sections, sections TRACK, and positions of each block."""
 
     header: int
     of_sections: Counter[Section]
@@ -382,7 +369,7 @@ class _Sizes:
 
 
 def _sizes(file: OpenFile, *, is_checked: bool) -> _Sizes:
-    """The sizes, from a pass over the sections; their checksums are compared if `is_checked`."""
+    """Sum up the sizes of sections; `is_checked` verifies their checksums."""
     sizes = _Sizes(file.info.size_bytes - file.offset, Counter(), [], [])
     position_ends = [place.offset + place.size_bytes for place in file.blocks]
     for one in file.sections(is_checked=is_checked):
@@ -401,7 +388,7 @@ def _sizes(file: OpenFile, *, is_checked: bool) -> _Sizes:
 
 
 def _budget(sizes: _Sizes, size_bytes: int) -> dict[str, int]:
-    """Bytes by kind of section; framing is what is around them."""
+    """Return the bytes by kind of section; the rest is framing."""
     framing = (Section.BLOCK, Section.INDEX, Section.END)
     budget = {"header": sizes.header}
     for section, own_bytes in sizes.of_sections.items():
@@ -412,7 +399,7 @@ def _budget(sizes: _Sizes, size_bytes: int) -> dict[str, int]:
 
 
 def _parts(opened: OpenStream, sizes: _Sizes, tracks: Iterable[TrackInfo]) -> dict[str, int]:
-    """Bytes of the parts of a stream; the container has those of no other part."""
+    """Return the bytes of the parts of a stream; the rest is the container."""
     blocks = sum(place.size_bytes for place in opened.file.blocks)
     parts = {
         "positions": blocks + sum(sizes.of_sections[one] for one in POSITIONS),

@@ -1,4 +1,4 @@
-"""Joining of streams, each of one mesh, to a stream of several segments; and separating them."""
+"""Join streams into a stream of several segments, and separate them again."""
 
 import struct
 from collections.abc import Iterator, Sequence
@@ -13,24 +13,24 @@ from meshreel.errors import InvalidInputError
 
 
 def join_streams(streams: Sequence[bytes]) -> bytes:
-    """A stream whose segments are the meshes of other streams, in this order.
+    """Join streams into one whose segments are their meshes, without re-encoding.
 
-    Nothing is encoded again. Name and start are those of the first stream.
+    Name and start are those of the first stream.
 
     Parameters
     ----------
     streams : sequence of bytes
-        Whole streams of one segment each, at least one.
+        Complete streams of one segment each, at least one.
 
     Raises
     ------
     InvalidInputError
         If there is no stream, one has several segments, or their frames per second differ.
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
-        If one is not a whole stream that this build reads.
+        If one is not a complete stream that this build reads.
     """
     if not streams:
-        raise InvalidInputError("there are no streams to join; at least one is needed")
+        raise InvalidInputError("there are no streams to join; give at least one")
     first, *further = map(whole_stream, streams)
     rates = {first.fps, *(one.fps for one in further)}
     if len(rates) > 1:
@@ -50,7 +50,7 @@ def join_streams(streams: Sequence[bytes]) -> bytes:
 
 
 def separate_stream(opened: OpenStream) -> bytes:
-    """A stream of this segment alone, which starts when it does; nothing is encoded again.
+    """Return a stream of one segment, with its start time, without re-encoding.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def _write_blocks(writer: StreamWriter, opened: OpenStream) -> None:
 
 
 def header_of(opened: OpenStream) -> Header:
-    """The header of a stream of one segment."""
+    """Return the header of a stream of one segment."""
     info = opened.file.info
     return Header(
         n_frames=info.n_frames,
@@ -87,13 +87,13 @@ def header_of(opened: OpenStream) -> Header:
 
 
 def leading_of(opened: OpenStream) -> Iterator[tuple[Section, bytes]]:
-    """The known sections before the first block that another segment may have."""
+    """Return the known sections before the first block that any segment may have."""
     leading = (one for one in opened.leading if one.id != Section.SEGMENT)
     return ((Section(one.id), opened.payload(one)) for one in leading)
 
 
 def blocks_of(opened: OpenStream) -> Iterator[tuple[int, list[tuple[Section, bytes]]]]:
-    """Frames and sections of each block."""
+    """Yield the number of frames and the sections of each block."""
     for number in range(opened.n_blocks):
         groups = (opened.group(number, track) for track in range(opened.file.info.n_tracks))
         sections = [one for group in groups for one in group]

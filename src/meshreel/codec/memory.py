@@ -1,7 +1,7 @@
-"""Sizes in bytes as users write them, and the limit of the memory that decoding may take at once.
+"""Parsing of sizes in bytes, and the memory limit of decoding.
 
-A few bytes of a stream may announce any number of values. What they announce is compared with the
-limit before anything is allocated for it.
+A few bytes of a stream may announce any number of values, so announced sizes are checked against
+the limit before memory is allocated.
 """
 
 import re
@@ -11,10 +11,10 @@ from meshreel.errors import InvalidInputError, MemoryLimitError
 from meshreel.runtime.counting import size_text
 
 DEFAULT_MEMORY = "8GiB"
-"""The limit where none is given; the same on every machine, so that a stream is too."""
+"""Default limit; the same on every machine, so that a stream decodes everywhere or nowhere."""
 
 BYTES_OF_VERTEX, BYTES_OF_FACE = 512, 128
-"""Of a mesh while it is decoded: connectivity, order and the hierarchy of its vertices."""
+"""Memory of decoding a mesh: connectivity, order and vertex hierarchy."""
 
 
 UNITS = {"": 1, "B": 1}
@@ -26,7 +26,7 @@ _SIZE = re.compile(r"((?:\d+\.?\d*|\.\d+)(?:e\+?\d{1,3})?)\s*([a-zA-Z]*)")
 
 
 def bytes_of(given: float | str, name: str) -> float:
-    """Return the number of bytes of a size that a user wrote.
+    """Parse a size.
 
     Parameters
     ----------
@@ -42,13 +42,13 @@ def bytes_of(given: float | str, name: str) -> float:
     """
     if not isinstance(given, str):
         return _checked(given, given, name)
-    found = _SIZE.fullmatch(given.strip())
+    match = _SIZE.fullmatch(given.strip())
     factors = {unit.lower(): factor for unit, factor in UNITS.items()}
-    if not found or found[2].lower() not in factors:
+    if not match or match[2].lower() not in factors:
         raise InvalidInputError(
             f"{name}= takes a size such as 100kB or 1GiB, or a number of bytes; got {given!r}"
         )
-    return _checked(float(found[1]) * factors[found[2].lower()], given, name)
+    return _checked(float(match[1]) * factors[match[2].lower()], given, name)
 
 
 def _checked(size_bytes: float, given: float | str, name: str) -> float:
@@ -59,22 +59,14 @@ def _checked(size_bytes: float, given: float | str, name: str) -> float:
 
 @dataclass(frozen=True)
 class MemoryLimit:
-    """The largest size of what is decoded at once."""
+    """Memory that decoding may take at a time."""
 
     limit_bytes: float
 
     def require(self, needed_bytes: int, what: str) -> None:
-        """Raise if something is larger than allowed.
+        """Raise MemoryLimitError if something needs more memory than allowed.
 
-        Parameters
-        ----------
-        what : str
-            Begins the error message, such as "frames 0:12 of 300 vertices".
-
-        Raises
-        ------
-        MemoryLimitError
-            If it is; names both sizes, and how to raise the limit.
+        `what` is the subject of the message, such as "frames 0:12 of 300 vertices".
         """
         if needed_bytes > self.limit_bytes:
             raise MemoryLimitError(
@@ -83,18 +75,18 @@ class MemoryLimit:
             )
 
     def require_mesh(self, n_verts: int, n_faces: int) -> None:
-        """Raise as `require` if decoding a mesh of this size takes more than allowed."""
+        """Raise MemoryLimitError if decoding a mesh of this size exceeds the limit."""
         needed = BYTES_OF_VERTEX * n_verts + BYTES_OF_FACE * n_faces
         self.require(needed, f"a mesh of {n_verts} vertices and {n_faces} faces")
 
 
 def memory_limit(memory: float | str | None) -> MemoryLimit:
-    """The limit of a size such as "2GiB" or a number of bytes; None is `DEFAULT_MEMORY`.
+    """Parse a limit such as "2GiB" or a number of bytes; None means `DEFAULT_MEMORY`.
 
     Raises
     ------
     InvalidInputError
-        If it is no size, or not above 0.
+        If it is not a size, or not above 0.
     """
     return DEFAULT_LIMIT if memory is None else MemoryLimit(bytes_of(memory, "memory"))
 
@@ -102,6 +94,6 @@ def memory_limit(memory: float | str | None) -> MemoryLimit:
 DEFAULT_LIMIT = memory_limit(DEFAULT_MEMORY)
 
 OWN_STREAM = 2.0**62
-"""The limit of a stream that this process has encoded: none."""
+"""Limit, in effect none, for streams that this process has encoded."""
 
 UNLIMITED = MemoryLimit(OWN_STREAM)

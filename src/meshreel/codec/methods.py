@@ -1,7 +1,7 @@
-"""The methods of coding: their names, their numbers in a stream, and what each offers.
+"""Encoding methods: their names, their codes in a stream, and their interface.
 
-The packages above that code blocks of frames and decode them (`reel`, `paper`) are registered by
-`meshreel.methods`, and imported when a stream or a user asks for one of their methods.
+`meshreel.methods` registers the packages that implement them (`reel`, `paper`), which are imported
+when a method is first used.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -30,33 +30,33 @@ if TYPE_CHECKING:
 
 
 class BlockCoder(Protocol):
-    """Codes blocks of frames one after another."""
+    """Encodes blocks of frames in order."""
 
     def leading_sections(self) -> Iterator[tuple["Section", bytes]]:
-        """The sections before the first block, behind those of the mesh."""
+        """Yield the sections between those of the mesh and the first block."""
 
     def code(self, vertices: "Vertices", tracks: "BlockTracks") -> "Sections":
-        """The sections of the next block.
+        """Encode the next block.
 
-        Integers are found now, bytes when the sections are taken.
+        Integers are computed now, bytes when the sections are iterated.
 
         Parameters
         ----------
         vertices : float array of shape (T_b, V, 3)
             In internal order.
         tracks : dict of str to Track
-            Values of the same frames, in the given order.
+            Values of the same frames, in the given vertex order.
         """
 
 
 class FrameReader(Protocol):
-    """Decodes frames of a stream, in any order, and keeps what its blocks share."""
+    """Decodes frames of a stream in any order, and caches key blocks."""
 
     def load(self, block: int, track: int = 0) -> None:
-        """Decode a block now, unless it is held; raises as `fill`."""
+        """Decode a block now, unless it is cached; raises as `fill`."""
 
     def fill(self, out: "npt.NDArray[Any]", first: int, track: int = 0) -> None:
-        """Fill a contiguous array of shape (n, N, C) with frames of a track from `first` on.
+        """Fill a contiguous array of shape (n, N, C) with frames of a track, starting with `first`.
 
         Raises
         ------
@@ -67,57 +67,45 @@ class FrameReader(Protocol):
         """
 
     def close(self) -> None:
-        """Release all that is held."""
+        """Release all memory."""
 
 
 class Method(Protocol):
-    """A method of coding."""
+    """An encoding method."""
 
     @property
     def name(self) -> str:
-        """Its name, as users write it."""
+        """Name of the method, as in the options."""
 
     @property
     def block_frames(self) -> int | None:
-        """Frames coded together where nothing is asked for; None: as many as there are."""
+        """Default number of frames per block; None: all frames."""
 
     @property
     def has_tracks(self) -> bool:
-        """Whether its streams hold tracks beside the positions."""
+        """Whether its streams may contain tracks."""
 
     @property
     def is_lossless(self) -> bool:
-        """Whether positions come back bit for bit."""
+        """Whether positions are lossless."""
 
     @property
-    def codes_blocks_apart(self) -> bool:
-        """Whether blocks can be coded by different workers, once the first is there."""
+    def blocks_are_independent(self) -> bool:
+        """Whether workers can encode blocks in parallel after the first."""
 
     def check(self, config: "EncoderConfig") -> None:
-        """Nothing if the options it takes fit each other; each by itself is in range.
-
-        Raises
-        ------
-        InvalidInputError
-            If they do not.
-        """
+        """Raise InvalidInputError if options, each in range, exclude each other."""
 
     def check_live(self, config: "EncoderConfig") -> None:
-        """Nothing if frames can be coded so as they come, before the last is there.
-
-        Raises
-        ------
-        InvalidInputError
-            If they cannot.
-        """
+        """Raise InvalidInputError if these options require the whole sequence."""
 
     def longest_block(self, n_frames: int, n_verts: int) -> int:
-        """Frames coded together where no number of them is given, and memory allows it."""
+        """Return the number of frames per block without an option or a memory limit."""
 
     def block_bytes(
         self, block_frames: int, n_verts: int, number_bytes: int, *, is_whole: bool
     ) -> float:
-        """Memory that encoding takes with blocks of so many frames.
+        """Estimate the memory of encoding with blocks of this length.
 
         Parameters
         ----------
@@ -125,14 +113,14 @@ class Method(Protocol):
         number_bytes : int
             Size of a coordinate.
         is_whole : bool
-            Whether there is no further block, which would be read meanwhile.
+            Whether one block is the whole sequence, so that no other is read meanwhile.
         """
 
     def most_modes(self, n_frames: int, n_verts: int) -> int:
-        """Modes that a block of so many frames can have at most."""
+        """Return the largest number of modes of a block."""
 
     def encode(self, source: "Source", progress: "Progress", engine: "Engine | None") -> bytes:
-        """The bytes of a stream of the source.
+        """Encode the source to a stream.
 
         Raises
         ------
@@ -148,20 +136,20 @@ class Method(Protocol):
         tracks: "BlockTracks",
         targets: "TrackTargets | None",
     ) -> BlockCoder:
-        """The coder of frames that are not all there yet.
+        """Return an encoder of live frames.
 
         Parameters
         ----------
         mesh : CodedMesh
         frame : BoundingFrame
-            Of the first block.
+            Bounding frame of the first block.
         first : float array of shape (T_b, V, 3)
             The first block, in internal order: step and number of modes follow from it. It is not
-            coded yet.
+            encoded yet.
         tracks : dict of str to Track
             Values of the first block.
         targets : mapping of str to str or float, or None
-            How exact tracks are to come back.
+            Error bounds of tracks.
         """
 
     def frames(self, opened: "OpenStream", n_modes: int | None) -> FrameReader:
@@ -172,7 +160,7 @@ class Method(Protocol):
         opened : OpenStream
         n_modes : int or None
             Number of leading modes of each block that move; None for all. In streams of `reel`,
-            further modes, up to at least the 16th, are held at their mean over the block, and
+            further modes, up to at least the 16th, keep their mean over the block, and
             corrections are omitted.
 
         Raises
@@ -194,7 +182,7 @@ METHOD_CODES = {
     "lossless": 8,
     "grid": 9,
 }
-"""Numbers of the methods in a stream, by name."""
+"""Codes of the methods in a stream, by name."""
 
 METHOD_NAMES = tuple(METHOD_CODES)
 
@@ -203,32 +191,20 @@ _LOADERS: dict[str, Callable[[], Methods]] = {}
 
 
 def register(names: Iterable[str], load: Callable[[], Methods]) -> None:
-    """Let a function load methods, by name, when one of these names is first used."""
+    """Register a function that loads methods when one of these names is first used."""
     _LOADERS.update(dict.fromkeys(names, load))
 
 
 @cache
 def method_named(name: str) -> Method:
-    """The method of this name.
-
-    Raises
-    ------
-    InvalidInputError
-        If there is none; says which there are.
-    """
+    """Return the method of this name; raises InvalidInputError, with all names, if unknown."""
     if name not in METHOD_CODES:
         raise InvalidInputError(f"method {name!r} is unknown; choose {', '.join(METHOD_NAMES)}")
     return _LOADERS[name]()[name]
 
 
 def method_of_code(code: int) -> Method:
-    """The method of a stream.
-
-    Raises
-    ------
-    UnsupportedVersionError
-        If this build does not know it.
-    """
+    """Return the method of this code; raises UnsupportedVersionError if unknown."""
     for name, known in METHOD_CODES.items():
         if code == known:
             return method_named(name)

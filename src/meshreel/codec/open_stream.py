@@ -25,7 +25,7 @@ from meshreel.model.surface import PLAIN, Surface
 CodedChoice = TypeVar("CodedChoice", bound=IntEnum)
 
 MODE_BYTES = 48
-"""Of a value of a mode of the paper, at a vertex or over time, while it is decoded: three axes."""
+"""Memory of a value of a mode of the paper's methods during decoding: three axes."""
 
 
 class OpenStream:
@@ -35,40 +35,40 @@ class OpenStream:
     ----------
     source : bytes, binary file that can seek, or OpenFile
     limit : MemoryLimit, optional
-        Of everything that is decoded at once: the mesh, a block, an array that is returned.
+        Limit of the mesh, of a block and of a returned array.
     segment : int, optional
-        Number of a segment, from 0; needed if the stream has several. All else is then of it alone.
+        Number of a segment, from 0; needed if the stream has several. Attributes describe it alone.
 
     Attributes
     ----------
     file : OpenFile
     offset : int
-        Byte at which it begins: 0, or that of a segment of several.
+        First byte: 0, or the start of a segment.
     size_bytes : int
-        From there to the end of the stream or segment, or of the last complete block.
+        Size up to the end of the stream or segment, or of the last complete block.
     method : Method
     laplacian : Laplacian
         Laplacian of the deltas, if the method has deltas.
     order_kept : Order
-        The order of vertices and faces that is kept.
+        The kept order of vertices and faces.
     promise_percent : float or None
-        Error bound that the stream promises, in percent of the diagonal: 0 if positions are
-        lossless, None if it promises nothing.
+        Guaranteed error bound, in percent of the diagonal: 0 if positions are lossless, None if
+        the stream guarantees none.
     starts : list of int
         First frame of each complete block, and the number of all frames.
     tracks : tuple of FileTrack
-        The tracks beside the positions.
+        Tracks other than the positions.
 
     Raises
     ------
     InvalidInputError
-        If the stream has no such segment; or several, and none is chosen.
+        If the segment does not exist, or the stream has several and none is selected.
     CorruptStreamError, TruncatedStreamError
         If the header is damaged, or no block of frames is complete.
     UnsupportedVersionError
         If a newer build is needed.
     MemoryLimitError
-        If even the list of its parts takes more memory than allowed.
+        If even the list of sections takes more memory than allowed.
     """
 
     def __init__(
@@ -151,8 +151,8 @@ class OpenStream:
     @cached_property
     def leading(self) -> tuple[FileSection, ...]:
         """Known sections before the first block."""
-        found = self.file.sections(stop=self.file.block(0).offset, is_checked=False)
-        return tuple(filter(attrgetter("is_known"), found))
+        sections = self.file.sections(stop=self.file.block(0).offset, is_checked=False)
+        return tuple(filter(attrgetter("is_known"), sections))
 
     @cached_property
     def surface(self) -> Surface:
@@ -171,11 +171,11 @@ class OpenStream:
         return PLAIN  # without decoding the faces
 
     def payload(self, section: FileSection) -> bytes:
-        """The payload of a section."""
+        """Read the payload of a section."""
         return self.file.bytes_at(section.payload_offset, section.payload_bytes)
 
     def only(self, section: Section) -> bytes:
-        """Payload of the only section of this id before the first block.
+        """Read the only section of this id before the first block.
 
         Raises
         ------
@@ -190,41 +190,35 @@ class OpenStream:
         return self.payload(found[0])
 
     def group(self, number: int, track: int = 0) -> Iterator[tuple[Section, bytes]]:
-        """Sections of a track in a block; their checksums are compared.
-
-        Raises
-        ------
-        CorruptStreamError
-            If one is damaged.
-        """
+        """Yield the sections of a track in a block; raises CorruptStreamError if damaged."""
         place = self.file.block(number, track)
         for one in self.file.sections(place.offset, place.offset + place.size_bytes):
             if one.is_known:
                 yield Section(one.id), self.payload(one)
 
     def stored(self, number: int) -> StoredBlock:
-        """A block of a stream of the paper's methods, as it is stored.
+        """Read a block of a stream of the paper's methods.
 
         Raises
         ------
         CorruptStreamError
-            If it is damaged, or has more or fewer modes than its method allows.
+            If it is damaged, or its number of modes is not allowed.
         MemoryLimitError
             If decoding it would take more than allowed.
         """
-        place, found = self.file.block(number), list(self.group(number))
-        sections = dict(found)
-        if len(sections) < len(found):
+        place, listed = self.file.block(number), list(self.group(number))
+        sections = dict(listed)
+        if len(sections) < len(listed):
             raise CorruptStreamError(f"block {number} has a section twice")
         n_frames, n_modes = read_block_counts(sections.get(Section.BLOCK, b""))
-        if n_frames != place.n_frames or found[0][0] is not Section.BLOCK:
+        if n_frames != place.n_frames or listed[0][0] is not Section.BLOCK:
             raise CorruptStreamError(
                 f"block {number} has {n_frames} frames; the index has {place.n_frames}"
             )
-        most = self.method.most_modes(n_frames, self.n_verts)
-        if not 1 <= n_modes <= most:
+        max_modes = self.method.most_modes(n_frames, self.n_verts)
+        if not 1 <= n_modes <= max_modes:
             raise CorruptStreamError(
-                f"a block of {n_frames} frames has {n_modes} modes; 1 to {most} are possible"
+                f"a block of {n_frames} frames has {n_modes} modes; 1 to {max_modes} are allowed"
             )
         needed = MODE_BYTES * n_modes * (self.n_verts + 3 * n_frames)
         needed += 3 * n_frames * self.n_verts * self.dtype.itemsize
@@ -251,7 +245,7 @@ def _choice_of_code(choices: type[CodedChoice], code: int) -> CodedChoice:
 def whole_stream(
     data: bytes, limit: MemoryLimit = DEFAULT_LIMIT, segment: int | None = None
 ) -> OpenStream:
-    """A stream of which nothing is missing; or a segment of it.
+    """Open a complete stream, or a segment of it.
 
     Raises
     ------
@@ -266,7 +260,7 @@ def whole_stream(
 
 
 def whole_file(data: bytes, limit: MemoryLimit = DEFAULT_LIMIT) -> OpenFile:
-    """A stream of any number of segments, of which nothing is missing.
+    """Open a complete stream of any number of segments.
 
     Raises
     ------

@@ -1,7 +1,6 @@
 """Options as annotated fields of dataclasses: type, default, range and help, written once.
 
-The signature and docstring of a function, the command line and the documentation are made from
-them.
+The signature and docstring of a function, the command line and the documentation derive from them.
 """
 
 import inspect
@@ -30,20 +29,20 @@ Record = TypeVar("Record")
 Result = TypeVar("Result")
 
 DOC_WIDTH = 92
-"""Characters of a line of a generated docstring, without its indent."""
+"""Width of a generated docstring, without its indent."""
 
 OPTIONS_LINE = "options"
-"""Parameter in the docstring of a function, with a line of text, that all options replace."""
+"""Placeholder in a docstring, followed by one line, that the options replace."""
 
 
 @dataclass(frozen=True)
 class Range:
-    """The numbers that are allowed.
+    """A range of allowed numbers.
 
     Parameters
     ----------
     is_open : bool, default False
-        Whether `low` itself is refused.
+        Whether `low` is excluded.
     is_whole : bool, default False
         Whether only whole numbers are allowed.
     """
@@ -70,22 +69,11 @@ class Range:
 
     @property
     def words(self) -> str:
-        """The same inside of a sentence, for a range with two ends: "1 to 9"."""
+        """Both ends for use in a sentence: "1 to 9"."""
         return f"{self.low:g} to {self.high:g}"
 
     def check(self, number: Any, name: str, unit: str = "") -> None:
-        """Nothing if a number is in the range.
-
-        Parameters
-        ----------
-        name : str
-            What the number is, for the error.
-
-        Raises
-        ------
-        InvalidInputError
-            If it is not, or is no number.
-        """
+        """Raise InvalidInputError, with the option's name, unless a number is in the range."""
         allowed = f"{self}, {unit}" if unit else str(self)
         if _as_number(number) not in self:
             shown = repr(number) if isinstance(number, str) else number
@@ -93,45 +81,43 @@ class Range:
 
 
 COUNT = Range(1, is_whole=True)
-"""How many of something, where there has to be one."""
+"""Counts of at least 1."""
 
 
 @dataclass(frozen=True)
 class Option:
-    """What a field of options means to users: the metadata of its annotation.
+    """User-facing description of an option: the metadata of its field's annotation.
 
     ``quality: Annotated[float | None, Option("1 to 100.", range=Range(1, 100))] = None``
 
     Attributes
     ----------
     help : str
-        What is chosen, in a sentence or two. Write other options as ``{unit}``, which becomes
-        ``--unit`` on the command line.
+        A sentence or two. Refer to other options as ``{unit}``, which becomes ``--unit`` on the
+        command line.
     default_text : str
-        Where the default is None: what that means, unless `help` says it.
+        Meaning of the default None, unless `help` explains it.
     names : tuple of str
-        The values that are allowed, where they are names.
+        Allowed values, if they are names.
     range : Range or None
-        The numbers that are allowed. Of an option that takes text besides, the numbers that it
-        may mean.
+        Allowed numbers, including those that text of the option may mean.
     unit : str
-        Of a number, as it follows the range: "in percent".
+        Unit of a number, as it follows the range: "in percent".
     more : str
-        What the documentation says besides.
+        Additional text of the documentation.
     group : str
         Heading in help and documentation; empty for the first.
     flag : str
-        Name on the command line, such as "--modes"; made from `name` where it is empty.
+        Name on the command line, such as "--modes"; by default derived from `name`.
     metavar : str
-        Stands for the value in help.
+        Placeholder of the value in help.
     methods : tuple of str
-        Names of the methods of coding that it has an effect on.
+        Names of the encoding methods that use it.
     name : str
-        Of the field: the keyword in Python. Set by `options_of_fields`, as the following.
+        Keyword in Python; like the following, set by `options_of_fields` from the field.
     annotation : type
-        Of the field, without the metadata.
+        Type of the field, without the metadata.
     default : object
-        Of the field.
     """
 
     help: str
@@ -150,7 +136,7 @@ class Option:
 
     @property
     def types(self) -> tuple[Any, ...]:
-        """The types that a value may have, besides None."""
+        """Types of a value, except None."""
         allowed = get_args(self.annotation) if self.has_several_types else (self.annotation,)
         return tuple(one for one in allowed if one is not type(None))
 
@@ -160,18 +146,13 @@ class Option:
         return isinstance(self.annotation, UnionType)
 
     def help_naming(self, name_of: Callable[[str], str]) -> str:
-        """The help, in which a function gives names to other options."""
-        return self.help.format_map(_Named(name_of))
+        """Return the help; `name_of` returns the names of other options in it."""
+        return self.help.format_map(_OptionNames(name_of))
 
     def check(self, value: Any) -> None:
-        """Nothing if a value is allowed.
+        """Raise InvalidInputError unless a value is allowed.
 
-        Lists and text of options that take numbers, too, are left to those who read them.
-
-        Raises
-        ------
-        InvalidInputError
-            If it is not; says which are.
+        Lists and text of options that also take numbers are checked by their parsers.
         """
         if value is None and self.default is None:
             return
@@ -182,24 +163,24 @@ class Option:
                 raise InvalidInputError(
                     f"{self.name} {value!r} is unknown; choose {', '.join(self.names)}"
                 )
-        elif self.range is not None and not self._is_read_elsewhere(value):
+        elif self.range is not None and not self._is_parsed_later(value):
             self.range.check(value, self.name, self.unit)
 
-    def _is_read_elsewhere(self, value: Any) -> bool:
+    def _is_parsed_later(self, value: Any) -> bool:
         others = [get_origin(one) or one for one in self.types if one not in (int, float)]
         return any(isinstance(value, other) for other in others)
 
 
 def _as_number(value: Any) -> float:
-    """A value as a float; not-a-number if it is none."""
+    """Convert a value to a float; NaN if it is not a number."""
     try:
         return math.nan if isinstance(value, str | bytes) else float(value)
     except (TypeError, ValueError, OverflowError):
         return math.nan
 
 
-class _Named(dict[str, str]):
-    """Names of options, each from a function when it is looked up."""
+class _OptionNames(dict[str, str]):
+    """Maps options to the names that a function returns for them."""
 
     def __init__(self, name_of: Callable[[str], str]) -> None:
         self._name_of = name_of
@@ -209,14 +190,14 @@ class _Named(dict[str, str]):
 
 
 def options_of_fields(record: type) -> tuple[Option, ...]:
-    """The fields of a dataclass whose annotation has an `Option`, as options with their names."""
+    """Return the fields of a dataclass that are annotated with an `Option`, as options."""
     hints = get_type_hints(record, include_extras=True)
-    found = []
+    options = []
     for field in fields(record):
         if get_origin(hints[field.name]) is Annotated:
             annotation, option = get_args(hints[field.name])
             flag = option.flag or f"--{field.name.replace('_', '-')}"
-            found.append(
+            options.append(
                 replace(
                     option,
                     name=field.name,
@@ -225,15 +206,15 @@ def options_of_fields(record: type) -> tuple[Option, ...]:
                     flag=flag,
                 )
             )
-    return tuple(found)
+    return tuple(options)
 
 
 def takes_fields(
     record: Callable[Options, Record],
 ) -> Callable[[Callable[[First, Record], Result]], Callable[Concatenate[First, Options], Result]]:
-    """A decorator for a function of a value and a dataclass: it takes the fields as keywords.
+    """Return a decorator that passes keywords to a function as the fields of a dataclass.
 
-    Its signature is that of the dataclass; in its docstring, options replace the parameter
+    The decorated function has the signature of the dataclass; in its docstring, the options replace
     `OPTIONS_LINE`.
     """
 
@@ -246,8 +227,8 @@ def takes_fields(
 
         first, _ = inspect.signature(function, eval_str=True).parameters.values()
         hints = get_type_hints(record)
-        given = inspect.signature(record).parameters.values()
-        parameters = [one.replace(annotation=hints[one.name]) for one in given]
+        fields_of_record = inspect.signature(record).parameters.values()
+        parameters = [one.replace(annotation=hints[one.name]) for one in fields_of_record]
         with_fields.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
             [first.replace(kind=first.POSITIONAL_OR_KEYWORD), *parameters],
             return_annotation=get_type_hints(function)["return"],
@@ -263,7 +244,7 @@ def takes_fields(
 
 
 def numpydoc(option: Option) -> str:
-    """An option as numpydoc describes a parameter."""
+    """Describe an option as a numpydoc parameter."""
     names, text = ", ".join(map(literal, option.names)), documentation(option)
     default = "optional" if option.default is None else f"default {literal(option.default)}"
     head = f"{option.name} : {{{names}}}, {default}"
@@ -275,7 +256,7 @@ def numpydoc(option: Option) -> str:
 
 
 def documentation(option: Option) -> str:
-    """The text about an option for users of Python."""
+    """Describe an option to users of Python."""
     texts = [option.help_naming("`{}`".format)]
     if option.default_text:
         texts.append(f"Default: {option.default_text}.")
@@ -283,12 +264,12 @@ def documentation(option: Option) -> str:
 
 
 def literal(default: Any) -> str:
-    """A value in Python syntax, text in double quotes."""
+    """Format a value in Python syntax, text in double quotes."""
     return f'"{default}"' if isinstance(default, str) else repr(default)
 
 
 def type_text(option: Option) -> str:
-    """The types of an option in words: "float or str"."""
+    """Name the types of an option: "float or str"."""
     return " or ".join(map(_type_name, option.types))
 
 

@@ -25,18 +25,17 @@ from meshreel.runtime.stores.ranged_file import RangedFile
 
 Vertices = npt.NDArray[np.floating]
 
-READ_AHEAD_BYTES, LEAST_TOGETHER = 1 << 23, 16
-"""Size of the frames that an iteration decodes at a time, and how many there are at least: the
-fields of large meshes are collected once for all of them."""
+READ_AHEAD_BYTES, MIN_READ_AHEAD = 1 << 23, 16
+"""Bytes, and least number, of frames that an iteration decodes at a time: the fields of large
+meshes are gathered once for all of them."""
 
 
 class ReelFile:
     """The frames of a `.reel` file, decoded on demand; returned by `meshreel.open`.
 
-    Its length is the number of frames. ``reel[3]`` is the positions of a frame, of shape (V, 3); a
-    slice, or a list of numbers, gives those of several; iterating gives all in turn in constant
-    memory. Several threads may share one, and so may
-    processes forked from the one that opened it.
+    ``len(reel)`` is the number of frames. ``reel[3]`` is the positions of a frame, of shape (V, 3);
+    slices and lists of numbers return several frames; iteration yields all in constant memory.
+    Threads may share it, and so may processes forked from the one that opened it.
 
     Parameters
     ----------
@@ -47,7 +46,7 @@ class ReelFile:
     memory : float or str, optional
         As in `meshreel.open`.
     segment : int, optional
-        As in `meshreel.open`; frames, and all else, are then of this segment.
+        As in `meshreel.open`; frames and all attributes are then of this segment.
 
     Attributes
     ----------
@@ -60,19 +59,19 @@ class ReelFile:
     dtype : numpy dtype
         Of the positions: float32 or float64.
     method : str
-        How it was coded, as `meshreel.encode` calls it.
+        Encoding method, as in `meshreel.encode`.
     order : str
-        The order of vertices and faces that is kept: "keep" (all), "vertices" or "drop".
+        The kept order of vertices and faces: "keep" (both), "vertices" or "drop".
     frame : BoundingFrame
-        Centre and diagonal of the bounding box of the original frames; of a live recording, of
-        those of the first block.
+        Center and diagonal of the bounding box of the original frames; for a live recording, of
+        the first block.
     starts : tuple of int
         First frame of each block, and the number of all frames.
     promised_error : float or None
-        Upper bound of the distance of vertices from the original, in model units, 0 if positions
-        come back bit for bit; None if the stream has none, or only some of its modes are decoded.
+        Guaranteed largest distance of vertices from the original, in model units, 0 if positions
+        are lossless; None if the stream guarantees none, or only some modes are decoded.
     tracks : dict of str to ReelTrack
-        Quantities that change over time, beside the positions, by their names.
+        Tracks by name.
     is_whole : bool
         False if the end of the file is missing: its encoder was interrupted, or is still running.
         The frames of all complete blocks are available.
@@ -90,7 +89,7 @@ class ReelFile:
         opened = self._opened = OpenStream(self._file, limit, segment)
         opened.require_mesh()
         self._n_modes = n_modes
-        if n_modes is not None:  # which may not be for this stream: that is said now
+        if n_modes is not None:  # raise now if the stream does not support it
             _ = self._frames
         self.n_frames, self.n_verts, self.n_faces = opened.n_frames, opened.n_verts, opened.n_faces
         self.fps, self.name, self.is_whole = opened.fps, opened.name, opened.is_whole
@@ -104,7 +103,7 @@ class ReelFile:
 
     @cached_property
     def _frames(self) -> FrameReader:
-        """The decoder of its frames, which a file that is only described does not need."""
+        """Decoder of frames, created on first use."""
         return self._opened.method.frames(self._opened, self._n_modes)
 
     @property
@@ -119,28 +118,22 @@ class ReelFile:
 
     @cached_property
     def tracks(self) -> dict[str, ReelTrack]:
-        """Quantities that change over time, beside the positions, by their names."""
+        """Tracks by name."""
         return tracks_of_stream(self._opened, self._frames)
 
     def track(self, name: str) -> ReelTrack:
-        """A track of this name, of which nothing is decoded yet.
-
-        Raises
-        ------
-        InvalidInputError
-            If there is none; says which there are.
-        """
+        """Return the track of this name, not decoded yet; raises InvalidInputError if missing."""
         if name in self.tracks:
             return self.tracks[name]
-        there = f"there are {', '.join(self.tracks)}" if self.tracks else "it has none"
-        raise InvalidInputError(f"the file has no track {name!r}; {there}")
+        tracks = f"choose {', '.join(self.tracks)}" if self.tracks else "it has no tracks"
+        raise InvalidInputError(f"the file has no track {name!r}; {tracks}")
 
     def info(self) -> StreamInfo:
-        """Contents of the file and bytes by section; no frame is decoded."""
+        """Describe the contents of the file, with bytes by section, without decoding a frame."""
         return stream_info(self._opened, is_remote=isinstance(self._file, RangedFile))
 
     def read(self, start: int, stop: int) -> Vertices:
-        """Positions of frames start..stop - 1, of shape (stop - start, V, 3).
+        """Decode positions of frames start..stop - 1, of shape (stop - start, V, 3).
 
         Raises
         ------
@@ -156,14 +149,14 @@ class ReelFile:
                 f"frames {start}:{stop} are not in the file; it has frames 0:{self.n_frames}"
             )
         self._opened.require_frames(range(start, stop))
-        if start < stop:  # raises for a damaged one before memory is allocated
-            self.load(self._number_of(start))
+        if start < stop:  # a damaged block raises before memory is allocated
+            self.load(self._block_of(start))
         frames = np.empty((stop - start, self.n_verts, 3), self.dtype)
         self._frames.fill(frames, start)
         return frames
 
     def load(self, number: int) -> None:
-        """Decode a block now, so that its frames come without delay.
+        """Decode a block now, so that its frames are available without delay.
 
         Parameters
         ----------
@@ -201,33 +194,27 @@ class ReelFile:
         for _, frames in self.pieces():
             yield from frames
 
-    def pieces(self, wanted: range | None = None) -> Iterator[tuple[int, Vertices]]:
-        """Runs of frames: number of the first, and positions of shape (T_run, V, 3).
+    def pieces(self, selected: range | None = None) -> Iterator[tuple[int, Vertices]]:
+        """Yield runs of frames: number of the first, and positions of shape (T_run, V, 3).
 
         Parameters
         ----------
-        wanted : range, optional
+        selected : range, optional
             Consecutive frames; default all.
         """
-        frames = range(self.n_frames) if wanted is None else wanted
+        frames = range(self.n_frames) if selected is None else selected
         starts = self.starts
         frame_bytes = self.n_verts * 3 * self.dtype.itemsize
-        n_together = max(LEAST_TOGETHER, READ_AHEAD_BYTES // frame_bytes)
+        n_together = max(MIN_READ_AHEAD, READ_AHEAD_BYTES // frame_bytes)
         n_together = max(1, min(n_together, int(self._opened.limit.limit_bytes // frame_bytes)))
-        first, last = self._number_of(frames.start), self._number_of(frames.stop - 1)
+        first, last = self._block_of(frames.start), self._block_of(frames.stop - 1)
         for number in range(first, last + 1):
             start, stop = max(frames.start, starts[number]), min(frames.stop, starts[number + 1])
             for run in range(start, stop, n_together):
                 yield run, self.read(run, min(run + n_together, stop))
 
     def frame_range(self, chosen: slice | None) -> range:
-        """The frames of a slice of consecutive frames; None is all.
-
-        Raises
-        ------
-        InvalidInputError
-            If it has no frame, or its frames are not consecutive.
-        """
+        """Return the frames of a slice (None: all); raises InvalidInputError if not consecutive."""
         return frame_range(chosen, self.n_frames)
 
     def require_frames(self, frames: range) -> None:
@@ -235,7 +222,7 @@ class ReelFile:
         self._opened.require_frames(frames, with_tracks=True)
 
     def n_modes_of(self, number: int) -> int:
-        """Number of modes of a block; it is read, and not decoded.
+        """Read the number of modes of a block, without decoding it.
 
         Raises
         ------
@@ -246,18 +233,18 @@ class ReelFile:
 
     @cached_property
     def _segment(self) -> bytes | None:
-        """A stream of the segment that is open, if the file has several."""
+        """A stream of this segment, if the file has several."""
         return separate_stream(self._opened) if self._opened.file.whole.n_segments > 1 else None
 
     @property
     def size_bytes(self) -> int:
-        """Size of the stream, without what may follow its last complete block."""
+        """Size of the stream up to its end or last complete block."""
         return self._opened.size_bytes if self._segment is None else len(self._segment)
 
     def stored(self, start: int, stop: int) -> bytes:
-        """Bytes of the stream as they are stored, such as a server sends them.
+        """Return stored bytes of the stream, for servers.
 
-        Those of a segment of several are a stream of this segment alone, which is kept in memory.
+        If the file has several segments, they are of a stream of this segment, kept in memory.
         """
         if self._segment is not None:
             return self._segment[start:stop]
@@ -265,12 +252,12 @@ class ReelFile:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """The file that frames are read from, if it has a name."""
+        """Path of the file, if it has one."""
         name = getattr(self._file, "name", None)
         return (Path(name),) if isinstance(name, str | Path) else ()
 
     def close(self) -> None:
-        """Close the file and release what is decoded."""
+        """Close the file and release decoded blocks."""
         if "_frames" in self.__dict__:
             self._frames.close()
         self._file.close()
@@ -297,6 +284,6 @@ class ReelFile:
             f"{self.n_faces} faces, {self.fps:g} fps, {self.dtype}{cut}>"
         )
 
-    def _number_of(self, frame: int) -> int:
-        """The block that holds a frame."""
+    def _block_of(self, frame: int) -> int:
+        """Return the block that contains a frame."""
         return int(np.searchsorted(self.starts, frame, side="right")) - 1

@@ -19,31 +19,29 @@ from meshreel.runtime.counting import counted
 class ReelTrack:
     """A track of a `.reel` file; returned by `ReelFile.track`.
 
-    Its length is the number of frames. ``track[3]`` is the values of a frame, of shape (N, C); a
-    slice, or a list of numbers, gives those of several, of shape (T, N, C). Nothing but this track
-    is read and decoded for it, and positions where they predict it: of velocities and normals.
-    Several threads may share one.
+    ``len(track)`` is the number of frames. ``track[3]`` is the values of a frame, of shape (N, C);
+    slices and lists of numbers return several frames, of shape (T, N, C). Only this track is read
+    and decoded, with positions if they predict it (velocities and normals). Threads may share it.
 
     Parameters
     ----------
     frames : FrameReader
-        Of the stream.
     number : int
-        Of the track in the stream, from 1 on.
+        Number of the track in the stream, at least 1.
 
     Attributes
     ----------
     name, unit : str
     kind : TrackKind
     domain : Domain
-        Where its values are; faces are polygons, corners are theirs.
+        Faces are polygons, and corners are corners of polygons.
     dtype : numpy dtype
     is_exact : bool
-        Whether its numbers are those of the original.
+        Whether its numbers are lossless.
     promised_error : float or None
-        Largest error of a value that the encoder has made sure of: the length of the difference,
-        in the unit of the track; of normals the angle in degrees; of colours that of each number.
-        None if nothing is promised.
+        Guaranteed largest error of a value: the length of the difference, in the unit of the track;
+        for normals the angle in degrees; for colors the difference of each number. None if the
+        stream guarantees none.
     """
 
     def __init__(self, opened: OpenStream, frames: FrameReader, number: int) -> None:
@@ -58,7 +56,7 @@ class ReelTrack:
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Frames, vertices or faces or corners, and numbers of each value: (T, N, C)."""
+        """Frames, items (vertices, faces or corners) and columns: (T, N, C)."""
         track = self._opened.file.tracks[self._number]
         return self._opened.n_frames, track.n_items, track.n_columns
 
@@ -68,7 +66,7 @@ class ReelTrack:
         return self._opened.file.tracks[self._number].frame_bytes
 
     def read(self, start: int, stop: int) -> Values:
-        """Values of frames start..stop - 1, of shape (stop - start, N, C).
+        """Decode values of frames start..stop - 1, of shape (stop - start, N, C).
 
         Raises
         ------
@@ -87,7 +85,7 @@ class ReelTrack:
         self._opened.limit.require(
             (stop - start) * self.frame_bytes, f"frames {start}:{stop} of track {self.name!r}"
         )
-        if start < stop:  # raises for a damaged block before memory is allocated
+        if start < stop:  # a damaged block raises before memory is allocated
             self._frames.load(self._opened.file.block_of_frame(start), self._number)
         values = np.empty((stop - start, *self.shape[1:]), self.dtype)
         self._frames.fill(values, start, self._number)
@@ -105,9 +103,9 @@ class ReelTrack:
             return self.read(numbers.start, max(numbers.start, numbers.stop))
         # In the order of the file, so that no block is decoded twice.
         in_order, places = np.unique(np.asarray(numbers, np.int64), return_inverse=True)
-        values = [self.read(number, number + 1) for number in in_order.tolist()]
-        found = np.concatenate(values) if values else np.empty((0, *self.shape[1:]), self.dtype)
-        return found[places]
+        frames = [self.read(number, number + 1) for number in in_order.tolist()]
+        values = np.concatenate(frames) if frames else np.empty((0, *self.shape[1:]), self.dtype)
+        return values[places]
 
     def __iter__(self) -> Iterator[Values]:
         for number in range(len(self)):
@@ -118,7 +116,7 @@ class ReelTrack:
 
 
 def tracks_of_stream(opened: OpenStream, frames: FrameReader) -> dict[str, ReelTrack]:
-    """The tracks of a stream by their names; `frames` decodes them."""
+    """Return the tracks of a stream by name; `frames` decodes them."""
     return {
         track.name: ReelTrack(opened, frames, number)
         for number, track in enumerate(opened.tracks, start=1)

@@ -1,4 +1,4 @@
-"""Tracks in which a simulation stores the state of its solver, which few programs read later."""
+"""Detection of tracks that store the internal state of a simulation."""
 
 from collections.abc import Collection, Iterable
 
@@ -11,34 +11,34 @@ SOLVER_STATE = frozenset(
         "oldP",
     }
 )  # fmt: skip
-"""Names of point attributes of Houdini with values of earlier steps.
+"""Names of Houdini point attributes with values of earlier steps.
 
 The first eight are positions, velocities, orientations and angular velocities of the Vellum solver
-("Dynamics: state" in its list of attributes); scripts of users often store positions of the frame
-before as `oldP`.
+("Dynamics: state" in its list of attributes); user scripts often store the previous positions as
+`oldP`.
 """
 
 
 def solver_state_note(tracks: Iterable[TrackInfo], requested: Collection[str]) -> str | None:
-    """Return a note on tracks of a stream that hold solver state, with their bytes.
+    """Describe the tracks of a stream that contain solver state, with their bytes.
 
     Parameters
     ----------
     tracks : iterable of TrackInfo
     requested : collection of str
-        Names of tracks that the user gave a bound: these are not mentioned.
+        Names of tracks with a bound from the user, which are not mentioned.
 
     Returns
     -------
     str or None
-        None if there are no such tracks.
+        None without such tracks.
     """
-    found = [one for one in tracks if one.name in SOLVER_STATE and one.name not in requested]
-    if not found:
+    state = [one for one in tracks if one.name in SOLVER_STATE and one.name not in requested]
+    if not state:
         return None
-    sizes = ", ".join(f"{track.name} ({track.size_bytes} bytes)" for track in found)
-    options = " ".join(f"--track {track.name}=drop" for track in found)
+    sizes = ", ".join(f"{track.name} ({track.size_bytes} bytes)" for track in state)
+    options = " ".join(f"--track {track.name}=drop" for track in state)
     return (
-        f"by their names, these tracks hold the state of a Houdini solver: {sizes}; leave out what "
-        f"nothing reads later with {options}"
+        f"by their names, these tracks contain the state of a Houdini solver: {sizes}; if nothing "
+        f"reads them later, omit them with {options}"
     )

@@ -54,7 +54,7 @@ class CodedMesh:
 
     @cached_property
     def order_kept(self) -> Order:
-        """The order that is kept."""
+        """Which order to keep."""
         return self.config.order_choice
 
     @property
@@ -68,20 +68,20 @@ class CodedMesh:
         return self._connectivity.internal_to_given
 
     @property
-    def goes_out_as_given(self) -> bool:
-        """Whether vertices go out in their given order, and not in the internal one."""
+    def keeps_vertex_order(self) -> bool:
+        """Whether decoded vertices are in the given order, and not in the internal one."""
         return self.order_kept is not Order.DROP
 
     @cached_property
     def output_order(self) -> Integers:
-        """Internal number of each vertex that goes out when the stream is decoded."""
-        if self.goes_out_as_given:
+        """Internal number of each decoded vertex."""
+        if self.keeps_vertex_order:
             return inverse_permutation(self.order)
         return np.arange(self.n_verts)
 
     @property
     def output_faces(self) -> Faces:
-        """Faces as they go out when the stream is decoded."""
+        """Decoded faces."""
         if self.order_kept is Order.KEEP:
             return self.given_faces
         if self.order_kept is Order.DROP:
@@ -89,7 +89,7 @@ class CodedMesh:
         return self.order[self.faces].astype(np.int32)
 
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
-        """The sections of connectivity, order, start and surface."""
+        """Yield the sections of connectivity, order, start and surface."""
         yield Section.CONNECTIVITY, self._connectivity.payload
         if self.order_kept is not Order.DROP:
             yield Section.ORDER, self._connectivity.order_payload
@@ -112,7 +112,7 @@ class CodedMesh:
         fps: float,
         name: str,
     ) -> Header:
-        """The header of the stream; `n_frames` is 0 if it is not known yet."""
+        """Return the header of the stream; `n_frames` is 0 if still unknown."""
         return Header(
             n_frames=n_frames,
             n_verts=self.n_verts,
@@ -144,15 +144,15 @@ class Piece:
     order: Integers
 
     def read(self) -> Vertices:
-        """Positions of shape (stop - start, V, 3) in internal order."""
-        return self.given().take(self.order, axis=1)
+        """Read positions of shape (stop - start, V, 3) in internal order."""
+        return self.read_given().take(self.order, axis=1)
 
-    def given(self) -> Vertices:
-        """The same in the given order."""
+    def read_given(self) -> Vertices:
+        """Read positions in the given order."""
         return self.sequence.read(self.start, self.stop)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Frames that another process cannot read are sent: these, and no others.
+        # Send the frames of this piece if another process cannot read them.
         if self.sequence.is_portable:
             return Piece, (self.sequence, self.start, self.stop, self.order)
         vertices = self.sequence.read(self.start, self.stop)
@@ -165,18 +165,18 @@ def _piece_of(vertices: Any, faces: Faces, order: Integers) -> Piece:
 
 @dataclass(frozen=True)
 class CodedTrack:
-    """A track as its sections.
+    """A track as sections of a stream.
 
     Attributes
     ----------
     leading : tuple of Section and bytes
-        What is said of it before the first block.
+        The section before the first block.
     blocks : sequence of lists of (Section, bytes)
-        Of each block.
+        Sections of each block.
     prediction : tuple of Coding and float, or None
-        How decoded positions may predict it, and the rate, where that is still to be tried.
+        Prediction from decoded positions that is still to be tried, with its rate.
     values : TrackSource or None
-        What is coded so, where that is still to be tried.
+        Values to predict, if a prediction is still to be tried.
     """
 
     leading: tuple[Section, bytes]
@@ -186,22 +186,22 @@ class CodedTrack:
 
     @property
     def size_bytes(self) -> int:
-        """Of the payloads of all blocks."""
+        """Size of the payloads of all blocks."""
         return sum(len(payload) for block in self.blocks for _, payload in block)
 
 
 @dataclass(frozen=True)
 class Source:
-    """A sequence and the options to encode it with.
+    """A sequence with its encoding options.
 
     Attributes
     ----------
     surface : Surface, optional
-        Part of the sequence's surface that is coded. Default: all of it.
+        Part of the sequence's surface to encode. Default: all of it.
     bounds : dict of str to TrackBound
-        How exact each of its tracks is to be; those that are not named are left out.
+        Error bounds by track; other tracks are dropped.
     tracks : sequence of CodedTrack
-        Tracks that are coded already, which `stream` puts behind the positions.
+        Encoded tracks, which `stream` places after the positions.
     """
 
     sequence: FrameSource
@@ -219,12 +219,12 @@ class Source:
 
     @cached_property
     def frame(self) -> BoundingFrame:
-        """Centre and diagonal of the bounding box."""
+        """Center and diagonal of the bounding box."""
         return bounding_frame(self.sequence.extent)
 
     @cached_property
     def n_frames(self) -> int:
-        """Of the sequence."""
+        """Number of frames of the sequence."""
         return self.sequence.n_frames
 
     @cached_property
@@ -238,17 +238,17 @@ class Source:
         return self.config.frames_in_block(self.n_frames, self.mesh.n_verts, self.dtype.itemsize)
 
     def pieces(self) -> Iterator[Piece]:
-        """The range of frames of each block."""
+        """Yield the range of frames of each block."""
         size, order = self.block_frames, self.mesh.order
         for start in range(0, self.n_frames, size):
             yield Piece(self.sequence, start, min(start + size, self.n_frames), order)
 
     def blocks(self) -> Iterator[Vertices]:
-        """Positions of each block, of shape (T_b, V, 3) in internal order."""
+        """Yield positions of each block, of shape (T_b, V, 3), in internal order."""
         return (piece.read() for piece in self.pieces())
 
     def stream(self, leading: Sections, blocks: Iterable[tuple[int, Sections]]) -> bytes:
-        """The bytes of a stream of the sequence.
+        """Return a stream of the sequence.
 
         Parameters
         ----------
@@ -258,15 +258,15 @@ class Source:
             Number of frames and sections of each block.
         """
         of_tracks = [track.leading for track in self.tracks]
-        opening = [*self.mesh.leading_sections(), *of_tracks, *leading]
+        leading = [*self.mesh.leading_sections(), *of_tracks, *leading]
         if self.tracks:
             blocks = self._with_tracks(blocks)
-        return whole_stream(self.header, opening, blocks)
+        return whole_stream(self.header, leading, blocks)
 
     def _with_tracks(
         self, blocks: Iterable[tuple[int, Sections]]
     ) -> Iterator[tuple[int, Sections]]:
-        """Frames and sections of each block, those of the tracks behind those of the positions."""
+        """Yield frames and sections of each block, tracks after positions."""
         for number, (n_frames, sections) in enumerate(blocks):
             yield n_frames, chain(sections, *(track.blocks[number] for track in self.tracks))
 

@@ -1,4 +1,4 @@
-"""Blocks of frames as they are stored in a stream."""
+"""A block of frames as stored in a stream."""
 
 from dataclasses import dataclass
 
@@ -9,15 +9,7 @@ from meshreel.errors import CorruptStreamError
 
 @dataclass(frozen=True)
 class StoredBlock:
-    """A block as it is stored in a stream, with the number of its first frame.
-
-    Attributes
-    ----------
-    sections : dict of Section to bytes
-        Of one track: the positions, if nothing else is said.
-    limit : MemoryLimit
-        Of decoding it.
-    """
+    """Sections of one track in a block, with the number of its first frame."""
 
     start: int
     n_frames: int
@@ -26,13 +18,7 @@ class StoredBlock:
     limit: MemoryLimit = UNLIMITED
 
     def payload(self, section: Section) -> bytes:
-        """Payload of a section.
-
-        Raises
-        ------
-        CorruptStreamError
-            If the block has none.
-        """
+        """Return the payload of a section; raises CorruptStreamError if it is missing."""
         if section not in self.sections:
             raise CorruptStreamError(
                 f"the block of frames {self.start}..{self.start + self.n_frames - 1} has no "

@@ -1,4 +1,4 @@
-"""Live encoder: frames pushed one by one, coded in blocks and written block by block."""
+"""Live encoder: receives frames one by one, and encodes and writes them in blocks."""
 
 import os
 import time
@@ -33,7 +33,7 @@ SHARE_FOR_CODING = 1 / 16
 """Share of the latency that is reserved for coding a block after its last frame."""
 
 FPS_IF_UNKNOWN = 25.0
-"""Frame rate that converts a latency to frames where none is given."""
+"""Default frame rate, which converts a latency to frames."""
 
 
 class Encoder:
@@ -43,16 +43,15 @@ class Encoder:
     interrupted, `meshreel.open` reads the file up to the last block written. Blocks are coded in
     separate threads while the next frames are pushed.
 
-    Bounding box, quantisation step and number of modes are those of the first block: `quality` is
-    relative to the size of the model in it, and `step` and `max_error` are shares of the diagonal
-    of its bounding box. The bounding box of all frames is no smaller, so that the bound holds for
-    it too.
+    The first block determines bounding box, quantization step and number of modes: `quality` is
+    relative to the size of its model, and `step` and `max_error` are shares of the diagonal of its
+    bounding box. The bounding box of all frames is no smaller, so the bound holds for it too.
 
     Parameters
     ----------
     faces : integer array of shape (M, 3)
     output : path that ends in ``.reel``, or binary file that is open for writing
-        A file is not closed.
+        An open file stays open.
     fps : float, default 0
         Frames per second; 0 = unknown.
     name, start_s, surface
@@ -66,11 +65,11 @@ class Encoder:
     overwrite : bool, default False
         Whether an existing file may be replaced.
     tracks : mapping of str to str or float, optional
-        How exact tracks are to come back, as in `meshreel.encode`. Shares are of the range of the
-        first block.
+        Error bounds of tracks, as in `meshreel.encode`. Shares refer to the range of the first
+        block.
     **options
         Options of `meshreel.encode`; of the targets only `quality`, `step`, `max_error` and
-        `lossless`, since the others need the whole sequence.
+        `lossless`, because the others need the whole sequence.
 
     Attributes
     ----------
@@ -88,12 +87,12 @@ class Encoder:
     StoreError
         If the path is the address of a remote file.
     OSError
-        Naming the file, if it cannot be written.
+        If the file cannot be written; the message names it.
 
     References
     ----------
     Section III-A of the paper: blocks of k_f frames, and (`blocks`) a basis that is tracked from
-    each to the next.
+    block to block.
     """
 
     def __init__(
@@ -134,32 +133,32 @@ class Encoder:
             check_extension(self._path, (".reel",), "meshreel.save writes other formats")
             check_output_path(self._path, overwrite=overwrite)
         self._file: BinaryIO = self._path.open("wb") if self._path else output  # type: ignore[assignment]
-        # A block is analysed while the bytes of the one before are written.
+        # A block is analyzed while the previous one is written.
         self._analysis_thread = ThreadPoolExecutor(1, "meshreel-encoder")
         self._file_thread = ThreadPoolExecutor(1, "meshreel-writer")
-        self._analysing: Future[None] | None = None
+        self._analysis: Future[None] | None = None
         self._writing: Future[None] | None = None
 
     def push(
         self, frame: npt.ArrayLike, tracks: Mapping[str, Track | npt.ArrayLike] | None = None
     ) -> None:
-        """Add a frame; waits only if a block is complete and the one before not coded yet.
+        """Add a frame; waits only if a block is complete and the previous one is not encoded yet.
 
         Parameters
         ----------
         frame : float32 or float64 array of shape (V, 3)
-            Copied. V and type are those of the first frame.
+            Copied. V and type must equal those of the first frame.
         tracks : mapping of str to Track of a single frame, or to arrays of shape (N,) or (N, C)
-            Values beside the positions, by their names; copied. Names, shapes and types are those
-            of the first frame, and so is what a `Track` says of kind and unit. Each corner is
-            coded by itself: which corners share their values in all frames is not known yet.
+            Values by track name; copied. Names, shapes, types, kinds and units must equal those of
+            the first frame. Corners are coded separately, because later frames decide which corners
+            share their values.
 
         Raises
         ------
         InvalidInputError
-            If the frame or a track has another shape or type than at first, or a position is not
-            finite: it is skipped, and others can follow. If a block cannot be coded with these
-            options.
+            If the frame or a track differs in shape or type from the first frame, or a position is
+            not finite; the frame is skipped, and others can follow. Also if a block cannot be
+            encoded with these options.
         """
         if self._is_closed:
             raise InvalidInputError("the encoder is closed; it takes no more frames")
@@ -185,7 +184,7 @@ class Encoder:
         Raises
         ------
         InvalidInputError
-            If no frame was pushed (then there is no file), or a block cannot be coded.
+            If no frame was pushed (then no file remains), or a block cannot be encoded.
         """
         if self._is_closed:
             return
@@ -213,7 +212,7 @@ class Encoder:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        # A recording is often stopped by an error or ctrl-C: the frames before are kept.
+        # Keep the frames of a recording that an error or Ctrl-C stops.
         try:
             self.close()
         except InvalidInputError:
@@ -256,26 +255,26 @@ class Encoder:
             )
 
     def _checked_tracks(
-        self, given: Mapping[str, Track | npt.ArrayLike] | None, n_verts: int
+        self, tracks: Mapping[str, Track | npt.ArrayLike] | None, n_verts: int
     ) -> dict[str, Track]:
-        """Copies of the tracks of a frame, which are those of the first."""
+        """Copy the tracks of a frame; raises InvalidInputError if the first frame had others."""
         of_frame = {
             name: one if isinstance(one, Track) else np.asarray(one)[None]
-            for name, one in dict(given or {}).items()
+            for name, one in dict(tracks or {}).items()
         }
-        found = validated_tracks(of_frame, 1, n_verts, len(self._faces), self._surface)
-        for name, track in found.items():
-            found[name] = Track(track.values.copy(), track.domain, track.kind, track.unit)
-        described = {name: describe_track(track) for name, track in found.items()}
+        checked = validated_tracks(of_frame, 1, n_verts, len(self._faces), self._surface)
+        for name, track in checked.items():
+            checked[name] = Track(track.values.copy(), track.domain, track.kind, track.unit)
+        described = {name: describe_track(track) for name, track in checked.items()}
         if self._described is None:
-            kept_bounds(self._config, found, self._targets)
+            kept_bounds(self._config, checked, self._targets)
             self._described = described
         elif self._described != described:
             raise InvalidInputError(
                 f"frame {self.n_frames} has the tracks {described or 'none'}; the first has "
                 f"{self._described or 'none'}"
             )
-        return found
+        return checked
 
     def _block_frames(self, n_verts: int) -> int:
         if self._config.block_frames is not None:
@@ -288,12 +287,12 @@ class Encoder:
         )
 
     def _code(self) -> None:
-        """Start coding the frames of a block; raises errors of the block before."""
+        """Start encoding the frames of a block; raises errors of the previous block."""
         self._wait()
         vertices, since, self._frames = np.stack(self._frames), self._since, []
         tracks, self._tracks = concatenate_tracks(self._tracks), []
 
-        def analyse() -> None:
+        def analyze() -> None:
             if self._writer is None:
                 n_verts = vertices.shape[1]
                 mesh = CodedMesh(self._faces, n_verts, self._config, self._surface, self._start_s)
@@ -301,7 +300,7 @@ class Encoder:
                     self._writer = BlockWriter(
                         self._file, mesh, vertices, tracks, self._targets, self._fps, self._name
                     )
-            sections = self._writer.analyse(vertices, tracks)
+            sections = self._writer.analyze(vertices, tracks)
             if self._writing is not None:
                 self._writing.result()
             self._writing = self._file_thread.submit(write, self._writer, sections)
@@ -311,12 +310,12 @@ class Encoder:
                 writer.write(len(vertices), sections)
             self.latency_s = max(self.latency_s, time.perf_counter() - since)
 
-        self._analysing = self._analysis_thread.submit(analyse)
+        self._analysis = self._analysis_thread.submit(analyze)
 
     def _wait(self) -> None:
-        """Wait until the block before is analysed; its error is raised at every call."""
-        if self._analysing is not None:
-            self._analysing.result()
+        """Wait until the previous block is analyzed; raises its error at every call."""
+        if self._analysis is not None:
+            self._analysis.result()
 
     def _wait_for_all(self) -> None:
         self._wait()

@@ -1,4 +1,4 @@
-"""Rates and errors that a user may aim at: one target with its number."""
+"""Targets of encoding: a rate, an error or a step, with its value."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -11,7 +11,7 @@ from meshreel.errors import InvalidInputError
 DEFAULT_QUALITY = 80.0
 
 
-class Aim(Enum):
+class TargetKind(Enum):
     """Kinds of targets; the value is the name of the option."""
 
     QUALITY = "quality"
@@ -24,11 +24,11 @@ class Aim(Enum):
 
     @property
     def is_budget(self) -> bool:
-        """Whether it limits the bytes; else it limits an error, or sets a step."""
-        return self in (Aim.BPVF, Aim.SIZE)
+        """Whether it limits the size, and not an error or a step."""
+        return self in (TargetKind.BPVF, TargetKind.SIZE)
 
 
-GROUP = "What to meet (give one)"
+GROUP = "Target (give one)"
 ABOVE_ZERO = Range(0, is_open=True)
 QUALITIES = Range(1, 100)
 DIAGONAL_OF_ALL = "of the diagonal of the bounding box of all frames"
@@ -36,44 +36,44 @@ DIAGONAL_OF_ALL = "of the diagonal of the bounding box of all frames"
 
 @dataclass(frozen=True)
 class Target:
-    """An aim with its number, which is in the range of its option.
+    """A kind of target with its value, which is in the range of its option.
 
     Parameters
     ----------
-    aim : Aim
+    kind : TargetKind
     value : float
     is_length : bool, default False
-        Of a largest error, whether it is in model units; else it is in percent of the diagonal.
+        Whether a largest error is in model units, and not in percent of the diagonal.
     """
 
-    aim: Aim
+    kind: TargetKind
     value: float
     is_length: bool = False
 
     @property
     def bound(self) -> ErrorBound:
-        """The bound of a largest error."""
+        """The value as an error bound."""
         return ErrorBound(self.value, self.is_length)
 
 
 @lru_cache(16)
 def target_of(**numbers: float | str | None) -> Target:
-    """The one aim that has a number; the default quality where none has.
+    """Return the only target that has a value, or the default quality.
 
-    A largest error may be text that `bound_of` reads.
+    A largest error may be text that `bound_of` parses.
 
     Raises
     ------
     InvalidInputError
-        If several have one.
+        If several targets have a value.
     """
     given = {name: value for name, value in numbers.items() if value is not None}
     if len(given) > 1:
         names = " and ".join(f"{name}=" for name in given)
         raise InvalidInputError(f"{names} exclude each other; give one")
     for name, value in given.items():
-        if Aim(name) is Aim.MAX_ERROR:
+        if TargetKind(name) is TargetKind.MAX_ERROR:
             bound = bound_of(value)
-            return Target(Aim.MAX_ERROR, bound.amount, bound.is_length)
-        return Target(Aim(name), float(value))
-    return Target(Aim.QUALITY, DEFAULT_QUALITY)
+            return Target(TargetKind.MAX_ERROR, bound.amount, bound.is_length)
+        return Target(TargetKind(name), float(value))
+    return Target(TargetKind.QUALITY, DEFAULT_QUALITY)

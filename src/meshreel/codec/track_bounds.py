@@ -1,4 +1,4 @@
-"""How exact a track is to come back, as users write it: 0.1%, 500Pa, 0.5deg, 8bit, exact, drop."""
+"""Parsing of error bounds of tracks: 0.1%, 500Pa, 0.5deg, 8bit, exact, drop."""
 
 import math
 import re
@@ -11,23 +11,23 @@ from meshreel.errors import InvalidInputError
 from meshreel.model.tracks import TrackKind, TrackSource, track_by_name
 
 TrackTargets = Mapping[str, float | str]
-"""What is asked of tracks, by their names."""
+"""Error bounds of tracks by name, as users write them."""
 
 
 class Measure(Enum):
-    """What a bound limits."""
+    """Quantity that a bound limits."""
 
     SHARE = "percent of the range"
     UNITS = "units of the track"
     ANGLE = "degrees"
     NUMBER = "each number"
-    EXACT = "nothing may change"
-    DROP = "the track is left out"
+    EXACT = "lossless"
+    DROP = "omitted"
 
 
 @dataclass(frozen=True)
 class TrackBound:
-    """A bound of the error of each value of a track.
+    """Bound of the error of each value of a track.
 
     Attributes
     ----------
@@ -50,14 +50,14 @@ DEFAULTS: Mapping[TrackKind, TrackBound] = {
     TrackKind.COLOR: TrackBound(Measure.NUMBER, 0.5 / 255),
     TrackKind.UV: TrackBound(Measure.UNITS, 0.5 / 4096),
 }
-"""Bounds of floats of each kind where nothing is asked for: colours as near as 8 bits are, texture
-coordinates half a texel of a texture of 4096. Integers come back exactly."""
+"""Default bounds of floats of each kind: colors to 8 bits, texture coordinates to half a texel of a
+4096 texture. Integers are lossless."""
 
-LARGEST_ANGLE = 30.0
-"""In degrees. Of coarser normals the length would say nothing about whether they are there."""
+MAX_ANGLE_DEG = 30.0
+"""In degrees. With a larger bound, the length could not distinguish missing normals."""
 
-MOST_BITS = 52
-"""Bits of a color; more are finer than float64 is near 1."""
+MAX_BITS = 52
+"""Most bits of a color; more exceed the precision of float64 near 1."""
 
 _UNIT = re.compile(r"(?!bit$|deg$)[^\W\d_][\w/^*.-]*")
 """Text that may be a unit of a physical quantity: Pa, m/s, kg*m^2."""
@@ -73,27 +73,27 @@ def track_bounds(
     targets: TrackTargets | None,
     default: TrackBound | None = None,
 ) -> dict[str, TrackBound]:
-    """The bound of each track of a sequence.
+    """Return the bound of each track of a sequence.
 
     Parameters
     ----------
     tracks : mapping of str to TrackSource
     targets : mapping of str to str or float, or None
-        What is asked of some of them.
+        Bounds that the user gave.
     default : TrackBound, optional
-        Of the others; that of their kind if it is not given.
+        Bound of the other tracks. Default: depends on their kind.
 
     Raises
     ------
     InvalidInputError
-        If there is no track of a name, or a bound is not for its kind.
+        If a track does not exist, or a bound does not suit its kind.
     """
-    asked = dict(targets or {})
-    for name in asked:
+    requested = dict(targets or {})
+    for name in requested:
         track_by_name(tracks, name)
     return {
-        name: bound_of_track(asked[name], name, track)
-        if name in asked
+        name: bound_of_track(requested[name], name, track)
+        if name in requested
         else default or default_bound(track)
         for name, track in tracks.items()
     }
@@ -102,10 +102,10 @@ def track_bounds(
 def without_units(
     tracks: Mapping[str, TrackSource], targets: TrackTargets, notes: list[str]
 ) -> dict[str, float | str]:
-    """Return targets in which bounds of tracks that have no unit are plain numbers.
+    """Return targets in which bounds of tracks without a unit are plain numbers.
 
-    Many files name no units, so that 500Pa can only be taken as 500, which a note says. Bounds
-    that are no such text stay as they are.
+    Many files store no units, so that 500Pa means 500 and a note reports it. Other bounds are
+    unchanged.
 
     Parameters
     ----------
@@ -113,15 +113,15 @@ def without_units(
     targets : mapping of str to str or float
     """
     plain = dict(targets)
-    for name, given in targets.items():
-        found = _BOUND.fullmatch(str(given).strip())
+    for name, bound in targets.items():
+        match = _BOUND.fullmatch(str(bound).strip())
         track = tracks.get(name)
-        if track is None or found is None or track.unit or track.kind not in PHYSICAL:
+        if track is None or match is None or track.unit or track.kind not in PHYSICAL:
             continue
-        if _UNIT.fullmatch(found[2].strip()):
-            plain[name] = found[1]
+        if _UNIT.fullmatch(match[2].strip()):
+            plain[name] = match[1]
             notes.append(
-                f"track {name!r} has no unit in the file; its bound {given} is taken as {found[1]}"
+                f"track {name!r} has no unit in the file; its bound {bound} is read as {match[1]}"
             )
     return plain
 
@@ -129,12 +129,12 @@ def without_units(
 def kept_bounds(
     config: EncoderConfig, tracks: Mapping[str, TrackSource], targets: TrackTargets | None
 ) -> dict[str, TrackBound]:
-    """The bound of each track that is kept.
+    """Return the bound of each track that is not dropped.
 
     Raises
     ------
     InvalidInputError
-        If a bound is not for its track, or the method has no tracks.
+        If a bound does not suit its track, or the method does not support tracks.
     """
     default = EXACT if config.lossless else None
     bounds = track_bounds(tracks, targets, default)
@@ -148,68 +148,67 @@ def kept_bounds(
 
 
 def default_bound(track: TrackSource) -> TrackBound:
-    """The bound of a track that nothing is asked of."""
+    """Return the default bound of a track."""
     return DEFAULTS[track.kind] if track.dtype.kind == "f" else EXACT
 
 
 def bound_of_track(given: float | str, name: str, track: TrackSource) -> TrackBound:
-    """The bound that a number or a text means for a track.
+    """Parse the bound of a track.
 
     Parameters
     ----------
     given : float, or str
-        In units of the track: 500, "500", "=500", "500Pa". "0.1%" of its range; "0.5deg" of
-        normals; "8bit" of colours; "exact"; "drop".
+        In units of the track: 500, "500", "=500", "500Pa". "0.1%" of its range; "0.5deg" for
+        normals; "8bit" for colors; "exact"; "drop".
     name : str
-        Of the track, for error messages.
+        Name of the track, for error messages.
 
     Raises
     ------
     InvalidInputError
-        If it is none of these, or not for this track.
+        If it is none of these, or does not suit the track.
     """
     text = str(given).strip()
     words = {"exact": EXACT, "drop": DROP}
     if text.lower() in words:
         return words[text.lower()]
-    found = _BOUND.fullmatch(text)
-    if not found:
+    match = _BOUND.fullmatch(text)
+    if not match:
         raise InvalidInputError(f"track {name!r}: {_allowed(track)}; got {given!r}")
-    amount, written = float(found[1]), found[2].strip()
+    amount, unit = float(match[1]), match[2].strip()
     if track.dtype.kind != "f":
         raise InvalidInputError(
-            f"track {name!r} has integers, which come back exactly; ask for exact or drop, not "
-            f"for {given!r}"
+            f"track {name!r} has integers, which are lossless; use exact or drop, not {given!r}"
         )
     if not 0 < amount < math.inf:
         raise InvalidInputError(f"track {name!r}: a bound must be above 0; got {given!r}")
-    if written == "deg" and track.kind is TrackKind.NORMAL:
-        if amount > LARGEST_ANGLE:
+    if unit == "deg" and track.kind is TrackKind.NORMAL:
+        if amount > MAX_ANGLE_DEG:
             raise InvalidInputError(
-                f"track {name!r}: normals may be off by up to {LARGEST_ANGLE:g}deg; got {given!r}"
+                f"track {name!r}: bounds of normals are at most {MAX_ANGLE_DEG:g}deg; got {given!r}"
             )
         return TrackBound(Measure.ANGLE, amount)
-    if written == "bit" and track.kind is TrackKind.COLOR:
-        if not 1 <= amount <= MOST_BITS:
+    if unit == "bit" and track.kind is TrackKind.COLOR:
+        if not 1 <= amount <= MAX_BITS:
             raise InvalidInputError(
-                f"track {name!r}: colors have 1bit to {MOST_BITS}bit, or are exact; got {given!r}"
+                f"track {name!r}: colors take 1bit to {MAX_BITS}bit, or exact; got {given!r}"
             )
         return TrackBound(Measure.NUMBER, 0.5 / (2.0**amount - 1.0))
-    if written == "%" and track.kind is not TrackKind.NORMAL:
+    if unit == "%" and track.kind is not TrackKind.NORMAL:
         return TrackBound(Measure.SHARE, amount)
-    if written in ("", track.unit) and track.kind is not TrackKind.NORMAL:
+    if unit in ("", track.unit) and track.kind is not TrackKind.NORMAL:
         return TrackBound(Measure.UNITS, amount)
     raise InvalidInputError(f"track {name!r}: {_allowed(track)}; got {given!r}")
 
 
 def _allowed(track: TrackSource) -> str:
-    """What a track takes, in words."""
+    """Describe the bounds that a track supports."""
     unit = track.unit or ""
-    ways = ["0.1% of its range"]
+    allowed = ["0.1% of its range"]
     if track.kind is TrackKind.NORMAL:
-        ways = ["an angle such as 0.5deg"]
+        allowed = ["an angle such as 0.5deg"]
     else:
-        ways.append(f"500{unit} in its unit" if unit else "a number such as 500, it has no unit")
+        allowed.append(f"500{unit} in its unit" if unit else "a number such as 500, it has no unit")
     if track.kind is TrackKind.COLOR:
-        ways.append("8bit")
-    return f"a bound is {', '.join(ways)}, exact or drop"
+        allowed.append("8bit")
+    return f"a bound is {', '.join(allowed)}, exact or drop"

@@ -1,4 +1,4 @@
-"""Tracks beside the positions: what a stream says of each before its first block."""
+"""Headers of tracks, which precede the first block."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -25,7 +25,7 @@ KINDS = (
 
 
 class Sharing(IntEnum):
-    """Which corners of faces always have equal values."""
+    """Which corners of faces share their values in all frames."""
 
     NONE = 0
     VERTICES = 1
@@ -33,7 +33,7 @@ class Sharing(IntEnum):
 
 
 class Coding(IntEnum):
-    """How values of a track are stored."""
+    """Coding of the values of a track."""
 
     MODES = 0
     EXACT = 1
@@ -47,69 +47,67 @@ class Coding(IntEnum):
 
     @property
     def difference(self) -> "Coding | None":
-        """The kind of difference of positions over time, times a rate, that predicts velocities."""
+        """Difference of positions over time that, times a rate, predicts velocities; or None."""
         if self in DIFFERENCES:
             return self
         return DIFFERENCES[EXACT_DIFFERENCES.index(self)] if self in EXACT_DIFFERENCES else None
 
     @property
     def has_rate(self) -> bool:
-        """Whether differences of positions over time, times a rate, predict the track."""
+        """Whether differences of positions over time predict the track."""
         return self.difference is not None
 
     @property
     def is_predicted(self) -> bool:
-        """Whether what is coded is what decoded positions leave: of velocities, or of normals."""
+        """Whether residuals relative to decoded positions are coded, of velocities or normals."""
         return self is Coding.TURNS or self.has_rate
 
     @property
     def is_exact(self) -> bool:
-        """Whether every bit comes back."""
+        """Whether values are lossless."""
         return self is Coding.EXACT or self in EXACT_DIFFERENCES
 
     @property
     def as_exact(self) -> "Coding":
-        """The coding by the same difference whose values come back exactly."""
+        """The lossless coding by the same difference."""
         return EXACT_DIFFERENCES[DIFFERENCES.index(self)]
 
 
 DIFFERENCES = Coding.BACKWARD, Coding.CENTRAL, Coding.FORWARD
-"""Of the position before, of those on both sides, of the one behind."""
+"""To the previous position, between both neighbors, to the next position."""
 
 EXACT_DIFFERENCES = Coding.EXACT_BACKWARD, Coding.EXACT_CENTRAL, Coding.EXACT_FORWARD
-"""The same, of values that come back exactly."""
+"""The same, of lossless values."""
 
 TURN_COLUMNS = 2
-"""Numbers that turn a normal of the surface to that of a track."""
+"""Numbers that rotate a surface normal to the normal of a track."""
 
 
 @dataclass(frozen=True)
 class TrackHeader:
-    """What a track is, and how its numbers lie in their range.
+    """Description of a track, and the range of its numbers.
 
     Attributes
     ----------
     domain : Domain
-        Where its values are; faces are polygons, corners are theirs.
+        Faces are polygons, and corners are corners of polygons.
     dtype : numpy dtype
-        Of its numbers.
     scale : float
-        Positive.
+        Above 0.
     origin : tuple of C floats
-        Numbers are scale times what is coded plus the origin of their column, which is 0 unless
-        they are coded by modes alone.
+        Numbers are scale times coded values plus the origin of their column, which is 0 unless they
+        are coded by modes alone.
     coding : Coding
-        If it is exact, scale and origin mean nothing.
+        Exact codings ignore scale and origin.
     bound : float
-        Largest error of a value that the encoder has made sure of: in units of the track, of
-        normals in degrees; of colours of each number. 0 promises nothing.
+        Guaranteed largest error of a value: in units of the track, in degrees for normals, of each
+        number for colors. 0: not guaranteed.
     rate : float
-        Of velocities that are predicted from positions: frames in the unit of time.
+        Frames per unit of time of velocities that are predicted from positions.
     sharing : Sharing
-        Of corners: whether each has a value of its own, or one value is that of a vertex, or of a
-        row.
+        Whether each corner has a separate value, or corners share the value of a vertex or a row.
     rows : bytes
-        What rows there are, as `write_corner_rows` writes it.
+        The rows, as encoded by `write_corner_rows`.
     """
 
     name: str
@@ -127,12 +125,12 @@ class TrackHeader:
 
     @property
     def stored_domain(self) -> Domain:
-        """Where the values that are stored are; they are of rows where these are of corners."""
+        """Domain of the stored values; shared rows count as corners."""
         return Domain.VERTEX if self.sharing is Sharing.VERTICES else self.domain
 
     @property
     def is_exact(self) -> bool:
-        """Whether its numbers come back as they were."""
+        """Whether its numbers are lossless."""
         return self.coding.is_exact
 
     @property
@@ -142,12 +140,12 @@ class TrackHeader:
 
     @property
     def n_coded(self) -> int:
-        """Columns of what is coded."""
+        """Number of coded columns."""
         return TURN_COLUMNS if self.coding is Coding.TURNS else self.n_columns
 
     @property
     def placement(self) -> tuple[float, ...]:
-        """Scale, and origin of each column that is coded."""
+        """Scale, and origin of each coded column."""
         return self.scale, *self.origin[: self.n_coded]
 
     def __str__(self) -> str:
@@ -156,11 +154,11 @@ class TrackHeader:
 
 
 def write_track(track: TrackHeader) -> bytes:
-    """Payload of the section TRACK."""
+    """Encode the section TRACK."""
     [number_type] = (code for code, dtype in NUMBER_TYPES.items() if dtype == track.dtype)
     kind, domain = KINDS.index(track.kind), DOMAINS.index(track.domain) + track.sharing
-    said = bytes((kind, domain, number_type, track.coding))
-    said += write_text(track.name) + write_text(track.unit) + write_varint(track.n_columns)
+    payload = bytes((kind, domain, number_type, track.coding))
+    payload += write_text(track.name) + write_text(track.unit) + write_varint(track.n_columns)
     numbers: tuple[float, ...] = ()
     if track.coding is Coding.MODES:
         numbers = track.bound, *track.placement
@@ -168,4 +166,4 @@ def write_track(track: TrackHeader) -> bytes:
         numbers = track.bound, track.scale
     elif track.coding.has_rate:
         numbers = (track.rate,) if track.is_exact else (track.bound, track.scale, track.rate)
-    return said + np.array(numbers, "<f8").tobytes() + track.rows
+    return payload + np.array(numbers, "<f8").tobytes() + track.rows

@@ -55,7 +55,7 @@ class PaperMethod:
         return False
 
     @property
-    def codes_blocks_apart(self) -> bool:
+    def blocks_are_independent(self) -> bool:
         """False: a tracked basis is passed from each block to the next."""
         return False
 

@@ -46,9 +46,9 @@ def test_plain_form_means_the_same_when_it_is_read_again(given):
 @pytest.mark.parametrize(
     ("given", "unit", "message"),
     [
-        ("0.5mm", None, "does not say how long its unit is.* unit= .*or give model units"),
+        ("0.5mm", None, "has no length unit.* unit= .*or use model units"),
         ("0.5mm", "px", "unit= is one of mm, cm, m, km, in, ft; got 'px'"),
-        ("0.5px", None, "knows no unit 'px'"),
+        ("0.5px", None, "has no unit 'px'"),
         ("small", None, "takes percent of the diagonal"),
         ("", None, "takes percent of the diagonal"),
         ("0", None, "above 0"),

@@ -18,7 +18,7 @@ from meshreel.codec.reel.encoding.effort import (
     tune_named,
 )
 from meshreel.codec.reel.normative.payloads import MAX_LEARNED
-from meshreel.codec.targets import DEFAULT_QUALITY, Aim, Target, target_of
+from meshreel.codec.targets import DEFAULT_QUALITY, Target, TargetKind, target_of
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.mesh import MAX_STENCIL
 from samples.costs import slow_but
@@ -62,32 +62,32 @@ def measured(name, data):
 
 @pytest.mark.parametrize("name", slow_but(["irregular"], SEQUENCES))
 @pytest.mark.parametrize(
-    ("aim", "limit"), [(aim, limit) for aim, limits in ERRORS.items() for limit in limits]
+    ("kind", "limit"), [(kind, limit) for kind, limits in ERRORS.items() for limit in limits]
 )
-def test_error_is_met_when_it_is_asked_for(name, aim, limit):
-    assert measured(name, encoded(name, **{aim: limit}))[aim] <= limit
+def test_error_is_met_when_it_is_asked_for(name, kind, limit):
+    assert measured(name, encoded(name, **{kind: limit}))[kind] <= limit
 
 
 @pytest.mark.parametrize("name", slow_but(["irregular"], SEQUENCES))
-@pytest.mark.parametrize(("aim", "limit"), [("kg", 0.01), ("kg", 0.3), ("sted", 0.02)])
-def test_error_is_nearly_used_up_when_it_is_asked_for(name, aim, limit):
+@pytest.mark.parametrize(("kind", "limit"), [("kg", 0.01), ("kg", 0.3), ("sted", 0.02)])
+def test_error_is_nearly_used_up_when_it_is_asked_for(name, kind, limit):
     """Unused tolerance costs bytes."""
-    assert measured(name, encoded(name, **{aim: limit}))[aim] > 0.85 * limit
+    assert measured(name, encoded(name, **{kind: limit}))[kind] > 0.85 * limit
 
 
 @pytest.mark.parametrize("name", slow_but(["grid"], SEQUENCES))
-@pytest.mark.parametrize("aim", ["size", "bpvf"])
+@pytest.mark.parametrize("kind", ["size", "bpvf"])
 @pytest.mark.parametrize("share", SHARES)
-def test_budget_is_met_when_it_is_asked_for(name, aim, share):
-    limit = share * measured(name, encoded(name))[aim]
+def test_budget_is_met_when_it_is_asked_for(name, kind, share):
+    limit = share * measured(name, encoded(name))[kind]
     try:
-        data = encoded(name, **{aim: limit})
+        data = encoded(name, **{kind: limit})
     except InvalidInputError as error:  # connectivity alone takes more
         message = str(error)
         assert share < 1
-        assert f"{aim} {limit:g} cannot be met" in message
+        assert f"{kind} {limit:g} cannot be met" in message
         return
-    assert measured(name, data)[aim] <= limit
+    assert measured(name, data)[kind] <= limit
 
 
 @pytest.mark.parametrize("share", SHARES)
@@ -102,18 +102,18 @@ def test_size_is_that_of_a_rate_when_both_name_the_same_bytes():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("aim", ["size", "bpvf"])
-def test_error_falls_when_the_budget_grows(aim):
-    unit = measured("grid", encoded("grid"))[aim]
+@pytest.mark.parametrize("kind", ["size", "bpvf"])
+def test_error_falls_when_the_budget_grows(kind):
+    unit = measured("grid", encoded("grid"))[kind]
     errors = [
-        measured("grid", encoded("grid", **{aim: share * unit}))["kg"] for share in (0.5, 1, 2)
+        measured("grid", encoded("grid", **{kind: share * unit}))["kg"] for share in (0.5, 1, 2)
     ]
     assert errors[0] > 2 * errors[1] > 4 * errors[2]
 
 
-@pytest.mark.parametrize("aim", ERRORS)
-def test_stream_grows_when_less_error_is_allowed(aim):
-    sizes = [len(encoded("grid", **{aim: limit})) for limit in ERRORS[aim]]
+@pytest.mark.parametrize("kind", ERRORS)
+def test_stream_grows_when_less_error_is_allowed(kind):
+    sizes = [len(encoded("grid", **{kind: limit})) for limit in ERRORS[kind]]
     assert sizes == sorted(sizes, reverse=True)
     assert sizes[0] > 1.5 * sizes[-1]
 
@@ -153,15 +153,15 @@ def test_bytes_are_the_same_when_a_target_is_pursued_twice(options):
     assert meshreel.encode(waving_grid(), **options) == first
 
 
-@pytest.mark.parametrize(("aim", "limit"), [("size", 50), ("bpvf", 0.01)])
-def test_budget_is_refused_with_what_was_reached_when_it_is_too_small(aim, limit):
-    with pytest.raises(InvalidInputError, match=f"{aim} {limit} cannot be met") as refused:
-        encoded("grid", **{aim: limit})
+@pytest.mark.parametrize(("kind", "limit"), [("size", 50), ("bpvf", 0.01)])
+def test_budget_is_refused_with_what_was_reached_when_it_is_too_small(kind, limit):
+    with pytest.raises(InvalidInputError, match=f"{kind} {limit} cannot be met") as refused:
+        encoded("grid", **{kind: limit})
     assert 'order="drop"' in str(refused.value)
     [reached] = map(
         float, re.findall(r"the smallest .*? (?:is|has) ([\d.e-]+)", str(refused.value))
     )
-    assert measured("grid", encoded("grid", **{aim: 1.03 * reached}))[aim] <= 1.03 * reached
+    assert measured("grid", encoded("grid", **{kind: 1.03 * reached}))[kind] <= 1.03 * reached
 
 
 def test_smallest_size_that_an_error_names_can_be_met_and_no_smaller_one():
@@ -178,10 +178,10 @@ def test_advice_on_a_size_is_not_to_drop_the_order_when_it_is_dropped():
         encoded("grid", size=10, order="drop")
 
 
-@pytest.mark.parametrize(("aim", "limit"), [("kg", 1e-12), ("sted", 1e-12)])
-def test_error_is_refused_with_what_was_reached_when_it_is_too_small(aim, limit):
-    with pytest.raises(InvalidInputError, match=f"{aim} {limit} cannot be met") as refused:
-        encoded("grid", **{aim: limit})
+@pytest.mark.parametrize(("kind", "limit"), [("kg", 1e-12), ("sted", 1e-12)])
+def test_error_is_refused_with_what_was_reached_when_it_is_too_small(kind, limit):
+    with pytest.raises(InvalidInputError, match=f"{kind} {limit} cannot be met") as refused:
+        encoded("grid", **{kind: limit})
     [reached] = map(
         float, re.findall(r"the smallest .*? (?:is|has) ([\d.e-]+)", str(refused.value))
     )
@@ -218,12 +218,12 @@ def test_maximum_error_is_refused_when_the_last_bits_of_float64_reach_it():
     "options",
     slow_but([{"order": "drop"}], [{"order": "drop"}, {"order": "vertices"}, {"block_frames": 5}]),
 )
-@pytest.mark.parametrize(("aim", "limit"), [("kg", 0.2), ("sted", 0.01), ("max_error", 0.05)])
-def test_error_is_met_when_vertices_are_reordered_or_frames_cut(options, aim, limit):
+@pytest.mark.parametrize(("kind", "limit"), [("kg", 0.2), ("sted", 0.01), ("max_error", 0.05)])
+def test_error_is_met_when_vertices_are_reordered_or_frames_cut(options, kind, limit):
     grid = waving_grid()
     shuffled = np.random.default_rng(1).permutation(grid.n_verts)
     sequence = meshreel.MeshSequence(grid.vertices[:, np.argsort(shuffled)], shuffled[grid.faces])
-    data = meshreel.encode(sequence, **{aim: limit}, **options)
+    data = meshreel.encode(sequence, **{kind: limit}, **options)
     decoded = meshreel.decode(data)
     if options.get("order") == "drop":
         connectivity = encode_connectivity(sequence.faces, sequence.n_verts, order="drop")
@@ -236,7 +236,7 @@ def test_error_is_met_when_vertices_are_reordered_or_frames_cut(options, aim, li
         "sted": quality.sted,
         "max_error": quality.max_error_percent,
     }
-    assert found[aim] <= limit
+    assert found[kind] <= limit
 
 
 def test_promise_is_told_when_a_largest_error_was_asked_for():
@@ -257,27 +257,29 @@ def test_error_is_met_whatever_the_effort(effort):
 
 @pytest.mark.parametrize("tune", [tune.value for tune in Tune])
 def test_error_is_met_whatever_the_tune(tune):
-    for aim, limits in ERRORS.items():
-        data = encoded("grid", **{aim: limits[1]}, tune=tune)
-        assert measured("grid", data)[aim] <= limits[1]
+    for kind, limits in ERRORS.items():
+        data = encoded("grid", **{kind: limits[1]}, tune=tune)
+        assert measured("grid", data)[kind] <= limits[1]
 
 
-@pytest.mark.parametrize("aim", Aim)
-def test_tune_serves_the_target_when_none_is_named(aim):
-    serves_geometry = aim in (Aim.KG, Aim.MAX_ERROR)
+@pytest.mark.parametrize("kind", TargetKind)
+def test_tune_serves_the_target_when_none_is_named(kind):
+    serves_geometry = kind in (TargetKind.KG, TargetKind.MAX_ERROR)
     expected = Tune.GEOMETRY if serves_geometry else Tune.VISUAL
-    target = Target(aim, 1.0)
+    target = Target(kind, 1.0)
     assert tune_named(None, target) is expected
     assert [tune_named(tune.value, target) for tune in Tune] == list(Tune)
 
 
 def test_target_is_quality_when_none_has_a_number():
-    assert target_of(kg=None, size=None) == Target(Aim.QUALITY, DEFAULT_QUALITY)
+    assert target_of(kg=None, size=None) == Target(TargetKind.QUALITY, DEFAULT_QUALITY)
 
 
-@pytest.mark.parametrize("aim", Aim)
-def test_target_is_the_one_that_has_a_number(aim):
-    assert target_of(**{one.value: 1.0 if one is aim else None for one in Aim}) == Target(aim, 1.0)
+@pytest.mark.parametrize("kind", TargetKind)
+def test_target_is_the_one_that_has_a_number(kind):
+    assert target_of(**{one.value: 1.0 if one is kind else None for one in TargetKind}) == Target(
+        kind, 1.0
+    )
 
 
 def test_targets_are_all_named_when_several_have_a_number():

@@ -63,15 +63,15 @@ def test_any_track_can_be_exact_or_dropped(track, given, bound):
         (PRESSURE, "8bit", "0.1% of its range, 500Pa in its unit, exact or drop"),
         (PRESSURE, "much", "500Pa in its unit, exact or drop; got 'much'"),
         (PRESSURE, "-1", "500Pa in its unit, exact or drop; got '-1'"),
-        (COLOR, "0.9bit", "have 1bit to 52bit, or are exact; got '0.9bit'"),
-        (COLOR, "53bit", "have 1bit to 52bit, or are exact; got '53bit'"),
-        (COLOR, "2000bit", "have 1bit to 52bit, or are exact; got '2000bit'"),
-        (COLOR, "1e-30bit", "have 1bit to 52bit, or are exact; got '1e-30bit'"),
+        (COLOR, "0.9bit", "take 1bit to 52bit, or exact; got '0.9bit'"),
+        (COLOR, "53bit", "take 1bit to 52bit, or exact; got '53bit'"),
+        (COLOR, "2000bit", "take 1bit to 52bit, or exact; got '2000bit'"),
+        (COLOR, "1e-30bit", "take 1bit to 52bit, or exact; got '1e-30bit'"),
         (COLOR, "0.5deg", "it has no unit, 8bit, exact or drop"),
         (NORMAL, "0.1%", "a bound is an angle such as 0.5deg, exact or drop"),
         (NORMAL, "0.1", "a bound is an angle such as 0.5deg, exact or drop"),
-        (NORMAL, "30.1deg", "up to 30deg; got '30.1deg'"),
-        (COUNTS, "1%", "has integers, which come back exactly"),
+        (NORMAL, "30.1deg", "at most 30deg; got '30.1deg'"),
+        (COUNTS, "1%", "has integers, which are lossless"),
     ],
 )
 def test_bound_is_refused_when_it_is_not_for_the_track(track, given, message):
@@ -121,5 +121,5 @@ def test_bounds_are_those_asked_for_and_else_the_default():
 def test_unit_of_a_bound_is_left_out_with_a_note_where_the_track_has_none(track, given, expected):
     notes = []
     assert without_units({"x": track}, {"x": given, "y": "1Pa"}, notes)["x"] == expected
-    said = f"track 'x' has no unit in the file; its bound {given} is taken as {expected}"
+    said = f"track 'x' has no unit in the file; its bound {given} is read as {expected}"
     assert notes == ([said] if given != expected else [])

@@ -61,5 +61,5 @@ def test_length_is_told_as_it_was_asked_for_when_it_cannot_be_promised():
 
 
 def test_unit_is_refused_when_there_is_no_length():
-    with pytest.raises(InvalidInputError, match="unit= says what a length in max_error= means"):
+    with pytest.raises(InvalidInputError, match="unit= applies to a length in max_error="):
         EncoderConfig(unit="mm")

@@ -72,7 +72,7 @@ class EncodeOptions:
     def are_cut(self) -> bool:
         """Whether sequences are coded in blocks that do not depend on each other."""
         is_cut = self.config.block_frames is not None or self.config.memory is not None
-        return is_cut and self.config.method_row.codes_blocks_apart
+        return is_cut and self.config.method_row.blocks_are_independent
 
     def as_dict(self) -> dict[str, Any]:
         """Those that are not the default, in plain types."""

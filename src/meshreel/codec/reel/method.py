@@ -10,7 +10,7 @@ from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.option import COUNT
 from meshreel.codec.source import CodedMesh, Source
 from meshreel.codec.subspace.trajectories import BoundingFrame
-from meshreel.codec.targets import Aim
+from meshreel.codec.targets import TargetKind
 from meshreel.codec.track_bounds import TrackTargets
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.files import FrameDecoder
@@ -46,7 +46,7 @@ without reused modes. There may be more modes; a block of few frames has fewer."
 BYTES_OF_KEPT, MOST_KEPT = 52.0, 2.8e6
 """Of coordinates of a position, which are kept for so many, beside the position as it came."""
 
-LIVE_AIMS = (Aim.QUALITY, Aim.STEP, Aim.MAX_ERROR)
+LIVE_AIMS = (TargetKind.QUALITY, TargetKind.STEP, TargetKind.MAX_ERROR)
 """Targets that can be met without knowing the frames to come."""
 
 
@@ -55,7 +55,7 @@ class ReelMethod:
 
     name = "reel"
     block_frames = None
-    codes_blocks_apart = True
+    blocks_are_independent = True
     has_tracks = True
     is_lossless = False
 
@@ -77,10 +77,10 @@ class ReelMethod:
         InvalidInputError
             If it cannot.
         """
-        if config.target.aim not in LIVE_AIMS:
+        if config.target.kind not in LIVE_AIMS:
             raise InvalidInputError(
-                f"{config.target.aim.value} needs the whole sequence; for frames that come one by "
-                f"one give {', '.join(aim.value for aim in LIVE_AIMS)}"
+                f"{config.target.kind.value} needs the whole sequence; for frames that come one by "
+                f"one give {', '.join(kind.value for kind in LIVE_AIMS)}"
             )
 
     def longest_block(self, n_frames: int, n_verts: int) -> int:

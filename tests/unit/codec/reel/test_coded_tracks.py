@@ -132,7 +132,7 @@ def test_a_track_alone_is_read_from_a_file_when_it_is_asked_for():
         np.testing.assert_array_equal(heat[3:9], whole.tracks["heat"][3:9])
         np.testing.assert_array_equal(heat[[9, 1, 9]], whole.tracks["heat"][[9, 1, 9]])
         np.testing.assert_array_equal(list(heat), whole.tracks["heat"].values)
-        with pytest.raises(InvalidInputError, match="no track 'stress'; there are heat, flow"):
+        with pytest.raises(InvalidInputError, match="no track 'stress'; choose heat, flow"):
             reel.track("stress")
     some = meshreel.decode(data, frames=slice(4, 8))
     np.testing.assert_array_equal(some.tracks["flow"].values, whole.tracks["flow"][4:8])
@@ -145,7 +145,7 @@ REFUSED = {
     "500K in its unit, exact or drop; got '3Pa'": {"heat": "3Pa"},
     "got 'much'": {"heat": "much"},
     "an angle such as 0.5deg, exact or drop; got '1%'": {"n": "1%"},
-    "up to 30deg; got '40deg'": {"n": "40deg"},
+    "at most 30deg; got '40deg'": {"n": "40deg"},
     "'heat': .* got '8bit'": {"heat": "8bit"},
     "cannot be promised, since its numbers of type float32 are rounded": {"heat": "1e-7%"},
 }

@@ -126,7 +126,7 @@ class FieldBlockCoder:
 
     def code_piece(self, piece: Piece, key: "KeyBlock", reference: int) -> "CodedPiece":
         """Read a block and encode it."""
-        frames = self.frames(piece.given(), piece.order)
+        frames = self.frames(piece.read_given(), piece.order)
         coded = self.code(frames, key, reference)
         new_key = coded.key if coded.is_key else None
         return CodedPiece(frames.block.n_frames, list(coded.sections), new_key)

@@ -7,7 +7,7 @@ from meshreel.codec.choices import Tune
 from meshreel.codec.config import DEFAULT_EFFORT, EncoderConfig
 from meshreel.codec.reel.encoding.analysis import FieldChoices
 from meshreel.codec.reel.encoding.block_frames import LARGEST_INTEGER
-from meshreel.codec.targets import DEFAULT_QUALITY, Aim, Target
+from meshreel.codec.targets import DEFAULT_QUALITY, Target, TargetKind
 from meshreel.errors import InvalidInputError
 
 USUAL_STEP = 1e-4
@@ -47,7 +47,7 @@ def tune_named(name: str | None, target: Target) -> Tune:
     """The tune of this name; the one that serves the target where none is given."""
     if name is not None:
         return Tune(name)
-    serves_geometry = target.aim in (Aim.MAX_ERROR, Aim.KG)
+    serves_geometry = target.kind in (TargetKind.MAX_ERROR, TargetKind.KG)
     return Tune.GEOMETRY if serves_geometry else Tune.VISUAL
 
 

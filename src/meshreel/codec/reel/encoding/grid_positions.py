@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.bitstream.layout import Section
-from meshreel.codec.reel.encoding.aim import promised_bound
 from meshreel.codec.reel.encoding.block_coder import largest_rounding, write_promise
 from meshreel.codec.reel.encoding.exact_positions import PositionCoder, stream_of
+from meshreel.codec.reel.encoding.target_step import promised_bound
 from meshreel.codec.reel.encoding.tracks import coded_tracks
 from meshreel.codec.reel.normative.blocks import write_grid_positions
 from meshreel.codec.reel.normative.grid import MOST_NUMBER, NO_GRID, PositionGrid

@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.bitstream.layout import Section
-from meshreel.codec.reel.encoding.aim import aimed
 from meshreel.codec.reel.encoding.block_coder import (
     FieldBlockCoder,
     FieldFrames,
@@ -20,6 +19,7 @@ from meshreel.codec.reel.encoding.block_coder import (
 )
 from meshreel.codec.reel.encoding.effort import finest_step
 from meshreel.codec.reel.encoding.smoothness import sampled_frames, step_share
+from meshreel.codec.reel.encoding.target_step import aimed
 from meshreel.codec.reel.encoding.tracks import live_tracks
 from meshreel.codec.reel.encoding.written import WrittenBlocks
 from meshreel.codec.source import CodedMesh

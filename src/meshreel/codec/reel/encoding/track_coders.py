@@ -62,7 +62,7 @@ class ExactTrackCoder:
         Number of the value of each vertex in internal order; None: they are in it.
     graph : Neighbors
         Of its vertices, faces or corners.
-    surface, goes_out_as_given
+    surface, keeps_vertex_order
         As of `TrackCoder`.
     """
 
@@ -70,7 +70,7 @@ class ExactTrackCoder:
     order: Integers | None
     graph: Neighbors
     surface: MovingSurface | None = None
-    goes_out_as_given: bool = True
+    keeps_vertex_order: bool = True
 
     def leading_section(self) -> tuple[Section, bytes]:
         """What is said of the track before the first block."""
@@ -80,7 +80,7 @@ class ExactTrackCoder:
         """The sections of the next block, of values of shape (T_b, N, C)."""
         coded, order = values, self.order
         if self.surface is not None and positions is not None:
-            if not self.goes_out_as_given:
+            if not self.keeps_vertex_order:
                 coded, order = in_order(values, order), None
             coded = exact_residuals(self.header, self.surface, positions, coded)
         return list(write_exact_block(in_order(coded, order), self.graph))
@@ -122,7 +122,7 @@ class TrackCoder:
         The mesh as it goes out, where the track is predicted from decoded positions.
     rounding : float, default 0
         Largest error, in units of the track, that its number type alone makes.
-    goes_out_as_given : bool, default True
+    keeps_vertex_order : bool, default True
         Whether values go out in the order in which they are given, and not in internal order.
     """
 
@@ -132,7 +132,7 @@ class TrackCoder:
     coder: FieldBlockCoder
     surface: MovingSurface | None = None
     rounding: float = 0.0
-    goes_out_as_given: bool = True
+    keeps_vertex_order: bool = True
 
     @cached_property
     def _blocks(self) -> KeyedBlocks:
@@ -165,7 +165,7 @@ class TrackCoder:
         is_missing, order = np.isnan(values), self.order
         coded, origin = values, self.header.origin
         if self.surface is not None and positions is not None:
-            if not self.goes_out_as_given:
+            if not self.keeps_vertex_order:
                 coded, order = in_order(values, order), None
             coded = residuals(self.header, self.surface, positions, coded)
         if not is_missing.any():
@@ -235,7 +235,7 @@ def exact_coder(name: str, track: TrackSource, mesh: CodedMesh) -> ExactTrackCod
         header,
         order,
         neighbors(*graph),
-        goes_out_as_given=mesh.goes_out_as_given,
+        keeps_vertex_order=mesh.keeps_vertex_order,
     )
 
 
@@ -317,7 +317,7 @@ def track_coder(
         each_column=bound.measure is Measure.NUMBER,
     )
     at_most = rounding * frame.scale
-    return TrackCoder(header, order, share, coder, None, at_most, mesh.goes_out_as_given)
+    return TrackCoder(header, order, share, coder, None, at_most, mesh.keeps_vertex_order)
 
 
 def length_allowed(bound: TrackBound, frame: BoundingFrame) -> float:

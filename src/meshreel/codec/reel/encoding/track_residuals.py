@@ -36,7 +36,7 @@ so little in all."""
 def moving_surface(mesh: CodedMesh) -> MovingSurface:
     """The surface of a mesh as it goes out."""
     summed = mesh.faces
-    if mesh.goes_out_as_given:
+    if mesh.keeps_vertex_order:
         summed = mesh.order[mesh.faces].astype(np.int32)
     return MovingSurface(summed, mesh.output_faces, mesh.surface)
 

@@ -184,7 +184,7 @@ def live_track(
     step, coded = StepSearch(coder, first, [piece]).best()
     if positions is not None and _is_velocity(first):
         decoded, fit = positions(), DifferenceFit()
-        given = decoded if mesh.goes_out_as_given else decoded[:, inverse_permutation(mesh.order)]
+        given = decoded if mesh.keeps_vertex_order else decoded[:, inverse_permutation(mesh.order)]
         fit.add(first.read(piece.start, piece.stop), given)
         way = fit.best()
         if way is not None:

@@ -9,7 +9,6 @@ import numpy as np
 
 from meshreel.codec.achieved import measure_stream
 from meshreel.codec.bitstream.container import Sections
-from meshreel.codec.reel.encoding.aim import aimed
 from meshreel.codec.reel.encoding.block_coder import (
     FieldBlockCoder,
     FieldFrames,
@@ -24,9 +23,10 @@ from meshreel.codec.reel.encoding.grid_positions import may_lie_on_grid, on_grid
 from meshreel.codec.reel.encoding.meters import KgMeter, Meter, StedMeter
 from meshreel.codec.reel.encoding.rate_control import least_cost
 from meshreel.codec.reel.encoding.smoothness import sampled_frames, step_share
+from meshreel.codec.reel.encoding.target_step import aimed
 from meshreel.codec.reel.encoding.tracks import coded_tracks
 from meshreel.codec.source import Source
-from meshreel.codec.targets import Aim
+from meshreel.codec.targets import TargetKind
 from meshreel.errors import InvalidInputError, SolverError
 from meshreel.metrics.rate import rate_bpvf
 from meshreel.runtime.engine.engine import Engine
@@ -83,7 +83,7 @@ def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
 
 
 class WholeSequence:
-    """A sequence that is all there, as `aim.Material` has it; every stream made of it is kept.
+    """A sequence that is all there, as `kind.Material` has it; every stream made of it is kept.
 
     Parameters
     ----------
@@ -141,10 +141,10 @@ class WholeSequence:
 
     def measured(self, step: float) -> float:
         """The error, the bytes or the bits for each vertex and frame, with a step."""
-        if self._target.aim in (Aim.KG, Aim.STED):
+        if self._target.kind in (TargetKind.KG, TargetKind.STED):
             return self._error(step)
         size_bytes = len(self.stream(step))
-        if self._target.aim is Aim.SIZE:
+        if self._target.kind is TargetKind.SIZE:
             return float(size_bytes)
         sequence = self._source.sequence
         return rate_bpvf(size_bytes, sequence.n_verts, self._n_frames)
@@ -157,7 +157,7 @@ class WholeSequence:
         Velocities and normals are predicted from decoded positions, the better the finer these are.
         A step that was asked for stays, and so does one that meets a budget.
         """
-        if self._target.aim is Aim.STEP or self._target.aim.is_budget:
+        if self._target.kind is TargetKind.STEP or self._target.kind.is_budget:
             return step
         coarsest = self.stream(step, bound)
         sizes = {step: following.size_bytes(coarsest)}
@@ -187,7 +187,7 @@ class WholeSequence:
         a search for an error goes no farther. A budget may need more, and a step that was asked
         for is taken as it is.
         """
-        if self._target.aim in (Aim.KG, Aim.STED, Aim.MAX_ERROR):
+        if self._target.kind in (TargetKind.KG, TargetKind.STED, TargetKind.MAX_ERROR):
             step = min(step, LARGEST_ERROR_STEP * self.own_diagonal)
         return max(step, self.finest_step)
 
@@ -244,7 +244,7 @@ class WholeSequence:
         Where one of them becomes a key block, what was begun behind it is begun anew.
         """
         first, *others = self._source.pieces()
-        frames = coder.frames(first.given(), first.order)
+        frames = coder.frames(first.read_given(), first.order)
         coded = coder.code(frames)
         yield frames.block.n_frames, coded.sections
         key: KeyBlock | None = coded.key
@@ -271,7 +271,7 @@ class WholeSequence:
 
     @property
     def _is_one_try(self) -> bool:
-        return self._target.aim in (Aim.QUALITY, Aim.STEP)
+        return self._target.kind in (TargetKind.QUALITY, TargetKind.STEP)
 
     @cached_property
     def _keeps_blocks(self) -> bool:
@@ -290,11 +290,11 @@ class WholeSequence:
 
     def _read_blocks(self) -> Iterator[FieldFrames]:
         pieces = self._source.pieces()
-        return (self._coder.frames(piece.given(), piece.order) for piece in pieces)
+        return (self._coder.frames(piece.read_given(), piece.order) for piece in pieces)
 
     def _new_meter(self) -> Meter:
         """A meter of the error that is to be met."""
-        if self._target.aim is Aim.KG:
+        if self._target.kind is TargetKind.KG:
             return KgMeter()
         if not self._keeps_blocks:
             raise InvalidInputError(

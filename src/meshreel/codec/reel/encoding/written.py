@@ -9,7 +9,7 @@ import numpy.typing as npt
 from meshreel.codec.bitstream.container import read_block_counts
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.connectivity.order import inverse_permutation
-from meshreel.codec.corrections import moves_by_frame
+from meshreel.codec.corrections import corrections_by_frame
 from meshreel.codec.reel.normative.blocks import (
     POSITION_COLUMNS,
     layout_of,
@@ -72,7 +72,7 @@ class WrittenBlocks:
         n_frames, moves = stored.n_frames, None
         corrections = read_corrections(stored, self._mesh.n_verts)
         if corrections is not None:
-            moves = moves_by_frame(corrections, n_frames, inverse_permutation(self._order))
+            moves = corrections_by_frame(corrections, n_frames, inverse_permutation(self._order))
         out = np.empty((n_frames, len(self._order), POSITION_COLUMNS), self._dtype)
         found.pack()
 

@@ -22,7 +22,7 @@ def some_errors(n_frames=7, n_verts=11, size=1.0, seed=0):
 def left_over(errors, corrections):
     """Errors after correction, of shape (3, T, V)."""
     left = errors.copy()
-    left[:, corrections.frames, corrections.vertices] -= corrections.moves.T
+    left[:, corrections.frames, corrections.vertices] -= corrections.displacements.T
     return left
 
 
@@ -95,7 +95,7 @@ def test_steps_are_as_the_decoder_reads_them_when_corrections_are_found():
     corrections = find_corrections(some_errors(), 1 / 3, 0.0)
     assert corrections.step.dtype == np.float32
     back = payloads.read_corrections(payloads.write_corrections(corrections), 3, 7, 11)
-    np.testing.assert_array_equal(back.moves, corrections.moves)
+    np.testing.assert_array_equal(back.displacements, corrections.displacements)
 
 
 def test_errors_stay_as_they_are_when_corrections_are_found():
@@ -107,4 +107,4 @@ def test_errors_stay_as_they_are_when_corrections_are_found():
 def test_moves_are_whole_steps():
     nothing = np.zeros(2, np.int64)
     corrections = Corrections(np.float32(0.25), nothing, nothing, np.array([[1, 0, -2], [4, 3, 0]]))
-    np.testing.assert_array_equal(corrections.moves, [[0.25, 0, -0.5], [1, 0.75, 0]])
+    np.testing.assert_array_equal(corrections.displacements, [[0.25, 0, -0.5], [1, 0.75, 0]])

@@ -14,7 +14,7 @@ from meshreel.codec.config import EncoderConfig
 from meshreel.codec.reel.encoding.corrections import check_promise
 from meshreel.codec.reel.encoding.effort import STEPS_OF_BOUND, checked_step, quality_step
 from meshreel.codec.reel.encoding.rate_control import least_cost, meet_limit
-from meshreel.codec.targets import Aim, Target
+from meshreel.codec.targets import Target, TargetKind
 from meshreel.errors import InvalidInputError
 
 FIRST_QUALITY = 75.0
@@ -73,12 +73,12 @@ def aimed(
         If the target cannot be met.
     """
     target = config.target
-    if target.aim is Aim.STEP:
+    if target.kind is TargetKind.STEP:
         return checked_step(target.value, material.finest_step), None
-    if target.aim is Aim.QUALITY:
+    if target.kind is TargetKind.QUALITY:
         step = _step_of(target.value, material) * material.step_share
         return max(material.finest_step, step), None
-    if target.aim is Aim.MAX_ERROR:
+    if target.kind is TargetKind.MAX_ERROR:
         bound = promised_bound(target, material.diagonal, material.rounding, material.dtype)
         step = least_cost(partial(material.size_bytes, bound=bound), bound / STEPS_OF_BOUND)
         return max(material.finest_step, step), bound
@@ -131,26 +131,26 @@ def _step_within_limit(config: EncoderConfig, material: Material, has_tracks: bo
         return found[step]
 
     start = _step_of(FIRST_QUALITY, material)
-    step = meet_limit(measured, target.value, start, rises=not target.aim.is_budget)
+    step = meet_limit(measured, target.value, start, rises=not target.kind.is_budget)
     if step is None:
         raise InvalidInputError(
-            f"{target.aim.value} {target.value:g} cannot be met: "
-            f"{_best(target.aim, min(found.values()))}; {_remedy(config, has_tracks)}"
+            f"{target.kind.value} {target.value:g} cannot be met: "
+            f"{_best(target.kind, min(found.values()))}; {_remedy(config, has_tracks)}"
         )
     return step
 
 
-def _best(aim: Aim, reached: float) -> str:
+def _best(kind: TargetKind, reached: float) -> str:
     """The smallest number that was reached, in words."""
-    if aim is Aim.SIZE:
+    if kind is TargetKind.SIZE:
         return f"the smallest file with these options is {reached:.0f} bytes"
-    if aim is Aim.BPVF:
+    if kind is TargetKind.BPVF:
         return f"the smallest file with these options has {reached:g} bits per vertex and frame"
     return f"the smallest error is {reached:g}"
 
 
 def _remedy(config: EncoderConfig, has_tracks: bool) -> str:
-    if not config.target.aim.is_budget:
+    if not config.target.kind.is_budget:
         return "positions come back no nearer than their number type; allow more"
     ways = ["allow more"]
     if config.order_choice is not Order.DROP:
