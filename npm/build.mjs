@@ -11,6 +11,7 @@ import { basename, dirname, join } from "node:path";
 import { fileURLToPath } from "node:url";
 import { promisify } from "node:util";
 import { gzipSync } from "node:zlib";
+import { separateStreams } from "./wasm_streams.mjs";
 
 const here = dirname(fileURLToPath(import.meta.url));
 const core = join(here, "../core");
@@ -38,10 +39,10 @@ async function compile(target, name) {
   return readFileSync(path);
 }
 
-/** Compress bytes to a zlib stream in base64. */
-function deflate(bytes) {
+/** Compress a module to a zlib stream of its separate streams, in base64. */
+function pack(module) {
   return new Promise((resolve, reject) => {
-    zopfli.zlib(bytes, { numiterations: 15 }, (error, packed) =>
+    zopfli.zlib(separateStreams(module), { numiterations: 15 }, (error, packed) =>
       error ? reject(error) : resolve(Buffer.from(packed).toString("base64")),
     );
   });
@@ -112,9 +113,9 @@ rmSync(dist, { recursive: true, force: true });
 const embeddedModules = {
   // Gzip compresses the base64 text to about the size of the deflated bytes, and zopfli, although slow,
   // deflates 5 % better than zlib.
-  SIMD_MODULE: JSON.stringify(await deflate(simd)),
+  SIMD_MODULE: JSON.stringify(await pack(simd)),
   PLAIN_MODULE: JSON.stringify(plain.toString("base64")),
-  WHOLE_MODULE: JSON.stringify(await deflate(whole)),
+  WHOLE_MODULE: JSON.stringify(await pack(whole)),
 };
 const decoder = await build({
   ...common,

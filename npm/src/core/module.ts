@@ -1,6 +1,7 @@
 // The library as a WebAssembly module, compiled from bytes embedded in a script.
 
 import { SIMD_WASM } from "./simd_wasm.js";
+import { joinStreams } from "./wasm_streams.js";
 
 /** A module with one SIMD instruction; it validates only if the engine supports 128-bit SIMD. */
 const SIMD_PROBE = [
@@ -47,7 +48,7 @@ async function compile(scope: Scope): Promise<WebAssembly.Module> {
     return WebAssembly.compile(fromBase64(PLAIN_WASM));
   }
   const packed = scope === "whole" ? (await import("./whole_wasm.js")).WHOLE_WASM : SIMD_WASM;
-  return WebAssembly.compile(await inflate(fromBase64(packed)));
+  return WebAssembly.compile(joinStreams(new Uint8Array(await inflate(fromBase64(packed)))));
 }
 
 function fromBase64(text: string): Uint8Array<ArrayBuffer> {

@@ -4,5 +4,5 @@
 /** Inserted by build.mjs. */
 declare const SIMD_MODULE: string;
 
-/** The module as a zlib stream in base64. */
+/** The module, separated into streams, as a zlib stream in base64. */
 export const SIMD_WASM = SIMD_MODULE;

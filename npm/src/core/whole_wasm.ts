@@ -3,5 +3,5 @@
 /** Inserted by build.mjs. */
 declare const WHOLE_MODULE: string;
 
-/** The module as a zlib stream in base64. */
+/** The module, separated into streams, as a zlib stream in base64. */
 export const WHOLE_WASM = WHOLE_MODULE;
