@@ -4,7 +4,7 @@
 
 /* Modes that a preview includes at least, if only with their mean over the block. */
 #define N_PREVIEW_MODES 16
-#define MIN_TASK 512
+#define MIN_SHARED 512 /* vertices of a level that are worth several threads */
 #define MAX_TASK 16384
 #define PACK_TILE 64 /* ranges of values begin at multiples of this */
 #define BATCH 16     /* vertices that the predictor processes at once */
@@ -238,17 +238,24 @@ static void run_tasks(const reel_call *call, level_tasks *tasks) {
     }
 }
 
+/* Vertices per task of a level: the same number of tasks for each thread, more in larger levels. */
+static int64_t vertices_per_task(int64_t n_verts, int64_t n_threads) {
+    int64_t per_thread = n_verts / n_threads / MIN_SHARED;
+    per_thread = per_thread < 1 ? 1 : per_thread > 4 ? 4 : per_thread;
+    int64_t n_batches = (n_verts + BATCH - 1) / BATCH, n_tasks = n_threads * per_thread;
+    int64_t result = (n_batches + n_tasks - 1) / n_tasks * BATCH;
+    return result < MAX_TASK ? result : MAX_TASK;
+}
+
 /* Predict fields level by level, large levels on several threads. */
 static void predict(const reel_call *call, const reel_mesh *mesh, reel_fields *fields) {
     int64_t n_threads = reel_threads(call), done = 0;
     for (int64_t level = 0; level < mesh->n_levels; level++) {
         int64_t first = mesh->level_starts[level], end = mesh->level_starts[level + 1];
-        int64_t task_size = (end - first) / (4 * n_threads);
-        task_size = task_size < MIN_TASK ? MIN_TASK : task_size > MAX_TASK ? MAX_TASK : task_size;
-        task_size = (task_size + BATCH - 1) / BATCH * BATCH;
-        if (n_threads > 1 && end - first > task_size) {
+        if (n_threads > 1 && end - first >= MIN_SHARED) {
             run_tasks(call, &(level_tasks){mesh, fields, done, first, mesh->n_verts});
-            run_tasks(call, &(level_tasks){mesh, fields, first, end, task_size});
+            run_tasks(call, &(level_tasks){mesh, fields, first, end,
+                                           vertices_per_task(end - first, n_threads)});
             done = end;
         }
     }
