@@ -36,6 +36,7 @@ typedef struct {
     uint8_t *hops;
     int32_t *contexts;
     float *smooth; /* or NULL; rows of the members of each resolution, in order of computation */
+    bool has_finest; /* whether `smooth` includes the finest resolution */
     int64_t n_rows;
     int32_t size;
     int32_t n_levels;
@@ -250,9 +251,9 @@ static void build(workspace *work, hierarchy_results *results) {
         if (results->stencil) {
             find_stencils(work, results, n_kept, end);
         }
-        if (results->smooth) {
+        if (results->smooth && (resolution || results->has_finest)) {
             float *rows = results->smooth + results->n_rows * REEL_SMOOTH_FIELDS;
-            reel_smooth(&work->smoother, &work->graph, rows);
+            reel_smooth(&work->smoother, &work->graph, NULL, rows);
         }
         to_mesh_vertices(work, results->order + n_kept, (size_t)(end - n_kept));
         results->n_rows += work->graph.n;
@@ -326,9 +327,17 @@ static void reorder_smooth(const hierarchy_results *results, int32_t n, int32_t 
                            const int64_t *smooth_starts, const int32_t *numbers, float *smooth) {
     const size_t size = REEL_SMOOTH_FIELDS * sizeof *smooth;
     const float *row = results->smooth;
+    int32_t finest = resolutions[n_levels - 1];
     for (int32_t i = n_levels - 1; i >= 0; i--) {
         bool is_last = i + 1 == n_levels || resolutions[i + 1] != resolutions[i];
-        for (int32_t v = 0; is_last && resolutions[i] > 0 && v < n; v++) {
+        if (!is_last || !resolutions[i]) {
+            continue;
+        }
+        if (resolutions[i] == finest && !results->has_finest) {
+            row += (size_t)n * REEL_SMOOTH_FIELDS;
+            continue;
+        }
+        for (int32_t v = 0; v < n; v++) {
             if (numbers[v] < starts[i + 1]) {
                 reel_copy(smooth + (smooth_starts[i] + numbers[v]) * REEL_SMOOTH_FIELDS, row, size);
                 row += REEL_SMOOTH_FIELDS;
@@ -340,7 +349,8 @@ static void reorder_smooth(const hierarchy_results *results, int32_t n, int32_t 
 int64_t reel_hierarchy(void *memory, size_t memory_size, const int32_t *starts,
                        const int32_t *near, int64_t n_verts, int64_t stencil_size, int32_t *order,
                        int32_t *level_starts, int32_t *level_resolutions, int64_t *smooth_starts,
-                       int32_t *stencil, uint8_t *hops, int32_t *contexts, float *smooth) {
+                       int32_t *stencil, uint8_t *hops, int32_t *contexts, float *smooth,
+                       int64_t has_finest) {
     if (stencil_size < 1 || stencil_size > REEL_MAX_STENCIL || n_verts < 0 ||
         n_verts >= 1 << REEL_PLACE_BITS) {
         return reel_failure(REEL_INVALID, 0);
@@ -362,6 +372,7 @@ int64_t reel_hierarchy(void *memory, size_t memory_size, const int32_t *starts,
                                  .hops = hops,
                                  .contexts = contexts,
                                  .smooth = smooth ? rows : NULL,
+                                 .has_finest = has_finest != 0,
                                  .size = (int32_t)stencil_size};
     build(&work, &results);
     int32_t n_levels = write_levels(&results, level_starts, level_resolutions, smooth_starts);

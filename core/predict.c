@@ -83,6 +83,14 @@ static float smooth_noise(const reel_mesh *mesh, int64_t level) {
     return mesh->level_starts[level + 1] > REEL_SMALL_GRAPH ? LARGE_NOISE : SMALL_NOISE;
 }
 
+/* Smooth fields in the resolution of a level, by vertex. */
+static const float *smooth_rows(const reel_mesh *mesh, int64_t level) {
+    int64_t start = mesh->smooth_starts[level];
+    return start == mesh->smooth_starts[mesh->n_levels - 1]
+               ? mesh->finest_smooth
+               : mesh->smooth + start * REEL_SMOOTH_FIELDS;
+}
+
 #define FLOATS 4
 #define TARGET
 #define NAMED(name) name##_4

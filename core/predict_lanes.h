@@ -635,7 +635,7 @@ TARGET REEL_INLINE void NAMED(prepare_level)(const reel_mesh *mesh, const reel_f
                                              int64_t level, int64_t first, int64_t last,
                                              int size) {
     NAMED(batch) b;
-    const float *smooth = mesh->smooth + mesh->smooth_starts[level] * REEL_SMOOTH_FIELDS;
+    const float *smooth = smooth_rows(mesh, level);
     float noise = smooth_noise(mesh, level);
     for (; first < last; first += REEL_BATCH) {
         NAMED(load_batch)(&b, mesh, size, first, last);
@@ -654,7 +654,7 @@ TARGET REEL_INLINE bool NAMED(code_level)(const reel_mesh *mesh, reel_fields *fi
                                           const reel_quantizer *quantizer, int64_t level,
                                           int64_t first, int64_t last, int size) {
     NAMED(batch) b;
-    const float *smooth = mesh->smooth + mesh->smooth_starts[level] * REEL_SMOOTH_FIELDS;
+    const float *smooth = smooth_rows(mesh, level);
     float noise = smooth_noise(mesh, level);
     bool is_shaped = quantizer && level >= quantizer->first_shaped;
     bool to_nearest = quantizer && quantizer->rd_lambda == 0.0;

@@ -27,7 +27,7 @@
 extern "C" {
 #endif
 
-#define REEL_ABI 12 /* changes whenever a function or struct below changes */
+#define REEL_ABI 13 /* changes whenever a function or struct below changes */
 
 enum reel_code {
     REEL_OK = 0,
@@ -71,10 +71,12 @@ REEL_API int64_t reel_adjacency(void *memory, size_t memory_size, const int32_t 
    stencils; all other vertices have at least one entry. `contexts` receives the
    REEL_CONTEXT_NEIGHBORS context neighbors of each vertex, also padded with -1. `smooth` receives
    the smooth fields of all resolutions but the coarsest, finest last: those of vertex v are in row
-   smooth_starts[level] + v; at most REEL_SMOOTH_ROWS n_verts rows.
+   smooth_starts[level] + v; at most REEL_SMOOTH_ROWS n_verts rows, of which n_verts are of the
+   finest resolution.
 
-   A NULL `smooth` skips the smooth fields; a NULL `stencil` skips everything but them, the order
-   and the levels. Two calls may thus share the work. Returns the number of levels. */
+   A NULL `smooth` skips the smooth fields, has_finest = 0 those of the finest resolution; a NULL
+   `stencil` skips everything but them, the order and the levels. Two calls may thus share the work.
+   Returns the number of levels. */
 #define REEL_MAX_STENCIL 16
 #define REEL_MAX_RESOLUTIONS 20 /* in addition to the coarsest */
 #define REEL_MAX_LEVELS (1 + 3 * REEL_MAX_RESOLUTIONS)
@@ -87,7 +89,15 @@ REEL_API int64_t reel_hierarchy(void *memory, size_t memory_size, const int32_t 
                                 const int32_t *near, int64_t n_verts, int64_t stencil_size,
                                 int32_t *order, int32_t *level_starts, int32_t *level_resolutions,
                                 int64_t *smooth_starts, int32_t *stencil, uint8_t *hops,
-                                int32_t *contexts, float *smooth);
+                                int32_t *contexts, float *smooth, int64_t has_finest);
+
+/* Compute the n_verts rows of smooth fields of the finest resolution, in the coding order `order` of
+   a hierarchy: most of the work on smooth fields, and only prediction needs them. Returns
+   n_verts. */
+REEL_API size_t reel_finest_smooth_memory(int64_t n_verts, int64_t n_near);
+REEL_API int64_t reel_finest_smooth(void *memory, size_t memory_size, const int32_t *starts,
+                                    const int32_t *near, int64_t n_verts, const int32_t *order,
+                                    float *smooth);
 
 /* ---- Prediction of fields over the mesh ----
 
@@ -102,6 +112,8 @@ typedef struct {
     const int32_t *stencil; /* n_verts x S: lower numbers, nearest first, padded with -1 */
     const uint8_t *hops;    /* n_verts x S: 1..3 edges of the resolution */
     const float *smooth;    /* rows of REEL_SMOOTH_FIELDS: vertex v has row start + v */
+    /* n_verts rows of the finest resolution, if it is not the coarsest */
+    const float *finest_smooth;
 } reel_mesh;
 
 typedef struct {

@@ -11,7 +11,7 @@ typedef struct {
     int32_t *order, *level_starts, *level_resolutions, *stencil, *contexts;
     int64_t *smooth_starts;
     uint8_t *hops;
-    float *smooth;
+    float *smooth, *finest_smooth;
     int64_t n_verts, n_levels, size;
 } levels;
 
@@ -43,8 +43,12 @@ static levels find_levels(const fuzz_mesh *mesh) {
     all.n_levels =
         reel_hierarchy(fuzz_allocate((int64_t)capacity, 1), capacity, starts, near, n, size,
                        all.order, all.level_starts, all.level_resolutions, all.smooth_starts,
-                       all.stencil, all.hops, all.contexts, all.smooth);
+                       all.stencil, all.hops, all.contexts, all.smooth, fuzz_below(2));
     FUZZ_CHECK(all.n_levels >= 0 && all.n_levels <= REEL_MAX_LEVELS);
+    all.finest_smooth = fuzz_allocate(n, REEL_SMOOTH_FIELDS * sizeof(float));
+    capacity = reel_finest_smooth_memory(n, n_near);
+    FUZZ_CHECK(reel_finest_smooth(fuzz_allocate((int64_t)capacity, 1), capacity, starts, near, n,
+                                  all.order, all.finest_smooth) == n);
     return all;
 }
 
@@ -70,7 +74,8 @@ static void check_levels(const levels *all) {
 
 static reel_mesh mesh_of(const levels *all) {
     return (reel_mesh){all->n_verts,       all->n_levels, all->size, all->level_starts,
-                       all->smooth_starts, all->stencil,  all->hops, all->smooth};
+                       all->smooth_starts, all->stencil,  all->hops, all->smooth,
+                       all->finest_smooth};
 }
 
 static double *any_floats(int64_t n) {

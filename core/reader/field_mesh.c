@@ -6,7 +6,7 @@
 
 struct reel_hierarchy_job {
     reel_field_mesh *field_mesh;
-    int32_t *order, *level_starts, *resolutions, *stencil;
+    int32_t *level_starts, *resolutions, *stencil;
     int64_t *smooth_starts;
     uint8_t *hops;
     float *smooth;
@@ -40,8 +40,8 @@ int reel_prepare_hierarchy(reel_call *call, reel_pool *pool, const reel_graph *g
         reel_pool_allocate(call, pool, REEL_MAX_LEVELS, sizeof *job->smooth_starts);
     job->stencil = reel_pool_allocate(call, pool, n * (uint64_t)stencil_size, sizeof *job->stencil);
     job->hops = reel_pool_allocate(call, pool, n * (uint64_t)stencil_size, 1);
-    job->smooth = reel_pool_allocate(call, pool, REEL_SMOOTH_ROWS * n, SMOOTH_ROW);
-    job->order = reel_scratch(call, n, sizeof *job->order);
+    job->smooth = reel_pool_allocate(call, pool, (REEL_SMOOTH_ROWS - 1) * n, SMOOTH_ROW);
+    field_mesh->items = reel_pool_allocate(call, pool, n, sizeof *field_mesh->items);
     job->resolutions = reel_scratch(call, REEL_MAX_LEVELS, sizeof *job->resolutions);
     job->memory_size = reel_hierarchy_memory((int64_t)n, graph->starts[n]);
     job->memory = reel_scratch(call, job->memory_size, 1);
@@ -53,9 +53,9 @@ int reel_prepare_hierarchy(reel_call *call, reel_pool *pool, const reel_graph *g
                                    .hops = job->hops,
                                    .smooth = job->smooth};
     bool has_all = order->columns && order->near_starts && order->near && order->pass_starts &&
-                   field_mesh->positions && job->level_starts && job->smooth_starts &&
-                   job->stencil && job->hops && job->smooth && job->order && job->resolutions &&
-                   job->memory;
+                   field_mesh->positions && field_mesh->items && job->level_starts &&
+                   job->smooth_starts && job->stencil && job->hops && job->smooth &&
+                   job->resolutions && job->memory;
     return has_all ? MESHREEL_OK : call->error.code;
 }
 
@@ -90,9 +90,9 @@ void reel_find_hierarchy(reel_hierarchy_job *job) {
     const reel_graph *graph = field_mesh->graph;
     int64_t n = graph->n_items;
     job->result = reel_hierarchy(job->memory, job->memory_size, graph->starts, graph->near, n,
-                                 field_mesh->mesh.stencil_size, job->order, job->level_starts,
-                                 job->resolutions, job->smooth_starts, job->stencil, job->hops,
-                                 field_mesh->order.near, job->smooth);
+                                 field_mesh->mesh.stencil_size, field_mesh->items,
+                                 job->level_starts, job->resolutions, job->smooth_starts,
+                                 job->stencil, job->hops, field_mesh->order.near, job->smooth, 0);
     if (job->result < 0) {
         return;
     }
@@ -100,7 +100,7 @@ void reel_find_hierarchy(reel_hierarchy_job *job) {
     find_passes(&field_mesh->order, job->level_starts, job->resolutions, job->result);
     pack_rows(&field_mesh->order);
     for (int64_t position = 0; position < n; position++) {
-        field_mesh->positions[job->order[position]] = (int32_t)position;
+        field_mesh->positions[field_mesh->items[position]] = (int32_t)position;
     }
 }
 
@@ -108,6 +108,19 @@ int reel_finish_hierarchy(reel_call *call, const reel_hierarchy_job *job,
                           const reel_field_mesh **output) {
     *output = job->field_mesh;
     return reel_fail_core(call, job->result, 0, "the hierarchy of the mesh is too large");
+}
+
+int reel_copy_hierarchy(reel_call *call, reel_pool *pool, const reel_field_mesh *mesh,
+                        reel_field_mesh **copy) {
+    *copy = reel_pool_allocate(call, pool, 1, sizeof **copy);
+    float *smooth = reel_pool_allocate(call, pool, (uint64_t)mesh->mesh.n_verts, SMOOTH_ROW);
+    if (!*copy || !smooth) {
+        return call->error.code;
+    }
+    **copy = *mesh;
+    (*copy)->finest_smooth = smooth;
+    (*copy)->mesh.finest_smooth = smooth;
+    return MESHREEL_OK;
 }
 
 /* ---- times ---- */

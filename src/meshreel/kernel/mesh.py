@@ -163,6 +163,7 @@ def _hierarchy(
         hops,
         contexts,
         smooth if has_smooth else None,
+        1,
         what="stencils",
         memory_of=("reel_hierarchy_memory", n_verts, len(graph.near)),
     )

@@ -34,7 +34,14 @@ class _Mesh(ctypes.Structure):
         *((name, ctypes.c_int64) for name in ("n_verts", "n_levels", "stencil_size")),
         *(
             (name, ctypes.c_void_p)
-            for name in ("level_starts", "smooth_starts", "stencil", "hops", "smooth")
+            for name in (
+                "level_starts",
+                "smooth_starts",
+                "stencil",
+                "hops",
+                "smooth",
+                "finest_smooth",
+            )
         ),
     ]
 
@@ -151,6 +158,7 @@ def _mesh(mesh: Hierarchy) -> _Mesh:
         _address(mesh.stencil),
         _address(mesh.hops),
         _address(smooth),
+        _address(smooth[mesh.smooth_starts[-1] :]),
     )
 
 

@@ -9,6 +9,7 @@ from scipy.special import ive
 
 from conformance.hierarchy import edges_of, scattered
 from meshreel.errors import InvalidInputError
+from meshreel.kernel.library import call
 from meshreel.kernel.mesh import MAX_LEVELS, MAX_RESOLUTIONS, MAX_STENCIL, hierarchy, neighbors
 from samples.meshes import grid_faces
 
@@ -80,6 +81,24 @@ def test_smooth_fields_are_those_of_the_format_on_small_and_large_graphs(n_colum
     made = hierarchy(found, 3)
     finest = made.smooth[made.smooth_starts[-1] :]
     np.testing.assert_array_equal(finest, smooth_fields_of_the_format(found, time)[made.order])
+
+
+@pytest.mark.parametrize("n_columns", [5, 64, 65])
+def test_finest_smooth_fields_are_the_same_when_computed_separately(n_columns):
+    found = neighbors(grid_faces(64, n_columns), 64 * n_columns)
+    made = hierarchy(found, 3)
+    separate = np.empty((64 * n_columns, 16), np.float32)
+    call(
+        "reel_finest_smooth",
+        found.starts,
+        found.near,
+        len(separate),
+        made.order,
+        separate,
+        what="stencils",
+        memory_of=("reel_finest_smooth_memory", len(separate), len(found.near)),
+    )
+    assert separate.tobytes() == made.smooth[made.smooth_starts[-1] :].tobytes()
 
 
 def test_levels_are_as_many_as_the_core_may_fill():
