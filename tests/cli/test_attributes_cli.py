@@ -63,7 +63,7 @@ def test_encode_prints_the_error_in_texels_when_coordinates_are_quantised(sheets
 def test_encode_fails_when_there_are_no_coordinates_to_quantise(tmp_path):
     meshreel.save(waving_grid(), tmp_path / "grid.npz")
     done = run("encode", tmp_path / "grid.npz", "-o", tmp_path / "out.reel", "--uv-bits", "10")
-    assert_fails(done, "no texture coordinates for --uv-bits to quantise")
+    assert_fails(done, "no texture coordinates to quantize; omit --uv-bits")
 
 
 @pytest.mark.slow
@@ -75,7 +75,7 @@ def test_batch_notes_inputs_when_options_choose_nothing_in_them(sheets, tmp_path
     records = json.loads((out / "manifest.json").read_text())["inputs"]
     assert records["grid.npz"]["notes"] == [
         "has no attribute or group 'uv'; it has none",
-        "has no texture coordinates for uv_bits= to quantise",
+        "has no texture coordinates for uv_bits= to quantize",
     ]
     assert records["sheets.npz"]["notes"] == []
     assert 0 < records["sheets.npz"]["uv_error"] <= 2**-11

@@ -1,1 +1,1 @@
-"""Many sequences, encoded by an engine, and the manifest that records the outcome of each."""
+"""Batch encoding of many sequences, recorded in a manifest."""

@@ -11,8 +11,10 @@ from meshreel.formats.sources import natural_order
 from meshreel.runtime.stores.address import is_remote, name_of
 from meshreel.runtime.stores.listing import RemoteFile, files_below
 
-OUTPUT_ENDING = ".reel"
-WHOLE_SEQUENCES = tuple(ending for ending in SEQUENCE_FORMATS if ending != OUTPUT_ENDING)
+OUTPUT_EXTENSION = ".reel"
+WHOLE_SEQUENCES = tuple(
+    extension for extension in SEQUENCE_FORMATS if extension != OUTPUT_EXTENSION
+)
 
 
 @dataclass(frozen=True)
@@ -22,18 +24,18 @@ class BatchInput:
     Attributes
     ----------
     name : str
-        Its path within the folder of inputs, with slashes; "." is that folder itself. Of one of
-        several animations of a file, with the name of that behind a "#".
-    source : Path, or str of a remote one
-        Absolute: a file of a whole sequence, or a folder of frames.
+        Path relative to the input folder, with slashes; "." is that folder itself. For one of
+        several animations of a file, followed by "#" and its name.
+    source : Path, or str if remote
+        Absolute path of a file with a whole sequence, or of a folder of frames.
     files : tuple of Path
-        The files that it consists of, if they are on this machine.
+        Its files, if they are local.
     output : str
-        Path of the stream within the folder of outputs, with slashes.
+        Path of the stream relative to the output folder, with slashes.
     remote_files : tuple of RemoteFile
-        The files that it consists of, if they are in a store.
+        Its files, if they are remote.
     animation : str, optional
-        The one to take of a file that holds several; default: as `meshreel.load` chooses.
+        The animation to read from a file with several; default: as `meshreel.load` selects.
     """
 
     name: str
@@ -45,42 +47,42 @@ class BatchInput:
 
     @property
     def path(self) -> str:
-        """Its path within the folder of inputs, without the name of an animation."""
+        """Path relative to the input folder, without the name of an animation."""
         return self.name if self.animation is None else self.name.removesuffix(f"#{self.animation}")
 
     @property
     def size_bytes(self) -> int:
-        """Of all its files."""
-        here = sum(path.stat().st_size for path in self.files)
-        return here + sum(file.size_bytes for file in self.remote_files)
+        """Total size of its files."""
+        local_bytes = sum(path.stat().st_size for path in self.files)
+        return local_bytes + sum(file.size_bytes for file in self.remote_files)
 
     def fingerprint(self) -> str:
-        """A hash of the names, sizes and times of change of its files; their bytes are not read."""
+        """A hash of the names, sizes and modification times of its files, not of their bytes."""
         digest = hashlib.sha256()
         for path in self.files:
-            facts = path.stat()
-            digest.update(f"{path.name}\0{facts.st_size}\0{facts.st_mtime_ns}\0".encode())
+            status = path.stat()
+            digest.update(f"{path.name}\0{status.st_size}\0{status.st_mtime_ns}\0".encode())
         for file in self.remote_files:
             digest.update(f"{name_of(file.name)}\0{file.size_bytes}\0{file.version}\0".encode())
         return digest.hexdigest()
 
 
 def find_inputs(folder: Path | str, *, but_not: Path | str | None = None) -> list[BatchInput]:
-    """Every sequence in a folder and its sub-folders, in natural order.
+    """Find all sequences in a folder and its subfolders, in natural order.
 
-    Each file of a whole sequence is one, and each folder that holds frame files. Hidden files and
-    folders are passed over, and streams; links are followed.
+    An input is a file with a whole sequence, or a folder with frame files. Hidden files, hidden
+    folders and streams are skipped; links are followed.
 
     Parameters
     ----------
     folder : Path, or str of a remote folder
     but_not : Path or str, optional
-        A sub-folder that is passed over: that of the outputs.
+        A subfolder to skip: that of the outputs.
 
     Raises
     ------
     InvalidInputError
-        If there is no such folder, or no sequence in it.
+        If the folder does not exist, or contains no sequence.
     """
     if is_remote(folder):
         found = list(_remote_inputs(folder, but_not))
@@ -105,7 +107,7 @@ def _local_inputs(folder: Path, but_not: Path | str | None) -> Iterator[BatchInp
 
 
 def _remote_inputs(folder: str, but_not: Path | str | None) -> Iterator[BatchInput]:
-    """As `_local_inputs`, of what a store lists."""
+    """Find the sequences among the files that a store lists."""
     top = folder.rstrip("/")
     passed_over = f"{but_not}".rstrip("/") + "/" if is_remote(but_not) else None
     by_folder: dict[Path, dict[Path, RemoteFile]] = {}
@@ -127,7 +129,7 @@ def _remote_inputs_in(top: str, place: Path, files: dict[Path, RemoteFile]) -> I
     order = [path for path in natural_order(files) if path not in beside]
     frames = [path for path in order if path.suffix.lower() in FRAME_FORMATS]
     if frames:
-        output = place.parent / f"{place.name or name_of(top)}{OUTPUT_ENDING}"
+        output = place.parent / f"{place.name or name_of(top)}{OUTPUT_EXTENSION}"
         yield BatchInput(
             place.as_posix(), f"{top}/{place.as_posix()}".removesuffix("/."), (),
             output.as_posix(), tuple(files[path] for path in frames),
@@ -135,13 +137,13 @@ def _remote_inputs_in(top: str, place: Path, files: dict[Path, RemoteFile]) -> I
     for path in order:
         if path.suffix.lower() in WHOLE_SEQUENCES:
             parts = [files[path], *(files[one] for one in _companions([path]) if one in files)]
-            output = place / f"{path.stem}{OUTPUT_ENDING}"
+            output = place / f"{path.stem}{OUTPUT_EXTENSION}"
             address = f"{top}/{path.as_posix()}"
             yield BatchInput(path.as_posix(), address, (), output.as_posix(), tuple(parts))
 
 
 def _folders_under(folder: Path, above: tuple[Path, ...] = ()) -> Iterator[Path]:
-    """The folder and all below it; a link to a folder that holds it ends there."""
+    """Yield a folder and its subfolders; links to a parent folder are not followed."""
     true_place = folder.resolve()
     if true_place in above:
         return
@@ -159,18 +161,18 @@ def _inputs_in(folder: Path, top: Path) -> Iterator[BatchInput]:
     )
     place = folder.relative_to(top)
     if frames:
-        # Of the folder of inputs itself the path is ".", which has no name.
-        output = place.parent / f"{place.name or folder.resolve().name}{OUTPUT_ENDING}"
+        # The path of the input folder itself is ".", which has no name.
+        output = place.parent / f"{place.name or folder.resolve().name}{OUTPUT_EXTENSION}"
         yield BatchInput(place.as_posix(), folder, frames, output.as_posix())
     for path in files:
         if path.suffix.lower() in WHOLE_SEQUENCES and path not in beside:
-            output = place / f"{path.stem}{OUTPUT_ENDING}"
+            output = place / f"{path.stem}{OUTPUT_EXTENSION}"
             parts = (path, *(part for one in _companions([path]) for part in _parts(one, path)))
             yield BatchInput((place / path.name).as_posix(), path, parts, output.as_posix())
 
 
 def _companions(files: list[Path]) -> set[Path]:
-    """Files that belong to a sequence beside them: the mesh of a cache, numbers, a first piece."""
+    """Files that belong to another file: the mesh of a cache, binary data, a first piece."""
     formats = [(path, SEQUENCE_FORMATS.get(path.suffix.lower())) for path in files]
     meshes = {
         path.with_suffix(found.companion) for path, found in formats if found and found.companion
@@ -181,7 +183,7 @@ def _companions(files: list[Path]) -> set[Path]:
 
 
 def _parts(companion: Path, path: Path) -> list[Path]:
-    """The companion of a file if it is there, with all pieces if it is one in a folder of them."""
+    """The existing companion of a file; if it is in a folder of pieces, all pieces."""
     if not companion.exists():
         return []
     if companion.parent == path.parent:
@@ -190,7 +192,7 @@ def _parts(companion: Path, path: Path) -> list[Path]:
 
 
 def _is_of_pieces(folder: Path) -> bool:
-    """Whether a folder has the pieces of a sequence that a file beside it names, as we write it."""
+    """Whether a folder contains the pieces of a sequence whose main file is next to the folder."""
     beside = [path for path in _visible(folder.parent) if path.is_file()]
     return any(one.parent == folder and one.exists() for one in _companions(beside))
 

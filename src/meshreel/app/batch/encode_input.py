@@ -1,4 +1,4 @@
-"""One input, encoded and measured by a worker."""
+"""Encoding of one input by a worker."""
 
 import math
 import time
@@ -29,26 +29,26 @@ from meshreel.runtime.counting import counted
 from meshreel.runtime.engine.engine import Engine
 
 BLOCK_SHARES = (1.0, 1 / 4, 1 / 16)
-"""Of the frames of a block, those that are tried, one after the other, while memory runs out."""
+"""Fractions of the frames of a block to try in order if memory runs out."""
 
 READ_OPTIONS = ("fps", "merge", "attributes", "skip_bad", "allow_outside", "animation")
-"""Fields of `ReadOptions` that the manifest names if they differ from the default."""
+"""Fields of `ReadOptions` that the manifest records if they differ from the default."""
 
 
 @dataclass(frozen=True)
 class EncodeOptions:
-    """How every input of a batch is encoded.
+    """Options for every input of a batch.
 
     Attributes
     ----------
     reading : ReadOptions
-        Where an input is of a format that an option has no effect on, it is left out; an input
-        that lacks a named attribute gets a note.
+        Options that do not apply to the format of an input are ignored; an input without a selected
+        attribute gets a note.
     tracks : dict of str to str, or None
-        How exact tracks are to come back. An input that lacks one gets a note.
+        Error bounds of tracks. An input without one of them gets a note.
     block_share : float
-        Of the frames that the config codes together, how many are; below 1 where memory ran out
-        before. Positions then stay in their files, and a note says so.
+        Fraction of the config's frames per block; below 1 after memory ran out. Positions are then
+        read from their files on demand, with a note.
     """
 
     config: EncoderConfig
@@ -57,25 +57,24 @@ class EncodeOptions:
     block_share: float = 1.0
 
     def smaller(self, error: BaseException) -> "EncodeOptions | None":
-        """The options with smaller blocks after an error; None if that is no help.
+        """The options with smaller blocks after an error; None if that cannot help.
 
-        The death of a worker takes long, and happens no more often than it must: the smallest
-        blocks are next.
+        The death of a worker takes long, so the smallest blocks are next.
         """
-        following = BLOCK_SHARES[BLOCK_SHARES.index(self.block_share) + 1 :]
-        if not following or not isinstance(error, MemoryError | WorkerDiedError):
+        smaller = BLOCK_SHARES[BLOCK_SHARES.index(self.block_share) + 1 :]
+        if not smaller or not isinstance(error, MemoryError | WorkerDiedError):
             return None
         is_death = isinstance(error, WorkerDiedError)
-        return replace(self, block_share=following[-1 if is_death else 0])
+        return replace(self, block_share=smaller[-1 if is_death else 0])
 
     @property
     def are_cut(self) -> bool:
-        """Whether sequences are coded in blocks that do not depend on each other."""
+        """Whether sequences are coded in independent blocks."""
         is_cut = self.config.block_frames is not None or self.config.memory is not None
         return is_cut and self.config.method_row.blocks_are_independent
 
     def as_dict(self) -> dict[str, Any]:
-        """Those that are not the default, in plain types."""
+        """Options that differ from the default, in plain types."""
         chosen = {one.name: getattr(self.config, one.name) for one in self.config.chosen}
         reading = {name: getattr(self.reading, name) for name in READ_OPTIONS}
         chosen |= {
@@ -86,12 +85,12 @@ class EncodeOptions:
 
 @dataclass(frozen=True)
 class Encoded:
-    """A stream and its figures.
+    """A stream and its measurements.
 
     Attributes
     ----------
     figures : dict
-        The fields of a `Record` that are known once the input is done.
+        The fields of a `Record` that encoding determines.
     """
 
     data: bytes
@@ -101,16 +100,15 @@ class Encoded:
 def encode_input(
     source: str, options: EncodeOptions, version: str, engine: Engine | None = None
 ) -> Encoded:
-    """The stream of the sequence at a path or an address, measured.
+    """Encode and measure the sequence at a path or an address.
 
-    It writes nothing: a worker that is stopped leaves nothing behind, and one on another machine
-    needs to see the inputs only. With an engine it is called where that is, and its workers code
-    blocks of frames.
+    Writes no files: a stopped worker leaves nothing behind, and a remote worker needs access only
+    to the inputs. With an engine, its workers encode blocks of frames.
 
     Raises
     ------
     InvalidInputError
-        If this is another version of meshreel than that of the caller.
+        If the version of meshreel differs from the caller's.
     """
     if version != __version__:
         raise InvalidInputError(
@@ -125,7 +123,7 @@ def encode_input(
 
 
 def _memory(options: EncodeOptions) -> float | None:
-    """Bytes that encoding may take; none of them for loaded frames, once memory ran out."""
+    """Memory limit of encoding; 0 after memory ran out, so that frames are read on demand."""
     return options.config.memory_bytes if options.block_share == 1 else 0.0
 
 
@@ -136,7 +134,7 @@ def _measured(
     began: float,
     engine: Engine | None,
 ) -> Encoded:
-    """The stream of an opened input, and its figures."""
+    """Encode and measure an opened input."""
     sequence, config = _suited(opened, options, notes)
     tracks = _present(sequence, options, notes)
     data = encode_with(config, sequence, tracks=tracks, engine=engine)
@@ -169,7 +167,7 @@ def _measured(
 def _suited(
     opened: FrameSource, options: EncodeOptions, notes: list[str]
 ) -> tuple[FrameSource, EncoderConfig]:
-    """An input with the attributes to keep of it, and the options that apply to it."""
+    """The input with its selected attributes, and the options that apply to it."""
     config = options.config
     if missing := missing_names(opened.surface, options.reading.attributes):
         notes.append(describe_missing(opened.surface, missing))
@@ -177,7 +175,7 @@ def _suited(
         opened, select(opened.surface, options.reading.attributes, ignore_missing=True)
     )
     if config.uv_bits is not None and not has_uvs(sequence.surface):
-        notes.append("has no texture coordinates for uv_bits= to quantise")
+        notes.append("has no texture coordinates for uv_bits= to quantize")
         config = replace(config, uv_bits=None)
     if options.block_share < 1:
         config = _with_smaller_blocks(config, sequence, options.block_share, notes)
@@ -191,7 +189,7 @@ def _with_smaller_blocks(
     n_together = config.frames_in_block(sequence.n_frames, sequence.n_verts, number_bytes)
     n_frames = max(1, int(share * n_together))
     notes.append(
-        f"memory was too little for blocks of {counted(n_together, 'frame')}; coded in blocks of "
+        f"memory did not suffice for blocks of {counted(n_together, 'frame')}; coded in blocks of "
         f"{n_frames}, which take more bytes"
     )
     return config.with_blocks_of(n_frames, sequence.n_verts, number_bytes)
@@ -200,14 +198,14 @@ def _with_smaller_blocks(
 def _present(
     sequence: FrameSource, options: EncodeOptions, notes: list[str]
 ) -> dict[str, float | str]:
-    """What is asked of the tracks that the input has."""
-    asked = options.tracks or {}
-    if missing := [name for name in asked if name not in sequence.tracks]:
+    """The error bounds of tracks that the input has."""
+    bounds = options.tracks or {}
+    if missing := [name for name in bounds if name not in sequence.tracks]:
         notes.append(f"has no track {', '.join(missing)}")
-    present = {name: bound for name, bound in asked.items() if name in sequence.tracks}
+    present = {name: bound for name, bound in bounds.items() if name in sequence.tracks}
     return without_units(sequence.tracks, present, notes)
 
 
 def _finite(error: float | None) -> float | None:
-    """The error as JSON can hold it: None where it is not finite."""
+    """The error for JSON: None if it is not finite."""
     return float(error) if error is not None and math.isfinite(error) else None

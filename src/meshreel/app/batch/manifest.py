@@ -1,4 +1,4 @@
-"""The outcome of each input of a batch, on disk after each of them."""
+"""The manifest of a batch: the outcome of each input, stored after each of them."""
 
 import json
 from collections import Counter
@@ -14,7 +14,7 @@ from meshreel.errors import InvalidInputError
 MANIFEST_NAME = "manifest.json"
 MADE_BY = "meshreel batch"
 LAYOUT = 1
-"""Of the JSON."""
+"""Version of the JSON layout."""
 
 DONE, FAILED, PENDING = "done", "failed", "pending"
 
@@ -26,28 +26,27 @@ class Record:
     Attributes
     ----------
     state : str
-        "done", "failed", or "pending": begun by a run that was stopped.
+        "done", "failed", or "pending" if the run was stopped.
     output : str
-        The stream, within the folder of outputs.
+        Path of the stream relative to the output folder.
     owns_output : bool
-        Whether a file that is there was made from this input: only then is it replaced unasked.
+        Whether an existing output was made from this input: only then is it replaced without force.
     fingerprint : str
-        Of the input: names, sizes and times of change of its files.
+        Hash of names, sizes and modification times of the input files.
     options : dict
-        Those that are not the default.
+        Options that differ from the default.
     version : str
-        Of meshreel.
+        Version of meshreel.
     error : str or None
         Why it failed.
     seconds : float or None
-        To read, encode and measure it. This and what follows is None unless it is done.
+        Time to read, encode and measure it. This and the following are None unless it is done.
     raw_size_bytes, size_bytes, ratio, kg_error_percent, max_error_percent, sted, tracks
-        As `meshreel encode --json` gives them.
+        As in the output of `meshreel encode --json`.
     uv_error : float or None
-        The largest difference of a texture coordinate, where 1 is the width of a texture; None if
-        they are exact.
+        The largest error of a texture coordinate, in widths of a texture; None if they are exact.
     notes : list of str
-        Changes made while reading, and parts of the input that are left out.
+        Changes made while reading, and omitted parts of the input.
     """
 
     state: str
@@ -71,18 +70,18 @@ class Record:
 
 @dataclass(frozen=True)
 class Summary:
-    """All records in a few figures.
+    """Totals over all records.
 
     Attributes
     ----------
     done, failed, pending : int
         Records in each state.
     raw_size_bytes, size_bytes : int
-        Of all that are done.
+        Totals of the done records.
     ratio : float or None
         The first divided by the second; None if none is done.
     kg_error_percent, max_error_percent : float or None
-        The largest of those done.
+        Maxima over the done records.
     """
 
     done: int
@@ -112,14 +111,14 @@ def summary_of(records: Iterable[Record]) -> Summary:
 
 @dataclass(frozen=True)
 class Manifest:
-    """The records of a folder of outputs.
+    """The records of an output folder.
 
     Attributes
     ----------
     input_dir : str
-        Folder of the inputs as seen from that of the outputs.
+        Path of the input folder relative to the output folder.
     records : dict of str to Record
-        By the name of the input; those of inputs that are gone are kept.
+        By the name of the input; includes removed inputs.
     """
 
     folder: OutFolder
@@ -128,7 +127,7 @@ class Manifest:
     _lines: dict[str, tuple[Record, str]] = field(default_factory=dict, repr=False)
 
     def write(self) -> None:
-        """Write it, whole or not at all, over what was there."""
+        """Write it atomically, replacing an earlier one."""
         head = {
             "made_by": MADE_BY,
             "layout": LAYOUT,
@@ -146,22 +145,21 @@ class Manifest:
         return self.folder.called(MANIFEST_NAME)
 
     def _line(self, name: str, record: Record) -> str:
-        """A record as a line of JSON, made anew only when it has changed: most never do again."""
-        kept, line = self._lines.get(name, (None, ""))
-        if kept is not record:
+        """A record as a line of JSON, cached because most records never change again."""
+        cached, line = self._lines.get(name, (None, ""))
+        if cached is not record:
             line = f"  {json.dumps(name)}: {json.dumps(asdict(record))}"
             self._lines[name] = record, line
         return line
 
 
 def read_manifest(input_dir: Path | str, out_dir: Path | str, *, force: bool = False) -> Manifest:
-    """The manifest of a folder of outputs; without records where there is none yet.
+    """Read the manifest of an output folder; it has no records if the file does not exist.
 
     Raises
     ------
     InvalidInputError
-        If there is a file of its name that is something else, or it is of another folder of
-        inputs and not `force`.
+        If the file is not a manifest, or belongs to another input folder and `force` is false.
     StoreError
         If a remote folder cannot be read.
     """

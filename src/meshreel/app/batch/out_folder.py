@@ -1,4 +1,4 @@
-"""The folder of outputs of a batch, on this machine or in a store."""
+"""The output folder of a batch, local or remote."""
 
 import os
 import tempfile
@@ -14,58 +14,58 @@ from meshreel.runtime.stores.transfer import check_outputs, read_whole, upload_a
 
 
 class OutFolder(Protocol):
-    """A folder of outputs; names are paths within it, with slashes."""
+    """An output folder; names are relative paths with slashes."""
 
     def check(self) -> None:
-        """Refuse a folder that takes no files, before any work."""
+        """Refuse a folder that is not writable."""
 
     def has(self, name: str) -> bool:
-        """Whether anything of this name was there when the batch was planned."""
+        """Whether a file or folder existed when the batch was planned."""
 
     def size_bytes(self, name: str) -> int | None:
-        """Of a file that was there then; None if there was none."""
+        """Size of a file at that time; None if it did not exist."""
 
     def is_one_of(self, name: str, files: tuple[Path, ...]) -> bool:
-        """Whether a file that is there is one of these, under whatever name."""
+        """Whether an existing file is one of these, also through links."""
 
     def read(self, name: str) -> bytes:
-        """The bytes of a file that is there."""
+        """Return the bytes of a file."""
 
     def write(self, name: str, data: bytes, *, overwrite: bool) -> None:
-        """Write a file whole or not at all; its folders are made."""
+        """Write a file atomically, and create its folders."""
 
     def called(self, name: str) -> str:
-        """What a file is called to users."""
+        """Path or address of a file, for messages."""
 
     def seen_to(self, input_dir: Path | str) -> str:
-        """The folder of inputs as seen from here: it stays true when both are moved together."""
+        """Relative path to the input folder, which stays valid if both are moved together."""
 
 
 class LocalFolder:
-    """A folder of this machine."""
+    """A local folder."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
 
     def check(self) -> None:
-        """Refuse what is no folder, or takes no files."""
+        """Refuse a path that is not a writable folder."""
         check_output_folder(self.path)
 
     def has(self, name: str) -> bool:
-        """Whether anything of this name is there."""
+        """Whether a file or folder exists."""
         return (self.path / name).exists()
 
     def size_bytes(self, name: str) -> int | None:
-        """Of a file; None if there is none."""
+        """Size of a file; None if it does not exist."""
         path = self.path / name
         return path.stat().st_size if path.is_file() else None
 
     def is_one_of(self, name: str, files: tuple[Path, ...]) -> bool:
-        """Whether it is one of these, through links, too."""
+        """Whether it is one of these files, also through links."""
         return any((self.path / name).samefile(file) for file in files)
 
     def read(self, name: str) -> bytes:
-        """The bytes of a file."""
+        """Return the bytes of a file."""
         return (self.path / name).read_bytes()
 
     def write(self, name: str, data: bytes, *, overwrite: bool) -> None:
@@ -76,28 +76,28 @@ class LocalFolder:
             temporary.write_bytes(data)
 
     def called(self, name: str) -> str:
-        """Its path."""
+        """Path of a file."""
         return str(self.path / name)
 
     def seen_to(self, input_dir: Path | str) -> str:
-        """A path from here; of inputs in a store their address."""
+        """Relative path to the input folder; the address of a remote one."""
         if not isinstance(input_dir, Path):
             return input_dir
         try:
-            seen = os.path.relpath(input_dir.resolve(), self.path.resolve())
+            relative = os.path.relpath(input_dir.resolve(), self.path.resolve())
         except ValueError:  # on another drive
             return input_dir.resolve().as_posix()
-        return Path(seen).as_posix()
+        return Path(relative).as_posix()
 
 
 class RemoteFolder:
-    """A folder in a store, which is listed once."""
+    """A remote folder, which is listed once."""
 
     def __init__(self, address: str) -> None:
         self.address = address.rstrip("/")
 
     def check(self) -> None:
-        """Refuse an address where nothing can be written."""
+        """Refuse an address that is not writable."""
         check_outputs([self.called("manifest.json")], overwrite=True)
 
     @cached_property
@@ -105,37 +105,37 @@ class RemoteFolder:
         return {one.name: one.size_bytes for one in files_below(self.address)}
 
     def has(self, name: str) -> bool:
-        """Whether there was a file of this name."""
+        """Whether a file existed when the folder was listed."""
         return name in self._sizes
 
     def size_bytes(self, name: str) -> int | None:
-        """Of a file that was there; None if there was none."""
+        """Size of a file at that time; None if it did not exist."""
         return self._sizes.get(name)
 
     def is_one_of(self, name: str, files: tuple[Path, ...]) -> bool:
-        """No: those are of this machine."""
+        """Return False: the files are local."""
         return False
 
     def read(self, name: str) -> bytes:
-        """The bytes of a file."""
+        """Return the bytes of a file."""
         return read_whole(self.called(name))
 
     def write(self, name: str, data: bytes, *, overwrite: bool) -> None:
-        """Upload a file, which appears whole."""
+        """Upload a file atomically."""
         with tempfile.TemporaryDirectory(prefix="meshreel-") as place:
             path = Path(place) / "output"
             path.write_bytes(data)
             upload_all({path: self.called(name)}, overwrite=overwrite)
 
     def called(self, name: str) -> str:
-        """Its address."""
+        """Address of a file."""
         return f"{self.address}/{name}"
 
     def seen_to(self, input_dir: Path | str) -> str:
-        """The address of the inputs, or their path on this machine."""
+        """Address of the input folder, or its absolute local path."""
         return input_dir if isinstance(input_dir, str) else input_dir.resolve().as_posix()
 
 
-def out_folder(given: Path | str) -> OutFolder:
-    """The folder that a path or an address means."""
-    return RemoteFolder(given) if is_remote(given) else LocalFolder(Path(given))
+def out_folder(folder: Path | str) -> OutFolder:
+    """The output folder at a path or an address."""
+    return RemoteFolder(folder) if is_remote(folder) else LocalFolder(Path(folder))

@@ -1,4 +1,4 @@
-"""The plan of a run: which inputs are to be encoded, and which are not."""
+"""The plan of a run: the inputs to encode, to skip and to refuse."""
 
 import re
 from collections import defaultdict
@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from meshreel.app.batch.discovery import OUTPUT_ENDING, BatchInput, find_inputs
+from meshreel.app.batch.discovery import OUTPUT_EXTENSION, BatchInput, find_inputs
 from meshreel.app.batch.encode_input import EncodeOptions
 from meshreel.app.batch.manifest import DONE, FAILED, PENDING, Manifest, Record, read_manifest
 from meshreel.app.batch.out_folder import OutFolder, out_folder
@@ -20,10 +20,10 @@ from meshreel.formats.sources import find_files
 from meshreel.formats.supported_options import check_supported, supports
 
 NOT_PORTABLE = r"[^\w.+-]+"
-"""Characters that are replaced in names of outputs."""
+"""Characters to replace in output names."""
 
 MAX_NAME = 80
-"""Characters of the name of an animation in that of an output."""
+"""Maximum length of the name of an animation in an output name."""
 
 
 @dataclass(frozen=True)
@@ -33,19 +33,19 @@ class Plan:
     Attributes
     ----------
     folder : OutFolder
-        Of the outputs.
+        The output folder.
     manifest : Manifest
-        Of earlier runs.
+        Records of earlier runs.
     up_to_date : list of str
-        Names of inputs whose streams are there.
+        Names of inputs whose streams are up to date.
     refused : dict of str to Record
         Inputs that cannot be encoded, with the reason.
     to_encode : dict of BatchInput to Record
-        The others, as "pending".
+        The other inputs, with pending records.
     replaced : set of BatchInput
-        Those of them whose outputs are there already.
+        Inputs to encode whose outputs exist.
     notes : list of str
-        Sentences on animations that are left out, or whose outputs have other names.
+        Notes on omitted animations, and on outputs with changed names.
     """
 
     input_dir: Path | str
@@ -59,7 +59,7 @@ class Plan:
     notes: list[str] = field(default_factory=list)
 
     def options_of(self, one: BatchInput) -> EncodeOptions:
-        """How an input is encoded."""
+        """The options for an input."""
         reading = replace(self.options.reading, animation=one.animation)
         return replace(self.options, reading=reading)
 
@@ -72,26 +72,26 @@ def plan_batch(
     force: bool = False,
     all_animations: bool = False,
 ) -> Plan:
-    """The plan of a run: inputs that are new, changed or failed before are to be encoded.
+    """Plan a run that encodes inputs that are new, have changed, or failed before.
 
-    An input is up to date if its stream is there with the size it was written with, and neither
-    the files of the input nor the options have changed since.
+    An input is up to date if its stream exists with the recorded size, and neither the input files
+    nor the options have changed since. Nothing is written.
 
     Parameters
     ----------
     input_dir, out_dir : Path, or str of a remote folder
-        The second need not exist; nothing is written yet.
+        The second need not exist.
     force : bool, default False
-        Encode everything, and replace outputs that are not this batch's.
+        Encode everything, and replace outputs of other programs or inputs.
     all_animations : bool, default False
-        Whether each animation of a file that holds several is an input, as `every_animation` says;
-        remote files that may hold several are downloaded for that.
+        Whether each animation of a file is an input, as in `every_animation`; remote files that may
+        have several are downloaded.
 
     Raises
     ------
     InvalidInputError
-        If there is nothing to encode, the folder of outputs belongs to something else, or an
-        option has no effect on any input.
+        If there are no inputs, the output folder belongs to another batch, or an option does not
+        apply to any input.
     """
     out_folder(out_dir).check()
     inputs = find_inputs(input_dir, but_not=out_dir)
@@ -145,7 +145,7 @@ def _is_up_to_date(record: Record, earlier: Record | None, folder: OutFolder) ->
 
 
 def _exists(output: str) -> str:
-    return f"{output} exists and was not made of this input; it is kept unless --force is given"
+    return f"{output} exists and was not made from this input; use --force to replace it"
 
 
 def _is_input(output: str) -> str:
@@ -169,23 +169,23 @@ def _rivals(inputs: list[BatchInput]) -> dict[BatchInput, str]:
 def every_animation(
     inputs: Iterable[BatchInput], notes: list[str], *, allow_outside: bool
 ) -> list[BatchInput]:
-    """The inputs, where files of several animations are replaced by one input for each of them.
+    """Replace each file with several animations by one input per animation.
 
     ``man.glb`` with the animations "run" and "jump" becomes ``man.run.reel`` and
-    ``man.jump.reel``. Files that cannot be read stay as they are, and fail later with the reason.
+    ``man.jump.reel``. Unreadable files are unchanged, and fail when encoded.
 
     Parameters
     ----------
     inputs : iterable of BatchInput
     notes : list of str
-        Gains a sentence on animations that are left out, or whose outputs have other names.
+        Receives notes on omitted animations, and on outputs with changed names.
     allow_outside : bool
-        Whether files are read that an input names outside of its folder.
+        Whether to read files that an input refers to outside its folder.
 
     Raises
     ------
     InvalidInputError
-        If no input is of a format whose files may hold several animations.
+        If no input has a format that supports several animations.
     """
     listed = list(inputs)
     if not any(supports(one.source, "animation") for one in listed):
@@ -203,13 +203,13 @@ def _animations_of(one: BatchInput, notes: list[str], allow_outside: bool) -> It
         with local_copy(one.source) as files:
             found = animations_of(find_files(files), ReadOptions(allow_outside=allow_outside))
     except MeshReelError:
-        found = ()  # encoding says what is wrong with the file
+        found = ()  # encoding will report the error
     moving = [animation for animation in found if animation.moves_mesh]
     if len(moving) < 2:
         yield one
         return
     notes += [f"{one.name}: {_why_left_out(each)}" for each in found if not each.moves_mesh]
-    stem = one.output.removesuffix(OUTPUT_ENDING)
+    stem = one.output.removesuffix(OUTPUT_EXTENSION)
     for animation, word in zip(moving, _file_words([each.name for each in moving]), strict=True):
         if word != animation.name:
             notes.append(
@@ -218,7 +218,7 @@ def _animations_of(one: BatchInput, notes: list[str], allow_outside: bool) -> It
         yield replace(
             one,
             name=f"{one.name}#{animation.name}",
-            output=f"{stem}.{word}{OUTPUT_ENDING}",
+            output=f"{stem}.{word}{OUTPUT_EXTENSION}",
             animation=animation.name,
         )
 
@@ -229,7 +229,7 @@ def _why_left_out(animation: AnimationInfo) -> str:
 
 
 def _file_words(names: list[str]) -> list[str]:
-    """Parts of file names for animations; no two alike, in upper or lower case."""
+    """Parts of file names for animations, unique regardless of case."""
     words: list[str] = []
     for name in names:
         plain = re.sub(NOT_PORTABLE, "_", name)[:MAX_NAME].strip("._") or "animation"

@@ -1,4 +1,4 @@
-"""The report of a batch: one page that shows ratio, error and failures at a glance."""
+"""The report of a batch: a page with ratios, errors and failures."""
 
 import math
 from collections.abc import Sequence
@@ -23,11 +23,11 @@ from meshreel.runtime.counting import counted, size_text
 REPORT_NAME = "report.html"
 
 N_LISTED = 10
-"""Inputs in the lists of those that stand out."""
+"""Number of inputs in the lists of extremes."""
 
 WIDTH, HEIGHT = 760, 330
 LEFT, RIGHT, TOP, BOTTOM = 58, 30, 12, 34
-"""Of the diagram, and the room of its labels, in pixels."""
+"""Size of the diagram and its margins, in pixels."""
 
 BLUE, RED, GREY = "#2f6f9f", "#b3402a", "#c9ced8"
 
@@ -35,13 +35,7 @@ Named = tuple[str, Record]
 
 
 def check_report(folder: OutFolder, *, force: bool) -> None:
-    """Refuse a folder whose file of the report's name is another's.
-
-    Raises
-    ------
-    InvalidInputError
-        If there is one, and not `force`.
-    """
+    """Refuse a folder in which another file has the report's name, unless `force`."""
     if force or not folder.has(REPORT_NAME):
         return
     if f'content="{MADE_BY}"'.encode() not in folder.read(REPORT_NAME)[:1000]:
@@ -52,13 +46,13 @@ def check_report(folder: OutFolder, *, force: bool) -> None:
 
 
 def write_report(manifest: Manifest) -> None:
-    """Write the page beside the manifest, whole or not at all."""
+    """Write the page atomically, next to the manifest."""
     page = to_html(report_parts(manifest), f"Batch of {manifest.input_dir}", MADE_BY)
     manifest.folder.write(REPORT_NAME, page.encode(), overwrite=True)
 
 
 def report_parts(manifest: Manifest) -> list[Part | Drawing]:
-    """The parts of the page, those that stand out first."""
+    """The parts of the page, most important first."""
     records = list(manifest.records.items())
     done = [(name, one) for name, one in records if one.state == DONE]
     failed = [(name, one) for name, one in records if one.state == FAILED]
@@ -89,7 +83,7 @@ def report_parts(manifest: Manifest) -> list[Part | Drawing]:
             Bullets(tuple(f"**{name}**: {note}" for name, note in noted)),
         ]
     if done:
-        parts += [Heading(2, "All that are encoded"), _listed("", done)]
+        parts += [Heading(2, "All encoded inputs"), _listed("", done)]
     return parts
 
 
@@ -98,12 +92,12 @@ def _summary(records: Sequence[Named]) -> Table:
     rows = {
         "encoded": str(found.done),
         "failed": str(found.failed),
-        "not begun, or stopped": str(found.pending),
+        "not started, or stopped": str(found.pending),
         "raw": size_text(found.raw_size_bytes),
         "streams": size_text(found.size_bytes),
         "smaller": _times(found.ratio),
         "largest KG error": _percent(found.kg_error_percent),
-        "largest error of a vertex, of the diagonal": _percent(found.max_error_percent),
+        "largest vertex error, of the diagonal": _percent(found.max_error_percent),
         "seconds of all workers": significant(sum(one.seconds or 0.0 for _, one in records)),
     }
     return Table("", ("all", ""), tuple(rows.items()))
@@ -135,13 +129,13 @@ def _percent(error: float | None) -> str:
 
 
 def _outcomes(records: Sequence[Named]) -> Drawing:
-    """A bar of the shares of inputs that are done, failed and neither."""
+    """A bar with the shares of done, failed and pending inputs."""
     found = summary_of(one for _, one in records)
     shares = [(found.done, BLUE, "encoded"), (found.failed, RED, "failed"),
               (found.pending, GREY, "not done")]  # fmt: skip
     x, bars = 0.0, []
     for number, color, word in shares:
-        # One failure of thousands is seen, too.
+        # A minimum width, so that one failure among thousands is visible.
         width = max(4.0, WIDTH * number / max(1, len(records))) if number else 0.0
         bars.append(
             f'<rect x="{x:.1f}" width="{width:.1f}" height="22" fill="{color}">'
@@ -154,7 +148,7 @@ def _outcomes(records: Sequence[Named]) -> Drawing:
 
 
 def _scatter(done: Sequence[Named]) -> Drawing:
-    """A point for each input: its KG error and its ratio, both on scales of decades."""
+    """A point for each input: its KG error and its ratio, on logarithmic axes."""
     points = [
         (max(one.kg_error_percent or 0.0, 1e-6), one.ratio or 1.0, name) for name, one in done
     ]
@@ -186,11 +180,13 @@ def _scatter(done: Sequence[Named]) -> Drawing:
         f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" height="{HEIGHT}" '
         f'font-size="12" fill="#5c6370">{"".join(lines)}{"".join(dots)}</svg>'
     )
-    caption = "Up: times smaller than float32. To the right: KG error. A point names its input."
-    return Drawing(svg, "Every input that is encoded", caption)
+    caption = (
+        "Vertical: compression ratio to float32. Horizontal: KG error. Hover for names."
+    )
+    return Drawing(svg, "All encoded inputs", caption)
 
 
 def _decades(values: Sequence[float]) -> tuple[int, int]:
-    """Exponents of the powers of ten about positive values; at least one decade apart."""
+    """Exponents of the powers of ten that enclose positive values; at least one decade apart."""
     low, high = math.floor(math.log10(min(values))), math.ceil(math.log10(max(values)))
     return low, max(high, low + 1)

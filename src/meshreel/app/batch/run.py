@@ -1,4 +1,4 @@
-"""A run: the inputs of a plan, encoded by an engine."""
+"""Encoding of the inputs of a plan by an engine."""
 
 import os
 from collections.abc import Iterator
@@ -27,7 +27,7 @@ class BatchReport:
     Attributes
     ----------
     up_to_date, encoded, failed : dict of str to Record
-        By the names of the inputs.
+        Records by input name.
     """
 
     up_to_date: dict[str, Record]
@@ -36,14 +36,14 @@ class BatchReport:
 
     @property
     def summary(self) -> str:
-        """How many of each, in words."""
+        """Text with the number of each."""
         return (
             f"{len(self.up_to_date)} up to date, {len(self.encoded)} encoded, "
             f"{len(self.failed)} failed"
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """Everything in plain types, for JSON."""
+        """All records in plain types, for JSON."""
         groups = asdict(self)
         return {
             **{group: len(records) for group, records in groups.items()},
@@ -56,18 +56,17 @@ class BatchReport:
 
 
 def run_batch(plan: Plan, engine: Engine | None, *, progress: Progress = silent) -> BatchReport:
-    """Encode the inputs of a plan; the failure of one does not keep the others from it.
+    """Encode the inputs of a plan; inputs fail independently.
 
-    Streams and manifest are written here, each whole or not at all, after each input: what was
-    finished stays when the run is stopped. A page with all figures is written at the end, or when
-    the run is stopped.
+    The stream and the manifest are written atomically after each input, so finished inputs remain
+    if the run is stopped. The report is written at the end, or when the run is stopped.
 
     Parameters
     ----------
     engine : Engine or None
-        None only where there is nothing to encode.
+        None only if there is nothing to encode.
     progress : callable, optional
-        Called with the share of inputs done.
+        Called with the completed fraction of inputs.
     """
     run = _Run(plan)
     run.begin()
@@ -83,21 +82,21 @@ def _encode_all(run: "_Run", plan: Plan, engine: Engine, progress: Progress) -> 
     outcomes = _spread(plan, engine) if _is_spread(plan, engine) else _one_each(plan, engine)
     progress(_stage(engine), Count(0, len(plan.to_encode), "inputs"))
     for n_done, (one, outcome) in enumerate(outcomes, start=1):
-        # In a thread, which ctrl-C does not reach: a stream is not written without its record.
+        # In a thread, which Ctrl-C does not interrupt: no stream is written without its record.
         in_background(partial(run.finish, one, outcome)).result()
-        del outcome  # its stream is written; the next may take long
+        del outcome  # releases its stream during the wait for the next
         progress(_stage(engine), Count(n_done, len(plan.to_encode), "inputs"))
 
 
 def _is_spread(plan: Plan, engine: Engine) -> bool:
-    """Whether workers share each input by its blocks, for there are more workers than inputs."""
+    """Whether workers share the blocks of each input: there are more workers than inputs."""
     return plan.options.are_cut and len(plan.to_encode) < engine.n_workers
 
 
 def _one_each(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Future[Encoded]"]]:
-    """The inputs as they come to an end; each is a worker's."""
+    """Yield inputs in order of completion; each is encoded by one worker."""
     inputs: dict[tuple[str, str | int | None], BatchInput] = {
-        (str(one.source), one.animation): one for one in _long_ones_first(plan)
+        (str(one.source), one.animation): one for one in _largest_first(plan)
     }
     items = [_item(plan, one) for one in inputs.values()]
     for item, outcome in engine.as_completed(encode_input, items, retry=_in_smaller_blocks):
@@ -105,8 +104,8 @@ def _one_each(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Future[
         yield inputs[source, options.reading.animation], outcome
 
 
-def _long_ones_first(plan: Plan) -> list[BatchInput]:
-    """The inputs by the bytes of their files: a long one that began last would run alone."""
+def _largest_first(plan: Plan) -> list[BatchInput]:
+    """The inputs by descending file size: a long one that started last would run alone."""
     return sorted(plan.to_encode, key=lambda one: -one.size_bytes)
 
 
@@ -114,29 +113,29 @@ Item = tuple[str, EncodeOptions, str]
 
 
 def _item(plan: Plan, one: BatchInput) -> Item:
-    """The arguments with which an input is encoded."""
+    """Arguments of `encode_input`."""
     return str(one.source), plan.options_of(one), __version__
 
 
 def _in_smaller_blocks(item: Item, error: BaseException) -> Item | None:
-    """The call with smaller blocks, where a worker's memory was too little; else None."""
+    """Arguments with smaller blocks if a worker ran out of memory; else None."""
     source, options, version = item
     smaller = options.smaller(error)
     return None if smaller is None else (source, smaller, version)
 
 
 def _spread(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Future[Encoded]"]]:
-    """One input after another; all workers code its blocks."""
-    for one in _long_ones_first(plan):
-        following: Item | None = _item(plan, one)
-        while following is not None:
-            item, following = following, None
+    """Yield inputs in sequence; all workers encode blocks of the current one."""
+    for one in _largest_first(plan):
+        retry: Item | None = _item(plan, one)
+        while retry is not None:
+            item, retry = retry, None
             outcome: Future[Encoded] = Future()
             try:
                 outcome.set_result(encode_input(*item, engine))
             except Exception as error:
                 outcome.set_exception(error)
-                following = _in_smaller_blocks(item, error)
+                retry = _in_smaller_blocks(item, error)
         yield one, outcome
 
 
@@ -146,20 +145,20 @@ def _stage(engine: Engine) -> str:
 
 
 class _Run:
-    """The records while they change."""
+    """Updates the records during a run."""
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
 
     def begin(self) -> None:
-        """Claim the outputs to come, so that a run stopped at any point knows its own."""
+        """Record all outputs as pending, so that a rerun after a stop knows that it owns them."""
         records = self._plan.manifest.records
         records.update(self._plan.refused)
         records.update({one.name: record for one, record in self._plan.to_encode.items()})
         self._plan.manifest.write()
 
     def finish(self, one: BatchInput, outcome: "Future[Encoded]") -> None:
-        """Write the stream, if there is one, and the record."""
+        """Write the stream, if encoding succeeded, and the record."""
         manifest, pending = self._plan.manifest, self._plan.to_encode[one]
         try:
             encoded = outcome.result()
@@ -176,7 +175,7 @@ class _Run:
         manifest.write()
 
     def report(self) -> BatchReport:
-        """The inputs of this run by what became of them."""
+        """The inputs of this run by outcome."""
         plan, records = self._plan, self._plan.manifest.records
         tried = {one.name: records[one.name] for one in plan.to_encode}
         return BatchReport(
@@ -191,11 +190,11 @@ class _Run:
 
 
 def _reason_of(error: BaseException, path: str, input_dir: Path | str) -> str:
-    """The error in one line, without the path of its input; paths are relative to the inputs."""
+    """The error in one line, without its input; paths are relative to the input folder."""
     if isinstance(error, MeshReelError):
         text = str(error)
     elif isinstance(error, MemoryError):
-        text = "not enough memory, in smaller blocks either; fewer --workers need less"
+        text = "not enough memory, even with smaller blocks; use fewer --workers"
     elif isinstance(error, OSError) and error.filename:
         text = f"{error.strerror or error}: {error.filename}"
     else:

@@ -401,7 +401,7 @@ def test_input_is_tried_in_smaller_blocks_elsewhere_when_memory_ran_out(inputs, 
     assert report.summary == "0 up to date, 2 encoded, 0 failed"
     assert workers.elsewhere == shares
     [note] = report.encoded["walk.npz"].notes
-    assert "too little for blocks of 40 frames; coded in blocks of 2" in note
+    assert "did not suffice for blocks of 40 frames; coded in blocks of 2" in note
     assert set(meshreel.info(out / "walk.reel").block_frames) == {2}
     [note] = report.encoded["a/cloth"].notes
     assert note.startswith("the frame rate is unknown")
@@ -411,7 +411,7 @@ def test_input_is_tried_in_smaller_blocks_elsewhere_when_memory_ran_out(inputs, 
 def test_input_fails_alone_when_memory_is_too_little_for_small_blocks_too(inputs, out):
     report = run_batch(plan_batch(inputs, out, OPTIONS), Engine(TightWorkers(MemoryError(), 0)))
     assert set(report.encoded) == {"a/cloth"}
-    assert "not enough memory, in smaller blocks either" in report.failed["walk.npz"].error
+    assert "not enough memory, even with smaller blocks" in report.failed["walk.npz"].error
 
 
 def test_long_inputs_are_encoded_first(inputs, out):

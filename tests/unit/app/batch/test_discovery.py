@@ -124,15 +124,15 @@ def test_fingerprint_stays_when_the_folder_is_moved(folder):
     assert after.fingerprint() == old
 
 
-@pytest.mark.parametrize("ending", [".pvd", ".xdmf"])
-def test_files_that_a_sequence_names_are_part_of_it_when_we_wrote_them(tmp_path, ending):
-    if ending == ".xdmf":
+@pytest.mark.parametrize("extension", [".pvd", ".xdmf"])
+def test_files_that_a_sequence_names_are_part_of_it_when_we_wrote_them(tmp_path, extension):
+    if extension == ".xdmf":
         pytest.importorskip("h5py")
-    written = save(waving_grid(3), tmp_path / f"walk{ending}")
+    written = save(waving_grid(3), tmp_path / f"walk{extension}")
     [found] = find_inputs(tmp_path)
-    assert found.name == f"walk{ending}"
+    assert found.name == f"walk{extension}"
     assert set(found.files) == set(written)
     written[0].unlink()
     assert [one.name for one in find_inputs(tmp_path)] == [
-        "walk_frames" if ending == ".pvd" else "walk.xdmf.h5"
+        "walk_frames" if extension == ".pvd" else "walk.xdmf.h5"
     ]

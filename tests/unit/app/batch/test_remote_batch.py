@@ -53,7 +53,7 @@ def test_streams_and_manifest_go_into_the_store(store, tmp_path):
         expected = meshreel.encode(meshreel.load(tmp_path / "in" / source), quality=60)
         assert store.cat(f"/bucket/out/{name}.reel") == expected
     assert json.loads(store.cat("/bucket/out/manifest.json"))["summary"]["done"] == 3
-    assert b"All that are encoded" in store.cat("/bucket/out/report.html")
+    assert b"All encoded inputs" in store.cat("/bucket/out/report.html")
 
 
 def test_second_run_does_what_changed(store):

@@ -43,7 +43,7 @@ def test_page_names_failures_before_all_else(page):
 
 def test_page_shows_every_input_as_a_point_and_as_a_row(page):
     assert page.count("<circle") == 30
-    everything = page[page.index("All that are encoded") :]
+    everything = page[page.rindex("All encoded inputs") :]
     assert re.findall(r"<code>(s\d+)</code>", everything) == [f"s{number}" for number in range(30)]
 
 
