@@ -46,7 +46,7 @@ Seconds = dict[str, float]
 class Case:
     """A format, and the files that a sequence takes in it."""
 
-    ending: str
+    extension: str
     paths: list[Path]
     read: Callable[[], Any]
     write: Callable[[], Any]
@@ -60,13 +60,13 @@ def parsed_options() -> argparse.Namespace:
     """The command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument(
-        "endings", nargs="*", metavar="ENDING", help=".obj and others; default: all"
+        "extensions", nargs="*", metavar="EXTENSION", help=".obj and others; default: all"
     )
     parser.add_argument("--repeats", type=int, default=5, help="rounds of each format")
     parser.add_argument("--out", type=Path, help="write the figures here as JSON")
     options = parser.parse_args()
-    if unknown := [ending for ending in options.endings if ending not in FORMATS]:
-        parser.error(f"unknown endings {', '.join(unknown)}; known are {', '.join(FORMATS)}")
+    if unknown := [extension for extension in options.extensions if extension not in FORMATS]:
+        parser.error(f"unknown extensions {', '.join(unknown)}; known are {', '.join(FORMATS)}")
     return options
 
 
@@ -84,11 +84,11 @@ def case_of(
     """The tasks to time for a format; its files are written."""
     folder.mkdir()
     is_whole = isinstance(found, SequenceFormat)
-    output = folder / f"sphere{'' if is_whole else '_%04d'}{found.ending}"
+    output = folder / f"sphere{'' if is_whole else '_%04d'}{found.extension}"
     write = partial(meshreel.save, sequence, output, overwrite=True)
     paths = [Path(path) for path in write()]
     source = paths[0] if is_whole else paths
-    return Case(found.ending, paths, partial(meshreel.load, source), write)
+    return Case(found.extension, paths, partial(meshreel.load, source), write)
 
 
 def read_bytes(paths: list[Path]) -> None:
@@ -138,7 +138,7 @@ def measured(cases: list[Case], n_rounds: int) -> list[dict[str, Any]]:
         medians = {name: median(own) for name, own in runs.items()}
         results.append(
             {
-                "format": case.ending,
+                "format": case.extension,
                 "size_bytes": case.size_bytes,
                 "seconds": medians,
                 "ratios": {a: medians[a] / medians[b] for a, b in RATIOS.items() if a in medians},
@@ -164,23 +164,23 @@ def row(result: dict[str, Any]) -> list[str]:
 def main() -> None:
     """Measure what the command line asks for; print a table, and write JSON where asked."""
     options = parsed_options()
-    chosen = [FORMATS[ending] for ending in options.endings or FORMATS]
-    reasons = {found.ending: why_not(found) for found in chosen}
+    chosen = [FORMATS[extension] for extension in options.extensions or FORMATS]
+    reasons = {found.extension: why_not(found) for found in chosen}
     sequence = waving_sphere(*SPHERE)
     with TemporaryDirectory() as folder:
         cases = [
-            case_of(found, sequence, Path(folder) / found.ending[1:])
+            case_of(found, sequence, Path(folder) / found.extension[1:])
             for found in chosen
-            if not reasons[found.ending]
+            if not reasons[found.extension]
         ]
         results = measured(cases, options.repeats)
     machine = machine_facts()
     print(f"# Speed of formats\n\n{machine_line(machine)}. {sequence!r}. ", end="")
     print(f"Medians of {options.repeats} rounds, all in turn; ?: runs differ too much.\n")
     print(table(HEADER, map(row, results)))
-    for ending, reason in reasons.items():
+    for extension, reason in reasons.items():
         if reason:
-            print(f"\n{ending} is not measured: {reason}.")
+            print(f"\n{extension} is not measured: {reason}.")
     if options.out:
         options.out.write_text(
             json.dumps({"machine": machine, "results": results}, indent=2) + "\n"

@@ -87,14 +87,14 @@ def test_encode_passes_its_options_on_when_they_are_given(grid, tmp_path):
     assert (tmp_path / "a.reel").read_bytes() == expected
 
 
-@pytest.mark.parametrize("ending", ["obj", "ply", "off"])
-def test_frames_come_back_through_files_when_encoded_from_a_folder(tmp_path, ending):
+@pytest.mark.parametrize("extension", ["obj", "ply", "off"])
+def test_frames_come_back_through_files_when_encoded_from_a_folder(tmp_path, extension):
     frames = tmp_path / "frames"
     frames.mkdir()
-    meshreel.save(waving_grid(), frames / f"f_%d.{ending}")
+    meshreel.save(waving_grid(), frames / f"f_%d.{extension}")
     run_json("encode", frames, "-o", tmp_path / "a.reel", "--fps", 30)
     (tmp_path / "out").mkdir()
-    run_json("decode", tmp_path / "a.reel", "-o", tmp_path / "out" / f"f_%03d.{ending}")
+    run_json("decode", tmp_path / "a.reel", "-o", tmp_path / "out" / f"f_%03d.{extension}")
     quality = run_json("compare", frames, tmp_path / "out")
     assert quality["kg_error_percent"] < 2
     assert run_json("info", tmp_path / "a.reel")["fps"] == 30

@@ -67,7 +67,9 @@ def test_encode_writes_a_stream_for_each_stretch_when_faces_change(changing, tmp
 
 def test_encode_keeps_what_is_there_when_a_stretch_would_replace_it(changing, tmp_path):
     (tmp_path / "a_3-4.reel").write_bytes(b"mine")
-    assert_fails(run("encode", changing, "-o", tmp_path / "a.reel", "--split"), "a_3-4.reel exists")
+    assert_fails(
+        run("encode", changing, "-o", tmp_path / "a.reel", "--split"), "a_3-4.reel already exists"
+    )
     assert not (tmp_path / "a_0-2.reel").exists()
 
 
@@ -90,7 +92,7 @@ def test_encode_refuses_an_option_when_the_format_has_no_use_for_it(changing, op
 
 
 def test_formats_lists_every_ending_when_asked_for_json():
-    listed = {one["ending"]: one for one in run_json("formats")["formats"]}
+    listed = {one["extension"]: one for one in run_json("formats")["formats"]}
     assert {".reel", ".npz", ".obj", ".ply"} <= set(listed)
     assert all(one["is_installed"] == (one["extra"] is None) or one["extra"]
                for one in listed.values())  # fmt: skip

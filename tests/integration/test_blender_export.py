@@ -123,7 +123,7 @@ def test_export_without_frames_reports_why(blender, tmp_path):
 def test_export_without_faces_reports_why(blender, tmp_path):
     path = tmp_path / "grid.reel"
     found = blender("export_without_faces", path=path)
-    assert "points: no faces" in str(found["error"])
+    assert "points: missing faces" in str(found["error"])
     assert not path.exists()
 
 

@@ -129,8 +129,8 @@ def split_sources(sequence):
 def test_the_validator_accepts_written_files(tmp_path):
     paths = []
     for case, (make, options) in CASES.items():
-        for write, ending in ((write_glb, "glb"), (write_gltf, "gltf")):
-            paths.append(tmp_path / f"{case}.{ending}")
+        for write, extension in ((write_glb, "glb"), (write_gltf, "gltf")):
+            paths.append(tmp_path / f"{case}.{extension}")
             write(paths[-1], stream_of(make()), WriteOptions(**options))
     for path, report in zip(paths, reports_of(*paths), strict=True):
         messages = [one for one in report["issues"]["messages"] if not is_harmless(one)]

@@ -23,22 +23,22 @@ def sequence(request):
     return MeshSequence(whole.vertices[:40], whole.faces, 29.97, whole.name, 1.5)
 
 
-@pytest.mark.parametrize("ending", ["npz", "h5", "vtkhdf"])
-def test_single_file_formats_round_trip_exactly(tmp_path, sequence, ending):
-    [path] = save(sequence, tmp_path / f"a.{ending}")
+@pytest.mark.parametrize("extension", ["npz", "h5", "vtkhdf"])
+def test_single_file_formats_round_trip_exactly(tmp_path, sequence, extension):
+    [path] = save(sequence, tmp_path / f"a.{extension}")
     for found in (load(path), open_source(path)):
         assert found.read(0, 40).tobytes() == sequence.vertices.tobytes()
         np.testing.assert_array_equal(found.faces, sequence.faces)
         assert (found.fps, found.start_s, found.name) == (29.97, 1.5, sequence.name)
 
 
-@pytest.mark.parametrize("ending", ["pc2", "mdd"])
-def test_point_caches_round_trip_positions_exactly(tmp_path, sequence, ending):
-    path, topology = save(sequence, tmp_path / f"a.{ending}")
+@pytest.mark.parametrize("extension", ["pc2", "mdd"])
+def test_point_caches_round_trip_positions_exactly(tmp_path, sequence, extension):
+    path, topology = save(sequence, tmp_path / f"a.{extension}")
     for found in (load(path, topology=topology), open_source(path, topology=topology)):
         assert found.read(0, 40).tobytes() == sequence.vertices.tobytes()
         np.testing.assert_array_equal(found.faces, sequence.faces)
-        assert found.fps == {"pc2": 0, "mdd": 29.97}[ending]
+        assert found.fps == {"pc2": 0, "mdd": 29.97}[extension]
 
 
 def test_vtk_reads_exact_positions_from_our_vtkhdf(tmp_path, sequence):

@@ -22,9 +22,9 @@ def samba():
     return MeshSequence(whole.vertices[:5], whole.faces, whole.fps, whole.name)
 
 
-@pytest.mark.parametrize("ending", ["obj", "ply", "off"])
-def test_text_and_ply_frames_round_trip_exactly(tmp_path, samba, ending):
-    save(samba, tmp_path / f"samba_%04d.{ending}")
+@pytest.mark.parametrize("extension", ["obj", "ply", "off"])
+def test_text_and_ply_frames_round_trip_exactly(tmp_path, samba, extension):
+    save(samba, tmp_path / f"samba_%04d.{extension}")
     found = load(tmp_path)
     assert found.vertices.dtype == samba.vertices.dtype
     np.testing.assert_array_equal(found.vertices, samba.vertices)

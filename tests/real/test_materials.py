@@ -73,11 +73,11 @@ def test_usdz_from_a_stream_keeps_image_and_material(folder, decoded, tmp_path):
     assert found.images == given.images
 
 
-@pytest.mark.parametrize("ending", ["usda", "usdz", "gltf"])
+@pytest.mark.parametrize("extension", ["usda", "usdz", "gltf"])
 @pytest.mark.parametrize("name", ["cesium_man.glb", "cesium_man.usdz"])
-def test_other_formats_keep_image_and_factors(decoded, tmp_path, name, ending):
-    save(decoded[name], tmp_path / f"a.{ending}")
-    again = meshreel.decode(meshreel.encode(load(tmp_path / f"a.{ending}")))
+def test_other_formats_keep_image_and_factors(decoded, tmp_path, name, extension):
+    save(decoded[name], tmp_path / f"a.{extension}")
+    again = meshreel.decode(meshreel.encode(load(tmp_path / f"a.{extension}")))
     save(again, tmp_path / "b.glb")
     found, expected = load(tmp_path / "b.glb").surface, decoded[name].surface
     assert [one.data for one in found.images] == [one.data for one in expected.images]

@@ -61,11 +61,11 @@ def test_usd_frames_on_demand_equal_loaded_frames(folder, walk):
     np.testing.assert_array_equal(found.read(0, 48), walk.vertices)
 
 
-@pytest.mark.parametrize("ending", ["usd", "usda", "usdc", "usdz"])
-def test_usd_round_trips_the_walk(tmp_path, walk, ending):
+@pytest.mark.parametrize("extension", ["usd", "usda", "usdc", "usdz"])
+def test_usd_round_trips_the_walk(tmp_path, walk, extension):
     notes = []
-    save(walk, tmp_path / f"x.{ending}", notes=notes)
-    found = load(tmp_path / f"x.{ending}")
+    save(walk, tmp_path / f"x.{extension}", notes=notes)
+    found = load(tmp_path / f"x.{extension}")
     np.testing.assert_array_equal(found.vertices, walk.vertices)
     np.testing.assert_array_equal(found.faces, walk.faces)
     assert (found.fps, found.start_s, notes) == (walk.fps, walk.start_s, [])

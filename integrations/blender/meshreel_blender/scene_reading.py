@@ -42,7 +42,7 @@ class SceneReading:
     Raises
     ------
     ExportError
-        If there are no faces.
+        If faces are missing.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class SceneReading:
         names = [obj.name for obj in objects]
         merged, surface = _merged(names, self._first, surfaces, notes)
         if len(merged.counts) == 0:
-            raise ExportError(f"{', '.join(names)}: no faces; a .reel file needs a surface")
+            raise ExportError(f"{', '.join(names)}: missing faces; a .reel file needs a surface")
         self.faces = triangulate_fans(merged.counts, merged.corners)
         self.surface = replace(surface, face_sizes=merged.counts.astype(np.int32))
 

@@ -61,7 +61,7 @@ class FrameFormat:
 
     Parameters
     ----------
-    ending : str
+    extension : str
         File extension in lower case, with the dot.
     title : str
         Name of the format.
@@ -91,7 +91,7 @@ class FrameFormat:
         Domains of the tracks that written files can contain; others are left out with a note.
     """
 
-    ending: str
+    extension: str
     title: str
     parse: Callable[[bytes], PolygonMesh]
     encoder: Callable[..., Callable[..., bytes]] | None
@@ -112,7 +112,7 @@ class SequenceFormat:
 
     Parameters
     ----------
-    ending : str
+    extension : str
         File extension in lower case, with the dot.
     title : str
         Name of the format.
@@ -144,7 +144,7 @@ class SequenceFormat:
         Returns the animations of a file, for formats with several; its errors do not name the file.
     """
 
-    ending: str
+    extension: str
     title: str
     open: Callable[[Path, ReadOptions], FrameSource]
     write: Callable[[Path, FrameStream, WriteOptions], None] | None
@@ -166,7 +166,7 @@ class FolderFormat:
 
     Parameters
     ----------
-    ending : str
+    extension : str
         Extension of the folder in lower case, with the dot.
     title : str
         Name of the format.
@@ -180,7 +180,7 @@ class FolderFormat:
         Write options that have an effect on the format.
     """
 
-    ending: str
+    extension: str
     title: str
     files: Callable[[Path, WriteOptions], list[Path]]
     write: Callable[[Path, str, FrameStream, WriteOptions], None]
@@ -189,7 +189,7 @@ class FolderFormat:
 
 
 def scene_format(
-    ending: str,
+    extension: str,
     title: str,
     read_meshes: ReadMeshes,
     write: Callable[[Path, FrameStream, WriteOptions], None] | None,
@@ -211,7 +211,7 @@ def scene_format(
     reads.update({"allow_outside"} if names_files else set())
     reads.update({"animation"} if list_animations else set())
     return SequenceFormat(
-        ending, title, partial(OPEN_SCENE, read_meshes), write, extra,
+        extension, title, partial(OPEN_SCENE, read_meshes), write, extra,
         reads=frozenset(reads), writes=writes, read_meshes=read_meshes,
         holds_materials=holds_materials, has_image_folder=has_image_folder,
         holds_tracks=holds_tracks, data_files=data_files, list_animations=list_animations,

@@ -137,7 +137,7 @@ class MaterialNotes:
 def note_unwritten(
     surface: Surface,
     written: Collection[Attribute | FaceGroups | None],
-    ending: str,
+    extension: str,
     notes: list[str] | None,
     *,
     parts: bool = False,
@@ -150,7 +150,7 @@ def note_unwritten(
     ----------
     written : collection of Attribute, FaceGroups or None
         Attributes and groups that the file stores.
-    ending : str
+    extension : str
         File extension with the dot.
     parts, polygons, hard_edges : bool
         Whether the file stores parts, polygons, and hard edges.
@@ -164,15 +164,15 @@ def note_unwritten(
     if surface.hard_edges is not None and not hard_edges:
         missing.append(counted(len(surface.hard_edges), "hard edge"))
     if missing and notes is not None:
-        notes.append(f"left out, as {ending} files cannot store it: {', '.join(missing)}")
+        notes.append(f"left out, as {extension} files cannot store it: {', '.join(missing)}")
 
 
-def note_unwritten_materials(surface: Surface, ending: str, notes: list[str]) -> None:
+def note_unwritten_materials(surface: Surface, extension: str, notes: list[str]) -> None:
     """Add a note on materials and images that a file cannot store.
 
     Parameters
     ----------
-    ending : str
+    extension : str
         Of the file, with the dot.
     """
     missing = []
@@ -181,32 +181,32 @@ def note_unwritten_materials(surface: Surface, ending: str, notes: list[str]) ->
     if n_images := len(surface.images):
         missing.append(f"{n_images} texture image{'s' if n_images > 1 else ''}")
     if missing:
-        notes.append(f"left out, as {ending} files cannot store it: {' and '.join(missing)}")
+        notes.append(f"left out, as {extension} files cannot store it: {' and '.join(missing)}")
 
 
 def note_unwritten_tracks(
-    names: Iterable[str], ending: str, notes: list[str], which: str = "them"
+    names: Iterable[str], extension: str, notes: list[str], which: str = "them"
 ) -> None:
     """Add a note on tracks that a file cannot store; none if there are no names.
 
     Parameters
     ----------
     names : iterable of str
-    ending : str
+    extension : str
         Of the file, with the dot.
     which : str
         What the file cannot store, such as "tracks of corners".
     """
     if found := list(names):
-        notes.append(f"tracks left out: {listed(found)}: {ending} cannot store {which}")
+        notes.append(f"tracks left out: {listed(found)}: {extension} cannot store {which}")
 
 
-def note_track_name(name: str, called: str, ending: str, notes: list[str]) -> None:
+def note_track_name(name: str, called: str, extension: str, notes: list[str]) -> None:
     """Add a note, once, if a track has another name in a file."""
-    note_name("track", name, called, ending, notes)
+    note_name("track", name, called, extension, notes)
 
 
-def note_name(what: str, name: str, called: str, ending: str, notes: list[str]) -> None:
+def note_name(what: str, name: str, called: str, extension: str, notes: list[str]) -> None:
     """Add a note, once, if something has another name in a file.
 
     Parameters
@@ -215,10 +215,10 @@ def note_name(what: str, name: str, called: str, ending: str, notes: list[str]) 
         Kind of the thing, such as "track" or "material".
     name, called : str
         Its name, and its name in the file.
-    ending : str
+    extension : str
         Of the file, with the dot.
     """
-    note = f"{what} {name!r} is called {called!r} in {ending} files"
+    note = f"{what} {name!r} is called {called!r} in {extension} files"
     if name != called and note not in notes:
         notes.append(note)
 
@@ -230,10 +230,10 @@ def note_track_type(name: str, given: object, written: object, notes: list[str])
         notes.append(note)
 
 
-def note_unwritten_units(units: Mapping[str, str], ending: str, notes: list[str]) -> None:
+def note_unwritten_units(units: Mapping[str, str], extension: str, notes: list[str]) -> None:
     """Add a note on units of tracks, by track name, that a file cannot store."""
     found = [f"{name} ({unit})" for name, unit in units.items() if unit]
-    note = f"units left out: {listed(found)}: {ending} cannot store them"
+    note = f"units left out: {listed(found)}: {extension} cannot store them"
     if found and note not in notes:
         notes.append(note)
 

@@ -9,7 +9,7 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.kinds import FolderFormat, SequenceFormat
 from meshreel.formats.notes import listed
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.registry import FOLDER_FORMATS, format_of, is_written, written_endings
+from meshreel.formats.registry import FOLDER_FORMATS, format_of, is_written, written_extensions
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.supported_options import check_write_options
 from meshreel.runtime.outputs.checks import check_output_paths
@@ -111,16 +111,16 @@ def _check_folder(
     _check_start_number(path, start_number)
     if NUMBER_FIELD.search(path.name):
         raise InvalidInputError(
-            f"{path} has a number field, but a {found.ending} folder contains all frames; "
+            f"{path} has a number field, but a {found.extension} folder contains all frames; "
             f"give a name such as {path.with_name(f'frames{path.suffix}')}"
         )
     check_write_options(found, options)
     found.extra.load()
     paths = found.files(path, options)
     check_output_paths(paths, overwrite=overwrite, inputs=inputs, makes_folder=True)
-    endings = {one.suffix for one in paths} | {".png", ".exr"}
+    extensions = {one.suffix for one in paths} | {".png", ".exr"}
     others = set(path.iterdir()) - set(paths) if path.is_dir() else set()
-    if conflicting := sorted(one.name for one in others if one.suffix.lower() in endings):
+    if conflicting := sorted(one.name for one in others if one.suffix.lower() in extensions):
         raise InvalidInputError(
             f"{path} contains files that must not be mixed with the output: {listed(conflicting)}; "
             "remove them, or choose another folder"
@@ -132,14 +132,14 @@ def _files_of(path: Path, n_frames: int | None, start_number: int | None) -> lis
     fields = list(NUMBER_FIELD.finditer(path.name))
     if not is_written(found := format_of(path)):
         raise FormatError(
-            f"{path}: {found.ending} files can be read, but not written; "
-            f"writable are {', '.join(written_endings())}"
+            f"{path}: {found.extension} files can be read, but not written; "
+            f"writable are {', '.join(written_extensions())}"
         )
     _check_start_number(path, start_number)
     if isinstance(found, SequenceFormat):
         if fields:
             raise InvalidInputError(
-                f"{path} has a number field, but a {found.ending} file contains all frames; "
+                f"{path} has a number field, but a {found.extension} file contains all frames; "
                 f"give a name such as {path.with_name(f'frames{path.suffix}')}"
             )
         if found.extra is not None:

@@ -27,7 +27,7 @@ NOT_OF_CORNERS = frozenset({Domain.VERTEX, Domain.FACE})
 """Domains of the tracks that VTK supports."""
 
 FRAME_FORMATS = {
-    found.ending: found
+    found.extension: found
     for found in (
         FrameFormat(
             ".obj",
@@ -100,7 +100,7 @@ FRAME_FORMATS = {
 }
 GLTF_OPTIONS: frozenset[WriteOption] = frozenset({"targets", "max_error", "normals"})
 SEQUENCE_FORMATS = {
-    found.ending: found
+    found.extension: found
     for found in (
         SequenceFormat(
             ".npz",
@@ -129,17 +129,17 @@ SEQUENCE_FORMATS = {
         ),
         *(
             scene_format(
-                ending,
+                extension,
                 title,
                 Lazy("usd.reading:read_meshes"),
                 Lazy("usd.writing:write_usd"),
                 USD,
                 names_files=True,
                 holds_materials=True,
-                has_image_folder=ending != ".usdz",
+                has_image_folder=extension != ".usdz",
                 holds_tracks=ALL_TRACKS,
             )
-            for ending, title in (
+            for extension, title in (
                 (".usd", "USD"),
                 (".usda", "USD, text"),
                 (".usdc", "USD, binary"),
@@ -148,7 +148,7 @@ SEQUENCE_FORMATS = {
         ),
         *(
             scene_format(
-                ending,
+                extension,
                 title,
                 Lazy("gltf.read:read_meshes"),
                 write,
@@ -157,7 +157,7 @@ SEQUENCE_FORMATS = {
                 holds_materials=True,
                 list_animations=Lazy("gltf.read:list_animations"),
             )
-            for ending, title, write in (
+            for extension, title, write in (
                 (".glb", "glTF, binary", Lazy("gltf.write:write_glb")),
                 (".gltf", "glTF, text", Lazy("gltf.write:write_gltf")),
             )
@@ -180,7 +180,7 @@ SEQUENCE_FORMATS = {
         ),
         *(
             SequenceFormat(
-                ending,
+                extension,
                 "HDF5 datasets",
                 Lazy("arrays.hdf:open_hdf_sequence"),
                 Lazy("arrays.hdf:write_hdf"),
@@ -188,7 +188,7 @@ SEQUENCE_FORMATS = {
                 frozenset({"dataset", "object", "merge", "skip_bad"}),
                 holds_tracks=ALL_TRACKS,
             )
-            for ending in (".h5", ".hdf5", ".hdf")
+            for extension in (".h5", ".hdf5", ".hdf")
         ),
         scene_format(
             ".vtkhdf",
@@ -209,7 +209,7 @@ SEQUENCE_FORMATS = {
         ),
         *(
             scene_format(
-                ending,
+                extension,
                 "XDMF",
                 Lazy("vtk.xdmf:read_xdmf"),
                 Lazy("vtk.xdmf_writing:write_xdmf"),
@@ -218,13 +218,13 @@ SEQUENCE_FORMATS = {
                 holds_tracks=NOT_OF_CORNERS,
                 data_files=Lazy("vtk.xdmf_writing:xdmf_data_files"),
             )
-            for ending in (".xdmf", ".xmf")
+            for extension in (".xdmf", ".xmf")
         ),
     )
 }
 FORMATS: dict[str, FrameFormat | SequenceFormat] = {**FRAME_FORMATS, **SEQUENCE_FORMATS}
 FOLDER_FORMATS = {
-    found.ending: found
+    found.extension: found
     for found in (
         FolderFormat(
             ".vat",
@@ -247,12 +247,13 @@ def format_of(path: Path) -> FrameFormat | SequenceFormat:
     FormatError
         If the extension is unknown.
     """
-    ending = path.suffix.lower()
-    if ending not in FORMATS:
+    extension = path.suffix.lower()
+    if extension not in FORMATS:
         raise FormatError(
-            f"{path}: unknown file extension {ending or '(none)'}; known are {', '.join(FORMATS)}"
+            f"{path}: unknown file extension {extension or '(none)'}; "
+            f"known are {', '.join(FORMATS)}"
         )
-    return FORMATS[ending]
+    return FORMATS[extension]
 
 
 def output_format_of(path: Path) -> FrameFormat | SequenceFormat | FolderFormat:
@@ -266,9 +267,9 @@ def output_format_of(path: Path) -> FrameFormat | SequenceFormat | FolderFormat:
     return FOLDER_FORMATS.get(path.suffix.lower()) or format_of(path)
 
 
-def written_endings() -> list[str]:
+def written_extensions() -> list[str]:
     """Return the extensions of all formats that can be written."""
-    return [*(one.ending for one in FORMATS.values() if is_written(one)), *FOLDER_FORMATS]
+    return [*(one.extension for one in FORMATS.values() if is_written(one)), *FOLDER_FORMATS]
 
 
 def is_written(found: FrameFormat | SequenceFormat) -> bool:
@@ -280,7 +281,7 @@ def described_formats() -> list[dict[str, Any]]:
     """Return all formats in plain types: capabilities and required extra, for JSON."""
     return [
         {
-            "ending": one.ending,
+            "extension": one.extension,
             "title": one.title,
             "holds": "one frame" if isinstance(one, FrameFormat) else "all frames",
             "reads": not isinstance(one, FolderFormat),

@@ -220,7 +220,7 @@ def save_frames(
     if isinstance(found, FrameFormat) or (
         isinstance(found, SequenceFormat) and not found.holds_materials
     ):
-        note_unwritten_materials(stream.surface, found.ending, stream.notes)
+        note_unwritten_materials(stream.surface, found.extension, stream.notes)
     images = _image_paths(found, paths[0], stream)
     with replace_all_when_done(
         [*images, *paths],
@@ -257,9 +257,9 @@ def _supported_tracks(
     note_list = notes if notes is not None else []
     for missing in [one for one in Domain if one not in domains] if domains else []:
         names = [name for name, track in tracks.items() if track.domain is missing]
-        note_unwritten_tracks(names, found.ending, note_list, f"tracks of {plural(missing)}")
+        note_unwritten_tracks(names, found.extension, note_list, f"tracks of {plural(missing)}")
     if not domains:
-        note_unwritten_tracks(tracks, found.ending, note_list)
+        note_unwritten_tracks(tracks, found.extension, note_list)
     return {name: track for name, track in tracks.items() if track.domain in domains}
 
 
@@ -280,7 +280,7 @@ def _write_sequence(
 ) -> None:
     """Write all frames to the first path, and the first frame to the companion file, if any."""
     if found.write is None:  # check_output rejects read-only formats
-        raise FormatError(f"{found.ending} files are read, but not written")
+        raise FormatError(f"{found.extension} files are read, but not written")
     if found.companion:
         encode = frame_encoder(FRAME_FORMATS[found.companion], stream)
         paths[1].write_bytes(encode(0, stream.first))
@@ -290,7 +290,7 @@ def _write_sequence(
 def frame_encoder(found: FrameFormat, stream: FrameStream) -> Callable[[int, Vertices], bytes]:
     """Return a function from the number and positions of a frame to the bytes of its file."""
     if found.encoder is None:  # check_output rejects read-only formats
-        raise FormatError(f"{found.ending} files are read, but not written")
+        raise FormatError(f"{found.extension} files are read, but not written")
     if not found.holds_tracks:
         encode = found.encoder(stream.faces, stream.surface, stream.notes)
         return lambda index, frame: encode(frame)

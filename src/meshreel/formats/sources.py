@@ -149,7 +149,7 @@ def _from_pattern(pattern: str) -> SourceFiles:
 def _of_one_format(paths: list[Path], origin: str) -> SourceFiles:
     counts = Counter(path.suffix.lower() for path in paths)
     if len(counts) > 1:
-        kinds = " and ".join(f"{count} {ending}" for ending, count in counts.items())
+        kinds = " and ".join(f"{count} {extension}" for extension, count in counts.items())
         raise FormatError(
             f"{origin} contains files of several formats ({kinds}); "
             f"choose one with a pattern such as {paths[0].parent / f'*{paths[0].suffix}'}"
@@ -157,7 +157,7 @@ def _of_one_format(paths: list[Path], origin: str) -> SourceFiles:
     found = format_of(paths[0])
     if isinstance(found, SequenceFormat) and len(paths) > 1:
         raise FormatError(
-            f"{origin} contains {len(paths)} {found.ending} files, each a whole "
+            f"{origin} contains {len(paths)} {found.extension} files, each a whole "
             "sequence; choose one"
         )
     whole = isinstance(found, SequenceFormat)

@@ -91,7 +91,7 @@ def _check(found: FrameFormat | SequenceFormat | FolderFormat, requested: Iterab
     for option in requested:
         if option not in _supported(found):
             kind = "folder" if isinstance(found, FolderFormat) else "file"
-            raise _no_effect(option, f"a {found.ending} {kind}")
+            raise _no_effect(option, f"a {found.extension} {kind}")
 
 
 def _supported(found: FrameFormat | SequenceFormat | FolderFormat) -> frozenset[str]:
@@ -104,7 +104,7 @@ def _supported(found: FrameFormat | SequenceFormat | FolderFormat) -> frozenset[
 def _no_effect(option: str, inputs: str) -> InvalidInputError:
     """Error for an option, in its spelling for the command line and for Python."""
     every = (*FORMATS.values(), *FOLDER_FORMATS.values())
-    allowed = [one.ending for one in every if option in _supported(one)]
+    allowed = [one.extension for one in every if option in _supported(one)]
     return InvalidInputError(
         f"--{option.replace('_', '-')} ({option}=) has no effect on {inputs}; "
         f"it is for {', '.join(allowed)}"

@@ -66,13 +66,13 @@ def test_frames_are_read_by_the_worker_when_they_are_in_files(tmp_path):
     assert (pickle.loads(sent).read() == piece.read()).all()
 
 
-@pytest.mark.parametrize("ending", ["ply", "abc", "usdc", "h5", "vtkhdf", "mdd"])
-def test_piece_is_sent_with_its_frames_when_they_stay_in_files(tmp_path, ending):
+@pytest.mark.parametrize("extension", ["ply", "abc", "usdc", "h5", "vtkhdf", "mdd"])
+def test_piece_is_sent_with_its_frames_when_they_stay_in_files(tmp_path, extension):
     """Files that are open here are not open in the other process."""
     sequence = waving_grid(40, 20, 20)
-    source = tmp_path / f"grid.{ending}"
-    save(sequence, tmp_path / "f_%02d.ply" if ending == "ply" else source)
-    opened = open_source(tmp_path if ending == "ply" else source)
+    source = tmp_path / f"grid.{extension}"
+    save(sequence, tmp_path / "f_%02d.ply" if extension == "ply" else source)
+    opened = open_source(tmp_path if extension == "ply" else source)
     pieces = list(Source(opened, EncoderConfig(block_frames=10)).pieces())
     assert type(opened) is StoredFrames
     found = pickle.loads(pickle.dumps(pieces[2])).read()

@@ -16,7 +16,7 @@ from samples.costs import slow_but
 from samples.meshes import assert_same_surface, quad_sheet
 
 WRITTEN = [one for one in FORMATS.values() if is_written(one)]
-ENDINGS = [one.ending for one in WRITTEN]
+EXTENSIONS = [one.extension for one in WRITTEN]
 APPROXIMATE = {".glb", ".gltf", ".reel"}
 TRIANGLES = {".glb", ".gltf", ".stl"}
 TIMELESS = {".pc2"}
@@ -26,26 +26,28 @@ ERROR = 1e-3
 """Tolerance relative to the diagonal: twice the error requested from lossy formats."""
 
 
-def target_of(folder, ending):
+def target_of(folder, extension):
     """A path for a whole sequence with this extension, or a pattern for its frames."""
-    is_whole = isinstance(FORMATS[ending], SequenceFormat)
-    return folder / (f"walk{ending}" if is_whole else f"walk_%02d{ending}")
+    is_whole = isinstance(FORMATS[extension], SequenceFormat)
+    return folder / (f"walk{extension}" if is_whole else f"walk_%02d{extension}")
 
 
 def source_of(target):
     return str(target).replace("%02d", "*")
 
 
-def written(sequence, folder, ending):
+def written(sequence, folder, extension):
     """Save a sequence in a format and load it again."""
-    extra = getattr(FORMATS[ending], "extra", None)
+    extra = getattr(FORMATS[extension], "extra", None)
     if extra is not None and not extra.is_installed:
-        pytest.skip(f"{ending} needs {extra.library}, which is not installed")
+        pytest.skip(f"{extension} needs {extra.library}, which is not installed")
     folder.mkdir(exist_ok=True)
-    target = target_of(folder, ending)
-    allowed = 50 * ERROR if ending in APPROXIMATE else None
+    target = target_of(folder, extension)
+    allowed = 50 * ERROR if extension in APPROXIMATE else None
     save(sequence, target, options=WriteOptions(max_error=allowed))
-    fps = 24 if ending in TIMELESS or not isinstance(FORMATS[ending], SequenceFormat) else None
+    fps = (
+        24 if extension in TIMELESS or not isinstance(FORMATS[extension], SequenceFormat) else None
+    )
     return load(source_of(target), fps=fps)
 
 
@@ -54,10 +56,10 @@ def given(tmp_path_factory):
     """The same sheet after a round trip through each format."""
     made = {}
 
-    def get(ending):
-        if ending not in made:
-            made[ending] = written(quad_sheet(), tmp_path_factory.mktemp("given"), ending)
-        return made[ending]
+    def get(extension):
+        if extension not in made:
+            made[extension] = written(quad_sheet(), tmp_path_factory.mktemp("given"), extension)
+        return made[extension]
 
     return get
 
@@ -66,8 +68,8 @@ def given(tmp_path_factory):
 @pytest.mark.parametrize(
     ("source", "target"),
     slow_but(
-        list(zip(ENDINGS, [*ENDINGS[1:], *ENDINGS[:1]], strict=True)),  # each read and written once
-        list(itertools.product(ENDINGS, repeat=2)),
+        list(zip(EXTENSIONS, [*EXTENSIONS[1:], *EXTENSIONS[:1]], strict=True)),  # each once
+        list(itertools.product(EXTENSIONS, repeat=2)),
     ),
 )
 def test_positions_and_polygons_survive_every_conversion(source, target, given, tmp_path):
@@ -105,21 +107,21 @@ def assert_same_triangles(found, expected):
     assert triangles == expected_triangles
 
 
-@pytest.mark.parametrize("ending", [one.ending for one in WRITTEN])
-def test_stream_preserves_what_a_format_stores(ending, given):
-    expected = given(ending)
+@pytest.mark.parametrize("extension", [one.extension for one in WRITTEN])
+def test_stream_preserves_what_a_format_stores(extension, given):
+    expected = given(extension)
     found = meshreel.decode(meshreel.encode(expected, max_error=0.01))
     np.testing.assert_array_equal(found.faces, expected.faces)
     assert_same_surface(found.surface, expected.surface)
     assert (found.fps, found.start_s) == (expected.fps, expected.start_s)
 
 
-@pytest.mark.parametrize("ending", sorted({one.ending for one in WRITTEN} - WITHOUT_UV))
-def test_texture_coordinates_survive_conversions(ending, given):
-    (uv, *_) = given(ending).surface.of_kind(meshreel.Kind.UV)
+@pytest.mark.parametrize("extension", sorted({one.extension for one in WRITTEN} - WITHOUT_UV))
+def test_texture_coordinates_survive_conversions(extension, given):
+    (uv, *_) = given(extension).surface.of_kind(meshreel.Kind.UV)
     expected = quad_sheet().surface.attributes[0].per_item()
     items = uv.per_item()
-    if ending in TRIANGLES:
+    if extension in TRIANGLES:
         assert {tuple(row) for row in items.round(6)} == {tuple(row) for row in expected.round(6)}
         return
     np.testing.assert_allclose(items, expected, atol=1e-7)

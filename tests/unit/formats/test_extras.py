@@ -25,20 +25,20 @@ def without(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("module", "ending", "extra"), [("h5py", ".h5", HDF), ("pxr", ".usdc", USD)]
+    ("module", "extension", "extra"), [("h5py", ".h5", HDF), ("pxr", ".usdc", USD)]
 )
-def test_save_names_a_missing_extra_before_any_work(tmp_path, without, module, ending, extra):
+def test_save_names_a_missing_extra_before_any_work(tmp_path, without, module, extension, extra):
     without(module)
     with pytest.raises(FormatError) as error:
-        save(waving_grid(), tmp_path / f"a{ending}")
+        save(waving_grid(), tmp_path / f"a{extension}")
     assert f"this needs {extra.library}" in str(error.value)
     assert f"pip install 'meshreel[{extra.name}]'" in str(error.value)
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(("module", "ending"), [("h5py", ".h5"), ("pxr", ".usdc")])
-def test_load_names_the_file_and_a_missing_extra(tmp_path, without, module, ending):
-    path = tmp_path / f"a{ending}"
+@pytest.mark.parametrize(("module", "extension"), [("h5py", ".h5"), ("pxr", ".usdc")])
+def test_load_names_the_file_and_a_missing_extra(tmp_path, without, module, extension):
+    path = tmp_path / f"a{extension}"
     path.write_bytes(b"whatever")
     without(module)
     with pytest.raises(FormatError, match=r"pip install 'meshreel\["):
@@ -50,7 +50,7 @@ def test_extra_without_its_module_is_not_installed():
 
 
 def test_described_formats_name_their_extra():
-    extras = {one["ending"]: one["extra"] for one in described_formats()}
+    extras = {one["extension"]: one["extra"] for one in described_formats()}
     assert extras[".usdz"] == "usd"
     assert extras[".abc"] == "alembic"
     assert extras[".h5"] == "hdf"

@@ -32,7 +32,7 @@ LARGE = (
     ".h5",
     ".vtkhdf",
 )
-WRITTEN = [*(ending for ending, one in FORMATS.items() if is_written(one)), *FOLDER_FORMATS]
+WRITTEN = [*(extension for extension, one in FORMATS.items() if is_written(one)), *FOLDER_FORMATS]
 
 
 @pytest.fixture(scope="module")
@@ -63,20 +63,20 @@ def limited(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("ending", "limit"),
+    ("extension", "limit"),
     slow_but(
         [(".obj", 1000), (".npz", 20_000)],
         [
-            *((ending, limit) for ending in WRITTEN for limit in (300, 1000)),
-            *((ending, 20_000) for ending in WRITTEN if ending in LARGE),
+            *((extension, limit) for extension in WRITTEN for limit in (300, 1000)),
+            *((extension, 20_000) for extension in WRITTEN if extension in LARGE),
         ],
     ),
 )
-def test_full_disk_error_names_the_file_and_leaves_none(limited, reel, tmp_path, ending, limit):
-    extra = getattr(output_format_of(Path(f"walk{ending}")), "extra", None)
+def test_full_disk_error_names_the_file_and_leaves_none(limited, reel, tmp_path, extension, limit):
+    extra = getattr(output_format_of(Path(f"walk{extension}")), "extra", None)
     if extra is not None and not extra.is_installed:
         pytest.skip(f"{extra.library} is not installed")
-    name = f"walk_%d{ending}" if ending in FRAME_FORMATS else f"walk{ending}"
+    name = f"walk_%d{extension}" if extension in FRAME_FORMATS else f"walk{extension}"
     done = limited(limit, "convert", reel, "-o", tmp_path / name)
     assert_fails(done, "walk")
     assert list(tmp_path.iterdir()) == []

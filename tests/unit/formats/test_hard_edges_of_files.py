@@ -34,8 +34,8 @@ def cake_file(n_split=1, **node):
 
 @pytest.fixture
 def read(tmp_path):
-    def loaded(file, ending=".glb", **options):
-        path = tmp_path / f"a{ending}"
+    def loaded(file, extension=".glb", **options):
+        path = tmp_path / f"a{extension}"
         if isinstance(file, str):
             path.write_text(file)
         else:

@@ -21,15 +21,15 @@ def only_mesh(source, **options):
     return found.meshes[0]
 
 
-@pytest.mark.parametrize("ending", [".npz", ".glb", ".usda", ".abc", ".h5", ".vtkhdf", ".reel"])
-def test_inspection_agrees_with_the_loaded_sequence(tmp_path, ending):
+@pytest.mark.parametrize("extension", [".npz", ".glb", ".usda", ".abc", ".h5", ".vtkhdf", ".reel"])
+def test_inspection_agrees_with_the_loaded_sequence(tmp_path, extension):
     sequence = waving_grid()
-    save(sequence, tmp_path / f"a{ending}")
-    found = only_mesh(tmp_path / f"a{ending}")
+    save(sequence, tmp_path / f"a{extension}")
+    found = only_mesh(tmp_path / f"a{extension}")
     assert (found.n_frames, found.n_verts, found.n_faces) == (12, 99, 160)
     assert found.fps == pytest.approx(sequence.fps)
     assert found.duration_s == pytest.approx(12 / sequence.fps)
-    off = 0.02 if ending in (".glb", ".reel") else 1e-6
+    off = 0.02 if extension in (".glb", ".reel") else 1e-6
     np.testing.assert_allclose(found.low, sequence.extent.low, atol=off)
     np.testing.assert_allclose(found.high, sequence.extent.high, atol=off)
 
@@ -42,11 +42,11 @@ def test_inspection_counts_frame_files(tmp_path):
     assert (found.meshes[0].n_frames, found.meshes[0].duration_s) == (5, 0.5)
 
 
-@pytest.mark.parametrize("ending", [".npz", ".h5", ".vtkhdf"])
-def test_inspection_lists_tracks(tmp_path, ending):
+@pytest.mark.parametrize("extension", [".npz", ".h5", ".vtkhdf"])
+def test_inspection_lists_tracks(tmp_path, extension):
     pytest.importorskip("h5py")
-    save(tracked_sheet(3, ("vertex",)), tmp_path / f"a{ending}")
-    assert set(only_mesh(tmp_path / f"a{ending}").tracks) == {
+    save(tracked_sheet(3, ("vertex",)), tmp_path / f"a{extension}")
+    assert set(only_mesh(tmp_path / f"a{extension}").tracks) == {
         "heat of vertex/s: scalar of each vertex, float32 in K",
         "flow_vertex: velocity of each vertex, 3 x float64",
         "shade_vertex: color of each vertex, 4 x uint8",

@@ -20,7 +20,7 @@ def exported(sequence, **options):
 
 
 @pytest.mark.parametrize(
-    ("ending", "options", "tolerance"),
+    ("extension", "options", "tolerance"),
     [
         ("obj", {"digits": 9}, 1e-8),
         ("off", {"digits": 9}, 1e-8),
@@ -28,10 +28,10 @@ def exported(sequence, **options):
         ("ply", {"encoding": "binary"}, 0),
     ],
 )
-def test_load_reads_meshes_of_trimesh(tmp_path, make_sequence, ending, options, tolerance):
+def test_load_reads_meshes_of_trimesh(tmp_path, make_sequence, extension, options, tolerance):
     sequence = make_sequence(1)
-    path = tmp_path / f"a.{ending}"
-    path.write_bytes(exported(sequence, file_type=ending, **options))
+    path = tmp_path / f"a.{extension}"
+    path.write_bytes(exported(sequence, file_type=extension, **options))
     found = load(path)
     np.testing.assert_allclose(found.vertices, sequence.vertices, rtol=0, atol=tolerance)
     np.testing.assert_array_equal(found.faces, sequence.faces)
@@ -46,11 +46,11 @@ def test_load_reads_stl_of_trimesh(tmp_path, make_sequence, kind, tolerance):
     np.testing.assert_allclose(triangles, expected, rtol=0, atol=tolerance)
 
 
-@pytest.mark.parametrize("ending", ["obj", "off", "ply", "stl"])
-def test_trimesh_reads_saved_meshes(tmp_path, make_sequence, ending):
+@pytest.mark.parametrize("extension", ["obj", "off", "ply", "stl"])
+def test_trimesh_reads_saved_meshes(tmp_path, make_sequence, extension):
     sequence = make_sequence(1)
-    [path] = save(sequence, tmp_path / f"a.{ending}")
-    mesh = trimesh.load(io.BytesIO(path.read_bytes()), file_type=ending, process=False)
+    [path] = save(sequence, tmp_path / f"a.{extension}")
+    mesh = trimesh.load(io.BytesIO(path.read_bytes()), file_type=extension, process=False)
     expected = sequence.vertices[0][sequence.faces]
     np.testing.assert_array_equal(np.asarray(mesh.triangles, np.float32), expected)
 

@@ -11,13 +11,13 @@ from samples.meshes import waving_grid
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 
 
-def write_frames(folder, *texts, ending="obj"):
+def write_frames(folder, *texts, extension="obj"):
     for index, text in enumerate(texts):
-        (folder / f"frame_{index}.{ending}").write_text(text)
+        (folder / f"frame_{index}.{extension}").write_text(text)
     return folder
 
 
-@pytest.mark.parametrize("ending", ["obj", "ply", "off"])
+@pytest.mark.parametrize("extension", ["obj", "ply", "off"])
 @pytest.mark.parametrize(
     ("dtype", "offset"),
     [
@@ -28,18 +28,18 @@ def write_frames(folder, *texts, ending="obj"):
         (np.float64, 1e5),
     ],
 )
-def test_frame_formats_round_trip(tmp_path, make_sequence, ending, dtype, offset):
+def test_frame_formats_round_trip(tmp_path, make_sequence, extension, dtype, offset):
     sequence = make_sequence(11, dtype, offset)
-    save(sequence, tmp_path / f"f_%d.{ending}")
+    save(sequence, tmp_path / f"f_%d.{extension}")
     found = load(tmp_path)
     assert found.vertices.dtype == dtype
     np.testing.assert_array_equal(found.vertices, sequence.vertices)
     np.testing.assert_array_equal(found.faces, sequence.faces)
 
 
-@pytest.mark.parametrize("ending", ["obj", "off", "stl"])
-def test_decimal_text_near_the_origin_loads_as_float32(tmp_path, make_sequence, ending):
-    save(make_sequence(2, np.float64), tmp_path / f"f_%d.{ending}")
+@pytest.mark.parametrize("extension", ["obj", "off", "stl"])
+def test_decimal_text_near_the_origin_loads_as_float32(tmp_path, make_sequence, extension):
+    save(make_sequence(2, np.float64), tmp_path / f"f_%d.{extension}")
     assert load(tmp_path).vertices.dtype == np.float32
 
 
@@ -151,10 +151,10 @@ def test_parse_error_names_the_file(tmp_path):
         load(tmp_path)
 
 
-@pytest.mark.parametrize("ending", ["obj", "ply", "off", "stl"])
-def test_error_for_an_empty_file_names_it(tmp_path, ending):
-    (tmp_path / f"a.{ending}").touch()
-    with pytest.raises(FormatError, match=rf"a\.{ending}: is empty"):
+@pytest.mark.parametrize("extension", ["obj", "ply", "off", "stl"])
+def test_error_for_an_empty_file_names_it(tmp_path, extension):
+    (tmp_path / f"a.{extension}").touch()
+    with pytest.raises(FormatError, match=rf"a\.{extension}: is empty"):
         load(tmp_path)
 
 

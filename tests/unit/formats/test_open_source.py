@@ -14,7 +14,7 @@ from samples.meshes import waving_grid
 from samples.opening import open_source
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n"
-ENDINGS = ["obj", "ply", "off", "stl"]
+EXTENSIONS = ["obj", "ply", "off", "stl"]
 CASES = [
     (np.float32, 0.0),
     (np.float32, 300.0),
@@ -29,10 +29,10 @@ CASES = [
 def save_as(tmp_path, make_sequence):
     """Save a sequence in a format; return the source to read it from."""
 
-    def write(ending, *args, **kwargs):
-        name = "a.npz" if ending == "npz" else f"f_%d.{ending}"
+    def write(extension, *args, **kwargs):
+        name = "a.npz" if extension == "npz" else f"f_%d.{extension}"
         save(make_sequence(*args, **kwargs), tmp_path / name)
-        return tmp_path / name if ending == "npz" else tmp_path
+        return tmp_path / name if extension == "npz" else tmp_path
 
     return write
 
@@ -43,10 +43,10 @@ def write_frames(folder, *texts):
     return folder
 
 
-@pytest.mark.parametrize("ending", [*ENDINGS, "npz"])
+@pytest.mark.parametrize("extension", [*EXTENSIONS, "npz"])
 @pytest.mark.parametrize(("dtype", "offset"), CASES)
-def test_stored_frames_equal_loaded_ones(save_as, ending, dtype, offset):
-    source = save_as(ending, 11, dtype, offset)
+def test_stored_frames_equal_loaded_ones(save_as, extension, dtype, offset):
+    source = save_as(extension, 11, dtype, offset)
     opened, loaded = open_source(source), load(source)
     for start, stop in [(0, 11), (3, 4), (4, 9), (9, 20), (5, 5), (7, 2), (-2, 11)]:
         expected = loaded.vertices[start:stop]
@@ -55,10 +55,10 @@ def test_stored_frames_equal_loaded_ones(save_as, ending, dtype, offset):
         assert found.tobytes() == expected.tobytes()
 
 
-@pytest.mark.parametrize("ending", [*ENDINGS, "npz"])
+@pytest.mark.parametrize("extension", [*EXTENSIONS, "npz"])
 @pytest.mark.parametrize(("dtype", "offset"), CASES)
-def test_stored_frames_have_the_metadata_of_load(save_as, ending, dtype, offset):
-    source = save_as(ending, 5, dtype, offset)
+def test_stored_frames_have_the_metadata_of_load(save_as, extension, dtype, offset):
+    source = save_as(extension, 5, dtype, offset)
     opened, loaded = open_source(source, fps=24), load(source, fps=24)
     assert isinstance(opened, StoredFrames)
     for name in ("n_frames", "n_verts", "fps", "name", "dtype"):
@@ -98,18 +98,18 @@ def test_open_source_adds_the_notes_of_load(save_as):
     assert notes == expected != []
 
 
-@pytest.mark.parametrize(("ending", "stage"), [("obj", "reading"), ("stl", "welding")])
-def test_open_source_reports_progress_for_every_frame(save_as, ending, stage):
+@pytest.mark.parametrize(("extension", "stage"), [("obj", "reading"), ("stl", "welding")])
+def test_open_source_reports_progress_for_every_frame(save_as, extension, stage):
     seen = []
-    open_source(save_as(ending, 4), progress=lambda *step: seen.append(step))
+    open_source(save_as(extension, 4), progress=lambda *step: seen.append(step))
     assert seen == [(stage, 0.25), (stage, 0.5), (stage, 0.75), (stage, 1.0)]
 
 
-@pytest.mark.parametrize("ending", ["obj", "npz"])
+@pytest.mark.parametrize("extension", ["obj", "npz"])
 @pytest.mark.parametrize(("surplus", "expected"), [(0, MeshSequence), (-1, StoredFrames)])
-def test_open_source_loads_up_to_max_loaded_bytes(save_as, ending, surplus, expected):
-    size = 4 * 6 * 3 * (8 if ending == "obj" else 4)  # text is read as float64
-    opened = open_source(save_as(ending, 4), max_loaded_bytes=size + surplus)
+def test_open_source_loads_up_to_max_loaded_bytes(save_as, extension, surplus, expected):
+    size = 4 * 6 * 3 * (8 if extension == "obj" else 4)  # text is read as float64
+    opened = open_source(save_as(extension, 4), max_loaded_bytes=size + surplus)
     assert isinstance(opened, expected)
 
 
@@ -197,10 +197,10 @@ def test_open_source_rejects_an_empty_list():
 
 
 @pytest.mark.parametrize("fps", [-1, float("nan")])
-@pytest.mark.parametrize("ending", ["obj", "npz"])
-def test_open_source_rejects_an_invalid_fps(save_as, ending, fps):
+@pytest.mark.parametrize("extension", ["obj", "npz"])
+def test_open_source_rejects_an_invalid_fps(save_as, extension, fps):
     with pytest.raises(InvalidInputError, match="fps must be finite and at least 0"):
-        open_source(save_as(ending, 2), fps=fps)
+        open_source(save_as(extension, 2), fps=fps)
 
 
 def test_error_names_a_truncated_later_file(tmp_path, save_as):
@@ -210,13 +210,13 @@ def test_error_names_a_truncated_later_file(tmp_path, save_as):
         open_source(source)
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_reading_frames_fails_if_a_file_has_changed(tmp_path, save_as, ending):
-    opened = open_source(save_as(ending, 4))
-    path = tmp_path / f"f_2.{ending}"
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_reading_frames_fails_if_a_file_has_changed(tmp_path, save_as, extension):
+    opened = open_source(save_as(extension, 4))
+    path = tmp_path / f"f_2.{extension}"
     path.write_bytes(path.read_bytes() + b" ")
     assert len(opened.read(0, 2)) == 2
-    with pytest.raises(InvalidInputError, match=rf"f_2\.{ending} \(frame 2\) changed after"):
+    with pytest.raises(InvalidInputError, match=rf"f_2\.{extension} \(frame 2\) changed after"):
         opened.read(0, 4)
 
 
@@ -227,8 +227,8 @@ def test_reading_frames_fails_if_a_file_is_gone(tmp_path, save_as):
         opened.read(1, 2)
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_load_fails_if_a_file_changes_between_two_reads(tmp_path, save_as, ending):
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_load_fails_if_a_file_changes_between_two_reads(tmp_path, save_as, extension):
     source = save_as("stl", 3)
     other = (tmp_path / "f_0.stl").read_bytes()
 

@@ -35,9 +35,9 @@ def inspected(path):
     return inspect_source(path, ReadOptions())
 
 
-@pytest.mark.parametrize("ending", sorted(FORMATS))
-def test_load_rejects_a_named_pipe_without_writer(tmp_path, ending):
-    path = pipe(tmp_path, f"a{ending}")
+@pytest.mark.parametrize("extension", sorted(FORMATS))
+def test_load_rejects_a_named_pipe_without_writer(tmp_path, extension):
+    path = pipe(tmp_path, f"a{extension}")
     with pytest.raises(InvalidInputError, match=r"a\.\w+ is a pipe, but inputs must be files"):
         load(path)
 

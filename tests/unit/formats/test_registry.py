@@ -61,7 +61,7 @@ def functions():
                 function = function.func
             if isinstance(function, Lazy):
                 yield pytest.param(
-                    function, n_arguments, id=f"{found.ending} {field.name} {function.place}"
+                    function, n_arguments, id=f"{found.extension} {field.name} {function.place}"
                 )
 
 
@@ -83,15 +83,15 @@ def loaded_modules(path):
 
 
 @pytest.mark.parametrize(
-    ("ending", "own"),
+    ("extension", "own"),
     slow_but(
         [(".pc2", {"caches", "meshes"})],
         [(".npz", {"arrays"}), (".stl", {"meshes"}), (".pc2", {"caches", "meshes"})],
     ),
 )
-def test_load_imports_only_what_a_format_needs(tmp_path, ending, own):
-    save(waving_grid(n_frames=1), tmp_path / f"a{ending}")
-    found = loaded_modules(tmp_path / f"a{ending}")
+def test_load_imports_only_what_a_format_needs(tmp_path, extension, own):
+    save(waving_grid(n_frames=1), tmp_path / f"a{extension}")
+    found = loaded_modules(tmp_path / f"a{extension}")
     rooms = {name.split(".")[2] for name in found if name.startswith("meshreel.formats.")}
     assert rooms & FOLDERS == own
     assert not {"scipy", "DracoPy", "h5py", "pxr"} & set(found)

@@ -205,15 +205,17 @@ def test_check_output_returns_the_files(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "ending", sorted(one.ending for one in FORMATS.values() if is_written(one))
+    "extension", sorted(one.extension for one in FORMATS.values() if is_written(one))
 )
-def test_save_notes_materials_that_are_left_out(ending, tmp_path):
-    found = FORMATS[ending]
+def test_save_notes_materials_that_are_left_out(extension, tmp_path):
+    found = FORMATS[extension]
     extra = getattr(found, "extra", None)
     if extra is not None and not extra.is_installed:
-        pytest.skip(f"{ending} needs {extra.library}, which is not installed")
+        pytest.skip(f"{extension} needs {extra.library}, which is not installed")
     notes = []
-    save(dressed_sheet(1), tmp_path / f"a{ending}", notes=notes)
-    said = f"left out, as {ending} files cannot store it: material properties (red, gr\u00fcn) and "
+    save(dressed_sheet(1), tmp_path / f"a{extension}", notes=notes)
+    said = (
+        f"left out, as {extension} files cannot store it: material properties (red, gr\u00fcn) and "
+    )
     is_said = f"{said}2 texture images" in notes
     assert is_said != getattr(found, "holds_materials", False)

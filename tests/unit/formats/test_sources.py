@@ -51,9 +51,9 @@ def test_list_of_one_folder_means_its_files(tmp_path):
     assert names(find_files((touch(tmp_path, "b.obj", "a.obj"),))) == ["a.obj", "b.obj"]
 
 
-@pytest.mark.parametrize("ending", [".npz", ".OBJ", ".ply", ".off", ".stl"])
-def test_name_of_a_single_file_is_its_stem(tmp_path, ending):
-    assert find_files(touch(tmp_path, f"walk{ending}") / f"walk{ending}").name == "walk"
+@pytest.mark.parametrize("extension", [".npz", ".OBJ", ".ply", ".off", ".stl"])
+def test_name_of_a_single_file_is_its_stem(tmp_path, extension):
+    assert find_files(touch(tmp_path, f"walk{extension}") / f"walk{extension}").name == "walk"
 
 
 @pytest.mark.parametrize(

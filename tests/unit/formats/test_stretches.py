@@ -47,14 +47,14 @@ def test_missing_source_of_stretches_is_an_error(tmp_path):
         find_stretches(tmp_path / "none.abc", ReadOptions())
 
 
-@pytest.mark.parametrize("ending", [".ply", ".vtp"])
-def test_each_stretch_has_its_tracks(tmp_path, ending):
+@pytest.mark.parametrize("extension", [".ply", ".vtp"])
+def test_each_stretch_has_its_tracks(tmp_path, extension):
     rng = np.random.default_rng(4)
     wholes = []
     for name, sheet in (("a", waving_grid(3)), ("b", quad_sheet(2))):
         heat = rng.random((sheet.n_frames, sheet.n_verts)).astype(np.float32)
         wholes.append(replace(sheet, tracks={"heat": Track(heat)}))
-        save(wholes[-1], tmp_path / f"{name}_%02d{ending}")
+        save(wholes[-1], tmp_path / f"{name}_%02d{extension}")
     found = [one.open() for one in find_stretches(tmp_path, ReadOptions())]
     for one, whole in zip(found, wholes, strict=True):
         assert_same_tracks(one.tracks, whole.tracks)

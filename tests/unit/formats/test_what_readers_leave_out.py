@@ -47,9 +47,9 @@ def stored(folder, name, text):
     return folder / name
 
 
-def changing_frames(folder, ending, texts):
+def changing_frames(folder, extension, texts):
     for number, text in enumerate(texts):
-        stored(folder, f"f_{number}{ending}", text)
+        stored(folder, f"f_{number}{extension}", text)
     return folder
 
 
@@ -66,9 +66,9 @@ def test_other_npz_arrays_are_noted(tmp_path, stretched):
 
 
 def test_files_of_meshreel_leave_nothing_out(tmp_path):
-    for ending in (".npz", ".h5", ".vtkhdf", ".reel"):
-        save(two_sheets(), tmp_path / f"a{ending}")
-        assert left_out(tmp_path / f"a{ending}") == []
+    for extension in (".npz", ".h5", ".vtkhdf", ".reel"):
+        save(two_sheets(), tmp_path / f"a{extension}")
+        assert left_out(tmp_path / f"a{extension}") == []
 
 
 def test_other_hdf_datasets_are_noted(tmp_path):

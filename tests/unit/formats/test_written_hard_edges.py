@@ -29,24 +29,24 @@ def assert_same_normals(found, expected, atol=1e-5):
     np.testing.assert_allclose(one, other, atol=atol)
 
 
-@pytest.mark.parametrize("ending", [".npz", ".h5"])
-def test_array_formats_round_trip_hard_edges(tmp_path, ending):
-    if ending == ".h5":
+@pytest.mark.parametrize("extension", [".npz", ".h5"])
+def test_array_formats_round_trip_hard_edges(tmp_path, extension):
+    if extension == ".h5":
         pytest.importorskip("h5py")
     box = hard_box()
-    save(box, tmp_path / f"a{ending}")
-    found, notes = loaded(tmp_path / f"a{ending}")
+    save(box, tmp_path / f"a{extension}")
+    found, notes = loaded(tmp_path / f"a{extension}")
     assert_same_surface(found.surface, box.surface)
     assert notes == []
 
 
 @pytest.mark.parametrize("make", [hard_box, cake, hard_sheet])
-@pytest.mark.parametrize("ending", [".usdc", ".abc"])
-def test_scene_formats_round_trip_hard_edges_without_a_track(tmp_path, make, ending):
-    pytest.importorskip("pxr" if ending == ".usdc" else "alembic3d")
+@pytest.mark.parametrize("extension", [".usdc", ".abc"])
+def test_scene_formats_round_trip_hard_edges_without_a_track(tmp_path, make, extension):
+    pytest.importorskip("pxr" if extension == ".usdc" else "alembic3d")
     sequence = make()
-    save(sequence, tmp_path / f"a{ending}")
-    found, notes = loaded(tmp_path / f"a{ending}")
+    save(sequence, tmp_path / f"a{extension}")
+    found, notes = loaded(tmp_path / f"a{extension}")
     assert_same_normals(found, sequence, 1e-4)
     assert found.tracks == {}
     assert not any("do not follow" in note for note in notes)
@@ -150,10 +150,10 @@ def test_obj_falls_back_to_normals_for_hard_edges(tmp_path):
     assert_same_normals(found, sheet, 1e-4)
 
 
-@pytest.mark.parametrize("ending", [".ply", ".off", ".stl", ".pvd"])
-def test_unsupported_hard_edges_are_noted(tmp_path, ending):
+@pytest.mark.parametrize("extension", [".ply", ".off", ".stl", ".pvd"])
+def test_unsupported_hard_edges_are_noted(tmp_path, extension):
     notes = []
-    save(hard_box(1), tmp_path / f"a{ending}", notes=notes)
+    save(hard_box(1), tmp_path / f"a{extension}", notes=notes)
     assert any("12 hard edges" in note for note in notes)
 
 

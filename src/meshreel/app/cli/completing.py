@@ -29,10 +29,10 @@ def reel_files(incomplete: str) -> list[str]:
 
 
 def output_files(incomplete: str) -> list[str]:
-    """The incomplete name with every ending that can be written: "walk." gives "walk.abc"."""
-    from meshreel.formats.registry import written_endings
+    """The incomplete name with every extension that can be written: "walk." gives "walk.abc"."""
+    from meshreel.formats.registry import written_extensions
 
-    return with_endings(incomplete, written_endings())
+    return with_extensions(incomplete, written_extensions())
 
 
 def layout_names(incomplete: str) -> list[str]:
@@ -50,22 +50,22 @@ def texture_kinds(incomplete: str) -> list[str]:
 
 
 def pages(incomplete: str) -> list[str]:
-    """The incomplete name with the ending of a page."""
-    return with_endings(incomplete, [".html"])
+    """The incomplete name with the extension of a page."""
+    return with_extensions(incomplete, [".html"])
 
 
 def pictures(incomplete: str) -> list[str]:
-    """The incomplete name with the endings of pictures and films."""
-    return with_endings(incomplete, [".png", ".mp4", ".gif"])
+    """The incomplete name with the extensions of pictures and films."""
+    return with_extensions(incomplete, [".png", ".mp4", ".gif"])
 
 
 def streams(incomplete: str) -> list[str]:
-    """The incomplete name with the ending of a stream."""
-    return with_endings(incomplete, [REEL])
+    """The incomplete name with the extension of a stream."""
+    return with_extensions(incomplete, [REEL])
 
 
-def with_endings(incomplete: str, endings: Iterable[str]) -> list[str]:
-    """The incomplete name with each of the endings; none while its stem is incomplete.
+def with_extensions(incomplete: str, extensions: Iterable[str]) -> list[str]:
+    """The incomplete name with each of the extensions; none while its stem is incomplete.
 
     Then, and where nothing fits, the shell uses its own completion.
     """
@@ -73,11 +73,13 @@ def with_endings(incomplete: str, endings: Iterable[str]) -> list[str]:
     if not dot or not stem:
         return []
     start = incomplete[: len(incomplete) - len(begun) - 1]
-    return [start + ending for ending in endings if ending.startswith(f".{begun.lower()}")]
+    return [
+        start + extension for extension in extensions if extension.startswith(f".{begun.lower()}")
+    ]
 
 
-def _files(incomplete: str, endings: set[str]) -> list[str]:
-    """Files of these endings that begin with the incomplete name, and folders if there are any.
+def _files(incomplete: str, extensions: set[str]) -> list[str]:
+    """Files of these extensions that begin with the incomplete name, and folders if there are any.
 
     Where only folders fit, the shell's own completion is better: it adds no space after them.
     """
@@ -88,7 +90,7 @@ def _files(incomplete: str, endings: set[str]) -> list[str]:
     except OSError:
         return []
     visible = [path for path in found if begun or not path.name.startswith(".")]
-    files = [path.name for path in visible if path.suffix.lower() in endings and path.is_file()]
+    files = [path.name for path in visible if path.suffix.lower() in extensions and path.is_file()]
     if not files:
         return []
     folders = [f"{path.name}/" for path in visible if path.is_dir()]

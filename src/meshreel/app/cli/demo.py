@@ -51,7 +51,7 @@ def demo_command(
 
     check_output_folder(out)
     out.mkdir(parents=True, exist_ok=True)
-    raw, reel, picture = (out / f"flag.{ending}" for ending in ("npz", "reel", "png"))
+    raw, reel, picture = (out / f"flag.{extension}" for extension in ("npz", "reel", "png"))
     for path in (raw, reel, picture):
         check_output_path(path, overwrite=force)
     with progress_bar() as progress:

@@ -13,7 +13,7 @@ from meshreel.app.cli.track_options import colormap_option, component_option, ra
 if TYPE_CHECKING:
     from meshreel.formats.options import ReadOptions
 
-ENDINGS = (".html", ".htm")
+EXTENSIONS = (".html", ".htm")
 OTHER_OUTPUTS = "`meshreel decode` writes other formats, `meshreel render` pictures and films"
 
 
@@ -93,7 +93,7 @@ def export_command(
     from meshreel.runtime.outputs.checks import check_extension, check_output_path
 
     coloring = coloring_of(track, component, range, colormap)
-    check_extension(output, ENDINGS, OTHER_OUTPUTS)
+    check_extension(output, EXTENSIONS, OTHER_OUTPUTS)
     files = [source, *(files_of_source(original) if original else [])]
     check_output_path(output, overwrite=force, inputs=files)
     page = built_page()

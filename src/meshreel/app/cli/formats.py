@@ -24,7 +24,7 @@ def formats_command(
         return
     rows = [
         (
-            one["ending"],
+            one["extension"],
             one["title"],
             one["holds"],
             "yes" if one["reads"] else "no",
@@ -33,4 +33,4 @@ def formats_command(
         )
         for one in found
     ]
-    print_columns("formats", ("ending", "format", "a file holds", "read", "write", "here"), rows)
+    print_columns("formats", ("extension", "format", "a file holds", "read", "write", "here"), rows)

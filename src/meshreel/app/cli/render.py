@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from meshreel.runtime.progress import Progress
 
 LOOK = "Look"
-ENDINGS = (".png", ".mp4", ".gif")
+EXTENSIONS = (".png", ".mp4", ".gif")
 SHEET_FRAMES, COMPARED_FRAMES = 8, 3
 """Frames on a contact sheet, and rows of a comparison, where they are not listed."""
 MAX_TURN_S = 3600.0
@@ -174,8 +174,8 @@ def render_command(
     from meshreel.rendering.views import guess_up, parse_view
     from meshreel.runtime.outputs.checks import check_output_path
 
-    ending = _checked_ending(output)
-    is_film = ending != ".png"
+    extension = _checked_extension(output)
+    is_film = extension != ".png"
     _check_together(original, heatmap, turntable, follow, is_film=is_film)
     look = track_look(track, component, range, colormap, heatmap, at)
     if at is not None:
@@ -241,12 +241,12 @@ def _drawn(
     from meshreel.rendering.shots import representative_frames, spread_frames
     from meshreel.rendering.stills import still
 
-    ending = output.suffix.lower()
-    if ending != ".png":
+    extension = output.suffix.lower()
+    if extension != ".png":
         made = film(
             scene, numbers, seen,
             turn_s=turn_s, size=size,
-            max_size=GIF_PX if ending == ".gif" else FILM_PX,
+            max_size=GIF_PX if extension == ".gif" else FILM_PX,
             is_followed=follow, progress=progress,
         )  # fmt: skip
         save_film(made, output, overwrite=force, progress=progress)
@@ -260,15 +260,15 @@ def _drawn(
     return {"size_px": list(picture.size), "frames": numbers}
 
 
-def _checked_ending(output: Path) -> str:
-    """The ending of the output in lower case; raises if a library that it needs is missing."""
+def _checked_extension(output: Path) -> str:
+    """The extension of the output in lower case; raises if a library that it needs is missing."""
     from meshreel.rendering.film_files import require_ffmpeg
     from meshreel.runtime.outputs.checks import check_extension
 
-    ending = check_extension(output, ENDINGS)
-    if ending == ".mp4":
+    extension = check_extension(output, EXTENSIONS)
+    if extension == ".mp4":
         require_ffmpeg()
-    return ending
+    return extension
 
 
 def _check_together(

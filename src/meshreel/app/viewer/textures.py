@@ -11,7 +11,7 @@ MEDIA_TYPES = {
     ".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg", ".webp": "image/webp",
     ".avif": "image/avif", ".mp4": "video/mp4", ".webm": "video/webm", ".mov": "video/quicktime",
 }  # fmt: skip
-"""Of what browsers show, by ending."""
+"""Of what browsers show, by extension."""
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ class Outcome:
     ----------
     figures : dict of plain types
     files : mapping of str to bytes
-        By the ending of their names.
+        By the extension of their names.
     """
 
     figures: dict[str, Any]

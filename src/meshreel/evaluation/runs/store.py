@@ -34,9 +34,9 @@ class Store:
         folder.mkdir(parents=True, exist_ok=True)
         return cls(folder, identity)
 
-    def path(self, key: str, ending: str) -> Path:
+    def path(self, key: str, extension: str) -> Path:
         """Where a file of a result is kept."""
-        return self.folder / f"{key}.{ending}"
+        return self.folder / f"{key}.{extension}"
 
     def identity(self, setting: Any) -> dict[str, Any]:
         """Everything that a result depends on."""
@@ -59,15 +59,15 @@ class Store:
             return None
         if not isinstance(result, dict) or result.get("identity") != self.identity(setting):
             return None
-        whole = all(self.path(key, ending).is_file() for ending in needs)
+        whole = all(self.path(key, extension).is_file() for extension in needs)
         return result if whole or "refused" in result else None
 
     def write(
         self, key: str, setting: Any, figures: Result, files: Mapping[str, bytes] | None = None
     ) -> Result:
-        """Store figures under their identity, files by ending before them; the stored result."""
-        for ending, data in (files or {}).items():
-            with replace_when_done(self.path(key, ending), overwrite=True) as temporary:
+        """Store figures under their identity, files by extension before them; the stored result."""
+        for extension, data in (files or {}).items():
+            with replace_when_done(self.path(key, extension), overwrite=True) as temporary:
                 temporary.write_bytes(data)
         text = json.dumps({"identity": self.identity(setting), **figures}, indent=1)
         write_text(self.path(key, "json"), text)

@@ -57,14 +57,16 @@ def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
     Raises
     ------
     FormatError
-        If the file is not HDF5, is damaged, or has no faces.
+        If the file is not HDF5, is damaged, or lacks faces.
     InvalidInputError
         If several datasets may be the positions and none is chosen; the message lists them.
     """
     with errors_naming(path), hdf_errors():
         root = open_hdf(path)
-        if find_group(root, "VTKHDF") is not None:
-            return SEQUENCE_FORMATS[".vtkhdf"].open(path, options)
+        is_vtkhdf = find_group(root, "VTKHDF") is not None
+    if is_vtkhdf:  # outside the context: its errors already name the path
+        return SEQUENCE_FORMATS[".vtkhdf"].open(path, options)
+    with errors_naming(path), hdf_errors():
         positions = _find_positions(root, options)
         if positions.dtype.kind != "f" or positions.dtype.itemsize not in (4, 8):
             raise InvalidInputError(

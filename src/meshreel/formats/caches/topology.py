@@ -32,13 +32,13 @@ def read_topology(cache: Path, n_verts: int, options: ReadOptions) -> tuple[Face
     path = options.topology or cache.with_suffix(COMPANION)
     if options.topology is None and not path.is_file():
         raise InvalidInputError(
-            f"{cache} has positions of {counted(n_verts, 'vertex')} and no faces; give the mesh "
+            f"{cache} has positions of {counted(n_verts, 'vertex')} without faces; give the mesh "
             f"file with the faces by --topology mesh.obj (topology=), or store it as {path.name} "
             "in the same folder"
         )
     mesh_format = FRAME_FORMATS.get(path.suffix.lower())
     if mesh_format is None or mesh_format.has_unshared_vertices:
-        known = [one.ending for one in FRAME_FORMATS.values() if not one.has_unshared_vertices]
+        known = [one.extension for one in FRAME_FORMATS.values() if not one.has_unshared_vertices]
         raise FormatError(
             f"{path}: the faces of a point cache must be in a {', '.join(known)} file"
         )

@@ -234,7 +234,7 @@ class MeshFiles:
             raise changed_error(f"{path} (frame {index})")
         with errors_naming(path):
             if not data:
-                raise FormatError(f"is empty; expected a mesh in {self.format.ending} format")
+                raise FormatError(f"is empty; expected a mesh in {self.format.extension} format")
             yield data
 
 

@@ -33,7 +33,7 @@ def parse_obj(data: bytes) -> PolygonMesh:
     Raises
     ------
     FormatError
-        If a line is invalid, which the error names, or there are no vertices or no faces.
+        If a line is invalid, which the error names, or vertices or faces are missing.
     """
     return obj_mesh(split_lines(data, continuation=True))
 

@@ -211,7 +211,7 @@ def _writable_uv(surface: Surface) -> Attribute | None:
 
 
 def parse_off_surface(data: bytes, notes: list[str] | None = None) -> Surface:
-    """Return the attributes of an OFF file that `parse_off` can read; notes list what is left out.
+    """Return the attributes of an OFF file that `parse_off` can read; the notes list omitted data.
 
     Colors are bytes if none has a decimal point. They are ignored unless all vertices, or all
     faces, have three or four numbers.

@@ -33,7 +33,7 @@ def parse_ply(data: bytes) -> PolygonMesh:
     Raises
     ------
     FormatError
-        If the header is invalid, rows are missing, or there are no faces.
+        If the header is invalid, or rows or faces are missing.
     """
     return ply_mesh(read_ply_tables(data))
 

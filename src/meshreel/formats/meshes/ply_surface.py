@@ -28,7 +28,7 @@ NOT_ATTRIBUTES = ("x", "y", "z", *NORMALS)
 
 
 def parse_ply_surface(data: bytes, notes: list[str] | None = None) -> Surface:
-    """Return the attributes of a PLY file; the notes list what is left out.
+    """Return the attributes of a PLY file; the notes list omitted data.
 
     Raises
     ------

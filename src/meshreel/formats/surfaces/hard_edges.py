@@ -181,7 +181,7 @@ def _sentences_on(meshes: Collection[HardEdges]) -> Iterator[str]:
 
 
 def _units(normals: npt.NDArray[np.floating]) -> Floats:
-    """Normalize normals; 0 where there is none."""
+    """Normalize normals; undefined ones become 0."""
     given = np.asarray(normals, np.float64)
     lengths = np.linalg.norm(np.nan_to_num(given), axis=1, keepdims=True)
     is_known = np.isfinite(given).all(axis=1, keepdims=True) & (lengths > 0)

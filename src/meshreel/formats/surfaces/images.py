@@ -22,7 +22,7 @@ SIGNATURES = (
 )
 """Offset and bytes of the signature of each type."""
 
-ENDINGS = {
+EXTENSIONS = {
     ".png": "image/png",
     ".jpg": "image/jpeg",
     ".jpeg": "image/jpeg",
@@ -55,12 +55,12 @@ def image_type(data: bytes, name: str = "") -> str:
     for place, signature, mime_type in SIGNATURES:
         if data[place : place + len(signature)] == signature:
             return mime_type
-    return ENDINGS.get(PurePosixPath(name).suffix.lower(), UNKNOWN)
+    return EXTENSIONS.get(PurePosixPath(name).suffix.lower(), UNKNOWN)
 
 
 def image_extension(mime_type: str) -> str:
     """Return the file extension of a MIME type, with the dot; empty if unknown."""
-    return next((ending for ending, one in ENDINGS.items() if one == mime_type), "")
+    return next((extension for extension, one in EXTENSIONS.items() if one == mime_type), "")
 
 
 def image_names(images: Sequence[Image]) -> list[str]:
@@ -70,11 +70,11 @@ def image_names(images: Sequence[Image]) -> list[str]:
     names = []
     for image in images:
         stem = NOT_PORTABLE.sub("_", image.name)[:MAX_LENGTH] or "image"
-        ending = image_extension(image.mime_type)
-        name, wanted = stem + ending, (stem + ending).lower()
+        extension = image_extension(image.mime_type)
+        name, wanted = stem + extension, (stem + extension).lower()
         while name.lower() in used:
             counts[wanted] = counts.get(wanted, 1) + 1
-            name = f"{stem}_{counts[wanted]}{ending}"
+            name = f"{stem}_{counts[wanted]}{extension}"
         used.add(name.lower())
         names.append(name)
     return names

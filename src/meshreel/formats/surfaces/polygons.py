@@ -78,7 +78,7 @@ def polygon_mesh(
     Raises
     ------
     FormatError
-        If there are no vertices or no faces, a face has fewer than three corners, or an index is
+        If vertices or faces are missing, a face has fewer than three corners, or an index is
         out of range.
     """
     if len(vertices) == 0 or len(counts) == 0:

@@ -40,7 +40,7 @@ class TokenLines:
     Parameters
     ----------
     text : bytes
-        The text that contains the words, ending with a line feed.
+        The text that contains the words, extension with a line feed.
     physical : bytes
         Text of the same length with the line ends of the file; only for line numbers.
     starts, ends : int64 arrays of shape (number of words,)

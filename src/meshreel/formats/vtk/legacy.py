@@ -76,7 +76,7 @@ def parse_vtk_legacy(data: bytes) -> PolygonMesh:
 def parse_vtk_legacy_surface(data: bytes, notes: list[str]) -> Surface:
     """Return the texture coordinates and colors of a ``.vtk`` file.
 
-    The notes list what is left out. Raises as `read_vtk_legacy`.
+    The notes list omitted data. Raises as `read_vtk_legacy`.
     """
     return read_vtk_legacy(data).attribute_surface(notes)
 

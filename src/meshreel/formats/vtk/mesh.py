@@ -54,7 +54,7 @@ class VtkMesh:
         return self.cell_surface.mesh(self.points)
 
     def surface(self, notes: list[str]) -> Surface:
-        """Return all data arrays as attributes; the notes list what is left out."""
+        """Return all data arrays as attributes; the notes list omitted data."""
         for what in self.left_out:
             note_left_out(notes, what)
         return surface_of_arrays(

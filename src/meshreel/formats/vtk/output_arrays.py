@@ -53,7 +53,7 @@ class OutputArray:
 
 
 def output_arrays(
-    surface: Surface, tracks: Mapping[str, TrackSource], ending: str, notes: list[str]
+    surface: Surface, tracks: Mapping[str, TrackSource], extension: str, notes: list[str]
 ) -> list[OutputArray]:
     """Return the arrays for attributes and groups of vertices and faces, and for tracks.
 
@@ -62,16 +62,16 @@ def output_arrays(
     surface : Surface
     tracks : mapping of str to TrackSource
         Tracks of vertices and faces.
-    ending : str
+    extension : str
         File extension with the dot.
     notes : list of str
         Receives a sentence for each thing that is left out.
     """
     attributes = [one for one in surface.attributes if one.domain is not Domain.CORNER]
-    note_unwritten(surface, (*attributes, *surface.groups), ending, notes)
+    note_unwritten(surface, (*attributes, *surface.groups), extension, notes)
     if surface.groups:
         names = listed(groups.name for groups in surface.groups)
-        notes.append(f"group labels left out; {ending} stores only their numbers: {names}")
+        notes.append(f"group labels left out; {extension} stores only their numbers: {names}")
     found = [
         *map(_attribute_array, attributes),
         *(_array(one.name, Domain.FACE, one.numbers[:, None]) for one in surface.groups),

@@ -89,7 +89,7 @@ def parse_vtk_xml(data: bytes) -> PolygonMesh:
 def parse_vtk_xml_surface(data: bytes, notes: list[str]) -> Surface:
     """Return the texture coordinates and colors of a ``.vtu`` or ``.vtp`` file.
 
-    The notes list what is left out. Raises as `read_vtk_xml`.
+    The notes list omitted data. Raises as `read_vtk_xml`.
     """
     return read_vtk_xml(data).attribute_surface(notes)
 

@@ -102,9 +102,9 @@ def _encoder(
     surface: Surface,
     notes: list[str] | None,
     tracks: Mapping[str, TrackSource] | None,
-    ending: str,
+    extension: str,
 ) -> Encode:
-    arrays = output_arrays(surface, tracks or {}, ending, notes if notes is not None else [])
+    arrays = output_arrays(surface, tracks or {}, extension, notes if notes is not None else [])
     counts = surface.sizes(len(faces))
     types = np.full(len(counts), POLYGON, np.uint8)
     types[counts == 3], types[counts == 4] = TRIANGLE, QUAD
@@ -112,7 +112,7 @@ def _encoder(
         "connectivity": _encode(join_fans(counts, faces).astype(np.int64), STATIC_LEVEL),
         "offsets": _encode(np.cumsum(counts, dtype=np.int64), STATIC_LEVEL),
     }
-    is_grid = ending == ".vtu"
+    is_grid = extension == ".vtu"
     connectivity |= {"types": _encode(types, STATIC_LEVEL)} if is_grid else {}
     static = {
         index: _encode(one.values, STATIC_LEVEL)

@@ -50,11 +50,11 @@ def dictionaries_run(sequence: MeshSequence) -> Run:
             progress(f"dictionaries of {n_modes} columns", 0.0)
             data = encode(sequence, "blocks", n_modes=n_modes, bits=BITS, block_frames=frames)
             bases = [block.basis for block in coded_blocks(data) if block.basis is not None]
-            for ending, write in (("", write_curves), ("_plain", write_rows)):
+            for extension, write in (("", write_curves), ("_plain", write_rows)):
                 whole, difference = _bits_per_entry(bases, write)
                 figures |= {
-                    f"{name}_whole{ending}": whole,
-                    f"{name}_difference{ending}": difference,
+                    f"{name}_whole{extension}": whole,
+                    f"{name}_difference{extension}": difference,
                 }
         return Outcome(figures)
 

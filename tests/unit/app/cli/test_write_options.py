@@ -11,7 +11,7 @@ PANELS = {
     frozenset({".glb", ".gltf", ".vat"}): GLTF_AND_TEXTURES,
     frozenset({".vat"}): TEXTURES,
 }
-"""By the endings of outputs that an option has an effect on, beside .reel."""
+"""By the extensions of outputs that an option has an effect on, beside .reel."""
 
 
 @pytest.mark.parametrize(
@@ -24,8 +24,8 @@ PANELS = {
 def test_option_is_in_the_panel_of_the_outputs_it_is_for(command, name):
     panels = {param.name: getattr(param, "panel", "") for param in command_named(command).params}
     every = (*FORMATS.values(), *FOLDER_FORMATS.values())
-    endings = {one.ending for one in every if name in getattr(one, "writes", ())} - {".reel"}
-    assert panels[name] == PANELS[frozenset(endings)]
+    extensions = {one.extension for one in every if name in getattr(one, "writes", ())} - {".reel"}
+    assert panels[name] == PANELS[frozenset(extensions)]
 
 
 def test_unit_is_beside_the_bound_that_it_is_for():

@@ -22,30 +22,30 @@ from samples.datasets import (
 from samples.meshes import assert_same_surface
 from samples.opening import open_source
 
-ENDINGS = ["pc2", "mdd"]
+EXTENSIONS = ["pc2", "mdd"]
 RATES = [24.0, 25.0, 30.0, 60.0, 29.97, 30000 / 1001, 24000 / 1001, 1000.0]
 
 
-def round_trip(tmp_path, sequence, ending, **options):
+def round_trip(tmp_path, sequence, extension, **options):
     notes = []
-    cache, mesh = save(sequence, tmp_path / f"walk.{ending}", notes=notes)
+    cache, mesh = save(sequence, tmp_path / f"walk.{extension}", notes=notes)
     return load(cache, topology=mesh, **options), notes
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("extension", EXTENSIONS)
 @pytest.mark.parametrize("n_frames", [1, 7])
-def test_point_caches_round_trip(tmp_path, ending, n_frames):
+def test_point_caches_round_trip(tmp_path, extension, n_frames):
     sequence = surfaced_sequence(n_frames, surface=polygon_surface())
-    cache, mesh = save(sequence, tmp_path / f"walk.{ending}")
+    cache, mesh = save(sequence, tmp_path / f"walk.{extension}")
     found = load(cache, topology=mesh)
     assert mesh == tmp_path / "walk.obj"
     assert_same_positions(found, sequence)
     assert found.name == "walk"
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_topology_option_gives_faces_and_polygons(tmp_path, ending):
-    cache, mesh = save(plain_sequence(), tmp_path / f"walk.{ending}")
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_topology_option_gives_faces_and_polygons(tmp_path, extension):
+    cache, mesh = save(plain_sequence(), tmp_path / f"walk.{extension}")
     text = mesh.read_text().splitlines()
     rows = [line for line in text if line.startswith("v ")] + ["f 1 2 3 4", "f 6 7 8 9 10"]
     (tmp_path / "quads.obj").write_text("\n".join(rows))
@@ -62,11 +62,11 @@ def test_mdd_round_trips_frame_rate_and_start(tmp_path, fps, start_s):
 
 
 @pytest.mark.parametrize("fps", RATES)
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_pc2_round_trips_a_start_at_a_whole_frame(tmp_path, fps, ending):
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_pc2_round_trips_a_start_at_a_whole_frame(tmp_path, fps, extension):
     start_s = 1001 / fps
     sequence = plain_sequence(n_frames=9, fps=fps, start_s=start_s)
-    found, _ = round_trip(tmp_path, sequence, ending, fps=fps)
+    found, _ = round_trip(tmp_path, sequence, extension, fps=fps)
     assert (found.fps, found.start_s) == (fps, start_s)
 
 
@@ -85,14 +85,14 @@ def test_load_notes_a_later_first_frame_of_pc2(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("ending", "note"),
+    ("extension", "note"),
     [
         ("pc2", "PC2 stores the start at 1.5 s as frame 36 at 24 fps, which is 1.5 s"),
         ("mdd", "the frame rate is unknown; written as 24 fps"),
     ],
 )
-def test_save_notes_an_unknown_frame_rate(tmp_path, ending, note):
-    _, notes = round_trip(tmp_path, plain_sequence(fps=0.0, start_s=1.5), ending)
+def test_save_notes_an_unknown_frame_rate(tmp_path, extension, note):
+    _, notes = round_trip(tmp_path, plain_sequence(fps=0.0, start_s=1.5), extension)
     assert notes == [note]
 
 
@@ -111,44 +111,44 @@ def test_save_notes_what_mdd_cannot_store(tmp_path, options, note):
     assert found.fps == pytest.approx(options.get("fps", 25.0 if len(found.vertices) > 1 else 0))
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_float64_positions_are_rounded_with_a_note(tmp_path, ending):
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_float64_positions_are_rounded_with_a_note(tmp_path, extension):
     sequence = plain_sequence(dtype=np.float64)
-    found, notes = round_trip(tmp_path, sequence, ending, fps=25)
+    found, notes = round_trip(tmp_path, sequence, extension, fps=25)
     np.testing.assert_array_equal(found.vertices, sequence.vertices.astype(np.float32))
     furthest = np.abs(found.vertices - sequence.vertices).max()
     assert notes[-1] == f"positions were rounded to float32, by up to {furthest:.3g}"
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_no_rounding_is_noted_for_exact_float64(tmp_path, ending):
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_no_rounding_is_noted_for_exact_float64(tmp_path, extension):
     single = plain_sequence()
     double = MeshSequence(single.vertices.astype(np.float64), single.faces, 25.0)
-    _, notes = round_trip(tmp_path, double, ending)
+    _, notes = round_trip(tmp_path, double, extension)
     assert not any("rounded" in note for note in notes)
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_save_rejects_positions_beyond_float32(tmp_path, ending):
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_save_rejects_positions_beyond_float32(tmp_path, extension):
     plain = plain_sequence(dtype=np.float64)
     with pytest.raises(
         InvalidInputError, match=r"frame 0 has coordinates up to .*e\+3.*; point caches store"
     ):
-        save(MeshSequence(plain.vertices * 1e39, plain.faces), tmp_path / f"a.{ending}")
+        save(MeshSequence(plain.vertices * 1e39, plain.faces), tmp_path / f"a.{extension}")
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_save_rejects_a_start_beyond_float32(tmp_path, ending):
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_save_rejects_a_start_beyond_float32(tmp_path, extension):
     with pytest.raises(InvalidInputError, match=r"too large for (PC2|MDD)"):
-        save(plain_sequence(start_s=1e300), tmp_path / f"a.{ending}")
+        save(plain_sequence(start_s=1e300), tmp_path / f"a.{extension}")
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_stored_frames_of_a_cache_equal_loaded_ones(tmp_path, ending, monkeypatch):
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_stored_frames_of_a_cache_equal_loaded_ones(tmp_path, extension, monkeypatch):
     monkeypatch.setattr("meshreel.formats.frames.array_frames.BLOCK_BYTES", 300)
     sequence = plain_sequence(n_frames=9)
-    cache, mesh = save(sequence, tmp_path / f"walk.{ending}")
+    cache, mesh = save(sequence, tmp_path / f"walk.{extension}")
     opened = open_source(cache, topology=mesh)
     assert isinstance(opened, StoredFrames)
     for start, stop in [(0, 9), (3, 4), (5, 20), (4, 4), (-2, 9)]:
@@ -157,9 +157,9 @@ def test_stored_frames_of_a_cache_equal_loaded_ones(tmp_path, ending, monkeypatc
     assert opened.extent.mean_diagonal == sequence.extent.mean_diagonal
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_reading_frames_fails_if_the_cache_has_changed(tmp_path, ending):
-    cache, mesh = save(plain_sequence(n_frames=4), tmp_path / f"walk.{ending}")
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_reading_frames_fails_if_the_cache_has_changed(tmp_path, extension):
+    cache, mesh = save(plain_sequence(n_frames=4), tmp_path / f"walk.{extension}")
     opened = open_source(cache, topology=mesh)
     data = bytearray(cache.read_bytes())
     data[-140] ^= 1  # in frame 2
@@ -172,18 +172,18 @@ def test_reading_frames_fails_if_the_cache_has_changed(tmp_path, ending):
         opened.read(3, 4)
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_error_without_topology_gives_the_remedy(tmp_path, ending):
-    cache, mesh = save(plain_sequence(), tmp_path / f"walk.{ending}")
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_error_without_topology_gives_the_remedy(tmp_path, extension):
+    cache, mesh = save(plain_sequence(), tmp_path / f"walk.{extension}")
     mesh.unlink()
-    message = r"has positions of 11 vertices and no faces; .* --topology .* store it as walk.obj"
+    message = r"has positions of 11 vertices without faces; .* --topology .* store it as walk.obj"
     with pytest.raises(InvalidInputError, match=message):
         load(cache)
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_mesh_file_next_to_the_cache_is_the_default_topology(tmp_path, ending):
-    cache, mesh = save(plain_sequence(), tmp_path / f"walk.{ending}")
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_mesh_file_next_to_the_cache_is_the_default_topology(tmp_path, extension):
+    cache, mesh = save(plain_sequence(), tmp_path / f"walk.{extension}")
     found = load(cache, fps=24)
     np.testing.assert_array_equal(found.faces, load(cache, fps=24, topology=mesh).faces)
 
@@ -229,17 +229,17 @@ def test_load_notes_the_sample_interval_of_pc2(tmp_path):
     assert notes == ["samples are 2 frames apart; each is read as one frame"]
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("extension", EXTENSIONS)
 @pytest.mark.parametrize("keep", [0, 3, 7, 11, 31, 60, -1])
-def test_error_for_a_truncated_cache_names_the_file(tmp_path, ending, keep):
-    cache, mesh = save(plain_sequence(), tmp_path / f"walk.{ending}")
+def test_error_for_a_truncated_cache_names_the_file(tmp_path, extension, keep):
+    cache, mesh = save(plain_sequence(), tmp_path / f"walk.{extension}")
     cache.write_bytes(cache.read_bytes()[:keep])
-    with pytest.raises(FormatError, match=rf"walk\.{ending}: is (truncated|not )"):
+    with pytest.raises(FormatError, match=rf"walk\.{extension}: is (truncated|not )"):
         load(cache, topology=mesh)
 
 
 @pytest.mark.parametrize(
-    ("ending", "place", "bytes_", "message"),
+    ("extension", "place", "bytes_", "message"),
     [
         ("pc2", 0, b"POINT", "is not a PC2 file"),
         ("pc2", 12, struct.pack("<i", 2), "has PC2 version 2; version 1 is supported"),
@@ -251,32 +251,32 @@ def test_error_for_a_truncated_cache_names_the_file(tmp_path, ending, keep):
         ("mdd", 8, struct.pack(">f", float("inf")), "frame times are not finite"),
     ],
 )
-def test_error_for_an_invalid_header_names_the_file(tmp_path, ending, place, bytes_, message):
-    cache, mesh = save(plain_sequence(), tmp_path / f"walk.{ending}")
+def test_error_for_an_invalid_header_names_the_file(tmp_path, extension, place, bytes_, message):
+    cache, mesh = save(plain_sequence(), tmp_path / f"walk.{extension}")
     data = bytearray(cache.read_bytes())
     if bytes_ != b"POINT":
         data[place : place + len(bytes_)] = bytes_
     else:
         data[0] = 0
     cache.write_bytes(data)
-    with pytest.raises(FormatError, match=rf"walk\.{ending}: .*{message}"):
+    with pytest.raises(FormatError, match=rf"walk\.{extension}: .*{message}"):
         load(cache, topology=mesh)
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_damaged_caches_raise_only_meshreel_errors(tmp_path, ending):
-    cache, mesh = save(plain_sequence(), tmp_path / f"walk.{ending}")
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_damaged_caches_raise_only_meshreel_errors(tmp_path, extension):
+    cache, mesh = save(plain_sequence(), tmp_path / f"walk.{extension}")
     for damaged in damaged_versions(cache.read_bytes(), n_header=40):
         cache.write_bytes(damaged)
         with contextlib.suppress(MeshReelError):
             load(cache, topology=mesh)
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_error_names_the_vertex_of_a_non_finite_position(tmp_path, ending):
-    cache, mesh = save(plain_sequence(), tmp_path / f"walk.{ending}")
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_error_names_the_vertex_of_a_non_finite_position(tmp_path, extension):
+    cache, mesh = save(plain_sequence(), tmp_path / f"walk.{extension}")
     data = bytearray(cache.read_bytes())
-    data[-12:] = np.array([np.nan] * 3, ">f4" if ending == "mdd" else "<f4").tobytes()
+    data[-12:] = np.array([np.nan] * 3, ">f4" if extension == "mdd" else "<f4").tobytes()
     cache.write_bytes(data)
     with pytest.raises(InvalidInputError, match=r"walk\..*vertex 10 of frame 4 has x = nan"):
         load(cache, topology=mesh)
@@ -288,9 +288,9 @@ def test_topology_option_is_rejected_for_other_formats(tmp_path):
         load(tmp_path / "a.npz", topology=tmp_path / "a.obj")
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_triangle_topology_gives_a_plain_surface(tmp_path, ending):
-    cache, mesh = save(plain_sequence(), tmp_path / f"walk.{ending}")
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_triangle_topology_gives_a_plain_surface(tmp_path, extension):
+    cache, mesh = save(plain_sequence(), tmp_path / f"walk.{extension}")
     found = load(cache, topology=mesh)
     assert_same_surface(found.surface, PLAIN)
     assert positions_of(found).dtype == np.float32

@@ -15,21 +15,21 @@ HOLDER = JsonObject({"it": 0}, "holder")
 def read(tmp_path):
     """A function that reads the first accessor of a file."""
 
-    def values(file, *kinds, ending="glb", count=None):
-        path = file.save(tmp_path / f"a.{ending}")
+    def values(file, *kinds, extension="glb", count=None):
+        path = file.save(tmp_path / f"a.{extension}")
         return Accessors(read_document(path)).read(HOLDER, "it", *kinds, count=count)
 
     return values
 
 
-@pytest.mark.parametrize("ending", ["glb", "gltf"])
+@pytest.mark.parametrize("extension", ["glb", "gltf"])
 @pytest.mark.parametrize("dtype", ["i1", "u1", "i2", "u2", "u4", "f4"])
-def test_accessors_of_every_component_type_are_read(read, dtype, ending):
+def test_accessors_of_every_component_type_are_read(read, dtype, extension):
     info = np.finfo(dtype) if dtype == "f4" else np.iinfo(dtype)
     numbers = np.array([[info.min, 0, 1], [info.max, 3, 2]], dtype)
     file = Gltf()
     file.accessor(numbers, dtype)
-    found = read(file, "VEC3", ending=ending)
+    found = read(file, "VEC3", extension=extension)
     assert found.array.dtype == np.dtype(f"<{dtype}")
     np.testing.assert_array_equal(found.array, numbers)
     np.testing.assert_array_equal(found.floats(), numbers.astype(np.float64))

@@ -54,10 +54,10 @@ def square_with(material, *, images=None, n_uvs=2):
     return file
 
 
-def read(file, folder, ending="glb"):
+def read(file, folder, extension="glb"):
     """Return the surface of a file, and the notes of reading it."""
     notes = []
-    sequence = load(file.save(folder / f"a.{ending}"), notes=notes)
+    sequence = load(file.save(folder / f"a.{extension}"), notes=notes)
     return sequence.surface, notes
 
 
@@ -114,12 +114,12 @@ def test_material_round_trips_to_the_same_json(tmp_path):
     assert "extensionsUsed" not in again.document
 
 
-@pytest.mark.parametrize("ending", ["glb", "gltf"])
+@pytest.mark.parametrize("extension", ["glb", "gltf"])
 @pytest.mark.parametrize("make", [dressed_sheet, dressed_sheets])
-def test_materials_round_trip_through_files(tmp_path, make, ending):
+def test_materials_round_trip_through_files(tmp_path, make, extension):
     sequence, notes = make(), []
-    save(sequence, tmp_path / f"a.{ending}", notes=notes)
-    found = load(tmp_path / f"a.{ending}", merge=True).surface
+    save(sequence, tmp_path / f"a.{extension}", notes=notes)
+    found = load(tmp_path / f"a.{extension}", merge=True).surface
     # glTF identifies UV sets by index, not by name.
     expected = [as_gltf(one) for one in sequence.surface.materials]
     assert sorted(found.materials, key=str) == sorted(expected, key=str)

@@ -32,9 +32,9 @@ def test_load_returns_one_frame_without_animation(read):
     np.testing.assert_array_equal(found.faces, [[0, 1, 2]])
 
 
-@pytest.mark.parametrize("ending", ["glb", "gltf"])
-def test_load_samples_even_keys(tmp_path, ending):
-    found = load(moving_triangle().save(tmp_path / f"a.{ending}"))
+@pytest.mark.parametrize("extension", ["glb", "gltf"])
+def test_load_samples_even_keys(tmp_path, extension):
+    found = load(moving_triangle().save(tmp_path / f"a.{extension}"))
     expected = [shifted(TRIANGLE, [step, 0, 0]) for step in range(3)]
     np.testing.assert_array_equal(found.vertices, expected)
     assert (found.fps, found.start_s) == (2, 0)

@@ -13,7 +13,7 @@ from samples.surfaces import attribute, rich_cube, two_cubes
 
 N_DAMAGED = draws(400)
 EXTENSIONS = [
-    found.ending for found in FRAME_FORMATS.values() if found.positions_reader is not None
+    found.extension for found in FRAME_FORMATS.values() if found.positions_reader is not None
 ]
 
 

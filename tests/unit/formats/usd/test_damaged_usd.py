@@ -10,7 +10,7 @@ from meshreel.formats.load import load
 from meshreel.formats.save import save
 from samples.meshes import waving_grid
 
-ENDINGS = ["usd", "usda", "usdc", "usdz"]
+EXTENSIONS = ["usd", "usda", "usdc", "usdz"]
 N_FLIPPED = 60
 TRIANGLE = """def Mesh "m" {
     point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
@@ -23,19 +23,19 @@ TRIANGLE = """def Mesh "m" {
 def whole_files(tmp_path_factory):
     """The bytes of a small file of each format."""
     folder = tmp_path_factory.mktemp("whole")
-    for ending in ENDINGS:
-        save(waving_grid(3, 4, 4), folder / f"x.{ending}")
-    return {ending: (folder / f"x.{ending}").read_bytes() for ending in ENDINGS}
+    for extension in EXTENSIONS:
+        save(waving_grid(3, 4, 4), folder / f"x.{extension}")
+    return {extension: (folder / f"x.{extension}").read_bytes() for extension in EXTENSIONS}
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("extension", EXTENSIONS)
 @pytest.mark.parametrize(
     "data", [b"", b"\0", b"hello", b"PXR-USDC", b"#usda 1.0\n(", b"PK\3\4" * 9]
 )
-def test_load_rejects_other_data(tmp_path, capfd, ending, data):
-    path = tmp_path / f"x.{ending}"
+def test_load_rejects_other_data(tmp_path, capfd, extension, data):
+    path = tmp_path / f"x.{extension}"
     path.write_bytes(data)
-    with pytest.raises(FormatError, match=rf"x\.{ending}: "):
+    with pytest.raises(FormatError, match=rf"x\.{extension}: "):
         load(path)
     assert capfd.readouterr().err == ""
 
@@ -46,22 +46,22 @@ def test_load_rejects_a_text_file_with_only_a_header(tmp_path):
         load(tmp_path / "x.usda")
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_load_rejects_truncated_files(tmp_path, whole_files, ending):
-    data, path = whole_files[ending], tmp_path / f"x.{ending}"
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_load_rejects_truncated_files(tmp_path, whole_files, extension):
+    data, path = whole_files[extension], tmp_path / f"x.{extension}"
     # Text ends with brackets, and a package with a directory that readers do not need.
-    end = data.rindex(b"PK\1\2") if ending == "usdz" else len(data) - 4
+    end = data.rindex(b"PK\1\2") if extension == "usdz" else len(data) - 4
     for length in np.linspace(0, end - 1, 40).astype(int):
         path.write_bytes(data[:length])
-        with pytest.raises(MeshReelError, match=rf"x\.{ending}"):
+        with pytest.raises(MeshReelError, match=rf"x\.{extension}"):
             load(path)
 
 
-@pytest.mark.parametrize("ending", ["usda", "usdz"])
-def test_load_raises_only_our_errors_for_changed_bytes(tmp_path, whole_files, ending):
-    rng, path = np.random.default_rng(3), tmp_path / f"x.{ending}"
+@pytest.mark.parametrize("extension", ["usda", "usdz"])
+def test_load_raises_only_our_errors_for_changed_bytes(tmp_path, whole_files, extension):
+    rng, path = np.random.default_rng(3), tmp_path / f"x.{extension}"
     for _ in range(N_FLIPPED):
-        data = bytearray(whole_files[ending])
+        data = bytearray(whole_files[extension])
         for offset in rng.integers(0, len(data), rng.choice([1, 3])):
             data[offset] = rng.integers(0, 256)
         path.write_bytes(data)

@@ -16,7 +16,7 @@ from meshreel.model.materials import AlphaMode, Image, Material, Texture, Wrap
 from samples.costs import draws
 from samples.materials import dressed_sheet, dressed_sheets, jpeg, look, png
 
-ENDINGS = ["usd", "usda", "usdc", "usdz"]
+EXTENSIONS = ["usd", "usda", "usdc", "usdz"]
 
 
 def as_usd(material):
@@ -48,12 +48,12 @@ def rounded(value):
     return value
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("extension", EXTENSIONS)
 @pytest.mark.parametrize("make", [dressed_sheet, dressed_sheets])
-def test_materials_round_trip(tmp_path, make, ending):
+def test_materials_round_trip(tmp_path, make, extension):
     sequence, notes = make(), []
-    save(sequence, tmp_path / f"x.{ending}", notes=notes)
-    found = load(tmp_path / f"x.{ending}", merge=True)
+    save(sequence, tmp_path / f"x.{extension}", notes=notes)
+    found = load(tmp_path / f"x.{extension}", merge=True)
     assert_same_look(found.surface, sequence.surface)
     left_out = [note for note in notes if note.startswith("left out")]
     assert left_out == [
@@ -63,16 +63,16 @@ def test_materials_round_trip(tmp_path, make, ending):
     ]
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_materials_pass_every_validator_of_usd(tmp_path, ending):
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_materials_pass_every_validator_of_usd(tmp_path, extension):
     validation = pytest.importorskip("pxr.UsdValidation")
     sequence = dressed_sheets()
     red, cloth = look()[0]
     # A validator rejects scaled normals.
     materials, images = (replace(red, normal_scale=1.0), cloth), (png(), png(64, "dark"))
     surface = replace(sequence.surface, materials=materials, images=images)
-    save(replace(sequence, surface=surface), tmp_path / f"x.{ending}")
-    stage = Usd.Stage.Open(str(tmp_path / f"x.{ending}"))
+    save(replace(sequence, surface=surface), tmp_path / f"x.{extension}")
+    stage = Usd.Stage.Open(str(tmp_path / f"x.{extension}"))
     every = validation.ValidationRegistry().GetOrLoadAllValidators()
     found = validation.ValidationContext(every).Validate(stage)
     assert [(error.GetName(), error.GetMessage()) for error in found] == []
@@ -89,13 +89,13 @@ def test_package_contains_unchanged_images(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["x.usdz"]
 
 
-@pytest.mark.parametrize("ending", ["usd", "usda", "usdc"])
-def test_images_are_next_to_a_file_that_cannot_contain_them(tmp_path, ending):
-    paths = save(dressed_sheet(), tmp_path / f"x.{ending}")
+@pytest.mark.parametrize("extension", ["usd", "usda", "usdc"])
+def test_images_are_next_to_a_file_that_cannot_contain_them(tmp_path, extension):
+    paths = save(dressed_sheet(), tmp_path / f"x.{extension}")
     folder = tmp_path / "x_textures"
-    assert paths == [tmp_path / f"x.{ending}", folder / "shade.png", folder / "photo.jpg"]
+    assert paths == [tmp_path / f"x.{extension}", folder / "shade.png", folder / "photo.jpg"]
     assert (folder / "shade.png").read_bytes() == png().data
-    assert sorted(tmp_path.iterdir()) == [tmp_path / f"x.{ending}", folder]
+    assert sorted(tmp_path.iterdir()) == [tmp_path / f"x.{extension}", folder]
     assert sorted(folder.iterdir()) == sorted(paths[1:])
 
 
@@ -178,17 +178,17 @@ def test_transformed_uvs_of_usd_match_those_of_gltf(tmp_path):
         np.testing.assert_allclose(moved, [expected[0], 1 - expected[1]], atol=1e-6)
 
 
-@pytest.mark.parametrize("ending", ["usda", "usdz"])
-def test_packages_leave_out_unsupported_image_types(tmp_path, ending):
+@pytest.mark.parametrize("extension", ["usda", "usdz"])
+def test_packages_leave_out_unsupported_image_types(tmp_path, extension):
     sheet, notes = dressed_sheet(), []
     tga = Image("old", "image/x-tga", b"\x00\x00\x02")
     changed = replace(sheet, surface=replace(sheet.surface, images=(tga, jpeg())))
-    save(changed, tmp_path / f"x.{ending}", notes=notes)
-    found = load(tmp_path / f"x.{ending}").surface
-    assert (tga in found.images) == (ending == "usda")
+    save(changed, tmp_path / f"x.{extension}", notes=notes)
+    found = load(tmp_path / f"x.{extension}").surface
+    assert (tga in found.images) == (extension == "usda")
     note = "left out: textures that USD cannot store (packages do not support image/x-tga): red"
-    assert (note in notes) == (ending == "usdz")
-    if ending == "usdz":
+    assert (note in notes) == (extension == "usdz")
+    if extension == "usdz":
         with zipfile.ZipFile(tmp_path / "x.usdz") as package:
             assert not any(name.endswith(".tga") for name in package.namelist())
 

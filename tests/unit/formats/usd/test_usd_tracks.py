@@ -231,12 +231,12 @@ def with_usd_types(sheet):
     return replace(sheet, tracks=tracks)
 
 
-@pytest.mark.parametrize("ending", ["usda", "usdc", "usdz"])
+@pytest.mark.parametrize("extension", ["usda", "usdc", "usdz"])
 @pytest.mark.parametrize("n_frames", [1, 5])
-def test_tracks_round_trip_exactly(tmp_path, ending, n_frames):
+def test_tracks_round_trip_exactly(tmp_path, extension, n_frames):
     sheet, notes = with_usd_types(tracked_sheet(n_frames)), []
-    save(sheet, tmp_path / f"x.{ending}", notes=notes)
-    found = load(tmp_path / f"x.{ending}")
+    save(sheet, tmp_path / f"x.{extension}", notes=notes)
+    found = load(tmp_path / f"x.{extension}")
     assert np.array_equal(found.vertices, sheet.vertices.astype(np.float32))
     assert_same_tracks(found.tracks, sheet.tracks)
     assert not any("track" in note for note in notes)

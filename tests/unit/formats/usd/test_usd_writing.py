@@ -15,7 +15,7 @@ from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 from samples.opening import open_source
 
-ENDINGS = ["usd", "usda", "usdc", "usdz"]
+EXTENSIONS = ["usd", "usda", "usdc", "usdz"]
 # A quad, a triangle and a pentagon of nine vertices.
 SIZES = np.array([4, 3, 5], np.int32)
 CORNERS = np.array([0, 1, 4, 3, 1, 2, 4, 3, 4, 5, 8, 7], np.int32)
@@ -75,11 +75,11 @@ def assert_same_attributes(found, expected):
         np.testing.assert_array_equal(one.per_item(), other.per_item())
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_sequence_round_trips(tmp_path, ending):
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_sequence_round_trips(tmp_path, extension):
     expected, notes = sheets(start_s=1001 / 24), []
-    meshreel.save(expected, tmp_path / f"x.{ending}", notes=notes)
-    found = meshreel.load(tmp_path / f"x.{ending}", merge=True)
+    meshreel.save(expected, tmp_path / f"x.{extension}", notes=notes)
+    found = meshreel.load(tmp_path / f"x.{extension}", merge=True)
     assert notes == []
     assert found.dtype == np.float32
     np.testing.assert_array_equal(found.vertices, expected.vertices)
@@ -97,11 +97,11 @@ def test_sequence_round_trips(tmp_path, ending):
         np.testing.assert_array_equal(one.numbers, other.numbers)
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_open_source_reads_any_frames_from_the_file(tmp_path, ending):
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_open_source_reads_any_frames_from_the_file(tmp_path, extension):
     expected = sheets(7, n_parts=1)
-    save(expected, tmp_path / f"x.{ending}")
-    found = open_source(tmp_path / f"x.{ending}", max_loaded_bytes=0)
+    save(expected, tmp_path / f"x.{extension}")
+    found = open_source(tmp_path / f"x.{extension}", max_loaded_bytes=0)
     assert not isinstance(found, MeshSequence)
     for start, stop in ((6, 7), (0, 2), (3, 7), (0, 7)):
         np.testing.assert_array_equal(found.read(start, stop), expected.vertices[start:stop])
@@ -229,12 +229,12 @@ def test_saved_stage_declares_axes_units_and_extents(tmp_path):
         np.testing.assert_array_equal(high, np.asarray(points.Get(code)).max(axis=0))
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("extension", EXTENSIONS)
 @pytest.mark.parametrize("n_frames", [1, 3])
-def test_saved_files_pass_every_validator_of_usd(tmp_path, ending, n_frames):
+def test_saved_files_pass_every_validator_of_usd(tmp_path, extension, n_frames):
     validation = pytest.importorskip("pxr.UsdValidation")
-    save(sheets(n_frames, dtype=np.float64, offset=1e9), tmp_path / f"x.{ending}")
-    stage = Usd.Stage.Open(str(tmp_path / f"x.{ending}"))
+    save(sheets(n_frames, dtype=np.float64, offset=1e9), tmp_path / f"x.{extension}")
+    stage = Usd.Stage.Open(str(tmp_path / f"x.{extension}"))
     every = validation.ValidationRegistry().GetOrLoadAllValidators()
     assert len(every) > 20
     found = validation.ValidationContext(every).Validate(stage)
@@ -249,18 +249,20 @@ def test_package_contains_one_binary_layer(tmp_path):
 
 
 def test_save_leaves_no_other_files(tmp_path):
-    for ending in ENDINGS:
-        save(sheets(), tmp_path / f"x.{ending}")
+    for extension in EXTENSIONS:
+        save(sheets(), tmp_path / f"x.{extension}")
     assert sorted(path.name for path in tmp_path.iterdir()) == [
-        f"x.{one}" for one in sorted(ENDINGS)
+        f"x.{one}" for one in sorted(EXTENSIONS)
     ]
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_failed_save_leaves_no_files(tmp_path, ending):
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_failed_save_leaves_no_files(tmp_path, extension):
     sheet = sheets()
     with pytest.raises(InvalidInputError, match="expected 4 frames; received 2"):
-        save_frames([sheet.vertices[:2]], sheet.faces, tmp_path / f"x.{ending}", n_frames=4, fps=24)
+        save_frames(
+            [sheet.vertices[:2]], sheet.faces, tmp_path / f"x.{extension}", n_frames=4, fps=24
+        )
     assert list(tmp_path.iterdir()) == []
 
 
@@ -276,9 +278,9 @@ def test_save_replaces_an_open_file(tmp_path):
 def test_save_writes_long_sequences_in_pieces(tmp_path, monkeypatch):
     monkeypatch.setattr("meshreel.formats.usd.writing.UNSAVED_BYTES", 1000)
     expected = sheets(40)
-    for ending in ENDINGS:
-        save(expected, tmp_path / f"x.{ending}")
-        found = load(tmp_path / f"x.{ending}", merge=True)
+    for extension in EXTENSIONS:
+        save(expected, tmp_path / f"x.{extension}")
+        found = load(tmp_path / f"x.{extension}", merge=True)
         np.testing.assert_array_equal(found.vertices, expected.vertices)
 
 

@@ -390,6 +390,16 @@ def test_load_rejects_the_dataset_option_for_vtkhdf(tmp_path):
         load(path, dataset="Points")
 
 
+def test_load_names_a_damaged_vtkhdf_called_hdf_once(tmp_path):
+    [path] = save(plain_sequence(), tmp_path / "a.vtkhdf")
+    path = path.rename(tmp_path / "a.hdf")
+    with h5py.File(path, "a") as file:
+        del file["VTKHDF/Points"]
+    with pytest.raises(FormatError) as error:
+        load(path)
+    assert str(error.value).count(str(path)) == 1
+
+
 def test_damaged_files_raise_only_meshreel_errors(tmp_path):
     [path] = save(surfaced_sequence(), tmp_path / "a.vtkhdf")
     damaged_path = tmp_path / "b.vtkhdf"

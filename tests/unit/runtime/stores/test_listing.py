@@ -20,9 +20,9 @@ def memory():
     store.store.clear()
 
 
-@pytest.mark.parametrize("ending", ["", "/"])
-def test_files_below_are_those_of_the_folder_and_of_folders_in_it(memory, ending):
-    found = files_below(f"memory://bucket/a{ending}")
+@pytest.mark.parametrize("extension", ["", "/"])
+def test_files_below_are_those_of_the_folder_and_of_folders_in_it(memory, extension):
+    found = files_below(f"memory://bucket/a{extension}")
     assert sorted((one.name, one.address, one.size_bytes) for one in found) == [
         ("1.obj", "memory:///bucket/a/1.obj", 1),
         ("b/22.obj", "memory:///bucket/a/b/22.obj", 2),
