@@ -224,7 +224,7 @@ def floats_of_bits(text):
 def translated(path, folder):
     """A vertex shader of HLSL in the language of WebGL 2.
 
-    Not optimised: what glslang 12 makes of the loops then leaves them after their first pass.
+    Not optimized: what glslang 12 makes of the loops then leaves them after their first pass.
     """
     for shader in SHADERS.glob("*.hlsl"):
         plain = shader.read_text().replace("UnityTexture2D Tex", "Texture2D<float4> Tex")

@@ -52,13 +52,13 @@ def _package():
 
 @pytest.fixture(scope="module")
 def tabs(browser):
-    return Tabs(browser, is_webgl_watched=False)  # a context that was lost complains
+    return Tabs(browser, is_webgl_watched=False)  # lost contexts log errors
 
 
 @pytest.fixture(scope="module")
 def files():
     flag = meshreel.simulate_flag(45, n_rows=20, n_columns=30)
-    # More bytes than come with the first request, so that later blocks need further ones.
+    # More bytes than in the first request, so that later blocks need further requests.
     large = meshreel.simulate_flag(60, n_rows=40, n_columns=50)
     return {
         "/page.css": b"body { margin: 0; font: 16px sans-serif; background: #fff }",
@@ -166,7 +166,7 @@ def test_a_missing_block_is_loaded_after_a_network_failure(shown, how):
     page.evaluate("window.isCut = true; player.seek({ frame: 59 })")
     until(page, "player.error")
     assert text_of(page, "[role=alert] p").startswith("Frames ")
-    assert text_of(page, ".waiting") == ""  # nothing is on its way
+    assert text_of(page, ".waiting") == ""  # nothing is loading
     page.evaluate("window.isCut = false")
     if how == "online":
         page.evaluate("window.dispatchEvent(new Event('online'))")
@@ -213,7 +213,7 @@ def test_error_names_other_file_formats(shown, src):
 
 def test_dragging_the_thumb_stops_time(shown):
     page = shown('<reel-player src="/flag.reel" autoplay loop controls></reel-player>')
-    page.evaluate("player.style.width = '600px'")  # the bar is in the window
+    page.evaluate("player.style.width = '600px'")  # keeps the bar in the window
     until(page, "player.mesh && player.mesh.frame > 2")
     page.evaluate("window.told = []; for (const type of ['play', 'pause'])"
                   "player.addEventListener(type, () => told.push(type))")  # fmt: skip
@@ -295,7 +295,7 @@ def test_metals_have_something_to_reflect(shown):
     page.wait_for_timeout(300)
     seen = picture(page)
     on_gold = seen[(np.abs(seen - 255) > 12).any(axis=2)]
-    assert on_gold.mean() > 90  # without, 30: black but for a spot
+    assert on_gold.mean() > 90  # 30 without an environment: black except for a highlight
     red, _, blue = on_gold.T
     assert (red - blue).mean() > 20
 
@@ -317,7 +317,7 @@ def test_size_is_reserved_before_the_script_arrives(new_page):
         until(opened, "customElements.get('reel-player')")
         assert opened.evaluate(size) == before
         assert before[1] == pytest.approx(before[0] * 9 / 16)
-        opened.close()  # while the server is there
+        opened.close()  # while the server is running
 
 
 WORKERS = """
@@ -334,7 +334,7 @@ ALL = "[...document.querySelectorAll('reel-player')]"
 
 def test_players_of_one_file_share_a_worker_and_a_download(shown):
     body = '<reel-player src="/flag.reel"></reel-player>'
-    size = {"width": 1280, "height": 720}  # six players are seen at once
+    size = {"width": 1280, "height": 720}  # six players are visible
     page = shown(body, script=NETWORK + WORKERS, **size)
     settled(page)
     page.evaluate("player.remove()")
@@ -351,7 +351,7 @@ def test_players_of_one_file_share_a_worker_and_a_download(shown):
     assert page.evaluate("window.workers") == 1
     assert (
         page.evaluate("window.nAsked") < 6
-    )  # ranges of one download; apart, each asks at least once
+    )  # ranges of one download; separate players would request at least one each
     page.evaluate(f"{ALL}.slice(1).forEach((one) => one.remove())")
     page.evaluate("player = document.querySelector('reel-player'); player.seek({ frame: 40 })")
     settled(page)

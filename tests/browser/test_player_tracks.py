@@ -17,7 +17,7 @@ from samples.player_pages import COMMAND, picture_of, show, values_of, viewing, 
 
 AXE = Path(__file__).parents[2] / "web" / "node_modules" / "axe-core" / "axe.min.js"
 N_FRAMES = 24
-RED, GREY, BLUE = (141, 27, 23), (238, 238, 238), (6, 72, 156)
+RED, GRAY, BLUE = (141, 27, 23), (238, 238, 238), (6, 72, 156)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -99,7 +99,7 @@ def show_track(page, track):
         chosen(page, "#track", track)
 
 
-def test_page_opens_with_the_track_that_is_named(new_page, stress_url, decoded):
+def test_page_opens_with_the_requested_track(new_page, stress_url, decoded):
     page = new_page(stress_url)
     assert page.locator("#track").input_value() == "stress"
     assert re.match("Colou?rs of stress: from -400 Pa to 400 Pa", legend_of(page))
@@ -111,7 +111,7 @@ def test_page_opens_with_the_track_that_is_named(new_page, stress_url, decoded):
     picture = picture_of(page, "#canvas")
     assert values.min() < -400
     assert values.max() > 400
-    for color in (RED, GREY, BLUE):  # nearly: a little light falls on them
+    for color in (RED, GRAY, BLUE):  # approximately, because of the lighting
         assert np.abs(picture - np.array(color)).max(axis=2).min() < 24
 
 
@@ -186,7 +186,7 @@ def test_double_click_plots_the_picked_item(new_page, stress_url, decoded, track
     item = int(page.locator("#probe-item").input_value())
     found = page.evaluate("player.probed()")
     np.testing.assert_allclose(found, decoded[track][:, item, 0], rtol=1e-6)
-    # The marked place is where the click was: its colour is in the middle of the mark's.
+    # The marked place is where the click was: its color is in the middle of the mark's.
     picture = picture_of(page, "#canvas")
     x, y = int(box["width"] * 0.4), int(box["height"] * 0.5)
     near = picture[y - 40 : y + 40, x - 40 : x + 40]
@@ -256,7 +256,7 @@ def test_exported_page_opens_with_an_exact_track(new_page, exported_tracks, deco
     assert page.evaluate("player.probed()") == decoded["part"][:, 77, 0].tolist()
 
 
-def test_exported_page_shows_errors_of_tracks_as_near_as_its_original_is(
+def test_exported_page_shows_errors_of_tracks_within_the_precision_of_its_original(
     new_page, exported_tracks, folder, decoded
 ):
     page = new_page(exported_tracks)
@@ -268,27 +268,27 @@ def test_exported_page_shows_errors_of_tracks_as_near_as_its_original_is(
         bounds = [reel.track(name).promised_error for name in ("stress", "velocity")]
     for number, (name, bound) in enumerate(zip(("stress", "velocity"), bounds, strict=True)):
         page.evaluate(f"player.setHeat('track {number}')")
-        apart = original[name].values.astype(float)[9] - decoded[name][9]
-        wanted = np.linalg.norm(apart, axis=1)
-        assert wanted.max() > bound / 3
-        np.testing.assert_allclose(values_of(page), wanted, atol=1.001 * bound / 20)
+        differences = original[name].values.astype(float)[9] - decoded[name][9]
+        expected = np.linalg.norm(differences, axis=1)
+        assert expected.max() > bound / 3
+        np.testing.assert_allclose(values_of(page), expected, atol=1.001 * bound / 20)
 
 
 def halves(page):
-    """Pixels of the decoded and of the original view, below their labels."""
+    """Return the pixels of the decoded and of the original view, below their labels."""
     picture = picture_of(page, "#canvas")[60:]
     middle = picture.shape[1] // 2
     return picture[:, :middle], picture[:, middle:]
 
 
-def n_alike(picture, color):
-    """How many pixels are nearly of a colour, a little light falls on which."""
+def count_pixels(picture, color):
+    """Return the number of pixels close to a color, apart from lighting."""
     return (np.abs(picture - np.array(color)).max(axis=2) < 30).sum()
 
 
 @pytest.fixture(scope="module")
 def mirrored(browser, folder):
-    """Where the flag plays, and a page of it, beside an original whose values are mirrored."""
+    """Addresses of a served and an exported page with an original of mirrored values."""
     options = "--original", folder / "mirrored.npz", "--track", "stress", "--range", "-400:400"
     page = folder / "mirrored.html"
     command = [*COMMAND, "export", str(folder / "flag.reel"), "-o", str(page)]
@@ -298,19 +298,19 @@ def mirrored(browser, folder):
 
 
 @pytest.mark.parametrize("command", ["view", "export"])
-def test_original_has_the_colours_of_its_own_values(new_page, mirrored, command):
+def test_original_is_colored_by_its_own_values(new_page, mirrored, command):
     page = new_page(mirrored[command])
     page.locator("#panel-button").click()
     show(page, 6)
     decoded, original = halves(page)
-    assert n_alike(decoded, RED) > 500
-    for color, other in ((RED, BLUE), (BLUE, RED), (GREY, GREY)):
-        assert n_alike(original, color) == pytest.approx(n_alike(decoded, other), rel=0.1)
+    assert count_pixels(decoded, RED) > 500
+    for color, other in ((RED, BLUE), (BLUE, RED), (GRAY, GRAY)):
+        assert count_pixels(original, color) == pytest.approx(count_pixels(decoded, other), rel=0.1)
     page.evaluate("player.setTrack({track: 'heat', component: null, range: null, colormap: null})")
-    decoded, original = halves(page)  # of faces
-    assert n_alike(decoded, HEAT[0]) > 100
-    assert n_alike(original, HEAT[0]) > 100
-    warm = decoded[..., 1] > 150  # green to yellow, where the original is violet to blue
+    decoded, original = halves(page)  # a track of faces
+    assert count_pixels(decoded, HEAT[0]) > 100
+    assert count_pixels(original, HEAT[0]) > 100
+    warm = decoded[..., 1] > 150  # green to yellow; the original is violet to blue there
     covered = np.abs(decoded - original).max(axis=2) > 60
     assert (original[warm & covered][:, 1] < decoded[warm & covered][:, 1]).mean() > 0.9
     page.evaluate("player.setTrack(null)")
@@ -329,7 +329,7 @@ def test_a_missing_track_of_the_original_is_reported(shared_page, mirrored, trac
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("width", "height"), [(1280, 720), (390, 844)])
-def test_axe_finds_no_barriers_in_the_controls_of_tracks(new_page, stress_url, width, height):
+def test_axe_finds_no_violations_in_the_controls_of_tracks(new_page, stress_url, width, height):
     if not AXE.is_file():
         pytest.skip("needs axe-core: npm ci in web/")
     page = new_page(stress_url, width=width, height=height)
@@ -339,6 +339,6 @@ def test_axe_finds_no_barriers_in_the_controls_of_tracks(new_page, stress_url, w
     if width < 720:
         page.locator("#panel-button").click()
     page.evaluate(AXE.read_text())
-    found = page.evaluate("axe.run()")
-    assert [(one["id"], one["help"]) for one in found["violations"]] == []
+    violations = page.evaluate("axe.run()")["violations"]
+    assert [(rule["id"], rule["help"]) for rule in violations] == []
     assert page.evaluate("document.documentElement.scrollWidth") == width

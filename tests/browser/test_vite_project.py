@@ -35,7 +35,7 @@ pytestmark = pytest.mark.slow
 
 
 COLORED = "async () => (await mesh.colorBy('height')).range"
-"""Loads what decodes tracks, and what colours a mesh, as the bundler has put them."""
+"""Loads the bundled modules that decode tracks and color a mesh."""
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ from queue import Queue
 import pytest
 
 import meshreel
-from samples.firefox import require_screen, said_by
+from samples.firefox import message_of, require_screen
 from samples.npm_projects import EXAMPLES, built_example
 from samples.page_play import (
     PATIENCE_MS,
@@ -77,7 +77,7 @@ def test_example_plays_in_firefox(pages, data, name):
     </script>"""
     files["/index.html"] += telling.encode()
     with serving(files, posted=posted) as (url, _):
-        found = said_by(f"{url}/index.html", posted)
+        found = message_of(f"{url}/index.html", posted)
     assert "error" not in found, found
     assert_played(found, data, name)
     assert_shown(base64.b64decode(found["picture"].partition(",")[2]))

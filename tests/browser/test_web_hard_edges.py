@@ -65,7 +65,7 @@ def test_hard_edges_give_each_face_of_a_box_one_normal(page, gpu):
     faces = []
     colors = np.array([key.split(",") for key in found["counts"]], int)
     counts = np.array(list(found["counts"].values()))
-    # Three faces are seen; a colour may be rounded in two ways.
+    # Three faces are visible; each color may be rounded up or down.
     for color in colors[np.argsort(-counts)]:
         is_near = np.abs(colors - color).max(axis=1) <= 1
         if counts[is_near].sum() > 500:

@@ -1,4 +1,4 @@
-"""The package `meshreel` in a real browser: positions are those of Python, to the bit."""
+"""The package `meshreel` in a real browser decodes the same bits as Python."""
 
 import hashlib
 import json

@@ -12,7 +12,7 @@ import pytest
 import meshreel
 from samples.element_pages import (
     PAGE,
-    is_drawn,
+    drawn_fraction,
     picture,
     press,
     settled,
@@ -36,7 +36,7 @@ window.fetch = async (address, ...more) => {
   return given(address, ...more);
 };
 """
-"""Files that are called slow come once `release` is called."""
+"""Delays files named "slow" until `release` is called."""
 
 DRAWING = """
 window.drawn = 0;
@@ -92,7 +92,7 @@ def files(tmp_path_factory):
 
 
 def stressed_flag():
-    """A flag with stress, exact numbers of parts, and colours."""
+    """Return a flag with stress, exact part numbers, and colors."""
     flag = meshreel.simulate_flag(20, n_rows=20, n_columns=30)
     x = flag.vertices[..., 0]
     tracks = {
@@ -104,7 +104,7 @@ def stressed_flag():
 
 
 def walking_post():
-    """A high thin post that goes sideways by half its height, far from the origin."""
+    """Return a thin post far from the origin, which moves sideways by half its height."""
     post = meshreel.simulate_flag(45, n_rows=20, n_columns=30)
     vertices = np.array(post.vertices) * [0.3, 3, 1] + [700, 0, -300]
     vertices[..., 0] += np.linspace(0, np.ptp(vertices[..., 1]) / 2, 45)[:, None]
@@ -113,7 +113,7 @@ def walking_post():
 
 @pytest.fixture
 def shown(new_page, files):
-    """Opens a page with a body; `player` is its first player."""
+    """Return a function that opens a page with a body; `player` is its first player."""
     with showing(new_page, files) as show:
         yield show
 
@@ -122,7 +122,7 @@ def test_one_script_and_one_element_play_a_file_under_a_strict_policy(shown):
     page = shown('<reel-player src="/flag.reel" autoplay></reel-player>')
     until(page, "player.mesh && player.mesh.frame > 3")
     assert page.evaluate("[player.paused, player.mesh.isOnGpu]") == [False, True]
-    assert 0.05 < is_drawn(page) < 0.9
+    assert 0.05 < drawn_fraction(page) < 0.9
     width, height = page.evaluate("[player.clientWidth, player.clientHeight]")
     assert height == width * 9 // 16
     until(page, "player.paused && player.currentTime === player.duration")
@@ -401,7 +401,7 @@ def test_only_the_last_source_is_loaded(shown):
 LEGEND = "player.shadowRoot.querySelector('.legend')"
 
 
-def test_a_track_is_shown_in_colours_with_a_legend(shown):
+def test_a_track_colors_the_mesh_with_a_legend(shown):
     page = shown(
         '<reel-player src="/stress.reel" track="stress" track-range="-400:400"></reel-player>'
     )
@@ -505,7 +505,7 @@ def test_the_wheel_scrolls_the_page_until_the_picture_is_chosen(shown, is_chosen
     page = shown(body)
     page.evaluate("document.querySelector('.far').style.height = '4000px'")
     settled(page)
-    before = is_drawn(page)  # which has the page scroll to where all of the player is seen
+    before = drawn_fraction(page)  # which has the page scroll to where all of the player is seen
     top = page.evaluate("scrollY")
     page.mouse.move(320, 200)
     if is_chosen:
@@ -513,7 +513,7 @@ def test_the_wheel_scrolls_the_page_until_the_picture_is_chosen(shown, is_chosen
     page.mouse.wheel(0, 300)
     page.wait_for_timeout(500)
     assert (page.evaluate("scrollY") == top) == is_chosen
-    assert (is_drawn(page) < 0.9 * before) == is_chosen
+    assert (drawn_fraction(page) < 0.9 * before) == is_chosen
 
 
 def test_the_canvas_has_the_pixels_of_the_screen_and_no_more_than_twice(shown):

@@ -1,4 +1,4 @@
-"""Tracks of a file in a page: values are those of Python, and the mesh has their colours."""
+"""Tracks in a page have the values of Python, and color the mesh."""
 
 import numpy as np
 import pytest
@@ -165,7 +165,7 @@ def test_values_and_facts_are_those_of_python(page, decoded):
 @pytest.mark.slow
 @pytest.mark.parametrize("gpu", [True, False])
 @pytest.mark.parametrize("frame", [0, 17])
-def test_mesh_has_the_colours_of_each_track(page, decoded, frame, gpu):
+def test_mesh_is_colored_by_each_track(page, decoded, frame, gpu):
     for name, options, shown in (
         ("stress", {}, decoded["stress"][..., 0]),
         ("heat", {"map": "sequential"}, decoded["heat"][..., 0]),
@@ -179,7 +179,9 @@ def test_mesh_has_the_colours_of_each_track(page, decoded, frame, gpu):
         expected: list[float | str | None] = ["none" if np.isnan(one) else one for one in found]
         is_of_faces = name == "heat"
         for vertex in [] if is_of_faces else range(len(expected)):
-            row, column = divmod(vertex, N_COLUMNS)  # colours at the rim may be those behind it
+            row, column = divmod(
+                vertex, N_COLUMNS
+            )  # at the rim, colors may be those of the mesh behind
             if row in (0, N_ROWS - 1) or column in (0, N_COLUMNS - 1):
                 expected[vertex] = None
         answer = page.evaluate(COLORED, [name, frame, expected, options, gpu])
@@ -189,7 +191,7 @@ def test_mesh_has_the_colours_of_each_track(page, decoded, frame, gpu):
         assert len(found) > 100
         off = [np.abs(np.subtract(color, right)).max() for _, color, right in found]
         assert np.median(off) <= 2
-        # Half a pixel of steep colours, where it is folded, or of steps and edges of holes.
+        # Half a pixel differs at steep gradients, folds, steps and edges of holes.
         assert np.quantile(off, 0.8 if name in ("part", "holes") else 0.95) < 20, name
         if "range" in options and name == "speed":
             assert answer["range"] == options["range"]
@@ -204,7 +206,7 @@ def test_mesh_has_the_colours_of_each_track(page, decoded, frame, gpu):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("gpu", [True, False])
-def test_mesh_has_the_colours_of_a_track_of_colours(page, decoded, gpu):
+def test_a_color_track_colors_the_mesh(page, decoded, gpu):
     for name, most in (("paint", 255), ("tint", 1)):
         colors = np.clip(255 * decoded[name][17].astype(np.float64) / most, 0, 255)
         expected: list[list[float] | None] = colors.tolist()
@@ -221,7 +223,7 @@ def test_mesh_has_the_colours_of_a_track_of_colours(page, decoded, gpu):
         assert np.quantile(off, 0.95) < 20
 
 
-def test_range_of_a_track_of_colours_is_refused(page):
+def test_range_of_a_track_of_colors_is_refused(page):
     refused = """async () => {
       const { ReelLoader } = await import("meshreel/three");
       const mesh = await new ReelLoader(undefined, { gpu: false }).loadAsync("/flag.reel");
@@ -230,7 +232,7 @@ def test_range_of_a_track_of_colours_is_refused(page):
     assert "consists of colors, to which range does not apply" in page.evaluate(refused)
 
 
-def test_other_values_get_the_colours_that_those_of_the_mesh_have(page):
+def test_other_values_are_colored_like_those_of_the_mesh(page):
     found = page.evaluate(OF_VALUES)
     refused = found.pop("refused")
     assert max(found.values()) < 2e-3, found

@@ -227,8 +227,8 @@ def assert_colored(answer, *, is_on_gpu=True, n_missing=1, most=5):
         assert found["n"] > 300
         assert found["off"] < most
         assert found["nMissing"] >= n_missing
-        assert found["areGrey"]
-        assert found["nGrey"] <= 2
+        assert found["areGray"]
+        assert found["nGray"] <= 2
     assert answer["unit"] == "Pa"
     assert answer["bare"] == [0x30, 0x50, 0x70]
     assert not answer["hasMap"]
@@ -274,7 +274,7 @@ def test_colors_match_for_offset_and_out_of_range_values(ask):
     options = {"range": [-0.2, 0.1], "map": ["#000000", "#ff0000", "#ffffff"]}
     answer = ask("colors", "scalar", [0, 11], options)
     assert answer["range"] == [-0.2, 0.1]
-    assert all(found["nGrey"] <= 2 for found in answer["found"])
+    assert all(found["nGray"] <= 2 for found in answer["found"])
 
 
 def test_colors_are_restored_after_a_lost_context(ask):
@@ -287,7 +287,7 @@ def test_a_damaged_block_of_a_track_is_gray(ask):
     assert set(answer["errors"]) == {1}
     sound, damaged, behind = answer["found"]
     assert max(sound["off"], behind["off"]) < 5
-    assert damaged["nGrey"] == damaged["n"] - damaged["nMissing"] > 300
+    assert damaged["nGray"] == damaged["n"] - damaged["nMissing"] > 300
 
 
 def test_invalid_colors_are_refused_with_the_valid_ones(ask):

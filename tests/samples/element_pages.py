@@ -68,7 +68,7 @@ def picture(page):
     )
 
 
-def is_drawn(page):
+def drawn_fraction(page):
     """Return the fraction of the element that is not white."""
     return (np.abs(picture(page) - 255).max(axis=2) > 12).mean()
 

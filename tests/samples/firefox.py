@@ -28,7 +28,7 @@ def require_screen():
             pytest.skip(f"needs {program}: without a screen Firefox has no WebGL 2")
 
 
-def said_by(url, posted):
+def message_of(url, posted):
     """Return the first message that a page in Firefox posts to its server."""
     with _opened(url):
         try:

@@ -201,5 +201,5 @@ def assert_same_surface(found, expected):
 def kg_error_percent(original, decoded):
     """Return the KG error of two position arrays, independently of the library."""
     original = np.asarray(original, np.float64)
-    centred = original - original.mean(axis=1, keepdims=True)
-    return 100 * np.linalg.norm(original - decoded) / np.linalg.norm(centred)
+    centered = original - original.mean(axis=1, keepdims=True)
+    return 100 * np.linalg.norm(original - decoded) / np.linalg.norm(centered)

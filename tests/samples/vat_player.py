@@ -206,7 +206,7 @@ def mirrored(vectors):
 
 
 class UnrealPlayer(LabsPlayer):
-    """The material for Unreal: centimetres, z upwards, and all else read from the mesh's bounds."""
+    """The material for Unreal: centimeters, z upwards, and all else read from the mesh's bounds."""
 
     def __init__(self, folder):
         super().__init__(folder)

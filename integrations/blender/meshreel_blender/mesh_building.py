@@ -78,7 +78,7 @@ def _add_colors(mesh: Any, part: PartMesh, notes: list[str]) -> None:
         is_point = color.domain is Domain.VERTEX
         values = color.per_item() if is_point else _at_corners(color, part)
         if values.shape[1] not in (3, 4):
-            notes.append(f"{mesh.name}: left out {color.name!r}; a colour has 3 or 4 numbers")
+            notes.append(f"{mesh.name}: left out {color.name!r}; a color has 3 or 4 numbers")
             continue
         is_bytes = values.dtype == np.uint8
         layer = mesh.color_attributes.new(

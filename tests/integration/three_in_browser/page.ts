@@ -56,7 +56,7 @@ class Stand {
     this.picture = null;
   }
 
-  /** A colour of the picture, 0..255; x and y are 0..1, from the lower left. */
+  /** A color of the picture, 0..255; x and y are 0..1, from the lower left. */
   pixel(x: number, y: number): number[] {
     if (!this.picture) {
       const gl = this.renderer.getContext();
@@ -171,7 +171,7 @@ async function trackTruth(mesh: ReelMesh, name: string, place: number, component
 /** In pixels: of triangles that are seen from the side, half a pixel shows. */
 const LEAST_AREA = 60;
 
-/** Colours in the middle of each triangle that is well seen, and values there. */
+/** Colors and values at the center of each clearly visible triangle. */
 function middleColors(
   stand: Stand,
   mesh: ReelMesh,
@@ -194,7 +194,7 @@ function middleColors(
       const [x, y, z] = vertices.slice(3 * vertex, 3 * vertex + 3);
       middle.addScaledVector(new THREE.Vector3(x, y, z), 1 / 3);
       seen.push(stand.project(x, y, z));
-      // What is beyond the range has the colours of its ends, at each corner.
+      // Values beyond the range have the colors of its ends, at each corner.
       const one = values[itemOf(corner)];
       value += (one < low ? low : one > high ? high : one) / 3;
     }
@@ -258,7 +258,7 @@ const tests = {
     return { isOnGpu, found, complaints: stand.complaints };
   },
 
-  /** Colours where the shadow falls, with the mesh casting one and without. */
+  /** Colors in the shadow, with and without the mesh casting it. */
   async shadow(isPoint: boolean) {
     const stand = new Stand();
     const light = isPoint
@@ -306,7 +306,7 @@ const tests = {
     };
   },
 
-  /** Colours that another material of the scene gives to the mesh, and of lines over it. */
+  /** Colors of the mesh with another material, and of lines over it. */
   async otherMaterials() {
     const stand = new Stand();
     stand.scene.overrideMaterial = new THREE.MeshBasicMaterial({ color: 0xff0000 });
@@ -332,7 +332,7 @@ const tests = {
     return { overridden, own, complaints: stand.complaints };
   },
 
-  /** A colour of the mesh as the renderer for WebGPU draws it, with WebGL 2 behind it. */
+  /** A color of the mesh drawn by the WebGPU renderer, with its WebGL 2 backend. */
   async otherRenderer(isGiven: boolean) {
     const stand = new Stand();
     const other = document.body.appendChild(document.createElement("canvas"));
@@ -488,7 +488,7 @@ const tests = {
   },
 
   /**
-   * Largest difference of colours from the right ones, at places of the time; `isLost`: with a
+   * Largest difference of colors from the right ones, at places of the time; `isLost`: with a
    * context that was lost before.
    */
   async colors(
@@ -514,7 +514,7 @@ const tests = {
       stand.draw();
       const values = await trackTruth(mesh, name, place, legend.component);
       const colors = middleColors(stand, mesh, values, domain as "vertex", legend.range, place);
-      const isGrey = (color: number[]) => color.every((one) => Math.abs(one - 128) < 2);
+      const isGray = (color: number[]) => color.every((one) => Math.abs(one - 128) < 2);
       const numbers = colors.filter(({ value }) => !Number.isNaN(value));
       const off = numbers.map(({ color, value }) => {
         const right = legend.colorOf(value);
@@ -525,8 +525,8 @@ const tests = {
         n: colors.length,
         off: Math.max(...off),
         nMissing: missing.length,
-        areGrey: missing.every(({ color }) => isGrey(color)),
-        nGrey: numbers.filter(({ color }) => isGrey(color)).length,
+        areGray: missing.every(({ color }) => isGray(color)),
+        nGray: numbers.filter(({ color }) => isGray(color)).length,
       });
     }
     const nSplit = mesh.sources.length;
@@ -546,7 +546,7 @@ const tests = {
     };
   },
 
-  /** The picture of a lit mesh that is coloured, as bytes of a PNG. */
+  /** A PNG of a lit, colored mesh. */
   async coloredPicture(name: string, options: ColorOptions, place: number) {
     const stand = new Stand();
     furnish(stand, new THREE.DirectionalLight(0xffffff, 3));
