@@ -180,9 +180,7 @@ def _scatter(done: Sequence[Named]) -> Drawing:
         f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" height="{HEIGHT}" '
         f'font-size="12" fill="#5c6370">{"".join(lines)}{"".join(dots)}</svg>'
     )
-    caption = (
-        "Vertical: compression ratio to float32. Horizontal: KG error. Hover for names."
-    )
+    caption = "Vertical: compression ratio to float32. Horizontal: KG error. Hover for names."
     return Drawing(svg, "All encoded inputs", caption)
 
 

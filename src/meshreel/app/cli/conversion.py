@@ -1,4 +1,4 @@
-"""Sequences written into other formats, or coded, and what is said of it."""
+"""Conversion of sequences to other formats or streams, and its report."""
 
 import os
 from collections.abc import Mapping, Sequence

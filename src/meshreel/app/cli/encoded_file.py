@@ -1,4 +1,4 @@
-"""A sequence encoded into a file, and what is said of it."""
+"""Encoding of a sequence into a file, and its report."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class EncodedFile:
-    """A stream that was written, and what it is worth."""
+    """A written stream and its errors."""
 
     output: str
     stream: "StreamInfo"

@@ -236,7 +236,7 @@ def mesh_text(found: "StreamInfo | MeshInfo") -> str:
 
 
 def fps_text(fps: float) -> str:
-    """A frame rate, which 0 stands for if it is not known."""
+    """Text of a frame rate; 0 means unknown."""
     return f"{fps:g} fps" if fps else "unknown"
 
 

@@ -1,4 +1,4 @@
-"""Inputs and outputs as they are given: files of this machine, or addresses."""
+"""Inputs and outputs of commands: local files or addresses."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,7 +19,7 @@ def given_source(inputs: Sequence[str]) -> "str | list[Path] | list[str]":
 
 
 def output_stem(source: str) -> str:
-    """The name of an output for this input: of a file its stem, of a glob its folder's."""
+    """The name of the output for an input: the stem of a file, the folder name for a glob."""
     path = Path(name_of(source)) if is_remote(source) else Path(source).resolve()
     if any(mark in path.name for mark in "*?["):
         return Path(source).resolve().parent.name

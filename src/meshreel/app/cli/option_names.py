@@ -44,6 +44,6 @@ def _flags() -> dict[str, str]:
 
 @cache
 def _names() -> re.Pattern[str]:
-    """A keyword that no word of a sentence is: "n_modes"."""
+    """A pattern of keywords that cannot be English words, such as "n_modes"."""
     keywords = "|".join(name for name in _flags() if "_" in name)
     return re.compile(rf"(?<![\w./'\"=-])({keywords})(?![\w./'\"=-])")

@@ -40,7 +40,7 @@ shown_track_option = option(
 def coloring_of(
     track: str | None, component: str | None, range: str | None, colormap: str | None
 ) -> "Coloring | None":
-    """The track that the page opens with.
+    """The track that the page shows initially.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Options that say what to take of an input, the same in every command that reads one."""
+"""Options for reading inputs, shared by all commands that read one."""
 
 from collections.abc import Callable
 from functools import wraps

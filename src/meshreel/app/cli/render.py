@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 LOOK = "Look"
 EXTENSIONS = (".png", ".mp4", ".gif")
 SHEET_FRAMES, COMPARED_FRAMES = 8, 3
-"""Frames on a contact sheet, and rows of a comparison, where they are not listed."""
+"""Default numbers of frames on a contact sheet, and of rows of a comparison."""
 MAX_TURN_S = 3600.0
 VIEW, BACKGROUND = "30,12", "white"
 
@@ -234,7 +234,7 @@ def _drawn(
     force: bool,
     progress: "Progress",
 ) -> dict[str, Any]:
-    """Draw a picture or a film into its file, and say what was drawn."""
+    """Write a picture or a film, and return its properties."""
     from meshreel.rendering.film_files import save_film
     from meshreel.rendering.films import FILM_PX, GIF_PX, film
     from meshreel.rendering.picture import save_png

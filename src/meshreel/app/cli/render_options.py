@@ -82,7 +82,7 @@ def track_look(
     heatmap: str | None,
     at: int | None,
 ) -> "TrackLook | None":
-    """How a track is to be shown; None where none is named."""
+    """The appearance of a track; None without one."""
     from meshreel.rendering.colormap import check_colormap
     from meshreel.rendering.scenes import TRACK_HEAT
     from meshreel.rendering.track_colors import TrackLook, parse_range

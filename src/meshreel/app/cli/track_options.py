@@ -45,7 +45,7 @@ colormap_option = option(
 
 
 def track_targets(given: Sequence[str] | None) -> dict[str, float | str] | None:
-    """What is asked of tracks, by their names, from texts such as stress=0.1%.
+    """Error bounds by track name, from texts such as stress=0.1%.
 
     Raises
     ------

@@ -1,1 +1,1 @@
-"""Sequences and files shown in a notebook, or in the browser."""
+"""Display of sequences and files in a notebook or the browser."""

@@ -1,1 +1,1 @@
-"""The player: the data that its page asks for, a server for it, and pages that need none."""
+"""The player: the data of its page, a server, and pages that need no server."""

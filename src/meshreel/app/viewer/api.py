@@ -1,4 +1,4 @@
-"""What the page is told of a file, and of its original, beside the stream that it plays."""
+"""The data that the page requests about a file and its original, in addition to the stream."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -24,17 +24,17 @@ Rows = Mapping[str, str]
 """Names and figures in words, as the command line prints them."""
 
 SMALLEST_DIAGONAL, LARGEST_DIAGONAL = 1e-30, 1e30
-"""Of what can be drawn: graphics cards count in float32."""
+"""Range of diagonals that can be drawn: graphics cards use float32."""
 
 JSON = "application/json"
 
 BINARY = "application/octet-stream"
 
 MOST_FRAMES, MOST_POSITIONS = 48, 1 << 23
-"""Of the first block, at most so many stand for all where the outermost positions are sought."""
+"""Maximum numbers of frames and positions of the first block searched for extreme positions."""
 
 DIRECTIONS = np.array([d for d in product((-1, 0, 1), repeat=3) if d > (0, 0, 0)], np.float32)
-"""13 lines through the middle of a cube: the outermost positions along them frame a mesh."""
+"""13 axes of a cube; the extreme positions along them frame a mesh."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Answer:
 
 
 class Api:
-    """Answers of one player. Several threads may share one.
+    """Answers the requests of one player; threads may share it.
 
     Parameters
     ----------
@@ -221,14 +221,14 @@ def _json(value: Mapping[str, Any]) -> Answer:
 
 @dataclass(frozen=True)
 class Reach:
-    """The space that a camera has to show.
+    """The region that a camera must show.
 
     Attributes
     ----------
     low, high : float64 arrays of shape (3,)
         Corners of the bounding box of all frames, in model units.
     swept : float64 array of shape (26, 3)
-        The outermost positions of all frames, in model units.
+        Extreme positions of all frames, in model units.
     """
 
     low: Floats
@@ -237,11 +237,11 @@ class Reach:
 
 
 def reach_of(reel: ReelFile) -> Reach:
-    """How far all frames of a file reach.
+    """The region that all frames of a file cover.
 
-    Of a file of several blocks only the first one is decoded: the space that it sweeps is widened
-    about the centre of the whole until its box has the diagonal of the whole, which the stream
-    records. Frames of an encoder that did not know them all may reach farther.
+    If a file has several blocks, only the first one is decoded: its region is scaled about the
+    center of the file to the diagonal of the file, which the stream records. Frames of an encoder
+    that did not know all frames may lie outside.
 
     Raises
     ------
@@ -271,10 +271,7 @@ def reach_of(reel: ReelFile) -> Reach:
 
 
 def outermost(points: Floats) -> Floats:
-    """The outermost of points of shape (N, 3), N at least 1, along each of the `DIRECTIONS`.
-
-    Of shape (26, 3); some may be the same.
-    """
-    along = (points - points[0]).astype(np.float32) @ DIRECTIONS.T  # moved, to keep digits
+    """Extreme points, of shape (26, 3), along `DIRECTIONS`; may contain duplicates."""
+    along = (points - points[0]).astype(np.float32) @ DIRECTIONS.T  # offset, to keep precision
     found: Floats = points[np.concatenate([along.argmin(axis=0), along.argmax(axis=0)])]
     return found

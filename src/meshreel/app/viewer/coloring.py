@@ -1,4 +1,4 @@
-"""The track that the player opens with, as colours."""
+"""The track whose colors the player shows initially."""
 
 from dataclasses import asdict, dataclass
 
@@ -8,7 +8,7 @@ from meshreel.rendering.track_colors import TrackColors, TrackLook
 
 @dataclass(frozen=True)
 class Coloring:
-    """A track as colours; what is None is as usual.
+    """Color settings of a track; None selects the default.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ class Coloring:
     colormap: str | None = None
 
     def described(self) -> dict[str, str | None]:
-        """As the page reads it."""
+        """The settings for the page."""
         return asdict(self)
 
     def check(self, track: TrackSource) -> None:

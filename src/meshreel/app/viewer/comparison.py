@@ -1,4 +1,4 @@
-"""A file against its original: how far each vertex of a frame is off."""
+"""Comparison of a file with its original, by vertex and frame."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ Heats = dict[str, Floats]
 
 
 class Comparison:
-    """A file against its original, frame by frame.
+    """Compares a file with its original, frame by frame.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class Comparison:
         return self.original.frame(number), self.reel[number]
 
     def heat(self, kind: str, pair: tuple[Vertices, Vertices]) -> Floats:
-        """Values of one kind of heat map of a frame, of shape (V,); 0 where there is none."""
+        """Values of one kind of heat map of a frame, of shape (V,); undefined values become 0."""
         return np.nan_to_num(self._fields[kind](*pair), posinf=0.0)
 
     def heats(self, pair: tuple[Vertices, Vertices]) -> Heats:

@@ -1,4 +1,4 @@
-"""The player as files that need no server of ours: one page, or a page with its parts beside it."""
+"""Export of the player as a single page, or as a page with separate files."""
 
 from dataclasses import dataclass
 from io import BytesIO
@@ -25,31 +25,31 @@ from meshreel.runtime.outputs.checks import check_output_paths
 from meshreel.runtime.progress import Progress, silent
 
 SHARE_OF_RANGE = 1 / 20
-"""How far the original in a page may be off, as a share of the range of the map of its errors."""
+"""Error bound of the original in a page, as a fraction of the range of the error map."""
 
 DISTANCE = "distance"
 """The heat map of distances of vertices, in percent of the diagonal."""
 
 LEAST_PERCENT = 1e-5
-"""Of the diagonal: the original is never nearer than this."""
+"""Minimum error bound of the original, in percent of the diagonal."""
 
 MOST_ORIGINAL_BYTES = 1 << 30
-"""Of positions and tracks of the original, which are encoded in memory."""
+"""Limit of positions and tracks of the original, which are encoded in memory."""
 
 
 @dataclass(frozen=True)
 class OriginalStream:
-    """The original, encoded anew.
+    """The original, encoded for the page.
 
     Attributes
     ----------
     tracks_bytes : int
-        Of `data`, those of its tracks.
+        Size of the tracks in `data`.
     names : list of str
         Tracks of the original that the page can show. Those that `data` has not are the same in
         the file.
     left_out : list of str
-        Tracks for which there was no room in memory.
+        Tracks that exceeded the memory limit.
     """
 
     data: bytes
@@ -79,32 +79,31 @@ def export_page(
     progress: Progress = silent,
     notes: list[str] | None = None,
 ) -> dict[str, int]:
-    """Write the player of a file as one HTML file, or with its parts beside it.
+    """Write the player of a file as one HTML file, or with separate files.
 
     Parameters
     ----------
     api : Api
-        If it has an original, frames and tracks of that go along, encoded anew:
-        `meshreel.app.viewer.export`.
+        If it has an original, its frames and tracks are re-encoded and included.
     path : Path
-        The page. All files appear when all are written.
+        The page. Files appear only when all are written.
     page : Page, optional
         The player; default that of the package.
     texture : Texture, optional
-        To be shown on the mesh.
+        Texture of the mesh.
     split : bool, default False
-        Whether script, stream, original and texture are files beside the page. Files that hold
-        the same bytes already are kept.
+        Whether script, stream, original and texture are separate files. Files with identical
+        contents are kept.
     overwrite : bool, default False
     progress : callable, optional
     notes : list of str, optional
-        Gets what a person has to know of the page.
+        Receives notes, such as omitted tracks.
 
     Returns
     -------
     dict of str to int
         Bytes of the "player", of the "animation", and of "original", "tracks of the original" and
-        "texture" if there are some, as they lie in the page or beside it.
+        "texture" if present, as stored.
 
     Raises
     ------

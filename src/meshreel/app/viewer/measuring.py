@@ -1,4 +1,4 @@
-"""Errors of all frames, measured in a thread of its own while the page plays."""
+"""Measurement of the errors of all frames in a separate thread while the page plays."""
 
 import threading
 from dataclasses import dataclass
@@ -17,10 +17,10 @@ from meshreel.model.sequence import Vertices
 from meshreel.runtime.progress import Progress, silent
 
 PERCENTILE = 99.5
-"""Of the values of all frames: where the fixed range of colours ends."""
+"""Percentile of the values of all frames at which the fixed color range ends."""
 
 SHARES = (np.arange(200) + 0.5) / 200
-"""Quantiles that stand for the values of a frame."""
+"""Quantiles that represent the values of a frame."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ class Figures:
 
 
 class Measuring:
-    """All frames, measured in a thread of its own.
+    """Measures all frames in a separate thread.
 
     Attributes
     ----------
@@ -135,17 +135,17 @@ class Measuring:
         return self.share == 1.0
 
     def start(self) -> None:
-        """Begin; `figures` changes when all is done."""
+        """Start; `figures` is replaced when all frames are measured."""
         self._thread.start()
 
     def close(self) -> None:
-        """Stop behind the frame that is being measured."""
+        """Stop after the current frame."""
         self._is_closed.set()
         if self._thread.is_alive():
             self._thread.join()
 
     def run(self, progress: Progress = silent) -> None:
-        """Measure all frames here and now.
+        """Measure all frames in the calling thread.
 
         Parameters
         ----------

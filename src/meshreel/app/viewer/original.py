@@ -1,4 +1,4 @@
-"""The original animation that a file was made from."""
+"""The original animation of a file."""
 
 import threading
 from collections.abc import Mapping
@@ -16,9 +16,7 @@ from meshreel.model.tracks import TrackSource
 
 
 class Original:
-    """Frames of the original, in the vertex order in which the file decodes.
-
-    Several threads may share one.
+    """Frames of the original, in the vertex order of the decoded file; threads may share it.
 
     Parameters
     ----------
@@ -47,7 +45,7 @@ class Original:
 
     def frame(self, number: int) -> Vertices:
         """Positions of one frame, of shape (V, 3), in model units."""
-        with self._lock:  # frames may come from a file that is open
+        with self._lock:  # frames may be read from an open file
             positions: Vertices = self._source.read(number, number + 1)[0]
         return positions if self._order is None else positions[self._order]
 
@@ -57,7 +55,7 @@ class Original:
         return self._source.tracks
 
     def values(self, name: str, number: int) -> Values:
-        """Values of a track at a frame, of shape (N, C), in the order in which the file decodes."""
+        """Values of a track at a frame, of shape (N, C), in the order of the decoded file."""
         track = self._source.tracks[name]
         with self._lock:
             values: Values = track.read(number, number + 1)[0]
@@ -81,7 +79,7 @@ def _require_same_counts(source: FrameSource, reel: ReelFile) -> None:
 
 
 def _given_of_decoded(source: FrameSource, reel: ReelFile) -> Integers | None:
-    """Which vertex of the original each decoded one is; None if they are in the same order."""
+    """The original vertex of each decoded one; None if the order is the same."""
     if reel.order != "drop":
         require_same_triangles(source.faces, reel.faces, reel.n_verts)
         return None

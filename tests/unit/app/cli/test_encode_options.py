@@ -95,7 +95,7 @@ def test_option_is_refused_when_it_is_no_number_of_its_range(flag, typed, messag
 
 
 def test_help_names_flags_in_place_of_keywords():
-    assert "--max-error that is a length" in params("encode")["unit"].help
+    assert "if --max-error is a length" in params("encode")["unit"].help
 
 
 @pytest.mark.parametrize("command", ["encode", "convert"])

@@ -188,7 +188,7 @@ def test_track_that_the_page_opens_with_is_told():
         assert asked(api, "api/facts")["colored_by"] == wanted
     with opened_api(grid) as api:
         assert asked(api, "api/facts")["colored_by"] is None
-    unknown = pytest.raises(InvalidInputError, match="no track 'hight'; there are height, heat")
+    unknown = pytest.raises(InvalidInputError, match="no track 'hight'; choose height, heat")
     with unknown, opened_api(grid, coloring=Coloring("hight")):
         pass
 
