@@ -1,1 +1,1 @@
-"""Our codec: mode fields, predicted over the mesh by weights learned from earlier ones."""
+"""The method `reel`: mode fields, predicted over the mesh by weights learned from earlier modes."""

@@ -1,4 +1,4 @@
-"""The encoder's choices of `reel`: analysis, rounding, shaping, rate.
+"""Encoder of `reel`: analysis, quantization, noise shaping, rate control.
 
-Whatever changes here changes how good a stream is, and never what stored streams mean.
+Changes here affect size and quality, and never the meaning of stored streams.
 """

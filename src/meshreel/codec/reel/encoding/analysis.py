@@ -1,4 +1,4 @@
-"""The encoder's side of `reel`: a block of frames to the integers of its modes."""
+"""Analysis of a block of frames: its modes as integers."""
 
 import math
 from dataclasses import dataclass, replace
@@ -28,22 +28,22 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
 FAIR_PRICE = 2.0 * math.log(2.0) / 12.0
-"""Lagrange multiplier of fine rounding: the squared steps of error that one more bit saves."""
+"""Lagrange multiplier of fine rounding: the squared error, in steps, that one more bit saves."""
 
-LEAST_SINGLE_STEP = 2.0**-16
-"""Step on a position, in diagonals, from which on frames are summed up in single precision: its
-rounding, some 1e-7 diagonals, then adds less than 0.1 % to the squared error."""
+MIN_SINGLE_STEP = 2.0**-16
+"""Smallest step of positions, in diagonals, for single precision: its rounding, about 1e-7
+diagonals, then adds less than 0.1 % to the squared error."""
 
-MIN_STILL = 0.02
-"""Share of the vertices that have to rest throughout a block for its means to be modes."""
+MIN_RESTING_SHARE = 0.02
+"""Least share of vertices at rest throughout a block for which its means become modes."""
 
-FEW_OWN = 0.25
-"""A block whose own modes are at most this share of those of its key is not tried without them."""
+MAX_OWN_RATIO = 0.25
+"""With at most this many new modes per mode of the key, coding without the key is not tried."""
 
 
 @dataclass(frozen=True)
 class FieldChoices:
-    """Choices of the encoder.
+    """Encoder parameters.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class FieldChoices:
         Step as it acts on a position, in diagonals; coefficients of T frames have sqrt(T) times
         this step.
     n_modes : int or None
-        At most this many; None for all that the step does not make vanish.
+        Largest number of modes; None for all that quantization does not zero.
     basis_step : float
         Step of the temporal basis by that of the fields, both as they act on positions.
     least_rms : float
@@ -59,8 +59,8 @@ class FieldChoices:
     price : float
         Squared steps that a bit is worth.
     feedback_gain : float
-        Gain of noise shaping: the share of the error of a prediction that the predicted value takes
-        on instead of undoing it. Errors then vary smoothly over the mesh, and bits are saved.
+        Gain of noise shaping: the share of the prediction error that the predicted value keeps
+        instead of correcting it. Errors then vary smoothly over the mesh, which saves bits.
     n_shaped_resolutions : int
         Resolutions, the finest ones, where noise is shaped: from coarser ones it would spread far.
     stencil_size, n_learned
@@ -88,11 +88,11 @@ class AnalysedFields:
     decoded : JointFrames
         The frames that they decode to, in internal order.
     own : KeyFields
-        Its fields that are not reused: what blocks that refer to this one go by.
+        Fields that are not reused, for blocks that refer to this one.
     wanted : float64 array of shape (V, K - n_reused)
-        The fields that were to be come near to, as `own`.
+        The unquantized fields, in the order of `own`.
     left : BlockFrames
-        What reused fields leave of the frames, all where there are none.
+        Residual frames after subtracting reused fields.
     """
 
     block: FieldBlock
@@ -105,8 +105,8 @@ class AnalysedFields:
     def squared_error(self) -> float:
         """Sum of the squared distances of decoded positions, before they are rounded, from frames.
 
-        The wanted fields are those of the projection on the decoded basis: what it leaves, and
-        what the fields differ by, are at right angles. That needs no frames.
+        The unquantized fields are the projection on the decoded basis; its residual is orthogonal
+        to the error of the fields, so no frames are needed.
         """
         n_own = self.wanted.shape[1]
         if not n_own:
@@ -120,9 +120,9 @@ class AnalysedFields:
 
     @cached_property
     def cost(self) -> float:
-        """Bits of its integers, and those that would undo its error.
+        """Estimated bits of the integers, plus the bits that would correct the error.
 
-        Rows of integers are taken to be coded by their mean magnitude alone.
+        Estimates the entropy of each row from its mean magnitude.
         """
         block = self.block
         basis = block.basis.reshape(block.n_modes, -1)
@@ -131,7 +131,7 @@ class AnalysedFields:
 
 
 def _estimated_bits(rows: npt.NDArray[np.int32]) -> float:
-    """Bits of rows of integers whose magnitudes are spread geometrically, and of their signs."""
+    """Estimate the bits of rows of integers with geometrically distributed magnitudes."""
     if not rows.size:
         return 0.0
     mean = np.abs(rows.astype(np.float64)).mean(axis=1)
@@ -164,13 +164,13 @@ def analyse_fields(
     is_trial = frames.is_analysed  # before, and not for the last time either
     # The first analysis also derives the hierarchy, in the background.
     hierarchy = None if is_trial else in_background(lambda: mesh.hierarchy)
-    is_single = choices.position_step >= LEAST_SINGLE_STEP
+    is_single = choices.position_step >= MIN_SINGLE_STEP
     layout = Layout(step, choices.stencil_size, choices.n_learned, reference, is_single)
     reused = None
     if key is not None:
         reused = _reusing(frames, mesh, choices, key, layout)
         n_own = 0 if reused is None else len(reused.block.fields)
-        if reused is not None and n_own <= FEW_OWN * key.values.shape[1]:
+        if reused is not None and n_own <= MAX_OWN_RATIO * key.values.shape[1]:
             return reused
     basis, vectors, coding = _quantized_basis(frames, float(step), choices)
     layout = _with_coding(layout, coding)
@@ -218,8 +218,8 @@ def _with_basis(
 def _reusing(
     frames: BlockFrames, mesh: FieldMesh, choices: FieldChoices, key: KeyFields, layout: Layout
 ) -> AnalysedFields | None:
-    """A block that reuses fields of its key, with modes of what they leave; None: it cannot."""
-    if choices.n_modes is not None:  # a number of modes leaves no room for those of the key
+    """Encode a block with reused fields of its key and modes of the residual, if possible."""
+    if choices.n_modes is not None:  # a given number of modes excludes those of the key
         return None
     finer, step = np.float32(choices.basis_step), float(layout.step)
     reused = reuse_fields(frames, key.values, mesh.number, step, float(finer), choices.price)
@@ -266,7 +266,7 @@ def _quantized_basis(
     chosen if it is not given.
     """
     least = choices.least_rms * step * float(np.sqrt(frames.n_verts))
-    has_means = frames.taken is None and has_still_part(frames, step)
+    has_means = frames.subtracted is None and has_resting_vertices(frames, step)
     strengths, vectors = frames.trajectories(least, with_means=has_means)
     if may_be_none:
         vectors = vectors[:, strengths > least]
@@ -288,14 +288,14 @@ def _quantized_basis(
     return coded, decoded, coding
 
 
-def has_still_part(frames: BlockFrames, step: float) -> bool:
+def has_resting_vertices(frames: BlockFrames, step: float) -> bool:
     """Return whether some vertices, not all, rest throughout a block; `step` is that of its fields.
 
     Basis vectors of the means, which are constant, then keep these vertices in place.
     """
     _, ranges = frames.sampled_motion
     share = float(np.mean(ranges < step / math.sqrt(frames.n_frames)))
-    return MIN_STILL <= share < 1.0
+    return MIN_RESTING_SHARE <= share < 1.0
 
 
 def _quantized_fields(
@@ -311,9 +311,9 @@ def _quantized_fields(
     Parameters
     ----------
     wanted : float64 array of shape (V, K)
-        The fields to come near to, in coding order and in steps.
+        Unquantized fields, in coding order and in steps.
     prepared : Prepared or None
-        Weights to begin with, where they are known and there is no key.
+        Initial weights, if known, without a key.
     """
     choice = Choice(_first_shaped(mesh, choices), choices.feedback_gain, choices.price)
     known = None
@@ -326,7 +326,7 @@ def _quantized_fields(
 
 
 def _first_shaped(mesh: FieldMesh, choices: FieldChoices) -> int:
-    """The first level whose noise is shaped: of the finest resolutions, but never level 0."""
+    """Return the first level with noise shaping: of the finest resolutions, but not level 0."""
     resolution_of = mesh.hierarchy.level_resolutions
     first = resolution_of[-1] + 1 - choices.n_shaped_resolutions
     return max(1, int(np.searchsorted(resolution_of, first)))

@@ -1,4 +1,4 @@
-"""A block of frames as the encoder of `reel` takes it: coordinates, and their trajectories."""
+"""A block of frames with its coordinates and eigen-trajectories."""
 
 import math
 from collections.abc import Callable
@@ -16,17 +16,17 @@ from meshreel.runtime.threads import chunks, in_threads
 
 Floats = npt.NDArray[np.float64]
 
-MOST_KEPT = 1 << 23
-"""Coordinates that are kept as float64; those of larger blocks are found anew where needed."""
+MAX_CACHED = 1 << 23
+"""Most coordinates that are cached as float64; larger blocks recompute them."""
 
 LARGEST_INTEGER = 2.0**29
-"""Quantised values stay below this, with room for residuals that are larger."""
+"""Quantized values stay below this; residuals may be larger."""
 
 CHUNK_VERTICES = 2048
-"""Vertices whose fields are found at once."""
+"""Vertices whose fields are computed at a time."""
 
 SAMPLED = 1024
-"""At least this many vertices, or all, are searched for parts that rest."""
+"""Vertices, at least, that are sampled to detect rest."""
 
 SKETCHED = 64
 """Columns of a sketch by rows. What K modes from a sketch leave is larger by a share of about
@@ -42,21 +42,21 @@ class BlockFrames:
     vertices : float array of shape (T, V, C)
         Positions, or values of another track; contiguous.
     frame : BoundingFrame
-        What they are relative to.
+        Origin and scale of coordinates.
     order : int32 array of shape (V,), or None
         Number of each vertex in the internal order; None: they are in it.
-    taken : tuple of float64 arrays of shapes (C, T, R) and (V, R), or None
-        Vectors and fields, in internal order, whose product is taken away from coordinates.
+    subtracted : tuple of float64 arrays of shapes (C, T, R) and (V, R), or None
+        Vectors and fields, in internal order, whose product is subtracted.
     n_frames, n_verts, n_columns : int
         T, V and C.
     is_analysed : bool
-        Whether trajectories were found before.
+        Whether trajectories were computed before.
     """
 
     vertices: npt.NDArray[np.floating]
     frame: BoundingFrame
     order: npt.NDArray[np.int32] | None = None
-    taken: tuple[Floats, Floats] | None = None
+    subtracted: tuple[Floats, Floats] | None = None
     _found: dict[bool, tuple[float, Floats, Floats]] = field(default_factory=dict)
     n_frames: int = field(init=False)
     n_verts: int = field(init=False)
@@ -69,14 +69,14 @@ class BlockFrames:
     def coordinates(self, piece: slice, frames: slice = slice(None)) -> Floats:
         """Coordinates of some vertices, in internal order: of shape (C T, n), x before y and z.
 
-        Those of all frames may be kept for others, and must not be changed; of some frames they are
-        a copy.
+        Coordinates of all frames may be cached and must not be changed; those of some frames are a
+        copy.
         """
         if not self._is_small:
             return self._rows(piece, frames)
         if frames == slice(None):
             return self._all[:, piece]
-        if self.taken is not None:
+        if self.subtracted is not None:
             return self._rows(piece, frames)
         rows = self._all.reshape(self.n_columns, self.n_frames, -1)
         chosen = np.array(rows[:, frames, piece])
@@ -85,19 +85,19 @@ class BlockFrames:
     def _rows(self, piece: slice, frames: slice = slice(None)) -> Floats:
         placement = self.frame.placement
         rows = coordinate_rows(self.vertices[frames], self.order, piece, placement)
-        if self.taken is not None:
-            vectors, fields = self.taken
+        if self.subtracted is not None:
+            vectors, fields = self.subtracted
             rows -= vectors[:, frames].reshape(len(rows), -1) @ fields[piece].T
         return rows
 
     @property
     def _is_small(self) -> bool:
-        return self.vertices.size <= MOST_KEPT
+        return self.vertices.size <= MAX_CACHED
 
     @cached_property
     @staged("coordinates")
     def _all(self) -> Floats:
-        if self.taken is None:
+        if self.subtracted is None:
             return self._rows(slice(0, self.n_verts))
         found = np.empty((self._n_rows, self.n_verts))
 
@@ -109,7 +109,7 @@ class BlockFrames:
 
     @property
     def _n_sketched(self) -> int:
-        """Columns of the sketch that trajectories are found from; 0: from all vertices."""
+        """Columns of the sketch for trajectories; 0: use all vertices."""
         pieces = SKETCHED * self._n_rows // CHUNK_VERTICES + 1
         return CHUNK_VERTICES * pieces if 2 * CHUNK_VERTICES * pieces <= self.n_verts else 0
 
@@ -127,23 +127,23 @@ class BlockFrames:
             signs = np.random.default_rng(start).integers(0, 2, count) * 2.0 - 1.0
             sums = found if count == found.shape[1] else np.zeros((len(found), count))
             add_coordinate_rows(self.vertices, self.order, part, placement, signs, sums)
-            if self.taken is not None:
-                vectors, fields = self.taken
+            if self.subtracted is not None:
+                vectors, fields = self.subtracted
                 sums -= vectors.reshape(len(sums), -1) @ (fields[part].T * signs)
             if sums is not found:
                 found[:, :count] += sums
         return found
 
     @property
-    def _telling_columns(self) -> tuple[Callable[[slice], Floats], int]:
-        """Columns that trajectories are found from, and how many they are."""
+    def _representative_columns(self) -> tuple[Callable[[slice], Floats], int]:
+        """Columns that determine the trajectories, and their number."""
         if self._n_sketched:
             return self._sketch, self._n_sketched
         return self.coordinates, self.n_verts
 
     @cached_property
     def _gram(self) -> Floats:
-        columns, n_columns = self._telling_columns
+        columns, n_columns = self._representative_columns
         return gram_of_rows(columns, self._n_rows, n_columns)
 
     @property
@@ -171,20 +171,20 @@ class BlockFrames:
 
     @cached_property
     def sampled_motion(self) -> tuple[Floats, Floats]:
-        """How far some vertices move, in diagonals.
+        """Motion of sampled vertices, in diagonals.
 
-        From each frame to the next, of shape (T - 1, n); and in all, between the extremes of their
-        coordinates, of shape (n,).
+        Distances between consecutive frames, of shape (T - 1, n), and diagonals of the bounding
+        boxes of their paths, of shape (n,).
         """
         sample = self.vertices[:, :: max(1, self.n_verts // SAMPLED)] / np.float64(self.frame.scale)
         steps = np.linalg.norm(np.diff(sample, axis=0), axis=2)
         return steps, np.linalg.norm(np.ptp(sample, axis=0), axis=1)
 
     def trajectories(self, least: float, *, with_means: bool = False) -> tuple[Floats, Floats]:
-        """Singular values above `least`, one at least, and basis vectors of shape (C T, K).
+        """Return singular values above `least`, at least one, and basis vectors of shape (C T, K).
 
-        With means, these are modes by themselves: their vectors are constant in one column and 0 in
-        the others, and the fields of all other modes are 0 at vertices that never move.
+        With means, the means over time are separate modes: their vectors are constant in one column
+        and 0 in the others, and the fields of all other modes are 0 at vertices that never move.
         """
         found = self._found.get(with_means)
         if found is None or found[0] > least:
@@ -200,7 +200,7 @@ class BlockFrames:
         for piece in chunks(self.n_verts, CHUNK_VERTICES):
             squared += np.square(self._by_column(self.coordinates(piece)).mean(axis=1)).sum(axis=1)
         constant = np.full((self.n_frames, 1), 1.0 / math.sqrt(self.n_frames))
-        strengths, vectors = self._trajectories(least, self._less_means)
+        strengths, vectors = self._trajectories(least, self._without_means)
         strengths = np.concatenate([np.sqrt(squared * self.n_frames), strengths])
         vectors = np.hstack([np.kron(np.eye(self.n_columns), constant), vectors])
         order = np.argsort(-strengths, kind="stable")
@@ -209,17 +209,17 @@ class BlockFrames:
     def _by_column(self, rows: Floats) -> Floats:
         return rows.reshape(self.n_columns, self.n_frames, -1)
 
-    def _less_means(self, rows: Floats) -> Floats:
-        """Coordinates of shape (C T, n), of each column less their mean over time."""
+    def _without_means(self, rows: Floats) -> Floats:
+        """Subtract the mean over time from coordinates of shape (C T, n)."""
         by_column = self._by_column(rows)
         return np.asarray((by_column - by_column.mean(axis=1, keepdims=True)).reshape(rows.shape))
 
     def _trajectories(
         self, least: float, of: Callable[[Floats], Floats] | None = None
     ) -> tuple[Floats, Floats]:
-        """Of coordinates, or of what a linear function of columns makes of them."""
+        """Trajectories of coordinates, or of a linear function of columns."""
         if self._n_rows < self.n_verts:
-            columns, n_columns = self._telling_columns
+            columns, n_columns = self._representative_columns
             if of is None:
                 return truncated_pca(columns, self._gram, n_columns, least)
 

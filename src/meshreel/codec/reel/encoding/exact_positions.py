@@ -1,4 +1,4 @@
-"""The method `lossless`: positions to the sections of a stream, from which every bit comes back."""
+"""The method `lossless`: bit-exact coding of positions."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
@@ -29,13 +29,13 @@ from meshreel.runtime.threads import in_threads, n_cores
 Vertices = npt.NDArray[np.floating]
 CodedBlock = tuple[int, list[tuple[Section, bytes]]]
 
-MOST_TOGETHER = 4
-"""Blocks that are coded at once, where nothing is said of memory."""
+MAX_PARALLEL_BLOCKS = 4
+"""Blocks that are encoded in parallel without a memory limit."""
 
 
 @dataclass(frozen=True)
 class PositionCoder(ABC):
-    """Codes blocks of positions as values; none depends on another.
+    """Encodes independent blocks of positions.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class PositionCoder(ABC):
     @property
     @abstractmethod
     def is_exact(self) -> bool:
-        """Whether positions are decoded as they are."""
+        """Whether positions are lossless."""
 
     @abstractmethod
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
@@ -66,17 +66,17 @@ class PositionCoder(ABC):
 
     @abstractmethod
     def code(self, vertices: Vertices) -> list[tuple[Section, bytes]]:
-        """The sections of a block of shape (T_b, V, 3), in internal order and contiguous."""
+        """Encode a contiguous block of shape (T_b, V, 3), in internal order."""
 
     def code_piece(self, piece: Piece) -> CodedBlock:
-        """Number of frames and sections of a block that is still to be read."""
+        """Read and encode a block; returns its number of frames and sections."""
         vertices = piece.read()
         return len(vertices), self.code(vertices)
 
 
 @dataclass(frozen=True)
 class ExactPositionCoder(PositionCoder):
-    """Codes blocks of positions from which every bit comes back."""
+    """Encodes blocks of positions losslessly."""
 
     @property
     def is_exact(self) -> bool:
@@ -88,18 +88,16 @@ class ExactPositionCoder(PositionCoder):
         return iter(())
 
     def code(self, vertices: Vertices) -> list[tuple[Section, bytes]]:
-        """The sections of a block of shape (T_b, V, 3), in internal order and contiguous.
-
-        They are decoded again, and compared.
+        """Encode a contiguous block of shape (T_b, V, 3), in internal order, and verify it.
 
         Raises
         ------
         SolverError
-            If a bit would not come back.
+            If it does not decode to the same bits.
         """
         block, values = write_exact_positions(vertices, self.graph)
-        found = decode_exact(values[1], vertices.shape, vertices.dtype, self.graph)
-        if not np.array_equal(found.view(np.uint8), vertices.view(np.uint8)):
+        decoded = decode_exact(values[1], vertices.shape, vertices.dtype, self.graph)
+        if not np.array_equal(decoded.view(np.uint8), vertices.view(np.uint8)):
             raise SolverError(
                 "positions do not come back bit for bit; nothing is written; please report this "
                 "sequence"
@@ -108,14 +106,14 @@ class ExactPositionCoder(PositionCoder):
 
 
 def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
-    """The bytes of a stream of the source whose positions are exact.
+    """Encode the source to a stream with lossless positions.
 
     Parameters
     ----------
     source : Source
     progress : callable
     engine : Engine or None
-        Whose workers code the blocks; None codes them here.
+        Workers that encode blocks; None uses this process.
 
     Raises
     ------
@@ -132,33 +130,33 @@ def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
 def stream_of(
     source: Source, coder: PositionCoder, progress: Progress, engine: Engine | None
 ) -> bytes:
-    """The bytes of a stream whose tracks are coded already.
+    """Encode the source to a stream; its tracks are already encoded.
 
     Parameters
     ----------
     source : Source
     coder : PositionCoder
     progress, engine
-        As of `encode`.
+        As in `encode`.
     """
     blocks: Iterator[CodedBlock]
     if engine is not None:
         blocks = iter(engine.map_in_order(coder.code_piece, ((one,) for one in source.pieces())))
     else:
-        n_together = 1 if source.config.memory is not None else min(n_cores(), MOST_TOGETHER)
+        n_together = 1 if source.config.memory is not None else min(n_cores(), MAX_PARALLEL_BLOCKS)
         blocks = _coded(coder, source.pieces(), n_together)
-    coded = _told(blocks, source.sequence.n_frames, progress)
+    coded = _with_progress(blocks, source.sequence.n_frames, progress)
     data = source.stream(coder.leading_sections(), coded)
     return FollowingTracks(source, progress).stream(data) if source.tracks else data
 
 
 def _coded(coder: PositionCoder, pieces: Iterator[Piece], n_together: int) -> Iterator[CodedBlock]:
-    """Frames and sections of each block; so many are coded at once, on as many cores."""
+    """Yield frames and sections of each block, encoding several in parallel."""
     while several := [piece.read() for piece in islice(pieces, n_together)]:
-        yield from _at_once(coder, several)
+        yield from _in_parallel(coder, several)
 
 
-def _at_once(coder: PositionCoder, blocks: list[Vertices]) -> list[CodedBlock]:
+def _in_parallel(coder: PositionCoder, blocks: list[Vertices]) -> list[CodedBlock]:
     coded: dict[int, list[tuple[Section, bytes]]] = {}
 
     def code(number: int) -> None:
@@ -168,10 +166,10 @@ def _at_once(coder: PositionCoder, blocks: list[Vertices]) -> list[CodedBlock]:
     return [(len(vertices), coded[number]) for number, vertices in enumerate(blocks)]
 
 
-def _told(
+def _with_progress(
     blocks: Iterator[CodedBlock], n_frames: int, progress: Progress
 ) -> Iterator[tuple[int, Sections]]:
-    """The blocks, while the listener is told how many of their frames are coded."""
+    """Yield the blocks, and report the number of encoded frames."""
     done = 0
     progress("encoding", Count(done, n_frames, "frames"))
     for n_coded, sections in blocks:
@@ -181,7 +179,7 @@ def _told(
 
 
 class LivePositionCoder:
-    """Codes blocks of frames as they come.
+    """Encodes blocks of live frames.
 
     Parameters
     ----------
@@ -190,14 +188,14 @@ class LivePositionCoder:
     first : float array of shape (T_b, V, 3)
         The first block, in internal order.
     tracks : dict of str to Track
-        Values of the first block: bounds that are shares are of their range in it.
+        Values of the first block; relative bounds refer to their range.
     targets : mapping of str to str or float, or None
-        How exact they are to come back.
+        Error bounds of tracks.
 
     Raises
     ------
     InvalidInputError
-        If the bound of a track cannot be promised.
+        If the bound of a track cannot be guaranteed.
     """
 
     def __init__(
@@ -209,11 +207,11 @@ class LivePositionCoder:
         targets: TrackTargets | None,
     ) -> None:
         self._coder, self._mesh = coder, mesh
-        positions = (lambda: self._as_they_go_out(first)) if coder.is_exact else None
+        positions = (lambda: self._in_output_order(first)) if coder.is_exact else None
         self._tracks = live_tracks(mesh, tracks, targets, positions)
 
-    def _as_they_go_out(self, vertices: Vertices) -> Vertices:
-        """Exact positions, in internal order, as a reader has them."""
+    def _in_output_order(self, vertices: Vertices) -> Vertices:
+        """Reorder exact positions as a reader decodes them."""
         return vertices.take(self._mesh.output_order, axis=1)
 
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
@@ -222,15 +220,15 @@ class LivePositionCoder:
         return chain(self._coder.leading_sections(), of_tracks)
 
     def code(self, vertices: Vertices, tracks: Mapping[str, Track]) -> Sections:
-        """The sections of the next block, given in internal order; tracks in the given one.
+        """Encode the next block; positions are in internal order, tracks in the given one.
 
         Raises
         ------
         InvalidInputError
-            If values of a track do not allow the promised bound.
+            If values of a track exceed the guaranteed bound.
         """
         is_needed = bool(self._tracks) and self._coder.is_exact
-        positions = self._as_they_go_out(vertices) if is_needed else None
+        positions = self._in_output_order(vertices) if is_needed else None
         others = [
             coder.code(tracks[name].values, positions) for name, coder in self._tracks.items()
         ]

@@ -1,4 +1,4 @@
-"""Live coding: the first block decides the quantisation step of all."""
+"""Live encoding: the first block determines the quantization step of all."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from meshreel.codec.reel.encoding.block_coder import (
 )
 from meshreel.codec.reel.encoding.effort import finest_step
 from meshreel.codec.reel.encoding.smoothness import sampled_frames, step_share
-from meshreel.codec.reel.encoding.target_step import aimed
+from meshreel.codec.reel.encoding.target_step import step_for_target
 from meshreel.codec.reel.encoding.tracks import live_tracks
 from meshreel.codec.reel.encoding.written import WrittenBlocks
 from meshreel.codec.source import CodedMesh
@@ -33,7 +33,7 @@ Vertices = npt.NDArray[np.floating]
 
 @dataclass(frozen=True)
 class FirstBlock:
-    """The first block of a live sequence, as `aim.Material` has it.
+    """The first block of a live sequence, a `RateModel`.
 
     Attributes
     ----------
@@ -47,23 +47,23 @@ class FirstBlock:
 
     @property
     def diagonal(self) -> float:
-        """Of the bounding box, in model units."""
+        """Diagonal of the bounding box, in model units."""
         return self.coder.frame.scale
 
     @property
     def own_diagonal(self) -> float:
-        """Of the model itself, in diagonals of the bounding box."""
+        """Mean diagonal of single frames, in diagonals of the bounding box."""
         return extent_of(self.vertices).mean_diagonal / self.diagonal or 1.0
 
     @property
     def step_share(self) -> float:
-        """The step for this surface by the usual one of a quality."""
+        """Factor of the step of a quality, which depends on the surface."""
         frames = self.vertices[sampled_frames(len(self.vertices))]
         return step_share(self.coder.mesh.faces, self.coder.mesh.n_verts, frames)
 
     @property
     def rounding(self) -> float:
-        """Largest error of a position, in diagonals, that its number type alone makes."""
+        """Largest rounding error of a position by its number type, in diagonals."""
         return self._frames.rounding
 
     @property
@@ -73,7 +73,7 @@ class FirstBlock:
 
     @property
     def finest_step(self) -> float:
-        """The finest step that it can be coded with."""
+        """Finest step that the stream can represent."""
         return finest_step()
 
     @cached_property
@@ -81,17 +81,17 @@ class FirstBlock:
         return self.coder.frames(self.vertices)
 
     def size_bytes(self, step: float, bound: float) -> float:
-        """Bytes of the block with a step, corrected to keep a bound in diagonals."""
+        """Return the bytes of the block for a step, with corrections that keep a bound."""
         coded = self.coder.with_step(max(self.finest_step, step), bound).code(self._frames)
         return float(sum(len(payload) for _, payload in coded.sections))
 
     def measured(self, step: float) -> float:
-        """Never asked for: these targets are checked to need no whole sequence."""
-        raise AssertionError("frames that come one by one are coded for other targets")
+        """Unused: `check_live` rejects targets that limit a measured quantity."""
+        raise AssertionError("live encoding does not measure sizes or errors")
 
 
 class LiveCoder:
-    """Codes blocks of frames as they come, with the step that suits the first of them.
+    """Encodes blocks of live frames with the step of the first block.
 
     Parameters
     ----------
@@ -100,9 +100,9 @@ class LiveCoder:
     first : float array of shape (T_b, V, 3)
         The first block, in internal order.
     tracks : dict of str to Track
-        Values of the first block: bounds that are shares are of their range in it.
+        Values of the first block; relative bounds refer to their range.
     targets : mapping of str to str or float, or None
-        How exact they are to come back.
+        Error bounds of tracks.
 
     Raises
     ------
@@ -120,7 +120,7 @@ class LiveCoder:
     ) -> None:
         self._mesh, self._dtype = mesh, first.dtype
         coder = coder_of(mesh, frame)
-        self._coder = coder.with_step(*aimed(mesh.config, FirstBlock(coder, first)))
+        self._coder = coder.with_step(*step_for_target(mesh.config, FirstBlock(coder, first)))
         self._blocks = KeyedBlocks(self._coder)
 
         def decoded() -> Vertices:
@@ -132,22 +132,22 @@ class LiveCoder:
         self._decoder = self._written() if is_predicted else None
 
     def _written(self) -> WrittenBlocks:
-        """The decoder of positions that are still to be written."""
+        """Return a decoder of the encoded positions."""
         mesh = self._mesh
         return WrittenBlocks(self._coder.mesh, mesh.output_order, self._coder.frame, self._dtype)
 
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
-        """The sections before the first block, behind those of the mesh."""
+        """Return the sections between those of the mesh and the first block."""
         of_tracks = (track.leading_section() for track in self._tracks.values())
         return chain(of_tracks, self._coder.leading_sections())
 
     def code(self, vertices: Vertices, tracks: Mapping[str, Track]) -> Sections:
-        """The sections of the next block, given in internal order; tracks in the given one.
+        """Encode the next block; positions are in internal order, tracks in the given one.
 
         Raises
         ------
         InvalidInputError
-            If its number type, or values of a track, do not allow the promised bound.
+            If its number type, or values of a track, exceed the guaranteed bound.
         """
         sections: Sections = self._blocks.code(checked_frames(self._coder, vertices)).sections
         positions = None

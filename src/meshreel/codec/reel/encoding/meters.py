@@ -1,4 +1,4 @@
-"""Errors of a trial stream, gathered block after block as it is made."""
+"""Errors of a trial stream, accumulated block by block."""
 
 import math
 from typing import Protocol
@@ -15,39 +15,39 @@ Vertices = npt.NDArray[np.floating]
 
 
 SLACK = 1e-6
-"""Share by which errors that are found from fields may be too small."""
+"""Relative margin of errors that are computed from fields."""
 
 
 class Meter(Protocol):
-    """An error that is gathered over the blocks of a sequence."""
+    """Accumulates an error over the blocks of a sequence."""
 
     def add(self, frames: FieldFrames, coded: CodedFrames) -> None:
-        """Take in the next frames, as they came and as they were coded."""
+        """Add the next frames, original and coded."""
 
     @property
     def value(self) -> float:
-        """The error of all frames so far."""
+        """Error of all frames so far."""
 
 
 class KgMeter:
-    """KG error in percent, found from fields; frames are only decoded where errors are tiny."""
+    """KG error in percent, computed from fields; frames are decoded only if errors are tiny."""
 
     def __init__(self) -> None:
         self._error = self._spread = 0.0
 
     def add(self, frames: FieldFrames, coded: CodedFrames) -> None:
-        """Take in the next frames, as they came and as they were coded."""
+        """Add the next frames, original and coded."""
         self._error += coded.squared_error(frames)
         self._spread += frames.block.spread
 
     @property
     def value(self) -> float:
-        """The error of all frames so far."""
+        """Error of all frames so far."""
         return 100.0 * (1.0 + SLACK) * relative(math.sqrt(self._error), math.sqrt(self._spread))
 
 
 class StedMeter:
-    """STED, which compares frames across blocks: it keeps them all.
+    """STED; it compares frames across blocks and therefore keeps all of them.
 
     Parameters
     ----------
@@ -59,12 +59,12 @@ class StedMeter:
         self._blocks: list[tuple[Vertices, Vertices]] = []
 
     def add(self, frames: FieldFrames, coded: CodedFrames) -> None:
-        """Take in the next frames, as they came and as they were coded."""
+        """Add the next frames, original and coded."""
         self._blocks.append((frames.vertices, coded.decoded(frames)))
 
     @property
     def value(self) -> float:
-        """The error of all frames so far."""
+        """Error of all frames so far."""
         if len(self._blocks) == 1:
             return sted(*self._blocks[0], self._faces).sted
         original, decoded = map(np.concatenate, zip(*self._blocks, strict=True))

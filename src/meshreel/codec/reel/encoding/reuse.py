@@ -75,8 +75,8 @@ def reuse_fields(
     n_reused = int(does_something[-1]) + 1
     integers = np.ascontiguousarray(integers[:n_reused])
     vectors = basis_vectors(integers, coding, lengths[:n_reused]) * step
-    taken = vectors, np.ascontiguousarray(fields[:, :n_reused])
-    left = BlockFrames(frames.vertices, frames.frame, frames.order, taken)
+    subtracted = vectors, np.ascontiguousarray(fields[:, :n_reused])
+    left = BlockFrames(frames.vertices, frames.frame, frames.order, subtracted)
     return ReusedFields(integers, coding, left)
 
 

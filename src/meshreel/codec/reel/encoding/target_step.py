@@ -1,7 +1,7 @@
-"""Rate control: from a target to the quantisation step and the bound that meet it.
+"""Rate control: the quantization step and error bound that meet a target.
 
-The same for a sequence that is all there and for the first block of a live one: a `Material` says
-how large the model is, and which size or error a step leads to.
+A `RateModel`, of a whole sequence or of the first block of a live one, provides the size of the
+model, and the size or error of a stream for each step.
 """
 
 from functools import partial
@@ -18,27 +18,27 @@ from meshreel.codec.targets import Target, TargetKind
 from meshreel.errors import InvalidInputError
 
 FIRST_QUALITY = 75.0
-"""Where the search for an error or a size begins."""
+"""Quality at which the search for an error or a size starts."""
 
 
-class Material(Protocol):
-    """Frames that a step is to be found for. Steps are in diagonals of its bounding box."""
+class RateModel(Protocol):
+    """Sizes and errors by quantization step, in diagonals of the bounding box."""
 
     @property
     def diagonal(self) -> float:
-        """Of the bounding box, in model units."""
+        """Diagonal of the bounding box, in model units."""
 
     @property
     def own_diagonal(self) -> float:
-        """Of the model itself, the mean of all frames, in diagonals of the bounding box."""
+        """Mean diagonal of single frames, in diagonals of the bounding box."""
 
     @property
     def step_share(self) -> float:
-        """The step for this surface by the usual one of a quality; see `smoothness`."""
+        """Factor of the step of a quality, which depends on the surface; see `smoothness`."""
 
     @property
     def rounding(self) -> float:
-        """Largest error of a position, in diagonals, that its number type alone makes."""
+        """Largest rounding error of a position by its number type, in diagonals."""
 
     @property
     def dtype(self) -> np.dtype[np.floating]:
@@ -46,24 +46,24 @@ class Material(Protocol):
 
     @property
     def finest_step(self) -> float:
-        """The finest step that it can be coded with."""
+        """Finest step that the stream can represent."""
 
     def size_bytes(self, step: float, bound: float) -> float:
-        """Bytes with a step, corrected to keep a bound in diagonals."""
+        """Return the bytes for a step, with corrections that keep a bound in diagonals."""
 
     def measured(self, step: float) -> float:
-        """The number that the target limits, with a step: an error, bytes or bits."""
+        """Return the quantity that the target limits, for a step: an error, bytes or bits."""
 
 
-def aimed(
-    config: EncoderConfig, material: Material, *, has_tracks: bool = False
+def step_for_target(
+    config: EncoderConfig, model: RateModel, *, has_tracks: bool = False
 ) -> tuple[float, float | None]:
-    """The step that meets the target of options, and the bound it promises, both in diagonals.
+    """Return the step that meets the target, and the guaranteed error bound, both in diagonals.
 
     Parameters
     ----------
     config : EncoderConfig
-    material : Material
+    model : RateModel
     has_tracks : bool
         Whether sizes include those of tracks, which the error then mentions.
 
@@ -74,25 +74,25 @@ def aimed(
     """
     target = config.target
     if target.kind is TargetKind.STEP:
-        return checked_step(target.value, material.finest_step), None
+        return checked_step(target.value, model.finest_step), None
     if target.kind is TargetKind.QUALITY:
-        step = _step_of(target.value, material) * material.step_share
-        return max(material.finest_step, step), None
+        step = _step_of(target.value, model) * model.step_share
+        return max(model.finest_step, step), None
     if target.kind is TargetKind.MAX_ERROR:
-        bound = promised_bound(target, material.diagonal, material.rounding, material.dtype)
-        step = least_cost(partial(material.size_bytes, bound=bound), bound / STEPS_OF_BOUND)
-        return max(material.finest_step, step), bound
-    return _step_within_limit(config, material, has_tracks), None
+        bound = promised_bound(target, model.diagonal, model.rounding, model.dtype)
+        step = least_cost(partial(model.size_bytes, bound=bound), bound / STEPS_OF_BOUND)
+        return max(model.finest_step, step), bound
+    return _step_within_limit(config, model, has_tracks), None
 
 
-def _step_of(quality: float, material: Material) -> float:
-    return quality_step(quality) * material.own_diagonal
+def _step_of(quality: float, model: RateModel) -> float:
+    return quality_step(quality) * model.own_diagonal
 
 
 def promised_bound(
     target: Target, diagonal: float, rounding: float, dtype: np.dtype[np.floating]
 ) -> float:
-    """The bound of a largest error, in diagonals, which the number type allows to promise.
+    """Return the bound of a largest error, in diagonals, if the number type allows it.
 
     Parameters
     ----------
@@ -100,14 +100,14 @@ def promised_bound(
     diagonal : float
         Of the bounding box, in model units.
     rounding : float
-        Largest error of a position, in diagonals, that the number type alone makes.
+        Largest rounding error of a position by its number type, in diagonals.
     dtype : dtype
         Of the positions.
 
     Raises
     ------
     InvalidInputError
-        If it does not.
+        If rounding by the number type exceeds it.
     """
     percent = target.bound.percent(diagonal)
     try:
@@ -120,28 +120,28 @@ def promised_bound(
     return percent / 100.0
 
 
-def _step_within_limit(config: EncoderConfig, material: Material, has_tracks: bool) -> float:
-    """The step that comes nearest to the target's number from below."""
+def _step_within_limit(config: EncoderConfig, model: RateModel, has_tracks: bool) -> float:
+    """Find the step whose size or error is closest to the target from below."""
     target = config.target
-    found: dict[float, float] = {}
+    trials: dict[float, float] = {}
 
     def measured(step: float) -> float:
-        if step not in found:
-            found[step] = material.measured(step)
-        return found[step]
+        if step not in trials:
+            trials[step] = model.measured(step)
+        return trials[step]
 
-    start = _step_of(FIRST_QUALITY, material)
+    start = _step_of(FIRST_QUALITY, model)
     step = meet_limit(measured, target.value, start, rises=not target.kind.is_budget)
     if step is None:
         raise InvalidInputError(
             f"{target.kind.value} {target.value:g} cannot be met: "
-            f"{_best(target.kind, min(found.values()))}; {_remedy(config, has_tracks)}"
+            f"{_best(target.kind, min(trials.values()))}; {_remedy(config, has_tracks)}"
         )
     return step
 
 
 def _best(kind: TargetKind, reached: float) -> str:
-    """The smallest number that was reached, in words."""
+    """Describe the smallest value that was reached."""
     if kind is TargetKind.SIZE:
         return f"the smallest file with these options is {reached:.0f} bytes"
     if kind is TargetKind.BPVF:
@@ -152,9 +152,9 @@ def _best(kind: TargetKind, reached: float) -> str:
 def _remedy(config: EncoderConfig, has_tracks: bool) -> str:
     if not config.target.kind.is_budget:
         return "positions come back no nearer than their number type; allow more"
-    ways = ["allow more"]
+    remedies = ["allow more"]
     if config.order_choice is not Order.DROP:
-        ways.append('leave the order out (order="drop")')
+        remedies.append('leave the order out (order="drop")')
     if has_tracks:
-        ways.append("drop tracks or allow larger errors of them")
-    return ", or ".join(ways)
+        remedies.append("drop tracks or allow larger errors of them")
+    return ", or ".join(remedies)

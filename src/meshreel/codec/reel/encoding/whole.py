@@ -1,4 +1,4 @@
-"""Sequences that are all there: streams are made of them until one meets the target."""
+"""Encoding of whole sequences: trial streams until one meets the target."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -23,7 +23,7 @@ from meshreel.codec.reel.encoding.grid_positions import may_lie_on_grid, on_grid
 from meshreel.codec.reel.encoding.meters import KgMeter, Meter, StedMeter
 from meshreel.codec.reel.encoding.rate_control import least_cost
 from meshreel.codec.reel.encoding.smoothness import sampled_frames, step_share
-from meshreel.codec.reel.encoding.target_step import aimed
+from meshreel.codec.reel.encoding.target_step import step_for_target
 from meshreel.codec.reel.encoding.tracks import coded_tracks
 from meshreel.codec.source import Source
 from meshreel.codec.targets import TargetKind
@@ -34,21 +34,21 @@ from meshreel.runtime.progress import Count, Progress
 from meshreel.runtime.threads import prefetch
 
 LARGEST_ERROR_STEP = 0.1
-"""Coarsest step that is tried to meet an error, in sizes of the model."""
+"""Coarsest step of a search for an error, in diagonals of the model."""
 
-KEPT_BYTES = 36
-"""Memory of a position of a block that is kept: as it came, and as coordinate matrices."""
+CACHED_POSITION_BYTES = 36
+"""Memory of a position of a cached block: the original, and coordinate matrices."""
 
 
 def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
-    """The bytes of a stream of the source that meets its target.
+    """Encode the source to a stream that meets its target.
 
     Parameters
     ----------
     source : Source
     progress : callable
     engine : Engine or None
-        Whose workers code the blocks; None codes them here.
+        Workers that encode blocks; None uses this process.
 
     Raises
     ------
@@ -57,8 +57,8 @@ def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
     """
     if source.bounds:
         source = replace(source, tracks=coded_tracks(source, progress))
-    sequence = WholeSequence(source, progress, engine)
-    step, bound = aimed(source.config, sequence, has_tracks=bool(source.tracks))
+    sequence = RateSearch(source, progress, engine)
+    step, bound = step_for_target(source.config, sequence, has_tracks=bool(source.tracks))
     following = FollowingTracks(source, progress) if source.tracks else None
     if following is not None:
         step = sequence.step_for_tracks(following, step, bound)
@@ -82,20 +82,20 @@ def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
     return data
 
 
-class WholeSequence:
-    """A sequence that is all there, as `kind.Material` has it; every stream made of it is kept.
+class RateSearch:
+    """Rate model of a whole sequence; caches every trial stream.
 
     Parameters
     ----------
     source, progress, engine
-        As `encode` takes them.
+        As in `encode`.
 
     Attributes
     ----------
     dtype : dtype
         Number type of the positions.
     finest_step : float
-        The finest step that it can be coded with.
+        Finest step that the stream can represent.
     """
 
     def __init__(self, source: Source, progress: Progress, engine: Engine | None) -> None:
@@ -112,17 +112,17 @@ class WholeSequence:
 
     @property
     def diagonal(self) -> float:
-        """Of the bounding box of all frames, in model units."""
+        """Diagonal of the bounding box of all frames, in model units."""
         return self._source.frame.scale
 
     @cached_property
     def own_diagonal(self) -> float:
-        """Of the model itself, the mean of all frames, in diagonals of the bounding box."""
+        """Mean diagonal of single frames, in diagonals of the bounding box."""
         return self._source.sequence.extent.mean_diagonal / self.diagonal or 1.0
 
     @cached_property
     def step_share(self) -> float:
-        """The step for this surface by the usual one of a quality."""
+        """Factor of the step of a quality, which depends on the surface."""
         sequence, mesh = self._source.sequence, self._source.mesh
         numbers = sampled_frames(self._n_frames)
         frames = [sequence.read(number, number + 1) for number in numbers]
@@ -130,17 +130,17 @@ class WholeSequence:
 
     @cached_property
     def rounding(self) -> float:
-        """Largest error of a position, in diagonals, that its number type alone makes."""
+        """Largest rounding error of a position by its number type, in diagonals."""
         extent = self._source.sequence.extent
         low, high = float(extent.low.min()), float(extent.high.max())
         return largest_rounding(low, high, self.dtype, self._source.frame)
 
     def size_bytes(self, step: float, bound: float) -> float:
-        """Bytes of the stream with a step, corrected to keep a bound in diagonals."""
+        """Return the bytes of the stream of a step, with corrections that keep a bound."""
         return len(self.stream(step, bound))
 
     def measured(self, step: float) -> float:
-        """The error, the bytes or the bits for each vertex and frame, with a step."""
+        """Return the error, bytes, or bits per vertex and frame for a step."""
         if self._target.kind in (TargetKind.KG, TargetKind.STED):
             return self._error(step)
         size_bytes = len(self.stream(step))
@@ -152,10 +152,10 @@ class WholeSequence:
     def step_for_tracks(
         self, following: FollowingTracks, step: float, bound: float | None
     ) -> float:
-        """A step, or a finer one with which positions and the tracks that follow take fewer bytes.
+        """Return a step, or a finer one if positions and tracks then take fewer bytes together.
 
-        Velocities and normals are predicted from decoded positions, the better the finer these are.
-        A step that was asked for stays, and so does one that meets a budget.
+        Finer positions predict velocities and normals better. A requested step, or one that meets a
+        size, is kept.
         """
         if self._target.kind is TargetKind.STEP or self._target.kind.is_budget:
             return step
@@ -174,33 +174,33 @@ class WholeSequence:
         return least_cost(cost, step, ratio=2.0)
 
     def stream(self, step: float, bound: float | None = None) -> bytes:
-        """The stream of a step; with a bound in diagonals, corrected to keep it."""
-        step = self._possible(step)
+        """Return the stream of a step, with corrections if a bound in diagonals is given."""
+        step = self._limited(step)
         if step not in self._streams:
-            self._streams[step] = self._made(step, bound)
+            self._streams[step] = self._encoded(step, bound)
         return self._streams[step]
 
-    def _possible(self, step: float) -> float:
-        """A step, or the nearest that makes sense.
+    def _limited(self, step: float) -> float:
+        """Limit a step to the allowed range.
 
-        Errors are no longer those of a moving surface where the step is as large as the model:
-        a search for an error goes no farther. A budget may need more, and a step that was asked
-        for is taken as it is.
+        With a step as large as the model, errors are no longer those of a moving surface, so the
+        search for an error stops there. A size may need a coarser step, and a requested step is
+        used unchanged.
         """
         if self._target.kind in (TargetKind.KG, TargetKind.STED, TargetKind.MAX_ERROR):
             step = min(step, LARGEST_ERROR_STEP * self.own_diagonal)
         return max(step, self.finest_step)
 
     def _error(self, step: float) -> float:
-        """The error that is to be met, with a step.
+        """Return the target's error for a step, without entropy coding.
 
-        Nothing becomes bytes; the integers of the best step so far are kept.
+        The integers of the best step so far are cached.
         """
-        step = self._possible(step)
+        step = self._limited(step)
         if step not in self._errors:
-            self._tell(0)
+            self._report(0)
             meter, blocks = self._new_meter(), KeyedBlocks(self._coder.with_step(step, None))
-            coded = list(self._told(self._metered(blocks, meter)))
+            coded = list(self._with_progress(self._metered(blocks, meter)))
             self._errors[step] = meter.value
             is_better = self._best is None or step > self._best[0]
             if self._keeps_blocks and is_better and meter.value <= self._target.value:
@@ -213,35 +213,35 @@ class WholeSequence:
             meter.add(frames, coded)
             yield frames.block.n_frames, coded.sections
 
-    def _made(self, step: float, bound: float | None) -> bytes:
-        self._tell(0)
+    def _encoded(self, step: float, bound: float | None) -> bytes:
+        self._report(0)
         coder = self._coder.with_step(step, bound)
         leading = list(coder.leading_sections())
         blocks: Iterator[tuple[int, Sections]]
         if self._best is not None and self._best[0] == step:
             blocks = iter(self._best[1])
-            self._best = None  # sections can be taken once
+            self._best = None  # sections can be iterated once
         elif self._engine is not None and not self._errors:
-            blocks = self._coded_elsewhere(coder, self._engine)
+            blocks = self._coded_by_workers(coder, self._engine)
         else:
             blocks = self._coded(coder)
-            if self._is_cut:  # integers of a block are found while those before become bytes
+            if self._is_cut:  # analyze a block while the previous one is entropy coded
                 blocks = prefetch(blocks)
-        coded = [(n_frames, list(sections)) for n_frames, sections in self._told(blocks)]
+        coded = [(n_frames, list(sections)) for n_frames, sections in self._with_progress(blocks)]
         return self._source.stream(leading, coded)
 
     def _coded(self, coder: FieldBlockCoder) -> Iterator[tuple[int, Sections]]:
-        """Frames and sections of each block."""
+        """Yield frames and sections of each block."""
         read, blocks = self._blocks(), KeyedBlocks(coder)
         for frames in read:
             yield frames.block.n_frames, blocks.code(frames).sections
 
-    def _coded_elsewhere(
+    def _coded_by_workers(
         self, coder: FieldBlockCoder, engine: Engine
     ) -> Iterator[tuple[int, Sections]]:
-        """The same, where workers code all blocks but the first.
+        """Yield frames and sections of each block; workers encode all but the first.
 
-        Where one of them becomes a key block, what was begun behind it is begun anew.
+        If one of them becomes a key block, the following blocks are restarted with it.
         """
         first, *others = self._source.pieces()
         frames = coder.frames(first.read_given(), first.order)
@@ -260,7 +260,7 @@ class WholeSequence:
             others = others[n_coded:]
 
     def _blocks(self) -> Iterable[FieldFrames]:
-        """The blocks, ready to be coded: kept for further trials, or read anew for each."""
+        """Return the blocks, cached for further trials or re-read for each."""
         if self._keeps_blocks:
             return self._kept_blocks
         return self._read_blocks()
@@ -270,7 +270,7 @@ class WholeSequence:
         return self._source.block_frames < self._n_frames
 
     @property
-    def _is_one_try(self) -> bool:
+    def _is_single_trial(self) -> bool:
         return self._target.kind in (TargetKind.QUALITY, TargetKind.STEP)
 
     @cached_property
@@ -278,9 +278,9 @@ class WholeSequence:
         sequence = self._source.sequence
         if not self._is_cut:
             return True
-        if self._is_one_try:
+        if self._is_single_trial:
             return False
-        kept_bytes = KEPT_BYTES * self._n_frames * sequence.n_verts
+        kept_bytes = CACHED_POSITION_BYTES * self._n_frames * sequence.n_verts
         memory = self._source.config.memory_bytes
         return memory is None or kept_bytes <= memory / 2
 
@@ -293,27 +293,29 @@ class WholeSequence:
         return (self._coder.frames(piece.read_given(), piece.order) for piece in pieces)
 
     def _new_meter(self) -> Meter:
-        """A meter of the error that is to be met."""
+        """Return a meter of the target's error."""
         if self._target.kind is TargetKind.KG:
             return KgMeter()
         if not self._keeps_blocks:
             raise InvalidInputError(
                 "sted compares frames of the whole sequence, which do not fit into the memory "
-                "allowed; allow more, or ask for kg or quality"
+                "allowed; allow more, or use kg= or quality="
             )
         return StedMeter(self._source.mesh.faces)
 
-    def _told(self, blocks: Iterator[tuple[int, Sections]]) -> Iterator[tuple[int, Sections]]:
-        """The blocks, while the listener is told how many of their frames are coded."""
+    def _with_progress(
+        self, blocks: Iterator[tuple[int, Sections]]
+    ) -> Iterator[tuple[int, Sections]]:
+        """Yield the blocks, and report the number of encoded frames."""
         done = 0
         for n_coded, sections in blocks:
             yield n_coded, sections
             done += n_coded
-            self._tell(done)
+            self._report(done)
 
-    def _tell(self, n_done: int) -> None:
-        """Tell the listener of frames coded; nothing is all done while another try may follow."""
+    def _report(self, n_done: int) -> None:
+        """Report encoded frames; a search never reports completion, because trials may follow."""
         number = 1 + len(self._streams) + len(self._errors)
-        stage = "encoding" if self._is_one_try else f"encoding, try {number}"
-        if self._is_one_try or n_done < self._n_frames:
+        stage = "encoding" if self._is_single_trial else f"encoding, try {number}"
+        if self._is_single_trial or n_done < self._n_frames:
             self._progress(stage, Count(n_done, self._n_frames, "frames"))

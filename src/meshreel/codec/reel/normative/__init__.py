@@ -1,6 +1,5 @@
-"""The mathematics that encoder and decoder of `reel` agree on.
+"""Normative part of `reel`, shared by encoder and decoder.
 
-Whatever changes here changes what stored streams mean: hierarchy, stencils, predictor weights,
-levels, timeline, corrections, and how all of it lies in a stream. Both sides call it, so that the
-encoder knows exactly what the decoder will know.
+Changes here change the meaning of stored streams: hierarchy, stencils, predictor weights, levels,
+timeline, corrections, and the layout of sections.
 """

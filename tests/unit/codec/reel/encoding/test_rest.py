@@ -86,7 +86,7 @@ def test_a_part_that_never_moves_rests_when_its_means_are_modes(monkeypatch):
     still = steps_percent(sequence.vertices).max(axis=0) == 0.0
     assert 0.3 < still.mean() < 0.7
     with_means = meshreel.encode(sequence)
-    monkeypatch.setattr(analysis, "has_still_part", lambda *_: False)
+    monkeypatch.setattr(analysis, "has_resting_vertices", lambda *_: False)
     without = meshreel.encode(sequence)
     found, crawling = (
         np.median(steps_percent(meshreel.decode(data).vertices)[:, still])

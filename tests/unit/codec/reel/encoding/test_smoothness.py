@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.codec.reel.encoding.smoothness import LEAST_SHARE, sampled_frames, step_share
+from meshreel.codec.reel.encoding.smoothness import MIN_SHARE, sampled_frames, step_share
 from samples.meshes import waving_grid
 
 FACES = np.array([[0, 1, 2], [2, 1, 3]], np.int32)
@@ -90,4 +90,4 @@ def test_a_live_recording_is_coded_as_finely_as_a_file_when_it_is_smooth(tmp_pat
     whole = meshreel.decode(meshreel.encode(sequence))
     errors = [meshreel.compare(sequence, one).rms_error_percent for one in (live, whole)]
     assert errors[0] == pytest.approx(errors[1], rel=0.02)
-    assert LEAST_SHARE <= step_share(sequence.faces, sequence.n_verts, sequence.vertices) < 1
+    assert MIN_SHARE <= step_share(sequence.faces, sequence.n_verts, sequence.vertices) < 1
