@@ -6,8 +6,7 @@ from meshreel.evaluation.codecs.peers.protocol import Peer
 from meshreel.evaluation.codecs.results import ERRORS, RECORDED, CodecResults
 from meshreel.evaluation.pipeline import Measured
 from meshreel.evaluation.rate_distortion import RateDifference, bd_rate, rate_at_error
-from meshreel.evaluation.report.codecs import codecs_document
-from meshreel.evaluation.report.openings import sequence_opening
+from meshreel.evaluation.report import codecs_document, sequence_opening
 from meshreel.evaluation.runs.store import Result, done
 from meshreel.rendering.documents.cells import NONE, significant
 from meshreel.rendering.documents.parts import Bullets, Document, Paragraph, Part, Picture, Table

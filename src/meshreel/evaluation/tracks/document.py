@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 
 from meshreel.evaluation.pipeline import Measured
-from meshreel.evaluation.report.codecs import codecs_document
-from meshreel.evaluation.report.openings import sequence_opening
+from meshreel.evaluation.report import codecs_document, sequence_opening
 from meshreel.evaluation.runs.store import done
 from meshreel.evaluation.tracks.measure import OURS
 from meshreel.evaluation.tracks.peers import TrackPeer

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from meshreel.evaluation.pipeline import Measured
-from meshreel.evaluation.report.openings import report_opening, sequence_opening
+from meshreel.evaluation.report import report_opening, sequence_opening
 from meshreel.evaluation.runs.store import done
 from meshreel.paper.study.decompositions import N_DECOMPOSITIONS
 from meshreel.paper.study.findings import findings

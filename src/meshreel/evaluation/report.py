@@ -1,10 +1,32 @@
-"""The frame of reports on our codec beside others."""
+"""The frame of reports: openings, and the document that compares codecs."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Protocol
 
-from meshreel.evaluation.report.openings import report_opening
-from meshreel.rendering.documents.parts import Bullets, Document, Heading, Part
+from meshreel.evaluation.runs.machine import machines_text
+from meshreel.rendering.documents.parts import Bullets, Code, Document, Heading, Paragraph, Part
+from meshreel.runtime.counting import counted
+
+
+def report_opening(
+    title: str, made_by: str, command: str, results: Iterable[Mapping[str, Any]]
+) -> list[Part]:
+    """Title, a text that ends before the command, the command, and where seconds are from."""
+    machines = machines_text(results)
+    parts: list[Part] = [Heading(1, title), Paragraph(made_by), Code(command)]
+    return [*parts, Paragraph(machines)] if machines else parts
+
+
+def sequence_opening(name: str, sequence: Mapping[str, Any]) -> list[Part]:
+    """The heading of a sequence and what it consists of, from its identity in the results."""
+    return [
+        Heading(2, name),
+        Paragraph(
+            f"{counted(sequence['n_frames'], 'frame')}, {counted(sequence['n_verts'], 'vertex')}, "
+            f"{counted(sequence['n_faces'], 'face')} (SHA-256 of the content begins with "
+            f"`{sequence['sha256'][:12]}`)."
+        ),
+    ]
 
 
 class Summarised(Protocol):

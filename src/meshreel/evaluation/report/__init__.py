@@ -1,1 +1,0 @@
-"""Reports: their parts, and the files they become."""
