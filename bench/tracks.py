@@ -1,11 +1,11 @@
-"""Bytes of tracks within a bound, against compressors of arrays at the same largest error.
+"""Bytes of tracks compared with array compressors at equal largest error.
 
     python bench/tracks.py --vertices 10000 --frames 150
     python bench/tracks.py samba.npz
 
-Without a file: the tracks of `examples/heat_on_a_sphere.py`. Of a file: velocities (differences of
-positions) and normals of the vertices. All are coded within 0.1 % of the range, normals within 0.5
-degrees; how the others are used, `meshreel evaluate --track` says. Needs `pip install '.[peers]'`.
+Without a file: the tracks of `examples/heat_on_a_sphere.py`. With a file: velocities (differences
+of positions) and normals of vertices. All are coded within 0.1 % of the range, normals within 0.5
+degrees; `meshreel evaluate --track` describes the other codecs. Needs `pip install '.[peers]'`.
 """
 
 import argparse
@@ -17,7 +17,7 @@ import numpy as np
 
 import meshreel
 from meshreel.evaluation.codecs.peers.protocol import is_available
-from meshreel.evaluation.tracks.measure import Measured
+from meshreel.evaluation.tracks.measure import TrackInput
 from meshreel.evaluation.tracks.peers import TRACK_PEERS
 from meshreel.evaluation.tracks.settings import level_of
 from meshreel.evaluation.tracks.study import TrackStudy, with_track_alone
@@ -42,20 +42,21 @@ def derived(path: str) -> meshreel.MeshSequence:
 
 
 def rows(sequence: meshreel.MeshSequence) -> list[list[Any]]:
-    """Of each track: bytes of ours at its default bound, of the others at the same, and seconds."""
-    found = []
+    """For each track, bytes of our codec and the others at the same bound, and our seconds."""
+    cells = []
     for name in sequence.tracks:
         study = TrackStudy(name)
-        one = Measured(with_track_alone(sequence, name), name)
-        level = level_of("0.5deg" if one.track.kind == "normal" else "0.1%", one.track)
-        runs = study.runs(one, [level])
+        track_input = TrackInput(with_track_alone(sequence, name), name)
+        track = track_input.track
+        level = level_of("0.5deg" if track.kind == "normal" else "0.1%", track)
+        runs = study.runs(track_input, [level])
         figures = [run.measure(silent).figures for run in runs]
         ours, *others = figures
         sizes = [other["size_bytes"] for other in others]
         share = ours["size_bytes"] / min(sizes)
         seconds = [ours["seconds"][way] for way in ("encode", "decode")]
-        found.append([name, ours["positions_bytes"], ours["size_bytes"], *sizes, share, *seconds])
-    return found
+        cells.append([name, ours["positions_bytes"], ours["size_bytes"], *sizes, share, *seconds])
+    return cells
 
 
 def main() -> None:
@@ -75,7 +76,7 @@ def main() -> None:
     print("|" + len(head) * "---|")
     for name, sequence in sequences.items():
         for row in rows(sequence):
-            cells = [f"{one:.2f}" if isinstance(one, float) else str(one) for one in row]
+            cells = [f"{cell:.2f}" if isinstance(cell, float) else str(cell) for cell in row]
             print("| " + " | ".join([f"{Path(name).stem}, {cells[0]}", *cells[1:]]) + " |")
 
 

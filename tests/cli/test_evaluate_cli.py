@@ -66,7 +66,7 @@ def test_evaluate_names_the_extra_when_a_package_is_missing(grid, tmp_path, monk
     [
         (("--methods", "pca-x"), "method 'pca-x' is unknown; choose from pca-qp"),
         (("--peers", "zip"), "peer 'zip' is unknown; choose from draco"),
-        (("--methods", ","), "no method is named"),
+        (("--methods", ","), "name at least one method"),
         (("--reference", "missing.csv"), "missing.csv"),
     ],
 )

@@ -1,8 +1,8 @@
-"""Evaluations: sequences in, a report out.
+"""Evaluations of codecs on sequences, with reports.
 
-`pipeline` goes the whole way: the runs that a study plans (`runs/`), their results on disk, its
-plots and pictures (`plots/`), its document as Markdown and HTML (`report/`). There are three
-studies: `paper/` runs the paper's evaluation, `codecs/` sets our codec beside others, `tracks/` a
-track beside compressors of arrays. Each has the same rooms: settings, measure, results, tables,
-plots or figures, document, and `study`, which hands them to the pipeline.
+`pipeline` executes a study: it runs what the study plans and stores the results (`runs/`), draws
+its plots (`plots/`) and writes its document as Markdown and HTML (`report`). There are three
+studies: `codecs/` compares our codec with others, `tracks/` compares a track with compressors of
+arrays, and `meshreel.paper.study` runs the paper's evaluation. Each has modules for settings,
+measurements, results and the document, and a `study` that connects them to the pipeline.
 """

@@ -1,4 +1,4 @@
-"""Names that a command is given, checked against those there are."""
+"""Validation of lists of names, such as codecs on the command line."""
 
 from collections.abc import Iterable, Sequence
 
@@ -6,16 +6,16 @@ from meshreel.errors import InvalidInputError
 
 
 def checked_names(names: Iterable[str], known: Sequence[str], noun: str) -> tuple[str, ...]:
-    """The names in the order of the known ones, each once.
+    """Return the distinct names in the order of `known`.
 
     Raises
     ------
     InvalidInputError
-        If a name is unknown, or there is none.
+        If a name is unknown, or `names` is empty.
     """
-    wanted = set(names)
-    unknown = sorted(wanted - set(known))
-    if unknown or not wanted:
-        what = f"{noun} {unknown[0]!r} is unknown" if unknown else f"no {noun} is named"
-        raise InvalidInputError(f"{what}; choose from {', '.join(known)}")
-    return tuple(name for name in known if name in wanted)
+    selected = set(names)
+    unknown = sorted(selected - set(known))
+    if unknown or not selected:
+        problem = f"{noun} {unknown[0]!r} is unknown" if unknown else f"name at least one {noun}"
+        raise InvalidInputError(f"{problem}; choose from {', '.join(known)}")
+    return tuple(name for name in known if name in selected)

@@ -1,4 +1,4 @@
-"""The folder of a report: claimed for one command, its files named and written whole."""
+"""The output folder of a report: ownership, file names, atomic writes."""
 
 import json
 import re
@@ -12,27 +12,27 @@ from meshreel.runtime.outputs.atomic import replace_when_done
 
 
 def claim_folder(folder: Path, program: str, command: str) -> None:
-    """Make the folder of a report, or take one that an earlier run made.
+    """Create the folder of a report, or reuse one of an earlier run.
 
     Parameters
     ----------
     program : str
-        The command that the folder belongs to, such as "meshreel paper".
+        The command that owns the folder, such as "meshreel paper".
     command : str
-        The command line, for who finds the folder.
+        The command line, recorded in the folder.
 
     Raises
     ------
     InvalidInputError
-        If it holds files and none of them says that this program made it.
+        If the folder contains files but no marker of this program.
     """
     if folder.exists() and not folder.is_dir():
         raise InvalidInputError(f"{folder} is a file; name a folder")
     marker = folder / f"{program.replace(' ', '-')}.json"
     if folder.is_dir() and any(folder.iterdir()) and not _is_marker(marker, program):
         raise InvalidInputError(
-            f"the folder {folder} holds files and no {marker.name} of an earlier run; "
-            "name an empty or a new folder"
+            f"the folder {folder} contains files but no {marker.name} of an earlier run; "
+            "name an empty or new folder"
         )
     folder.mkdir(parents=True, exist_ok=True)
     facts = {"made_by": program, "version": __version__, "command": command}
@@ -48,12 +48,12 @@ def _is_marker(path: Path, program: str) -> bool:
 
 
 def file_name(name: str) -> str:
-    """A name as a part of file names: letters, digits, dots and dashes."""
+    """Replace everything but letters, digits and dots by dashes, for use in file names."""
     return re.sub(r"[^A-Za-z0-9.]+", "-", name).strip("-.") or "sequence"
 
 
 def unique_names(sequences: Sequence[MeshSequence]) -> list[str]:
-    """Names for files, each once."""
+    """Distinct file names of sequences."""
     names: list[str] = []
     for sequence in sequences:
         name, number = file_name(sequence.name), 1
@@ -65,6 +65,6 @@ def unique_names(sequences: Sequence[MeshSequence]) -> list[str]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file, whole or not at all, over what was there."""
+    """Write or replace a text file atomically."""
     with replace_when_done(path, overwrite=True) as temporary:
         temporary.write_text(text, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The way of every evaluation: a plan of runs, their results, pictures, and a report of them."""
+"""Execute a study: runs, results, pictures, report."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -25,17 +25,17 @@ from meshreel.runtime.progress import Count, Progress, silent
 
 
 class Results(Protocol):
-    """Everything that was measured on one sequence."""
+    """All measurements of one sequence."""
 
     def as_dict(self) -> dict[str, Any]:
-        """All of it that a summary shows, in plain types."""
+        """Contents of the summary, in plain types."""
 
 
 R = TypeVar("R", bound=Results)
 
 
 Measured = Sequence[tuple[R, Sequence[Picture]]]
-"""The results of each sequence with the pictures drawn of them."""
+"""Results and pictures of each sequence."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class Subject:
     Attributes
     ----------
     slug : str
-        Begins the names of its pictures.
+        Prefix of the names of its pictures.
     store : Store
         Its results on disk.
     """
@@ -56,28 +56,30 @@ class Subject:
 
 
 class Study(Protocol[R]):
-    """Runs for a sequence, and tables, pictures and a report of their results."""
+    """Plans runs for a sequence and presents their results."""
 
     @property
     def program(self) -> str:
-        """The command that its folders belong to."""
+        """The command that owns its folders."""
 
     def plan(self, sequence: MeshSequence) -> Mapping[str, Sequence[Run]]:
-        """The runs of a sequence, by the name of what they are for."""
+        """The runs of a sequence, in named groups."""
 
-    def collect(self, subject: Subject, found: Mapping[str, list[Result]], progress: Progress) -> R:
-        """The results of the planned runs as one value."""
+    def collect(
+        self, subject: Subject, groups: Mapping[str, list[Result]], progress: Progress
+    ) -> R:
+        """Combine the results of all groups of runs."""
 
     def drawings(
         self, subject: Subject, results: R, folder: Path
     ) -> Iterable[Callable[[], Picture]]:
-        """A function for each picture that the results allow, which draws it into the folder."""
+        """Functions that each draw one picture into the folder."""
 
     def notes(self, measured: Measured[R]) -> dict[str, list[str]]:
-        """Lines on what was asked for and could not be had, by their name in the summary."""
+        """Lines about missing results, by their name in the summary."""
 
     def document(self, measured: Measured[R], command: str) -> Document:
-        """The report that says which command it was made by."""
+        """The report; it quotes the command."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,7 @@ class Evaluation(Generic[R]):
         The report.
     measured : list of (results, list of Picture)
     notes : dict of str to list of str
-        Lines on what was asked for and could not be had.
+        Lines about missing results.
     """
 
     markdown: Path
@@ -99,7 +101,7 @@ class Evaluation(Generic[R]):
     notes: dict[str, list[str]]
 
     def as_dict(self) -> dict[str, Any]:
-        """Paths, notes and figures, in plain types."""
+        """Paths, notes and results, in plain types."""
         return {
             "report": {"markdown": str(self.markdown), "html": str(self.html)},
             **self.notes,
@@ -118,63 +120,61 @@ def evaluate(
     command: str = "",
     progress: Progress = silent,
 ) -> Evaluation[R]:
-    """Run a study on the sequences, and write the report of it.
-
-    Results that the folder has already are not computed again.
+    """Run a study on the sequences and write its report; stored results are reused.
 
     Parameters
     ----------
     sequences : sequence of MeshSequence
     out : Path
-        A new or an empty folder, or one that an earlier run made.
+        A new or empty folder, or one of an earlier run.
     command : str
-        The command line that the report names; that of the study without options if it is empty.
+        The command line for the report. Default: that of the study without options.
     progress : callable
 
     Raises
     ------
     InvalidInputError
-        If matplotlib is missing, or the folder holds something else.
+        If matplotlib is missing, or the folder contains other files.
     """
     require_matplotlib()
     command = command or study.program
     claim_folder(out, study.program, command)
-    drawn = out / "figures"
-    drawn.mkdir(exist_ok=True)
+    figures = out / "figures"
+    figures.mkdir(exist_ok=True)
     measured = []
     for sequence, slug in zip(sequences, unique_names(sequences), strict=True):
         subject = Subject(sequence, slug, Store.for_sequence(out / "results", sequence))
         results = measure(study, subject, progress)
-        measured.append((results, draw(study, subject, results, drawn, progress)))
+        measured.append((results, draw(study, subject, results, figures, progress)))
     progress("writing the report", 0.0)
     markdown, html = publish(study.document(measured, command), out)
     return Evaluation(markdown, html, measured, study.notes(measured))
 
 
 def measure(study: Study[R], subject: Subject, progress: Progress) -> R:
-    """The results of one sequence: of all runs that the study plans."""
+    """Execute all runs that the study plans for one sequence."""
 
     def listener(stage: str, share: float) -> None:
         progress(f"{subject.slug}: {stage}", share)
 
-    found = run_all(study.plan(subject.sequence), subject.store, listener)
-    return study.collect(subject, found, listener)
+    groups = run_all(study.plan(subject.sequence), subject.store, listener)
+    return study.collect(subject, groups, listener)
 
 
 def draw(
     study: Study[R], subject: Subject, results: R, folder: Path, progress: Progress
 ) -> list[Picture]:
-    """All pictures of one sequence, in the order of the study."""
-    works = list(study.drawings(subject, results, folder))
-    drawn = []
-    for number, work in enumerate(works):
-        progress(f"{subject.slug}: drawing", Count(number, len(works), "figures"))
-        drawn.append(work())
-    return drawn
+    """Draw all pictures of one sequence, in the order of the study."""
+    drawings = list(study.drawings(subject, results, folder))
+    pictures = []
+    for number, drawing in enumerate(drawings):
+        progress(f"{subject.slug}: drawing", Count(number, len(drawings), "figures"))
+        pictures.append(drawing())
+    return pictures
 
 
 def publish(document: Document, out: Path) -> tuple[Path, Path]:
-    """Write report.md and report.html into the folder that holds the pictures; their paths."""
+    """Write report.md and report.html next to the pictures and return their paths."""
     markdown, html = out / "report.md", out / "report.html"
     write_text(markdown, to_markdown(document.parts, out))
     write_text(html, to_html(document.parts, document.title))
@@ -182,7 +182,7 @@ def publish(document: Document, out: Path) -> tuple[Path, Path]:
 
 
 def to_markdown(parts: Sequence[Part], folder: Path) -> str:
-    """The report as Markdown; pictures are named relative to the folder it will lie in."""
+    """The report as Markdown, with paths of pictures relative to its folder."""
     return "\n\n".join(_markdown(part, folder) for part in parts) + "\n"
 
 

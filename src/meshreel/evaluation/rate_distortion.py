@@ -1,9 +1,9 @@
-"""Rate-distortion curves: lower envelopes, and two of them compared at equal error or rate.
+"""Rate-distortion curves: lower envelopes and their comparison at equal error or rate.
 
 References
 ----------
 G. Bjontegaard, "Calculation of average PSNR differences between RD-curves", VCEG-M33, 2001; with
-piecewise cubic (PCHIP) interpolation in place of one cubic, as in JCTVC-B055.
+piecewise cubic (PCHIP) interpolation instead of one cubic, as in JCTVC-B055.
 """
 
 from collections.abc import Sequence
@@ -17,16 +17,16 @@ Point = tuple[float, float]  # rate, error
 
 @dataclass(frozen=True)
 class RateDifference:
-    """Rate of one codec against that of another at equal error.
+    """Rate of one codec relative to another at equal error.
 
     Attributes
     ----------
     percent : float or None
-        -50 is half the rate; None where the two cannot be compared.
+        -50 is half the rate; None if they are not comparable.
     low_error, high_error : float
-        The errors that both have; 0 where they cannot be compared.
+        The common range of errors; 0 if they are not comparable.
     reason : str
-        Why they cannot be compared; empty where they can.
+        Why they are not comparable, or empty.
     """
 
     percent: float | None
@@ -37,14 +37,15 @@ class RateDifference:
 
 @dataclass(frozen=True)
 class Overlap:
-    """Two envelopes over the rates that both cover.
+    """Comparison of two envelopes over their common range of rates.
 
     Attributes
     ----------
     low_bpvf, high_bpvf : float
-        The rates that both have.
+        The common range of rates.
     error_ratio : float
-        Error of the first by that of the second at equal rate, geometric mean over log rate.
+        Error of the first divided by that of the second at equal rate, geometric mean over log
+        rate.
     """
 
     low_bpvf: float
@@ -53,24 +54,24 @@ class Overlap:
 
 
 def lower_envelope(points: Sequence[Point]) -> list[Point]:
-    """The points that no other beats in both rate and error, by ascending rate."""
-    kept: list[Point] = []
+    """The Pareto-optimal points, by ascending rate."""
+    envelope: list[Point] = []
     for rate, error in sorted(points):
-        if rate > 0 and error > 0 and (not kept or error < kept[-1][1]):
-            kept.append((rate, error))
-    return kept
+        if rate > 0 and error > 0 and (not envelope or error < envelope[-1][1]):
+            envelope.append((rate, error))
+    return envelope
 
 
 def bd_rate(codec: Sequence[Point], other: Sequence[Point]) -> RateDifference:
-    """Bjontegaard's rate difference of a codec against another.
+    """Bjontegaard's rate difference of a codec relative to another.
 
-    The mean difference of log rate over log error, where the lower envelopes of both have
-    points at either side; nothing is extrapolated.
+    The mean difference of log rate over log error between the lower envelopes in their common
+    range; nothing is extrapolated.
 
     Parameters
     ----------
     codec, other : sequences of (rate, error)
-        Points with an error of 0 are left out, as are those that another point beats.
+        Points with an error of 0 are ignored.
     """
     curves = [_log_curve(points) for points in (codec, other)]
     if any(len(errors) < 2 for errors, _ in curves):
@@ -87,19 +88,18 @@ def bd_rate(codec: Sequence[Point], other: Sequence[Point]) -> RateDifference:
 
 
 def rate_at_error(points: Sequence[Point], error: float) -> float | None:
-    """The rate at which the lower envelope has this error; None beyond its ends."""
+    """The rate of the lower envelope at this error; None beyond its ends."""
     errors, rates = _log_curve(points)
-    wanted = np.log(error)
-    if len(errors) < 2 or not errors[0] <= wanted <= errors[-1]:
+    log_error = np.log(error)
+    if len(errors) < 2 or not errors[0] <= log_error <= errors[-1]:
         return None
-    return float(np.exp(PchipInterpolator(errors, rates)(wanted)))
+    return float(np.exp(PchipInterpolator(errors, rates)(log_error)))
 
 
 def compare_at_equal_rate(first: Sequence[Point], second: Sequence[Point]) -> Overlap | None:
-    """How the errors of two envelopes compare where their rates overlap; None if they do not.
+    """Compare the errors of two envelopes in their common range of rates; None without one.
 
-    Piecewise cubic (PCHIP) interpolation of log error over log rate, as for Bjontegaard's
-    figures; nothing is extrapolated.
+    Piecewise cubic (PCHIP) interpolation of log error over log rate, without extrapolation.
     """
     curves = [np.log(np.array(lower_envelope(points))) for points in (first, second)]
     if any(len(curve) < 2 for curve in curves):

@@ -9,16 +9,16 @@ from meshreel.runtime.counting import counted
 
 
 def report_opening(
-    title: str, made_by: str, command: str, results: Iterable[Mapping[str, Any]]
+    title: str, introduction: str, command: str, results: Iterable[Mapping[str, Any]]
 ) -> list[Part]:
-    """Title, a text that ends before the command, the command, and where seconds are from."""
+    """Title, introduction of the command, the command, and the machines of the results."""
     machines = machines_text(results)
-    parts: list[Part] = [Heading(1, title), Paragraph(made_by), Code(command)]
+    parts: list[Part] = [Heading(1, title), Paragraph(introduction), Code(command)]
     return [*parts, Paragraph(machines)] if machines else parts
 
 
 def sequence_opening(name: str, sequence: Mapping[str, Any]) -> list[Part]:
-    """The heading of a sequence and what it consists of, from its identity in the results."""
+    """Heading and description of a sequence, from its identity in the results."""
     return [
         Heading(2, name),
         Paragraph(
@@ -29,16 +29,16 @@ def sequence_opening(name: str, sequence: Mapping[str, Any]) -> list[Part]:
     ]
 
 
-class Summarised(Protocol):
-    """A codec that says in a line what it is."""
+class Summarized(Protocol):
+    """A codec with a name and a one-line summary."""
 
     @property
     def name(self) -> str:
-        """As users write it."""
+        """Name on the command line."""
 
     @property
     def summary(self) -> str:
-        """The line."""
+        """One-line description."""
 
 
 def codecs_document(
@@ -47,31 +47,31 @@ def codecs_document(
     finished: Iterable[Mapping[str, Any]],
     body: Iterable[Part],
     *,
-    how: tuple[str, ...],
-    peers: Sequence[Summarised],
+    methodology: tuple[str, ...],
+    peers: Sequence[Summarized],
     notes: Sequence[str],
 ) -> Document:
-    """A report on our codec beside others.
+    """A report that compares our codec with others.
 
     Parameters
     ----------
     command : str
-        The command line that made it.
+        The command line that created the report.
     finished : iterable of results
-        They say which machines seconds are from.
+        Their machines are listed.
     body : iterable of Part
-        On each of the sequences.
-    how : tuple of str
-        How it was measured.
-    peers : sequence of Summarised
-        Those that were asked for and are there.
+        The sections of the sequences.
+    methodology : tuple of str
+        How results were measured.
+    peers : sequence of Summarized
+        The available codecs among the requested ones.
     notes : sequence of str
-        Lines on what was asked for and is not in the report.
+        Lines about missing results.
     """
-    parts = report_opening(title, "Made by", command, finished)
+    parts = report_opening(title, "Created by", command, finished)
     if notes:
         parts += [Heading(2, "Not measured"), Bullets(tuple(notes))]
-    parts += [*body, Heading(2, "How it was measured"), Bullets(how)]
+    parts += [*body, Heading(2, "How it was measured"), Bullets(methodology)]
     if peers:
         lines = tuple(f"`{peer.name}`: {peer.summary}" for peer in peers)
         parts += [Heading(2, "Other codecs"), Bullets(lines)]

@@ -1,1 +1,1 @@
-"""Our codec beside other codecs: `meshreel evaluate`."""
+"""Comparison of our codec with others: `meshreel evaluate`."""

@@ -1,4 +1,4 @@
-"""The vertices of a sequence in the orders that codecs without faces may take them in."""
+"""Vertex orders for codecs that do not code faces."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,16 +10,16 @@ from meshreel.model.sequence import MeshSequence, Vertices
 
 @dataclass(frozen=True, eq=False)
 class Arrangement:
-    """A sequence with its vertices in one order, and what its faces cost then.
+    """A sequence in one vertex order, and the cost of its coded connectivity.
 
     Attributes
     ----------
     order : {"coded", "given"}
-        That of the coded connectivity, or the one of the sequence, which is then stored.
+        The order of the coded connectivity, or the original one, which must then be stored.
     size_bytes : int
-        Of our connectivity, with the order of the vertices where it is the given one.
+        Coded connectivity, including the order if it is the original one.
     encode_s, decode_s : float
-        Seconds of that.
+        Seconds for the connectivity.
     """
 
     order: str
@@ -31,26 +31,26 @@ class Arrangement:
 
 @dataclass(frozen=True, eq=False)
 class Arrangements:
-    """A sequence in both orders, each found when it is first asked for."""
+    """A sequence in both vertex orders, computed on first use."""
 
     sequence: MeshSequence
 
     @cached_property
     def coded(self) -> Arrangement:
-        """In the order of the coded connectivity."""
-        return arranged(self.sequence, "coded")
+        """The order of the coded connectivity."""
+        return arrange(self.sequence, "coded")
 
     @cached_property
     def given(self) -> Arrangement:
-        """In the order of the sequence."""
-        return arranged(self.sequence, "given")
+        """The original order."""
+        return arrange(self.sequence, "given")
 
 
-def arranged(sequence: MeshSequence, order: str) -> Arrangement:
-    """The sequence in this order of vertices, with its connectivity coded and timed."""
+def arrange(sequence: MeshSequence, order: str) -> Arrangement:
+    """Bring the sequence into a vertex order, and code and time its connectivity."""
     faces, n_verts = sequence.faces, sequence.n_verts
-    kept = "drop" if order == "coded" else "vertices"
-    coded, encode_s = timed(lambda: encode_connectivity(faces, n_verts, order=kept), REPEATS)
+    stored = "drop" if order == "coded" else "vertices"
+    coded, encode_s = timed(lambda: encode_connectivity(faces, n_verts, order=stored), REPEATS)
 
     def decode_faces() -> None:
         internal = decode_connectivity(coded.payload, n_verts, len(faces))

@@ -1,6 +1,6 @@
-"""The report on codecs: parts in their order."""
+"""The report of the comparison of codecs."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from meshreel.evaluation.codecs.peers.protocol import Peer
 from meshreel.evaluation.codecs.results import ERRORS, RECORDED, CodecResults
@@ -11,23 +11,23 @@ from meshreel.evaluation.runs.store import Result, done
 from meshreel.rendering.documents.cells import NONE, significant
 from meshreel.rendering.documents.parts import Bullets, Document, Paragraph, Part, Picture, Table
 
-TITLE = "meshreel beside other codecs: rate, distortion, seconds"
+TITLE = "meshreel compared with other codecs: rate, distortion, time"
 
-HOW = (
-    "**Rate.** Bits of everything by vertices and frames: three coordinates, connectivity, "
-    "headers. No codec has to keep the order of vertices and faces.",
-    "**Connectivity.** To codecs that do not code faces, the bytes and seconds of meshreel's coded "
-    "connectivity are added, once for the sequence. They are given the vertices in the order that "
-    "it leaves, or as they came where both are smaller together with that order stored. Draco "
-    "codes the connectivity in every frame.",
-    "**Errors.** Of every vertex against its original; Draco's order, which follows from the faces "
-    "alone, is found outside of the seconds and not counted. Draco leaves out degenerate and "
-    "repeated faces.",
-    "**Seconds.** Wall clock in one process, arrays in memory to bytes in memory and back, each "
-    "codec with its own default number of threads; the median of three runs where one takes less "
+METHODOLOGY = (
+    "**Rate.** All bits, including connectivity and headers, per vertex and frame. Codecs need not "
+    "preserve the order of vertices and faces.",
+    "**Connectivity.** For codecs that do not code faces, the bytes and seconds of meshreel's "
+    "coded connectivity are added, once per sequence. These codecs receive the vertices in the "
+    "order of the coded connectivity, or in the original order if that is smaller in total with "
+    "the order stored. Draco codes the connectivity in every frame.",
+    "**Errors.** Distance of every vertex from its original. Draco's vertex order follows from the "
+    "faces alone; it is reconstructed outside the timing and not counted. Draco drops degenerate "
+    "and repeated faces.",
+    "**Seconds.** Wall clock in one process, from arrays in memory to bytes in memory and back, "
+    "with the default number of threads of each codec; the median of three runs if one takes less "
     "than two seconds.",
-    "**BD-rate.** Mean difference of log rate over log error, where both envelopes have points "
-    "(in brackets), by piecewise cubic interpolation; -50 % is half the rate. Nothing is "
+    "**BD-rate.** Mean difference of log rate over log error in the common range of both envelopes "
+    "(in parentheses), by piecewise cubic interpolation; -50 % is half the rate. Nothing is "
     "extrapolated.",
 )
 
@@ -41,21 +41,12 @@ COMPARED = {"kg_error_percent": "KG error", "sted": "STED", "max_error_percent":
 def codec_document(
     measured: Measured[CodecResults], peers: Sequence[Peer], notes: Sequence[str], command: str
 ) -> Document:
-    """The report on sequences and their plots.
-
-    Parameters
-    ----------
-    measured : sequence of (CodecResults, pictures)
-    peers : sequence of Peer
-        Those that were asked for and are there.
-    notes : sequence of str
-        Lines on what was asked for and is not in the report.
-    command : str
-        The command line that made it.
-    """
-    finished = (one for results, _ in measured for one in done(results.measured))
+    """Build the report; see `codecs_document` for the parameters."""
+    finished = (result for results, _ in measured for result in done(results.measured))
     body = (part for results, pictures in measured for part in _sequence_parts(results, pictures))
-    return codecs_document(TITLE, command, finished, body, how=HOW, peers=peers, notes=notes)
+    return codecs_document(
+        TITLE, command, finished, body, methodology=METHODOLOGY, peers=peers, notes=notes
+    )
 
 
 def _sequence_parts(results: CodecResults, pictures: Sequence[Picture]) -> list[Part]:
@@ -63,7 +54,7 @@ def _sequence_parts(results: CodecResults, pictures: Sequence[Picture]) -> list[
         *sequence_opening(results.name, results.sequence),
         *pictures,
         rate_table(results),
-        Paragraph("'-': the codec has no points at either side of this error."),
+        Paragraph("'-': the points of the codec do not enclose this error."),
     ]
     parts += [part for error in COMPARED for part in bd_rate_parts(results, error)]
     lossless = lossless_table(results)
@@ -77,13 +68,13 @@ def _sequence_parts(results: CodecResults, pictures: Sequence[Picture]) -> list[
 def rate_table(results: CodecResults) -> Table:
     """Bits per vertex and frame at fixed errors, interpolated on each lower envelope."""
     curves = {error: results.curves(error) for error in ("kg_error_percent", "sted")}
-    wanted = [("kg_error_percent", level) for level in KG_LEVELS]
-    wanted += [("sted", level) for level in STED_LEVELS]
+    columns = [("kg_error_percent", level) for level in KG_LEVELS]
+    columns += [("sted", level) for level in STED_LEVELS]
     header = ("codec", *(f"KG {level:g} %" for level in KG_LEVELS),
               *(f"STED {level:g}" for level in STED_LEVELS))  # fmt: skip
     rows = []
-    for label in _labels(curves.values()):
-        rates = [rate_at_error(curves[error].get(label, []), level) for error, level in wanted]
+    for label in dict.fromkeys(label for group in curves.values() for label in group):
+        rates = [rate_at_error(curves[error].get(label, []), level) for error, level in columns]
         if any(rate is not None for rate in rates):
             rows.append((label, *map(significant, rates)))
     title = f"Bits per vertex and frame at equal error, {results.name}"
@@ -91,28 +82,28 @@ def rate_table(results: CodecResults) -> Table:
 
 
 def bd_rate_parts(results: CodecResults, error: str) -> list[Part]:
-    """BD-rates of our methods against all other codecs, and who could not be compared."""
+    """BD-rates of our methods relative to all other codecs, and the codecs without one."""
     curves = results.curves(error)
     methods = [name for name in results.methods if name in curves]
     rows: list[tuple[str, ...]] = []
-    left_out: dict[str, list[str]] = {}
+    excluded: dict[str, list[str]] = {}
     for label in curves:
         others = [name for name in methods if name != label]
-        found = {name: bd_rate(curves[name], curves[label]) for name in others}
-        if any(difference.percent is not None for difference in found.values()):
-            rows.append((label, *(bd_text(found.get(name)) for name in methods)))
-        elif found and label not in methods:
-            left_out.setdefault(found[others[0]].reason, []).append(label)
-    title = f"BD-rate at equal {COMPARED[error]}, {results.name}: rate of each column by that of"
+        differences = {name: bd_rate(curves[name], curves[label]) for name in others}
+        if any(difference.percent is not None for difference in differences.values()):
+            rows.append((label, *(bd_text(differences.get(name)) for name in methods)))
+        elif differences and label not in methods:
+            excluded.setdefault(differences[others[0]].reason, []).append(label)
+    title = f"BD-rate at equal {COMPARED[error]}, {results.name}: each column relative to the row"
     parts: list[Part] = [Table(title, ("codec", *methods), tuple(rows))] if rows else []
-    if left_out:
-        texts = (f"{', '.join(labels)} ({reason})" for reason, labels in left_out.items())
+    if excluded:
+        texts = (f"{', '.join(labels)} ({reason})" for reason, labels in excluded.items())
         parts.append(Paragraph(f"Not compared at equal {COMPARED[error]}: {'; '.join(texts)}."))
     return parts
 
 
 def bd_text(difference: RateDifference | None) -> str:
-    """Such as "-62.3 % (0.1 to 1.5)", or why there is none; a dash for None."""
+    """Text such as "-62.3 % (0.1 to 1.5)", or the reason for its absence; a dash for None."""
     if difference is None:
         return NONE
     if difference.percent is None:
@@ -122,7 +113,7 @@ def bd_text(difference: RateDifference | None) -> str:
 
 
 def lossless_table(results: CodecResults) -> Table | None:
-    """Codecs that give every position back; None where there is none."""
+    """Rates and seconds of lossless codecs; None without any."""
     rows: list[tuple[str, ...]] = [
         (r["codec"], significant(r["rate_bpvf"]), *_seconds(r))
         for r in done(results.measured)
@@ -139,7 +130,7 @@ def lossless_table(results: CodecResults) -> Table | None:
 
 
 def seconds_table(results: CodecResults) -> Table:
-    """Least and most seconds over the settings of each codec, and frames of a second."""
+    """Range of seconds over the settings of each codec, and the lowest frames per second."""
     rows = []
     for codec in (*results.methods, *results.peers):
         runs = [result for result in done(results.measured) if result["codec"] == codec]
@@ -167,21 +158,17 @@ def runs_table(results: CodecResults) -> Table:
 
 
 def refusals(results: CodecResults) -> tuple[str, ...]:
-    """Why runs have no figures, a line for each codec and reason."""
-    found: dict[tuple[str, str], list[str]] = {}
+    """One line for each codec and reason of failed runs."""
+    settings_of: dict[tuple[str, str], list[str]] = {}
     for result in results.measured:
         if "refused" in result:
-            settings = found.setdefault((result["codec"], result["refused"]), [])
+            settings = settings_of.setdefault((result["codec"], result["refused"]), [])
             settings.append(result["params"])
     return tuple(
-        f"`{codec}` has no figures for {results.name} ({_settings_text(settings)}): {why}"
-        for (codec, why), settings in found.items()
+        f"`{codec}` has no figures for {results.name} "
+        f"({', '.join(settings) or 'its one setting'}): {reason}"
+        for (codec, reason), settings in settings_of.items()
     )
-
-
-def _settings_text(settings: Sequence[str]) -> str:
-    named = ", ".join(settings)
-    return named or "its one setting"
 
 
 def _seconds(result: Result) -> tuple[str, str]:
@@ -191,7 +178,3 @@ def _seconds(result: Result) -> tuple[str, str]:
 def _range(seconds: Sequence[float]) -> str:
     low, high = significant(min(seconds)), significant(max(seconds))
     return low if low == high else f"{low} to {high}"
-
-
-def _labels(curves: Iterable[dict[str, list[tuple[float, float]]]]) -> list[str]:
-    return list(dict.fromkeys(label for group in curves for label in group))

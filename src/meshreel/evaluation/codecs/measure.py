@@ -1,4 +1,4 @@
-"""Encode, decode, measure: a run of a method of ours or of a peer at one setting."""
+"""Runs that measure one of our methods or another codec at one setting."""
 
 from typing import Any
 
@@ -24,10 +24,10 @@ METHOD, PEER = "method", "peer"
 
 
 def method_run(sequence: MeshSequence, setting: MethodSetting) -> Run:
-    """The run of a method of ours.
+    """A run of one of our methods.
 
-    Rate and seconds are with the order dropped, as other codecs drop it; quality is of a stream
-    that keeps it.
+    Rate and seconds are measured without the vertex order, as for other codecs; quality is
+    measured on a stream with it.
     """
     return Run(
         name=f"{setting.method} {setting.params}",
@@ -39,10 +39,10 @@ def method_run(sequence: MeshSequence, setting: MethodSetting) -> Run:
 
 
 def peer_run(arrangements: Arrangements, peer: Peer, value: float) -> Run:
-    """The run of another codec.
+    """A run of another codec.
 
-    Where it does not code faces, the bytes and seconds of our connectivity are added, with the
-    vertices in the order in which both together are smaller.
+    If it does not code faces, the bytes and seconds of our connectivity are added, and the vertex
+    order is the one with the smaller total.
     """
     about = {"codec": peer.name, "summary": peer.summary, "version": package_version(peer)}
     params = peer.params(value)
@@ -63,13 +63,13 @@ def _measure_method(sequence: MeshSequence, setting: MethodSetting, progress: Pr
         REPEATS,
     )
     _, decode_s = timed(lambda: decode(data, progress=progress), REPEATS)
-    kept = decode(encode(sequence, setting.method, **options, progress=progress))
+    ordered = decode(encode(sequence, setting.method, **options, progress=progress))
     progress("measuring", 0.0)
     n_connectivity = info(data).budget_bytes.get("connectivity", 0)
     figures = {
         **_sizes(sequence, len(data), n_connectivity),
         "seconds": seconds_of(encode_s, decode_s),
-        "quality": errors_of(sequence, kept.vertices),
+        "quality": errors_of(sequence, ordered.vertices),
         "machine": machine_facts(),
     }
     return Outcome(figures)
@@ -93,7 +93,7 @@ def _measure_peer(
 def _measure_coder(
     original: MeshSequence, peer: Peer, value: float, faces: Arrangement | None = None
 ) -> Outcome:
-    """Sizes, seconds and errors; with those of the faces where the peer does not code them."""
+    """Sizes, seconds and errors, including the connectivity in `faces` if given."""
     source = peer.prepare(original) if isinstance(peer, ReordersVertices) else original
     data, encode_s = timed(lambda: peer.encode(source, value), REPEATS)
     shape, dtype = (source.n_frames, source.n_verts, 3), source.vertices.dtype
@@ -117,7 +117,7 @@ def _measure_coder(
 
 
 def errors_of(original: MeshSequence, vertices_hat: Vertices) -> dict[str, Any]:
-    """KG error, STED, largest and RMS error of decoded positions, as `compare` gives them."""
+    """KG error, STED, largest and RMS error of decoded positions, as in `compare`."""
     distances = displacement_errors_percent(original.vertices, vertices_hat)
     figures = {
         "kg_error_percent": kg_error_percent(original.vertices, vertices_hat),
@@ -125,8 +125,8 @@ def errors_of(original: MeshSequence, vertices_hat: Vertices) -> dict[str, Any]:
         "max_error_percent": distances.max_percent,
         "rms_error_percent": distances.rms_percent,
     }
-    found: dict[str, Any] = finite(figures)
-    return found
+    errors: dict[str, Any] = finite(figures)
+    return errors
 
 
 def _sizes(sequence: MeshSequence, n_bytes: int, n_connectivity: int | None) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Points that were measured elsewhere, from a CSV file."""
+"""Rate-distortion points measured elsewhere, from a CSV file."""
 
 import csv
 import math
@@ -25,7 +25,7 @@ class RecordedPoint:
     Attributes
     ----------
     rate_bpvf : float
-        Of the whole, with connectivity.
+        Total rate, with connectivity.
     quality : dict
         `kg_error_percent`, `max_error_percent` and `rms_error_percent`.
     """
@@ -42,12 +42,12 @@ class RecordedPoint:
 
 
 def read_recorded(path: Path) -> list[RecordedPoint]:
-    """All rows of the file; other columns are passed over.
+    """Read all rows of the file; extra columns are ignored.
 
     Raises
     ------
     InvalidInputError
-        If the file cannot be read, a column is missing, or a figure is none.
+        If the file cannot be read, a column is missing, or a value is invalid.
     """
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
@@ -55,7 +55,7 @@ def read_recorded(path: Path) -> list[RecordedPoint]:
             missing = [name for name in COLUMNS if name not in (rows.fieldnames or ())]
             if missing:
                 raise InvalidInputError(
-                    f"{path} lacks the column {', '.join(missing)}; needed are {', '.join(COLUMNS)}"
+                    f"{path} lacks the column {', '.join(missing)}; required: {', '.join(COLUMNS)}"
                 )
             return [_point(row, f"{path}, line {rows.line_num}") for row in rows]
     except (UnicodeDecodeError, csv.Error) as error:
@@ -63,9 +63,9 @@ def read_recorded(path: Path) -> list[RecordedPoint]:
 
 
 def matching(points: Iterable[RecordedPoint], sequence: Mapping[str, Any]) -> list[RecordedPoint]:
-    """The points of a sequence of this name, vertex count and frame count."""
-    wanted = (sequence["name"], sequence["n_verts"], sequence["n_frames"])
-    return [point for point in points if (point.sequence, point.n_verts, point.n_frames) == wanted]
+    """The points of the sequence with this name, vertex count and frame count."""
+    key = (sequence["name"], sequence["n_verts"], sequence["n_frames"])
+    return [point for point in points if (point.sequence, point.n_verts, point.n_frames) == key]
 
 
 def _point(row: Mapping[str, str | None], where: str) -> RecordedPoint:
@@ -91,7 +91,6 @@ def _point(row: Mapping[str, str | None], where: str) -> RecordedPoint:
 
 
 def _number(text: str | None, column: str, where: str, *, whole: bool = False) -> float:
-    """The number of a cell; finite and at least 0."""
     try:
         value = float(text or "")
     except ValueError:

@@ -1,4 +1,4 @@
-"""Measured and recorded results of one sequence, as its tables and plots read them."""
+"""Measured and recorded results of one sequence."""
 
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
@@ -19,18 +19,18 @@ RECORDED = " (recorded)"
 
 @dataclass(frozen=True)
 class CodecResults:
-    """Everything that is known of one sequence.
+    """All results of one sequence.
 
     Attributes
     ----------
     slug : str
-        Begins the names of its plots.
+        Prefix of the names of its plots.
     sequence : dict
         Name, shape and hash.
     measured : list of results
-        Of our methods, then of the peers.
+        Our methods, then peers.
     recorded : list of RecordedPoint
-        Of a sequence of the same name and shape.
+        Points of a sequence with the same name and shape.
     """
 
     slug: str
@@ -45,29 +45,29 @@ class CodecResults:
 
     @property
     def methods(self) -> list[str]:
-        """Our methods that have results."""
+        """Our methods with results."""
         return _distinct(r["codec"] for r in done(self.measured) if _is_method(r))
 
     @property
     def peers(self) -> list[str]:
-        """Other codecs that have results."""
+        """Other codecs with results."""
         return _distinct(r["codec"] for r in done(self.measured) if not _is_method(r))
 
     def curves(self, error: str) -> dict[str, list[Point]]:
         """Points (rate, error above 0) by label: methods, then peers, then recorded codecs."""
-        found: dict[str, list[Point]] = {}
+        curves: dict[str, list[Point]] = {}
         for result in done(self.measured):
             value = result["quality"][error]
             if value:
-                found.setdefault(result["codec"], []).append((result["rate_bpvf"], value))
+                curves.setdefault(result["codec"], []).append((result["rate_bpvf"], value))
         for point in self.recorded:
             value = point.quality.get(error)
             if value:
-                found.setdefault(point.codec + RECORDED, []).append((point.rate_bpvf, value))
-        return {label: sorted(points) for label, points in found.items()}
+                curves.setdefault(point.codec + RECORDED, []).append((point.rate_bpvf, value))
+        return {label: sorted(points) for label, points in curves.items()}
 
     def as_dict(self) -> dict[str, Any]:
-        """All figures in plain types."""
+        """All results in plain types."""
         return {
             **self.sequence,
             "measured": [
@@ -79,7 +79,7 @@ class CodecResults:
 
 
 def family(label: str) -> str:
-    """The codec that a label is of: `sz3` for `sz3_lorenzo_2d (recorded)`."""
+    """The codec of a label: `sz3` for `sz3_lorenzo_2d (recorded)`."""
     return label.removesuffix(RECORDED).split("_")[0]
 
 

@@ -1,10 +1,9 @@
-"""Our codec beside others as a study: methods, peers and recorded points on any sequences."""
+"""The study that compares our methods with other codecs on any sequences."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from meshreel.evaluation.codecs.arrangements import Arrangements
 from meshreel.evaluation.codecs.document import codec_document
@@ -34,18 +33,18 @@ TITLES = {
 
 @dataclass(frozen=True)
 class CodecStudy:
-    """Methods of ours and other codecs, on any sequences.
+    """Compare our methods with other codecs and with points measured elsewhere.
 
     Attributes
     ----------
     methods : sequence of str
-        Of `settings.CODED_METHODS`.
+        From `settings.CODED_METHODS`.
     peers : sequence of Peer
-        Those whose package is missing are named in the report.
+        The report lists those whose package is missing.
     recorded : sequence of RecordedPoint
-        Points of other sequences are passed over.
+        Points of other sequences are ignored.
     quick : bool
-        Few settings of each codec.
+        Use few settings of each codec.
     """
 
     methods: Sequence[str] = DEFAULT_METHODS
@@ -72,33 +71,38 @@ class CodecStudy:
         return {"measured": runs}
 
     def collect(
-        self, subject: Subject, found: Mapping[str, list[Result]], progress: Progress
+        self, subject: Subject, groups: Mapping[str, list[Result]], progress: Progress
     ) -> CodecResults:
-        """The results of all runs, with the recorded points of the sequence."""
+        """The results of all runs and the recorded points of the sequence."""
         sequence = subject.store.sequence
         return CodecResults(
-            subject.slug, sequence, found["measured"], matching(self.recorded, sequence)
+            subject.slug, sequence, groups["measured"], matching(self.recorded, sequence)
         )
 
     def drawings(
         self, subject: Subject, results: CodecResults, folder: Path
     ) -> Iterator[Callable[[], Picture]]:
-        """A function for each plot of rate against an error."""
-        return drawings(results, folder)
+        """Functions that each draw a plot of rate and one error."""
+        for error in ERRORS:
+            curves = shown_curves(results.curves(error))
+            if curves:
+                yield partial(draw_curves, results, error, curves, folder)
 
     def notes(self, measured: Measured[CodecResults]) -> dict[str, list[str]]:
-        """Packages that are missing, and sequences of which no row is recorded."""
-        there = self._available()
-        missing = [why_missing(peer) for peer in self.peers if peer not in there]
+        """Missing packages, and sequences without a recorded row."""
+        available = self._available()
+        missing = [why_missing(peer) for peer in self.peers if peer not in available]
         unrecorded = [
-            _no_recorded(results.sequence)
+            f"no recorded row matches {results.sequence['name'] or 'a sequence without a name'} "
+            f"with {results.sequence['n_verts']} vertices (n) and {results.sequence['n_frames']} "
+            "frames (k)"
             for results, _ in measured
             if self.recorded and not results.recorded
         ]
         return {"not_measured": missing + unrecorded}
 
     def document(self, measured: Measured[CodecResults], command: str) -> Document:
-        """The report: plots and tables of each sequence, and how it was measured."""
+        """The report: plots and tables of each sequence, and the methodology."""
         notes = self.notes(measured)["not_measured"]
         return codec_document(measured, self._available(), notes, command)
 
@@ -106,25 +110,10 @@ class CodecStudy:
         return [peer for peer in self.peers if is_available(peer)]
 
 
-def _no_recorded(sequence: dict[str, Any]) -> str:
-    return (
-        f"no recorded row is of {sequence['name'] or 'a sequence without a name'} with "
-        f"{sequence['n_verts']} vertices (n) and {sequence['n_frames']} frames (k)"
-    )
-
-
-def drawings(results: CodecResults, folder: Path) -> Iterator[Callable[[], Picture]]:
-    """A function for each plot, of rate against an error that has points."""
-    for error in ERRORS:
-        curves = shown_curves(results.curves(error))
-        if curves:
-            yield partial(draw_curves, results, error, curves, folder)
-
-
 def draw_curves(
     results: CodecResults, error: str, curves: Mapping[str, Sequence[Point]], folder: Path
 ) -> Picture:
-    """The plot of curves of rate against this error."""
+    """Draw the curves of rate and one error."""
     figure = blank_figure(9.5, 5.6)
     draw_envelopes(figure.add_subplot(), curves, ERRORS[error])
     path = folder / f"{results.slug}-{file_name(error)}.png"
@@ -133,7 +122,7 @@ def draw_curves(
 
 
 def shown_curves(curves: Mapping[str, Sequence[Point]]) -> dict[str, Sequence[Point]]:
-    """The curves without those recorded ones whose codec was measured here."""
+    """The curves without recorded ones of codecs that were measured here."""
     measured = {family(label) for label in curves if not label.endswith(RECORDED)}
     return {
         label: points
@@ -144,12 +133,12 @@ def shown_curves(curves: Mapping[str, Sequence[Point]]) -> dict[str, Sequence[Po
 
 def _caption(curves: Mapping[str, Sequence[Point]]) -> str:
     text = (
-        "Rate of the whole with the order dropped. A point is a stream; a line joins those that no "
-        "other of its codec beats. Lossless codecs have no place on a log axis of errors."
+        "Total rate without vertex order. A point is a stream; a line connects the Pareto-optimal "
+        "points of a codec. Lossless codecs do not appear on a log axis of errors."
     )
     if any(label.endswith(RECORDED) for label in curves):
         text += (
-            " Dashed: recorded elsewhere; those of codecs that were measured here are left out, "
-            "and stand in the tables."
+            " Dashed: recorded elsewhere; recorded points of codecs that were measured here appear "
+            "only in the tables."
         )
     return text

@@ -1,1 +1,1 @@
-"""How diagrams look: axes, names beside lines, colours."""
+"""How diagrams look: axes, names beside lines, colors."""

@@ -1,4 +1,4 @@
-"""Axes of all diagrams: envelopes on log axes, plain ticks, no frame."""
+"""Axes of rate-distortion plots."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -20,7 +20,7 @@ def draw_envelopes(
     error_name: str,
     rate_name: str = "bits per vertex and frame",
 ) -> None:
-    """Points of (rate, error) by label on log axes, with a line along each lower envelope."""
+    """Draw the points (rate, error) of each label and their lower envelope on log axes."""
     ends: list[LineEnd] = []
     for label, points in curves.items():
         style = line_style(label)
@@ -38,7 +38,7 @@ def draw_envelopes(
 
 
 def plain_ticks(axis: "Axis") -> None:
-    """Numbers such as 0.5 and 2e-05 along a log axis, at 1, 2 and 5 of each decade."""
+    """Put plain numbers such as 0.5 and 2e-05 at 1, 2 and 5 of each decade of a log axis."""
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
     axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
@@ -47,6 +47,6 @@ def plain_ticks(axis: "Axis") -> None:
 
 
 def tidy(axes: "Axes") -> None:
-    """A light grid, and no frame at the top and the right."""
+    """Add a light grid and remove the top and right borders."""
     axes.grid(alpha=0.3)
     axes.spines[["top", "right"]].set_visible(False)

@@ -1,4 +1,4 @@
-"""Names written beside lines, moved apart where they would lie on each other."""
+"""Labels at the ends of lines, without overlap."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,30 +12,30 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 LineEnd = tuple[str, float, float]
-"""A name, and the last point of its line in data coordinates."""
+"""A label and the last point of its line in data coordinates."""
 
 FONT_SIZE = 9
 
 
 def label_ends(axes: "Axes", ends: Sequence[LineEnd]) -> None:
-    """Write names in the right margin, each at the height of its line's end.
+    """Write labels in the right margin, each at about the height of its line's end.
 
     Parameters
     ----------
     axes : matplotlib axes
-        With its limits set; a margin on the right is left to the names.
+        With its limits set.
     ends : sequence of (label, x, y)
         The last point of each line, in data coordinates.
     """
-    axes.get_xlim(), axes.get_ylim()  # settles limits that are still to be found
-    places = axes.transAxes.inverted()
-    shown = [places.transform(axes.transData.transform((x, y))) for _, x, y in ends]
-    # Zero on a log axis, and errors without a measure, are labelled at the bottom.
-    shown = [np.nan_to_num(place, nan=0.0, posinf=1.0, neginf=0.0) for place in shown]
+    axes.get_xlim(), axes.get_ylim()  # evaluates automatic limits
+    to_axes = axes.transAxes.inverted()
+    points = [to_axes.transform(axes.transData.transform((x, y))) for _, x, y in ends]
+    # Zeros on a log axis and undefined errors are labeled at the bottom.
+    points = [np.nan_to_num(point, nan=0.0, posinf=1.0, neginf=0.0) for point in points]
     line_height = FONT_SIZE * 1.35 / (72 * axes.get_window_extent().height / axes.figure.dpi)
     n_lines = [label.count("\n") + 1 for label, _, _ in ends]
-    heights = spread([float(place[1]) for place in shown], [line_height * n for n in n_lines])
-    for (label, _, _), (x, y), height in zip(ends, shown, heights, strict=True):
+    heights = spread([float(point[1]) for point in points], [line_height * n for n in n_lines])
+    for (label, _, _), (x, y), height in zip(ends, points, heights, strict=True):
         color = line_style(label.splitlines()[-1])["color"]
         axes.plot(
             [x + 0.008, 1.0, 1.03],
@@ -49,61 +49,59 @@ def label_ends(axes: "Axes", ends: Sequence[LineEnd]) -> None:
         )  # fmt: skip
 
 
-def spread(heights: Sequence[float], needed: Sequence[float]) -> list[float]:
-    """Move heights as little as gives each the room it needs, in the order given.
+def spread(centers: Sequence[float], sizes: Sequence[float]) -> list[float]:
+    """Move intervals as little as possible so that they do not overlap.
 
     All stay within 0..1 if they fit.
 
     Parameters
     ----------
-    heights : sequence of float
-        The best center of each.
-    needed : sequence of float
-        The room of each.
+    centers, sizes : sequence of float
+        Preferred center and length of each interval.
     """
-    order = sorted(range(len(heights)), key=lambda number: heights[number])
+    order = sorted(range(len(centers)), key=lambda number: centers[number])
     groups: list[_Group] = []
     for number in order:
-        groups.append(_inside(_Group([number], heights[number], needed[number])))
+        groups.append(_clamp(_Group([number], centers[number], sizes[number])))
         while len(groups) > 1 and groups[-2].top > groups[-1].bottom:
             above = groups.pop()
             below = groups.pop()
-            groups.append(_inside(_joined(below, above)))
-    placed = [0.0] * len(heights)
+            groups.append(_clamp(_merge(below, above)))
+    positions = [0.0] * len(centers)
     for group in groups:
         bottom = group.bottom
         for number in group.members:
-            placed[number] = bottom + needed[number] / 2
-            bottom += needed[number]
-    return placed
+            positions[number] = bottom + sizes[number] / 2
+            bottom += sizes[number]
+    return positions
 
 
 @dataclass(frozen=True)
 class _Group:
-    """Labels that touch each other, from the lowest."""
+    """Adjacent intervals, from the lowest."""
 
     members: list[int]
-    centre: float
-    room: float
+    center: float
+    size: float
 
     @property
     def bottom(self) -> float:
-        return self.centre - self.room / 2
+        return self.center - self.size / 2
 
     @property
     def top(self) -> float:
-        return self.centre + self.room / 2
+        return self.center + self.size / 2
 
 
-def _inside(group: _Group) -> _Group:
-    """The group moved into 0..1; centered if it is larger."""
-    half = group.room / 2
-    centre = min(max(group.centre, half), 1 - half) if group.room < 1 else 0.5
-    return _Group(group.members, centre, group.room)
+def _clamp(group: _Group) -> _Group:
+    """Move the group into 0..1, or center it if it is larger."""
+    half = group.size / 2
+    center = min(max(group.center, half), 1 - half) if group.size < 1 else 0.5
+    return _Group(group.members, center, group.size)
 
 
-def _joined(below: _Group, above: _Group) -> _Group:
-    """Both at their common centre, by members."""
+def _merge(below: _Group, above: _Group) -> _Group:
+    """Merge two groups at the mean of their centers, weighted by members."""
     n_below, n_above = len(below.members), len(above.members)
-    centre = (below.centre * n_below + above.centre * n_above) / (n_below + n_above)
-    return _Group(below.members + above.members, centre, below.room + above.room)
+    center = (below.center * n_below + above.center * n_above) / (n_below + n_above)
+    return _Group(below.members + above.members, center, below.size + above.size)

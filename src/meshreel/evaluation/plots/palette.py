@@ -1,8 +1,8 @@
-"""One colour and one line style for each method and codec, the same in every figure."""
+"""Color, line style and marker of each method and codec in all figures."""
 
 from typing import Any
 
-# Okabe and Ito's palette, which colour-blind readers can tell apart.
+# Okabe and Ito's palette, which color-blind readers can distinguish.
 METHOD_COLORS = {
     "pca": "#56B4E9",
     "pca-q": "#0072B2",
@@ -17,7 +17,7 @@ METHOD_COLORS = {
     "grid": "#5C7A29",
 }
 
-# Muted, so that our methods stand out; recorded ones are dashed as well.
+# Muted, so that our methods stand out.
 CODEC_COLORS = {
     "draco": "#7A4A2B",
     "sz3": "#7F7F1F",
@@ -33,7 +33,7 @@ CODEC_COLORS = {
 }
 
 
-# Shapes tell apart what colours do not, in print and to every eye; ours are discs.
+# Shapes distinguish codecs in print and for color-blind readers; our methods are discs.
 CODEC_MARKERS = {
     "draco": "s",
     "sz3": "^",
@@ -50,27 +50,27 @@ CODEC_MARKERS = {
 
 
 def line_style(label: str) -> dict[str, Any]:
-    """How matplotlib draws the line of a variant or of another codec.
+    """Matplotlib line style of a variant or another codec.
 
-    `pca-qs` is wide, so that it shows below `pca-qp`, with which it coincides; a variant with
-    other than the usual anchors is dashed, as is a recorded codec. A codec that is recorded by a
-    longer name (`sz3_lorenzo_2d`) looks as it does where it is measured.
+    `pca-qs` is wide, so that it is visible below `pca-qp`, with which it coincides. Variants with
+    non-default anchors and recorded codecs are dashed. A codec recorded under a longer name
+    (`sz3_lorenzo_2d`) looks like the measured codec.
     """
     method, _, remark = label.partition(" ")
-    wide = method == "pca-qs"
+    is_wide = method == "pca-qs"
     codec = method if method in CODEC_COLORS else method.split("_")[0]
     color, width = CODEC_COLORS.get(codec, "#666666"), 1.1
     if method in METHOD_COLORS:
-        color, width = METHOD_COLORS[method], 5.0 if wide else 1.5
+        color, width = METHOD_COLORS[method], 5.0 if is_wide else 1.5
     return {
         "color": color,
         "linewidth": width,
-        "alpha": 0.45 if wide else 1.0,
+        "alpha": 0.45 if is_wide else 1.0,
         "linestyle": "--" if remark else "-",
     }
 
 
 def point_marker(label: str) -> str:
-    """The shape of the points of a variant or of another codec, as matplotlib names it."""
+    """Matplotlib marker of a variant or another codec."""
     method = label.partition(" ")[0]
     return CODEC_MARKERS.get(method) or CODEC_MARKERS.get(method.split("_")[0], "o")

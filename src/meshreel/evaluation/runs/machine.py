@@ -1,4 +1,4 @@
-"""The machine and the versions that seconds were measured with."""
+"""The machine and software versions of measurements."""
 
 import os
 import platform
@@ -26,7 +26,7 @@ def machine_facts() -> dict[str, str | int]:
 
 
 def machine_line(facts: Mapping[str, Any]) -> str:
-    """The facts in one line."""
+    """One-line description of a machine."""
     return (
         f"{facts['cpu']}, {facts['cores']} cores, {facts['platform']}, Python {facts['python']}, "
         f"NumPy {facts['numpy']}, SciPy {facts['scipy']}, meshreel {facts['meshreel']}"
@@ -34,13 +34,13 @@ def machine_line(facts: Mapping[str, Any]) -> str:
 
 
 def machines_text(results: Iterable[Mapping[str, Any]]) -> str:
-    """The machines that results were measured on, each once; of stored ones it may be another."""
+    """The distinct machines of results; stored results may be from other machines."""
     lines = dict.fromkeys(machine_line(result["machine"]) for result in results)
     return "Measured on: " + "; ".join(lines) + "." if lines else ""
 
 
 def cpu_model() -> str:
-    """The processor's name where the system tells it, else its architecture."""
+    """Name of the processor, or its architecture if the system does not report the name."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:

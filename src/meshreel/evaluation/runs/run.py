@@ -1,4 +1,4 @@
-"""Runs: each gives one stored result, and is not done again where that is there."""
+"""Runs, each of which produces one result that is stored and reused."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,14 +11,7 @@ from meshreel.runtime.progress import Count, Progress, silent
 
 @dataclass(frozen=True)
 class Outcome:
-    """Figures of a run, and the files that are kept beside them.
-
-    Attributes
-    ----------
-    figures : dict of plain types
-    files : mapping of str to bytes
-        By the extension of their names.
-    """
+    """Figures of a run, and files to store with them, by file extension."""
 
     figures: dict[str, Any]
     files: Mapping[str, bytes] = field(default_factory=dict)
@@ -26,24 +19,24 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Run:
-    """One thing to encode, decode and measure on a sequence.
+    """One measurement on a sequence.
 
     Attributes
     ----------
     name : str
-        How progress calls it.
+        Name in progress reports.
     key : str
-        The stem of its files.
+        Stem of its files.
     setting : dict of plain types
-        All that its result depends on beside the sequence.
+        Everything that the result depends on besides the sequence.
     measure : callable
-        Gives the outcome; is told whom to report progress to.
+        Takes a progress callback and returns the outcome.
     facts : dict of plain types
-        Stored with the figures, and with a refusal.
+        Stored with the figures or the refusal.
     needs : tuple of str
-        Endings of the files without which a stored result counts as missing.
+        Extensions of the files without which a stored result is invalid.
     is_foreign : bool
-        Whether it calls packages of others, which raise what they like: any error is a refusal.
+        Whether it calls third-party packages; then any exception is stored as a refusal.
     """
 
     name: str
@@ -58,28 +51,28 @@ class Run:
 def run_all(
     plan: Mapping[str, Sequence[Run]], store: Store, progress: Progress = silent
 ) -> dict[str, list[Result]]:
-    """The results of all runs, in the groups and the order of the plan."""
+    """Execute all runs, and return their results in the groups and order of the plan."""
     n_runs, n_done = sum(map(len, plan.values())), 0
-    found: dict[str, list[Result]] = {group: [] for group in plan}
+    results: dict[str, list[Result]] = {group: [] for group in plan}
     for group, runs in plan.items():
         for run in runs:
             listener = _within(progress, run.name, Count(n_done, n_runs, "runs"))
             listener("", 0.0)
-            found[group].append(result_of(run, store, listener))
+            results[group].append(result_of(run, store, listener))
             n_done += 1
-    return found
+    return results
 
 
 def result_of(run: Run, store: Store, progress: Progress = silent) -> Result:
-    """The stored result of a run, or a new one that is then stored.
+    """Return the stored result of a run, or execute it and store the result.
 
     Returns
     -------
-    dict of plain types; with "refused" and why where there are no figures
+    dict of plain types; instead of figures it may contain "refused" with a reason
     """
-    found = store.find(run.key, run.setting, run.needs)
-    if found is not None:
-        return found
+    stored = store.find(run.key, run.setting, run.needs)
+    if stored is not None:
+        return stored
     try:
         outcome = run.measure(progress)
     except MeshReelError as error:
@@ -93,10 +86,10 @@ def result_of(run: Run, store: Store, progress: Progress = silent) -> Result:
     return store.write(run.key, run.setting, {**run.facts, **outcome.figures}, outcome.files)
 
 
-def _refused(run: Run, store: Store, why: str) -> Result:
-    return store.write(run.key, run.setting, {**run.facts, "refused": why})
+def _refused(run: Run, store: Store, reason: str) -> Result:
+    return store.write(run.key, run.setting, {**run.facts, "refused": reason})
 
 
-def _within(progress: Progress, run: str, share: Count) -> Progress:
-    """A listener that says at which stage of which run of how many the work is."""
-    return lambda stage, _: progress(f"{run}, {stage}" if stage else run, share)
+def _within(progress: Progress, run: str, count: Count) -> Progress:
+    """A progress callback that reports the run, its stage and the number of finished runs."""
+    return lambda stage, _: progress(f"{run}, {stage}" if stage else run, count)

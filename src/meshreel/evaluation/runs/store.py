@@ -1,4 +1,4 @@
-"""Results on disk: one JSON for each sequence, method and setting, with its stream beside it."""
+"""Results on disk: a JSON file for each sequence, method and setting, and its stream."""
 
 import hashlib
 import json
@@ -14,32 +14,32 @@ from meshreel.model.sequence import MeshSequence
 from meshreel.runtime.outputs.atomic import replace_when_done
 
 LAYOUT = 1
-"""Of the JSON; results of another layout are computed again."""
+"""Version of the JSON layout; results of other layouts are recomputed."""
 
 Result = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Store:
-    """The folder that holds the results of one sequence."""
+    """The folder of the results of one sequence."""
 
     folder: Path
     sequence: dict[str, Any]
 
     @classmethod
     def for_sequence(cls, results: Path, sequence: MeshSequence) -> "Store":
-        """The store within a folder of results; made if it is missing."""
+        """Open or create the store of a sequence within a folder of results."""
         identity = sequence_identity(sequence)
         folder = results / f"{file_name(sequence.name)}-{identity['sha256'][:12]}"
         folder.mkdir(parents=True, exist_ok=True)
         return cls(folder, identity)
 
     def path(self, key: str, extension: str) -> Path:
-        """Where a file of a result is kept."""
+        """Path of a file of a result."""
         return self.folder / f"{key}.{extension}"
 
     def identity(self, setting: Any) -> dict[str, Any]:
-        """Everything that a result depends on."""
+        """Everything that determines a result."""
         return {
             "layout": LAYOUT,
             "version": __version__,
@@ -48,10 +48,10 @@ class Store:
         }
 
     def find(self, key: str, setting: Any, needs: Sequence[str] = ()) -> Result | None:
-        """The stored result of this key, None where it has to be computed.
+        """Return the stored result of this key, or None if it must be computed.
 
-        That is where it is missing, damaged or of something else, or where a file is missing
-        beside it that is needed; a refusal has no files.
+        A result is invalid if it is damaged, has another identity or lacks a needed file; refusals
+        have no files.
         """
         try:
             result = json.loads(self.path(key, "json").read_text(encoding="utf-8"))
@@ -59,20 +59,20 @@ class Store:
             return None
         if not isinstance(result, dict) or result.get("identity") != self.identity(setting):
             return None
-        whole = all(self.path(key, extension).is_file() for extension in needs)
-        return result if whole or "refused" in result else None
+        is_complete = all(self.path(key, extension).is_file() for extension in needs)
+        return result if is_complete or "refused" in result else None
 
     def write(
         self, key: str, setting: Any, figures: Result, files: Mapping[str, bytes] | None = None
     ) -> Result:
-        """Store figures under their identity, files by extension before them; the stored result."""
+        """Store files, then figures with their identity; return the stored result."""
         for extension, data in (files or {}).items():
             with replace_when_done(self.path(key, extension), overwrite=True) as temporary:
                 temporary.write_bytes(data)
         text = json.dumps({"identity": self.identity(setting), **figures}, indent=1)
         write_text(self.path(key, "json"), text)
-        found: Result = json.loads(text)
-        return found
+        result: Result = json.loads(text)
+        return result
 
 
 def done(results: Iterable[Result]) -> list[Result]:
@@ -97,7 +97,7 @@ def sequence_identity(sequence: MeshSequence) -> dict[str, Any]:
 
 
 def finite(value: Any) -> Any:
-    """The value with None in place of numbers that JSON has no word for."""
+    """Replace NaN and infinity, which JSON lacks, by None."""
     if isinstance(value, dict):
         return {key: finite(item) for key, item in value.items()}
     if isinstance(value, list):

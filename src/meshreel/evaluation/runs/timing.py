@@ -1,4 +1,4 @@
-"""Seconds of work: short work is repeated, and the median counts."""
+"""Timing: short work is repeated, and the median is reported."""
 
 import statistics
 import time
@@ -22,9 +22,9 @@ def timed(work: Callable[[], Value], n_repeats: int) -> tuple[Value, list[float]
 def timed_on_both_clocks(
     work: Callable[[], Value], n_repeats: int
 ) -> tuple[Value, list[float], list[float]]:
-    """Return the value of the work, and seconds of each run by the wall clock and processor.
+    """Return the value of the work, and wall-clock and processor seconds of each run.
 
-    Seconds of the processor are those of all threads of this process. Long work is run once.
+    Processor seconds include all threads of this process. Long work is run once.
     """
     wall_s: list[float] = []
     processor_s: list[float] = []
@@ -38,7 +38,7 @@ def timed_on_both_clocks(
 
 
 def seconds_of(encode_s: list[float], decode_s: list[float]) -> dict[str, Any]:
-    """Medians of the seconds of encoding and decoding, and those of each run."""
+    """Seconds of encoding and decoding: medians and all runs."""
     return {
         "encode": statistics.median(encode_s),
         "decode": statistics.median(decode_s),
@@ -50,12 +50,12 @@ def seconds_of(encode_s: list[float], decode_s: list[float]) -> dict[str, Any]:
 def processor_seconds_of(
     encode_s: Sequence[list[float]], decode_s: Sequence[list[float]]
 ) -> dict[str, Any]:
-    """As `seconds_of`, with processor seconds besides.
+    """As `seconds_of`, with medians of processor seconds.
 
     Parameters
     ----------
     encode_s, decode_s : two lists each
-        Seconds of each run by the wall clock and by the processor.
+        Wall-clock and processor seconds of each run.
     """
     return {
         **seconds_of(encode_s[0], decode_s[0]),

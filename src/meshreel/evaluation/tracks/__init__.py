@@ -1,1 +1,1 @@
-"""A track of ours beside compressors of arrays, at equal largest error."""
+"""Comparison of a track in our codec with array compressors, at equal largest error."""

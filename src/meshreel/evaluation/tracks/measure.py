@@ -1,4 +1,4 @@
-"""Encode, decode, measure a track: by our codec or by a peer, within a largest error."""
+"""Runs that measure a track in our codec or another compressor at one error bound."""
 
 import statistics
 from collections.abc import Callable
@@ -32,23 +32,17 @@ from meshreel.runtime.progress import Progress
 
 OURS = "reel"
 
-MOST_TRIES = 10
-NEAR = 0.98
-"""A peer is near enough to the largest error that it may make."""
+MAX_TRIES = 10
+CLOSE_ENOUGH = 0.98
+"""The search ends at an error above this fraction of the bound."""
 
-STRIDE = 8.0
-"""Most by which a tolerance is changed at once."""
+MAX_STRIDE = 8.0
+"""Largest factor by which a search step changes the tolerance."""
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
-    """A sequence with the one track that is measured.
-
-    Parameters
-    ----------
-    name : str
-        Of the track.
-    """
+class TrackInput:
+    """A sequence and the name of the track to measure."""
 
     sequence: MeshSequence
     name: str
@@ -60,13 +54,13 @@ class Measured:
 
     @cached_property
     def without(self) -> tuple[int, float]:
-        """Bytes of the stream without the track, and seconds of encoding that."""
+        """Bytes and encoding seconds of the stream without the track."""
         data, seconds = timed(lambda: encode(self.sequence, tracks={self.name: "drop"}), REPEATS)
         return len(data), statistics.median(seconds)
 
     @cached_property
     def order(self) -> npt.NDArray[np.int64] | None:
-        """Vertices in the order of the coded connectivity; None for faces and corners."""
+        """Vertex order of the coded connectivity; None for tracks of faces and corners."""
         if self.track.domain is not Domain.VERTEX:
             return None
         sequence = self.sequence
@@ -74,157 +68,154 @@ class Measured:
         return coded.internal_to_given
 
 
-def our_run(measured: Measured, level: Level, identity: dict[str, Any]) -> Run:
-    """The run of our codec; positions are as by default, and not counted."""
+def our_run(track_input: TrackInput, level: Level, identity: dict[str, Any]) -> Run:
+    """A run of our codec; positions use default options and are not counted."""
     return Run(
         name=f"{OURS} {level.text}",
-        key=file_name(f"{measured.name} {OURS} {level.text}"),
+        key=file_name(f"{track_input.name} {OURS} {level.text}"),
         setting={"kind": "track", "codec": OURS, "level": level.text, "track": identity},
-        measure=lambda progress: _measure_ours(measured, level, progress),
+        measure=lambda progress: _measure_ours(track_input, level, progress),
         facts={"codec": OURS, "level": level.text, "limit": level.limit},
     )
 
 
-def peer_run(measured: Measured, peer: TrackPeer, level: Level, identity: dict[str, Any]) -> Run:
-    """The run of a peer, with the coarsest tolerance that keeps the largest error."""
+def peer_run(
+    track_input: TrackInput, peer: TrackPeer, level: Level, identity: dict[str, Any]
+) -> Run:
+    """A run of a peer with the coarsest tolerance that keeps the error bound."""
     about = {"codec": peer.name, "summary": peer.summary, "version": package_version(peer)}
     return Run(
         name=f"{peer.name} {level.text}",
-        key=file_name(f"{measured.name} {peer.name} {level.text}"),
+        key=file_name(f"{track_input.name} {peer.name} {level.text}"),
         setting={"kind": "track peer", "level": level.text, "track": identity, **about},
-        measure=lambda progress: Outcome(measure_peer(measured, peer, level, progress)),
+        measure=lambda progress: Outcome(measure_peer(track_input, peer, level, progress)),
         facts={"codec": peer.name, "level": level.text, "limit": level.limit},
         is_foreign=True,
     )
 
 
-def _measure_ours(measured: Measured, level: Level, progress: Progress) -> Outcome:
-    sequence, name = measured.sequence, measured.name
+def _measure_ours(track_input: TrackInput, level: Level, progress: Progress) -> Outcome:
+    sequence, name = track_input.sequence, track_input.name
     data, encode_s = timed(
         lambda: encode(sequence, tracks={name: level.text}, progress=progress), REPEATS
     )
-    n_without, without_s = measured.without
-    values, decode_s = timed(lambda: _decoded(data, name), REPEATS)
+    n_without, without_s = track_input.without
+    values, decode_s = timed(lambda: _decode_track(data, name), REPEATS)
     figures = {
         "size_bytes": info(data).tracks[0].size_bytes,
         "positions_bytes": n_without,
-        "seconds": seconds_of([max(one - without_s, 0.0) for one in encode_s], decode_s),
-        **_errors(measured.track, values),
+        "seconds": seconds_of([max(seconds - without_s, 0.0) for seconds in encode_s], decode_s),
+        **_errors(track_input.track, values),
     }
     return Outcome(figures)
 
 
-def _decoded(data: bytes, name: str) -> Values:
+def _decode_track(data: bytes, name: str) -> Values:
     with ReelFile(BytesIO(data), memory=OWN_STREAM) as reel:
         return reel.track(name)[:]
 
 
 def measure_peer(
-    measured: Measured, peer: TrackPeer, level: Level, progress: Progress
+    track_input: TrackInput, peer: TrackPeer, level: Level, progress: Progress
 ) -> dict[str, Any]:
-    """Figures of a peer: bytes, errors, seconds, its tolerance, and the order it is given.
+    """Measure a peer: bytes, errors, seconds, tolerance and vertex order.
 
     Raises
     ------
     InvalidInputError
-        If it does not keep the largest error.
+        If it cannot keep the error bound.
     """
     if not level.limit and not peer.is_reversible:
-        raise InvalidInputError("it has no mode that gives every number back")
-    track, progressed = measured.track, 0
+        raise InvalidInputError("it has no lossless mode")
+    track, n_tries = track_input.track, 0
     first = np.radians(level.limit) if track.kind is TrackKind.NORMAL else level.limit
-    order = _smaller_order(measured, peer, float(first))
-    given = track if order is None else _with_values(track, track.values[:, order])
+    order = _smaller_order(track_input, peer, float(first))
+    if order is not None:
+        track = Track(track.values[:, order], track.domain, track.kind, track.unit)
 
     def largest_error(tolerance: float) -> float:
-        nonlocal progressed
-        progress("finding the tolerance", progressed / MOST_TRIES)
-        progressed += 1
-        data = peer.encode(given.values, tolerance)
-        return _apart(given, peer.decode(data, given.shape, given.dtype)).largest
+        nonlocal n_tries
+        progress("finding the tolerance", n_tries / MAX_TRIES)
+        n_tries += 1
+        data = peer.encode(track.values, tolerance)
+        return _errors_of(track, peer.decode(data, track.shape, track.dtype)).largest
 
     tolerance = 0.0
     if level.limit:
         tolerance = coarsest_tolerance(largest_error, level.limit, float(first), peer.grain)
-    data, encode_s = timed(lambda: peer.encode(given.values, tolerance), REPEATS)
-    values, decode_s = timed(lambda: peer.decode(data, given.shape, given.dtype), REPEATS)
+    data, encode_s = timed(lambda: peer.encode(track.values, tolerance), REPEATS)
+    values, decode_s = timed(lambda: peer.decode(data, track.shape, track.dtype), REPEATS)
     figures = {
         "size_bytes": len(data),
         "tolerance": tolerance,
         "order": "given" if order is None else "coded",
         "seconds": seconds_of(encode_s, decode_s),
-        **_errors(given, values),
+        **_errors(track, values),
     }
     if not figures["largest_error"] <= level.limit:
-        raise InvalidInputError("it does not give every number back")
+        raise InvalidInputError("its lossless mode changes some numbers")
     return figures
 
 
 def _smaller_order(
-    measured: Measured, peer: TrackPeer, tolerance: float
+    track_input: TrackInput, peer: TrackPeer, tolerance: float
 ) -> npt.NDArray[np.int64] | None:
-    """The order of vertices in which a peer needs fewer bytes: ours, or None for that given."""
-    order, values = measured.order, measured.track.values
+    """The coded vertex order if a peer needs fewer bytes with it, else None."""
+    order, values = track_input.order, track_input.track.values
     if order is None:
         return None
     coded = len(peer.encode(values[:, order], tolerance))
     return order if coded < len(peer.encode(values, tolerance)) else None
 
 
-def _with_values(track: Track, values: Values) -> Track:
-    """A track of the same meaning with other values."""
-    return Track(values, track.domain, track.kind, track.unit)
-
-
 def coarsest_tolerance(
     largest_error: Callable[[float], float], limit: float, first: float, grain: float
 ) -> float:
-    """The coarsest tolerance found, by which no error is above a limit.
+    """Search for the coarsest tolerance whose largest error is within a limit.
 
     Parameters
     ----------
     largest_error : callable
-        The largest error that a tolerance comes to.
+        Returns the largest error at a tolerance.
     limit : float
         Above 0.
     first : float
-        Tolerance that is tried first.
+        First tolerance to try.
     grain : float
-        Tolerances less than so many times apart are taken for the same.
+        Tolerances whose ratio is below this are equivalent.
 
     Raises
     ------
     InvalidInputError
-        If `MOST_TRIES` tolerances are all too coarse.
+        If `MAX_TRIES` tolerances are all too coarse.
     """
-    kept, broken, tolerance = 0.0, np.inf, first
-    for _ in range(MOST_TRIES):
-        found = largest_error(tolerance)
-        if found <= limit:
-            kept = max(kept, tolerance)
-            if found >= NEAR * limit:
+    valid, too_coarse, tolerance = 0.0, np.inf, first
+    for _ in range(MAX_TRIES):
+        error = largest_error(tolerance)
+        if error <= limit:
+            valid = max(valid, tolerance)
+            if error >= CLOSE_ENOUGH * limit:
                 break
-            # Rounding keeps some codecs from coming nearer than a grain.
-            tolerance *= min(max(limit / found if found else STRIDE, grain), STRIDE)
+            # Some codecs round tolerances and cannot come closer than a grain.
+            tolerance *= min(max(limit / error if error else MAX_STRIDE, grain), MAX_STRIDE)
         else:
-            broken = min(broken, tolerance)
-            tolerance *= max(limit / found, 1 / STRIDE) / grain
-        if broken <= kept * grain:
+            too_coarse = min(too_coarse, tolerance)
+            tolerance *= max(limit / error, 1 / MAX_STRIDE) / grain
+        if too_coarse <= valid * grain:
             break
-        if kept and not kept < tolerance < broken:
-            tolerance = float(np.sqrt(kept * broken))
-    if not kept:
-        raise InvalidInputError(f"no tolerance was found that keeps errors below {limit:g}")
-    return kept
+        if valid and not valid < tolerance < too_coarse:
+            tolerance = float(np.sqrt(valid * too_coarse))
+    if not valid:
+        raise InvalidInputError(f"no tolerance keeps errors below {limit:g}")
+    return valid
 
 
-def _apart(track: Track, values: Values) -> TrackErrors:
-    """Errors of decoded values; the kind of the track says what an error is."""
+def _errors_of(track: Track, values: Values) -> TrackErrors:
     return track_errors(track, Track(values, track.domain))
 
 
 def _errors(track: Track, values: Values) -> dict[str, Any]:
-    errors = _apart(track, values)
+    errors = _errors_of(track, values)
     return {
         "largest_error": errors.largest,
         "rms_error": errors.rms,

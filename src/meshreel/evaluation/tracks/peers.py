@@ -1,4 +1,4 @@
-"""Compressors of arrays, on the values of a track."""
+"""Array compressors, applied to the values of a track."""
 
 import math
 from collections.abc import Iterable
@@ -32,38 +32,38 @@ class TrackPeer(Protocol):
 
     @property
     def name(self) -> str:
-        """Its name in tables and plots."""
+        """Name in tables and plots."""
 
     @property
     def summary(self) -> str:
-        """How it is used, in one line."""
+        """One-line description of its use."""
 
     @property
     def package(self) -> str:
-        """The package it needs."""
+        """Required package."""
 
     @property
     def extra(self) -> str:
-        """The extra of meshreel that brings the package."""
+        """The extra of meshreel that installs the package."""
 
     @property
     def grain(self) -> float:
-        """A tolerance less than so many times another may give the same bytes."""
+        """Tolerances whose ratio is below this may give the same bytes."""
 
     @property
     def is_reversible(self) -> bool:
-        """Whether a tolerance of 0 gives every number back."""
+        """Whether a tolerance of 0 is lossless."""
 
     def encode(self, values: Values, tolerance: float) -> bytes:
-        """Values as bytes; the tolerance is about the largest error of a number."""
+        """Encode values; the tolerance is approximately the largest error of a number."""
 
     def decode(self, data: bytes, shape: Shape, dtype: npt.DTypeLike) -> Values:
-        """Values of a shape and type, from bytes."""
+        """Decode values of a shape and type."""
 
 
 @dataclass(frozen=True)
 class Sz3:
-    """SZ3 with an absolute bound, on a (T, N) array for each number of a value."""
+    """SZ3 with an absolute bound, on a (T, N) array for each column."""
 
     name: str = "sz3"
     summary: str = (
@@ -76,44 +76,44 @@ class Sz3:
     is_reversible: bool = False
 
     def encode(self, values: Values, tolerance: float) -> bytes:
-        """A stream for each column."""
+        """One stream per column."""
         algorithms = ("INTERP_LORENZO", "LORENZO_REG")
         return pack_frames(
             [
-                min((sz3_bytes(column, tolerance, one) for one in algorithms), key=len)
+                min((sz3_bytes(column, tolerance, name) for name in algorithms), key=len)
                 for column in columns_of(values)
             ]
         )
 
     def decode(self, data: bytes, shape: Shape, dtype: npt.DTypeLike) -> Values:
-        """The columns side by side."""
+        """The inverse of `encode`."""
         parts = unpack_frames(data)
         return np.stack([sz3_array(part, shape[:2], dtype) for part in parts], axis=2)
 
 
 @dataclass(frozen=True)
 class Zfp:
-    """zfp at a fixed accuracy, on a (T, N) array for each number of a value."""
+    """zfp with fixed accuracy, on a (T, N) array for each column."""
 
     name: str = "zfp"
     summary: str = "zfp, fixed accuracy or reversible, on a (T, N) array for each column"
     package: str = "zfpy"
     extra: str = "peers"
-    grain: float = 2.0  # of its tolerance the power of two counts
+    grain: float = 2.0  # zfp rounds its tolerance to a power of two
     is_reversible: bool = True
 
     def encode(self, values: Values, tolerance: float) -> bytes:
-        """A stream for each column."""
+        """One stream per column."""
         return pack_frames([zfp_bytes(column, tolerance) for column in columns_of(values)])
 
     def decode(self, data: bytes, shape: Shape, dtype: npt.DTypeLike) -> Values:
-        """The columns side by side."""
+        """The inverse of `encode`."""
         return np.stack([zfp_array(part) for part in unpack_frames(data)], axis=2)
 
 
 @dataclass(frozen=True)
 class Pcodec:
-    """pcodec on numbers in steps of twice the tolerance, or as they are."""
+    """pcodec on numbers quantized by twice the tolerance, or on the numbers themselves."""
 
     name: str = "pco"
     summary: str = (
@@ -126,8 +126,8 @@ class Pcodec:
     is_reversible: bool = True
 
     def encode(self, values: Values, tolerance: float) -> bytes:
-        """A digit that says how the numbers lie, the step, and a pcodec file."""
-        numbers = _stepped(values, tolerance) if tolerance else values
+        """The tolerance, a digit for the memory layout, and a pcodec file."""
+        numbers = _quantize(values, tolerance) if tolerance else values
         rows = b"1" + pcodec_bytes(numbers.transpose(2, 1, 0))
         if tolerance:
             over_time = np.diff(numbers, axis=0, prepend=numbers.dtype.type(0))
@@ -141,16 +141,16 @@ class Pcodec:
         tolerance = float(np.frombuffer(data[:8], np.float64)[0])
         (n_frames, n_items, n_columns), numbers = shape, pcodec_array(data[9:])
         if data[8:9] == b"1":
-            found = numbers.reshape(n_columns, n_items, n_frames).transpose(2, 1, 0)
+            values = numbers.reshape(n_columns, n_items, n_frames).transpose(2, 1, 0)
         else:
-            found = numbers.reshape(n_columns, n_frames, n_items).transpose(1, 2, 0)
-            found = np.cumsum(found, axis=0, dtype=found.dtype) if tolerance else found
-        return np.asarray((found * (2 * tolerance)).astype(dtype) if tolerance else found)
+            values = numbers.reshape(n_columns, n_frames, n_items).transpose(1, 2, 0)
+            values = np.cumsum(values, axis=0, dtype=values.dtype) if tolerance else values
+        return np.asarray((values * (2 * tolerance)).astype(dtype) if tolerance else values)
 
 
 @dataclass(frozen=True)
 class Fpzip:
-    """fpzip with as many bits of each float as the tolerance needs for the largest."""
+    """fpzip with as many bits per float as the largest value needs for the tolerance."""
 
     name: str = "fpzip"
     summary: str = (
@@ -158,7 +158,7 @@ class Fpzip:
     )
     package: str = "fpzip"
     extra: str = "peers"
-    grain: float = 2.0  # a bit more or less
+    grain: float = 2.0  # one bit
     is_reversible: bool = True
 
     def encode(self, values: Values, tolerance: float) -> bytes:
@@ -167,11 +167,11 @@ class Fpzip:
             raise InvalidInputError(f"fpzip takes float32 and float64; got {values.dtype}")
         n_bits = 0
         if tolerance:
-            sign_and_exponent, whole = (9, 32) if values.dtype.itemsize == 4 else (12, 64)
+            sign_and_exponent, width = (9, 32) if values.dtype.itemsize == 4 else (12, 64)
             largest = float(np.max(np.abs(values), initial=0.0))
             digits = math.log2(max(largest / tolerance, 1.0))
-            n_bits = min(max(sign_and_exponent + math.ceil(digits), 2), whole)
-            n_bits += n_bits % 2 if whole == 64 else 0  # of float64 it takes pairs
+            n_bits = min(max(sign_and_exponent + math.ceil(digits), 2), width)
+            n_bits += n_bits % 2 if width == 64 else 0  # float64 needs an even precision
         return fpzip_bytes(values.transpose(2, 0, 1), n_bits)
 
     def decode(self, data: bytes, shape: Shape, dtype: npt.DTypeLike) -> Values:
@@ -185,27 +185,27 @@ TRACK_PEER_NAMES = tuple(peer.name for peer in TRACK_PEERS)
 
 
 def track_peers_named(names: Iterable[str] = TRACK_PEER_NAMES) -> tuple[TrackPeer, ...]:
-    """The peers of these names, in the order of the list; none for "none".
+    """Return the peers of these names in registry order; none for "none".
 
     Raises
     ------
     InvalidInputError
-        If a name is unknown, or there is no name.
+        If a name is unknown, or `names` is empty.
     """
-    wanted = set(names)
-    if wanted == {NONE}:
+    selected = set(names)
+    if selected == {NONE}:
         return ()
-    known = checked_names(wanted, TRACK_PEER_NAMES, "peer")
+    known = checked_names(selected, TRACK_PEER_NAMES, "peer")
     return tuple(peer for peer in TRACK_PEERS if peer.name in known)
 
 
 def columns_of(values: Values) -> list[Values]:
-    """An array of shape (T, N) for each number of a value."""
+    """An array of shape (T, N) for each column."""
     return [np.ascontiguousarray(values[..., column]) for column in range(values.shape[2])]
 
 
-def _stepped(values: Values, tolerance: float) -> npt.NDArray[np.int32]:
-    """Numbers in steps of twice the tolerance, as integers."""
+def _quantize(values: Values, tolerance: float) -> npt.NDArray[np.int32]:
+    """Quantize numbers with a step of twice the tolerance."""
     steps = np.rint(values / (2 * tolerance))
     if not np.abs(steps).max() < 2**30:
         raise InvalidInputError(f"steps of {2 * tolerance:g} are too fine for integers of 32 bits")

@@ -1,4 +1,4 @@
-"""Results of one track, as its tables and plots read them."""
+"""Results of one track."""
 
 import math
 from dataclasses import dataclass, field
@@ -12,18 +12,18 @@ from meshreel.evaluation.tracks.settings import EXACTLY
 
 @dataclass(frozen=True)
 class TrackResults:
-    """Everything that was measured of a track.
+    """All measurements of a track.
 
     Attributes
     ----------
     slug : str
-        Begins the names of its plots.
+        Prefix of the names of its plots.
     sequence : dict
         Name, shape and hash.
     track : dict
         "name", "described", "shape", "error_unit", "raw_bytes" and "sha256".
     measured : list of results
-        Of our codec, then of the peers.
+        Our codec, then peers.
     """
 
     slug: str
@@ -38,45 +38,45 @@ class TrackResults:
 
     @property
     def levels(self) -> list[str]:
-        """What was asked for, from coarse to fine."""
+        """The error bounds, from coarse to fine."""
         return list(dict.fromkeys(result["level"] for result in self.measured))
 
     @property
     def codecs(self) -> list[str]:
-        """Those that have results, ours first."""
+        """Codecs with results, ours first."""
         return list(dict.fromkeys(result["codec"] for result in done(self.measured)))
 
     @property
     def positions_bytes(self) -> int | None:
-        """Of the stream without the track; None where ours has no result."""
-        ours = (one["positions_bytes"] for one in done(self.measured) if one["codec"] == OURS)
-        return next(ours, None)
+        """Size of the stream without the track; None if our codec has no result."""
+        sizes = (run["positions_bytes"] for run in done(self.measured) if run["codec"] == OURS)
+        return next(sizes, None)
 
     def size_bytes(self, codec: str, level: str) -> int | None:
-        """Bytes of the track by a codec; None where it has no result."""
-        found = (
-            int(one["size_bytes"])
-            for one in done(self.measured)
-            if one["codec"] == codec and one["level"] == level
+        """Size of the track in a codec; None without a result."""
+        sizes = (
+            int(run["size_bytes"])
+            for run in done(self.measured)
+            if run["codec"] == codec and run["level"] == level
         )
-        return next(found, None)
+        return next(sizes, None)
 
     def bits_per_number(self, size_bytes: int) -> float:
-        """The rate of so many bytes."""
+        """The rate that corresponds to a size."""
         n_numbers: int = math.prod(self.track["shape"])
         return 8 * size_bytes / n_numbers
 
     def curves(self) -> dict[str, list[Point]]:
         """Points (bits per number, largest error above 0) by codec."""
-        found: dict[str, list[Point]] = {}
-        for one in done(self.measured):
-            if one["level"] != EXACTLY and one["largest_error"]:
-                point = self.bits_per_number(one["size_bytes"]), one["largest_error"]
-                found.setdefault(one["codec"], []).append(point)
-        return {label: sorted(points) for label, points in found.items()}
+        curves: dict[str, list[Point]] = {}
+        for run in done(self.measured):
+            if run["level"] != EXACTLY and run["largest_error"]:
+                point = self.bits_per_number(run["size_bytes"]), run["largest_error"]
+                curves.setdefault(run["codec"], []).append(point)
+        return {label: sorted(points) for label, points in curves.items()}
 
     def as_dict(self) -> dict[str, Any]:
-        """All figures in plain types."""
+        """All results in plain types."""
         measured = [
             {name: value for name, value in result.items() if name != "identity"}
             for result in self.measured

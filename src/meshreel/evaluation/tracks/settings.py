@@ -1,4 +1,4 @@
-"""The bounds at which a track is measured, and the largest error that each allows."""
+"""The error bounds at which a track is measured."""
 
 from dataclasses import dataclass
 
@@ -16,14 +16,14 @@ EXACTLY = "exact"
 
 @dataclass(frozen=True)
 class Level:
-    """What is asked of all codecs.
+    """An error bound for all codecs.
 
     Attributes
     ----------
     text : str
-        As `--track NAME=` of `meshreel encode` takes it.
+        As for `--track NAME=` of `meshreel encode`.
     limit : float
-        Largest error of a value that it allows, in the unit of `meshreel.compare`; 0 for none.
+        Largest error of a value, in the unit of `meshreel.compare`; 0 is lossless.
     """
 
     text: str
@@ -31,7 +31,7 @@ class Level:
 
 
 def levels_of(track: TrackSource, *, quick: bool) -> list[Level]:
-    """The levels for a track, from coarse to fine; integers are only coded exactly."""
+    """The levels for a track, from coarse to fine; integers are coded only exactly."""
     texts: list[str] = []
     if track.dtype.kind != "f":
         pass
@@ -46,17 +46,17 @@ def levels_of(track: TrackSource, *, quick: bool) -> list[Level]:
 
 
 def level_of(text: str, track: TrackSource) -> Level:
-    """The level of a bound of a track.
+    """Parse a bound for a track.
 
     Parameters
     ----------
     text : str
-        As `meshreel.codec.track_bounds.bound_of_track` takes it, but "drop".
+        As for `meshreel.codec.track_bounds.bound_of_track`, except "drop".
 
     Raises
     ------
     InvalidInputError
-        If it is no bound of the track.
+        If the bound is invalid for the track.
     """
     bound = bound_of_track(text, "", track)
     if bound == DROP:

@@ -1,4 +1,4 @@
-"""A track as a study: our codec and compressors of arrays at equal largest error."""
+"""The study that compares a track in our codec with array compressors."""
 
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -9,13 +9,12 @@ from typing import Any
 
 from meshreel.evaluation.codecs.peers.protocol import is_available, why_missing
 from meshreel.evaluation.folder import file_name
-from meshreel.evaluation.pipeline import Measured as MeasuredResults
-from meshreel.evaluation.pipeline import Subject
+from meshreel.evaluation.pipeline import Measured, Subject
 from meshreel.evaluation.plots.axes import draw_envelopes
 from meshreel.evaluation.runs.run import Run
 from meshreel.evaluation.runs.store import Result
 from meshreel.evaluation.tracks.document import track_document
-from meshreel.evaluation.tracks.measure import Measured, our_run, peer_run
+from meshreel.evaluation.tracks.measure import TrackInput, our_run, peer_run
 from meshreel.evaluation.tracks.peers import TRACK_PEERS, TrackPeer
 from meshreel.evaluation.tracks.results import TrackResults
 from meshreel.evaluation.tracks.settings import Level, levels_of
@@ -27,23 +26,23 @@ from meshreel.rendering.plots import blank_figure, save_figure
 from meshreel.runtime.progress import Progress
 
 CAPTION = (
-    "Bits of the track alone by its numbers. A point is a stream; a line joins those that no other "
-    "of its codec beats. Streams that lose nothing have no place on a log axis of errors."
+    "Bits of the track alone, per number. A point is a stream; a line connects the Pareto-optimal "
+    "points of a codec. Lossless streams do not appear on a log axis of errors."
 )
 
 
 @dataclass(frozen=True)
 class TrackStudy:
-    """One track of any sequences, beside compressors of arrays.
+    """Compare one track of any sequences with array compressors.
 
     Attributes
     ----------
     track : str
         Its name, the same in all sequences.
     peers : sequence of TrackPeer
-        Those whose package is missing are named in the report.
+        The report lists those whose package is missing.
     quick : bool
-        Few bounds.
+        Use few bounds.
     """
 
     track: str
@@ -57,24 +56,24 @@ class TrackStudy:
         Raises
         ------
         InvalidInputError
-            If the sequence has no such track.
+            If the sequence lacks the track.
         """
-        measured = Measured(with_track_alone(sequence, self.track), self.track)
-        levels = levels_of(measured.track, quick=self.quick)
-        return {"measured": self.runs(measured, levels)}
+        track_input = TrackInput(with_track_alone(sequence, self.track), self.track)
+        levels = levels_of(track_input.track, quick=self.quick)
+        return {"measured": self.runs(track_input, levels)}
 
-    def runs(self, measured: Measured, levels: Sequence[Level]) -> list[Run]:
-        """The runs of ours at all levels, then those of the peers that are there."""
-        identity = _identity(self.track, measured.track)
-        runs = [our_run(measured, level, identity) for level in levels]
+    def runs(self, track_input: TrackInput, levels: Sequence[Level]) -> list[Run]:
+        """The runs of our codec at all levels, then those of the available peers."""
+        identity = _identity(self.track, track_input.track)
+        runs = [our_run(track_input, level, identity) for level in levels]
         return runs + [
-            peer_run(measured, peer, level, identity)
+            peer_run(track_input, peer, level, identity)
             for peer in self._available()
             for level in levels
         ]
 
     def collect(
-        self, subject: Subject, found: Mapping[str, list[Result]], progress: Progress
+        self, subject: Subject, groups: Mapping[str, list[Result]], progress: Progress
     ) -> TrackResults:
         """The results of all runs."""
         track = subject.sequence.tracks[self.track]
@@ -85,21 +84,23 @@ class TrackStudy:
             "error_unit": error_unit(track),
             "raw_bytes": track.values.nbytes,
         }
-        return TrackResults(subject.slug, subject.store.sequence, about, found["measured"])
+        return TrackResults(subject.slug, subject.store.sequence, about, groups["measured"])
 
     def drawings(
         self, subject: Subject, results: TrackResults, folder: Path
     ) -> Iterator[Callable[[], Picture]]:
-        """A function for the plot of rate against largest error."""
-        return drawings(results, folder)
+        """A function that draws the plot of rate and largest error, if there are points."""
+        if results.curves():
+            yield partial(draw_curves, results, folder)
 
-    def notes(self, measured: MeasuredResults[TrackResults]) -> dict[str, list[str]]:
-        """Packages that are missing."""
-        there = self._available()
-        return {"not_measured": [why_missing(peer) for peer in self.peers if peer not in there]}
+    def notes(self, measured: Measured[TrackResults]) -> dict[str, list[str]]:
+        """Missing packages."""
+        available = self._available()
+        missing = [why_missing(peer) for peer in self.peers if peer not in available]
+        return {"not_measured": missing}
 
-    def document(self, measured: MeasuredResults[TrackResults], command: str) -> Document:
-        """The report: plot and tables of each sequence, and how it was measured."""
+    def document(self, measured: Measured[TrackResults], command: str) -> Document:
+        """The report: plot and tables of each sequence, and the methodology."""
         notes = self.notes(measured)["not_measured"]
         return track_document(measured, self._available(), notes, command)
 
@@ -108,12 +109,12 @@ class TrackStudy:
 
 
 def with_track_alone(sequence: MeshSequence, name: str) -> MeshSequence:
-    """A sequence without its other tracks.
+    """The sequence without its other tracks.
 
     Raises
     ------
     InvalidInputError
-        If it has no such track.
+        If it lacks the track.
     """
     return replace(sequence, tracks={name: track_by_name(sequence.tracks, name)})
 
@@ -125,14 +126,8 @@ def _identity(name: str, track: Track) -> dict[str, Any]:
     return {"name": name, "sha256": digest.hexdigest()}
 
 
-def drawings(results: TrackResults, folder: Path) -> Iterator[Callable[[], Picture]]:
-    """A function for the plot, if there are points."""
-    if results.curves():
-        yield partial(draw_curves, results, folder)
-
-
 def draw_curves(results: TrackResults, folder: Path) -> Picture:
-    """The plot of all codecs."""
+    """Draw rate and largest error of all codecs."""
     unit = results.track["error_unit"]
     figure = blank_figure(9.5, 5.6)
     draw_envelopes(

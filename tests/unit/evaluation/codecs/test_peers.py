@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.evaluation.codecs.peers.draco import Draco, draco_order, separated
+from meshreel.evaluation.codecs.peers.draco import Draco, draco_order, separate_equal
 from meshreel.evaluation.codecs.peers.error_bounded import _tolerance
 from meshreel.evaluation.codecs.peers.integer_deltas import (
     pack_frames,
@@ -93,7 +93,7 @@ def test_draco_gives_every_vertex_back_when_positions_coincide(small_flag):
 def test_draco_says_so_when_it_leaves_out_vertices(small_flag):
     vertices = np.concatenate([small_flag.vertices, small_flag.vertices[:, :2] + 1], axis=1)
     sequence = MeshSequence(vertices, small_flag.faces)
-    with pytest.raises(InvalidInputError, match="leaves out 2 of 74 vertices"):
+    with pytest.raises(InvalidInputError, match="drops 2 of 74 vertices"):
         round_trip(Draco(), sequence, 10)
 
 
@@ -101,7 +101,7 @@ def test_draco_says_so_when_decoded_positions_are_not_those_of_the_vertices(smal
     draco = Draco()
     source = draco.prepare(small_flag)
     decoded = draco.decode(draco.encode(source, 10), source.vertices.shape, np.float32)
-    with pytest.raises(InvalidInputError, match="cannot be told"):
+    with pytest.raises(InvalidInputError, match="cannot match positions"):
         draco.restore(decoded[:, ::-1], source, 10)
 
 
@@ -109,17 +109,17 @@ def test_draco_order_names_every_vertex_once_when_the_surface_is_manifold(small_
     assert sorted(draco_order(small_flag)) == list(range(small_flag.n_verts))
 
 
-def test_separated_makes_all_positions_differ_when_many_are_equal():
+def test_separate_equal_makes_all_positions_differ_when_many_are_equal():
     frame = np.zeros((500, 3), np.float32)
     frame[::3] = 1.5
-    apart = separated(frame)
+    apart = separate_equal(frame)
     assert len({row.tobytes() for row in apart}) == 500
     assert np.abs(apart - frame).max() < 1e-4
 
 
-def test_separated_changes_nothing_when_all_positions_differ(small_flag):
+def test_separate_equal_changes_nothing_when_all_positions_differ(small_flag):
     frame = small_flag.vertices[0].astype(np.float32)
-    assert np.array_equal(separated(frame), frame)
+    assert np.array_equal(separate_equal(frame), frame)
 
 
 def test_quantized_deltas_come_back_within_half_a_step_when_added_up():

@@ -42,7 +42,7 @@ def test_matching_leaves_rows_out_when_name_or_shape_differ(write):
 
 def test_read_recorded_names_the_column_when_it_is_missing(write):
     path = write(ROW, columns=[name for name in COLUMNS if name not in ("k", "enc_s")])
-    with pytest.raises(InvalidInputError, match="lacks the column k, enc_s; needed are sequence"):
+    with pytest.raises(InvalidInputError, match="lacks the column k, enc_s; required: sequence"):
         read_recorded(path)
 
 

@@ -138,12 +138,12 @@ def test_notes_name_package_and_extra_when_a_peer_is_missing(made):
 
 
 @pytest.mark.slow
-def test_notes_say_so_when_no_recorded_row_is_of_the_sequence(small_flag, tmp_path):
+def test_notes_mention_a_sequence_without_recorded_rows(small_flag, tmp_path):
     stray = replace(RECORDED[0], n_verts=71)
     study = CodecStudy(methods=("v2v",), peers=(), recorded=[stray], quick=True)
     made = evaluate(study, [small_flag], tmp_path)
     assert made.notes["not_measured"] == [
-        "no recorded row is of flag with 72 vertices (n) and 8 frames (k)"
+        "no recorded row matches flag with 72 vertices (n) and 8 frames (k)"
     ]
 
 

@@ -12,7 +12,7 @@ import meshreel
 from meshreel.errors import InvalidInputError
 from meshreel.evaluation.pipeline import evaluate
 from meshreel.evaluation.tracks.document import refusals, runs_table, share_of_best, size_table
-from meshreel.evaluation.tracks.measure import NEAR, coarsest_tolerance
+from meshreel.evaluation.tracks.measure import CLOSE_ENOUGH, coarsest_tolerance
 from meshreel.evaluation.tracks.peers import Pcodec
 from meshreel.evaluation.tracks.settings import level_of, levels_of
 from meshreel.evaluation.tracks.study import TrackStudy, with_track_alone
@@ -20,10 +20,10 @@ from meshreel.evaluation.tracks.study import TrackStudy, with_track_alone
 
 @dataclass(frozen=True)
 class Steps:
-    """Numbers in steps of its tolerance, as bytes: an error of half of it."""
+    """Numbers quantized by the tolerance, with an error of half of it."""
 
     name: str = "steps"
-    summary: str = "steps of twice what is asked for"
+    summary: str = "steps of the tolerance"
     package: Any = None
     extra: Any = None
     grain: float = 1.02
@@ -101,23 +101,22 @@ def test_errors_are_within_the_limit_and_near_it_when_a_tolerance_is_searched_fo
         assert one["limit"] == pytest.approx(limit)
         assert one["largest_error"] <= one["limit"]
         if one["codec"] == "steps":
-            assert one["largest_error"] >= NEAR * 0.9 * limit
+            assert one["largest_error"] >= CLOSE_ENOUGH * 0.9 * limit
             assert one["tolerance"] > 1.5 * limit
 
 
-def test_refusals_say_why_when_a_codec_keeps_no_bound(results):
+def test_refusals_state_the_reason_when_a_codec_keeps_no_bound(results):
     lines = refusals(results)
     assert len(lines) == 5
-    assert any("`worse`" in line and "no tolerance was found" in line for line in lines)
-    assert any("`worse`" in line and "exact: it does not give every" in line for line in lines)
-    assert any("`steps`" in line and "no mode that gives every number back" in line
-               for line in lines)  # fmt: skip
+    assert any("`worse`" in line and "no tolerance keeps errors" in line for line in lines)
+    assert any("`worse`" in line and "exact: its lossless mode changes" in line for line in lines)
+    assert any("`steps`" in line and "it has no lossless mode" in line for line in lines)
 
 
-def test_tables_have_sizes_and_shares_when_there_are_results(results):
+def test_tables_have_sizes_and_ratios(results):
     table = size_table(results)
     assert table.header == ("codec", "1 %", "0.1 %", "0.01 %", "exact")
-    assert [row[0] for row in table.rows] == ["reel", "steps", "reel by the best of the others"]
+    assert [row[0] for row in table.rows] == ["reel", "steps", "reel / best of the others"]
     assert table.rows[1][1:] == ("1,736", "1,736", "1,736", "-")
     ours = results.size_bytes("reel", "1%")
     assert share_of_best(results, "1%") == ours / 1736
@@ -126,15 +125,15 @@ def test_tables_have_sizes_and_shares_when_there_are_results(results):
     assert results.bits_per_number(1736) == pytest.approx(8 * 1736 / (12 * 72))
 
 
-def test_report_holds_plot_tables_and_bytes_of_positions_when_it_is_written(made, results):
+def test_report_contains_plot_tables_and_bytes_of_positions(made, results):
     text = made.markdown.read_text(encoding="utf-8")
     for part in (
         "meshreel evaluate flag.npz --track height",
-        "`height` is scalar of each vertex, float32 in m: 3,456 bytes as they are. Positions, "
-        f"faces and order take {results.positions_bytes:,} bytes beside it.",
+        "`height` is scalar of each vertex, float32 in m: 3,456 bytes uncompressed. Positions, "
+        f"faces and order take another {results.positions_bytes:,} bytes.",
         "Bytes of the track at equal largest error, flag, height",
         "`future` was not measured: it needs the package package_of_the_future",
-        "`steps`: steps of twice what is asked for",
+        "`steps`: steps of the tolerance",
     ):
         assert part in text
     ((_, (picture,)),) = made.measured
@@ -145,7 +144,7 @@ def test_report_holds_plot_tables_and_bytes_of_positions_when_it_is_written(made
 
 
 @pytest.mark.slow
-def test_stored_runs_are_of_the_values_of_the_track_when_these_change(waving, made):
+def test_runs_are_repeated_when_the_values_of_the_track_change(waving, made):
     out = made.markdown.parent
     values = waving.tracks["height"].values * 2
     other = with_track_alone(waving, "height")
@@ -169,7 +168,7 @@ def test_levels_are_those_of_the_kind_when_a_track_has_one(waving):
     assert level_of("0.5m", waving.tracks["height"]).limit == 0.5
 
 
-def test_level_is_refused_when_the_track_is_dropped(waving):
+def test_level_is_rejected_when_the_track_is_dropped(waving):
     with pytest.raises(InvalidInputError, match="dropped cannot be measured"):
         level_of("drop", waving.tracks["height"])
 

@@ -14,7 +14,7 @@ from meshreel.model.sequence import MeshSequence, Vertices
 
 @dataclass(frozen=True)
 class Zfp:
-    """zfp at a fixed accuracy, on frames by coordinates.
+    """zfp with fixed accuracy, on an array of frames by coordinates.
 
     References
     ----------
@@ -28,7 +28,7 @@ class Zfp:
     has_faces: bool = False
 
     def sweep(self, *, quick: bool) -> tuple[float, ...]:
-        """Bounds of a coordinate's error, as shares of the diagonal."""
+        """Error bounds per coordinate, as fractions of the diagonal."""
         return (1e-2, 1e-3) if quick else (3e-2, 1e-2, 3e-3, 1e-3, 3e-4)
 
     def params(self, setting: float) -> str:
@@ -40,13 +40,13 @@ class Zfp:
         return zfp_bytes(planar(sequence.vertices), _tolerance(sequence, setting))
 
     def decode(self, data: bytes, shape: Shape, dtype: npt.DTypeLike) -> Vertices:
-        """Positions in the order given."""
+        """Positions in the original order."""
         return interleaved(zfp_array(data), shape)
 
 
 @dataclass(frozen=True)
 class Sz3:
-    """SZ3 with an absolute bound, Lorenzo and regression predictors.
+    """SZ3 with an absolute error bound and Lorenzo and regression predictors.
 
     References
     ----------
@@ -61,7 +61,7 @@ class Sz3:
     has_faces: bool = False
 
     def sweep(self, *, quick: bool) -> tuple[float, ...]:
-        """Bounds of a coordinate's error, as shares of the diagonal."""
+        """Error bounds per coordinate, as fractions of the diagonal."""
         return (2e-3, 5e-4) if quick else (4e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4)
 
     def params(self, setting: float) -> str:
@@ -74,14 +74,16 @@ class Sz3:
         return sz3_bytes(planar(sequence.vertices), tolerance, "LORENZO_REG")
 
     def decode(self, data: bytes, shape: Shape, dtype: npt.DTypeLike) -> Vertices:
-        """Positions in the order given."""
+        """Positions in the original order."""
         n_frames, n_verts, _ = shape
         return interleaved(sz3_array(data, (n_frames, 3 * n_verts), dtype), shape)
 
 
 def _tolerance(sequence: MeshSequence, share: float) -> float:
-    """A share of the sequence's diagonal, in model units."""
+    """A fraction of the sequence's diagonal, in model units."""
     diagonal = bounding_box_reference(sequence.vertices).diagonal
     if not 0 < diagonal < np.inf:
-        raise InvalidInputError("the sequence has no extent that a bound could be a share of")
+        raise InvalidInputError(
+            "a relative error bound needs an extent; the sequence has no extent"
+        )
     return float(share * diagonal)

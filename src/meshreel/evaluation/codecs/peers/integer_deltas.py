@@ -1,4 +1,4 @@
-"""Integer codecs on quantised positions and their differences from frame to frame."""
+"""Integer codecs on temporal differences of quantized positions."""
 
 import lzma
 import struct
@@ -13,29 +13,29 @@ from meshreel.evaluation.codecs.peers.protocol import Shape
 from meshreel.model.sequence import MeshSequence, Vertices
 
 Words = npt.NDArray[np.uint16]
-HEAD = struct.Struct("<4d")  # origin and quantisation step
+HEAD = struct.Struct("<4d")  # origin and quantization step
 N_QUICK = (10, 12)
 N_BITS = (8, 9, 10, 12, 14)
 
 
 @dataclass(frozen=True)
 class MeshOptimizer:
-    """meshoptimizer's vertex codec on each frame's differences, then LZMA.
+    """meshoptimizer's vertex codec on the differences of each frame, then LZMA.
 
-    The codec is made to have a general compressor behind it; LZMA is the one in Python whose
-    window reaches over frames.
+    The codec expects a general compressor after it; LZMA is the only one in Python's standard
+    library whose window spans several frames.
     """
 
     name: str = "meshopt"
     summary: str = (
-        "meshoptimizer's vertex codec and LZMA on temporal differences of quantised positions"
+        "meshoptimizer's vertex codec and LZMA on temporal differences of quantized positions"
     )
     package: str = "meshoptimizer"
     extra: str = "meshopt"
     has_faces: bool = False
 
     def sweep(self, *, quick: bool) -> tuple[float, ...]:
-        """Bits of a coordinate in the box of the sequence."""
+        """Bits per coordinate in the bounding box of the sequence."""
         return N_QUICK if quick else N_BITS
 
     def params(self, setting: float) -> str:
@@ -48,18 +48,18 @@ class MeshOptimizer:
 
         meshoptimizer.encode_vertex_version(1)
         head, deltas = quantized_deltas(sequence.vertices, int(setting))
-        padded = np.zeros((*deltas.shape[:2], 4), np.uint16)  # it takes multiples of 4 bytes
+        padded = np.zeros((*deltas.shape[:2], 4), np.uint16)  # vertex sizes: multiples of 4 bytes
         padded[..., :3] = deltas
         frames = [bytes(meshoptimizer.encode_vertex_buffer(frame, len(frame), 8))
                   for frame in padded]  # fmt: skip
         return head + lzma.compress(pack_frames(frames))
 
     def decode(self, data: bytes, shape: Shape, dtype: npt.DTypeLike) -> Vertices:
-        """Positions in the order given."""
+        """Positions in the original order."""
         meshoptimizer = import_module("meshoptimizer")
 
         frames = unpack_frames(lzma.decompress(data[HEAD.size :]))
-        # Its own dtype argument is that of a whole vertex, so four words are read as two floats.
+        # The binding returns floats; four words of a vertex are reinterpreted from two floats.
         words = [
             np.asarray(meshoptimizer.decode_vertex_buffer(shape[1], 8, frame)).view(np.uint16)
             for frame in frames
@@ -70,16 +70,16 @@ class MeshOptimizer:
 
 @dataclass(frozen=True)
 class Pcodec:
-    """pcodec on the differences, coordinate after coordinate."""
+    """pcodec on the differences, one coordinate plane at a time."""
 
     name: str = "pco"
-    summary: str = "pcodec on temporal differences of quantised positions"
+    summary: str = "pcodec on temporal differences of quantized positions"
     package: str = "pcodec"
     extra: str = "peers"
     has_faces: bool = False
 
     def sweep(self, *, quick: bool) -> tuple[float, ...]:
-        """Bits of a coordinate in the box of the sequence."""
+        """Bits per coordinate in the bounding box of the sequence."""
         return N_QUICK if quick else N_BITS
 
     def params(self, setting: float) -> str:
@@ -92,7 +92,7 @@ class Pcodec:
         return head + pcodec_bytes(np.ascontiguousarray(deltas.transpose(2, 0, 1)).view(np.int16))
 
     def decode(self, data: bytes, shape: Shape, dtype: npt.DTypeLike) -> Vertices:
-        """Positions in the order given."""
+        """Positions in the original order."""
         numbers = pcodec_array(data[HEAD.size :])
         n_frames, n_verts, _ = shape
         deltas = np.asarray(numbers, np.int16).view(np.uint16).reshape(3, n_frames, n_verts)
@@ -100,13 +100,13 @@ class Pcodec:
 
 
 def quantized_deltas(vertices: Vertices, bits: int) -> tuple[bytes, Words]:
-    """Head bytes, and differences of quantised positions modulo 2^16, shape (T, V, 3).
+    """Header, and temporal differences of quantized positions modulo 2^16, shape (T, V, 3).
 
     Parameters
     ----------
     vertices : float array of shape (T, V, 3)
     bits : int
-        Of the longest side of the box around the whole sequence; at most 16.
+        Bits for the longest side of the bounding box of the whole sequence; at most 16.
     """
     corner = vertices.min(axis=(0, 1)).astype(np.float64)
     extent = float(np.max(vertices.max(axis=(0, 1)) - corner))
@@ -116,7 +116,7 @@ def quantized_deltas(vertices: Vertices, bits: int) -> tuple[bytes, Words]:
 
 
 def positions_of_deltas(head: bytes, deltas: Words, dtype: npt.DTypeLike) -> Vertices:
-    """The inverse of `quantized_deltas`, up to half a quantisation step."""
+    """The inverse of `quantized_deltas`, up to half a quantization step."""
     *corner, step = HEAD.unpack(head)
     words = np.cumsum(deltas, axis=0, dtype=np.uint16)
     vertices: Vertices = (words * step + np.array(corner)).astype(np.dtype(dtype))
@@ -124,7 +124,7 @@ def positions_of_deltas(head: bytes, deltas: Words, dtype: npt.DTypeLike) -> Ver
 
 
 def pack_frames(frames: list[bytes]) -> bytes:
-    """Streams behind each other, each behind its length."""
+    """Concatenate streams, each preceded by its length."""
     return b"".join(struct.pack("<I", len(frame)) + frame for frame in frames)
 
 

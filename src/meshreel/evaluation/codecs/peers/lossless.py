@@ -1,4 +1,4 @@
-"""Lossless compressors of float arrays: byte shuffle with zstd, and NumPy's own deflate."""
+"""Lossless compressors of float arrays: byte shuffle with zstd, and NumPy's deflate."""
 
 import io
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from meshreel.model.sequence import MeshSequence, Vertices
 
 @dataclass(frozen=True)
 class Blosc2:
-    """The bytes of the floats shuffled apart and compressed with zstd, by Blosc2."""
+    """Byte shuffle and zstd, by Blosc2."""
 
     name: str = "blosc2"
     summary: str = "Blosc2, byte shuffle and zstd level 9, lossless, on a (3 V, T) array"
@@ -22,7 +22,7 @@ class Blosc2:
     has_faces: bool = False
 
     def sweep(self, *, quick: bool) -> tuple[float, ...]:
-        """Its one setting: the level."""
+        """The compression level, the only setting."""
         return (9,)
 
     def params(self, setting: float) -> str:
@@ -30,7 +30,7 @@ class Blosc2:
         return f"level {setting:g}"
 
     def encode(self, sequence: MeshSequence, setting: float) -> bytes:
-        """One Blosc2 chunk, trajectory after trajectory."""
+        """One Blosc2 chunk, ordered by trajectory."""
         blosc2 = import_module("blosc2")
 
         trajectories = np.ascontiguousarray(planar(sequence.vertices).T)
@@ -45,7 +45,7 @@ class Blosc2:
         )
 
     def decode(self, data: bytes, shape: Shape, dtype: npt.DTypeLike) -> Vertices:
-        """Positions in the order given."""
+        """Positions in the original order."""
         blosc2 = import_module("blosc2")
 
         n_frames, n_verts, _ = shape
@@ -55,7 +55,7 @@ class Blosc2:
 
 @dataclass(frozen=True)
 class Npz:
-    """`numpy.savez_compressed`: what people have who do nothing."""
+    """`numpy.savez_compressed`, the baseline of users without a mesh codec."""
 
     name: str = "npz"
     summary: str = "numpy.savez_compressed (deflate), lossless"
@@ -64,7 +64,7 @@ class Npz:
     has_faces: bool = False
 
     def sweep(self, *, quick: bool) -> tuple[float, ...]:
-        """One placeholder: there is nothing to set."""
+        """A placeholder; there are no settings."""
         return (0,)
 
     def params(self, setting: float) -> str:
@@ -78,7 +78,7 @@ class Npz:
         return stream.getvalue()
 
     def decode(self, data: bytes, shape: Shape, dtype: npt.DTypeLike) -> Vertices:
-        """Positions in the order given."""
+        """Positions in the original order."""
         with np.load(io.BytesIO(data)) as arrays:
             vertices: Vertices = arrays["vertices"]
         return vertices

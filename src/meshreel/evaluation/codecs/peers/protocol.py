@@ -1,4 +1,4 @@
-"""The protocol of other codecs that can be measured."""
+"""The protocol of other codecs in the comparison."""
 
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
@@ -12,67 +12,67 @@ Shape = tuple[int, int, int]
 
 
 class Packaged(Protocol):
-    """What needs a package."""
+    """A codec that may need a package."""
 
     @property
     def name(self) -> str:
-        """Its name in tables and plots."""
+        """Name in tables and plots."""
 
     @property
     def package(self) -> str | None:
-        """The package it needs; None where Python and NumPy are enough."""
+        """Required package; None if Python and NumPy suffice."""
 
     @property
     def extra(self) -> str | None:
-        """The extra of meshreel that brings the package; None where it is always there."""
+        """The extra of meshreel that installs the package; None if it is always installed."""
 
 
 class Peer(Packaged, Protocol):
-    """A codec of vertex positions, at one setting after another."""
+    """A codec of vertex positions with a sweep of settings."""
 
     @property
     def summary(self) -> str:
-        """How it is used, in one line."""
+        """One-line description of its use."""
 
     @property
     def has_faces(self) -> bool:
-        """Whether its bytes hold the faces, too."""
+        """Whether its bytes contain the faces."""
 
     def sweep(self, *, quick: bool) -> tuple[float, ...]:
-        """The settings to run, a number each."""
+        """The settings to measure, one number each."""
 
     def params(self, setting: float) -> str:
-        """A setting in words; empty where there is nothing to set."""
+        """A setting as text; empty for codecs without settings."""
 
     def encode(self, sequence: MeshSequence, setting: float) -> bytes:
-        """The prepared sequence as bytes."""
+        """Encode the prepared sequence."""
 
     def decode(self, data: bytes, shape: Shape, dtype: npt.DTypeLike) -> Vertices:
-        """Positions in the order the codec gives them, from bytes, shape and type alone."""
+        """Decode positions, in the codec's vertex order."""
 
 
 @runtime_checkable
 class ReordersVertices(Protocol):
-    """A codec that gives vertices in an order of its own, which is found again to measure it."""
+    """A codec that reorders vertices; the original order is restored for measuring."""
 
     def prepare(self, sequence: MeshSequence) -> MeshSequence:
-        """The sequence that is encoded in its place; not part of the seconds."""
+        """The sequence to encode; not part of the timing."""
 
     def restore(self, decoded: Vertices, prepared: MeshSequence, setting: float) -> Vertices:
-        """The decoded positions in the order of the prepared sequence; not part of the seconds.
+        """The decoded positions in the order of the prepared sequence; not part of the timing.
 
         Raises
         ------
         InvalidInputError
-            If it cannot be told which decoded position belongs to which vertex.
+            If decoded positions cannot be matched to vertices.
         """
 
 
 def planar(vertices: Vertices) -> Vertices:
-    """Positions as an array of shape (T, 3 V): a frame's x, then its y, then its z.
+    """Positions as an array of shape (T, 3 V): all x, then all y, then all z of a frame.
 
-    Measured on two captured and animated sequences: smaller than interleaved coordinates, for
-    zfp by a third and for SZ3 by half.
+    On two sequences, streams are smaller than with interleaved coordinates: by a third for zfp
+    and by half for SZ3.
     """
     planes: Vertices = vertices.transpose(0, 2, 1)
     return planes.reshape(len(vertices), -1)
@@ -86,7 +86,7 @@ def interleaved(rows: Vertices, shape: Shape) -> Vertices:
 
 
 def is_available(peer: Packaged) -> bool:
-    """Whether its package can be imported."""
+    """Whether the package can be imported."""
     if peer.package is None:
         return True
     try:
@@ -96,13 +96,13 @@ def is_available(peer: Packaged) -> bool:
 
 
 def why_missing(peer: Packaged) -> str:
-    """A line that names the package and what brings it."""
+    """A line that names the missing package and how to install it."""
     source = f"pip install 'meshreel[{peer.extra}]'" if peer.extra else "reinstall meshreel"
     return f"`{peer.name}` was not measured: it needs the package {peer.package} ({source})"
 
 
 def package_version(peer: Packaged) -> str:
-    """The version of its package; empty where it needs none or none is told."""
+    """The version of the package; empty if unknown or not needed."""
     try:
         return version(peer.package) if peer.package else ""
     except PackageNotFoundError:

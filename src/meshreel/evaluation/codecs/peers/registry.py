@@ -1,4 +1,4 @@
-"""The one list of the codecs that can be measured; their modules are imported when asked for."""
+"""Registry of the codecs in the comparison; their modules are imported on demand."""
 
 from collections.abc import Iterable
 from importlib import import_module
@@ -9,7 +9,7 @@ from meshreel.evaluation.choices import checked_names
 if TYPE_CHECKING:
     from meshreel.evaluation.codecs.peers.protocol import Peer
 
-_PLACES = {
+_CLASSES = {
     "draco": ("draco", "Draco"),
     "sz3": ("error_bounded", "Sz3"),
     "zfp": ("error_bounded", "Zfp"),
@@ -18,28 +18,28 @@ _PLACES = {
     "blosc2": ("lossless", "Blosc2"),
     "npz": ("lossless", "Npz"),
 }
-"""Module and class of each, by name."""
+"""Module and class by name."""
 
-PEER_NAMES = tuple(_PLACES)
+PEER_NAMES = tuple(_CLASSES)
 NONE = "none"
-"""Named in place of peers where none is wanted."""
+"""Selects no peers."""
 
 
 def peers_named(names: Iterable[str] = PEER_NAMES) -> "tuple[Peer, ...]":
-    """The peers of these names, in the order of the list; none for "none".
+    """Return the peers of these names in registry order; none for "none".
 
     Raises
     ------
     InvalidInputError
-        If a name is unknown, or there is no name.
+        If a name is unknown, or `names` is empty.
     """
-    wanted = set(names)
-    if wanted == {NONE}:
+    selected = set(names)
+    if selected == {NONE}:
         return ()
-    return tuple(_peer(name) for name in checked_names(wanted, PEER_NAMES, "peer"))
+    return tuple(_peer(name) for name in checked_names(selected, PEER_NAMES, "peer"))
 
 
 def _peer(name: str) -> "Peer":
-    module, kind = _PLACES[name]
+    module, kind = _CLASSES[name]
     peer: Peer = getattr(import_module(f"meshreel.evaluation.codecs.peers.{module}"), kind)()
     return peer
