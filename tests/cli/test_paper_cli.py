@@ -59,7 +59,7 @@ def test_paper_keeps_a_foreign_folder_and_names_it_when_it_is_given(tmp_path, gr
     folder.mkdir()
     (folder / "notes.txt").touch()
     done = run(grid, "--out", folder, "--methods", "v2v")
-    assert_fails(done, f"meshreel: the folder {folder} holds files and no meshreel-paper.json")
+    assert_fails(done, f"meshreel: the folder {folder} contains files but no meshreel-paper.json")
     assert [path.name for path in folder.iterdir()] == ["notes.txt"]
 
 

@@ -94,7 +94,7 @@ _UNITS = ("BoundingFrame", "bounding_frame", "from_matrices", "to_matrices")
 _ITERATIONS = ("advance_basis", "align_basis", "ritz_vectors")
 _LAPLACIANS = ("cotangent_laplacian", "delta_coordinates", "uniform_laplacian")
 
-_HOMES = {
+_MODULES = {
     **dict.fromkeys(_LAPLACIANS, "model.geometry.laplacian"),
     **dict.fromkeys(_STEPS, "paper.quantization"),
     **dict.fromkeys(_UNITS, "codec.subspace.trajectories"),
@@ -111,11 +111,11 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:
-    """Import a public name at its first use: modules of this package are read at every start."""
-    if name not in _HOMES:
+    """Import public names lazily, because every start of the program imports this package."""
+    if name not in _MODULES:
         raise AttributeError(f"module 'meshreel.paper' has no attribute {name!r}")
-    home = import_module(f"meshreel.{_HOMES[name]}")
-    return globals().setdefault(name, getattr(home, name))
+    module = import_module(f"meshreel.{_MODULES[name]}")
+    return globals().setdefault(name, getattr(module, name))
 
 
 def __dir__() -> list[str]:

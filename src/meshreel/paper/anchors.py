@@ -1,4 +1,4 @@
-"""Anchor vertices: spread uniformly over a mesh, drawn at random, or given."""
+"""Anchor vertices: farthest-point samples, a random subset, or listed by the user."""
 
 from collections.abc import Sequence
 
@@ -23,7 +23,7 @@ def choose_anchors(
 ) -> Integers:
     """Choose a share of the vertices that have edges as anchors, in ascending order.
 
-    Every component with an edge gets at least one, whatever the share.
+    Every component with an edge gets at least one.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def choose_anchors(
     share : float
         0..1.
     rng : Generator, optional
-        Draws them at random. Default: farthest-point samples.
+        Selects a random subset. Default: farthest-point samples.
 
     Returns
     -------
@@ -52,12 +52,12 @@ def choose_anchors(
 
 
 def check_anchors(anchors: Sequence[int], faces: Faces, n_verts: int) -> Integers:
-    """Return given anchors in ascending order.
+    """Validate anchors listed by the user, and return them in ascending order.
 
     Raises
     ------
     InvalidInputError
-        If one is not a vertex, is given twice or has no edge, or a component has none.
+        If one is not a vertex, is repeated or has no edge, or a component has none.
     """
     vertices = np.array(sorted(anchors), np.int64)
     if len(vertices) == 0 or vertices[0] < 0 or vertices[-1] >= n_verts:
@@ -65,8 +65,8 @@ def check_anchors(anchors: Sequence[int], faces: Faces, n_verts: int) -> Integer
             f"anchors must be vertices 0..{n_verts - 1}, at least one; got {list(anchors)[:5]}"
         )
     if np.any(np.diff(vertices) == 0):
-        twice = vertices[1:][np.diff(vertices) == 0][0]
-        raise InvalidInputError(f"anchors lists vertex {twice} twice; list it once")
+        repeated = vertices[1:][np.diff(vertices) == 0][0]
+        raise InvalidInputError(f"anchors lists vertex {repeated} twice; list it once")
     isolated = isolated_vertices(faces, n_verts)
     without_edge = np.intersect1d(vertices, isolated)
     if len(without_edge):
@@ -78,23 +78,23 @@ def check_anchors(anchors: Sequence[int], faces: Faces, n_verts: int) -> Integer
     if len(missing):
         vertex = int(np.flatnonzero(labels == missing[0])[0])
         raise InvalidInputError(
-            f"{len(missing)} connected components have no anchor, among them that of vertex "
-            f"{vertex}; list a vertex of each"
+            f"{len(missing)} connected components have no anchor, for example the component of "
+            f"vertex {vertex}; list a vertex of each"
         )
     return vertices
 
 
 def farthest_points(adjacency: csr_array, n_points: int) -> Integers:
-    """Return farthest-point samples: each the most edges away from all samples before it.
+    """Return farthest-point samples: each maximizes the edge distance to all previous samples.
 
     Connected components without a sample come first, so that each has one if `n_points` is at least
-    the number of components. Ties go to the lowest vertex: the samples depend on connectivity
+    the number of components. Ties go to the lowest vertex, so the samples depend on connectivity
     alone.
 
     Parameters
     ----------
     adjacency : csr_array of shape (V, V)
-        Symmetric; its values do not matter.
+        Symmetric; its values are ignored.
     n_points : int
         Number of samples; at most V.
 
@@ -116,7 +116,7 @@ def farthest_points(adjacency: csr_array, n_points: int) -> Integers:
 
 
 def _relax(adjacency: csr_array, source: int, distance: Integers) -> None:
-    """Lower `distance` in place to the number of edges from `source`, where that is less."""
+    """Lower `distance` in place to the edge distance from `source` by breadth-first search."""
     frontier = np.array([source])
     distance[source] = 0
     n_edges = 0

@@ -1,4 +1,4 @@
-"""Sections of the blocks of the paper's variants, written and read."""
+"""Write and read the sections of blocks of the paper's variants."""
 
 from collections.abc import Callable, Iterator
 
@@ -16,29 +16,29 @@ def write_coded_block(
     block: CodedBlock,
     n_frames: int,
     method: Variant,
-    before: Quantized | None,
+    reference: Quantized | None,
     exact: bytes = b"",
 ) -> Iterator[tuple[Section, bytes]]:
     """Yield the sections of a block.
 
     Parameters
     ----------
-    before : Quantized or None
-        Dictionary of the block before, if this one's is stored as the difference from it.
+    reference : Quantized or None
+        Dictionary of the previous block, if the dictionary is stored as a difference from it.
     exact : bytes, optional
         Positions of isolated vertices.
     """
     yield Section.BLOCK, write_block_counts(n_frames, block.n_modes)
     if block.basis is not None:
         basis = block.basis
-        if before is not None:
-            basis = Quantized(basis.integers - before.integers, basis.steps)
+        if reference is not None:
+            basis = Quantized(basis.integers - reference.integers, basis.steps)
         is_tracked = method.basis is Basis.TRACKED
-        kind = bytes([before is not None]) if is_tracked else b""
+        kind = bytes([reference is not None]) if is_tracked else b""
         yield Section.BASIS, kind + payloads.write_curves(basis)
     if block.anchors is not None and block.anchors.coefficients is not None:
-        follows = bytes([block.anchors.residuals is not None])
-        yield Section.ANCHORS, follows + payloads.write_rows(block.anchors.coefficients)
+        has_residuals = bytes([block.anchors.residuals is not None])
+        yield Section.ANCHORS, has_residuals + payloads.write_rows(block.anchors.coefficients)
     if block.anchors is not None and block.anchors.residuals is not None:
         yield Section.ANCHOR_RESIDUALS, payloads.write_curves(block.anchors.residuals)
     if exact:
@@ -49,39 +49,39 @@ def write_coded_block(
 class Dictionaries:
     """The dictionaries of a stream's blocks; tracked ones are sums of stored differences.
 
-    Of the blocks before the requested one, only dictionaries are decoded.
+    Of blocks that precede the requested one, only the dictionary is decoded.
 
     Parameters
     ----------
     blocks : callable
-        From the number of a block to the stored block.
+        Maps the number of a block to the stored block.
     """
 
     def __init__(self, blocks: Callable[[int], StoredBlock], method: Variant) -> None:
         self._blocks = blocks
         self._method = method
-        self._found: tuple[int, Quantized] | None = None
+        self._latest: tuple[int, Quantized] | None = None
 
     def of(self, number: int) -> Quantized | None:
-        """The dictionary of a block; None if its variant has none.
+        """The dictionary of a block; None if the variant has none.
 
         Raises
         ------
         CorruptStreamError
-            If it is damaged, or does not follow those before.
+            If it is damaged, or inconsistent with previous ones.
         """
         if self._method.basis is Basis.GRAPH:
             return None
         if self._method.basis is not Basis.TRACKED:
             stored = self._blocks(number)
             return _read_dictionary(stored, stored.payload(Section.BASIS))
-        first, before = -1, None
-        if self._found is not None and self._found[0] <= number:
-            first, before = self._found
-        for one in range(first + 1, number + 1):
-            before = _read_tracked_dictionary(self._blocks(one), before)
-            self._found = one, before
-        return before
+        first, dictionary = -1, None
+        if self._latest is not None and self._latest[0] <= number:
+            first, dictionary = self._latest
+        for block in range(first + 1, number + 1):
+            dictionary = _read_tracked_dictionary(self._blocks(block), dictionary)
+            self._latest = block, dictionary
+        return dictionary
 
 
 def _read_dictionary(stored: StoredBlock, payload: bytes) -> Quantized:

@@ -20,12 +20,12 @@ SEED = Range(0, 2**63 - 1, is_whole=True)
 
 @dataclass(frozen=True, kw_only=True)
 class PaperChoices:
-    """What the paper leaves open; the defaults measured best, or are what it prints.
+    """Choices that the paper leaves open; the defaults measured best or are the printed ones.
 
     Attributes
     ----------
     anchor_values : {"positions", "coefficients"}
-        What is sent of each anchor: its positions in all T frames (Eq. 12), or its K
+        Coded values of each anchor: its positions in all T frames (Eq. 12), or its K
         coefficients. With coefficients, its motion outside the span of the K modes is lost.
     anchor_set : {"farthest", "random"}
         Farthest-point samples in edge counts, or a random subset. Every component gets at least
@@ -38,11 +38,11 @@ class PaperChoices:
     dictionary_bits : int
         Bits of the largest entry of a dictionary, 2 to 24.
     quantize : {"coefficients", "deltas"}
-        What is quantized: the projected deltas (Eq. 10), or the deltas of every frame before
-        they are projected, which is how the paper words variant (ii). Projected quantized deltas
-        are sent at 16 bits.
+        The quantized signal: the projected deltas (Eq. 10), or the deltas of every frame before
+        projection, as the text of the paper describes variant (ii). Projected quantized deltas
+        are coded with 16 bits.
     dictionary : {"difference", "whole"}
-        How `blocks` sends the dictionary of a block: as the difference from the block before, or
+        How `blocks` codes the dictionary of a block: as the difference from the previous block, or
         whole.
     rotation : {"ritz", "none"}
         Whether `blocks` rotates a tracked basis to the eigenvectors of R within its span.
@@ -65,7 +65,7 @@ class PaperChoices:
     def __post_init__(self) -> None:
         for name, kind in get_type_hints(PaperChoices).items():
             allowed, value = get_args(kind), getattr(self, name)
-            if allowed and all(isinstance(one, str) for one in allowed) and value not in allowed:
+            if allowed and all(isinstance(item, str) for item in allowed) and value not in allowed:
                 raise InvalidInputError(
                     f"choice {name} must be {' or '.join(map(repr, allowed))}; got {value!r}"
                 )
@@ -84,12 +84,12 @@ class PaperChoices:
         }
 
 
-def choices_of(given: str | Mapping[str, Any] | None) -> PaperChoices:
-    """Return the choices that an option names.
+def choices_of(option: str | Mapping[str, Any] | None) -> PaperChoices:
+    """Return the choices of an option of `encode` or the command line.
 
     Parameters
     ----------
-    given : str, mapping or None
+    option : str, mapping or None
         A string is a list such as ``"anchor-values=coefficients,dictionary-bits=12"``.
 
     Raises
@@ -97,13 +97,13 @@ def choices_of(given: str | Mapping[str, Any] | None) -> PaperChoices:
     InvalidInputError
         If a name is unknown or a value is not allowed.
     """
-    if given is None:
+    if option is None:
         return PaperChoices()
-    if not isinstance(given, str | Mapping):
+    if not isinstance(option, str | Mapping):
         raise InvalidInputError(
-            f"choices must be a mapping, or text such as 'anchor-bits=16'; got {given!r}"
+            f"choices must be a mapping, or text such as 'anchor-bits=16'; got {option!r}"
         )
-    values = _parsed(given) if isinstance(given, str) else dict(given)
+    values = _parse(option) if isinstance(option, str) else dict(option)
     known = [field.name for field in fields(PaperChoices)]
     for name in values:
         if name not in known:
@@ -113,11 +113,10 @@ def choices_of(given: str | Mapping[str, Any] | None) -> PaperChoices:
     return PaperChoices(**values)
 
 
-def _parsed(text: str) -> dict[str, Any]:
-    """The names and values in ``"anchor-values=coefficients,dictionary-bits=12"``."""
+def _parse(text: str) -> dict[str, Any]:
     values: dict[str, Any] = {}
     for part in text.split(","):
-        name, equals, value = (one.strip() for one in part.partition("="))
+        name, equals, value = (token.strip() for token in part.partition("="))
         if not (name and equals and value):
             raise InvalidInputError(
                 f"choices are NAME=VALUE, separated by commas, as in anchor-bits=16; got {part!r}"

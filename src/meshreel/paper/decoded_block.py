@@ -1,4 +1,4 @@
-"""Decoded blocks of frames, which are computed on demand."""
+"""Decoded blocks, whose frames are computed on demand."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from meshreel.runtime.threads import chunks, in_threads
 Vertices = npt.NDArray[np.floating]
 
 CHUNK_BYTES = 1 << 22
-"""Size of the float64 frames that are computed at a time, which should fit into the cache."""
+"""Size of the float64 frames computed at a time; they should fit into the cache."""
 
 FramesOf = Callable[[slice], Floats]
 """Returns coordinate matrices of shape (3, frames, V) for a slice of the frames of a block."""

@@ -24,11 +24,11 @@ from meshreel.runtime.threads import fork_safe_lock
 
 Vertices = npt.NDArray[np.floating]
 
-N_KEPT_BLOCKS = 3
-"""Decoded blocks that are kept, so that seeking across a border costs nothing."""
+N_CACHED_BLOCKS = 3
+"""Number of decoded blocks in the cache, so that seeking across a border is cheap."""
 
 DENSE_BYTES = 16
-"""Of an entry of a dense matrix and its eigenvectors."""
+"""Bytes per entry of a dense matrix and its eigenvectors."""
 
 
 class PaperBlockDecoder:
@@ -71,11 +71,11 @@ class PaperBlockDecoder:
             block = self.coded(stored, number).values
             if self._n_modes is not None:
                 block = block.truncated(self._n_modes)
-            if block.basis is None:  # of `gft`, whose eigenvectors are those of a dense matrix
+            if block.basis is None:  # `gft` decomposes a dense matrix
                 needed = DENSE_BYTES * self._opened.n_verts**2
                 self._opened.limit.require(needed, "the graph Fourier basis")
-            # First, since it tells whether there are as many isolated vertices as the header says;
-            # what follows takes the longer, the more there are.
+            # Decoded first: it rejects a wrong number of isolated vertices, before the synthesis,
+            # whose time depends on that number.
             exact = self.exact(stored)
             frames_of = synthesise(block, self.mesh, self._variant, order)
         return DecodedBlock(
@@ -102,7 +102,7 @@ class PaperBlockDecoder:
 
 
 class DecodedFrames:
-    """Frames of decoded blocks, of which some are kept; several threads may share one.
+    """Frames of decoded blocks, with a cache of blocks; thread-safe.
 
     Parameters
     ----------
@@ -112,15 +112,15 @@ class DecodedFrames:
 
     def __init__(self, decoder: PaperBlockDecoder, starts: list[int]) -> None:
         self._decoder, self._starts = decoder, starts
-        self._kept: OrderedDict[int, DecodedBlock] = OrderedDict()
+        self._cache: OrderedDict[int, DecodedBlock] = OrderedDict()
         self._lock = fork_safe_lock()
 
     def load(self, block: int, track: int = 0) -> None:
-        """Decode a block now, unless it is kept; raises as `PaperBlockDecoder.block`."""
+        """Decode a block unless it is cached; raises as `PaperBlockDecoder.block`."""
         self._block(block)
 
     def fill(self, out: Vertices, first: int, track: int = 0) -> None:
-        """Fill an array of shape (n, V, 3) with frames from `first` on; raises as `load`."""
+        """Fill an array of shape (n, V, 3) with frames starting at `first`; raises as `load`."""
         stop = first + len(out)
         for number, (begin, end) in enumerate(pairwise(self._starts)):
             low, high = max(first, begin), min(stop, end)
@@ -128,17 +128,17 @@ class DecodedFrames:
                 self._block(number).fill(out[low - first : high - first], low - begin)
 
     def close(self) -> None:
-        """Forget all blocks."""
-        self._kept.clear()
+        """Clear the cache."""
+        self._cache.clear()
 
     def _block(self, number: int) -> DecodedBlock:
         with self._lock:
-            if number not in self._kept:
-                self._kept[number] = self._decoder.block(number)
-            self._kept.move_to_end(number)
-            while len(self._kept) > N_KEPT_BLOCKS:
-                self._kept.popitem(last=False)
-            return self._kept[number]
+            if number not in self._cache:
+                self._cache[number] = self._decoder.block(number)
+            self._cache.move_to_end(number)
+            while len(self._cache) > N_CACHED_BLOCKS:
+                self._cache.popitem(last=False)
+            return self._cache[number]
 
 
 def stored_mesh(opened: OpenStream, variant: Variant) -> MeshModel:
@@ -160,7 +160,7 @@ def stored_mesh(opened: OpenStream, variant: Variant) -> MeshModel:
 
 
 def stored_shape(opened: OpenStream) -> Quantized:
-    """The shape of (3, 1, V) that the cotangent weights of a stream are measured in."""
+    """Positions of shape (3, 1, V) from which the cotangent weights of a stream are computed."""
     return read_curves(opened.only(Section.SHAPE), 1, opened.n_verts)
 
 
@@ -170,9 +170,9 @@ def open_paper_stream(data: bytes) -> tuple[OpenStream, PaperBlockDecoder]:
     Raises
     ------
     InvalidInputError
-        If another method made the stream.
+        If the stream has another method.
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
-        If the bytes are not a whole stream that this build reads.
+        If the bytes are not a complete stream that this build supports.
     """
     opened = whole_stream(data)
     if opened.method.name not in METHODS:
@@ -198,8 +198,8 @@ def coded_blocks(data: bytes) -> list[CodedBlock]:
 def bits_per_row(data: bytes) -> list[npt.NDArray[np.float64]]:
     """Bits of each row of coefficients, of shape (3, K) for each block.
 
-    Each row is coded separately, table included; where a stream's rows have tables of their own,
-    the sum is that of the section except for some 10 bytes of framing per row.
+    Each row is coded separately, table included. If the rows of a stream have separate tables, the
+    sum is the size of the section except for about 10 bytes of framing per row.
     """
     return [
         np.array(

@@ -22,29 +22,29 @@ from meshreel.paper.blocks import tracked_from, write_coded_block
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import Quantized, analyse, modes_needed
 from meshreel.paper.quantization import step_for_all_rows
-from meshreel.paper.settings import choices, chosen_anchors
+from meshreel.paper.settings import anchors_of, choices
 from meshreel.paper.variants import Basis, variant_named
 
 Vertices = npt.NDArray[np.floating]
 
 SHAPE_BITS = 12
-"""Bits of the largest coordinate of the shape that cotangent weights are measured in."""
+"""Bits of the largest coordinate of the shape from which cotangent weights are computed."""
 
 
 class PaperBlockCoder:
-    """Codes one block of frames after another; a tracked basis is passed from each to the next.
+    """Codes blocks of frames in order; a tracked basis is passed from each to the next.
 
     Parameters
     ----------
-    foreseen : iterable of float arrays of shape (T_b, V, 3)
+    known : iterable of float arrays of shape (T_b, V, 3)
         Blocks that determine the number of modes of a tracked basis, which is the same in all
-        blocks: all of them, or the first where the others are not known yet.
+        blocks: all of them, or only the first if the others are not known yet.
     """
 
-    def __init__(self, mesh: CodedMesh, frame: BoundingFrame, foreseen: Iterable[Vertices]) -> None:
+    def __init__(self, mesh: CodedMesh, frame: BoundingFrame, known: Iterable[Vertices]) -> None:
         self._frame = frame
         self._variant = variant_named(mesh.config.method)
-        blocks = iter(foreseen)
+        blocks = iter(known)
         first = next(blocks)
         self._config = _with_modes_for_all(mesh.config, frame, chain([first], blocks))
         self._shape: Quantized | None = None
@@ -52,7 +52,7 @@ class PaperBlockCoder:
             coordinates = to_matrices(first[:1], frame)
             self._shape = Quantized.of(coordinates, step_for_all_rows(coordinates, SHAPE_BITS))
         self._mesh = _mesh_model(mesh, self._config, self._shape)
-        self._before: Quantized | None = None
+        self._dictionary: Quantized | None = None
 
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
         """The sections between the connectivity and the first block."""
@@ -72,13 +72,13 @@ class PaperBlockCoder:
             Always empty: these methods code positions.
         """
         variant, mesh, n_frames = self._variant, self._mesh, len(vertices)
-        before = tracked_from(variant, self._before, n_frames)
-        block = analyse(to_matrices(vertices, self._frame), mesh, self._config, before)
-        self._before = block.basis
+        reference = tracked_from(variant, self._dictionary, n_frames)
+        block = analyse(to_matrices(vertices, self._frame), mesh, self._config, reference)
+        self._dictionary = block.basis
         if choices(self._config).dictionary == "whole":
-            before = None
+            reference = None
         exact = encode_exact(vertices[:, mesh.isolated]) if len(mesh.isolated) else b""
-        return write_coded_block(block, n_frames, variant, before, exact)
+        return write_coded_block(block, n_frames, variant, reference, exact)
 
 
 def _mesh_model(mesh: CodedMesh, config: EncoderConfig, shape: Quantized | None) -> MeshModel:
@@ -91,19 +91,18 @@ def _mesh_model(mesh: CodedMesh, config: EncoderConfig, shape: Quantized | None)
 
 def _anchors(mesh: CodedMesh, config: EncoderConfig) -> npt.NDArray[np.int64]:
     """The anchors in internal order."""
-    chosen = chosen_anchors(config)
-    if isinstance(chosen, Sequence):
-        given = check_anchors(chosen, mesh.given_faces, mesh.n_verts)
-        return np.sort(inverse_permutation(mesh.order)[given])
-    picked = choices(config)
-    rng = np.random.default_rng(picked.anchor_seed) if picked.anchor_set == "random" else None
-    return choose_anchors(mesh.faces, mesh.n_verts, chosen, rng)
+    anchors, options = anchors_of(config), choices(config)
+    if isinstance(anchors, Sequence):
+        vertices = check_anchors(anchors, mesh.given_faces, mesh.n_verts)
+        return np.sort(inverse_permutation(mesh.order)[vertices])
+    rng = np.random.default_rng(options.anchor_seed) if options.anchor_set == "random" else None
+    return choose_anchors(mesh.faces, mesh.n_verts, anchors, rng)
 
 
 def _with_modes_for_all(
     config: EncoderConfig, frame: BoundingFrame, blocks: Iterable[Vertices]
 ) -> EncoderConfig:
-    """The configuration, with the number of modes of a tracked basis in all blocks."""
+    """The configuration with the number of modes of a tracked basis, which all blocks share."""
     if variant_named(config.method).basis is not Basis.TRACKED or config.n_modes is not None:
         return config
     needed = max(modes_needed(to_matrices(vertices, frame), config) for vertices in blocks)

@@ -1,4 +1,4 @@
-"""The mesh as encoder and decoder both derive it: Laplacian, anchors, isolated vertices."""
+"""The mesh model shared by encoder and decoder: Laplacian, anchors, isolated vertices."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,13 +23,13 @@ class MeshModel:
     Attributes
     ----------
     faces : integer array of shape (M, 3)
-        In internal order, as all indices here.
+        In internal order, like all indices here.
     anchors : integer array of shape (A,)
         Ascending; at least one in each component that has an edge.
     shape : float64 array of shape (V, 3), or None
-        Positions that cotangent weights are measured in, as the decoder has them.
+        Decoded positions from which cotangent weights are computed.
     n_frames : int
-        Frames of the whole stream, in which responses of anchors can be used again; 0 if unknown.
+        Frames of the whole stream, which can share anchor responses; 0 if unknown.
     """
 
     faces: Faces
@@ -41,14 +41,14 @@ class MeshModel:
 
     @cached_property
     def isolated(self) -> Integers:
-        """Vertices without an edge: deltas do not determine them, so they are stored exactly."""
+        """Vertices without an edge; deltas do not determine them, so they are stored exactly."""
         return isolated_vertices(self.faces, self.n_verts)
 
     @cached_property
     def laplacian(self) -> csr_array:
         """L of shape (V, V)."""
         if self.laplacian_choice is Laplacian.COTANGENT:
-            assert self.shape is not None  # the stream has one
+            assert self.shape is not None  # the stream contains it
             return cotangent_laplacian(self.faces, self.shape)
         return uniform_laplacian(
             self.faces,
@@ -57,7 +57,7 @@ class MeshModel:
         )
 
     def graph_fourier_basis(self, n_modes: int) -> Floats:
-        """Low-frequency eigenvectors of D - C, of shape (V, K), whatever Laplacian deltas have."""
+        """Low-frequency eigenvectors of D - C, of shape (V, K), independent of `laplacian`."""
         return graph_fourier_basis(uniform_laplacian(self.faces, self.n_verts), n_modes)
 
     def reconstruct(self, deltas: Floats, anchor_values: Floats) -> Floats:
@@ -73,7 +73,7 @@ class MeshModel:
         return self._solve(self._system, deltas, anchor_values)
 
     def reconstruct_uncached(self, deltas: Floats, anchor_values: Floats) -> Floats:
-        """Solve as `reconstruct`, with a system that is factored for this call alone."""
+        """Solve as `reconstruct`, but factor the system for this call only."""
         return self._solve(self._new_system(), deltas, anchor_values)
 
     @cached_property
@@ -92,5 +92,5 @@ class MeshModel:
 
     @staged("solving")
     def _solve(self, system: ReconstructionSystem, deltas: Floats, anchor_values: Floats) -> Floats:
-        nothing = np.zeros((len(self.isolated), anchor_values.shape[1]))
-        return system.solve(deltas, np.concatenate([anchor_values, nothing]))
+        zeros = np.zeros((len(self.isolated), anchor_values.shape[1]))
+        return system.solve(deltas, np.concatenate([anchor_values, zeros]))

@@ -24,8 +24,8 @@ from meshreel.runtime.progress import Count, Progress
 
 Vertices = npt.NDArray[np.floating]
 
-PROCESS_BYTES, BYTES_OF_VERTEX, BYTES_OF_POSITION = 100e6, 4000.0, 130.0
-"""Memory of the program itself, of what is known of a vertex, and of a position of a block."""
+PROCESS_BYTES, BYTES_PER_VERTEX, BYTES_PER_POSITION = 100e6, 4000.0, 130.0
+"""Memory of the program, per vertex, and per position of a block."""
 
 
 @dataclass(frozen=True)
@@ -60,30 +60,30 @@ class PaperMethod:
         return False
 
     def check(self, config: EncoderConfig) -> None:
-        """Nothing if its options fit each other; raises as `settings.check`."""
+        """Check that the options are compatible; raises as `settings.check`."""
         settings.check(config)
 
     def check_live(self, config: EncoderConfig) -> None:
-        """Nothing: every option can be used for live frames."""
+        """Accept every option for live frames."""
 
     def longest_block(self, n_frames: int, n_verts: int) -> int:
-        """Frames per block where their number is not given, and memory allows it."""
+        """Default frames per block, if memory suffices."""
         return self.block_frames or n_frames
 
     def block_bytes(
         self, block_frames: int, n_verts: int, number_bytes: int, *, is_whole: bool
     ) -> float:
-        """Memory that encoding takes with blocks of so many frames, whatever numbers they have."""
-        return PROCESS_BYTES + n_verts * (BYTES_OF_VERTEX + BYTES_OF_POSITION * block_frames)
+        """Memory for encoding with blocks of this many frames, independent of the number type."""
+        return PROCESS_BYTES + n_verts * (BYTES_PER_VERTEX + BYTES_PER_POSITION * block_frames)
 
     def most_modes(self, n_frames: int, n_verts: int) -> int:
         """Largest number of modes of a block of this many frames."""
         return n_verts if self.variant.basis is Basis.GRAPH else n_frames
 
     def encode(self, source: Source, progress: Progress, engine: Engine | None) -> bytes:
-        """The bytes of a stream of the source; the engine is not used."""
+        """Encode the source to a stream; the engine is not used."""
         coder = PaperBlockCoder(source.mesh, source.frame, source.blocks())
-        return source.stream(coder.leading_sections(), _coded(source, coder, progress))
+        return source.stream(coder.leading_sections(), _code_blocks(source, coder, progress))
 
     def live_coder(
         self,
@@ -93,32 +93,32 @@ class PaperMethod:
         tracks: dict[str, Track],
         targets: TrackTargets | None,
     ) -> PaperBlockCoder:
-        """The coder of live frames, of which the first block is known; it has no tracks."""
+        """The coder of live frames, given the first block; without tracks."""
         return PaperBlockCoder(mesh, frame, [first])
 
     def frames(self, opened: OpenStream, n_modes: int | None) -> DecodedFrames:
-        """The decoder of a stream's frames, which uses the first rows of coefficients only.
+        """The decoder of a stream's frames, with the first `n_modes` rows of coefficients.
 
         Raises
         ------
         InvalidInputError
             If `n_modes` is below 1.
         CorruptStreamError
-            If the stream announces tracks, which these methods do not have.
+            If the stream declares tracks, which these methods do not support.
         """
         if n_modes is not None:
             COUNT.check(n_modes, "n_modes")
         if opened.file.info.n_tracks > 1:
             raise CorruptStreamError(
-                f"a stream of method {self.name} has no tracks; one is announced"
+                f"streams of method {self.name} have no tracks; this one declares tracks"
             )
         return DecodedFrames(PaperBlockDecoder(opened, self.variant, n_modes), opened.starts)
 
 
-def _coded(
+def _code_blocks(
     source: Source, coder: PaperBlockCoder, progress: Progress
 ) -> Iterator[tuple[int, Sections]]:
-    """Number of frames and sections of each block."""
+    """Yield the number of frames and the sections of each block."""
     done, n_frames = 0, source.sequence.n_frames
     for vertices in source.blocks():
         progress("encoding", Count(done, n_frames, "frames"))

@@ -1,4 +1,4 @@
-"""Payloads of the sections of the paper's variants, written and read (`docs/format.md`)."""
+"""Write and read the payloads of sections of the paper's variants (`docs/format.md`)."""
 
 import numpy as np
 
@@ -14,12 +14,12 @@ MAX_DIFFERENCE = 2
 
 
 def write_anchor_vertices(anchors: Integers) -> bytes:
-    """Payload of ascending vertex numbers: their count and their differences."""
+    """Payload of ascending vertex numbers: their count and differences."""
     return write_varint(len(anchors)) + encode_integers([np.diff(anchors, prepend=0)])
 
 
 def read_anchor_vertices(payload: bytes, n_verts: int) -> Integers:
-    """The vertex numbers that `write_anchor_vertices` wrote.
+    """The inverse of `write_anchor_vertices`.
 
     Raises
     ------
@@ -28,7 +28,7 @@ def read_anchor_vertices(payload: bytes, n_verts: int) -> Integers:
     """
     n_anchors, position = read_varint(payload, 0)
     if n_anchors > n_verts:
-        raise CorruptStreamError(f"{n_anchors} anchors are announced for {n_verts} vertices")
+        raise CorruptStreamError(f"{n_anchors} anchors are declared for {n_verts} vertices")
     (gaps,) = decode_integers(payload[position:], [n_anchors])
     anchors = np.cumsum(gaps)
     if np.any(gaps[1:] < 1) or np.any(anchors < 0) or np.any(anchors >= n_verts):
@@ -38,7 +38,7 @@ def read_anchor_vertices(payload: bytes, n_verts: int) -> Integers:
 
 @staged("entropy coding")
 def write_curves(curves: Quantized) -> bytes:
-    """Payload of rows over time, each with the order of differences that makes it smallest."""
+    """Payload of rows over time, each with its best order of differences."""
     n_rows, n_frames = curves.integers.shape[1:]
     differenced = [_best_difference(row) for row in curves.integers.reshape(-1, n_frames)]
     orders = np.array([order for order, _ in differenced], np.int64)
@@ -47,14 +47,14 @@ def write_curves(curves: Quantized) -> bytes:
 
 
 def read_curves(payload: bytes, n_rows: int, n_frames: int) -> Quantized:
-    """Rows that `write_curves` wrote, with integers of shape (3, rows, T)."""
+    """The inverse of `write_curves`, with integers of shape (3, rows, T)."""
     steps, coded = _read_steps(payload, n_rows)
     lengths = [3 * n_rows, *[n_frames] * (3 * n_rows)]
     orders, *rows = decode_integers(coded, lengths, [0, *_shared_tables(n_rows, 1)])
     _check_orders(orders)
     summed = np.empty((3 * n_rows, n_frames), np.int64)
     for curve, order, row in zip(summed, orders, rows, strict=True):
-        curve[:] = _sum_up(row, int(order))
+        curve[:] = _integrate(row, int(order))
     return Quantized(summed.reshape(3, n_rows, n_frames), steps)
 
 
@@ -67,7 +67,7 @@ def write_rows(rows: Quantized) -> bytes:
 
 
 def read_rows(payload: bytes, n_rows: int, length: int) -> Quantized:
-    """Rows that `write_rows` wrote, with integers of shape (3, rows, length)."""
+    """The inverse of `write_rows`, with integers of shape (3, rows, length)."""
     steps, coded = _read_steps(payload, n_rows)
     rows = decode_integers(coded, [length] * (3 * n_rows), _shared_tables(n_rows, 0))
     return Quantized(np.stack(rows).reshape(3, n_rows, length), steps)
@@ -81,7 +81,7 @@ def _check_orders(orders: Integers) -> None:
 
 
 def _best_difference(row: Integers) -> tuple[int, Integers]:
-    """The order of differences in time that takes the fewest bits, and the differenced row."""
+    """The order of temporal differences with the fewest bits, and the differenced row."""
     candidates = [row]
     for _ in range(MAX_DIFFERENCE):
         candidates.append(np.diff(candidates[-1], prepend=0))
@@ -90,7 +90,7 @@ def _best_difference(row: Integers) -> tuple[int, Integers]:
     return order, candidates[order]
 
 
-def _sum_up(row: Integers, order: int) -> Integers:
+def _integrate(row: Integers, order: int) -> Integers:
     for _ in range(order):
         row = np.cumsum(row)
     return row
@@ -109,12 +109,12 @@ def _read_steps(payload: bytes, n_rows: int) -> tuple[Steps, bytes]:
     n_steps, start = read_varint(payload, 0)
     if n_steps not in (1, n_rows):
         raise CorruptStreamError(
-            f"{n_steps} quantisation steps are announced for {n_rows} rows; 1 or as many"
+            f"{n_steps} quantization steps are declared for {n_rows} rows; must be 1 or {n_rows}"
         )
     end = start + 4 * n_steps
     if end > len(payload):
-        raise TruncatedStreamError("a section ends inside its quantisation steps")
+        raise TruncatedStreamError("a section ends inside its quantization steps")
     steps = np.frombuffer(payload[start:end], "<f4").astype(np.float32)
     if not (np.isfinite(steps) & (steps >= 0)).all():
-        raise CorruptStreamError("a quantisation step is not a positive number")
+        raise CorruptStreamError("a quantization step is not a positive number")
     return steps, payload[end:]

@@ -27,13 +27,13 @@ from meshreel.paper.variants import Basis, Decoding, Signal, Variant, variant_na
 from meshreel.runtime.profiling import staged
 
 DEFAULT_FREQUENCIES = 0.05
-"""Share of the graph frequencies that `gft` keeps."""
+"""Fraction of the graph frequencies that `gft` keeps by default."""
 
 MAX_RESPONSES = 1 << 26
-"""Most numbers that the responses of all vertices to all anchors may be."""
+"""Largest size of the matrix of responses of all vertices to all anchors."""
 
 PREDICTION_STEP_RATIO = 8
-"""Step of the coefficients that predict anchor positions, in steps of these positions."""
+"""Quantization step of coefficients that predict anchor positions, in steps of the positions."""
 
 
 @dataclass(frozen=True)
@@ -56,17 +56,17 @@ class Quantized:
 
     @property
     def values(self) -> Floats:
-        """The dequantized values, as the decoder has them."""
+        """The dequantized values."""
         return dequantize(self.integers, self.steps)
 
 
 @dataclass(frozen=True)
 class Anchors:
-    """Anchors of a block: coefficients on its modes, and what these leave of their positions.
+    """Anchors of a block: coefficients on its modes, and residuals of their positions.
 
     Positions are the product of basis and coefficients plus the residuals. One of the two may be
-    missing: without residuals only motion within the span of the modes is sent; on graph
-    frequencies (`gft`) nothing predicts the positions.
+    missing: without residuals only motion within the span of the modes is coded; on graph
+    frequencies (`gft`) the positions are not predicted.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class Anchors:
 
 @dataclass(frozen=True)
 class BlockValues:
-    """A block of frames as the decoder has it: dequantized values.
+    """Dequantized values of a block of frames.
 
     Attributes
     ----------
@@ -121,8 +121,8 @@ class BlockValues:
     def truncated(self, n_modes: int) -> "BlockValues":
         """The block with the first rows of coefficients only (the paper's k_l).
 
-        Anchors whose positions were sent keep all of their motion; of others, coefficients of the
-        same modes remain.
+        Anchors with coded positions keep all of their motion; others keep the coefficients of the
+        same modes.
         """
         anchors = self.anchor_coefficients
         if anchors is not None and self.anchor_residuals is None:
@@ -134,7 +134,7 @@ class BlockValues:
 
 @dataclass(frozen=True)
 class CodedBlock:
-    """A block of frames as integers: everything stored of it except isolated vertices.
+    """Integers of a block of frames: its stored data except isolated vertices.
 
     On eigen-trajectories a row belongs to a mode. On graph frequencies (`gft`) a row of
     coefficients is a frequency over time.
@@ -157,7 +157,7 @@ class CodedBlock:
 
     @property
     def values(self) -> BlockValues:
-        """The dequantized values, as the decoder has them."""
+        """The dequantized values."""
         coefficients = residuals = None
         if self.anchors is not None and self.anchors.coefficients is not None:
             coefficients = self.anchors.coefficients.values
@@ -169,29 +169,29 @@ class CodedBlock:
 
 @staged("analysis")
 def analyse(
-    matrices: Floats, mesh: MeshModel, config: EncoderConfig, before: Quantized | None = None
+    matrices: Floats, mesh: MeshModel, config: EncoderConfig, reference: Quantized | None = None
 ) -> CodedBlock:
-    """Return a block of frames as integers.
+    """Transform and quantize a block of frames.
 
     Parameters
     ----------
     matrices : float64 array of shape (3, T, V)
         Coordinate matrices A, in internal vertex order (`subspace.trajectories`).
-    before : Quantized, optional
-        Dictionary of the block before, from which a tracked one starts.
+    reference : Quantized, optional
+        Dictionary of the previous block, from which a tracked one starts.
     """
     method = variant_named(config.method)
     if method.basis is Basis.GRAPH:
         return _analyse_on_graph(matrices, mesh, config)
-    basis = _dictionary(matrices, config, before)
-    # Onto the dictionary as the decoder has it, quantized.
+    basis = _dictionary(matrices, config, reference)
+    # Project on the quantized dictionary, which the decoder uses.
     projected = project(_columns(basis), matrices)
     anchors = None
     if method.has_anchors:
         at_anchors = projected[:, :, mesh.anchors], matrices[:, :, mesh.anchors]
         anchors = _coded_anchors(*at_anchors, basis, config)
     if choices(config).quantize == "deltas":
-        # The other reading of variant (ii): quantized deltas are projected, and hardly rounded.
+        # The other reading of variant (ii): quantize deltas, project them, round finely.
         deltas = _deltas(matrices, mesh)
         rounded = Quantized.of(deltas, _coefficient_steps(deltas, config))
         signal = project(_columns(basis), rounded.values)
@@ -203,13 +203,13 @@ def analyse(
 
 
 def synthesise(block: BlockValues, mesh: MeshModel, method: Variant, order: Integers) -> FramesOf:
-    """Return a function that gives frames of a block, vertices in output order.
+    """Return a function that computes frames of a block, vertices in output order.
 
     On eigen-trajectories the system is solved for the K columns of each axis, not for each frame:
-    the Laplacian acts on vertices and the basis on frames, so that the two commute. The solution
-    is linear in the anchors as well: what their residuals add is a sum of responses to each anchor,
-    solved once, or solved for the frames that are requested, whichever takes fewer columns and
-    little memory. The serial variants of the paper solve for each frame nevertheless.
+    the Laplacian acts on vertices and the basis on frames, so the two commute. The solution is
+    also linear in the anchors: the contribution of their residuals is a sum of responses to each
+    anchor, solved once, or is solved for the requested frames, depending on the number of columns
+    and on memory. The serial variants of the paper solve for each frame nevertheless.
 
     Parameters
     ----------
@@ -223,10 +223,10 @@ def synthesise(block: BlockValues, mesh: MeshModel, method: Variant, order: Inte
     basis, fields = block.basis, block.coefficients
     if method.has_anchors:
         values = block.anchor_coefficients
-        assert values is not None  # on eigen-trajectories they always are
+        assert values is not None  # always present on eigen-trajectories
         # Anchors keep the modes that a truncated block drops.
         fields = np.pad(fields, ((0, 0), (0, values.shape[1] - fields.shape[1]), (0, 0)))
-        fields = _solved(mesh, fields, values)
+        fields = _solve(mesh, fields, values)
     product = product_frames(basis[:, :, : fields.shape[1]], fields[:, :, order])
     if block.anchor_residuals is None:
         return product
@@ -235,19 +235,19 @@ def synthesise(block: BlockValues, mesh: MeshModel, method: Variant, order: Inte
 
 
 def modes_needed(matrices: Floats, config: EncoderConfig) -> int:
-    """Smallest number of modes that keeps the configured share of the energy of a block."""
+    """Smallest number of modes that keeps the configured fraction of the energy of a block."""
     return _modes_needed(autocorrelation(matrices), matrices, config)
 
 
-def _dictionary(matrices: Floats, config: EncoderConfig, before: Quantized | None) -> Quantized:
+def _dictionary(matrices: Floats, config: EncoderConfig, reference: Quantized | None) -> Quantized:
     """Eigen-trajectories as integers of shape (3, K, T)."""
     correlation = autocorrelation(matrices)
-    if before is not None:
-        start = _columns(before)
+    if reference is not None:
+        start = _columns(reference)
         tracked = advance_basis(correlation, start, config.n_iterations)
         if choices(config).rotation == "ritz":
             tracked = ritz_vectors(correlation, tracked)
-        return Quantized.of(np.swapaxes(align_basis(tracked, start), 1, 2), before.steps)
+        return Quantized.of(np.swapaxes(align_basis(tracked, start), 1, 2), reference.steps)
     n_modes = config.n_modes or _modes_needed(correlation, matrices, config)
     _, basis = eigen_trajectories(correlation, min(n_modes, matrices.shape[1]))
     return _fine(np.swapaxes(basis, 1, 2), choices(config).dictionary_bits)
@@ -256,8 +256,8 @@ def _dictionary(matrices: Floats, config: EncoderConfig, before: Quantized | Non
 def _modes_needed(correlation: Floats, matrices: Floats, config: EncoderConfig) -> int:
     eigenvalues, _ = eigen_trajectories(correlation, matrices.shape[1])
     total = float(np.trace(correlation, axis1=1, axis2=2).sum())
-    centred = matrices - matrices.mean(axis=2, keepdims=True)
-    shape_energy = float(np.vdot(centred, centred))
+    centered = matrices - matrices.mean(axis=2, keepdims=True)
+    shape_energy = float(np.vdot(centered, centered))
     return modes_for_energy(eigenvalues, total, shape_energy, energy_share(config))
 
 
@@ -279,30 +279,30 @@ def _coded_anchors(
     """
     is_exact = variant_named(config.method).decoding is Decoding.ANCHORED
     if not is_exact or choices(config).anchor_values == "coefficients":
-        # Deviation from Eq. 12, on request: motion outside the span of the modes is not sent, and
-        # least squares spreads what is missing over the mesh. Without anchors (Eq. 11) the one
-        # vertex of each component translates it; its own residual would move all of it.
+        # Deviation from Eq. 12, optional: motion outside the span of the modes is not coded, and
+        # least squares spreads the error over the mesh. Without anchors (Eq. 11) the one vertex
+        # of each component only translates it; its residual would move the whole component.
         return Anchors(_fine(coefficients, anchor_bits(config)), None)
     steps = step_for_all_rows(positions, anchor_bits(config))
     coded = Quantized.of(coefficients, steps * np.float32(PREDICTION_STEP_RATIO))
-    left = positions - expand(_columns(basis), coded.values)
-    return Anchors(coded, Quantized.of(np.swapaxes(left, 1, 2), steps))
+    residuals = positions - expand(_columns(basis), coded.values)
+    return Anchors(coded, Quantized.of(np.swapaxes(residuals, 1, 2), steps))
 
 
 def _residual_frames(mesh: MeshModel, values: Floats, order: Integers) -> FramesOf:
-    """Return a function that gives what the residuals of anchors, of shape (3, A, T), add."""
+    """Return a function that computes the contribution of anchor residuals of shape (3, A, T)."""
     n_anchors, n_frames = values.shape[1:]
     are_few = n_anchors <= 3 * max(n_frames, mesh.n_frames)
     if are_few and n_anchors * mesh.n_verts <= MAX_RESPONSES:
         responses = mesh.anchor_responses[order].T
         return lambda frames: np.swapaxes(values[:, :, frames], 1, 2) @ responses
 
-    def solved(frames: slice) -> Floats:
+    def solve_frames(frames: slice) -> Floats:
         anchors = np.swapaxes(values[:, :, frames], 1, 2)
-        nothing = np.zeros((*anchors.shape[:2], mesh.n_verts))
-        return _solved(mesh, nothing, anchors)[:, :, order]
+        zeros = np.zeros((*anchors.shape[:2], mesh.n_verts))
+        return _solve(mesh, zeros, anchors)[:, :, order]
 
-    return solved
+    return solve_frames
 
 
 def _columns(basis: Quantized) -> Floats:
@@ -321,7 +321,7 @@ def _coefficient_steps(values: Floats, config: EncoderConfig) -> Steps:
     return step_for_all_rows(values, bits)
 
 
-def _solved(mesh: MeshModel, deltas: Floats, anchors: Floats) -> Floats:
+def _solve(mesh: MeshModel, deltas: Floats, anchors: Floats) -> Floats:
     """Fields of shape (3, K, V) that solve Eq. 12, for all columns at once."""
     n_modes, n_verts = deltas.shape[1:]
     columns = mesh.reconstruct(
@@ -362,7 +362,7 @@ def _signals_of_frames(block: BlockValues, mesh: MeshModel) -> tuple[FramesOf, F
 def _frame_by_frame(
     mesh: MeshModel, deltas_of: FramesOf, anchors_of: FramesOf, order: Integers
 ) -> FramesOf:
-    """Return a function that solves Eq. 12 frame by frame, with the system factored for each."""
+    """Return a function that factors and solves Eq. 12 for each frame."""
 
     def frames_of(frames: slice) -> Floats:
         deltas, anchors = deltas_of(frames), anchors_of(frames)

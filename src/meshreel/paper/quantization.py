@@ -1,9 +1,9 @@
 """Uniform quantization (paper Eq. 10), and the bits of each row of coefficients.
 
-# Deviation from Eq. 10: the paper leaves open what Q does, and how bits are spread over the k_l
-rows that are kept. Implemented are one step for all rows, a step for each row, and bits row by row.
-The first is the default, because the basis is orthonormal: equal steps give the least squared
-error for a number of bits.
+# Deviation from Eq. 10: the paper leaves open the quantizer Q and the allocation of bits to the
+k_l rows. Implemented are one step for all rows, a step for each row, and bits for each row.
+The first is the default: the basis is orthonormal, so equal steps give the least squared error
+for a number of bits.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ Steps = npt.NDArray[np.float32]
 
 
 def uniform_step(largest: float, bits: int) -> float:
-    """Quantisation step that maps a magnitude to the largest signed integer of `bits` bits.
+    """Quantization step that maps a magnitude to the largest signed integer of `bits` bits.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def uniform_step(largest: float, bits: int) -> float:
 
 
 def step_for_all_rows(values: Floats, bits: int) -> Steps:
-    """One quantisation step for all rows, such that the largest magnitude takes `bits` bits.
+    """One quantization step for all rows, with which the largest magnitude takes `bits` bits.
 
     A row of magnitude m then takes about bits - log2(largest / m): bits follow energy.
 
@@ -46,7 +46,7 @@ def step_for_all_rows(values: Floats, bits: int) -> Steps:
 
 
 def steps_for_each_row(values: Floats, bits: int | Sequence[int]) -> Steps:
-    """A quantisation step for each row, such that its largest magnitude takes its bits.
+    """A quantization step for each row, with which its largest magnitude takes its bits.
 
     Parameters
     ----------
@@ -67,8 +67,8 @@ def steps_for_each_row(values: Floats, bits: int | Sequence[int]) -> Steps:
     each = list(bits) if isinstance(bits, Sequence) else [bits] * len(magnitudes)
     if len(each) < len(magnitudes):
         raise InvalidInputError(
-            f"bits lists {len(each)} rows; {len(magnitudes)} modes are kept; give bits for each, "
-            f"or n_modes={len(each)}"
+            f"bits lists {len(each)} rows, but there are {len(magnitudes)} modes; give bits for "
+            f"each, or n_modes={len(each)}"
         )
     pairs = zip(magnitudes, each, strict=False)
     return np.array([uniform_step(float(size), number) for size, number in pairs], np.float32)
@@ -82,7 +82,7 @@ def quantize(values: Floats, steps: Steps) -> Integers:
     values : float64 array of shape (3, rows, columns)
     steps : float32 array of shape (1,) or (rows,)
         One for all rows, or one for each. Rows of step 0 become zeros. float32 as in the stream, so
-        that both sides compute with the same value.
+        that encoder and decoder use the same values.
     """
     wide = _broadcast(steps)
     scaled = np.divide(values, wide, out=np.zeros_like(values), where=wide > 0)
@@ -90,7 +90,7 @@ def quantize(values: Floats, steps: Steps) -> Integers:
 
 
 def dequantize(integers: Integers, steps: Steps) -> Floats:
-    """Values of the integers, within half a step of those that were quantised."""
+    """Values of the integers, within half a step of the originals."""
     return np.asarray(integers * _broadcast(steps))
 
 

@@ -1,4 +1,4 @@
-"""Options of the paper's variants as the pipeline takes them, and what excludes what."""
+"""Effective options of the paper's variants, and checks of their compatibility."""
 
 from collections.abc import Sequence
 
@@ -19,27 +19,27 @@ EXTRA_ANCHOR_BITS = 4
 
 
 def energy_share(config: EncoderConfig) -> float:
-    """Energy to keep where the number of modes is left open."""
+    """Fraction of the energy that determines the default number of modes."""
     return DEFAULT_ENERGY if config.energy is None else config.energy
 
 
 def bits_of(config: EncoderConfig) -> int | Sequence[int]:
-    """Bits of the largest coefficient or of each row; the variant's own where none are given."""
+    """Bits of the largest coefficient or of each row; the variant's default if not given."""
     return variant_named(config.method).bits if config.bits is None else config.bits
 
 
 def allocation_of(config: EncoderConfig) -> Allocation:
-    """How a single number of bits is spread over rows."""
+    """How a single number of bits is allocated to rows."""
     return Allocation(config.allocation)
 
 
 def choices(config: EncoderConfig) -> PaperChoices:
-    """What the paper leaves open."""
+    """The choices that the paper leaves open."""
     return choices_of(config.choices)
 
 
-def chosen_anchors(config: EncoderConfig) -> float | Sequence[int]:
-    """The anchors as vertices, or their share of the vertices; 0 is one for each component."""
+def anchors_of(config: EncoderConfig) -> float | Sequence[int]:
+    """The anchors as vertices, or as a fraction of the vertices; 0 is one per component."""
     if variant_named(config.method).decoding is not Decoding.ANCHORED:
         return 0.0
     return DEFAULT_ANCHORS if config.anchors is None else config.anchors
@@ -58,12 +58,12 @@ def anchor_bits(config: EncoderConfig) -> int:
 
 
 def check(config: EncoderConfig) -> None:
-    """Raise an error unless the options of the variant fit each other.
+    """Check that the options of the variant are compatible.
 
     Raises
     ------
     InvalidInputError
-        If they exclude each other, one has no effect, or a list has values out of range.
+        If options exclude each other, one has no effect, or a list has values out of range.
     """
     variant = variant_named(config.method)
     if config.n_modes is not None and config.energy is not None:
@@ -78,12 +78,12 @@ def check(config: EncoderConfig) -> None:
     reasons = ineffective_choices(config, chosen)
     for name in chosen.changed:
         if name in reasons:
-            raise InvalidInputError(f"choice {name} has no effect: {reasons[name]}; leave it out")
+            raise InvalidInputError(f"choice {name} has no effect: {reasons[name]}; omit it")
     has_anchors = isinstance(config.anchors, Sequence) or bool(config.anchors)
     if has_anchors and variant.decoding is not Decoding.ANCHORED:
         raise InvalidInputError(
-            f"method {variant.name} decodes with {variant.decoding.value}, without anchors; leave "
-            "anchors out, or choose pca-qp"
+            f"method {variant.name} decodes with {variant.decoding.value}, without anchors; omit "
+            "anchors, or choose pca-qp"
         )
 
 
@@ -96,8 +96,8 @@ def ineffective_choices(config: EncoderConfig, chosen: PaperChoices) -> dict[str
     if not variant.has_anchors:
         reasons["anchor_bits"] = f"method {variant.name} has no anchors"
     if variant.basis is Basis.GRAPH:
-        reasons["anchor_values"] = "method gft sends positions of its anchors"
-        reasons["dictionary_bits"] = "method gft sends no dictionary"
+        reasons["anchor_values"] = "method gft codes positions of its anchors"
+        reasons["dictionary_bits"] = "method gft codes no dictionary"
     if variant.basis is not Basis.TRACKED:
         for name in ("dictionary", "rotation"):
             reasons[name] = f"method {variant.name} does not track its dictionary; choose blocks"
@@ -124,4 +124,4 @@ def _check_bits(config: EncoderConfig, variant: Variant) -> None:
             if number != 0:
                 BITS_RANGE.check(number, f"bits of row {row}", "or 0")
     elif variant.basis is Basis.GRAPH and allocation_of(config) is Allocation.CONSTANT:
-        raise InvalidInputError(f"method {variant.name} has one step; leave allocation at energy")
+        raise InvalidInputError(f"method {variant.name} has one step; keep allocation=energy")

@@ -29,7 +29,7 @@ Vertices = npt.NDArray[np.floating]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PaperBlock:
-    """A block of frames as the decoder has it, dequantized, vertices in output order.
+    """Dequantized arrays of a block of frames, with vertices in output order.
 
     The first axis of all arrays but `isolated_positions` is x, y, z. Values are in units of
     `PaperStream.scale`, relative to `PaperStream.origin`.
@@ -49,7 +49,7 @@ class PaperBlock:
     anchor_coefficients : float64 array of shape (3, K, A), or None
         Coefficients of the anchors' positions on the basis. None for `v2v` and `gft`.
     anchor_residuals : float64 array of shape (3, A, T), or None
-        Anchor positions less the product of basis and coefficients. None for `v2v`, and where the
+        Anchor positions minus the product of basis and coefficients. None for `v2v`, and if the
         stream has coefficients only: `pca`, `pca-q`, ``choices={"anchor_values": "coefficients"}``.
     isolated_positions : float array of shape (T, N, 3), or None
         Positions of `PaperStream.isolated` in model units, exact. None without isolated vertices.
@@ -146,7 +146,7 @@ class PaperStream:
 
     @property
     def isolated(self) -> Integers:
-        """Vertices without an edge, ascending: deltas do not determine them."""
+        """Vertices without an edge, ascending; deltas do not determine them."""
         return np.sort(self._output_numbers(self.mesh.isolated))
 
     @cached_property
@@ -223,7 +223,7 @@ class PaperStream:
         return f"<PaperStream {self.method}: {', '.join(sizes)}>"
 
     def _decoded(self, block: PaperBlock, n_modes: int | None) -> DecodedBlock:
-        """The block in the form of the decoder, which computes in internal order."""
+        """Convert a block to the form of the decoder, which uses internal order."""
         _check_shapes(block, self)
         variant, coefficients = variant_named(self.method), block.coefficients
         if variant.basis is not Basis.GRAPH:
@@ -232,8 +232,8 @@ class PaperStream:
         values = BlockValues(
             block.basis,
             coefficients,
-            _taken(block.anchor_coefficients, anchors, axis=2),
-            _taken(block.anchor_residuals, anchors, axis=1),
+            _take(block.anchor_coefficients, anchors, axis=2),
+            _take(block.anchor_residuals, anchors, axis=1),
         )
         if n_modes is not None:
             values = values.truncated(n_modes)
@@ -255,7 +255,7 @@ class PaperStream:
 
     @property
     def _anchor_order(self) -> Integers:
-        """Place of each anchor among those of the mesh, which are in internal order."""
+        """Index of each anchor among the anchors of the mesh, which are in internal order."""
         return np.argsort(self._output_numbers(self.mesh.anchors))
 
 
@@ -265,7 +265,7 @@ def read(data: bytes | bytearray | memoryview | str | os.PathLike[str]) -> Paper
     Parameters
     ----------
     data : bytes or path
-        A whole stream, from `meshreel.encode` with one of `METHODS`, or the path of a `.reel` file.
+        A stream from `meshreel.encode` with one of `METHODS`, or the path of a `.reel` file.
 
     Returns
     -------
@@ -274,9 +274,9 @@ def read(data: bytes | bytearray | memoryview | str | os.PathLike[str]) -> Paper
     Raises
     ------
     InvalidInputError
-        If the file cannot be read, or another method made the stream.
+        If the file cannot be read, or the stream has another method.
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
-        If the bytes are not a whole stream that this build reads.
+        If the bytes are not a complete stream that this build supports.
 
     Examples
     --------
@@ -296,7 +296,9 @@ def read(data: bytes | bytearray | memoryview | str | os.PathLike[str]) -> Paper
     )
     stored = map(opened.stored, range(opened.n_blocks))
     with np.errstate(over="ignore", invalid="ignore"):  # `reconstruct` checks the positions
-        blocks = tuple(_block(stream, decoder, one, number) for number, one in enumerate(stored))
+        blocks = tuple(
+            _block(stream, decoder, block, number) for number, block in enumerate(stored)
+        )
     return replace(stream, blocks=blocks)
 
 
@@ -319,7 +321,7 @@ def _bytes_of(data: bytes | bytearray | memoryview | str | os.PathLike[str]) -> 
 def _block(
     stream: PaperStream, decoder: PaperBlockDecoder, stored: StoredBlock, number: int
 ) -> PaperBlock:
-    """Return a stored block as arrays in output order."""
+    """Convert a stored block to arrays in output order."""
     coded = decoder.coded(stored, number)
     values, anchors, exact = coded.values, coded.anchors, decoder.exact(stored)
     coefficients = values.coefficients
@@ -332,8 +334,8 @@ def _block(
         n_frames=stored.n_frames,
         basis=values.basis,
         coefficients=coefficients,
-        anchor_coefficients=_taken(values.anchor_coefficients, stream._anchor_order, axis=2),
-        anchor_residuals=_taken(values.anchor_residuals, stream._anchor_order, axis=1),
+        anchor_coefficients=_take(values.anchor_coefficients, stream._anchor_order, axis=2),
+        anchor_residuals=_take(values.anchor_residuals, stream._anchor_order, axis=1),
         isolated_positions=exact,
         basis_steps=_steps_of(coded.basis),
         coefficient_steps=coded.coefficients.steps,
@@ -342,8 +344,8 @@ def _block(
     )
 
 
-def _taken(values: Floats | None, places: Integers, axis: int) -> Floats | None:
-    return None if values is None else np.take(values, places, axis)
+def _take(values: Floats | None, indices: Integers, axis: int) -> Floats | None:
+    return None if values is None else np.take(values, indices, axis)
 
 
 def _steps_of(quantized: Quantized | None) -> Steps | None:
@@ -351,30 +353,25 @@ def _steps_of(quantized: Quantized | None) -> Steps | None:
 
 
 def _check_shapes(block: PaperBlock, stream: PaperStream) -> None:
-    """Raise an error if arrays of a block, which may have been replaced, do not fit the stream.
-
-    Raises
-    ------
-    InvalidInputError
-    """
+    """Raise InvalidInputError if arrays of a block, possibly replaced, do not fit the stream."""
     variant, n_modes, n_frames = variant_named(stream.method), block.n_modes, block.n_frames
     on_graph, n_anchors = variant.basis is Basis.GRAPH, len(stream.mesh.anchors)
     n_columns, n_isolated = n_frames if on_graph else stream.n_verts, len(stream.mesh.isolated)
     on_modes = variant.has_anchors and not on_graph
-    wanted = {
+    expected = {
         "basis": None if on_graph else (3, n_frames, n_modes),
         "coefficients": (3, n_modes, n_columns),
         "anchor_coefficients": (3, n_modes, n_anchors) if on_modes else None,
         "anchor_residuals": (3, n_anchors, n_frames) if variant.has_anchors else None,
         "isolated_positions": (n_frames, n_isolated, 3) if n_isolated else None,
     }
-    for name, shape in wanted.items():
-        found = getattr(block, name)
+    for name, shape in expected.items():
+        array = getattr(block, name)
         is_optional = name == "anchor_residuals" and on_modes
-        if (found is None and is_optional) or (None if found is None else found.shape) == shape:
+        if (array is None and is_optional) or (None if array is None else array.shape) == shape:
             continue
         raise InvalidInputError(
             f"{name} of the block at frame {block.start} must "
             f"{'be None' if shape is None else f'have shape {shape}'} for a stream of "
-            f"{stream.method}; got {'None' if found is None else f'shape {found.shape}'}"
+            f"{stream.method}; got {'None' if array is None else f'shape {array.shape}'}"
         )

@@ -1,4 +1,4 @@
-"""Which streams the paper's evaluation makes: variants, alternatives, and sweeps of rate."""
+"""Settings of the streams in the paper's evaluation: variants, alternatives and rate sweeps."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
@@ -11,14 +11,14 @@ from meshreel.paper.settings import ineffective_choices
 
 MODES, BITS, ANCHORS = 20, 8, 0.01
 FEW_ANCHORS = 0.005
-HIGH_BITS = 16  # of `pca`, whose coefficients the paper does not quantize coarsely
-BLOCK_FRAMES = 25  # at most; the blocks of a sequence are of equal length up to one frame
+HIGH_BITS = 16  # for `pca`, whose coefficients the paper does not quantize coarsely
+BLOCK_FRAMES = 25  # upper limit; lengths of the blocks of a sequence differ by at most one frame
 BLOCK_MODES, VERTEX_BITS = 4, 11
 
 ROW_COUNTS = (2, 5, 10, 20, 30)
 """The k_l of the paper's Fig. 3."""
 
-LOW_FREQUENCIES = (0.01, 0.02)  # shares of the vertices: points of gft beside its default
+LOW_FREQUENCIES = (0.01, 0.02)  # fractions of the vertices: extra points of gft
 
 COEFFICIENTS = "anchor-values=coefficients"
 QUANTIZED_DELTAS = "quantize=deltas"
@@ -28,16 +28,16 @@ NO_ROTATION = "rotation=none"
 RANDOM_ANCHORS = tuple(f"anchor-set=random,anchor-seed={seed}" for seed in (1, 2, 3))
 RANDOM_COEFFICIENTS = tuple(f"{COEFFICIENTS},{choices}" for choices in RANDOM_ANCHORS)
 
-WORDS = {
+CHOICE_NAMES = {
     COEFFICIENTS: "coefficients of anchors",
     QUANTIZED_DELTAS: "quantized deltas",
     WHOLE_DICTIONARIES: "whole dictionaries",
     FINE_ANCHORS: "anchors of 16 bits",
     NO_ROTATION: "without rotation",
-    **{one: f"random anchors {number}" for number, one in enumerate(RANDOM_ANCHORS, 1)},
+    **{text: f"random anchors {number}" for number, text in enumerate(RANDOM_ANCHORS, 1)},
     **{
-        one: f"coefficients of random anchors {number}"
-        for number, one in enumerate(RANDOM_COEFFICIENTS, 1)
+        text: f"coefficients of random anchors {number}"
+        for number, text in enumerate(RANDOM_COEFFICIENTS, 1)
     },
 }
 """Names of the choices that the report compares."""
@@ -50,15 +50,15 @@ class Setting:
     Attributes
     ----------
     n_modes : int or None
-        Modes of each axis (graph frequencies for `gft`); None leaves it to the method.
+        Modes of each axis (graph frequencies for `gft`); None is the default of the method.
     anchors : float
-        Share of the vertices; 0 where the method is decoded without them.
+        Fraction of the vertices; 0 for methods without anchors.
     block_frames : int or None
         None codes all frames together.
     choices : str
-        What the paper leaves open, as `meshreel.encode` takes it; empty for the defaults.
+        As for `meshreel.encode`; empty for the defaults.
     shared : str
-        Choices that all streams of a report have in common; `choices` takes precedence.
+        Choices common to all streams of a report; `choices` takes precedence.
     """
 
     method: str
@@ -75,20 +75,20 @@ class Setting:
         """The stem of its files."""
         modes = "default" if self.n_modes is None else self.n_modes
         frames = "all" if self.block_frames is None else self.block_frames
-        more = "".join(
+        suffix = "".join(
             f"_{text.replace('=', '-').replace(',', '_')}"
             for text in (self._all_choices, self.laplacian)
             if text and text != "normalized"
         )
         return (
             f"{self.method}_modes-{modes}_bits-{self.bits}_anchors-{self.anchors:g}"
-            f"_frames-{frames}{more}"
+            f"_frames-{frames}{suffix}"
         )
 
     @property
     def label(self) -> str:
-        """Its name in tables and figures: the method, and how it differs from the usual one."""
-        remarks = [WORDS.get(self.choices, self.choices)] if self.choices else []
+        """Name in tables and figures: the method, and its differences from the defaults."""
+        remarks = [CHOICE_NAMES.get(self.choices, self.choices)] if self.choices else []
         if self.anchors == FEW_ANCHORS:
             remarks.append("0.5 %")
         if self.laplacian != "normalized":
@@ -97,11 +97,11 @@ class Setting:
 
     def options(self) -> dict[str, Any]:
         """Keyword arguments of `meshreel.encode`."""
-        given = {name: value for name, value in asdict(self).items() if value is not None}
-        del given["shared"]
-        given["choices"] = self._all_choices
-        usual = {"choices": "", "laplacian": "normalized"}
-        return {name: value for name, value in given.items() if value != usual.get(name)}
+        options = {name: value for name, value in asdict(self).items() if value is not None}
+        del options["shared"]
+        options["choices"] = self._all_choices
+        defaults = {"choices": "", "laplacian": "normalized"}
+        return {name: value for name, value in options.items() if value != defaults.get(name)}
 
     @property
     def _all_choices(self) -> str:
@@ -118,15 +118,15 @@ class TableSettings:
     modes : int
         Rows of coefficients of each axis, the paper's k_l.
     bits : int
-        Of quantized coefficients; `pca` has 16.
+        Bits of quantized coefficients; `pca` has 16.
     vertex_bits : int
-        Of `v2v`, whose coefficients are those of vertices.
+        Bits of `v2v`, which codes vertices instead of deltas.
     block_modes : int
         Rows in each block of `blocks`.
     anchors : float
-        Share of the vertices.
+        Fraction of the vertices.
     choices : str
-        What the paper leaves open, for every variant on which it has an effect.
+        Applied to every variant on which it has an effect.
     """
 
     modes: int = MODES
@@ -137,24 +137,24 @@ class TableSettings:
     choices: str = ""
 
     def setting(self, method: str) -> Setting:
-        """The setting of a variant before it is fitted to a sequence."""
+        """The setting of a variant for a long sequence."""
         has_anchors = method not in ("pca", "pca-q", "v2v")
-        found = Setting(
+        setting = Setting(
             method=method,
             n_modes={"blocks": self.block_modes, "gft": None}.get(method, self.modes),
             bits={"pca": HIGH_BITS, "v2v": self.vertex_bits}.get(method, self.bits),
             anchors=self.anchors if has_anchors else 0.0,
             block_frames=BLOCK_FRAMES if method == "blocks" else None,
         )
-        return _with(found, shared=_effective(self.choices, method))
+        return _with(setting, shared=_effective(self.choices, method))
 
 
-PRINTED = TableSettings(modes=8, bits=4, vertex_bits=10, block_modes=2, choices=FINE_ANCHORS)
+AS_PRINTED = TableSettings(modes=8, bits=4, vertex_bits=10, block_modes=2, choices=FINE_ANCHORS)
 """Close to the q that Table I prints for Samba: 8 rows of 16 and of 4 bits in 175 frames are .7314
 and .1829, 8 rows of 10 bits .4571, and 2 rows of 4 bits in blocks of 25 .32."""
 
-USUAL = TableSettings()
-PRESETS = {"usual": USUAL, "printed": PRINTED}
+DEFAULTS = TableSettings()
+PRESETS = {"usual": DEFAULTS, "printed": AS_PRINTED}
 
 METHOD_NAMES = ("pca", "pca-q", "v2v", "pca-qs", "pca-qp", "blocks", "gft")
 
@@ -168,7 +168,7 @@ _ALTERNATIVES = (
     ("blocks", NO_ROTATION),
 )
 
-# Modes and bits of the rate-distortion sweep. pca-qs is left out: it has the quality of pca-qp.
+# Modes and bits of the rate-distortion sweep, without pca-qs, which has the quality of pca-qp.
 _SWEEP = {
     "pca": ((5, 10, 20, 40, 80), (HIGH_BITS,)),
     "pca-q": ((10, 20, 40), (6, 8, 10)),
@@ -192,41 +192,41 @@ def equal_blocks(n_frames: int) -> int:
 
 
 def variants(
-    n_frames: int, methods: Sequence[str] = METHOD_NAMES, table: TableSettings = USUAL
+    n_frames: int, methods: Sequence[str] = METHOD_NAMES, table: TableSettings = DEFAULTS
 ) -> list[Setting]:
-    """The settings of the tables, for a sequence of so many frames."""
-    found = []
+    """The settings of the tables for a sequence of this length."""
+    settings = []
     for method in METHOD_NAMES:
-        usual = table.setting(method)
+        setting = table.setting(method)
         if method == "pca-qp" and table.anchors == ANCHORS:
-            found.append(_with(usual, anchors=FEW_ANCHORS))
-        found.append(usual)
-    return [_fitted(setting, n_frames) for setting in found if setting.method in methods]
+            settings.append(_with(setting, anchors=FEW_ANCHORS))
+        settings.append(setting)
+    return [_fit(setting, n_frames) for setting in settings if setting.method in methods]
 
 
 def alternatives(
-    n_frames: int, methods: Sequence[str] = METHOD_NAMES, table: TableSettings = USUAL
+    n_frames: int, methods: Sequence[str] = METHOD_NAMES, table: TableSettings = DEFAULTS
 ) -> list[Setting]:
-    """Variants with one of the choices that the paper leaves open made otherwise."""
-    found = []
+    """Variants that each change one of the choices that the paper leaves open."""
+    settings = []
     for method, choices in _ALTERNATIVES:
         if method in methods:
-            found.append(_fitted(_with(table.setting(method), choices=choices), n_frames))
+            settings.append(_fit(_with(table.setting(method), choices=choices), n_frames))
     if "pca-qp" in methods:
-        found += [
-            _fitted(_with(table.setting("pca-qp"), laplacian=laplacian), n_frames)
+        settings += [
+            _fit(_with(table.setting("pca-qp"), laplacian=laplacian), n_frames)
             for laplacian in ("combinatorial", "cotangent")
         ]
-    made = {setting.key for setting in variants(n_frames, methods, table)}
-    return [setting for setting in found if setting.key not in made]
+    existing = {setting.key for setting in variants(n_frames, methods, table)}
+    return [setting for setting in settings if setting.key not in existing]
 
 
 def row_settings(n_frames: int, methods: Sequence[str] = METHOD_NAMES) -> list[Setting]:
-    """The settings of Fig. 3; none where `pca-qp` is not among the methods."""
+    """The settings of Fig. 3; empty unless `pca-qp` is among the methods."""
     if "pca-qp" not in methods:
         return []
-    wanted = [Setting("pca-qp", modes, anchors=ANCHORS) for modes in ROW_COUNTS]
-    return _distinct(_fitted(setting, n_frames) for setting in wanted)
+    settings = [Setting("pca-qp", modes, anchors=ANCHORS) for modes in ROW_COUNTS]
+    return _distinct(_fit(setting, n_frames) for setting in settings)
 
 
 def sweep(
@@ -234,54 +234,56 @@ def sweep(
 ) -> list[Setting]:
     """The settings of the rate-distortion plots: anchors as positions and as coefficients."""
     rates = _QUICK_SWEEP if quick else _SWEEP
-    usual = {method: USUAL.setting(method) for method in rates}
+    defaults = {method: DEFAULTS.setting(method) for method in rates}
     points = [
-        _with(usual[method], n_modes=modes, bits=bits, choices=choices)
+        _with(defaults[method], n_modes=modes, bits=bits, choices=choices)
         for method, (mode_counts, bit_counts) in rates.items()
         if method in methods
-        for choices in (("", COEFFICIENTS) if usual[method].anchors else ("",))
+        for choices in (("", COEFFICIENTS) if defaults[method].anchors else ("",))
         for modes in mode_counts
         for bits in bit_counts
     ]
     if "gft" in methods and not quick:
         counts = [max(1, round(share * n_verts)) for share in LOW_FREQUENCIES]
         points += [Setting("gft", count, anchors=ANCHORS) for count in counts]
-    return _distinct(_fitted(setting, n_frames) for setting in points)
+    return _distinct(_fit(setting, n_frames) for setting in points)
 
 
 def check_table(table: TableSettings, methods: Sequence[str]) -> None:
-    """Raise an error for settings that are out of range, or that no method takes.
+    """Check that settings are in range and have an effect on at least one method.
 
     Raises
     ------
     InvalidInputError
-        Says which.
+        Naming the setting.
     """
     settings = [table.setting(method) for method in methods]
     for setting in settings:
         EncoderConfig(**setting.options())
-    wanted = set(choices_of(table.choices or None).changed)
-    taken = {name for one in settings for name in choices_of(one.shared or None).changed}
-    if wanted - taken:
+    effective = {
+        name for setting in settings for name in choices_of(setting.shared or None).changed
+    }
+    if unused := sorted(set(choices_of(table.choices or None).changed) - effective):
         raise InvalidInputError(
-            f"choice {sorted(wanted - taken)[0]} has no effect on {', '.join(methods)}; leave it "
-            "out, or add a method"
+            f"choice {unused[0]} has no effect on {', '.join(methods)}; omit it, or add a method"
         )
 
 
 def _effective(choices: str, method: str) -> str:
-    """Those of the choices that have an effect on a method."""
-    given = choices_of(choices or None)
-    idle = ineffective_choices(EncoderConfig(method), given)
-    return ",".join(f"{name}={one}" for name, one in given.changed.items() if name not in idle)
+    """The choices that have an effect on a method."""
+    options = choices_of(choices or None)
+    unused = ineffective_choices(EncoderConfig(method), options)
+    return ",".join(
+        f"{name}={value}" for name, value in options.changed.items() if name not in unused
+    )
 
 
 def _with(setting: Setting, **changes: Any) -> Setting:
     return Setting(**{**asdict(setting), **changes})
 
 
-def _fitted(setting: Setting, n_frames: int) -> Setting:
-    """The setting for a sequence of so many frames: no more modes than frames in a block."""
+def _fit(setting: Setting, n_frames: int) -> Setting:
+    """Limit the modes of a setting to the number of frames in a block."""
     frames = setting.block_frames and equal_blocks(n_frames)
     modes = setting.n_modes
     if modes is not None and setting.method != "gft":

@@ -1,7 +1,6 @@
-"""The seven variants of the paper: a table of choices.
+"""The seven variants of the paper, defined by signal, basis and decoding.
 
-Each is a row of the signal, the basis and the way of decoding. The pipeline reads the choices,
-never the names.
+The pipeline depends on these properties, never on the names.
 """
 
 from dataclasses import dataclass
@@ -13,14 +12,14 @@ TRACKED_BLOCK_FRAMES = 25
 
 
 class Signal(Enum):
-    """The signal that is projected and quantised."""
+    """The signal that is projected and quantized."""
 
     DELTAS = "delta coordinates"
     VERTICES = "vertex coordinates"
 
 
 class Basis(Enum):
-    """The basis that the signal is projected on."""
+    """The basis onto which the signal is projected."""
 
     TRAJECTORIES = "eigen-trajectories of each block"
     TRACKED = "eigen-trajectories, tracked from block to block by orthogonal iterations"
@@ -28,7 +27,7 @@ class Basis(Enum):
 
 
 class Decoding(Enum):
-    """The way vertices are reconstructed."""
+    """How vertices are reconstructed."""
 
     ANCHORED = "least squares with anchors (Eq. 12)"
     LAPLACIAN = "L alone (Eq. 11)"
@@ -37,15 +36,15 @@ class Decoding(Enum):
 
 @dataclass(frozen=True)
 class Variant:
-    """A variant of the paper: a row of the table.
+    """A variant of the paper.
 
     Attributes
     ----------
     name : str
         Name for users.
     is_serial : bool
-        Whether the decoder builds and solves a system for each frame, as the paper's serial
-        variants do, instead of one for all.
+        Whether the decoder factors and solves a system for each frame, like the paper's serial
+        variants, instead of one for all.
     bits : int
         Default bits of the largest coefficient.
     block_frames : int or None
@@ -62,7 +61,7 @@ class Variant:
 
     @property
     def has_anchors(self) -> bool:
-        """Whether anchors are chosen, and stored once for all blocks: each component needs one."""
+        """Whether anchors are stored; every component needs one to solve for its vertices."""
         return self.decoding is not Decoding.PRODUCT
 
 
@@ -80,7 +79,7 @@ VARIANTS = (
 )
 
 METHODS = tuple(variant.name for variant in VARIANTS)
-"""Names of the seven variants, as `meshreel.encode(method=)` takes them."""
+"""Names of the seven variants for `meshreel.encode(method=)`."""
 
 
 def variant_named(name: str) -> Variant:

@@ -67,8 +67,8 @@ def test_given_anchors_come_back_in_ascending_order():
         ([0, 65], r"0\.\.64, at least one; got \[0, 65\]"),
         ([0, 50, 50], "lists vertex 50 twice"),
         ([0, 43, 50], "vertex 43 has no edge"),
-        ([0, 1], "1 connected components have no anchor, among them that of vertex 45"),
-        ([50], "1 connected components have no anchor, among them that of vertex 0"),
+        ([0, 1], "1 connected components have no anchor, for example the component of vertex 45"),
+        ([50], "1 connected components have no anchor, for example the component of vertex 0"),
     ],
 )
 def test_given_anchors_are_refused_when_they_do_not_fit_the_mesh(anchors, message):

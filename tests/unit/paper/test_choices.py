@@ -124,7 +124,7 @@ def test_given_anchors_are_exact_where_their_bits_are_many():
     [
         ([0, 36], "vertex 0 has no edge"),
         ([1, 1, 35], "lists vertex 1 twice"),
-        ([2], "1 connected components have no anchor, among them that of vertex 31"),
+        ([2], "1 connected components have no anchor, for example the component of vertex 31"),
         ([2, 99], r"anchors must be vertices 0\.\.37"),
         ([], "at least one"),
     ],

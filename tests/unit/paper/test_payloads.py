@@ -31,7 +31,7 @@ def test_anchor_vertices_are_refused_when_they_do_not_ascend_in_range(anchors):
 def test_anchor_vertices_are_as_many_as_there_are_vertices_at_most():
     all_of_them = payloads.write_anchor_vertices(np.arange(4))
     assert payloads.read_anchor_vertices(all_of_them, 4).tolist() == [0, 1, 2, 3]
-    with pytest.raises(CorruptStreamError, match="4 anchors are announced for 3 vertices"):
+    with pytest.raises(CorruptStreamError, match="4 anchors are declared for 3 vertices"):
         payloads.read_anchor_vertices(all_of_them, 3)
 
 
@@ -101,7 +101,7 @@ def test_a_step_may_be_zero_when_all_rows_are():
 
 def test_steps_are_refused_when_their_number_fits_no_row():
     rows = Quantized(np.zeros((3, 4, 1), int), np.ones(3, np.float32))
-    with pytest.raises(CorruptStreamError, match="3 quantisation steps are announced for 4 rows"):
+    with pytest.raises(CorruptStreamError, match="3 quantization steps are declared for 4 rows"):
         payloads.read_rows(payloads.write_rows(rows), 4, 1)
 
 

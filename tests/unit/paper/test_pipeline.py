@@ -7,14 +7,14 @@ from meshreel.model.geometry.connectivity import component_labels
 from meshreel.paper.anchors import choose_anchors
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import analyse, synthesise
-from meshreel.paper.settings import chosen_anchors
+from meshreel.paper.settings import anchors_of
 from meshreel.paper.variants import variant_named
 from samples.meshes import irregular_sequence, waving_grid
 
 
 def round_trip(sequence, config):
     faces = sequence.faces
-    anchors = choose_anchors(faces, sequence.n_verts, chosen_anchors(config))
+    anchors = choose_anchors(faces, sequence.n_verts, anchors_of(config))
     mesh = MeshModel(faces, sequence.n_verts, anchors, config.laplacian_choice)
     matrices = to_matrices(sequence.vertices, bounding_frame(sequence.extent))
     frames_of = synthesise(

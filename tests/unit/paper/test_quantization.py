@@ -70,5 +70,5 @@ def test_rows_are_left_out_when_their_bits_are_zero():
 
 
 def test_steps_are_refused_when_bits_are_missing_for_a_row():
-    with pytest.raises(InvalidInputError, match="bits lists 2 rows; 6 modes are kept"):
+    with pytest.raises(InvalidInputError, match="bits lists 2 rows, but there are 6 modes"):
         steps_for_each_row(fading_rows(), [8, 8])

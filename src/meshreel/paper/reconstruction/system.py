@@ -16,9 +16,9 @@ Solve = Callable[[Floats], Floats]
 class ReconstructionSystem:
     """The least-squares system ``[L; I_a] x = [delta; a]`` (paper Eq. 12), factored once.
 
-    With one anchor in each connected component it is paper Eq. 11, L alone: L is singular, its
-    least-squares solution is unique up to a translation of each component, and a single anchor
-    fixes that translation without adding to the residual.
+    With one anchor in each connected component it is paper Eq. 11, L alone: the least-squares
+    solution of the singular L is unique up to a translation of each component, which a single
+    anchor fixes without adding to the residual.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class ReconstructionSystem:
         self._solver = CholeskySolver(matrix)
 
     def solve(self, deltas: Floats, anchor_values: Floats) -> Floats:
-        """Values at all vertices, for every column at once.
+        """Solve for the values at all vertices, for all columns at once.
 
         Parameters
         ----------
@@ -76,8 +76,7 @@ def _check_anchored(laplacian: csr_array, anchors: Integers) -> None:
 class CholeskySolver:
     """Factor of a sparse symmetric positive definite matrix, for any number of right-hand sides.
 
-    cholespy factors the matrix where it is installed, else SciPy's sparse LU, which gives the same
-    result more slowly.
+    Uses cholespy if it is installed, else SciPy's sparse LU, which is slower.
 
     Parameters
     ----------
@@ -87,7 +86,7 @@ class CholeskySolver:
     Raises
     ------
     SolverError
-        If the factorisation fails.
+        If the factorization fails.
     """
 
     def __init__(self, matrix: csc_array) -> None:

@@ -1,4 +1,4 @@
-"""Measurements that single claims of the paper need: dictionaries, quiet blocks, long sequences."""
+"""Measurements for single claims of the paper: dictionaries, quiet blocks, long sequences."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -26,19 +26,19 @@ from meshreel.paper.sweeps import BITS, BLOCK_MODES, TableSettings, equal_blocks
 from meshreel.runtime.progress import Progress
 
 LONG_FRAMES = 1200
-"""The paper's claim on blocks is of sequences of more than 1,000 frames."""
+"""The paper's claim about blocks concerns sequences of more than 1,000 frames."""
 
-LEFT_OUT = 1e-4
-"""Share of the shape's energy that the rows of a block leave out, the same in all blocks."""
+OMITTED_ENERGY = 1e-4
+"""Fraction of the shape's energy that the rows of a block omit, equal in all blocks."""
 
 
 def dictionaries_run(sequence: MeshSequence) -> Run:
-    """The run that finds the bits of an entry of a dictionary and of a difference of two.
+    """A run that measures the bits per entry of dictionaries and of their differences.
 
-    Its figures are bits an entry of all tracked blocks but the first: "kept_whole" and
+    Its figures are bits per entry over all tracked blocks but the first: "kept_whole" and
     "kept_difference" with the columns that `blocks` keeps, "all_whole" and "all_difference" with
-    k_f of them, both with columns coded as curves over time as in a stream; and the same with
-    "_plain", entry by entry. None if there is one block only.
+    all k_f, coded as curves over time as in a stream; and the same with "_plain", coded entry by
+    entry. None if there is only one block.
     """
     frames = equal_blocks(sequence.n_frames)
     n_columns = {"kept": min(BLOCK_MODES, frames), "all": frames}
@@ -64,12 +64,12 @@ def dictionaries_run(sequence: MeshSequence) -> Run:
 def _bits_per_entry(
     bases: Sequence[Quantized], write: Callable[[Quantized], bytes]
 ) -> tuple[float | None, float | None]:
-    """Mean bits of an entry of the dictionaries after the first, whole and as differences."""
+    """Mean bits per entry of the dictionaries after the first, whole and as differences."""
     sizes, n_entries = [0, 0], 0
-    for before, basis in pairwise(bases):
-        if before.integers.shape != basis.integers.shape:
+    for previous, basis in pairwise(bases):
+        if previous.integers.shape != basis.integers.shape:
             continue
-        difference = Quantized(basis.integers - before.integers, basis.steps)
+        difference = Quantized(basis.integers - previous.integers, basis.steps)
         sizes[0] += 8 * len(write(basis))
         sizes[1] += 8 * len(write(difference))
         n_entries += basis.integers.size
@@ -79,15 +79,15 @@ def _bits_per_entry(
 
 
 def quiet_blocks_run(sequence: MeshSequence) -> Run:
-    """The run that sets the motion of each block against the bits of its coefficients.
+    """A run that relates the motion of each block to the bits of its coefficients.
 
-    All blocks have the same quantization step and leave out the same energy, so that they have
-    about the same error. Its figures are lists with a number for each block: "motion_percent", the
-    RMS displacement from frame to frame in percent of the diagonal, "bits", those of all
-    coefficients by vertices and frames, for one coordinate, and "n_modes".
+    All blocks have the same quantization step and omit the same energy, so their errors are about
+    equal. Its figures are lists with a number for each block: "motion_percent", the RMS
+    displacement between frames in percent of the diagonal, "bits", coefficient bits per vertex and
+    frame of one coordinate, and "n_modes".
     """
     frames = equal_blocks(sequence.n_frames)
-    setting = {"block_frames": frames, "bits": BITS, "left_out": LEFT_OUT}
+    setting = {"block_frames": frames, "bits": BITS, "left_out": OMITTED_ENERGY}
 
     def measure(progress: Progress) -> Outcome:
         frame = bounding_frame(sequence.extent)
@@ -97,7 +97,7 @@ def quiet_blocks_run(sequence: MeshSequence) -> Run:
             for start in range(0, sequence.n_frames, frames)
         ]
         blocks = [block for block in blocks if block.shape[1] > 1]
-        # The energy that may be left out is the same in each frame of every block.
+        # Every frame of every block may omit the same energy.
         shapes = [block - block.mean(axis=2, keepdims=True) for block in blocks]
         n_frames = sum(block.shape[1] for block in blocks)
         energy = sum(float(np.vdot(shape, shape)) for shape in shapes) / max(n_frames, 1)
@@ -109,8 +109,8 @@ def quiet_blocks_run(sequence: MeshSequence) -> Run:
             progress("blocks", number / len(blocks))
             payload = write_rows(Quantized.of(row, steps))
             bits.append(8 * len(payload) / 3 / (sequence.n_verts * block.shape[1]))
-            moved = np.diff(block, axis=1)
-            motion.append(100 * float(np.sqrt(3 * np.mean(moved**2))))
+            moves = np.diff(block, axis=1)
+            motion.append(100 * float(np.sqrt(3 * np.mean(moves**2))))
         n_modes = [row.shape[1] for row in rows]
         return Outcome({"motion_percent": motion, "bits": bits, "n_modes": n_modes})
 
@@ -118,35 +118,35 @@ def quiet_blocks_run(sequence: MeshSequence) -> Run:
 
 
 def _deltas_of_block(block: Floats, energy: float, laplacian: Any) -> Floats:
-    """Projected deltas of shape (3, K, V), with the modes that leave out the same energy."""
+    """Projected deltas of shape (3, K, V), with modes that omit the given energy per frame."""
     correlation = autocorrelation(block)
     values, _ = eigen_trajectories(correlation, block.shape[1])
     total = float(np.trace(correlation, axis1=1, axis2=2).sum())
-    n_modes = modes_for_energy(values, total, energy * block.shape[1], 1 - LEFT_OUT)
+    n_modes = modes_for_energy(values, total, energy * block.shape[1], 1 - OMITTED_ENERGY)
     _, basis = eigen_trajectories(correlation, n_modes)
     projected = project(basis, block)
     return np.stack([delta_coordinates(laplacian, axis.T).T for axis in projected])
 
 
 def long_run(sequence: MeshSequence, table: TableSettings) -> Run:
-    """The run that times `blocks` and `pca-qp` on the sequence repeated to over 1,000 frames.
+    """A run that times `blocks` and `pca-qp` on the sequence repeated to over 1,000 frames.
 
-    Its figures are "n_frames" and, for "blocks" and "pca-qp", seconds as other runs have them.
+    Its figures are "n_frames" and seconds of "blocks" and "pca-qp" in the format of other runs.
     """
-    times = -(-LONG_FRAMES // sequence.n_frames)
+    n_repeats = -(-LONG_FRAMES // sequence.n_frames)
     settings = {name: table.setting(name) for name in ("pca-qp", "blocks")}
-    setting = {"times": times, **{name: one.key for name, one in settings.items()}}
+    keys = {name: setting.key for name, setting in settings.items()}
 
     def measure(progress: Progress) -> Outcome:
-        vertices = np.concatenate([sequence.vertices] * times)
+        vertices = np.concatenate([sequence.vertices] * n_repeats)
         repeated = replace(sequence, vertices=vertices)
         figures: dict[str, Any] = {"n_frames": len(vertices)}
-        for number, (name, one) in enumerate(settings.items()):
+        for number, (name, setting) in enumerate(settings.items()):
             progress(f"{name}, {len(vertices)} frames", number / 2)
-            figures[name] = _seconds(repeated, one.options())
+            figures[name] = _seconds(repeated, setting.options())
         return Outcome(figures)
 
-    return Run("long sequence", "claim_long_sequence", setting, measure)
+    return Run("long sequence", "claim_long_sequence", {"times": n_repeats, **keys}, measure)
 
 
 def _seconds(sequence: MeshSequence, options: dict[str, Any]) -> dict[str, Any]:

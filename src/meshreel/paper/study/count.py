@@ -1,8 +1,8 @@
-"""A stream's bits as the paper counts them (paper Table I, paper Eq. 13).
+"""The paper's count of the bits of a stream (paper Table I, paper Eq. 13).
 
-The count is of one coordinate matrix of three and leaves connectivity, means and headers out, so
-it compares with the paper's tables only. The letters are the paper's: n vertices, k frames, n_c
-anchors, n_b blocks of k_f frames.
+It counts one coordinate matrix of three, without connectivity, means and headers, so it is
+comparable only with the paper's tables. Letters as in the paper: n vertices, k frames, n_c anchors,
+n_b blocks of k_f frames.
 """
 
 from collections.abc import Sequence
@@ -13,23 +13,23 @@ from meshreel.codec.inspect import StreamInfo
 from meshreel.paper.pipeline import CodedBlock
 from meshreel.paper.sweeps import Setting
 
-DICTIONARY_BITS = 16  # of an entry of a dictionary that is sent whole
+DICTIONARY_BITS = 16  # per entry of a dictionary that is coded whole
 Count = dict[str, float | None]
 
 
 def paper_count(setting: Setting, stream: StreamInfo, blocks: Sequence[CodedBlock]) -> Count:
-    """Count the paper's q, q_a, q_d and q_s of a stream; None where the method has no such part.
+    """Compute the paper's q, q_a, q_d and q_s of a stream; None for parts that a method lacks.
 
-    q and q_a are a third of the bits that coefficients and anchors take in the stream, over n k.
-    q_d is the formula of Eq. 13 with 16 bits, for dictionaries of k x k; for `blocks` the bits of
-    an entry are the mean of those in the stream, and q_d stands as printed and as stored.
+    q and q_a are a third of the bits of coefficients and anchors in the stream, over n k. q_d is
+    the formula of Eq. 13 with 16 bits, for dictionaries of k x k; for `blocks` the bits of an entry
+    are the mean of those in the stream, and q_d is given as printed and as stored.
 
     Returns
     -------
-    dict of bits per vertex and frame: "q"; "q_fixed", what the coefficients would take without
-    entropy coding, at the bits of the largest of each row; "q_a"; "q_a_printed", 16 bits for each
-    position as the paper assumes; "q_d"; "q_d_as_stored"; "q_s", the sum of q, q_a and q_d. And
-    "dictionary_bits", those of an entry
+    dict of bits per vertex and frame: "q"; "q_fixed", without entropy coding, at the bits of the
+    largest coefficient of each row; "q_a"; "q_a_printed", 16 bits for each position as the paper
+    assumes; "q_d"; "q_d_as_stored"; "q_s", the sum of q, q_a and q_d; and "dictionary_bits" per
+    entry
     """
     n_verts, n_frames = stream.n_verts, stream.n_frames
     budget = stream.budget_bytes
@@ -62,7 +62,7 @@ def paper_count(setting: Setting, stream: StreamInfo, blocks: Sequence[CodedBloc
 
 
 def fixed_length_bits(blocks: Sequence[CodedBlock]) -> float:
-    """Bits of all coefficients if each row took those of its largest integer and a sign."""
+    """Bits of all coefficients if each row had the bits of its largest integer and a sign."""
     total = 0.0
     for block in blocks:
         largest = np.abs(block.coefficients.integers).max(axis=2)
@@ -83,7 +83,7 @@ def _n_anchors(block: CodedBlock) -> int:
 def _dictionary_bits(
     setting: Setting, stream: StreamInfo, blocks: Sequence[CodedBlock]
 ) -> float | None:
-    """Bits of a dictionary's entry, None without a dictionary (that of `gft` is not sent)."""
+    """Bits per entry of the dictionary; None without one (`gft` does not code it)."""
     n_entries = sum(block.basis.integers.size for block in blocks if block.basis is not None)
     if n_entries == 0:
         return None
@@ -98,8 +98,8 @@ def paper_coefficients_bpvf(coefficient_bits: float, n_verts: int, n_frames: int
     Parameters
     ----------
     coefficient_bits : float
-        Bits in total for the coefficients of one coordinate. Where every coefficient takes the
-        same bits, that is ``bits n k`` and q is those bits.
+        Total bits of the coefficients of one coordinate. If every coefficient takes the same
+        number of bits, q is that number.
     """
     return coefficient_bits / (n_verts * n_frames)
 
@@ -115,7 +115,7 @@ def paper_dictionary_bpvf_as_printed(
     """The paper's q_d as printed, ``bits n_b^2 k_f^2 / (n k)``.
 
     With blocks that fill the sequence this is ``bits k / n`` for any number of them: the cost
-    of one k x k dictionary, which is what the paper's tables hold for a single block.
+    of one k x k dictionary, as in the paper's tables for a single block.
     """
     return bits * n_blocks**2 * block_frames**2 / (n_verts * n_frames)
 
@@ -123,7 +123,7 @@ def paper_dictionary_bpvf_as_printed(
 def paper_dictionary_bpvf_as_stored(
     n_blocks: int, block_frames: int, n_verts: int, n_frames: int, *, bits: float = 16
 ) -> float:
-    """The paper's q_d for what is stored, ``bits n_b k_f^2 / (n k)``.
+    """The paper's q_d for the stored dictionaries, ``bits n_b k_f^2 / (n k)``.
 
     Each of the n_b blocks has one k_f x k_f dictionary. Equal to the printed form for one block.
     """

@@ -1,4 +1,4 @@
-"""Seconds of one eigen-decomposition of the graph Laplacian: the paper does one for each frame."""
+"""Seconds of an eigen-decomposition of the graph Laplacian, which the paper repeats per frame."""
 
 import statistics
 import time
@@ -13,7 +13,7 @@ N_DECOMPOSITIONS = 2
 
 
 def decompositions_run(sequence: MeshSequence, n_modes: int) -> Run:
-    """The run that times decompositions for so many graph frequencies, two of them.
+    """A run that times two decompositions with this many graph frequencies.
 
     Its figures are "n_modes", "seconds" (of each), "seconds_each" (their mean) and
     "processor_seconds_each".

@@ -1,4 +1,4 @@
-"""The report on the paper's evaluation: its parts in their order."""
+"""The report of the paper's evaluation."""
 
 from collections.abc import Sequence
 
@@ -21,34 +21,34 @@ from meshreel.paper.study.tables import (
 from meshreel.rendering.documents.parts import Bullets, Document, Heading, Paragraph, Part, Picture
 
 ALTERNATIVES_NOTE = (
-    "Each row makes one choice otherwise that the paper leaves open (`choices=`); the settings are "
-    "else those of the tables."
+    "Each row changes one choice that the paper leaves open (`choices=`); all other settings are "
+    "those of the tables."
 )
-TITLE = "Fast Spatio-temporal Compression of Dynamic 3D Meshes: the evaluation again"
+TITLE = "Fast Spatio-temporal Compression of Dynamic 3D Meshes: the evaluation reproduced"
 
 
 def paper_document(measured: Measured[PaperResults], command: str) -> Document:
-    """The report on sequences and their figures, made by a command line."""
+    """Build the report of sequences and their figures; it quotes the command line."""
     finished = (result for results, _ in measured for result in done(results.variants))
     parts: list[Part] = [
         *report_opening(
             TITLE,
-            "The evaluation of G. Arvanitis, A. S. Lalos, K. Moustakas, made with meshreel. Every "
-            "figure is of a stream that was encoded to bytes and decoded from them. Made by",
+            "The evaluation of G. Arvanitis, A. S. Lalos, K. Moustakas, reproduced with meshreel. "
+            "All results are from streams that were encoded to bytes and decoded. Created by",
             command,
             finished,
         ),
         Heading(2, "Variants"),
-        Bullets(_variants(measured)),
+        Bullets(_variant_lines(measured)),
     ]
     for results, pictures in measured:
         parts += _sequence_parts(results, pictures)
-    parts += [Heading(2, "Where the paper leaves a choice"), Bullets(CHOICES)]
+    parts += [Heading(2, "Choices that the paper leaves open"), Bullets(CHOICES)]
     return Document(TITLE, tuple(parts))
 
 
-def _variants(measured: Measured[PaperResults]) -> tuple[str, ...]:
-    """The settings in words, each once."""
+def _variant_lines(measured: Measured[PaperResults]) -> tuple[str, ...]:
+    """The distinct settings as text."""
     lines: list[str] = []
     for results, _ in measured:
         for result in results.variants:
@@ -64,8 +64,8 @@ def _sequence_parts(results: PaperResults, pictures: Sequence[Picture]) -> list[
     remark = REMARKS.get(results.name.lower())
     if remark:
         parts.append(Paragraph(remark))
-    judged = tuple(finding.text for finding in findings(results))
-    parts += [Heading(3, "Findings"), Bullets(judged or ("None to compare.",))]
+    texts = tuple(finding.text for finding in findings(results))
+    parts += [Heading(3, "Findings"), Bullets(texts or ("None to compare.",))]
     parts += [Heading(3, "Rates and errors"), rate_table(results), Paragraph(_rate_note(results))]
     parts += [quality_table(results), *(Paragraph(text) for text in refusals(results))]
     if results.alternatives:
@@ -77,24 +77,24 @@ def _sequence_parts(results: PaperResults, pictures: Sequence[Picture]) -> list[
 def _rate_note(results: PaperResults) -> str:
     text = (
         "q, q_a, q_d and q_s are the paper's count: one coordinate matrix of three, without "
-        "connectivity. q and q_a are what the stream carries; 'q, fixed length' is without entropy "
-        "coding, 'q_a at 16 bits' is 16 n_c / n. The last two columns are of the whole file."
+        "connectivity. q and q_a are measured in the stream; 'q, fixed length' is without entropy "
+        "coding, 'q_a at 16 bits' is 16 n_c / n. The last two columns refer to the whole file."
     )
     if printed_rates(results.name):
-        text += " The columns named 'paper' are printed there; it has no row for `gft`."
+        text += " Columns named 'paper' contain its printed values; it has no row for `gft`."
     return text
 
 
 def _seconds_note(results: PaperResults) -> str:
     finished = done(results.variants)
-    text = f"What is measured: {finished[0]['seconds']['measured']}. " if finished else ""
-    text += "The median of three runs where one takes less than two seconds, else one run."
+    text = f"Measured: {finished[0]['seconds']['measured']}. " if finished else ""
+    text += "The median of three runs if one takes less than two seconds, else one run."
     if results.decompositions is not None:
         each = results.decompositions["seconds_each"]
         text += (
             f" * Extrapolated from {N_DECOMPOSITIONS} decompositions: {each:.3g} s each for "
-            f"{results.decompositions['n_modes']} graph frequencies, once more for every frame "
-            "after the first, both when encoding and when reconstructing. All other figures are "
-            "measured in full."
+            f"{results.decompositions['n_modes']} graph frequencies, added for every frame after "
+            "the first, both to encoding and to reconstruction. All other values are measured in "
+            "full."
         )
     return text

@@ -1,4 +1,4 @@
-"""Encode, decode, measure: a run of one of the paper's variants."""
+"""Runs that measure the paper's variants."""
 
 import io
 from dataclasses import asdict
@@ -20,26 +20,26 @@ from meshreel.paper.sweeps import Setting
 from meshreel.runtime.progress import Progress
 
 MEASURED = (
-    "seconds in one process, by the wall clock and of the processor (all threads), from arrays in "
-    "memory to bytes in memory and back, with connectivity and entropy coding, without files; the "
-    "order of vertices and faces is kept"
+    "wall-clock and processor seconds (all threads) in one process, from arrays in memory to bytes "
+    "in memory and back, with connectivity and entropy coding, without files; the order of "
+    "vertices and faces is preserved"
 )
 
 
 def variant_run(
     sequence: MeshSequence, setting: Setting, *, shown_frame: int = 0, repeat: bool = False
 ) -> Run:
-    """The run of a setting; its stream and one decoded frame are kept beside its result.
+    """A run of a setting; its stream and one decoded frame are stored with the result.
 
-    The sequence is encoded once with its order kept, for quality and seconds, and once with the
-    order dropped, for the smallest size.
+    The sequence is encoded once with vertex order, for quality and seconds, and once without, for
+    the smallest size.
 
     Parameters
     ----------
     shown_frame : int
-        The decoded frame that is stored for pictures.
+        The decoded frame to store for pictures.
     repeat : bool
-        Time three times what takes less than two seconds, and keep the median.
+        Use the median of three runs if one takes less than two seconds.
     """
     modes = setting.n_modes or "default"
 

@@ -1,11 +1,11 @@
-"""The figures printed in the paper's Tables I and II, for the sequences that are the paper's."""
+"""Values of the paper's Tables I and II, for the paper's sequences."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class PrintedRates:
-    """A column of Table I, in bits per vertex and frame; None where it prints a dash."""
+    """A column of Table I, in bits per vertex and frame; None is a dash in the paper."""
 
     q: float
     q_a: float | None
@@ -97,22 +97,22 @@ SHAPES = {
 """Vertices and frames of the sequences in Table II."""
 
 REMARKS = {
-    "flag": "The flag is our own simulation with as many vertices as the paper's Flag (2704; it "
-    "has 1000 frames): its seconds stand beside the printed ones for their order of magnitude.",
-    "jumping": "`jumping` is of the same family of captures as the paper's Handstand, and of as "
-    "many vertices, but it is another sequence, so no printed figures are shown.",
+    "flag": "The flag is our own simulation with the vertex count of the paper's Flag (2704 "
+    "vertices, 1000 frames): compare its seconds with the printed ones by order of magnitude only.",
+    "jumping": "`jumping` is from the same family of captures as the paper's Handstand, with the "
+    "same vertex count, but it is another sequence, so no printed values are shown.",
 }
 
 
 def printed_rates(sequence_name: str) -> dict[str, PrintedRates]:
-    """Table I by method; empty where the sequence is not the paper's."""
+    """Table I by method; empty unless the sequence is one of the paper's."""
     return TABLE_1.get(sequence_name.lower(), {})
 
 
 def printed_seconds(sequence_name: str, n_verts: int) -> dict[str, PrintedSeconds]:
     """Table II by method; empty unless the sequence has the name and vertices of the paper's.
 
-    The name may go on after that of the paper, as in "camel-gallop".
+    The name may have a suffix, as in "camel-gallop".
     """
     for name, (printed_verts, _) in SHAPES.items():
         if sequence_name.lower().startswith(name) and n_verts == printed_verts:

@@ -1,4 +1,4 @@
-"""The results of one sequence, as tables, figures and findings read them."""
+"""Results of one sequence, for tables, figures and findings."""
 
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -10,22 +10,22 @@ from meshreel.paper.sweeps import ANCHORS, COEFFICIENTS, Setting
 
 @dataclass(frozen=True)
 class PaperResults:
-    """Everything that was measured on one sequence.
+    """All measurements of one sequence.
 
     Attributes
     ----------
     slug : str
-        Begins the names of its figures.
+        Prefix of the names of its figures.
     sequence : dict
         Name, shape and hash.
     variants, rows, sweep : list of results
-        Of the tables, of Fig. 3, and of the rate-distortion plots.
+        For the tables, for Fig. 3, and for the rate-distortion plots.
     alternatives : list of results
-        Variants with one choice made otherwise that the paper leaves open.
+        Variants that change one choice that the paper leaves open.
     claims : dict of str to result
-        Of the runs in `claims`, by name: "dictionaries", "quiet blocks", "long sequence".
+        Results of the runs in `claims`: "dictionaries", "quiet blocks", "long sequence".
     decompositions : result or None
-        Seconds of an eigen-decomposition, where `gft` was run.
+        Seconds of an eigen-decomposition, if `gft` was run.
     """
 
     slug: str
@@ -43,7 +43,7 @@ class PaperResults:
         return str(self.sequence["name"]) or self.slug
 
     def as_dict(self) -> dict[str, Any]:
-        """The sequence and the figures of its tables, in plain types."""
+        """The sequence and the values of its tables, in plain types."""
         return {
             **self.sequence,
             "variants": [summary(result) for result in self.variants],
@@ -51,48 +51,48 @@ class PaperResults:
         }
 
     def variant(self, label: str) -> Result | None:
-        """The variant or alternative of this label, None if it was not run or refused."""
+        """The variant or alternative with this label; None if it was not run or failed."""
         results = done([*self.variants, *self.alternatives])
         return next((result for result in results if label_of_result(result) == label), None)
 
     def points(self, figure: str) -> dict[str, list[Point]]:
-        """Points (rate with order dropped, error) by label, by ascending rate.
+        """Points (rate without order, error) by label, by ascending rate.
 
-        Left out are variants with another share of anchors, choices other than coefficients of
-        anchors, and `pca-qs`, which has the quality of `pca-qp`.
+        Excludes variants with non-default anchors, choices other than coefficients of anchors, and
+        `pca-qs`, which has the quality of `pca-qp`.
         """
-        found: dict[str, set[Point]] = {}
+        curves: dict[str, set[Point]] = {}
         for result in done([*self.sweep, *self.variants, *self.rows]):
             setting, error = setting_of_result(result), result["quality"][figure]
-            is_usual = setting.anchors in (0, ANCHORS) and setting.choices in ("", COEFFICIENTS)
-            if error is not None and is_usual and setting.method != "pca-qs":
-                points = found.setdefault(setting.label, set())
+            is_default = setting.anchors in (0, ANCHORS) and setting.choices in ("", COEFFICIENTS)
+            if error is not None and is_default and setting.method != "pca-qs":
+                points = curves.setdefault(setting.label, set())
                 points.add((result["rate_order_dropped_bpvf"], error))
-        return {label: sorted(points) for label, points in found.items()}
+        return {label: sorted(points) for label, points in curves.items()}
 
     def at_equal_rate(self, figure: str, label: str, other: str) -> Overlap | None:
-        """Errors of a variant over those of another at equal rate; None without common rates."""
+        """Errors of a variant relative to another at equal rate; None without common rates."""
         points = self.points(figure)
         return compare_at_equal_rate(points.get(label, []), points.get(other, []))
 
 
 def method_of_result(result: Result) -> str:
-    """The method of its setting."""
+    """The method of a result."""
     return str(result["identity"]["setting"]["method"])
 
 
 def label_of_result(result: Result) -> str:
-    """The label of its setting in tables and figures."""
+    """The label of a result in tables and figures."""
     return setting_of_result(result).label
 
 
 def setting_of_result(result: Result) -> Setting:
-    """The setting that it is of."""
+    """The setting of a result."""
     return Setting(**result["identity"]["setting"])
 
 
 def summary(result: Result) -> dict[str, Any]:
-    """The figures of a result that tables show, with its setting."""
+    """The setting of a result and its values in tables."""
     setting = {"label": label_of_result(result), **asdict(setting_of_result(result))}
     if "refused" in result:
         return {**setting, "refused": result["refused"]}

@@ -1,4 +1,4 @@
-"""The paper's evaluation as a study: its variants, and the figures and the report of them."""
+"""The study that reproduces the paper's evaluation."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,8 +17,8 @@ from meshreel.paper.study.figures import diagrams, matrices, meshes
 from meshreel.paper.study.measure import variant_run
 from meshreel.paper.study.results import PaperResults, method_of_result, setting_of_result
 from meshreel.paper.sweeps import (
+    DEFAULTS,
     METHOD_NAMES,
-    USUAL,
     TableSettings,
     alternatives,
     row_settings,
@@ -31,27 +31,27 @@ from meshreel.runtime.progress import Progress
 
 @dataclass(frozen=True)
 class PaperStudy:
-    """The variants of the paper on any sequences.
+    """Evaluate the variants of the paper on any sequences.
 
     Attributes
     ----------
     methods : sequence of str
-        Of `settings.METHOD_NAMES`.
+        From `sweeps.METHOD_NAMES`.
     quick : bool
-        Few points in the rate-distortion plots, no alternatives, and no long sequences.
+        Use few points in the rate-distortion plots, no alternatives, and no long sequences.
     table : TableSettings
         Modes, bits and anchors of the streams in the tables.
     """
 
     methods: Sequence[str] = METHOD_NAMES
     quick: bool = False
-    table: TableSettings = USUAL
+    table: TableSettings = DEFAULTS
     program: str = "meshreel paper"
 
     def plan(self, sequence: MeshSequence) -> dict[str, list[Run]]:
-        """The runs of the tables, of alternatives, Fig. 3, rate-distortion plots and claims."""
+        """The runs for tables, alternatives, Fig. 3, rate-distortion plots and claims."""
         n_frames, n_verts = sequence.n_frames, sequence.n_verts
-        frame = meshes.telling_frame(sequence)
+        frame = meshes.uncommon_frame(sequence)
         groups = {
             "variants": variants(n_frames, self.methods, self.table),
             "alternatives": [] if self.quick else alternatives(n_frames, self.methods, self.table),
@@ -76,18 +76,18 @@ class PaperStudy:
         return runs
 
     def collect(
-        self, subject: Subject, found: Mapping[str, list[Result]], progress: Progress
+        self, subject: Subject, groups: Mapping[str, list[Result]], progress: Progress
     ) -> PaperResults:
-        """The results of all runs, with the seconds of decompositions where `gft` was run."""
+        """The results of all runs, and the timing of decompositions if `gft` was run."""
         names = [run.name for run in self._claims(subject.sequence)]
         results = PaperResults(
             subject.slug,
             subject.store.sequence,
-            variants=found["variants"],
-            rows=found["rows"],
-            sweep=found["sweep"],
-            alternatives=found["alternatives"],
-            claims=dict(zip(names, found["claims"], strict=True)),
+            variants=groups["variants"],
+            rows=groups["rows"],
+            sweep=groups["sweep"],
+            alternatives=groups["alternatives"],
+            claims=dict(zip(names, groups["claims"], strict=True)),
         )
         graph = results.variant("gft")
         if graph is None:
@@ -99,7 +99,7 @@ class PaperStudy:
     def drawings(
         self, subject: Subject, results: PaperResults, folder: Path
     ) -> Iterator[Callable[[], Picture]]:
-        """A function for each figure, in the paper's order."""
+        """Functions that each draw a figure, in the paper's order."""
         sequence, slug, store = subject.sequence, subject.slug, subject.store
         yield partial(matrices.draw_projected_deltas, sequence, slug, folder)
         if done(results.rows):
@@ -116,7 +116,7 @@ class PaperStudy:
         yield partial(diagrams.draw_rate_distortion, results, folder)
 
     def notes(self, measured: Measured[PaperResults]) -> dict[str, list[str]]:
-        """No lines: no variant needs a package that may be missing."""
+        """Empty: no variant needs an optional package."""
         return {}
 
     def document(self, measured: Measured[PaperResults], command: str) -> Document:

@@ -1,4 +1,4 @@
-"""Tables of stored results: Table I (rates), Table II (seconds), and the errors."""
+"""Tables of results: Table I (rates), Table II (seconds), and errors."""
 
 from collections.abc import Mapping, Sequence
 from typing import TypeVar
@@ -18,32 +18,32 @@ from meshreel.rendering.documents.parts import Table
 Printed = TypeVar("Printed")
 
 RATES = ("q", "q_a", "q_d", "q_s")
-UNPRINTED = {"q": ("q_fixed", "q, fixed length"), "q_a": ("q_a_printed", "q_a at 16 bits")}
-"""Columns of the same part, counted otherwise: figure and heading."""
+EXTRA_COLUMNS = {"q": ("q_fixed", "q, fixed length"), "q_a": ("q_a_printed", "q_a at 16 bits")}
+"""Key and heading of columns with an alternative count of the same part."""
 
 
 def rate_table(results: PaperResults) -> Table:
-    """Table I: the paper's count, with its printed figures where there are, and true rates."""
+    """Table I: the paper's count, its printed values if any, and true rates."""
     printed = printed_rates(results.name)
     header = ["variant"]
     for name in RATES:
         header.append(name)
-        header += [UNPRINTED[name][1]] if name in UNPRINTED else []
+        header += [EXTRA_COLUMNS[name][1]] if name in EXTRA_COLUMNS else []
         header += [f"{name}, paper"] if printed else []
     header += ["q_d as stored", "bpvf of the file", "bpvf, order dropped"]
     rows = []
     for result in results.variants:
         row = [label_of_result(result)]
         row += _rate_cells(result, _printed_for(result, printed), bool(printed))
-        rows.append(_filled(row, result, len(header)))
+        rows.append(_pad(row, result, len(header)))
     return Table(f"Table I, {results.name}: bits per vertex and frame", tuple(header), tuple(rows))
 
 
 def _printed_for(result: Result, printed: Mapping[str, Printed]) -> Printed | None:
-    """The printed figures of a variant; the paper's are of 1 % anchors."""
-    is_usual = result["identity"]["setting"]["anchors"] in (0, ANCHORS)
-    is_usual = is_usual and not result["identity"]["setting"]["choices"]
-    return printed.get(method_of_result(result)) if is_usual else None
+    """The printed values of a variant; the paper uses 1 % anchors."""
+    setting = result["identity"]["setting"]
+    is_default = setting["anchors"] in (0, ANCHORS) and not setting["choices"]
+    return printed.get(method_of_result(result)) if is_default else None
 
 
 def _rate_cells(
@@ -54,8 +54,8 @@ def _rate_cells(
     count, cells = result["paper_count"], []
     for name in RATES:
         cells.append(number(count[name]))
-        if name in UNPRINTED:
-            cells.append(number(count[UNPRINTED[name][0]]))
+        if name in EXTRA_COLUMNS:
+            cells.append(number(count[EXTRA_COLUMNS[name][0]]))
         if has_printed_columns:
             cells.append(number(getattr(printed, name, None)))
     rates = count["q_d_as_stored"], result["rate_bpvf"], result["rate_order_dropped_bpvf"]
@@ -81,18 +81,18 @@ def quality_table(results: PaperResults) -> Table:
                 significant(quality["max_error_percent"]),
                 significant(quality["normal_angle_mean_deg"]),
             ]
-        rows.append(_filled(row, result, len(header)))
+        rows.append(_pad(row, result, len(header)))
     return Table(f"Errors of the same streams, {results.name}", header, tuple(rows))
 
 
 def alternatives_table(results: PaperResults) -> Table:
-    """Rates and errors of variants with one choice made otherwise, each below the usual one."""
+    """Rates and errors of variants with one changed choice, each below its default."""
     header = ("variant", "q", "q_a", "bpvf, order dropped", "KG error %", "STED",
               "NMSVE, mean")  # fmt: skip
     rows = []
     compared = {method_of_result(result) for result in results.alternatives}
-    usual = [one for one in results.variants if label_of_result(one) in compared]
-    for result in (*usual, *results.alternatives):
+    defaults = [result for result in results.variants if label_of_result(result) in compared]
+    for result in (*defaults, *results.alternatives):
         row = [label_of_result(result)]
         if "refused" not in result:
             quality, count = result["quality"], result["paper_count"]
@@ -104,7 +104,7 @@ def alternatives_table(results: PaperResults) -> Table:
                 significant(quality["sted"]),
                 scientific(quality["nmsve_mean"]),
             ]
-        rows.append(_filled(row, result, len(header)))
+        rows.append(_pad(row, result, len(header)))
     rows.sort(key=lambda row: row[0].split(" ")[0])
     return Table(f"What the paper leaves open, {results.name}", header, tuple(rows))
 
@@ -122,9 +122,9 @@ def seconds_table(results: PaperResults) -> Table:
         label = "gft, decomposed once" if method == "gft" else label_of_result(result)
         row = [label, *_seconds_cells(result)]
         if printed and "refused" not in result:
-            # The paper's per mesh decomposes for each frame: its figures go to the row below.
+            # The paper decomposes for each frame, so its values belong to the row below.
             row += _printed_seconds(_printed_for(result, printed) if method != "gft" else None)
-        rows.append(_filled(row, result, len(header)))
+        rows.append(_pad(row, result, len(header)))
         extrapolated = _decomposed_each(result, results)
         if extrapolated:
             row = ["gft, decomposed for each frame *", *extrapolated]
@@ -140,15 +140,15 @@ def _seconds_cells(result: Result) -> list[str]:
 
 
 def _decomposed_each(result: Result, results: PaperResults) -> list[str]:
-    """Seconds with a decomposition for each frame, extrapolated; none where it is not known."""
+    """Extrapolated seconds with a decomposition for each frame; empty if not available."""
     if method_of_result(result) != "gft" or "refused" in result or results.decompositions is None:
         return []
-    n_more, each = results.sequence["n_frames"] - 1, results.decompositions
-    more = n_more * each["seconds_each"], n_more * each["processor_seconds_each"]
+    n_extra, timing = results.sequence["n_frames"] - 1, results.decompositions
+    extra = n_extra * timing["seconds_each"], n_extra * timing["processor_seconds_each"]
     return [
         f"{result['seconds'][part + clock] + seconds:.0f}"
         for part in ("encode", "decode")
-        for clock, seconds in zip(("", "_processor"), more, strict=True)
+        for clock, seconds in zip(("", "_processor"), extra, strict=True)
     ]
 
 
@@ -163,14 +163,14 @@ def _modes(result: Result) -> str:
     return str(counts[0]) if len(counts) == 1 else f"{counts[0]}..{counts[-1]}"
 
 
-def _filled(row: Sequence[str], result: Result, length: int) -> tuple[str, ...]:
-    """The row at its full length: a refused variant has no figures."""
+def _pad(row: Sequence[str], result: Result, length: int) -> tuple[str, ...]:
+    """Extend a row to its full length; a failed variant has no values."""
     mark = "refused" if "refused" in result else NONE
     return (*row, *[mark] * (length - len(row)))
 
 
 def refusals(results: PaperResults) -> list[str]:
-    """Why variants have no figures, a sentence for each."""
+    """A sentence for each variant without results."""
     return [
         f"`{label_of_result(result)}` refused {results.name}: {result['refused']}"
         for result in results.variants
@@ -179,8 +179,8 @@ def refusals(results: PaperResults) -> list[str]:
 
 
 def settings_line(setting: Setting) -> str:
-    """A setting in words."""
-    modes = "the method's own number of" if setting.n_modes is None else str(setting.n_modes)
+    """A setting as text."""
+    modes = "default number of" if setting.n_modes is None else str(setting.n_modes)
     words = [f"{modes} modes", f"{setting.bits} bits"]
     if setting.anchors:
         words.append(f"{100 * setting.anchors:g} % anchors")

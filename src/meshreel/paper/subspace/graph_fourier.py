@@ -1,4 +1,4 @@
-"""Graph Fourier basis: the low frequencies of a Laplacian."""
+"""Graph Fourier basis: low-frequency eigenvectors of a Laplacian."""
 
 import numpy as np
 from scipy.sparse import csc_array, csr_array, diags_array
@@ -10,13 +10,13 @@ from meshreel.errors import InvalidInputError
 from meshreel.runtime.counting import counted
 
 MAX_BASIS_BYTES = 1 << 31
-"""Memory of the search space, 2 K + 1 vectors of V numbers."""
+"""Limit of the search space, 2 K + 1 vectors of V numbers."""
 
 MAX_WORK = 1 << 36
-"""V K^2, to which time is proportional: some minutes."""
+"""Limit of V K^2, to which time is proportional; a few minutes."""
 
 DIAGONAL_SPREAD = 1e-3
-"""Largest number that is added to the diagonal of L."""
+"""Largest number added to the diagonal of L."""
 
 GOLDEN_RATIO = (5**0.5 - 1) / 2
 
@@ -24,10 +24,10 @@ GOLDEN_RATIO = (5**0.5 - 1) / 2
 def graph_fourier_basis(laplacian: csr_array, n_modes: int) -> Floats:
     """Eigenvectors of the K smallest eigenvalues of L, one per column: the basis of Eq. 6.
 
-    Symmetric meshes, and meshes of several components, have multiple eigenvalues, whose
-    eigenvectors are determined up to a rotation only: two machines would not find the same. Numbers
-    in 0..0.001 that follow the golden ratio are therefore added to the diagonal, which separates
-    these eigenvalues and changes all others by as little.
+    Symmetric meshes, and meshes with several components, have multiple eigenvalues, whose
+    eigenvectors are unique only up to a rotation and would differ between machines. Numbers in
+    0..0.001 that follow the golden ratio are therefore added to the diagonal; they separate these
+    eigenvalues and change the others by at most as much.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def graph_fourier_basis(laplacian: csr_array, n_modes: int) -> Floats:
     Raises
     ------
     InvalidInputError
-        If it would take too much memory or time; names the largest possible number of modes.
+        If it would take too much memory or time; the message names the largest number of modes.
     """
     n_verts = laplacian.shape[0]
     check_basis_size(n_verts, n_modes)
@@ -59,13 +59,7 @@ def graph_fourier_basis(laplacian: csr_array, n_modes: int) -> Floats:
 
 
 def check_basis_size(n_verts: int, n_modes: int) -> None:
-    """Nothing if a basis of this size is within the limits of memory and time.
-
-    Raises
-    ------
-    InvalidInputError
-        Otherwise.
-    """
+    """Raise InvalidInputError if a basis of this size exceeds the limits of memory and time."""
     if not 1 <= n_modes <= n_verts:
         raise InvalidInputError(f"n_modes must be in 1..{n_verts}, the vertices; got {n_modes}")
     dense = n_modes > n_verts // 3

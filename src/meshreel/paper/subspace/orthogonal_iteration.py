@@ -9,9 +9,9 @@ from meshreel.errors import InvalidInputError
 
 
 def advance_basis(correlation: Floats, basis: Floats, n_iterations: int) -> Floats:
-    """Orthonormal basis moved towards the leading eigenvectors of R (paper Alg. 1).
+    """Advance an orthonormal basis towards the leading eigenvectors of R (paper Alg. 1).
 
-    Each iteration is ``U <- QR(R U)``. From the basis of the block before, which is close, few
+    Each iteration is ``U <- QR(R U)``. From the basis of the previous block, which is close, a few
     suffice; from any other they converge to the same subspace, more slowly the closer eigenvalues
     K and K + 1 are.
 
@@ -26,8 +26,8 @@ def advance_basis(correlation: Floats, basis: Floats, n_iterations: int) -> Floa
 
     Returns
     -------
-    float64 array of shape (..., T, K), columns orthonormal, in the order of the eigenvalues once
-    it has converged
+    float64 array of shape (..., T, K), columns orthonormal, after convergence in the order of the
+    eigenvalues
 
     Raises
     ------
@@ -36,8 +36,8 @@ def advance_basis(correlation: Floats, basis: Floats, n_iterations: int) -> Floa
     """
     if correlation.shape[-1] != basis.shape[-2]:
         raise InvalidInputError(
-            f"R is of {correlation.shape[-1]} frames and the basis of {basis.shape[-2]}; "
-            "a basis can be tracked between blocks of equal length"
+            f"R has {correlation.shape[-1]} frames and the basis {basis.shape[-2]}; "
+            "a basis can only be tracked between blocks of equal length"
         )
     for _ in range(n_iterations):
         basis = np.linalg.qr(correlation @ basis).Q
@@ -45,11 +45,11 @@ def advance_basis(correlation: Floats, basis: Floats, n_iterations: int) -> Floa
 
 
 def ritz_vectors(correlation: Floats, basis: Floats) -> Floats:
-    """Eigenvectors of R within the span of a basis: the same span, its energy in few columns.
+    """Rotate a basis within its span to the eigenvectors of R, which concentrates the energy.
 
-    # Deviation from Alg. 1: orthogonal iterations converge to a subspace soon and to its
-    # eigenvectors late. Until then neighbouring columns share the energy of an eigenvector, which
-    # costs bits.
+    # Deviation from Alg. 1: orthogonal iterations converge quickly to a subspace but slowly to its
+    # eigenvectors. Until then neighboring columns share the energy of an eigenvector, which costs
+    # bits.
 
     Parameters
     ----------
@@ -64,27 +64,27 @@ def ritz_vectors(correlation: Floats, basis: Floats) -> Floats:
     """
     within = np.swapaxes(basis, -1, -2) @ correlation @ basis
     largest = np.abs(within).max(axis=(-1, -2), keepdims=True)
-    # Columns beyond the rank stay as they are: rounding must not rotate them at every block.
+    # Columns beyond the rank stay unchanged: rounding must not rotate them in every block.
     within[np.abs(within) <= RANK_TOLERANCE * largest] = 0.0
     return np.asarray(basis @ np.linalg.eigh(within).eigenvectors[..., ::-1])
 
 
 def align_basis(basis: Floats, reference: Floats) -> Floats:
-    """The columns in the order and with the signs that are closest to a reference.
+    """Reorder the columns and change their signs to be closest to a reference.
 
-    Eigenvectors are unique up to sign, and two of nearly equal eigenvalue may swap places between
-    blocks: differences of dictionaries are small only after this alignment.
+    Eigenvectors are unique up to sign, and two with nearly equal eigenvalues may swap between
+    blocks; differences of dictionaries are small only after this alignment.
 
     Parameters
     ----------
     basis, reference : float64 arrays of shape (A, T, K)
         Orthonormal columns.
     """
-    return np.stack([_aligned(*pair) for pair in zip(basis, reference, strict=True)])
+    return np.stack([_align(*pair) for pair in zip(basis, reference, strict=True)])
 
 
-def _aligned(basis: Floats, reference: Floats) -> Floats:
+def _align(basis: Floats, reference: Floats) -> Floats:
     products = reference.T @ basis
-    places, columns = linear_sum_assignment(-np.abs(products))
-    signs = np.where(products[places, columns] < 0, -1.0, 1.0)
+    targets, columns = linear_sum_assignment(-np.abs(products))
+    signs = np.where(products[targets, columns] < 0, -1.0, 1.0)
     return np.asarray(basis[:, columns] * signs)

@@ -32,7 +32,7 @@ def test_report_says_what_it_must(evaluation):
         "meshreel paper --frames 12",
         "Table I, flag",
         "Table II, flag",
-        "PCA+qs and PCA+qp are of equal quality: holds",
+        "PCA+qs and PCA+qp have equal quality: holds",
         "gft, decomposed for each frame",
         "Extrapolated from 2 decompositions",
         "docs/equations.md",

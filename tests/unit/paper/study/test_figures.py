@@ -21,7 +21,7 @@ from meshreel.paper.study.figures.meshes import (
     ENLARGEMENT,
     detail_corner,
     render_detail,
-    telling_frame,
+    uncommon_frame,
 )
 from meshreel.paper.study.figures.panels import PAGE_PX, fit_layout
 from meshreel.rendering.camera import fit_camera
@@ -72,11 +72,11 @@ def test_projected_deltas_have_the_energy_of_the_deltas():
     assert energy[6:].sum() < 1e-3 * energy.sum()
 
 
-def test_telling_frame_is_the_one_that_differs():
+def test_uncommon_frame_is_the_one_that_differs():
     sequence = waving_grid()
     vertices = np.repeat(sequence.vertices[:1], 6, axis=0)
     vertices[4, ::3] += 0.5
-    assert telling_frame(MeshSequence(vertices, sequence.faces)) == 4
+    assert uncommon_frame(MeshSequence(vertices, sequence.faces)) == 4
 
 
 def test_labels_are_beside_the_axes_at_the_height_of_their_lines():

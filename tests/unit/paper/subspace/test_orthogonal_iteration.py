@@ -55,7 +55,7 @@ def test_warm_start_needs_fewer_steps_than_cold_when_blocks_are_coherent():
 
 
 def test_advance_refuses_when_blocks_have_unequal_lengths():
-    with pytest.raises(InvalidInputError, match="R is of 19 frames and the basis of 20"):
+    with pytest.raises(InvalidInputError, match="R has 19 frames and the basis 20"):
         advance_basis(np.eye(19)[None], random_basis(), 1)
 
 

@@ -1,1 +1,1 @@
-"""The paper's figures, drawn from stored results."""
+"""The paper's figures."""

@@ -1,4 +1,4 @@
-"""Diagrams of stored results: Fig. 4, Fig. 5 and the rate-distortion plots."""
+"""Plots of results: Fig. 4, Fig. 5 and rate-distortion plots."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
 
-LOG_FROM_RATIO = 8.0
-"""Values whose largest is this many times the smallest are drawn on a log axis."""
+MIN_LOG_RATIO = 8.0
+"""Values are drawn on a log axis if the largest exceeds the smallest by this factor."""
 
 ROW_AXES = {
     "": ("all frames in one block", "row (eigen-trajectory)"),
@@ -28,12 +28,12 @@ ROW_AXES = {
         "blocks of {block_frames} frames",
         "row (eigen-trajectory) of all blocks",
     ),
-    "gft": ("each frame by itself", "row (graph frequency)"),
+    "gft": ("each frame separately", "row (graph frequency)"),
 }
 """Titles and horizontal axes of Fig. 5."""
 
 SCIENTIFIC_BELOW = 1e-3
-"""Axes that reach below this are labeled with powers of ten."""
+"""Axes that extend below this are labeled with powers of ten."""
 
 ERRORS = (
     ("kg_error_percent", "KG error (%)"),
@@ -90,7 +90,7 @@ def draw_bits_per_row(results: PaperResults, folder: Path) -> Picture:
     for number, (name, group) in enumerate(groups.items(), 1):
         axes = figure.add_subplot(len(groups), 1, number)
         ends: list[LineEnd] = []
-        for labels, result in _equal_rows_together(group):
+        for labels, result in _group_equal_rows(group):
             _draw_rows(axes, labels, result, results.sequence["n_verts"], ends)
         title, rows = ROW_AXES[name]
         title = title.format(**group[0]["identity"]["setting"])
@@ -106,7 +106,7 @@ def draw_bits_per_row(results: PaperResults, folder: Path) -> Picture:
     save_for_print(figure, path)
     caption = (
         "Bits per vertex of each row of coefficients, entropy-coded separately; mean of x, y and "
-        "z. Rows beyond those shown take none. Variants labeled together have the same "
+        "z. Rows beyond the axis take no bits. Variants with a common label have the same "
         "coefficients."
     )
     if "blocks" in groups:
@@ -116,7 +116,7 @@ def draw_bits_per_row(results: PaperResults, folder: Path) -> Picture:
 
 def draw_rate_distortion(results: PaperResults, folder: Path) -> Picture:
     """Rate against KG error, STED and mean NMSVE, with the lower envelope of each method."""
-    # Below each other, since labels of variants with other choices are long.
+    # Vertically stacked, because labels of variants with other choices are long.
     figure = blank_figure(8, 9)
     figure.set_layout_engine("constrained", hspace=0.05)
     for number, (key, name) in enumerate(ERRORS, 1):
@@ -126,42 +126,42 @@ def draw_rate_distortion(results: PaperResults, folder: Path) -> Picture:
     path = folder / f"{results.slug}-rate-distortion.png"
     save_for_print(figure, path)
     caption = (
-        "Three errors against the rate of the whole file, without the order of vertices and faces. "
-        "Each point is a stream. A line joins the streams of a method that no other stream of the "
-        "method beats in both rate and error; the others are small points."
+        "Three errors over the rate of the whole file, without the order of vertices and faces. "
+        "Each point is a stream. A line connects the Pareto-optimal streams of a method; the "
+        "others are small points."
     )
     return Picture(path, "Rate and distortion", caption, len(ERRORS))
 
 
-def _equal_rows_together(group: Sequence[Result]) -> list[tuple[str, Result]]:
-    """Results of different rows, each with the labels of all that have them."""
-    found: list[tuple[str, Result]] = []
+def _group_equal_rows(group: Sequence[Result]) -> list[tuple[str, Result]]:
+    """Results with distinct rows, each with the labels of all results that share them."""
+    labeled: list[tuple[str, Result]] = []
     for result in group:
         label = label_of_result(result)
-        for number, (labels, other) in enumerate(found):
+        for number, (labels, other) in enumerate(labeled):
             if other["bits_per_row"] == result["bits_per_row"]:
-                found[number] = (f"{labels},\n{label}", result)
+                labeled[number] = (f"{labels},\n{label}", result)
                 break
         else:
-            found.append((label, result))
-    return found
+            labeled.append((label, result))
+    return labeled
 
 
 def _draw_rows(
     axes: "Axes", labels: str, result: Result, n_verts: int, ends: list[LineEnd]
 ) -> None:
-    """The line of a variant's rows; its names and its end are added to `ends`."""
+    """Draw the rows of a variant, and append its label and the end of its line to `ends`."""
     style, position = line_style(label_of_result(result)), 0
     n_blocks = len(result["bits_per_row"])
     for number, rows in enumerate(result["bits_per_row"], 1):
         bits = np.mean(rows, axis=0) / n_verts
-        places = np.arange(position, position + len(bits)) + 1
-        axes.plot(places, bits, marker="o" if len(bits) < 60 else None, markersize=3, **style)
+        xs = np.arange(position, position + len(bits)) + 1
+        axes.plot(xs, bits, marker="o" if len(bits) < 60 else None, markersize=3, **style)
         if number % 2 == 0:
-            axes.axvspan(places[0] - 0.5, places[-1] + 0.5, color="#000000", alpha=0.06, lw=0)
+            axes.axvspan(xs[0] - 0.5, xs[-1] + 0.5, color="#000000", alpha=0.06, lw=0)
         if 1 < n_blocks <= 12:
             axes.text(
-                float(places.mean()), 1.01, f"block {number}",
+                float(xs.mean()), 1.01, f"block {number}",
                 transform=axes.get_xaxis_transform(), ha="center", fontsize=8, color="#666666",
             )  # fmt: skip
         position += len(bits)
@@ -170,10 +170,10 @@ def _draw_rows(
 
 
 def _scale_axis(axes: "Axes", values: "np.typing.ArrayLike") -> None:
-    """A log axis where the values span enough, else one from zero."""
+    """Use a log axis if the values span a large enough range, else a linear one from zero."""
     positive = np.asarray(values, float)
     positive = positive[positive > 0]
-    if positive.size and positive.max() > LOG_FROM_RATIO * positive.min():
+    if positive.size and positive.max() > MIN_LOG_RATIO * positive.min():
         axes.set_yscale("log")
         axes.set_ylim(positive.min() / 1.2, positive.max() * 1.2)
         _tick(axes.yaxis)

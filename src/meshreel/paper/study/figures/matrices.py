@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 
 
 CORNER_ROWS, CORNER_COLUMNS = 30, 300
-MAX_SHOWN = 500  # rows and columns of a panel of Fig. 2; means of neighbors if there are more
-DECADES = 6  # of the color scale of Fig. 2, down from the largest entry
+MAX_SHOWN = 500  # rows and columns of a panel of Fig. 2; larger matrices are averaged
+DECADES = 6  # range of the color scale of Fig. 2, below the largest entry
 MAX_BLOCKS = 5
 AXIS = 0  # x
 
@@ -52,7 +52,7 @@ def projected_deltas(sequence: MeshSequence) -> Floats:
 
 
 def draw_projected_deltas(sequence: MeshSequence, slug: str, folder: Path) -> Picture:
-    """Fig. 2: the whole matrix, and its corner of the first rows and vertices."""
+    """Fig. 2: the whole matrix, and a detail of its first rows and vertices."""
     from matplotlib.colors import LogNorm
     from matplotlib.patches import Rectangle
 
@@ -71,9 +71,8 @@ def draw_projected_deltas(sequence: MeshSequence, slug: str, folder: Path) -> Pi
     for axes, (title, values) in zip(panels, shown.items(), strict=True):
         n_rows, n_columns = values.shape
         extent = (0.5, n_columns + 0.5, n_rows + 0.5, 0.5)
-        colored = np.maximum(averaged(values, MAX_SHOWN), smallest)
         image = axes.imshow(
-            colored,
+            np.maximum(averaged(values, MAX_SHOWN), smallest),
             norm=norm,
             aspect="auto",
             extent=extent,
@@ -104,10 +103,10 @@ def draw_projected_deltas(sequence: MeshSequence, slug: str, folder: Path) -> Pi
     return Picture(path, "Fig. 2", caption, len(panels))
 
 
-def averaged(values: Floats, most: int) -> Floats:
-    """Means over equal groups of neighboring rows and columns, such that at most `most` remain."""
+def averaged(values: Floats, max_size: int) -> Floats:
+    """Average neighboring rows and columns, so that at most `max_size` of each remain."""
     for axis, length in enumerate(values.shape):
-        starts = np.arange(0, length, -(-length // most))
+        starts = np.arange(0, length, -(-length // max_size))
         sizes = np.diff(starts, append=length)
         sums = np.add.reduceat(values, starts, axis=axis)
         values = sums / (sizes[:, None] if axis == 0 else sizes)
@@ -115,7 +114,7 @@ def averaged(values: Floats, most: int) -> Floats:
 
 
 def whole_dictionaries(sequence: MeshSequence, block_frames: int) -> list[Quantized]:
-    """Dictionaries of all blocks of equal length with all columns, as `blocks` tracks and rounds.
+    """Dictionaries of all blocks of equal length with all columns, tracked as in `blocks`.
 
     Parameters
     ----------
@@ -127,32 +126,32 @@ def whole_dictionaries(sequence: MeshSequence, block_frames: int) -> list[Quanti
     list of Quantized of shape (3, k_f, k_f), a row for each column of U
     """
     frame = bounding_frame(sequence.extent)
-    found: list[Quantized] = []
+    dictionaries: list[Quantized] = []
     for start in range(0, sequence.n_frames - block_frames + 1, block_frames):
         vertices = sequence.vertices[start : start + block_frames]
         correlation = autocorrelation(to_matrices(vertices, frame))
-        if found:
-            before = np.swapaxes(found[-1].values, 1, 2)
-            tracked = advance_basis(correlation, before, DEFAULT_ITERATIONS)
-            basis = align_basis(ritz_vectors(correlation, tracked), before)
-            steps = found[-1].steps
+        if dictionaries:
+            previous = np.swapaxes(dictionaries[-1].values, 1, 2)
+            tracked = advance_basis(correlation, previous, DEFAULT_ITERATIONS)
+            basis = align_basis(ritz_vectors(correlation, tracked), previous)
+            steps = dictionaries[-1].steps
         else:
             _, basis = eigen_trajectories(correlation, block_frames)
             steps = step_for_all_rows(basis, PaperChoices().dictionary_bits)
-        found.append(Quantized.of(np.swapaxes(basis, 1, 2), steps))
-    return found
+        dictionaries.append(Quantized.of(np.swapaxes(basis, 1, 2), steps))
+    return dictionaries
 
 
 @dataclass(frozen=True)
 class DifferenceCost:
-    """Dictionaries and the differences between them, in size and in bits.
+    """Sizes and bits of dictionaries and of the differences between them.
 
     Attributes
     ----------
     difference_rms, dictionary_rms : float
         Root mean square of the entries.
     difference_bits, dictionary_bits : float
-        Mean bits of an entry, coded as in a stream.
+        Mean bits per entry, coded as in a stream.
     """
 
     difference_rms: float
@@ -162,7 +161,7 @@ class DifferenceCost:
 
 
 def difference_cost(dictionaries: Sequence[Quantized]) -> DifferenceCost:
-    """Compare all dictionaries but the first with their differences from the one before.
+    """Compare all dictionaries but the first with their differences from the previous one.
 
     Parameters
     ----------
@@ -185,7 +184,7 @@ def draw_dictionaries(
     Parameters
     ----------
     blocks : sequence of CodedBlock
-        Of a stream of `blocks`, which keeps the first columns only.
+        From a stream of `blocks`, which contains only the first columns.
     """
     kept = [block.basis for block in blocks if block.basis is not None]
     kept = [basis for basis in kept if basis.integers.shape == kept[0].integers.shape]
@@ -205,14 +204,14 @@ def draw_dictionaries(
     figure = blank_sheet(width + BAR_GAP_PX + BAR_PX + BAR_LABELS_PX, height + BOTTOM_PX)
     largest = max(float(np.abs(values).max()) for values in rows[0]) or 1.0
     for number, (row, names) in enumerate(zip(rows, titles, strict=True)):
-        for place, (values, name) in enumerate(zip(row, names, strict=True)):
+        for column, (values, name) in enumerate(zip(row, names, strict=True)):
             # Differences are centered below their two dictionaries.
-            left = LEFT_PX + (place + number / 2) * (MATRIX_PX + MATRIX_GAP_PX)
+            left = LEFT_PX + (column + number / 2) * (MATRIX_PX + MATRIX_GAP_PX)
             top = TOP_PX + number * (MATRIX_PX + BETWEEN_PX)
             axes = axes_in(figure, Box(left, top, MATRIX_PX, MATRIX_PX))
             image = _draw_matrix(axes, values, largest, n_kept)
             axes.set_title(name, fontsize=8, pad=4)
-            if place == 0:
+            if column == 0:
                 axes.set_ylabel("frame of the block", fontsize=7, labelpad=2)
             else:
                 axes.set_yticklabels([])
@@ -234,13 +233,13 @@ def _rms(matrices: Sequence[Quantized]) -> float:
 
 
 def _bits(matrices: Sequence[Quantized]) -> float:
-    """Mean bits of an entry, steps and tables included."""
+    """Mean bits per entry, including steps and tables."""
     n_bytes = sum(len(write_curves(matrix)) for matrix in matrices)
     return 8 * n_bytes / sum(matrix.integers.size for matrix in matrices)
 
 
 def _draw_matrix(axes: "Axes", values: Floats, largest: float, n_kept: int) -> "AxesImage":
-    """Draw a dictionary or a difference; a dashed line ends the columns that are kept."""
+    """Draw a dictionary or a difference, with a dashed line after the first `n_kept` columns."""
     n_rows, n_columns = values.shape
     extent = (0.5, n_columns + 0.5, n_rows + 0.5, 0.5)
     image = axes.imshow(
@@ -260,9 +259,9 @@ def _number_from_1(axes: "Axes") -> None:
     for axis in (axes.xaxis, axes.yaxis):
         low, high = sorted(axis.get_view_interval())
         ticks = MaxNLocator(6, integer=True).tick_values(low, high)
-        apart = ticks[1] - ticks[0]
+        step = ticks[1] - ticks[0]
         axis.set_ticks(
-            [1, *(tick for tick in ticks if 1 + 0.5 * apart < tick < high and tick % 1 == 0)]
+            [1, *(tick for tick in ticks if 1 + 0.5 * step < tick < high and tick % 1 == 0)]
         )
 
 
@@ -285,12 +284,12 @@ def _dictionary_caption(kept: Sequence[Quantized], whole: Sequence[Quantized], n
     )
     parts = [(f"all {n_columns} columns", whole)]
     if n_kept < n_columns:
-        parts.insert(0, (f"the {n_kept} columns that the stream tracks", kept))
-    costs = [f"{name}, {_cost_in_words(difference_cost(bases))}" for name, bases in parts]
+        parts.insert(0, (f"the {n_kept} columns in the stream", kept))
+    costs = [f"{name}, {_cost_text(difference_cost(bases))}" for name, bases in parts]
     return text + "; ".join(costs) + "."
 
 
-def _cost_in_words(cost: DifferenceCost) -> str:
+def _cost_text(cost: DifferenceCost) -> str:
     return (
         f"differences {cost.difference_rms:.3f} and {cost.difference_bits:.2f} bits, "
         f"dictionaries {cost.dictionary_rms:.3f} and {cost.dictionary_bits:.2f} bits"

@@ -39,21 +39,21 @@ Frame = npt.NDArray[np.floating]
 
 MAX_ASPECT = 2.5  # of a panel, and its inverse
 ENLARGEMENT = 3
-"""Of the details in Fig. 7."""
+"""Magnification of the details in Fig. 7."""
 
 MARK_COLOR = "#D55E00"
 HEAT_PERCENTILE, HEAT_METHODS = 98.0, ("pca-qs", "pca-qp", "blocks")
-"""The color scale ends at this percentile of the angles of these methods, if they were run."""
+"""The color scale ends at this percentile of the angles of these methods, if available."""
 
 HEAT_GLOW = 0.4
-"""Share of the heat map's colors that is unlit, so that they can be compared to the color bar."""
+"""Unlit share of the heat map's colors, so that they match the color bar."""
 
 
-def telling_frame(sequence: MeshSequence) -> int:
-    """The frame whose shape is farthest from the mean shape, an uncommon pose."""
+def uncommon_frame(sequence: MeshSequence) -> int:
+    """The frame with the largest distance from the mean shape."""
     vertices = sequence.vertices.astype(np.float64)
-    centred = vertices - vertices.mean(axis=1, keepdims=True)
-    distances = ((centred - centred.mean(axis=0)) ** 2).sum(axis=(1, 2))
+    centered = vertices - vertices.mean(axis=1, keepdims=True)
+    distances = ((centered - centered.mean(axis=0)) ** 2).sum(axis=(1, 2))
     return int(np.argmax(distances))
 
 
@@ -61,7 +61,7 @@ def draw_row_counts(
     sequence: MeshSequence, results: Sequence[Result], store: Store, slug: str, folder: Path
 ) -> Picture:
     """Fig. 3: one frame with growing numbers of rows, and the original."""
-    frame = telling_frame(sequence)
+    frame = uncommon_frame(sequence)
     original = sequence.vertices[frame]
     shown = [(_decoded_frame(result, store, frame), _row_title(result)) for result in done(results)]
     shown.append((original, f"original\nframe {frame}"))
@@ -83,7 +83,7 @@ def draw_variants(
     sequence: MeshSequence, results: Sequence[Result], store: Store, slug: str, folder: Path
 ) -> Picture:
     """Fig. 7: the original and every variant, with an enlarged detail and errors of normals."""
-    frame = telling_frame(sequence)
+    frame = uncommon_frame(sequence)
     original, faces, shown = sequence.vertices[frame], sequence.faces, done(results)
     decoded = [_decoded_frame(result, store, frame) for result in shown]
     angles = [vertex_normal_angle_deg(original, vertices, faces) for vertices in decoded]
@@ -115,8 +115,8 @@ def draw_variants(
     save_for_print(figure, path)
     caption = (
         f"Frame {frame} of {sequence.n_frames}, rendered with one camera. Below each panel: the "
-        f"detail inside the rectangle, enlarged {ENLARGEMENT} times; it is where the variants "
-        "differ most in their normals. Below that: the mean angle between original and decoded "
+        f"detail inside the rectangle, enlarged {ENLARGEMENT} times, where the normals of the "
+        "variants differ most. Below that: the mean angle between original and decoded "
         f"normals of the faces around each vertex; yellow is {top_deg:g} degrees or more. STED "
         "covers the whole sequence; the angle in a title is the mean over this frame."
     )
@@ -130,7 +130,7 @@ def detail_corner(
     camera: Camera,
     size: tuple[int, int],
 ) -> tuple[int, int]:
-    """Choose the part of a picture where the normals of variants differ most.
+    """Find the part of a picture where the normals of variants differ most.
 
     Each pixel is weighted by the standard deviation of the angles of its face over all variants
     and the original, whose angle is 0. Hidden faces have no pixels, and the background no weight.
@@ -146,16 +146,16 @@ def detail_corner(
 
     Returns
     -------
-    Left and top pixel of the part. If no visible face differs, the part that shows most of the
-    mesh.
+    Left and top pixel of the part. If no visible face differs, the part with the largest visible
+    area of the mesh.
     """
     points, depths = camera.project(original)
-    seen = visible_faces(points, nearness(depths), faces, camera)
+    visible = visible_faces(points, nearness(depths), faces, camera)
     deviation = np.std([np.zeros(len(original)), *angles], axis=0)[faces].mean(axis=1)
-    weights = np.zeros(len(seen))
-    weights[seen >= 0] = deviation[seen[seen >= 0]]
+    weights = np.zeros(len(visible))
+    weights[visible >= 0] = deviation[visible[visible >= 0]]
     if not weights.any():
-        weights[seen >= 0] = 1.0
+        weights[visible >= 0] = 1.0
     width, height = size
     sums = np.pad(weights.reshape(camera.height, camera.width), ((1, 0), (1, 0)))
     sums = sums.cumsum(axis=0).cumsum(axis=1)
@@ -200,7 +200,7 @@ def _variant_title(result: Result, angle: Floats) -> str:
 
 
 def _aspect(vertices: Frame) -> float:
-    """Width by height of a panel that suits one frame, upright or wide as the model is."""
+    """Aspect ratio, width over height, of a panel for one frame."""
     points, _ = fit_camera(vertices, width=400, height=400).project(vertices)
     width, height = np.ptp(points, axis=0)
     return float(np.clip(width / max(height, 1e-9), 1 / MAX_ASPECT, MAX_ASPECT))
@@ -239,7 +239,7 @@ def _draw_heat_bar(figure: "Figure", cell: Box, top_deg: float, *, exceeds: bool
 
 
 def _heat_top_deg(results: Sequence[Result], angles: Sequence[Floats]) -> float:
-    """The top of the color scale, chosen for the better variants to be distinguishable."""
+    """The top of the color scale, chosen to distinguish the better variants."""
     solved = [
         angle
         for result, angle in zip(results, angles, strict=True)
@@ -250,7 +250,7 @@ def _heat_top_deg(results: Sequence[Result], angles: Sequence[Floats]) -> float:
 
 
 def _decoded_frame(result: Result, store: Store, frame: int) -> Frame:
-    """The decoded frame that was stored with a result; from its stream if that is missing."""
+    """The decoded frame stored with a result, or decoded from its stream."""
     key = setting_of_result(result).key
     try:
         vertices: Frame = np.load(store.path(key, "npy"), allow_pickle=False)

@@ -1,4 +1,4 @@
-"""Figures for print: sheets of equal panels whose pixels are not resampled."""
+"""Figures for print: sheets of equal panels without resampling."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 DPI = 240
 PAGE_PX = 1728, 2160
-"""Largest width and height of a sheet: 7.2 x 9 inches at `DPI`, which fits a page unscaled."""
+"""Largest width and height of a sheet: 7.2 x 9 inches at `DPI`, which fits a page."""
 
 MAX_PANEL_PX = 400
-"""Largest side of a square panel; others have this area at most."""
+"""Largest side of a square panel; other panels have at most this area."""
 
 FONT_SIZE = 8.0
 TITLE_PX, ROW_LABEL_PX, LINE_PX = 215, 240, 34
-"""Lengths of a title of 14 letters and of a label of 15 at `FONT_SIZE`, and a line's height."""
+"""Widths of a title of 14 letters and of a label of 15 at `FONT_SIZE`, and line height."""
 
 GAP_PX, BAND_GAP_PX, LABEL_PX = 14, 40, 50
 
@@ -42,12 +42,12 @@ class Box:
 def blank_sheet(width_px: int, height_px: int) -> "Figure":
     """An empty figure of this size in pixels."""
     figure = blank_figure(width_px / DPI, height_px / DPI)
-    figure.set_layout_engine("none")  # every panel has its place already
+    figure.set_layout_engine("none")  # panels are positioned explicitly
     return figure
 
 
 def save_for_print(figure: "Figure", path: Path) -> None:
-    """Write a figure as a PNG file with `DPI` pixels an inch, whole or not at all."""
+    """Write a figure as a PNG file with `DPI` pixels per inch, atomically."""
     with replace_when_done(path, overwrite=True) as temporary:
         figure.savefig(temporary, format="png", dpi=DPI)
 
@@ -73,12 +73,12 @@ def write_in(
 
 @dataclass(frozen=True)
 class Layout:
-    """Columns of panels side by side, wrapped into several bands if a page is too narrow.
+    """Columns of panels, wrapped into several bands if a page is too narrow.
 
     Attributes
     ----------
     n_columns : int
-        In all bands together.
+        Total over all bands.
     width : int
         Panel width in pixels, a multiple of 3.
     heights : tuple of int
@@ -118,12 +118,12 @@ class Layout:
         return width, height + 2 * GAP_PX
 
     def cell(self, column: int, row: int) -> Box:
-        """The place of a panel."""
-        band, place = divmod(column, self.columns_per_band)
+        """The box of a panel."""
+        band, position = divmod(column, self.columns_per_band)
         top = GAP_PX + band * (self.band_height + BAND_GAP_PX)
         top += LINE_PX * self.n_title_lines + GAP_PX
         top += sum(self.heights[:row]) + GAP_PX * row
-        left = self.label_px + place * (self.width + GAP_PX)
+        left = self.label_px + position * (self.width + GAP_PX)
         return Box(left, top, self.width, self.heights[row])
 
 
@@ -139,21 +139,22 @@ def fit_layout(
     aspects : sequence of float
         Ratio of width to height of the panels of each row.
     """
-    widest = MAX_PANEL_PX * aspects[0] ** 0.5
+    max_width = MAX_PANEL_PX * aspects[0] ** 0.5
 
     def layout_of(columns_per_band: int, width: float) -> Layout:
-        whole = 3 * max(int(width / 3), 1)
-        heights = tuple(3 * max(round(whole / aspect / 3), 1) for aspect in aspects)
-        return Layout(n_columns, columns_per_band, whole, heights, n_title_lines, has_labels)
+        width_px = 3 * max(int(width / 3), 1)
+        heights = tuple(3 * max(round(width_px / aspect / 3), 1) for aspect in aspects)
+        return Layout(n_columns, columns_per_band, width_px, heights, n_title_lines, has_labels)
 
-    def fitted(columns_per_band: int) -> Layout:
+    def largest_layout(columns_per_band: int) -> Layout:
         empty = layout_of(columns_per_band, 0)
         width = (PAGE_PX[0] - empty.label_px) / columns_per_band - GAP_PX
         free = PAGE_PX[1] - empty.size[1]
-        width = min(width, widest, free / (empty.n_bands * sum(1 / each for each in aspects)))
+        inverses = sum(1 / aspect for aspect in aspects)
+        width = min(width, max_width, free / (empty.n_bands * inverses))
         return layout_of(columns_per_band, width)
 
-    layouts = [fitted(columns_per_band) for columns_per_band in range(1, n_columns + 1)]
+    layouts = [largest_layout(columns_per_band) for columns_per_band in range(1, n_columns + 1)]
     # Ties go to the layout with the fewest empty cells, then to the one with the fewest bands.
     return max(
         layouts,
@@ -166,14 +167,14 @@ def fit_layout(
 
 
 def draw_sheet(layout: Layout, titles: Sequence[str], row_labels: Sequence[str] = ()) -> "Figure":
-    """A sheet with the titles of all columns, and the labels of the rows of each band."""
+    """An empty sheet with titles of all columns and labels of the rows of each band."""
     figure = blank_sheet(*layout.size)
     size = FONT_SIZE * min(1.0, layout.width / TITLE_PX)
     for column, title in enumerate(titles):
         cell = layout.cell(column, 0)
         middle = cell.top - GAP_PX - LINE_PX * layout.n_title_lines / 2
-        missing = layout.n_title_lines - 1 - title.count("\n")  # so that first lines are level
-        write_in(figure, title + missing * "\n", cell.left + cell.width / 2, middle, size=size)
+        padding = layout.n_title_lines - 1 - title.count("\n")  # to align first lines
+        write_in(figure, title + padding * "\n", cell.left + cell.width / 2, middle, size=size)
     for band in range(layout.n_bands):
         for row, label in enumerate(row_labels):
             cell = layout.cell(band * layout.columns_per_band, row)
