@@ -1,9 +1,9 @@
-"""The worth of each part of `reel`: Bjontegaard rates of the method with one part changed.
+"""Ablation study of `reel`: Bjontegaard rates with one part of the method changed.
 
     python bench/ablations.py samba.npz cow.npz --out ablations.json
 
-Every stream is encoded, decoded and compared; rates are those of whole files without the order.
-A positive number is the increase of the rate at equal KG error / at equal STED.
+Every stream is encoded, decoded and compared; rates are those of whole files without vertex order.
+Positive numbers are an increase of the rate at equal KG error, and at equal STED.
 """
 
 import argparse
@@ -35,7 +35,7 @@ HIERARCHY: Any = vars(FieldMesh)["hierarchy"].func
 
 
 def choices(**changed: Any) -> Any:
-    """A patch of choices of the encoder."""
+    """Patch choices of the encoder."""
     usual = effort.choices_for
     return lambda: patch.object(
         effort, "choices_for", lambda *a: dataclasses.replace(usual(*a), **changed)
@@ -43,12 +43,12 @@ def choices(**changed: Any) -> Any:
 
 
 def constant(module: Any, name: str, value: Any) -> Any:
-    """A patch of a constant or a function, in encoder and decoder."""
+    """Patch a constant or a function, in encoder and decoder."""
     return lambda: patch.object(module, name, value)
 
 
 def code_alone(coder: FieldBlockCoder, frames: Any, *_: Any) -> Any:
-    """A block that is coded independently of the others."""
+    """Code a block independently of the others."""
     return CODE(coder, frames)
 
 
@@ -109,7 +109,7 @@ VARIANTS: dict[str, list[Any]] = {
 
 @contextmanager
 def changed(name: str) -> Iterator[None]:
-    """The method with a variant's changes."""
+    """Apply the changes of a variant."""
     with ExitStack() as stack:
         for change in VARIANTS[name]:
             stack.enter_context(change())
@@ -125,10 +125,10 @@ def curve(source: str, variant: str) -> list[tuple[float, float, float]]:
     with changed(variant):
         for quality in QUALITIES:
             data = meshreel.encode(sequence, quality=quality, order="vertices", **options)
-            found = meshreel.compare(sequence, meshreel.decode(data))
+            quality_hat = meshreel.compare(sequence, meshreel.decode(data))
             size = len(data) - meshreel.info(data).budget_bytes["order"]
             rate = 8.0 * size / (sequence.n_verts * sequence.n_frames)
-            points.append((rate, found.kg_error_percent, found.sted))
+            points.append((rate, quality_hat.kg_error_percent, quality_hat.sted))
     return points
 
 
@@ -145,7 +145,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("sources", nargs="+")
     parser.add_argument("--out", type=Path, help="JSON with every point")
-    parser.add_argument("--only", help="variants whose names hold this text")
+    parser.add_argument("--only", help="variants whose names contain this text")
     arguments = parser.parse_args()
     names = [
         name
@@ -165,8 +165,8 @@ def main() -> None:
         print(f"| {name} | " + " | ".join(cells) + " |")
     if arguments.out:
         points = [
-            {"source": Path(source).stem, "variant": variant, "points": found}
-            for (source, variant), found in curves.items()
+            {"source": Path(source).stem, "variant": variant, "points": points}
+            for (source, variant), points in curves.items()
         ]
         arguments.out.write_text(json.dumps(points, indent=1))
 

@@ -1,12 +1,12 @@
-"""Memory and times of `meshreel batch` over many sequences of mixed sizes.
+"""Memory and time of `meshreel batch` for many sequences of mixed sizes.
 
     python bench/batch.py --inputs 1000                  # two processes of this machine
     python bench/batch.py --inputs 1000 --dask           # two workers of a Dask cluster
 
-Sequences are synthetic: a grid in waves, of 100 to 4,000 vertices and 8 to 100 frames, drawn with a
-fixed seed. The resident memory of the program and of its workers is read every 0.2 s, and printed
-for each tenth of the inputs done: what grows over time grows from row to row. It is private memory
-(USS), without what processes share. Needs psutil, which Dask brings.
+Sequences are synthetic: a waving grid of 100 to 4,000 vertices and 8 to 100 frames, with a fixed
+random seed. The private memory (USS) of the program and of its workers is sampled every 0.2 s and
+printed for each tenth of the inputs; a memory leak shows as growth from row to row. Needs psutil,
+which Dask installs.
 """
 
 import argparse
@@ -27,11 +27,11 @@ import psutil
 import meshreel
 
 TENTHS = 10
-LOOK_EVERY_S = 0.2
+SAMPLE_PERIOD_S = 0.2
 
 
 def write_inputs(folder: Path, n_inputs: int) -> None:
-    """So many sequences of mixed sizes; few are large."""
+    """Write sequences of mixed sizes, few of them large."""
     rng = np.random.default_rng(17)
     for number in range(n_inputs):
         side = round(10 * (4000 / 100) ** (rng.random() ** 2 / 2))
@@ -40,7 +40,7 @@ def write_inputs(folder: Path, n_inputs: int) -> None:
 
 
 def waves(side: int, n_frames: int, drawn: Any) -> meshreel.MeshSequence:
-    """A grid of side x side vertices in waves, with some noise of its own."""
+    """A waving grid of side x side vertices, varied by random numbers."""
     x, y = np.meshgrid(np.linspace(0, 1, side), np.linspace(0, 1, side), indexing="ij")
     t = np.linspace(0, 1 + drawn[0], n_frames)[:, None, None]
     slow = np.sin(6 * (x * (1 + drawn[1]) + y * drawn[2] - t))
@@ -56,7 +56,7 @@ def waves(side: int, n_frames: int, drawn: Any) -> meshreel.MeshSequence:
 
 @contextlib.contextmanager
 def dask_cluster(n_workers: int) -> Iterator[tuple[str, list[int]]]:
-    """Address of a cluster on this machine, and the processes of its workers."""
+    """Start a local cluster; yield its address and the processes of its workers."""
     import distributed
 
     local_cluster: Any = distributed.LocalCluster
@@ -67,14 +67,14 @@ def dask_cluster(n_workers: int) -> Iterator[tuple[str, list[int]]]:
 
 
 def watch(program: "subprocess.Popen[bytes]", workers: list[int], manifest: Path) -> list[Any]:
-    """Memory of the program and of each worker in MiB, with how many streams are there."""
+    """Sample the number of finished streams, and the memory of program and workers in MiB."""
     out = manifest.parent
     samples: list[Any] = []
     while program.poll() is None:
         n_done = sum(1 for _ in out.glob("*.reel"))
         of_workers = workers or [child.pid for child in children_of(program.pid)]
         samples.append((n_done, mib(program.pid), sorted(map(mib, of_workers), reverse=True)[:2]))
-        time.sleep(LOOK_EVERY_S)
+        time.sleep(SAMPLE_PERIOD_S)
     return samples
 
 
@@ -91,51 +91,50 @@ def mib(process: int) -> float:
 
 
 def print_growth(samples: list[Any], n_inputs: int) -> None:
-    """The largest of each tenth."""
+    """Print the largest samples of each tenth of the inputs."""
     print("inputs done | program MiB | workers MiB, largest in this tenth")
     for tenth in range(TENTHS):
         low, high = n_inputs * tenth // TENTHS, n_inputs * (tenth + 1) // TENTHS
-        here = [one for one in samples if low <= one[0] < high]
-        if here:
-            workers = [
-                max(rank)
-                for rank in zip(*(one[2] for one in here if len(one[2]) == 2), strict=True)
-            ]
-            texts = ", ".join(f"{one:.0f}" for one in workers)
-            print(f"{low:4d} to {high:4d} | {max(one[1] for one in here):.0f} | {texts}")
+        tenth_samples = [sample for sample in samples if low <= sample[0] < high]
+        if tenth_samples:
+            pairs = [worker_mib for *_, worker_mib in tenth_samples if len(worker_mib) == 2]
+            texts = ", ".join(f"{max(rank):.0f}" for rank in zip(*pairs, strict=True))
+            program_mib = max(sample[1] for sample in tenth_samples)
+            print(f"{low:4d} to {high:4d} | {program_mib:.0f} | {texts}")
 
 
 def main() -> None:
-    """Write inputs, run the batch, print what was seen."""
+    """Write inputs, run the batch, and print states, times and memory."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("--inputs", type=int, default=1000)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--keep", type=Path, help="copy the report into this file")
     parser.add_argument("--dask", action="store_true", help="on a Dask cluster")
     chosen = parser.parse_args()
-    with tempfile.TemporaryDirectory() as place, contextlib.ExitStack() as stack:
-        inputs, out = Path(place) / "in", Path(place) / "out"
+    with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
+        inputs, out = Path(folder) / "in", Path(folder) / "out"
         inputs.mkdir()
         out.mkdir()
         write_inputs(inputs, chosen.inputs)
-        where = ["--workers", str(chosen.workers)]
+        executor = ["--workers", str(chosen.workers)]
         workers: list[int] = []
         if chosen.dask:
             address, workers = stack.enter_context(dask_cluster(chosen.workers))
-            where = ["--scheduler", address]
-        began = time.perf_counter()
-        command = [sys.executable, "-m", "meshreel", "batch", inputs, out, *where]
+            executor = ["--scheduler", address]
+        start = time.perf_counter()
+        command = [sys.executable, "-m", "meshreel", "batch", inputs, out, *executor]
         program = subprocess.Popen(list(map(str, command)), stdout=subprocess.DEVNULL)
         samples = watch(program, workers, out / "manifest.json")
-        seconds = time.perf_counter() - began
+        seconds = time.perf_counter() - start
         records = json.loads((out / "manifest.json").read_text())["inputs"].values()
-        work = sum(one["seconds"] or 0 for one in records)
+        work = sum(record["seconds"] or 0 for record in records)
         if chosen.keep:
             shutil.copyfile(out / "report.html", chosen.keep)
         states = {
-            state: sum(one["state"] == state for one in records) for state in ("done", "failed")
+            state: sum(record["state"] == state for record in records)
+            for state in ("done", "failed")
         }
-        print(f"{states}, {seconds:.1f} s; of the workers {work:.1f} s")
+        print(f"{states}, {seconds:.1f} s; work of the workers {work:.1f} s")
         print_growth(samples, chosen.inputs)
 
 

@@ -1,11 +1,11 @@
-"""How often a call changes file: a measure of how far a reader has to jump to follow it.
+"""Count how often a call crosses files: how often a reader must jump to follow it.
 
     python bench/call_path.py cow.npz
 
-Counts, for encoding with the defaults, encoding with a largest error, and decoding, how often a
-function of `src/meshreel` is entered in another file than the one entered before it, and in how
-many files. Only the calling thread counts. Prints a Markdown table; `--pairs` lists which files
-follow which, the most frequent first.
+For encoding with default options, encoding with a largest error, and decoding, counts how often
+consecutive function calls inside `src/meshreel` are in different files, and the number of files.
+Only the calling thread counts. Prints a Markdown table; `--pairs` lists pairs of consecutive files
+by frequency.
 """
 
 import argparse
@@ -23,12 +23,12 @@ ROOT = f"{Path(meshreel.__file__).parent}/"
 
 
 def file_changes(function: Callable[[], object]) -> Counter[tuple[str, str]]:
-    """How often a call of the function goes from one file to another, by the names of both.
+    """Count changes of file during a call, by pair of files.
 
     The function is called twice, so that imports do not count.
     """
     function()
-    found: Counter[tuple[str, str]] = Counter()
+    changes: Counter[tuple[str, str]] = Counter()
     last = ""
 
     def enter(frame: FrameType, event: str, _: Any) -> None:
@@ -37,16 +37,16 @@ def file_changes(function: Callable[[], object]) -> Counter[tuple[str, str]]:
         if event != "call" or not path.startswith(ROOT):
             return
         if last and path != last:
-            found[last.removeprefix(ROOT), path.removeprefix(ROOT)] += 1
+            changes[last.removeprefix(ROOT), path.removeprefix(ROOT)] += 1
         last = path
 
-    before = sys.getprofile()
+    previous = sys.getprofile()
     sys.setprofile(enter)
     try:
         function()
     finally:
-        sys.setprofile(before)
-    return found
+        sys.setprofile(previous)
+    return changes
 
 
 def main() -> None:
@@ -54,24 +54,24 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("source", help="a sequence; flag is the embedded one")
     parser.add_argument("--max-error", default="0.1", help="largest error, in percent")
-    parser.add_argument("--pairs", action="store_true", help="list which files follow which")
-    given = parser.parse_args()
-    flag = given.source == "flag"
-    sequence = meshreel.simulate_flag(100) if flag else meshreel.load(given.source)
+    parser.add_argument("--pairs", action="store_true", help="list pairs of consecutive files")
+    arguments = parser.parse_args()
+    is_flag = arguments.source == "flag"
+    sequence = meshreel.simulate_flag(100) if is_flag else meshreel.load(arguments.source)
     data = meshreel.encode(sequence)
     calls: dict[str, Callable[[], object]] = {
         "encode": partial(meshreel.encode, sequence),
-        f"encode, max_error={given.max_error}": partial(
-            meshreel.encode, sequence, max_error=given.max_error
+        f"encode, max_error={arguments.max_error}": partial(
+            meshreel.encode, sequence, max_error=arguments.max_error
         ),
         "decode": partial(meshreel.decode, data),
     }
     print("| call | changes of file | files |\n|---|---|---|")
     for name, call in calls.items():
-        found = file_changes(call)
-        files = {path for pair in found for path in pair}
-        print(f"| {name} | {found.total()} | {len(files)} |")
-        for (first, second), count in found.most_common() if given.pairs else ():
+        changes = file_changes(call)
+        files = {path for pair in changes for path in pair}
+        print(f"| {name} | {changes.total()} | {len(files)} |")
+        for (first, second), count in changes.most_common() if arguments.pairs else ():
             print(f"  {count} {first} -> {second}")
 
 

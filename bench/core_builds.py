@@ -2,8 +2,8 @@
 
 A build is a shared library, for example one made by `python core/compile.py -o FILE`. Each round
 runs every build once, in a separate process: it encodes and decodes the sequence in the default
-and the lossless mode, and sums the processor time of each function of the core. The table has the
-least over rounds, in milliseconds for the first build and as ratios to it for the others.
+and the lossless mode, and sums the processor time of each function of the core. The table lists the
+minimum over rounds, in milliseconds for the first build and relative to it for the others.
 """
 
 import argparse
@@ -19,8 +19,8 @@ import meshreel
 from meshreel.kernel import library
 from meshreel.model.flag import simulate_flag
 
-LEAST_MS = 5.0
-"""Functions that take less in the first build are only part of the total."""
+MIN_MS = 5.0
+"""Faster functions of the first build are not listed."""
 
 Times = dict[str, float]
 
@@ -39,7 +39,7 @@ def main() -> None:
     for _ in range(options.rounds):
         for build, times in rounds.items():
             times.append(run_worker(build, options.source))
-    print_table({build: least(times) for build, times in rounds.items()})
+    print_table({build: fastest(times) for build, times in rounds.items()})
 
 
 def processor_time(source: str | None) -> Times:
@@ -67,20 +67,20 @@ def run_worker(build: Path, source: str | None) -> Times:
     """Times of one build, measured in a separate process."""
     arguments = [sys.executable, __file__, "--worker", *(["--source", source] if source else [])]
     environment = {**os.environ, library.PATH_VARIABLE: str(build.resolve())}
-    found = subprocess.run(arguments, env=environment, check=True, capture_output=True, text=True)
-    times: Times = json.loads(found.stdout)
+    done = subprocess.run(arguments, env=environment, check=True, capture_output=True, text=True)
+    times: Times = json.loads(done.stdout)
     return times
 
 
-def least(times: list[Times]) -> Times:
-    return {function: min(one[function] for one in times) for function in times[0]}
+def fastest(times: list[Times]) -> Times:
+    return {function: min(run[function] for run in times) for function in times[0]}
 
 
 def print_table(times: dict[Path, Times]) -> None:
     first, *others = times
     print(f"{'function':32}{first.stem:>12}" + "".join(f"{build.stem:>12}" for build in others))
     for function, base in sorted(times[first].items(), key=lambda item: item[1]):
-        if base >= LEAST_MS:
+        if base >= MIN_MS:
             ratios = "".join(f"{times[build][function] / base:12.2f}" for build in others)
             print(f"{function:32}{base:12.0f}{ratios}")
 

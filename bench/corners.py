@@ -1,10 +1,10 @@
-"""Bytes of tracks of corners: each corner by itself, and by the values that corners share.
+"""Bytes of corner tracks, coded per corner and with shared values.
 
     python bench/corners.py horse_gallop.npz --frames 48
 
-Normals of corners are those of vertices, or of the faces that are joined at edges that turn by few
-degrees; stretch (how the area of faces changes) jumps where charts meet, or is multiplied there;
-and texture coordinates of charts flow. All are by modes alone, within 0.1 % of the range and
+Corner normals are averaged over vertices, or over faces connected by edges with small dihedral
+angles; stretch (the change of face areas) jumps between charts, or is scaled per chart; and the
+texture coordinates of charts move. All tracks are coded by modes only, within 0.1 % of the range,
 normals within 0.5 degrees.
 """
 
@@ -32,14 +32,14 @@ Integers = npt.NDArray[np.int64]
 N_CHARTS = 12
 
 
-def joined_corners(faces: Integers, normals: Floats, n_verts: int, most_deg: float) -> Integers:
-    """Groups of corners of a vertex that are joined across edges where faces turn by less."""
+def connected_corners(faces: Integers, normals: Floats, n_verts: int, max_deg: float) -> Integers:
+    """Group corners of a vertex that are connected across edges with a smaller dihedral angle."""
     twins = twin_sides(faces, n_verts)
     sides = np.flatnonzero(twins > np.arange(len(twins)))
     others = twins[sides]
     unit = _unit(normals)
     cosines = (unit[sides // 3] * unit[others // 3]).sum(axis=1)
-    sides, others = (one[cosines > np.cos(np.radians(most_deg))] for one in (sides, others))
+    sides, others = (one[cosines > np.cos(np.radians(max_deg))] for one in (sides, others))
     ahead = np.arange(len(twins)).reshape(-1, 3)[:, [1, 2, 0]].reshape(-1)
     vertices = faces.reshape(-1)
     runs_back = vertices[sides] == vertices[ahead[others]]
@@ -50,21 +50,21 @@ def joined_corners(faces: Integers, normals: Floats, n_verts: int, most_deg: flo
 
 
 def sums(groups: Integers, of_faces: Floats) -> Floats:
-    """Of each corner the sum over the corners of its group, of values of shape (T, M, C)."""
+    """For each corner, the sum of face values of shape (T, M, C) over its group."""
     of_corners = np.repeat(of_faces, 3, axis=1)
-    found = np.zeros((len(of_faces), groups.max() + 1, of_faces.shape[2]))
-    for frame, values in zip(found, of_corners, strict=True):
+    totals = np.zeros((len(of_faces), groups.max() + 1, of_faces.shape[2]))
+    for frame, values in zip(totals, of_corners, strict=True):
         np.add.at(frame, groups, values)
-    return found[:, groups]
+    return totals[:, groups]
 
 
 def tracks_of_corners(sequence: meshreel.MeshSequence) -> Iterator[tuple[str, meshreel.Track]]:
-    """Tracks by what they are."""
+    """Yield names and tracks."""
     faces, vertices = sequence.faces.astype(np.int64), np.asarray(sequence.vertices, np.float64)
     normals = np.stack([face_normals(frame, sequence.faces) for frame in vertices])
     of_vertices = faces.reshape(-1)
     ways = {"no seams": of_vertices} | {
-        f"creases from {deg} degrees": joined_corners(faces, normals[0], sequence.n_verts, deg)
+        f"creases from {deg} degrees": connected_corners(faces, normals[0], sequence.n_verts, deg)
         for deg in (40, 20)
     }
     for name, groups in ways.items():
@@ -86,7 +86,7 @@ def tracks_of_corners(sequence: meshreel.MeshSequence) -> Iterator[tuple[str, me
 
 
 def sizes(sequence: meshreel.MeshSequence, track: meshreel.Track) -> list[int]:
-    """Bytes with corners by themselves, by what they share, and of that what says which share."""
+    """Bytes of the track per corner, with shared values, and of the sharing itself."""
     bound = "0.5deg" if track.kind == "normal" else "0.1%"
     tracks, config = {"x": track}, config_of({})
     whole = meshreel.MeshSequence(sequence.vertices, sequence.faces, 25, tracks=tracks)
@@ -104,9 +104,8 @@ def sizes(sequence: meshreel.MeshSequence, track: meshreel.Track) -> list[int]:
 
 def _unit(vectors: Floats) -> Floats:
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    found = np.zeros_like(vectors)
-    np.divide(vectors, lengths, out=found, where=lengths > 0)
-    return found
+    unit: Floats = np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
+    return unit
 
 
 def _track(values: Any, kind: str | None = None) -> meshreel.Track:

@@ -1,4 +1,4 @@
-"""The film at the head of README: the demo's flag, original and decoded, divided by a moving line.
+"""The film at the top of README: the demo's flag, original and decoded, split by a moving line.
 
     python bench/demo_film.py
 
@@ -30,8 +30,8 @@ def kilobytes(n_bytes: int) -> str:
     return f"{n_bytes / 1000:,.0f} kB"
 
 
-def composed(original: Image.Image, decoded: Image.Image, wipe: int) -> Image.Image:
-    """The original to the left of a vertical line, the decoded mesh to the right."""
+def compose(original: Image.Image, decoded: Image.Image, wipe: int) -> Image.Image:
+    """Combine the original to the left of a vertical line and the decoded mesh to the right."""
     picture = Image.new("RGB", (WIDTH, HEIGHT + FOOT), "white")
     picture.paste(decoded, (0, 0))
     picture.paste(original.crop((0, 0, wipe, HEIGHT)), (0, 0))
@@ -40,7 +40,7 @@ def composed(original: Image.Image, decoded: Image.Image, wipe: int) -> Image.Im
 
 
 def draw_labels(picture: Image.Image, raw_bytes: int, reel_bytes: int) -> None:
-    """Write what each side shows, with its bytes, below the meshes."""
+    """Write the name and size of each side below the meshes."""
     canvas = ImageDraw.Draw(picture)
     title, numbers = font_of_size(17), font_of_size(24)
     right = WIDTH - 20
@@ -56,18 +56,18 @@ def main() -> None:
     data = meshreel.encode(sequence)
     scene = Scene(meshreel.decode(data), sequence)
     numbers = range(0, N_FRAMES, STRIDE)
-    some = ChosenFrames(sequence, spread_frames(numbers, ASPECT_FRAMES))
-    framing = framing_of(View(), some, is_followed=False)
+    sample = ChosenFrames(sequence, spread_frames(numbers, ASPECT_FRAMES))
+    framing = framing_of(View(), sample, is_followed=False)
     cameras = framing.cameras(ChosenFrames(sequence, numbers), WIDTH, HEIGHT)
     pictures = []
     shots = list(zip(numbers, cameras, strict=True))
-    for place, views in enumerate(draw_shots(scene, shots)):
-        phase = math.sin(2 * math.pi * place / len(shots))
+    for step, views in enumerate(draw_shots(scene, shots)):
+        phase = math.sin(2 * math.pi * step / len(shots))
         wipe = round(WIDTH * (WIPE_CENTER + WIPE_SWING * phase))
         original, decoded = (Image.fromarray(view) for view in views)
-        picture = composed(original, decoded, wipe)
+        picture = compose(original, decoded, wipe)
         frame_bytes = 12 * sequence.n_verts
-        draw_labels(picture, frame_bytes * (numbers[place] + STRIDE), len(data))
+        draw_labels(picture, frame_bytes * (numbers[step] + STRIDE), len(data))
         pictures.append(picture)
     duration_ms = round(1000 * STRIDE / sequence.fps)
     first, *others = pictures

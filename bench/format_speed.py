@@ -1,13 +1,12 @@
-"""Seconds of reading and writing every file format, relative to reading and writing its bytes.
+"""Seconds to read and write every file format, relative to reading and writing its bytes.
 
     python bench/format_speed.py
     python bench/format_speed.py .obj .ply --repeats 11 --out formats.json
 
-A waving sphere of 10,242 vertices and 20 frames is written in each format that meshreel knows and
-whose library is installed; all are timed in turn, round by round, and medians are given; the first
-round is not counted. "Bytes" is the time of NumPy for as many files of as many bytes, unparsed.
-Files "from disk" were evicted from the page cache before, where the system allows it; all others
-are in the cache, as they are just after writing.
+A waving sphere of 10,242 vertices and 20 frames is written in each format of meshreel whose library
+is installed. Formats are timed in alternating rounds; the table lists medians without the first
+round. "Bytes" is the time of NumPy for the same files without parsing. Files "from disk" are
+evicted from the page cache first if the system allows it; all others are cached.
 """
 
 import argparse
@@ -32,7 +31,7 @@ from speed_tables import table
 from speed_timing import is_unsteady, seconds
 
 SPHERE = (5, 20)
-"""Subdivisions, which make 10,242 vertices, and frames."""
+"""Subdivisions (10,242 vertices) and frames."""
 
 CAN_EVICT = hasattr(os, "posix_fadvise")
 
@@ -44,7 +43,7 @@ Seconds = dict[str, float]
 
 @dataclass(frozen=True)
 class Case:
-    """A format, and the files that a sequence takes in it."""
+    """A format and the files of a sequence in it."""
 
     extension: str
     paths: list[Path]
@@ -56,8 +55,8 @@ class Case:
         return sum(path.stat().st_size for path in self.paths)
 
 
-def parsed_options() -> argparse.Namespace:
-    """The command line."""
+def parse_options() -> argparse.Namespace:
+    """Parse the command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument(
         "extensions", nargs="*", metavar="EXTENSION", help=".obj and others; default: all"
@@ -70,25 +69,25 @@ def parsed_options() -> argparse.Namespace:
     return options
 
 
-def why_not(found: FrameFormat | SequenceFormat) -> str:
+def why_not(file_format: FrameFormat | SequenceFormat) -> str:
     """Reason why a format cannot be measured; empty if it can."""
-    extra = found.extra if isinstance(found, SequenceFormat) else None
+    extra = file_format.extra if isinstance(file_format, SequenceFormat) else None
     if extra is not None and not extra.is_installed:
         return f"{extra.library} is not installed"
-    return "" if is_written(found) else "it is only read"
+    return "" if is_written(file_format) else "it is only read"
 
 
 def case_of(
-    found: FrameFormat | SequenceFormat, sequence: meshreel.MeshSequence, folder: Path
+    file_format: FrameFormat | SequenceFormat, sequence: meshreel.MeshSequence, folder: Path
 ) -> Case:
-    """The tasks to time for a format; its files are written."""
+    """Write a sequence in a format, and return the tasks to time."""
     folder.mkdir()
-    is_whole = isinstance(found, SequenceFormat)
-    output = folder / f"sphere{'' if is_whole else '_%04d'}{found.extension}"
+    is_whole = isinstance(file_format, SequenceFormat)
+    output = folder / f"sphere{'' if is_whole else '_%04d'}{file_format.extension}"
     write = partial(meshreel.save, sequence, output, overwrite=True)
     paths = [Path(path) for path in write()]
     source = paths[0] if is_whole else paths
-    return Case(found.extension, paths, partial(meshreel.load, source), write)
+    return Case(file_format.extension, paths, partial(meshreel.load, source), write)
 
 
 def read_bytes(paths: list[Path]) -> None:
@@ -98,7 +97,7 @@ def read_bytes(paths: list[Path]) -> None:
 
 
 def write_bytes(contents: list[np.ndarray], folder: Path) -> None:
-    """Write as many files of as many bytes."""
+    """Write files with the same contents."""
     for index, content in enumerate(contents):
         content.tofile(folder / f"bytes_{index}")
 
@@ -112,10 +111,10 @@ def evict(paths: list[Path]) -> None:
 
 
 def one_round(case: Case) -> Seconds:
-    """Seconds of everything once."""
+    """Time every task once."""
     contents = [np.fromfile(path, np.uint8) for path in case.paths]
     plain = partial(read_bytes, case.paths)
-    found = {
+    times = {
         "write_bytes": seconds(partial(write_bytes, contents, case.paths[0].parent)),
         "write": seconds(case.write),
         "read_bytes": seconds(plain),
@@ -123,60 +122,60 @@ def one_round(case: Case) -> Seconds:
     }
     if CAN_EVICT:
         evict(case.paths)
-        found["read_bytes_disk"] = seconds(plain)
+        times["read_bytes_disk"] = seconds(plain)
         evict(case.paths)
-        found["read_disk"] = seconds(case.read)
-    return found
+        times["read_disk"] = seconds(case.read)
+    return times
 
 
-def measured(cases: list[Case], n_rounds: int) -> list[dict[str, Any]]:
-    """The figures of each case, all timed in turn."""
+def measure(cases: list[Case], n_rounds: int) -> list[dict[str, Any]]:
+    """Time all cases in alternating rounds, and return the results of each."""
     rounds = [[one_round(case) for case in cases] for _ in range(n_rounds + 1)][1:]
     results = []
     for index, case in enumerate(cases):
         runs = {name: [turn[index][name] for turn in rounds] for name in rounds[0][index]}
-        medians = {name: median(own) for name, own in runs.items()}
+        medians = {name: median(times) for name, times in runs.items()}
         results.append(
             {
                 "format": case.extension,
                 "size_bytes": case.size_bytes,
                 "seconds": medians,
                 "ratios": {a: medians[a] / medians[b] for a, b in RATIOS.items() if a in medians},
-                "unsteady": [name for name, own in runs.items() if is_unsteady(own)],
+                "unsteady": [name for name, times in runs.items() if is_unsteady(times)],
             }
         )
     return results
 
 
 def row(result: dict[str, Any]) -> list[str]:
-    """The cells of one format; figures of disturbed runs have a question mark."""
+    """The cells of one format; unsteady times have a question mark."""
     cells = [result["format"], f"{result['size_bytes'] / 1e6:.1f}"]
     for name, base in RATIOS.items():
         if name not in result["seconds"]:
             cells += ["-", "-"]
             continue
-        doubt = {one: "?" if one in result["unsteady"] else "" for one in (name, base)}
-        cells.append(f"{result['seconds'][name]:.4f}{doubt[name]}")
-        cells.append(f"{result['ratios'][name]:.1f}{doubt[name] or doubt[base]}")
+        marks = {key: "?" if key in result["unsteady"] else "" for key in (name, base)}
+        cells.append(f"{result['seconds'][name]:.4f}{marks[name]}")
+        cells.append(f"{result['ratios'][name]:.1f}{marks[name] or marks[base]}")
     return cells
 
 
 def main() -> None:
-    """Measure what the command line asks for; print a table, and write JSON where asked."""
-    options = parsed_options()
-    chosen = [FORMATS[extension] for extension in options.extensions or FORMATS]
-    reasons = {found.extension: why_not(found) for found in chosen}
+    """Measure, print a table, and write JSON if requested."""
+    options = parse_options()
+    formats = [FORMATS[extension] for extension in options.extensions or FORMATS]
+    reasons = {file_format.extension: why_not(file_format) for file_format in formats}
     sequence = waving_sphere(*SPHERE)
     with TemporaryDirectory() as folder:
         cases = [
-            case_of(found, sequence, Path(folder) / found.extension[1:])
-            for found in chosen
-            if not reasons[found.extension]
+            case_of(file_format, sequence, Path(folder) / file_format.extension[1:])
+            for file_format in formats
+            if not reasons[file_format.extension]
         ]
-        results = measured(cases, options.repeats)
+        results = measure(cases, options.repeats)
     machine = machine_facts()
     print(f"# Speed of formats\n\n{machine_line(machine)}. {sequence!r}. ", end="")
-    print(f"Medians of {options.repeats} rounds, all in turn; ?: runs differ too much.\n")
+    print(f"Medians of {options.repeats} alternating rounds; ?: runs differ too much.\n")
     print(table(HEADER, map(row, results)))
     for extension, reason in reasons.items():
         if reason:

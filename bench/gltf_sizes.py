@@ -2,9 +2,9 @@
 
     python bench/gltf_sizes.py samba.npz jumping.npz --errors 0.5,0.1,0.05 --out sizes.json
 
-A morph target per frame is what exporters write: positions minus those of the first frame, as
-float32, or as int16 scaled as ours are. Weights are then 1 at one frame and 0 at all others. gzip
-is what a web server would send, of the whole file.
+Exporters write a morph target per frame: positions minus those of the first frame, as float32 or as
+scaled int16; its weight is 1 in one frame and 0 in all others. gzip is the size of the compressed
+file, as a web server sends it.
 """
 
 import argparse
@@ -29,7 +29,7 @@ from meshreel.formats.options import WriteOptions
 from speed_tables import table
 
 HEADER = [
-    "what",
+    "name",
     "morph targets",
     "MB",
     "MB as gzip",
@@ -41,9 +41,9 @@ HEADER = [
 
 @dataclass(frozen=True)
 class Size:
-    """A file, in bytes; its error in percent of the diagonal of all frames."""
+    """Size, error in percent of the diagonal of all frames, and writing time of a file."""
 
-    what: str
+    name: str
     n_morphs: int
     size_bytes: int
     gzip_bytes: int
@@ -56,16 +56,16 @@ def diagonal(sequence: meshreel.MeshSequence) -> float:
     return float(np.linalg.norm(sequence.extent.high - sequence.extent.low))
 
 
-def size_of(what: str, n_morphs: int, data: bytes, error_percent: float, began_s: float) -> Size:
-    """The size of a file whose writing began at a time of `time.perf_counter`."""
-    seconds = time.perf_counter() - began_s
+def size_of(name: str, n_morphs: int, data: bytes, error_percent: float, start_s: float) -> Size:
+    """The size of a file whose writing started at a time of `time.perf_counter`."""
+    seconds = time.perf_counter() - start_s
     packed = len(gzip.compress(data, 6))
-    return Size(what, n_morphs, len(data), packed, error_percent, seconds)
+    return Size(name, n_morphs, len(data), packed, error_percent, seconds)
 
 
-def morph_per_frame(sequence: meshreel.MeshSequence, dtype: npt.DTypeLike, what: str) -> Size:
+def morph_per_frame(sequence: meshreel.MeshSequence, dtype: npt.DTypeLike, name: str) -> Size:
     """The buffer of a file with a morph target for each frame but the first."""
-    began_s, n_morphs = time.perf_counter(), sequence.n_frames - 1
+    start_s, n_morphs = time.perf_counter(), sequence.n_frames - 1
     first = sequence.vertices[0]
     moves = (sequence.vertices[1:] - first).astype(np.float64)
     base, error = first, 0.0
@@ -73,18 +73,18 @@ def morph_per_frame(sequence: meshreel.MeshSequence, dtype: npt.DTypeLike, what:
         base = place_frames(sequence.vertices, first.astype(np.float64)).base
         scales = np.maximum(np.abs(moves).max(axis=(1, 2), keepdims=True), 1e-30)
         rounded = np.rint(moves / scales * 32767)
-        misses = np.linalg.norm(rounded / 32767 * scales - moves, axis=2)
-        moves, error = rounded, 100 * float(misses.max()) / diagonal(sequence)
+        errors = np.linalg.norm(rounded / 32767 * scales - moves, axis=2)
+        moves, error = rounded, 100 * float(errors.max()) / diagonal(sequence)
     buffer = BufferWriter()
     for values in (base, *moves.astype(dtype)):
-        (there,) = buffer.add_vertices([values])
-        buffer.vertex_accessor("POSITION", there, slice(0, len(values)))
+        (view,) = buffer.add_vertices([values])
+        buffer.vertex_accessor("POSITION", view, slice(0, len(values)))
     buffer.add_indices(sequence.faces.ravel())
     times = np.arange(sequence.n_frames, dtype=np.float32)
     buffer.add_samples(times, are_times=True)
     buffer.add_samples(np.eye(len(times), n_morphs, -1, dtype=np.float32), are_times=False)
     described = json.dumps([buffer.accessors, buffer.views]).encode()
-    return size_of(what, n_morphs, b"".join([*buffer.pieces, described]), error, began_s)
+    return size_of(name, n_morphs, b"".join([*buffer.pieces, described]), error, start_s)
 
 
 NORMALS = {None: "", False: ", --no-normals", True: ", --normals"}
@@ -93,29 +93,29 @@ NORMALS = {None: "", False: ", --no-normals", True: ", --normals"}
 def ours(
     sequence: meshreel.MeshSequence, folder: Path, max_error: float, *, normals: bool | None
 ) -> Size:
-    """Our file, with the error and number of morph targets from its notes."""
+    """Write our file, and read error and number of morph targets from its notes."""
     notes: list[str] = []
     stream = FrameStream(
         [sequence.vertices], sequence.faces, n_frames=sequence.n_frames, fps=25.0, notes=notes
     )
-    began_s = time.perf_counter()
+    start_s = time.perf_counter()
     write_glb(folder / "ours.glb", stream, WriteOptions(max_error=max_error, normals=normals))
     words = next(note for note in notes if note.startswith("the largest error is")).split()
     n_morphs, error_percent = int(words[words.index("morph") - 1]), float(words[4])
-    what = f"our .glb, at most {max_error:g} %{NORMALS[normals]}"
-    return size_of(what, n_morphs, (folder / "ours.glb").read_bytes(), error_percent, began_s)
+    name = f"our .glb, at most {max_error:g} %{NORMALS[normals]}"
+    return size_of(name, n_morphs, (folder / "ours.glb").read_bytes(), error_percent, start_s)
 
 
 def reel(sequence: meshreel.MeshSequence) -> Size:
-    """A stream of default quality."""
-    began_s = time.perf_counter()
+    """A stream with default quality."""
+    start_s = time.perf_counter()
     data = meshreel.encode(sequence)
     error_percent = meshreel.compare(sequence, meshreel.decode(data)).max_error_percent
-    return size_of(".reel, default quality", 0, data, error_percent, began_s)
+    return size_of(".reel, default quality", 0, data, error_percent, start_s)
 
 
 def measure(sequence: meshreel.MeshSequence, errors: list[float]) -> Iterator[Size]:
-    """Sizes of a sequence in every representation."""
+    """Yield the size of a sequence in every representation."""
     raw = sequence.vertices.tobytes() + sequence.faces.tobytes()
     yield size_of("raw arrays", 0, raw, 0.0, time.perf_counter())
     yield morph_per_frame(sequence, np.float32, "a morph target per frame, float32")
@@ -131,7 +131,7 @@ def measure(sequence: meshreel.MeshSequence, errors: list[float]) -> Iterator[Si
 def row(size: Size, raw_bytes: int) -> list[str]:
     """The cells of one representation."""
     return [
-        size.what,
+        size.name,
         str(size.n_morphs or ""),
         f"{size.size_bytes / 1e6:.3f}",
         f"{size.gzip_bytes / 1e6:.3f}",
@@ -142,7 +142,7 @@ def row(size: Size, raw_bytes: int) -> list[str]:
 
 
 def main() -> None:
-    """Measure what the command line asks for; print tables, and write JSON where asked."""
+    """Measure, print tables, and write JSON if requested."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("files", type=Path, nargs="+")
     parser.add_argument("--errors", default="0.1,0.5,0.05", help="percent; normals by the first")
@@ -150,11 +150,11 @@ def main() -> None:
     options, results = parser.parse_args(), []
     for file in options.files:
         sequence = meshreel.load(file)
-        found = list(measure(sequence, [float(one) for one in options.errors.split(",")]))
-        results.append({"sequence": sequence.name, "sizes": [asdict(one) for one in found]})
+        sizes = list(measure(sequence, [float(text) for text in options.errors.split(",")]))
+        results.append({"sequence": sequence.name, "sizes": [asdict(size) for size in sizes]})
         print(f"**{sequence.name}**: {sequence.n_frames} frames of {sequence.n_verts} vertices. "
               f"{machine_line(machine_facts())}.\n")  # fmt: skip
-        print(table(HEADER, (row(one, found[0].size_bytes) for one in found)) + "\n", flush=True)
+        print(table(HEADER, (row(size, sizes[0].size_bytes) for size in sizes)) + "\n", flush=True)
     if options.out:
         about = {"machine": machine_facts()}
         options.out.write_text(json.dumps({**about, "results": results}, indent=2) + "\n")

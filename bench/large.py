@@ -1,13 +1,13 @@
-"""Large meshes: seconds and peak memory of the commands, by the number of vertices.
+"""Large meshes: seconds and peak memory of commands by number of vertices.
 
     python bench/large.py                           # sheets of 10,000 to 1,000,000 vertices
     python bench/large.py --vertices 1000000 --frames 200 --folder FOLDER
     python bench/large.py --subdivided jumping.npz 3      # faces cut in four, three times
 
-A sheet is a square of sqrt(V) x sqrt(V) vertices on which 60 waves travel, each vertex on a
-circle: wavelengths from a third of the side to a thirtieth, heights falling as their 1.5th power,
-over hills that rest. The file, an uncompressed `.npz`, is made once and stays in the folder. Every
-command is a process of its own, `meshreel` as users call it.
+A sheet is a square of sqrt(V) x sqrt(V) vertices with 60 traveling waves over static hills; every
+vertex moves on circles. Wavelengths range from a third to a thirtieth of the side, and heights
+decrease with their power of 1.5. The file, an uncompressed `.npz`, is generated once and stays in
+the folder. Every command runs in a separate process.
 """
 
 import argparse
@@ -34,22 +34,16 @@ N_WAVES = 60
 LONGEST, SHORTEST = 1 / 3, 1 / 30
 """Wavelengths, in sides of the sheet."""
 
-SECONDS_OF_LONGEST = 2.0
+LONGEST_PERIOD_S = 2.0
 HEIGHT = 0.02
-"""Of the longest wave, in sides."""
+"""Height of the longest wave, in sides."""
 
 FPS = 25.0
 
 
 @dataclass(frozen=True)
 class Run:
-    """A command that ended.
-
-    Attributes
-    ----------
-    seconds, processor_s : float
-    peak_mb : float
-    """
+    """Times and peak memory of a command."""
 
     seconds: float
     processor_s: float
@@ -57,25 +51,25 @@ class Run:
 
 
 def sheet(n_verts: int, n_frames: int, path: Path) -> None:
-    """Write a sheet of so many vertices, rounded to a square, to an uncompressed `.npz`."""
+    """Write a sheet with this number of vertices, rounded to a square, as an `.npz`."""
     side = round(math.sqrt(n_verts))
     rng = np.random.default_rng(1)
     lengths = LONGEST * (SHORTEST / LONGEST) ** np.linspace(0, 1, N_WAVES)
     angles = rng.random(N_WAVES) * 2 * np.pi
-    ways = np.stack([np.cos(angles), np.sin(angles)])
+    directions = np.stack([np.cos(angles), np.sin(angles)])
     heights = HEIGHT * (lengths / LONGEST) ** 1.5
-    turns = np.sqrt(LONGEST / lengths) / SECONDS_OF_LONGEST  # of deep water
-    times = 2 * np.pi * np.outer(np.arange(n_frames) / FPS, turns) + rng.random(N_WAVES) * 7
+    frequencies = np.sqrt(LONGEST / lengths) / LONGEST_PERIOD_S  # deep-water dispersion
+    times = 2 * np.pi * np.outer(np.arange(n_frames) / FPS, frequencies) + rng.random(N_WAVES) * 7
     swing = np.concatenate([np.cos(times), np.sin(times)], axis=1)
 
-    places = np.linspace(0, 1, side)
-    flat = np.stack(np.meshgrid(places, places, indexing="ij"), axis=-1).reshape(-1, 2)
-    phases = 2 * np.pi * (flat @ (ways / lengths))
+    ticks = np.linspace(0, 1, side)
+    flat = np.stack(np.meshgrid(ticks, ticks, indexing="ij"), axis=-1).reshape(-1, 2)
+    phases = 2 * np.pi * (flat @ (directions / lengths))
     cosines, sines = np.cos(phases), np.sin(phases)
     hills = 0.1 * np.sin(5 * flat[:, 0]) * np.cos(4 * flat[:, 1]) + 0.002 * np.sin(97 * flat[:, 0])
-    fields = [  # whose product with cos and sin of the time is a coordinate
-        (sines * (heights * ways[0]), -cosines * (heights * ways[0]), flat[:, 0]),
-        (sines * (heights * ways[1]), -cosines * (heights * ways[1]), flat[:, 1]),
+    fields = [  # factors of cos and sin of the time, and rest position, of each coordinate
+        (sines * (heights * directions[0]), -cosines * (heights * directions[0]), flat[:, 0]),
+        (sines * (heights * directions[1]), -cosines * (heights * directions[1]), flat[:, 1]),
         (cosines * heights, sines * heights, hills),
     ]
     moving = [np.concatenate(pair[:2], axis=1).astype(np.float32) for pair in fields]
@@ -83,14 +77,14 @@ def sheet(n_verts: int, n_frames: int, path: Path) -> None:
 
     def frames() -> Iterator[Floats]:
         for weights in swing.astype(np.float32):
-            axes = [own @ weights + rest for own, rest in zip(moving, still, strict=True)]
+            axes = [field @ weights + rest for field, rest in zip(moving, still, strict=True)]
             yield np.stack(axes, axis=-1)
 
-    written(path, frames(), (n_frames, side * side, 3), grid_faces(side))
+    write_npz(path, frames(), (n_frames, side * side, 3), grid_faces(side))
 
 
 def subdivided(source: str, n_times: int, n_frames: int, path: Path) -> None:
-    """Write a performance, forwards and backwards, whose faces are cut in four some times."""
+    """Write a performance, forwards and backwards, with `n_times` subdivided faces."""
     coarse = meshreel.load(source)
     faces, n_verts, cuts = coarse.faces.astype(np.int64), coarse.n_verts, []
     for _ in range(n_times):
@@ -101,22 +95,22 @@ def subdivided(source: str, n_times: int, n_frames: int, path: Path) -> None:
     def frames() -> Iterator[Floats]:
         period = max(1, 2 * (coarse.n_frames - 1))
         for number in range(n_frames):
-            place = number % period
-            frame = coarse.vertices[min(place, period - place)]
+            phase = number % period
+            frame = coarse.vertices[min(phase, period - phase)]
             for ends in cuts:
                 frame = np.concatenate([frame, frame[ends].mean(axis=1)])
             yield frame
 
-    written(path, frames(), (n_frames, n_verts, 3), faces.astype(np.int32))
+    write_npz(path, frames(), (n_frames, n_verts, 3), faces.astype(np.int32))
 
 
-def written(
+def write_npz(
     path: Path,
     frames: Iterable[Floats],
     shape: tuple[int, ...],
     faces: npt.NDArray[np.int32],
 ) -> None:
-    """Frames, one after another, as an uncompressed `.npz` of this shape."""
+    """Write frames sequentially to an uncompressed `.npz`."""
     with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
         with archive.open("vertices.npy", "w", force_zip64=True) as out:
             header = {"descr": "<f4", "fortran_order": False, "shape": shape}
@@ -137,7 +131,7 @@ def grid_faces(side: int) -> npt.NDArray[np.int32]:
 
 
 def run(*words: str | Path) -> Run:
-    """Run `meshreel` with these words."""
+    """Run `meshreel` with these arguments."""
     start = time.perf_counter()
     process = os.posix_spawn(
         sys.executable, [sys.executable, "-m", "meshreel", *map(str, words)], dict(os.environ),
@@ -150,8 +144,8 @@ def run(*words: str | Path) -> Run:
     return Run(seconds, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)
 
 
-def measured(path: Path, folder: Path) -> list[str]:
-    """A row of the table for a file."""
+def measure(path: Path, folder: Path) -> list[str]:
+    """Measure a file, and return its row of the table."""
     with np.load(path) as arrays:
         n_frames, n_verts, _ = arrays["vertices"].shape
     out, back = folder / "large.reel", folder / "back.npz"
@@ -168,19 +162,19 @@ def measured(path: Path, folder: Path) -> list[str]:
         f"{millions / encoding.seconds:.1f}, {millions / decoding.seconds:.1f}",
         f"{encoding.peak_mb:,.0f}, {decoding.peak_mb:,.0f}", f"{first.seconds:.1f}",
     ]  # fmt: skip
-    for made in (back, preview):
-        made.unlink()
+    for output in (back, preview):
+        output.unlink()
     return row
 
 
 def main() -> None:
-    """Measure as the command line asks, and print a table."""
+    """Measure and print a table."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--vertices", type=lambda text: [int(one) for one in text.split(",")],
+    parser.add_argument("--vertices", type=lambda text: [int(part) for part in text.split(",")],
                         default=[10_000, 100_000, 1_000_000])  # fmt: skip
     parser.add_argument("--frames", type=int, default=200)
     parser.add_argument("--subdivided", nargs=2, metavar=("FILE", "TIMES"))
-    parser.add_argument("--folder", type=Path, help="where files stay; default: a temporary one")
+    parser.add_argument("--folder", type=Path, help="folder for the files; default: temporary")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as temporary:
         folder = options.folder or Path(temporary)
@@ -196,10 +190,10 @@ def main() -> None:
                 path = folder / f"sheet-{n_verts}-{options.frames}.npz"
                 if not path.exists():
                     sheet(n_verts, options.frames, path)
-            rows.append(measured(path, folder))
+            rows.append(measure(path, folder))
             print(rows[-1], flush=True)
     heads = ["vertices x frames", "modes", "bytes", "encode, decode: s", "processor s",
-             "million positions a second", "peak MB", "first frame of 8 modes, s"]  # fmt: skip
+             "million positions per second", "peak MB", "first frame of 8 modes, s"]  # fmt: skip
     print(table(heads, rows))
 
 

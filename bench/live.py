@@ -20,22 +20,22 @@ from meshreel.evaluation.runs.machine import machine_facts, machine_line
 from speed_inputs import add_inputs, sources
 from speed_tables import table
 
-HEADER = ["latency asked for s", "method", "frames a block", "x real time",
-          "longest push s", "latency at real time s", "bits a vertex and frame",
+HEADER = ["requested latency s", "method", "frames per block", "x real time",
+          "longest push s", "latency at real time s", "bits per vertex and frame",
           "KG error %"]  # fmt: skip
 
 
 def record(
     sequence: meshreel.MeshSequence, n_frames: int, fps: float, options: dict[str, Any]
 ) -> tuple[bytes, dict[str, float]]:
-    """The stream of frames pushed one after another, and seconds."""
+    """Push frames sequentially; return the stream and times."""
     file, pushes = BytesIO(), []
     start = time.perf_counter()
     with meshreel.Encoder(sequence.faces, file, fps=fps, **options) as encoder:
         for number in range(n_frames):
-            before = time.perf_counter()
+            push_start = time.perf_counter()
             encoder.push(sequence.vertices[number % sequence.n_frames])
-            pushes.append(time.perf_counter() - before)
+            pushes.append(time.perf_counter() - push_start)
     seconds = time.perf_counter() - start
     return file.getvalue(), {"seconds": seconds, "longest_push_s": max(pushes)}
 
@@ -47,18 +47,18 @@ def measure(
     options: dict[str, Any],
     repeats: int,
 ) -> dict[str, Any]:
-    """Medians of several recordings; the first one is not counted."""
+    """Medians of several recordings, without the first."""
     runs = [record(sequence, n_frames, fps, options) for _ in range(repeats + 1)]
     data, times = runs[-1][0], [figures for _, figures in runs[1:]]
     stream = meshreel.info(data)
-    seconds = median(one["seconds"] for one in times)
+    seconds = median(run["seconds"] for run in times)
     block_frames = max(stream.block_frames)
     decoded = meshreel.decode(data, frames=slice(0, sequence.n_frames))
     return {
         "options": options,
         "block_frames": block_frames,
         "real_time": n_frames / fps / seconds,
-        "longest_push_s": median(one["longest_push_s"] for one in times),
+        "longest_push_s": median(run["longest_push_s"] for run in times),
         # A block's first frame waits for the others, and for the block to be coded.
         "latency_s": (block_frames - 1) / fps + seconds * block_frames / n_frames,
         "rate_bpvf": stream.rate_bpvf,
@@ -81,7 +81,7 @@ def row(result: dict[str, Any]) -> list[str]:
 
 
 def main() -> None:
-    """Measure what the command line asks for; print tables, and write JSON where asked."""
+    """Measure, print tables, and write JSON if requested."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     add_inputs(parser)
     parser.add_argument("--fps", type=float, default=25.0)
@@ -98,14 +98,15 @@ def main() -> None:
             for text in options.latencies.split(",")
         ]
         settings.append({"max_latency_s": 2.0, "method": "blocks"})
-        found = [
-            measure(sequence, n_frames, options.fps, chosen, options.repeats) for chosen in settings
+        rows = [
+            measure(sequence, n_frames, options.fps, setting, options.repeats)
+            for setting in settings
         ]
-        results.append({"sequence": sequence.name, "n_frames": n_frames, "settings": found})
+        results.append({"sequence": sequence.name, "n_frames": n_frames, "settings": rows})
         print(f"**{sequence.name}**: {n_frames} frames of {sequence.n_verts} vertices pushed one "
               f"by one, {options.fps:g} frames per second. Medians of {options.repeats} runs. "
               f"{machine_line(machine_facts())}.\n")  # fmt: skip
-        print(table(HEADER, map(row, found)) + "\n", flush=True)
+        print(table(HEADER, map(row, rows)) + "\n", flush=True)
     if options.out:
         about = {"machine": machine_facts(), "fps": options.fps}
         options.out.write_text(json.dumps({**about, "results": results}, indent=2) + "\n")

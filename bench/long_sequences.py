@@ -1,13 +1,13 @@
-"""Long sequences: pace, memory, random access, and bytes by the length of blocks at equal KG error.
+"""Long sequences: speed, memory, random access, and bytes by block length at equal KG error.
 
     python bench/long_sequences.py jumping.npz --kinds loops,mixed,held --frames 10000
     python bench/long_sequences.py jumping.npz --frames 2000 --blocks 250,500,1000,2000
 
-Sequences are made of a performance by `long_sources`: looped at changing speed; mixed (the upper
-half of the body from another place, turned, slow, held); mostly held. With `--blocks` every length
-is coded at two qualities, and its bytes (of connectivity and order nothing) are those at the KG
-error of the first length at the first quality, on a line between logarithms. Without it the
-encoder's own choice is measured, errors included.
+`long_sources` builds sequences from a performance: looped at varying speed; mixed (upper and lower
+half of the body from different frames, rotation, slow motion, pauses); mostly paused. With
+`--blocks` every length is coded at two qualities, and its bytes, without connectivity and order,
+are interpolated logarithmically at the KG error of the first length and quality. Without it the
+encoder's default length is measured.
 """
 
 import argparse
@@ -29,16 +29,16 @@ QUALITIES = (80.0, 87.0)
 
 @dataclass(frozen=True)
 class Point:
-    """A stream and what it was found to be.
+    """A stream with its size, error and encoding time.
 
     Attributes
     ----------
     data : bytes
     moving_bytes : int
-        Of it without connectivity and order.
+        Size without connectivity and order.
     kg_error_percent : float
     seconds, processor_s : float
-        Of encoding, frames made included.
+        Encoding time, including the generation of frames.
     """
 
     data: bytes
@@ -48,8 +48,8 @@ class Point:
     processor_s: float
 
 
-def measured(sequence: LongSequence, quality: float, **options: Any) -> Point:
-    """A stream of a sequence, and its error."""
+def measure(sequence: LongSequence, quality: float, **options: Any) -> Point:
+    """Encode a sequence, and measure the error of the stream."""
     start, processor_start = time.perf_counter(), time.process_time()
     data = meshreel.encode(sequence, quality=quality, **options)
     seconds = time.perf_counter() - start
@@ -61,17 +61,19 @@ def measured(sequence: LongSequence, quality: float, **options: Any) -> Point:
 
 
 def bytes_at(points: list[Point], kg_error_percent: float) -> float:
-    """Bytes at an error, on the line through two points, in logarithms."""
-    (first, second) = [
-        (math.log(one.kg_error_percent), math.log(one.moving_bytes)) for one in points
-    ]
+    """Bytes at an error, interpolated logarithmically between two points."""
+    first, second = (
+        (math.log(point.kg_error_percent), math.log(point.moving_bytes)) for point in points
+    )
     slope = (second[1] - first[1]) / (second[0] - first[0])
     return math.exp(first[1] + slope * (math.log(kg_error_percent) - first[0]))
 
 
 def access_ms(data: bytes) -> tuple[float, float, float]:
-    """Milliseconds to the first frame of a file, and to one of another block: mean and largest, but
-    of the first, with which what serves all others is found."""
+    """Milliseconds to the first frame of a file, and mean and largest to one of a later block.
+
+    The second block is excluded, because it loads data that all later blocks share.
+    """
     start = time.perf_counter()
     reel = ReelFile(BytesIO(data))
     reel.read(0, 1)
@@ -84,20 +86,20 @@ def access_ms(data: bytes) -> tuple[float, float, float]:
     return 1e3 * first, 1e3 * sum(others) / len(others), 1e3 * max(others)
 
 
-def own_choice(sequence: LongSequence) -> list[str]:
-    """A row of the table of the encoder's own choice."""
-    point = measured(sequence, QUALITIES[0])
+def default_row(sequence: LongSequence) -> list[str]:
+    """Measure the encoder's default block length, and return the row of the table."""
+    point = measure(sequence, QUALITIES[0])
     memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     first, mean, largest = access_ms(point.data)
     info = meshreel.info(point.data)
-    pace = sequence.n_frames / point.seconds
-    of_processor = 1e3 * point.processor_s / sequence.n_frames
+    frames_per_s = sequence.n_frames / point.seconds
+    processor_ms = 1e3 * point.processor_s / sequence.n_frames
     return [
         f"{sequence.name}, {sequence.n_frames}",
         f"{len(info.block_frames)} of {max(info.block_frames)}",
         f"{max(info.n_modes)}",
-        f"{pace:.0f}",
-        f"{of_processor:.1f}",
+        f"{frames_per_s:.0f}",
+        f"{processor_ms:.1f}",
         f"{memory_mb:.0f}",
         f"{first:.0f}; {mean:.0f}, {largest:.0f}",
         f"{len(point.data)}",
@@ -105,17 +107,17 @@ def own_choice(sequence: LongSequence) -> list[str]:
     ]
 
 
-def by_length(sequence: LongSequence, lengths: list[int]) -> list[list[str]]:
-    """Rows of the table of lengths of blocks."""
+def length_rows(sequence: LongSequence, lengths: list[int]) -> list[list[str]]:
+    """Measure block lengths, and return the rows of the table."""
     rows: list[list[str]] = []
     error = 0.0
     for length in lengths:
-        points = [measured(sequence, quality, block_frames=length) for quality in QUALITIES]
+        points = [measure(sequence, quality, block_frames=length) for quality in QUALITIES]
         error = error or points[0].kg_error_percent
-        found = bytes_at(points, error)
-        of_processor = 1e3 * points[0].processor_s / sequence.n_frames
+        size = bytes_at(points, error)
+        processor_ms = 1e3 * points[0].processor_s / sequence.n_frames
         rows.append(
-            [sequence.name, str(length), f"{error:.3f}", f"{found:.0f}", f"{of_processor:.1f}"]
+            [sequence.name, str(length), f"{error:.3f}", f"{size:.0f}", f"{processor_ms:.1f}"]
         )
     return rows
 
@@ -126,19 +128,19 @@ def main() -> None:
     parser.add_argument("source", help="a performance, such as jumping.npz")
     parser.add_argument("--kinds", default=",".join(KINDS))
     parser.add_argument("--frames", type=int, default=10_000)
-    parser.add_argument("--blocks", help="lengths of blocks to compare, such as 250,500")
+    parser.add_argument("--blocks", help="block lengths to compare, such as 250,500")
     arguments = parser.parse_args()
     base = meshreel.load(arguments.source)
     sequences = [LongSequence(base, kind, arguments.frames) for kind in arguments.kinds.split(",")]
     if arguments.blocks:
-        lengths = [int(one) for one in arguments.blocks.split(",")]
-        rows = [row for one in sequences for row in by_length(one, lengths)]
-        print(table(["sequence", "block", "KG %", "bytes", "processor ms a frame"], rows))
+        lengths = [int(text) for text in arguments.blocks.split(",")]
+        rows = [row for sequence in sequences for row in length_rows(sequence, lengths)]
+        print(table(["sequence", "block", "KG %", "bytes", "processor ms per frame"], rows))
         return
-    header = ["sequence", "blocks", "modes", "frames/s", "processor ms a frame", "peak MB",
+    header = ["sequence", "blocks", "modes", "frames/s", "processor ms per frame", "peak MB",
               "ms to the first frame; another block: mean, largest",
               "bytes", "KG %"]  # fmt: skip
-    print(table(header, [own_choice(one) for one in sequences]))
+    print(table(header, map(default_row, sequences)))
 
 
 if __name__ == "__main__":

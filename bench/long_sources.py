@@ -1,6 +1,6 @@
-"""Long sequences made of short ones: performances looped, mixed, turned and held, frame by frame.
+"""Long sequences built from short performances: looped, mixed, rotated and paused.
 
-Frames are made when they are read, so that a sequence of any length takes no memory.
+Frames are generated when they are read, so memory does not depend on the length.
 """
 
 from collections.abc import Iterable, Mapping
@@ -19,27 +19,27 @@ from meshreel.model.tracks import TrackSource
 Floats = npt.NDArray[np.float64]
 Vertices = npt.NDArray[np.floating]
 
-AT_ONCE = 64
-"""Frames that are made at once."""
+CHUNK_FRAMES = 64
+"""Frames generated at a time."""
 
 KINDS = {
     "loops": ("loop",),
     "mixed": ("loop", "mix", "turn", "mix", "slow", "hold"),
     "held": ("hold", "slow", "hold", "loop"),
 }
-"""Kinds of scenes, by the name of the whole; the next one is drawn from these."""
+"""Kinds of scenes of each kind of sequence; scenes are chosen at random."""
 
 
 @dataclass(frozen=True)
 class Scenes:
-    """What is shown in each frame.
+    """Content of each frame.
 
     Attributes
     ----------
     lower, upper : float array of shape (T,)
-        Frame of the performance that the lower and the upper half of the body are taken from.
+        Frame of the performance for the lower and the upper half of the body.
     turn : float array of shape (T,)
-        Angle around the upright axis, in radians.
+        Angle around the vertical axis, in radians.
     starts : list of int
         First frame of each scene.
     """
@@ -51,7 +51,7 @@ class Scenes:
 
 
 def scenes_of(kinds: Iterable[str], n_frames: int, n_base: int, seed: int) -> Scenes:
-    """Scenes of 60 to 800 frames, of kinds drawn from these."""
+    """Random scenes of 60 to 800 frames."""
     rng, names = np.random.default_rng(seed), list(kinds)
     lower, upper, turn = (np.zeros(n_frames) for _ in range(3))
     starts, start, angle = [], 0, 0.0
@@ -75,7 +75,7 @@ def scenes_of(kinds: Iterable[str], n_frames: int, n_base: int, seed: int) -> Sc
 
 
 def _speeds(kind: str, length: int, rng: np.random.Generator) -> Floats:
-    """Frames of the performance for each frame: 0.5 to 1.5, a tenth of it, or none."""
+    """Playback speed of each frame: 0.5 to 1.5, a tenth of that, or 0."""
     factor = {"hold": 0.0, "slow": 0.1}.get(kind, 1.0)
     return factor * (1.0 + 0.5 * _wavy(length, rng))
 
@@ -89,22 +89,22 @@ def _wavy(length: int, rng: np.random.Generator) -> Floats:
 def there_and_back(
     speeds: Floats, n_base: int, rng: np.random.Generator, *, is_short: bool
 ) -> Floats:
-    """Places in the performance, or in a stretch of it of a third, forwards and backwards."""
+    """Frames of the performance, or of a random third of it, forwards and backwards."""
     length = (n_base - 1) / 3.0 if is_short else n_base - 1.0
     first = rng.random() * (n_base - 1.0 - length)
-    place = (rng.random() * 2 * length + np.cumsum(speeds)) % (2 * length)
-    return np.asarray(first + np.minimum(place, 2 * length - place))
+    phase = (rng.random() * 2 * length + np.cumsum(speeds)) % (2 * length)
+    return np.asarray(first + np.minimum(phase, 2 * length - phase))
 
 
 class LongSequence:
-    """A `FrameSource` of frames that are made when they are read.
+    """A `FrameSource` of frames that are generated when they are read.
 
     Parameters
     ----------
     base : MeshSequence
         The performance.
     kind : str
-        Of `KINDS`.
+        One of `KINDS`.
     n_frames : int
     seed : int, default 1
     """
@@ -120,8 +120,8 @@ class LongSequence:
         self.is_portable = True
         self.scenes = scenes_of(KINDS[kind], n_frames, base.n_frames, seed)
         vertices = base.vertices.astype(np.float32)
-        self._centres = vertices.mean(axis=1, keepdims=True)
-        self._shapes = vertices - self._centres
+        self._centers = vertices.mean(axis=1, keepdims=True)
+        self._shapes = vertices - self._centers
         mean = self._shapes.mean(axis=0)
         self._up = int(np.argmax(np.ptp(mean, axis=0)))
         height = (mean[:, self._up] - mean[:, self._up].min()) / np.ptp(mean[:, self._up])
@@ -136,12 +136,12 @@ class LongSequence:
 
     def _fill(self, out: Vertices, number: int) -> None:
         scenes = self.scenes
-        centre, shape = (
-            _between(frames, scenes.lower[number]) for frames in (self._centres, self._shapes)
+        center, shape = (
+            _between(frames, scenes.lower[number]) for frames in (self._centers, self._shapes)
         )
         if scenes.upper[number] != scenes.lower[number]:
             shape += self._is_upper * (_between(self._shapes, scenes.upper[number]) - shape)
-        shape += centre
+        shape += center
         angle = scenes.turn[number]
         first, second = (axis for axis in range(3) if axis != self._up)
         cosine, sine = np.float32(np.cos(angle)), np.float32(np.sin(angle))
@@ -153,15 +153,15 @@ class LongSequence:
     def extent(self) -> Extent:
         """Extent of the positions of all frames."""
         boxes = [
-            bounding_boxes(self.read(start, min(start + AT_ONCE, self.n_frames)))
-            for start in range(0, self.n_frames, AT_ONCE)
+            bounding_boxes(self.read(start, min(start + CHUNK_FRAMES, self.n_frames)))
+            for start in range(0, self.n_frames, CHUNK_FRAMES)
         ]
         low, high = (np.concatenate(corners) for corners in zip(*boxes, strict=True))
         return extent_of_boxes(low, high)
 
 
-def _between(frames: Vertices, place: float) -> Any:
-    """A frame at a place between two."""
-    first = min(int(place), len(frames) - 2)
-    share = np.float32(place - first)
+def _between(frames: Vertices, number: float) -> Any:
+    """Interpolate linearly between two frames."""
+    first = min(int(number), len(frames) - 2)
+    share = np.float32(number - first)
     return (np.float32(1.0) - share) * frames[first] + share * frames[first + 1]

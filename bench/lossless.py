@@ -1,9 +1,9 @@
-"""Exact coders of numbers over time: `python bench/lossless.py FILE...`, what meshreel loads.
+"""Lossless coders of numbers over time: `python bench/lossless.py FILE...`.
 
-Prints bytes, ratio, and MB of values per second of one processor, for encoding and decoding: of
-whole files (`meshreel.encode(sequence, lossless=True)`, which decodes what it has coded; of others
-the positions, with the faces by zstd), of the positions, and of tracks that are derived from them.
-Needs the packages pcodec, fpzip, blosc2 and zstandard; what is not there is left out, and said.
+Prints bytes, ratio, and MB of values per processor second, for encoding and decoding: of whole
+files (`meshreel.encode(sequence, lossless=True)`, which verifies its stream; for others the
+positions, with the faces by zstd), of the positions, and of tracks derived from them. Uses the
+packages pcodec, fpzip, blosc2 and zstandard; missing ones are listed and skipped.
 """
 
 import argparse
@@ -42,7 +42,7 @@ def our_file(sequence: meshreel.MeshSequence) -> Coder:
 
 
 def peers(values: Numbers) -> Iterator[tuple[str, Coder]]:
-    """What others make of an array; each decodes to something of the same bytes."""
+    """Yield other coders; each decodes to an object with the original bytes."""
     zstd = importable("zstandard")
     if zstd:
         coder = zstd.ZstdCompressor(level=ZSTD_LEVEL)
@@ -102,7 +102,7 @@ def importable(name: str) -> Any:
 
 
 def derived(sequence: meshreel.MeshSequence) -> Iterator[tuple[str, Numbers]]:
-    """Positions, and tracks such as simulations have."""
+    """Yield positions and typical tracks of simulations."""
     positions = sequence.vertices
     n_frames, n_verts = positions.shape[:2]
     yield "positions", positions
@@ -118,28 +118,29 @@ def derived(sequence: meshreel.MeshSequence) -> Iterator[tuple[str, Numbers]]:
 
 
 def bytes_of_faces(faces: Numbers) -> int:
-    """What faces add to the files of others."""
+    """Bytes of the faces in the files of others."""
     coder = importable("zstandard").ZstdCompressor(level=ZSTD_LEVEL)
     return len(coder.compress(faces.tobytes()))
 
 
-def measured(values: Numbers, coder: Coder) -> tuple[int, float, float]:
+def measure(values: Numbers, coder: Coder) -> tuple[int, float, float]:
     """Bytes, and MB/s of encoding and decoding.
 
     Raises
     ------
     RuntimeError
-        If other bytes come back.
+        If decoded bytes differ.
     """
-    started = time.process_time()
+    start = time.process_time()
     data = coder[0](values)
-    between = time.process_time()
-    back = coder[1](data)
-    ended = time.process_time()
-    if (back.tobytes() if isinstance(back, np.ndarray) else bytes(back)) != values.tobytes():
-        raise RuntimeError("other values came back")
+    encoded = time.process_time()
+    decoded = coder[1](data)
+    end = time.process_time()
+    decoded_bytes = decoded.tobytes() if isinstance(decoded, np.ndarray) else bytes(decoded)
+    if decoded_bytes != values.tobytes():
+        raise RuntimeError("decoded values differ from the original")
     size = values.nbytes / 1e6
-    return len(data), size / max(between - started, 1e-9), size / max(ended - between, 1e-9)
+    return len(data), size / max(encoded - start, 1e-9), size / max(end - encoded, 1e-9)
 
 
 def report(
@@ -157,12 +158,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("files", nargs="+", type=Path)
     parser.add_argument("--positions", action="store_true", help="no derived tracks")
-    parser.add_argument("--whole", action="store_true", help="whole files alone")
-    parser.add_argument("--frames", type=int, help="the first so many; all if not given")
+    parser.add_argument("--whole", action="store_true", help="only whole files")
+    parser.add_argument("--frames", type=int, help="number of first frames; default: all")
     given = parser.parse_args()
     missing = [n for n in ("zstandard", "pcodec", "fpzip", "blosc2") if not importable(n)]
     if missing:
-        print(f"not installed, and left out: {', '.join(missing)}")
+        print(f"not installed, skipped: {', '.join(missing)}")
     print(
         f"{'file':14} {'values':14} {'coder':18} {'bytes':>10} {'ratio':>8} {'enc':>7} {'dec':>7}"
     )
@@ -171,11 +172,11 @@ def main() -> None:
         bare = meshreel.MeshSequence(sequence.vertices[: given.frames], sequence.faces)
         others = []
         if importable("zstandard"):
-            beside = bytes_of_faces(bare.faces)
-            others = [(name, coder, beside) for name, coder in peers(bare.vertices)]
-        for coder_name, coder, more in [("meshreel", our_file(bare), 0), *others]:
-            size, *speeds = measured(bare.vertices, coder)
-            report(file, "whole file", coder_name, bare.raw_size_bytes, size + more, *speeds)
+            n_face_bytes = bytes_of_faces(bare.faces)
+            others = [(name, coder, n_face_bytes) for name, coder in peers(bare.vertices)]
+        for coder_name, coder, n_extra in [("meshreel", our_file(bare), 0), *others]:
+            size, *speeds = measure(bare.vertices, coder)
+            report(file, "whole file", coder_name, bare.raw_size_bytes, size + n_extra, *speeds)
         if given.whole:
             continue
         graph = neighbors(sequence.faces, sequence.vertices.shape[1])
@@ -185,7 +186,7 @@ def main() -> None:
                 values = values[: given.frames]
             own = ours(graph, values.shape, values.dtype)
             for coder_name, coder in [("meshreel", own), *peers(values)]:
-                report(file, name, coder_name, values.nbytes, *measured(values, coder))
+                report(file, name, coder_name, values.nbytes, *measure(values, coder))
             if given.positions:
                 break
 

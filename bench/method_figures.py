@@ -1,4 +1,4 @@
-"""The figures of docs/method.md, from the flag of `meshreel demo` and the tables of docs/codec.md.
+"""Figures of docs/method.md, from the flag of `meshreel demo` and the tables of docs/codec.md.
 
     python bench/method_figures.py
 
@@ -32,19 +32,19 @@ ROOT = Path(__file__).parents[1]
 STENCIL_SIZE = 16
 N_MODES = 24
 N_KNOWN = 10
-"""Fields that the weights of the figures have followed."""
+"""Decoded fields to which the weights of the figures are adapted."""
 
 PREDICTED = 12
-"""Number of the mode whose prediction is shown, from 0."""
+"""Index of the mode whose prediction is shown."""
 
 QUALITY_60_STEP = 1e-4 * 2 ** (20 / 12)
-"""Quantisation step of a position at quality 60, in diagonals of the bounding box."""
+"""Quantization step of a position at quality 60, in diagonals of the bounding box."""
 
 CROP_M = 0.42
-"""Side of the piece of the flag that is drawn enlarged."""
+"""Side of the enlarged part of the flag."""
 
-KEPT_COLOUR = "#222222"
-LEVEL_COLOURS = ("#D55E00", "#0072B2", "#56B4E9")
+COARSER_COLOR = "#222222"
+LEVEL_COLORS = ("#D55E00", "#0072B2", "#56B4E9")
 SIGNED = "RdBu_r"
 
 
@@ -60,7 +60,7 @@ class Flag:
     vectors : float64 array of shape (3 T, K)
         Temporal basis.
     fields : float64 array of shape (V, K)
-        In quantisation steps of quality 60.
+        In quantization steps of quality 60.
     resolutions : list of Resolution
     mesh : FieldMesh
     """
@@ -73,8 +73,8 @@ class Flag:
     mesh: FieldMesh
 
 
-def analysed_flag(n_frames: int) -> Flag:
-    """The flag, simulated and taken apart as the encoder does."""
+def analyzed_flag(n_frames: int) -> Flag:
+    """Simulate and analyze the flag like the encoder."""
     sequence = meshreel.simulate_flag(n_frames)
     low, high = sequence.extent.low, sequence.extent.high
     positions = (sequence.vertices - (low + high) / 2) / sequence.extent.mean_diagonal
@@ -88,18 +88,18 @@ def analysed_flag(n_frames: int) -> Flag:
 
 
 def predictions(flag: Flag, fields: Floats, n_learned: int) -> Floats:
-    """What weights predict that followed some first fields; of shape (V, K), as the fields."""
+    """Predictions of weights adapted to the first fields, of shape (V, K)."""
     mesh, order = flag.mesh.hierarchy, flag.mesh.order
     plain = Choice(first_shaped=len(mesh.level_starts), gain=0.0, rate_weight=0.0)
     residuals, values = encode_values(mesh, fields[order], plain, n_learned)
-    found = np.empty_like(fields)
-    found[order] = values - residuals.T
-    return found
+    predicted = np.empty_like(fields)
+    predicted[order] = values - residuals.T
+    return predicted
 
 
 def weights_of(flag: Flag, row: int, n_learned: int) -> Floats:
-    """Weights of a stencil: what is predicted of fields that are 1 at one of its vertices."""
-    size = 1e6  # rounding does not count
+    """Weights of a stencil: predictions from fields that are 1 at one of its vertices."""
+    size = 1e6  # large enough that rounding is negligible
     peaks = np.zeros((flag.mesh.n_verts, STENCIL_SIZE))
     peaks[flag.mesh.order[flag.mesh.hierarchy.stencil[row]], np.arange(STENCIL_SIZE)] = size
     known = np.hstack([flag.fields[:, :n_learned], peaks])
@@ -116,13 +116,12 @@ def draw_hierarchy(flag: Flag) -> Any:
         is_kept = np.isin(resolution.members, np.concatenate(resolution.levels), invert=True)
         draw_edges(panel, flag.flat, edges)
         edges = coarser_edges(edges, resolution)
-        dots(
-            panel, flag.flat[resolution.members[is_kept]], KEPT_COLOUR, "on the coarser resolution"
-        )
-        for level, (colour, vertices) in enumerate(
-            zip(LEVEL_COLOURS, resolution.levels, strict=False), 1
+        coarser = flag.flat[resolution.members[is_kept]]
+        dots(panel, coarser, COARSER_COLOR, "on the coarser resolution")
+        for level, (color, vertices) in enumerate(
+            zip(LEVEL_COLORS, resolution.levels, strict=False), 1
         ):
-            dots(panel, flag.flat[vertices], colour, f"level {level}")
+            dots(panel, flag.flat[vertices], color, f"level {level}")
         name = "the mesh" if number == 0 else f"coarser resolution {number}"
         panel.set_title(f"{name}: {len(resolution.members)} vertices", fontsize=10)
         crop(panel, flag, CROP_M * (1 + (number > 1)))
@@ -159,7 +158,7 @@ def draw_stencil(flag: Flag) -> Any:
 
 
 def draw_modes(flag: Flag) -> Any:
-    """Some fields on the flag at rest, with the basis vectors of their modes below."""
+    """Fields on the flag at rest, with the basis vectors of their modes below."""
     chosen = (0, 1, 2, 4, 12)
     figure, panels = plt.subplots(
         2, len(chosen), figsize=(13, 3.9), height_ratios=(3, 2), layout="constrained", sharey="row"
@@ -168,9 +167,9 @@ def draw_modes(flag: Flag) -> Any:
     for field_panel, time_panel, mode in zip(*panels, chosen, strict=True):
         draw_field(field_panel, flag, flag.fields[:, mode], None)
         field_panel.set_title(f"mode {mode + 1}", fontsize=10)
-        for axis, colour in zip("xyz", ("#D55E00", "#009E73", "#0072B2"), strict=True):
+        for axis, color in zip("xyz", ("#D55E00", "#009E73", "#0072B2"), strict=True):
             values = flag.vectors.reshape(3, n_frames, -1)["xyz".index(axis), :, mode]
-            time_panel.plot(values, color=colour, lw=0.9, label=axis)
+            time_panel.plot(values, color=color, lw=0.9, label=axis)
         time_panel.set_xlabel("frame", fontsize=8)
         time_panel.tick_params(labelsize=7)
         time_panel.spines[["top", "right"]].set_visible(False)
@@ -181,13 +180,13 @@ def draw_modes(flag: Flag) -> Any:
 
 
 def draw_prediction(flag: Flag) -> Any:
-    """A field, and the residuals that three sets of weights leave of it."""
+    """A field, and its residuals for three sets of weights."""
     field, mesh, order = flag.fields[:, PREDICTED], flag.mesh.hierarchy, flag.mesh.order
     near = (mesh.stencil >= 0) / np.maximum(mesh.hops, 1.0) ** 2
     near /= np.maximum(near.sum(axis=1, keepdims=True), 1e-12)
     by_distance = np.empty(len(field))
     by_distance[order] = (near * field[order][mesh.stencil]).sum(axis=1)
-    wanted = np.stack(
+    predicted_fields = np.stack(
         [by_distance, *(predictions(flag, flag.fields, n)[:, PREDICTED] for n in (0, N_KNOWN))]
     )
     figure, panels = plt.subplots(1, 4, figsize=(13, 3.4), layout="constrained")
@@ -195,7 +194,7 @@ def draw_prediction(flag: Flag) -> Any:
     panels[0].set_title(f"field of mode {PREDICTED + 1}\nrms {rms(field):.0f} steps", fontsize=10)
     figure.colorbar(drawn, ax=panels[0], shrink=0.8, location="bottom")
     names = ("weights by distance", "first weights", f"after {N_KNOWN} fields")
-    for panel, name, predicted in zip(panels[1:], names, wanted, strict=True):
+    for panel, name, predicted in zip(panels[1:], names, predicted_fields, strict=True):
         residual = field - predicted
         fine = np.concatenate(flag.resolutions[-1].levels)
         drawn = draw_field(panel, flag, residual, 3.0)
@@ -204,13 +203,13 @@ def draw_prediction(flag: Flag) -> Any:
             fontsize=10,
         )
     figure.colorbar(
-        drawn, ax=panels[1:], shrink=0.8, aspect=40, location="bottom", label="quantisation steps"
+        drawn, ax=panels[1:], shrink=0.8, aspect=40, location="bottom", label="quantization steps"
     )
     return figure
 
 
 def draw_ablation() -> Any:
-    """Savings by parts of the method, from the table of docs/codec.md: a dot for each sequence."""
+    """Effect of parts of the method, from the table of docs/codec.md, with a dot per sequence."""
     text = (ROOT / "docs" / "codec.md").read_text(encoding="utf-8")
     table = text[text.index("| KG, STED |") :].split("\n\n")[0].splitlines()
     sequences = [cell.strip() for cell in table[0].split("|")[2:-1]]
@@ -238,7 +237,7 @@ def draw_ablation() -> Any:
 
 
 def numbers(cell: str) -> tuple[float, float]:
-    """The two rates of a cell, as "+50.7, +92.9"."""
+    """The two rates of a cell such as "+50.7, +92.9"."""
     first, second = re.findall(r"[-+][\d.]+", cell)
     return float(first), float(second)
 
@@ -248,9 +247,9 @@ def rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def draw_edges(panel: Any, places: Floats, edges: Integers) -> None:
-    """Edges of shape (E, 2) between vertices that are at these places."""
-    segments: Any = places[edges]
+def draw_edges(panel: Any, positions: Floats, edges: Integers) -> None:
+    """Draw edges of shape (E, 2) between vertices at these positions."""
+    segments: Any = positions[edges]
     panel.add_collection(LineCollection(segments, colors="#BBBBBB", linewidths=0.6, zorder=1))
 
 
@@ -267,13 +266,13 @@ def coarser_edges(edges: Integers, resolution: Resolution) -> Integers:
     return np.unique(ends[ends[:, 0] < ends[:, 1]], axis=0)
 
 
-def dots(panel: Any, places: Floats, colour: str, label: str) -> None:
-    """Vertices as dots."""
-    panel.scatter(*places.T, s=14, c=colour, label=label, zorder=2)
+def dots(panel: Any, positions: Floats, color: str, label: str) -> None:
+    """Draw vertices as dots."""
+    panel.scatter(*positions.T, s=14, c=color, label=label, zorder=2)
 
 
 def draw_field(panel: Any, flag: Flag, field: Floats, limit: float | None) -> Any:
-    """A field in colours on the flag at rest."""
+    """Draw a field in color on the flag at rest."""
     drawn = panel.tripcolor(
         *flag.flat.T, flag.faces, field, shading="gouraud", cmap=SIGNED,
         norm=CenteredNorm(halfrange=limit),
@@ -285,9 +284,9 @@ def draw_field(panel: Any, flag: Flag, field: Floats, limit: float | None) -> An
     return drawn
 
 
-def crop(panel: Any, flag: Flag, side: float, centre: Floats | None = None) -> None:
-    """Show a square of the flag: about a centre, else in a corner."""
-    low = flag.flat.min(axis=0) - 0.01 if centre is None else centre - side / 2
+def crop(panel: Any, flag: Flag, side: float, center: Floats | None = None) -> None:
+    """Show a square part of the flag, around a center or in the corner."""
+    low = flag.flat.min(axis=0) - 0.01 if center is None else center - side / 2
     panel.set_xlim(low[0], low[0] + side)
     panel.set_ylim(low[1], low[1] + side)
     panel.set_aspect("equal")
@@ -302,7 +301,7 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=300, help="of the flag")
     arguments = parser.parse_args()
     plt.switch_backend("agg")
-    flag = analysed_flag(arguments.frames)
+    flag = analyzed_flag(arguments.frames)
     figures = {
         "hierarchy": draw_hierarchy(flag),
         "stencil": draw_stencil(flag),

@@ -1,11 +1,10 @@
-"""What qualities mean: to the eye, to the tape measure, and in bytes.
+"""Visual errors, distances and file sizes by quality.
 
     python bench/qualities.py samba.npz cow.npz --qualities 60,80,100 --out qualities.json
 
-Prints a Markdown table. To the eye: the mean angle between normals of faces in degrees, and STED.
-To the tape measure: distances of vertices from their originals, the root mean square and the
-largest, in percent of the diagonal of the bounding box of all frames. In bytes: raw float32
-positions by the size of the file as the defaults write it.
+Prints a Markdown table with visual errors (mean angle between face normals in degrees, and STED),
+RMS and largest distance of vertices from their originals in percent of the diagonal of the bounding
+box of all frames, and the ratio of raw float32 positions to the file size with default options.
 """
 
 import argparse
@@ -17,19 +16,19 @@ from typing import Any
 import meshreel
 
 
-def measured(source: str, quality: float) -> dict[str, Any]:
-    """Figures of a sequence at a quality."""
+def measure(source: str, quality: float) -> dict[str, Any]:
+    """Measure a sequence at a quality."""
     sequence = meshreel.simulate_flag(100) if source == "flag" else meshreel.load(source)
     data = meshreel.encode(sequence, quality=quality)
-    lost = meshreel.compare(sequence, meshreel.decode(data))
+    errors = meshreel.compare(sequence, meshreel.decode(data))
     return {
         "source": Path(source).stem,
         "quality": quality,
         "ratio": 12.0 * sequence.n_frames * sequence.n_verts / len(data),
-        "angle_deg": lost.normal_angle_mean_deg,
-        "sted": lost.sted,
-        "rms_percent": lost.rms_error_percent,
-        "max_percent": lost.max_error_percent,
+        "angle_deg": errors.normal_angle_mean_deg,
+        "sted": errors.sted,
+        "rms_percent": errors.rms_error_percent,
+        "max_percent": errors.max_error_percent,
     }
 
 
@@ -41,10 +40,10 @@ def main() -> None:
     parser.add_argument("--out", type=Path, help="JSON with every figure")
     parser.add_argument("--workers", type=int)
     arguments = parser.parse_args()
-    qualities = [float(one) for one in arguments.qualities.split(",")]
+    qualities = [float(text) for text in arguments.qualities.split(",")]
     jobs = [(source, quality) for source in arguments.sources for quality in qualities]
     with ProcessPoolExecutor(arguments.workers) as pool:
-        found = list(pool.map(measured, *zip(*jobs, strict=True)))
+        results = list(pool.map(measure, *zip(*jobs, strict=True)))
     print(
         "| degrees, STED; RMS, largest %; ratio | " + " | ".join(f"{q:g}" for q in qualities) + " |"
     )
@@ -53,12 +52,12 @@ def main() -> None:
         cells = [
             f"{row['angle_deg']:.2g}, {row['sted']:.2g}; "
             f"{row['rms_percent']:.2g}, {row['max_percent']:.2g}; {row['ratio']:.0f}"
-            for row in found
+            for row in results
             if row["source"] == Path(source).stem
         ]
         print(f"| {Path(source).stem} | " + " | ".join(cells) + " |")
     if arguments.out:
-        arguments.out.write_text(json.dumps(found, indent=1))
+        arguments.out.write_text(json.dumps(results, indent=1))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Contents of all files under a folder as readers find them: frames, vertices, faces, notes.
+"""List frames, vertices, faces and notes of all mesh files in a folder.
 
 python bench/read_files.py FOLDER
 """
@@ -19,15 +19,15 @@ def read(path: Path) -> tuple[str, ...]:
     """Frames, vertices and faces of a file, and its notes or its error."""
     notes: list[str] = []
     try:
-        found = load(path, merge=True, notes=notes)
+        sequence = load(path, merge=True, notes=notes)
     except MeshReelError as error:
-        return ("-", "-", "-", f"refused: {error}".replace(f"{path}: ", "").replace(f"{path} ", ""))
-    counts = (found.n_frames, found.n_verts, found.n_faces)
+        return ("-", "-", "-", f"error: {error}".replace(f"{path}: ", "").replace(f"{path} ", ""))
+    counts = (sequence.n_frames, sequence.n_verts, sequence.n_faces)
     return (*map(str, counts), "\n".join(notes))
 
 
 def main() -> None:
-    """Print a row for each file that is read or refused."""
+    """Print a row for each file."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     folder = parser.parse_args().folder

@@ -1,11 +1,11 @@
-"""Bits of `reel` against those of the paper's `pca-qp` at equal KG error and at equal STED.
+"""Rates of `reel` relative to the paper's `pca-qp` at equal KG error and at equal STED.
 
     python examples/falling_cloth.py --out cloth.npz
     python bench/shape_heavy.py cloth.npz samba.npz
 
-Made for sequences in which the shape itself is most of the file. Bjontegaard rates in percent, of
-whole files without the order, over the errors that both reach: a quality every 12 points against
-the best of 5 to 40 modes with 6 to 10 bits and of both kinds of anchors.
+For sequences whose files are dominated by the shape. Bjontegaard rates in percent, of whole files
+without vertex order, over the common range of errors: qualities in steps of 12 against the best of
+5 to 40 modes with 6 to 10 bits and both kinds of anchors.
 """
 
 import argparse
@@ -25,10 +25,10 @@ ANCHORS = (None, "anchor-values=coefficients")
 def point(sequence: meshreel.MeshSequence, **options: Any) -> tuple[float, float, float]:
     """Rate, KG error and STED of a stream."""
     data = meshreel.encode(sequence, order="vertices", **options)
-    found = meshreel.compare(sequence, meshreel.decode(data))
+    errors = meshreel.compare(sequence, meshreel.decode(data))
     size = len(data) - meshreel.info(data).budget_bytes["order"]
     rate = 8.0 * size / (sequence.n_verts * sequence.n_frames)
-    return rate, found.kg_error_percent, found.sted
+    return rate, errors.kg_error_percent, errors.sted
 
 
 def row(source: str) -> str:
@@ -41,10 +41,10 @@ def row(source: str) -> str:
     ]
     cells = [Path(source).stem]
     for column in (1, 2):
-        curves = ([(one[0], one[column]) for one in points] for points in (ours, theirs))
-        found = bd_rate(*curves)
-        percent = "-" if found.percent is None else f"{found.percent:+.1f}"
-        cells += [percent, f"{found.low_error:.2g} to {found.high_error:.2g}"]
+        curves = ([(p[0], p[column]) for p in points] for points in (ours, theirs))
+        difference = bd_rate(*curves)
+        percent = "-" if difference.percent is None else f"{difference.percent:+.1f}"
+        cells += [percent, f"{difference.low_error:.2g} to {difference.high_error:.2g}"]
     return "| " + " | ".join(cells) + " |"
 
 

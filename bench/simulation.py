@@ -1,11 +1,11 @@
-"""A simulation as a `.vtkhdf`, to `.reel` and back: bytes, errors and seconds at its full size.
+"""Round trip of a simulation from `.vtkhdf` to `.reel` and back: bytes, errors and seconds.
 
     python bench/simulation.py --folder /tmp/simulation
     python bench/simulation.py --vertices 50000 --frames 500 --folder /tmp/simulation
 
-The simulation is that of `examples/heat_on_a_sphere.py`: a temperature and a velocity of vertices,
-and a flow of heat of faces, whose true values are known. Needs the extras [vtk] and, to open both
-files with the reader of their owner, the package vtk. Some 3 GB on disk at full size.
+The simulation is that of `examples/heat_on_a_sphere.py`: temperature and velocity of vertices, and
+heat flow of faces, with known exact values. Needs the extra [vtk] and, to open both files with
+VTK's reader, the package vtk. Needs about 3 GB on disk at full size.
 """
 
 import argparse
@@ -28,29 +28,29 @@ BOUNDS: dict[str, float | str] = {"temperature": "0.1K", "velocity": "0.1%", "he
 
 
 def timed(work: Callable[[], Any]) -> tuple[Any, float, float]:
-    """What work gives, and its seconds on the wall and of processor time."""
+    """Return the result of the work, and its wall-clock and processor seconds."""
     wall, processor = time.perf_counter(), time.process_time()
-    found = work()
-    return found, time.perf_counter() - wall, time.process_time() - processor
+    result = work()
+    return result, time.perf_counter() - wall, time.process_time() - processor
 
 
-def said(what: str, wall: float, processor: float) -> None:
-    """Print a row of seconds, and the most memory so far."""
+def print_row(task: str, wall: float, processor: float) -> None:
+    """Print the seconds of a task, and the peak memory so far."""
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(f"| {what} | {wall:.2f} | {processor:.2f} | {peak:.0f} |", flush=True)
+    print(f"| {task} | {wall:.2f} | {processor:.2f} | {peak:.0f} |", flush=True)
 
 
-def written(simulate: Callable[..., Any], size: tuple[int, int], path: Path) -> int:
-    """Simulate into a file; the bytes of all arrays, which are gone then."""
+def simulate_to_file(simulate: Callable[..., Any], size: tuple[int, int], path: Path) -> int:
+    """Simulate, write the file, and return the raw size of the arrays."""
     simulated, *seconds = timed(lambda: simulate(*size))
-    said("simulating", *seconds)
+    print_row("simulating", *seconds)
     _, *seconds = timed(lambda: meshreel.save(simulated, path, overwrite=True))
-    said(f"writing {path.name}", *seconds)
+    print_row(f"writing {path.name}", *seconds)
     return int(simulated.raw_size_bytes)
 
 
 def frames_in_vtk(path: Path, numbers: list[int]) -> Iterator[dict[str, np.ndarray]]:
-    """Arrays of some frames as VTK's own reader has them: points, point and cell data by name."""
+    """Yield points, point data and cell data of frames, read by VTK."""
     from vtkmodules.vtkIOHDF import vtkHDFReader
 
     numpy_support: Any = import_module("vtkmodules.util.numpy_support")
@@ -62,28 +62,28 @@ def frames_in_vtk(path: Path, numbers: list[int]) -> Iterator[dict[str, np.ndarr
         reader.SetStep(number)
         reader.Update()
         mesh = reader.GetOutput()
-        found = {"positions": vtk_to_numpy(mesh.GetPoints().GetData())}
+        arrays = {"positions": vtk_to_numpy(mesh.GetPoints().GetData())}
         for data in (mesh.GetPointData(), mesh.GetCellData()):
-            for at in range(data.GetNumberOfArrays()):
-                found[data.GetArrayName(at)] = vtk_to_numpy(data.GetArray(at))
-        yield found
+            for index in range(data.GetNumberOfArrays()):
+                arrays[data.GetArrayName(index)] = vtk_to_numpy(data.GetArray(index))
+        yield arrays
 
 
 def check_in_vtk(original: Path, decoded: Path, numbers: list[int]) -> None:
-    """Print the largest error of each array of some frames, both read by VTK."""
+    """Print the largest error of each array over some frames, with both files read by VTK."""
     try:
         import vtkmodules  # noqa: F401
     except ImportError:
         print("not opened by VTK: pip install vtk")
         return
-    worst: dict[str, float] = {}
+    errors: dict[str, float] = {}
     pairs = zip(frames_in_vtk(original, numbers), frames_in_vtk(decoded, numbers), strict=True)
-    for given, found in pairs:
-        assert given.keys() == found.keys(), (given.keys(), found.keys())
-        for name, values in given.items():
-            apart = (found[name].astype(float) - values).reshape(len(values), -1)
-            worst[name] = max(worst.get(name, 0.0), float(np.linalg.norm(apart, axis=1).max()))
-    for name, largest in worst.items():
+    for arrays, arrays_hat in pairs:
+        assert arrays.keys() == arrays_hat.keys(), (arrays.keys(), arrays_hat.keys())
+        for name, values in arrays.items():
+            offsets = (arrays_hat[name].astype(float) - values).reshape(len(values), -1)
+            errors[name] = max(errors.get(name, 0.0), float(np.linalg.norm(offsets, axis=1).max()))
+    for name, largest in errors.items():
         print(f"{name}: opened by VTK in both files, largest error {largest:.4g}")
 
 
@@ -92,7 +92,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--vertices", type=int, default=50_000)
     parser.add_argument("--frames", type=int, default=500)
-    parser.add_argument("--folder", type=Path, required=True, help="for the files; made if missing")
+    parser.add_argument("--folder", type=Path, required=True, help="created if missing")
     arguments = parser.parse_args()
     arguments.folder.mkdir(parents=True, exist_ok=True)
     raw, coded, back = (
@@ -100,21 +100,21 @@ def main() -> None:
     )
     print("| | s | processor s | peak MiB |\n|---|---|---|---|")
     simulate = runpy.run_path(str(EXAMPLE))["simulate"]
-    raw_bytes = written(simulate, (arguments.vertices, arguments.frames), raw)
+    raw_bytes = simulate_to_file(simulate, (arguments.vertices, arguments.frames), raw)
     data, *seconds = timed(lambda: meshreel.encode(raw, tracks=BOUNDS))
-    said("encoding it", *seconds)
+    print_row("encoding it", *seconds)
     coded.write_bytes(data)
     with meshreel.open(coded) as reel:
         _, *seconds = timed(lambda: reel.read(0, reel.n_frames))
-        said("decoding the mesh and positions, 3 columns", *seconds)
+        print_row("decoding the mesh and positions, 3 columns", *seconds)
         for name in BOUNDS:
             track = reel.track(name)
             _, *seconds = timed(partial(track.read, 0, len(track)))
-            said(f"decoding {name}, {counted(track.shape[2], 'column')}", *seconds)
+            print_row(f"decoding {name}, {counted(track.shape[2], 'column')}", *seconds)
     quality, *seconds = timed(lambda: meshreel.compare(raw, coded))
-    said("comparing", *seconds)
+    print_row("comparing", *seconds)
     _, *seconds = timed(lambda: meshreel.save(meshreel.load(coded), back, overwrite=True))
-    said(f"decoding all and writing {back.name}", *seconds)
+    print_row(f"decoding all and writing {back.name}", *seconds)
     stream = meshreel.info(data)
     rest = stream.size_bytes - sum(track.size_bytes for track in stream.tracks)
     print(f"\n{raw_bytes:,} bytes of arrays, {raw.stat().st_size:,} as {raw.name}; "

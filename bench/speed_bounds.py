@@ -1,4 +1,4 @@
-"""Bounds on speeds, and whether they hold."""
+"""Bounds on speeds, and their verdicts."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,19 +11,19 @@ from speed_trials import FLOORS
 
 @dataclass(frozen=True)
 class Verdict:
-    """A number, its bound, and whether the seconds behind it are reliable."""
+    """A measured value, its bounds, and whether its times are reliable."""
 
-    what: str
-    found: float
+    title: str
+    value: float
     is_steady: bool
-    most: float | None = None
-    least: float | None = None
+    maximum: float | None = None
+    minimum: float | None = None
 
     @property
     def holds(self) -> bool:
-        """Whether it is within its bound."""
-        return (self.most is None or self.found <= self.most) and (
-            self.least is None or self.found >= self.least
+        """Whether the value is within its bounds."""
+        return (self.maximum is None or self.value <= self.maximum) and (
+            self.minimum is None or self.value >= self.minimum
         )
 
     def as_dict(self) -> dict[str, Any]:
@@ -43,8 +43,8 @@ class Bound:
     coder: str
     ratio: str
     task: str
-    most: float | None = None
-    least: float | None = None
+    maximum: float | None = None
+    minimum: float | None = None
 
 
 RATIO_NAMES = {
@@ -55,26 +55,26 @@ RATIO_NAMES = {
 OTHERS: dict[str, tuple[str, ...]] = {"by_draco": (DRACO,), "by_floor": FLOORS, "by_serial": ()}
 
 BOUNDS = [
-    Bound("samba", reel_name(DEFAULT_EFFORT), "by_draco", "encode", most=1 / 3),
-    Bound("samba", reel_name(DEFAULT_EFFORT), "by_draco", "decode", most=1 / 4),
-    Bound("samba", reel_name(DEFAULT_EFFORT), "by_floor", "encode", most=8.0),
-    Bound("samba", reel_name(DEFAULT_EFFORT), "by_floor", "decode", most=5.0),
-    Bound("samba", reel_name(DEFAULT_EFFORT), "by_serial", "decode", least=100.0),
-    Bound("samba", reel_name(FAST_EFFORT), "by_draco", "encode", most=1 / 3),
-    Bound("samba", reel_name(FAST_EFFORT), "by_draco", "decode", most=1 / 4),
+    Bound("samba", reel_name(DEFAULT_EFFORT), "by_draco", "encode", maximum=1 / 3),
+    Bound("samba", reel_name(DEFAULT_EFFORT), "by_draco", "decode", maximum=1 / 4),
+    Bound("samba", reel_name(DEFAULT_EFFORT), "by_floor", "encode", maximum=8.0),
+    Bound("samba", reel_name(DEFAULT_EFFORT), "by_floor", "decode", maximum=5.0),
+    Bound("samba", reel_name(DEFAULT_EFFORT), "by_serial", "decode", minimum=100.0),
+    Bound("samba", reel_name(FAST_EFFORT), "by_draco", "encode", maximum=1 / 3),
+    Bound("samba", reel_name(FAST_EFFORT), "by_draco", "decode", maximum=1 / 4),
 ]
-MOST_EXPONENT = {"vertices": 1.25, "frames": 1.2}
+MAX_EXPONENT = {"vertices": 1.25, "frames": 1.2}
 
 
 def verdicts_on(result: Mapping[str, Any]) -> list[Verdict]:
-    """Verdicts on the coders that were timed on a sequence."""
+    """Verdicts for the coders timed on a sequence."""
     return [
         Verdict(
             f"{bound.sequence}, {bound.coder}: {RATIO_NAMES[bound.ratio].format(task=bound.task)}",
             result[bound.ratio][bound.coder][bound.task],
             is_steady(result, bound),
-            bound.most,
-            bound.least,
+            bound.maximum,
+            bound.minimum,
         )
         for bound in BOUNDS
         if bound.sequence == result["sequence"]
@@ -83,7 +83,7 @@ def verdicts_on(result: Mapping[str, Any]) -> list[Verdict]:
 
 
 def is_steady(result: Mapping[str, Any], bound: Bound) -> bool:
-    """Whether the seconds of the coder and of one it is compared with are reliable."""
+    """Whether the times of the coder and of at least one reference are reliable."""
     runs_s, others = result["runs_s"], OTHERS[bound.ratio]
     return not is_unsteady(runs_s[bound.coder][bound.task]) and (
         not others or not all(is_unsteady(runs_s[name][bound.task]) for name in others)
@@ -91,14 +91,14 @@ def is_steady(result: Mapping[str, Any], bound: Bound) -> bool:
 
 
 def verdicts_on_growth(growth: Mapping[str, Any]) -> list[Verdict]:
-    """Verdicts on the exponents of a series."""
-    most = MOST_EXPONENT[growth["of"]]
+    """Verdicts for the exponents of a series."""
+    maximum = MAX_EXPONENT[growth["of"]]
     return [
         Verdict(
             f"{growth['coder']}: {task} grows with {growth['of']} to the power",
             exponent,
-            not any(is_unsteady(own[task]) for own in growth["runs_s"].values()),
-            most,
+            not any(is_unsteady(runs[task]) for runs in growth["runs_s"].values()),
+            maximum,
         )
         for task, exponent in growth["exponents"].items()
     ]

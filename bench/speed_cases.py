@@ -1,4 +1,4 @@
-"""All that is measured of one sequence."""
+"""All measurements of one sequence."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +13,7 @@ from speed_trials import FLOORS, Trial, floor_tasks, serial_seconds
 
 @dataclass(frozen=True)
 class Plan:
-    """The measurements to make on a sequence.
+    """The measurements of a sequence.
 
     Attributes
     ----------
@@ -62,15 +62,15 @@ def timed(sequence: meshreel.MeshSequence, trials: list[Trial], plan: Plan) -> d
     tasks = floor_tasks(sequence, plan.n_modes)
     tasks |= {trial.coder.name: trial.tasks() for trial in trials}
     runs = timed_in_turn(tasks, plan.patience)
-    found = medians(runs)
-    of_coders = {trial.coder.name: found[trial.coder.name] for trial in trials}
-    least = {task: min(found[name][task] for name in FLOORS) for task in found[FLOORS[0]]}
+    seconds = medians(runs)
+    of_coders = {trial.coder.name: seconds[trial.coder.name] for trial in trials}
+    floor = {task: min(seconds[name][task] for name in FLOORS) for task in seconds[FLOORS[0]]}
     return {
         "n_rounds": len(runs[FLOORS[0]]["encode"]),
         "size_bytes": {trial.coder.name: len(trial.data) for trial in trials},
-        "seconds": found,
-        "by_draco": ratios(of_coders, found[DRACO]),
-        "by_floor": ratios(of_coders, least),
+        "seconds": seconds,
+        "by_draco": ratios(of_coders, seconds[DRACO]),
+        "by_floor": ratios(of_coders, floor),
         "runs_s": runs,
     }
 

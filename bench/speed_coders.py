@@ -1,4 +1,4 @@
-"""Coders whose speeds are compared: our methods, and Draco on every frame for itself."""
+"""Coders in the speed comparison: our methods, and Draco on each frame separately."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ DRACO = "Draco"
 DEFAULT_EFFORT, FAST_EFFORT = 5, 1
 
 FrameAt = Callable[[int], Vertices]
-"""Gives the positions of a frame, by its number, from a stream that was opened."""
+"""Returns the positions of a frame, by number, from an opened stream."""
 
 
 class Coder(Protocol):
@@ -27,7 +27,7 @@ class Coder(Protocol):
         """Its name in the table."""
 
     def prepare(self, sequence: meshreel.MeshSequence) -> meshreel.MeshSequence:
-        """The sequence that is encoded in its place; not timed."""
+        """The sequence to encode instead; not timed."""
 
     def encode(self, sequence: meshreel.MeshSequence) -> bytes:
         """The prepared sequence as bytes."""
@@ -41,7 +41,7 @@ class Coder(Protocol):
 
 @dataclass(frozen=True)
 class OwnMethod:
-    """A method of ours with some options."""
+    """One of our methods with options."""
 
     name: str
     method: str
@@ -66,7 +66,7 @@ class OwnMethod:
 
 @dataclass(frozen=True)
 class DracoFrames:
-    """Draco through DracoPy; each frame carries its connectivity."""
+    """Draco through DracoPy; every frame contains the connectivity."""
 
     name: str = DRACO
     level: int = LEVEL
@@ -74,7 +74,7 @@ class DracoFrames:
     codec: Draco = field(default_factory=Draco, repr=False)
 
     def prepare(self, sequence: meshreel.MeshSequence) -> meshreel.MeshSequence:
-        """The sequence in float32, equal positions set apart: every frame keeps its vertices."""
+        """The sequence in float32 with distinct positions, so that Draco keeps all vertices."""
         return self.codec.prepare(sequence)
 
     def encode(self, sequence: meshreel.MeshSequence) -> bytes:
@@ -97,7 +97,7 @@ def reel_name(effort: int) -> str:
 
 
 def reel_coder(effort: int) -> OwnMethod:
-    """`reel` at this effort, its quality the default: nothing is searched for."""
+    """`reel` at this effort and default quality, which needs no search."""
     return OwnMethod(reel_name(effort), "reel", {"effort": effort})
 
 

@@ -24,16 +24,16 @@ SERIES: dict[str, list[Source]] = {
 
 
 def growth(of: str, coder: Coder, patience: Patience) -> dict[str, Any]:
-    """Medians of encoding and decoding by size, and the exponents that fit them best."""
+    """Medians of encoding and decoding by size, and the exponents of their growth."""
     sequences = [source() for source in SERIES[of]]
     with TemporaryDirectory() as folder:
         trials = [Trial(coder, sequence, Path(folder)) for sequence in sequences]
         labels = [f"{sequence.n_verts} x {sequence.n_frames}" for sequence in sequences]
         tasks = {label: trial.coding_tasks() for label, trial in zip(labels, trials, strict=True)}
         runs = timed_in_turn(tasks, patience)
-    found = list(medians(runs).values())
+    seconds = list(medians(runs).values())
     sizes = [size_of(sequence, of) for sequence in sequences]
-    by_task = {task: [own[task] for own in found] for task in found[0]}
+    by_task = {task: [times[task] for times in seconds] for task in seconds[0]}
     return {
         "of": of,
         "coder": coder.name,
@@ -53,10 +53,10 @@ def size_of(sequence: meshreel.MeshSequence, of: str) -> int:
 
 
 def exponent(sizes: Sequence[float], seconds: Sequence[float]) -> float:
-    """Slope of the line through logarithms, by least squares."""
+    """Least-squares slope on logarithmic axes."""
     return float(np.polyfit(np.log(sizes), np.log(seconds), 1)[0])
 
 
 def steepest(sizes: Sequence[float], seconds: Sequence[float]) -> float:
-    """The largest slope from one size to the next: a fit over all may hide a jump."""
+    """The largest slope between consecutive sizes, which a global fit may hide."""
     return float(np.max(np.diff(np.log(seconds)) / np.diff(np.log(sizes))))

@@ -1,6 +1,6 @@
-"""The sequences that speeds are measured on: files, the embedded flag, and a waving sphere.
+"""Sequences for speed measurements: files, the embedded flag, and a waving sphere.
 
-Each is a function that makes the sequence, so that a run holds one at a time.
+Each source is a function that returns the sequence, so that only one is in memory at a time.
 """
 
 import argparse
@@ -17,7 +17,7 @@ Source = Callable[[], meshreel.MeshSequence]
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
-# Each travels along its vector, which is its angular wavenumber in a unit sphere.
+# Angular wave vectors in a unit sphere.
 WAVE_VECTORS = np.array([[3.0, 1.0, 0.0], [0.0, 4.0, 2.0], [-2.0, 0.0, 6.0], [5.0, -5.0, 3.0]])
 WAVE_HEIGHTS = np.array([0.08, 0.05, 0.03, 0.015])
 WAVES_PER_S = np.array([0.5, 0.8, 1.1, 1.7])
@@ -25,7 +25,7 @@ FPS = 30.0
 
 LONGEST_FLAG = 5000
 LARGE_SPHERE = (7, 100)
-"""Subdivisions, which make 163,842 vertices, and frames."""
+"""Subdivisions (163,842 vertices) and frames."""
 
 
 def add_inputs(parser: argparse.ArgumentParser) -> None:
@@ -39,12 +39,12 @@ def add_inputs(parser: argparse.ArgumentParser) -> None:
 
 
 def sources(options: argparse.Namespace) -> list[Source]:
-    """Sources of the sequences asked for: files first, then flags, then spheres."""
-    found: list[Source] = [partial(meshreel.load, path) for path in options.inputs]
-    found += [partial(subdivided_once, path) for path in options.subdivided]
-    found += [partial(meshreel.simulate_flag, n_frames) for n_frames in options.flag]
-    found += [partial(waving_sphere, *counts) for counts in options.sphere]
-    return found or [meshreel.simulate_flag]
+    """Sources of the requested sequences: files, then flags, then spheres."""
+    requested: list[Source] = [partial(meshreel.load, path) for path in options.inputs]
+    requested += [partial(subdivided_once, path) for path in options.subdivided]
+    requested += [partial(meshreel.simulate_flag, n_frames) for n_frames in options.flag]
+    requested += [partial(waving_sphere, *counts) for counts in options.sphere]
+    return requested or [meshreel.simulate_flag]
 
 
 def standard_sources(data: Path) -> list[Source]:
@@ -64,7 +64,7 @@ def first_frames(sequence: meshreel.MeshSequence, n_frames: int) -> meshreel.Mes
 
 
 def long_flag(n_frames: int) -> meshreel.MeshSequence:
-    """The embedded flag with up to `LONGEST_FLAG` frames, which are simulated once."""
+    """The embedded flag with up to `LONGEST_FLAG` frames, simulated once."""
     return first_frames(_longest_flag(), n_frames)
 
 
@@ -84,7 +84,7 @@ def subdivided_once(path: str | Path) -> meshreel.MeshSequence:
 
 
 def waving_sphere(n_subdivisions: int, n_frames: int) -> meshreel.MeshSequence:
-    """A unit icosphere of 10 4^n + 2 vertices, whose radius is modulated by travelling waves."""
+    """A unit icosphere of 10 4^n + 2 vertices, whose radius is modulated by traveling waves."""
     directions, faces = icosphere(n_subdivisions)
     phases = directions @ WAVE_VECTORS.T
     vertices = np.empty((n_frames, len(directions), 3), np.float32)
@@ -113,7 +113,7 @@ def icosphere(n_subdivisions: int) -> tuple[Floats, npt.NDArray[np.int32]]:
 
 
 def quartered(faces: Integers, n_verts: int) -> tuple[Integers, Integers]:
-    """Ends of every edge, of shape (E, 2), and four faces for each: edge e has vertex V + e."""
+    """Split faces in four: edges of shape (E, 2) and new faces, with vertex V + e on edge e."""
     sides = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]], axis=-1)
     edges, edge_of_side = np.unique(sides @ [n_verts, 1], return_inverse=True)
     ends = np.stack(np.divmod(edges, n_verts), axis=1)
@@ -123,6 +123,6 @@ def quartered(faces: Integers, n_verts: int) -> tuple[Integers, Integers]:
 
 
 def unit(vectors: Floats) -> Floats:
-    """The vectors normalised to length 1."""
+    """The vectors normalized to length 1."""
     scaled: Floats = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
     return scaled

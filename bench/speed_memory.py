@@ -1,4 +1,4 @@
-"""Peak memory of encoding and decoding, each in a process of its own."""
+"""Peak memory of encoding and decoding, each in a separate process."""
 
 import multiprocessing
 import resource
@@ -19,9 +19,9 @@ PROCESSES = multiprocessing.get_context("forkserver")
 
 
 def peaks_mib(coder: Coder, sequence: meshreel.MeshSequence) -> dict[str, dict[str, float]]:
-    """Largest resident set of encoding and of decoding, and that before the work, in MiB.
+    """Peak resident set before and after encoding and decoding, in MiB.
 
-    Both are of the whole process, Python, NumPy and the prepared input included.
+    Values are of the whole process, including Python, NumPy and the prepared input.
     """
     with TemporaryDirectory() as folder:
         np.save(Path(folder) / "vertices.npy", sequence.vertices)
@@ -33,13 +33,13 @@ def peaks_mib(coder: Coder, sequence: meshreel.MeshSequence) -> dict[str, dict[s
 
 
 def in_child(work: Callable[..., Any], *arguments: Any) -> Any:
-    """The value that the work returns in a new process."""
+    """Run the work in a new process, and return its result."""
     with ProcessPoolExecutor(1, mp_context=PROCESSES) as pool:
         return pool.submit(work, *arguments).result()
 
 
 def encode_peak_mib(coder: Coder, folder: Path) -> dict[str, float]:
-    """Peaks before and after encoding the stored arrays; the bytes are stored, too."""
+    """Encode the stored arrays, store the bytes, and return the peaks before and after."""
     vertices, faces = np.load(folder / "vertices.npy"), np.load(folder / "faces.npy")
     sequence = meshreel.MeshSequence(vertices, faces)
     before = peak_mib()
@@ -50,7 +50,7 @@ def encode_peak_mib(coder: Coder, folder: Path) -> dict[str, float]:
 
 
 def decode_peak_mib(coder: Coder, folder: Path) -> dict[str, float]:
-    """Peaks before and after decoding the stored bytes."""
+    """Decode the stored bytes, and return the peaks before and after."""
     data = (folder / "stream").read_bytes()
     shape = np.load(folder / "vertices.npy", mmap_mode="r").shape
     before = peak_mib()

@@ -1,4 +1,4 @@
-"""Figures of a speed run as Markdown."""
+"""Results of a speed run as Markdown."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -25,8 +25,8 @@ def machine_text(about: Mapping[str, Any]) -> str:
     return (
         f"{machine_line(about['machine'])}. Threads: {about['threads']}. Floors of "
         f"{about['n_modes_of_floor']} modes for each axis; ratios are to the faster of the two. "
-        "First frame: from the stored stream to its first frame; random frame: the one in the "
-        "middle, of a stream that was just opened; next frame: the one after it."
+        "First frame: from the stored stream to its first frame; random frame: the middle frame of "
+        "a newly opened stream; next frame: the frame after it."
     )
 
 
@@ -54,7 +54,7 @@ def case_heading(result: Mapping[str, Any]) -> str:
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Markdown, the first column to the left and the others to the right."""
+    """A Markdown table with a left-aligned first column and right-aligned others."""
     lines = [header, ["---"] + ["---:"] * (len(header) - 1), *rows]
     return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
 
@@ -72,7 +72,7 @@ def ratio_cells(result: Mapping[str, Any], name: str) -> list[str]:
 
 
 def cell(figures: Mapping[str, float], key: str, how: str) -> str:
-    """A figure, or a dash where there is none."""
+    """A formatted value, or a dash if it is missing."""
     return format(figures[key], how) if key in figures else "-"
 
 
@@ -95,12 +95,12 @@ def serial_lines(serial: Mapping[str, Any] | None) -> list[str]:
 
 
 def unsteady_lines(runs_s: Mapping[str, Mapping[str, list[float]]]) -> list[str]:
-    """A note on runs that differ so much that they were disturbed, if any do."""
+    """A note on unsteady runs, if any."""
     said = [
-        f"{name}, {task}: {min(own[task]):.4f} to {max(own[task]):.4f} s"
-        for name, own in runs_s.items()
+        f"{name}, {task}: {min(runs[task]):.4f} to {max(runs[task]):.4f} s"
+        for name, runs in runs_s.items()
         for task in CODING
-        if is_unsteady(own[task])
+        if is_unsteady(runs[task])
     ]
     return [f"Unsteady, not to be relied on: {'; '.join(said)}."] if said else []
 
@@ -116,9 +116,9 @@ def growth_report(growth: Mapping[str, Any]) -> str:
         [label, *(f"{growth['seconds'][task][i]:.4f}" for task in CODING)]
         for i, label in enumerate(growth["runs_s"])
     ]
-    for what in ("exponents", "steepest_exponents"):
-        name = what.replace("_", " ").removesuffix("s")
-        rows.append([name, *(f"{growth[what][task]:.3f}" for task in CODING)])
+    for key in ("exponents", "steepest_exponents"):
+        name = key.replace("_", " ").removesuffix("s")
+        rows.append([name, *(f"{growth[key][task]:.3f}" for task in CODING)])
     parts = [
         f"## Growth with {growth['of']}: {growth['coder']}\n\n"
         f"{', '.join(growth['sequences'])}. Medians of {growth['n_rounds']} rounds, all sizes in "
@@ -135,7 +135,7 @@ def summary(results: Sequence[Mapping[str, Any]], verdicts: Sequence[Verdict], c
     rows = [summary_row(result, coder) for result in results if coder in result["seconds"]]
     parts = [f"## Summary: {coder}", table(SUMMARY_HEADER, rows)] if rows else ["## Summary"]
     if verdicts:
-        parts.append(table(["bound", "found", "allowed", "holds"], map(verdict_row, verdicts)))
+        parts.append(table(["bound", "value", "allowed", "holds"], map(verdict_row, verdicts)))
     return "\n\n".join(parts) + "\n"
 
 
@@ -152,6 +152,6 @@ def summary_row(result: Mapping[str, Any], coder: str) -> list[str]:
 
 def verdict_row(verdict: Verdict) -> list[str]:
     """The cells of one bound."""
-    allowed = f"<= {verdict.most:g}" if verdict.most is not None else f">= {verdict.least:g}"
+    allowed = f">= {verdict.minimum:g}" if verdict.maximum is None else f"<= {verdict.maximum:g}"
     holds = ("yes" if verdict.holds else "NO") + ("" if verdict.is_steady else ", unsteady")
-    return [verdict.what, f"{verdict.found:.3f}", allowed, holds]
+    return [verdict.title, f"{verdict.value:.3f}", allowed, holds]

@@ -1,4 +1,4 @@
-"""Seconds of tasks that take turns, and their medians and ratios."""
+"""Times of alternating tasks, their medians and ratios."""
 
 import os
 import time
@@ -13,16 +13,16 @@ Tasks = dict[str, Callable[[], Any]]
 Seconds = dict[str, dict[str, float]]
 Runs = dict[str, dict[str, list[float]]]
 
-LEAST_ROUNDS = 3
+MIN_ROUNDS = 3
 UNSTEADY = 1.5
-"""Ratio of the slowest to the fastest run above which runs count as disturbed."""
+"""Runs are unsteady if the slowest exceeds the fastest by this factor."""
 
 THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @dataclass(frozen=True)
 class Patience:
-    """Limits of measuring: a number of rounds, or fewer (at least three) in a time budget."""
+    """Limit of rounds, and a time budget that applies after three rounds."""
 
     most_rounds: int
     budget_s: float
@@ -36,10 +36,10 @@ def seconds(work: Callable[[], Any]) -> float:
 
 
 def timed_in_turn(tasks: dict[str, Tasks], patience: Patience) -> Runs:
-    """Seconds of every run of every task; a round that is not counted comes first."""
+    """Time all tasks in alternating rounds after a warm-up round."""
     rounds: list[Seconds] = []
     start = time.perf_counter()
-    while len(rounds) <= LEAST_ROUNDS or (
+    while len(rounds) <= MIN_ROUNDS or (
         len(rounds) <= patience.most_rounds and time.perf_counter() - start < patience.budget_s
     ):
         rounds.append(
@@ -68,7 +68,7 @@ def ratios(seconds_of: Seconds, base: dict[str, float]) -> Seconds:
 
 
 def is_unsteady(runs: list[float]) -> bool:
-    """Whether the runs of a task differ too much to be reliable."""
+    """Whether the times of a task differ too much to be reliable."""
     return max(runs) > UNSTEADY * min(runs)
 
 

@@ -1,4 +1,4 @@
-"""Tasks timed on a sequence: every coder, the floors, and decoding as the paper states it."""
+"""Timed tasks on a sequence: coders, floors, and the paper's serial decoding."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -19,13 +19,13 @@ FLOORS = ("floor, all BLAS threads", "floor, one BLAS thread")
 SERIAL_METHOD = "pca-qs"
 SERIAL_BUDGET_S = 30.0
 SERIAL_FRAMES = 250
-"""Largest number of frames of the serial method: modes of many more take minutes."""
+"""Limit of frames for the serial method, whose eigen-decomposition takes minutes beyond."""
 
 
 class Trial:
     """A coder on a sequence; it decodes its last encoding.
 
-    The frame in the middle is read from a newly opened stream, then the next one.
+    Random access reads the middle frame of a newly opened stream, then the next one.
     """
 
     def __init__(self, coder: Coder, sequence: meshreel.MeshSequence, folder: Path) -> None:
@@ -36,11 +36,11 @@ class Trial:
         self.data = b""
 
     def encode(self) -> None:
-        """The timed part of it."""
+        """Encode and store the stream."""
         self.data = self.coder.encode(self.sequence)
 
     def open(self) -> None:
-        """Ready to give frames."""
+        """Open the stored stream."""
         self.frame_at = self.coder.open(self.path, self.shape)
 
     def coding_tasks(self) -> Tasks:
@@ -61,16 +61,16 @@ class Trial:
 
 
 def floor_tasks(sequence: meshreel.MeshSequence, n_modes: int) -> dict[str, Tasks]:
-    """The least work that no encoder or decoder by modes can avoid.
+    """The minimal work of a modal encoder and decoder.
 
-    To encode, the smaller Gram matrix and one projection for each axis; to decode, the product of
-    basis and coefficients for each axis, and writing the frames. Both with the threads of BLAS and
-    without: the threads spin while waiting, which takes far longer if other programs run.
+    Encoding: the smaller Gram matrix and one projection for each axis. Decoding: the product of
+    basis and coefficients for each axis, and writing the frames. Each with one and with all BLAS
+    threads, which spin while waiting and are much slower on a busy machine.
     """
     frame = bounding_frame(sequence.extent)
     matrices = to_matrices(sequence.vertices, frame)
     n_frames, n_verts = matrices.shape[1:]
-    # Any orthonormal basis: its numbers do not change the seconds.
+    # Any orthonormal basis: time does not depend on its values.
     columns = np.random.default_rng(0).normal(size=(3, n_frames, min(n_modes, n_frames)))
     basis = np.linalg.qr(columns).Q
     coefficients = project(basis, matrices)
@@ -97,8 +97,7 @@ def floor_tasks(sequence: meshreel.MeshSequence, n_modes: int) -> dict[str, Task
 def serial_seconds(sequence: meshreel.MeshSequence, n_modes: int) -> dict[str, Any]:
     """Seconds of decoding with a solve for each frame, timed once.
 
-    If that takes too long, only some frames are decoded and the others extrapolated; `n_timed` is
-    the number of decoded frames.
+    If that takes too long, only `n_timed` frames are decoded and the total is extrapolated.
     """
     head = first_frames(sequence, SERIAL_FRAMES)
     data = meshreel.encode(head, SERIAL_METHOD, n_modes=min(n_modes, head.n_frames))

@@ -1,14 +1,14 @@
-"""Measure the figures of docs/paper.md and of README's comparison, and store them in docs/results.
+"""Measure the results in docs/paper.md and README, and store them in docs/results.
 
     python bench/stored_results.py paper samba.npz cow.npz --flag 1000 --work runs
     python bench/stored_results.py codecs samba.npz cow.npz --reference points.csv --work runs
     python bench/stored_results.py choices samba.npz cow.npz
     python bench/stored_results.py checks
 
-They replace docs/results/paper.json and so on, with the commit that they measured; `checks`
-measures the small flag that tests measure again. `python docs/result_tables.py --write`
-then brings the pages up to date. Runs that the folder `--work` already holds are not repeated, so a
-folder serves one commit only. Set OPENBLAS_NUM_THREADS=1 for processor seconds of one core.
+Writes docs/results/paper.json and others, with the run_study commit; `checks` measures the small
+flag that tests re-encode. `python docs/result_tables.py --write` then updates the pages. Results
+in the folder `--work` are reused, so use a new folder for each commit. Set OPENBLAS_NUM_THREADS=1
+for processor seconds on one core.
 """
 
 import argparse
@@ -41,11 +41,11 @@ from meshreel.paper.sweeps import COEFFICIENTS, PRESETS
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "docs" / "results"
 CHECK_FRAMES = 60
-"""Frames of the flag that tests encode again."""
+"""Frames of the flag that tests re-encode."""
 
 N_TIMES = 5
 LARGE = 150
-"""Vertices along each side of the flag on which the per-mesh solve is tried: 22,500 in all."""
+"""Vertices along each side of the flag for the per-mesh solve: 22,500 in total."""
 
 ANCHOR_CASES = (
     ("samba", 60, "pca-qp", (4, 8, 20)),
@@ -53,36 +53,36 @@ ANCHOR_CASES = (
     ("samba", None, "blocks", (4,)),
     ("cow", None, "blocks", (4,)),
 )
-"""Sequence, frames, method and modes for which both kinds of anchors are compared at 8 bits."""
+"""Sequence, frames, method and modes of the comparison of both kinds of anchors at 8 bits."""
 
 
 def commit() -> str:
-    """The commit of the checkout, marked where files of the codec differ from it."""
+    """The commit of the checkout, with a mark if files of the codec differ from it."""
     is_changed = git("status", "--porcelain", "--", "src", "core")
     return git("rev-parse", "--short=12", "HEAD") + ("+" if is_changed else "")
 
 
 def git(*words: str) -> str:
-    """What a git command prints about the checkout."""
+    """Output of a git command in the checkout."""
     command = ["git", "-C", str(ROOT), *words]
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
 
 
 def store(name: str, figures: dict[str, Any]) -> None:
-    """Write a file of results with the commit and the machine that made them."""
+    """Write a file of results with the commit and the machine."""
     text = json.dumps({"commit": commit(), "machine": machine_facts(), **figures}, indent=1)
     (RESULTS / f"{name}.json").write_text(text + "\n", encoding="utf-8")
 
 
-def measured(study: Study[Any], sequence: MeshSequence, folder: Path) -> Any:
-    """The results of a study on one sequence."""
+def run_study(study: Study[Any], sequence: MeshSequence, folder: Path) -> Any:
+    """Run a study on one sequence."""
     subject = Subject(sequence, file_name(sequence.name), Store.for_sequence(folder, sequence))
     return measure(study, subject, lambda stage, _: print(f"  {stage}", flush=True))
 
 
 def paper_figures(sequence: MeshSequence, folder: Path) -> dict[str, Any]:
     """Tables, verdicts and curves of a sequence."""
-    results: PaperResults = measured(PaperStudy(), sequence, folder)
+    results: PaperResults = run_study(PaperStudy(), sequence, folder)
     figures = results.as_dict()
     figures["findings"] = [{**asdict(one), "verdict": one.verdict} for one in findings(results)]
     figures["decompositions"] = None
@@ -93,14 +93,14 @@ def paper_figures(sequence: MeshSequence, folder: Path) -> dict[str, Any]:
 
 
 def printed_preset(sequence: MeshSequence, folder: Path) -> list[dict[str, Any]]:
-    """Rows of Table I with the modes and bits that are close to the printed rates."""
+    """Rows of Table I with modes and bits close to the printed rates."""
     study = PaperStudy(("pca", "pca-q", "v2v", "pca-qp", "blocks"), True, PRESETS["printed"])
-    results = measured(study, sequence, folder)
+    results = run_study(study, sequence, folder)
     return [summary(one) for one in results.variants]
 
 
 def anchor_rows(sequences: Sequence[MeshSequence]) -> list[dict[str, Any]]:
-    """KG errors and rates of both kinds of anchors, from real streams."""
+    """KG errors and rates of streams with both kinds of anchors."""
     by_name = {sequence.name: sequence for sequence in sequences}
     rows = []
     for name, n_frames, method, mode_counts in ANCHOR_CASES:
@@ -151,7 +151,7 @@ def large_mesh(folder: Path) -> dict[str, Any]:
 
 
 def processor_seconds(work: Callable[[], Any]) -> float:
-    """Median processor seconds of some calls."""
+    """Median processor seconds of repeated calls."""
     found = []
     for _ in range(N_TIMES):
         start = time.process_time()
@@ -178,10 +178,10 @@ def default_figures(sequence: MeshSequence) -> dict[str, Any]:
 
 
 def codec_figures(sequence: MeshSequence, folder: Path, reference: Path | None) -> dict[str, Any]:
-    """Default figures, and BD-rates of `reel` against `pca-qp` and FAMC."""
+    """Results with default options, and BD-rates of `reel` relative to `pca-qp` and FAMC."""
     recorded = read_recorded(reference) if reference else []
     study = CodecStudy(("reel", "pca-qp"), (), recorded)
-    results: CodecResults = measured(study, sequence, folder)
+    results: CodecResults = run_study(study, sequence, folder)
     kg, sted = results.curves("kg_error_percent"), results.curves("sted")
     more_anchors = [
         point(sequence, "pca-qp", n_modes=n_modes, bits=bits, anchors=share)
@@ -207,7 +207,7 @@ def codec_figures(sequence: MeshSequence, folder: Path, reference: Path | None) 
 
 
 def choice_figures(sequence: MeshSequence) -> dict[str, Any]:
-    """Laplacians and shares of anchors of `pca-qp`, and bits of `v2v`."""
+    """Results of `pca-qp` by Laplacian and fraction of anchors, and of `v2v` by bits."""
     curves = {
         laplacian: [
             point(sequence, "pca-qp", n_modes=MODES, bits=bits, laplacian=laplacian)
@@ -242,7 +242,7 @@ VERTEX_BITS = (9, 10, 11, 12, 13)
 
 
 def point(sequence: MeshSequence, method: str, **options: Any) -> dict[str, float]:
-    """Rate of a stream with the order dropped, and its errors."""
+    """Rate of a stream without vertex order, and its errors."""
     data = meshreel.encode(sequence, method, order="drop", **options)
     kept = meshreel.decode(meshreel.encode(sequence, method, **options))
     quality = meshreel.compare(sequence, kept)
@@ -254,7 +254,7 @@ def point(sequence: MeshSequence, method: str, **options: Any) -> dict[str, floa
 
 
 MORE_ANCHORS = (0.03, 0.1)
-"""Shares of anchors that the paper does not use."""
+"""Fractions of anchors that the paper does not use."""
 
 
 def check_figures() -> dict[str, Any]:
@@ -278,11 +278,11 @@ CHECKED: dict[str, dict[str, Any]] = {
     "v2v": {"n_modes": 20, "bits": 11},
     "blocks": {"n_modes": 4, "bits": 8, "block_frames": 20},
 }
-"""Options of the streams that tests make again."""
+"""Options of the streams that tests re-encode."""
 
 
 def main() -> None:
-    """Measure what the command line names, and store it."""
+    """Measure and store the requested results."""
     parser = argparse.ArgumentParser(description="Measure and store figures of the documentation.")
     parser.add_argument("what", choices=("paper", "codecs", "choices", "checks"))
     parser.add_argument("inputs", nargs="*", help="sequences")

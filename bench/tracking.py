@@ -1,15 +1,14 @@
-"""When a tracked basis beats a fresh decomposition, in time and in bits.
+"""Compare tracked bases with separate decompositions of each block, in time and in bits.
 
     python bench/tracking.py basis samba.npz cow.npz --flag 2000 --out basis.json
     python bench/tracking.py bits samba.npz cow.npz --flag 400 --loop horse_gallop.npz
     python bench/tracking.py reel samba.npz cow.npz --flag 400
 
-`basis`: milliseconds for the basis of one block (x, y and z), by the decomposition of R and by
-orthogonal iterations from the block before, and how good the tracked basis is.
-`bits`: files of `blocks` against those of `pca-qp` cut into the same blocks.
-`reel`: what the temporal bases take of files of `reel` in blocks.
-Sequences are cut to whole blocks, two at least, whose frames must be more than the modes. One BLAS
-thread.
+`basis`: milliseconds for the basis of one block (x, y and z), by decomposition of R and by
+orthogonal iterations from the previous block, and the quality of the tracked basis.
+`bits`: files of `blocks` relative to `pca-qp` with the same blocks.
+`reel`: the share of temporal bases in files of `reel` with blocks.
+Sequences are cut to at least two whole blocks, with more frames than modes. One BLAS thread.
 """
 
 import argparse
@@ -48,14 +47,14 @@ PARTS = {
 
 
 def looped(path: str) -> meshreel.MeshSequence:
-    """The frames of a file again and again: blocks of its length repeat exactly."""
+    """The frames of a file, repeated: blocks of its length are identical."""
     once = meshreel.load(path)
     frames = once.vertices[[*range(once.n_frames)] * LOOPS]
     return meshreel.MeshSequence(frames, once.faces, once.fps, f"{once.name}, looped")
 
 
 def cases(options: argparse.Namespace) -> Iterator[tuple[Source, list[int]]]:
-    """Sequences, and the block lengths to cut each into."""
+    """Yield sequences and their block lengths."""
     chosen = options.block_frames
     for path in options.inputs:
         yield partial(meshreel.load, path), chosen
@@ -66,7 +65,7 @@ def cases(options: argparse.Namespace) -> Iterator[tuple[Source, list[int]]]:
 
 
 def results(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
-    """Measurements on every sequence and block length that fit each other."""
+    """Yield measurements of every valid combination of sequence and block length."""
     for source, lengths in cases(options):
         sequence = source()
         for length in lengths:

@@ -24,7 +24,7 @@ PATIENCE = Patience(most_rounds=30, budget_s=1.0)
 ITERATIONS = (1, 2, 4)
 CHAINED = (0, 1, 2, 4, 8, 16)
 USEFUL_PERCENT = 1.0
-"""Largest excess error, in percent, of a tracked basis that counts as useful."""
+"""Largest excess error, in percent, of a useful tracked basis."""
 
 
 def measured(sequence: meshreel.MeshSequence, length: int, all_modes: list[int]) -> dict[str, Any]:
@@ -51,7 +51,7 @@ def measured(sequence: meshreel.MeshSequence, length: int, all_modes: list[int])
 def milliseconds(
     blocks: list[Floats], correlations: list[Floats], n_modes: int
 ) -> dict[str, float]:
-    """Median of every way to the basis of some later blocks, all in turn."""
+    """Median time of every method for the basis of later blocks, in alternating rounds."""
     tasks = {
         str(number): ways(blocks[number], correlations[number - 1], correlations[number], n_modes)
         for number in range(1, min(len(blocks), 1 + TIMED_BLOCKS))
@@ -64,7 +64,7 @@ def milliseconds(
 
 
 def ways(block: Floats, before: Floats, correlation: Floats, n_modes: int) -> Tasks:
-    """R itself, which every way needs, and the ways from R to a basis."""
+    """Tasks: the computation of R, which every method needs, and methods from R to a basis."""
     _, start = eigen_trajectories(before, n_modes)
     found: Tasks = {
         "R": partial(autocorrelation, block),
@@ -77,15 +77,15 @@ def ways(block: Floats, before: Floats, correlation: Floats, n_modes: int) -> Ta
 
 
 def leading_only(correlation: Floats, n_modes: int) -> Floats:
-    """Leading eigenvectors, the others not computed."""
+    """Only the leading eigenvectors."""
     length = correlation.shape[-1]
-    wanted = (length - n_modes, length - 1)
-    found = [eigh(axis, subset_by_index=wanted)[1][:, ::-1] for axis in correlation]
-    return fix_signs(np.stack(found))
+    indices = (length - n_modes, length - 1)
+    vectors = [eigh(axis, subset_by_index=indices)[1][:, ::-1] for axis in correlation]
+    return fix_signs(np.stack(vectors))
 
 
 def tracked(correlation: Floats, start: Floats, n_iterations: int) -> Floats:
-    """The basis of a block as in method `blocks`, without quantisation."""
+    """The basis of a block as in method `blocks`, without quantization."""
     advanced = advance_basis(correlation, start, n_iterations)
     return align_basis(ritz_vectors(correlation, advanced), start)
 
@@ -97,11 +97,11 @@ def chain(correlations: list[Floats], n_modes: int, n_iterations: int) -> dict[s
     -------
     dict with
         "angle_deg": median over blocks and axes of the largest angle to the true subspace;
-        "excess_percent": how much larger the error of projection of later blocks is than with
-        their own eigenvectors.
+        "excess_percent": increase of the projection error of later blocks relative to their
+        eigenvectors.
     """
     _, basis = eigen_trajectories(correlations[0], n_modes)
-    bases = [basis := tracked(one, basis, n_iterations) for one in correlations[1:]]
+    bases = [basis := tracked(matrix, basis, n_iterations) for matrix in correlations[1:]]
     return quality(correlations[1:], bases)
 
 
@@ -111,7 +111,7 @@ def from_cosines(correlations: list[Floats], n_modes: int, n_iterations: int) ->
     cosines = idct(np.eye(length, n_modes), axis=0, norm="ortho")
     start = np.stack([cosines] * 3)
     return quality(
-        correlations[1:], [tracked(one, start, n_iterations) for one in correlations[1:]]
+        correlations[1:], [tracked(matrix, start, n_iterations) for matrix in correlations[1:]]
     )
 
 
@@ -121,20 +121,20 @@ def quality(correlations: list[Floats], bases: list[Floats]) -> dict[str, float]
     for correlation, basis in zip(correlations, bases, strict=True):
         _, best = eigen_trajectories(correlation, basis.shape[-1])
         angles += [subspace_angles(*pair)[0] for pair in zip(basis, best, strict=True)]
-        left += left_out(correlation, basis)
-        least += left_out(correlation, best)
+        left += residual_energy(correlation, basis)
+        least += residual_energy(correlation, best)
     excess = 100 * (np.sqrt(left / least) - 1)
     return {"angle_deg": float(np.rad2deg(median(angles))), "excess_percent": float(excess)}
 
 
-def left_out(correlation: Floats, basis: Floats) -> float:
-    """Energy of a block outside of the span of a basis."""
-    held = np.einsum("atk,ats,ask->", basis, correlation, basis, optimize=True)
-    return float(np.trace(correlation, axis1=1, axis2=2).sum() - held)
+def residual_energy(correlation: Floats, basis: Floats) -> float:
+    """Energy of a block outside the span of a basis."""
+    projected = np.einsum("atk,ats,ask->", basis, correlation, basis, optimize=True)
+    return float(np.trace(correlation, axis1=1, axis2=2).sum() - projected)
 
 
 def encode_seconds(sequence: meshreel.MeshSequence, length: int, n_modes: int) -> dict[str, float]:
-    """Median seconds of whole encodings, with both bases in turn."""
+    """Median seconds of complete encodings with both bases, in alternating rounds."""
     tasks: dict[str, Tasks] = {
         method: {
             "encode": partial(
@@ -172,7 +172,7 @@ def tables(results: list[dict[str, Any]]) -> str:
 
 
 def each(results: list[dict[str, Any]]) -> list[tuple[dict[str, Any], dict[str, Any]]]:
-    """Every case with every number of modes."""
+    """Every combination of case and number of modes."""
     return [(result, modes) for result in results for modes in result["modes"]]
 
 
@@ -184,12 +184,12 @@ def labels(result: Mapping[str, Any], modes: Mapping[str, Any]) -> list[str]:
 def time_row(
     result: Mapping[str, Any], modes: Mapping[str, Any], ways_timed: list[str]
 ) -> list[str]:
-    """Milliseconds of every way."""
+    """Milliseconds of every method."""
     return [*labels(result, modes), *(f"{modes['milliseconds'][way]:.3g}" for way in ways_timed)]
 
 
 def chain_row(result: Mapping[str, Any], modes: Mapping[str, Any]) -> list[str]:
-    """Quality after every number of iterations, and the first that is useful."""
+    """Quality by number of iterations, and the smallest useful number."""
     chains = modes["chains"]
     cells = [f"{one['excess_percent']:.2f} ({one['angle_deg']:.2g})" for one in chains.values()]
     useful = [t for t, one in chains.items() if one["excess_percent"] <= USEFUL_PERCENT]

@@ -1,4 +1,4 @@
-"""Bits of files whose bases are tracked, against those whose blocks are decomposed afresh."""
+"""Bits of files with tracked bases, relative to files that decompose each block."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -39,7 +39,7 @@ SHOWN = "t = 4"
 
 @contextmanager
 def decomposed(variant: str) -> Iterator[None]:
-    """`blocks` finds each basis by a decomposition, for the variant that is named so."""
+    """Patch `blocks` to decompose each block, for the variant of this name."""
     if not variant.startswith("eigh"):
         yield
         return
@@ -48,7 +48,7 @@ def decomposed(variant: str) -> Iterator[None]:
 
 
 def own_basis(correlation: Floats, basis: Floats, n_iterations: int) -> Floats:
-    """The leading eigenvectors, wherever it was to start."""
+    """The leading eigenvectors, independent of the initial basis."""
     return eigen_trajectories(correlation, basis.shape[-1])[1]
 
 
@@ -60,13 +60,13 @@ def measured(sequence: meshreel.MeshSequence, length: int, all_modes: list[int])
             for n_modes in all_modes:
                 for bits in BITS:
                     options = {**choices, "block_frames": length, "n_modes": n_modes, "bits": bits}
-                    found = point(sequence, options)
-                    points.append({"variant": variant, "n_modes": n_modes, "bits": bits, **found})
+                    setting = {"variant": variant, "n_modes": n_modes, "bits": bits}
+                    points.append({**setting, **point(sequence, options)})
     return {"points": points}
 
 
 def point(sequence: meshreel.MeshSequence, options: dict[str, Any]) -> dict[str, Any]:
-    """Bytes of a file without the order, those of the basis of each block, and KG error."""
+    """Bytes of a file without vertex order, bytes of the basis of each block, and KG error."""
     data = meshreel.encode(sequence, order="vertices", **options)
     decoded = meshreel.decode(data)
     return {
@@ -86,17 +86,14 @@ def basis_bytes(data: bytes) -> list[int]:
 def measured_reel(
     sequence: meshreel.MeshSequence, length: int, all_modes: list[int]
 ) -> dict[str, Any]:
-    """Bytes of the temporal bases, without cosines, and of the file, at default quality.
-
-    Cut and whole.
-    """
+    """Bytes of the temporal bases, without cosines, and of the file, with and without blocks."""
     with patch.object(basis_coding, "MIN_COSINE_GAIN", 1.0):
         data = meshreel.encode(sequence, block_frames=length, order="drop")
         whole = meshreel.encode(sequence, order="drop")
     return {
         "size_bytes": len(data),
         "basis_bytes": basis_bytes(data),
-        "difference_bytes": [len(write_basis(one)) for one in differences(temporal_bases(data))],
+        "difference_bytes": list(map(len, map(write_basis, differences(temporal_bases(data))))),
         "uncut_bytes": len(whole),
     }
 
@@ -115,13 +112,13 @@ def temporal_bases(data: bytes) -> list[Integers]:
 
 
 def differences(blocks: list[Integers]) -> list[Integers]:
-    """Time vectors of later blocks, less the most alike of the block before where it is alike."""
-    return [less_alike(block, before) for before, block in pairwise(blocks)]
+    """Time vectors of later blocks minus the most similar vectors of the previous block."""
+    return [subtract_similar(block, before) for before, block in pairwise(blocks)]
 
 
-def less_alike(block: Integers, before: Integers) -> Integers:
-    """Modes of a block, each less that mode before, of either sign, that leaves least of it."""
-    rows, known = (one.reshape(len(one), -1) for one in (block, before))
+def subtract_similar(block: Integers, previous: Integers) -> Integers:
+    """Subtract from each mode the previous mode, of either sign, with the smallest residual."""
+    rows, known = (modes.reshape(len(modes), -1) for modes in (block, previous))
     candidates = np.concatenate([np.zeros_like(known[:1]), known, -known])
     left = np.abs(rows[:, None] - candidates).sum(axis=2)
     return np.asarray((rows - candidates[left.argmin(axis=1)]).reshape(block.shape))
@@ -145,21 +142,21 @@ def tables(results: list[dict[str, Any]]) -> str:
 
 
 def modes_of(result: Mapping[str, Any]) -> list[int]:
-    """Numbers of modes that were tried."""
-    return sorted({one["n_modes"] for one in result["points"]})
+    """The measured numbers of modes."""
+    return sorted({point["n_modes"] for point in result["points"]})
 
 
 def size_row(result: Mapping[str, Any], n_modes: int) -> list[str]:
-    """A tracked file beside a fresh one."""
+    """A file with tracked bases compared with one with decomposed bases."""
     fresh, tracked = (
         next(
-            one
-            for one in result["points"]
-            if (one["variant"], one["n_modes"], one["bits"]) == (variant, n_modes, SHOWN_BITS)
+            run
+            for run in result["points"]
+            if (run["variant"], run["n_modes"], run["bits"]) == (variant, n_modes, SHOWN_BITS)
         )
         for variant in ("fresh", SHOWN)
     )
-    later, later_tracked = (np.mean(one["basis_bytes"][1:]) for one in (fresh, tracked))
+    later, later_tracked = (np.mean(run["basis_bytes"][1:]) for run in (fresh, tracked))
     return [
         *labels(result),
         str(n_modes),
@@ -177,9 +174,9 @@ def rate_row(result: Mapping[str, Any]) -> list[str]:
     """BD-rates of every tracked variant."""
     curves = {
         variant: [
-            (one["size_bytes"], one["kg_percent"])
-            for one in result["points"]
-            if one["variant"] == variant
+            (run["size_bytes"], run["kg_percent"])
+            for run in result["points"]
+            if run["variant"] == variant
         ]
         for variant in VARIANTS
     }
@@ -188,14 +185,14 @@ def rate_row(result: Mapping[str, Any]) -> list[str]:
 
 
 def reel_table(results: list[dict[str, Any]]) -> str:
-    """Rows: the share of the temporal bases, and the cost of cutting into blocks."""
+    """The share of the temporal bases, and the cost of blocks."""
     header = ["sequence", "block", "blocks", "file", "temporal bases, %", "in later blocks, %",
               "as differences, %", "file above uncut, %"]  # fmt: skip
     return table(header, map(reel_row, results))
 
 
 def reel_row(result: Mapping[str, Any]) -> list[str]:
-    """Shares of a file of `reel` in blocks."""
+    """Shares of a file of `reel` with blocks."""
     size, basis = result["size_bytes"], result["basis_bytes"]
     return [
         *labels(result),

@@ -1,9 +1,8 @@
-"""Rate and error of streams made with every combination of some options, as a Markdown table.
+"""Rates and errors of streams with all combinations of option values, as a Markdown table.
 
     python bench/variations.py samba.npz cow.npz --set bits=8,9,10 --set anchors=0.01,0.03
 
-Two rates of the whole file are given, with the order kept and dropped; errors and seconds are those
-with the order kept.
+Rates are of the whole file with and without vertex order; errors and seconds with it.
 """
 
 import argparse
@@ -15,14 +14,14 @@ from typing import Any
 import meshreel
 
 
-def parsed(text: str) -> tuple[str, list[Any]]:
-    """The name of an option and the values it takes, from 'bits=8,9'."""
+def parse(text: str) -> tuple[str, list[Any]]:
+    """Parse the name and values of an option, such as 'bits=8,9'."""
     name, _, values = text.partition("=")
     return name, [number(value) for value in values.split(",")]
 
 
 def number(text: str) -> Any:
-    """An int or a float where the text is one, else the text."""
+    """Convert text to int or float if possible."""
     for kind in (int, float):
         try:
             return kind(text)
@@ -32,7 +31,7 @@ def number(text: str) -> Any:
 
 
 def combinations(options: list[tuple[str, list[Any]]]) -> Iterator[dict[str, Any]]:
-    """Every choice of one value for each option."""
+    """Yield all combinations of one value for each option."""
     names = [name for name, _ in options]
     for values in itertools.product(*(values for _, values in options)):
         yield dict(zip(names, values, strict=True))
@@ -63,10 +62,10 @@ def row(sequence: meshreel.MeshSequence, options: dict[str, Any]) -> list[str]:
 
 
 def main() -> None:
-    """Parse the command line and print the table, a line as soon as it is measured."""
+    """Print the rows of the table as they are measured."""
     parser = argparse.ArgumentParser(description="Rate and error for combinations of options.")
     parser.add_argument("inputs", nargs="+", help="sequences")
-    parser.add_argument("--set", dest="options", action="append", type=parsed, default=[])
+    parser.add_argument("--set", dest="options", action="append", type=parse, default=[])
     arguments = parser.parse_args()
     header = ["sequence", *(name for name, _ in arguments.options), "modes", "ratio",
               "bpvf", "bpvf, drop", "KG %", "STED", "max %", "encode s", "decode s"]  # fmt: skip

@@ -1,14 +1,13 @@
-"""Vertex animation textures and other ways to play a mesh: bytes on disk, bytes on a GPU, errors.
+"""Disk and video memory and errors of vertex animation textures and other ways to play a mesh.
 
     python bench/vertex_textures.py samba.npz chicken.npz --max-error 0.05 --out textures.json
 
-Each way is a row of `WAYS`, and gives the files that it needs, what they take in video memory, and
-the largest distance of a vertex from its original, in percent of the diagonal of the bounding box
-of all frames, of the files as they were written.
+Each entry of `WAYS` writes its files and reports their size, their video memory, and the largest
+distance of a vertex from its original in percent of the diagonal of the bounding box of all frames.
 
-Video memory is what a GPU holds to show the mesh: vertices and indices as the mesh file has them,
-textures uncompressed with four channels, as GPUs have them, and, for each copy of a crowd whose
-copies are out of step, what only this copy needs beside its transform.
+Video memory includes vertices and indices as in the mesh file, uncompressed textures with four
+channels, and, for each independently animated copy in a crowd, the data that copies cannot share,
+without their transforms.
 """
 
 import argparse
@@ -33,31 +32,31 @@ from meshreel.formats.vat.textures import TexelType, read_texture, texel_type_of
 from speed_tables import table
 
 COPIES = 100
-"""In the crowd."""
+"""Copies in the crowd."""
 
 HEADER = ["what", "MB on disk", "MB of video memory", f"MB, crowd of {COPIES}", "error %"]
 DECODED_BYTES = 24
-"""Of a vertex that is decoded on the fly: a position and a normal, in float32."""
+"""Bytes per vertex when decoded during playback: position and normal in float32."""
 
 MORPH_TEXEL_BYTES = 16
-"""Of a vertex in a morph target: three.js has RGBA texels of float32, for positions and normals."""
+"""Bytes per vertex of a morph target: three.js uses RGBA float32 texels per attribute."""
 
 
 @dataclass(frozen=True)
 class Cost:
-    """What a way to play a sequence takes.
+    """Memory and error of a way to play a sequence.
 
     Attributes
     ----------
     what : str
     disk_bytes : int
-        Of all files together.
+        All files.
     shared_bytes : int
-        Of video memory, however many copies there are.
+        Video memory shared by all copies.
     copy_bytes : int
-        Of video memory, for each copy that is out of step with the others.
+        Video memory of each independently animated copy.
     error_percent : float
-        Of the diagonal.
+        Largest error in percent of the diagonal.
     """
 
     what: str
@@ -69,16 +68,16 @@ class Cost:
 
 Document = dict[str, list[dict[str, Any]]]
 Way = Callable[[meshreel.MeshSequence, Path, float], Cost]
-"""Of a sequence, an empty folder to write into, and the error to allow where it can be chosen."""
+"""Takes a sequence, an empty output folder, and the error bound if the way supports one."""
 
 
 def plain(what: str, layout: str, texels: TexelType) -> Way:
-    """Plain vertex animation textures of one type of texels."""
+    """Plain vertex animation textures with one texel type."""
 
     def write(sequence: meshreel.MeshSequence, folder: Path, max_error: float) -> Cost:
         notes: list[str] = []
         names = LAYOUTS[layout].names("walk", texels.extension, normals=True)
-        options = WriteOptions(max_error=100.0)  # of a type that is given
+        options = WriteOptions(max_error=100.0)  # the texel type determines the error
         write_plain(folder, names, stream_of(sequence, notes), options, LAYOUTS[layout], [texels])
         textures = [folder / name for name in (names.positions, names.normals) if name]
         video = mesh_bytes(folder / names.mesh) + sum(map(texture_bytes, textures))
@@ -88,7 +87,7 @@ def plain(what: str, layout: str, texels: TexelType) -> Way:
 
 
 def pca(sequence: meshreel.MeshSequence, folder: Path, max_error: float) -> Cost:
-    """A PCA texture, with normals where the surface is smooth."""
+    """A PCA texture, with normals if the surface is smooth."""
     notes: list[str] = []
     path = folder / "walk.vat"
     options = WriteOptions(layout="pca", max_error=max_error)
@@ -100,7 +99,7 @@ def pca(sequence: meshreel.MeshSequence, folder: Path, max_error: float) -> Cost
 
 
 def morphs(sequence: meshreel.MeshSequence, folder: Path, max_error: float) -> Cost:
-    """A GLB of morph targets, as three.js holds them."""
+    """A GLB with morph targets, with the video memory of three.js."""
     notes: list[str] = []
     path = folder / "walk.glb"
     meshreel.save(sequence, path, options=WriteOptions(max_error=max_error), notes=notes)
@@ -120,7 +119,7 @@ def morphs(sequence: meshreel.MeshSequence, folder: Path, max_error: float) -> C
 
 
 def on_the_fly(sequence: meshreel.MeshSequence, folder: Path, max_error: float) -> Cost:
-    """A stream, decoded while it plays."""
+    """A stream, decoded during playback."""
     stream = meshreel.encode(sequence, max_error=max_error)
     decoded = meshreel.decode(stream)
     far = [np.linalg.norm(a - b, axis=1).max() for a, b in zip(decoded, sequence, strict=True)]
@@ -144,14 +143,14 @@ WAYS: tuple[Way, ...] = (
 
 
 def costs(sequence: meshreel.MeshSequence, max_error: float) -> Iterable[Cost]:
-    """What each way takes."""
+    """Yield the cost of each way."""
     for way in WAYS:
         with TemporaryDirectory() as folder:
             yield way(sequence, Path(folder), max_error)
 
 
 def stream_of(sequence: meshreel.MeshSequence, notes: list[str]) -> FrameStream:
-    """The sequence as writers take it."""
+    """The sequence in the form that writers accept."""
     return FrameStream(
         [sequence.vertices], sequence.faces,
         n_frames=sequence.n_frames, fps=sequence.fps, surface=sequence.surface, notes=notes,
@@ -159,9 +158,9 @@ def stream_of(sequence: meshreel.MeshSequence, notes: list[str]) -> FrameStream:
 
 
 def noted_error(notes: Iterable[str]) -> float:
-    """The largest error in percent that the notes of a writer tell of."""
-    [found] = [one for one in (re.search(r"largest error is (\S+) %", n) for n in notes) if one]
-    return float(found[1])
+    """The largest error in percent, from the notes of a writer."""
+    [match] = filter(None, (re.search(r"largest error is (\S+) %", note) for note in notes))
+    return float(match[1])
 
 
 def diagonal(sequence: meshreel.MeshSequence) -> float:
@@ -171,11 +170,11 @@ def diagonal(sequence: meshreel.MeshSequence) -> float:
 
 def size_of(folder: Path) -> int:
     """Bytes of all files in a folder."""
-    return sum(one.stat().st_size for one in folder.iterdir())
+    return sum(path.stat().st_size for path in folder.iterdir())
 
 
 def texture_bytes(path: Path) -> int:
-    """Bytes of video memory that a texture takes."""
+    """Video memory of a texture."""
     texels = read_texture(path)
     return texel_type_of(texels).video_bytes(*texels.shape[:2])
 
@@ -184,12 +183,12 @@ def glb_document(path: Path) -> Document:
     """The JSON of a GLB file."""
     data = path.read_bytes()
     (size,) = struct.unpack("<I", data[12:16])
-    found: Document = json.loads(data[20 : 20 + size])
-    return found
+    document: Document = json.loads(data[20 : 20 + size])
+    return document
 
 
 def accessor_bytes(document: Document, number: int) -> int:
-    """Bytes of what an accessor tells of, as the buffer has it."""
+    """Bytes of an accessor in its buffer."""
     accessor = document["accessors"][number]
     view = document["bufferViews"][accessor["bufferView"]]
     stride = view.get("byteStride") or view["byteLength"] // accessor["count"]
@@ -199,23 +198,23 @@ def accessor_bytes(document: Document, number: int) -> int:
 def mesh_bytes(path: Path) -> int:
     """Bytes of the vertices and indices of a GLB file."""
     document = glb_document(path)
-    return sum(accessor_bytes(document, one) for one in range(len(document["accessors"])))
+    return sum(accessor_bytes(document, number) for number in range(len(document["accessors"])))
 
 
 def row(cost: Cost) -> list[str]:
     """A row of the table."""
-    one, crowd = (cost.shared_bytes + n * cost.copy_bytes for n in (1, COPIES))
-    sizes = [f"{size / 1e6:.3g}" for size in (cost.disk_bytes, one, crowd)]
+    single, crowd = (cost.shared_bytes + n * cost.copy_bytes for n in (1, COPIES))
+    sizes = [f"{size / 1e6:.3g}" for size in (cost.disk_bytes, single, crowd)]
     return [cost.what, *sizes, f"{cost.error_percent:.2g}"]
 
 
 def main() -> None:
-    """Print a table for each file, and write the figures."""
+    """Print a table for each file, and write JSON if requested."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("files", nargs="+", type=Path, help="sequences that meshreel reads")
     parser.add_argument(
         "--max-error", type=float, default=0.05,
-        help="percent of the diagonal, where it can be chosen; default: %(default)s",
+        help="error bound in percent of the diagonal, if supported; default: %(default)s",
     )  # fmt: skip
     parser.add_argument("--out", type=Path, help="a JSON file for the figures")
     options = parser.parse_args()
@@ -225,10 +224,10 @@ def main() -> None:
         sequence = meshreel.load(path)
         if not sequence.fps:
             sequence = replace(sequence, fps=25.0)
-        found = list(costs(sequence, options.max_error))
+        measured = list(costs(sequence, options.max_error))
         print(f"{path.name}: {sequence.n_verts} vertices, {sequence.n_frames} frames\n")
-        print(table(HEADER, [row(one) for one in found]), end="\n\n")
-        figures[path.name] = [asdict(one) for one in found]
+        print(table(HEADER, map(row, measured)), end="\n\n")
+        figures[path.name] = list(map(asdict, measured))
     if options.out:
         about = {"machine": machine_facts(), "max_error": options.max_error, "figures": figures}
         options.out.write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")

@@ -1,18 +1,19 @@
-"""A `.reel` in a page, against a Draco file for each frame as UVOL sends them.
+"""Compare a `.reel` in a page with one Draco file per frame, as UVOL sends them.
 
     python bench/web_against_draco.py samba.npz --rounds 5 --out web.json
 
-Both play in the same page of a headless Chromium, drawn by software, in turns; figures are medians.
-The package has to be built (`npm run build` in `npm/`), with `DracoPy` and `playwright` installed.
+Both play alternately in the same page of a headless Chromium with software rendering; results are
+medians. Build the package first (`npm run build` in `npm/`), and install `DracoPy` and
+`playwright`.
 
-The player of Draco files is bench/web_pages/draco_player.js: as UVOL's it decodes by three.js's
-DRACOLoader in four workers, asks for files up to four seconds ahead, and swaps geometries. It shows
-the first frame as soon as that is decoded, where UVOL waits for four seconds of them; over the slow
-network its decoder is there before. Positions are all that the files hold; ours come with normals.
-Main thread and memory are those of files in memory, without the files.
+The player of Draco files is bench/web_pages/draco_player.js. Like UVOL's, it decodes in four
+workers of three.js's DRACOLoader, prefetches four seconds of files, and swaps geometries. It shows
+the first frame as soon as it is decoded, while UVOL waits for four seconds of frames; on the slow
+network its decoder is already loaded. Its files contain only positions; ours also provide normals.
+Main-thread time and memory are measured with files in memory, and exclude the files.
 
-Draco has 11 bits, which is UVOL's default, and as few as have no larger KG error than a `.reel` of
-default quality; the second `.reel` has the largest error of the 11 bits.
+Draco uses 11 bits, UVOL's default, and the smallest number of bits whose KG error does not exceed
+that of a `.reel` with default quality; the second `.reel` has the largest error of the 11 bits.
 """
 
 import argparse
@@ -51,7 +52,7 @@ FIGURES = {
 
 @dataclass(frozen=True)
 class Way:
-    """Files of a sequence, and how far they are from it."""
+    """Files of a sequence, and their errors."""
 
     name: str
     kind: str
@@ -70,8 +71,8 @@ def reel(sequence: meshreel.MeshSequence, name: str, address: str, **options: An
     """A `.reel` of a sequence."""
     data = meshreel.encode(sequence, **options)
     errors = meshreel.compare(sequence, meshreel.decode(data))
-    found = (errors.max_error_percent, errors.kg_error_percent)
-    return Way(name, "reel", {address: data}, address, *found)
+    columns = (errors.max_error_percent, errors.kg_error_percent)
+    return Way(name, "reel", {address: data}, address, *columns)
 
 
 def draco(sequence: meshreel.MeshSequence, bits: int) -> Way:
@@ -88,12 +89,12 @@ def draco(sequence: meshreel.MeshSequence, bits: int) -> Way:
         np.asarray(frames, np.float32), sequence.faces, fps=sequence.fps
     )
     errors = meshreel.compare(sequence, decoded)
-    found = (errors.max_error_percent, errors.kg_error_percent)
-    return Way(f"Draco, {bits} bits", "draco", files, address, *found)
+    columns = (errors.max_error_percent, errors.kg_error_percent)
+    return Way(f"Draco, {bits} bits", "draco", files, address, *columns)
 
 
 def ways(sequence: meshreel.MeshSequence) -> list[Way]:
-    """Pairs of a `.reel` and Draco files of like errors."""
+    """Pairs of a `.reel` and Draco files with similar errors."""
     usual = reel(sequence, ".reel, default quality", "/usual.reel")
     finest = draco(sequence, UVOL_BITS)
     bits, matched = UVOL_BITS, finest
@@ -105,7 +106,7 @@ def ways(sequence: meshreel.MeshSequence) -> list[Way]:
 
 
 def measure(url: str, way: Way, sequence: meshreel.MeshSequence) -> dict[str, float]:
-    """The figures of one round, each in fresh pages."""
+    """Measure one round in fresh pages."""
     low, high = sequence.extent.low, sequence.extent.high
     described = {
         "kind": way.kind,
@@ -146,7 +147,7 @@ def measure(url: str, way: Way, sequence: meshreel.MeshSequence) -> dict[str, fl
 
 
 def still_ms(url: str, fps: float) -> float:
-    """Milliseconds of the main thread in the time of a frame, while a picture stands still."""
+    """Milliseconds of the main thread per frame while a static picture is drawn."""
     with opened(url) as page:
         page.ask("still", 1)
         before_s = page.main_thread_s()
@@ -154,20 +155,20 @@ def still_ms(url: str, fps: float) -> float:
         return 1000 * (page.main_thread_s() - before_s) / (STILL_S * fps)
 
 
-def rows(found: list[Way], medians: dict[str, dict[str, float]]) -> list[list[str]]:
-    """A line for each figure, a column for each way."""
+def rows(columns: list[Way], medians: dict[str, dict[str, float]]) -> list[list[str]]:
+    """A row for each quantity, a column for each way."""
     lines = [
-        ["MB", *(f"{way.size_bytes / 1e6:.3f}" for way in found)],
-        ["largest error, % of the diagonal", *(f"{way.max_error_percent:.3f}" for way in found)],
-        ["KG error, %", *(f"{way.kg_error_percent:.3f}" for way in found)],
+        ["MB", *(f"{way.size_bytes / 1e6:.3f}" for way in columns)],
+        ["largest error, % of the diagonal", *(f"{way.max_error_percent:.3f}" for way in columns)],
+        ["KG error, %", *(f"{way.kg_error_percent:.3f}" for way in columns)],
     ]
     for key, title in FIGURES.items():
-        lines.append([title, *(f"{medians[way.name][key]:.3g}" for way in found)])
+        lines.append([title, *(f"{medians[way.name][key]:.3g}" for way in columns)])
     return lines
 
 
 def main() -> None:
-    """Measure what the command line asks for; print a table, and write JSON where asked."""
+    """Measure, print a table, and write JSON if requested."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("file", type=Path)
     parser.add_argument("--fps", type=float, default=25.0)
@@ -176,16 +177,16 @@ def main() -> None:
     options = parser.parse_args()
     loaded = meshreel.load(options.file)
     sequence = meshreel.MeshSequence(loaded.vertices, loaded.faces, fps=options.fps)
-    found, rounds = ways(sequence), defaultdict(list)
+    columns, rounds = ways(sequence), defaultdict(list)
     with TemporaryDirectory() as folder:
         files = page_files(bundled("against_draco.js", Path(folder)))
-    for way in found:
+    for way in columns:
         files |= way.files
     with served(files) as server:
         url = f"{server}/index.html"
         still = median(still_ms(url, options.fps) for _ in range(3))
         for _ in range(options.rounds):
-            for way in found:
+            for way in columns:
                 rounds[way.name].append(measure(url, way, sequence))
                 print(way.name, rounds[way.name][-1], flush=True)
     medians = {
@@ -196,7 +197,7 @@ def main() -> None:
           f"{options.fps:g} a second. Medians of {options.rounds} rounds. A still picture takes "
           f"{still:.2f} ms of the main thread in the time of a frame. "
           f"{machine_line(machine_facts())}.\n")  # fmt: skip
-    print(table(["", *(way.name for way in found)], rows(found, medians)))
+    print(table(["", *(way.name for way in columns)], rows(columns, medians)))
     if options.out:
         facts = {"machine": machine_facts(), "still_ms": still, "rounds": rounds}
         options.out.write_text(json.dumps(facts, indent=2) + "\n")

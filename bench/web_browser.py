@@ -1,4 +1,4 @@
-"""A page that is measured: its script bundled with the package, its server, its browser."""
+"""Pages for measurements: script bundling, server and browser."""
 
 import json
 import re
@@ -29,7 +29,7 @@ TYPES = {".js": "text/javascript", ".wasm": "application/wasm", ".html": "text/h
 
 
 def bundled(script: str, folder: Path) -> bytes:
-    """A script of `web_pages` with all it imports; the package has to be built."""
+    """Bundle a script of `web_pages` with its imports; build the package first."""
     out = folder / script
     options = ["--bundle", "--format=esm", "--minify", "--log-level=error", f"--outfile={out}"]
     parts = {"meshreel/three": "three.js", "meshreel": "index.js"}
@@ -42,7 +42,7 @@ def bundled(script: str, folder: Path) -> bytes:
 
 
 def page_files(script: bytes) -> dict[str, bytes]:
-    """What a server has: the page, its script, the decoder of Draco."""
+    """Files of the server: the page, its script and Draco's decoder."""
     head = b'<!doctype html><link rel=icon href="data:,"><style>body{margin:0}</style>'
     html = head + b'<body><script type=module src="/p.js">'
     decoder = {f"/draco/{path.name}": path.read_bytes() for path in DRACO.glob("draco_*")}
@@ -51,11 +51,11 @@ def page_files(script: bytes) -> dict[str, bytes]:
 
 @contextmanager
 def served(files: dict[str, bytes]) -> Iterator[str]:
-    """The address of a server of bytes by path, with ranges and lasting connections."""
+    """Serve bytes by path, with ranges and persistent connections; yield the address."""
 
     class Server(ThreadingHTTPServer):
         def handle_error(self, *given: Any) -> None:
-            """Nothing: browsers that close leave connections behind."""
+            """Ignore errors: closing browsers drop connections."""
 
     class Handler(BaseHTTPRequestHandler):
         protocol_version = "HTTP/1.1"
@@ -65,9 +65,9 @@ def served(files: dict[str, bytes]) -> Iterator[str]:
             body = files.get(self.path)
             if body is None:
                 return self.send_error(404)
-            asked = re.fullmatch(r"bytes=(\d+)-(\d*)", self.headers.get("Range", ""))
-            if asked:
-                start, stop = int(asked[1]), min(int(asked[2] or len(body)) + 1, len(body))
+            requested = re.fullmatch(r"bytes=(\d+)-(\d*)", self.headers.get("Range", ""))
+            if requested:
+                start, stop = int(requested[1]), min(int(requested[2] or len(body)) + 1, len(body))
                 self.send_response(206)
                 self.send_header("Content-Range", f"bytes {start}-{stop - 1}/{len(body)}")
                 body = body[start:stop]
@@ -90,8 +90,8 @@ def served(files: dict[str, bytes]) -> Iterator[str]:
 
 
 @contextmanager
-def opened(url: str, width: int = 640, height: int = 360) -> Iterator["Measured"]:
-    """A page in a browser of its own; errors of the page are raised at the end."""
+def opened(url: str, width: int = 640, height: int = 360) -> Iterator["MeasuredPage"]:
+    """Open a page in a new browser; errors of the page are raised at the end."""
     path = next(filter(None, map(shutil.which, BROWSERS)), None)
     if path is None:
         raise SystemExit(f"needs one of {', '.join(BROWSERS)}")
@@ -101,21 +101,21 @@ def opened(url: str, width: int = 640, height: int = 360) -> Iterator["Measured"
         errors: list[str] = []
         page.on("pageerror", lambda error: errors.append(str(error)))
 
-        def note(said: ConsoleMessage) -> None:
-            if said.type == "error":
-                errors.append(said.text)
+        def note(message: ConsoleMessage) -> None:
+            if message.type == "error":
+                errors.append(message.text)
 
         page.on("console", note)
         page.goto(url)
         page.wait_for_function("window.bench", timeout=10_000)
-        yield Measured(browser, page, page.context.new_cdp_session(page))
+        yield MeasuredPage(browser, page, page.context.new_cdp_session(page))
         browser.close()
         if errors:
-            raise SystemExit(f"the page said: {errors[0]}")
+            raise SystemExit(f"error in the page: {errors[0]}")
 
 
-class Measured:
-    """A page and what the browser knows of it."""
+class MeasuredPage:
+    """A page with measurements of its browser."""
 
     def __init__(self, browser: Browser, page: Page, devtools: CDPSession) -> None:
         self.page = page
@@ -123,64 +123,64 @@ class Measured:
         self._browser_devtools = browser.new_browser_cdp_session()
         devtools.send("Performance.enable", {"timeDomain": "timeTicks"})
 
-    def ask(self, call: str, *given: Any) -> Any:
-        """What a function of the page's `bench` gives."""
-        return self.page.evaluate(f"given => bench.{call}(...given)", list(given))
+    def ask(self, call: str, *arguments: Any) -> Any:
+        """Call a function of the page's `bench`, and return its result."""
+        return self.page.evaluate(f"values => bench.{call}(...values)", list(arguments))
 
     def main_thread_s(self) -> float:
-        """Seconds that tasks of the page's thread took so far."""
+        """Total seconds of tasks of the page's main thread."""
         metrics = self._devtools.send("Performance.getMetrics")["metrics"]
-        return float(next(one["value"] for one in metrics if one["name"] == "TaskDuration"))
+        return float(next(m["value"] for m in metrics if m["name"] == "TaskDuration"))
 
     @contextmanager
     def tasks_ms(self, into: list[float]) -> Iterator[None]:
-        """Puts into a list how long each task of the page's thread took."""
+        """Append the duration of each task of the page's main thread to a list."""
         browser = self.page.context.browser
         assert browser
         browser.start_tracing(page=self.page, categories=["toplevel", "__metadata"])
         yield
         events = json.loads(browser.stop_tracing())["traceEvents"]
         threads = {
-            (one["pid"], one["tid"])
-            for one in events
-            if one["name"] == "thread_name" and one["args"]["name"] == "CrRendererMain"
+            (event["pid"], event["tid"])
+            for event in events
+            if event["name"] == "thread_name" and event["args"]["name"] == "CrRendererMain"
         }
         into += [
-            one["dur"] / 1000
-            for one in events
-            if (one["pid"], one["tid"]) in threads
-            and one["name"].endswith("RunTask")
-            and "dur" in one
+            event["dur"] / 1000
+            for event in events
+            if (event["pid"], event["tid"]) in threads
+            and event["name"].endswith("RunTask")
+            and "dur" in event
         ]
 
     def memory_bytes(self) -> int:
-        """What the page's process alone holds, workers and WebAssembly too, without garbage.
+        """Private memory of the page's process after garbage collection, including workers.
 
-        DevTools, which drive the page, have it keep what comes by network: nothing should.
+        DevTools retain network responses, so pages should not load data over the network.
         """
         for _ in range(2):
             self.page.evaluate("gc()")
             for worker in self.page.workers:
                 worker.evaluate("gc()")
             self.page.wait_for_timeout(300)
-        found = self._browser_devtools.send("SystemInfo.getProcessInfo")["processInfo"]
-        return max(_private_bytes(one["id"]) for one in found if one["type"] == "renderer")
+        processes = self._browser_devtools.send("SystemInfo.getProcessInfo")["processInfo"]
+        return max(_private_bytes(p["id"]) for p in processes if p["type"] == "renderer")
 
-    def slow_network(self, bits_a_second: float, latency_ms: float) -> None:
-        """From now on bytes come at this speed."""
+    def slow_network(self, bits_per_s: float, latency_ms: float) -> None:
+        """Emulate a slow network."""
         self._devtools.send("Network.enable")
         self._devtools.send(
             "Network.emulateNetworkConditions",
             {
                 "offline": False,
                 "latency": latency_ms,
-                "downloadThroughput": bits_a_second / 8,
-                "uploadThroughput": bits_a_second / 8,
+                "downloadThroughput": bits_per_s / 8,
+                "uploadThroughput": bits_per_s / 8,
             },
         )
 
 
 def _private_bytes(process: int) -> int:
-    """Memory that no other process shares; Linux says so."""
+    """Private memory of a process; Linux only."""
     lines = Path(f"/proc/{process}/smaps_rollup").read_text("utf-8").splitlines()
     return 1024 * sum(int(line.split()[1]) for line in lines if line.startswith("Private_"))

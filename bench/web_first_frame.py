@@ -1,13 +1,12 @@
-"""Time to the first frame in a browser: from the arrival of a stream's last byte to its positions.
+"""Time to the first frame in a browser, from the arrival of the last byte to positions.
 
     python bench/web_first_frame.py samba.npz --pages 15 --out web_first_frame.json
 
-Every page is cold: a context of its own in headless Chromium, which compiles all anew. The
-package is imported, then the stream is opened and its first frame asked for, three ways: from
-memory, where nothing was ready before the bytes; and by an address, whose server answers at once
-or after a delay, so that the package gets ready in the meantime. A second stream on the same page
-shows what compiled code takes. Several builds (--dist) take turns, page after page, for machines
-are never quiet. The package has to be built: `npm run build` in npm/.
+Every page is cold: a new context in headless Chromium, which recompiles all code. The page imports
+the package, opens the stream and requests its first frame: from memory, or from a server that
+responds immediately or after a delay, during which the package initializes. A second stream on the
+same page measures compiled code. Several builds (--dist) alternate, because machines are never
+quiet. Build the package first: `npm run build` in npm/.
 """
 
 import argparse
@@ -30,7 +29,7 @@ ROOT = Path(__file__).parents[1]
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 FLAGS = ["--headless=new", "--no-sandbox"]
 SETTLED_MS = 200
-"""What is left of loading a page is done, and what was decoded before let go, after so long."""
+"""Wait for the page to finish loading and to release previous data."""
 
 HEADER = ["bytes come from", "build", "first frame ms", "quarter to three quarters",
           "best", "from the call on", "second stream"]  # fmt: skip
@@ -58,22 +57,22 @@ FIRST_FRAMES = """async ([build, inMemory, settledMs]) => {
 
 @contextmanager
 def serving(stream: bytes, builds: list[Path], delay_s: float) -> Iterator[str]:
-    """The address of a server of the stream in ranges, each after a delay, and of scripts."""
+    """Serve scripts, and ranges of the stream after a delay; yield the address."""
 
     class Handler(BaseHTTPRequestHandler):
-        wbufsize = -1  # header and body leave together
+        wbufsize = -1  # send header and body together
 
         def do_GET(self) -> None:
-            kind, body, wanted = "text/html", b"<!doctype html>", self.headers.get("Range")
+            kind, body, byte_range = "text/html", b"<!doctype html>", self.headers.get("Range")
             _, folder, *rest = self.path.split("/")
             if rest:
                 kind, body = "text/javascript", builds[int(folder)].joinpath(*rest).read_bytes()
             elif folder.endswith(".reel"):
                 time.sleep(delay_s)
                 kind, body = "application/octet-stream", stream
-            self.send_response(206 if wanted else 200)
-            if wanted:
-                begin, _, last = wanted.removeprefix("bytes=").partition("-")
+            self.send_response(206 if byte_range else 200)
+            if byte_range:
+                begin, _, last = byte_range.removeprefix("bytes=").partition("-")
                 body = body[int(begin) : int(last) + 1]
                 of_all = f"{begin}-{int(begin) + len(body) - 1}/{len(stream)}"
                 self.send_header("Content-Range", f"bytes {of_all}")
@@ -95,22 +94,22 @@ def serving(stream: bytes, builds: list[Path], delay_s: float) -> Iterator[str]:
 def measure(
     browser: Any, url: str, n_builds: int, in_memory: bool, n_pages: int
 ) -> list[list[Any]]:
-    """What pages of each build said, builds taking turns."""
-    found: list[list[Any]] = [[] for _ in range(n_builds)]
+    """Measure pages of all builds alternately; return the results of each build."""
+    results: list[list[Any]] = [[] for _ in range(n_builds)]
     for _ in range(n_pages):
         for build in range(n_builds):
             context = browser.new_context()
             page = context.new_page()
             page.goto(url)
             page.wait_for_load_state()
-            found[build].append(page.evaluate(FIRST_FRAMES, [build, in_memory, SETTLED_MS]))
+            results[build].append(page.evaluate(FIRST_FRAMES, [build, in_memory, SETTLED_MS]))
             context.close()
-    assert all(one["inWorker"] for pages in found for page in pages for one in page)
-    return found
+    assert all(frame["inWorker"] for pages in results for page in pages for frame in page)
+    return results
 
 
 def row(way: str, build: Path, pages: list[Any]) -> list[str]:
-    """The cells of a build and a way that bytes come."""
+    """The cells of a build and a source of bytes."""
     first = [page[0]["fromArrival"] for page in pages]
     low, _, high = quantiles(first, n=4)
     return [
@@ -125,11 +124,11 @@ def row(way: str, build: Path, pages: list[Any]) -> list[str]:
 
 
 def main() -> None:
-    """Measure what the command line asks for; print a table, and write JSON where asked."""
+    """Measure, print a table, and write JSON if requested."""
     from playwright.sync_api import sync_playwright
 
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("input", type=Path, help="a stream, or what is encoded by default to one")
+    parser.add_argument("input", type=Path, help="a stream, or a sequence to encode")
     parser.add_argument("--dist", type=Path, nargs="+", default=[ROOT / "npm" / "dist"])
     parser.add_argument("--pages", type=int, default=15, help="of each build and way")
     parser.add_argument("--delays-ms", default="0,50", help="of the server, before each answer")

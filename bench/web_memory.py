@@ -2,10 +2,10 @@
 
     python bench/web_memory.py samba.npz --out memory.json
 
-Frames are repeated to ten seconds in blocks of a second, so that blocks are decoded ahead all the
-time. In a headless Chromium, drawn by software: memory of the page's process after loops and seeks,
-then times between pictures and tasks of the page's thread while it plays, and while it stands
-still. The package has to be built (`npm run build` in `npm/`), with `playwright` installed.
+Frames are repeated to ten seconds in blocks of one second, so that blocks are decoded ahead
+continuously. Measures, in a headless Chromium with software rendering, the memory of the page's
+process after loops and seeks, then frame times and main-thread tasks during playback and with a
+static picture. Build the package first (`npm run build` in `npm/`), and install `playwright`.
 """
 
 import argparse
@@ -19,13 +19,13 @@ import numpy as np
 import meshreel
 from meshreel.evaluation.runs.machine import machine_facts, machine_line
 from speed_tables import table
-from web_browser import Measured, bundled, opened, page_files, served
+from web_browser import MeasuredPage, bundled, opened, page_files, served
 
 DURATION_S = 10
 N_LOOPS = 100
 N_SEEKS = 1000
 PARTS = 5
-"""Memory is looked at after each of these parts of the loops, and of the seeks."""
+"""Memory is measured after each of these parts of the loops and seeks."""
 SPEED = 20.0
 PLAYED_LOOPS = 2
 PICTURE_MS = 1000 / 60
@@ -33,33 +33,33 @@ PICTURE_MS = 1000 / 60
 
 def repeated(sequence: meshreel.MeshSequence, fps: float) -> meshreel.MeshSequence:
     """Ten seconds, forwards and back."""
-    there = np.arange(sequence.n_frames)
-    and_back = np.concatenate([there, there[-2:0:-1]])
-    frames = np.resize(and_back, round(fps * DURATION_S))
+    forwards = np.arange(sequence.n_frames)
+    period = np.concatenate([forwards, forwards[-2:0:-1]])
+    frames = np.resize(period, round(fps * DURATION_S))
     return meshreel.MeshSequence(sequence.vertices[frames], sequence.faces, fps=fps)
 
 
-def memory(page: Measured, what: str) -> dict[str, Any]:
-    """What the page holds now."""
+def memory(page: MeasuredPage, stage: str) -> dict[str, Any]:
+    """Measure and print the memory of the page."""
     process_mb, gl_mb = page.memory_bytes() / 1e6, page.ask("glBytes") / 1e6
-    print(f"{what}: {process_mb:.1f} MB, {gl_mb:.2f} MB of WebGL", flush=True)
-    return {"after": what, "process_mb": process_mb, "gl_mb": gl_mb}
+    print(f"{stage}: {process_mb:.1f} MB, {gl_mb:.2f} MB of WebGL", flush=True)
+    return {"after": stage, "process_mb": process_mb, "gl_mb": gl_mb}
 
 
-def remembered(page: Measured) -> list[dict[str, Any]]:
-    """Memory after parts of the loops and seeks; the first part warms up."""
-    found = []
+def memory_over_time(page: MeasuredPage) -> list[dict[str, Any]]:
+    """Measure memory after parts of the loops and seeks; the first part is a warm-up."""
+    samples = []
     for part in range(1, PARTS + 1):
         page.ask("loop", N_LOOPS // PARTS, SPEED)
-        found.append(memory(page, f"{part * N_LOOPS // PARTS} loops"))
+        samples.append(memory(page, f"{part * N_LOOPS // PARTS} loops"))
     for part in range(1, PARTS + 1):
         page.ask("seek", N_SEEKS // PARTS)
-        found.append(memory(page, f"{part * N_SEEKS // PARTS} seeks"))
-    return found
+        samples.append(memory(page, f"{part * N_SEEKS // PARTS} seeks"))
+    return samples
 
 
-def smoothness(page: Measured, call: str, *given: float) -> dict[str, Any]:
-    """Times between pictures, and of tasks."""
+def smoothness(page: MeasuredPage, call: str, *given: float) -> dict[str, Any]:
+    """Measure frame times and task times."""
     tasks: list[float] = []
     with page.tasks_ms(tasks):
         answer = page.ask(call, *given)
@@ -76,7 +76,7 @@ def smoothness(page: Measured, call: str, *given: float) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Measure what the command line asks for; print tables, and write JSON where asked."""
+    """Measure, print tables, and write JSON if requested."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("file", type=Path)
     parser.add_argument("--fps", type=float, default=25.0)
@@ -90,7 +90,7 @@ def main() -> None:
         page.ask("still", 1)
         before = memory(page, "nothing")
         fields_mb = page.ask("open", "/long.reel") / 1e6
-        played = [memory(page, "opening"), *remembered(page)]
+        played = [memory(page, "opening"), *memory_over_time(page)]
         smooth = {
             "plays": smoothness(page, "loop", PLAYED_LOOPS, 1),
             "still": smoothness(page, "still", DURATION_S),

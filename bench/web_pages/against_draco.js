@@ -1,4 +1,4 @@
-// The page of bench/web_against_draco.py: `bench` has what is measured.
+// The page of bench/web_against_draco.py, which calls the functions of `bench`.
 
 import { DracoPlayer } from "./draco_player.js";
 import { glBytes } from "./gl_memory.js";
@@ -12,39 +12,39 @@ async function bytesOf(address) {
 }
 
 let described;
-let held = null;
+let files = null;
 let loader = null;
 
 function addressOf(number) {
   return described.address.replace("NUMBER", String(number));
 }
 
-/** Tells what is to be played: `nHeld` of its files come into memory, and Draco may be warm. */
-async function prepare(what, nHeld, isWarm) {
-  described = what;
-  lookAt(what.center, what.size);
+/** Sets the files to play, loads `nPreloaded` of them, and optionally warms up Draco. */
+async function prepare(description, nPreloaded, isWarm) {
+  described = description;
+  lookAt(described.center, described.size);
   draw(true);
-  const numbers = Array.from({ length: nHeld }, (_, number) => number);
-  if (nHeld) held = await Promise.all(numbers.map((number) => bytesOf(addressOf(number))));
+  const numbers = Array.from({ length: nPreloaded }, (_, number) => number);
+  if (nPreloaded) files = await Promise.all(numbers.map((number) => bytesOf(addressOf(number))));
   if (isWarm) loader = await DracoPlayer.loader(await bytesOf(addressOf(0)));
 }
 
-/** Shows the first frame; milliseconds until its pixels are there. */
+/** Shows the first frame; returns the milliseconds until its pixels are drawn. */
 async function first() {
   const { kind, nFrames, fps } = described;
-  const began = performance.now();
+  const start = performance.now();
   if (kind === "draco") {
     loader ??= await DracoPlayer.loader();
-    player = new DracoPlayer((n) => held?.[n] ?? addressOf(n), nFrames, fps, loader);
+    player = new DracoPlayer((n) => files?.[n] ?? addressOf(n), nFrames, fps, loader);
   } else {
-    player = await ReelPlayer.open(held?.[0] ?? addressOf(0), renderer);
+    player = await ReelPlayer.open(files?.[0] ?? addressOf(0), renderer);
   }
   scene.add(await player.first());
   draw(true);
-  return performance.now() - began;
+  return performance.now() - start;
 }
 
-/** Plays to the end; pictures of other frames than before, and seconds. */
+/** Plays to the end; returns the number of distinct pictures, and seconds. */
 async function pass() {
   const loops = player.nLoops;
   let [shown, frame] = [0, -2];

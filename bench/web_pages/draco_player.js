@@ -1,5 +1,5 @@
-// Plays a Draco file for each frame, as the players of UVOL do: files are asked for up to four
-// seconds ahead, decoded in three.js's workers into geometries, and let go once they were shown.
+// Plays one Draco file per frame, like UVOL's players: prefetches four seconds of files, decodes
+// them in three.js's workers to geometries, and disposes of each after it was shown.
 
 import * as THREE from "three";
 import { DRACOLoader } from "three/examples/jsm/loaders/DRACOLoader.js";
@@ -14,8 +14,8 @@ export class DracoPlayer {
   #ready = new Map();
 
   /**
-   * @param address - gives that of a frame's file, or its bytes
-   * @param loader - whose decoder is loaded
+   * @param address - returns the address of a frame's file, or its bytes
+   * @param loader - with its decoder loaded
    */
   constructor(address, nFrames, fps, loader) {
     Object.assign(this, { address, nFrames, fps, loader });
@@ -23,7 +23,7 @@ export class DracoPlayer {
     this.#ask();
   }
 
-  /** A loader whose decoder was fetched, and compiled in a worker. */
+  /** Creates a loader; decodes `bytes`, if given, to compile the decoder in a worker. */
   static async loader(bytes) {
     const loader = new DRACOLoader().setDecoderPath("/draco/").preload();
     if (bytes) (await decoded(loader, bytes)).dispose();
@@ -81,7 +81,7 @@ export class DracoPlayer {
 
   async #load(number) {
     const from = this.address(number);
-    // What is in memory is copied, for workers take what they decode.
+    // Bytes in memory are copied, because workers take ownership of their input.
     const bytes = from instanceof ArrayBuffer ? from.slice() : await (await fetch(from)).arrayBuffer();
     this.#ready.set(number, await decoded(this.loader, bytes));
   }

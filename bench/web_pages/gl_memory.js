@@ -1,4 +1,4 @@
-// Bytes that a page holds in buffers and textures of WebGL 2, counted at its calls.
+// Bytes of WebGL 2 buffers and textures of a page, tracked by intercepting its calls.
 
 const BYTES = {
   [0x1908]: 4, // RGBA
@@ -21,7 +21,7 @@ const sizes = new Map();
 const bound = new Map();
 const { prototype } = WebGL2RenderingContext;
 
-/** Bytes of what is not deleted. */
+/** Total bytes of live buffers and textures. */
 export function glBytes() {
   let sum = 0;
   for (const size of sizes.values()) sum += size;
@@ -41,7 +41,7 @@ function texel(format) {
   return BYTES[format];
 }
 
-// A texture is bound to a unit; what is filled is that of the active one, which was bound last.
+// Uploads go to the texture of the active unit, which is the one bound last.
 for (const kind of ["Buffer", "Texture"]) {
   before(`bind${kind}`, (target, one) => bound.set(target, one));
   before(`delete${kind}`, (one) => sizes.delete(one));

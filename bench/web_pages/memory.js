@@ -1,4 +1,4 @@
-// The page of bench/web_memory.py: `bench` has what is done while memory and pictures are watched.
+// The page of bench/web_memory.py, which calls the functions of `bench` and measures memory.
 
 import * as THREE from "three";
 import { ReelLoader } from "meshreel/three";
@@ -12,7 +12,7 @@ let nWaits = 0;
 
 /** Bytes of the fields of the largest block. */
 async function open(address) {
-  // From memory: DevTools, which count it, keep what comes by network.
+  // From memory, because DevTools retain network responses.
   const bytes = await (await fetch(address)).arrayBuffer();
   mesh = await new ReelLoader(undefined, { renderer }).parse(bytes);
   mesh.addEventListener("loop", () => nLoops++);
@@ -27,7 +27,7 @@ async function open(address) {
   return most;
 }
 
-/** Plays to the end so many times; milliseconds between pictures, and how often it waited. */
+/** Plays several loops; returns milliseconds between pictures, and the number of stalls. */
 async function loop(count, speed) {
   [mesh.speed, nLoops, nWaits] = [speed, 0, 0];
   mesh.play();
@@ -38,7 +38,7 @@ async function loop(count, speed) {
   return { intervals, nWaits };
 }
 
-/** Goes to frames drawn at random, and waits for the picture of each. */
+/** Seeks to random frames, and waits for each picture. */
 async function seek(count) {
   mesh.pause();
   const { nFrames } = mesh.reel.info;

@@ -1,4 +1,4 @@
-// Plays a `.reel`, with the same face as DracoPlayer. Pictures between frames are left out.
+// Plays a `.reel` with the interface of DracoPlayer, without interpolation between frames.
 
 import * as THREE from "three";
 import { ReelFile } from "meshreel";

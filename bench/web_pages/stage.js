@@ -1,4 +1,4 @@
-// What pages of measurements draw with.
+// Scene, camera and renderer of the measured pages.
 
 import * as THREE from "three";
 
@@ -9,7 +9,7 @@ export const scene = new THREE.Scene();
 scene.background = new THREE.Color(0x305070);
 const camera = new THREE.PerspectiveCamera(40, innerWidth / innerHeight);
 
-/** Has the camera see what lies around a point. */
+/** Frames a sphere around a point. */
 export function lookAt(center, size) {
   camera.position.set(center[0], center[1], center[2] + 1.5 * size);
   camera.near = size / 100;
@@ -17,7 +17,7 @@ export function lookAt(center, size) {
   camera.updateProjectionMatrix();
 }
 
-/** Draws, and waits for the pixels if that is asked for. */
+/** Draws, and optionally waits for the pixels. */
 export function draw(isFinished = false) {
   renderer.render(scene, camera);
   if (!isFinished) return;
@@ -26,8 +26,8 @@ export function draw(isFinished = false) {
 }
 
 /**
- * Calls a function at each picture with the seconds since the last, and draws, until it gives
- * false; milliseconds between the pictures.
+ * Calls a function for each picture with the seconds since the last one, and draws, until it
+ * returns false; returns the milliseconds between pictures.
  */
 export function animate(step) {
   const intervals = [];
@@ -45,7 +45,7 @@ export function animate(step) {
   });
 }
 
-/** Draws a still picture for some seconds; milliseconds between pictures. */
+/** Draws a static picture for some seconds; returns the milliseconds between pictures. */
 export function still(seconds) {
   let passed = 0;
   return animate((delta) => (passed += delta) < seconds);
