@@ -27,7 +27,7 @@ KINDS = {
     "mixed": ("loop", "mix", "turn", "mix", "slow", "hold"),
     "held": ("hold", "slow", "hold", "loop"),
 }
-"""Kinds of scenes of each kind of sequence; scenes are chosen at random."""
+"""Scene types of each kind of sequence, chosen at random."""
 
 
 @dataclass(frozen=True)

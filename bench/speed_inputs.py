@@ -32,7 +32,7 @@ def add_inputs(parser: argparse.ArgumentParser) -> None:
     """Add the arguments that `sources` reads to a command line."""
     parser.add_argument("inputs", nargs="*", help="files or frames; default: the embedded flag")
     parser.add_argument("--subdivided", action="append", default=[], metavar="FILE",
-                        help="a file, every face cut in four")  # fmt: skip
+                        help="a file, with every face split in four")  # fmt: skip
     parser.add_argument("--flag", type=int, action="append", default=[], metavar="FRAMES")
     parser.add_argument("--sphere", type=int, nargs=2, action="append", default=[],
                         metavar=("SUBDIVISIONS", "FRAMES"))  # fmt: skip

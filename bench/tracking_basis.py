@@ -177,7 +177,7 @@ def each(results: list[dict[str, Any]]) -> list[tuple[dict[str, Any], dict[str, 
 
 
 def labels(result: Mapping[str, Any], modes: Mapping[str, Any]) -> list[str]:
-    """The cells that name a row."""
+    """The leading cells of a row."""
     return [result["sequence"], str(result["block_frames"]), str(modes["n_modes"])]
 
 

@@ -77,7 +77,7 @@ def point(sequence: meshreel.MeshSequence, options: dict[str, Any]) -> dict[str,
 
 
 def basis_bytes(data: bytes) -> list[int]:
-    """Bytes of the section of the basis of each block."""
+    """Bytes of the basis section of each block."""
     opened = whole_stream(data)
     groups = (dict(opened.group(number)) for number in range(opened.n_blocks))
     return [len(group[Section.BASIS]) for group in groups]
@@ -206,7 +206,7 @@ def reel_row(result: Mapping[str, Any]) -> list[str]:
 
 
 def labels(result: Mapping[str, Any]) -> list[str]:
-    """The cells that name a row."""
+    """The leading cells of a row."""
     return [result["sequence"], str(result["block_frames"])]
 
 

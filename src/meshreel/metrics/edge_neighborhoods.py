@@ -62,7 +62,7 @@ class EdgeNeighborhoods:
 
 
 class _Incidence:
-    """A binary matrix of shape (R, C) for row sums of C values."""
+    """Row sums with a binary matrix of shape (R, C)."""
 
     def __init__(self, rows: Integers, columns: Integers, shape: tuple[int, int]) -> None:
         self._matrix = coo_array((np.ones(len(rows)), (rows, columns)), shape=shape).tocsr()

@@ -8,7 +8,7 @@
 
 METHODS               the names of the seven variants
 read                  a stream as arrays: PaperStream, PaperBlock
-PaperChoices          what the paper leaves open, as `meshreel.encode(choices=)` takes it
+PaperChoices          choices that the paper leaves open, for `meshreel.encode(choices=)`
 bounding_frame        the units of the coordinate matrices: BoundingFrame
 to_matrices           positions to coordinate matrices A; from_matrices inverts it
 uniform_laplacian     L = D - C, or its rows divided by the degrees (Eqs. 1 to 3)

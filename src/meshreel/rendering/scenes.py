@@ -33,7 +33,7 @@ HEAT_NAMES = (*HEATS, TRACK_HEAT)
 """Kinds of heat maps: errors of positions, or errors of the track."""
 
 GLOW = 0.9
-"""Unlit share of colors that stand for numbers, so that shading hardly changes them."""
+"""Unlit share of colors that represent numbers, so that shading hardly changes them."""
 
 WHITE: Color = (255, 255, 255)
 
@@ -103,7 +103,7 @@ class Scene:
     Raises
     ------
     InvalidInputError
-        If the original differs in mesh or is missing for a heat map, or the track is missing.
+        If the original has another mesh or is missing for a heat map, or the track is missing.
     """
 
     def __init__(

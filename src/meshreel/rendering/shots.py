@@ -26,7 +26,7 @@ def draw_shots(
     ----------
     shots : sequence of Shot
     scales : Scales, optional
-        Needed if colors stand for numbers.
+        Needed if colors represent numbers.
     """
     batch_size = n_cores()
     for start in range(0, len(shots), batch_size):

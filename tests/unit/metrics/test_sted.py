@@ -77,7 +77,7 @@ def test_sted_spatial_is_the_mean_over_frames_when_one_of_two_has_error():
 
 
 def test_sted_temporal_is_relative_to_the_mean_speed_when_one_vertex_of_three_moves():
-    # D = 5; the original stands still, s = 3e-4. Vertex 2 moves 5 * 4e-4: s^ = 5e-4.
+    # D = 5; the original is static, s = 3e-4. Vertex 2 moves 5 * 4e-4: s^ = 5e-4.
     # |s - s^| / s = 2/3, the mean over three vertices 2/9.
     original, decoded = np.repeat(RIGHT, 2, axis=0), np.repeat(RIGHT, 2, axis=0)
     decoded[1, 2, 2] = 5 * 4e-4
@@ -86,7 +86,7 @@ def test_sted_temporal_is_relative_to_the_mean_speed_when_one_vertex_of_three_mo
 
 def test_sted_temporal_window_is_four_back_and_five_ahead_when_one_step_is_fast():
     # 13 frames, 12 steps; vertex 0 makes one step of 5 * 4e-4 (s = 5e-4) at frame 6, else 3e-4.
-    # Decoded stands still. Error 2e-4 at frame 6 only, whose window is frames 2..11, ten steps
+    # Decoded is static. Error 2e-4 at frame 6 only, whose window is frames 2..11, ten steps
     # of mean (9 * 3e-4 + 5e-4) / 10 = 3.2e-4. T = (2 / 3.2) / (3 vertices * 12 steps).
     original, decoded = np.repeat(RIGHT, 13, axis=0), np.repeat(RIGHT, 13, axis=0)
     original[6:, 0, 2] += 5 * 4e-4

@@ -125,7 +125,7 @@ def test_streamed_errors_are_refused_when_the_original_lacks_a_frame(soup, start
 
 
 class Turning:
-    """A source that makes its frames when they are asked for."""
+    """A source that generates its frames when they are read."""
 
     n_frames, n_verts, faces, fps, name = 300, 2000, FACES, 0.0, ""
     dtype = np.dtype(np.float32)

@@ -32,7 +32,7 @@ class Zfp:
         return (1e-2, 1e-3) if quick else (3e-2, 1e-2, 3e-3, 1e-3, 3e-4)
 
     def params(self, setting: float) -> str:
-        """The bound."""
+        """The bound as text."""
         return f"bound {setting:g}"
 
     def encode(self, sequence: MeshSequence, setting: float) -> bytes:
@@ -65,7 +65,7 @@ class Sz3:
         return (2e-3, 5e-4) if quick else (4e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4)
 
     def params(self, setting: float) -> str:
-        """The bound."""
+        """The bound as text."""
         return f"bound {setting:g}"
 
     def encode(self, sequence: MeshSequence, setting: float) -> bytes:
