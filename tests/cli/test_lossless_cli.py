@@ -112,9 +112,9 @@ def test_batch_takes_it():
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["encode", "walk.npz", "--lossless", "--quality", "80"], "that --quality has no effect"),
-        (["encode", "walk.npz", "--lossless", "--modes", "3"], "so that --modes has no effect"),
-        (["encode", "walk.npz", "--lossless", "--uv-bits", "12"], "that --uv-bits has no effect"),
+        (["encode", "walk.npz", "--lossless", "--quality", "80"], "--quality has no effect"),
+        (["encode", "walk.npz", "--lossless", "--modes", "3"], "--modes has no effect"),
+        (["encode", "walk.npz", "--lossless", "--uv-bits", "12"], "--uv-bits has no effect"),
         (
             ["convert", "walk.npz", "-o", "a.reel", "--lossless", "--max-error", "1mm", "--unit=m"],
             "--max-error has no effect with --lossless; omit it",
