@@ -70,7 +70,12 @@ void reel_run(const reel_call *call, void (*task)(void *shared, uint32_t i), voi
 
 /* Number of threads to divide work among. */
 REEL_INLINE uint32_t reel_threads(const reel_call *call) {
+#ifdef __wasm__ /* the host has no threads, see page.c */
+    (void)call;
+    return 1;
+#else
     return call->host->run && call->host->n_threads > 1 ? call->host->n_threads : 1;
+#endif
 }
 
 #endif
