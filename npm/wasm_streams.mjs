@@ -55,6 +55,11 @@ function jumpTable(code) {
   for (let count = code.number() + 1; count > 0; count--) code.number();
 }
 
+const INT32_CONSTANT = 0x41;
+
+/** Constants that are part of their opcode: the most frequent bytes; 127 is -1. */
+const COMMON_CONSTANTS = [0, 1, 2, 3, 4, 8, 16, 127];
+
 /**
  * Opcodes from and to; what follows an opcode and is stored as part of it, because it hardly varies;
  * and the other immediates, with their streams. Opcodes after the prefix 0xfc are 0xfc00 and up.
@@ -74,7 +79,7 @@ const INSTRUCTIONS = [
   [0x21, 0x22, [], [[WRITTEN_LOCALS, number]]], // local.set, local.tee
   [0x23, 0x24, [number], []], // globals
   [0x28, 0x3e, [number], [[OFFSETS, number]]], // loads and stores: alignment, offset
-  [0x41, 0x41, [], [[INT32S, number]]],
+  [INT32_CONSTANT, INT32_CONSTANT, [], [[INT32S, number]]],
   [0x42, 0x42, [], [[INT64S, number]]],
   [0x43, 0x43, [], [[BYTES, bytes(4)]]], // f32.const
   [0x44, 0x44, [], [[BYTES, bytes(8)]]], // f64.const
@@ -100,6 +105,10 @@ function readInstruction(code) {
   if (!found) throw new Error(`unknown opcode 0x${opcode.toString(16)} at byte ${code.at}`);
   const [, , inOpcode, immediates] = found;
   for (const skip of inOpcode) skip(code);
+  if (opcode === INT32_CONSTANT && COMMON_CONSTANTS.includes(code.bytes[code.at])) {
+    code.byte();
+    return [];
+  }
   return immediates;
 }
 
