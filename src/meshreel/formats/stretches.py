@@ -8,9 +8,9 @@ from pathlib import Path
 
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.mesh_files import MeshFiles
+from meshreel.formats.frames.opening import open_mesh_files
 from meshreel.formats.frames.selection import select_attributes
 from meshreel.formats.kinds import SequenceFormat
-from meshreel.formats.load import open_mesh_files
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_source import frame_range, open_mesh, select_mesh
 from meshreel.formats.sources import Source, SourceFiles, find_files
