@@ -10,6 +10,9 @@ MeshSequence      an animated mesh: vertices, faces, frames per second
 Surface           its polygons, hard edges, Attribute (Domain, Kind), FaceGroups and Part
 Track             a quantity that changes over time, such as stress or velocity: TrackKind
 Material          appearance of a face group: Texture (Wrap, Filter), Image, AlphaMode
+SegmentedSequence an animated mesh whose faces change: segments, each a MeshSequence;
+                  concatenate makes one, load_segments and decode_segments read one;
+                  open_segments gives a SegmentedReelFile; a MeshFrame is vertices and faces
 load, save        files of all formats to a sequence and back
 encode, decode    a sequence or a file to the bytes of a .reel stream and back
 corner_normals    normals of one or several frames, split at the hard edges of a Surface
@@ -21,7 +24,7 @@ simulate_flag     a synthetic sequence for experiments
 paper             the paper's seven methods for experiments: their streams as arrays, their steps
 MeshReelError     base class of all errors: InvalidInputError, FormatError, CorruptStreamError,
                   TruncatedStreamError, UnsupportedVersionError, SolverError, StoreError,
-                  MemoryLimitError, WorkerDiedError
+                  MemoryLimitError, WorkerDiedError, ConnectivityChangeError
 """
 
 from importlib import import_module
@@ -31,11 +34,13 @@ from meshreel import methods as _methods  # noqa: F401  registers the coding met
 
 if TYPE_CHECKING:
     from meshreel import paper as paper
-    from meshreel.api import compare, decode, encode, info
+    from meshreel.api import compare, decode, decode_segments, encode, info
     from meshreel.codec.inspect import StreamInfo
     from meshreel.codec.reel_file import ReelFile
+    from meshreel.codec.segmented_file import SegmentedReelFile
     from meshreel.codec.streaming import Encoder
     from meshreel.errors import (
+        ConnectivityChangeError,
         CorruptStreamError,
         FormatError,
         InvalidInputError,
@@ -47,13 +52,14 @@ if TYPE_CHECKING:
         UnsupportedVersionError,
         WorkerDiedError,
     )
-    from meshreel.formats.load import load
-    from meshreel.formats.reel.reading import open
+    from meshreel.formats.load import load, load_segments
+    from meshreel.formats.reel.reading import open, open_segments
     from meshreel.formats.save import save
     from meshreel.metrics.compare import Quality
     from meshreel.model.flag import simulate_flag
     from meshreel.model.geometry.hard_edges import corner_normals
     from meshreel.model.materials import AlphaMode, Filter, Image, Material, Texture, Wrap
+    from meshreel.model.segments import MeshFrame, SegmentedSequence, concatenate
     from meshreel.model.sequence import MeshSequence
     from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 
@@ -62,6 +68,7 @@ __version__ = "0.1.0"
 __all__ = [
     "AlphaMode",
     "Attribute",
+    "ConnectivityChangeError",
     "CorruptStreamError",
     "Domain",
     "Encoder",
@@ -73,11 +80,14 @@ __all__ = [
     "Kind",
     "Material",
     "MemoryLimitError",
+    "MeshFrame",
     "MeshReelError",
     "MeshSequence",
     "Part",
     "Quality",
     "ReelFile",
+    "SegmentedReelFile",
+    "SegmentedSequence",
     "SolverError",
     "StoreError",
     "StreamInfo",
@@ -90,12 +100,16 @@ __all__ = [
     "WorkerDiedError",
     "Wrap",
     "compare",
+    "concatenate",
     "corner_normals",
     "decode",
+    "decode_segments",
     "encode",
     "info",
     "load",
+    "load_segments",
     "open",
+    "open_segments",
     "save",
     "simulate_flag",
 ]
@@ -105,14 +119,18 @@ _MATERIALS = ("AlphaMode", "Filter", "Image", "Material", "Texture", "Wrap")
 _MODULES = {
     **dict.fromkeys(_SURFACE, "model.surface"),
     **dict.fromkeys(_MATERIALS, "model.materials"),
-    **dict.fromkeys(("compare", "decode", "encode", "info"), "api"),
+    **dict.fromkeys(("compare", "decode", "decode_segments", "encode", "info"), "api"),
+    **dict.fromkeys(("MeshFrame", "SegmentedSequence", "concatenate"), "model.segments"),
     "corner_normals": "model.geometry.hard_edges",
     "Encoder": "codec.streaming",
     "load": "formats.load",
+    "load_segments": "formats.load",
     "MeshSequence": "model.sequence",
     "open": "formats.reel.reading",
+    "open_segments": "formats.reel.reading",
     "Quality": "metrics.compare",
     "ReelFile": "codec.reel_file",
+    "SegmentedReelFile": "codec.segmented_file",
     "save": "formats.save",
     "simulate_flag": "model.flag",
     "StreamInfo": "codec.inspect",

@@ -15,6 +15,7 @@ from meshreel.codec.config import check_names
 from meshreel.codec.inspect import StreamInfo
 from meshreel.codec.memory import bytes_of
 from meshreel.codec.reel_file import ReelFile
+from meshreel.codec.segmented_file import SegmentedReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.formats.file_errors import errors_naming, os_errors_naming, refuse_pipe
 from meshreel.formats.load import load, open_for_encoding
@@ -24,6 +25,7 @@ from meshreel.formats.reel.reading import read_info
 from meshreel.formats.remote import local_copy
 from meshreel.formats.sources import AnyPath, Source
 from meshreel.model.frame_choice import start_of
+from meshreel.model.segments import AnySequence, SegmentedSequence, single_segment
 from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.model.tracks import read_track
 from meshreel.runtime.progress import Progress, silent
@@ -36,12 +38,12 @@ if TYPE_CHECKING:
 Options = ParamSpec("Options")
 Result = TypeVar("Result")
 Stream = bytes | bytearray | memoryview
-AnySequence = FrameSource | ReelFile | Stream | Source
+AnyInput = AnySequence | ReelFile | SegmentedReelFile | Stream | Source
 
 
 def _accept_files(
-    encode: Callable[Concatenate[FrameSource, Options], bytes],
-) -> Callable[Concatenate[AnySequence, Options], bytes]:
+    encode: Callable[Concatenate[AnySequence, Options], bytes],
+) -> Callable[Concatenate[AnyInput, Options], bytes]:
     """Return an `encode` that also accepts files; its signature is derived from the original."""
     signature = inspect.signature(encode)
 
@@ -53,7 +55,7 @@ def _accept_files(
             return encode(_source(local, kwargs.get("memory")), *args, **kwargs)
 
     first, *others = signature.parameters.values()
-    parameters = [first.replace(annotation="AnySequence"), *others]
+    parameters = [first.replace(annotation="AnyInput"), *others]
     encode_any.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
     return encode_any  # type: ignore[return-value]  # mypy: `sequence` could be passed by name
 
@@ -127,6 +129,27 @@ def decode(
     )
 
 
+def decode_segments(
+    data: Stream | AnyPath,
+    *,
+    frames: slice | None = None,
+    n_modes: int | None = None,
+    memory: float | str | None = None,
+    progress: Progress = silent,
+) -> SegmentedSequence:
+    """All segments of a `.reel` stream, whose meshes differ; also of a stream with one.
+
+    Parameters and errors are those of `decode`; `frames` are numbered across all segments.
+    """
+    return _with_stream(
+        data,
+        "decode_segments",
+        lambda stream: decoder.decode_segments(
+            stream, frames=frames, n_modes=n_modes, memory=memory, progress=progress
+        ),
+    )
+
+
 def info(data: Stream | AnyPath | ReelFile, *, segment: int | None = None) -> StreamInfo:
     """Contents of a `.reel` stream, its segments, and its bytes by section.
 
@@ -154,9 +177,7 @@ def info(data: Stream | AnyPath | ReelFile, *, segment: int | None = None) -> St
     return _with_stream(data, "info", lambda stream: streams.info(stream, segment))
 
 
-def compare(
-    original: AnySequence, decoded: AnySequence, *, progress: Progress = silent
-) -> "Quality":
+def compare(original: AnyInput, decoded: AnyInput, *, progress: Progress = silent) -> "Quality":
     """All quality metrics of a decoded sequence, computed in float64.
 
     Parameters
@@ -203,7 +224,7 @@ def _with_stream(stream: Any, caller: str, function: Callable[[bytes], Result]) 
     )
 
 
-def _source(sequence: Any, memory: Any) -> FrameSource:
+def _source(sequence: Any, memory: Any) -> AnySequence:
     """Frames to encode, which may be read from their files on demand."""
     if _is_path(sequence):
         notes: list[str] = []
@@ -222,7 +243,7 @@ def _loaded(sequence: Any) -> MeshSequence:
             loaded = load(files, notes=notes)
         _warn(notes)
         return loaded
-    source = _sequence(sequence)
+    source = single_segment(_sequence(sequence), "a comparison of vertices")
     if isinstance(source, MeshSequence):
         return source
     return MeshSequence(
@@ -236,18 +257,25 @@ def _loaded(sequence: Any) -> MeshSequence:
     )
 
 
-def _sequence(sequence: Any) -> FrameSource:
+def _sequence(sequence: Any) -> AnySequence:
     if isinstance(sequence, Stream):
-        return decoder.decode(bytes(sequence))
+        decoded = decoder.decode_segments(bytes(sequence))
+        return decoded if decoded.n_segments > 1 else decoded.segments[0]
     if isinstance(sequence, ReelFile):
         return _decode_reel(sequence, None)
+    if isinstance(sequence, SegmentedReelFile):
+        segments = map(sequence.segment, range(sequence.n_segments))
+        several = [_decode_reel(segment, None) for segment in segments]
+        return SegmentedSequence(several, sequence.name, sequence.start_s)
+    if isinstance(sequence, SegmentedSequence):
+        return sequence
     if all(hasattr(sequence, name) for name in ("faces", "extent", "read")):
         source: FrameSource = sequence
         return source
     raise InvalidInputError(
-        f"a sequence is a MeshSequence, the path of a file or folder, a list of paths, or the "
-        f"bytes of a .reel stream; got {type(sequence).__name__}; for arrays, pass "
-        "meshreel.MeshSequence(vertices, faces)"
+        "a sequence is a MeshSequence or SegmentedSequence, the path of a file or folder, a list "
+        f"of paths, or the bytes of a .reel stream; got {type(sequence).__name__}; for arrays, "
+        "pass meshreel.MeshSequence(vertices, faces)"
     )
 
 

@@ -9,6 +9,10 @@ class InvalidInputError(MeshReelError, ValueError):
     """An argument or a mesh sequence that cannot be used as given."""
 
 
+class ConnectivityChangeError(InvalidInputError):
+    """A sequence whose faces change where constant connectivity is needed."""
+
+
 class FormatError(MeshReelError):
     """A file of another program that cannot be read or written."""
 

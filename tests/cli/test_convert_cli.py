@@ -52,20 +52,31 @@ def test_convert_keeps_the_output_when_it_exists(sheet, tmp_path):
     assert (tmp_path / "a.npz").read_bytes() == b"mine"
 
 
-def test_encode_names_the_frame_and_the_way_out_when_faces_change(changing, tmp_path):
-    done = run("encode", changing, "-o", tmp_path / "a.reel")
-    assert_fails(done, "b_00.ply (frame 3) has 30 vertices; expected 99", "--split")
+def test_encode_writes_segments_when_faces_change(changing, tmp_path):
+    figures = run_json("encode", changing, "-o", tmp_path / "a.reel", "--fps", 10)
+    note = "the faces change: 5 frames in 2 segments of constant connectivity"
+    assert note in figures["notes"]
+    decoded = meshreel.decode_segments(tmp_path / "a.reel")
+    assert [one.n_frames for one in decoded.segments] == [3, 2]
+    assert_same_surface(
+        decoded.segments[1].surface, meshreel.load(str(changing / "b_*.ply")).surface
+    )
 
 
-def test_encode_writes_a_stream_for_each_stretch_when_faces_change(changing, tmp_path):
+def test_convert_names_the_way_out_when_a_format_has_constant_faces(changing, tmp_path):
+    done = run("convert", changing, "-o", tmp_path / "a.mdd")
+    assert_fails(done, "the faces change: 5 frames in 2 segments", "--split")
+
+
+def test_encode_split_writes_a_stream_for_each_segment(changing, tmp_path):
     figures = run_json("encode", changing, "-o", tmp_path / "a.reel", "--split", "--fps", 10)
-    assert [one["n_frames"] for one in figures["stretches"]] == [3, 2]
+    assert [one["n_frames"] for one in figures["outputs"]] == [3, 2]
     first, second = (meshreel.load(tmp_path / f"a_{name}.reel") for name in ("0-2", "3-4"))
     assert (first.n_verts, second.n_verts, second.start_s) == (99, 30, 0.3)
     assert_same_surface(second.surface, meshreel.load(str(changing / "b_*.ply")).surface)
 
 
-def test_encode_keeps_what_is_there_when_a_stretch_would_replace_it(changing, tmp_path):
+def test_encode_keeps_what_is_there_when_a_segment_would_replace_it(changing, tmp_path):
     (tmp_path / "a_3-4.reel").write_bytes(b"mine")
     assert_fails(
         run("encode", changing, "-o", tmp_path / "a.reel", "--split"), "a_3-4.reel already exists"

@@ -208,7 +208,7 @@ def test_nothing_is_said_of_ranges_when_they_are_within(made):
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_stretches_number_files_as_frames_of_the_whole_when_faces_change(made):
+def test_segments_number_files_as_frames_of_the_whole_when_faces_change(made):
     meshreel.save(waving_grid(2, 3, 3), made / "frames" / "g_%d.obj")
     run_json("convert", "frames", "-o", "out/f_%02d.ply", "--split", cwd=made)
     names = sorted(path.name for path in (made / "out").iterdir())

@@ -14,7 +14,7 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.save import save
-from meshreel.formats.stretches import find_stretches
+from meshreel.formats.segments import find_segments
 from samples.glb import Glb, largest_error_percent
 
 pytestmark = pytest.mark.real
@@ -111,7 +111,7 @@ def test_pvd_files_without_part_numbers_are_merged_at_each_time(odd):
     path = odd / "dualSphereAnimation4NoPart.pvd"
     with pytest.raises(InvalidInputError, match=r"lists 2 files for the time 1 .* with --merge"):
         load(path)
-    first, rest = (stretch.open() for stretch in find_stretches(path, ReadOptions(merge=True)))
+    first, rest = (segment.open() for segment in find_segments(path, ReadOptions(merge=True)))
     assert (first.n_frames, first.n_verts, len(first.faces)) == (1, 50, 96)
     assert (rest.n_frames, rest.n_verts, len(rest.faces)) == (4, 112, 192)
     for index in range(4):

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from meshreel.formats.load import open_found
 from meshreel.formats.options import ReadOptions
+from meshreel.formats.segments import open_constant
 from meshreel.formats.sources import find_files
 
 
@@ -11,4 +11,4 @@ def open_source(source, *, topology=None, max_loaded_bytes=0, **options):
     """Open the sequence that `load` returns, with at most this many bytes of positions loaded."""
     topology = None if topology is None else Path(topology)
     reading = ReadOptions(topology=topology, max_loaded_bytes=max_loaded_bytes, **options)
-    return open_found(find_files(source), reading)
+    return open_constant(find_files(source), reading)

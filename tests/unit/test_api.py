@@ -184,5 +184,5 @@ def test_help_names_the_whole_api_before_anything_else():
 
 def test_help_shows_functions_and_classes_with_their_text():
     text = pydoc.plain(pydoc.render_doc(meshreel))
-    assert "The bytes of a `.reel` stream that holds the sequence." in text
+    assert "Encode a sequence to the bytes of a `.reel` stream." in text
     assert "class MeshSequence" in text

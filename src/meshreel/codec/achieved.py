@@ -12,9 +12,10 @@ from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.memory import OWN_STREAM
 from meshreel.codec.reel_file import ReelFile
 from meshreel.metrics.sted import sted
-from meshreel.metrics.streamed import streamed_errors
-from meshreel.metrics.track_errors import TrackErrors, errors_of_tracks
-from meshreel.model.sequence import FrameSource
+from meshreel.metrics.streamed import ErrorSums, add_blocks
+from meshreel.metrics.track_errors import TrackErrors, errors_of_tracks, joined_errors
+from meshreel.model.segments import AnySequence, segments_of
+from meshreel.model.sequence import Extent, FrameSource
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.progress import Count, Progress, silent
 
@@ -23,7 +24,7 @@ Vertices = npt.NDArray[np.floating]
 
 @dataclass(frozen=True)
 class Achieved:
-    """Errors of a stream.
+    """Errors of a stream relative to its original.
 
     Attributes
     ----------
@@ -39,11 +40,12 @@ class Achieved:
 
 @staged("measuring")
 def measure_stream(
-    sequence: FrameSource,
+    sequence: AnySequence,
     data: bytes,
     *,
     order: str,
     with_sted: bool = False,
+    extent: Extent | None = None,
     progress: Progress = silent,
 ) -> Achieved:
     """Return the errors of a stream relative to its original, measured block by block.
@@ -53,30 +55,45 @@ def measure_stream(
     order : {"keep", "vertices", "drop"}
         The encoder's option: vertices whose order was dropped are matched by connectivity.
     with_sted : bool, default False
-        Whether to measure STED too, which keeps all frames in memory.
+        Whether to measure STED too, which keeps all frames in memory; not of several segments.
+    extent : Extent, optional
+        Extent whose diagonal errors are relative to. Default: that of the original.
     progress : callable, optional
     """
-    internal = _internal(sequence, order)
-    runs: list[Vertices] = []
+    sums, runs = ErrorSums(extent or sequence.extent), list[Vertices]()
+    tracks: dict[str, list[TrackErrors]] = {}
+    segments = segments_of(sequence)
+    n_frames, first_frame = sum(segment.n_frames for segment in segments), 0
+    for number, segment in enumerate(segments):
+        internal = _internal(segment, order)
 
-    def pieces(reel: ReelFile) -> Iterator[tuple[int, Vertices]]:
-        for start, frames in reel.pieces():
-            ordered = frames if internal is None else frames[:, internal]
-            if with_sted:
-                runs.append(ordered)
-            yield start, ordered
-            progress("measuring", Count(start + len(frames), reel.n_frames, "frames"))
+        def decoded_blocks(
+            reel: ReelFile, internal: Integers | None = internal, first: int = first_frame
+        ) -> Iterator[tuple[int, Vertices]]:
+            for start, frames in reel.pieces():
+                given = frames if internal is None else frames[:, internal]
+                if with_sted:
+                    runs.append(given)
+                yield start, given
+                progress("measuring", Count(first + start + len(frames), n_frames, "frames"))
 
-    with ReelFile(BytesIO(data), memory=OWN_STREAM) as reel:
-        errors = streamed_errors(sequence, pieces(reel))
-        tracks: dict[str, TrackErrors] = {}
-        if sequence.tracks:
-            tracks = errors_of_tracks(sequence.tracks, reel.tracks, internal)
+        with ReelFile(BytesIO(data), memory=OWN_STREAM, segment=number) as reel:
+            add_blocks(sums, segment, decoded_blocks(reel))
+            for name, errors in errors_of_tracks(segment.tracks, reel.tracks, internal).items():
+                tracks.setdefault(name, []).append(errors)
+        first_frame += segment.n_frames
     measured_sted = None
     if with_sted:
-        vertices = sequence.read(0, sequence.n_frames)
-        measured_sted = sted(vertices, np.concatenate(runs), sequence.faces).sted
-    return Achieved(errors.kg_error_percent, errors.max_error_percent, measured_sted, tracks)
+        (segment,) = segments
+        original = segment.read(0, segment.n_frames)
+        measured_sted = sted(original, np.concatenate(runs), segment.faces).sted
+    found = sums.errors
+    return Achieved(
+        found.kg_error_percent,
+        found.max_error_percent,
+        measured_sted,
+        {name: joined_errors(several) for name, several in tracks.items()},
+    )
 
 
 @staged("measuring")

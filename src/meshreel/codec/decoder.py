@@ -6,17 +6,22 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.memory import memory_limit
-from meshreel.codec.open_stream import whole_stream
+from meshreel.codec.memory import MemoryLimit, memory_limit
+from meshreel.codec.open_stream import OpenStream, whole_file, whole_stream
 from meshreel.codec.reel_track import tracks_of_stream
 from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.kernel.files import OpenFile
 from meshreel.model.frame_choice import frame_range, start_of
+from meshreel.model.segments import SegmentedSequence
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.tracks import Track
 from meshreel.runtime.progress import Count, Progress, silent
 
 FRAMES_PER_REPORT = 256
 """Most frames between two progress reports."""
+
+POSITION_BYTES = 4
+"""Least size of a coordinate; the exact one is known once a segment is open."""
 
 
 def decode(
@@ -64,7 +69,54 @@ def decode(
     progress("decoding connectivity", 0.0)
     opened = whole_stream(bytes(data), limit, segment)
     opened.require_mesh()
-    selected = frame_range(frames, opened.n_frames)
+    return _decode_frames(opened, frame_range(frames, opened.n_frames), n_modes, progress)
+
+
+def decode_segments(
+    data: bytes,
+    *,
+    frames: slice | None = None,
+    n_modes: int | None = None,
+    memory: float | str | None = None,
+    progress: Progress = silent,
+) -> SegmentedSequence:
+    """Return the segments of a `.reel` stream, or those of a range of frames; one at least.
+
+    Parameters and errors are those of `decode`.
+    """
+    limit = memory_limit(memory)
+    progress("decoding connectivity", 0.0)
+    file = whole_file(bytes(data), limit)
+    wanted = frame_range(frames, file.info.n_frames)
+    _require_segments(file, wanted, limit)
+    segments = []
+    for number, place in enumerate(file.segments):
+        first = max(wanted.start, place.first_frame)
+        stop = min(wanted.stop, place.first_frame + place.n_frames)
+        if first < stop:
+            opened = OpenStream(file, limit, number)
+            opened.require_mesh()
+            local = range(first - place.first_frame, stop - place.first_frame)
+            segments.append(_decode_frames(opened, local, n_modes, silent))
+            opened.file.close()
+            progress("decoding", Count(stop - wanted.start, len(wanted), "frames"))
+    return SegmentedSequence(segments)
+
+
+def _require_segments(file: OpenFile, wanted: range, limit: MemoryLimit) -> None:
+    """Raise MemoryLimitError if the positions of frames of all segments exceed the limit."""
+    needed = 0
+    for place in file.segments:
+        first = max(wanted.start, place.first_frame)
+        stop = min(wanted.stop, place.first_frame + place.n_frames)
+        needed += max(0, stop - first) * 3 * POSITION_BYTES * place.n_verts
+    limit.require(needed, f"frames {wanted.start}:{wanted.stop} of {len(file.segments)} segments")
+
+
+def _decode_frames(
+    opened: OpenStream, selected: range, n_modes: int | None, progress: Progress
+) -> MeshSequence:
+    """Return some frames of an open stream of one segment, with their tracks."""
     start_s = start_of(selected, opened.start_s, opened.fps)
     reader = opened.method.frames(opened, n_modes)
     tracks = tracks_of_stream(opened, reader)

@@ -4,10 +4,11 @@ from dataclasses import dataclass
 
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.option import takes_fields
+from meshreel.codec.segments import encode_segments
 from meshreel.codec.source import Source
 from meshreel.codec.surface.uv_grid import check_uvs
 from meshreel.codec.track_bounds import TrackTargets, kept_bounds
-from meshreel.model.sequence import FrameSource
+from meshreel.model.segments import AnySequence, SegmentedSequence
 from meshreel.model.surface_selection import ALL, Names, select
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Progress, silent
@@ -24,7 +25,7 @@ class EncodeCall(EncoderConfig):
 
 
 @takes_fields(EncodeCall)
-def encode(sequence: FrameSource, call: EncodeCall) -> bytes:
+def encode(sequence: AnySequence, call: EncodeCall) -> bytes:
     """Encode a sequence to the bytes of a `.reel` stream.
 
     The target of `reel` is one of `quality`, `max_error`, `kg`, `sted`, `bpvf`, `size` and `step`,
@@ -32,7 +33,7 @@ def encode(sequence: FrameSource, call: EncodeCall) -> bytes:
 
     Parameters
     ----------
-    sequence : MeshSequence, or FrameSource
+    sequence : MeshSequence, SegmentedSequence, or FrameSource
         Frames that are not in memory are read block by block. `meshreel.encode` also accepts inputs
         of `meshreel.load`, such as a path, and warns of contents that reading omits.
     options
@@ -68,7 +69,7 @@ def encode(sequence: FrameSource, call: EncodeCall) -> bytes:
 
 def encode_with(
     config: EncoderConfig,
-    sequence: FrameSource,
+    sequence: AnySequence,
     attributes: Names = ALL,
     tracks: TrackTargets | None = None,
     progress: Progress = silent,
@@ -81,6 +82,10 @@ def encode_with(
     InvalidInputError
         If the mesh is too large for the method, or no stream meets the target.
     """
+    if isinstance(sequence, SegmentedSequence):
+        if sequence.n_segments > 1:
+            return encode_segments(config, sequence, attributes, tracks, progress, engine)
+        (sequence,) = sequence.segments
     surface = select(sequence.surface, attributes)
     if config.uv_bits is not None:
         check_uvs(surface, config.uv_bits)

@@ -1,6 +1,5 @@
 """Join streams into a stream of several segments, and separate them again."""
 
-import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from io import BytesIO
@@ -9,18 +8,23 @@ from meshreel.codec.bitstream.container import Header, StreamWriter
 from meshreel.codec.bitstream.container import whole_stream as written_stream
 from meshreel.codec.bitstream.layout import Section, VertexType
 from meshreel.codec.open_stream import OpenStream, whole_stream
+from meshreel.codec.surface.payloads import write_start
 from meshreel.errors import InvalidInputError
 
 
-def join_streams(streams: Sequence[bytes]) -> bytes:
+def join_streams(
+    streams: Sequence[bytes], *, name: str | None = None, start_s: float | None = None
+) -> bytes:
     """Join streams into one whose segments are their meshes, without re-encoding.
-
-    Name and start are those of the first stream.
 
     Parameters
     ----------
     streams : sequence of bytes
         Complete streams of one segment each, at least one.
+    name : str, optional
+        Name of the sequence. Default: that of the first stream.
+    start_s : float, optional
+        Time of the first frame in seconds. Default: that of the first stream.
 
     Raises
     ------
@@ -38,12 +42,21 @@ def join_streams(streams: Sequence[bytes]) -> bytes:
             f"streams of {' and '.join(f'{rate:g}' for rate in sorted(rates))} frames per second "
             "cannot be joined; encode them with the same fps="
         )
-    file, n_frames = BytesIO(), sum(one.n_frames for one in (first, *further))
-    writer = StreamWriter(file, replace(header_of(first), n_frames=n_frames), leading_of(first))
+    header = replace(
+        header_of(first),
+        n_frames=sum(one.n_frames for one in (first, *further)),
+        name=first.name if name is None else name,
+    )
+    leading = list(leading_of(first))
+    if start_s is not None and start_s != first.start_s:
+        leading = _without_start(first)
+        if start_s:
+            leading.append((Section.START, write_start(start_s)))
+    file = BytesIO()
+    writer = StreamWriter(file, header, leading)
     _write_blocks(writer, first)
     for one in further:
-        sections = (stored for stored in leading_of(one) if stored[0] is not Section.START)
-        writer.begin_segment(header_of(one), sections)
+        writer.begin_segment(header_of(one), _without_start(one))
         _write_blocks(writer, one)
     writer.finish()
     return file.getvalue()
@@ -59,8 +72,12 @@ def separate_stream(opened: OpenStream) -> bytes:
     """
     leading = list(leading_of(opened))
     if opened.start_s and Section.START not in dict(leading):
-        leading.append((Section.START, struct.pack("<d", opened.start_s)))
+        leading.append((Section.START, write_start(opened.start_s)))
     return written_stream(header_of(opened), leading, blocks_of(opened))
+
+
+def _without_start(opened: OpenStream) -> list[tuple[Section, bytes]]:
+    return [stored for stored in leading_of(opened) if stored[0] is not Section.START]
 
 
 def _write_blocks(writer: StreamWriter, opened: OpenStream) -> None:

@@ -4,7 +4,7 @@
 when a method is first used.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -126,6 +126,17 @@ class Method(Protocol):
         ------
         InvalidInputError
             If no stream meets the target.
+        """
+
+    def encode_segments(
+        self, sources: "Sequence[Source]", progress: "Progress", engine: "Engine | None"
+    ) -> "Iterator[bytes]":
+        """Yield a stream for each segment of a sequence; all together meet the target.
+
+        Raises
+        ------
+        InvalidInputError
+            If they cannot, or the method needs constant connectivity.
         """
 
     def live_coder(

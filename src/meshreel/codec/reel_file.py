@@ -16,6 +16,7 @@ from meshreel.codec.methods import FrameReader
 from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.reel_track import ReelTrack, tracks_of_stream
 from meshreel.errors import InvalidInputError
+from meshreel.kernel.files import OpenFile
 from meshreel.model.frame_choice import FrameChoice, chosen_frames, frame_range
 from meshreel.model.sequence import Faces
 from meshreel.model.showing import notebook_html, show
@@ -47,6 +48,8 @@ class ReelFile:
         As in `meshreel.open`.
     segment : int, optional
         As in `meshreel.open`; frames and all attributes are then of this segment.
+    opened : OpenFile, optional
+        The same file, opened already.
 
     Attributes
     ----------
@@ -83,23 +86,25 @@ class ReelFile:
         n_modes: int | None = None,
         memory: float | str | None = None,
         segment: int | None = None,
+        *,
+        opened: OpenFile | None = None,
     ) -> None:
         limit = memory_limit(memory)
         self._file = with_own_position(file)
-        opened = self._opened = OpenStream(self._file, limit, segment)
-        opened.require_mesh()
+        stream = self._opened = OpenStream(opened or self._file, limit, segment)
+        stream.require_mesh()
         self._n_modes = n_modes
         if n_modes is not None:  # raise now if the stream does not support it
             _ = self._frames
-        self.n_frames, self.n_verts, self.n_faces = opened.n_frames, opened.n_verts, opened.n_faces
-        self.fps, self.name, self.is_whole = opened.fps, opened.name, opened.is_whole
-        self.dtype = opened.dtype
-        self.start_s, self.frame = opened.start_s, opened.frame
-        promised = opened.promise_percent if n_modes is None else None
+        self.n_frames, self.n_verts, self.n_faces = stream.n_frames, stream.n_verts, stream.n_faces
+        self.fps, self.name, self.is_whole = stream.fps, stream.name, stream.is_whole
+        self.dtype = stream.dtype
+        self.start_s, self.frame = stream.start_s, stream.frame
+        promised = stream.promise_percent if n_modes is None else None
         self.promised_error = None if promised is None else promised / 100 * self.frame.scale
-        self.starts = tuple(opened.starts)
-        self.method = opened.method.name
-        self.order = opened.order_kept.name.lower()
+        self.starts = tuple(stream.starts)
+        self.method = stream.method.name
+        self.order = stream.order_kept.name.lower()
 
     @cached_property
     def _frames(self) -> FrameReader:

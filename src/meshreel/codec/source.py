@@ -21,7 +21,7 @@ from meshreel.codec.subspace.trajectories import BoundingFrame, bounding_frame
 from meshreel.codec.surface.payloads import surface_in_order, surface_sections, write_start
 from meshreel.codec.track_bounds import TrackBound
 from meshreel.codec.tracks import Coding
-from meshreel.model.sequence import Faces, FrameSource, MeshSequence
+from meshreel.model.sequence import Extent, Faces, FrameSource, MeshSequence
 from meshreel.model.surface import PLAIN, Surface
 from meshreel.model.tracks import TrackSource
 
@@ -202,6 +202,8 @@ class Source:
         Error bounds by track; other tracks are dropped.
     tracks : sequence of CodedTrack
         Encoded tracks, which `stream` places after the positions.
+    whole_extent : Extent, optional
+        Extent of the whole sequence if this one is a segment of it.
     """
 
     sequence: FrameSource
@@ -209,6 +211,12 @@ class Source:
     surface: Surface | None = None
     bounds: Mapping[str, TrackBound] = field(default_factory=dict)
     tracks: Sequence["CodedTrack"] = ()
+    whole_extent: Extent | None = None
+
+    @property
+    def extent(self) -> Extent:
+        """Extent that sets the bounding box and the size of the model."""
+        return self.sequence.extent if self.whole_extent is None else self.whole_extent
 
     @cached_property
     def mesh(self) -> CodedMesh:
@@ -220,7 +228,12 @@ class Source:
     @cached_property
     def frame(self) -> BoundingFrame:
         """Center and diagonal of the bounding box."""
-        return bounding_frame(self.sequence.extent)
+        return bounding_frame(self.extent)
+
+    @property
+    def model_size(self) -> float:
+        """Mean diagonal of the model in a frame, in diagonals of the bounding box."""
+        return self.extent.mean_diagonal / self.frame.scale or 1.0
 
     @cached_property
     def n_frames(self) -> int:

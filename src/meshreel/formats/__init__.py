@@ -1,6 +1,6 @@
 """Import and export of sequences in the formats of other programs.
 
-load, save, inspection, stretches      entry points for the library and the command line
+load, save, inspection, segments      entry points for the library and the command line
 sources, outputs                       resolve an input or output to its files
 registry, kinds                        a row for each format, with lazily imported functions
 options, supported_options             read and write options, and the formats that support them

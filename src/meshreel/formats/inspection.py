@@ -19,7 +19,8 @@ from meshreel.formats.scenes.scene_source import selected_meshes
 from meshreel.formats.scenes.timing import frame_times
 from meshreel.formats.sources import Source, SourceFiles, find_files
 from meshreel.formats.supported_options import check_read_options
-from meshreel.model.sequence import FrameSource, bounding_boxes, validate_finite
+from meshreel.model.segments import AnySequence, SegmentedSequence
+from meshreel.model.sequence import bounding_boxes, validate_finite
 from meshreel.model.surface_description import (
     describe_attributes,
     describe_images,
@@ -57,6 +58,8 @@ class MeshInfo:
         As in `meshreel.codec.inspect.StreamInfo`.
     problem : str or None
         Why it cannot be encoded; None if it can.
+    n_segments : int
+        Ranges of frames with the same faces; counts of vertices and faces are the largest of them.
     """
 
     name: str
@@ -75,6 +78,7 @@ class MeshInfo:
     images: tuple[str, ...] = ()
     tracks: tuple[str, ...] = ()
     problem: str | None = None
+    n_segments: int = 1
 
     @property
     def duration_s(self) -> float | None:
@@ -191,7 +195,22 @@ def _infos(found: SourceFiles, options: ReadOptions) -> Iterator[MeshInfo]:
         yield _sequence_info(open_for_inspection(found, options))
 
 
-def _sequence_info(sequence: FrameSource) -> MeshInfo:
+def _sequence_info(sequence: AnySequence) -> MeshInfo:
+    if isinstance(sequence, SegmentedSequence):
+        infos, extent = list(map(_sequence_info, sequence.segments)), sequence.extent
+        largest = {
+            name: max(getattr(one, name) for one in infos)
+            for name in ("n_verts", "n_faces", "n_polygons")
+        }
+        return replace(
+            infos[0],
+            name=sequence.name,
+            n_frames=sequence.n_frames,
+            n_segments=sequence.n_segments,
+            low=tuple(extent.low.tolist()),
+            high=tuple(extent.high.tolist()),
+            **largest,
+        )
     extent, n_faces = sequence.extent, len(sequence.faces)
     return MeshInfo(
         sequence.name,
@@ -219,13 +238,18 @@ def _described_tracks(tracks: Mapping[str, TrackSource]) -> tuple[str, ...]:
 def _scene_mesh_info(mesh: SceneMesh, options: ReadOptions, number: int, n_meshes: int) -> MeshInfo:
     first, timing = mesh.frame(0), frame_times(mesh.times_s)
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    dtype, problem = first.vertices.dtype, None
-    n_frames = len(mesh.times_s)
+    dtype, n_segments = first.vertices.dtype, 1
+    n_frames, segment = len(mesh.times_s), first
+    n_verts, n_polygons = len(first.vertices), len(first.counts)
+    n_faces = int((first.counts - 2).sum())
     progress = _with_mesh_number(options.progress, number, n_meshes)
     for index in range(n_frames):
         frame = mesh.frame(index) if index else first
-        if problem is None and (difference := frame.difference(first)):
-            problem = f"its faces change: frame {index} has {difference} in frame 0 (see --split)"
+        if frame.difference(segment):
+            segment, n_segments = frame, n_segments + 1
+            n_verts = max(n_verts, len(frame.vertices))
+            n_polygons = max(n_polygons, len(frame.counts))
+            n_faces = max(n_faces, int((frame.counts - 2).sum()))
         vertices = frame.vertices[np.newaxis]
         validate_finite(vertices, first_frame=index)
         dtype = np.promote_types(dtype, vertices.dtype)
@@ -237,6 +261,9 @@ def _scene_mesh_info(mesh: SceneMesh, options: ReadOptions, number: int, n_meshe
     surface = mesh.surface(0)
     return replace(
         _shape_info(mesh, options),
+        n_verts=n_verts,
+        n_faces=n_faces,
+        n_polygons=n_polygons,
         vertex_type=str(dtype),
         low=tuple(low.tolist()),
         high=tuple(high.tolist()),
@@ -244,8 +271,8 @@ def _scene_mesh_info(mesh: SceneMesh, options: ReadOptions, number: int, n_meshe
         parts=tuple(part.name for part in surface.parts),
         materials=describe_materials(surface),
         images=describe_images(surface),
-        tracks=_described_tracks(mesh.tracks(range(n_frames))) if problem is None else (),
-        problem=problem,
+        tracks=_described_tracks(mesh.tracks(range(n_frames))) if n_segments == 1 else (),
+        n_segments=n_segments,
     )
 
 

@@ -14,7 +14,8 @@ from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.scenes.scene_mesh import ReadMeshes
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.model.sequence import FrameSource, Vertices
+from meshreel.model.segments import AnySequence
+from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Domain, Surface
 
 ReadOption = Literal[
@@ -146,7 +147,7 @@ class SequenceFormat:
 
     extension: str
     title: str
-    open: Callable[[Path, ReadOptions], FrameSource]
+    open: Callable[[Path, ReadOptions], AnySequence]
     write: Callable[[Path, FrameStream, WriteOptions], None] | None
     extra: Extra | None = None
     reads: frozenset[ReadOption] = frozenset()

@@ -1,22 +1,28 @@
 """Loading of files as a `MeshSequence`, or opening with frames that are read on demand."""
 
 import os
+from collections.abc import Callable
 from dataclasses import replace
+from inspect import Signature, signature
 from pathlib import Path
+from typing import Any, ParamSpec, TypeVar
 
 from meshreel.codec.memory import DEFAULT_MEMORY, bytes_of
-from meshreel.formats.frames.mesh_files import MeshFiles
-from meshreel.formats.frames.opening import open_mesh_files
-from meshreel.formats.frames.selection import select_attributes
-from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.remote import local_copy
+from meshreel.formats.segments import open_any, open_constant
 from meshreel.formats.sources import Source, SourceFiles, find_files
-from meshreel.formats.supported_options import check_read_options
+from meshreel.model.segments import (
+    AnySequence,
+    SegmentedSequence,
+    segments_of,
+)
 from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.model.surface_selection import ALL, Names
-from meshreel.runtime.profiling import staged
 from meshreel.runtime.progress import Progress, silent
+
+Options = ParamSpec("Options")
+Result = TypeVar("Result")
 
 MAX_LOADED_BYTES = 1 << 30
 
@@ -107,21 +113,50 @@ def load(
     return load_with(source, options)
 
 
-def load_with(source: Source, options: ReadOptions) -> MeshSequence:
+def _with_parameters_of(
+    function: Callable[Options, Any],
+) -> Callable[[Callable[..., Result]], Callable[Options, Result]]:
+    """Decorate a function that takes the same parameters as another."""
+
+    def decorate(decorated: Callable[..., Result]) -> Callable[Options, Result]:
+        parameters = signature(function).parameters.values()
+        returned = signature(decorated).return_annotation
+        decorated.__signature__ = Signature(  # type: ignore[attr-defined]
+            [*parameters], return_annotation=returned
+        )
+        return decorated
+
+    return decorate
+
+
+@_with_parameters_of(load)
+def load_segments(source: Source, **options: Any) -> SegmentedSequence:
+    """Load a sequence whose faces may change: each range of equal faces becomes a segment.
+
+    Parameters and errors are those of `load`, which refuses changing faces.
+    """
+    given = {name: value for name, value in options.items() if value is not None}
+    read = ReadOptions(**given)
+    with local_copy(source, read.notes) as files:
+        opened = open_any(find_files(files), read)
+    return SegmentedSequence(segments_of(opened), opened.name, opened.start_s)
+
+
+def load_with(source: Source, options: ReadOptions, purpose: str = "load") -> MeshSequence:
     """Load a sequence as `load` does, with options that do not limit the loaded bytes."""
     with local_copy(source, options.notes) as files:
-        sequence = open_found(find_files(files), options)
+        sequence = open_constant(find_files(files), options, purpose)
     if not isinstance(sequence, MeshSequence):
         raise TypeError(f"expected a loaded sequence; got a {type(sequence).__name__}")
     return sequence
 
 
-def open_for_inspection(found: SourceFiles, options: ReadOptions) -> FrameSource:
+def open_for_inspection(found: SourceFiles, options: ReadOptions) -> AnySequence:
     """Open the sequence of resolved files, leaving positions in the files if possible."""
-    return open_found(found, replace(options, max_loaded_bytes=0))
+    return open_any(found, replace(options, max_loaded_bytes=0))
 
 
-def open_for_encoding(source: Source, memory: float | None, options: ReadOptions) -> FrameSource:
+def open_for_encoding(source: Source, memory: float | None, options: ReadOptions) -> AnySequence:
     """Open a source for encoding; loads it if it is small compared to the memory limit.
 
     Parameters
@@ -133,7 +168,18 @@ def open_for_encoding(source: Source, memory: float | None, options: ReadOptions
     options : ReadOptions
         `max_loaded_bytes` is ignored.
     """
-    return open_found(find_files(source), loading_for(memory, options))
+    return open_any(find_files(source), loading_for(memory, options))
+
+
+def open_for_purpose(source: Source, options: ReadOptions, purpose: str) -> FrameSource:
+    """Open a source as `open_for_encoding`, whose faces must not change.
+
+    Raises
+    ------
+    ConnectivityChangeError
+        If they do; the message names the purpose.
+    """
+    return open_constant(find_files(source), loading_for(None, options), purpose)
 
 
 def loading_for(memory: float | None, options: ReadOptions) -> ReadOptions:
@@ -143,27 +189,6 @@ def loading_for(memory: float | None, options: ReadOptions) -> ReadOptions:
         # A small memory limit for encoding must not prevent reading a `.reel`.
         options = replace(options, memory=max(memory, bytes_of(DEFAULT_MEMORY, "memory")))
     return replace(options, max_loaded_bytes=max_bytes)
-
-
-@staged("reading")
-def open_found(found: SourceFiles, options: ReadOptions) -> FrameSource:
-    """Open a sequence whose frames may stay in their files.
-
-    Frame files, scene files and uncompressed ``.npz`` files are read once now, a frame at a time,
-    to validate them and to find their extent; later, frames are read on demand, and the files must
-    not change. A compressed ``.npz``, a ``.reel`` and a single static mesh are loaded.
-
-    Raises
-    ------
-    InvalidInputError, FormatError
-        As `load`; also InvalidInputError when frames are read, if a file has changed.
-    """
-    check_read_options(found.format, options)
-    if isinstance(found.format, SequenceFormat):
-        opened = found.format.open(found.paths[0], options)
-    else:
-        opened = open_mesh_files(MeshFiles(found.paths, found.format), found.name, options)
-    return select_attributes(opened, options.attributes, found.paths[0])
 
 
 def _path(given: str | os.PathLike[str] | None) -> Path | None:

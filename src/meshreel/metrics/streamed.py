@@ -82,8 +82,20 @@ def streamed_errors(
 ) -> StreamedErrors:
     """KG error, largest and RMS displacement of a sequence decoded block by block.
 
-    They equal `kg_error_percent` and `displacement_errors_percent` of whole sequences. Memory
-    contains one decoded block and `BYTES_PER_READ` of the original.
+    They equal `kg_error_percent` and `displacement_errors_percent` of whole sequences. Parameters
+    and errors raised are those of `add_blocks`.
+    """
+    sums = ErrorSums(original.extent)
+    add_blocks(sums, original, decoded_blocks)
+    return sums.errors
+
+
+def add_blocks(
+    sums: ErrorSums, original: FrameSource, decoded_blocks: Iterable[tuple[int, Vertices]]
+) -> None:
+    """Add all frames of a sequence decoded block by block.
+
+    Memory contains one decoded block and `BYTES_PER_READ` of the original.
 
     Parameters
     ----------
@@ -97,7 +109,7 @@ def streamed_errors(
     InvalidInputError
         If a block has the wrong shape, or a frame is out of range, repeated or missing.
     """
-    sums, n_frames = ErrorSums(original.extent), original.n_frames
+    n_frames = original.n_frames
     is_decoded = np.zeros(n_frames, bool)
     for start, decoded in decoded_blocks:
         stop = start + len(decoded)
@@ -116,4 +128,3 @@ def streamed_errors(
     if not is_decoded.all():
         missing = int(np.argmin(is_decoded))
         raise InvalidInputError(f"frame {missing} of the original was not decoded")
-    return sums.errors

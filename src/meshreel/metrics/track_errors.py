@@ -1,6 +1,6 @@
 """Errors of the values of decoded tracks."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -81,6 +81,13 @@ def errors_of_tracks(
         for name, track in original.items()
         if name in decoded
     }
+
+
+def joined_errors(several: Sequence[TrackErrors]) -> TrackErrors:
+    """Errors of a track over several segments, at least one, in order."""
+    largest = np.concatenate([errors.largest_of_frames for errors in several])
+    rms = np.concatenate([errors.rms_of_frames for errors in several])
+    return TrackErrors(largest, rms, several[0].unit)
 
 
 def track_errors(

@@ -1,6 +1,6 @@
 """The paper's variants as coding methods."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +13,7 @@ from meshreel.codec.option import COUNT
 from meshreel.codec.source import CodedMesh, Source
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.codec.track_bounds import TrackTargets
-from meshreel.errors import CorruptStreamError
+from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.model.tracks import Track
 from meshreel.paper import settings
 from meshreel.paper.decoder import DecodedFrames, PaperBlockDecoder
@@ -84,6 +84,15 @@ class PaperMethod:
         """Encode the source to a stream; the engine is not used."""
         coder = PaperBlockCoder(source.mesh, source.frame, source.blocks())
         return source.stream(coder.leading_sections(), _code_blocks(source, coder, progress))
+
+    def encode_segments(
+        self, sources: Sequence[Source], progress: Progress, engine: Engine | None
+    ) -> Iterator[bytes]:
+        """Raise InvalidInputError: the paper assumes constant connectivity."""
+        raise InvalidInputError(
+            f"method {self.name} needs constant connectivity, and the sequence has "
+            f"{len(sources)} segments; use reel or lossless"
+        )
 
     def live_coder(
         self,

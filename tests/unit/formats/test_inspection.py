@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meshreel.errors import InvalidInputError
 from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.inspection import inspect_source
 from meshreel.formats.options import ReadOptions
@@ -74,11 +73,11 @@ def test_inspection_follows_object_and_merge(tmp_path, options, name):
     assert only_mesh(tmp_path / "two.usda", **options).name == name
 
 
-def test_inspection_rejects_frame_files_with_changing_faces(tmp_path):
+def test_inspection_counts_the_segments_of_changing_faces(tmp_path):
     for number, rows in enumerate((5, 5, 6)):
         save(waving_grid(1, rows, 6), tmp_path / f"s_{number}.obj")
-    with pytest.raises(InvalidInputError, match="--split"):
-        inspect_source(tmp_path, ReadOptions())
+    (mesh,) = inspect_source(tmp_path, ReadOptions()).meshes
+    assert (mesh.n_frames, mesh.n_segments, mesh.n_verts) == (3, 2, 36)
 
 
 def test_inspection_reports_the_problem_of_an_unreadable_mesh(tmp_path):

@@ -23,6 +23,7 @@ from meshreel.formats.notes import note_unknown_rate
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.remote import local_copy
 from meshreel.formats.supported_options import supported_only
+from meshreel.model.segments import single_segment
 from meshreel.model.sequence import FrameSource
 from meshreel.model.surface_selection import ALL, describe_missing, missing_names, select
 from meshreel.runtime.counting import counted
@@ -119,7 +120,8 @@ def encode_input(
     reading = replace(supported_only(options.reading, source), attributes=ALL, notes=notes)
     with local_copy(source) as files:
         opened = open_for_encoding(files, _memory(options), reading)
-        return _measured(opened, options, notes, began, engine)
+        sequence = single_segment(opened, "batch")
+        return _measured(sequence, options, notes, began, engine)
 
 
 def _memory(options: EncodeOptions) -> float | None:

@@ -13,7 +13,7 @@ from meshreel.runtime.progress import Progress
 if TYPE_CHECKING:
     from meshreel.app.cli.encoded_file import EncodedFile
     from meshreel.formats.remote import Output
-    from meshreel.model.sequence import FrameSource
+    from meshreel.model.segments import AnySequence
 
 
 @dataclass
@@ -70,7 +70,7 @@ class Conversion:
 
     def write(
         self,
-        sequence: "FrameSource",
+        sequence: "AnySequence",
         output: "str | os.PathLike[str]",
         chosen: slice | None = None,
         *,
@@ -80,6 +80,7 @@ class Conversion:
         from meshreel.app.cli.encoded_file import encode_file, frames_of
         from meshreel.app.cli.write_options import chosen_frames, is_stream, written_figures
         from meshreel.formats.save import save_part
+        from meshreel.model.segments import single_segment
 
         wanted = chosen_frames(chosen, sequence.n_frames, self.notes)
         if is_stream(output):
@@ -92,6 +93,7 @@ class Conversion:
             figures = written_figures([Path(output)], sequence, len(wanted), self.target)
             self.figures.append({**figures, **made.figures()})
             return
+        sequence = single_segment(sequence, f"{output} (without --split)")
         written = save_part(
             sequence, wanted, output,
             overwrite=self.force, start_number=self._number(output, wanted, first),

@@ -110,8 +110,8 @@ def convert_command(
     from meshreel.formats.options import WriteOptions
     from meshreel.formats.reel.reading import origin_of_file
     from meshreel.formats.remote import local_copy, uploaded
+    from meshreel.formats.segments import find_segments
     from meshreel.formats.sources import files_of_source
-    from meshreel.formats.stretches import find_stretches
 
     own = {name: value for name, value in encoding.items() if name not in OF_ALL_OUTPUTS}
     bound = checked_bound(encoding["max_error"], encoding["unit"])
@@ -143,10 +143,10 @@ def convert_command(
         # What is known of the output is checked before the input is read, which may take long.
         conversion.check(target.local, None if split else known_frames(files, chosen))
         if split:
-            stretches = find_stretches(source, loading_for(config.memory_bytes, reading))
-            cut = len(stretches) > 1
+            segments = find_segments(source, loading_for(config.memory_bytes, reading))
+            cut = len(segments) > 1
             whole = Path(target.local)
-            pieces = [(one, one.path(whole) if cut else whole) for one in stretches]
+            pieces = [(one, one.path(whole) if cut else whole) for one in segments]
             for one, path in pieces:
                 conversion.check(path, range(one.stop - one.start), first=one.start)
             for one, path in pieces:
@@ -158,6 +158,6 @@ def convert_command(
     print_notes(notes)
     if as_json:
         done = conversion.figures
-        print_json({**({"stretches": done} if split else done[0]), "notes": notes})
+        print_json({**({"outputs": done} if split else done[0]), "notes": notes})
         return
     conversion.show()

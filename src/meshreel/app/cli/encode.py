@@ -11,7 +11,10 @@ from meshreel.app.cli.read_options import MESHES, reading_options, split_option
 from meshreel.app.cli.track_options import track_option, track_targets
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from meshreel.formats.options import ReadOptions
+    from meshreel.model.segments import AnySequence
 
 OTHER_OUTPUTS = (
     "`meshreel convert` writes other formats, `meshreel render` pictures and films, "
@@ -101,8 +104,8 @@ def encode_command(
     from meshreel.codec.config import EncoderConfig
     from meshreel.formats.load import loading_for, open_for_encoding
     from meshreel.formats.remote import local_copy, uploaded
+    from meshreel.formats.segments import find_segments
     from meshreel.formats.sources import files_of_source
-    from meshreel.formats.stretches import find_stretches
     from meshreel.runtime.outputs.checks import check_extension, check_output_path
     from meshreel.runtime.profiling import profiled
 
@@ -118,21 +121,19 @@ def encode_command(
         check_output_path(stream_path, overwrite=force, inputs=files)
         progress, times = stack.enter_context(progress_bar()), stack.enter_context(profiled())
         reading = replace(reading, progress=progress)
+        pieces: list[tuple[Callable[[], AnySequence], Path]]
         if split:
-            stretches = find_stretches(source, loading_for(config.memory_bytes, reading))
-            cut = len(stretches) > 1
-            pieces = [
-                (one.open, one.path(stream_path) if cut else stream_path) for one in stretches
-            ]
+            segments = find_segments(source, loading_for(config.memory_bytes, reading))
+            cut = len(segments) > 1
+            pieces = [(one.open, one.path(stream_path) if cut else stream_path) for one in segments]
         else:
-            pieces = [
-                (partial(open_for_encoding, source, config.memory_bytes, reading), stream_path)
-            ]
+            opened = partial(open_for_encoding, source, config.memory_bytes, reading)
+            pieces = [(opened, stream_path)]
         for _, path in pieces:
             check_output_path(path, overwrite=force, inputs=files)
         results = [
             encode_file(
-                opened(),
+                open_piece(),
                 path,
                 config,
                 notes,
@@ -141,12 +142,12 @@ def encode_command(
                 progress=progress,
                 name=target.name(path),
             )
-            for opened, path in pieces
+            for open_piece, path in pieces
         ]
     print_notes(notes)
     if as_json:
         outputs = [result.figures() for result in results]
-        figures = {"stretches": outputs} if split else outputs[0]
+        figures = {"outputs": outputs} if split else outputs[0]
         timing = {"profile": profile_figures(times)} if profile else {}
         print_json({**figures, "notes": notes, **timing})
         return

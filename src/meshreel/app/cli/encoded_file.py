@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from meshreel.codec.inspect import StreamInfo
     from meshreel.codec.surface.uv_errors import UvErrors
     from meshreel.codec.track_bounds import TrackTargets
-    from meshreel.model.sequence import FrameSource
+    from meshreel.model.segments import AnySequence
     from meshreel.runtime.progress import Progress
 
 
@@ -44,27 +44,19 @@ class EncodedFile:
         print_bars("bytes", self.stream.part_bytes)
 
 
-def frames_of(sequence: "FrameSource", wanted: range) -> "FrameSource":
-    """The wanted frames of a sequence, loaded unless they are all of it."""
-    from meshreel.model.frame_choice import start_of
-    from meshreel.model.sequence import MeshSequence
-    from meshreel.model.tracks import read_track
+def frames_of(sequence: "AnySequence", wanted: range) -> "AnySequence":
+    """Return the wanted frames of a sequence, loaded unless they are all of it."""
+    from meshreel.model import segments
 
     if wanted == range(sequence.n_frames):
         return sequence
-    return MeshSequence(
-        sequence.read(wanted.start, wanted.stop),
-        sequence.faces,
-        sequence.fps,
-        sequence.name,
-        start_of(wanted, sequence.start_s, sequence.fps),
-        sequence.surface,
-        {name: read_track(track, wanted) for name, track in sequence.tracks.items()},
-    )
+    if isinstance(sequence, segments.SegmentedSequence):
+        return sequence.part(wanted)
+    return segments.frames_of(sequence, wanted)
 
 
 def encode_file(
-    sequence: "FrameSource",
+    sequence: "AnySequence",
     output: Path,
     config: EncoderConfig,
     notes: list[str],
@@ -76,7 +68,6 @@ def encode_file(
 ) -> EncodedFile:
     """Encode a sequence, write it and measure it; the file is called by the name given."""
     from meshreel.codec.achieved import measure_stream
-    from meshreel.codec.choices import Order
     from meshreel.codec.encoder import encode_with
     from meshreel.codec.inspect import info
     from meshreel.codec.solver_state import solver_state_note
@@ -84,10 +75,11 @@ def encode_file(
     from meshreel.codec.surface.uv_errors import measure_uvs
     from meshreel.codec.track_bounds import without_units
     from meshreel.formats.notes import note_unknown_rate
+    from meshreel.model.segments import segments_of, tracks_of_all
     from meshreel.runtime.outputs.atomic import replace_when_done
     from meshreel.runtime.profiling import stage
 
-    tracks = without_units(sequence.tracks, tracks or {}, notes)
+    tracks = without_units(tracks_of_all(sequence), tracks or {}, notes)
     data = encode_with(config, sequence, tracks=tracks, progress=progress)
     with stage("writing"), replace_when_done(output, overwrite=force) as temporary:
         temporary.write_bytes(data)
@@ -96,8 +88,10 @@ def encode_file(
         sequence, data, order=config.order, with_sted=with_sted, progress=progress
     )
     stream = info(data)
-    if lost := order_loss_note(sequence.surface, Order[stream.order.upper()]):
-        notes.append(lost)
+    for segment in segments_of(sequence):
+        lost = order_loss_note(segment.surface, config.order_choice)
+        if lost and lost not in notes:
+            notes.append(lost)
     if state := solver_state_note(stream.tracks, tracks):
         notes.append(state)
     note_unknown_rate(notes, sequence.n_frames, sequence.fps)

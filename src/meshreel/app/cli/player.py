@@ -120,8 +120,8 @@ def _comparison(reel: "ReelFile", original: str, reading: "ReadOptions") -> "Com
     from meshreel.app.viewer.comparison import Comparison
     from meshreel.app.viewer.original import Original
     from meshreel.formats.file_errors import errors_naming
-    from meshreel.formats.load import open_for_encoding
+    from meshreel.formats.load import open_for_purpose
 
-    source = open_for_encoding(original, None, reading)
+    source = open_for_purpose(original, reading, "a comparison in the player")
     with errors_naming(Path(original)):
         return Comparison(reel, Original(source, reel))

@@ -29,7 +29,7 @@ segment_option = option(
 split_option = option(
     "--split",
     is_flag=True,
-    help="Where the faces change within the sequence, write a file for each stretch of "
+    help="Where the faces change within the sequence, write a file for each range of "
     "frames that keeps them.",
     panel=READING,
 )

@@ -166,7 +166,7 @@ def render_command(
         picture_size,
         track_look,
     )
-    from meshreel.formats.load import open_for_encoding
+    from meshreel.formats.load import open_for_purpose
     from meshreel.formats.sources import files_of_source
     from meshreel.formats.supported_options import check_supported, supported_only
     from meshreel.rendering.scenes import Scene
@@ -194,12 +194,11 @@ def render_command(
     notes = reading.notes
     with progress_bar() as progress:
         reading = replace(reading, progress=progress)
-        shown = open_for_encoding(source, None, supported_only(reading, source))
-        beside = (
-            open_for_encoding(original, None, supported_only(reading, original))
-            if original
-            else None
-        )
+        purpose = "meshreel render"
+        shown = open_for_purpose(source, supported_only(reading, source), purpose)
+        beside = None
+        if original:
+            beside = open_for_purpose(original, supported_only(reading, original), purpose)
         numbers = frame_numbers(frames, shown.n_frames, notes)
         if look is not None and at is not None:
             numbers = sorted(set(numbers))

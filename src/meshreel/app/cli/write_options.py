@@ -14,9 +14,9 @@ from meshreel.codec.targets import DIAGONAL_OF_ALL, GROUP
 if TYPE_CHECKING:
     from meshreel.codec.reel_file import ReelFile
     from meshreel.formats.remote import Output
-    from meshreel.model.sequence import FrameSource
+    from meshreel.model.segments import AnySequence
 
-    Written = FrameSource | ReelFile
+    Written = AnySequence | ReelFile
 
 GLTF = "glTF output"
 GLTF_AND_TEXTURES = "glTF and .vat output"
@@ -193,11 +193,15 @@ def written_figures(
     written: list[Path], source: "Written", n_frames: int, target: "Output"
 ) -> dict[str, Any]:
     """Figures of written files, as commands print them as JSON."""
+    from meshreel.model.segments import SegmentedSequence
+
+    segments = source.segments if isinstance(source, SegmentedSequence) else (source,)
     return {
         "outputs": [target.name(path) for path in written],
         "n_frames": n_frames,
-        "n_verts": source.n_verts,
-        "n_faces": len(source.faces),
+        "n_segments": len(segments),
+        "n_verts": max(one.n_verts for one in segments),
+        "n_faces": max(len(one.faces) for one in segments),
         "fps": source.fps,
         "size_bytes": sum(path.stat().st_size for path in written),
     }

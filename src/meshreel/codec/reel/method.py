@@ -1,5 +1,6 @@
 """Our codec as a method of coding; encoder and decoder are imported when they are needed."""
 
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -122,6 +123,14 @@ class ReelMethod:
         from meshreel.codec.reel.encoding import whole
 
         return whole.encode(source, progress, engine)
+
+    def encode_segments(
+        self, sources: Sequence[Source], progress: Progress, engine: Engine | None
+    ) -> Iterator[bytes]:
+        """Yield the stream of each segment; raises as `segments.encode_segments`."""
+        from meshreel.codec.reel.encoding.segments import encode_segments
+
+        return encode_segments(self.encode, sources, progress, engine)
 
     def live_coder(
         self,

@@ -6,9 +6,10 @@ import numpy as np
 
 from meshreel.codec.choices import Order
 from meshreel.codec.connectivity.coder import encode_connectivity
-from meshreel.codec.open_stream import whole_stream
+from meshreel.codec.open_stream import OpenStream, whole_stream
 from meshreel.codec.surface.payloads import surface_in_order
 from meshreel.codec.surface.uv_grid import is_quantized
+from meshreel.model.segments import AnySequence, segments_of
 from meshreel.model.sequence import FrameSource
 from meshreel.model.surface import Attribute
 
@@ -34,15 +35,24 @@ class UvErrors:
         return self.largest * TEXELS
 
 
-def measure_uvs(sequence: FrameSource, data: bytes) -> UvErrors | None:
+def measure_uvs(sequence: AnySequence, data: bytes) -> UvErrors | None:
     """Measure the errors of the texture coordinates of a stream; None if it has none.
 
     Parameters
     ----------
-    sequence : FrameSource
+    sequence : MeshSequence, SegmentedSequence, or FrameSource
         The original, with its complete surface.
     """
-    opened = whole_stream(data)
+    several = (
+        _errors_of_segment(segment, whole_stream(data, segment=number))
+        for number, segment in enumerate(segments_of(sequence))
+    )
+    errors = [error for one in several for error in one]
+    return UvErrors(max(errors)) if errors else None
+
+
+def _errors_of_segment(sequence: FrameSource, opened: OpenStream) -> list[float]:
+    """Return the largest error of each attribute with rounded texture coordinates."""
     order = opened.order_kept
     internal = np.arange(sequence.n_verts)
     if order is Order.DROP and sequence.surface.attributes:
@@ -50,9 +60,9 @@ def measure_uvs(sequence: FrameSource, data: bytes) -> UvErrors | None:
         internal = coded.internal_to_given
     kept = surface_in_order(sequence.surface, order, internal).attributes
     if not any(map(is_quantized, kept)):
-        return None
+        return []
     pairs = zip(kept, opened.surface.attributes, strict=True)
-    return UvErrors(max(_largest(one, one_hat) for one, one_hat in pairs if is_quantized(one)))
+    return [_largest(one, one_hat) for one, one_hat in pairs if is_quantized(one)]
 
 
 def _largest(given: Attribute, decoded: Attribute) -> float:

@@ -41,6 +41,7 @@ from meshreel.formats.hdf.writing import HdfOutput, hdf_output
 from meshreel.formats.notes import note_kinds
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.registry import SEQUENCE_FORMATS
+from meshreel.model.segments import single_segment
 from meshreel.model.sequence import FrameSource, Vertices
 
 POSITIONS = "vertices"
@@ -65,7 +66,7 @@ def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
         root = open_hdf(path)
         is_vtkhdf = find_group(root, "VTKHDF") is not None
     if is_vtkhdf:  # outside the context: its errors already name the path
-        return SEQUENCE_FORMATS[".vtkhdf"].open(path, options)
+        return single_segment(SEQUENCE_FORMATS[".vtkhdf"].open(path, options), "HDF5")
     with errors_naming(path), hdf_errors():
         positions = _find_positions(root, options)
         if positions.dtype.kind != "f" or positions.dtype.itemsize not in (4, 8):

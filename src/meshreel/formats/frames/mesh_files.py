@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.errors import FormatError, InvalidInputError
+from meshreel.errors import ConnectivityChangeError, FormatError
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.frames.field_tracks import NORMALS, Field, Fields, Key, field_tracks
 from meshreel.formats.frames.stored_frames import changed_error
@@ -64,10 +64,8 @@ class MeshFiles:
         for index, path in enumerate(self.paths):
             mesh = self.mesh(index) if index else first
             if difference := mesh.difference(first):
-                raise InvalidInputError(
-                    f"{path} (frame {index}) has {difference} in frame 0 "
-                    f"({self.paths[0].name}); all frames of a sequence must have the same "
-                    "vertices and faces; --split writes a file for each range of frames that has"
+                raise ConnectivityChangeError(
+                    f"{path} (frame {index}) has {difference} in frame 0 ({self.paths[0].name})"
                 )
             with errors_naming(path):
                 validate_finite(mesh.vertices[np.newaxis], first_frame=index)

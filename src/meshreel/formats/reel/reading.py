@@ -6,13 +6,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
-from meshreel.codec.decoder import decode
+from meshreel.codec.decoder import decode_segments
 from meshreel.codec.inspect import StreamInfo, file_info
 from meshreel.codec.memory import memory_limit
 from meshreel.codec.reel_file import ReelFile
+from meshreel.codec.segmented_file import SegmentedReelFile
 from meshreel.formats.file_errors import errors_naming, refuse_pipe
 from meshreel.formats.options import Origin, ReadOptions, origin_of
 from meshreel.kernel.files import OpenFile
+from meshreel.model.segments import AnySequence, with_rate
 from meshreel.model.sequence import MeshSequence
 from meshreel.runtime.stores.address import is_remote, without_query
 from meshreel.runtime.stores.ranged_file import open_ranged
@@ -38,7 +40,7 @@ def open(
         Only for streams of method `reel`.
     segment : int, optional
         Number of a segment, from 0, as `meshreel.info` lists them; its frames count from 0.
-        Required if the file has several segments, whose meshes differ.
+        Required if the file has several segments, whose meshes differ; `open_segments` opens all.
     memory : float or str, optional
         Memory limit for decoding the mesh, a block, or the frames or values that a call returns,
         such as "2GiB", or in bytes. Default: 8 GiB.
@@ -74,6 +76,28 @@ def open(
     return reel
 
 
+def open_segments(
+    path: str | os.PathLike[str],
+    *,
+    n_modes: int | None = None,
+    memory: float | str | None = None,
+) -> SegmentedReelFile:
+    """Open all segments of a `.reel` file for random access; parameters and errors as of `open`.
+
+    Examples
+    --------
+    >>> with meshreel.open_segments("capture.reel") as reel:
+    ...     vertices, faces = reel[1234]
+    """
+    memory_limit(memory)
+    with ExitStack() as on_error:
+        file = on_error.enter_context(_open_binary(path))
+        with errors_naming(path):
+            reel = SegmentedReelFile(file, n_modes, memory)
+        on_error.pop_all()
+    return reel
+
+
 def read_info(
     path: str | os.PathLike[str],
     segment: int | None = None,
@@ -102,11 +126,11 @@ def origin_of_file(path: str | os.PathLike[str]) -> Origin | None:
     """Return the origin that a `.reel` file declares for its frames; None for other files."""
     if Path(without_query(path)).suffix.lower() != ".reel":
         return None
-    with open(path) as reel:
+    with open(path, segment=0) as reel:
         return origin_of(reel)
 
 
-def open_reel(path: Path, options: ReadOptions) -> MeshSequence:
+def open_reel(path: Path, options: ReadOptions) -> AnySequence:
     """Decode the sequence of a `.reel` file; its default name is the file stem.
 
     Raises
@@ -115,9 +139,16 @@ def open_reel(path: Path, options: ReadOptions) -> MeshSequence:
         If the file is not a complete stream that this version supports; errors name the file.
     """
     with errors_naming(path):
-        sequence = decode(path.read_bytes(), memory=options.memory, progress=options.progress)
+        decoded = decode_segments(
+            path.read_bytes(), memory=options.memory, progress=options.progress
+        )
     options.progress("reading", 1.0)
-    fps = sequence.fps if options.fps is None else options.fps
+    fps = decoded.fps if options.fps is None else options.fps
+    name = decoded.name or path.stem
+    if decoded.n_segments > 1:
+        return with_rate(decoded, fps, name)
+    sequence = decoded.segments[0]
+    assert isinstance(sequence, MeshSequence)
     if sequence.name and fps == sequence.fps:  # replacing would validate all positions again
         return sequence
-    return replace(sequence, fps=fps, name=sequence.name or path.stem)
+    return replace(sequence, fps=fps, name=name)

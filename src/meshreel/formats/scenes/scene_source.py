@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from meshreel.errors import FormatError, InvalidInputError, MeshReelError
+from meshreel.errors import ConnectivityChangeError, FormatError, InvalidInputError, MeshReelError
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.frames.survey import FrameSurvey
@@ -188,11 +188,7 @@ def _listed(meshes: Sequence[SceneMesh], most: int = 20) -> str:
 
 def _check_same_faces(frame: PolygonMesh, first: PolygonMesh, index: int, name: str) -> None:
     if difference := frame.difference(first):
-        raise InvalidInputError(
-            f"frame {index} of {name} has {difference} in frame 0; all frames of a sequence must "
-            "have the same vertices and faces; --split writes a file for each range of frames "
-            "that has"
-        )
+        raise ConnectivityChangeError(f"frame {index} of {name} has {difference} in frame 0")
 
 
 def _reader(

@@ -5,7 +5,7 @@ from meshreel.errors import FormatError
 from meshreel.formats.load import load
 from meshreel.formats.meshes.ply import parse_ply
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.stretches import find_stretches
+from meshreel.formats.segments import find_segments
 
 LINES = (
     "ply", "format binary_little_endian 1.0", "element vertex 3", "property float x",
@@ -57,5 +57,5 @@ def test_skipped_lines_are_noted_once_for_a_split_sequence(tmp_path):
     flipped = ply("\n", lines=lines)[: -len(FACE)] + FACE[:1] + np.array([0, 2, 1], "<i4").tobytes()
     (tmp_path / "1.ply").write_bytes(flipped)
     options = ReadOptions()
-    assert [one.open().n_frames for one in find_stretches(tmp_path, options)] == [1, 1]
+    assert [one.open().n_frames for one in find_segments(tmp_path, options)] == [1, 1]
     assert options.notes == ["left out: lines of the header: line 3 'made by hand'"]

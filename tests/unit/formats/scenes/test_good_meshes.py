@@ -12,7 +12,7 @@ from meshreel.formats.load import load
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
 from meshreel.formats.scenes.scene_source import readable_meshes
-from meshreel.formats.stretches import find_stretches
+from meshreel.formats.segments import find_segments
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from samples.meshes import two_sheets, waving_grid
@@ -121,8 +121,8 @@ def test_selected_mesh_is_read_despite_unreadable_ones(usd_file):
         load(usd_file, object="far")
 
 
-def test_skip_bad_keeps_changing_faces_for_stretches(usd_file):
-    found = find_stretches(usd_file, ReadOptions(merge=True, skip_bad=True))
+def test_skip_bad_keeps_changing_faces_for_segments(usd_file):
+    found = find_segments(usd_file, ReadOptions(merge=True, skip_bad=True))
     assert [(one.start, one.stop) for one in found] == [(0, 1), (1, 2)]
 
 

@@ -7,7 +7,7 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.inspection import inspect_source
 from meshreel.formats.load import load
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.stretches import find_stretches
+from meshreel.formats.segments import find_segments
 from meshreel.model.surface import Domain
 
 pytest.importorskip("pxr")
@@ -199,13 +199,13 @@ def test_load_leaves_out_masked_instances(stage_file):
     ]
 
 
-def test_load_rejects_masks_that_change_the_vertices_and_stretches_separate_them(stage_file):
+def test_load_rejects_masks_that_change_the_vertices_and_segments_separate_them(stage_file):
     path = stage_file(
         instancer(THREE + "\nint64[] invisibleIds.timeSamples = { 0: [], 1: [2] }", mesh())
     )
     with pytest.raises(InvalidInputError, match=r"frame 1 of /many/m has 8 vertices; expected 12"):
         load(path)
-    found = [one.open() for one in find_stretches(path, ReadOptions())]
+    found = [one.open() for one in find_segments(path, ReadOptions())]
     assert [(one.n_frames, one.n_verts) for one in found] == [(1, 12), (1, 8)]
 
 

@@ -9,7 +9,7 @@ import pytest
 from meshreel.errors import InvalidInputError
 from meshreel.formats.load import load
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.stretches import find_stretches
+from meshreel.formats.segments import find_segments
 from meshreel.model.tracks import TrackKind
 from samples.opening import open_source
 
@@ -292,7 +292,7 @@ def test_merged_files_share_one_track(tmp_path, make):
     assert "track 'heat' is in 1 of 2 meshes, and NaN in the others" in notes
 
 
-def test_stretches_have_their_part_of_a_track(tmp_path):
+def test_segments_have_their_part_of_a_track(tmp_path):
     heat = RNG.random((3, N_POINTS))
     path = pvd(tmp_path, frames_of("Node", "heat", heat))
     mesh = poly_data(POINTS, [[0, 1, 2], [2, 3, 4]])
@@ -301,7 +301,7 @@ def test_stretches_have_their_part_of_a_track(tmp_path):
     array.SetName("heat")
     mesh.GetPointData().AddArray(array)
     write_mesh(vtkXMLPolyDataWriter(), mesh, tmp_path / "f_2.vtp")
-    stretches = find_stretches(path, ReadOptions())
-    found = [one.open().tracks["heat"].read(0, 3)[..., 0] for one in stretches]
+    segments = find_segments(path, ReadOptions())
+    found = [one.open().tracks["heat"].read(0, 3)[..., 0] for one in segments]
     assert [len(values) for values in found] == [2, 1]
     assert np.array_equal(np.concatenate(found), heat)

@@ -8,7 +8,7 @@ from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.save import save
-from meshreel.formats.stretches import find_stretches
+from meshreel.formats.segments import find_segments
 from meshreel.formats.vtk.legacy import read_vtk_legacy
 from meshreel.model.surface import Domain, Kind
 from samples.datasets import damaged_versions, plain_sequence, positions_of
@@ -471,7 +471,7 @@ def test_merge_does_not_invent_missing_pieces(tmp_path):
     options = ReadOptions(merge=True)
     with pytest.raises(InvalidInputError, match=r"frame 1 of walk has 20 vertices; expected 10"):
         load(path, merge=True)
-    found = [one.open() for one in find_stretches(path, options)]
+    found = [one.open() for one in find_segments(path, options)]
     shapes = [(one.n_frames, one.n_verts, one.start_s) for one in found]
     assert shapes == [(1, 10, 0), (1, 20, 1), (1, 10, 2), (1, 20, 3)]
     read = np.concatenate([one.read(0, 1).reshape(-1, 3) for one in found])

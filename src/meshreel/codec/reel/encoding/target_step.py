@@ -4,6 +4,7 @@ A `RateModel`, of a whole sequence or of the first block of a live one, provides
 model, and the size or error of a stream for each step.
 """
 
+from collections.abc import Callable
 from functools import partial
 from typing import Protocol
 
@@ -76,17 +77,14 @@ def step_for_target(
     if target.kind is TargetKind.STEP:
         return checked_step(target.value, model.finest_step), None
     if target.kind is TargetKind.QUALITY:
-        step = _step_of(target.value, model) * model.step_share
+        step = quality_step(target.value) * model.own_diagonal * model.step_share
         return max(model.finest_step, step), None
     if target.kind is TargetKind.MAX_ERROR:
         bound = promised_bound(target, model.diagonal, model.rounding, model.dtype)
         step = least_cost(partial(model.size_bytes, bound=bound), bound / STEPS_OF_BOUND)
         return max(model.finest_step, step), bound
-    return _step_within_limit(config, model, has_tracks), None
-
-
-def _step_of(quality: float, model: RateModel) -> float:
-    return quality_step(quality) * model.own_diagonal
+    start = quality_step(FIRST_QUALITY) * model.own_diagonal
+    return step_within_limit(config, model.measured, start, has_tracks=has_tracks), None
 
 
 def promised_bound(
@@ -120,17 +118,38 @@ def promised_bound(
     return percent / 100.0
 
 
-def _step_within_limit(config: EncoderConfig, model: RateModel, has_tracks: bool) -> float:
-    """Find the step whose size or error is closest to the target from below."""
+def step_within_limit(
+    config: EncoderConfig,
+    measure: Callable[[float], float],
+    start: float,
+    *,
+    has_tracks: bool = False,
+) -> float:
+    """Find the step whose size or error is closest to the target from below.
+
+    Parameters
+    ----------
+    config : EncoderConfig
+    measure : callable
+        Returns the error, bytes or bits that the target limits, for a step in diagonals.
+    start : float
+        First step to try.
+    has_tracks : bool
+        Whether sizes include those of tracks, which the error then mentions.
+
+    Raises
+    ------
+    InvalidInputError
+        If the target cannot be met.
+    """
     target = config.target
     trials: dict[float, float] = {}
 
     def measured(step: float) -> float:
         if step not in trials:
-            trials[step] = model.measured(step)
+            trials[step] = measure(step)
         return trials[step]
 
-    start = _step_of(FIRST_QUALITY, model)
     step = meet_limit(measured, target.value, start, rises=not target.kind.is_budget)
     if step is None:
         raise InvalidInputError(

@@ -40,7 +40,9 @@ CACHED_POSITION_BYTES = 36
 """Memory of a position of a cached block: the original, and coordinate matrices."""
 
 
-def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
+def encode(
+    source: Source, progress: Progress, engine: Engine | None, *, step: float | None = None
+) -> bytes:
     """Encode the source to a stream that meets its target.
 
     Parameters
@@ -49,6 +51,8 @@ def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
     progress : callable
     engine : Engine or None
         Workers that encode blocks; None uses this process.
+    step : float, optional
+        Quantization step, in diagonals, that is known to meet the target.
 
     Raises
     ------
@@ -58,7 +62,9 @@ def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
     if source.bounds:
         source = replace(source, tracks=coded_tracks(source, progress))
     sequence = RateSearch(source, progress, engine)
-    step, bound = step_for_target(source.config, sequence, has_tracks=bool(source.tracks))
+    bound = None
+    if step is None:
+        step, bound = step_for_target(source.config, sequence, has_tracks=bool(source.tracks))
     following = FollowingTracks(source, progress) if source.tracks else None
     if following is not None:
         step = sequence.step_for_tracks(following, step, bound)
@@ -72,7 +78,11 @@ def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
         data = min(data, other, key=len)
     if bound is not None:
         achieved = measure_stream(
-            source.sequence, data, order=source.config.order, progress=progress
+            source.sequence,
+            data,
+            order=source.config.order,
+            extent=source.extent,
+            progress=progress,
         )
         if achieved.max_error_percent > 100.0 * bound:
             raise SolverError(
@@ -118,7 +128,7 @@ class RateSearch:
     @cached_property
     def own_diagonal(self) -> float:
         """Mean diagonal of single frames, in diagonals of the bounding box."""
-        return self._source.sequence.extent.mean_diagonal / self.diagonal or 1.0
+        return self._source.model_size
 
     @cached_property
     def step_share(self) -> float:
@@ -206,6 +216,12 @@ class RateSearch:
             if self._keeps_blocks and is_better and meter.value <= self._target.value:
                 self._best = step, coded
         return self._errors[step]
+
+    def add_errors(self, step: float, meter: Meter) -> None:
+        """Add the errors of all frames, coded with a step, to a meter."""
+        blocks = KeyedBlocks(self._coder.with_step(self._limited(step), None))
+        for _ in self._metered(blocks, meter):
+            pass
 
     def _metered(self, blocks: KeyedBlocks, meter: Meter) -> Iterator[tuple[int, Sections]]:
         for frames in self._blocks():

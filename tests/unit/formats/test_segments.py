@@ -6,7 +6,7 @@ import pytest
 from meshreel.errors import InvalidInputError
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.save import save
-from meshreel.formats.stretches import find_stretches
+from meshreel.formats.segments import find_segments
 from meshreel.model.tracks import Track
 from samples.datasets import positions_of
 from samples.meshes import quad_sheet, waving_grid
@@ -21,40 +21,40 @@ def changing(tmp_path):
     return tmp_path
 
 
-def test_changing_faces_begin_a_new_stretch(changing):
-    first, second = find_stretches(changing, ReadOptions(fps=10))
+def test_changing_faces_begin_a_new_segment(changing):
+    first, second = find_segments(changing, ReadOptions(fps=10))
     assert (first.start, first.stop, second.start, second.stop) == (0, 3, 3, 5)
     np.testing.assert_array_equal(positions_of(first.open()), waving_grid(3).vertices)
     np.testing.assert_array_equal(positions_of(second.open()), quad_sheet(2).vertices)
     assert (second.open().start_s, second.open().fps) == (0.3, 10)
 
 
-def test_stretch_paths_have_frame_ranges(changing, tmp_path):
-    first, second = find_stretches(changing, ReadOptions())
+def test_segment_paths_have_frame_ranges(changing, tmp_path):
+    first, second = find_segments(changing, ReadOptions())
     assert first.path(tmp_path / "walk.reel").name == "walk_0-2.reel"
     assert second.path(tmp_path / "walk.reel").name == "walk_3-4.reel"
 
 
-def test_constant_faces_give_one_stretch(tmp_path):
+def test_constant_faces_give_one_segment(tmp_path):
     save(waving_grid(4), tmp_path / "a.npz")
-    (stretch,) = find_stretches(tmp_path / "a.npz", ReadOptions())
-    assert (stretch.start, stretch.stop) == (0, 4)
-    np.testing.assert_array_equal(positions_of(stretch.open()), waving_grid(4).vertices)
+    (segment,) = find_segments(tmp_path / "a.npz", ReadOptions())
+    assert (segment.start, segment.stop) == (0, 4)
+    np.testing.assert_array_equal(positions_of(segment.open()), waving_grid(4).vertices)
 
 
-def test_missing_source_of_stretches_is_an_error(tmp_path):
+def test_missing_source_of_segments_is_an_error(tmp_path):
     with pytest.raises(InvalidInputError, match="there is no file"):
-        find_stretches(tmp_path / "none.abc", ReadOptions())
+        find_segments(tmp_path / "none.abc", ReadOptions())
 
 
 @pytest.mark.parametrize("extension", [".ply", ".vtp"])
-def test_each_stretch_has_its_tracks(tmp_path, extension):
+def test_each_segment_has_its_tracks(tmp_path, extension):
     rng = np.random.default_rng(4)
     wholes = []
     for name, sheet in (("a", waving_grid(3)), ("b", quad_sheet(2))):
         heat = rng.random((sheet.n_frames, sheet.n_verts)).astype(np.float32)
         wholes.append(replace(sheet, tracks={"heat": Track(heat)}))
         save(wholes[-1], tmp_path / f"{name}_%02d{extension}")
-    found = [one.open() for one in find_stretches(tmp_path, ReadOptions())]
+    found = [one.open() for one in find_segments(tmp_path, ReadOptions())]
     for one, whole in zip(found, wholes, strict=True):
         assert_same_tracks(one.tracks, whole.tracks)

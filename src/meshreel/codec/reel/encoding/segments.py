@@ -1,0 +1,122 @@
+"""Segments of a sequence, coded with one target: a quality, a bound, an error or a size of all."""
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from itertools import count
+
+from meshreel.codec.joining import join_streams
+from meshreel.codec.reel.encoding import whole
+from meshreel.codec.reel.encoding.effort import quality_step
+from meshreel.codec.reel.encoding.meters import KgMeter
+from meshreel.codec.reel.encoding.target_step import FIRST_QUALITY, step_within_limit
+from meshreel.codec.source import Source
+from meshreel.codec.targets import TargetKind
+from meshreel.errors import InvalidInputError
+from meshreel.metrics.rate import rate_bpvf
+from meshreel.runtime.engine.engine import Engine
+from meshreel.runtime.progress import Count, Progress, silent
+from meshreel.runtime.threads import in_threads, n_cores
+
+SMALL_POSITIONS = 1 << 20
+"""Segments of up to this many positions are coded in parallel, larger ones one at a time."""
+
+EncodeOne = Callable[[Source, Progress, Engine | None], bytes]
+
+JOINT_TARGETS = (TargetKind.KG, TargetKind.SIZE, TargetKind.BPVF)
+"""Targets of the sequence as a whole, which one step for all segments has to meet."""
+
+
+def encode_segments(
+    encode: EncodeOne, sources: Sequence[Source], progress: Progress, engine: Engine | None
+) -> Iterator[bytes]:
+    """Yield a stream for each segment; together they meet the target of their options.
+
+    A quality, a step and a bound apply to each segment, relative to the bounding box of all; for a
+    KG error and a size, the quantization step that all segments share is searched for.
+
+    Parameters
+    ----------
+    encode : callable
+        Encodes one segment.
+    sources : sequence of Source
+        The segments, all with the same options and `whole_extent`.
+    progress, engine
+        As in `codec.methods.Method.encode`.
+
+    Raises
+    ------
+    InvalidInputError
+        If the target cannot be met, or is a STED error, which compares consecutive frames.
+    """
+    config = sources[0].config
+    kind = config.target.kind
+    if kind is TargetKind.STED:
+        raise InvalidInputError(
+            "sted compares each frame with the one before, and connectivity changes between "
+            f"{len(sources)} segments; give kg, quality or max_error"
+        )
+    if kind in JOINT_TARGETS:
+        encode = partial(whole.encode, step=_common_step(sources, progress))
+    total, done = sum(source.n_frames for source in sources), 0
+    for several in _coded_together(sources):
+        progress("encoding", Count(done, total, "frames"))
+        yield from _encode_each(encode, several, engine)
+        done += sum(source.n_frames for source in several)
+    progress("encoding", Count(done, total, "frames"))
+
+
+def _coded_together(sources: Sequence[Source]) -> Iterator[list[Source]]:
+    """Yield runs of small segments, and single large ones."""
+    run: list[Source] = []
+    for source in sources:
+        is_small = _n_positions(source) <= SMALL_POSITIONS
+        if run and (not is_small or len(run) == 4 * n_cores()):
+            yield run
+            run = []
+        if is_small:
+            run.append(source)
+        else:
+            yield [source]
+    if run:
+        yield run
+
+
+def _encode_each(
+    encode: EncodeOne, sources: Sequence[Source], engine: Engine | None
+) -> list[bytes]:
+    streams = [b""] * len(sources)
+
+    def encode_one(number: int) -> None:
+        streams[number] = encode(sources[number], silent, engine)
+
+    in_threads(encode_one, range(len(sources)))
+    return streams
+
+
+def _common_step(sources: Sequence[Source], progress: Progress) -> float:
+    """Return the step, in diagonals, with which all segments together meet the target."""
+    config = sources[0].config
+    kind, numbers = config.target.kind, count(1)
+
+    def measure(step: float) -> float:
+        progress(f"encoding, trial {next(numbers)}", 0.0)
+        if kind is TargetKind.KG:
+            meter = KgMeter()
+            for source in sources:
+                whole.RateSearch(source, silent, None).add_errors(step, meter)
+            return meter.value
+        encode = partial(whole.encode, step=step)
+        runs = _coded_together(sources)
+        streams = [data for run in runs for data in _encode_each(encode, run, None)]
+        size_bytes = len(join_streams(streams))
+        if kind is TargetKind.SIZE:
+            return float(size_bytes)
+        return rate_bpvf(size_bytes, sum(map(_n_positions, sources)), 1)
+
+    start = quality_step(FIRST_QUALITY) * sources[0].model_size
+    has_tracks = any(source.bounds for source in sources)
+    return step_within_limit(config, measure, start, has_tracks=has_tracks)
+
+
+def _n_positions(source: Source) -> int:
+    return source.n_frames * source.sequence.n_verts

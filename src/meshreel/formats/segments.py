@@ -1,0 +1,183 @@
+"""Opening of the files of a sequence, in segments if its faces change."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+
+from meshreel.errors import ConnectivityChangeError
+from meshreel.formats.file_errors import errors_naming
+from meshreel.formats.frames.mesh_files import MeshFiles
+from meshreel.formats.frames.opening import open_mesh_files
+from meshreel.formats.frames.selection import select_attributes
+from meshreel.formats.kinds import SequenceFormat
+from meshreel.formats.options import ReadOptions
+from meshreel.formats.scenes.scene_source import frame_range, open_mesh, select_mesh
+from meshreel.formats.sources import Source, SourceFiles, find_files
+from meshreel.formats.supported_options import check_read_options
+from meshreel.formats.surfaces.polygons import PolygonMesh
+from meshreel.model.segments import AnySequence, SegmentedSequence, single_segment
+from meshreel.model.sequence import FrameSource
+from meshreel.runtime.counting import counted
+from meshreel.runtime.profiling import staged
+from meshreel.runtime.progress import Count
+
+
+@staged("reading")
+def open_any(found: SourceFiles, options: ReadOptions) -> AnySequence:
+    """Open a sequence whose faces may change; frames may stay in their files.
+
+    Frame files, scene files and uncompressed ``.npz`` files are read once now, a frame at a time,
+    to validate them and to find their extent; later, frames are read on demand, and the files must
+    not change. A compressed ``.npz``, a ``.reel`` and a single static mesh are loaded. If the faces
+    change, each range of frames with the same faces becomes a segment; a note states how many.
+
+    Raises
+    ------
+    InvalidInputError, FormatError
+        As `load`; also InvalidInputError when frames are read, if a file has changed.
+    """
+    check_read_options(found.format, options)
+    attempt = replace(options, notes=[])
+    try:
+        opened = _open_constant(found, attempt)
+    except ConnectivityChangeError:
+        attempt.notes.clear()
+        opened = _open_changing(found, attempt)
+    options.notes.extend(dict.fromkeys(attempt.notes))
+    return opened
+
+
+@staged("reading")
+def open_constant(found: SourceFiles, options: ReadOptions, purpose: str = "load") -> FrameSource:
+    """Open a sequence as `open_any`, whose faces must not change.
+
+    Parameters
+    ----------
+    purpose : str
+        What needs constant connectivity, for the error message.
+
+    Raises
+    ------
+    ConnectivityChangeError
+        If the faces change; names the first frame with other faces, for a file of frames.
+    """
+    check_read_options(found.format, options)
+    try:
+        opened = _open_constant(found, options)
+    except ConnectivityChangeError as error:
+        remedy = "; load_segments reads changing faces" if purpose == "load" else ""
+        raise ConnectivityChangeError(
+            f"{error}; {purpose} needs the same faces in every frame{remedy}"
+        ) from None
+    with errors_naming(found.paths[0]):
+        return single_segment(opened, purpose)
+
+
+def _open_constant(found: SourceFiles, options: ReadOptions) -> AnySequence:
+    path = found.paths[0]
+    if not isinstance(found.format, SequenceFormat):
+        files = MeshFiles(found.paths, found.format)
+        frames = open_mesh_files(files, found.name, options)
+        return select_attributes(frames, options.attributes, path)
+    opened = found.format.open(path, options)
+    if not isinstance(opened, SegmentedSequence):
+        return select_attributes(opened, options.attributes, path)
+    segments = [select_attributes(one, options.attributes, path) for one in opened.segments]
+    return SegmentedSequence(segments, opened.name, opened.start_s)
+
+
+def _open_changing(found: SourceFiles, options: ReadOptions) -> SegmentedSequence:
+    segments = [segment.open() for segment in find_segments(found, options)]
+    sequence = SegmentedSequence(segments, name=found.name)
+    options.notes.append(
+        f"the faces change: {counted(sequence.n_frames, 'frame')} in "
+        f"{counted(sequence.n_segments, 'segment')} of constant connectivity"
+    )
+    return sequence
+
+
+@dataclass(frozen=True)
+class FoundSegment:
+    """Consecutive frames of a sequence with the same vertices and faces.
+
+    Attributes
+    ----------
+    start, stop : int
+        Range of frames in the whole sequence.
+    open : function
+        Opens them as a sequence.
+    """
+
+    start: int
+    stop: int
+    open: Callable[[], FrameSource]
+
+    def path(self, whole: Path) -> Path:
+        """Return the path of this segment, given that of the whole: ``walk_0-41.reel``."""
+        return whole.with_name(f"{whole.stem}_{self.start}-{self.stop - 1}{whole.suffix}")
+
+
+def find_segments(source: Source | SourceFiles, options: ReadOptions) -> list[FoundSegment]:
+    """Find the segments of a sequence, in order; one if its faces never change.
+
+    Reads all frames now, and again when a segment is opened.
+
+    Parameters
+    ----------
+    source : str, Path, list or tuple of them, or SourceFiles
+        As in `meshreel.load`. Only frame files and scene files can have changing faces.
+
+    Raises
+    ------
+    InvalidInputError, FormatError
+        As `meshreel.load`.
+    """
+    found = source if isinstance(source, SourceFiles) else find_files(source)
+    check_read_options(found.format, options)
+
+    def selecting(segment: FoundSegment) -> FoundSegment:
+        names, path = options.attributes, found.paths[0]
+        return replace(segment, open=lambda: select_attributes(segment.open(), names, path))
+
+    return list(map(selecting, _find_segments(found, options)))
+
+
+def _find_segments(found: SourceFiles, options: ReadOptions) -> list[FoundSegment]:
+    if not isinstance(found.format, SequenceFormat):
+        return list(_of_files(MeshFiles(found.paths, found.format), found, options))
+    path, form = found.paths[0], found.format
+    if form.read_meshes is None:
+        sequence = single_segment(form.open(path, options), "--split")
+        return [FoundSegment(0, sequence.n_frames, lambda: sequence)]
+    mesh = select_mesh(form.read_meshes, path, options)
+    with errors_naming(path):
+        runs = _same_faces(mesh.frame, len(mesh.times_s), options)
+    return [
+        FoundSegment(start, stop, partial(open_mesh, frame_range(mesh, start, stop), path, options))
+        for start, stop in runs
+    ]
+
+
+def _of_files(files: MeshFiles, found: SourceFiles, options: ReadOptions) -> Iterator[FoundSegment]:
+    for start, stop in _same_faces(files.mesh, len(files), options):
+        part = MeshFiles(files.paths[start:stop], files.format)
+        start_s = start / options.fps if options.fps else 0.0
+        yield FoundSegment(
+            start, stop, partial(open_mesh_files, part, found.name, options, start_s=start_s)
+        )
+
+
+def _same_faces(
+    frame: Callable[[int], PolygonMesh], n_frames: int, options: ReadOptions
+) -> list[tuple[int, int]]:
+    """Start and stop of each run of frames with the same vertices and faces."""
+    borders, first = [0], frame(0)
+    for index in range(1, n_frames):
+        mesh = frame(index)
+        if mesh.difference(first):
+            borders.append(index)
+            first = mesh
+        options.progress("comparing", Count(index + 1, n_frames, "frames"))
+    return list(pairwise([*borders, n_frames]))

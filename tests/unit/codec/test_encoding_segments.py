@@ -1,0 +1,147 @@
+"""Sequences whose faces change, encoded as one stream with one target."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.errors import InvalidInputError
+from meshreel.model.sequence import MeshSequence
+from meshreel.model.tracks import Track
+from samples.meshes import quad_sheet, waving_grid
+
+GRID, SHEET = (replace(one, fps=25.0) for one in (waving_grid(12, 9, 8), quad_sheet(5)))
+SMALL = replace(SHEET, vertices=0.25 * SHEET.vertices)
+
+
+@pytest.fixture
+def sequence():
+    return meshreel.concatenate([GRID, SMALL, replace(GRID, vertices=GRID.vertices[:1])])
+
+
+def decoded_pairs(sequence, data):
+    decoded = meshreel.decode_segments(data)
+    assert decoded.starts == sequence.starts
+    return list(zip(sequence.segments, decoded.segments, strict=True))
+
+
+def largest_error(sequence, data):
+    """Largest displacement of a vertex in percent of the diagonal of all frames."""
+    errors = [
+        np.linalg.norm(segment_hat.vertices - segment.vertices, axis=2).max()
+        for segment, segment_hat in decoded_pairs(sequence, data)
+    ]
+    return 100 * max(errors) / np.linalg.norm(sequence.extent.high - sequence.extent.low)
+
+
+def test_decoding_returns_faces_and_frames_of_each_segment(sequence):
+    data = meshreel.encode(sequence)
+    for segment, segment_hat in decoded_pairs(sequence, data):
+        np.testing.assert_array_equal(segment_hat.faces, segment.faces)
+    assert largest_error(sequence, data) < 0.5
+    assert meshreel.info(data).segments[1].first_frame == 12
+
+
+def test_bound_is_relative_to_the_box_of_all_segments(sequence):
+    data = meshreel.encode(sequence, max_error=0.2)
+    assert 0.1 < largest_error(sequence, data) <= 0.2
+    assert meshreel.info(data).max_error_percent == pytest.approx(0.2)
+
+
+def test_lossless_keeps_every_bit_of_all_segments(sequence):
+    for segment, segment_hat in decoded_pairs(sequence, meshreel.encode(sequence, lossless=True)):
+        np.testing.assert_array_equal(segment_hat.vertices, segment.vertices)
+
+
+def test_size_limits_the_bytes_of_all_segments(sequence):
+    limit = len(meshreel.encode(sequence)) * 3 // 4
+    assert 0.9 * limit < len(meshreel.encode(sequence, size=limit)) <= limit
+
+
+def test_kg_error_limits_that_of_all_frames(sequence):
+    pairs = decoded_pairs(sequence, meshreel.encode(sequence, kg=0.5))
+    error = sum(np.square(two.vertices - one.vertices, dtype=float).sum() for one, two in pairs)
+    spread = sum(
+        np.square(one.vertices - one.vertices.mean(axis=1, keepdims=True), dtype=float).sum()
+        for one, _ in pairs
+    )
+    assert 0.4 < 100 * np.sqrt(error / spread) <= 0.5
+
+
+def test_bounds_of_tracks_are_shares_of_their_range_in_all_segments():
+    rng = np.random.default_rng(3)
+    heats = [
+        rng.random((one.n_frames, one.n_verts)) * size for one, size in ((GRID, 1), (SMALL, 9))
+    ]
+    segments = [
+        replace(one, tracks={"heat": Track(heat.astype(np.float32))})
+        for one, heat in zip((GRID, SMALL), heats, strict=True)
+    ]
+    sequence = meshreel.concatenate([*segments, GRID])
+    pairs = decoded_pairs(sequence, meshreel.encode(sequence, tracks={"heat": "1%"}))
+    errors = [
+        np.abs(two.tracks["heat"].values - one.tracks["heat"].values).max()
+        for one, two in pairs[:2]
+    ]
+    assert 0.045 < errors[0] <= 0.09
+    assert errors[1] <= 0.09
+    assert pairs[2][1].tracks == {}
+
+
+def test_names_that_no_segment_has_are_refused(sequence):
+    with pytest.raises(InvalidInputError, match="no attribute or group 'skin'"):
+        meshreel.encode(sequence, attributes="skin")
+    with pytest.raises(InvalidInputError, match="heat"):
+        meshreel.encode(sequence, tracks={"heat": "1%"})
+
+
+def test_targets_that_need_constant_connectivity_are_refused(sequence):
+    with pytest.raises(InvalidInputError, match="give kg, quality or max_error"):
+        meshreel.encode(sequence, sted=0.1)
+    with pytest.raises(InvalidInputError, match="use reel or lossless"):
+        meshreel.encode(sequence, method="pca-qp")
+
+
+def test_one_segment_gives_the_stream_of_its_sequence():
+    assert meshreel.encode(meshreel.concatenate([GRID])) == meshreel.encode(GRID)
+
+
+def test_name_start_and_rate_are_those_of_the_sequence():
+    parts = [replace(one, fps=30.0, start_s=2.0, name="a") for one in (GRID, SMALL)]
+    data = meshreel.encode(meshreel.concatenate(parts)[3:])
+    decoded = meshreel.decode_segments(data)
+    assert (decoded.name, decoded.fps, decoded.start_s) == ("a", 30.0, pytest.approx(2.1))
+
+
+def test_ranges_of_frames_are_decoded_across_segments(sequence):
+    data = meshreel.encode(sequence)
+    whole, part = (
+        meshreel.decode_segments(data),
+        meshreel.decode_segments(data, frames=slice(10, 14)),
+    )
+    assert part.starts == (0, 2, 4)
+    for number in range(4):
+        np.testing.assert_array_equal(part[number].vertices, whole[10 + number].vertices)
+
+
+def test_files_with_segments_are_read_frame_by_frame(sequence, tmp_path):
+    path = tmp_path / "a.reel"
+    path.write_bytes(meshreel.encode(sequence))
+    whole = meshreel.decode_segments(path)
+    with meshreel.open_segments(path) as reel:
+        assert (len(reel), reel.n_segments, reel.starts) == (18, 3, sequence.starts)
+        for number in (17, 3, 12, -1):
+            np.testing.assert_array_equal(reel[number].vertices, whole[number].vertices)
+        assert sum(1 for _ in reel) == 18
+        assert reel.info().n_frames == 18
+    assert isinstance(meshreel.decode(path, segment=1), MeshSequence)
+
+
+def test_folders_of_changing_meshes_are_encoded_as_segments(tmp_path):
+    for number, mesh in enumerate((GRID, SMALL, GRID)):
+        meshreel.save(replace(mesh, vertices=mesh.vertices[:2]), tmp_path / f"{number}_%d.ply")
+    with pytest.warns(UserWarning, match="6 frames in 3 segments"):
+        data = meshreel.encode(tmp_path, lossless=True)
+    assert meshreel.decode_segments(data).starts == (0, 2, 4, 6)
+    assert meshreel.load_segments(tmp_path).starts == (0, 2, 4, 6)
