@@ -18,6 +18,7 @@ ABI = 13
 PATH_VARIABLE = "MESHREEL_CORE"
 """Environment variable with the path of another build of the library, for tests."""
 
+FOLDER = Path(__file__).parent
 NAME = {"win32": "reel.dll", "darwin": "libreel.dylib"}.get(sys.platform, "libreel.so")
 ALIGNMENT = 64
 NO_MEMORY, TRUNCATED, CORRUPT, INVALID = range(1, 5)
@@ -35,7 +36,7 @@ def library() -> ctypes.CDLL:
     ImportError
         If it is missing, or was built from other sources than this package.
     """
-    path = Path(os.environ.get(PATH_VARIABLE) or Path(__file__).with_name(NAME))
+    path = Path(os.environ.get(PATH_VARIABLE) or FOLDER / NAME)
     remedy = "install meshreel again, or run `python core/compile.py` in a checkout"
     try:
         loaded = ctypes.CDLL(str(path))

@@ -1,4 +1,7 @@
-"""`meshreel core`: how programs in C and C++ find the library that decodes files."""
+"""`meshreel core`: compiler and linker flags for programs that use the C library."""
+
+import shlex
+import sys
 
 import click
 
@@ -7,8 +10,8 @@ from meshreel.app.cli.parameters import option
 
 
 @command
-@option("--cflags", is_flag=True, help="Print what compilers need: where `meshreel.h` is.")
-@option("--libs", is_flag=True, help="Print what linkers need: the library of this package.")
+@option("--cflags", is_flag=True, help="Print compiler flags: the folder of `meshreel.h`.")
+@option("--libs", is_flag=True, help="Print linker flags: the library of this package.")
 def core_command(
     cflags: bool,
     libs: bool,
@@ -19,10 +22,26 @@ def core_command(
 
     - `cc play.c $(meshreel core --cflags --libs) -o play`
     """
-    from meshreel.errors import InvalidInputError
-    from meshreel.kernel.linking import compiler_flags, linker_flags
-
     if not (cflags or libs):
-        raise InvalidInputError("nothing was asked for; give --cflags, --libs, or both")
-    found = [*(compiler_flags() if cflags else []), *(linker_flags() if libs else [])]
-    click.echo(" ".join(found))
+        raise click.UsageError("give --cflags, --libs, or both")
+    click.echo(
+        shlex.join([*(_compiler_flags() if cflags else []), *(_linker_flags() if libs else [])])
+    )
+
+
+def _compiler_flags() -> list[str]:
+    from meshreel.errors import InvalidInputError
+    from meshreel.kernel.library import FOLDER
+
+    for folder in (FOLDER, FOLDER.parents[2] / "core" / "include"):  # the latter in a checkout
+        if (folder / "meshreel.h").exists():
+            return [f"-I{folder}"]
+    raise InvalidInputError(f"meshreel.h is not in {FOLDER}; install meshreel again")
+
+
+def _linker_flags() -> list[str]:
+    from meshreel.kernel.library import FOLDER, NAME
+
+    if sys.platform == "win32":
+        return [str(FOLDER / NAME)]
+    return [f"-L{FOLDER}", f"-l{NAME.removeprefix('lib').split('.')[0]}", f"-Wl,-rpath,{FOLDER}"]
