@@ -337,4 +337,4 @@ def test_track_that_is_not_there_is_refused_with_those_that_are(page, tracked, t
     done = run_with(page, command, tracked, *more, "--range", "0:1")
     assert_fails(done, "--range says how a track is shown; name it with --track")
     done = run_with(page, command, tracked, *more, "--track", "height", "--range", "1:0")
-    assert_fails(done, "tracked.reel: a range is LOW:HIGH")
+    assert_fails(done, "meshreel: a range is LOW:HIGH")

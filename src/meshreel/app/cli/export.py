@@ -83,7 +83,8 @@ def export_command(
     from dataclasses import replace
 
     from meshreel.app.cli.console import print_json, print_notes, print_table, progress_bar
-    from meshreel.app.cli.player import coloring_of, opened_player
+    from meshreel.app.cli.player import opened_player
+    from meshreel.app.cli.render_options import track_look
     from meshreel.app.viewer.export import export_page
     from meshreel.app.viewer.page import built_page
     from meshreel.app.viewer.textures import texture_for
@@ -92,14 +93,14 @@ def export_command(
     from meshreel.runtime.counting import size_text
     from meshreel.runtime.outputs.checks import check_extension, check_output_path
 
-    coloring = coloring_of(track, component, range, colormap)
+    look = track_look(track, component, range, colormap)
     check_extension(output, EXTENSIONS, OTHER_OUTPUTS)
     files = [source, *(files_of_source(original) if original else [])]
     check_output_path(output, overwrite=force, inputs=files)
     page = built_page()
     with (
         progress_bar() as progress,
-        opened_player(source, original, replace(reading, progress=progress), coloring) as api,
+        opened_player(source, original, replace(reading, progress=progress), look) as api,
         errors_naming(source),
     ):
         parts = export_page(

@@ -5,18 +5,16 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
 from meshreel.app.cli.completing import input_files, reel_files
 from meshreel.app.cli.parameters import argument, option
 from meshreel.app.cli.track_options import COLORS
 
 if TYPE_CHECKING:
     from meshreel.app.viewer.api import Api
-    from meshreel.app.viewer.coloring import Coloring
     from meshreel.app.viewer.comparison import Comparison
     from meshreel.codec.reel_file import ReelFile
     from meshreel.formats.options import ReadOptions
+    from meshreel.rendering.track_colors import TrackLook
 
 source_argument = argument(
     "source", type=Path, metavar="FILE.reel", completion=reel_files, help="The stream to play."
@@ -37,33 +35,12 @@ shown_track_option = option(
 )
 
 
-def coloring_of(
-    track: str | None, component: str | None, range: str | None, colormap: str | None
-) -> "Coloring | None":
-    """The track that the page shows initially.
-
-    Raises
-    ------
-    click.UsageError
-        If options say how a track is shown, and none is named.
-    """
-    from meshreel.app.viewer.coloring import Coloring
-
-    if track is not None:
-        return Coloring(track, component, range, colormap)
-    given = {"--component": component, "--range": range, "--colormap": colormap}
-    for name, value in given.items():
-        if value is not None:
-            raise click.UsageError(f"{name} says how a track is shown; name it with --track")
-    return None
-
-
 @contextmanager
 def opened_player(
     source: Path,
     original: str | None,
     reading: "ReadOptions",
-    coloring: "Coloring | None" = None,
+    look: "TrackLook | None" = None,
 ) -> Iterator["Api"]:
     """Interface of the player to a file, while the file is open."""
     from meshreel.app.cli.figures import measured_rows, player_rows
@@ -80,7 +57,7 @@ def opened_player(
         comparison = _comparison(reel, original, reading) if original else None
         with errors_naming(source):
             rows = player_rows, comparison, measured_rows
-            api = Api(reel, source.stem, *rows, reading.progress, coloring)
+            api = Api(reel, source.stem, *rows, reading.progress, look)
         if api.is_reencoded:
             reading.notes.append(f"{source} holds {api.method}; it is {encoded_anew(api.method)}")
         yield api

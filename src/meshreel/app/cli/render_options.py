@@ -79,8 +79,8 @@ def track_look(
     component: str | None,
     ends: str | None,
     colormap: str | None,
-    heatmap: str | None,
-    at: int | None,
+    heatmap: str | None = None,
+    at: int | None = None,
 ) -> "TrackLook | None":
     """The appearance of a track; None without one."""
     from meshreel.rendering.colormap import check_colormap

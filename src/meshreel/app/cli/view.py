@@ -70,16 +70,17 @@ def view_command(
 
     from meshreel.app.cli.console import print_notes, progress_bar
     from meshreel.app.cli.lines import print_line
-    from meshreel.app.cli.player import coloring_of, opened_player
+    from meshreel.app.cli.player import opened_player
+    from meshreel.app.cli.render_options import track_look
     from meshreel.app.viewer.page import built_page
     from meshreel.app.viewer.server import ViewerServer
 
-    coloring = coloring_of(track, component, range, colormap)
+    look = track_look(track, component, range, colormap)
     page = built_page()
     with ExitStack() as stack:
         with progress_bar() as progress:
             reading = replace(reading, progress=progress)
-            api = stack.enter_context(opened_player(source, original, reading, coloring))
+            api = stack.enter_context(opened_player(source, original, reading, look))
         server = stack.enter_context(ViewerServer(api, host=host, port=port, page=page))
         print_notes(reading.notes)
         if api.measuring is not None:

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from meshreel.app.viewer.coloring import Coloring
 from meshreel.app.viewer.comparison import Comparison
 from meshreel.app.viewer.measuring import Measured, Measuring
 from meshreel.app.viewer.page import json_text
@@ -18,6 +17,7 @@ from meshreel.arrays import Floats
 from meshreel.codec.inspect import StreamInfo
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.rendering.track_colors import TrackColors, TrackLook
 from meshreel.runtime.progress import Progress, silent
 
 Rows = Mapping[str, str]
@@ -60,8 +60,8 @@ class Api:
         Gives the errors of all frames in words.
     progress : callable, optional
         Of encoding a stream of another method than `reel` anew.
-    coloring : Coloring, optional
-        The track that the page opens with.
+    look : TrackLook, optional
+        The track that colors the mesh initially.
 
     Attributes
     ----------
@@ -91,11 +91,11 @@ class Api:
         comparison: Comparison | None = None,
         measured_rows: Callable[[Measured], Rows] = lambda _: {},
         progress: Progress = silent,
-        coloring: Coloring | None = None,
+        look: TrackLook | None = None,
     ) -> None:
-        if coloring is not None:
-            coloring.check(reel.track(coloring.track))
-        self._coloring = coloring
+        if look is not None:
+            TrackColors(look, reel.track(look.name))  # raises if the track cannot be shown
+        self._look = look
         self.tracks = TrackComparison(reel, comparison.original) if comparison else None
         diagonal = reel.frame.scale
         if not SMALLEST_DIAGONAL <= diagonal <= LARGEST_DIAGONAL:
@@ -158,7 +158,7 @@ class Api:
             "rows": [list(row) for row in self._rows.items()],
             "budget": [list(row) for row in self._budget.items()],
             "original": self._original(),
-            "colored_by": self._coloring.described() if self._coloring else None,
+            "colored_by": _look_facts(self._look) if self._look else None,
         }
 
     def plots(self) -> dict[str, Any]:
@@ -205,6 +205,15 @@ def _figures(
     except CorruptStreamError as error:
         return {"damaged": str(error)}, {}
     return dict(rows_of(info)), dict(info.budget_bytes)
+
+
+def _look_facts(look: TrackLook) -> dict[str, str | None]:
+    return {
+        "track": look.name,
+        "component": look.component,
+        "range": look.range,
+        "colormap": look.colormap,
+    }
 
 
 def _n_modes(reel: ReelFile, number: int) -> int:

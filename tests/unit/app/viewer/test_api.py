@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from meshreel.app.viewer import played
-from meshreel.app.viewer.coloring import Coloring
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.heat import HEATS
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.tracks import Track
+from meshreel.rendering.track_colors import TrackLook
 from samples.meshes import quad_sheet, waving_grid
 from samples.players import opened_api
 
@@ -183,13 +183,13 @@ def with_tracks(grid):
 
 def test_track_that_the_page_opens_with_is_told():
     grid = with_tracks(waving_grid(4))
-    with opened_api(grid, coloring=Coloring("height", range="0:1")) as api:
+    with opened_api(grid, look=TrackLook("height", range="0:1")) as api:
         wanted = {"track": "height", "component": None, "range": "0:1", "colormap": None}
         assert asked(api, "api/facts")["colored_by"] == wanted
     with opened_api(grid) as api:
         assert asked(api, "api/facts")["colored_by"] is None
     unknown = pytest.raises(InvalidInputError, match="no track 'hight'; choose height, heat")
-    with unknown, opened_api(grid, coloring=Coloring("hight")):
+    with unknown, opened_api(grid, look=TrackLook("hight")):
         pass
 
 
@@ -250,7 +250,7 @@ def test_stream_is_played_as_it_is_when_its_positions_are_exact(encoding):
 def test_tracks_of_a_lossless_file_are_exact_when_it_is_encoded_anew(monkeypatch):
     monkeypatch.setattr(played, "MOST_EXACT_POSITIONS", 0)
     grid = with_tracks(waving_grid(4))
-    with opened_api(grid, encoding={"lossless": True}, coloring=Coloring("heat")) as api:
+    with opened_api(grid, encoding={"lossless": True}, look=TrackLook("heat")) as api:
         assert api.is_reencoded
         for name, track in grid.tracks.items():
             np.testing.assert_array_equal(api.reel.track(name).read(0, 4), track.values)

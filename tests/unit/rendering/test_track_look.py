@@ -1,11 +1,11 @@
-"""The track that the player opens with: what can be shown of it, and what cannot."""
+"""Looks of tracks: valid and invalid components, ranges and color maps."""
 
 import numpy as np
 import pytest
 
-from meshreel.app.viewer.coloring import Coloring
 from meshreel.errors import InvalidInputError
 from meshreel.model.tracks import Track
+from meshreel.rendering.track_colors import TrackColors, TrackLook
 
 SCALAR = Track(np.zeros((2, 5), np.float32))
 VECTOR = Track(np.zeros((2, 5, 3), np.float32), kind="vector")
@@ -14,29 +14,24 @@ COLOR = Track(np.zeros((2, 5, 3), np.uint8), kind="color")
 
 
 @pytest.mark.parametrize(
-    ("track", "options"),
+    ("track", "options", "title"),
     [
-        (SCALAR, {}),
-        (SCALAR, {"component": "0", "range": "0:500"}),
-        (SCALAR, {"range": "-1.5e3:2%"}),
-        (VECTOR, {"component": "z", "range": "2%:98%", "colormap": "diverging"}),
-        (VECTOR, {"component": "magnitude", "range": "90%:7"}),
-        (TENSOR, {"component": "8"}),
-        (COLOR, {}),
-        (COLOR, {"component": "1", "range": "0:255"}),
+        (SCALAR, {}, "u"),
+        (SCALAR, {"component": "0", "range": "0:500"}, "u"),
+        (SCALAR, {"range": "-1.5e3:2%"}, "u"),
+        (VECTOR, {"component": "z", "range": "2%:98%", "colormap": "diverging"}, "u, z"),
+        (VECTOR, {"component": "magnitude", "range": "90%:7"}, "u, magnitude"),
+        (TENSOR, {"component": "8"}, "u, column 8"),
+        (COLOR, {}, "u"),
+        (COLOR, {"component": "1", "range": "0:255"}, "u, y"),
     ],
 )
-def test_coloring_is_allowed_when_the_track_has_it(track, options):
-    coloring = Coloring("u", **options)
-    coloring.check(track)
-    assert coloring.described() == {
-        "track": "u",
-        **{name: options.get(name) for name in ("component", "range", "colormap")},
-    }
+def test_look_is_accepted_when_the_track_has_the_component(track, options, title):
+    assert TrackColors(TrackLook("u", **options), track).title == title
 
 
 @pytest.mark.parametrize(
-    ("track", "options", "words"),
+    ("track", "options", "message"),
     [
         (SCALAR, {"component": "y"}, "got 'y'"),
         (VECTOR, {"component": "3"}, "--component is 0 to 2, x, y, z, magnitude; got '3'"),
@@ -52,6 +47,6 @@ def test_coloring_is_allowed_when_the_track_has_it(track, options):
         (SCALAR, {"range": "0:1e999"}, "got '0:1e999'"),
     ],
 )
-def test_coloring_says_what_is_allowed_when_the_track_has_it_not(track, options, words):
-    with pytest.raises(InvalidInputError, match=words):
-        Coloring("u", **options).check(track)
+def test_error_lists_what_is_allowed_when_a_look_is_invalid(track, options, message):
+    with pytest.raises(InvalidInputError, match=message):
+        TrackColors(TrackLook("u", **options), track)
