@@ -19,7 +19,7 @@ from meshreel.app.cli.console import (
     print_table,
     progress_lines,
 )
-from meshreel.app.cli.lines import escaped, print_error, print_line
+from meshreel.app.cli.messages import escaped, print_error, print_line
 from meshreel.model.materials import Image, Material
 from meshreel.model.tracks import Track
 from samples.commands import assert_fails, finished, run, run_json

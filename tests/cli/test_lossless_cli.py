@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 import meshreel
 from meshreel.app.cli.app import app
-from meshreel.app.cli.option_names import in_option_names
+from meshreel.app.cli.messages import with_option_names
 from samples.meshes import waving_grid
 
 GRID = waving_grid(8)
@@ -38,7 +38,7 @@ def run(*words):
 
 def told_by(done):
     """What is printed, with an error as the program prints it."""
-    error = in_option_names(str(done.exception or ""))
+    error = with_option_names(str(done.exception or ""))
     return " ".join(f"{done.output} {error}".replace("\u2502", " ").split())
 
 

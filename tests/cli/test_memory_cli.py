@@ -5,7 +5,7 @@ from click.testing import CliRunner
 
 import meshreel
 from meshreel.app.cli.app import app
-from meshreel.app.cli.option_names import in_option_names
+from meshreel.app.cli.messages import with_option_names
 from samples.meshes import waving_grid
 
 
@@ -23,7 +23,7 @@ def run(*words):
 def told_by(done):
     """The error, as the program prints it."""
     assert done.exit_code == 1
-    return in_option_names(str(done.exception))
+    return with_option_names(str(done.exception))
 
 
 @pytest.mark.parametrize(

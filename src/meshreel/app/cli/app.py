@@ -8,7 +8,7 @@ from click.shell_completion import get_completion_class
 
 from meshreel import __version__
 from meshreel.app.cli.commands import Program
-from meshreel.app.cli.lines import print_error
+from meshreel.app.cli.messages import print_error
 from meshreel.errors import MeshReelError
 
 NAME = "meshreel"

@@ -7,7 +7,7 @@ import click
 
 from meshreel.app.cli.commands import command
 from meshreel.app.cli.encode_options import Encoding, encode_options
-from meshreel.app.cli.lines import print_error, print_line
+from meshreel.app.cli.messages import print_error, print_line
 from meshreel.app.cli.parameters import argument, option
 from meshreel.app.cli.read_options import READING, reading_options
 from meshreel.app.cli.track_options import track_option, track_targets

@@ -23,8 +23,7 @@ from rich.progress import Progress as Bar
 from rich.table import Table
 from rich.text import Text
 
-from meshreel.app.cli.lines import escaped
-from meshreel.app.cli.option_names import all_in_option_names, in_option_names
+from meshreel.app.cli.messages import all_with_option_names, escaped, with_option_names
 from meshreel.app.cli.progress_words import PaceClock, clock_text
 from meshreel.runtime.progress import Progress
 
@@ -113,8 +112,8 @@ def _plain(value: Any) -> Any:
 
 def _worded(value: Any) -> Any:
     if isinstance(value, str):
-        return in_option_names(value)
-    return all_in_option_names(value) if isinstance(value, list) else _plain(value)
+        return with_option_names(value)
+    return all_with_option_names(value) if isinstance(value, list) else _plain(value)
 
 
 def print_table(title: str, rows: Mapping[str, str] | Mapping[str, Cell]) -> None:
@@ -189,7 +188,7 @@ def _is_ascii(console: Console) -> bool:
 def print_notes(notes: list[str]) -> None:
     """Print notes on stderr, one line each."""
     console = Console(stderr=True)
-    for note in all_in_option_names(notes):
+    for note in all_with_option_names(notes):
         console.print(_text(f"note: {note}"), soft_wrap=not console.is_terminal)
 
 

@@ -97,7 +97,7 @@ def convert_command(
 
     from meshreel.app.cli.console import print_json, print_notes, progress_bar
     from meshreel.app.cli.conversion import Conversion
-    from meshreel.app.cli.given_files import given_source
+    from meshreel.app.cli.read_options import source_of
     from meshreel.app.cli.write_options import (
         checked_bound,
         frame_slice,
@@ -124,7 +124,7 @@ def convert_command(
     notes = reading.notes
     with ExitStack() as stack:
         target = stack.enter_context(uploaded(output, overwrite=force))
-        source = stack.enter_context(local_copy(given_source(inputs), notes))
+        source = stack.enter_context(local_copy(source_of(inputs), notes))
         files = files_of_source(source, reading.topology)
         progress = stack.enter_context(progress_bar())
         reading = replace(reading, progress=progress)

@@ -34,7 +34,7 @@ def demo_command(
     """
     from meshreel.app.cli.console import print_json, print_table, progress_bar
     from meshreel.app.cli.figures import quality_rows, size_figures, size_rows
-    from meshreel.app.cli.lines import print_line
+    from meshreel.app.cli.messages import print_line
     from meshreel.codec.decoder import decode
     from meshreel.codec.encoder import encode
     from meshreel.codec.inspect import info

@@ -99,8 +99,8 @@ def encode_command(
 
     from meshreel.app.cli.console import print_json, print_notes, progress_bar
     from meshreel.app.cli.encoded_file import encode_file
-    from meshreel.app.cli.given_files import given_source, output_stem
     from meshreel.app.cli.profile import print_profile, profile_figures
+    from meshreel.app.cli.read_options import output_stem, source_of
     from meshreel.codec.config import EncoderConfig
     from meshreel.formats.load import loading_for, open_for_encoding
     from meshreel.formats.remote import local_copy, uploaded
@@ -116,7 +116,7 @@ def encode_command(
     with ExitStack() as stack:
         target = stack.enter_context(uploaded(given_output, overwrite=force))
         stream_path = Path(target.local)
-        source = stack.enter_context(local_copy(given_source(inputs), notes))
+        source = stack.enter_context(local_copy(source_of(inputs), notes))
         files = files_of_source(source, reading.topology)
         check_output_path(stream_path, overwrite=force, inputs=files)
         progress, times = stack.enter_context(progress_bar()), stack.enter_context(profiled())

@@ -7,7 +7,7 @@ from typing import Any, get_origin
 import click
 
 from meshreel.app.cli.completing import names_of
-from meshreel.app.cli.option_names import flag_of
+from meshreel.app.cli.messages import flag_of
 from meshreel.app.cli.parameters import Decorator, option
 from meshreel.codec.config import all_options
 from meshreel.codec.option import Option

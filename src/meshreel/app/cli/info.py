@@ -48,10 +48,10 @@ def info_command(
     """
     from dataclasses import replace
 
-    from meshreel.app.cli.given_files import given_source, holds_stream
+    from meshreel.app.cli.read_options import is_stream_file, source_of
     from meshreel.formats.options import ReadOptions
 
-    if len(inputs) == 1 and holds_stream(inputs[0]):
+    if len(inputs) == 1 and is_stream_file(inputs[0]):
         if replace(reading, memory=None) != ReadOptions():
             raise click.UsageError(
                 "the options of inputs are not for a .reel, which is read as it is; leave them out"
@@ -60,7 +60,7 @@ def info_command(
         return
     if segment is not None:
         raise click.UsageError("--segment is for a .reel; give one, or leave the option out")
-    _show_source(given_source(inputs), reading, as_json=as_json)
+    _show_source(source_of(inputs), reading, as_json=as_json)
 
 
 def _show_stream(

@@ -67,12 +67,12 @@ def _check_is_encoded(source: Path) -> None:
     """Refuse an input of `encode` where a stream has to be."""
     from shlex import quote
 
-    from meshreel.app.cli.given_files import holds_stream, output_stem
+    from meshreel.app.cli.read_options import is_stream_file, output_stem
     from meshreel.errors import InvalidInputError
     from meshreel.formats.registry import FORMATS
 
     is_input = source.is_dir() or (source.is_file() and source.suffix.lower() in FORMATS)
-    if is_input and not holds_stream(str(source)):
+    if is_input and not is_stream_file(str(source)):
         output = f"{output_stem(str(source))}.reel"
         raise InvalidInputError(
             f"{source} is not a .reel file; encode it first: meshreel encode {quote(str(source))} "

@@ -1,6 +1,6 @@
-"""Options for reading inputs, shared by all commands that read one."""
+"""Inputs of commands, and options for reading them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import wraps
 from pathlib import Path
 from typing import Any
@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from meshreel.app.cli.parameters import Decorator, option
+from meshreel.runtime.stores.address import is_remote, name_of, without_query
 
 READING = "Input"
 
@@ -126,3 +127,36 @@ def reading_options(*names: str) -> Decorator:
         return decorated
 
     return decorate
+
+
+def source_of(inputs: Sequence[str]) -> "str | list[Path] | list[str]":
+    """The only input, or all of them in natural order."""
+    from meshreel.formats.sources import natural_order
+
+    if len(inputs) == 1:
+        return inputs[0]
+    if not any(map(is_remote, inputs)):
+        return natural_order(map(Path, inputs))
+    by_path = {Path(given): given for given in inputs}
+    return [by_path[path] for path in natural_order(by_path)]
+
+
+def output_stem(source: str) -> str:
+    """The name of the output for an input: the stem of a file, the folder name for a glob."""
+    path = Path(name_of(source)) if is_remote(source) else Path(source).resolve()
+    if any(mark in path.name for mark in "*?["):
+        return Path(source).resolve().parent.name
+    return path.name if path.is_dir() else path.stem
+
+
+def is_stream_file(given: str) -> bool:
+    """Whether a file is a .reel stream, by its name or its first bytes."""
+    from meshreel.codec.bitstream.layout import MAGIC
+
+    path = Path(without_query(given))
+    if path.suffix.lower() == ".reel":
+        return True
+    if is_remote(given) or not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return file.read(len(MAGIC)) == MAGIC

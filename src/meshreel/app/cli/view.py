@@ -69,7 +69,7 @@ def view_command(
     from dataclasses import replace
 
     from meshreel.app.cli.console import print_notes, progress_bar
-    from meshreel.app.cli.lines import print_line
+    from meshreel.app.cli.messages import print_line
     from meshreel.app.cli.player import opened_player
     from meshreel.app.cli.render_options import track_look
     from meshreel.app.viewer.page import built_page

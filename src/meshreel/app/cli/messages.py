@@ -1,18 +1,31 @@
-"""Messages of the library, which name its keywords, in the words of the command line."""
+"""Messages of the library as the command line prints them.
+
+Options replace keywords of Python, and control characters are escaped.
+"""
 
 import re
 from collections.abc import Iterable
 from functools import cache
 
+import click
+
 RENAMED = {"overwrite": "--force", "n_frames": "--frames"}
-"""Keywords whose options are not called the same, beside those of encoding."""
+"""Keywords with options of other names, in addition to those of encoding."""
 
 _BOTH = re.compile(r"(--[a-z][a-z-]*(?: [^\s()]+)?) \(\w+=\w*\)")
 _CHOICE = re.compile(r"(?<![\w./'\"-])([a-z]\w*)=\"(\w+)\"")
 _KEYWORD = re.compile(r"(?<![\w./'\"-])([a-z]\w*)=(?:True|False)?(?=[\s),;:.]|$)")
 
+_CONTROLS = re.compile(
+    "[\x00-\x1f\x7f-\x9f"  # C0, DEL and C1
+    "\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069"  # bidirectional
+    "\u2028\u2029"  # line and paragraph separators
+    "\ud800-\udfff]"  # lone surrogates, which no encoding takes
+)
+_LINE_BREAK = re.compile(r"\s*\n\s*")
 
-def in_option_names(message: str) -> str:
+
+def with_option_names(message: str) -> str:
     """The message with options in place of keywords.
 
     "--force (overwrite=True)" and "overwrite=True" become "--force", "object=" becomes
@@ -24,9 +37,9 @@ def in_option_names(message: str) -> str:
     return _names().sub(lambda found: flag_of(found[1]), message)
 
 
-def all_in_option_names(notes: Iterable[str]) -> list[str]:
+def all_with_option_names(notes: Iterable[str]) -> list[str]:
     """Notes in the words of the command line, each only once."""
-    return list(dict.fromkeys(map(in_option_names, notes)))
+    return list(dict.fromkeys(map(with_option_names, notes)))
 
 
 def flag_of(keyword: str) -> str:
@@ -47,3 +60,26 @@ def _names() -> re.Pattern[str]:
     """A pattern of keywords that cannot be English words, such as "n_modes"."""
     keywords = "|".join(name for name in _flags() if "_" in name)
     return re.compile(rf"(?<![\w./'\"=-])({keywords})(?![\w./'\"=-])")
+
+
+def escaped(text: str) -> str:
+    r"""Return the text with control characters as escapes, such as ``\n``, ``\x1b``, ``\u202e``.
+
+    Names come from files that may be hostile: sequences of control characters recolor or clear a
+    terminal, and a line break would begin a line that looks like output of this program.
+    """
+    return _CONTROLS.sub(lambda found: ascii(found[0])[1:-1], text)
+
+
+def print_line(text: str) -> None:
+    """Print one line on stdout."""
+    click.echo(escaped(text))
+
+
+def print_error(message: str) -> None:
+    """Print an error on stderr as one line, in the words of the command line.
+
+    Messages of other libraries may have several lines, which are joined.
+    """
+    line = _LINE_BREAK.sub(" ", with_option_names(message).strip())
+    click.echo(f"meshreel: {escaped(line)}", err=True)

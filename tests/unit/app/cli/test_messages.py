@@ -8,7 +8,7 @@ import pytest
 
 import meshreel
 from meshreel.app.cli.commands import COMMANDS, command_named
-from meshreel.app.cli.option_names import all_in_option_names, in_option_names
+from meshreel.app.cli.messages import all_with_option_names, with_option_names
 
 ROOT = Path(meshreel.__file__).parent
 OPTIONS = {
@@ -47,7 +47,7 @@ def messages():
         for path in ROOT.rglob("*.py")
         if "cli" not in path.relative_to(ROOT).parts
         for text in sentences(path)
-        if " " in text and text[0] != "<" and in_option_names(text) != text
+        if " " in text and text[0] != "<" and with_option_names(text) != text
     }
 
 
@@ -57,7 +57,7 @@ def test_messages_that_name_keywords_are_found_in_the_library(messages):
 
 
 def test_messages_name_options_that_exist_when_the_command_line_says_them(messages):
-    said = [in_option_names(text) for text in sorted(messages)]
+    said = [with_option_names(text) for text in sorted(messages)]
     assert [text for text in said if KEYWORD_LEFT.search(text)] == []
     named = [(text, set(re.findall(r"--[a-z][a-z-]*", text))) for text in said]
     assert [(text, names - OPTIONS) for text, names in named if names - OPTIONS] == []
@@ -79,8 +79,8 @@ def test_messages_name_options_that_exist_when_the_command_line_says_them(messag
     ],
 )
 def test_keywords_become_options_when_they_are_said_as_keywords(message, expected):
-    assert in_option_names(message) == expected
+    assert with_option_names(message) == expected
 
 
 def test_notes_come_once_when_they_say_the_same_in_option_names():
-    assert all_in_option_names(["give fps=", "give --fps (fps=)"]) == ["give --fps"]
+    assert all_with_option_names(["give fps=", "give --fps (fps=)"]) == ["give --fps"]
