@@ -215,7 +215,7 @@ def test_existing_output_is_replaced_when_forced(grid, tmp_path):
     ("arguments", "words"),
     [
         (["encode", "missing.npz", "-o", "a.reel"], ["missing.npz"]),
-        (["encode", "{grid}", "--max-error", "0.5mm"], ["how long its unit is", "--unit", "0.5u"]),
+        (["encode", "{grid}", "--max-error", "0.5mm"], ["has no length unit", "--unit", "0.5u"]),
         (["encode", "{grid}", "--unit", "mm"], ["--unit", "--max-error", "give both"]),
         (["decode", "{reel}", "-o", "a.glb", "--unit", "mm"], ["--unit", "--max-error"]),
         (["encode", "{grid}", "-o", "no/such/a.reel"], ["no/such", "does not exist"]),
