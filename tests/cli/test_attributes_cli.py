@@ -1,4 +1,4 @@
-"""What is kept of what a mesh carries, and how exactly, as a user asks for it."""
+"""Options that select attributes and the precision of UVs."""
 
 import json
 
@@ -57,7 +57,7 @@ def test_encode_tells_the_error_when_coordinates_are_quantised(sheets, tmp_path)
 
 def test_encode_prints_the_error_in_texels_when_coordinates_are_quantised(sheets, tmp_path):
     done = run("encode", sheets, "-o", tmp_path / "out.reel", "--uv-bits", "10")
-    assert "texels of 4096" in " ".join(done.stdout.replace("\u2502", " ").split())
+    assert "texels at width 4096" in " ".join(done.stdout.replace("\u2502", " ").split())
 
 
 def test_encode_fails_when_there_are_no_coordinates_to_quantise(tmp_path):

@@ -54,7 +54,7 @@ def test_every_bit_comes_back_and_that_is_printed(command):
     assert done.exit_code == 0, done.output
     said = told_by(done)
     assert "method lossless raw" in said
-    assert "promised every position as it was, bit for bit" in said
+    assert "lossless: positions are equal bit for bit" in said
     assert "largest error 0.0000 % of the diagonal, 0 model units" in said
     assert "track heat exact" in said
     decoded = meshreel.decode(f"{command}.reel")
@@ -78,14 +78,14 @@ def test_figures_are_those_of_no_error():
 def test_info_says_it():
     said = told_by(run("info", "walk.reel"))
     assert "method lossless" in said
-    assert "promised every position as it was, bit for bit" in said
+    assert "lossless: positions are equal bit for bit" in said
     assert "heat: scalar of each vertex, float32 in K, exact" in said
 
 
 def test_tracks_keep_bounds_that_are_asked_for():
     bound = ["--track", "heat=0.5K"]
     done = run("encode", "walk.npz", "-o", "bound.reel", "--lossless", *bound)
-    assert "promised 0.5 K" in done.output
+    assert "error bound 0.5 K" in done.output
     decoded = meshreel.decode("bound.reel")
     assert_same_positions(decoded)
     assert 0 < np.abs(decoded.tracks["heat"].values[..., 0] - HEAT).max() <= 0.5

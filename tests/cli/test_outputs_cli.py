@@ -149,7 +149,7 @@ def test_convert_prints_the_error_and_the_promise_when_it_codes(made):
     done = run("convert", "walk.npz", "-o", "b.reel", "--max-error", 0.1, cwd=made)
     shown = " ".join(done.stdout.replace("│", " ").split())
     assert "largest error 0.0" in shown
-    assert "promised 0.1 %" in shown
+    assert "error bound 0.1 %" in shown
 
 
 def test_convert_codes_some_frames_when_asked_to(made):

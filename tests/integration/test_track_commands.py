@@ -38,7 +38,7 @@ def test_bounds_are_kept_and_printed(folder):
     done = run("convert", "a.reel", "-o", "b.reel", "--track", "heat=0.5K", "--track", "flow=drop")
     assert done.exit_code == 0, done.output
     assert "track heat" in done.output
-    assert "promised 0.5 K" in done.output
+    assert "error bound 0.5 K" in done.output
     with meshreel.open("b.reel") as reel:
         assert list(reel.tracks) == ["heat"]
     said = run("info", "b.reel").output

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     help="A file that holds an animation (see `meshreel formats`), a frame file, a folder "
     "or a quoted glob.",
 )
-@argument("decoded", completion=input_files, help="The same kinds.")
+@argument("decoded", completion=input_files, help="A file or frames, as above.")
 @reading_options(*MESHES, "memory")
 @option(
     "--plot", type=Path, metavar="FILE.png", help="Draw the NMSVE of each frame (needs [plot])."
@@ -59,7 +59,7 @@ def compare_command(
 
     if plot is not None:
         check_extension(plot, (".png",))
-        files = [file for given in (original, decoded) for file in files_of_source(given)]
+        files = [file for source in (original, decoded) for file in files_of_source(source)]
         check_output_path(plot, overwrite=force, inputs=files)
         require_matplotlib()
     check_supported([original, decoded], replace(reading, animation=None))

@@ -1,4 +1,4 @@
-"""Conversion of sequences to other formats or streams, and its report."""
+"""Conversion of sequences to other formats or streams, and the figures printed about it."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -18,18 +18,18 @@ if TYPE_CHECKING:
 
 @dataclass
 class Conversion:
-    """How sequences are written, and what has been written.
+    """Writes sequences and collects figures of the written files.
 
     Parameters
     ----------
     target : Output
-        What the outputs are called.
+        Names of the outputs.
     inputs : sequence of Path
-        Never replaced.
+        Files that are never replaced.
     config : EncoderConfig
-        Of streams.
+        Options of streams.
     tracks : mapping of str to str, or None
-        How exact tracks of streams are to come back.
+        Error bounds of the tracks of streams.
     """
 
     target: "Output"
@@ -45,25 +45,25 @@ class Conversion:
     _streams: list["EncodedFile"] = field(default_factory=list)
 
     def check(
-        self, output: "str | os.PathLike[str]", wanted: range | None, *, first: int = 0
+        self, output: "str | os.PathLike[str]", frames: range | None, *, first: int = 0
     ) -> None:
-        """Refuse a output that cannot or must not be written, before the work.
+        """Raise before encoding if an output cannot be written or would replace a file.
 
         Parameters
         ----------
         output : str or path
-        wanted : range or None
-            The frames, where they are known.
+        frames : range or None
+            None if the frames are still unknown.
         first : int
-            Number of the first of all frames.
+            Number of the first frame of the sequence.
         """
         from meshreel.formats.outputs import check_output
 
         check_output(
             output,
-            None if wanted is None else len(wanted),
+            None if frames is None else len(frames),
             overwrite=self.force,
-            start_number=self._number(output, wanted or range(1), first),
+            start_number=self._number(output, frames or range(1), first),
             inputs=self.inputs,
             options=self.options,
         )
@@ -76,40 +76,40 @@ class Conversion:
         *,
         first: int = 0,
     ) -> None:
-        """Write the chosen frames of a sequence, the first of which has this number."""
+        """Write the chosen frames of a sequence whose first frame has the number `first`."""
         from meshreel.app.cli.encoded_file import encode_file, frames_of
         from meshreel.app.cli.write_options import chosen_frames, is_stream, written_figures
         from meshreel.formats.save import save_part
         from meshreel.model.segments import single_segment
 
-        wanted = chosen_frames(chosen, sequence.n_frames, self.notes)
+        frames = chosen_frames(chosen, sequence.n_frames, self.notes)
         if is_stream(output):
-            made = encode_file(
-                frames_of(sequence, wanted), Path(output), self.config, self.notes,
+            stream = encode_file(
+                frames_of(sequence, frames), Path(output), self.config, self.notes,
                 tracks=self.tracks, force=self.force, progress=self.progress,
                 name=self.target.name(output),
             )  # fmt: skip
-            self._streams.append(made)
-            figures = written_figures([Path(output)], sequence, len(wanted), self.target)
-            self.figures.append({**figures, **made.figures()})
+            self._streams.append(stream)
+            figures = written_figures([Path(output)], sequence, len(frames), self.target)
+            self.figures.append({**figures, **stream.figures()})
             return
         sequence = single_segment(sequence, f"{output} (without --split)")
         written = save_part(
-            sequence, wanted, output,
-            overwrite=self.force, start_number=self._number(output, wanted, first),
+            sequence, frames, output,
+            overwrite=self.force, start_number=self._number(output, frames, first),
             inputs=self.inputs, options=self.options, progress=self.progress, notes=self.notes,
         )  # fmt: skip
-        self.figures.append(written_figures(written, sequence, len(wanted), self.target))
+        self.figures.append(written_figures(written, sequence, len(frames), self.target))
 
-    def _number(self, output: "str | os.PathLike[str]", wanted: range, first: int) -> int | None:
-        """Number of the first file of a output; None if it has no numbers."""
+    def _number(self, output: "str | os.PathLike[str]", frames: range, first: int) -> int | None:
+        """Number of the first file of an output; None for a single file."""
         from meshreel.formats.outputs import numbering
 
-        number = numbering(output, wanted, self.start_number)
+        number = numbering(output, frames, self.start_number)
         return number if number is None else first + number
 
     def show(self) -> None:
-        """Print what was written, as tables."""
+        """Print tables of the written files."""
         from meshreel.app.cli.write_options import print_written
 
         for stream in self._streams:

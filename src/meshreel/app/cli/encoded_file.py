@@ -1,4 +1,4 @@
-"""Encoding of a sequence into a file, and its report."""
+"""Encoding of a sequence into a file, and the figures printed about it."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +25,7 @@ class EncodedFile:
     uv: "UvErrors | None" = None
 
     def figures(self) -> dict[str, Any]:
-        """Figures as they are printed as JSON."""
+        """Figures for JSON."""
         from meshreel.app.cli.figures import size_figures, uv_figures
 
         tracks = {name: errors.as_dict() for name, errors in self.achieved.tracks.items()}
@@ -34,7 +34,7 @@ class EncodedFile:
         return figures | uv_figures(self.uv)
 
     def show(self) -> None:
-        """Print it as a table, and the bytes of its parts."""
+        """Print a table of figures, and the bytes of each part."""
         from meshreel.app.cli.console import print_bars, print_table
         from meshreel.app.cli.figures import achieved_rows, size_rows, uv_rows
 
@@ -44,15 +44,15 @@ class EncodedFile:
         print_bars("bytes", self.stream.part_bytes)
 
 
-def frames_of(sequence: "AnySequence", wanted: range) -> "AnySequence":
-    """Return the wanted frames of a sequence, loaded unless they are all of it."""
+def frames_of(sequence: "AnySequence", numbers: range) -> "AnySequence":
+    """Return the frames of these numbers, loaded unless they are the whole sequence."""
     from meshreel.model import segments
 
-    if wanted == range(sequence.n_frames):
+    if numbers == range(sequence.n_frames):
         return sequence
     if isinstance(sequence, segments.SegmentedSequence):
-        return sequence.part(wanted)
-    return segments.frames_of(sequence, wanted)
+        return sequence.part(numbers)
+    return segments.frames_of(sequence, numbers)
 
 
 def encode_file(
@@ -66,7 +66,7 @@ def encode_file(
     progress: "Progress",
     name: str,
 ) -> EncodedFile:
-    """Encode a sequence, write it and measure it; the file is called by the name given."""
+    """Encode a sequence, write it and measure it; figures show `name` as the output."""
     from meshreel.codec.achieved import measure_stream
     from meshreel.codec.encoder import encode_with
     from meshreel.codec.inspect import info
@@ -83,17 +83,16 @@ def encode_file(
     data = encode_with(config, sequence, tracks=tracks, progress=progress)
     with stage("writing"), replace_when_done(output, overwrite=force) as temporary:
         temporary.write_bytes(data)
-    with_sted = config.sted is not None
     achieved = measure_stream(
-        sequence, data, order=config.order, with_sted=with_sted, progress=progress
+        sequence, data, order=config.order, with_sted=config.sted is not None, progress=progress
     )
     stream = info(data)
     for segment in segments_of(sequence):
-        lost = order_loss_note(segment.surface, config.order_choice)
-        if lost and lost not in notes:
-            notes.append(lost)
-    if state := solver_state_note(stream.tracks, tracks):
-        notes.append(state)
+        note = order_loss_note(segment.surface, config.order_choice)
+        if note and note not in notes:
+            notes.append(note)
+    if state_note := solver_state_note(stream.tracks, tracks):
+        notes.append(state_note)
     note_unknown_rate(notes, sequence.n_frames, sequence.fps)
     uv = None if config.uv_bits is None else measure_uvs(sequence, data)
     return EncodedFile(name, stream, achieved, uv)

@@ -15,19 +15,16 @@ if TYPE_CHECKING:
     from meshreel.metrics.compare import Quality
     from meshreel.metrics.track_errors import TrackErrors
 
-EVERY_BIT = "every position as it was, bit for bit"
-"""What a lossless stream promises."""
-
 SEGMENT_HEADINGS = ("segment", "frames", "vertices", "faces", "size")
-MOST_SEGMENTS = 200
-"""Largest number of rows of the table of segments."""
+MAX_SEGMENTS = 200
+"""Maximum number of segments in the table."""
 
 
 def size_figures(stream: "StreamInfo") -> dict[str, Any]:
     """Sizes and counts of a stream, as `encode` prints them as JSON."""
-    everything = stream.as_dict()
+    figures = stream.as_dict()
     return {
-        key: everything[key]
+        key: figures[key]
         for key in ("n_frames", "n_verts", "n_faces", "method", "n_modes",
                     "raw_size_bytes", "size_bytes", "part_bytes", "ratio", "rate_bpvf")
     }  # fmt: skip
@@ -46,55 +43,57 @@ def size_rows(stream: "StreamInfo") -> dict[str, str]:
 
 
 def achieved_rows(achieved: "Achieved", stream: "StreamInfo") -> dict[str, str]:
-    """Measured errors of a stream, and its promised bound."""
-    promised = stream.max_error_percent
+    """Measured errors of a stream, and its error bound."""
     rows = {
         "KG error": f"{achieved.kg_error_percent:.4f} %",
         "largest error": error_text(achieved.max_error_percent, stream.diagonal),
     }
-    if stream.is_lossless:
-        rows["promised"] = EVERY_BIT
-    elif promised:
-        rows["promised"] = promise_text(stream)
+    rows |= _bound_rows(stream)
     if achieved.sted is not None:
         rows["STED"] = f"{achieved.sted:.5f}"
-    return rows | track_error_rows(achieved.tracks, promised_of(stream))
+    bounds = {track.name: track.bound for track in stream.tracks}
+    return rows | track_error_rows(achieved.tracks, bounds)
 
 
-def promised_of(stream: "StreamInfo") -> dict[str, float]:
-    """Bounds of the tracks of a stream, by their names."""
-    return {track.name: track.bound for track in stream.tracks}
+def _bound_rows(stream: "StreamInfo") -> dict[str, str]:
+    if stream.is_lossless:
+        return {"error bound": "lossless: positions are equal bit for bit"}
+    percent = stream.max_error_percent
+    if not percent:
+        return {}
+    length = f"{percent / 100 * stream.diagonal:.4g} model units"
+    return {"error bound": f"{percent:g} % of the diagonal, {length}, at every vertex"}
 
 
 def track_error_rows(
-    tracks: "dict[str, TrackErrors]", promised: Mapping[str, float] | None = None
+    tracks: "dict[str, TrackErrors]", bounds: Mapping[str, float] | None = None
 ) -> dict[str, str]:
-    """Errors of tracks, in their units, with what is promised of them."""
+    """Errors of tracks in their units, and their error bounds."""
     rows = {}
     for name, errors in tracks.items():
         unit = f" {errors.unit}" if errors.unit else ""
         text = "exact"
         if errors.largest:
             text = f"largest error {errors.largest:.4g}{unit}, RMS {errors.rms:.4g}{unit}"
-        bound = (promised or {}).get(name)
-        rows[f"track {name}"] = f"{text}; promised {bound:.4g}{unit}" if bound else text
+        bound = (bounds or {}).get(name)
+        rows[f"track {name}"] = f"{text}; error bound {bound:.4g}{unit}" if bound else text
     return rows
 
 
 def uv_figures(errors: "UvErrors | None") -> dict[str, Any]:
-    """Errors of quantised texture coordinates, as `encode` prints them as JSON."""
+    """Errors of quantized texture coordinates, as `encode` prints them as JSON."""
     if errors is None:
         return {}
     return {"uv_error": errors.largest, "uv_error_texels_4096": errors.texels}
 
 
 def uv_rows(errors: "UvErrors | None") -> dict[str, str]:
-    """Errors of quantised texture coordinates for a table; none if they are exact or absent."""
+    """Errors of quantized texture coordinates for a table; none if they are exact or absent."""
     if errors is None:
         return {}
     return {
-        "texture coordinates": f"off by up to {errors.largest:.2g} of a texture's width, "
-        f"{errors.texels:.3g} texels of 4096"
+        "texture coordinates": f"largest error {errors.largest:.2g} of the texture width, "
+        f"{errors.texels:.3g} texels at width 4096"
     }
 
 
@@ -108,7 +107,7 @@ def info_rows(stream: "StreamInfo") -> "dict[str, Cell]":
         "Laplacian": stream.laplacian,
         "order": stream.order,
     }
-    rows |= carried_rows(stream)
+    rows |= surface_rows(stream)
     if len(stream.segments) > 1:
         rows["segments"] = f"{len(stream.segments)}; the largest mesh is shown above"
     elif len(stream.block_frames) > 1:
@@ -116,19 +115,15 @@ def info_rows(stream: "StreamInfo") -> "dict[str, Cell]":
             f"{len(stream.block_frames)} of up to {counted(max(stream.block_frames), 'frame')}"
         )
         later = sum(stream.block_bytes[1:])
-        rows["cuts"] = (
-            f"the later blocks take {size_text(later)}, {100 * later / stream.size_bytes:.0f} %; "
-            "in one piece much of it would be saved"
+        rows["later blocks"] = (
+            f"{size_text(later)}, {100 * later / stream.size_bytes:.0f} % of the file; "
+            "a single block would save most of that"
         )
     if stream.tracks:
         rows["tracks"] = [f"{track}, {size_text(track.size_bytes)}" for track in stream.tracks]
     if not stream.is_whole:
-        rows["end"] = "cut off; this is what the whole blocks hold"
-    if stream.is_lossless:
-        rows["promised"] = EVERY_BIT
-    elif stream.max_error_percent:
-        rows["promised"] = f"no vertex is off by more than {promise_text(stream)}"
-    return rows
+        rows["end"] = "truncated; the figures describe the complete blocks"
+    return rows | _bound_rows(stream)
 
 
 def segment_columns(stream: "StreamInfo") -> list[Sequence[str]]:
@@ -136,30 +131,30 @@ def segment_columns(stream: "StreamInfo") -> list[Sequence[str]]:
     rows: list[Sequence[str]] = [
         (
             str(number),
-            f"{one.first_frame} to {one.first_frame + one.n_frames - 1}",
-            str(one.n_verts),
-            str(one.n_faces),
-            size_text(one.size_bytes),
+            f"{segment.first_frame} to {segment.first_frame + segment.n_frames - 1}",
+            str(segment.n_verts),
+            str(segment.n_faces),
+            size_text(segment.size_bytes),
         )
-        for number, one in enumerate(stream.segments[:MOST_SEGMENTS])
+        for number, segment in enumerate(stream.segments[:MAX_SEGMENTS])
     ]
-    if (more := len(stream.segments) - MOST_SEGMENTS) > 0:
-        rows.append((f"and {more} more (--json has all)", "", "", "", ""))
+    if (more := len(stream.segments) - MAX_SEGMENTS) > 0:
+        rows.append((f"and {more} more (--json lists all)", "", "", "", ""))
     return rows
 
 
-def carried_rows(found: "StreamInfo | MeshInfo") -> "dict[str, Cell]":
-    """Start, polygons, attributes, parts and materials of a stream or a mesh, where it has some."""
+def surface_rows(info: "StreamInfo | MeshInfo") -> "dict[str, Cell]":
+    """Start, polygons, attributes, parts and materials of a stream or a mesh, if any."""
     rows: dict[str, Cell] = {}
-    if found.start_s:
-        rows["starts at"] = f"{found.start_s:.6g} s"
-    if found.n_polygons != found.n_faces:
-        rows["polygons"] = f"{found.n_polygons}, cut into triangles"
+    if info.start_s:
+        rows["starts at"] = f"{info.start_s:.6g} s"
+    if info.n_polygons != info.n_faces:
+        rows["polygons"] = f"{info.n_polygons}, cut into triangles"
     lists = {
-        "carries": found.attributes,
-        "parts": found.parts,
-        "materials": found.materials,
-        "images": found.images,
+        "attributes": info.attributes,
+        "parts": info.parts,
+        "materials": info.materials,
+        "images": info.images,
     }
     return rows | {name: list(texts) for name, texts in lists.items() if texts}
 
@@ -173,50 +168,45 @@ def quality_rows(quality: "Quality") -> dict[str, str]:
         "NMSVE, mean": f"{quality.nmsve_mean:.3e}",
         "largest error": error_text(quality.max_error_percent, quality.diagonal),
         "RMS error": f"{quality.rms_error_percent:.4f} % of the diagonal",
-        "normals off by": f"{quality.normal_angle_mean_deg:.2f} degrees in the mean, "
-        f"{quality.normal_angle_p95_deg:.2f} at the 95th percentile",
-        "motion at rest": rest_text(quality),
+        "normal error": f"mean {quality.normal_angle_mean_deg:.2f} degrees, "
+        f"95th percentile {quality.normal_angle_p95_deg:.2f}",
+        "motion at rest": _rest_text(quality),
         **track_error_rows(quality.tracks),
     }
 
 
-def rest_text(quality: "Quality") -> str:
-    """Motion of decoded vertices where the original rests."""
+def _rest_text(quality: "Quality") -> str:
+    """Motion of decoded vertices while the original rests."""
     if not quality.n_rest_pairs:
         return "no vertex rests"
     return (
-        f"{quality.rest_motion_median_percent:.4f} % of the model's size in the median, "
-        f"{quality.rest_motion_p99_percent:.4f} % at the 99th percentile, for "
+        f"median {quality.rest_motion_median_percent:.4f} % of the model size, "
+        f"99th percentile {quality.rest_motion_p99_percent:.4f} %, over "
         f"{counted(quality.n_rest_pairs, 'pair')} of vertex and frame"
     )
 
 
-def promise_text(stream: "StreamInfo") -> str:
-    """Error bound that a stream promises, as a share of the diagonal and in model units."""
-    percent = stream.max_error_percent or 0.0
-    return f"{percent:g} % of the diagonal, {percent / 100 * stream.diagonal:.4g} model units"
-
-
 def error_text(percent: float, diagonal: float) -> str:
-    """A distance as a share of the diagonal and in model units."""
+    """A distance in percent of the diagonal and in model units."""
     return f"{percent:.4f} % of the diagonal, {percent / 100 * diagonal:.4g} model units"
 
 
-PANEL = (
-    "sequence", "method", "raw", "file", "ratio", "rate", "frame rate", "parts", "promised", "end",
+PLAYER_ROWS = (
+    "sequence", "method", "raw", "file", "ratio", "rate", "frame rate", "parts", "error bound",
+    "end",
 )  # fmt: skip
-"""Rows of `info_rows` that a player shows."""
+"""Rows of `info_rows` that the player shows."""
 
 
 def player_rows(stream: "StreamInfo") -> dict[str, str]:
-    """Rows of a player about its file."""
+    """Figures of a file for the player."""
     rows = info_rows(stream)
-    shown = {name: rows[name] for name in PANEL if name in rows}
+    shown = {name: rows[name] for name in PLAYER_ROWS if name in rows}
     return {name: row if isinstance(row, str) else "\n".join(row) for name, row in shown.items()}
 
 
 def measured_rows(measured: "Measured") -> dict[str, str]:
-    """Rows of a player about the errors of its file, with the names of `quality_rows`."""
+    """Errors of a file for the player, with the names of `quality_rows`."""
     errors = measured.errors
     return {
         "KG error": f"{errors.kg_error_percent:.4f} %",
@@ -227,11 +217,11 @@ def measured_rows(measured: "Measured") -> dict[str, str]:
     }
 
 
-def mesh_text(found: "StreamInfo | MeshInfo") -> str:
+def mesh_text(info: "StreamInfo | MeshInfo") -> str:
     """Numbers of frames, vertices and faces."""
     return (
-        f"{counted(found.n_frames, 'frame')}, {counted(found.n_verts, 'vertex')}, "
-        f"{counted(found.n_faces, 'face')}"
+        f"{counted(info.n_frames, 'frame')}, {counted(info.n_verts, 'vertex')}, "
+        f"{counted(info.n_faces, 'face')}"
     )
 
 
@@ -241,7 +231,7 @@ def fps_text(fps: float) -> str:
 
 
 def method_text(stream: "StreamInfo") -> str:
-    """The method of a stream, with what it made of the positions."""
+    """The method of a stream, with its number of modes if it has any."""
     return f"{stream.method}, {modes_text(stream)}" if any(stream.n_modes) else stream.method
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from meshreel.app.cli.figures import carried_rows, fps_text, mesh_text
+from meshreel.app.cli.figures import fps_text, mesh_text, surface_rows
 from meshreel.runtime.counting import counted, size_text
 
 if TYPE_CHECKING:
@@ -12,38 +12,38 @@ if TYPE_CHECKING:
     from meshreel.formats.inspection import MeshInfo, SourceInfo
 
 HEADINGS = ("mesh", "frames", "vertices", "faces", "fps", "box")
-MOST_MESHES = 100
-"""Largest number of rows of the table of meshes."""
+MAX_MESHES = 100
+"""Maximum number of meshes in the table."""
 
 
-def source_rows(found: "SourceInfo") -> "dict[str, Cell]":
-    """Rows on format and size, and on a single mesh, or the number of several."""
-    files = f" in {counted(found.n_files, 'file')}" if found.n_files > 1 else ""
+def source_rows(source: "SourceInfo") -> "dict[str, Cell]":
+    """Format and size, then the figures of a single mesh or the number of meshes."""
+    files = f" in {counted(source.n_files, 'file')}" if source.n_files > 1 else ""
     rows: dict[str, Cell] = {
-        "format": found.format,
-        "size": f"{size_text(found.size_bytes)}{files}",
+        "format": source.format,
+        "size": f"{size_text(source.size_bytes)}{files}",
     }
-    if len(found.meshes) == 1:
-        rows |= _mesh_rows(found.meshes[0])
+    if len(source.meshes) == 1:
+        rows |= _mesh_rows(source.meshes[0])
     else:
-        rows["meshes"] = str(len(found.meshes))
-        if problems := [mesh for mesh in found.meshes if mesh.problem]:
+        rows["meshes"] = str(len(source.meshes))
+        if problems := [mesh for mesh in source.meshes if mesh.problem]:
             rows["problems"] = [f"{mesh.name}: {mesh.problem}" for mesh in problems]
-    if found.animations:
-        rows["animations"] = [_animation_text(one) for one in found.animations]
-    if found.left_out:
-        rows["left out"] = list(found.left_out)
+    if source.animations:
+        rows["animations"] = [_animation_text(animation) for animation in source.animations]
+    if source.left_out:
+        rows["left out"] = list(source.left_out)
     return rows
 
 
-def _animation_text(one: "AnimationInfo") -> str:
-    if one.problem:
-        return f"{one.name}: cannot be read: {one.problem}"
-    still = "" if one.moves_mesh else ", moves no mesh"
-    return f"{one.name}: {one.duration_s:.4g} s{still}"
+def _animation_text(animation: "AnimationInfo") -> str:
+    if animation.problem:
+        return f"{animation.name}: cannot be read: {animation.problem}"
+    remark = "" if animation.moves_mesh else ", moves no mesh"
+    return f"{animation.name}: {animation.duration_s:.4g} s{remark}"
 
 
-def mesh_columns(found: "SourceInfo") -> list[Sequence[str]]:
+def mesh_columns(source: "SourceInfo") -> list[Sequence[str]]:
     """Rows of the table of meshes, with columns as in `HEADINGS`."""
     rows: list[Sequence[str]] = [
         (
@@ -54,10 +54,10 @@ def mesh_columns(found: "SourceInfo") -> list[Sequence[str]]:
             f"{mesh.fps:g}" if mesh.fps else "-",
             _sides_text(mesh),
         )
-        for mesh in found.meshes[:MOST_MESHES]
+        for mesh in source.meshes[:MAX_MESHES]
     ]
-    if (more := len(found.meshes) - MOST_MESHES) > 0:
-        rows.append((f"and {more} more (--json has all)", "", "", "", "", ""))
+    if (more := len(source.meshes) - MAX_MESHES) > 0:
+        rows.append((f"and {more} more (--json lists all)", "", "", "", "", ""))
     return rows
 
 
@@ -70,7 +70,7 @@ def _mesh_rows(mesh: "MeshInfo") -> "dict[str, Cell]":
         "duration": f"{mesh.duration_s:.4g} s" if mesh.duration_s else "unknown",
         "positions": mesh.vertex_type,
     }
-    rows |= carried_rows(mesh)
+    rows |= surface_rows(mesh)
     if mesh.tracks:
         rows["tracks"] = list(mesh.tracks)
     if mesh.low is not None and mesh.high is not None:
