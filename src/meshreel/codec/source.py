@@ -99,8 +99,8 @@ class CodedMesh:
 
     @cached_property
     def _surface_sections(self) -> list[tuple[Section, bytes]]:
-        faces, order = self.output_faces, self.order
-        kept = surface_in_order(self.surface, self.order_kept, order)
+        faces = self.output_faces
+        kept = surface_in_order(self.surface, self.order_kept, self.given_faces, faces, self.order)
         return list(surface_sections(kept, faces, self.config.uv_bits))
 
     def header(

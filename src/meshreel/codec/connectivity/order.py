@@ -44,7 +44,7 @@ def encode_order(
     sequence = inverse_permutation(internal_to_given)
     if not keep_faces:
         return bytes([VERTICES_ONLY]) + order.encode_order(internal_faces, None, None, sequence)
-    corners = _matching_corners(sequence[faces], internal_faces, n_verts)
+    corners = matching_corners(sequence[faces], internal_faces, n_verts)
     twins = twin_sides(internal_faces, n_verts)
     coded = order.encode_order(internal_faces, twins, corners, sequence)
     return bytes([VERTICES_AND_FACES]) + coded
@@ -85,7 +85,7 @@ def list_faces(known: Faces, corners: npt.NDArray[np.integer]) -> Faces:
     return faces
 
 
-def _matching_corners(faces: AnyFaces, known: AnyFaces, n_verts: int) -> Integers:
+def matching_corners(faces: AnyFaces, known: AnyFaces, n_verts: int) -> Integers:
     """Find the first corner of each face in a list of the same triangles in another order."""
     lowest, front = lowest_rotation(faces, n_verts)
     known_lowest, known_front = lowest_rotation(known, n_verts)

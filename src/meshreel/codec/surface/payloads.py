@@ -11,6 +11,7 @@ import numpy.typing as npt
 from meshreel.codec.bitstream.container import write_text, write_varint
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.choices import Order
+from meshreel.codec.connectivity.order import inverse_permutation, matching_corners
 from meshreel.codec.entropy.tables import encode_grid_table, encode_table
 from meshreel.codec.surface.codes import DOMAINS, KINDS
 from meshreel.codec.surface.materials import write_image, write_material
@@ -18,9 +19,17 @@ from meshreel.codec.surface.references import encode_references
 from meshreel.codec.surface.rows import distinct_rows, places_of, predictor_along_faces
 from meshreel.codec.surface.uv_grid import is_quantized, uv_integers
 from meshreel.kernel.integers import encode_integers
-from meshreel.model.geometry.fans import join_fans
+from meshreel.model.geometry.fans import fan_corners, join_fans
 from meshreel.model.geometry.hard_edges import hard_flags, shared_edges
-from meshreel.model.surface import VALUE_TYPES, Attribute, Domain, FaceGroups, Part, Surface
+from meshreel.model.surface import (
+    PLAIN,
+    VALUE_TYPES,
+    Attribute,
+    Domain,
+    FaceGroups,
+    Part,
+    Surface,
+)
 
 Integers = npt.NDArray[np.integer]
 Faces = npt.NDArray[np.int32]
@@ -66,26 +75,46 @@ def surface_sections(
         yield Section.IMAGE, write_image(image)
 
 
-def surface_in_order(surface: Surface, order: Order, internal_to_given: Integers) -> Surface:
-    """Return the part of a surface that a stream with this choice of order contains.
+def surface_in_order(
+    surface: Surface, order: Order, faces: Faces, output_faces: Faces, internal_to_given: Integers
+) -> Surface:
+    """Return a surface for the order in which a stream returns vertices and faces.
 
-    Attributes of faces and corners, groups and materials need the order of faces; without it, only
-    attributes of vertices and hard edges remain.
+    Unless the order of faces is kept, polygons become triangles and parts are lost; attributes of
+    faces and corners, groups and materials follow their triangles.
 
     Parameters
     ----------
+    faces, output_faces : int32 arrays of shape (M, 3)
+        As given, and as decoded.
     internal_to_given : integer array of shape (V,)
         Given number of each internal vertex.
     """
-    if order is Order.KEEP:
+    if order is Order.KEEP or surface is PLAIN:
         return surface
-    kept, hard_edges = surface.attributes, surface.hard_edges
-    kept = tuple(one for one in kept if one.domain is Domain.VERTEX)
+    hard_edges, vertices = surface.hard_edges, np.arange(len(internal_to_given))
     if order is Order.DROP:
-        kept = tuple(_reordered(one, internal_to_given) for one in kept)
+        vertices = inverse_permutation(internal_to_given)
         if hard_edges is not None:
-            hard_edges = np.argsort(internal_to_given).astype(np.int32)[hard_edges]
-    return Surface(attributes=kept, hard_edges=hard_edges)
+            hard_edges = vertices.astype(np.int32)[hard_edges]
+    first_corners = matching_corners(output_faces, vertices[faces], len(vertices))
+    triangles, turns = first_corners // 3, first_corners[:, None] + np.arange(3)
+    corners = 3 * triangles[:, None] + turns % 3
+    sizes = surface.sizes(len(faces))
+    polygons = np.repeat(np.arange(len(sizes)), sizes - 2)[triangles]
+    numbers: dict[Domain, Integers] = {
+        Domain.VERTEX: np.argsort(vertices),
+        Domain.FACE: polygons,
+        Domain.CORNER: fan_corners(sizes).ravel()[corners.ravel()],
+    }
+    return replace(
+        surface,
+        face_sizes=None,
+        attributes=tuple(_reordered(one, numbers[one.domain]) for one in surface.attributes),
+        groups=tuple(replace(one, numbers=one.numbers[polygons]) for one in surface.groups),
+        parts=(),
+        hard_edges=hard_edges,
+    )
 
 
 def order_loss_note(surface: Surface, order: Order) -> str:
@@ -93,14 +122,8 @@ def order_loss_note(surface: Surface, order: Order) -> str:
     if order is Order.KEEP:
         return ""
     lost = ["polygons"] if surface.face_sizes is not None else []
-    lost += [f"{one.kind} {one.name!r}" for one in surface.attributes
-             if one.domain is not Domain.VERTEX]  # fmt: skip
-    lost += [f"groups {one.name!r}" for one in surface.groups]
     lost += ["parts"] if surface.parts else []
-    lost += [f"material {one.name!r}" for one in surface.materials]
-    if n_images := len(surface.images):
-        lost.append(f"{n_images} image{'s' if n_images > 1 else ''}")
-    return f"omitted, since the order of faces is not kept: {', '.join(lost)}" if lost else ""
+    return f"omitted, since the order of faces is not kept: {' and '.join(lost)}" if lost else ""
 
 
 def write_start(start_s: float) -> bytes:
@@ -108,10 +131,13 @@ def write_start(start_s: float) -> bytes:
     return START.pack(start_s)
 
 
-def _reordered(attribute: Attribute, order: Integers) -> Attribute:
+def _reordered(attribute: Attribute, numbers: Integers) -> Attribute:
+    """Return an attribute whose item i is the given item ``numbers[i]``."""
+    if attribute.domain is Domain.CORNER:  # rows in a new order are not worth keeping
+        return replace(attribute, values=attribute.per_item()[numbers], indices=None)
     if attribute.indices is not None:
-        return replace(attribute, indices=attribute.indices[order])
-    return replace(attribute, values=attribute.values[order])
+        return replace(attribute, indices=attribute.indices[numbers])
+    return replace(attribute, values=attribute.values[numbers])
 
 
 def _write_attribute(

@@ -53,12 +53,11 @@ def measure_uvs(sequence: AnySequence, data: bytes) -> UvErrors | None:
 
 def _errors_of_segment(sequence: FrameSource, opened: OpenStream) -> list[float]:
     """Return the largest error of each attribute with rounded texture coordinates."""
-    order = opened.order_kept
+    faces, order = sequence.faces, opened.order_kept
     internal = np.arange(sequence.n_verts)
     if order is Order.DROP and sequence.surface.attributes:
-        coded = encode_connectivity(sequence.faces, sequence.n_verts, order="drop")
-        internal = coded.internal_to_given
-    kept = surface_in_order(sequence.surface, order, internal).attributes
+        internal = encode_connectivity(faces, sequence.n_verts, order="drop").internal_to_given
+    kept = surface_in_order(sequence.surface, order, faces, opened.faces, internal).attributes
     if not any(map(is_quantized, kept)):
         return []
     pairs = zip(kept, opened.surface.attributes, strict=True)

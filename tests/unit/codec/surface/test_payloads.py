@@ -13,7 +13,6 @@ from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.surface.materials import write_material
 from meshreel.codec.surface.payloads import (
     order_loss_note,
-    surface_in_order,
     surface_sections,
 )
 from meshreel.errors import (
@@ -23,6 +22,7 @@ from meshreel.errors import (
     TruncatedStreamError,
 )
 from meshreel.kernel.integers import encode_integers
+from meshreel.model.geometry.fans import fan_corners
 from meshreel.model.geometry.hard_edges import shared_edges
 from meshreel.model.materials import Image, Material, Texture
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
@@ -173,18 +173,37 @@ def test_attributes_of_vertices_follow_them_when_the_order_is_dropped():
     sequence = quad_sheet()
     decoded = meshreel.decode(meshreel.encode(sequence, order="drop", max_error=0.01))
     order = encode_connectivity(sequence.faces, 30, order="drop").internal_to_given
-    (color,) = decoded.surface.attributes
+    (color,) = [one for one in decoded.surface.attributes if one.domain is Domain.VERTEX]
     np.testing.assert_array_equal(color.values, sequence.surface.attributes[1].values[order])
 
 
-@pytest.mark.parametrize("order", [Order.VERTICES, Order.DROP])
-def test_what_is_lost_is_told_when_the_order_of_faces_is(order):
-    said = order_loss_note(dressed_sheets().surface, order)
-    looks = "material 'red', material 'gr\u00fcn', 2 images"
-    assert said.endswith(f"polygons, uv 'st', groups 'material', parts, {looks}")
-    left = surface_in_order(dressed_sheets().surface, order, np.arange(60))
-    assert order_loss_note(left, order) == ""
-    assert [one.name for one in left.attributes] == ["color"]
+@pytest.mark.parametrize("order", ["vertices", "drop"])
+def test_attributes_and_groups_follow_triangles_when_the_order_of_faces_is_dropped(order):
+    given = dressed_sheets()
+    decoded = meshreel.decode(meshreel.encode(given, order=order, lossless=True))
+
+    def contents(sequence):
+        """Corner positions, attribute values and labels of each triangle, in any order."""
+        surface, sizes = sequence.surface, sequence.surface.sizes(len(sequence.faces))
+        polygons = np.repeat(np.arange(len(sizes)), sizes - 2)
+        items = {
+            Domain.VERTEX: sequence.faces,
+            Domain.FACE: np.repeat(polygons[:, None], 3, axis=1),
+            Domain.CORNER: fan_corners(sizes),
+        }
+        columns = [sequence.vertices[0][sequence.faces]]
+        columns += [one.per_item()[items[one.domain]] for one in surface.attributes]
+        labels = [one.numbers[polygons] for one in surface.groups]
+        rows = np.concatenate([one.astype(float) for one in columns], axis=2)
+        return sorted(
+            (sorted(triangle.tolist()), [int(one[number]) for one in labels])
+            for number, triangle in enumerate(rows)
+        )
+
+    assert contents(decoded) == contents(given)
+    assert [one.name for one in decoded.surface.materials] == ["red", "gr\u00fcn"]
+    assert order_loss_note(given.surface, Order[order.upper()]).endswith(": polygons and parts")
+    assert order_loss_note(decoded.surface, Order[order.upper()]) == ""
 
 
 def test_nothing_is_lost_when_the_order_is_kept():
