@@ -1,0 +1,74 @@
+import numpy as np
+import pytest
+
+from meshreel.metrics import closest_points
+from meshreel.metrics.closest_points import TriangleTree
+from samples.shapes import closest_by_brute_force, torus
+
+
+def assert_closest(points, corners):
+    """The distance, the triangle and the point are those of brute force."""
+    found = TriangleTree(corners).closest(points)
+    distances = closest_by_brute_force(points, corners)
+    least = distances.min(axis=1).astype(float)
+    scale = max(1.0, np.abs(points).max())
+    np.testing.assert_allclose(
+        np.sqrt(found.squared_distances), least, rtol=1e-9, atol=1e-12 * scale
+    )
+    at_triangle = distances[np.arange(len(points)), found.triangles].astype(float)
+    np.testing.assert_allclose(at_triangle, least, rtol=1e-9, atol=1e-12 * scale)
+    at_point = np.linalg.norm(points - found.points, axis=1)
+    np.testing.assert_allclose(at_point, least, rtol=1e-9, atol=1e-12 * scale)
+
+
+@pytest.mark.parametrize("n_triangles", [1, 2, 3, 17, 300])
+def test_closest_points_are_exact_for_random_triangles(rng, n_triangles):
+    assert_closest(rng.normal(size=(200, 3)), rng.normal(size=(n_triangles, 3, 3)))
+
+
+def test_closest_points_are_exact_for_points_on_far_from_and_near_a_surface(rng):
+    vertices, faces = torus(12, 20)
+    near = vertices[faces].mean(axis=1) + 0.01 * rng.normal(size=(len(faces), 3))
+    points = np.concatenate([vertices, near, 3 * near, 1000 * near[:20], np.zeros((1, 3))])
+    assert_closest(points, vertices[faces])
+
+
+def test_closest_points_are_exact_for_triangles_of_very_different_sizes(rng):
+    sizes = 10.0 ** rng.uniform(-4, 1, size=(300, 1, 1))
+    corners = rng.normal(size=(300, 1, 3)) + sizes * rng.normal(size=(300, 3, 3))
+    assert_closest(rng.normal(size=(300, 3)), corners)
+
+
+def test_closest_points_are_exact_for_slivers(rng):
+    start, along = rng.normal(size=(100, 3)), rng.normal(size=(100, 3))
+    bent = start + 0.4 * along + 1e-6 * rng.normal(size=(100, 3))
+    assert_closest(rng.normal(size=(200, 3)), np.stack([start, start + along, bent], axis=1))
+
+
+def test_closest_points_are_exact_for_triangles_without_area(rng):
+    ends = rng.normal(size=(2, 50, 3))
+    lines = np.stack([ends[0], ends[1], ends[0] + 0.25 * (ends[1] - ends[0])], axis=1)
+    points = np.repeat(rng.normal(size=(20, 1, 3)), 3, axis=1)
+    assert_closest(rng.normal(size=(200, 3)), np.concatenate([lines, points]))
+
+
+def test_closest_points_of_an_equidistant_point_are_exact_when_pairs_exceed_memory(
+    rng, monkeypatch
+):
+    monkeypatch.setattr(closest_points, "MAX_PAIRS", 64)
+    vertices = rng.normal(size=(600, 3))
+    vertices /= np.linalg.norm(vertices, axis=1, keepdims=True)
+    assert_closest(1e-3 * rng.normal(size=(50, 3)), vertices.reshape(200, 3, 3))
+
+
+def test_closest_points_do_not_depend_on_how_many_are_searched_at_once(rng, monkeypatch):
+    points, corners = rng.normal(size=(500, 3)), rng.normal(size=(100, 3, 3))
+    whole = TriangleTree(corners).closest(points)
+    monkeypatch.setattr(closest_points, "POINTS_AT_ONCE", 16)
+    for one, other in zip(whole, TriangleTree(corners).closest(points), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_no_points_have_no_closest_points(rng):
+    found = TriangleTree(rng.normal(size=(5, 3, 3))).closest(np.empty((0, 3)))
+    assert [len(values) for values in found] == [0, 0, 0]
