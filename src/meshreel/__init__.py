@@ -16,7 +16,8 @@ SegmentedSequence an animated mesh whose faces change: segments, each a MeshSequ
 load, save        files of all formats to a sequence and back
 encode, decode    a sequence or a file to the bytes of a .reel stream and back
 corner_normals    normals of one or several frames, split at the hard edges of a Surface
-compare           errors between two sequences: Quality
+compare           errors between two sequences: Quality; SurfaceQuality (SurfaceDistances)
+                  if their meshes differ
 info              contents of a stream, and its bytes by section: StreamInfo
 open              a .reel file whose frames are decoded on demand: ReelFile
 Encoder           encodes frames as they arrive
@@ -56,6 +57,7 @@ if TYPE_CHECKING:
     from meshreel.formats.reel.reading import open, open_segments
     from meshreel.formats.save import save
     from meshreel.metrics.compare import Quality
+    from meshreel.metrics.surface_distance import SurfaceDistances, SurfaceQuality
     from meshreel.model.flag import simulate_flag
     from meshreel.model.geometry.hard_edges import corner_normals
     from meshreel.model.materials import AlphaMode, Filter, Image, Material, Texture, Wrap
@@ -92,6 +94,8 @@ __all__ = [
     "StoreError",
     "StreamInfo",
     "Surface",
+    "SurfaceDistances",
+    "SurfaceQuality",
     "Texture",
     "Track",
     "TrackKind",
@@ -134,6 +138,7 @@ _MODULES = {
     "save": "formats.save",
     "simulate_flag": "model.flag",
     "StreamInfo": "codec.inspect",
+    **dict.fromkeys(("SurfaceDistances", "SurfaceQuality"), "metrics.surface_distance"),
     "Track": "model.tracks",
     "TrackKind": "model.tracks",
 }

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, Concatenate, Literal, ParamSpec, TypeVar, overload
 
 from meshreel.codec import decoder, encoder
 from meshreel.codec import inspect as streams
@@ -25,7 +25,7 @@ from meshreel.formats.reel.reading import read_info
 from meshreel.formats.remote import local_copy
 from meshreel.formats.sources import AnyPath, Source
 from meshreel.model.frame_choice import start_of
-from meshreel.model.segments import AnySequence, SegmentedSequence, single_segment
+from meshreel.model.segments import AnySequence, SegmentedSequence
 from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.model.tracks import read_track
 from meshreel.runtime.progress import Progress, silent
@@ -34,6 +34,7 @@ from meshreel.runtime.stores.transfer import read_whole
 
 if TYPE_CHECKING:
     from meshreel.metrics.compare import Quality
+    from meshreel.metrics.surface_distance import SurfaceQuality
 
 Options = ParamSpec("Options")
 Result = TypeVar("Result")
@@ -177,27 +178,82 @@ def info(data: Stream | AnyPath | ReelFile, *, segment: int | None = None) -> St
     return _with_stream(data, "info", lambda stream: streams.info(stream, segment))
 
 
-def compare(original: AnyInput, decoded: AnyInput, *, progress: Progress = silent) -> "Quality":
+@overload
+def compare(
+    original: AnyInput,
+    decoded: AnyInput,
+    *,
+    surface: Literal[True],
+    n_samples: int | None = None,
+    progress: Progress = silent,
+) -> "SurfaceQuality": ...
+
+
+@overload
+def compare(
+    original: AnyInput,
+    decoded: AnyInput,
+    *,
+    surface: Literal[False],
+    n_samples: None = None,
+    progress: Progress = silent,
+) -> "Quality": ...
+
+
+@overload
+def compare(
+    original: AnyInput,
+    decoded: AnyInput,
+    *,
+    surface: bool | None = None,
+    n_samples: int | None = None,
+    progress: Progress = silent,
+) -> "Quality | Any": ...
+
+
+def compare(
+    original: AnyInput,
+    decoded: AnyInput,
+    *,
+    surface: bool | None = None,
+    n_samples: int | None = None,
+    progress: Progress = silent,
+) -> "Quality | SurfaceQuality | Any":
     """All quality metrics of a decoded sequence, computed in float64.
+
+    Sequences of the same mesh are compared vertex by vertex: the result is a `Quality`. If their
+    vertex counts or triangles differ, or change over time, the distances between their surfaces
+    are measured: the result is a `SurfaceQuality`.
 
     Parameters
     ----------
-    original, decoded : MeshSequence, path, bytes, or ReelFile
-        Sequences, files that `load` reads, or `.reel` streams, with equal frame and vertex counts
-        and the same oriented triangles; the order of triangles, and the first vertex of each, may
-        differ.
+    original, decoded : MeshSequence, SegmentedSequence, path, bytes, or ReelFile
+        Sequences, what `load` reads, or `.reel` streams, of equal frame counts. Meshes are the
+        same if they have equal vertex counts and the same oriented triangles; the order of the
+        triangles, and the vertex at which each begins, may differ.
+    surface : bool, optional
+        True measures distances between surfaces in any case; False compares vertices, and fails
+        if the meshes differ. Default: as above.
+    n_samples : int, optional
+        Samples per frame on each surface. Default: 50,000.
     progress : callable, optional
         Called as ``progress("comparing", fraction)``.
 
     Raises
     ------
     InvalidInputError
-        If a file does not exist, or frame counts, vertex counts or triangles differ; the message
-        names both counts or the first differing face.
+        If there is no such file, frame counts differ, a frame has no face with an area where
+        surfaces are compared, or `n_samples` is given where vertices are compared.
     """
-    from meshreel.metrics.compare import compare as measure  # takes half a second to import
+    from meshreel.metrics.compare import measure_quality  # which takes half a second
 
-    return measure(_loaded(original), _loaded(decoded), progress=progress)
+    return measure_quality(
+        _loaded(original),
+        _loaded(decoded),
+        surface=surface,
+        n_samples=n_samples,
+        progress=progress,
+    )
 
 
 def _with_stream(stream: Any, caller: str, function: Callable[[bytes], Result]) -> Result:
@@ -235,16 +291,18 @@ def _source(sequence: Any, memory: Any) -> AnySequence:
     return _sequence(sequence)
 
 
-def _loaded(sequence: Any) -> MeshSequence:
-    """A sequence with all frames in memory."""
+def _loaded(sequence: Any) -> MeshSequence | SegmentedSequence:
+    """A sequence with all frames in memory if its connectivity is constant."""
     if _is_path(sequence):
         notes: list[str] = []
         with local_copy(sequence) as files:
             loaded = load(files, notes=notes)
         _warn(notes)
         return loaded
-    source = single_segment(_sequence(sequence), "a comparison of vertices")
-    if isinstance(source, MeshSequence):
+    source = _sequence(sequence)
+    if isinstance(source, SegmentedSequence) and source.n_segments == 1:
+        source = source.segments[0]
+    if isinstance(source, MeshSequence | SegmentedSequence):
         return source
     return MeshSequence(
         source.read(0, source.n_frames),

@@ -1,13 +1,13 @@
 """All quality metrics of a decoded sequence against its original."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
-from meshreel.errors import InvalidInputError
+from meshreel.errors import ConnectivityChangeError, InvalidInputError
 from meshreel.metrics.displacement import displacement_errors_percent
 from meshreel.metrics.kg import kg_error_percent
 from meshreel.metrics.nmsve import nmsve_per_frame
@@ -15,10 +15,14 @@ from meshreel.metrics.normals import normal_angles
 from meshreel.metrics.reference import bounding_box_reference, shared_reference
 from meshreel.metrics.sted import sted
 from meshreel.metrics.track_errors import TrackErrors, errors_of_tracks
+from meshreel.model.segments import AnySequence, SegmentedSequence
 from meshreel.model.sequence import Faces, FrameSource, MeshSequence, Vertices
 from meshreel.model.tracks import describe_track
 from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Progress, silent
+
+if TYPE_CHECKING:
+    from meshreel.metrics.surface_distance import SurfaceQuality
 
 REST_PERCENT = 0.001
 """A vertex rests if it moves less than this between frames, in percent of the mean diagonal of the
@@ -141,6 +145,70 @@ def compare(
     )
 
 
+def measure_quality(
+    original: MeshSequence | SegmentedSequence,
+    decoded: MeshSequence | SegmentedSequence,
+    *,
+    surface: bool | None = None,
+    n_samples: int | None = None,
+    progress: Progress = silent,
+) -> "Quality | SurfaceQuality":
+    """Compare vertices if both sequences have the same mesh, and surfaces otherwise.
+
+    Parameters
+    ----------
+    original, decoded : MeshSequence or SegmentedSequence
+        Of equal frame counts.
+    surface : bool, optional
+        True compares surfaces, False vertices. Default: vertices if the meshes are the same.
+    n_samples : int, optional
+        As in `compare_surfaces`.
+    progress : callable, optional
+        Called as ``progress("comparing", fraction)``.
+
+    Raises
+    ------
+    InvalidInputError
+        If `compare` or `compare_surfaces` cannot compare the sequences, or `n_samples` is given
+        and vertices are compared.
+    """
+    difference = connectivity_difference(original, decoded)
+    if surface or (surface is None and difference):
+        from meshreel.metrics import surface_distance  # which imports SciPy's trees
+
+        return surface_distance.compare_surfaces(
+            *map(surface_distance.frames_of, (original, decoded)),
+            n_samples=surface_distance.N_SAMPLES if n_samples is None else n_samples,
+            reason=difference or "requested",
+            progress=progress,
+        )
+    if n_samples is not None:
+        raise InvalidInputError(
+            "n_samples has no effect where vertices are compared; surface=True compares surfaces"
+        )
+    if isinstance(original, SegmentedSequence) or isinstance(decoded, SegmentedSequence):
+        raise ConnectivityChangeError(
+            f"{difference}; a comparison of vertices needs the same faces in every frame"
+        )
+    return compare(original, decoded, progress=progress)
+
+
+def connectivity_difference(original: AnySequence, decoded: AnySequence) -> str:
+    """Return how the meshes of two sequences differ, or "" if they are the same."""
+    if isinstance(original, SegmentedSequence) or isinstance(decoded, SegmentedSequence):
+        return "the faces change over time"
+    for noun, count, count_hat in (
+        ("vertex", original.n_verts, decoded.n_verts),
+        ("face", len(original.faces), len(decoded.faces)),
+    ):
+        if count != count_hat:
+            return f"the {noun} counts differ ({count} and {count_hat})"
+    if np.array_equal(original.faces, decoded.faces):
+        return ""
+    missing = _first_missing_face(original.faces, decoded.faces, original.n_verts)
+    return "" if missing is None else "the faces differ"
+
+
 def require_comparable(original: FrameSource, decoded: FrameSource) -> None:
     """Check that two sequences agree in frame count, vertex count and oriented triangles.
 
@@ -178,6 +246,16 @@ def require_same_triangles(faces: Faces, faces_hat: Faces, n_verts: int) -> None
     InvalidInputError
         Naming the first face of the original that the decoded lacks.
     """
+    row = _first_missing_face(faces, faces_hat, n_verts)
+    if row is not None:
+        raise InvalidInputError(
+            f"face {row} of the original, {faces[row].tolist()}, is missing from the decoded faces "
+            "in that orientation, or is rarer; only sequences of the same mesh can be compared"
+        )
+
+
+def _first_missing_face(faces: Faces, faces_hat: Faces, n_verts: int) -> int | None:
+    """Return the first face that the other list lacks, or contains less often."""
     rotated = np.concatenate(
         [_lowest_rotation(faces, n_verts), _lowest_rotation(faces_hat, n_verts)]
     )
@@ -186,12 +264,7 @@ def require_same_triangles(faces: Faces, faces_hat: Faces, n_verts: int) -> None
     n_ids = len(rotated)
     surplus = np.bincount(ids, minlength=n_ids) - np.bincount(ids_hat, minlength=n_ids)
     is_missing = surplus[ids] > 0
-    if is_missing.any():
-        row = int(np.argmax(is_missing))
-        raise InvalidInputError(
-            f"face {row} of the original, {faces[row].tolist()}, is missing from the decoded faces "
-            "in that orientation, or is rarer; only sequences of the same mesh can be compared"
-        )
+    return int(np.argmax(is_missing)) if is_missing.any() else None
 
 
 def _lowest_rotation(faces: Faces, n_verts: int) -> npt.NDArray[np.int64]:

@@ -24,16 +24,19 @@ MIN_LOG_RATIO = 30.0
 def plot_error_per_frame(
     path: Path,
     title: str,
-    nmsve: npt.NDArray[np.float64],
+    errors: npt.NDArray[np.float64],
     *,
+    label: str = "NMSVE (positions in diagonals)",
     fps: float = 0.0,
     overwrite: bool = False,
 ) -> None:
-    """Write a PNG plot of the NMSVE of every frame and its mean.
+    """Write a PNG plot of the error of every frame and its mean.
 
     Parameters
     ----------
-    nmsve : float64 array of shape (T,)
+    errors : float64 array of shape (T,)
+    label : str, optional
+        Name and unit of the errors. Default: those of the NMSVE.
     fps : float, default 0
         Frames per second; adds a second axis in seconds unless it is 0.
 
@@ -45,9 +48,9 @@ def plot_error_per_frame(
     figure = blank_figure(8, 4.5)
     axes = figure.add_subplot()
     axes.plot(
-        np.arange(len(nmsve)), nmsve, color=LINE_COLOR, marker="o" if len(nmsve) == 1 else None
+        np.arange(len(errors)), errors, color=LINE_COLOR, marker="o" if len(errors) == 1 else None
     )
-    lowest, mean, highest = float(nmsve.min()), float(nmsve.mean()), float(nmsve.max())
+    lowest, mean, highest = float(errors.min()), float(errors.mean()), float(errors.max())
     if np.isfinite(mean):
         axes.axhline(mean, color=LINE_COLOR, linewidth=0.8, linestyle="--")
         axes.annotate(
@@ -55,7 +58,7 @@ def plot_error_per_frame(
             xycoords=axes.get_yaxis_transform(), va="center", color=LINE_COLOR,
             annotation_clip=False,
         )  # fmt: skip
-    axes.set(xlabel="frame", ylabel="NMSVE (positions in diagonals)")
+    axes.set(xlabel="frame", ylabel=label)
     if 0 < MIN_LOG_RATIO * lowest < highest < np.inf:
         axes.set_yscale("log")
     else:

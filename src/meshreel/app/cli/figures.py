@@ -1,6 +1,7 @@
 """Figures of streams and of quality, as text for tables."""
 
 from collections.abc import Mapping, Sequence
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from meshreel.runtime.counting import counted, size_text
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from meshreel.codec.surface.uv_errors import UvErrors
     from meshreel.formats.inspection import MeshInfo
     from meshreel.metrics.compare import Quality
+    from meshreel.metrics.surface_distance import SurfaceDistances, SurfaceQuality
     from meshreel.metrics.track_errors import TrackErrors
 
 SEGMENT_HEADINGS = ("segment", "frames", "vertices", "faces", "size")
@@ -173,6 +175,39 @@ def quality_rows(quality: "Quality") -> dict[str, str]:
         "motion at rest": _rest_text(quality),
         **track_error_rows(quality.tracks),
     }
+
+
+def distance_rows(quality: "SurfaceQuality") -> dict[str, str]:
+    """Distances between surfaces with their units; the larger one of both directions first."""
+    worse = quality.worse
+    return {
+        "compared": f"surfaces: {quality.reason}",
+        "surface PSNR": _psnr_text(quality.psnr_db),
+        "D1 PSNR": _psnr_text(quality.d1_psnr_db),
+        "D2 PSNR": _psnr_text(quality.d2_psnr_db),
+        "mean distance": error_text(worse.mean_percent, quality.diagonal),
+        "95th percentile": error_text(worse.p95_percent, quality.diagonal),
+        "largest distance": error_text(worse.max_percent, quality.diagonal),
+        "original to decoded": _distances_text(quality.to_decoded),
+        "decoded to original": _distances_text(quality.to_original),
+        "normal error": f"mean {worse.normal_angle_mean_deg:.2f} degrees, "
+        f"95th percentile {worse.normal_angle_p95_deg:.2f}",
+        "samples": f"{counted(quality.n_samples, 'point')} per surface and frame",
+        "grid of D1 and D2": f"{quality.n_grid_lines} lines along the longest side",
+    }
+
+
+def _psnr_text(psnr_db: float) -> str:
+    """A PSNR in decibels."""
+    return f"{psnr_db:.2f} dB" if isfinite(psnr_db) else "infinite: no difference"
+
+
+def _distances_text(distances: "SurfaceDistances") -> str:
+    """Distances of one direction, in percent of the diagonal."""
+    return (
+        f"mean {distances.mean_percent:.4f} %, p95 {distances.p95_percent:.4f} %, "
+        f"largest {distances.max_percent:.4f} %"
+    )
 
 
 def _rest_text(quality: "Quality") -> str:

@@ -9,7 +9,7 @@ from functools import cache
 
 import click
 
-RENAMED = {"overwrite": "--force", "n_frames": "--frames"}
+RENAMED = {"overwrite": "--force", "n_frames": "--frames", "n_samples": "--samples"}
 """Keywords with options of other names, in addition to those of encoding."""
 
 _BOTH = re.compile(r"(--[a-z][a-z-]*(?: [^\s()]+)?) \(\w+=\w*\)")

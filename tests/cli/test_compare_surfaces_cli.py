@@ -1,0 +1,76 @@
+"""`meshreel compare` of files whose faces differ: distances between surfaces."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import meshreel
+from meshreel.app.cli.app import app
+from meshreel.app.cli.messages import with_option_names
+from meshreel.metrics import surface_distance
+from samples.meshes import waving_grid
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch):
+    """A sheet, the same one of half as many rows, and one with fewer frames."""
+    monkeypatch.setattr(surface_distance, "GRID_LINES", 64)
+    monkeypatch.setenv("COLUMNS", "100")
+    sheets = waving_grid(3, 9, 11), waving_grid(3, 5, 11), waving_grid(2, 5, 11)
+    paths = [tmp_path / f"{name}.npz" for name in ("fine", "coarse", "short")]
+    for path, sheet in zip(paths, sheets, strict=True):
+        meshreel.save(sheet, path)
+    return paths
+
+
+def run(*words):
+    return CliRunner().invoke(app, ["compare", *map(str, words)])
+
+
+def test_compare_shows_surface_distances_and_why(files):
+    text = run(*files[:2], "--samples", 400).stdout
+    assert "surfaces: the vertex counts differ (99 and 55)" in text
+    for name in ("surface PSNR", "D1 PSNR", "D2 PSNR", "95th percentile", "original to decoded"):
+        assert name in text
+    assert "400 points per surface and frame" in text
+    assert "64 lines along the longest side" in text
+
+
+def test_compare_says_that_equal_surfaces_have_no_psnr(files):
+    text = run(files[0], files[0], "--surface").stdout
+    assert "surfaces: requested" in text
+    assert text.count("infinite: no difference") == 3
+
+
+def test_compare_prints_surface_distances_as_json(files):
+    figures = json.loads(run(*files[:2], "--samples", 400, "--json").stdout)
+    assert figures["n_samples"] == 400
+    assert figures["to_decoded"]["max_percent"] > figures["to_decoded"]["mean_percent"] > 0
+    assert figures["notes"] == []
+
+
+def test_compare_draws_the_mean_distance_of_each_frame(files, tmp_path):
+    assert run(*files[:2], "--samples", 400, "--plot", tmp_path / "a.png").exit_code == 0
+    from PIL import Image
+
+    with Image.open(tmp_path / "a.png") as image:
+        assert np.ptp(np.asarray(image.convert("L"))) > 100
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ([0, 2], "the original has 3 frames and the decoded 2"),
+        (
+            [0, 0, "--samples", "100"],
+            "--samples has no effect where vertices are compared; --surface",
+        ),
+        ([0, 1, "--samples", "0"], "--samples must be a whole number of at least 1; got 0"),
+    ],
+)
+def test_compare_refuses_what_it_cannot_compare(files, words, message):
+    done = run(*[files[word] if isinstance(word, int) else word for word in words])
+    assert done.exit_code == 1
+    assert message in with_option_names(str(done.exception))

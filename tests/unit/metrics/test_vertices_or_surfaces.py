@@ -1,0 +1,109 @@
+"""Which comparison `meshreel.compare` makes, and why."""
+
+import json
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.errors import InvalidInputError
+from meshreel.metrics import surface_distance
+from samples.meshes import waving_grid
+from samples.shapes import split_at_centroids
+
+
+@pytest.fixture(autouse=True)
+def few_grid_lines(monkeypatch):
+    monkeypatch.setattr(surface_distance, "GRID_LINES", 64)
+
+
+@pytest.fixture
+def sheet():
+    return waving_grid(3)
+
+
+def with_faces(sequence, faces):
+    return meshreel.MeshSequence(sequence.vertices, faces)
+
+
+def split(sequence):
+    frames = [split_at_centroids(frame, sequence.faces) for frame in sequence]
+    return meshreel.MeshSequence(
+        np.stack([frame for frame, _ in frames]), frames[0][1], sequence.fps
+    )
+
+
+def test_vertices_are_compared_where_only_the_order_of_the_faces_differs(sheet):
+    other = with_faces(sheet, np.roll(sheet.faces[::-1], 1, axis=1))
+    assert isinstance(meshreel.compare(sheet, other), meshreel.Quality)
+
+
+def test_surfaces_are_compared_where_vertex_counts_differ(sheet):
+    quality = meshreel.compare(sheet, split(sheet))
+    assert quality.reason == "the vertex counts differ (99 and 259)"
+    assert quality.worse.max_percent == pytest.approx(0, abs=1e-4)  # float32
+
+
+def test_surfaces_are_compared_where_face_counts_differ(sheet):
+    quality = meshreel.compare(sheet, with_faces(sheet, sheet.faces[1:]))
+    assert quality.reason == "the face counts differ (160 and 159)"
+    assert quality.to_decoded.max_percent > 1
+    assert quality.to_original.max_percent == 0
+
+
+def test_surfaces_are_compared_where_faces_differ(sheet):
+    quality = meshreel.compare(sheet, with_faces(sheet, sheet.faces[:, ::-1]))
+    assert quality.reason == "the faces differ"
+    assert quality.worse.max_percent == 0
+    assert quality.worse.normal_angle_mean_deg == pytest.approx(180)
+
+
+def test_surfaces_of_the_same_mesh_are_compared_on_request(sheet):
+    data = meshreel.encode(sheet, max_error=0.5)
+    quality = meshreel.compare(sheet, data, surface=True, n_samples=500)
+    assert (quality.reason, quality.n_samples) == ("requested", 500)
+    # A point of a triangle moves no farther than the corners.
+    assert 0 < quality.worse.max_percent <= meshreel.compare(sheet, data).max_error_percent
+
+
+def test_vertices_of_different_meshes_cannot_be_compared(sheet):
+    with pytest.raises(InvalidInputError, match="only sequences of the same mesh"):
+        meshreel.compare(sheet, split(sheet), surface=False)
+
+
+def test_samples_are_refused_where_vertices_are_compared(sheet):
+    with pytest.raises(InvalidInputError, match=r"n_samples has no effect .* surface=True"):
+        meshreel.compare(sheet, sheet, n_samples=100)
+
+
+def test_surfaces_of_segments_are_compared_frame_by_frame(sheet):
+    segments = meshreel.SegmentedSequence([split(sheet), sheet])
+    quality = meshreel.compare(segments, meshreel.SegmentedSequence([sheet, split(sheet)]))
+    assert (quality.reason, quality.n_frames) == ("the faces change over time", 6)
+    assert quality.worse.max_percent == pytest.approx(0, abs=1e-4)  # float32
+
+
+def test_vertices_of_several_segments_cannot_be_compared(sheet):
+    segments = meshreel.SegmentedSequence([split(sheet), sheet])
+    with pytest.raises(InvalidInputError, match="same faces in every frame"):
+        meshreel.compare(segments, segments, surface=False)
+
+
+def test_different_frame_counts_are_refused_for_surfaces(sheet):
+    with pytest.raises(InvalidInputError, match="3 frames and the decoded 2"):
+        meshreel.compare(sheet, split(waving_grid(2)))
+
+
+def test_surface_quality_survives_json_as_a_dict(sheet):
+    plain = meshreel.compare(sheet, with_faces(sheet, sheet.faces[1:]), n_samples=99).as_dict()
+    assert json.loads(json.dumps(plain, allow_nan=False)) == plain
+    assert plain["to_decoded"]["mean_percent"] > 0
+    assert len(plain["max_percent_of_frames"]) == plain["n_frames"] == 3
+
+
+def test_surface_quality_shows_its_figures(sheet):
+    text = repr(meshreel.compare(sheet, sheet, surface=True, n_samples=10))
+    assert text == (
+        "<SurfaceQuality: mean distance 0 %, largest 0 %, surface PSNR inf dB, D1 inf dB, "
+        "D2 inf dB; 3 frames>"
+    )
