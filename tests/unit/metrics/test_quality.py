@@ -158,7 +158,7 @@ def test_compare_gives_finite_figures_when_a_mesh_is(kind, pair, rng):
 def test_rows_of_a_table_say_what_moves_at_rest(pair):
     original, decoded = pair
     resting = replace(compare(original, decoded), n_rest_pairs=1, rest_motion_median_percent=0.25)
-    assert quality_rows(resting)["motion at rest"].startswith("0.2500 % of the model's size")
-    assert "for 1 pair of vertex" in quality_rows(resting)["motion at rest"]
+    assert quality_rows(resting)["motion at rest"].startswith("median 0.2500 % of the model size")
+    assert "over 1 pair of vertex" in quality_rows(resting)["motion at rest"]
     moving = replace(resting, n_rest_pairs=0)
     assert quality_rows(moving)["motion at rest"] == "no vertex rests"
