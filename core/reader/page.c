@@ -37,21 +37,12 @@ static void release(void *user, void *memory, size_t size) {
     page_release(memory, size);
 }
 
-/* Open the page's file, or one of its segments if `segment` is not negative. */
-int page_open(double size, double memory_limit, int32_t segment, meshreel_file **file,
-              meshreel_error *error) {
+/* Open the page's file. */
+int page_open(double size, double memory_limit, meshreel_file **file, meshreel_error *error) {
     meshreel_source source = {.size = (uint64_t)size, .read = read, .announce = announce};
     meshreel_host host = {.allocate = allocate, .release = release,
                           .memory_limit = (uint64_t)memory_limit};
-    meshreel_file *whole;
-    int failed = meshreel_open(&source, &host, &whole, error);
-    if (failed || segment < 0) {
-        *file = failed ? NULL : whole;
-        return failed;
-    }
-    failed = meshreel_open_segment(whole, (uint32_t)segment, file, error);
-    meshreel_close(whole);
-    return failed;
+    return meshreel_open(&source, &host, file, error);
 }
 
 #endif

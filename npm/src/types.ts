@@ -46,6 +46,43 @@ export interface ReelInfo {
   readonly blocks: readonly BlockInfo[];
 }
 
+/** Metadata of a file with any number of segments. */
+export interface FileInfo {
+  readonly name: string;
+  /** Number of frames of all segments. */
+  readonly nFrames: number;
+  /** Frames per second; 0 if unknown. */
+  readonly fps: number;
+  /** Time of the first frame in seconds. */
+  readonly startS: number;
+  /** Center of the bounding box of all frames, in model units. */
+  readonly center: readonly [number, number, number];
+  /** Diagonal of that box. */
+  readonly diagonal: number;
+}
+
+/** A segment of a file: an animated mesh of constant connectivity. */
+export interface SegmentInfo {
+  /** First frame, in the numbering of the file. */
+  readonly start: number;
+  readonly nFrames: number;
+  readonly nVerts: number;
+  /** Number of triangles. */
+  readonly nFaces: number;
+  /** Compressed size. */
+  readonly sizeBytes: number;
+}
+
+/** A frame of a file with any number of segments. */
+export interface MeshFrame {
+  /** Index of its segment. */
+  readonly segment: number;
+  /** nVerts x 3 numbers of the type of the segment, in model units. */
+  readonly positions: Positions;
+  /** Vertex indices, three per triangle; the same array for all frames of an open segment. */
+  readonly triangles: Uint32Array;
+}
+
 /** A track: a quantity of vertices, faces or corners that changes over time. */
 export interface TrackInfo {
   readonly name: string;
@@ -252,7 +289,7 @@ export interface OpenTrack {
   ): Promise<TrackFields>;
 }
 
-/** An open file; implemented by `ReelFile`. */
+/** A file with one segment, or one segment of a file; implemented by `ReelFile`. */
 export interface OpenReel {
   readonly info: ReelInfo;
   readonly surface: Surface;
@@ -269,5 +306,16 @@ export interface OpenReel {
   fields(block: number, options?: { signal?: AbortSignal }): Promise<BlockFields>;
   /** Return a track by name. @throws InvalidInputError if there is no track of this name. */
   track(name: string): OpenTrack;
+  close(): void;
+}
+
+/** A file with any number of segments; implemented by `SegmentedReelFile`. */
+export interface OpenSegments {
+  readonly info: FileInfo;
+  readonly segments: readonly SegmentInfo[];
+  /** The first segment. */
+  readonly first: OpenReel;
+  /** Open a segment, whose frames are counted from 0. */
+  segment(index: number, options?: { signal?: AbortSignal }): Promise<OpenReel>;
   close(): void;
 }

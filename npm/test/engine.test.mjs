@@ -2,12 +2,12 @@
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { openEngine, loadInternals, newLibrary } from "./support/bundle.mjs";
+import { openEngine, openSegments, loadInternals, newLibrary } from "./support/bundle.mjs";
 import { BLOCK, groupsOf, sectionBytes, sectionsOf } from "./support/container.mjs";
 import { streamBytes, expectedOf, sha } from "./support/streams.mjs";
 
 const internals = await loadInternals();
-const { Engine, Heap, Library, Ranges, SourceError } = internals;
+const { Heap, Library, Ranges, SegmentsEngine, SourceError } = internals;
 const { signal } = new AbortController();
 
 /** Open a file that is padded before its blocks; returns the engine and its reads. */
@@ -17,13 +17,7 @@ async function recordingEngine(name, { padding = 0, change = () => {} } = {}) {
   const skipped = sectionBytes(0xc0, new Uint8Array(padding));
   const bytes = Uint8Array.from(Buffer.concat([whole.slice(0, first), skipped, whole.slice(first)]));
   change(bytes);
-  const reads = [];
-  const read = async (start, end) => {
-    reads.push([start, end]);
-    return bytes.slice(start, end);
-  };
-  const parameters = { size: bytes.length, hasRanges: true, memory: 2 ** 31, segment: null };
-  const engine = await Engine.open(await newLibrary(Library), read, parameters, signal);
+  const { engine, reads } = await openSegments(internals, bytes);
   return { engine, reads, bytes };
 }
 
@@ -54,8 +48,8 @@ test("a file that is shorter than its announced size is an error", async () => {
   const bytes = new Uint8Array(200_000);
   bytes.set(streamBytes("key_blocks"));
   const read = async (start, end) => bytes.slice(start, Math.min(end, 70_000));
-  const parameters = { size: bytes.length, hasRanges: true, memory: 2 ** 31, segment: null };
-  const open = Engine.open(await newLibrary(Library), read, parameters, signal);
+  const parameters = { size: bytes.length, hasRanges: true, memory: 2 ** 31 };
+  const open = SegmentsEngine.open(await newLibrary(Library), read, parameters, signal);
   await assert.rejects(open, SourceError);
 });
 

@@ -1,7 +1,7 @@
-// Metadata of an open file: frames, blocks and tracks.
+// Metadata of an open file: segments, frames, blocks and tracks.
 
-import { InvalidInputError, UnsupportedVersionError } from "../errors.js";
-import type { ReelInfo, TrackInfo } from "../types.js";
+import { UnsupportedVersionError } from "../errors.js";
+import type { FileInfo, ReelInfo, SegmentInfo, TrackInfo } from "../types.js";
 import type { Library } from "./library.js";
 import { NUMBER_TYPES } from "./numbers.js";
 import { Struct } from "./struct.js";
@@ -27,7 +27,12 @@ export interface Track {
   readonly type: number;
 }
 
-/** Metadata of an open file. Track 0 is the positions. */
+/** A segment, and the byte at which it begins. */
+export interface StoredSegment extends SegmentInfo {
+  readonly offset: number;
+}
+
+/** Metadata of a file with one segment, or of an open segment. Track 0 is the positions. */
 export interface File {
   /** Address of the `meshreel_file`. */
   readonly handle: number;
@@ -37,25 +42,30 @@ export interface File {
   readonly tracks: readonly Track[];
 }
 
+/** Read the properties that all segments of a file share, and the metadata of each segment. */
+export function readSegments(
+  library: Library,
+  handle: number,
+): { info: FileInfo; segments: StoredSegment[] } {
+  const { nSegments, name, nFrames, fps, startS, center, diagonal } = readInfo(library, handle);
+  const segments = Array.from({ length: nSegments }, (_, number) =>
+    library.withMemory(STRUCT_BYTES, (address) => {
+      library.functions.meshreel_segment_of(handle, number, address);
+      const fields = new Struct(library.buffer, address);
+      const [start, nFrames, nVerts, nFaces] = fields.uint32s(4);
+      return { start, nFrames, nVerts, nFaces, offset: fields.uint64(), sizeBytes: fields.uint64() };
+    }),
+  );
+  return { info: { name, nFrames, fps, startS, center, diagonal }, segments };
+}
+
 /**
- * Read the metadata of a file that the library has opened.
+ * Read the metadata of a file with one segment, or of an open segment.
  *
- * @throws InvalidInputError if the file has several segments.
  * @throws UnsupportedVersionError if the file uses a method that only the Python package decodes.
  */
 export function readFile(library: Library, handle: number): File {
-  const fields = new Struct(library.buffer, library.functions.meshreel_info_of(handle) >>> 0);
-  const name = fields.text();
-  const [fps, startS, maxErrorPercent, x, y, z, diagonal] = fields.float64s(7);
-  fields.uint64(); // size
-  const [nFrames, nVerts, nFaces, nPolygons, , nBlocks, , nTracks, numberBytes, method] =
-    fields.uint32s(10);
-  const [, , , nSegments] = fields.uint32s(4);
-  if (nSegments > 1) {
-    throw new InvalidInputError(
-      `the file has ${nSegments} segments; open one of them: segment 0 to ${nSegments - 1}`,
-    );
-  }
+  const { method, nPolygons, nBlocks, nTracks, nSegments: _, ...info } = readInfo(library, handle);
   if (method < REEL) {
     throw new UnsupportedVersionError(
       `the file uses the method ${METHODS[method]}; this package decodes reel, lossless and grid: ` +
@@ -70,16 +80,31 @@ export function readFile(library: Library, handle: number): File {
   return {
     handle,
     info: {
+      ...info,
       method: METHODS[method] as ReelInfo["method"],
-      ...{ name, nFrames, nVerts, nFaces, fps, startS, center: [x, y, z], diagonal },
-      maxErrorPercent: maxErrorPercent || null,
-      numberType: numberBytes === 4 ? "float32" : "float64",
     },
     nPolygons,
     blocks: blocksByTrack.map((ofTracks) => ({ ...ofTracks[0], sizeBytes: totalBytes(ofTracks) })),
     tracks: Array.from({ length: nTracks }, (_, track) =>
       readTrack(library, handle, track, totalBytes(blocksByTrack.map((ofTracks) => ofTracks[track]))),
     ),
+  };
+}
+
+/** Read a `meshreel_info`. */
+function readInfo(library: Library, handle: number) {
+  const fields = new Struct(library.buffer, library.functions.meshreel_info_of(handle) >>> 0);
+  const name = fields.text();
+  const [fps, startS, maxErrorPercent, ...box] = fields.float64s(7);
+  fields.uint64(); // size
+  const [nFrames, nVerts, nFaces, nPolygons, , nBlocks, , nTracks, numberBytes, method] =
+    fields.uint32s(10);
+  const [, , , nSegments] = fields.uint32s(4);
+  return {
+    ...{ name, fps, startS, center: box.slice(0, 3) as [number, number, number], diagonal: box[3] },
+    ...{ nFrames, nVerts, nFaces, nPolygons, nBlocks, nTracks, nSegments, method },
+    maxErrorPercent: maxErrorPercent || null,
+    numberType: numberBytes === 4 ? ("float32" as const) : ("float64" as const),
   };
 }
 

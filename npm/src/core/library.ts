@@ -34,15 +34,13 @@ interface Functions {
   meshreel_triangles(file: number): number;
   meshreel_block_of(file: number, block: number, track: number, found: number): number;
   meshreel_track_of(file: number, track: number, found: number): number;
-  page_open(
-    size: number,
-    memory: number,
-    segment: number,
-    file: number,
-    error: number,
-  ): number;
+  page_open(size: number, memory: number, file: number, error: number): number;
+  meshreel_segment_of(file: number, number: number, found: number): number;
+  meshreel_open_segment(file: number, number: number, segment: number, error: number): number;
+  meshreel_close(file: number): void;
   meshreel_read_surface(file: number, error: number): number;
   meshreel_begin(file: number, decoder: number, error: number): number;
+  meshreel_end(decoder: number): void;
   meshreel_load(
     decoder: number,
     track: number,
@@ -144,11 +142,11 @@ export class Library {
     }
   }
 
-  /** Open the file, or one of its segments; returns the address of the `meshreel_file`. */
-  open(sizeBytes: number, memoryLimit: number, segment: number | null): number {
+  /** Open the file; returns the address of the `meshreel_file`. */
+  open(sizeBytes: number, memoryLimit: number): number {
     this.memoryLimit = memoryLimit;
     return this.callForAddress((out, error) =>
-      this.functions.page_open(sizeBytes, memoryLimit, segment ?? -1, out, error),
+      this.functions.page_open(sizeBytes, memoryLimit, out, error),
     );
   }
 

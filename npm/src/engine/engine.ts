@@ -1,45 +1,24 @@
-// Decodes a file and fetches the bytes that decoding needs.
+// Decodes a segment and fetches the bytes that decoding needs.
 
 import { type File, readFile } from "../core/file.js";
 import { type Library, MissingBytes } from "../core/library.js";
 import { readModes } from "../core/modes.js";
 import { copyNumbers, bytesPerNumber } from "../core/numbers.js";
 import { readSurface } from "../core/surface.js";
-import { CorruptStreamError, SourceError } from "../errors.js";
+import { SourceError } from "../errors.js";
 import { type Fields, fieldsOfModes, sliceFrames, markMissing } from "../fields/mode_fields.js";
 import { fieldsOfValues } from "../fields/value_fields.js";
 import { type Piece, splitBlocks } from "../fields/pieces.js";
 import type { ReelInfo, Surface, TrackFields, TrackValues } from "../types.js";
-import { identifyOtherFormat } from "./other_formats.js";
-import { type Range, Ranges } from "./ranges.js";
+import { Ranges } from "./ranges.js";
 
 /** Reads the bytes `start` to `end - 1`, or fewer at the end of the file. */
 export type Read = (start: number, end: number, signal: AbortSignal) => Promise<Uint8Array>;
 
-/** Bytes read first: small files fit entirely, and of most others the connectivity. */
-const HEAD_BYTES = 65536;
-
-/** Bytes read from the end of the file: they contain the index of most files. */
-const TAIL_BYTES = 4096;
-
-/** Parameters of `Engine.open`. */
-export interface OpenParameters {
-  /** Size of the file in bytes; null if unknown. */
-  readonly size: number | null;
-  /** Whether any range can be read without reading all bytes before it. */
-  readonly hasRanges: boolean;
-  /** Limit of the memory that decoding may use, in bytes. */
-  readonly memory: number;
-  /** Segment to open; null if the file has only one. */
-  readonly segment: number | null;
-  /** Bytes that another engine has read from the same file. */
-  readonly ranges?: readonly Range[];
-}
-
 /** Track index of the positions. */
 export const POSITIONS = 0;
 
-/** Decodes frames, and fields for shaders, of one file. */
+/** Decodes frames, and fields for shaders, of a segment. */
 export class Engine {
   readonly info: ReelInfo;
   private readonly pieces: readonly Piece[];
@@ -50,13 +29,14 @@ export class Engine {
   private isSequential = false;
   /** Whether the next block is being loaded. */
   private isPrefetching = false;
+  private isClosed = false;
 
   private constructor(
     private readonly library: Library,
     private readonly read: Read,
     private readonly file: File,
-    /** Bytes read to open the file. */
-    private readonly openingBytes: Ranges,
+    /** Bytes read to open it. */
+    private openingBytes: Ranges,
     readonly surface: Surface,
   ) {
     this.pieces = splitBlocks(file);
@@ -68,41 +48,22 @@ export class Engine {
   }
 
   /**
-   * Open a file: read everything before the first block, and the index. If the index is missing or
-   * damaged, read the whole file.
+   * Create the engine of a file with one segment, or of an open segment.
    *
+   * @param bytes - Bytes that were read before; receives what is read here.
+   * @param readMore - Reads bytes that are still missing.
    * @throws MeshReelError as `Library.check` and `read` do.
    */
-  static async open(
+  static async create(
     library: Library,
+    handle: number,
+    bytes: Ranges,
     read: Read,
-    { size, hasRanges, memory, segment, ranges = [] }: OpenParameters,
+    readMore: Read,
     signal: AbortSignal,
   ): Promise<Engine> {
-    const bytes = new Ranges(ranges);
-    const fetch = async (start: number, end: number): Promise<Uint8Array> => {
-      if (bytes.has(start, end)) return new Uint8Array();
-      const range = await read(start, end, signal);
-      bytes.add(start, range);
-      return range;
-    };
-    const isLarge = size !== null && hasRanges && size > HEAD_BYTES;
-    const parts = isLarge
-      ? [fetch(0, HEAD_BYTES), fetch(size - TAIL_BYTES, size)]
-      : [fetch(0, size ?? Number.MAX_SAFE_INTEGER)];
-    const [head] = await Promise.all(parts);
-    const sizeBytes = isLarge ? size : head.length || (size ?? 0);
-    // Without an index, blocks are found section by section. Doubling the read-ahead each time keeps
-    // the number of requests small.
-    let readAhead = HEAD_BYTES;
-    const readMore: Read = (start, end, abortSignal) => {
-      const range = read(start, Math.min(end + readAhead, sizeBytes), abortSignal);
-      readAhead *= 2;
-      return range;
-    };
     const attempt = <T>(work: () => T): Promise<T> =>
       fetchUntilDone(library, bytes, readMore, signal, work);
-    const handle = await attempt(() => openFile(library, sizeBytes, memory, segment, head));
     const file = readFile(library, handle);
     const surface = await attempt(() => {
       library.check((error) => library.functions.meshreel_read_surface(handle, error));
@@ -111,13 +72,19 @@ export class Engine {
     const images = await attempt(() =>
       surface.images.map(({ start, end, ...named }) => ({ ...named, bytes: bytes.slice(start, end) })),
     );
-    const keepsBytes = isLarge || sizeBytes <= HEAD_BYTES;
-    return new Engine(library, read, file, keepsBytes ? bytes : new Ranges(), { ...surface, images });
+    return new Engine(library, read, file, bytes, { ...surface, images });
   }
 
-  /** Bytes read when the file was opened; empty if a large file was read as a whole. */
-  ranges(): readonly Range[] {
-    return this.openingBytes.list();
+  /** Release the bytes that were read to open it: they are read again on demand. */
+  releaseBytes(): void {
+    this.openingBytes = new Ranges();
+  }
+
+  /** Release the memory of the library. Calls that are waiting for bytes fail. */
+  close(): void {
+    this.isClosed = true;
+    this.library.functions.meshreel_end(this.decoder);
+    this.library.functions.meshreel_close(this.file.handle);
   }
 
   /** Decode a frame of a track, of shape (nItems, nColumns). Both indices must be valid. */
@@ -203,12 +170,17 @@ export class Engine {
   }
 
   private attempt<T>(signal: AbortSignal, work: () => T): Promise<T> {
-    return fetchUntilDone(this.library, new Ranges(this.openingBytes.list()), this.read, signal, work);
+    const attempted = (): T => {
+      if (this.isClosed) throw new DOMException("the segment was closed", "AbortError");
+      return work();
+    };
+    const bytes = new Ranges(this.openingBytes.list());
+    return fetchUntilDone(this.library, bytes, this.read, signal, attempted);
   }
 }
 
 /** Repeat `work`, fetching missing bytes in between, until it succeeds; returns its result. */
-async function fetchUntilDone<T>(
+export async function fetchUntilDone<T>(
   library: Library,
   bytes: Ranges,
   read: Read,
@@ -228,21 +200,5 @@ async function fetchUntilDone<T>(
       }
       bytes.add(start, range);
     }
-  }
-}
-
-/** Open a file in the library; if it is not a `.reel` file, the error names its format. */
-function openFile(
-  library: Library,
-  size: number,
-  memory: number,
-  segment: number | null,
-  head: Uint8Array,
-): number {
-  try {
-    return library.open(size, memory, segment);
-  } catch (error) {
-    const kind = error instanceof CorruptStreamError && identifyOtherFormat(head);
-    throw kind ? new CorruptStreamError(`not a .reel file: ${kind}`) : error;
   }
 }

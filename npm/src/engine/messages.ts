@@ -1,8 +1,15 @@
 // Messages between a `ReelFile` and its engines, which run in workers or on the same thread.
 
-import type { ReelInfo, Surface, TrackFields, TrackValues } from "../types.js";
-import type { OpenParameters } from "./engine.js";
+import type {
+  FileInfo,
+  ReelInfo,
+  SegmentInfo,
+  Surface,
+  TrackFields,
+  TrackValues,
+} from "../types.js";
 import type { Range } from "./ranges.js";
+import type { OpenParameters } from "./segments_engine.js";
 
 /** An error in a message: the receiver throws an error of this name and message. */
 export interface Failure {
@@ -11,19 +18,20 @@ export interface Failure {
 }
 
 /**
- * Arguments of calls of an engine, by name. Track 0 is the positions. `ranges` returns the bytes
- * that were read to open the file, for another engine.
+ * Arguments of calls of an engine, by name. `open` must be the first call; further ones open other
+ * segments. The segment may be null if the file has only one. Track 0 is the positions. `ranges`
+ * returns the bytes that were read to open the file, for another engine.
  */
 export interface Calls {
-  open: OpenParameters;
+  open: OpenParameters & { segment: number | null };
   ranges: object;
-  frame: { track: number; frame: number };
-  fields: { track: number; block: number; columns: readonly number[] };
+  frame: { segment: number | null; track: number; frame: number };
+  fields: { segment: number | null; track: number; block: number; columns: readonly number[] };
 }
 
 /** Results of the calls. */
 export interface Results {
-  open: { info: ReelInfo; surface: Surface };
+  open: { file: FileInfo; segments: readonly SegmentInfo[]; info: ReelInfo; surface: Surface };
   ranges: readonly Range[];
   frame: TrackValues;
   fields: TrackFields;

@@ -2,7 +2,7 @@
 
 import { Library } from "../core/library.js";
 import type { TrackFields } from "../types.js";
-import { Engine, type Read } from "./engine.js";
+import type { Engine, Read } from "./engine.js";
 import {
   type Results,
   type Calls,
@@ -11,6 +11,7 @@ import {
   type CallMessage,
   type ToEngine,
 } from "./messages.js";
+import { SegmentsEngine } from "./segments_engine.js";
 
 interface PendingRead {
   resolve(bytes: Uint8Array): void;
@@ -23,7 +24,8 @@ export function start(port: Port): void {
   const aborts = new Map<number, AbortController>();
   let nReads = 0;
   let library: Promise<Library>;
-  let engine: Engine;
+  let file: SegmentsEngine | null = null;
+  let lastEngine: Engine | null = null;
   let queue: Promise<void> = Promise.resolve();
 
   const read: Read = (start, end, signal) =>
@@ -45,12 +47,15 @@ export function start(port: Port): void {
     });
 
   const execute = async ({ call, args }: CallMessage, signal: AbortSignal) => {
+    if (call === "open") file ??= await SegmentsEngine.open(await library, read, args, signal);
+    const opened = file as SegmentsEngine;
+    if (call === "ranges") return opened.ranges();
+    const engine = (lastEngine = await opened.segment((args as Calls["open"]).segment, signal));
     if (call === "open") {
-      engine = await Engine.open(await library, read, args, signal);
-      return { info: engine.info, surface: engine.surface };
+      const { info, surface } = engine;
+      return { file: opened.info, segments: opened.segments, info, surface };
     }
     if (call === "frame") return engine.frame(args.track, args.frame, signal);
-    if (call === "ranges") return engine.ranges();
     const { track, block, columns } = args as Calls["fields"];
     return engine.fields(track, block, columns, signal);
   };
@@ -66,7 +71,7 @@ export function start(port: Port): void {
     } finally {
       aborts.delete(id);
     }
-    void engine?.prefetch();
+    void lastEngine?.prefetch();
   };
 
   port.onmessage = ({ data }: MessageEvent<ToEngine>) => {

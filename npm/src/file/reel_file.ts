@@ -1,43 +1,29 @@
 // An open `.reel` file that decodes frames on request.
 
-import { loadModule } from "../core/module.js";
 import { CorruptStreamError, InvalidInputError } from "../errors.js";
+import type { Results } from "../engine/messages.js";
 import { copyInto, requireCompatible, requireIndex } from "./arguments.js";
-import { openSource, type SourceInput, type SourceOptions } from "../source/open.js";
+import type { SourceInput } from "../source/open.js";
 import type {
   BlockFields,
-  ByteSource,
   OpenReel,
   Positions,
   ReelInfo,
   Surface,
 } from "../types.js";
-import { startEngine } from "./engine_function.js";
+import { FileEngines, type FileOptions } from "./engines.js";
 import { type CallOptions, ReelTrack } from "./reel_track.js";
-import { RemoteEngine } from "./remote_engine.js";
-
-/** Default memory limit in bytes: 2 GiB. */
-const DEFAULT_MEMORY = 2 ** 31;
+import type { RemoteEngine } from "./remote_engine.js";
 
 const POSITION_COLUMNS = [0, 1, 2];
 
 /** Options of `ReelFile.open`. */
-export interface OpenOptions extends SourceOptions {
-  /**
-   * Whether to decode in a worker, which keeps the thread of the page responsive. Default: true.
-   * Without support for workers, as in Node, or if the Content-Security-Policy lacks
-   * `worker-src blob:`, the calling thread decodes; see `ReelFile.isInWorker`.
-   */
-  worker?: boolean;
-  /**
-   * Limit of the memory that decoding may use, in bytes: a small malicious file could exhaust it.
-   * Files that need more throw a `MemoryLimitError`. Default: 2 GiB.
-   */
-  memory?: number;
+export interface OpenOptions extends FileOptions {
   /**
    * Index of the segment to open, for files with several segments: meshes of different
    * connectivity, played in order. Frames of a segment are counted from 0. Opening such a file
-   * without it throws an error that contains the number of segments.
+   * without it throws an error that contains the number of segments; `SegmentedReelFile` opens all
+   * of them.
    */
   segment?: number;
 }
@@ -56,12 +42,10 @@ export interface OpenOptions extends SourceOptions {
  * reel.close();
  */
 export class ReelFile implements OpenReel {
-  private full: Promise<RemoteEngine> | null = null;
-
   private constructor(
-    private readonly source: ByteSource,
-    private readonly engine: RemoteEngine,
-    private readonly options: OpenOptions,
+    private readonly engines: FileEngines,
+    private readonly index: number | null,
+    private readonly ownsEngines: boolean,
     readonly info: ReelInfo,
     /** Triangles, attributes, groups and materials: all that frames share. */
     readonly surface: Surface,
@@ -82,23 +66,21 @@ export class ReelFile implements OpenReel {
    *   allow `script-src 'wasm-unsafe-eval'`.
    */
   static async open(from: SourceInput, options: OpenOptions = {}): Promise<ReelFile> {
-    const { worker: inWorker = true, memory = DEFAULT_MEMORY, segment = null } = options;
+    const { segment = null } = options;
     if (segment !== null && !(Number.isInteger(segment) && segment >= 0)) {
       throw new InvalidInputError(`segment must be a non-negative integer; got ${segment}`);
     }
-    // The module compiles and the worker starts while bytes are being fetched.
-    const opening = openSource(from, options);
-    const engine = new RemoteEngine(startEngine, opening, inWorker);
-    try {
-      const [source] = await Promise.all([opening, engine.sendModule(loadModule("positions"))]);
-      const { size, hasRanges } = source;
-      const { info, surface } = await engine.call("open", { size, hasRanges, memory, segment }, options.signal);
-      return new ReelFile(source, engine, options, info, surface);
-    } catch (error) {
-      engine.close(error);
-      opening.then((source) => source.close()).catch(() => {});
-      throw error;
-    }
+    const { engines, opened } = await FileEngines.open(from, options, segment);
+    return new ReelFile(engines, segment, true, opened.info, opened.surface);
+  }
+
+  /**
+   * Return a segment of a `SegmentedReelFile`.
+   *
+   * @internal
+   */
+  static segment(engines: FileEngines, index: number, { info, surface }: Results["open"]): ReelFile {
+    return new ReelFile(engines, index, false, info, surface);
   }
 
   /**
@@ -114,8 +96,9 @@ export class ReelFile implements OpenReel {
     const { nFrames, nVerts, numberType } = this.info;
     requireIndex("frame", index, nFrames);
     requireCompatible(into, numberType, 3 * nVerts);
+    const call = { segment: this.index, track: 0, frame: index };
     const engine = await this.positionEngine();
-    return copyInto(into, (await engine.call("frame", { track: 0, frame: index }, signal)) as Positions);
+    return copyInto(into, (await engine.call("frame", call, signal)) as Positions);
   }
 
   /**
@@ -141,7 +124,7 @@ export class ReelFile implements OpenReel {
     if (new Set(tracks.map((track) => track.name)).size < tracks.length) {
       throw new CorruptStreamError("two tracks of the file have the same name");
     }
-    return new ReelTrack(this.info, index, () => this.fullEngine());
+    return new ReelTrack(this.info, index, this.index, () => this.fullEngine());
   }
 
   /**
@@ -153,51 +136,32 @@ export class ReelFile implements OpenReel {
   async fields(block: number, { signal }: CallOptions = {}): Promise<BlockFields> {
     requireIndex("block", block, this.info.blocks.length);
     const engine = await this.positionEngine();
-    return engine.call("fields", { track: 0, block, columns: POSITION_COLUMNS }, signal);
+    return engine.call(
+      "fields",
+      { segment: this.index, track: 0, block, columns: POSITION_COLUMNS },
+      signal,
+    );
   }
 
   /** Whether a worker decodes frames, rather than the calling thread. */
   get isInWorker(): boolean {
-    return this.engine.isInWorker;
+    return this.engines.positions.isInWorker;
   }
 
-  /** Release all memory and connections. Pending calls throw an `AbortError`. */
+  /**
+   * Release all memory and connections. Pending calls throw an `AbortError`. Segments of a
+   * `SegmentedReelFile` stay open until that is closed.
+   */
   close(): void {
-    const reason = new DOMException("the file was closed", "AbortError");
-    this.engine.close(reason);
-    this.full?.then((engine) => engine.close(reason)).catch(() => {});
-    this.source.close();
+    if (this.ownsEngines) this.engines.close();
   }
 
   /** Return the engine that decodes positions. */
   private positionEngine(): RemoteEngine | Promise<RemoteEngine> {
-    return this.info.method === "reel" ? this.engine : this.fullEngine();
+    return this.info.method === "reel" ? this.engines.positions : this.fullEngine();
   }
 
-  /** Start, on the first call, the engine that decodes everything. */
   private fullEngine(): Promise<RemoteEngine> {
-    this.full ??= this.openFullEngine().catch((error: unknown) => {
-      this.full = null; // the next call tries again
-      throw error;
-    });
-    return this.full;
-  }
-
-  private async openFullEngine(): Promise<RemoteEngine> {
-    const { size, hasRanges } = this.source;
-    const { worker: inWorker = true, memory = DEFAULT_MEMORY, segment = null } = this.options;
-    const [module, ranges] = await Promise.all([
-      loadModule("whole"),
-      this.engine.call("ranges", {}),
-    ]);
-    const engine = new RemoteEngine(startEngine, Promise.resolve(this.source), inWorker);
-    try {
-      await engine.sendModule(Promise.resolve(module));
-      await engine.call("open", { size, hasRanges, memory, segment, ranges });
-      return engine;
-    } catch (error) {
-      engine.close(error);
-      throw error;
-    }
+    return this.engines.everything(this.index);
   }
 }

@@ -25,11 +25,13 @@ export class ReelTrack implements OpenTrack {
 
   /**
    * @param index - Index in `reel.tracks`.
+   * @param segment - Segment of the file; may be null if there is only one.
    * @param engine - Starts, on the first call, the engine that decodes tracks.
    */
   constructor(
     private readonly reel: ReelInfo,
     private readonly index: number,
+    private readonly segment: number | null,
     private readonly engine: () => Promise<RemoteEngine>,
   ) {
     this.info = reel.tracks[index];
@@ -56,7 +58,8 @@ export class ReelTrack implements OpenTrack {
     requireIndex("frame", index, this.reel.nFrames);
     requireCompatible(into, numberType, nItems * nColumns);
     const engine = await this.engine();
-    const values = await engine.call("frame", { track: 1 + this.index, frame: index }, signal);
+    const call = { segment: this.segment, track: 1 + this.index, frame: index };
+    const values = await engine.call("frame", call, signal);
     return copyInto(into, values);
   }
 
@@ -73,6 +76,7 @@ export class ReelTrack implements OpenTrack {
     for (const column of columns ?? []) requireIndex("column", column, nColumns);
     const engine = await this.engine();
     const selected = columns ?? Array.from({ length: nColumns }, (_, column) => column);
-    return engine.call("fields", { track: 1 + this.index, block, columns: selected }, signal);
+    const call = { segment: this.segment, track: 1 + this.index, block, columns: selected };
+    return engine.call("fields", call, signal);
   }
 }

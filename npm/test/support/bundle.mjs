@@ -30,10 +30,28 @@ export function newLibrary(Library, name = "reel_whole") {
 }
 
 /** Open an engine for bytes in memory. */
-export async function openEngine({ Engine, Library }, bytes, name, memory = 2 ** 31, segment = null) {
-  const read = async (start, end) => bytes.slice(start, end);
-  const parameters = { size: bytes.length, hasRanges: true, memory, segment };
+export async function openEngine(internals, bytes, name, memory = 2 ** 31, segment = null) {
+  const { engine } = await openSegments(internals, bytes, name, memory, segment);
+  return engine;
+}
+
+/** Open a file in memory and one of its segments; `reads` are the ranges that were read. */
+export async function openSegments(
+  { SegmentsEngine, Library },
+  bytes,
+  name,
+  memory = 2 ** 31,
+  segment = null,
+) {
+  const reads = [];
+  const read = async (start, end) => {
+    reads.push([start, end]);
+    return bytes.slice(start, end);
+  };
   const library = await newLibrary(Library, name);
-  const engine = await Engine.open(library, read, parameters, new AbortController().signal);
-  return Object.assign(engine, { library });
+  const { signal } = new AbortController();
+  const parameters = { size: bytes.length, hasRanges: true, memory };
+  const file = await SegmentsEngine.open(library, read, parameters, signal);
+  const engine = Object.assign(await file.segment(segment, signal), { library });
+  return { file, engine, reads };
 }

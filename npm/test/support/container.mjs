@@ -1,6 +1,7 @@
 // Reads and writes the container of streams (docs/format.md), for tests that modify streams.
 
 export const END = 0;
+export const SEGMENT = 5;
 export const BLOCK = 16;
 export const COEFFICIENTS = 19;
 export const TRACK_BLOCK = 23;

@@ -2,6 +2,6 @@
 
 export { Heap } from "../../src/core/heap.js";
 export { Library } from "../../src/core/library.js";
-export { Engine } from "../../src/engine/engine.js";
 export { Ranges } from "../../src/engine/ranges.js";
+export { SegmentsEngine } from "../../src/engine/segments_engine.js";
 export * from "../../src/errors.js";

@@ -21,6 +21,18 @@ export function streamBytes(name) {
   return new Uint8Array(readFileSync(join(FOLDER, `${name}.reel`)));
 }
 
+const SEGMENTS = join(PACKAGE, "../conformance/segments");
+
+/** Read a stream of several segments. */
+export function segmentedBytes(name) {
+  return new Uint8Array(readFileSync(join(SEGMENTS, `${name}.reel`)));
+}
+
+/** Return the expected values of its segments. */
+export function expectedSegments(name) {
+  return JSON.parse(readFileSync(join(SEGMENTS, `${name}.json`), "utf8")).segments;
+}
+
 /** Names of streams with modes, with exact positions, both, and of other methods. */
 export const REELS = all.filter((name) => expectedOf(name).method === "reel");
 export const EXACTS = all.filter((name) => ["lossless", "grid"].includes(expectedOf(name).method));

@@ -1,4 +1,4 @@
-// Modified streams with tracks: padded, or with another section TRACK.
+// Modified streams: padded, or with another section TRACK.
 
 import {
   BLOCK,
@@ -6,6 +6,7 @@ import {
   END,
   INDEX,
   MISSING,
+  SEGMENT,
   TRACK,
   TRACK_BLOCK,
   VALUES,
@@ -14,7 +15,7 @@ import {
   sectionsOf,
   varint,
 } from "./container.mjs";
-import { streamBytes } from "./streams.mjs";
+import { segmentedBytes, streamBytes } from "./streams.mjs";
 
 /** Id of a section that readers skip. */
 const UNKNOWN = 0xc0;
@@ -27,6 +28,15 @@ export function largeTracks(padding = 20_000) {
       return isFirst ? [one, { id: UNKNOWN, payload: new Uint8Array(padding) }] : [one];
     }),
   );
+}
+
+/** A stream of several segments whose last groups are padded by `padding` bytes. */
+export function largeSegments(name, padding = 100_000) {
+  const unknown = { id: UNKNOWN, payload: new Uint8Array(padding) };
+  return rewrite(segmentedBytes(name), (sections) => [
+    ...sections.flatMap((one) => (one.id === SEGMENT ? [unknown, one] : [one])),
+    unknown,
+  ]);
 }
 
 /** The stream "tracks" with an exact last track, and without the index and the end. */
@@ -100,9 +110,15 @@ function rewrite(bytes, change) {
   const start = headerSize(bytes);
   const isTrailer = ({ id }) => id === INDEX || id === END;
   const parts = [bytes.slice(0, start)];
-  const blocks = [];
+  const segments = [{ head: [], blocks: [] }];
   let position = start;
   for (const { id, payload } of change(sectionsOf(bytes).filter((one) => !isTrailer(one)))) {
+    if (id === SEGMENT) {
+      const counts = new DataView(payload.buffer, payload.byteOffset);
+      const head = [counts.getUint32(0, true), counts.getUint32(4, true)];
+      segments.push({ position, head, blocks: [] });
+    }
+    const { blocks } = segments.at(-1);
     if (id === BLOCK) blocks.push({ position, nFrames: payload[0], sizes: [] });
     if (id === BLOCK || id === TRACK_BLOCK) blocks.at(-1).sizes.push(0);
     const section = sectionBytes(id, payload);
@@ -111,8 +127,14 @@ function rewrite(bytes, change) {
     const sizes = blocks.at(-1)?.sizes;
     if (sizes) sizes[sizes.length - 1] += section.length;
   }
-  const listed = blocks.flatMap(({ nFrames, sizes }) => [nFrames, ...sizes]);
-  const index = [blocks[0].position, blocks.length, ...listed].flatMap(varint);
+  const index = segments
+    .flatMap(({ position: begin = 0, head, blocks }) => [
+      ...(head.length ? [...head, blocks[0].sizes.length] : []),
+      blocks[0].position - begin,
+      blocks.length,
+      ...blocks.flatMap(({ nFrames, sizes }) => [nFrames, ...sizes]),
+    ])
+    .flatMap(varint);
   const end = new Uint8Array(8);
   new DataView(end.buffer).setBigUint64(0, BigInt(position), true);
   parts.push(sectionBytes(INDEX, Uint8Array.from(index)), sectionBytes(END, end));

@@ -1,0 +1,160 @@
+// Opens a file and its segments.
+
+import { readSegments, type StoredSegment } from "../core/file.js";
+import type { Library } from "../core/library.js";
+import { CorruptStreamError, InvalidInputError } from "../errors.js";
+import type { FileInfo } from "../types.js";
+import { Engine, fetchUntilDone, type Read } from "./engine.js";
+import { identifyOtherFormat } from "./other_formats.js";
+import { type Range, Ranges } from "./ranges.js";
+
+/** Bytes read first: small files fit entirely, and of most others the connectivity. */
+const HEAD_BYTES = 65536;
+
+/** Bytes read from the end of the file: they contain the index of most files. */
+const TAIL_BYTES = 4096;
+
+/** Segments that stay open: enough to play across a boundary, and to go back. */
+const MAX_OPEN_SEGMENTS = 4;
+
+/** Parameters of `SegmentsEngine.open`. */
+export interface OpenParameters {
+  /** Size of the file in bytes; null if unknown. */
+  readonly size: number | null;
+  /** Whether any range can be read without reading all bytes before it. */
+  readonly hasRanges: boolean;
+  /** Limit of the memory that decoding may use, in bytes. */
+  readonly memory: number;
+  /** Bytes that another engine has read from the same file. */
+  readonly ranges?: readonly Range[];
+}
+
+/** An open file. Segments are opened on request; those used last stay open. */
+export class SegmentsEngine {
+  readonly info: FileInfo;
+  readonly segments: readonly StoredSegment[];
+  /** Open segments, the one used last at the end. */
+  private readonly engines = new Map<number, Engine>();
+
+  private constructor(
+    private readonly library: Library,
+    private readonly handle: number,
+    private bytes: Ranges,
+    private readonly read: Read,
+    private readonly readMore: Read,
+    /** Whether the bytes that were read to open the file are few. */
+    private readonly keepsBytes: boolean,
+  ) {
+    ({ info: this.info, segments: this.segments } = readSegments(library, handle));
+  }
+
+  /**
+   * Open a file: read its first bytes, and the index. If the index is missing or damaged, read the
+   * whole file.
+   *
+   * @throws MeshReelError as `Library.check` and `read` do.
+   */
+  static async open(
+    library: Library,
+    read: Read,
+    { size, hasRanges, memory, ranges = [] }: OpenParameters,
+    signal: AbortSignal,
+  ): Promise<SegmentsEngine> {
+    const bytes = new Ranges(ranges);
+    const fetch = async (start: number, end: number): Promise<Uint8Array> => {
+      if (bytes.has(start, end)) return new Uint8Array();
+      const range = await read(start, end, signal);
+      bytes.add(start, range);
+      return range;
+    };
+    const isLarge = size !== null && hasRanges && size > HEAD_BYTES;
+    const parts = isLarge
+      ? [fetch(0, HEAD_BYTES), fetch(size - TAIL_BYTES, size)]
+      : [fetch(0, size ?? Number.MAX_SAFE_INTEGER)];
+    const [head] = await Promise.all(parts);
+    const sizeBytes = isLarge ? size : head.length || (size ?? 0);
+    // Without an index, blocks are found section by section. Doubling the read-ahead each time keeps
+    // the number of requests small.
+    let readAhead = HEAD_BYTES;
+    const readMore: Read = (start, end, abortSignal) => {
+      const range = read(start, Math.min(end + readAhead, sizeBytes), abortSignal);
+      readAhead *= 2;
+      return range;
+    };
+    const handle = await fetchUntilDone(library, bytes, readMore, signal, () =>
+      openFile(library, sizeBytes, memory, head),
+    );
+    const keepsBytes = isLarge || sizeBytes <= HEAD_BYTES;
+    return new SegmentsEngine(library, handle, bytes, read, readMore, keepsBytes);
+  }
+
+  /** Bytes read when the file was opened; empty if a large file was read as a whole. */
+  ranges(): readonly Range[] {
+    return this.bytes.list();
+  }
+
+  /**
+   * Return the engine of a segment, which may be null if there is only one.
+   *
+   * @throws InvalidInputError if there is no such segment.
+   * @throws MeshReelError as `Library.check` and `read` do.
+   */
+  async segment(number: number | null, signal: AbortSignal): Promise<Engine> {
+    const count = this.segments.length;
+    if (number === null && count > 1) {
+      throw new InvalidInputError(
+        `the file has ${count} segments; open one of them: segment 0 to ${count - 1}`,
+      );
+    }
+    const index = number ?? 0;
+    if (index >= count) {
+      throw new InvalidInputError(`segment must be an integer from 0 to ${count - 1}; got ${index}`);
+    }
+    const engine = this.engines.get(index) ?? (await this.openSegment(index, signal));
+    this.engines.delete(index);
+    this.engines.set(index, engine);
+    const [oldest] = this.engines;
+    if (this.engines.size > MAX_OPEN_SEGMENTS) {
+      this.engines.delete(oldest[0]);
+      oldest[1].close();
+    }
+    return engine;
+  }
+
+  private async openSegment(index: number, signal: AbortSignal): Promise<Engine> {
+    const { library, read, readMore } = this;
+    if (this.segments.length === 1) {
+      const engine = await Engine.create(library, this.handle, this.bytes, read, readMore, signal);
+      if (!this.keepsBytes) {
+        this.bytes = new Ranges();
+        engine.releaseBytes();
+      }
+      return engine;
+    }
+    const { offset, sizeBytes } = this.segments[index];
+    const bytes = new Ranges(this.bytes.list());
+    const gap = bytes.missing(offset, offset + Math.min(sizeBytes, HEAD_BYTES));
+    if (gap) bytes.add(gap[0], await read(...gap, signal));
+    const handle = await fetchUntilDone(library, bytes, read, signal, () =>
+      library.callForAddress((out, error) =>
+        library.functions.meshreel_open_segment(this.handle, index, out, error),
+      ),
+    );
+    try {
+      return await Engine.create(library, handle, bytes, read, read, signal);
+    } catch (error) {
+      library.functions.meshreel_close(handle);
+      throw error;
+    }
+  }
+}
+
+/** Open a file in the library; if it is not a `.reel` file, the error names its format. */
+function openFile(library: Library, size: number, memory: number, head: Uint8Array): number {
+  try {
+    return library.open(size, memory);
+  } catch (error) {
+    const kind = error instanceof CorruptStreamError && identifyOtherFormat(head);
+    throw kind ? new CorruptStreamError(`not a .reel file: ${kind}`) : error;
+  }
+}

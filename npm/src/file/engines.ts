@@ -1,0 +1,101 @@
+// The engines of an open file.
+
+import { loadModule } from "../core/module.js";
+import type { Calls, Results } from "../engine/messages.js";
+import { openSource, type SourceInput, type SourceOptions } from "../source/open.js";
+import type { ByteSource } from "../types.js";
+import { startEngine } from "./engine_function.js";
+import { RemoteEngine } from "./remote_engine.js";
+
+/** Default memory limit in bytes: 2 GiB. */
+const DEFAULT_MEMORY = 2 ** 31;
+
+/** Options of opening a file. */
+export interface FileOptions extends SourceOptions {
+  /**
+   * Whether to decode in a worker, which keeps the thread of the page responsive. Default: true.
+   * Without support for workers, as in Node, or if the Content-Security-Policy lacks
+   * `worker-src blob:`, the calling thread decodes; see `ReelFile.isInWorker`.
+   */
+  worker?: boolean;
+  /**
+   * Limit of the memory that decoding may use, in bytes: a small malicious file could exhaust it.
+   * Files that need more throw a `MemoryLimitError`. Default: 2 GiB.
+   */
+  memory?: number;
+}
+
+/** The engine of positions of a file, and the one that decodes everything, started on demand. */
+export class FileEngines {
+  private full: Promise<RemoteEngine> | null = null;
+
+  private constructor(
+    readonly positions: RemoteEngine,
+    private readonly source: ByteSource,
+    private readonly options: FileOptions,
+  ) {}
+
+  /** Open a file and one of its segments. Throws as `ReelFile.open`. */
+  static async open(
+    from: SourceInput,
+    options: FileOptions,
+    segment: number | null,
+  ): Promise<{ engines: FileEngines; opened: Results["open"] }> {
+    // The module compiles and the worker starts while bytes are being fetched.
+    const opening = openSource(from, options);
+    const engine = new RemoteEngine(startEngine, opening, options.worker ?? true);
+    try {
+      const [source] = await Promise.all([opening, engine.sendModule(loadModule("positions"))]);
+      const engines = new FileEngines(engine, source, options);
+      return { engines, opened: await engines.openSegment(segment, options.signal) };
+    } catch (error) {
+      engine.close(error);
+      opening.then((source) => source.close()).catch(() => {});
+      throw error;
+    }
+  }
+
+  /** Open a segment, which may be null if there is only one. */
+  openSegment(segment: number | null, signal?: AbortSignal): Promise<Results["open"]> {
+    return this.positions.call("open", this.parameters(segment), signal);
+  }
+
+  /** Start, on the first call, the engine that decodes everything, and open a segment in it. */
+  everything(segment: number | null): Promise<RemoteEngine> {
+    this.full ??= this.openFullEngine(segment).catch((error: unknown) => {
+      this.full = null; // the next call tries again
+      throw error;
+    });
+    return this.full;
+  }
+
+  /** Release all memory and connections. Pending calls throw an `AbortError`. */
+  close(): void {
+    const reason = new DOMException("the file was closed", "AbortError");
+    this.positions.close(reason);
+    this.full?.then((engine) => engine.close(reason)).catch(() => {});
+    this.source.close();
+  }
+
+  private parameters(segment: number | null): Calls["open"] {
+    const { size, hasRanges } = this.source;
+    return { size, hasRanges, memory: this.options.memory ?? DEFAULT_MEMORY, segment };
+  }
+
+  private async openFullEngine(segment: number | null): Promise<RemoteEngine> {
+    const [module, ranges] = await Promise.all([
+      loadModule("whole"),
+      this.positions.call("ranges", {}),
+    ]);
+    const { worker: inWorker = true } = this.options;
+    const engine = new RemoteEngine(startEngine, Promise.resolve(this.source), inWorker);
+    try {
+      await engine.sendModule(Promise.resolve(module));
+      await engine.call("open", { ...this.parameters(segment), ranges });
+      return engine;
+    } catch (error) {
+      engine.close(error);
+      throw error;
+    }
+  }
+}
