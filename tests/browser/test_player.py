@@ -564,7 +564,7 @@ def test_exported_page_draws_exact_positions_without_a_slider_of_modes(new_page,
     (tmp_path / "exact.reel").write_bytes(data)
     command = [*COMMAND, "export", "exact.reel", "-o", "exact.html"]
     done = subprocess.run(command, check=True, capture_output=True, text=True, cwd=tmp_path)
-    assert "encoded anew" not in done.stderr
+    assert "re-encoded" not in done.stderr
     page = new_page((tmp_path / "exact.html").as_uri())
     vertices = meshreel.decode(data).vertices
     for frame in (0, 31, 32, 39):

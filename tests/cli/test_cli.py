@@ -293,11 +293,11 @@ def test_whole_blocks_come_back_when_the_end_of_a_stream_is_missing(reel, tmp_pa
     cut.write_bytes(reel.read_bytes()[:-20])
     done = run("decode", cut, "-o", tmp_path / "a.npz")
     assert done.returncode == 0
-    assert "cut off: these are the frames" in done.stderr
+    assert "truncated: these are the frames" in done.stderr
     np.testing.assert_array_equal(
         meshreel.load(tmp_path / "a.npz").vertices, meshreel.load(reel).vertices
     )
-    assert "cut off" in run("info", cut).stdout
+    assert "truncated" in run("info", cut).stdout
 
 
 def test_frames_stay_in_their_files_when_memory_is_small(tmp_path):

@@ -1,4 +1,4 @@
-"""The player as a user starts it: a process of its own, asked over the network."""
+"""`meshreel view` in a separate process with HTTP requests, and `meshreel export`."""
 
 import http.client
 import json
@@ -25,7 +25,7 @@ WITH_PAGE = (
     "import sys; from pathlib import Path; from meshreel.app.viewer import page; "
     "page.FOLDER = Path(sys.argv.pop(1)); from meshreel.app.cli import main; main()"
 )
-"""The program, with another page than that of the package, which needs Node to be built."""
+"""The program with a stub page, because building the real one needs Node."""
 
 
 @pytest.fixture
@@ -52,14 +52,14 @@ def command(page, *arguments):
 
 
 def run_with(page, *arguments):
-    """What `meshreel ARGUMENTS` says, with this page."""
+    """Run `meshreel ARGUMENTS` with this page, and return the result."""
     with patch("meshreel.app.viewer.page.FOLDER", page):
         return run(*arguments)
 
 
 @contextmanager
 def viewing(page, *arguments):
-    """A running `meshreel view`: the process, and the port it listens on."""
+    """Run `meshreel view`, and return the process and its port."""
     process = subprocess.Popen(
         command(page, "view", *arguments, "--no-open"),
         stdout=subprocess.PIPE,
@@ -69,9 +69,9 @@ def viewing(page, *arguments):
     )
     try:
         line = process.stdout.readline()
-        found = re.search(r"plays at http://127\.0\.0\.1:(\d+)/ \(ctrl-C stops it\)", line)
-        assert found, (line, process.stderr.read())
-        yield process, int(found[1])
+        match = re.search(r"plays at http://127\.0\.0\.1:(\d+)/ \(ctrl-C stops it\)", line)
+        assert match, (line, process.stderr.read())
+        yield process, int(match[1])
     finally:
         process.kill()
         process.communicate()
@@ -81,9 +81,9 @@ def get(port, path):
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30)
     connection.request("GET", path)
     answer = connection.getresponse()
-    found = answer.status, answer.read()
+    result = answer.status, answer.read()
     connection.close()
-    return found
+    return result
 
 
 def get_json(port, path):
@@ -94,23 +94,23 @@ def get_json(port, path):
 
 @pytest.mark.parametrize("command", [["view"], ["export", "-o", "page.html"]])
 @pytest.mark.parametrize("name", ["my walk.npz", "my walk"])
-def test_player_says_how_to_encode_when_it_is_given_an_input(page, tmp_path, command, name):
-    given = tmp_path / name
-    if given.suffix:
-        meshreel.save(waving_grid(2), given)
+def test_player_says_how_to_encode_when_its_input_is_not_a_stream(page, tmp_path, command, name):
+    path = tmp_path / name
+    if path.suffix:
+        meshreel.save(waving_grid(2), path)
     else:
-        given.mkdir()
-    done = run_with(page, *command, given)
-    assert_fails(done, f"encode it first: meshreel encode '{given}' -o 'my walk.reel'")
+        path.mkdir()
+    done = run_with(page, *command, path)
+    assert_fails(done, f"encode it first: meshreel encode '{path}' -o 'my walk.reel'")
 
 
 def test_view_serves_page_and_data_until_it_is_interrupted(page, reel):
     with viewing(page, reel) as (process, port):
         assert get(port, "/") == (200, PAGE.served.encode())
-        told = get_json(port, "/api/facts")
-        assert (told["name"], told["original"]) == ("grid", None)
+        facts = get_json(port, "/api/facts")
+        assert (facts["name"], facts["original"]) == ("grid", None)
         info = meshreel.info(reel.read_bytes())
-        rows = dict(told["rows"])
+        rows = dict(facts["rows"])
         assert rows["ratio"] == f"{info.ratio:.1f} x smaller"
         assert rows["sequence"] == "12 frames, 99 vertices, 160 faces"
         assert get(port, "/stream.reel") == (200, reel.read_bytes())
@@ -121,7 +121,7 @@ def test_view_serves_page_and_data_until_it_is_interrupted(page, reel):
 
 
 @pytest.mark.slow
-def test_view_shows_errors_in_the_words_of_compare_when_the_original_is_given(page, reel, grid):
+def test_view_shows_the_error_figures_of_compare_with_an_original(page, reel, grid):
     with viewing(page, reel, "--original", grid) as (process, port):
         for _ in range(300):
             plots = get_json(port, "/api/plots")
@@ -133,13 +133,13 @@ def test_view_shows_errors_in_the_words_of_compare_when_the_original_is_given(pa
         process.communicate(timeout=30)
     assert process.returncode == 0
     done = run("compare", grid, reel)
-    for name, words in plots["rows"]:
+    for name, text in plots["rows"]:
         assert name in done.stdout
-        assert words.removesuffix(" (spatial part)") in done.stdout
+        assert text.removesuffix(" (spatial part)") in done.stdout
 
 
 @pytest.mark.slow
-def test_view_is_stopped_while_it_measures_when_it_is_interrupted(page, tmp_path):
+def test_view_stops_while_measuring_when_it_is_interrupted(page, tmp_path):
     sequence = waving_grid(400, 40, 40)
     meshreel.save(sequence, tmp_path / "long.npz")
     (tmp_path / "long.reel").write_bytes(meshreel.encode(sequence))
@@ -154,7 +154,7 @@ def test_view_is_stopped_while_it_measures_when_it_is_interrupted(page, tmp_path
 
 
 @pytest.mark.slow
-def test_view_survives_when_requests_are_malformed_or_from_strangers(page, reel):
+def test_view_survives_malformed_and_foreign_requests(page, reel):
     with viewing(page, reel) as (process, port):
         for data in (
             b"\x00\xff\r\n\r\n",
@@ -176,7 +176,7 @@ def test_view_survives_when_requests_are_malformed_or_from_strangers(page, reel)
 
 
 @pytest.mark.slow
-def test_two_viewers_work_when_they_run_at_once(page, reel):
+def test_two_viewers_can_run_at_the_same_time(page, reel):
     with viewing(page, reel) as (_, first), viewing(page, reel) as (_, second):
         assert first != second
         assert get(first, "/stream.reel") == get(second, "/stream.reel")
@@ -220,77 +220,78 @@ def test_player_fails_before_it_starts_when_the_file_is_missing_or_broken(
 
 
 @pytest.mark.parametrize("name", ["view", "export"])
-def test_player_names_the_original_when_it_is_another(name, page, reel, grid, tmp_path):
+def test_player_names_the_original_when_it_does_not_match(name, page, reel, grid, tmp_path):
     meshreel.save(waving_grid(13), grid, overwrite=True)
     output = ["-o", tmp_path / "p.html"] if name == "export" else ["--no-open"]
     done = run_with(page, name, reel, "--original", grid, *output)
     assert_fails(done, "grid.npz: the original has 13 frames and the file 12")
 
 
-def test_export_tells_its_size_when_it_is_done(page, reel, tmp_path):
+def test_export_prints_the_sizes_of_the_page(page, reel, tmp_path):
     target = tmp_path / "p.html"
     done = run_with(page, "export", reel, "-o", target, "--json")
     assert (done.returncode, done.stderr) == (0, "")
-    told, size_bytes = json.loads(done.stdout), target.stat().st_size
-    assert (told["output"], told["size_bytes"]) == (str(target), size_bytes)
-    assert list(told["parts"]) == ["player", "animation"]
+    figures, size_bytes = json.loads(done.stdout), target.stat().st_size
+    assert (figures["output"], figures["size_bytes"]) == (str(target), size_bytes)
+    assert list(figures["parts"]) == ["player", "animation"]
     assert carried(target.read_text())["stream"] == reel.read_bytes()
     table = run_with(page, "export", reel, "-o", target, "--force").stdout
     assert "size" in table
     assert "of which animation" in table
 
 
-def test_export_keeps_a_page_when_it_is_there_already(page, reel, tmp_path):
+def test_export_does_not_replace_an_existing_page(page, reel, tmp_path):
     (tmp_path / "p.html").write_text("mine")
     assert_fails(run_with(page, "export", reel, "-o", tmp_path / "p.html"), "already exists")
     assert (tmp_path / "p.html").read_text() == "mine"
 
 
-def test_export_carries_the_original_when_it_is_given(page, reel, grid, tmp_path):
+def test_exported_page_contains_the_original(page, reel, grid, tmp_path):
     target = tmp_path / "p.html"
     done = run_with(page, "export", reel, "-o", target, "--original", grid)
     assert (done.returncode, done.stderr) == (0, "")
     data = carried(target.read_text())
-    told = data["facts"]["original"]
-    assert told["name"] == "grid"
-    assert dict(told["rows"])["KG error"].endswith(" %")
-    original = meshreel.decode(data["original"]).vertices
-    assert abs(original - waving_grid().vertices).max() < 1e-3
+    original = data["facts"]["original"]
+    assert original["name"] == "grid"
+    assert dict(original["rows"])["KG error"].endswith(" %")
+    vertices = meshreel.decode(data["original"]).vertices
+    assert abs(vertices - waving_grid().vertices).max() < 1e-3
 
 
-def test_export_says_so_when_the_stream_is_of_another_method(page, tmp_path):
+def test_export_prints_a_note_when_it_reencodes_the_stream(page, tmp_path):
     (tmp_path / "old.reel").write_bytes(meshreel.encode(waving_grid(), method="pca-qp"))
     done = run_with(page, "export", tmp_path / "old.reel", "-o", tmp_path / "p.html")
-    assert "old.reel holds pca-qp; it is encoded anew as reel" in done.stderr.replace("\n", " ")
+    note = "old.reel uses method pca-qp; the player shows it re-encoded as reel"
+    assert note in done.stderr.replace("\n", " ")
     data = carried((tmp_path / "p.html").read_text())
-    assert "encoded anew" in dict(data["facts"]["rows"])["shown"]
+    assert "re-encoded" in dict(data["facts"]["rows"])["shown"]
     assert meshreel.info(data["stream"]).method == "reel"
     before = meshreel.decode((tmp_path / "old.reel").read_bytes()).vertices
     after = meshreel.decode(data["stream"]).vertices
     assert abs(after - before).max() < 1.1e-5 * np.linalg.norm(np.ptp(before, axis=(0, 1)))
 
 
-def test_export_writes_parts_beside_the_page_when_it_is_split(page, reel, tmp_path):
+def test_export_writes_separate_files_with_split(page, reel, tmp_path):
     site = tmp_path / "site"
     site.mkdir()
     done = run_with(page, "export", reel, "-o", site / "p.html", "--split", "--json")
     assert (done.returncode, done.stderr) == (0, "")
     assert sorted(path.name for path in site.iterdir()) == ["p.html", "p.reel", "player.js"]
     assert (site / "p.reel").read_bytes() == reel.read_bytes()
-    told = json.loads(done.stdout)
-    assert told["size_bytes"] == sum(path.stat().st_size for path in site.iterdir())
+    figures = json.loads(done.stdout)
+    assert figures["size_bytes"] == sum(path.stat().st_size for path in site.iterdir())
     again = run_with(page, "export", reel, "-o", site / "q.html", "--split")
-    assert again.returncode == 0  # the script is there already
+    assert again.returncode == 0  # an identical script exists
     (site / "p.reel").write_bytes(b"mine")
     assert_fails(run_with(page, "export", reel, "-o", site / "p.html", "--split"), "already exists")
 
 
-def test_export_refuses_a_texture_when_it_cannot_be_shown(page, reel, tmp_path):
+def test_export_rejects_a_texture_that_cannot_be_shown(page, reel, tmp_path):
     (tmp_path / "a.txt").write_text("no image")
     (tmp_path / "a.png").write_bytes(b"image")
     for name, words in [
-        ("a.txt", "no image or video"),
-        ("b.png", "is not there"),
+        ("a.txt", "not an image or video"),
+        ("b.png", "there is no file"),
         ("a.png", "has no texture coordinates"),
     ]:
         target = ["-o", tmp_path / "p.html", "--texture", tmp_path / name]
@@ -298,19 +299,19 @@ def test_export_refuses_a_texture_when_it_cannot_be_shown(page, reel, tmp_path):
 
 
 @pytest.mark.slow
-def test_view_plays_what_is_whole_when_the_file_is_cut_off(page, tmp_path):
+def test_view_plays_the_complete_blocks_when_the_file_is_truncated(page, tmp_path):
     data = meshreel.encode(replace(waving_grid(12), name=""), block_frames=4)
     (tmp_path / "cut.reel").write_bytes(data[:-150])
     with viewing(page, tmp_path / "cut.reel") as (_, port):
-        told = get_json(port, "/api/facts")
-    assert (told["is_whole"], told["name"]) == (False, "cut")
-    assert 0 < len(told["n_modes"]) < 3
-    assert "cut off" in dict(told["rows"])["end"]
+        facts = get_json(port, "/api/facts")
+    assert (facts["is_whole"], facts["name"]) == (False, "cut")
+    assert 0 < len(facts["n_modes"]) < 3
+    assert "truncated" in dict(facts["rows"])["end"]
 
 
 @pytest.fixture
 def tracked(tmp_path):
-    """A stream with a track of vertices."""
+    """A stream with a vertex track."""
     grid = waving_grid()
     tracks = {"height": meshreel.Track(grid.vertices[:, :, 2].astype(np.float32), unit="m")}
     path = tmp_path / "tracked.reel"
@@ -319,18 +320,18 @@ def tracked(tmp_path):
 
 
 @pytest.mark.slow
-def test_view_and_export_tell_the_page_the_track_that_is_named(page, tracked, tmp_path):
+def test_view_and_export_pass_the_look_of_the_track_to_the_page(page, tracked, tmp_path):
     options = ["--track", "height", "--range", "0:2", "--component", "0", "--colormap", "diverging"]
-    wanted = {"track": "height", "component": "0", "range": "0:2", "colormap": "diverging"}
+    expected = {"track": "height", "component": "0", "range": "0:2", "colormap": "diverging"}
     with viewing(page, tracked, *options) as (_, port):
-        assert get_json(port, "/api/facts")["colored_by"] == wanted
+        assert get_json(port, "/api/facts")["colored_by"] == expected
     output = tmp_path / "page.html"
     assert run_with(page, "export", tracked, "-o", output, *options).returncode == 0
-    assert carried(output.read_text("utf-8"))["facts"]["colored_by"] == wanted
+    assert carried(output.read_text("utf-8"))["facts"]["colored_by"] == expected
 
 
 @pytest.mark.parametrize("command", ["view", "export"])
-def test_track_that_is_not_there_is_refused_with_those_that_are(page, tracked, tmp_path, command):
+def test_error_lists_the_tracks_when_one_does_not_exist(page, tracked, tmp_path, command):
     more = ["-o", tmp_path / "page.html"] if command == "export" else []
     done = run_with(page, command, tracked, *more, "--track", "hight")
     assert_fails(done, "tracked.reel: the file has no track 'hight'; choose height")

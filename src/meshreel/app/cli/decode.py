@@ -148,7 +148,7 @@ def decode_command(
             )
             figures = written_figures(written, reel, len(wanted), target)
     if not reel.is_whole:
-        notes.append(f"{source} is cut off: these are the frames of its complete blocks")
+        notes.append(f"{source} is truncated: these are the frames of its complete blocks")
     print_notes(notes)
     if as_json:
         timing = {"profile": profile_figures(times)} if profile else {}

@@ -45,7 +45,7 @@ def opened_player(
     """Interface of the player to a file, while the file is open."""
     from meshreel.app.cli.figures import measured_rows, player_rows
     from meshreel.app.viewer.api import Api
-    from meshreel.app.viewer.played import encoded_anew
+    from meshreel.app.viewer.playable import reencoding_text
     from meshreel.formats.file_errors import errors_naming
     from meshreel.formats.reel.reading import open
 
@@ -59,7 +59,8 @@ def opened_player(
             rows = player_rows, comparison, measured_rows
             api = Api(reel, source.stem, *rows, reading.progress, look)
         if api.is_reencoded:
-            reading.notes.append(f"{source} holds {api.method}; it is {encoded_anew(api.method)}")
+            text = reencoding_text(api.method)
+            reading.notes.append(f"{source} uses method {api.method}; the player shows it {text}")
         yield api
 
 

@@ -1,4 +1,4 @@
-"""The data that the page requests about a file and its original, in addition to the stream."""
+"""Data that the page requests in addition to the stream: figures, original, errors."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -11,7 +11,7 @@ import numpy as np
 from meshreel.app.viewer.comparison import Comparison
 from meshreel.app.viewer.measuring import Measured, Measuring
 from meshreel.app.viewer.page import json_text
-from meshreel.app.viewer.played import encoded_anew, played
+from meshreel.app.viewer.playable import playable, reencoding_text
 from meshreel.app.viewer.track_comparison import TrackComparison
 from meshreel.arrays import Floats
 from meshreel.codec.inspect import StreamInfo
@@ -21,7 +21,7 @@ from meshreel.rendering.track_colors import TrackColors, TrackLook
 from meshreel.runtime.progress import Progress, silent
 
 Rows = Mapping[str, str]
-"""Names and figures in words, as the command line prints them."""
+"""Names and figures as text, as the command line prints them."""
 
 SMALLEST_DIAGONAL, LARGEST_DIAGONAL = 1e-30, 1e30
 """Range of diagonals that can be drawn: graphics cards use float32."""
@@ -30,55 +30,55 @@ JSON = "application/json"
 
 BINARY = "application/octet-stream"
 
-MOST_FRAMES, MOST_POSITIONS = 48, 1 << 23
-"""Maximum numbers of frames and positions of the first block searched for extreme positions."""
+MAX_SEARCHED_FRAMES, MAX_SEARCHED_POSITIONS = 48, 1 << 23
+"""Limits of frames and positions of the first block that are searched for extreme points."""
 
 DIRECTIONS = np.array([d for d in product((-1, 0, 1), repeat=3) if d > (0, 0, 0)], np.float32)
-"""13 axes of a cube; the extreme positions along them frame a mesh."""
+"""13 axes of a cube; the camera frames the extreme points along them."""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """The answer to a path: its content type, and the bytes."""
+    """Content type and body of a response."""
 
     content_type: str
     body: bytes
 
 
 class Api:
-    """Answers the requests of one player; threads may share it.
+    """Answers the requests of a player; thread-safe.
 
     Parameters
     ----------
     name : str
-        To show, if the stream has none of its own.
+        Name to show if the stream has none.
     rows_of : callable
-        Gives figures of the stream in words.
+        Returns figures of the stream as text.
     comparison : Comparison, optional
-        With the original.
+        Comparison with the original.
     measured_rows : callable, optional
-        Gives the errors of all frames in words.
+        Returns errors of all frames as text.
     progress : callable, optional
-        Of encoding a stream of another method than `reel` anew.
+        Reports the progress of re-encoding.
     look : TrackLook, optional
         The track that colors the mesh initially.
 
     Attributes
     ----------
     reel : ReelFile
-        That which the page plays: see `meshreel.app.viewer.played`.
+        The stream that the page plays: see `meshreel.app.viewer.playable`.
     method : str
-        Of the file.
+        Method of the file.
     measuring : Measuring or None
-        Of the errors, where there is an original.
+        Measures errors; None without an original.
     tracks : TrackComparison or None
-        Likewise.
+        None without an original.
 
     Raises
     ------
     InvalidInputError
-        If the model is too large or too small to be drawn, or there is no such track, or it
-        cannot be shown so.
+        If the model is too large or too small to draw, or the track of `look` does not exist or
+        cannot be shown that way.
     CorruptStreamError
         If the first block is damaged.
     """
@@ -100,25 +100,25 @@ class Api:
         diagonal = reel.frame.scale
         if not SMALLEST_DIAGONAL <= diagonal <= LARGEST_DIAGONAL:
             raise InvalidInputError(
-                f"the model is {diagonal:.3g} units large; the player draws from "
-                f"{SMALLEST_DIAGONAL:g} to {LARGEST_DIAGONAL:g}: scale it before it is encoded"
+                f"the diagonal of the model is {diagonal:.3g} units; the player draws from "
+                f"{SMALLEST_DIAGONAL:g} to {LARGEST_DIAGONAL:g}: scale the model before encoding"
             )
         self.method = reel.method
-        self.reel, self.comparison = played(reel, progress), comparison
+        self.reel, self.comparison = playable(reel, progress), comparison
         self._name, self._measured_rows = name, measured_rows
         self._rows, self._budget = _figures(reel, rows_of)
         if self.is_reencoded:
-            self._rows["shown"] = encoded_anew(self.method)
-        self._reach = reach_of(self.reel)
+            self._rows["shown"] = reencoding_text(self.method)
+        self._region = drawn_region(self.reel)
         self.measuring = None if comparison is None else Measuring(comparison)
 
     @property
     def is_reencoded(self) -> bool:
-        """Whether the page plays another stream than the file."""
+        """Whether the page plays a re-encoded stream."""
         return self.method != self.reel.method
 
     def answer(self, path: str) -> Answer | None:
-        """The answer to a path such as "api/facts"; None if there is no such thing.
+        """The response to a path such as "api/facts"; None if the path is unknown.
 
         Raises
         ------
@@ -129,29 +129,29 @@ class Api:
             return _json(self.facts())
         if path == "api/plots" and self.measuring:
             return _json(self.plots())
-        found = re.fullmatch(r"api/(original|original_track/([0-9]{1,4}))/([0-9]{1,9})", path)
-        if not found or self.comparison is None or int(found[3]) >= self.reel.n_frames:
+        match = re.fullmatch(r"api/(original|original_track/([0-9]{1,4}))/([0-9]{1,9})", path)
+        if not match or self.comparison is None or int(match[3]) >= self.reel.n_frames:
             return None
-        frame = int(found[3])
-        if found[2] is None:
+        frame = int(match[3])
+        if match[2] is None:
             return Answer(BINARY, self.original(frame))
-        return self._original_track(int(found[2]), frame)
+        return self._original_track(int(match[2]), frame)
 
     def _original_track(self, number: int, frame: int) -> Answer | None:
         """Values of a track of the original, float32 or float64 of shape (N, C)."""
         tracks = self.tracks
         if tracks is None or number >= len(tracks.names):
             return None
-        return Answer(BINARY, tracks.given(tracks.names[number], frame).tobytes())
+        return Answer(BINARY, tracks.original_values(tracks.names[number], frame).tobytes())
 
     def facts(self) -> dict[str, Any]:
-        """Facts of the file beside those that its stream holds."""
-        reach = self._reach
+        """Facts about the file that its stream does not contain."""
+        region = self._region
         return {
             "name": self.reel.name or self._name,
-            "low": reach.low.tolist(),
-            "high": reach.high.tolist(),
-            "swept": (reach.swept - np.array(self.reel.frame.origin)).tolist(),
+            "low": region.low.tolist(),
+            "high": region.high.tolist(),
+            "swept": (region.extremes - np.array(self.reel.frame.origin)).tolist(),
             "up": "y",
             "is_whole": self.reel.is_whole,
             "n_modes": [_n_modes(self.reel, number) for number in range(len(self.reel.starts) - 1)],
@@ -162,8 +162,8 @@ class Api:
         }
 
     def plots(self) -> dict[str, Any]:
-        """Errors of all frames, once they are measured, and how far that is."""
-        assert self.measuring is not None  # asked for only with an original
+        """Errors of all frames when all are measured, and the progress of measuring."""
+        assert self.measuring is not None  # callers check for an original
         measuring = self.measuring
         is_ready, figures = measuring.is_ready, measuring.figures
         rows = self._measured_rows(figures.measured) if is_ready else {}
@@ -178,8 +178,8 @@ class Api:
         }
 
     def original(self, number: int) -> bytes:
-        """Positions of a frame of the original: float32, from the centre of the file."""
-        assert self.comparison is not None  # asked for only with an original
+        """Positions of a frame of the original, float32, relative to the center of the file."""
+        assert self.comparison is not None  # callers check for an original
         positions = self.comparison.original.frame(number) - np.array(self.reel.frame.origin)
         return bytes(positions.astype("<f4").tobytes())
 
@@ -199,7 +199,7 @@ class Api:
 def _figures(
     reel: ReelFile, rows_of: Callable[[StreamInfo], Rows]
 ) -> tuple[dict[str, str], dict[str, int]]:
-    """Figures in words, and bytes by kind of section; of a damaged file what is wrong with it."""
+    """Figures as text and bytes by kind of section; of a damaged file only the error."""
     try:
         info = reel.info()
     except CorruptStreamError as error:
@@ -217,7 +217,7 @@ def _look_facts(look: TrackLook) -> dict[str, str | None]:
 
 
 def _n_modes(reel: ReelFile, number: int) -> int:
-    """Modes of a block; none where it is damaged, and cannot be shown."""
+    """Number of modes of a block; 0 if it is damaged."""
     try:
         return reel.n_modes_of(number)
     except CorruptStreamError:
@@ -229,28 +229,27 @@ def _json(value: Mapping[str, Any]) -> Answer:
 
 
 @dataclass(frozen=True)
-class Reach:
+class DrawnRegion:
     """The region that a camera must show.
 
     Attributes
     ----------
     low, high : float64 arrays of shape (3,)
         Corners of the bounding box of all frames, in model units.
-    swept : float64 array of shape (26, 3)
-        Extreme positions of all frames, in model units.
+    extremes : float64 array of shape (26, 3)
+        Extreme points of all frames along `DIRECTIONS`, in model units.
     """
 
     low: Floats
     high: Floats
-    swept: Floats
+    extremes: Floats
 
 
-def reach_of(reel: ReelFile) -> Reach:
+def drawn_region(reel: ReelFile) -> DrawnRegion:
     """The region that all frames of a file cover.
 
-    If a file has several blocks, only the first one is decoded: its region is scaled about the
-    center of the file to the diagonal of the file, which the stream records. Frames of an encoder
-    that did not know all frames may lie outside.
+    Of several blocks only the first is decoded; its region is scaled about the center of the file
+    to the diagonal that the stream records. Frames may lie outside if they were encoded live.
 
     Raises
     ------
@@ -258,29 +257,29 @@ def reach_of(reel: ReelFile) -> Reach:
         If the first block is damaged.
     """
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    drawn = np.unique(reel.faces)  # vertices without a face are not seen
-    swept = np.zeros((0, 3))
+    drawn = np.unique(reel.faces)  # vertices without faces are invisible
+    extremes = np.zeros((0, 3))
     stop = reel.starts[1]
-    n_sought = int(np.clip(MOST_POSITIONS // reel.n_verts, 2, MOST_FRAMES))
-    sought = set(np.linspace(0, stop - 1, n_sought).round().astype(int).tolist())
+    n_searched = int(np.clip(MAX_SEARCHED_POSITIONS // reel.n_verts, 2, MAX_SEARCHED_FRAMES))
+    searched = set(np.linspace(0, stop - 1, n_searched).round().astype(int).tolist())
     for start, frames in reel.pieces(range(stop)):
         low = np.minimum(low, frames.min(axis=(0, 1)))
         high = np.maximum(high, frames.max(axis=(0, 1)))
-        for number in sought.intersection(range(start, start + len(frames))):
+        for number in searched.intersection(range(start, start + len(frames))):
             frame = frames[number - start][drawn].astype(np.float64)
-            swept = outermost(np.concatenate([swept, outermost(frame)]))
+            extremes = extreme_points(np.concatenate([extremes, extreme_points(frame)]))
     if len(reel.starts) == 2:
-        return Reach(low, high, swept)
+        return DrawnRegion(low, high, extremes)
     origin = np.array(reel.frame.origin)
-    reach = np.maximum(np.abs(low - origin), np.abs(high - origin))
-    length = float(np.linalg.norm(reach))
+    half = np.maximum(np.abs(low - origin), np.abs(high - origin))
+    length = float(np.linalg.norm(half))
     factor = max(1.0, reel.frame.scale / 2 / length) if length > 0 else 1.0
-    reach *= factor
-    return Reach(origin - reach, origin + reach, origin + factor * (swept - origin))
+    half *= factor
+    return DrawnRegion(origin - half, origin + half, origin + factor * (extremes - origin))
 
 
-def outermost(points: Floats) -> Floats:
-    """Extreme points, of shape (26, 3), along `DIRECTIONS`; may contain duplicates."""
-    along = (points - points[0]).astype(np.float32) @ DIRECTIONS.T  # offset, to keep precision
-    found: Floats = points[np.concatenate([along.argmin(axis=0), along.argmax(axis=0)])]
-    return found
+def extreme_points(points: Floats) -> Floats:
+    """The extreme points along `DIRECTIONS`, of shape (26, 3); may contain duplicates."""
+    along = (points - points[0]).astype(np.float32) @ DIRECTIONS.T  # relative, for precision
+    extremes: Floats = points[np.concatenate([along.argmin(axis=0), along.argmax(axis=0)])]
+    return extremes

@@ -10,7 +10,7 @@ import numpy as np
 from meshreel.app.viewer.api import Api
 from meshreel.app.viewer.measuring import Measuring
 from meshreel.app.viewer.page import SCRIPT_NAME, Page, base64_of, built_page
-from meshreel.app.viewer.played import MODES_EFFORT
+from meshreel.app.viewer.playable import MODES_EFFORT
 from meshreel.app.viewer.textures import Texture
 from meshreel.app.viewer.track_comparison import TrackComparison
 from meshreel.codec.encoder import encode
@@ -28,13 +28,13 @@ SHARE_OF_RANGE = 1 / 20
 """Error bound of the original in a page, as a fraction of the range of the error map."""
 
 DISTANCE = "distance"
-"""The heat map of distances of vertices, in percent of the diagonal."""
+"""The heat map of vertex errors, in percent of the diagonal."""
 
-LEAST_PERCENT = 1e-5
+MIN_PERCENT = 1e-5
 """Minimum error bound of the original, in percent of the diagonal."""
 
-MOST_ORIGINAL_BYTES = 1 << 30
-"""Limit of positions and tracks of the original, which are encoded in memory."""
+MAX_ORIGINAL_BYTES = 1 << 30
+"""Limit of positions and tracks of the original, which is encoded in memory."""
 
 
 @dataclass(frozen=True)
@@ -46,8 +46,8 @@ class OriginalStream:
     tracks_bytes : int
         Size of the tracks in `data`.
     names : list of str
-        Tracks of the original that the page can show. Those that `data` has not are the same in
-        the file.
+        Tracks of the original that the page can show. Those missing in `data` are equal in the
+        file.
     left_out : list of str
         Tracks that exceeded the memory limit.
     """
@@ -60,9 +60,9 @@ class OriginalStream:
 
 @dataclass(frozen=True)
 class Part:
-    """Something that a page plays: what it is of, a name for a file, and the bytes."""
+    """Data of a page: its role, such as "animation", its file name, and the bytes."""
 
-    what: str
+    role: str
     file_name: str
     data: bytes
     media_type: str = ""
@@ -86,14 +86,14 @@ def export_page(
     api : Api
         If it has an original, its frames and tracks are re-encoded and included.
     path : Path
-        The page. Files appear only when all are written.
+        The page. All files appear together, when all are written.
     page : Page, optional
-        The player; default that of the package.
+        Default: the player of the package.
     texture : Texture, optional
         Texture of the mesh.
     split : bool, default False
-        Whether script, stream, original and texture are separate files. Files with identical
-        contents are kept.
+        Whether script, stream, original and texture are separate files. Existing files with
+        identical contents are not rewritten.
     overwrite : bool, default False
     progress : callable, optional
     notes : list of str, optional
@@ -114,36 +114,34 @@ def export_page(
     player = built_page() if page is None else page
     original = original_stream(api, progress) if api.measuring is not None else None
     parts = _parts(api, path.stem, original, texture)
-    facts = api.facts()  # with errors, which are measured by now
+    facts = api.facts()  # includes the errors that `original_stream` measures
     if original is not None:
-        _keep_carried(facts["original"], original.names)
+        facts["original"]["tracks"] = original.names
+        facts["original"]["track_heats"] = [
+            heat for heat in facts["original"]["track_heats"] if heat["track"] in original.names
+        ]
         if notes is not None and original.left_out:
             names = ", ".join(original.left_out)
-            notes.append(f"tracks of the original too large for a page, and left out: {names}")
+            notes.append(f"left out: tracks of the original, too large for a page: {names}")
     if not split:
-        carried = {part.what: _carried(part, base64=base64_of(part.data)) for part in parts}
-        files = {path: player.whole({"facts": facts, **_renamed(carried)}).encode()}
-        sizes = {part.what: len(base64_of(part.data)) for part in parts}
+        texts = {part.role: base64_of(part.data) for part in parts}
+        data = {_key(part): _reference(part, base64=texts[part.role]) for part in parts}
+        files = {path: player.whole({"facts": facts, **data}).encode()}
+        sizes = {role: len(text) for role, text in texts.items()}
     else:
-        carried = {part.what: _carried(part, url=part.file_name) for part in parts}
-        html = player.split({"facts": facts, **_renamed(carried)})
+        data = {_key(part): _reference(part, url=part.file_name) for part in parts}
+        html = player.split({"facts": facts, **data})
         files = {path: html.encode(), path.parent / SCRIPT_NAME: player.script.encode()}
         files |= {path.parent / part.file_name: part.data for part in parts}
-        sizes = {part.what: len(part.data) for part in parts}
+        sizes = {part.role: len(part.data) for part in parts}
     total = sum(map(len, files.values()))
     _write(files, path, overwrite=overwrite)
-    rest = total - sum(sizes.values())
+    player_bytes = total - sum(sizes.values())
     if original is not None and original.tracks_bytes:
-        of_tracks = round(sizes["original"] * original.tracks_bytes / len(original.data))
-        sizes["original"] -= of_tracks
-        sizes["tracks of the original"] = of_tracks
-    return {"player": rest, **sizes}
-
-
-def _keep_carried(told: dict[str, Any], names: list[str]) -> None:
-    """Has the page offer tracks of the original that it carries only."""
-    told["tracks"] = names
-    told["track_heats"] = [heat for heat in told["track_heats"] if heat["track"] in names]
+        tracks_bytes = round(sizes["original"] * original.tracks_bytes / len(original.data))
+        sizes["original"] -= tracks_bytes
+        sizes["tracks of the original"] = tracks_bytes
+    return {"player": player_bytes, **sizes}
 
 
 def _parts(
@@ -159,51 +157,51 @@ def _parts(
     return parts
 
 
-def _carried(part: Part, **where: str) -> dict[str, Any]:
-    return {**where, **({"mediaType": part.media_type} if part.media_type else {})}
+def _key(part: Part) -> str:
+    """The key of a part in the data of the page."""
+    return "stream" if part.role == "animation" else part.role
 
 
-def _renamed(carried: dict[str, Any]) -> dict[str, Any]:
-    """By the names that the page has for them."""
-    return {"stream" if what == "animation" else what: part for what, part in carried.items()}
+def _reference(part: Part, **location: str) -> dict[str, Any]:
+    return {**location, **({"mediaType": part.media_type} if part.media_type else {})}
 
 
 def _write(files: dict[Path, bytes], page: Path, *, overwrite: bool) -> None:
-    """Write files that do not hold these bytes already; the page itself is always written."""
-    new = {path: data for path, data in files.items() if path == page or not _holds(path, data)}
+    """Write the page, and other files unless they exist with the same contents."""
+    new = {path: data for path, data in files.items() if path == page or not _equals(path, data)}
     check_output_paths(list(new), overwrite=overwrite)
     with replace_all_when_done(list(new), overwrite=overwrite) as temporaries:
         for temporary, data in zip(temporaries, new.values(), strict=True):
             temporary.write_bytes(data)
 
 
-def _holds(path: Path, data: bytes) -> bool:
+def _equals(path: Path, data: bytes) -> bool:
     return path.is_file() and path.stat().st_size == len(data) and path.read_bytes() == data
 
 
 def original_stream(api: Api, progress: Progress = silent) -> OriginalStream:
-    """The original of a player that has one, whose errors are measured first.
+    """Measure the errors of the file, and encode its original for a page.
 
     Raises
     ------
     InvalidInputError
         If it is too large for a page.
     """
-    assert api.comparison is not None  # is asked for with an original only
+    assert api.comparison is not None  # callers check for an original
     assert api.tracks is not None
     assert api.measuring is not None
     original, reel = api.comparison.original, api.reel
-    room = _room_for_tracks(reel)
+    free_bytes = _free_bytes_for_tracks(reel)
     api.measuring.run(progress)
     targets = _track_targets(api.tracks)
     tracks: dict[str, Track] = {}
     for name in targets:
-        given = original.tracks[name]
-        size = reel.n_frames * int(np.prod(given.shape[1:])) * given.dtype.itemsize
-        if size <= room:
-            room -= size
-            values = api.tracks.all_given(name)
-            tracks[name] = Track(values, given.domain, given.kind, given.unit)
+        track = original.tracks[name]
+        size_bytes = reel.n_frames * int(np.prod(track.shape[1:])) * track.dtype.itemsize
+        if size_bytes <= free_bytes:
+            free_bytes -= size_bytes
+            values = api.tracks.all_original_values(name)
+            tracks[name] = Track(values, track.domain, track.kind, track.unit)
     frames = [original.frame(number) for number in range(reel.n_frames)]
     sequence = MeshSequence(
         np.array(frames, np.float64), reel.faces, fps=reel.fps,
@@ -213,44 +211,39 @@ def original_stream(api: Api, progress: Progress = silent) -> OriginalStream:
     )  # fmt: skip
     data = encode(
         sequence,
-        max_error=max(LEAST_PERCENT, SHARE_OF_RANGE * _range_percent(api.measuring)),
+        max_error=max(MIN_PERCENT, SHARE_OF_RANGE * _range_percent(api.measuring)),
         effort=MODES_EFFORT,
         tracks={name: targets[name] for name in tracks},
         progress=progress,
     )
     left_out = [name for name in targets if name not in tracks]
     names = [name for name in api.tracks.names if name not in left_out]
-    with ReelFile(BytesIO(data), memory=OWN_STREAM) as made:
-        tracks_bytes = sum(track.size_bytes for track in made.info().tracks)
+    with ReelFile(BytesIO(data), memory=OWN_STREAM) as encoded:
+        tracks_bytes = sum(info.size_bytes for info in encoded.info().tracks)
     return OriginalStream(data, tracks_bytes, names, left_out)
 
 
 def _range_percent(measuring: Measuring) -> float:
-    (found,) = (
-        float(heat["range"])
-        for heat in measuring.figures.described_heats()
-        if heat["kind"] == DISTANCE
-    )
-    return found
+    ranges = {heat["kind"]: heat["range"] for heat in measuring.figures.described_heats()}
+    return float(ranges[DISTANCE])
 
 
 def _track_targets(tracks: TrackComparison) -> dict[str, str]:
-    """How exact tracks are to be, by their names; those that are the same in the file are none."""
+    """Error bounds of the original tracks that differ from those of the file."""
     targets = {}
     for heat in tracks.described():
-        near = SHARE_OF_RANGE * heat["range"]
+        bound = SHARE_OF_RANGE * heat["range"]
         is_normal = tracks.kind(heat["track"]) is TrackKind.NORMAL
-        targets[heat["track"]] = f"{near!r}{'deg' if is_normal else ''}" if near else "exact"
+        targets[heat["track"]] = f"{bound!r}{'deg' if is_normal else ''}" if bound else "exact"
     exact = (name for name in tracks.names if name not in targets)
     return targets | {name: "exact" for name in exact if tracks.differs(name)}
 
 
-def _room_for_tracks(reel: ReelFile) -> int:
-    """Bytes that are left beside positions."""
-    size = 24 * reel.n_frames * reel.n_verts
-    if size > MOST_ORIGINAL_BYTES:
+def _free_bytes_for_tracks(reel: ReelFile) -> int:
+    size_bytes = 24 * reel.n_frames * reel.n_verts
+    if size_bytes > MAX_ORIGINAL_BYTES:
         raise InvalidInputError(
-            f"the original has {size / 1e9:.1f} GB of positions, too many for a page; "
-            "leave --original out, or use meshreel view"
+            f"the original has {size_bytes / 1e9:.1f} GB of positions, too many for a page; "
+            "omit --original, or use meshreel view"
         )
-    return MOST_ORIGINAL_BYTES - size
+    return MAX_ORIGINAL_BYTES - size_bytes

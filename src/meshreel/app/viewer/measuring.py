@@ -1,4 +1,4 @@
-"""Measurement of the errors of all frames in a separate thread while the page plays."""
+"""Measure the errors of all frames in a separate thread while the page plays."""
 
 import threading
 from dataclasses import dataclass
@@ -30,8 +30,7 @@ class Measured:
     Attributes
     ----------
     sted_spatial : float
-        The spatial part of STED, which it nearly equals; the temporal one would need all frames
-        at once.
+        The spatial part of STED, close to STED; the temporal part would need all frames at once.
     """
 
     errors: StreamedErrors
@@ -45,7 +44,7 @@ class Figures:
     Attributes
     ----------
     nmsve, largest_percent : list of float
-        Of each frame.
+        Errors of each frame.
     """
 
     def __init__(self, comparison: Comparison) -> None:
@@ -61,8 +60,8 @@ class Figures:
         self.largest_percent: list[float] = []
 
     def add(self, pair: tuple[Vertices, Vertices], heats: Heats) -> None:
-        """Add the next frame: original and decoded, and its heat maps."""
-        self.see(heats)
+        """Add the next frame: original and decoded positions, and heat maps."""
+        self.widen_ranges(heats)
         original, decoded = (positions[np.newaxis] for positions in pair)
         ((frame, displacement),) = paired_frames(original, decoded, self._reference)
         self._errors.add(original, decoded)
@@ -70,25 +69,25 @@ class Figures:
         self.nmsve.append(self._nmsve_of(frame, displacement))
         self.largest_percent.append(float(heats["distance"].max()))
 
-    def see(self, heats: Heats) -> None:
-        """Widen the ranges of heat maps by those of a frame."""
+    def widen_ranges(self, heats: Heats) -> None:
+        """Widen the ranges of heat maps to those of a frame."""
         for kind, values in heats.items():
             self._largest[kind] = max(self._largest.get(kind, 0.0), float(values.max()))
             self._quantiles.setdefault(kind, []).append(np.quantile(values, SHARES))
 
     @property
     def measured(self) -> Measured:
-        """The errors of the frames so far, of which there must be one."""
+        """The errors of the frames so far; needs at least one frame."""
         nmsve, sted = float(np.mean(self.nmsve)), float(np.mean(self._deviations))
         return Measured(self._errors.errors, nmsve, sted)
 
     @property
     def worst_frame(self) -> int:
-        """The frame of the largest error, of those so far."""
+        """The frame with the largest error so far."""
         return int(np.argmax(self.largest_percent))
 
     def described_heats(self) -> list[dict[str, Any]]:
-        """Kinds of heat maps and their ranges, as the page takes them."""
+        """Kinds of heat maps and their ranges, for the page."""
         return [
             {
                 "kind": kind,
@@ -101,7 +100,7 @@ class Figures:
         ]
 
     def plots(self) -> list[dict[str, Any]]:
-        """Errors of each frame, as the page takes them."""
+        """Errors of each frame, for the page."""
         return [
             {"label": "NMSVE", "values": self.nmsve},
             {"label": "largest error, % of the diagonal", "values": self.largest_percent},
@@ -114,16 +113,16 @@ class Measuring:
     Attributes
     ----------
     figures : Figures
-        Ranges of the first frame; those of all frames, and their errors, once all are measured.
+        Ranges of the first frame, until the ranges and errors of all frames are measured.
     error : str
-        Why not all could be measured; empty if nothing went wrong.
+        Why measuring failed; empty without an error.
     share : float
         Share of the frames that are measured.
     """
 
     def __init__(self, comparison: Comparison) -> None:
         self.figures = Figures(comparison)
-        self.figures.see(comparison.heats(comparison.pair(0)))
+        self.figures.widen_ranges(comparison.heats(comparison.pair(0)))
         self.error, self.share = "", 0.0
         self._comparison = comparison
         self._is_closed = threading.Event()
@@ -171,5 +170,5 @@ class Measuring:
     def _run(self) -> None:
         try:
             self.run()
-        except Exception as error:  # the page shows it; there is nobody else to tell
+        except Exception as error:  # the thread has no caller: the page shows the error
             self.error = str(error) or type(error).__name__

@@ -1,4 +1,4 @@
-"""The original animation of a file."""
+"""The original of a file, in the vertex order of the file."""
 
 import threading
 from collections.abc import Mapping
@@ -16,31 +16,31 @@ from meshreel.model.tracks import TrackSource
 
 
 class Original:
-    """Frames of the original, in the vertex order of the decoded file; threads may share it.
+    """Frames of the original in the vertex order of the decoded file; thread-safe.
 
     Parameters
     ----------
     reel : ReelFile
-        Where its order was dropped, vertices are matched by connectivity. It may be cut off: then
-        its frames are the first ones of the original.
+        Without the original vertex order, vertices are matched by connectivity. A truncated file
+        has the first frames of the original.
 
     Attributes
     ----------
     name : str
     extent : Extent
-        Of all frames.
+        Bounding box of all frames.
 
     Raises
     ------
     InvalidInputError
-        If the two differ in frames, vertices or faces; says in what.
+        If the two differ in frames, vertices or faces.
     """
 
     def __init__(self, source: FrameSource, reel: ReelFile) -> None:
         _require_same_counts(source, reel)
         self._source = source
         self._lock = threading.Lock()
-        self._order = _given_of_decoded(source, reel)
+        self._order = _original_vertices(source, reel)
         self.name, self.extent = source.name, source.extent
 
     def frame(self, number: int) -> Vertices:
@@ -51,7 +51,7 @@ class Original:
 
     @property
     def tracks(self) -> Mapping[str, TrackSource]:
-        """Its tracks, by name."""
+        """Tracks by name."""
         return self._source.tracks
 
     def values(self, name: str, number: int) -> Values:
@@ -74,23 +74,23 @@ def _require_same_counts(source: FrameSource, reel: ReelFile) -> None:
         if count != count_hat and not is_cut:
             raise InvalidInputError(
                 f"the original has {count} {noun} and the file {count_hat}; "
-                "give what the file was made of"
+                "give the original that was encoded"
             )
 
 
-def _given_of_decoded(source: FrameSource, reel: ReelFile) -> Integers | None:
-    """The original vertex of each decoded one; None if the order is the same."""
+def _original_vertices(source: FrameSource, reel: ReelFile) -> Integers | None:
+    """The original vertex of each decoded vertex; None if the order is the same."""
     if reel.order != "drop":
         require_same_triangles(source.faces, reel.faces, reel.n_verts)
         return None
     connectivity = encode_connectivity(source.faces, source.n_verts, order="drop")
-    given = connectivity.internal_to_given
-    decoded_of_given = np.argsort(given).astype(np.int32)
+    vertices = connectivity.internal_to_given
+    decoded_vertices = np.argsort(vertices).astype(np.int32)
     try:
-        require_same_triangles(decoded_of_given[source.faces], reel.faces, reel.n_verts)
+        require_same_triangles(decoded_vertices[source.faces], reel.faces, reel.n_verts)
     except InvalidInputError:
         raise InvalidInputError(
-            "the original has other faces than the file, or lists them in another order; vertices "
-            "of a file without its order are matched with the very input that it was made of"
+            "the original has other faces than the file, or lists them in another order; the file "
+            "does not store the vertex order, so give exactly the input that was encoded"
         ) from None
-    return given
+    return vertices

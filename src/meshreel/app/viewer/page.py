@@ -1,4 +1,4 @@
-"""The player, as built from `web/`: a page, and its script."""
+"""The player as built from `web/`: a page and its script."""
 
 import base64
 import json
@@ -15,7 +15,7 @@ from meshreel.errors import InvalidInputError
 
 FOLDER: Traversable = files("meshreel.app.viewer") / "page"
 DATA, SCRIPT = "<!--meshreel-data-->", "<!--script-->"
-"""The places in the page of what it carries, and of its script."""
+"""Placeholders of data and script in the page."""
 
 SCRIPT_NAME = "player.js"
 
@@ -24,7 +24,7 @@ POLICY = (
     "style-src 'unsafe-inline'; img-src data: blob:; font-src data:; media-src blob:; "
     "connect-src 'self' blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-"""What the page may do where it is served: run its script and decoder, and ask its own server."""
+"""Content policy of served pages: run script and decoder, and request from the same server."""
 
 UNPACKING = (
     "(async()=>{"
@@ -36,7 +36,7 @@ UNPACKING = (
     "document.body.append(script)"
     "})()"
 )
-"""Runs the script that is packed inside the page."""
+"""Script that inflates and runs the packed script."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Page:
     Attributes
     ----------
     html : str
-        With `DATA` and `SCRIPT` in it.
+        Contains `DATA` and `SCRIPT`.
     """
 
     html: str
@@ -54,60 +54,61 @@ class Page:
 
     def __post_init__(self) -> None:
         if DATA not in self.html or SCRIPT not in self.html:
-            raise InvalidInputError("the page of the player has no place for data; build it anew")
+            raise InvalidInputError("the player page has no placeholder for data; rebuild it")
 
     @property
     def served(self) -> str:
-        """HTML for a server that has the script under `SCRIPT_NAME`."""
+        """HTML for a server that serves the script as `SCRIPT_NAME`."""
         return self._filled("", f'<script src="{SCRIPT_NAME}"></script>')
 
-    def split(self, carried: Mapping[str, Any]) -> str:
-        """HTML that carries something and has the script beside it.
+    def split(self, data: Mapping[str, Any]) -> str:
+        """HTML with embedded data and a separate script.
 
         Parameters
         ----------
-        carried : mapping
-            As the page reads it: see `web/src/data.ts`.
+        data : mapping
+            As `web/src/data.ts` reads it.
         """
-        return self._filled(_data(carried), f'<script src="{SCRIPT_NAME}"></script>')
+        return self._filled(_data_script(data), f'<script src="{SCRIPT_NAME}"></script>')
 
-    def whole(self, carried: Mapping[str, Any], *, level: int = zlib.Z_BEST_COMPRESSION) -> str:
-        """HTML that carries something and its script, and needs no other file.
+    def whole(self, data: Mapping[str, Any], *, level: int = zlib.Z_BEST_COMPRESSION) -> str:
+        """HTML with embedded data and script.
 
         Parameters
         ----------
-        carried : mapping
+        data : mapping
+            As `web/src/data.ts` reads it.
         level : int
-            How hard the script is deflated, 1..9.
+            Compression level of the script, 1..9.
         """
         packing = zlib.compressobj(level, zlib.DEFLATED, -zlib.MAX_WBITS)
         packed = base64_of(packing.compress(self.script.encode()) + packing.flush())
         script = f'<script id="packed" type="text/plain">{packed}</script>'
-        return self._filled(_data(carried), f"{script}<script>{UNPACKING}</script>")
+        return self._filled(_data_script(data), f"{script}<script>{UNPACKING}</script>")
 
     def _filled(self, data: str, script: str) -> str:
-        before, behind = self.html.split(DATA)
-        middle, end = behind.split(SCRIPT)
+        before, after = self.html.split(DATA)
+        middle, end = after.split(SCRIPT)
         return before + data + middle + script + end
 
 
 def built_page(folder: Traversable | None = None) -> Page:
-    """The player.
+    """The built player.
 
     Parameters
     ----------
     folder : Path or other traversable, optional
-        Another folder than that of the package.
+        Default: the folder of the package.
 
     Raises
     ------
     InvalidInputError
-        If it is missing; says how to get it.
+        If a file is missing.
     """
-    place = FOLDER if folder is None else folder
+    folder = FOLDER if folder is None else folder
     try:
-        html = (place / "index.html").read_text(encoding="utf-8")
-        return Page(html, (place / SCRIPT_NAME).read_text(encoding="utf-8"))
+        html = (folder / "index.html").read_text(encoding="utf-8")
+        return Page(html, (folder / SCRIPT_NAME).read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise InvalidInputError(
             "the page of the player is missing from this installation: reinstall meshreel, or in a "
@@ -116,18 +117,18 @@ def built_page(folder: Traversable | None = None) -> Page:
 
 
 def json_text(value: Any) -> str:
-    """A value as JSON; numbers that are not finite become null."""
+    """JSON of a value; numbers that are not finite become null."""
     return json.dumps(_finite(value), allow_nan=False, separators=(",", ":"))
 
 
 def base64_of(data: bytes) -> str:
-    """Bytes as text."""
+    """Base64 text of bytes."""
     return base64.b64encode(data).decode()
 
 
-def _data(carried: Mapping[str, Any]) -> str:
-    """A script that cannot be ended by what it carries."""
-    text = json_text(carried).replace("<", "\\u003c")
+def _data_script(data: Mapping[str, Any]) -> str:
+    """A script element with data, which cannot close the element."""
+    text = json_text(data).replace("<", "\\u003c")
     return f"<script>window.MESHREEL={text}</script>"
 
 

@@ -1,4 +1,4 @@
-"""A server for one player: a few paths, read only, for this machine."""
+"""HTTP server of a player: read-only, by default for this machine only."""
 
 import errno
 import ipaddress
@@ -20,39 +20,39 @@ from meshreel.errors import InvalidInputError, MeshReelError
 
 LOCAL_HOST = "127.0.0.1"
 LOCAL_NAMES = {LOCAL_HOST, "localhost", "::1"}
-PATIENCE_S = 30.0
-"""How long a client may say nothing before it is hung up on."""
+CLIENT_TIMEOUT_S = 30.0
+"""Time without data after which a connection is closed."""
 
 STREAM = "stream.reel"
-"""The name under which the page finds what it plays."""
+"""Path of the stream that the page plays."""
 
 HTML = "text/html; charset=utf-8"
 SCRIPT = "text/javascript; charset=utf-8"
 TEXT = "text/plain; charset=utf-8"
-FORBIDDEN = "this player answers to local addresses; to open it elsewhere give --host"
+FORBIDDEN = "this player answers local requests only; to open it elsewhere, start it with --host"
 
 
 class ViewerServer(ThreadingHTTPServer):
-    """A server that listens once it is made, and answers in `serve_forever`.
+    """A server that listens when constructed, and answers in `serve_forever`.
 
     Parameters
     ----------
     host : str, default 127.0.0.1
-        Where to listen. On another than this machine's own addresses the player is open to all
-        who reach it.
+        Address to listen on. Unless it is a loopback address, everyone who can reach it can open
+        the player.
     port : int, default 0
-        0 takes a free one.
+        0 selects a free port.
     page : Page, optional
-        The player; default that of the package.
+        Default: the player of the package.
 
     Raises
     ------
     InvalidInputError
-        If it cannot listen there, or the page is not built.
+        If it cannot listen on the address, or the page is not built.
     """
 
     daemon_threads = True
-    allow_reuse_address = sys.platform != "win32"  # there it would share a port that is taken
+    allow_reuse_address = sys.platform != "win32"  # which would share a port in use
 
     def __init__(
         self, api: Api, *, host: str = LOCAL_HOST, port: int = 0, page: Page | None = None
@@ -64,20 +64,20 @@ class ViewerServer(ThreadingHTTPServer):
         self.version = f'"{secrets.token_hex(8)}"'
         self.host, self._is_closed = host, False
         try:
-            found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-            self.address_family = found[0]
-            super().__init__(found[4][:2], _Handler)  # type: ignore[arg-type]
+            address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+            self.address_family = address[0]
+            super().__init__(address[4][:2], _Handler)  # type: ignore[arg-type]
         except (OSError, OverflowError) as error:
             raise InvalidInputError(_cannot_listen(host, port, error)) from None
 
     def server_bind(self) -> None:
-        """Bind, without asking the network for names as the base class does."""
+        """Bind without resolving the host name, as the base class would."""
         TCPServer.server_bind(self)
         self.server_name, self.server_port = self.host, self.server_address[1]
 
     @property
     def url(self) -> str:
-        """Address of the player."""
+        """URL of the player."""
         host = LOCAL_HOST if self.is_everywhere else self.host
         return f"http://{f'[{host}]' if ':' in host else host}:{self.server_port}/"
 
@@ -88,14 +88,14 @@ class ViewerServer(ThreadingHTTPServer):
 
     @property
     def is_everywhere(self) -> bool:
-        """Whether it listens on every address of this machine."""
+        """Whether it listens on all addresses of this machine."""
         return str(self.server_address[0]) in ("0.0.0.0", "::")
 
     def answers_to(self, host: str | None) -> bool:
-        """Whether a request that names this host is meant for the player.
+        """Whether to answer a request with this Host header.
 
-        A page from elsewhere could have its own name resolve to this machine (DNS rebinding), and
-        so read what is shown here; its requests carry that name.
+        A foreign page could let its host name resolve to this machine (DNS rebinding) to read the
+        model; its requests carry that name.
         """
         try:
             name = urlsplit(f"//{host}").hostname or ""
@@ -106,30 +106,30 @@ class ViewerServer(ThreadingHTTPServer):
         return not self.is_local and _is_address(name)
 
     def server_close(self) -> None:
-        """Stop listening; answers that are still being made are dropped."""
+        """Stop listening; pending answers are dropped."""
         self._is_closed = True
         super().server_close()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Report errors, but no clients that hang up, nor answers that nobody waits for."""
+        """Report errors, except of closed connections and of pending answers after closing."""
         is_gone = isinstance(sys.exception(), ConnectionError | TimeoutError)
         if not (is_gone or self._is_closed):
             super().handle_error(request, client_address)
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """Answers one request after another of one client."""
+    """Answers the requests of one connection."""
 
     server: ViewerServer
     protocol_version = "HTTP/1.1"
     server_version, sys_version = "meshreel", ""
-    timeout = PATIENCE_S
+    timeout = CLIENT_TIMEOUT_S
     error_content_type = TEXT
     error_message_format = "%(code)d: %(message)s\n"
 
     def do_GET(self) -> None:
         if self.headers.get("Content-Length") or self.headers.get("Transfer-Encoding"):
-            self.close_connection = True  # what follows the header is not read
+            self.close_connection = True  # the body is not read
         if not self.server.answers_to(self.headers.get("Host")):
             self._send(HTTPStatus.FORBIDDEN, Answer(TEXT, FORBIDDEN.encode()))
             return
@@ -140,41 +140,41 @@ class _Handler(BaseHTTPRequestHandler):
         elif path == f"/{STREAM}":
             self._send_stream()
         else:
-            self._send(*self._answered(path))
+            self._send(*self._answer(path))
 
     do_HEAD = do_GET  # noqa: N815
 
     def _refuse(self) -> None:
-        self.close_connection = True  # what follows the header is not read
+        self.close_connection = True  # the body is not read
         answer = Answer(TEXT, b"only GET and HEAD are allowed")
         self._send(HTTPStatus.METHOD_NOT_ALLOWED, answer, {"Allow": "GET, HEAD"})
 
     do_POST = do_PUT = do_DELETE = do_PATCH = do_OPTIONS = _refuse  # noqa: N815
 
     def _send_stream(self) -> None:
-        """Send the stream, or the one range of it that is asked for."""
+        """Send the stream, or the requested range of it."""
         reel = self.server.api.reel
         size = reel.size_bytes
         validators = {"ETag": self.server.version, "Accept-Ranges": "bytes"}
-        wanted = self._wanted_range(size)
-        if wanted is None:
+        requested = self._requested_range(size)
+        if requested is None:
             answer = Answer(BINARY, reel.stored(0, size))
             self._send(HTTPStatus.OK, answer, validators)
-        elif not wanted:
-            nothing = {"Content-Range": f"bytes */{size}", **validators}
-            self._send(HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE, Answer(TEXT, b""), nothing)
+        elif not requested:
+            headers = {"Content-Range": f"bytes */{size}", **validators}
+            self._send(HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE, Answer(TEXT, b""), headers)
         else:
-            answer = Answer(BINARY, reel.stored(wanted.start, wanted.stop))
-            place = f"bytes {wanted.start}-{wanted.stop - 1}/{size}"
-            self._send(HTTPStatus.PARTIAL_CONTENT, answer, {"Content-Range": place, **validators})
+            answer = Answer(BINARY, reel.stored(requested.start, requested.stop))
+            part = f"bytes {requested.start}-{requested.stop - 1}/{size}"
+            self._send(HTTPStatus.PARTIAL_CONTENT, answer, {"Content-Range": part, **validators})
 
-    def _wanted_range(self, size: int) -> range | None:
-        """The bytes that are asked for; None for all. What cannot be read counts as not said."""
-        found = re.fullmatch(r"bytes=([0-9]{0,18})-([0-9]{0,18})", self.headers.get("Range", ""))
+    def _requested_range(self, size: int) -> range | None:
+        """The requested bytes; None for all, also if the Range header is invalid."""
+        match = re.fullmatch(r"bytes=([0-9]{0,18})-([0-9]{0,18})", self.headers.get("Range", ""))
         if_range = self.headers.get("If-Range", self.server.version)
-        if not found or found[0] == "bytes=-" or if_range != self.server.version:
+        if not match or match[0] == "bytes=-" or if_range != self.server.version:
             return None
-        first, last = found.groups()
+        first, last = match.groups()
         if not first:
             return range(max(0, size - int(last)), size)
         stop = min(size, int(last) + 1) if last else size
@@ -182,7 +182,7 @@ class _Handler(BaseHTTPRequestHandler):
             return None
         return range(int(first), stop)
 
-    def _answered(self, path: str) -> tuple[HTTPStatus, Answer]:
+    def _answer(self, path: str) -> tuple[HTTPStatus, Answer]:
         if path == f"/{SCRIPT_NAME}":
             return HTTPStatus.OK, self.server.script
         try:
@@ -191,17 +191,17 @@ class _Handler(BaseHTTPRequestHandler):
             body = json.dumps({"error": str(error) or "not enough memory"}).encode()
             return HTTPStatus.INTERNAL_SERVER_ERROR, Answer(JSON, body)
         if answer is None:
-            return HTTPStatus.NOT_FOUND, Answer(TEXT, b"there is nothing here")
+            return HTTPStatus.NOT_FOUND, Answer(TEXT, b"not found")
         return HTTPStatus.OK, answer
 
     def _send(
-        self, status: HTTPStatus, answer: Answer, further: Mapping[str, str] | None = None
+        self, status: HTTPStatus, answer: Answer, extra_headers: Mapping[str, str] | None = None
     ) -> None:
         self.send_response(status)
         headers = {
             "Content-Type": answer.content_type,
             "Content-Length": str(len(answer.body)),
-            **(further or {}),
+            **(extra_headers or {}),
         }
         for name, value in headers.items():
             self.send_header(name, value)
@@ -210,7 +210,7 @@ class _Handler(BaseHTTPRequestHandler):
             self.wfile.write(answer.body)
 
     def end_headers(self) -> None:
-        """End the header with the lines that every answer has."""
+        """Add the headers of all answers, and end the header section."""
         self.send_header("Cache-Control", "no-store")
         self.send_header("X-Content-Type-Options", "nosniff")
         self.send_header("Cross-Origin-Resource-Policy", "same-origin")
@@ -223,7 +223,7 @@ class _Handler(BaseHTTPRequestHandler):
 
 def _cannot_listen(host: str, port: int, error: Exception) -> str:
     if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
-        return f"port {port} is in use; choose another with --port, or leave it out for a free one"
+        return f"port {port} is in use; choose another with --port, or omit it to use a free one"
     reason = error.strerror if isinstance(error, OSError) else error
     return f"the player cannot listen on {host}, port {port}: {reason}"
 

@@ -1,4 +1,4 @@
-"""An image or a video that a page shows on the mesh."""
+"""Image or video that an exported page shows on the mesh."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,36 +11,36 @@ MEDIA_TYPES = {
     ".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg", ".webp": "image/webp",
     ".avif": "image/avif", ".mp4": "video/mp4", ".webm": "video/webm", ".mov": "video/quicktime",
 }  # fmt: skip
-"""Of what browsers show, by extension."""
+"""Media types of the formats that browsers show, by extension."""
 
 
 @dataclass(frozen=True)
 class Texture:
-    """A file, and its media type."""
+    """A texture file and its media type."""
 
     path: Path
     media_type: str
 
 
 def texture_for(reel: ReelFile, path: Path) -> Texture:
-    """A texture for a mesh.
+    """The texture of a file for a mesh.
 
     Raises
     ------
     InvalidInputError
-        If browsers show no such files, it is not there, or the mesh has no texture coordinates.
+        If the file is missing, no format that browsers show, or the mesh has no UVs.
     """
     media_type = MEDIA_TYPES.get(path.suffix.lower())
     if media_type is None:
         raise InvalidInputError(
-            f"{path} is no image or video that browsers show; its name must end in one of "
+            f"{path} is not an image or video that browsers show; supported extensions: "
             f"{', '.join(MEDIA_TYPES)}"
         )
     if not path.is_file():
-        raise InvalidInputError(f"{path} is not there")
-    if not any(one.kind is Kind.UV for one in reel.surface.attributes):
+        raise InvalidInputError(f"there is no file {str(path)!r}; check it")
+    if not any(attribute.kind is Kind.UV for attribute in reel.surface.attributes):
         raise InvalidInputError(
-            f"the stream has no texture coordinates, by which {path.name} would lie on the mesh; "
-            "encode an input that has them"
+            f"the stream has no texture coordinates to map {path.name} to the mesh; encode an "
+            "input that has them"
         )
     return Texture(path, media_type)

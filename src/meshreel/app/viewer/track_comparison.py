@@ -1,4 +1,4 @@
-"""Tracks of a file beside those of its original: which can be shown, and how far they are off."""
+"""Comparison of the tracks of a file and of its original."""
 
 from typing import Any
 
@@ -12,52 +12,51 @@ from meshreel.metrics.track_errors import value_errors
 from meshreel.model.tracks import TrackKind, TrackSource
 
 N_SAMPLES = 8
-"""Frames that say how large errors are of which nothing is promised."""
+"""Number of frames from which the largest error of tracks without a bound is estimated."""
 
-MOST_OF_FLOAT32 = 2
-"""Bytes of integers that float32 holds exactly."""
+MAX_EXACT_ITEMSIZE = 2
+"""Largest size of integers in bytes that float32 represents exactly."""
 
 
 class TrackComparison:
-    """The tracks that both a file and its original have.
+    """The tracks that a file and its original have in common.
 
     Parameters
     ----------
     reel : ReelFile
-        As it was made of the original: pages may play another stream.
+        The file itself, which a page may play re-encoded.
 
     Attributes
     ----------
     names : list of str
-        Of tracks of the same shape and kind in both.
+        Tracks of the same shape and kind in both.
     compared : list of str
-        Those of them that can differ: the others are exact in the file.
+        Those that can differ; the others are exact in the file.
     """
 
     def __init__(self, reel: ReelFile, original: Original) -> None:
         self._reel, self._original = reel, original
-        given = original.tracks
         self.names = [
             name
             for name, track in reel.tracks.items()
-            if name in given and _fits(given[name], track)
+            if name in original.tracks and _is_comparable(original.tracks[name], track)
         ]
         self.compared = [name for name in self.names if not reel.tracks[name].is_exact]
 
-    def given(self, name: str, number: int) -> Values:
-        """Values of the original at a frame, of shape (N, C): float32, or float64 if need be."""
+    def original_values(self, name: str, number: int) -> Values:
+        """Values of the original at a frame, of shape (N, C): float32, or float64 if needed."""
         values = self._original.values(name, number)
         is_single = values.dtype == np.float32 or (
-            values.dtype.kind in "iu" and values.dtype.itemsize <= MOST_OF_FLOAT32
+            values.dtype.kind in "iu" and values.dtype.itemsize <= MAX_EXACT_ITEMSIZE
         )
         return values.astype("<f4" if is_single else "<f8")
 
-    def all_given(self, name: str) -> Values:
+    def all_original_values(self, name: str) -> Values:
         """Values of the original at all frames of the file, of shape (T, N, C)."""
         return np.stack([self._original.values(name, n) for n in range(self._reel.n_frames)])
 
     def differs(self, name: str) -> bool:
-        """Whether any number of a track is another one in the file."""
+        """Whether any value of a track differs in the file."""
         track = self._reel.tracks[name]
         return not all(
             np.array_equal(track[number], self._original.values(name, number), equal_nan=True)
@@ -65,47 +64,44 @@ class TrackComparison:
         )
 
     def kind(self, name: str) -> TrackKind:
-        """What a track means."""
+        """The kind of a track."""
         return self._reel.tracks[name].kind
 
     def described(self) -> list[dict[str, Any]]:
-        """Heat maps of the tracks that can differ, as the page takes them."""
+        """Heat maps of the tracks that can differ, for the page."""
         return [self._described(number, name) for number, name in enumerate(self.compared)]
 
     def _described(self, number: int, name: str) -> dict[str, Any]:
         track = self._reel.tracks[name]
         unit = "\N{DEGREE SIGN}" if track.kind is TrackKind.NORMAL else track.unit
-        most = track.promised_error
-        bound = (
-            ""
-            if most is None
-            else f", up to {float(f'{most:.4g}'):g} {unit}".rstrip() + " as promised"
-        )
-        if most is None:
-            most = self._largest_sampled(name)
+        largest = track.promised_error
+        bound = "" if largest is None else f", at most {float(f'{largest:.4g}'):g} {unit}".rstrip()
+        if largest is None:
+            largest = self._largest_sampled_error(name)
         return {
             "kind": f"track {number}",
             "label": f"error of {name}{bound}",
             "unit": unit,
-            "maximum": most,
-            "range": most,
+            "maximum": largest,
+            "range": largest,
             "track": name,
         }
 
-    def _largest_sampled(self, name: str) -> float:
-        """The largest error at some frames; where one of two values is missing, it counts not."""
+    def _largest_sampled_error(self, name: str) -> float:
+        """The largest error in some frames, ignoring missing values."""
         track = self._reel.tracks[name]
         frames = np.unique(np.linspace(0, self._reel.n_frames - 1, N_SAMPLES).round()).astype(int)
         errors = [
             value_errors(self._original.values(name, n)[None], track[n][None], track.kind)
             for n in frames.tolist()
         ]
-        found = np.concatenate(errors)
-        return float(np.max(found, initial=0.0, where=np.isfinite(found)))
+        samples = np.concatenate(errors)
+        return float(np.max(samples, initial=0.0, where=np.isfinite(samples)))
 
 
-def _fits(given: TrackSource, track: ReelTrack) -> bool:
-    first, second = (
-        (one.domain, one.kind, one.dtype.kind == "f", *one.shape[1:]) for one in (given, track)
-    )
-    return first == second
+def _is_comparable(original: TrackSource, track: ReelTrack) -> bool:
+    properties = [
+        (each.domain, each.kind, each.dtype.kind == "f", *each.shape[1:])
+        for each in (original, track)
+    ]
+    return properties[0] == properties[1]

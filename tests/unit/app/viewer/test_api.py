@@ -1,4 +1,4 @@
-"""What the page asks for, and what it is told."""
+"""Data that the player page requests."""
 
 import json
 from dataclasses import replace
@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meshreel.app.viewer import played
+from meshreel.app.viewer import playable
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.errors import InvalidInputError
@@ -23,113 +23,112 @@ KEYS = [
 ]  # fmt: skip
 
 
-def asked(api, path):
-    """The answer to a path, of JSON."""
+def get_json(api, path):
     answer = api.answer(path)
     assert answer.content_type == "application/json"
     return json.loads(answer.body)
 
 
-def test_facts_are_those_of_the_file_when_they_are_asked_for():
+def test_facts_describe_the_file():
     with opened_api(quad_sheet(6)) as api:
-        told = asked(api, "api/facts")
+        facts = get_json(api, "api/facts")
         info = api.reel.info()
-    assert list(told) == KEYS
-    assert (told["name"], told["is_whole"]) == ("sheet", True)
-    assert told["n_modes"] == list(info.n_modes)
-    assert told["rows"] == [["size", "6 kB"]]
-    assert sum(size for _, size in told["budget"]) == info.size_bytes
-    assert told["original"] is None
+    assert list(facts) == KEYS
+    assert (facts["name"], facts["is_whole"]) == ("sheet", True)
+    assert facts["n_modes"] == list(info.n_modes)
+    assert facts["rows"] == [["size", "6 kB"]]
+    assert sum(size for _, size in facts["budget"]) == info.size_bytes
+    assert facts["original"] is None
 
 
-def test_name_is_that_of_the_file_when_the_stream_has_none():
+def test_name_is_that_of_the_file_when_the_stream_has_no_name():
     with opened_api(replace(waving_grid(3), name="")) as api:
-        assert asked(api, "api/facts")["name"] == "file"
+        assert get_json(api, "api/facts")["name"] == "file"
 
 
 @pytest.mark.parametrize("block_frames", [None, 4])
-def test_box_holds_all_frames_when_they_are_in_one_block_or_several(block_frames):
+def test_box_contains_all_frames_with_one_block_or_several(block_frames):
     grid = waving_grid(12, dtype=np.float64)
     with opened_api(grid, encoding={"block_frames": block_frames, "max_error": 0.01}) as api:
-        told, diagonal = asked(api, "api/facts"), api.reel.frame.scale
-        low, high = np.array(told["low"]), np.array(told["high"])
+        facts, diagonal = get_json(api, "api/facts"), api.reel.frame.scale
+        low, high = np.array(facts["low"]), np.array(facts["high"])
     slack = 0.001 * diagonal if block_frames is None else 0.1 * diagonal
     np.testing.assert_allclose(low, grid.vertices.min(axis=(0, 1)), atol=slack)
     np.testing.assert_allclose(high, grid.vertices.max(axis=(0, 1)), atol=slack)
     assert np.linalg.norm(high - low) == pytest.approx(diagonal, rel=0.01)
 
 
-def test_swept_points_are_the_outermost_of_all_frames_when_there_is_one_block():
+def test_swept_points_are_extreme_in_all_frames_when_there_is_one_block():
     grid = waving_grid(12, dtype=np.float64)
     with opened_api(grid, encoding={"max_error": 0.01}) as api:
-        told, origin = asked(api, "api/facts"), np.array(api.reel.frame.origin)
+        facts, origin = get_json(api, "api/facts"), np.array(api.reel.frame.origin)
         diagonal = api.reel.frame.scale
-    swept = np.array(told["swept"]) + origin
+    swept = np.array(facts["swept"]) + origin
     for direction in ([1, 0, 0], [0, -1, 0], [1, 1, 0], [-1, 1, 1], [1, -1, 1]):
         farthest = (grid.vertices @ direction).max()
         assert (swept @ direction).max() == pytest.approx(farthest, abs=1e-3 * diagonal)
 
 
-def test_swept_points_are_of_what_is_drawn_when_a_vertex_has_no_face():
+def test_swept_points_ignore_vertices_without_faces():
     grid = waving_grid(3, dtype=np.float64)
     away = np.full((3, 1, 3), 50.0)
-    lonely = replace(grid, vertices=np.concatenate([grid.vertices, away], axis=1))
-    with opened_api(lonely, encoding={"step": 1e-6}) as api:
-        told, origin = asked(api, "api/facts"), np.array(api.reel.frame.origin)
-    swept = np.array(told["swept"]) + origin
+    isolated = replace(grid, vertices=np.concatenate([grid.vertices, away], axis=1))
+    with opened_api(isolated, encoding={"step": 1e-6}) as api:
+        facts, origin = get_json(api, "api/facts"), np.array(api.reel.frame.origin)
+    swept = np.array(facts["swept"]) + origin
     assert swept.max() < 1.1 * grid.vertices.max()
 
 
-def test_original_is_told_frame_by_frame_when_there_is_one():
+def test_frames_of_the_original_are_answered_when_there_is_one():
     grid = waving_grid(5)
     with opened_api(grid, grid, encoding={"quality": 40}) as api:
-        told = asked(api, "api/facts")
+        facts = get_json(api, "api/facts")
         positions = np.frombuffer(api.answer("api/original/3").body, "<f4").reshape(-1, 3)
-        centre = np.array(api.reel.frame.origin)
-    np.testing.assert_allclose(positions + centre, grid.vertices[3], atol=1e-6)
-    assert told["original"]["name"] == "grid"
-    assert [heat["kind"] for heat in told["original"]["heats"]] == list(HEATS)
-    assert (told["original"]["plots"], told["original"]["rows"]) == ([], [])
+        center = np.array(api.reel.frame.origin)
+    np.testing.assert_allclose(positions + center, grid.vertices[3], atol=1e-6)
+    assert facts["original"]["name"] == "grid"
+    assert [heat["kind"] for heat in facts["original"]["heats"]] == list(HEATS)
+    assert (facts["original"]["plots"], facts["original"]["rows"]) == ([], [])
 
 
 @pytest.mark.parametrize("method", ["pca-qp", "lossless"])
-def test_stream_is_encoded_anew_when_it_is_of_another_method_or_too_long(method, monkeypatch):
-    monkeypatch.setattr(played, "MOST_EXACT_POSITIONS", 4 * 99 - 1)
+def test_stream_is_reencoded_when_its_method_is_unsupported_or_it_is_too_long(method, monkeypatch):
+    monkeypatch.setattr(playable, "MAX_EXACT_POSITIONS", 4 * 99 - 1)
     grid = waving_grid(4)
     far = MeshSequence(grid.vertices + np.float32(3e4), grid.faces, grid.fps)
     grid = far if method == "lossless" else grid
     with opened_api(grid, encoding={"method": method}) as api:
         assert api.is_reencoded
         assert api.reel.info().method == "reel"
-        told = asked(api, "api/facts")
+        facts = get_json(api, "api/facts")
         decoded = decode(encode(grid, method))
-        off = np.linalg.norm(api.reel[:] - decoded.vertices, axis=2).max()
-        assert off < 1.01e-5 * api.reel.frame.scale
-    assert "encoded anew as reel" in dict(told["rows"])["shown"]
+        error = np.linalg.norm(api.reel[:] - decoded.vertices, axis=2).max()
+        assert error < 1.01e-5 * api.reel.frame.scale
+    assert "re-encoded as reel" in dict(facts["rows"])["shown"]
 
 
-def test_plots_are_told_when_all_frames_are_measured():
+def test_plots_cover_all_frames_when_all_are_measured():
     grid = waving_grid(5)
     options = {"encoding": {"quality": 40}, "measured_rows": lambda measured: {"KG": "1 %"}}
     with opened_api(grid, grid, **options) as api:
-        assert asked(api, "api/plots")["ready"] is False
+        assert get_json(api, "api/plots")["ready"] is False
         api.measuring.run()
-        told = asked(api, "api/plots")
-        assert asked(api, "api/facts")["original"]["plots"] == told["plots"]
-    assert (told["ready"], told["share"], told["error"]) == (True, 1.0, "")
-    assert told["rows"] == [["KG", "1 %"]]
-    assert [len(plot["values"]) for plot in told["plots"]] == [5, 5]
+        facts = get_json(api, "api/plots")
+        assert get_json(api, "api/facts")["original"]["plots"] == facts["plots"]
+    assert (facts["ready"], facts["share"], facts["error"]) == (True, 1.0, "")
+    assert facts["rows"] == [["KG", "1 %"]]
+    assert [len(plot["values"]) for plot in facts["plots"]] == [5, 5]
 
 
-def test_worst_frame_is_that_of_the_largest_error_when_all_are_measured():
+def test_worst_frame_has_the_largest_error_when_all_are_measured():
     grid = waving_grid(5, dtype=np.float64)
     other = grid.vertices.copy()
     other[3, 7] += 0.3
     with opened_api(grid, replace(grid, vertices=other), encoding={"step": 1e-6}) as api:
-        assert asked(api, "api/plots")["worst_frame"] is None
+        assert get_json(api, "api/plots")["worst_frame"] is None
         api.measuring.run()
-        assert asked(api, "api/plots")["worst_frame"] == 3
-        assert asked(api, "api/facts")["original"]["worst_frame"] == 3
+        assert get_json(api, "api/plots")["worst_frame"] == 3
+        assert get_json(api, "api/facts")["original"]["worst_frame"] == 3
 
 
 @pytest.mark.parametrize(
@@ -141,36 +140,35 @@ def test_worst_frame_is_that_of_the_largest_error_when_all_are_measured():
         "api/../page", "api/original/0\n",
     ],
 )  # fmt: skip
-def test_nothing_is_told_when_the_path_names_nothing(path):
+def test_answer_is_none_when_the_path_is_unknown(path):
     grid = waving_grid(5)
     with opened_api(grid, grid) as api:
         assert api.answer(path) is None
 
 
 @pytest.mark.parametrize("path", ["api/original/0", "api/plots"])
-def test_nothing_is_told_of_an_original_when_there_is_none(path):
+def test_answer_is_none_for_an_original_when_there_is_none(path):
     with opened_api(waving_grid(2)) as api:
         assert api.answer(path) is None
 
 
 @pytest.mark.parametrize("size", [1e-200, 1e200])
-def test_a_model_is_refused_when_it_cannot_be_drawn(size):
+def test_model_is_rejected_when_it_is_too_large_or_small_to_draw(size):
     grid = waving_grid(2, dtype=np.float64)
     data = encode(MeshSequence(grid.vertices * size, grid.faces))
-    with pytest.raises(InvalidInputError, match="player draws from 1e-30 to 1e\\+30: scale it"):
+    with pytest.raises(InvalidInputError, match="player draws from 1e-30 to 1e\\+30: scale"):
         opened_api(None, data=data).__enter__()
 
 
-def test_json_has_null_when_a_number_is_not_finite():
+def test_json_contains_null_for_numbers_that_are_not_finite():
     with opened_api(waving_grid(2)) as api:
-        nothing, everything = np.full(3, np.nan), np.full(3, np.inf)
-        api._reach = replace(api._reach, low=nothing, high=everything)
-        told = asked(api, "api/facts")
-    assert (told["low"], told["high"]) == ([None] * 3, [None] * 3)
+        api._region = replace(api._region, low=np.full(3, np.nan), high=np.full(3, np.inf))
+        facts = get_json(api, "api/facts")
+    assert (facts["low"], facts["high"]) == ([None] * 3, [None] * 3)
 
 
 def with_tracks(grid):
-    """The grid with a track of vertices, one of faces, one that is exact, and one of its own."""
+    """Return the grid with a vertex track, a face track and an exact integer track."""
     height = grid.vertices[:, :, 2].astype(np.float32)
     heat = grid.vertices[:, grid.faces, 0].mean(axis=2).astype(np.float32)
     tracks = {
@@ -181,22 +179,22 @@ def with_tracks(grid):
     return replace(grid, tracks=tracks)
 
 
-def test_track_that_the_page_opens_with_is_told():
+def test_facts_contain_the_look_of_the_initial_track():
     grid = with_tracks(waving_grid(4))
     with opened_api(grid, look=TrackLook("height", range="0:1")) as api:
-        wanted = {"track": "height", "component": None, "range": "0:1", "colormap": None}
-        assert asked(api, "api/facts")["colored_by"] == wanted
+        expected = {"track": "height", "component": None, "range": "0:1", "colormap": None}
+        assert get_json(api, "api/facts")["colored_by"] == expected
     with opened_api(grid) as api:
-        assert asked(api, "api/facts")["colored_by"] is None
+        assert get_json(api, "api/facts")["colored_by"] is None
     unknown = pytest.raises(InvalidInputError, match="no track 'hight'; choose height, heat")
     with unknown, opened_api(grid, look=TrackLook("hight")):
         pass
 
 
-def test_tracks_of_the_original_are_told_when_there_is_one():
+def test_facts_contain_tracks_of_the_original_when_there_is_one():
     grid = with_tracks(waving_grid(4))
     with opened_api(grid, grid, encoding={"tracks": {"height": "5%", "heat": "3%"}}) as api:
-        told = asked(api, "api/facts")["original"]
+        facts = get_json(api, "api/facts")["original"]
         bound = api.reel.track("height").promised_error
         values = [
             np.frombuffer(api.answer(f"api/original_track/{i}/2").body, "<f8" if i == 2 else "<f4")
@@ -204,51 +202,51 @@ def test_tracks_of_the_original_are_told_when_there_is_one():
         ]
         assert api.answer("api/original_track/3/0") is None
         assert api.answer("api/original_track/0/4") is None
-    assert told["tracks"] == ["height", "heat", "part"]
-    assert [heat["kind"] for heat in told["track_heats"]] == ["track 0", "track 1"]
-    assert [heat["track"] for heat in told["track_heats"]] == ["height", "heat"]
-    first = told["track_heats"][0]
-    assert first["label"].startswith("error of height, up to ")
+    assert facts["tracks"] == ["height", "heat", "part"]
+    assert [heat["kind"] for heat in facts["track_heats"]] == ["track 0", "track 1"]
+    assert [heat["track"] for heat in facts["track_heats"]] == ["height", "heat"]
+    first = facts["track_heats"][0]
+    assert first["label"].startswith("error of height, at most ")
     assert (first["unit"], first["range"]) == ("m", bound)
-    for name, found in zip(told["tracks"], values, strict=True):
-        np.testing.assert_array_equal(found, grid.tracks[name].values[2].ravel())
+    for name, answer in zip(facts["tracks"], values, strict=True):
+        np.testing.assert_array_equal(answer, grid.tracks[name].values[2].ravel())
 
 
-def test_tracks_of_the_original_follow_vertices_when_the_order_is_dropped():
+def test_tracks_of_the_original_have_the_decoded_vertex_order_when_the_order_is_dropped():
     grid = replace(with_tracks(waving_grid(4)), tracks={})
     height = Track(grid.vertices[:, :, 2].astype(np.float32))
     grid = replace(grid, tracks={"height": height})
     with opened_api(grid, grid, encoding={"order": "drop"}) as api:
-        given = np.frombuffer(api.answer("api/original_track/0/3").body, "<f4")
-        errors = np.abs(given - api.reel.track("height")[3].ravel())
+        original = np.frombuffer(api.answer("api/original_track/0/3").body, "<f4")
+        errors = np.abs(original - api.reel.track("height")[3].ravel())
         bound = api.reel.track("height").promised_error
     assert 0 < errors.max() <= bound
 
 
-def test_tracks_are_not_compared_when_they_are_of_another_kind():
+def test_tracks_are_not_compared_when_their_kinds_differ():
     grid = with_tracks(waving_grid(4))
     height = grid.tracks["height"].values
     others = {"height": Track(height, kind="other"), "heat": height, "part": height}
     with opened_api(grid, replace(grid, tracks=others)) as api:
-        told = asked(api, "api/facts")["original"]
-        assert (told["tracks"], told["track_heats"]) == ([], [])
+        facts = get_json(api, "api/facts")["original"]
+        assert (facts["tracks"], facts["track_heats"]) == ([], [])
         assert api.answer("api/original_track/0/0") is None
 
 
 @pytest.mark.parametrize("encoding", [{"method": "lossless"}, {"method": "grid", "max_error": 1}])
-def test_stream_is_played_as_it_is_when_its_positions_are_exact(encoding):
+def test_stream_is_played_unchanged_when_its_positions_are_exact(encoding):
     grid = waving_grid(4)
     data = encode(grid, **encoding)
     with opened_api(grid, data=data) as api:
         assert not api.is_reencoded
         assert api.reel.stored(0, api.reel.size_bytes) == data
-        told = asked(api, "api/facts")
-    assert "shown" not in dict(told["rows"])
-    assert told["n_modes"] == [0]
+        facts = get_json(api, "api/facts")
+    assert "shown" not in dict(facts["rows"])
+    assert facts["n_modes"] == [0]
 
 
-def test_tracks_of_a_lossless_file_are_exact_when_it_is_encoded_anew(monkeypatch):
-    monkeypatch.setattr(played, "MOST_EXACT_POSITIONS", 0)
+def test_tracks_of_a_lossless_file_are_exact_when_it_is_reencoded(monkeypatch):
+    monkeypatch.setattr(playable, "MAX_EXACT_POSITIONS", 0)
     grid = with_tracks(waving_grid(4))
     with opened_api(grid, encoding={"lossless": True}, look=TrackLook("heat")) as api:
         assert api.is_reencoded

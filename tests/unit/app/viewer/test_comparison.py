@@ -1,4 +1,4 @@
-"""A file beside its original: vertices matched, errors of frames and of all."""
+"""Comparison of a file and its original: vertex matching and errors."""
 
 from dataclasses import replace
 from io import BytesIO
@@ -22,15 +22,15 @@ from samples.meshes import irregular_sequence, waving_grid
 
 
 def shuffled_grid(n_frames=6):
-    """A sheet whose vertices and faces come in no order."""
+    """Return a sheet with shuffled vertices and faces."""
     grid, rng = waving_grid(n_frames, dtype=np.float64), np.random.default_rng(1)
-    places = rng.permutation(grid.n_verts)
-    return MeshSequence(grid.vertices[:, np.argsort(places)], rng.permutation(places[grid.faces]))
+    order = rng.permutation(grid.n_verts)
+    return MeshSequence(grid.vertices[:, np.argsort(order)], rng.permutation(order[grid.faces]))
 
 
 @pytest.fixture
 def opened():
-    """Opens streams, and closes them."""
+    """Function that opens a stream until the end of the test."""
     reels = []
 
     def open_stream(data):
@@ -43,7 +43,7 @@ def opened():
 
 
 @pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
-def test_original_comes_in_the_order_of_the_file_whatever_that_is(order, opened):
+def test_original_has_the_vertex_order_of_the_file(order, opened):
     sequence = shuffled_grid()
     reel = opened(encode(sequence, order=order, max_error=0.05))
     original, diagonal = Original(sequence, reel), reel.frame.scale
@@ -52,7 +52,7 @@ def test_original_comes_in_the_order_of_the_file_whatever_that_is(order, opened)
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         (lambda grid: waving_grid(7), "the original has 7 frames and the file 6"),
         (lambda grid: waving_grid(6, 8, 11), "the original has 88 vertices and the file 99"),
@@ -67,14 +67,14 @@ def test_original_comes_in_the_order_of_the_file_whatever_that_is(order, opened)
     ],
 )
 @pytest.mark.parametrize("order", ["keep", "drop"])
-def test_original_is_refused_when_it_is_another_mesh(change, told, order, opened):
+def test_original_is_rejected_when_it_is_another_mesh(change, message, order, opened):
     grid = waving_grid(6)
     reel = opened(encode(grid, order=order))
-    with pytest.raises(InvalidInputError, match=told):
+    with pytest.raises(InvalidInputError, match=message):
         Original(change(grid), reel)
 
 
-def test_original_may_be_longer_only_when_the_file_is_cut_off(opened):
+def test_original_may_be_longer_only_when_the_file_is_truncated(opened):
     sequence = irregular_sequence(11)
     data = encode(sequence, block_frames=4)
     assert opened(data[:-200]).n_frames == 8
@@ -84,7 +84,7 @@ def test_original_may_be_longer_only_when_the_file_is_cut_off(opened):
         Original(replace(sequence, vertices=sequence.vertices[:8]), opened(data))
 
 
-def test_measuring_finds_what_compare_finds_when_all_frames_are_done(opened):
+def test_measured_errors_equal_those_of_compare(opened):
     sequence = waving_grid(12)
     data = encode(sequence, quality=40)
     comparison = Comparison(opened(data), Original(sequence, opened(data)))
@@ -102,7 +102,7 @@ def test_measuring_finds_what_compare_finds_when_all_frames_are_done(opened):
     assert max(figures.largest_percent) == pytest.approx(expected.max_error_percent)
 
 
-def test_spatial_sted_leaves_out_vertices_when_they_have_no_edge(opened):
+def test_spatial_sted_ignores_vertices_without_edges(opened):
     sequence = irregular_sequence(6)
     data = encode(sequence, quality=30)
     measuring = Measuring(Comparison(opened(data), Original(sequence, opened(data))))
@@ -111,7 +111,7 @@ def test_spatial_sted_leaves_out_vertices_when_they_have_no_edge(opened):
     assert measuring.figures.measured.sted_spatial == pytest.approx(expected)
 
 
-def test_ranges_are_of_all_frames_when_they_are_measured(opened):
+def test_ranges_cover_all_frames_when_all_are_measured(opened):
     sequence = waving_grid(12)
     data = encode(sequence, quality=40)
     comparison = Comparison(opened(data), Original(sequence, opened(data)))
@@ -127,7 +127,7 @@ def test_ranges_are_of_all_frames_when_they_are_measured(opened):
         assert heat["range"] <= heat["maximum"]
 
 
-def test_measuring_tells_its_error_when_a_block_is_damaged(opened, monkeypatch):
+def test_measuring_stores_the_error_when_a_block_is_damaged(opened, monkeypatch):
     sequence = waving_grid(12)
     data = encode(sequence, block_frames=4)
     reel = opened(data)
@@ -144,7 +144,7 @@ def test_measuring_tells_its_error_when_a_block_is_damaged(opened, monkeypatch):
     measuring.close()
 
 
-def test_measuring_stops_at_once_when_it_is_closed(opened):
+def test_measuring_stops_immediately_when_closed(opened):
     sequence = waving_grid(12)
     reel = opened(encode(sequence))
     measuring = Measuring(Comparison(reel, Original(sequence, reel)))
@@ -165,7 +165,7 @@ def test_heat_is_finite_when_the_model_is_a_point(opened):
 
 
 @pytest.mark.parametrize("place", [(0, 3), (5, 0), (11, 98)])
-def test_errors_of_tracks_without_a_promise_are_those_of_frames_at_both_ends(opened, place):
+def test_errors_of_tracks_without_a_bound_are_sampled_up_to_both_ends(opened, place):
     grid = waving_grid(12)
     values = np.zeros((12, 99))
     sequence = replace(grid, tracks={"heat": Track(values, unit="K")})
@@ -173,6 +173,6 @@ def test_errors_of_tracks_without_a_promise_are_those_of_frames_at_both_ends(ope
     reel.tracks["heat"].promised_error = None  # as of a live recording
     values[place] = 7.0
     original = Original(replace(grid, tracks={"heat": Track(values, unit="K")}), reel)
-    [told] = TrackComparison(reel, original).described()
-    assert told["maximum"] == (7.0 if place[0] in (0, 5, 11) else 0.0)
-    assert (told["label"], told["unit"]) == ("error of heat", "K")
+    [heat] = TrackComparison(reel, original).described()
+    assert heat["maximum"] == (7.0 if place[0] in (0, 5, 11) else 0.0)
+    assert (heat["label"], heat["unit"]) == ("error of heat", "K")

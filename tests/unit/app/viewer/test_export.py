@@ -1,4 +1,4 @@
-"""A player as one file, or as several."""
+"""Exported players, as one file or several."""
 
 import json
 from dataclasses import replace
@@ -18,53 +18,51 @@ from samples.players import PAGE, carried, opened_api
 
 
 def exported(path, sequence, original=None, **options):
-    """Sizes, what the page carries, and what the server would tell."""
+    """Return the sizes, the data of the page, and the facts that the server would send."""
     with opened_api(sequence, original, **options) as api:
         sizes = export_page(api, path, page=PAGE)
         facts = json.loads(json.dumps(api.facts()))
     return sizes, carried(path.read_text()), facts
 
 
-def test_page_carries_the_stream_and_its_facts_when_it_is_exported(tmp_path):
+def test_page_contains_the_stream_and_its_facts(tmp_path):
     grid = waving_grid(9)
-    data = encode(grid, block_frames=4)
-    sizes, found, facts = exported(tmp_path / "p.html", grid, data=data)
-    assert found == {"facts": facts, "stream": data}
+    stream = encode(grid, block_frames=4)
+    sizes, data, facts = exported(tmp_path / "p.html", grid, data=stream)
+    assert data == {"facts": facts, "stream": stream}
     assert list(sizes) == ["player", "animation"]
     assert sum(sizes.values()) == (tmp_path / "p.html").stat().st_size
 
 
-def test_page_carries_the_original_when_there_is_one(tmp_path):
+def test_page_contains_the_original_when_there_is_one(tmp_path):
     grid = waving_grid(5)
     options = {"encoding": {"quality": 40}, "measured_rows": lambda _: {"KG": "1 %"}}
-    sizes, found, facts = exported(tmp_path / "p.html", grid, grid, **options)
-    told = found["facts"]["original"]
-    assert told["rows"] == [["KG", "1 %"]]
-    assert len(told["plots"][0]["values"]) == 5
+    sizes, data, facts = exported(tmp_path / "p.html", grid, grid, **options)
+    comparison = data["facts"]["original"]
+    assert comparison["rows"] == [["KG", "1 %"]]
+    assert len(comparison["plots"][0]["values"]) == 5
     assert sizes["original"] > 0
-    original = decode(found["original"])
+    original = decode(data["original"])
     np.testing.assert_array_equal(original.faces, grid.faces)
-    (shown,) = (heat for heat in told["heats"] if heat["kind"] == "distance")
-    off = np.linalg.norm(original.vertices - grid.vertices, axis=2).max()
-    assert (
-        off
-        <= shown["range"] / 20 / 100 * np.linalg.norm(np.ptp(grid.vertices, axis=(0, 1))) * 1.001
-    )
-    assert facts["original"] == told
+    (distance,) = (heat for heat in comparison["heats"] if heat["kind"] == "distance")
+    error = np.linalg.norm(original.vertices - grid.vertices, axis=2).max()
+    diagonal = np.linalg.norm(np.ptp(grid.vertices, axis=(0, 1)))
+    assert error <= 1.001 * distance["range"] / 20 / 100 * diagonal
+    assert facts["original"] == comparison
 
 
-def test_original_is_in_the_order_of_the_file_when_that_was_dropped(tmp_path):
+def test_original_has_the_vertex_order_of_the_file_when_the_order_is_dropped(tmp_path):
     grid = waving_grid(3)
     encoding = {"order": "drop", "max_error": 0.01}
-    _, found, _ = exported(tmp_path / "p.html", grid, grid, encoding=encoding)
-    original, stream = decode(found["original"]), decode(found["stream"])
+    _, data, _ = exported(tmp_path / "p.html", grid, grid, encoding=encoding)
+    original, stream = decode(data["original"]), decode(data["stream"])
     np.testing.assert_array_equal(original.faces, stream.faces)
     assert np.abs(original.vertices - stream.vertices).max() < 2e-4 * np.linalg.norm(
         np.ptp(grid.vertices, axis=(0, 1))
     )
 
 
-def test_a_file_is_kept_when_it_is_there_already(tmp_path):
+def test_existing_page_is_replaced_only_with_overwrite(tmp_path):
     (tmp_path / "p.html").write_text("mine")
     with opened_api(waving_grid(2)) as api:
         with pytest.raises(InvalidInputError, match="already exists"):
@@ -74,17 +72,17 @@ def test_a_file_is_kept_when_it_is_there_already(tmp_path):
     assert "MESHREEL" in (tmp_path / "p.html").read_text()
 
 
-def test_original_is_refused_when_it_would_be_too_large(tmp_path, monkeypatch):
-    monkeypatch.setattr(export, "MOST_ORIGINAL_BYTES", 1000)
+def test_original_is_rejected_when_it_is_too_large(tmp_path, monkeypatch):
+    monkeypatch.setattr(export, "MAX_ORIGINAL_BYTES", 1000)
     grid = waving_grid(5)
-    told = r"0\.0 GB of positions, too many for a page; leave --original out"
-    with opened_api(grid, grid) as api, pytest.raises(InvalidInputError, match=told):
+    message = r"0\.0 GB of positions, too many for a page; omit --original"
+    with opened_api(grid, grid) as api, pytest.raises(InvalidInputError, match=message):
         export_page(api, tmp_path / "p.html", page=PAGE)
     assert list(tmp_path.iterdir()) == []
 
 
 def with_tracks(grid, sign=1):
-    """The grid with a track of vertices, normals, one of faces that is exact, and integers."""
+    """Return the grid with tracks of heights, normals, exact face values and integers."""
     height = grid.vertices[:, :, 2].astype(np.float32)
     heat = grid.vertices[:, grid.faces, 0].mean(axis=2).astype(np.float32)
     normals = np.stack([np.cos(height), np.sin(height), 0 * height], axis=-1)
@@ -100,53 +98,53 @@ def with_tracks(grid, sign=1):
 ENCODING = {"tracks": {"height": "5%", "heat": "exact"}}
 
 
-def test_tracks_of_the_original_go_along_as_near_as_maps_of_their_errors_need(tmp_path):
+def test_page_contains_original_tracks_as_precise_as_their_error_maps_need(tmp_path):
     grid = with_tracks(waving_grid(5))
-    sizes, found, facts = exported(tmp_path / "p.html", grid, grid, encoding=ENCODING)
-    original = decode(found["original"])
-    assert list(original.tracks) == ["height", "normals"]  # others are the same in the file
-    assert found["facts"]["original"]["tracks"] == ["height", "normals", "heat", "part"]
-    assert found["facts"]["original"] == facts["original"]
+    sizes, data, facts = exported(tmp_path / "p.html", grid, grid, encoding=ENCODING)
+    original = decode(data["original"])
+    assert list(original.tracks) == ["height", "normals"]  # the others are equal in the file
+    assert data["facts"]["original"]["tracks"] == ["height", "normals", "heat", "part"]
+    assert data["facts"]["original"] == facts["original"]
     ranges = [heat["range"] for heat in facts["original"]["track_heats"]]
-    off = np.abs(original.tracks["height"].values - grid.tracks["height"].values).max()
-    assert 0 < off <= ranges[0] / 20
+    error = np.abs(original.tracks["height"].values - grid.tracks["height"].values).max()
+    assert 0 < error <= ranges[0] / 20
     chords = original.tracks["normals"].values - grid.tracks["normals"].values
     assert np.linalg.norm(chords, axis=2).max() <= 1.01 * np.radians(ranges[1] / 20)
     assert sizes["tracks of the original"] > 0
     assert sum(sizes.values()) == (tmp_path / "p.html").stat().st_size
 
 
-def test_exact_tracks_of_the_original_go_along_when_they_differ(tmp_path):
+def test_page_contains_exact_tracks_of_the_original_when_they_differ(tmp_path):
     grid, other = (with_tracks(waving_grid(5), sign) for sign in (1, -1))
-    _, found, _ = exported(tmp_path / "p.html", grid, other, encoding=ENCODING)
-    original = decode(found["original"])
+    _, data, _ = exported(tmp_path / "p.html", grid, other, encoding=ENCODING)
+    original = decode(data["original"])
     for name in ("heat", "part"):
         np.testing.assert_array_equal(original.tracks[name].values, other.tracks[name].values)
 
 
-def test_tracks_of_polygons_go_along(tmp_path):
+def test_page_contains_polygon_tracks_of_the_original(tmp_path):
     sheet = quad_sheet(3)
     heat = np.random.default_rng(0).random((3, sheet.surface.n_faces(sheet.n_faces)))
     sheet = replace(sheet, tracks={"heat": Track(heat.astype(np.float32), domain="face")})
-    _, found, _ = exported(tmp_path / "p.html", sheet, sheet)
-    assert decode(found["original"]).tracks["heat"].shape == (3, heat.shape[1], 1)
+    _, data, _ = exported(tmp_path / "p.html", sheet, sheet)
+    assert decode(data["original"]).tracks["heat"].shape == (3, heat.shape[1], 1)
 
 
-def test_tracks_are_left_out_and_named_when_there_is_no_room(tmp_path, monkeypatch):
+def test_tracks_are_left_out_with_a_note_when_they_exceed_the_limit(tmp_path, monkeypatch):
     grid = with_tracks(waving_grid(5))
-    room = 24 * 5 * grid.n_verts + 4 * 5 * grid.n_verts
-    monkeypatch.setattr(export, "MOST_ORIGINAL_BYTES", room)
+    limit_bytes = 24 * 5 * grid.n_verts + 4 * 5 * grid.n_verts
+    monkeypatch.setattr(export, "MAX_ORIGINAL_BYTES", limit_bytes)
     notes = []
     with opened_api(grid, grid, encoding=ENCODING) as api:
         export_page(api, tmp_path / "p.html", page=PAGE, notes=notes)
-    told = carried((tmp_path / "p.html").read_text())["facts"]["original"]
-    assert told["tracks"] == ["height", "heat", "part"]
-    assert [heat["track"] for heat in told["track_heats"]] == ["height"]
-    assert notes == ["tracks of the original too large for a page, and left out: normals"]
+    comparison = carried((tmp_path / "p.html").read_text())["facts"]["original"]
+    assert comparison["tracks"] == ["height", "heat", "part"]
+    assert [heat["track"] for heat in comparison["track_heats"]] == ["height"]
+    assert notes == ["left out: tracks of the original, too large for a page: normals"]
 
 
 @pytest.mark.parametrize("is_split", [False, True])
-def test_texture_goes_along_when_there_is_one(tmp_path, is_split):
+def test_exported_player_includes_the_texture(tmp_path, is_split):
     picture = tmp_path / "in" / "skin.webm"
     picture.parent.mkdir()
     picture.write_bytes(b"moving picture")
@@ -168,7 +166,7 @@ def test_texture_goes_along_when_there_is_one(tmp_path, is_split):
     assert sum(sizes.values()) == sum(path.stat().st_size for path in out.iterdir())
 
 
-def test_names_come_from_the_page_when_the_stream_is_split(tmp_path):
+def test_stream_is_named_after_the_page_when_it_is_a_separate_file(tmp_path):
     with opened_api(replace(waving_grid(2), name="")) as api:
         export_page(api, tmp_path / "index.html", page=PAGE, split=True)
     names = sorted(path.name for path in tmp_path.iterdir())

@@ -1,4 +1,4 @@
-"""The page of the package, and the forms in which it goes out."""
+"""The built player page, served and exported."""
 
 import base64
 import re
@@ -21,7 +21,7 @@ PAGE_FOLDER = "src/meshreel/app/viewer/page"
 
 
 @pytest.mark.slow
-def test_page_in_the_repository_is_what_its_sources_build(tmp_path):
+def test_page_in_the_repository_equals_a_new_build(tmp_path):
     built_package()
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     if f"ziglang=={version('ziglang')}" not in project["optional-dependencies"]["core"]:
@@ -31,22 +31,22 @@ def test_page_in_the_repository_is_what_its_sources_build(tmp_path):
     npm(["npm", "run", "build", "--", str(tmp_path)])
     for name in ["index.html", SCRIPT_NAME]:
         is_equal = (tmp_path / name).read_bytes() == (ROOT / PAGE_FOLDER / name).read_bytes()
-        assert is_equal, f"{name} is older than its sources: build it as web/README.md says"
+        assert is_equal, f"{name} is older than its sources: rebuild it (web/README.md)"
 
 
-def test_licence_of_three_js_is_in_the_page_and_in_its_script():
+def test_page_and_script_contain_the_license_of_three_js():
     page = built_page()
     pages = [page.served, page.split({}), page.whole({}), page.script]
     notices = ["three.js authors", "Permission is hereby granted, free of charge"]
     assert all(notice in text for text in pages for notice in notices)
 
 
-def test_page_and_script_are_read_when_they_are_there(tmp_path):
+def test_built_page_reads_page_and_script(tmp_path):
     assert built_page(write_page(tmp_path / "page")) == PAGE
 
 
 @pytest.mark.parametrize("missing", ["index.html", "player.js"])
-def test_error_says_how_to_get_the_page_when_it_is_missing(tmp_path, missing):
+def test_error_says_how_to_get_the_page_when_a_file_is_missing(tmp_path, missing):
     folder = write_page(tmp_path / "page")
     (folder / missing).unlink()
     with pytest.raises(InvalidInputError, match=r"is missing.*reinstall.*web/README"):
@@ -54,19 +54,19 @@ def test_error_says_how_to_get_the_page_when_it_is_missing(tmp_path, missing):
 
 
 @pytest.mark.parametrize("html", ["<html></html>", "<!--meshreel-data-->", "<!--script-->"])
-def test_page_is_refused_when_it_has_no_place_for_something(html):
-    with pytest.raises(InvalidInputError, match="has no place for data; build it anew"):
+def test_page_is_rejected_when_it_lacks_a_placeholder(html):
+    with pytest.raises(InvalidInputError, match="has no placeholder for data; rebuild it"):
         Page(html, "")
 
 
-def test_script_is_beside_the_page_when_it_is_served():
+def test_served_page_references_the_script():
     assert PAGE.served == (
         "<!doctype html><html><head><title>p</title></head>"
         '<body><script src="player.js"></script></body></html>'
     )
 
 
-def test_script_and_data_are_inside_the_page_when_it_is_whole():
+def test_whole_page_contains_script_and_data():
     html = PAGE.whole({"a": {"b": [1.5, float("nan")]}})
     packed = re.search(r'<script id="packed" type="text/plain">([^<]*)</script>', html)[1]
     assert zlib.decompress(base64.b64decode(packed), -15).decode() == PAGE.script
@@ -74,7 +74,7 @@ def test_script_and_data_are_inside_the_page_when_it_is_whole():
 
 
 @pytest.mark.parametrize("form", ["whole", "split"])
-def test_data_cannot_end_their_script_when_they_try(form):
+def test_data_cannot_close_their_script_element(form):
     name = "</script><script>alert(1)</script>\u2028<!--"
     html = getattr(PAGE, form)({"facts": {"name": name}})
     assert "alert(1)</script>" not in html

@@ -1,4 +1,4 @@
-"""The server of a player: its routes, and what it makes of strangers."""
+"""Server of the player: paths, ranges, and foreign or malformed requests."""
 
 import http.client
 import json
@@ -41,17 +41,17 @@ def server(api):
 
 
 def ask(server, path, method="GET", body=None, **headers):
-    """Status, headers and body of an answer."""
+    """Return status, headers and body of an answer."""
     connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=10)
     connection.request(method, path, body, headers)
     answer = connection.getresponse()
-    found = answer.status, answer.headers, answer.read()
+    result = answer.status, answer.headers, answer.read()
     connection.close()
-    return found
+    return result
 
 
 def send(server, data, n_bytes=1 << 16):
-    """What comes back for bytes on a socket that says nothing more."""
+    """Send bytes, and return all bytes received."""
     with socket.create_connection(("127.0.0.1", server.server_port), timeout=10) as client:
         client.sendall(data)
         client.shutdown(socket.SHUT_WR)
@@ -62,20 +62,20 @@ def send(server, data, n_bytes=1 << 16):
 
 
 @pytest.mark.parametrize("path", ["/", "/index.html", "/?frame=3"])
-def test_page_is_served_with_a_policy_when_it_is_asked_for(server, path):
+def test_page_is_served_with_a_content_policy(server, path):
     status, headers, body = ask(server, path)
     assert (status, body.decode()) == (200, PAGE.served)
     assert headers["Content-Type"] == "text/html; charset=utf-8"
     assert "script-src 'self' 'wasm-unsafe-eval';" in headers["Content-Security-Policy"]
 
 
-def test_script_is_served_when_it_is_asked_for(server):
+def test_script_is_served(server):
     status, headers, body = ask(server, "/player.js")
     assert (status, body.decode()) == (200, PAGE.script)
     assert headers["Content-Type"] == "text/javascript; charset=utf-8"
 
 
-def test_answers_are_those_of_the_api_when_they_are_asked_for(server, api):
+def test_paths_of_the_api_are_answered(server, api):
     status, headers, body = ask(server, "/api/facts")
     assert (status, headers["Content-Type"]) == (200, "application/json")
     assert json.loads(body) == api.facts()
@@ -85,7 +85,7 @@ SIZE = len(encode(waving_grid(4)))
 
 
 @pytest.mark.parametrize(
-    ("wanted", "start", "stop"),
+    ("requested", "start", "stop"),
     [
         ("bytes=0-9", 0, 10),
         ("bytes=5-5", 5, 6),
@@ -95,35 +95,35 @@ SIZE = len(encode(waving_grid(4)))
         (f"bytes=3-{SIZE + 100}", 3, SIZE),
     ],
 )
-def test_part_of_the_stream_is_given_when_a_range_is_asked_for(server, wanted, start, stop):
-    status, headers, body = ask(server, "/stream.reel?x=1", Range=wanted)
+def test_requested_range_of_the_stream_is_sent(server, requested, start, stop):
+    status, headers, body = ask(server, "/stream.reel?x=1", Range=requested)
     assert (status, body) == (206, encode(waving_grid(4))[start:stop])
     assert headers["Content-Range"] == f"bytes {start}-{stop - 1}/{SIZE}"
     assert headers["ETag"] == server.version
 
 
-@pytest.mark.parametrize("wanted", ["bytes=9-5", "bytes=-", "bytes=0-1,4-5", "lines=1-2", "x", ""])
-def test_whole_stream_is_given_when_no_range_can_be_read(server, wanted):
-    status, headers, body = ask(server, "/stream.reel", Range=wanted)
+@pytest.mark.parametrize("invalid", ["bytes=9-5", "bytes=-", "bytes=0-1,4-5", "lines=1-2", "x", ""])
+def test_whole_stream_is_sent_when_the_range_is_invalid(server, invalid):
+    status, headers, body = ask(server, "/stream.reel", Range=invalid)
     assert (status, body) == (200, encode(waving_grid(4)))
     assert headers["Accept-Ranges"] == "bytes"
 
 
-def test_whole_stream_is_given_when_another_version_was_meant(server):
-    asked = {"Range": "bytes=0-9", "If-Range": '"other"'}
-    assert ask(server, "/stream.reel", **asked)[0] == 200
-    assert ask(server, "/stream.reel", **{**asked, "If-Range": server.version})[0] == 206
+def test_whole_stream_is_sent_when_if_range_names_another_version(server):
+    headers = {"Range": "bytes=0-9", "If-Range": '"other"'}
+    assert ask(server, "/stream.reel", **headers)[0] == 200
+    assert ask(server, "/stream.reel", **{**headers, "If-Range": server.version})[0] == 206
 
 
-@pytest.mark.parametrize("wanted", [f"bytes={SIZE}-", f"bytes={SIZE + 3}-{SIZE + 9}", "bytes=-0"])
-def test_nothing_is_given_when_a_range_lies_behind_the_end(server, wanted):
-    status, headers, body = ask(server, "/stream.reel", Range=wanted)
+@pytest.mark.parametrize("beyond", [f"bytes={SIZE}-", f"bytes={SIZE + 3}-{SIZE + 9}", "bytes=-0"])
+def test_range_is_rejected_when_it_is_beyond_the_end(server, beyond):
+    status, headers, body = ask(server, "/stream.reel", Range=beyond)
     assert (status, body) == (416, b"")
     assert headers["Content-Range"] == f"bytes */{SIZE}"
 
 
 @pytest.mark.parametrize("path", ["/", "/api/facts", "/nothing"])
-def test_answers_are_not_kept_nor_lent_to_other_pages_when_they_are_given(server, path):
+def test_answers_are_neither_cached_nor_shared_with_other_origins(server, path):
     headers = ask(server, path)[1]
     assert headers["Cache-Control"] == "no-store"
     assert headers["X-Content-Type-Options"] == "nosniff"
@@ -131,14 +131,14 @@ def test_answers_are_not_kept_nor_lent_to_other_pages_when_they_are_given(server
     assert "Access-Control-Allow-Origin" not in headers
 
 
-def test_head_gives_the_length_alone_when_it_is_asked(server):
+def test_head_sends_headers_only(server):
     status, headers, body = ask(server, "/stream.reel", "HEAD")
     assert (status, body) == (200, b"")
     assert int(headers["Content-Length"]) == len(ask(server, "/stream.reel")[2])
 
 
 @pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "PATCH", "OPTIONS"])
-def test_other_methods_are_refused_when_they_are_tried(server, method):
+def test_other_methods_are_rejected(server, method):
     status, headers, _ = ask(server, "/api/facts", method, body=b"x" * 100)
     assert (status, headers["Allow"]) == (405, "GET, HEAD")
 
@@ -152,7 +152,7 @@ def test_other_methods_are_refused_when_they_are_tried(server, method):
         "http://127.0.0.1/api/facts", "/" + "a" * 5000,
     ],
 )  # fmt: skip
-def test_nothing_is_found_when_the_path_is_not_one_of_its_own(server, path):
+def test_unknown_paths_are_not_found(server, path):
     status, headers, body = ask(server, path)
     assert (status, headers["Content-Type"]) == (404, "text/plain; charset=utf-8")
     assert b"root:" not in body
@@ -161,7 +161,7 @@ def test_nothing_is_found_when_the_path_is_not_one_of_its_own(server, path):
 @pytest.mark.parametrize(
     "host", ["127.0.0.1", "localhost:8000", "LOCALHOST", "[::1]:80", "127.0.0.1:1"]
 )
-def test_requests_are_answered_when_they_name_a_local_host(server, host):
+def test_requests_are_answered_when_the_host_is_local(server, host):
     assert ask(server, "/api/facts", Host=host)[0] == 200
 
 
@@ -172,16 +172,16 @@ def test_requests_are_answered_when_they_name_a_local_host(server, host):
         "[::1", "evil.example@127.0.0.1.example", "0.0.0.0", "[::2]",
     ],
 )  # fmt: skip
-def test_requests_are_refused_when_they_name_another_host(server, host):
+def test_requests_are_rejected_when_the_host_is_foreign(server, host):
     status, _, body = ask(server, "/api/facts", Host=host)
-    assert (status, body[:36]) == (403, b"this player answers to local address")
+    assert (status, body[:40]) == (403, b"this player answers local requests only;")
 
 
-def test_requests_are_refused_when_they_name_no_host(server):
+def test_requests_are_rejected_when_they_have_no_host(server):
     assert send(server, b"GET /api/facts HTTP/1.0\r\n\r\n").startswith(b"HTTP/1.1 403 ")
 
 
-def test_addresses_are_answered_but_no_other_names_when_it_listens_everywhere(api):
+def test_addresses_are_answered_but_not_names_when_listening_on_all_addresses(api):
     with serving(api, host="0.0.0.0") as server:
         assert not server.is_local
         assert server.url == f"http://127.0.0.1:{server.server_port}/"
@@ -189,7 +189,7 @@ def test_addresses_are_answered_but_no_other_names_when_it_listens_everywhere(ap
         assert ask(server, "/api/facts", Host="evil.example")[0] == 403
 
 
-def test_its_own_name_is_answered_when_it_is_told_one(api):
+def test_host_name_is_answered_when_listening_on_it(api):
     with serving(api, host="localhost") as server:
         assert server.is_local
         assert server.url == f"http://localhost:{server.server_port}/"
@@ -210,7 +210,7 @@ def test_its_own_name_is_answered_when_it_is_told_one(api):
         (b"GET / HTTP/1.1\r\nA: " + b"b" * 70000 + b"\r\n\r\n", b"431"),
     ],
 )
-def test_malformed_requests_are_told_so_when_they_come(server, data, status, capfd):
+def test_malformed_requests_get_an_error_status(server, data, status, capfd):
     received = send(server, data)
     assert status in received.split(b"\r\n")[0]
     assert b"<html" not in received.lower()
@@ -218,18 +218,18 @@ def test_malformed_requests_are_told_so_when_they_come(server, data, status, cap
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_body_is_not_taken_for_the_next_request_when_a_get_has_one(server):
+def test_body_of_a_get_is_not_read_as_the_next_request(server):
     inner = b"GET /api/facts HTTP/1.1\r\nHost: localhost\r\n\r\n"
     outer = b"GET /nothing HTTP/1.1\r\nHost: localhost\r\nContent-Length: %d\r\n\r\n" % len(inner)
     assert send(server, outer + inner).count(b"HTTP/1.1 ") == 1
 
 
-def test_several_requests_are_answered_when_they_come_on_one_connection(server):
+def test_several_requests_on_one_connection_are_answered(server):
     request = b"GET /api/facts HTTP/1.1\r\nHost: localhost\r\n\r\n"
     assert send(server, 3 * request).count(b"HTTP/1.1 200 OK") == 3
 
 
-def test_nothing_is_printed_when_clients_hang_up(server, capfd):
+def test_nothing_is_printed_when_clients_close_the_connection(server, capfd):
     for data in (b"", b"GET / HT", b"GET /stream.reel HTTP/1.1\r\nHost: localhost\r\n\r\n" * 50):
         client = socket.create_connection(("127.0.0.1", server.server_port), timeout=10)
         # Closing resets the connection, so that writing to it fails.
@@ -240,7 +240,7 @@ def test_nothing_is_printed_when_clients_hang_up(server, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-def test_damage_is_told_when_the_original_cannot_be_read(server, monkeypatch):
+def test_error_is_sent_when_the_original_cannot_be_read(server, monkeypatch):
     def damaged(self, path):
         raise CorruptStreamError("frame 0 is damaged")
 
@@ -249,7 +249,7 @@ def test_damage_is_told_when_the_original_cannot_be_read(server, monkeypatch):
     assert (status, json.loads(body)) == (500, {"error": "frame 0 is damaged"})
 
 
-def test_two_servers_work_when_they_run_at_once(server):
+def test_two_servers_can_run_at_the_same_time(server):
     with opened_api(waving_grid(7)) as other, serving(other) as second:
         assert second.server_port != server.server_port
         assert ask(second, "/stream.reel")[2] == encode(waving_grid(7))
@@ -262,6 +262,6 @@ def test_error_names_the_port_when_it_is_in_use(server, api):
 
 
 @pytest.mark.parametrize("host", ["203.0.113.1", "no.such.host.invalid"])
-def test_error_names_the_host_when_it_cannot_listen_there(api, host):
+def test_error_names_the_host_when_listening_fails(api, host):
     with pytest.raises(InvalidInputError, match=f"cannot listen on {host}, port 0: "):
         ViewerServer(api, page=PAGE, host=host)
