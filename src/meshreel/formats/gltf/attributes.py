@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,43 +9,12 @@ import numpy.typing as npt
 
 from meshreel.formats.gltf.accessors import Values
 from meshreel.formats.gltf.primitives import Block
-from meshreel.formats.surfaces.welding import weld_rows
-from meshreel.model.surface import Attribute, Domain, Kind
+from meshreel.formats.surfaces.welding import SplitMesh
+from meshreel.model.surface import Attribute, Kind
 
 Rows = npt.NDArray[Any]
 NUMBERED = re.compile(r"(TEXCOORD|COLOR)_(\d{1,3})")
 KINDS = {"TEXCOORD": Kind.UV, "COLOR": Kind.COLOR}
-
-
-@dataclass(frozen=True, eq=False)
-class SplitMesh:
-    """Vertices as in the file, and the welded vertices that they belong to.
-
-    Attributes
-    ----------
-    vertex_of : int64 array of shape (N,)
-        The welded vertex of each vertex of the file.
-    first : int64 array of shape (V,)
-        The first vertex of the file of each welded vertex.
-    corners : int64 array of shape (3 M,)
-        The vertex of the file at each corner of the triangles.
-    """
-
-    vertex_of: npt.NDArray[np.int64]
-    first: npt.NDArray[np.int64]
-    corners: npt.NDArray[np.int64]
-
-    def attribute(self, name: str, kind: Kind, rows: Rows) -> Attribute:
-        """Return values of shape (N, C) as an attribute of vertices or corners.
-
-        It is one of vertices if the values agree on all vertices of the file that are welded.
-        """
-        bits = np.ascontiguousarray(rows).view(f"u{rows.itemsize}")
-        if (bits[self.first[self.vertex_of]] == bits).all():
-            return Attribute(name, kind, Domain.VERTEX, rows[self.first])
-        row_of, distinct = weld_rows([rows])
-        indices = row_of[self.corners].astype(np.int32)
-        return Attribute(name, kind, Domain.CORNER, rows[distinct], indices)
 
 
 def read_attributes(

@@ -11,7 +11,7 @@ from meshreel.codec.bitstream.container import read_varint
 from meshreel.errors import FormatError, MeshReelError
 from meshreel.formats.extras import DRACO as LIBRARY
 from meshreel.formats.gltf.accessors import WIDTHS, Accessors, Values, declared_type
-from meshreel.formats.gltf.attributes import SplitMesh, read_attributes
+from meshreel.formats.gltf.attributes import read_attributes
 from meshreel.formats.gltf.document import DRACO
 from meshreel.formats.gltf.json_object import JsonObject
 from meshreel.formats.gltf.material_reading import MaterialReader
@@ -26,7 +26,7 @@ from meshreel.formats.gltf.primitives import (
 from meshreel.formats.gltf.skinning import Influences, read_influences
 from meshreel.formats.surfaces.hard_edges import HardEdges, NormalNotes, find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.formats.surfaces.welding import weld_rows
+from meshreel.formats.surfaces.welding import SplitMesh, weld_rows
 from meshreel.model.sequence import Faces
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Surface
 from meshreel.runtime.counting import counted

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.model.sequence import Faces, Vertices
+from meshreel.model.surface import Attribute, Domain, Kind
 from meshreel.runtime.counting import counted
 
 Numbers = npt.NDArray[np.int64]
@@ -36,6 +37,37 @@ class Weld:
             f"welded {counted(n_corners, 'STL corner')} to "
             f"{counted(len(self.representatives), 'vertex')}"
         )
+
+
+@dataclass(frozen=True, eq=False)
+class SplitMesh:
+    """Vertices as in the file, and the welded vertices that they belong to.
+
+    Attributes
+    ----------
+    vertex_of : int64 array of shape (N,)
+        The welded vertex of each vertex of the file.
+    first : int64 array of shape (V,)
+        The first vertex of the file of each welded vertex.
+    corners : int64 array of shape (3 M,)
+        The vertex of the file at each corner of the triangles.
+    """
+
+    vertex_of: Numbers
+    first: Numbers
+    corners: Numbers
+
+    def attribute(self, name: str, kind: Kind, rows: npt.NDArray[Any]) -> Attribute:
+        """Return values of shape (N, C) as an attribute of vertices or corners.
+
+        It is one of vertices if the values agree on all vertices of the file that are welded.
+        """
+        bits = np.ascontiguousarray(rows).view(f"u{rows.itemsize}")
+        if (bits[self.first[self.vertex_of]] == bits).all():
+            return Attribute(name, kind, Domain.VERTEX, rows[self.first])
+        row_of, distinct = weld_rows([rows])
+        indices = row_of[self.corners].astype(np.int32)
+        return Attribute(name, kind, Domain.CORNER, rows[distinct], indices)
 
 
 def weld_corners(frames: Iterable[Vertices]) -> Weld:
