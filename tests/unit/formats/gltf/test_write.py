@@ -91,7 +91,7 @@ def test_bound_that_integers_cannot_meet_is_rejected(tmp_path):
         ({"targets": 1, "normals": True}, "targets must be at least 2 with normals; got 1"),
         ({"max_error": 0.0}, "max_error must be above 0"),
         ({"max_error": float("nan")}, "max_error must be above 0"),
-        ({"max_error": "0.5mm"}, "does not say how long its unit is"),
+        ({"max_error": "0.5mm"}, "the model has no length unit"),
     ],
 )
 def test_options_out_of_range_are_rejected(tmp_path, options, message):
