@@ -53,5 +53,6 @@ IMATH = Extra("alembic", "alembic3d", "imath")  # part of alembic3d
 USD = Extra("usd", "usd-core", "pxr")
 HDF = Extra("hdf", "h5py", "h5py")
 DRACO = Extra("gltf", "DracoPy", "DracoPy")  # only for Draco-compressed files
+DRACO_FRAMES = Extra("draco", "DracoPy", "DracoPy")
 PNG = Extra("textures", "imagecodecs", "imagecodecs")  # 16-bit PNG
 OPEN_EXR = Extra("textures", "OpenEXR", "OpenEXR")

@@ -90,6 +90,8 @@ class FrameFormat:
         Whether triangles do not share vertices and must be welded.
     holds_tracks : set of Domain
         Domains of the tracks that written files can contain; others are left out with a note.
+    extra : Extra, optional
+        Library required for reading.
     """
 
     extension: str
@@ -105,6 +107,7 @@ class FrameFormat:
     is_decimal: bool = False
     has_unshared_vertices: bool = False
     holds_tracks: frozenset[Domain] = NO_TRACKS
+    extra: Extra | None = None
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from meshreel.errors import FormatError
-from meshreel.formats.extras import ALEMBIC, HDF, OPEN_EXR, USD
+from meshreel.formats.extras import ALEMBIC, DRACO_FRAMES, HDF, OPEN_EXR, USD
 from meshreel.formats.kinds import (
     ALL_TRACKS,
     FolderFormat,
@@ -95,6 +95,15 @@ FRAME_FORMATS = {
             None,
             parse_surface=Lazy("vtk.legacy:parse_vtk_legacy_surface"),
             parse_fields=Lazy("vtk.legacy:parse_vtk_legacy_fields"),
+        ),
+        FrameFormat(
+            ".drc",
+            "Draco",
+            Lazy("meshes.drc:parse_drc"),
+            None,
+            parse_surface=Lazy("meshes.drc:parse_drc_surface"),
+            parse_fields=Lazy("meshes.drc:parse_drc_fields"),
+            extra=DRACO_FRAMES,
         ),
     )
 }
@@ -291,5 +300,5 @@ def described_formats() -> list[dict[str, Any]]:
             "is_installed": extra is None or extra.is_installed,
         }
         for one in (*FORMATS.values(), *FOLDER_FORMATS.values())
-        for extra in [None if isinstance(one, FrameFormat) else one.extra]
+        for extra in [one.extra]
     ]

@@ -1,6 +1,7 @@
 """Opening of the files of a sequence, in segments if its faces change."""
 
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
@@ -91,11 +92,23 @@ def _open_constant(found: SourceFiles, options: ReadOptions) -> AnySequence:
 def _open_changing(found: SourceFiles, options: ReadOptions) -> SegmentedSequence:
     segments = [segment.open() for segment in find_segments(found, options)]
     sequence = SegmentedSequence(segments, name=found.name)
+    options.notes[:] = _combined(options.notes)
     options.notes.append(
         f"the faces change: {counted(sequence.n_frames, 'frame')} in "
         f"{counted(sequence.n_segments, 'segment')} of constant connectivity"
     )
     return sequence
+
+
+def _combined(notes: Iterable[str]) -> list[str]:
+    """Return the notes of all segments; of notes that differ only in numbers the first."""
+    alike: dict[str, dict[str, None]] = {}
+    for note in notes:
+        alike.setdefault(re.sub(r"\d+", "", note), {})[note] = None
+    return [
+        f"{first}; other segments similarly" if others else first
+        for first, *others in alike.values()
+    ]
 
 
 @dataclass(frozen=True)

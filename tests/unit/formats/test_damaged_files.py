@@ -2,6 +2,7 @@
 
 import contextlib
 
+import DracoPy
 import numpy as np
 import pytest
 
@@ -9,6 +10,7 @@ from meshreel.errors import MeshReelError
 from meshreel.formats.load import load
 from meshreel.formats.save import save
 from samples.costs import draws
+from samples.meshes import waving_grid
 from samples.opening import open_source
 
 N_DAMAGED = draws(300)
@@ -77,6 +79,13 @@ def test_damaged_files_of_meshreel_raise_only_meshreel_errors(tmp_path, make_seq
 @pytest.mark.parametrize("name", TEXTS)
 def test_damaged_text_files_raise_only_meshreel_errors(tmp_path, name):
     assert only_our_errors_come(tmp_path / name, TEXTS[name].encode())
+
+
+def test_damaged_draco_files_raise_only_meshreel_errors(tmp_path):
+    grid = waving_grid(1)
+    faces, uv = grid.faces.astype(np.uint32), grid.vertices[0, :, :2].astype(np.float64)
+    data = DracoPy.encode(grid.vertices[0], faces, tex_coord=uv)
+    assert only_our_errors_come(tmp_path / "a.drc", data)
 
 
 @pytest.mark.parametrize("encoding", ["binary_little_endian", "binary_big_endian"])

@@ -89,7 +89,7 @@ def test_error_names_a_missing_file_of_a_list(tmp_path):
         (["a.obj", "b.obj", "a.ply"], ".", r"\(2 \.obj and 1 \.ply\); choose one with a pattern"),
         (["a.obj", "a.ply"], "*", r"\(1 \.obj and 1 \.ply\)"),
         (["a.npz", "b.npz"], "*.npz", r"2 \.npz files, each a whole sequence; choose one"),
-        (["a.txt"], ".", r"contains no frames \(\.obj, \.ply, .*\.vtk\)$"),
+        (["a.txt"], ".", r"contains no frames \(\.obj, \.ply, .*\.drc\)$"),
         (["a.npz"], ".", r"contains no frames .*; it contains a\.npz: use that file"),
     ],
 )

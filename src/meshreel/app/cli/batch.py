@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 WHOLE = (
     ".npz .abc .usd .usda .usdc .usdz .glb .gltf .pc2 .mdd .h5 .hdf5 .hdf .vtkhdf .pvd .xdmf .xmf"
 )
-FRAMES = ".obj .ply .off .stl .vtu .vtp .vtk"
+FRAMES = ".obj .ply .off .stl .vtu .vtp .vtk .drc"
 """Inputs of `batch.discovery`, written out: help comes without importing every format."""
 
 WORKERS = "Where it runs (give one)"

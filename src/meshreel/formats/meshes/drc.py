@@ -1,0 +1,182 @@
+"""Draco (`.drc`): the mesh of one frame, with texture coordinates, colors and normals.
+
+Draco stores a point for each combination of values at a vertex, so that surfaces come apart along
+the seams of their textures. Points are welded along these seams; values that differ across a seam
+become values of corners.
+"""
+
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.arrays import Values
+from meshreel.errors import FormatError
+from meshreel.formats.extras import DRACO_FRAMES as LIBRARY
+from meshreel.formats.frames.field_tracks import NORMALS, Field, Fields, Key
+from meshreel.formats.notes import note_kinds
+from meshreel.formats.surfaces.hard_edges import NormalNotes, find_hard_edges
+from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
+from meshreel.formats.surfaces.seams import weld_seams
+from meshreel.formats.surfaces.welding import SplitMesh
+from meshreel.model.surface import Attribute, Domain, Kind, Surface
+from meshreel.runtime.counting import counted
+
+MAGIC = b"DRACO"
+GEOMETRY_TYPE = 7
+"""Byte of a file that states the type of its geometry."""
+
+POINT_CLOUD, TRIANGLE_MESH = 0, 1
+
+POSITION, NORMAL, COLOR, UV, GENERIC = range(5)
+"""Attribute types of Draco."""
+
+TYPE_NAMES = ("positions", "normals", "color", "uv", "generic")
+NORMALS_NAME = "normals"
+
+
+class DracoFrame(NamedTuple):
+    """A decoded file.
+
+    Attributes
+    ----------
+    mesh : PolygonMesh
+        Of welded vertices.
+    split : SplitMesh
+        Points of the file.
+    attributes : tuple of Attribute
+        Texture coordinates and colors.
+    normals : Attribute or None
+    left_out : tuple of str
+        Names of other attributes.
+    """
+
+    mesh: PolygonMesh
+    split: SplitMesh
+    attributes: tuple[Attribute, ...]
+    normals: Attribute | None
+    left_out: tuple[str, ...]
+
+
+def parse_drc(data: bytes) -> PolygonMesh:
+    """Parse the mesh of a Draco file, with seams welded.
+
+    Raises
+    ------
+    FormatError
+        If the file is damaged, contains a point cloud, or DracoPy is not installed.
+    """
+    return _decode(data).mesh
+
+
+def parse_drc_surface(data: bytes, notes: list[str] | None = None) -> Surface:
+    """Return the texture coordinates, colors and hard edges of a Draco file.
+
+    Raises
+    ------
+    FormatError
+        As `parse_drc`.
+    """
+    frame = _decode(data)
+    hard = None
+    if frame.normals is not None:
+        values = frame.normals.per_item()
+        is_of_vertices = frame.normals.domain is Domain.VERTEX
+        hard = find_hard_edges(frame.mesh, values[frame.mesh.corners] if is_of_vertices else values)
+    if notes is not None:
+        n_points, n_verts = len(frame.split.vertex_of), len(frame.split.first)
+        if n_points != n_verts:
+            notes.append(
+                f"welded {counted(n_points, 'point')} that Draco split at seams to "
+                f"{counted(n_verts, 'vertex')}"
+            )
+        if hard is not None:
+            NormalNotes(notes).add("", hard)
+        note_kinds(notes, "attributes of Draco", frame.left_out)
+    return Surface(None, frame.attributes, hard_edges=None if hard is None else hard.edges)
+
+
+def parse_drc_fields(data: bytes) -> Fields:
+    """Return the texture coordinates, colors and normals of a Draco file.
+
+    Raises
+    ------
+    FormatError
+        As `parse_drc`.
+    """
+    frame = _decode(data)
+    fields: dict[Key, tuple[Values, Field]] = {}
+    for one in frame.attributes:
+        values = one.per_item()
+        fields[one.domain, one.name] = values, Field(values.dtype, values.shape[1], "", one.kind)
+    if (normals := frame.normals) is not None:
+        values = normals.per_item()
+        fields[normals.domain, NORMALS_NAME] = values, Field(values.dtype, 3, NORMALS)
+    return fields
+
+
+@lru_cache(maxsize=1)  # mesh, surface and fields of a file are read in succession
+def _decode(data: bytes) -> DracoFrame:
+    """Decode a file, and weld its seams; raises as `parse_drc`."""
+    decoded = _decode_points(data)
+    by_type: dict[int, list[npt.NDArray[Any]]] = {}
+    left_out = []
+    for one in decoded.attributes:
+        kind, values = one["attribute_type"], one["data"]
+        if values is None or not _is_supported(kind, values):
+            left_out.append(_describe(one))
+        else:
+            by_type.setdefault(kind, []).append(values + values.dtype.type(0))  # -0.0 becomes 0.0
+    if POSITION not in by_type:
+        raise FormatError("has no positions of three numbers that DracoPy can decode")
+    points = by_type[POSITION][0]
+    points = points.astype(np.result_type(np.float32, points.dtype))  # some are integers
+    triangles = np.asarray(decoded.faces).reshape(-1, 3).astype(np.int64)
+    counts = np.full(len(triangles), 3, np.int64)
+    polygon_mesh(points, counts, triangles.ravel())  # checks the indices
+    split = weld_seams(points, triangles)
+    mesh = polygon_mesh(points[split.first], counts, split.vertex_of[split.corners])
+    attributes = [
+        split.attribute(name if not number else f"{name}{number}", kind, values)
+        for name, kind, draco_type in (("uv", Kind.UV, UV), ("color", Kind.COLOR, COLOR))
+        for number, values in enumerate(by_type.get(draco_type, []))
+    ]
+    normals = None
+    if NORMAL in by_type:
+        normals = split.attribute(NORMALS_NAME, Kind.OTHER, by_type[NORMAL][0])
+    return DracoFrame(mesh, split, tuple(attributes), normals, tuple(left_out))
+
+
+def _decode_points(data: bytes) -> Any:
+    """Decode a file with DracoPy; raises as `parse_drc`."""
+    if not data.startswith(MAGIC) or len(data) <= GEOMETRY_TYPE:
+        raise FormatError("is not a Draco file: it does not begin with 'DRACO'")
+    if data[GEOMETRY_TYPE] == POINT_CLOUD:
+        raise FormatError("contains a point cloud without faces; a triangle mesh needs faces")
+    if data[GEOMETRY_TYPE] != TRIANGLE_MESH:
+        raise FormatError(
+            f"declares geometry of type {data[GEOMETRY_TYPE]}; {TRIANGLE_MESH} is a triangle mesh"
+        )
+    library = LIBRARY.load()
+    try:
+        return library.decode(data)
+    except Exception:  # its own types, whose messages do not tell damaged from foreign files
+        raise FormatError("is damaged or incomplete: Draco cannot decode it") from None
+
+
+def _is_supported(draco_type: int, values: npt.NDArray[Any]) -> bool:
+    """Whether an attribute becomes positions, normals, texture coordinates or colors."""
+    width, number_type = values.shape[1], values.dtype.name
+    if draco_type == POSITION:
+        return width == 3
+    if draco_type == COLOR:
+        return width in (3, 4) and number_type in ("float32", "uint8")
+    return number_type == "float32" and (draco_type, width) in ((NORMAL, 3), (UV, 2))
+
+
+def _describe(attribute: dict[str, Any]) -> str:
+    """Name an attribute that is left out: by its metadata, else by type and number."""
+    kind = attribute["attribute_type"]
+    known = TYPE_NAMES[kind] if 0 <= kind < len(TYPE_NAMES) else "unknown"
+    return attribute.get("name") or f"{known} {attribute['unique_id']}"

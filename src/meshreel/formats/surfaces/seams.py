@@ -1,0 +1,41 @@
+"""Welding of surfaces that files split along the seams of textures and normals."""
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from meshreel.formats.surfaces.welding import Numbers, SplitMesh, weld_rows
+from meshreel.model.sequence import Vertices
+
+
+def weld_seams(points: Vertices, triangles: Numbers) -> SplitMesh:
+    """Weld points along the seams of a surface, where pairs of open edges coincide.
+
+    Two edges of one triangle each are joined if they connect equal positions in opposite
+    directions, and no other open edge connects these. Equal positions elsewhere stay apart: with
+    coarsely rounded positions, welding them would collapse triangles and connect sheets that touch.
+
+    Parameters
+    ----------
+    points : float array of shape (N, 3)
+        Without negative zeros.
+    triangles : int64 array of shape (M, 3)
+        Indices in 0..N-1.
+    """
+    n_points, starts, ends = len(points), triangles.ravel(), triangles[:, [1, 2, 0]].ravel()
+    open_sides = np.flatnonzero(~np.isin(starts * n_points + ends, ends * n_points + starts))
+    starts, ends = starts[open_sides], ends[open_sides]
+    place, _ = weld_rows([points])
+    low, high = np.sort([place[starts], place[ends]], axis=0)
+    _, seams, counts = np.unique(low * n_points + high, return_inverse=True, return_counts=True)
+    is_pair = (counts == 2)[seams] & (low < high)
+    pairs = np.flatnonzero(is_pair)[np.argsort(seams[is_pair], kind="stable")].reshape(-1, 2)
+    are_opposite = place[starts[pairs[:, 0]]] == place[ends[pairs[:, 1]]]
+    # Two sides of a triangle coincide if its third has no length.
+    are_apart = open_sides[pairs[:, 0]] // 3 != open_sides[pairs[:, 1]] // 3
+    one, other = pairs[are_opposite & are_apart].T
+    joined = np.concatenate([starts[one], ends[one]]), np.concatenate([ends[other], starts[other]])
+    links = coo_array((np.ones(len(joined[0]), np.int8), joined), (n_points, n_points))
+    _, labels = connected_components(links, directed=False)
+    vertex_of, first = weld_rows([labels[:, np.newaxis]])
+    return SplitMesh(vertex_of, first, triangles.ravel())

@@ -1,0 +1,58 @@
+"""Draco frames of a capture, whose faces change in every frame."""
+
+import os
+from pathlib import Path
+
+import DracoPy
+import numpy as np
+import pytest
+
+from meshreel.formats.load import load, load_segments
+
+pytestmark = pytest.mark.real
+
+FRAMES = (0, 40, 80)
+
+
+@pytest.fixture(scope="module")
+def paths():
+    name = os.environ.get("MESHREEL_DATA")
+    if not name:
+        pytest.skip("MESHREEL_DATA is not set")
+    folder = Path(name) / "capture" / "liam"
+    if not folder.is_dir():
+        pytest.skip("the folder capture/liam is missing")
+    return [folder / f"{number:05d}.drc" for number in FRAMES]
+
+
+@pytest.mark.parametrize("index", range(len(FRAMES)))
+def test_positions_and_coordinates_of_a_capture_are_those_of_draco(paths, index):
+    decoded = DracoPy.decode(paths[index].read_bytes())
+    found = load(paths[index])
+    np.testing.assert_array_equal(found.vertices[0][found.faces], decoded.points[decoded.faces])
+    [uv] = found.surface.attributes
+    np.testing.assert_array_equal(uv.per_item(), decoded.tex_coord[decoded.faces.ravel()])
+
+
+@pytest.mark.parametrize("index", range(len(FRAMES)))
+def test_seams_of_a_capture_are_welded_without_collapsed_faces(paths, index):
+    decoded = DracoPy.decode(paths[index].read_bytes())
+    found = load(paths[index])
+    assert found.n_verts < 0.83 * len(decoded.points)
+    assert (found.faces != found.faces[:, [1, 2, 0]]).all()
+    _, n_faces = np.unique(edges(found.faces), axis=0, return_counts=True)
+    _, n_before = np.unique(edges(decoded.faces), axis=0, return_counts=True)
+    assert n_faces.max() == 2
+    # Edges of no length and ambiguous ones stay open: a hundredth of those of the seams.
+    assert (n_faces == 1).sum() < 0.01 * (n_before == 1).sum()
+
+
+def test_frames_of_a_capture_are_segments(paths):
+    notes = []
+    found = load_segments(paths, notes=notes)
+    assert [one.n_frames for one in found.segments] == [1, 1, 1]
+    assert "the faces change: 3 frames in 3 segments of constant connectivity" in notes
+
+
+def edges(faces):
+    return np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
