@@ -167,7 +167,7 @@ def _decode_points(data: bytes) -> Any:
 
 def _is_supported(draco_type: int, values: npt.NDArray[Any]) -> bool:
     """Whether an attribute becomes positions, normals, texture coordinates or colors."""
-    width, number_type = values.shape[1], values.dtype.name
+    width, number_type = int(values.shape[1]), values.dtype.name
     if draco_type == POSITION:
         return width == 3
     if draco_type == COLOR:
