@@ -9,6 +9,7 @@ minute; needs Matplotlib.
 import argparse
 import re
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,9 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import CenteredNorm
 
 import meshreel
-from meshreel.codec.reel.normative.hierarchy import Resolution
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.codec.subspace.pca import joint_trajectories
+from meshreel.kernel.mesh import Hierarchy
 from meshreel.kernel.predict import Choice, encode_values
 from meshreel.model.geometry.connectivity import undirected_edges
 
@@ -61,7 +62,8 @@ class Flag:
         Temporal basis.
     fields : float64 array of shape (V, K)
         In quantization steps of quality 60.
-    resolutions : list of Resolution
+    resolutions : list of lists of int arrays
+        Levels of each resolution, coarsest first: the vertices that it adds.
     mesh : FieldMesh
     """
 
@@ -69,7 +71,7 @@ class Flag:
     faces: npt.NDArray[np.int32]
     vectors: Floats
     fields: Floats
-    resolutions: list[Resolution]
+    resolutions: list[list[Integers]]
     mesh: FieldMesh
 
 
@@ -84,7 +86,15 @@ def analyzed_flag(n_frames: int) -> Flag:
     fields = matrices.reshape(-1, sequence.n_verts).T @ vectors / step
     mesh = FieldMesh(sequence.faces, sequence.n_verts, STENCIL_SIZE)
     flat = sequence.vertices[0, :, :2].astype(np.float64)
-    return Flag(flat, sequence.faces, vectors, fields, mesh.resolutions, mesh)
+    return Flag(flat, sequence.faces, vectors, fields, resolutions_of(mesh.hierarchy), mesh)
+
+
+def resolutions_of(mesh: Hierarchy) -> list[list[Integers]]:
+    """Levels of each resolution, coarsest first."""
+    levels = np.split(mesh.order.astype(np.int64), mesh.level_starts[1:-1])
+    first_levels = np.flatnonzero(np.diff(mesh.level_resolutions)) + 1
+    ends = [0, *first_levels.tolist(), len(levels)]
+    return [levels[start:stop] for start, stop in pairwise(ends)]
 
 
 def predictions(flag: Flag, fields: Floats, n_learned: int) -> Floats:
@@ -110,20 +120,18 @@ def weights_of(flag: Flag, row: int, n_learned: int) -> Floats:
 def draw_hierarchy(flag: Flag) -> Any:
     """Four resolutions of a corner of the flag, with their levels."""
     figure, panels = plt.subplots(1, 4, figsize=(13, 3.9), layout="constrained")
-    resolutions = flag.resolutions[::-1][:4]
     edges = undirected_edges(flag.faces)
-    for panel, number, resolution in zip(panels, range(4), resolutions, strict=True):
-        is_kept = np.isin(resolution.members, np.concatenate(resolution.levels), invert=True)
+    for number, panel in enumerate(panels):
+        *coarser, levels = flag.resolutions[: len(flag.resolutions) - number]
+        kept = np.sort(np.concatenate([level for added in coarser for level in added]))
         draw_edges(panel, flag.flat, edges)
-        edges = coarser_edges(edges, resolution)
-        coarser = flag.flat[resolution.members[is_kept]]
-        dots(panel, coarser, COARSER_COLOR, "on the coarser resolution")
-        for level, (color, vertices) in enumerate(
-            zip(LEVEL_COLORS, resolution.levels, strict=False), 1
-        ):
+        edges = coarser_edges(edges, kept, flag.mesh.n_verts)
+        dots(panel, flag.flat[kept], COARSER_COLOR, "on the coarser resolution")
+        for level, (color, vertices) in enumerate(zip(LEVEL_COLORS, levels, strict=False), 1):
             dots(panel, flag.flat[vertices], color, f"level {level}")
         name = "the mesh" if number == 0 else f"coarser resolution {number}"
-        panel.set_title(f"{name}: {len(resolution.members)} vertices", fontsize=10)
+        n_verts = len(kept) + sum(map(len, levels))
+        panel.set_title(f"{name}: {n_verts} vertices", fontsize=10)
         crop(panel, flag, CROP_M * (1 + (number > 1)))
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
@@ -196,7 +204,7 @@ def draw_prediction(flag: Flag) -> Any:
     names = ("weights by distance", "first weights", f"after {N_KNOWN} fields")
     for panel, name, predicted in zip(panels[1:], names, predicted_fields, strict=True):
         residual = field - predicted
-        fine = np.concatenate(flag.resolutions[-1].levels)
+        fine = np.concatenate(flag.resolutions[-1])
         drawn = draw_field(panel, flag, residual, 3.0)
         panel.set_title(
             f"residual, {name}\nrms {rms(residual[fine]):.2f} steps on the finest resolution",
@@ -253,11 +261,10 @@ def draw_edges(panel: Any, positions: Floats, edges: Integers) -> None:
     panel.add_collection(LineCollection(segments, colors="#BBBBBB", linewidths=0.6, zorder=1))
 
 
-def coarser_edges(edges: Integers, resolution: Resolution) -> Integers:
-    """Edges of the next coarser resolution: those between its cells."""
-    is_kept = np.zeros(resolution.members[-1] + 1, np.bool_)
-    is_kept[resolution.members] = True
-    is_kept[resolution.predicted] = False
+def coarser_edges(edges: Integers, kept: Integers, n_verts: int) -> Integers:
+    """Edges of the next coarser resolution: those between the cells of the kept vertices."""
+    is_kept = np.zeros(n_verts, np.bool_)
+    is_kept[kept] = True
     cell = np.where(is_kept, np.arange(len(is_kept)), -1)
     both = np.concatenate([edges, edges[:, ::-1]])
     links = both[~is_kept[both[:, 0]] & is_kept[both[:, 1]]]

@@ -21,6 +21,7 @@ from meshreel.kernel.mesh import N_NEIGHBORS
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.decoder import coded_blocks
 from samples.meshes import irregular_sequence, kg_error_percent, waving_grid
+from samples.resolutions import core_resolutions
 from samples.streams import Stream, parts_of, raw_stream
 
 STENCIL = FieldChoices(1.0).stencil_size
@@ -92,7 +93,7 @@ def test_fields_lie_within_a_step_of_the_truth_when_bits_have_a_price():
 def test_first_level_is_rounded_to_the_nearest_when_bits_have_a_price():
     """Few values, on which all others build."""
     matrices, mesh, block = analysed(0.02, 30)
-    first = mesh.resolutions[0].levels[0]
+    first = core_resolutions(mesh.hierarchy)[0].levels[0]
     error = np.abs(decoded_fields(block, mesh) - wanted_fields(block, matrices))[first]
     assert error.max() <= 0.5 * float(block.layout.step) * (1 + 1e-6)
 
@@ -152,7 +153,7 @@ def test_passes_take_every_vertex_once_and_tell_of_it_by_earlier_ones_when_a_fie
 
 def test_levels_take_every_vertex_once_when_a_mesh_is_irregular():
     sequence = irregular_sequence()
-    levels = [one.predicted for one in field_mesh(sequence).resolutions]
+    levels = [one.predicted for one in core_resolutions(field_mesh(sequence).hierarchy)]
     assert sorted(np.concatenate(levels)) == list(range(sequence.n_verts))
 
 
@@ -232,7 +233,7 @@ def growing_grid(growth=30.0, n_frames=12, side=20):
     coded = encode_connectivity(faces, side**2)
     internal = MeshSequence(np.zeros((1, side**2, 3)), coded.internal_faces)
     reach = np.ones(side**2)
-    for number, resolution in enumerate(field_mesh(internal).resolutions):
+    for number, resolution in enumerate(core_resolutions(field_mesh(internal).hierarchy)):
         reach[resolution.predicted] = growth**number
     motion = np.random.default_rng(0).normal(size=(n_frames, 1, 3)) * (reach / reach.max())[:, None]
     vertices = np.empty_like(motion)

@@ -9,7 +9,6 @@ import numpy.typing as npt
 
 from meshreel.arrays import Integers
 from meshreel.codec.connectivity.order import inverse_permutation
-from meshreel.codec.reel.normative.hierarchy import Resolution, resolutions_of
 from meshreel.kernel.fields import CodingOrder, order_of_rows
 from meshreel.kernel.mesh import Hierarchy, Neighbors, hierarchy, neighbors
 from meshreel.kernel.predict import Prepared, prepared_weights
@@ -71,11 +70,6 @@ class FieldMesh:
     def prepared(self) -> Prepared | None:
         """What the weights of blocks without a key begin with; None for a large mesh."""
         return None if self.is_large else prepared_weights(self.hierarchy, 0)
-
-    @cached_property
-    def resolutions(self) -> list[Resolution]:
-        """The hierarchy of the vertices, from coarse to fine."""
-        return resolutions_of(self.hierarchy)
 
     @property
     def order(self) -> npt.NDArray[np.int32]:

@@ -20,6 +20,7 @@ from meshreel.kernel.mesh import MAX_RESOLUTIONS
 from meshreel.model.geometry.connectivity import component_labels
 from samples.costs import draws
 from samples.meshes import grid_faces, octahedron_faces
+from samples.resolutions import core_resolutions
 
 SIZE = 7
 N_COLOURS, REACH, LARGEST_PASSAGE = 3, 3, 24
@@ -46,7 +47,7 @@ def book(n_pages=40):
 def graphs_of(mesh):
     """Dense adjacency of shape (N, N) of each resolution of a field mesh, from the coarsest."""
     near, graphs, finer = edges_of(mesh.faces.tolist(), mesh.n_verts), [], None
-    for resolution in mesh.resolutions[::-1]:
+    for resolution in core_resolutions(mesh.hierarchy)[::-1]:
         if finer is not None:
             near = coarser_graph(near, set(near) - set(finer.predicted.tolist()))
         finer = resolution
@@ -69,7 +70,7 @@ FIELD_MESHES = {
     name: FieldMesh(np.asarray(faces, np.int32), n_verts, SIZE)
     for name, (faces, n_verts) in MESHES.items()
 }
-SCALES = {name: mesh.resolutions for name, mesh in FIELD_MESHES.items()}
+SCALES = {name: core_resolutions(mesh.hierarchy) for name, mesh in FIELD_MESHES.items()}
 GRAPHS = {name: graphs_of(mesh) for name, mesh in FIELD_MESHES.items()}
 every_mesh = pytest.mark.parametrize("name", MESHES)
 
@@ -153,7 +154,8 @@ def test_coarsest_scale_has_one_vertex_of_each_component_when_no_edge_is_left(na
 def test_scales_have_an_end_when_they_hardly_grow_coarser():
     """A hub that is never kept: each resolution loses a vertex or two."""
     faces, n_verts = book(400)
-    resolutions = FieldMesh(faces.astype(np.int32), n_verts, SIZE).resolutions
+    mesh = FieldMesh(faces.astype(np.int32), n_verts, SIZE)
+    resolutions = core_resolutions(mesh.hierarchy)
     assert len(resolutions) <= MAX_RESOLUTIONS + 1
     assert sorted(np.concatenate([resolution.predicted for resolution in resolutions])) == list(
         range(n_verts)
@@ -244,7 +246,7 @@ def test_some_stencils_are_full_and_some_are_not_when_the_meshes_here_are_taken(
 def test_scales_are_the_same_when_faces_come_in_another_order():
     faces, n_verts = MESHES["components"]
     turned = np.roll(faces[::-1], 1, axis=1).astype(np.int32)
-    again = FieldMesh(turned, n_verts, SIZE).resolutions
+    again = core_resolutions(FieldMesh(turned, n_verts, SIZE).hierarchy)
     for one, other in zip(SCALES["components"], again, strict=True):
         for name in ("members", "predicted", "stencil", "hops"):
             np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
@@ -252,7 +254,8 @@ def test_scales_are_the_same_when_faces_come_in_another_order():
 
 def test_stencils_begin_alike_when_they_may_be_longer():
     faces, n_verts = MESHES["components"]
-    longer = FieldMesh(faces.astype(np.int32), n_verts, SIZE + 4).resolutions
+    mesh = FieldMesh(faces.astype(np.int32), n_verts, SIZE + 4)
+    longer = core_resolutions(mesh.hierarchy)
     for short, long in zip(SCALES["components"], longer, strict=True):
         np.testing.assert_array_equal(long.stencil[:, :SIZE], short.stencil)
 

@@ -1,8 +1,4 @@
-"""A multiresolution hierarchy: the vertices of a mesh in levels, each near those of earlier ones.
-
-The core derives it from connectivity, in integers: encoder and decoder find the same levels and
-stencils on every machine.
-"""
+"""The hierarchy of the core, arranged by resolutions."""
 
 from dataclasses import dataclass
 
@@ -21,12 +17,12 @@ class Resolution:
     members : integer array of shape (N,)
         Vertices of the graph, ascending.
     levels : list of integer arrays
-        The vertices that it adds, those that are predicted at once together.
+        The added vertices; those of a level are predicted together.
     stencil : integer array of shape (n, S)
-        For each vertex of the levels, one after another, the nearest vertices of earlier levels
-        and coarser resolutions, nearest first; -1 where there are no more within reach.
+        Nearest vertices of earlier levels and coarser resolutions for each added vertex, level by
+        level; nearest first, padded with -1.
     hops : integer array of shape (n, S)
-        How many edges of the graph away they are; 0 where there are no more.
+        Their distances, in edges of the graph; padded with 0.
     """
 
     members: Integers
@@ -36,20 +32,21 @@ class Resolution:
 
     @property
     def predicted(self) -> Integers:
-        """All vertices of the levels, level after level."""
+        """Vertices of all levels, in order."""
         return np.concatenate(self.levels)
 
 
-def resolutions_of(hierarchy: Hierarchy) -> list[Resolution]:
-    """The resolutions of a hierarchy, from the coarsest to the mesh itself."""
+def core_resolutions(hierarchy: Hierarchy) -> list[Resolution]:
+    """Return the resolutions of a hierarchy, from the coarsest to the mesh itself."""
     starts, number_of = hierarchy.level_starts, hierarchy.level_resolutions
     order, stencil = hierarchy.order.astype(np.int64), hierarchy.stencil.astype(np.int64)
     stencil = np.where(stencil >= 0, order[stencil], -1)
     hops = hierarchy.hops.astype(np.int64)
-    found = []
+    resolutions = []
     for number in range(int(number_of[-1]) + 1):
         first, last = np.searchsorted(number_of, (number, number + 1))
         rows = slice(starts[first], starts[last])
         levels = np.split(order[rows], starts[first + 1 : last] - starts[first])
-        found.append(Resolution(np.sort(order[: rows.stop]), levels, stencil[rows], hops[rows]))
-    return found
+        members = np.sort(order[: rows.stop])
+        resolutions.append(Resolution(members, levels, stencil[rows], hops[rows]))
+    return resolutions
