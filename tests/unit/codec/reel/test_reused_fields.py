@@ -114,7 +114,7 @@ def test_layout_comes_back_when_fields_are_reused(is_single):
     assert read_layout(payload) == known
     with pytest.raises(TruncatedStreamError, match="cut off"):
         read_layout(payload[:-1])
-    with pytest.raises(CorruptStreamError, match="left over"):
+    with pytest.raises(CorruptStreamError, match="1 unread bytes"):
         read_layout(payload + b"\0")
 
 

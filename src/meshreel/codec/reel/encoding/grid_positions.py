@@ -1,7 +1,7 @@
-"""The method `grid`: positions rounded to a grid whose cubes keep a promise, and coded exactly.
+"""The method `grid`: positions rounded to a grid within an error bound, then coded losslessly.
 
-Where nearly every bit is wanted modes have little to save: what is left of a motion is noise, which
-each of them would send twice, in its field and in its basis vector.
+At bounds near the precision of the positions, modes save little: the residual motion is noise,
+which each mode would code twice, in its field and in its basis vector.
 """
 
 import math
@@ -17,7 +17,7 @@ from meshreel.codec.reel.encoding.exact_positions import PositionCoder, stream_o
 from meshreel.codec.reel.encoding.target_step import promised_bound
 from meshreel.codec.reel.encoding.tracks import coded_tracks
 from meshreel.codec.reel.normative.blocks import write_grid_positions
-from meshreel.codec.reel.normative.grid import MOST_NUMBER, NO_GRID, PositionGrid
+from meshreel.codec.reel.normative.grid import MAX_COORDINATE, NO_GRID, Coordinates, PositionGrid
 from meshreel.codec.source import CodedMesh, Source
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.model.sequence import Extent
@@ -26,16 +26,16 @@ from meshreel.runtime.progress import Progress
 
 Vertices = npt.NDArray[np.floating]
 
-RAW_SHARE = 16
-"""Modes that take more than one of so many of the raw bytes are compared to a grid."""
+RAW_RATIO = 16
+"""Modes that compress less than this many times are compared to a grid."""
 
 SLACK = 1e-5
-"""Share of a bound that is left for rounding in double precision."""
+"""Share of a bound that is reserved for rounding in double precision."""
 
 
 @dataclass(frozen=True)
 class GridPositionCoder(PositionCoder):
-    """Codes blocks of positions on a grid, or as they are.
+    """Codes blocks of positions on a grid, or losslessly.
 
     Attributes
     ----------
@@ -49,91 +49,84 @@ class GridPositionCoder(PositionCoder):
 
     @property
     def is_exact(self) -> bool:
-        """Not where a grid takes fewer bytes."""
+        """False: blocks on a grid are lossy."""
         return False
 
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
-        """The sections before the first block."""
+        """Yield the sections before the first block."""
         yield Section.PROMISE, write_promise(100.0 * self.bound)
 
     def code(self, vertices: Vertices) -> list[tuple[Section, bytes]]:
-        """The sections of a block of shape (T_b, V, 3), in internal order and contiguous.
+        """Encode a contiguous block of shape (T_b, V, 3), in internal order.
 
-        Positions stay as they are where that takes fewer bytes, or a grid does not keep the bound.
+        Positions are lossless if that takes fewer bytes, or the grid exceeds the bound.
         """
         exact = write_grid_positions(vertices, NO_GRID, self.graph)
-        numbers = self.grid.numbers(vertices)
-        if not self._keeps(numbers, vertices):
+        coordinates = self.grid.coordinates(vertices)
+        if not self._meets_bound(coordinates, vertices):
             return exact
-        rounded = write_grid_positions(numbers, self.grid.step, self.graph)
+        rounded = write_grid_positions(coordinates, self.grid.step, self.graph)
         return min(exact, rounded, key=lambda sections: len(sections[1][1]))
 
-    def _keeps(self, numbers: npt.NDArray[np.int32], vertices: Vertices) -> bool:
-        found = self.grid.positions(numbers, vertices.dtype).astype(np.float64)
-        apart = (found - vertices) / self.grid.frame.scale
-        return math.sqrt(float(np.einsum("tvc,tvc->tv", apart, apart).max())) <= self.bound
+    def _meets_bound(self, coordinates: Coordinates, vertices: Vertices) -> bool:
+        decoded = self.grid.positions(coordinates, vertices.dtype).astype(np.float64)
+        error = (decoded - vertices) / self.grid.frame.scale
+        return math.sqrt(float(np.einsum("tvc,tvc->tv", error, error).max())) <= self.bound
 
 
 def grid_coder(
     mesh: CodedMesh, frame: BoundingFrame, extent: Extent, dtype: np.dtype[np.floating]
 ) -> GridPositionCoder:
-    """The coder of a mesh whose options name a largest error.
+    """Return the coder of a mesh whose options set `max_error`.
 
     Parameters
     ----------
     mesh : CodedMesh
     frame : BoundingFrame
     extent : Extent
-        Of the positions, or of those that are known.
+        Extent of the positions known so far.
     dtype : dtype
-        Of the positions.
+        Number type of the positions.
 
     Raises
     ------
     InvalidInputError
-        If the number type does not allow to promise it.
+        If the number type is too coarse for the bound.
     """
     rounding = largest_rounding(extent.low.min(), extent.high.max(), dtype, frame)
     bound = promised_bound(mesh.config.target, frame.scale, rounding, dtype)
-    # Half a diagonal of a cube, and half of what rounding to the number type may add.
+    # The error is at most half the diagonal of a cube, plus half of the rounding.
     step = (bound * (1.0 - SLACK) - 0.5 * rounding) * 2.0 / math.sqrt(3.0)
-    grid = PositionGrid(min(max(step, 1.0 / MOST_NUMBER), 1.0), frame)
+    grid = PositionGrid(min(max(step, 1.0 / MAX_COORDINATE), 1.0), frame)
     return GridPositionCoder(mesh.faces, mesh.n_verts, grid, bound)
 
 
 def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
-    """The bytes of a stream of the source whose positions lie on a grid.
-
-    Parameters
-    ----------
-    source : Source
-    progress : callable
-    engine : Engine or None
-        Whose workers code the blocks; None codes them here.
+    """Return a stream of the source with positions on a grid; parameters as in `whole.encode`.
 
     Raises
     ------
     InvalidInputError
-        If a bound cannot be promised.
+        If a bound cannot be guaranteed.
     """
     return _encoded(replace(source, tracks=coded_tracks(source, progress)), progress, engine)
 
 
-def may_lie_on_grid(source: Source, size_bytes: int) -> bool:
-    """Whether a stream of modes, of so many bytes, is to be compared to one of a grid.
+def may_use_grid(source: Source, size_bytes: int) -> bool:
+    """Return whether a grid might take fewer bytes than a stream of modes of this size.
 
-    Where it is many times smaller than the positions, a grid is not: it has a number of some bits
-    for each. And options that say how modes are to be found ask for modes.
+    A grid stores a number for each position, so it cannot compress many times. Options of the
+    search for modes exclude it.
     """
     config = source.config
     if any(option is not None for option in (config.effort, config.tune, config.n_modes)):
         return False
     raw_bytes = 3 * source.dtype.itemsize * source.n_frames * source.mesh.n_verts
-    return size_bytes * RAW_SHARE > raw_bytes
+    return size_bytes * RAW_RATIO > raw_bytes
 
 
-def on_grid(source: Source, progress: Progress, engine: Engine | None) -> bytes:
-    """A stream of the method `grid` in place of one of modes; its tracks are coded already."""
+def encode_on_grid(source: Source, progress: Progress, engine: Engine | None) -> bytes:
+    """Return a stream of the method `grid` of a source of `reel`, with its coded tracks."""
     cut = source.block_frames if source.tracks else source.config.block_frames
     config = replace(source.config, method="grid", block_frames=cut)
     return _encoded(replace(source, config=config), progress, engine)

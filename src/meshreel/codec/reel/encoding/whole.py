@@ -19,7 +19,7 @@ from meshreel.codec.reel.encoding.block_coder import (
 )
 from meshreel.codec.reel.encoding.effort import finest_step
 from meshreel.codec.reel.encoding.following_tracks import FollowingTracks
-from meshreel.codec.reel.encoding.grid_positions import may_lie_on_grid, on_grid
+from meshreel.codec.reel.encoding.grid_positions import encode_on_grid, may_use_grid
 from meshreel.codec.reel.encoding.meters import KgMeter, Meter, StedMeter
 from meshreel.codec.reel.encoding.rate_control import least_cost
 from meshreel.codec.reel.encoding.smoothness import sampled_frames, step_share
@@ -70,8 +70,8 @@ def encode(
         step = sequence.step_for_tracks(following, step, bound)
     data = sequence.stream(step, bound)
     other = None
-    if bound is not None and may_lie_on_grid(source, len(data)):
-        other = on_grid(source, progress, engine)
+    if bound is not None and may_use_grid(source, len(data)):
+        other = encode_on_grid(source, progress, engine)
     if following is not None:
         data = following.stream(data)
     if other is not None:

@@ -1,5 +1,1 @@
-"""Normative part of `reel`, shared by encoder and decoder.
-
-Changes here change the meaning of stored streams: hierarchy, stencils, predictor weights, levels,
-timeline, corrections, and the layout of sections.
-"""
+"""Normative part of `reel`: changes here change the meaning of stored streams."""

@@ -1,4 +1,4 @@
-"""Blocks of `reel` to sections and back."""
+"""Sections of a block, and how the encoder reads back what it wrote."""
 
 from collections.abc import Iterator
 from concurrent.futures import Future
@@ -30,13 +30,13 @@ from meshreel.runtime.threads import in_background, n_cores
 Numbers = npt.NDArray[Any]
 
 POSITION_COLUMNS = 3
-"""Columns of the first track: x, y and z."""
+"""Columns of positions: x, y and z."""
 
 
 def write_field_block(
     block: FieldBlock, mesh: FieldMesh, corrections: Corrections | None = None
 ) -> Iterator[tuple[Section, bytes]]:
-    """The sections of the positions in a block of `reel`, which begin the block."""
+    """Yield the sections of positions coded as fields; they begin a block."""
     n_modes, _, n_frames = block.basis.shape
     opening = Section.BLOCK, write_block_counts(n_frames, n_modes)
     yield from [opening, *payloads.field_sections(block, mesh, corrections)]
@@ -45,13 +45,13 @@ def write_field_block(
 def write_track_block(
     block: FieldBlock, mesh: FieldMesh, corrections: Corrections | None = None
 ) -> Iterator[tuple[Section, bytes]]:
-    """The sections of a further track in a block of `reel`."""
+    """Yield the sections of a block of a track coded as fields."""
     opening = Section.TRACK_BLOCK, write_varint(block.n_modes)
     yield from [opening, *payloads.field_sections(block, mesh, corrections)]
 
 
 def write_exact_positions(vertices: Numbers, graph: Neighbors) -> list[tuple[Section, bytes]]:
-    """The sections of a block of `lossless`: positions of shape (T_b, V, 3), in internal order."""
+    """Return the sections of lossless positions of shape (T_b, V, 3), in internal order."""
     return [
         (Section.BLOCK, write_block_counts(len(vertices), 0)),
         (Section.VALUES, encode_exact(vertices, graph)),
@@ -61,16 +61,14 @@ def write_exact_positions(vertices: Numbers, graph: Neighbors) -> list[tuple[Sec
 def write_grid_positions(
     values: Numbers, step: float, graph: Neighbors
 ) -> list[tuple[Section, bytes]]:
-    """The sections of a block of `grid`, in internal order.
+    """Return the sections of positions of the method `grid`.
 
     Parameters
     ----------
     values : array of shape (T_b, V, 3)
-        Places of the grid; or positions that are to stay as they are.
+        Grid coordinates, or lossless positions if the step is `NO_GRID`; in internal order.
     step : float
-        Of the grid; or `NO_GRID`.
     graph : Neighbors
-        Of the vertices.
     """
     return [
         (Section.BLOCK, write_block_counts(len(values), 0)),
@@ -79,7 +77,7 @@ def write_grid_positions(
 
 
 def write_exact_block(values: Numbers, graph: Neighbors) -> list[tuple[Section, bytes]]:
-    """The sections of a further track whose values, of shape (T_b, N, C), come back as they are."""
+    """Return the sections of a block of a lossless track, with values of shape (T_b, N, C)."""
     return [
         (Section.TRACK_BLOCK, write_varint(0)),
         (Section.VALUES, encode_exact(values, graph)),
@@ -87,14 +85,14 @@ def write_exact_block(values: Numbers, graph: Neighbors) -> list[tuple[Section, 
 
 
 def write_missing(is_missing: npt.NDArray[np.bool_], graph: Neighbors) -> tuple[Section, bytes]:
-    """Which values, of shape (T_b, N, C), a block does not have."""
+    """Return the section with the mask, of shape (T_b, N, C), of missing values in a block."""
     return Section.MISSING, encode_exact(is_missing, graph)
 
 
 def read_corrections(
     stored: StoredBlock, n_verts: int, n_columns: int = POSITION_COLUMNS
 ) -> Corrections | None:
-    """The corrections of a track in a block of `reel`, if it has some."""
+    """Decode the corrections of a track in a block, if it has any."""
     if Section.CORRECTIONS not in stored.sections:
         return None
     payload = stored.payload(Section.CORRECTIONS)
@@ -103,42 +101,41 @@ def read_corrections(
 
 @dataclass(frozen=True)
 class ReadBlock:
-    """A track in a block, of which some may still be on its way.
+    """Integers of a track in a block; the basis and initial weights may still be computed.
 
     Attributes
     ----------
     layout : Layout
-    coming : Future of an int32 array of shape (K, C, T)
+    basis_future : Future of an int32 array of shape (K, C, T)
         Residuals of the temporal basis.
     fields : int32 array of shape (K - n_reused, V)
     weights : Future of Prepared, or None
-        What its weights begin with; None where it is found on the way as fast.
+        Initial prediction weights; None if decoding computes them.
     """
 
     layout: Layout
-    coming: Future[npt.NDArray[np.int32]]
+    basis_future: Future[npt.NDArray[np.int32]]
     fields: npt.NDArray[np.int32]
     weights: Future[Prepared | None] | None
 
     @property
     def basis(self) -> npt.NDArray[np.int32]:
-        """Residuals of the temporal basis, waited for."""
+        """Residuals of the temporal basis; waits for the background thread."""
         with stage("waiting"):
-            return self.coming.result()
+            return self.basis_future.result()
 
     def values(self, mesh: FieldMesh, key: KeyFields | None = None) -> Floats:
-        """Decoded fields of shape (V, K), in coding order and in steps."""
+        """Decode fields of shape (V, K), in coding order and in steps."""
         return decoded_values(self.fields, self.layout, mesh, key, self.weights)
 
 
 def layout_of(stored: StoredBlock) -> Layout:
-    """How the fields of a track in a block are predicted.
+    """Return the layout of a track in a block.
 
     Raises
     ------
     CorruptStreamError, UnsupportedVersionError
-        As `payloads.read_layout`; and if more modes are reused than there are, a time rests that
-        does not exist, or cosines have too many frames.
+        As `payloads.read_layout`, or if the layout contradicts the number of modes or frames.
     """
     layout = payloads.read_layout(stored.payload(Section.FIELDS))
     if layout.n_reused > stored.n_modes:
@@ -163,37 +160,35 @@ def read_field_block(
     *,
     n_columns: int = POSITION_COLUMNS,
 ) -> ReadBlock:
-    """A track in a block, whose two bit streams are read at the same time.
+    """Decode the integers of a track in a block, basis and fields in parallel.
 
     Parameters
     ----------
     stored : StoredBlock
     layout : Layout
-        Its layout.
+        Layout of the block.
     mesh : FieldMesh
-        Of this layout.
     key : KeyFields, optional
-        Of the block that it refers to; only what its weights begin with needs it.
+        Fields of the block that this one refers to, for the initial weights.
     n_columns : int
     """
     n_modes, n_frames = stored.n_modes, stored.n_frames
     times, coded = stored.payload(Section.BASIS), stored.payload(Section.COEFFICIENTS)
     shape = n_modes, n_columns, n_frames
-    coming = in_background(
+    basis_future = in_background(
         lambda: payloads.read_basis(
             times, *shape, rests=layout.rests, has_cosines=layout.has_cosines
         )
     )
-    order = mesh.coding_order
-    weights = _begun_weights(mesh, layout, key)
-    fields = decode_fields(coded, n_modes - layout.n_reused, mesh.n_verts, order)
-    return ReadBlock(layout, coming, fields, weights)
+    weights = _initial_weights(mesh, layout, key)
+    fields = decode_fields(coded, n_modes - layout.n_reused, mesh.n_verts, mesh.coding_order)
+    return ReadBlock(layout, basis_future, fields, weights)
 
 
-def _begun_weights(
+def _initial_weights(
     mesh: FieldMesh, layout: Layout, key: KeyFields | None
 ) -> Future[Prepared | None] | None:
-    """What weights begin with, being found; None where they are found on the way as fast."""
+    """Start computing initial weights in the background; None if this saves no time."""
     if n_cores() == 1 or (key is not None and key.is_prepared(layout.n_learned)):
         return None
     if key is not None:

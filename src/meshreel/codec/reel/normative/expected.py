@@ -1,7 +1,4 @@
-"""What decoded positions say of a track: velocities by differences, normals of the surface.
-
-`docs/format.md`, "Tracks".
-"""
+"""Velocities and normals expected from decoded positions: `docs/format.md`, "Tracks"."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,19 +20,18 @@ Values = npt.NDArray[np.floating[Any]]
 
 @dataclass(frozen=True)
 class MovingSurface:
-    """A mesh as it goes out, whose positions tracks are predicted from.
+    """A decoded mesh whose positions predict tracks.
 
     Attributes
     ----------
     summed_faces : int32 array of shape (M, 3)
-        Triangles in internal order, the order in which they are summed up, of vertices as they go
-        out.
+        Triangles in internal order, which is the order of summation, of decoded vertices.
     faces : int32 array of shape (M, 3)
-        As they go out.
+        Decoded faces.
     surface : Surface
-        Says which triangles a polygon is cut into.
+        Maps polygons to triangles.
     vertex_of_row : integer array of shape (N,), optional
-        Where values of corners are those of rows. Default: each corner has its own.
+        Vertex of each row that corners share. Default: each corner has a separate value.
     """
 
     summed_faces: Faces
@@ -44,12 +40,7 @@ class MovingSurface:
     vertex_of_row: Integers | None = None
 
     def normals(self, domain: Domain, positions: Values) -> Floats:
-        """Normals of vertices, of polygons, or of the vertices of corners or rows.
-
-        Parameters
-        ----------
-        domain : Domain
-        positions : float array of shape (T, V, 3)
+        """Normals of vertices, polygons, or the vertices of corners or rows.
 
         Returns
         -------
@@ -79,37 +70,35 @@ class MovingSurface:
 
 
 def differences(coding: Coding | None, positions: Values) -> Floats:
-    """Differences of positions of shape (T_b, V, 3) from one frame to another, of the same shape.
+    """Differences over time of positions of shape (T_b, V, 3), of the same shape.
 
-    At the ends of the block, where a frame is missing, the difference of the first two, or the last
-    two; 0 where there is one frame alone.
+    At the ends of the block one-sided; 0 in a block of one frame.
     """
-    given = positions.astype(np.float64)
-    found = np.zeros(given.shape)
-    if len(given) == 1:
-        return found
-    steps = given[1:] - given[:-1]
+    positions = positions.astype(np.float64)
+    changes = np.zeros(positions.shape)
+    if len(positions) == 1:
+        return changes
+    steps = positions[1:] - positions[:-1]
     if coding is Coding.FORWARD:
-        found[:-1], found[-1] = steps, steps[-1]
+        changes[:-1], changes[-1] = steps, steps[-1]
     else:
-        found[1:], found[0] = steps, steps[0]
+        changes[1:], changes[0] = steps, steps[0]
     if coding is Coding.CENTRAL:
-        found[1:-1] = (given[2:] - given[:-2]) / 2.0
-    return found
+        changes[1:-1] = (positions[2:] - positions[:-2]) / 2.0
+    return changes
 
 
 def expected_values(
     header: TrackHeader, surface: MovingSurface, positions: Values, frames: slice
 ) -> Floats:
-    """What a track is expected to be in some frames of a block.
+    """Expected values of a predicted track in some frames of a block.
 
     Parameters
     ----------
     header : TrackHeader
-        Of a track that is predicted.
     surface : MovingSurface
     positions : float array of shape (T_b, V, 3)
-        All of the block, as they go out.
+        Decoded positions of the whole block.
     frames : slice
         The n frames.
 
@@ -126,20 +115,13 @@ def expected_values(
 
 
 def expected_places(header: TrackHeader, expected: Floats) -> Integers:
-    """Places, among the floats of a track, of what is expected of it; 0 is where it is no number.
-
-    Parameters
-    ----------
-    header : TrackHeader
-        Of an exact track that is predicted.
-    expected : float64 array of any shape
-    """
+    """Ranks of expected values among the floats of a lossless track; non-finite values become 0."""
     with np.errstate(over="ignore"):
         rounded = expected.astype(header.dtype)
     return places_of(np.where(np.isfinite(rounded), rounded, header.dtype.type(0)))
 
 
 def places_of(values: Values) -> Integers:
-    """Floats of 4 or 8 bytes as signed integers of as many, which are in the same order."""
+    """Ranks of floats: signed integers of the same size and in the same order."""
     bits = values.view(f"i{values.itemsize}")
     return np.asarray(bits ^ ((bits >> (8 * values.itemsize - 1)) & np.iinfo(bits.dtype).max))

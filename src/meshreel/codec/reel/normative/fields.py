@@ -1,7 +1,7 @@
-"""The method `reel`: mode fields, predicted over the mesh by weights that follow earlier ones.
+"""Blocks of the method `reel`: mode fields, predicted over the mesh by adaptive weights.
 
-A mode is one field on the mesh with a basis vector over time for each axis. The fields of a block
-are predicted vertex after vertex over a hierarchy of the mesh, in closed loop; the core does it.
+A mode is a field on the mesh with a basis vector over time for each axis. The core predicts the
+fields of a block in closed loop, vertex by vertex over a hierarchy of the mesh.
 """
 
 from concurrent.futures import Future
@@ -21,32 +21,31 @@ NONE_REUSED = np.float32(0.0)
 
 @dataclass(frozen=True)
 class Layout:
-    """Parameters of a block that the decoder has to know.
+    """Parameters of a block that the decoder needs.
 
     Attributes
     ----------
     step : float32
-        Of the fields.
+        Quantization step of the fields.
     stencil_size : int
-        Vertices that predict one.
+        Number of vertices that predict one.
     n_learned : int
-        Modes, the first ones, that predictor weights follow.
+        Number of modes, starting with the first, that the prediction weights adapt to.
     reference : int
-        How many blocks before this one its key block is, whose fields its weights follow first;
-        0: it has none, and can be a key block itself.
+        How many blocks the key block precedes this one by; the weights adapt to its fields first.
+        0: none, so this block can be a key block.
     is_single : bool
-        Frames are summed up over the modes in IEEE single precision, and not in double.
+        Whether frames are summed over the modes in single precision, rather than double.
     n_reused : int
-        Modes, the first ones, whose fields are those of the key block.
+        Number of modes, starting with the first, whose fields are those of the key block.
     finer : float32
-        Steps of the vectors of these modes in one of a position; 0 where there are none.
+        Step of the vectors of reused modes divided by that of a position; 0 without these modes.
     rests : Rests
-        Times that are predicted from the one before; none with cosines.
+        Times predicted from the previous time; none with cosines.
     has_cosines : bool
-        The temporal basis is coded as coefficients of cosines over time, and not by times.
+        Whether the temporal basis is coded as coefficients of cosines over time.
     is_adaptive : bool
-        Times of the temporal basis are predicted with weights that follow what is decoded; not
-        with cosines.
+        Whether weights that predict times adapt to decoded values; not with cosines.
     """
 
     step: np.float32
@@ -69,10 +68,9 @@ class FieldBlock:
     ----------
     layout : Layout
     basis : int32 array of shape (K, C, T)
-        C columns, of positions x, y and z. Residuals of the temporal basis, as they are coded:
-        the coarsest times are differences. With cosines, their coefficients.
+        Residuals of the temporal basis, or coefficients of cosines; C columns, such as x, y and z.
     fields : int32 array of shape (K - n_reused, V)
-        Residuals of the fields, in coding order; not of those that are reused.
+        Residuals of the fields that are not reused, in coding order.
     """
 
     layout: Layout
@@ -92,27 +90,23 @@ class KeyFields:
     Attributes
     ----------
     values : float64 array of shape (V, K)
-        In coding order and in steps of the block, which are comparable between blocks of any
-        length.
+        In coding order and in steps of the block, which do not depend on its length.
     """
 
     values: Floats
     _prepared: dict[int, Prepared | None] = field(default_factory=dict)
 
     def is_prepared(self, n_learned: int) -> bool:
-        """Whether `prepared` is found already."""
+        """Whether `prepared` is cached."""
         return n_learned in self._prepared
 
     def prepared(self, mesh: FieldMesh, n_learned: int) -> Prepared | None:
-        """What the weights of blocks that refer to it begin with; kept, so that it is found once.
-
-        None for a large mesh.
-        """
+        """Initial weights of blocks that refer to this one, cached; None for a large mesh."""
         if not self.is_prepared(n_learned):
-            found = None
+            weights = None
             if not mesh.is_large:
-                found = prepared_weights(mesh.hierarchy, n_learned, self.values)
-            self._prepared = {n_learned: found}  # those of the last number alone: they are large
+                weights = prepared_weights(mesh.hierarchy, n_learned, self.values)
+            self._prepared = {n_learned: weights}  # only the last: they are large
         return self._prepared[n_learned]
 
 
@@ -124,7 +118,7 @@ def decoded_values(
     key: KeyFields | None = None,
     weights: "Future[Prepared | None] | None" = None,
 ) -> Floats:
-    """Decoded fields of shape (V, K), in coding order and in steps.
+    """Decode fields of shape (V, K), in coding order and in steps.
 
     Parameters
     ----------
@@ -133,35 +127,27 @@ def decoded_values(
     layout : Layout
     mesh : FieldMesh
     key : KeyFields, optional
-        Of the block that this one refers to.
+        Fields of the block that this one refers to.
     weights : Future of Prepared, optional
-        What the weights begin with; else they are found on the way.
+        Initial weights; computed if None.
     """
-    return with_reused(_own(residuals, layout, mesh, key, weights), layout.n_reused, key)
-
-
-def with_reused(own: Floats, n_reused: int, key: KeyFields | None) -> Floats:
-    """Fields of shape (V, K) behind the first ones of the key block."""
-    if key is None or not n_reused:
-        return own
-    return np.concatenate([key.values[:, :n_reused], own], axis=1)
-
-
-def _own(
-    residuals: npt.NDArray[np.int32],
-    layout: Layout,
-    mesh: FieldMesh,
-    key: KeyFields | None,
-    weights: "Future[Prepared | None] | None",
-) -> Floats:
     if not len(residuals):
-        return np.empty((mesh.n_verts, 0))
-    if weights is not None:
-        prepared = weights.result()
+        new_fields = np.empty((mesh.n_verts, 0))
     else:
-        prepared = None if key is None else key.prepared(mesh, layout.n_learned)
-    values = None if key is None else key.values
-    return decode_values(mesh.hierarchy, residuals, layout.n_learned, values, prepared)
+        if weights is not None:
+            prepared = weights.result()
+        else:
+            prepared = None if key is None else key.prepared(mesh, layout.n_learned)
+        values = None if key is None else key.values
+        new_fields = decode_values(mesh.hierarchy, residuals, layout.n_learned, values, prepared)
+    return with_reused(new_fields, layout.n_reused, key)
+
+
+def with_reused(new_fields: Floats, n_reused: int, key: KeyFields | None) -> Floats:
+    """Return all fields of a block: the reused ones of the key block, then the new ones."""
+    if key is None or not n_reused:
+        return new_fields
+    return np.concatenate([key.values[:, :n_reused], new_fields], axis=1)
 
 
 def decode_basis(
@@ -169,8 +155,8 @@ def decode_basis(
 ) -> Floats:
     """Decode the temporal basis of a block, of shape (C, T, K), from integers (K, C, T).
 
-    Vectors have length 1 (or 0). Those of reused modes do not: their lengths are such that rounding
-    any of their integers does the same harm.
+    Vectors have length 1 (or 0), except those of reused modes, whose lengths give the rounding of
+    each of their integers the same effect on positions.
     """
     lengths = None
     if key is not None and layout.n_reused:

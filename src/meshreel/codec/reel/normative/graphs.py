@@ -1,7 +1,7 @@
-"""The graph that the values of a track lie on, where they are not of vertices.
+"""Graphs of faces, corners and rows, over which their tracks are predicted.
 
-Faces are next to each other across an edge; corners beside each other in a triangle, and across an
-edge at the same vertex; rows if corners of theirs are. `docs/format.md`, "Tracks".
+Faces are adjacent across an edge; corners within a triangle, and across an edge at the same vertex;
+rows if any of their corners are. `docs/format.md`, "Tracks".
 """
 
 from collections.abc import Sequence
@@ -21,12 +21,12 @@ Pair = tuple[Integers, Integers]
 
 
 class ItemGraph(NamedTuple):
-    """A graph of items, as `FieldMesh` takes it.
+    """A graph of items in the form of a mesh, for `FieldMesh`.
 
     Attributes
     ----------
     faces : int32 array of shape (n, 3)
-        Items at its corners are next to each other; where two are, the second stands twice.
+        Triples of adjacent items; a pair repeats its second item.
     n_items : int
     """
 
@@ -35,20 +35,19 @@ class ItemGraph(NamedTuple):
 
 
 def item_graph(domain: Domain, faces: Faces, surface: Surface, n_verts: int) -> ItemGraph:
-    """The graph of the faces or corners of a mesh, as they go out.
+    """Return the graph of the polygons or their corners of a decoded mesh.
 
     Parameters
     ----------
     domain : Domain
-        Faces, which are polygons, or their corners.
     faces : int32 array of shape (M, 3)
     surface : Surface
-        Says which triangles a polygon is cut into.
+        Maps polygons to triangles.
     n_verts : int
     """
     sizes = surface.sizes(len(faces))
     twins = twin_sides(faces, n_verts)
-    sides = np.flatnonzero(twins > np.arange(len(twins)))  # one of each two
+    sides = np.flatnonzero(twins > np.arange(len(twins)))  # each pair once
     others = twins[sides]
     if domain is Domain.FACE:
         polygons = np.repeat(np.arange(len(sizes)), sizes - 2)
@@ -59,7 +58,7 @@ def item_graph(domain: Domain, faces: Faces, surface: Surface, n_verts: int) -> 
 
 
 def row_graph(rows: CornerRows, faces: Faces, surface: Surface, n_verts: int) -> ItemGraph:
-    """The graph of the rows that the corners of a mesh have; the others are as in `item_graph`."""
+    """Return the graph of the rows of corners; other parameters as in `item_graph`."""
     sizes, twins = surface.sizes(len(faces)), twin_sides(faces, n_verts)
     sides = np.flatnonzero(twins > np.arange(len(twins)))
     corners, *across = _corners_across(faces, sizes, sides, twins[sides])
@@ -73,7 +72,11 @@ def row_graph(rows: CornerRows, faces: Faces, surface: Surface, n_verts: int) ->
 def _corners_across(
     faces: Faces, sizes: Integers, sides: Integers, others: Integers
 ) -> tuple[Integers, Pair, Pair]:
-    """Corners of polygons: of each corner of a triangle; both at one end of edges; at the other."""
+    """Return adjacent corners of polygons.
+
+    The corner of each corner of a triangle; then, of the faces on both sides of each edge, the two
+    corners at its first end, and those at its second.
+    """
     corners = fan_corners(sizes).reshape(-1)
     ahead = np.arange(3 * len(faces)).reshape(-1, 3)[:, [1, 2, 0]].reshape(-1)
     vertices = faces.reshape(-1)

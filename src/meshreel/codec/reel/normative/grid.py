@@ -1,4 +1,4 @@
-"""Positions on a grid of cubes: what integers of the method `grid` stand for."""
+"""Positions on a cubic grid, coded by the method `grid`."""
 
 import struct
 from dataclasses import dataclass
@@ -10,17 +10,17 @@ from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.errors import CorruptStreamError
 
 Vertices = npt.NDArray[np.floating]
-Numbers = npt.NDArray[np.int32]
+Coordinates = npt.NDArray[np.int32]
 
-MOST_NUMBER = 2**31 - 1
+MAX_COORDINATE = 2**31 - 1
 
 NO_GRID = 0.0
-"""The step of positions that are stored as they are."""
+"""Stored step of positions that are lossless."""
 
 
 @dataclass(frozen=True)
 class PositionGrid:
-    """A grid around the centre of the bounding box of all frames.
+    """A grid around the center of the bounding box of all frames.
 
     Attributes
     ----------
@@ -32,23 +32,23 @@ class PositionGrid:
     step: float
     frame: BoundingFrame
 
-    def numbers(self, vertices: Vertices) -> Numbers:
-        """The nearest places of the grid, of the shape of positions of shape (T, V, 3)."""
-        places = (vertices - np.array(self.frame.origin)) / self.frame.scale / self.step
-        within: Vertices = np.clip(np.rint(places), -MOST_NUMBER, MOST_NUMBER)
+    def coordinates(self, vertices: Vertices) -> Coordinates:
+        """Grid coordinates nearest to positions of shape (T, V, 3)."""
+        exact = (vertices - np.array(self.frame.origin)) / self.frame.scale / self.step
+        within: Vertices = np.clip(np.rint(exact), -MAX_COORDINATE, MAX_COORDINATE)
         return within.astype(np.int32)
 
-    def positions(self, numbers: Numbers, dtype: npt.DTypeLike) -> Vertices:
-        """Positions at places of the grid, in model units.
+    def positions(self, coordinates: Coordinates, dtype: npt.DTypeLike) -> Vertices:
+        """Positions at grid coordinates, in model units.
 
         Raises
         ------
         CorruptStreamError
-            If one is not finite.
+            If a position is not finite.
         """
-        found = numbers * self.step * self.frame.scale + np.array(self.frame.origin)
+        positions = coordinates * self.step * self.frame.scale + np.array(self.frame.origin)
         with np.errstate(over="ignore"):
-            rounded: Vertices = found.astype(dtype)
+            rounded: Vertices = positions.astype(dtype)
         if not np.isfinite(rounded).all():
             raise CorruptStreamError(
                 f"positions on a grid of {self.step:g} diagonals go beyond the numbers of type "
@@ -58,5 +58,5 @@ class PositionGrid:
 
 
 def write_step(step: float) -> bytes:
-    """The step of a grid, or `NO_GRID`, before the numbers."""
+    """Encode the step of a grid, or `NO_GRID`; it precedes the coordinates."""
     return struct.pack("<d", step)

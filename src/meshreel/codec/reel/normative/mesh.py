@@ -1,4 +1,4 @@
-"""The mesh as `reel` codes it: a hierarchy of its vertices, their stencils and coding passes."""
+"""Hierarchy, prediction stencils and coding order of the vertices of a mesh."""
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -15,8 +15,8 @@ from meshreel.kernel.predict import Prepared, prepared_weights
 from meshreel.model.sequence import Faces
 from meshreel.runtime.profiling import staged
 
-MOST_PREPARED = 1 << 16
-"""Vertices of meshes for which prepared weights are kept: 608 bytes each, 40 MB at most."""
+MAX_PREPARED_VERTICES = 1 << 16
+"""Maximum size of a mesh whose prepared weights are cached: 608 bytes a vertex, at most 40 MB."""
 
 Connectivity = tuple[bytes, int, int]
 """Faces as the bytes of int32, number of vertices, stencil size."""
@@ -24,18 +24,17 @@ Connectivity = tuple[bytes, int, int]
 
 @dataclass(frozen=True)
 class FieldMesh:
-    """All that both sides derive from connectivity, whatever the quantisation step.
+    """A mesh, with the hierarchy that encoder and decoder derive from its connectivity.
+
+    Only connectivity is pickled; a process caches the derived parts of the last meshes.
 
     Attributes
     ----------
     faces : int32 array of shape (M, 3)
-        In internal order, as everything here.
+        In internal order, like all vertices here.
     n_verts : int
     stencil_size : int
-        Vertices that predict one.
-
-    Only connectivity is pickled. A process that is given the same one again finds the derived
-    parts it had before.
+        Number of vertices that predict one.
     """
 
     faces: Faces
@@ -44,7 +43,7 @@ class FieldMesh:
 
     @property
     def connectivity(self) -> Connectivity:
-        """All that it follows from; see `shared_field_mesh`."""
+        """Arguments of `shared_field_mesh`."""
         return self.faces.tobytes(), self.n_verts, self.stencil_size
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -52,46 +51,46 @@ class FieldMesh:
 
     @cached_property
     def neighbors(self) -> Neighbors:
-        """The vertices next to each vertex."""
+        """Adjacent vertices of each vertex."""
         return neighbors(self.faces, self.n_verts)
 
     @cached_property
     @staged("hierarchy")
     def hierarchy(self) -> Hierarchy:
-        """All vertices in coding order, and what predicts each."""
+        """All vertices in coding order, with their stencils."""
         return hierarchy(self.neighbors, self.stencil_size)
 
     @property
     def is_large(self) -> bool:
-        """Whether prepared weights are too many to be kept from one block for others."""
-        return self.n_verts > MOST_PREPARED
+        """Whether prepared weights are too large to cache."""
+        return self.n_verts > MAX_PREPARED_VERTICES
 
     @cached_property
     def prepared(self) -> Prepared | None:
-        """What the weights of blocks without a key begin with; None for a large mesh."""
+        """Initial weights of blocks without a key; None for a large mesh."""
         return None if self.is_large else prepared_weights(self.hierarchy, 0)
 
     @property
     def order(self) -> npt.NDArray[np.int32]:
-        """The vertices in coding order: coarsest resolution first, level after level."""
+        """Vertices in coding order: coarsest resolution first, level by level."""
         return self.hierarchy.order
 
     @cached_property
     def number(self) -> Integers:
-        """Place of each vertex in coding order."""
+        """Position of each vertex in coding order."""
         return inverse_permutation(self.order)
 
     @cached_property
     def coding_order(self) -> CodingOrder:
-        """Vertices in coding order, a pass for each resolution, with context neighbors of each."""
-        found = self.hierarchy
-        is_last = np.diff(found.level_resolutions, append=-1) != 0
-        ends = found.level_starts[1:][is_last]
-        return order_of_rows(found.contexts, np.concatenate([[0], ends]).astype(np.int64))
+        """Coding order with context neighbors; one pass per resolution."""
+        levels = self.hierarchy
+        is_last = np.diff(levels.level_resolutions, append=-1) != 0
+        ends = levels.level_starts[1:][is_last]
+        return order_of_rows(levels.contexts, np.concatenate([[0], ends]).astype(np.int64))
 
 
 @lru_cache(maxsize=2)
 def shared_field_mesh(faces: bytes, n_verts: int, stencil_size: int) -> FieldMesh:
-    """The mesh of this connectivity; the same object each time, so that work is done once."""
+    """Return the mesh of a connectivity, cached so that its hierarchy is derived once."""
     triangles = np.frombuffer(faces, np.int32).reshape(-1, 3)
     return FieldMesh(triangles, n_verts, stencil_size)

@@ -1,4 +1,4 @@
-"""Integers to the payloads of sections and back: the layouts of `docs/format.md`."""
+"""Payloads of the sections of `reel`, laid out as in `docs/format.md`."""
 
 import struct
 
@@ -21,42 +21,42 @@ from meshreel.kernel.mesh import MAX_STENCIL
 from meshreel.runtime.profiling import staged
 
 SINGLE, DOUBLE = 4, 8
-"""Layouts of the sections of `reel`, by the bytes of the numbers that frames are summed up in."""
+"""Layout codes, named after the precision in which frames are summed."""
 
 WITH_RESTS = 16
-"""Is added to the layout of blocks that have resting times."""
+"""Flag of the layout: the block has resting times."""
 
 WITH_COSINES = 32
-"""Is added to the layout of blocks whose basis is coded as coefficients of cosines over time."""
+"""Flag of the layout: the basis is coded as coefficients of cosines over time."""
 
 ADAPTIVE = 64
-"""Is added to the layout of blocks whose basis is coded by adaptive times."""
+"""Flag of the layout: the basis is coded by adaptive times."""
 
 INTEGER_BYTES = 8
-"""Of a decoded integer of corrections: their vertex, frame and offsets."""
+"""Size of a decoded integer of corrections: a vertex, frame or offset."""
 
 MAX_LEARNED = 255
-"""Most modes that predictor weights follow."""
+"""Maximum number of modes that prediction weights adapt to."""
 
 MAX_STEP = 1e6
-"""Steps are below this: a million diagonals times the square root of the frames."""
+"""Upper limit of steps: a million diagonals times the square root of the number of frames."""
 
 
 @staged("entropy coding")
 def field_sections(
     block: FieldBlock, mesh: FieldMesh, corrections: Corrections | None
 ) -> list[tuple[Section, bytes]]:
-    """Return the sections that a block has of every track that is coded as fields."""
+    """Return the sections of a track coded as fields, which follow the opening of the block."""
     layout = block.layout
     basis = write_basis(block.basis, layout.rests, has_cosines=layout.has_cosines)
-    found = [(Section.FIELDS, write_layout(layout)), (Section.BASIS, basis)]
+    sections = [(Section.FIELDS, write_layout(layout)), (Section.BASIS, basis)]
     if corrections is not None:
-        found.append((Section.CORRECTIONS, write_corrections(corrections)))
-    return [*found, (Section.COEFFICIENTS, encode_fields(block.fields, mesh.coding_order))]
+        sections.append((Section.CORRECTIONS, write_corrections(corrections)))
+    return [*sections, (Section.COEFFICIENTS, encode_fields(block.fields, mesh.coding_order))]
 
 
 def write_layout(layout: Layout) -> bytes:
-    """How the fields of `reel` are predicted; begins with the number of the layout."""
+    """Encode the layout of a block, starting with its code."""
     number = SINGLE if layout.is_single else DOUBLE
     number |= WITH_RESTS if layout.rests.runs else 0
     number |= WITH_COSINES if layout.has_cosines else 0
@@ -75,26 +75,26 @@ def write_layout(layout: Layout) -> bytes:
 
 
 def read_layout(payload: bytes) -> Layout:
-    """Undo `write_layout`.
+    """Decode the layout of a block.
 
     Raises
     ------
     UnsupportedVersionError
-        If it is of a newer build.
+        If the layout code is unknown.
     CorruptStreamError
-        If it contradicts itself.
+        If a value is out of range, or values contradict each other.
     """
     if not payload:
         raise TruncatedStreamError("the layout of the fields is cut off")
     precision = payload[0] & ~(WITH_RESTS | WITH_COSINES | ADAPTIVE)
     if precision not in (SINGLE, DOUBLE):
         raise UnsupportedVersionError(
-            f"the fields of the stream have layout {payload[0]}; this build reads {SINGLE} and "
-            f"{DOUBLE}, with {WITH_RESTS}, {WITH_COSINES} or {ADAPTIVE} added; upgrade meshreel"
+            f"fields have layout {payload[0]}; this build reads {SINGLE} and {DOUBLE}, plus flags "
+            f"{WITH_RESTS}, {WITH_COSINES} and {ADAPTIVE}; upgrade meshreel"
         )
     if payload[0] & WITH_COSINES and payload[0] & (WITH_RESTS | ADAPTIVE):
         raise CorruptStreamError(
-            "a block has cosines over time, and resting or adaptive times; these exclude each other"
+            "a block combines cosines over time with resting or adaptive times, which exclude them"
         )
     reference, position = read_varint(payload, 1)
     if len(payload) < position + 4:
@@ -113,13 +113,15 @@ def read_layout(payload: bytes) -> Layout:
         position += 4
         if not (n_reused and 0 < finer < MAX_STEP):
             raise CorruptStreamError(
-                f"{n_reused} fields of the key block are reused, with vectors {finer} times as fine"
+                f"a block reuses {n_reused} fields, with vectors {finer} times as fine; both must "
+                f"be above 0, and the factor below {MAX_STEP:g}"
             )
     is_sound = 1 <= stencil_size <= MAX_STENCIL and 0 < step < MAX_STEP
     if not is_sound or n_learned > MAX_LEARNED or position != len(payload):
         raise CorruptStreamError(
-            f"fields with stencils of {stencil_size}, step {step} and weights that follow "
-            f"{n_learned} modes; {len(payload) - position} bytes are left over"
+            f"invalid layout: stencils of {stencil_size} vertices (1..{MAX_STENCIL}), step {step} "
+            f"(above 0, below {MAX_STEP:g}), {n_learned} learned modes (at most {MAX_LEARNED}), "
+            f"{len(payload) - position} unread bytes (0)"
         )
     is_single = precision == SINGLE
     single = np.float32
@@ -138,34 +140,34 @@ def read_layout(payload: bytes) -> Layout:
 
 
 def _write_rests(rests: Rests) -> bytes:
-    """The resting times of a block; nothing if there are none."""
+    """Encode the resting times of a block; empty without any."""
     if not rests.runs:
         return b""
-    parts, behind = [bytes([rests.bits]), write_varint(len(rests.runs))], 0
+    parts, previous_end = [bytes([rests.bits]), write_varint(len(rests.runs))], 0
     for start, end in rests.runs:
-        parts += [write_varint(start - behind), write_varint(end - start)]
-        behind = end
+        parts += [write_varint(start - previous_end), write_varint(end - start)]
+        previous_end = end
     return b"".join(parts)
 
 
 def _read_rests(payload: bytes, position: int) -> tuple[Rests, int]:
-    """Undo `_write_rests`, and the position behind it."""
+    """Decode resting times; return them with the position after them."""
     bits, position = read_varint(payload, position)
     n_runs, position = read_varint(payload, position)
-    runs, behind = [], 0
+    runs, end = [], 0
     for _ in range(n_runs):
         gap, position = read_varint(payload, position)
         length, position = read_varint(payload, position)
         if not (gap and length):
             raise CorruptStreamError(
-                f"a run of {length} resting times follows {gap} moving ones; both must be positive"
+                f"{length} resting times follow {gap} moving ones; both numbers must be above 0"
             )
-        runs.append((behind + gap, behind + gap + length))
-        behind += gap + length
+        runs.append((end + gap, end + gap + length))
+        end += gap + length
     if not runs or bits > MAX_REST_BITS:
         raise CorruptStreamError(
-            f"{n_runs} runs of resting times are announced, with {bits} bits; at least 1 run and "
-            f"at most {MAX_REST_BITS} bits are allowed"
+            f"a block has {n_runs} runs of resting times, of {bits} bits; at least 1 run and at "
+            f"most {MAX_REST_BITS} bits are allowed"
         )
     return Rests(tuple(runs), bits), position
 
@@ -173,7 +175,7 @@ def _read_rests(payload: bytes, position: int) -> tuple[Rests, int]:
 def write_basis(
     coded: npt.NDArray[np.integer], rests: Rests = NO_REST, *, has_cosines: bool = False
 ) -> bytes:
-    """Bytes of residuals of the temporal basis, (K, C, T), as in `FieldBlock`."""
+    """Encode the integers of the temporal basis, of shape (K, C, T)."""
     n_modes, n_columns, n_frames = coded.shape
     rows = coded.reshape(n_modes, n_columns * n_frames)
     return encode_fields(rows, time_order(n_columns, n_frames, rests, has_cosines=has_cosines))
@@ -189,19 +191,19 @@ def read_basis(
     *,
     has_cosines: bool = False,
 ) -> npt.NDArray[np.int32]:
-    """Undo `write_basis`."""
+    """Decode the integers of `write_basis`."""
     order = time_order(n_columns, n_frames, rests, has_cosines=has_cosines)
     coded = decode_fields(payload, n_modes, n_columns * n_frames, order)
     return coded.reshape(len(coded), n_columns, n_frames)
 
 
 def write_corrections(corrections: Corrections) -> bytes:
-    """Corrections of a block: vertices with their number of frames, frames, offsets."""
+    """Encode the corrections of a block: vertices, their numbers of frames, frames, offsets."""
     vertices, counts = np.unique(corrections.vertices, return_counts=True)
     firsts = np.cumsum(counts) - counts
     frame_steps = _first_or_difference(corrections.frames, firsts)
     follows = _follows(frame_steps, firsts)
-    # In a run of frames an offset resembles the one before.
+    # In a run of frames, an offset resembles the previous one.
     offsets = corrections.offsets.copy()
     offsets[follows] -= corrections.offsets[np.flatnonzero(follows) - 1]
     columns = [np.diff(vertices, prepend=0), counts - 1, frame_steps, *offsets.T]
@@ -225,14 +227,14 @@ def read_corrections(
     n_verts: int,
     limit: MemoryLimit = DEFAULT_LIMIT,
 ) -> Corrections:
-    """Undo `write_corrections`.
+    """Decode corrections.
 
     Raises
     ------
     CorruptStreamError
-        If a vertex or frame is out of range, or the numbers do not fit each other.
+        If a vertex or frame is out of range or order, or the counts contradict each other.
     MemoryLimitError
-        If there are more than may be decoded at once.
+        If the decoded corrections exceed the limit.
     """
     if len(payload) < 4:
         raise TruncatedStreamError("the corrections are cut off")
@@ -241,15 +243,15 @@ def read_corrections(
     n_offsets, position = read_varint(payload, position)
     if not (n_corrected <= n_verts and n_corrected <= n_offsets <= n_frames * n_verts):
         raise CorruptStreamError(
-            f"{n_offsets} corrections of {n_corrected} vertices are announced, for {n_frames} "
-            f"frames of {n_verts}"
+            f"{n_offsets} corrections of {n_corrected} vertices do not fit {n_frames} frames of "
+            f"{n_verts} vertices"
         )
     limit.require(INTEGER_BYTES * n_offsets * (n_columns + 3), f"{n_offsets} corrections")
     lengths = [n_corrected, n_corrected, n_offsets, *[n_offsets] * n_columns]
     columns = decode_integers(payload[position:], lengths, [0, 1, 2, *[3] * n_columns])
     vertices, counts = np.cumsum(columns[0]), columns[1] + 1
     if np.any(counts < 1) or int(counts.sum()) != n_offsets:
-        raise CorruptStreamError("the corrections of the vertices are not as many as announced")
+        raise CorruptStreamError("the corrections per vertex do not add up to their total")
     firsts = np.cumsum(counts) - counts
     frames = _sum_up_from(columns[2], firsts)
     follows = _follows(columns[2], firsts)
@@ -260,31 +262,31 @@ def read_corrections(
     exists = np.all(vertices < n_verts) and not np.any((frames < 0) | (frames >= n_frames))
     if not (ascends and exists and 0 < step < MAX_STEP):
         raise CorruptStreamError(
-            "a correction is of a vertex or frame that does not exist, or out of order"
+            "a correction has a vertex or frame out of range or order, or the step is invalid"
         )
     return Corrections(np.float32(step), np.repeat(vertices, counts), frames, offsets)
 
 
 def _first_or_difference(values: Integers, firsts: Integers) -> Integers:
-    """Differences to the value before; of the first of each stretch the value."""
+    """Differences to the previous value; at the first of each run, the value."""
     steps = np.diff(values, prepend=0)
     steps[firsts] = values[firsts]
     return steps
 
 
 def _follows(frame_steps: Integers, firsts: Integers) -> npt.NDArray[np.bool_]:
-    """Whether a correction is of the frame after the one before it, of the same vertex."""
+    """Whether each correction has the vertex and the next frame of the previous one."""
     follows = np.asarray(frame_steps == 1)
     follows[firsts] = False
     return follows
 
 
 def _sum_up_from(steps: Integers, firsts: Integers) -> Integers:
-    """Running sums of rows that begin anew at the first of each stretch."""
+    """Cumulative sums of rows that restart at the first of each run."""
     if not len(steps):
         return steps
     summed = np.cumsum(steps, axis=0)
-    stretch = np.zeros(len(steps), np.int64)
-    stretch[firsts] = 1
+    is_first = np.zeros(len(steps), np.int64)
+    is_first[firsts] = 1
     before = (summed - steps)[firsts]
-    return np.asarray(summed - before[np.cumsum(stretch) - 1])
+    return np.asarray(summed - before[np.cumsum(is_first) - 1])

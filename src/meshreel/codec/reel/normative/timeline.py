@@ -1,9 +1,8 @@
-"""In which order the times of the temporal basis are coded.
+"""Coding order of the times of the temporal basis.
 
-Times that are multiples of 4 come first; then the times half-way between those known, and so on.
-The core predicts each from those known around it. Times that rest are left out of this order and
-follow at the end: each is predicted from the time before. Coefficients of cosines over time are
-coded by frequency instead.
+Multiples of 4 precede the times half-way between known ones, and so on; the core predicts each from
+the known times around it. Resting times are coded last, each predicted from the previous time.
+Coefficients of cosines over time are coded by frequency instead.
 """
 
 from functools import lru_cache
@@ -16,23 +15,22 @@ from meshreel.kernel.basis import NO_REST, Rests
 from meshreel.kernel.fields import CodingOrder, Pass, order_of
 
 COARSEST = 4
-"""Frames between the times that come first."""
-
+"""Frames between the times coded first."""
 
 COLUMNS_BEFORE = 2
-"""Columns whose time is a context neighbour of the same time."""
+"""Number of previous columns whose value at the same time is a context neighbor."""
 
 FREQUENCIES_BEFORE = 4
-"""Lower frequencies that are context neighbours of one."""
+"""Number of lower frequencies that are context neighbors."""
 
 
 @lru_cache(maxsize=8)
 def time_passes(n_columns: int, n_frames: int, rests: Rests = NO_REST) -> tuple[Pass, ...]:
-    """The order in which residuals of a mode are coded, with the context neighbours of each.
+    """Return the coding passes of the residuals of a mode, with their context neighbors.
 
-    A column of the track comes after another, each over time: of positions x, y and z. A level of
-    moving times is a pass, and so are all resting ones. Context neighbours are the times around, if
-    they are known, the two before of the level, and the time itself in the two columns before.
+    Columns of the track follow each other, each over time: x, y and z of positions. Each level of
+    moving times is a pass, and all resting times are one. Context neighbors are the adjacent known
+    times, the previous two of the level, and the same time in the previous two columns.
     """
     flags = rests.flags(n_frames)
     is_resting = np.zeros(n_frames, np.bool_) if flags is None else flags > 0
@@ -51,9 +49,9 @@ def time_passes(n_columns: int, n_frames: int, rests: Rests = NO_REST) -> tuple[
 
 
 def frequency_pass(n_columns: int, n_frames: int) -> Pass:
-    """The order in which coefficients of a mode are coded, with the context neighbours of each.
+    """Return the coding pass of the coefficients of a mode, with their context neighbors.
 
-    A column of the track comes after another, each from the lowest frequency on.
+    Columns of the track follow each other, each with its lowest frequency first.
     """
     frequencies = np.arange(n_frames)
     before = frequencies[:, None] - np.arange(1, FREQUENCIES_BEFORE + 1)
@@ -64,7 +62,7 @@ def frequency_pass(n_columns: int, n_frames: int) -> Pass:
 def time_order(
     n_columns: int, n_frames: int, rests: Rests = NO_REST, *, has_cosines: bool = False
 ) -> CodingOrder:
-    """The passes of `time_passes`, or that of frequencies, as the core takes them."""
+    """Return the passes of times, or of frequencies, as arrays of the core."""
     passes: tuple[Pass, ...] = time_passes(n_columns, n_frames, rests)
     if has_cosines:
         passes = (frequency_pass(n_columns, n_frames),)
@@ -74,32 +72,32 @@ def time_order(
 def _pass(
     places: Integers, offsets: list[int], moving: Integers, n_columns: int, n_frames: int
 ) -> Pass:
-    """A pass of some of the moving times, by their places among them, of all columns.
+    """Return the pass of moving times, given by their places among all moving times.
 
-    Context neighbours lie at offsets in places, and in columns before.
+    Context neighbors lie at offsets in places, and in previous columns.
     """
     others = places[:, None] + offsets
     exists = (others >= 0) & (others < len(moving))
-    neighbours = np.where(exists, moving[np.where(exists, others, 0)], -1)
-    return _pass_of_times(moving[places], neighbours, n_columns, n_frames)
+    neighbors = np.where(exists, moving[np.where(exists, others, 0)], -1)
+    return _pass_of_times(moving[places], neighbors, n_columns, n_frames)
 
 
 def _resting_pass(is_resting: npt.NDArray[np.bool_], n_columns: int, n_frames: int) -> Pass:
-    """The pass of the resting times; the two times before are context neighbours if they rest."""
+    """Return the pass of the resting times; the two previous times are contexts if they rest."""
     times = np.flatnonzero(is_resting)
     before = np.maximum(times[:, None] - [1, 2], 0)  # time 0 does not rest
     return _pass_of_times(times, np.where(is_resting[before], before, -1), n_columns, n_frames)
 
 
-def _pass_of_times(times: Integers, neighbours: Integers, n_columns: int, n_frames: int) -> Pass:
-    """A pass of times of all columns.
+def _pass_of_times(times: Integers, neighbors: Integers, n_columns: int, n_frames: int) -> Pass:
+    """Return the pass of times of all columns; `neighbors` are padded with -1.
 
-    Neighbours are times of the same column, -1 for none; those in the columns before are added.
+    They are times of the same column; neighbors in previous columns are added.
     """
-    exists = neighbours >= 0
+    exists = neighbors >= 0
     near = []
     for column in range(n_columns):
-        in_column = np.where(exists, neighbours + n_frames * column, -1)
+        in_column = np.where(exists, neighbors + n_frames * column, -1)
         before = column + np.arange(-COLUMNS_BEFORE, 0)
         same_time = np.where(before >= 0, times[:, None] + n_frames * before, -1)
         near.append(np.hstack([in_column, same_time]))

@@ -69,7 +69,7 @@ def test_layout_comes_back_when_written(known):
 )  # fmt: skip
 def test_layout_is_refused_when_it_is_beyond_the_limits(step, size, n_learned):
     payload = payloads.write_layout(layout(step, size, n_learned))
-    with pytest.raises(CorruptStreamError, match="fields with stencils of"):
+    with pytest.raises(CorruptStreamError, match="invalid layout: stencils"):
         payloads.read_layout(payload)
 
 
@@ -161,7 +161,7 @@ NONE = [0, 0, 0]
         (1, [[20], [0], [0], [1], [0], [0]]),
         (1, [[3], [-1], [0], [1], [0], [0]]),  # a vertex without corrections
         (2, [[3, 1], [1, -1], [0, 0], [1, 1], [0, 0], [0, 0]]),
-        (1, [[3], [2], [0, 1], [1, 1], [0, 0], [0, 0]]),  # more than are announced
+        (1, [[3], [2], [0, 1], [1, 1], [0, 0], [0, 0]]),  # more than their total
         (1, [[3], [0], [-1], [1], [0], [0]]),
         (1, [[3], [0], [9], [1], [0], [0]]),
         (1, [[3], [1], [4, -5], [1, 1], [0, 0], [0, 0]]),
@@ -175,7 +175,7 @@ def test_corrections_are_refused_when_they_contradict_themselves(n_corrected, co
 
 def test_corrections_are_refused_before_they_take_memory_when_too_many_are_announced():
     payload = struct.pack("<f", 0.5) + write_varint(1) + write_varint(2**60)
-    with pytest.raises(CorruptStreamError, match="are announced, for 9 frames of 20"):
+    with pytest.raises(CorruptStreamError, match="do not fit 9 frames of 20 vertices"):
         payloads.read_corrections(payload, 3, 9, 20)
 
 
