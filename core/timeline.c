@@ -1,82 +1,82 @@
-/* How the modes of a block move: basis vectors over time, from integers.
+/* Temporal basis vectors of a block, decoded from integers and quantized to them.
 
-   docs/format.md, "Times", "Adaptive times" and "Cosines". A time is predicted from known ones
-   around it by the polynomial through them, and one that rests from the time before it. Values are
-   multiples of 1/256, and exact as long as they stay below 2^44. Adaptive times add terms to these
-   predictions, whose weights follow what is decoded. Or integers are coefficients of a discrete
-   cosine transform over time, whose cosines are the same bits on every machine. */
+   docs/format.md, "Times", "Adaptive times" and "Cosines". A time is predicted by the polynomial
+   through the known times around it, a resting time by the previous time. Values are multiples of
+   1/256, and exact below 2^44. Adaptive times add terms to these predictions, with weights that
+   adapt to decoded values. Alternatively, integers are coefficients of a discrete cosine transform
+   over time, whose cosines are the same bits on every machine. */
 
 #include "rounding.h"
 
-#define COARSEST 4 /* frames between the times that come first */
-#define N_LEVELS 3 /* of times that do not rest */
+#define COARSEST 4 /* frames between the times coded first */
+#define N_LEVELS 3 /* of moving times */
 
-#define N_WEIGHTS 3           /* of adaptive predictions: of the plain one, and two differences */
-#define RETURNING 0.0625      /* share of the first variances that comes back with each mode */
-#define FOLLOWED 0.0625       /* share of the latest square in the mean squared error */
-#define OWN_NOISE 4.0         /* by the squared error of the observation itself */
+#define N_WEIGHTS 3       /* of an adaptive prediction: the plain one, and two differences */
+#define RECOVERY 0.0625   /* share of the initial variances added back for each mode */
+#define ERROR_RATE 0.0625 /* share of the last squared error in the running mean */
+#define OWN_NOISE 4.0     /* multiple of the squared error of the observation itself */
 #define LARGEST_PREDICTION 0x1p29 /* keeps values of hostile streams finite */
 
 #define HALF_PI 0x1.921fb54442d18p+0
-#define N_TERMS 11 /* of the series of a cosine, behind the first: up to a right angle */
-#define LOWEST 4   /* coefficients that share a dead zone; then as many as all below them do */
+#define N_TERMS 11   /* of the series of a cosine after the first, for angles up to 90 degrees */
+#define FIRST_BAND 4 /* coefficients that share a dead zone; the next bands are octaves */
 
-#define N_ROUNDS 2           /* in which a dead zone follows the counts that it makes */
+#define N_ROUNDS 2 /* iterations of a dead zone and the counts that it results in */
 #define FIRST_DEAD_ZONE 0.6
 
-/* The prediction of a time from those d before and behind it, and 3 d. */
+/* Predict a time from the times at distances d and 3 d. */
 REEL_INLINE double predict_time(const double *values, int64_t time, int64_t d, int64_t n_frames) {
     if (time + d >= n_frames) {
         return values[time - d];
     }
-    double before = values[time - d], behind = values[time + d];
+    double before = values[time - d], after = values[time + d];
     bool has_first = time >= 3 * d, has_last = time + 3 * d < n_frames;
     if (has_first && has_last) {
-        return (9.0 * (before + behind) - (values[time - 3 * d] + values[time + 3 * d])) / 16.0;
+        return (9.0 * (before + after) - (values[time - 3 * d] + values[time + 3 * d])) / 16.0;
     }
     if (has_first) {
-        return (6.0 * before + 3.0 * behind - values[time - 3 * d]) / 8.0;
+        return (6.0 * before + 3.0 * after - values[time - 3 * d]) / 8.0;
     }
     if (has_last) {
-        return (3.0 * before + 6.0 * behind - values[time + 3 * d]) / 8.0;
+        return (3.0 * before + 6.0 * after - values[time + 3 * d]) / 8.0;
     }
-    return (before + behind) / 2.0;
+    return (before + after) / 2.0;
 }
 
-/* The weights of the adaptive predictions of a level: the state of a Kalman filter whose covariances
-   are left out. Variances then cannot become negative, whatever is decoded. */
+/* Weights of the adaptive predictions of a level: a Kalman filter without covariances, so that
+   variances cannot become negative, even in hostile streams. */
 typedef struct {
     double weights[N_WEIGHTS], variances[N_WEIGHTS];
-    double error; /* mean squared, of the latest predictions */
+    double error; /* running mean of squared prediction errors */
 } level_filter;
 
 typedef struct {
     level_filter levels[N_LEVELS];
 } time_filter;
 
-static const double first_variances[N_WEIGHTS] = {0.0625, 0.015625, 0.015625};
+static const double initial_variances[N_WEIGHTS] = {0.0625, 0.015625, 0.015625};
 
 static void start_filter(time_filter *filter) {
     for (int level = 0; level < N_LEVELS; level++) {
         level_filter *here = &filter->levels[level];
         *here = (level_filter){.error = 1.0};
         for (int i = 0; i < N_WEIGHTS; i++) {
-            here->variances[i] = first_variances[i];
+            here->variances[i] = initial_variances[i];
         }
     }
 }
 
-/* The next mode may move otherwise. */
+/* Raise the variances again, since the next mode may move differently. */
 static void begin_mode(time_filter *filter) {
     for (int level = 0; level < N_LEVELS; level++) {
         for (int i = 0; i < N_WEIGHTS; i++) {
             double *variance = &filter->levels[level].variances[i];
-            *variance = (1.0 - RETURNING) * *variance + RETURNING * first_variances[i];
+            *variance = (1.0 - RECOVERY) * *variance + RECOVERY * initial_variances[i];
         }
     }
 }
 
-/* The terms of an adaptive prediction; the first is the plain prediction. */
+/* Find the terms of an adaptive prediction; the first is the plain prediction. */
 REEL_INLINE void find_terms(const double *values, int level, int64_t time, int64_t d,
                             int64_t n_frames, double *terms) {
     terms[1] = terms[2] = 0.0;
@@ -95,12 +95,12 @@ REEL_INLINE void find_terms(const double *values, int level, int64_t time, int64
 REEL_INLINE double predict_adaptive(const level_filter *filter, const double *terms) {
     const double *weights = filter->weights;
     double change = (weights[0] * terms[0] + weights[1] * terms[1]) + weights[2] * terms[2];
-    double found = terms[0] + change;
-    found = found < LARGEST_PREDICTION ? found : LARGEST_PREDICTION;
-    return found > -LARGEST_PREDICTION ? found : -LARGEST_PREDICTION;
+    double sum = terms[0] + change;
+    sum = sum < LARGEST_PREDICTION ? sum : LARGEST_PREDICTION;
+    return sum > -LARGEST_PREDICTION ? sum : -LARGEST_PREDICTION;
 }
 
-/* Weights follow the error of a prediction, an integer. */
+/* Adapt the weights to the error of a prediction, which is an integer. */
 REEL_INLINE void observe(level_filter *filter, const double *terms, double error) {
     double gains[N_WEIGHTS], square = error * error;
     double noise = (1.0 + filter->error) + OWN_NOISE * square;
@@ -114,10 +114,10 @@ REEL_INLINE void observe(level_filter *filter, const double *terms, double error
         filter->weights[i] += gains[i] * (error * inverse);
         filter->variances[i] *= unknown > 0.0 ? unknown : 0.0;
     }
-    filter->error += FOLLOWED * (square - filter->error);
+    filter->error += ERROR_RATE * (square - filter->error);
 }
 
-/* The times of a level: `first`, and every `step` after it; `d` is the distance to known ones. */
+/* Times of a level: `first`, then every `step`; `d` is the distance to known times. */
 typedef struct {
     int64_t d, first, step;
 } level_times;
@@ -127,7 +127,7 @@ static level_times times_of_level(int level) {
     return (level_times){d, level ? d : 0, level ? 2 * d : d};
 }
 
-/* The values of a column at adaptive times. */
+/* Decode the adaptive times of a column. */
 static void decode_adaptive(const int32_t *integers, int64_t n_frames, time_filter *filter,
                             double *values) {
     for (int level = 0; level < N_LEVELS; level++) {
@@ -151,7 +151,7 @@ static bool is_zero(const int32_t *integers, int64_t n) {
     return true;
 }
 
-/* The values of a column over time. */
+/* Decode the times of a column. */
 static void decode_times(const int32_t *integers, int64_t n_frames, double *values) {
     double latest = 0.0;
     for (int64_t time = 0; time < n_frames; time += COARSEST) {
@@ -165,47 +165,47 @@ static void decode_times(const int32_t *integers, int64_t n_frames, double *valu
     }
 }
 
-/* The times of a block by whether they rest. */
+/* Moving and resting times of a block. */
 typedef struct {
     int64_t n_frames, n_moving;
-    int32_t *moving;       /* the times that do not rest, ascending */
-    const uint8_t *rests;  /* NULL if none does */
-    double unit;           /* what an integer of a resting time stands for */
+    int32_t *moving;       /* moving times, ascending */
+    const uint8_t *rests;  /* flag of each time; NULL if none rests */
+    double unit;           /* value of 1 at a resting time */
 } timeline;
 
-static size_t timeline_room(int64_t n_frames) {
+static size_t timeline_bytes(int64_t n_frames) {
     return reel_array_bytes((size_t)n_frames, sizeof(int32_t));
 }
 
-/* Lists the moving times; returns a failure, or 0. The first time cannot rest. */
+/* List the moving times; return a failure, or 0. The first time cannot rest. */
 static int64_t find_timeline(reel_arena *arena, int64_t n_frames, const uint8_t *rests,
-                             int64_t rest_bits, timeline *found) {
-    *found = (timeline){.n_frames = n_frames, .rests = rests};
-    found->moving = reel_allocate(arena, (size_t)n_frames, sizeof *found->moving);
+                             int64_t rest_bits, timeline *times) {
+    *times = (timeline){.n_frames = n_frames, .rests = rests};
+    times->moving = reel_allocate(arena, (size_t)n_frames, sizeof *times->moving);
     if (arena->failed) {
         return reel_failure(REEL_NO_MEMORY, 0);
     }
     if (rests && (rest_bits < 0 || rest_bits > REEL_MAX_REST_BITS || (n_frames && rests[0]))) {
         return reel_failure(REEL_INVALID, 0);
     }
-    found->unit = rests ? 1.0 / (double)((int64_t)1 << rest_bits) : 1.0;
+    times->unit = rests ? 1.0 / (double)((int64_t)1 << rest_bits) : 1.0;
     for (int64_t time = 0; time < n_frames; time++) {
         if (!rests || !rests[time]) {
-            found->moving[found->n_moving++] = (int32_t)time;
+            times->moving[times->n_moving++] = (int32_t)time;
         }
     }
     return 0;
 }
 
-/* Spreads the values of moving times, which are the first ones, over all times. */
+/* Move the values of moving times, stored at the front, to their times. */
 static void spread(const timeline *times, double *values) {
-    for (int64_t i = times->n_moving - 1; i >= 0; i--) { /* moving[i] >= i: none is lost */
+    for (int64_t i = times->n_moving - 1; i >= 0; i--) { /* moving[i] >= i: none is overwritten */
         values[times->moving[i]] = values[i];
     }
 }
 
-/* The values of a column at all times; `gathered` has space for n_frames integers. `filter` is that
-   of adaptive times, or NULL. */
+/* Decode a column at all times; `gathered` has space for n_frames integers. `filter` is NULL unless
+   times are adaptive. */
 static void decode_column(const int32_t *integers, const timeline *times, time_filter *filter,
                           int32_t *gathered, double *values) {
     for (int64_t i = 0; i < times->n_moving; i++) {
@@ -226,7 +226,7 @@ static void decode_column(const int32_t *integers, const timeline *times, time_f
 
 size_t reel_basis_memory(int64_t n_columns, int64_t n_frames) {
     return reel_array_bytes((size_t)n_columns * (size_t)n_frames, sizeof(double)) +
-           timeline_room(n_frames) + reel_array_bytes((size_t)n_frames, sizeof(int32_t));
+           timeline_bytes(n_frames) + reel_array_bytes((size_t)n_frames, sizeof(int32_t));
 }
 
 int64_t reel_lengths(const double *values, int64_t n_verts, int64_t n_modes, int64_t n_reused,
@@ -247,7 +247,7 @@ int64_t reel_lengths(const double *values, int64_t n_verts, int64_t n_modes, int
     return n_reused;
 }
 
-/* Writes a basis vector, values divided by their length or by `size` where that is not NULL. */
+/* Write a basis vector: values divided by `size`, or by their length if that is NULL. */
 static void write_vector(const double *values, int64_t length, const double *size, double *vector,
                          int64_t stride) {
     double sum = 0.0;
@@ -292,35 +292,34 @@ int64_t reel_basis(void *memory, size_t memory_size, const int32_t *integers, in
     return n_modes;
 }
 
-/* What each coefficient of a discrete cosine transform is worth at the first n_times times: that of
-   frequency k at time t is waves[k frequency_stride + t time_stride]. `cosines` has space for 4
-   n_frames. */
+/* Compute the basis of a discrete cosine transform at the first n_times times: frequency k has the
+   value waves[k frequency_stride + t time_stride] at time t. `cosines` has space for 4 n_frames. */
 static void find_waves(int64_t n_frames, int64_t n_times, double *cosines,
                        int64_t frequency_stride, int64_t time_stride, double *waves) {
-    int64_t turn = 4 * n_frames;
+    int64_t period = 4 * n_frames;
     double mean = __builtin_sqrt(1.0 / (double)n_frames);
     double scale = __builtin_sqrt(2.0 / (double)n_frames);
     for (int64_t i = 0; i < n_frames; i++) {
-        double angle = (double)i * HALF_PI / (double)n_frames, square = angle * angle, found = 1.0;
+        double angle = (double)i * HALF_PI / (double)n_frames, square = angle * angle, cosine = 1.0;
         for (int j = N_TERMS; j > 0; j--) {
-            found = 1.0 - found * square / (double)(2 * j * (2 * j - 1));
+            cosine = 1.0 - cosine * square / (double)(2 * j * (2 * j - 1));
         }
-        cosines[i] = found;
+        cosines[i] = cosine;
     }
     cosines[n_frames] = 0.0;
-    for (int64_t i = n_frames + 1; i < turn; i++) {
-        cosines[i] = i <= 2 * n_frames ? -cosines[2 * n_frames - i] : cosines[turn - i];
+    for (int64_t i = n_frames + 1; i < period; i++) {
+        cosines[i] = i <= 2 * n_frames ? -cosines[2 * n_frames - i] : cosines[period - i];
     }
     for (int64_t k = 0; k < n_frames; k++) {
-        for (int64_t t = 0, place = k; t < n_times; t++) {
-            waves[k * frequency_stride + t * time_stride] = k ? scale * cosines[place] : mean;
-            place += 2 * k;
-            place -= place >= turn ? turn : 0;
+        for (int64_t t = 0, index = k; t < n_times; t++) {
+            waves[k * frequency_stride + t * time_stride] = k ? scale * cosines[index] : mean;
+            index += 2 * k;
+            index -= index >= period ? period : 0;
         }
     }
 }
 
-/* Adds a multiple of a row to another; restrict, so that compilers use vectors. */
+/* Add a multiple of a row to the sums; restrict lets compilers use vectors. */
 REEL_INLINE void add_multiple(int64_t n, double factor, const double *restrict row,
                               double *restrict sums) {
     for (int64_t i = 0; i < n; i++) {
@@ -328,7 +327,7 @@ REEL_INLINE void add_multiple(int64_t n, double factor, const double *restrict r
     }
 }
 
-/* The same of two rows, one after the other, which halves the steps to memory. */
+/* The same for two rows, which halves the memory accesses to the sums. */
 REEL_INLINE void add_multiples(int64_t n, const double *factors, const double *restrict row,
                                const double *restrict next, double *restrict sums) {
     double factor = factors[0], next_factor = factors[1];
@@ -337,12 +336,12 @@ REEL_INLINE void add_multiples(int64_t n, const double *factors, const double *r
     }
 }
 
-/* The first half of the sum of the waves of every other frequency, which repeats itself, or its
-   opposite, backwards. Coefficients that are 0 change nothing. */
+/* Sum the waves of every other frequency over the first half of the times; the second half mirrors
+   it, with the opposite sign for odd frequencies. Skips zero coefficients. */
 static void add_waves(const int32_t *coefficients, int64_t n_frames, int64_t first,
                       const double *waves, double *sums) {
     int64_t half = (n_frames + 1) / 2;
-    const double *waiting = NULL;
+    const double *pending = NULL;
     double factors[2] = {0.0, 0.0};
     reel_zero(sums, (size_t)half * sizeof *sums);
     for (int64_t k = first; k < n_frames; k += 2) {
@@ -350,18 +349,18 @@ static void add_waves(const int32_t *coefficients, int64_t n_frames, int64_t fir
         if (!coefficients[k]) {
             continue;
         }
-        factors[waiting != NULL] = coefficients[k];
-        if (waiting) {
-            add_multiples(half, factors, waiting, row, sums);
+        factors[pending != NULL] = coefficients[k];
+        if (pending) {
+            add_multiples(half, factors, pending, row, sums);
         }
-        waiting = waiting ? NULL : row;
+        pending = pending ? NULL : row;
     }
-    if (waiting) {
-        add_multiple(half, factors[0], waiting, sums);
+    if (pending) {
+        add_multiple(half, factors[0], pending, sums);
     }
 }
 
-/* The values of a column over time from its coefficients. `sums` has space for n_frames + 1. */
+/* Decode a column from its coefficients; `sums` has space for n_frames + 1. */
 static void decode_cosines(const int32_t *coefficients, int64_t n_frames, const double *waves,
                            double *sums, double *values) {
     int64_t half = (n_frames + 1) / 2;
@@ -378,15 +377,15 @@ static bool may_have_cosines(int64_t n_frames) {
     return n_frames >= 1 && n_frames <= REEL_MAX_COSINES;
 }
 
-/* Memory of the waves of a block, which none above the limit has. */
-static size_t waves_room(int64_t n_frames) {
+/* Memory of the waves of a block; 0 above the limit of frames, which is invalid. */
+static size_t waves_bytes(int64_t n_frames) {
     size_t n = may_have_cosines(n_frames) ? (size_t)n_frames : 0;
     return reel_array_bytes(4 * n, sizeof(double)) + reel_array_bytes(n * n, sizeof(double));
 }
 
 size_t reel_cosine_basis_memory(int64_t n_columns, int64_t n_frames) {
     return reel_array_bytes((size_t)n_columns * (size_t)n_frames, sizeof(double)) +
-           reel_array_bytes((size_t)n_frames + 1, sizeof(double)) + waves_room(n_frames);
+           reel_array_bytes((size_t)n_frames + 1, sizeof(double)) + waves_bytes(n_frames);
 }
 
 int64_t reel_cosine_basis(void *memory, size_t memory_size, const int32_t *integers,
@@ -416,42 +415,42 @@ int64_t reel_cosine_basis(void *memory, size_t memory_size, const int32_t *integ
     return n_modes;
 }
 
-/* Magnitudes below this become 0: the bits that a 1 costs more than a 0 are taken from how often
-   the two occur among `count` values, and are worth `price` squared steps each. */
-static double dead_zone(const double *scaled, int64_t count, double price) {
+/* Return the magnitude below which `count` values become 0. The extra bits of a 1 follow from the
+   frequencies of zeros and ones; each is worth `rd_lambda` squared steps. */
+static double dead_zone(const double *scaled, int64_t count, double rd_lambda) {
     double zone = FIRST_DEAD_ZONE;
-    for (int round = 0; round < N_ROUNDS && price > 0.0; round++) {
+    for (int round = 0; round < N_ROUNDS && rd_lambda > 0.0; round++) {
         double n_zeros = 0.0, n_ones = 0.0;
         for (int64_t i = 0; i < count; i++) {
             double size = reel_magnitude(scaled[i]);
             n_zeros += size < zone ? 1.0 : 0.0;
             n_ones += size >= zone && size < 1.5 ? 1.0 : 0.0;
         }
-        zone = reel_dead_zone(n_zeros, n_ones, price);
+        zone = reel_dead_zone(n_zeros, n_ones, rd_lambda);
     }
-    return price > 0.0 ? zone : REEL_NEAREST_ZONE;
+    return rd_lambda > 0.0 ? zone : REEL_NEAREST_ZONE;
 }
 
-/* The integer near to a value; false if it is too large. */
-REEL_INLINE bool quantize(double scaled, double zone, double price, int32_t *integer) {
+/* Quantize a value; return false if it is too large. */
+REEL_INLINE bool quantize(double scaled, double zone, double rd_lambda, int32_t *integer) {
     if (!(reel_magnitude(scaled) < REEL_TOO_LARGE)) {
         return false;
     }
-    *integer = reel_round_rd(scaled, zone, !(price > 0.0));
+    *integer = reel_round_rd(scaled, zone, !(rd_lambda > 0.0));
     return true;
 }
 
-/* Times d, 3 d, 5 d, ... of a column. */
-static bool encode_level(const double *wanted, int64_t n_frames, int64_t d, double price,
+/* Encode times d, 3 d, 5 d, ... of a column. */
+static bool encode_level(const double *targets, int64_t n_frames, int64_t d, double rd_lambda,
                          double *values, double *scaled, int32_t *integers) {
     int64_t count = 0;
     for (int64_t time = d; time < n_frames; time += 2 * d) {
-        scaled[count++] = wanted[time] - predict_time(values, time, d, n_frames);
+        scaled[count++] = targets[time] - predict_time(values, time, d, n_frames);
     }
-    double zone = dead_zone(scaled, count, price);
+    double zone = dead_zone(scaled, count, rd_lambda);
     count = 0;
     for (int64_t time = d; time < n_frames; time += 2 * d) {
-        if (!quantize(scaled[count++], zone, price, &integers[time])) {
+        if (!quantize(scaled[count++], zone, rd_lambda, &integers[time])) {
             return false;
         }
         values[time] = predict_time(values, time, d, n_frames) + integers[time];
@@ -459,12 +458,12 @@ static bool encode_level(const double *wanted, int64_t n_frames, int64_t d, doub
     return true;
 }
 
-static bool encode_times(const double *wanted, int64_t n_frames, double price, double *values,
+static bool encode_times(const double *targets, int64_t n_frames, double rd_lambda, double *values,
                          double *scaled, int32_t *integers) {
     int32_t latest = 0;
     for (int64_t time = 0; time < n_frames; time += COARSEST) {
         int32_t here;
-        if (!quantize(wanted[time], REEL_NEAREST_ZONE, 0.0, &here)) {
+        if (!quantize(targets[time], REEL_NEAREST_ZONE, 0.0, &here)) {
             return false;
         }
         values[time] = here;
@@ -472,7 +471,7 @@ static bool encode_times(const double *wanted, int64_t n_frames, double price, d
         latest = here;
     }
     for (int64_t d = COARSEST / 2; d; d /= 2) {
-        if (!encode_level(wanted, n_frames, d, price, values, scaled, integers)) {
+        if (!encode_level(targets, n_frames, d, rd_lambda, values, scaled, integers)) {
             return false;
         }
     }
@@ -484,7 +483,7 @@ typedef struct {
     double n_zeros, n_ones;
 } level_counts;
 
-static bool encode_adaptive(const double *wanted, int64_t n_frames, double price,
+static bool encode_adaptive(const double *targets, int64_t n_frames, double rd_lambda,
                             time_filter *filter, level_counts *counts, double *values,
                             int32_t *integers) {
     for (int level = 0; level < N_LEVELS; level++) {
@@ -493,12 +492,12 @@ static bool encode_adaptive(const double *wanted, int64_t n_frames, double price
             double terms[N_WEIGHTS];
             find_terms(values, level, time, at.d, n_frames, terms);
             double predicted = predict_adaptive(&filter->levels[level], terms);
-            double scaled = wanted[time] - predicted, size = reel_magnitude(scaled);
+            double scaled = targets[time] - predicted, size = reel_magnitude(scaled);
             level_counts *here = &counts[level];
-            bool is_plain = !level || !(price > 0.0); /* other levels depend on the first */
+            bool is_plain = !level || !(rd_lambda > 0.0); /* other levels depend on the first */
             double zone = is_plain ? REEL_NEAREST_ZONE
-                                   : reel_dead_zone(here->n_zeros, here->n_ones, price);
-            if (!quantize(scaled, zone, is_plain ? 0.0 : price, &integers[time])) {
+                                   : reel_dead_zone(here->n_zeros, here->n_ones, rd_lambda);
+            if (!quantize(scaled, zone, is_plain ? 0.0 : rd_lambda, &integers[time])) {
                 return false;
             }
             here->n_zeros += size < zone ? 1.0 : 0.0;
@@ -510,28 +509,28 @@ static bool encode_adaptive(const double *wanted, int64_t n_frames, double price
     return true;
 }
 
-/* What the encoder needs for a column. */
+/* Working memory of a column. */
 typedef struct {
-    double *wanted, *values, *scaled;
+    double *targets, *values, *scaled;
     int32_t *integers;
-    time_filter *filter; /* of adaptive times, or NULL */
+    time_filter *filter; /* NULL unless times are adaptive */
     level_counts counts[N_LEVELS];
 } column_work;
 
-/* A time that rests moves as the wanted one does, from what the last moving time became: its error
-   stays as it is instead of being corrected, which would be seen as motion. */
-static bool encode_rests(const double *wanted, const timeline *times, double price, double *values,
-                         int32_t *integers) {
-    double zone = price > 0.0 ? FIRST_DEAD_ZONE : REEL_NEAREST_ZONE, error = 0.0;
+/* Encode resting times. They keep the quantization error of the last moving time, because
+   correcting it would be visible as motion. */
+static bool encode_rests(const double *targets, const timeline *times, double rd_lambda,
+                         double *values, int32_t *integers) {
+    double zone = rd_lambda > 0.0 ? FIRST_DEAD_ZONE : REEL_NEAREST_ZONE, error = 0.0;
     for (int64_t time = 1; times->rests && time < times->n_frames; time++) {
         if (!times->rests[time]) {
             continue;
         }
         if (!times->rests[time - 1]) {
-            error = values[time - 1] - wanted[time - 1];
+            error = values[time - 1] - targets[time - 1];
         }
-        double move = wanted[time] + error - values[time - 1];
-        if (!quantize(move / times->unit, zone, price, &integers[time])) {
+        double move = targets[time] + error - values[time - 1];
+        if (!quantize(move / times->unit, zone, rd_lambda, &integers[time])) {
             return false;
         }
         values[time] = values[time - 1] + integers[time] * times->unit;
@@ -539,15 +538,15 @@ static bool encode_rests(const double *wanted, const timeline *times, double pri
     return true;
 }
 
-static bool encode_column(const double *wanted, const timeline *times, double price,
+static bool encode_column(const double *targets, const timeline *times, double rd_lambda,
                           column_work *work, int32_t *integers) {
     for (int64_t i = 0; i < times->n_moving; i++) {
-        work->wanted[i] = wanted[times->moving[i]];
+        work->targets[i] = targets[times->moving[i]];
     }
     bool is_done = work->filter
-                       ? encode_adaptive(work->wanted, times->n_moving, price, work->filter,
+                       ? encode_adaptive(work->targets, times->n_moving, rd_lambda, work->filter,
                                          work->counts, work->values, work->integers)
-                       : encode_times(work->wanted, times->n_moving, price, work->values,
+                       : encode_times(work->targets, times->n_moving, rd_lambda, work->values,
                                       work->scaled, work->integers);
     if (!is_done) {
         return false;
@@ -556,12 +555,12 @@ static bool encode_column(const double *wanted, const timeline *times, double pr
         integers[times->moving[i]] = work->integers[i];
     }
     spread(times, work->values);
-    return encode_rests(wanted, times, price, work->values, integers);
+    return encode_rests(targets, times, rd_lambda, work->values, integers);
 }
 
-/* All columns of a mode. Weights stay as they were if its integers are 0. */
-static bool encode_mode(const double *wanted, int64_t n_columns, const timeline *times,
-                        double price, column_work *work, int32_t *integers) {
+/* Encode all columns of a mode. If its integers are all 0, the filter is restored. */
+static bool encode_mode(const double *targets, int64_t n_columns, const timeline *times,
+                        double rd_lambda, column_work *work, int32_t *integers) {
     time_filter before;
     reel_zero(work->counts, sizeof work->counts);
     if (work->filter) {
@@ -569,7 +568,7 @@ static bool encode_mode(const double *wanted, int64_t n_columns, const timeline 
         begin_mode(work->filter);
     }
     for (int64_t first = 0; first < n_columns * times->n_frames; first += times->n_frames) {
-        if (!encode_column(wanted + first, times, price, work, integers + first)) {
+        if (!encode_column(targets + first, times, rd_lambda, work, integers + first)) {
             return false;
         }
     }
@@ -581,18 +580,18 @@ static bool encode_mode(const double *wanted, int64_t n_columns, const timeline 
 
 size_t reel_basis_encode_memory(int64_t n_frames) {
     return 3 * reel_array_bytes((size_t)n_frames, sizeof(double)) +
-           reel_array_bytes((size_t)n_frames, sizeof(int32_t)) + timeline_room(n_frames);
+           reel_array_bytes((size_t)n_frames, sizeof(int32_t)) + timeline_bytes(n_frames);
 }
 
-int64_t reel_basis_encode(void *memory, size_t memory_size, const double *wanted, int64_t n_modes,
+int64_t reel_basis_encode(void *memory, size_t memory_size, const double *targets, int64_t n_modes,
                           int64_t n_columns, int64_t n_frames, const uint8_t *rests,
-                          int64_t rest_bits, int64_t is_adaptive, double price,
+                          int64_t rest_bits, int64_t is_adaptive, double rd_lambda,
                           int32_t *integers) {
     reel_arena arena = reel_arena_of(memory, memory_size);
     timeline times;
     time_filter filter;
     column_work work = {.filter = is_adaptive ? &filter : NULL};
-    work.wanted = reel_allocate(&arena, (size_t)n_frames, sizeof *work.wanted);
+    work.targets = reel_allocate(&arena, (size_t)n_frames, sizeof *work.targets);
     work.values = reel_allocate(&arena, (size_t)n_frames, sizeof *work.values);
     work.scaled = reel_allocate(&arena, (size_t)n_frames, sizeof *work.scaled);
     work.integers = reel_allocate(&arena, (size_t)n_frames, sizeof *work.integers);
@@ -603,21 +602,21 @@ int64_t reel_basis_encode(void *memory, size_t memory_size, const double *wanted
     start_filter(&filter);
     for (int64_t mode = 0; mode < n_modes; mode++) {
         int64_t first = mode * n_columns * n_frames;
-        if (!encode_mode(wanted + first, n_columns, &times, price, &work, integers + first)) {
+        if (!encode_mode(targets + first, n_columns, &times, rd_lambda, &work, integers + first)) {
             return reel_failure(REEL_INVALID, (uint64_t)mode);
         }
     }
     return n_modes;
 }
 
-/* Coefficients of a column, rounded: low frequencies, then octave by octave. */
-static bool round_coefficients(const double *coefficients, int64_t n, double price,
+/* Quantize the coefficients of a column: the lowest frequencies, then octave by octave. */
+static bool round_coefficients(const double *coefficients, int64_t n, double rd_lambda,
                                int32_t *integers) {
-    for (int64_t first = 0, end = LOWEST; first < n; first = end, end *= 2) {
+    for (int64_t first = 0, end = FIRST_BAND; first < n; first = end, end *= 2) {
         end = end < n ? end : n;
-        double zone = dead_zone(coefficients + first, end - first, price);
+        double zone = dead_zone(coefficients + first, end - first, rd_lambda);
         for (int64_t k = first; k < end; k++) {
-            if (!quantize(coefficients[k], zone, price, &integers[k])) {
+            if (!quantize(coefficients[k], zone, rd_lambda, &integers[k])) {
                 return false;
             }
         }
@@ -626,17 +625,17 @@ static bool round_coefficients(const double *coefficients, int64_t n, double pri
 }
 
 size_t reel_cosines_encode_memory(int64_t n_frames) {
-    return reel_array_bytes((size_t)n_frames, sizeof(double)) + waves_room(n_frames);
+    return reel_array_bytes((size_t)n_frames, sizeof(double)) + waves_bytes(n_frames);
 }
 
-int64_t reel_cosines_encode(void *memory, size_t memory_size, const double *wanted,
-                            int64_t n_modes, int64_t n_columns, int64_t n_frames, double price,
+int64_t reel_cosines_encode(void *memory, size_t memory_size, const double *targets,
+                            int64_t n_modes, int64_t n_columns, int64_t n_frames, double rd_lambda,
                             int32_t *integers) {
     if (!may_have_cosines(n_frames)) {
         return reel_failure(REEL_INVALID, 0);
     }
     reel_arena arena = reel_arena_of(memory, memory_size);
-    double *found = reel_allocate(&arena, (size_t)n_frames, sizeof *found);
+    double *coefficients = reel_allocate(&arena, (size_t)n_frames, sizeof *coefficients);
     double *cosines = reel_allocate(&arena, 4 * (size_t)n_frames, sizeof *cosines);
     double *waves = reel_allocate(&arena, (size_t)(n_frames * n_frames), sizeof *waves);
     if (arena.failed) {
@@ -644,11 +643,11 @@ int64_t reel_cosines_encode(void *memory, size_t memory_size, const double *want
     }
     find_waves(n_frames, n_frames, cosines, 1, n_frames, waves);
     for (int64_t row = 0; row < n_columns * n_modes; row++) {
-        reel_zero(found, (size_t)n_frames * sizeof *found);
+        reel_zero(coefficients, (size_t)n_frames * sizeof *coefficients);
         for (int64_t t = 0; t < n_frames; t++) {
-            add_multiple(n_frames, wanted[row * n_frames + t], waves + t * n_frames, found);
+            add_multiple(n_frames, targets[row * n_frames + t], waves + t * n_frames, coefficients);
         }
-        if (!round_coefficients(found, n_frames, price, integers + row * n_frames)) {
+        if (!round_coefficients(coefficients, n_frames, rd_lambda, integers + row * n_frames)) {
             return reel_failure(REEL_INVALID, (uint64_t)row);
         }
     }
