@@ -1,5 +1,7 @@
 """`convert`, `formats` and the options that have an effect on an input."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -147,3 +149,22 @@ def test_frames_of_a_collection_are_counted_when_one_is_written(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "walk.pvd, frames in walk_frames" in " ".join(done.stdout.split())
     assert len(list((tmp_path / "walk_frames").iterdir())) == 3
+
+
+def test_convert_writes_frame_files_of_all_segments(changing, tmp_path):
+    figures = run_json("convert", changing, "-o", tmp_path / "out" / "f_%02d.ply")
+    assert (figures["n_frames"], figures["n_segments"]) == (5, 2)
+    found = meshreel.load_segments(tmp_path / "out")
+    assert found.starts == (0, 3, 5)
+
+
+def test_decode_writes_frame_files_of_all_segments(changing, tmp_path):
+    run_json("encode", changing, "-o", tmp_path / "a.reel", "--fps", 10, "--lossless")
+    figures = run_json(
+        "decode", tmp_path / "a.reel", "-o", tmp_path / "out" / "f_%02d.ply", "--frames", "1:5"
+    )
+    assert (figures["n_frames"], figures["n_segments"], figures["n_verts"]) == (4, 2, 99)
+    assert Path(figures["outputs"][0]).name == "f_01.ply"
+    found, whole = (meshreel.load_segments(one) for one in (tmp_path / "out", changing))
+    assert found.starts == (0, 2, 4)
+    np.testing.assert_array_equal(found[3].vertices, whole[4].vertices)

@@ -11,6 +11,7 @@ from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.extras import Extra
 from meshreel.formats.frames.field_tracks import Fields
 from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.frames.segmented_stream import SegmentedStream
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.scenes.scene_mesh import ReadMeshes
 from meshreel.formats.surfaces.polygons import PolygonMesh
@@ -23,6 +24,7 @@ ReadOption = Literal[
 ]
 WriteOption = Literal["targets", "max_error", "normals", "lossless", "layout", "textures"]
 
+WriteSegments = Callable[[Path, SegmentedStream, WriteOptions], None]
 
 NO_TRACKS: frozenset[Domain] = frozenset()
 ALL_TRACKS = frozenset(Domain)
@@ -124,7 +126,8 @@ class SequenceFormat:
         Opens the sequence; its errors name the file. Positions stay in the file if the options
         request it and the format allows it.
     write : function of a path, a `FrameStream` and `WriteOptions`, or None
-        Writes the file; None if the format is read-only.
+        Writes the file of a format whose faces are the same in all frames; None if the format is
+        read-only or has `write_segments`.
     extra : Extra, optional
         Library required for reading and writing.
     reads : set of ReadOption
@@ -146,6 +149,8 @@ class SequenceFormat:
         to put them.
     list_animations : function of a path and `ReadOptions`, optional
         Returns the animations of a file, for formats with several; its errors do not name the file.
+    write_segments : function of a path, a `SegmentedStream` and `WriteOptions`, optional
+        Writes the file of a format whose faces may change; replaces `write`.
     """
 
     extension: str
@@ -162,6 +167,7 @@ class SequenceFormat:
     holds_tracks: frozenset[Domain] = NO_TRACKS
     data_files: Callable[[Path, int], list[Path]] | None = None
     list_animations: Callable[[Path, ReadOptions], Sequence[AnimationInfo]] | None = None
+    write_segments: WriteSegments | None = None
 
 
 @dataclass(frozen=True)
@@ -206,6 +212,7 @@ def scene_format(
     holds_tracks: frozenset[Domain] = NO_TRACKS,
     data_files: Callable[[Path, int], list[Path]] | None = None,
     list_animations: Callable[[Path, ReadOptions], Sequence[AnimationInfo]] | None = None,
+    write_segments: WriteSegments | None = None,
 ) -> SequenceFormat:
     """Return a `SequenceFormat` for files with several meshes or changing faces.
 
@@ -219,4 +226,5 @@ def scene_format(
         reads=frozenset(reads), writes=writes, read_meshes=read_meshes,
         holds_materials=holds_materials, has_image_folder=has_image_folder,
         holds_tracks=holds_tracks, data_files=data_files, list_animations=list_animations,
+        write_segments=write_segments,
     )  # fmt: skip

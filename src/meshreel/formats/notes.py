@@ -180,8 +180,9 @@ def note_unwritten_materials(surface: Surface, extension: str, notes: list[str])
         missing.append(f"material properties ({listed(one.name for one in surface.materials)})")
     if n_images := len(surface.images):
         missing.append(f"{n_images} texture image{'s' if n_images > 1 else ''}")
-    if missing:
-        notes.append(f"left out, as {extension} files cannot store it: {' and '.join(missing)}")
+    note = f"left out, as {extension} files cannot store it: {' and '.join(missing)}"
+    if missing and note not in notes:
+        notes.append(note)
 
 
 def note_unwritten_tracks(

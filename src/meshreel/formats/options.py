@@ -1,16 +1,21 @@
 """Options for reading and writing files."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
-from meshreel.model.sequence import FrameSource
+from meshreel.model.segments import HasSegments
 from meshreel.model.surface_selection import ALL, Names
 from meshreel.runtime.progress import Progress, silent
 
 if TYPE_CHECKING:
     from meshreel.codec.reel_file import ReelFile
+    from meshreel.codec.segmented_file import SegmentedReelFile
+    from meshreel.model.segments import AnySequence
+
+    AnySource = AnySequence | ReelFile | SegmentedReelFile
 
 
 @dataclass(frozen=True)
@@ -82,14 +87,16 @@ class Origin:
     diagonal: float
 
 
-def origin_of(sequence: "FrameSource | ReelFile") -> Origin | None:
+def origin_of(sequence: "AnySource") -> Origin | None:
     """Return the origin of frames decoded from a stream; None for original frames."""
-    if not hasattr(sequence, "promised_error"):
+    segments: Sequence[Any] = [sequence]
+    if isinstance(sequence, HasSegments):
+        segments = [sequence.segment(number) for number in range(sequence.n_segments)]
+    if not all(hasattr(one, "promised_error") for one in segments):
         return None
-    reel = cast("ReelFile", sequence)
-    return Origin(
-        math.inf if reel.promised_error is None else reel.promised_error, reel.frame.scale
-    )
+    reels = cast("Sequence[ReelFile]", segments)
+    errors = [math.inf if one.promised_error is None else one.promised_error for one in reels]
+    return Origin(max(errors), max(one.frame.scale for one in reels))
 
 
 @dataclass(frozen=True)

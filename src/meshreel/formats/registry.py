@@ -123,7 +123,8 @@ SEQUENCE_FORMATS = {
             ".reel",
             "meshreel",
             Lazy("reel.reading:open_reel"),
-            Lazy("reel.writing:write_reel"),
+            None,
+            write_segments=Lazy("reel.writing:write_reel"),
             writes=frozenset({"max_error", "lossless"}),
             holds_materials=True,
             holds_tracks=ALL_TRACKS,
@@ -283,7 +284,18 @@ def written_extensions() -> list[str]:
 
 def is_written(found: FrameFormat | SequenceFormat) -> bool:
     """Whether a format can be written."""
-    return (found.write if isinstance(found, SequenceFormat) else found.encoder) is not None
+    if isinstance(found, FrameFormat):
+        return found.encoder is not None
+    return found.write is not None or found.write_segments is not None
+
+
+def holds_segments(found: FrameFormat | SequenceFormat | FolderFormat) -> bool:
+    """Whether frames with different faces can be written in a format."""
+    if isinstance(found, FolderFormat):
+        return False
+    if isinstance(found, FrameFormat):
+        return found.encoder is not None
+    return found.write_segments is not None
 
 
 def described_formats() -> list[dict[str, Any]]:
@@ -295,6 +307,7 @@ def described_formats() -> list[dict[str, Any]]:
             "holds": "one frame" if isinstance(one, FrameFormat) else "all frames",
             "reads": not isinstance(one, FolderFormat),
             "writes": isinstance(one, FolderFormat) or is_written(one),
+            "writes_changing_faces": holds_segments(one),
             "extra": extra.name if extra else None,
             "library": extra.library if extra else None,
             "is_installed": extra is None or extra.is_installed,

@@ -1,38 +1,48 @@
 """Saving of sequences and of streamed frames in any format."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
+from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.errors import FormatError, InvalidInputError
+from meshreel.errors import ConnectivityChangeError, FormatError, InvalidInputError
 from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.frames.segmented_stream import SegmentedStream, StreamedSegment
 from meshreel.formats.kinds import NO_TRACKS, FolderFormat, FrameFormat, SequenceFormat
 from meshreel.formats.notes import note_unwritten_materials, note_unwritten_tracks
 from meshreel.formats.options import WriteOptions, origin_of
 from meshreel.formats.outputs import DEFAULT_OPTIONS, check_output, is_pattern, numbering
-from meshreel.formats.registry import FRAME_FORMATS, output_format_of
+from meshreel.formats.registry import (
+    FRAME_FORMATS,
+    SEQUENCE_FORMATS,
+    holds_segments,
+    output_format_of,
+)
 from meshreel.formats.remote import uploaded
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.surfaces.images import image_folder, image_names
 from meshreel.model.frame_choice import start_of
-from meshreel.model.sequence import FrameSource, Vertices
+from meshreel.model.materials import Image
+from meshreel.model.segments import HasSegments
+from meshreel.model.sequence import Vertices
 from meshreel.model.surface import PLAIN, Domain, Surface
-from meshreel.model.tracks import TrackPart, TrackSource
+from meshreel.model.tracks import TrackSource
 from meshreel.runtime.counting import plural
 from meshreel.runtime.outputs.atomic import replace_all_when_done
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.progress import Progress, silent
 
 if TYPE_CHECKING:
-    from meshreel.codec.reel_file import ReelFile
+    from meshreel.formats.options import AnySource
 
 
 def save(
-    sequence: "FrameSource | ReelFile",
+    sequence: "AnySource",
     output: AnyPath,
     *,
     overwrite: bool = False,
@@ -47,9 +57,9 @@ def save(
 
     Parameters
     ----------
-    sequence : MeshSequence, FrameSource or ReelFile
-        Read a frame at a time. For a `ReelFile` of `meshreel.open`, the error that glTF declares is
-        against the original, if the stream guarantees an error bound.
+    sequence : MeshSequence, SegmentedSequence, FrameSource, ReelFile or SegmentedReelFile
+        Read a frame at a time. For a file of `meshreel.open` or `meshreel.open_segments`, the error
+        that glTF declares is against the original, if the stream guarantees an error bound.
     output : str or Path
         ``name.npz``, ``.reel``, ``.abc``, ``.usd``, ``.glb`` and others for all frames in one
         file (`meshreel formats` lists them), or such an address, like ``s3://bucket/walk.glb``
@@ -98,7 +108,7 @@ def save(
 
 @staged("writing")
 def save_part(
-    sequence: "FrameSource | ReelFile",
+    sequence: "AnySource",
     wanted: range,
     output: AnyPath,
     *,
@@ -129,22 +139,29 @@ def save_part(
     """
     if options.origin is None:
         options = replace(options, origin=origin_of(sequence))
-    return save_frames(
-        (sequence.read(index, index + 1) for index in wanted),
-        sequence.faces,
+    segments = list(_segments_in(sequence, wanted))
+    return _save(
+        SegmentedStream(
+            segments,
+            fps=sequence.fps,
+            name=sequence.name,
+            start_s=start_of(wanted, sequence.start_s, sequence.fps),
+            progress=progress,
+            notes=notes,
+            supported_tracks=partial(_supported_tracks, output),
+        ),
+        _checked_paths(
+            output,
+            len(wanted),
+            n_segments=len(segments),
+            overwrite=overwrite,
+            start_number=numbering(output, wanted, start_number),
+            inputs=(*inputs, *getattr(sequence, "files", ())),
+            options=options,
+        ),
         output,
-        n_frames=len(wanted),
-        fps=sequence.fps,
-        name=sequence.name,
-        start_s=start_of(wanted, sequence.start_s, sequence.fps),
-        surface=sequence.surface,
-        tracks={name: TrackPart(track, wanted) for name, track in sequence.tracks.items()},
         overwrite=overwrite,
-        start_number=numbering(output, wanted, start_number),
-        inputs=(*inputs, *getattr(sequence, "files", ())),
         options=options,
-        progress=progress,
-        notes=notes,
     )
 
 
@@ -196,7 +213,7 @@ def save_frames(
     """
     if n_frames < 1:
         raise InvalidInputError(f"a sequence needs at least one frame; got n_frames {n_frames}")
-    paths = check_output(
+    paths = _checked_paths(
         output,
         n_frames,
         overwrite=overwrite,
@@ -204,7 +221,6 @@ def save_frames(
         inputs=inputs,
         options=options,
     )
-    found = output_format_of(Path(output))
     stream = FrameStream(
         blocks,
         faces,
@@ -215,76 +231,136 @@ def save_frames(
         surface=surface,
         progress=progress,
         notes=notes,
-        tracks=_supported_tracks(found, tracks or {}, notes),
+        tracks=_supported_tracks(output, tracks or {}, notes if notes is not None else []),
     )
-    if isinstance(found, FrameFormat) or (
-        isinstance(found, SequenceFormat) and not found.holds_materials
-    ):
-        note_unwritten_materials(stream.surface, found.extension, stream.notes)
-    images = _image_paths(found, paths[0], stream)
+    whole = SegmentedStream.of(stream)
+    return _save(whole, paths, output, overwrite=overwrite, options=options)
+
+
+def _segments_in(sequence: "AnySource", wanted: range) -> Iterator[StreamedSegment]:
+    """Yield the wanted frames of each segment that has some."""
+    if not isinstance(sequence, HasSegments):
+        yield StreamedSegment(lambda: sequence, wanted)
+        return
+    for number, (first, end) in enumerate(pairwise(sequence.starts)):
+        start, stop = max(first, wanted.start), min(end, wanted.stop)
+        if start < stop:
+            frames = range(start - first, stop - first)
+            yield StreamedSegment(partial(sequence.segment, number), frames)
+
+
+def _checked_paths(
+    output: AnyPath, n_frames: int, *, n_segments: int = 1, **checked: Any
+) -> list[Path]:
+    """Return the files to write; checks as `check_output`, and whether faces may change."""
+    paths = check_output(output, n_frames, **checked)
+    found = output_format_of(Path(output))
+    if n_segments > 1 and not holds_segments(found):
+        others = ", ".join(one for one, row in SEQUENCE_FORMATS.items() if holds_segments(row))
+        raise ConnectivityChangeError(
+            f"{output}: the faces change: {n_frames} frames in {n_segments} segments, but "
+            f"{found.extension} stores the same faces in every frame; write one output per "
+            f"segment (--split, or decode --segment), one file per frame, or {others}"
+        )
+    return paths
+
+
+def _save(
+    stream: SegmentedStream,
+    paths: list[Path],
+    output: AnyPath,
+    *,
+    overwrite: bool,
+    options: WriteOptions,
+) -> list[Path]:
+    """Write a stream to checked paths, which appear together; return them and those of images."""
+    found = output_format_of(Path(output))
+    images = _image_files(found, paths[0], stream)
     with replace_all_when_done(
         [*images, *paths],
         overwrite=overwrite,
         makes_folder=bool(images) or is_pattern(output) or len(paths) > 1,
     ) as hidden:
-        if isinstance(found, FolderFormat):
-            found.write(hidden[0].parent, Path(output).stem, stream, options)
-            progress("writing", 1.0)
-            return paths
-        for path, image in zip(hidden, stream.surface.images[: len(images)], strict=False):
-            path.write_bytes(image.data)
         temporaries = hidden[len(images) :]
-        if isinstance(found, SequenceFormat):
+        for path, image in zip(hidden, images.values(), strict=False):
+            path.write_bytes(image.data)
+        if isinstance(found, FrameFormat):
+            _write_frames(found, stream, temporaries)
+            return paths
+        if isinstance(found, FolderFormat):
+            found.write(hidden[0].parent, Path(output).stem, _only(stream), options)
+        else:
             if found.data_files is not None:
                 names = [path.relative_to(paths[0].parent).as_posix() for path in paths[1:]]
                 stream.data_files = list(zip(names, temporaries[1:], strict=True))
             _write_sequence(found, temporaries, stream, options)
-            progress("writing", 1.0)
-            return [*paths, *images]
-        encode = frame_encoder(found, stream)
-        for index, (frame, temporary) in enumerate(zip(stream.frames(), temporaries, strict=True)):
-            temporary.write_bytes(encode(index, frame))
-    return paths
+        stream.progress("writing", 1.0)
+    return [*paths, *images]
+
+
+def _only(stream: SegmentedStream) -> FrameStream:
+    """Return the frames of the only segment."""
+    [segment] = stream.segments()
+    return segment
 
 
 def _supported_tracks(
-    found: FrameFormat | SequenceFormat | FolderFormat,
-    tracks: Mapping[str, TrackSource],
-    notes: list[str] | None,
+    output: AnyPath, tracks: Mapping[str, TrackSource], notes: list[str]
 ) -> dict[str, TrackSource]:
-    """Return the tracks that a format can store; the notes list the others."""
+    """Return the tracks that an output can store; the notes list the others."""
+    found = output_format_of(Path(output))
     domains = NO_TRACKS if isinstance(found, FolderFormat) else found.holds_tracks
-    note_list = notes if notes is not None else []
     for missing in [one for one in Domain if one not in domains] if domains else []:
         names = [name for name, track in tracks.items() if track.domain is missing]
-        note_unwritten_tracks(names, found.extension, note_list, f"tracks of {plural(missing)}")
+        note_unwritten_tracks(names, found.extension, notes, f"tracks of {plural(missing)}")
     if not domains:
-        note_unwritten_tracks(tracks, found.extension, note_list)
+        note_unwritten_tracks(tracks, found.extension, notes)
     return {name: track for name, track in tracks.items() if track.domain in domains}
 
 
-def _image_paths(
-    found: FrameFormat | SequenceFormat | FolderFormat, path: Path, stream: FrameStream
-) -> list[Path]:
-    """Return the paths of images stored as separate files, and set the stream's image folder."""
-    images = stream.surface.images
-    if not (images and isinstance(found, SequenceFormat) and found.has_image_folder):
-        return []
+def _image_files(
+    found: FrameFormat | SequenceFormat | FolderFormat, path: Path, stream: SegmentedStream
+) -> dict[Path, Image]:
+    """Return images that are stored as separate files; sets the stream's image folder."""
+    if not (isinstance(found, SequenceFormat) and found.has_image_folder):
+        return {}
+    [images] = [one.surface.images for one in stream.meshes()]
+    if not images:
+        return {}
     folder = image_folder(path)
     stream.image_folder = folder.name
-    return [folder / name for name in image_names(images)]
+    return {folder / name: one for name, one in zip(image_names(images), images, strict=True)}
+
+
+def _write_frames(found: FrameFormat, stream: SegmentedStream, paths: list[Path]) -> None:
+    """Write one file per frame."""
+    numbered = iter(paths)
+    for segment in stream.segments():
+        note_unwritten_materials(segment.surface, found.extension, segment.notes)
+        encode = frame_encoder(found, segment)
+        for index, frame in enumerate(segment.frames()):
+            next(numbered).write_bytes(encode(index, frame))
 
 
 def _write_sequence(
-    found: SequenceFormat, paths: list[Path], stream: FrameStream, options: WriteOptions
+    found: SequenceFormat, paths: list[Path], stream: SegmentedStream, options: WriteOptions
 ) -> None:
     """Write all frames to the first path, and the first frame to the companion file, if any."""
+    if found.write_segments is not None:
+        if not found.holds_materials:
+            for mesh in stream.meshes():
+                note_unwritten_materials(mesh.surface, found.extension, stream.notes)
+        found.write_segments(paths[0], stream, options)
+        return
     if found.write is None:  # check_output rejects read-only formats
         raise FormatError(f"{found.extension} files are read, but not written")
+    only = _only(stream)
+    if not found.holds_materials:
+        note_unwritten_materials(only.surface, found.extension, only.notes)
     if found.companion:
-        encode = frame_encoder(FRAME_FORMATS[found.companion], stream)
-        paths[1].write_bytes(encode(0, stream.first))
-    found.write(paths[0], stream, options)
+        encode = frame_encoder(FRAME_FORMATS[found.companion], only)
+        paths[1].write_bytes(encode(0, only.first))
+    found.write(paths[0], only, options)
 
 
 def frame_encoder(found: FrameFormat, stream: FrameStream) -> Callable[[int, Vertices], bytes]:

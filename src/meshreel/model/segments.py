@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -124,6 +124,10 @@ class SegmentedSequence:
             float(np.average([one.mean_diagonal for one in extents], weights=weights)),
         )
 
+    def segment(self, number: int) -> FrameSource:
+        """Return a segment, whose frames count from 0."""
+        return self.segments[number]
+
     def segment_of(self, frame: int) -> int:
         """Return the number of the segment that contains a frame of 0..T-1."""
         return segment_containing(self.starts, frame)
@@ -182,6 +186,22 @@ class SegmentedSequence:
             f"<SegmentedSequence{name}: {self.n_frames} frames in "
             f"{counted(self.n_segments, 'segment')}, {self.fps:g} fps, {self.dtype}>"
         )
+
+
+@runtime_checkable
+class HasSegments(Protocol):
+    """A sequence or a file in segments of constant connectivity."""
+
+    @property
+    def n_segments(self) -> int:
+        """Number of segments."""
+
+    @property
+    def starts(self) -> tuple[int, ...]:
+        """First frame of each segment, and the number of all frames."""
+
+    def segment(self, number: int) -> Any:
+        """Return a segment, whose frames count from 0."""
 
 
 AnySequence = FrameSource | SegmentedSequence

@@ -121,7 +121,7 @@ def test_commands_list_segments_and_take_one(path, tmp_path):
     assert len(run_json("info", path)["segments"]) == 3
     assert run_json("info", path, "--segment", "1")["n_verts"] == 21
     output = tmp_path / "out.npz"
-    assert_fails(run("decode", path, "-o", output), "decode one with --segment")
+    assert_fails(run("decode", path, "-o", output), "10 frames in 3 segments", "decode --segment")
     assert run("decode", path, "-o", output, "--segment", "1").returncode == 0
     assert meshreel.load(output).n_verts == 21
     assert_fails(run("info", output, "--segment", "0"), "--segment is for a .reel")

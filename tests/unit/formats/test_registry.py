@@ -27,6 +27,7 @@ N_ARGUMENTS = {
     "parse_fields": 1,
     "open": 2,
     "write": 3,
+    "write_segments": 3,
     "read_meshes": 2,
     "data_files": 2,
     "list_animations": 2,

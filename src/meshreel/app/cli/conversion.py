@@ -80,7 +80,6 @@ class Conversion:
         from meshreel.app.cli.encoded_file import encode_file, frames_of
         from meshreel.app.cli.write_options import chosen_frames, is_stream, written_figures
         from meshreel.formats.save import save_part
-        from meshreel.model.segments import single_segment
 
         frames = chosen_frames(chosen, sequence.n_frames, self.notes)
         if is_stream(output):
@@ -93,7 +92,6 @@ class Conversion:
             figures = written_figures([Path(output)], sequence, len(frames), self.target)
             self.figures.append({**figures, **stream.figures()})
             return
-        sequence = single_segment(sequence, f"{output} (without --split)")
         written = save_part(
             sequence, frames, output,
             overwrite=self.force, start_number=self._number(output, frames, first),

@@ -1,6 +1,7 @@
 """`meshreel decode`: a .reel in, frames out."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from meshreel.app.cli.commands import command
 from meshreel.app.cli.completing import reel_files
@@ -20,6 +21,10 @@ from meshreel.app.cli.write_options import (
     textures_option,
 )
 from meshreel.codec.config import option_named
+
+if TYPE_CHECKING:
+    from meshreel.codec.reel_file import ReelFile
+    from meshreel.codec.segmented_file import SegmentedReelFile
 
 
 @command
@@ -85,7 +90,6 @@ def decode_command(
     - `meshreel decode walk.reel -o preview.npz --modes 8`
     """
     from contextlib import nullcontext
-    from dataclasses import replace
 
     from meshreel.app.cli.console import print_json, print_notes, progress_bar
     from meshreel.app.cli.profile import print_profile, profile_figures
@@ -98,13 +102,10 @@ def decode_command(
         written_figures,
     )
     from meshreel.formats.file_errors import errors_naming
-    from meshreel.formats.options import WriteOptions, origin_of
-    from meshreel.formats.outputs import check_output, numbering
-    from meshreel.formats.reel.reading import open
+    from meshreel.formats.options import WriteOptions
+    from meshreel.formats.outputs import check_output
     from meshreel.formats.remote import local_file, uploaded
-    from meshreel.formats.save import save_frames
-    from meshreel.model.frame_choice import start_of
-    from meshreel.model.tracks import TrackPart
+    from meshreel.formats.save import save_part
     from meshreel.runtime.profiling import profiled
     from meshreel.runtime.stores.address import is_remote
 
@@ -125,24 +126,18 @@ def decode_command(
         with (
             progress_bar() as progress,
             profiled() as times,
-            open(stream, n_modes=modes, segment=segment, memory=memory) as reel,
+            _open(stream, modes, segment, memory) as reel,
             errors_naming(source),
         ):
             wanted = chosen_frames(chosen, reel.n_frames, notes)
-            written = save_frames(
-                (run for _, run in reel.pieces(wanted)),
-                reel.faces,
+            written = save_part(
+                reel,
+                wanted,
                 target.local,
-                n_frames=len(wanted),
-                fps=reel.fps,
-                name=reel.name,
-                start_s=start_of(wanted, reel.start_s, reel.fps),
-                surface=reel.surface,
-                tracks={name: TrackPart(track, wanted) for name, track in reel.tracks.items()},
                 overwrite=force,
-                start_number=numbering(target.local, wanted, start_number),
+                start_number=start_number,
                 inputs=inputs,
-                options=replace(options, origin=origin_of(reel)),
+                options=options,
                 progress=progress,
                 notes=notes,
             )
@@ -157,3 +152,14 @@ def decode_command(
     print_written(figures)
     if profile:
         print_profile(times)
+
+
+def _open(
+    source: str | Path, modes: int | None, segment: int | None, memory: str | None
+) -> "ReelFile | SegmentedReelFile":
+    """Open a segment of a stream, or all."""
+    from meshreel.formats.reel.reading import open, open_segments
+
+    if segment is not None:
+        return open(source, n_modes=modes, segment=segment, memory=memory)
+    return open_segments(source, n_modes=modes, memory=memory)

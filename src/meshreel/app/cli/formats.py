@@ -1,5 +1,7 @@
 """`meshreel formats`: file formats that can be read and written."""
 
+from typing import Any
+
 from meshreel.app.cli.commands import command
 from meshreel.app.cli.parameters import option
 
@@ -28,9 +30,16 @@ def formats_command(
             one["title"],
             one["holds"],
             "yes" if one["reads"] else "no",
-            "yes" if one["writes"] else "no",
+            _written(one),
             "yes" if one["is_installed"] else f"pip install 'meshreel[{one['extra']}]'",
         )
         for one in found
     ]
     print_columns("formats", ("extension", "format", "a file holds", "read", "write", "here"), rows)
+
+
+def _written(one: dict[str, Any]) -> str:
+    """Whether a format is written, and whether its faces may change."""
+    if not one["writes"]:
+        return "no"
+    return "yes" if one["writes_changing_faces"] else "constant faces"

@@ -77,7 +77,7 @@ def _show_stream(
     print_table(path, info_rows(stream))
     if len(stream.segments) > 1:
         print_columns("segments", SEGMENT_HEADINGS, segment_columns(stream))
-        click.echo("choose one with --segment")
+        click.echo("decode all, or choose one with --segment")
     print_bars("bytes", stream.budget_bytes)
 
 

@@ -24,14 +24,13 @@ segment_option = option(
     "--segment",
     type=int,
     metavar="NUMBER",
-    help="The segment of a .reel with several, from 0, as `meshreel info` lists them.",
+    help="One segment of a .reel with several, from 0, as `meshreel info` lists them.",
     panel=READING,
 )
 split_option = option(
     "--split",
     is_flag=True,
-    help="Where the faces change within the sequence, write a file for each range of "
-    "frames that keeps them.",
+    help="If the faces change, write one file per segment: consecutive frames with the same faces.",
     panel=READING,
 )
 

@@ -12,11 +12,8 @@ from meshreel.app.cli.parameters import option
 from meshreel.codec.targets import DIAGONAL_OF_ALL, GROUP
 
 if TYPE_CHECKING:
-    from meshreel.codec.reel_file import ReelFile
+    from meshreel.formats.options import AnySource
     from meshreel.formats.remote import Output
-    from meshreel.model.segments import AnySequence
-
-    Written = AnySequence | ReelFile
 
 GLTF = "glTF output"
 GLTF_AND_TEXTURES = "glTF and .vat output"
@@ -190,12 +187,14 @@ def clamped_note(chosen: slice, n_frames: int) -> str | None:
 
 
 def written_figures(
-    written: list[Path], source: "Written", n_frames: int, target: "Output"
+    written: list[Path], source: "AnySource", n_frames: int, target: "Output"
 ) -> dict[str, Any]:
     """Figures of written files, as commands print them as JSON."""
-    from meshreel.model.segments import SegmentedSequence
+    from meshreel.model.segments import HasSegments
 
-    segments = source.segments if isinstance(source, SegmentedSequence) else (source,)
+    segments: Sequence[Any] = [source]
+    if isinstance(source, HasSegments):
+        segments = [source.segment(number) for number in range(source.n_segments)]
     return {
         "outputs": [target.name(path) for path in written],
         "n_frames": n_frames,

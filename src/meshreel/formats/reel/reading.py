@@ -126,7 +126,7 @@ def origin_of_file(path: str | os.PathLike[str]) -> Origin | None:
     """Return the origin that a `.reel` file declares for its frames; None for other files."""
     if Path(without_query(path)).suffix.lower() != ".reel":
         return None
-    with open(path, segment=0) as reel:
+    with open_segments(path) as reel:
         return origin_of(reel)
 
 

@@ -5,13 +5,17 @@ from pathlib import Path
 from meshreel.codec.achieved import measure_stream
 from meshreel.codec.config import DEFAULT_ORDER
 from meshreel.codec.encoder import encode
-from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.frames.segmented_stream import SegmentedStream
 from meshreel.formats.options import WriteOptions
+from meshreel.model.segments import AnySequence, SegmentedSequence
 
 
-def write_reel(path: Path, stream: FrameStream, options: WriteOptions) -> None:
+def write_reel(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
     """Write all frames as a `.reel` file, with the defaults of `encode`; a note gives the error."""
-    sequence = stream.gather()
+    segments = [segment.gather() for segment in stream.segments()]
+    sequence: AnySequence = segments[0]
+    if len(segments) > 1:
+        sequence = SegmentedSequence(segments, stream.name, stream.start_s)
     data = encode(sequence, max_error=options.max_error, lossless=options.lossless)
     path.write_bytes(data)
     if options.lossless:
