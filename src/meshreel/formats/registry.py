@@ -204,8 +204,9 @@ SEQUENCE_FORMATS = {
             ".vtkhdf",
             "VTKHDF",
             Lazy("vtk.vtkhdf:read_vtkhdf"),
-            Lazy("vtk.vtkhdf_writer:write_vtkhdf"),
+            None,
             HDF,
+            write_segments=Lazy("vtk.vtkhdf_writer:write_vtkhdf"),
             holds_tracks=NOT_OF_CORNERS,
         ),
         scene_format(

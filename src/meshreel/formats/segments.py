@@ -91,7 +91,7 @@ def _open_constant(found: SourceFiles, options: ReadOptions) -> AnySequence:
 
 def _open_changing(found: SourceFiles, options: ReadOptions) -> SegmentedSequence:
     segments = [segment.open() for segment in find_segments(found, options)]
-    sequence = SegmentedSequence(segments, name=found.name)
+    sequence = SegmentedSequence(segments)
     options.notes[:] = _combined(options.notes)
     options.notes.append(
         f"the faces change: {counted(sequence.n_frames, 'frame')} in "

@@ -7,6 +7,7 @@ import pytest
 
 import meshreel
 from meshreel.errors import ConnectivityChangeError
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 from meshreel.model.tracks import Track
 from samples.datasets import positions_of
 from samples.meshes import assert_same_surface, quad_sheet, waving_grid
@@ -29,6 +30,34 @@ def changing():
     return meshreel.concatenate(
         [with_heat(replace(one, name="mesh"), seed) for seed, one in enumerate(meshes)]
     )
+
+
+def textured_grid(n_frames, *size):
+    """Return a grid with UVs of vertices and corners, materials and tracks of each domain."""
+    grid = waving_grid(n_frames, *size)
+    rng = np.random.default_rng(len(grid.faces))
+    n_faces = len(grid.faces)
+    surface = Surface(
+        attributes=(
+            Attribute("map", Kind.UV, Domain.VERTEX, grid.vertices[0, :, :2].copy()),
+            Attribute("seams", Kind.UV, Domain.CORNER, rng.random((3 * n_faces, 2), np.float32)),
+            Attribute("weight", Kind.OTHER, Domain.FACE, rng.random((n_faces, 1), np.float32)),
+        ),
+        groups=(FaceGroups("material", ("skin", "cloth"), np.arange(n_faces, dtype=np.int32) % 2),),
+    )
+    tracks = {
+        "heat": Track(rng.random((n_frames, grid.n_verts), np.float32)),
+        "flow": Track(rng.random((n_frames, grid.n_verts, 3), np.float32), kind="velocity"),
+        "stress": Track(rng.random((n_frames, n_faces), np.float32), Domain.FACE),
+    }
+    return replace(grid, fps=FPS, name="mesh", surface=surface, tracks=tracks)
+
+
+@pytest.fixture
+def textured():
+    """Segments of four meshes with the same data, the second and third of one size."""
+    sizes = (3, 4, 3), (2, 3, 5), (1, 5, 3), (2, 4, 3)
+    return meshreel.concatenate([textured_grid(*one) for one in sizes])
 
 
 def assert_same_frames(found, expected, *, atol=0.0):
@@ -109,3 +138,50 @@ def test_notes_name_what_is_left_out_once(changing, tmp_path):
     notes = []
     meshreel.save(changing, tmp_path / "f_%d.stl", notes=notes)
     assert len(notes) == len(set(notes)) > 0
+
+
+@pytest.mark.parametrize("extension", [".vtkhdf"])
+def test_one_file_has_the_mesh_of_each_segment(textured, tmp_path, extension):
+    notes = []
+    meshreel.save(textured, tmp_path / f"a{extension}", notes=notes)
+    found = meshreel.load_segments(tmp_path / f"a{extension}")
+    assert (found.fps, found.name) == (FPS, "mesh")
+    assert_same_frames(found, textured)
+    assert_data_as_of_single_segments(found, textured, tmp_path, f"a{extension}")
+    assert not any("segments" in note for note in notes)
+
+
+@pytest.mark.parametrize("extension", [".vtkhdf"])
+def test_one_file_of_segments_with_different_data(changing, tmp_path, extension):
+    notes = []
+    meshreel.save(changing, tmp_path / f"a{extension}", notes=notes)
+    found = meshreel.load_segments(tmp_path / f"a{extension}")
+    assert_same_frames(found, changing)
+    assert_same_tracks(found.segments[1].tracks, changing.segments[1].tracks)
+    assert any("only some segments have" in note and "st" in note for note in notes)
+
+
+def test_vtk_reads_the_mesh_of_each_step(textured, tmp_path):
+    vtk = pytest.importorskip("vtk")
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    meshreel.save(textured, tmp_path / "a.vtkhdf")
+    reader = vtk.vtkHDFReader()
+    reader.SetFileName(str(tmp_path / "a.vtkhdf"))
+    reader.UpdateInformation()
+    assert reader.GetNumberOfSteps() == textured.n_frames
+    for number, frame in enumerate(textured):
+        reader.SetStep(number)
+        reader.Update()
+        mesh = reader.GetOutput()
+        segment = textured.segments[textured.segment_of(number)]
+        local = number - textured.starts[textured.segment_of(number)]
+        np.testing.assert_array_equal(vtk_to_numpy(mesh.GetPoints().GetData()), frame.vertices)
+        corners = vtk_to_numpy(mesh.GetPolys().GetConnectivityArray())
+        np.testing.assert_array_equal(corners.reshape(-1, 3), frame.faces)
+        heat = vtk_to_numpy(mesh.GetPointData().GetArray("heat"))
+        np.testing.assert_array_equal(heat, segment.tracks["heat"].read(local, local + 1)[0, :, 0])
+        uv = vtk_to_numpy(mesh.GetPointData().GetTCoords())
+        np.testing.assert_array_equal(uv, segment.surface.attributes[0].values)
+        labels = vtk_to_numpy(mesh.GetCellData().GetArray("material"))
+        np.testing.assert_array_equal(labels, segment.surface.groups[0].numbers)

@@ -27,13 +27,16 @@ from meshreel.formats.notes import note_kinds
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.formats.vtk.vtkhdf_steps import VtkSteps
+from meshreel.formats.vtk.vtkhdf_steps import VtkSteps, read_integers
 from meshreel.model.surface import Surface
 from meshreel.model.tracks import TrackSource
 
 ROOT = "VTKHDF"
 MESHREEL_GROUP = "meshreel"
 """Our group next to VTKHDF: the whole surface, as `meshreel.formats.arrays.named_arrays`."""
+
+SEGMENT_STARTS = "segment_starts"
+"""Dataset of our group: the first step of each segment, whose surfaces are in groups of it."""
 
 MESH_TYPES = ("PolyData", "UnstructuredGrid")
 VERSION = 2
@@ -108,7 +111,7 @@ def _scene_mesh(
         with hdf_errors():
             if own is None:
                 return steps.surface(index)
-            found = read_surface(described)
+            found = read_surface(described | _meshreel_arrays(_segment_of(own, index)))
             steps.note_other_data(found)
             return found
 
@@ -117,6 +120,20 @@ def _scene_mesh(
             return steps.tracks(frames)
 
     return SceneMesh(name, steps.times_s, frame, surface, fps, tracks)
+
+
+def segment_group(number: int) -> str:
+    """Return the name of the group with the surface of a segment."""
+    return f"segment_{number}"
+
+
+def _segment_of(own: Node, step: int) -> Node | None:
+    """Return the group with the surface of a step, if there are several segments."""
+    starts = find_dataset(own, SEGMENT_STARTS)
+    if starts is None:
+        return None
+    number = int(np.searchsorted(read_integers(starts).ravel(), step, side="right")) - 1
+    return find_group(own, segment_group(number))
 
 
 def _meshreel_arrays(own: Node | None) -> dict[str, npt.NDArray[Any]]:

@@ -50,6 +50,9 @@ POLY_DATA_GROUPS: dict[str, int | None] = {
 }
 """Cell groups of PolyData and their cell types, in the column order of the step offsets."""
 
+IS_ATTRIBUTE = "is_attribute"
+"""HDF5 attribute of our arrays that change only where the faces do."""
+
 MAX_CELLS = 1 << 62
 NO_CELLS = np.zeros(1, np.int64)
 
@@ -280,7 +283,8 @@ class StepArray:
     def is_track(self) -> bool:
         """Whether it changes over time, or was written as a track."""
         is_declared = read_text_attribute(self.dataset, "domain") in set(Domain)
-        return is_declared or bool((self.starts != self.starts[0]).any())
+        is_attribute = bool(self.dataset.attrs.get(IS_ATTRIBUTE, False))
+        return is_declared or (not is_attribute and bool((self.starts != self.starts[0]).any()))
 
     @property
     def role(self) -> str:

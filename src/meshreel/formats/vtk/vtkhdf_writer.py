@@ -1,4 +1,4 @@
-"""Writer for VTKHDF: an animated PolyData whose faces are stored once."""
+"""Writer for VTKHDF: an animated PolyData whose faces are stored once per segment."""
 
 from pathlib import Path
 from typing import Any
@@ -10,15 +10,18 @@ from meshreel.formats.arrays.named_arrays import surface_arrays
 from meshreel.formats.arrays.named_tracks import array_name
 from meshreel.formats.frames.field_tracks import NORMALS
 from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.frames.segmented_stream import SegmentedStream
+from meshreel.formats.frames.shared_data import SharedData
 from meshreel.formats.hdf.reading import Node, write_array
 from meshreel.formats.hdf.track_attributes import describe_track
 from meshreel.formats.hdf.writing import HdfOutput, hdf_output
+from meshreel.formats.notes import listed, note_unwritten_tracks
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.vtk.data_arrays import TEXTURE_COORDINATES
-from meshreel.formats.vtk.vtkhdf import MESHREEL_GROUP, ROOT
-from meshreel.formats.vtk.vtkhdf_steps import PLACES, POLY_DATA_GROUPS
+from meshreel.formats.vtk.vtkhdf import MESHREEL_GROUP, ROOT, SEGMENT_STARTS, segment_group
+from meshreel.formats.vtk.vtkhdf_steps import IS_ATTRIBUTE, PLACES, POLY_DATA_GROUPS
 from meshreel.model.geometry.fans import join_fans
-from meshreel.model.surface import Attribute, Kind
+from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource
 
 VERSION = (2, 3)
@@ -26,79 +29,213 @@ FRAME_RATE = 24.0  # for sequences without a frame rate
 CHUNK_ROWS = 1 << 14  # minimum, so that small frames share a chunk
 
 
-def write_vtkhdf(path: Path, stream: FrameStream, options: WriteOptions) -> None:
-    """Write a VTKHDF file, frame by frame.
+def write_vtkhdf(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
+    """Write a VTKHDF file, frame by frame; each segment is a partition.
 
-    Attributes and tracks of vertices and faces become data arrays. A second group next to VTKHDF
-    stores the whole surface for meshreel, including what VTK cannot represent.
+    Attributes and tracks of vertices and faces become data arrays if all segments have them. A
+    second group next to VTKHDF stores the surface of each segment for meshreel, including what VTK
+    cannot represent.
     """
+    shared = SharedData.of(stream)
+    _note_losses(stream, shared)
+    dtype = np.result_type(*(mesh.dtype for mesh in stream.meshes()))
     with hdf_output(path) as output:
-        file = output.root
-        root = file.create_group(ROOT)
+        root = output.root.create_group(ROOT)
         root.attrs["Version"] = np.array(VERSION, np.int64)
         root.attrs.create("Type", np.bytes_("PolyData"))
-        root["NumberOfPoints"] = np.array([stream.n_verts], np.int64)
-        _write_faces(root, stream)
+        _write_surfaces(output.root.create_group(MESHREEL_GROUP), stream)
+        points = _Rows(root, "Points", stream.n_frames)
+        partitions = _Partitions(root, stream.n_segments)
+        arrays = _DataArrays(root, stream, shared)
+        first_points: list[int] = []
+        for segment in stream.segments():
+            partitions.add(segment)
+            arrays.add(segment, output)
+            for _, frame in output.frames(segment):
+                first_points.append(points.append(frame.astype(dtype, copy=False)))
         steps = _write_steps(root, stream)
-        _write_data(root, steps, stream)
-        _write_surface(file.create_group(MESHREEL_GROUP), stream)
-        points = root.create_dataset(
-            "Points",
-            (0, 3),
-            stream.dtype,
-            maxshape=(None, 3),
-            chunks=(min(max(stream.n_verts, CHUNK_ROWS), stream.n_verts * stream.n_frames), 3),
-        )
-        for index, frame in output.frames(stream):
-            points.resize((index + 1) * stream.n_verts, axis=0)
-            points[index * stream.n_verts :] = frame
-        for name, track in stream.tracks.items():
-            _write_track(output, root, steps, name, track)
+        steps["PointOffsets"] = np.array(first_points, np.int64)
+        partitions.finish(steps)
+        arrays.finish(steps)
 
 
-def _write_faces(root: Node, stream: FrameStream) -> None:
-    sizes = stream.surface.sizes(len(stream.faces))
-    corners = join_fans(sizes, stream.faces)
-    offsets = np.concatenate([[0], np.cumsum(sizes, dtype=np.int64)])
-    for name in POLY_DATA_GROUPS:
-        is_filled = name == "Polygons"
-        group = root.create_group(name)
-        group["NumberOfCells"] = np.array([len(sizes) if is_filled else 0], np.int64)
-        group["NumberOfConnectivityIds"] = np.array([len(corners) if is_filled else 0], np.int64)
-        group["Offsets"] = offsets if is_filled else np.zeros(1, np.int64)
-        group["Connectivity"] = corners.astype(np.int64) if is_filled else np.empty(0, np.int64)
-
-
-def _write_steps(root: Node, stream: FrameStream) -> Node:
+def _note_losses(stream: SegmentedStream, shared: SharedData) -> None:
     if not stream.fps:
         stream.notes.append(f"the frame rate is unknown; written as {FRAME_RATE:g} fps")
+    note_unwritten_tracks(
+        shared.other_tracks, ".vtkhdf", stream.notes, "those of some segments only"
+    )
+    if shared.other_data:
+        stream.notes.append(
+            f"only some segments have {listed(shared.other_data)}; only meshreel reads it back"
+        )
+
+
+def _write_steps(root: Node, stream: SegmentedStream) -> Node:
     n_steps = stream.n_frames
     steps = root.create_group("Steps")
     steps.attrs["NSteps"] = np.int64(n_steps)
     steps["Values"] = stream.start_s + np.arange(n_steps) / (stream.fps or FRAME_RATE)
-    steps["PointOffsets"] = np.arange(n_steps, dtype=np.int64) * stream.n_verts
     steps["NumberOfParts"] = np.ones(n_steps, np.int64)
-    steps["PartOffsets"] = np.zeros(n_steps, np.int64)
-    shape = n_steps, len(POLY_DATA_GROUPS)
-    steps["CellOffsets"] = steps["ConnectivityIdOffsets"] = np.zeros(shape, np.int64)
     return steps
 
 
-def _write_data(root: Node, steps: Node, stream: FrameStream) -> None:
-    """Write the part of the surface that VTK supports: point data, cell data and face groups."""
-    for place in PLACES.values():
-        root.create_group(place)
-        steps.create_group(f"{place}Offsets")
-    first_uv = next((one for one in stream.surface.of_kind(Kind.UV) if one.domain in PLACES), None)
-    for one in stream.surface.attributes:
-        if one.domain in PLACES:
-            dataset = _add_array(root, steps, PLACES[one.domain], one.name, one.per_item())
-            if one is first_uv:
+class _Rows:
+    """A dataset that grows by blocks of rows.
+
+    Parameters
+    ----------
+    n_blocks : int
+        Expected number of blocks of about the same size.
+    """
+
+    def __init__(self, group: Node, name: str, n_blocks: int) -> None:
+        self._group, self._name, self._n_blocks = group, name, n_blocks
+        self._n_rows = 0
+        self.dataset: Any = None
+
+    def append(self, values: npt.NDArray[Any]) -> int:
+        """Append rows; return the number of the first."""
+        n_rows, first = len(values), self._n_rows
+        if self.dataset is None:
+            chunk = max(1, min(max(n_rows, CHUNK_ROWS), n_rows * self._n_blocks))
+            self.dataset = self._group.create_dataset(
+                self._name,
+                (0, *values.shape[1:]),
+                values.dtype,
+                maxshape=(None, *values.shape[1:]),
+                chunks=(chunk, *values.shape[1:]),
+            )
+        self._n_rows += n_rows
+        self.dataset.resize(self._n_rows, axis=0)
+        self.dataset[first:] = values
+        return first
+
+
+class _Partitions:
+    """Writes the faces of each segment as a partition, and the partition of each step."""
+
+    def __init__(self, root: Node, n_segments: int) -> None:
+        self._root = root
+        self._groups = {name: root.create_group(name) for name in POLY_DATA_GROUPS}
+        polygons = self._groups["Polygons"]
+        self._offsets = _Rows(polygons, "Offsets", n_segments)
+        self._connectivity = _Rows(polygons, "Connectivity", n_segments)
+        self._n_points: list[int] = []
+        self._n_faces: list[int] = []
+        self._n_corners: list[int] = []
+        self._n_frames: list[int] = []
+
+    def add(self, segment: FrameStream) -> None:
+        """Write the faces of a segment."""
+        sizes = segment.surface.sizes(len(segment.faces))
+        corners = join_fans(sizes, segment.faces).astype(np.int64)
+        self._offsets.append(np.concatenate([[0], np.cumsum(sizes, dtype=np.int64)]))
+        self._connectivity.append(corners)
+        self._n_points.append(segment.n_verts)
+        self._n_faces.append(len(sizes))
+        self._n_corners.append(len(corners))
+        self._n_frames.append(segment.n_frames)
+
+    def finish(self, steps: Node) -> None:
+        """Write the sizes of all partitions, and where each step begins."""
+        n_parts = len(self._n_frames)
+        self._root["NumberOfPoints"] = np.array(self._n_points, np.int64)
+        steps["PartOffsets"] = np.repeat(np.arange(n_parts), self._n_frames)
+        none = np.zeros(n_parts, np.int64)
+        for name, group in self._groups.items():
+            is_filled = name == "Polygons"
+            group["NumberOfCells"] = np.array(self._n_faces) if is_filled else none
+            group["NumberOfConnectivityIds"] = np.array(self._n_corners) if is_filled else none
+            if not is_filled:
+                group["Offsets"], group["Connectivity"] = none, none[:0]
+        column = [*POLY_DATA_GROUPS].index("Polygons")
+        for name, counts in (
+            ("CellOffsets", self._n_faces),
+            ("ConnectivityIdOffsets", self._n_corners),
+        ):
+            firsts = np.zeros((n_parts, len(POLY_DATA_GROUPS)), np.int64)
+            firsts[1:, column] = np.cumsum(counts[:-1])
+            steps[name] = np.repeat(firsts, self._n_frames, axis=0)
+
+
+class _DataArrays:
+    """Writes attributes, face groups and tracks as point and cell data.
+
+    Parameters
+    ----------
+    shared : SharedData
+        What all segments have.
+    """
+
+    def __init__(self, root: Node, stream: SegmentedStream, shared: SharedData) -> None:
+        self._root, self._stream, self._shared = root, stream, shared
+        self._arrays: dict[tuple[Any, ...], tuple[str, _Rows]] = {}
+        self._starts: dict[tuple[Any, ...], list[int]] = {}
+        for place in PLACES.values():
+            root.create_group(place)
+
+    def add(self, segment: FrameStream, output: HdfOutput) -> None:
+        """Write the data of a segment."""
+        has_uv = False
+        for key, one in self._shared.attributes_of(segment.surface).items():
+            if one.domain not in PLACES:
+                segment.notes.append(_corner_note(one))
+                continue
+            dataset = self._add_constant(segment, key, one.domain, one.name, one.per_item())
+            if one.kind is Kind.UV and not has_uv:
                 dataset.attrs.create("Attribute", np.bytes_(TEXTURE_COORDINATES))
-        else:
-            stream.notes.append(_corner_note(one))
-    for groups in stream.surface.groups:
-        _add_array(root, steps, "CellData", groups.name, groups.numbers)
+                has_uv = True
+        for key, groups in self._shared.groups_of(segment.surface).items():
+            place = ("group", *key)
+            self._add_constant(segment, place, Domain.FACE, groups.name, groups.numbers)
+        for name, track in self._shared.tracks_of(segment.tracks).items():
+            self._add_track(output, name, track)
+
+    def finish(self, steps: Node) -> None:
+        """Write the first row of each array in each step."""
+        for place in PLACES.values():
+            steps.create_group(f"{place}Offsets")
+        for key, (place, rows) in self._arrays.items():
+            name = rows.dataset.name.rpartition("/")[2]
+            steps[f"{place}Offsets"][name] = np.array(self._starts[key], np.int64)
+
+    def _add_constant(
+        self,
+        segment: FrameStream,
+        key: tuple[Any, ...],
+        domain: Domain,
+        name: str,
+        values: npt.NDArray[Any],
+    ) -> Any:
+        """Write an array that is the same in all steps of a segment; return the dataset."""
+        rows = self._rows(key, domain, name, self._stream.n_segments)
+        first = rows.append(values)
+        self._starts[key] += [first] * segment.n_frames
+        if self._stream.n_segments > 1:
+            rows.dataset.attrs[IS_ATTRIBUTE] = True
+        return rows.dataset
+
+    def _add_track(self, output: HdfOutput, name: str, track: TrackSource) -> None:
+        """Write the values of all steps of a segment."""
+        n_columns = track.shape[2]
+        key = "track", name
+        rows = self._rows(key, track.domain, name, self._stream.n_frames)
+        for _, values in output.blocks(track):
+            for one in values:
+                first = rows.append(one if n_columns > 1 else one[:, 0])
+                self._starts[key].append(first)
+        describe_track(rows.dataset, name, track)
+        if track.kind is TrackKind.NORMAL:
+            rows.dataset.attrs.create("Attribute", np.bytes_(NORMALS))
+
+    def _rows(self, key: tuple[Any, ...], domain: Domain, name: str, n_blocks: int) -> _Rows:
+        if key not in self._arrays:
+            place = PLACES[domain]
+            array = _unique_name(self._root[place], name)
+            self._arrays[key] = place, _Rows(self._root[place], array, n_blocks)
+            self._starts[key] = []
+        return self._arrays[key][1]
 
 
 def _corner_note(attribute: Attribute) -> str:
@@ -106,14 +243,6 @@ def _corner_note(attribute: Attribute) -> str:
         f"{attribute.kind} {attribute.name!r} has a value for each face corner, which VTK does "
         "not support; only meshreel reads it back"
     )
-
-
-def _add_array(root: Node, steps: Node, place: str, name: str, values: npt.NDArray[Any]) -> Node:
-    """Write an array that is the same in all steps."""
-    name = _unique_name(root[place], name)
-    dataset = root[place].create_dataset(name, data=values)
-    steps[f"{place}Offsets"][name] = np.zeros(steps.attrs["NSteps"], np.int64)
-    return dataset
 
 
 def _unique_name(group: Node, name: str) -> str:
@@ -124,30 +253,20 @@ def _unique_name(group: Node, name: str) -> str:
     return name
 
 
-def _write_track(output: HdfOutput, root: Node, steps: Node, name: str, track: TrackSource) -> None:
-    """Write the values of all steps into one dataset, and the first row of each step."""
-    place = PLACES[track.domain]
-    array = _unique_name(root[place], name)
-    n_frames, n_items, n_columns = track.shape
-    row = (n_columns,) if n_columns > 1 else ()
-    n_rows = n_frames * n_items
-    chunk = min(max(n_items, CHUNK_ROWS), n_rows), *row
-    dataset = root[place].create_dataset(array, (n_rows, *row), track.dtype, chunks=chunk)
-    describe_track(dataset, name, track)
-    if track.kind is TrackKind.NORMAL:
-        dataset.attrs.create("Attribute", np.bytes_(NORMALS))
-    steps[f"{place}Offsets"][array] = np.arange(n_frames, dtype=np.int64) * n_items
-    for start, values in output.blocks(track):
-        rows = slice(start * n_items, (start + len(values)) * n_items)
-        dataset[rows] = values.reshape(-1, *row)
+def _write_surfaces(group: Node, stream: SegmentedStream) -> None:
+    """Write the whole surface of each segment for meshreel."""
+    write_array(group, "fps", np.asarray(np.float64(stream.fps)))
+    write_array(group, "name", np.asarray(np.str_(stream.name)))
+    if stream.n_segments > 1:
+        write_array(group, SEGMENT_STARTS, np.array(stream.starts[:-1], np.int64))
+    for number, mesh in enumerate(stream.meshes()):
+        own = group
+        if stream.n_segments > 1:
+            own = group.create_group(segment_group(number))
+        _write_surface(own, mesh.surface)
 
 
-def _write_surface(group: Node, stream: FrameStream) -> None:
-    """Write the whole surface for meshreel."""
-    about: dict[str, npt.NDArray[Any]] = {
-        "fps": np.asarray(np.float64(stream.fps)),
-        "name": np.asarray(np.str_(stream.name)),
-    }
-    for name, array in (about | surface_arrays(stream.surface)).items():
+def _write_surface(group: Node, surface: Surface) -> None:
+    for name, array in surface_arrays(surface).items():
         if name != "face_sizes":  # the polygons of VTKHDF have them
             write_array(group, name, array)

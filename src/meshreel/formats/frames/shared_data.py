@@ -1,0 +1,116 @@
+"""What all segments of a sequence have in common, for formats that declare data once."""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from meshreel.formats.frames.segmented_stream import SegmentedStream, SegmentMesh
+from meshreel.formats.notes import listed, note_unwritten_tracks
+from meshreel.model.surface import Attribute, FaceGroups, Surface
+from meshreel.model.tracks import TrackSource
+
+Key = tuple[Any, ...]
+
+
+@dataclass(frozen=True)
+class SharedData:
+    """Attributes, groups, tracks and parts that all segments of a sequence have.
+
+    Attributes are the same if they agree in name, kind, domain, width and number type; tracks also
+    in their unit, and groups in their name.
+
+    Attributes
+    ----------
+    attributes, groups, tracks : tuple of tuple
+        Keys of the data of all segments, in the order of the first segment.
+    parts : tuple of str
+        Names of the parts, if they are the same in all segments.
+    other_data, other_tracks : tuple of str
+        Names of data that only some segments have.
+    """
+
+    attributes: tuple[Key, ...]
+    groups: tuple[Key, ...]
+    tracks: tuple[Key, ...]
+    parts: tuple[str, ...]
+    other_data: tuple[str, ...]
+    other_tracks: tuple[str, ...]
+
+    @classmethod
+    def of(cls, stream: SegmentedStream) -> "SharedData":
+        """Compare the segments of a stream."""
+        shared: list[dict[Key, None]] = []
+        others: list[dict[str, None]] = [{}, {}, {}]
+        parts: tuple[str, ...] = ()
+        for number, mesh in enumerate(stream.meshes()):
+            found = [dict.fromkeys(one) for one in _keys(mesh)]
+            part_names = tuple(part.name for part in mesh.surface.parts)
+            if number == 0:
+                shared, parts = found, part_names
+                continue
+            for names, one, other in zip(others, shared, found, strict=True):
+                names.update((str(key[0]), None) for key in sorted(one.keys() ^ other.keys()))
+                for key in one.keys() - other.keys():
+                    del one[key]
+            if part_names != parts:
+                others[1]["the names of parts"] = None
+                parts = ()
+        attributes, groups, tracks = map(tuple, shared)
+        data = tuple(others[0] | others[1])
+        return cls(attributes, groups, tracks, parts, data, tuple(others[2]))
+
+    def attributes_of(self, surface: Surface) -> dict[Key, Attribute]:
+        """Return the shared attributes of a segment."""
+        found = _attributes(surface)
+        return {key: found[key] for key in self.attributes}
+
+    def groups_of(self, surface: Surface) -> dict[Key, FaceGroups]:
+        """Return the shared groups of a segment."""
+        found = _groups(surface)
+        return {key: found[key] for key in self.groups}
+
+    def tracks_of(self, tracks: Mapping[str, TrackSource]) -> dict[str, TrackSource]:
+        """Return the shared tracks of a segment by name."""
+        found = _tracks(tracks)
+        return {str(key[0]): found[key] for key in self.tracks}
+
+    def only(self, mesh: SegmentMesh) -> SegmentMesh:
+        """Return the mesh of a segment without data that other segments lack."""
+        attributes = tuple(self.attributes_of(mesh.surface).values())
+        groups = tuple(self.groups_of(mesh.surface).values())
+        parts = mesh.surface.parts if self.parts else ()
+        surface = replace(mesh.surface, attributes=attributes, groups=groups, parts=parts)
+        return replace(mesh, surface=surface, tracks=self.tracks_of(mesh.tracks))
+
+    def note_others(self, extension: str, notes: list[str]) -> None:
+        """Add notes on data that are left out because only some segments have them."""
+        if self.other_data:
+            notes.append(f"left out, as only some segments have it: {listed(self.other_data)}")
+        which = "those of some segments only"
+        note_unwritten_tracks(self.other_tracks, extension, notes, which)
+
+
+def _keys(mesh: SegmentMesh) -> Iterable[Iterable[Key]]:
+    return _attributes(mesh.surface), _groups(mesh.surface), _tracks(mesh.tracks)
+
+
+def _attributes(surface: Surface) -> dict[Key, Attribute]:
+    seen: Counter[Key] = Counter()
+    found: dict[Key, Attribute] = {}
+    for one in surface.attributes:
+        key = one.name, one.kind, one.domain, one.values.shape[1], one.values.dtype.str
+        seen[key] += 1
+        found[(*key, seen[key])] = one
+    return found
+
+
+def _groups(surface: Surface) -> dict[Key, FaceGroups]:
+    return {(one.name,): one for one in surface.groups}
+
+
+def _tracks(tracks: Mapping[str, TrackSource]) -> dict[Key, TrackSource]:
+    return {
+        (name, one.domain, one.kind, one.shape[2], one.dtype.str, one.unit): one
+        for name, one in tracks.items()
+    }
