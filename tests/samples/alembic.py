@@ -77,6 +77,21 @@ def matrix(rows):
     return imath.M44d(*np.asarray(rows, float).ravel().tolist())
 
 
+def library_samples(path):
+    """Return points, face sizes and corners of each frame of the first mesh, by the library."""
+    node = Abc.IArchive(str(path)).getTop()
+    while not AbcGeom.IPolyMesh.matches(node.getHeader()):
+        node = node.getChild(0)
+    schema = AbcGeom.IPolyMesh(node.getParent(), node.getName()).getSchema()
+    properties = (
+        schema.getPositionsProperty(),
+        schema.getFaceCountsProperty(),
+        schema.getFaceIndicesProperty(),
+    )
+    for number in range(schema.getNumSamples()):
+        yield tuple(np.array(one.samples[number]) for one in properties)
+
+
 def library_meshes(path):
     """Return points of the first frame and world matrix of each mesh, read by the library."""
     return dict(_library_meshes(Abc.IArchive(str(path)).getTop(), np.eye(4)))

@@ -133,8 +133,9 @@ SEQUENCE_FORMATS = {
             ".abc",
             "Alembic",
             Lazy("alembic.meshes:read_meshes"),
-            Lazy("alembic.write:write_alembic"),
+            None,
             ALEMBIC,
+            write_segments=Lazy("alembic.write:write_alembic"),
             holds_tracks=ALL_TRACKS,
         ),
         *(

@@ -53,10 +53,17 @@ def textured_grid(n_frames, *size):
     return replace(grid, fps=FPS, name="mesh", surface=surface, tracks=tracks)
 
 
+def inner_edges(faces):
+    """Return the edges with two faces."""
+    sides = np.sort(np.concatenate([faces[:, :2], faces[:, 1:], faces[:, ::2]]), axis=1)
+    edges, counts = np.unique(sides, axis=0, return_counts=True)
+    return edges[counts == 2]
+
+
 @pytest.fixture
 def textured():
     """Segments of four meshes with the same data, the second and third of one size."""
-    sizes = (3, 4, 3), (2, 3, 5), (1, 5, 3), (2, 4, 3)
+    sizes = (3, 4, 3), (2, 3, 5), (2, 5, 3), (2, 4, 3)
     return meshreel.concatenate([textured_grid(*one) for one in sizes])
 
 
@@ -140,7 +147,7 @@ def test_notes_name_what_is_left_out_once(changing, tmp_path):
     assert len(notes) == len(set(notes)) > 0
 
 
-@pytest.mark.parametrize("extension", [".vtkhdf"])
+@pytest.mark.parametrize("extension", [".vtkhdf", ".abc"])
 def test_one_file_has_the_mesh_of_each_segment(textured, tmp_path, extension):
     notes = []
     meshreel.save(textured, tmp_path / f"a{extension}", notes=notes)
@@ -151,7 +158,7 @@ def test_one_file_has_the_mesh_of_each_segment(textured, tmp_path, extension):
     assert not any("segments" in note for note in notes)
 
 
-@pytest.mark.parametrize("extension", [".vtkhdf"])
+@pytest.mark.parametrize("extension", [".vtkhdf", ".abc"])
 def test_one_file_of_segments_with_different_data(changing, tmp_path, extension):
     notes = []
     meshreel.save(changing, tmp_path / f"a{extension}", notes=notes)
@@ -185,3 +192,30 @@ def test_vtk_reads_the_mesh_of_each_step(textured, tmp_path):
         np.testing.assert_array_equal(uv, segment.surface.attributes[0].values)
         labels = vtk_to_numpy(mesh.GetCellData().GetArray("material"))
         np.testing.assert_array_equal(labels, segment.surface.groups[0].numbers)
+
+
+def test_the_alembic_library_reads_the_faces_of_each_frame(textured, tmp_path):
+    pytest.importorskip("alembic3d")
+    from samples.alembic import library_samples
+
+    meshreel.save(textured, tmp_path / "a.abc")
+    found = list(library_samples(tmp_path / "a.abc"))
+    for (points, counts, corners), frame in zip(found, textured, strict=True):
+        np.testing.assert_array_equal(points, frame.vertices)
+        assert (counts == 3).all()
+        np.testing.assert_array_equal(corners.reshape(-1, 3)[:, ::-1], frame.faces)
+
+
+@pytest.mark.parametrize("extension", [".abc"])
+def test_materials_of_some_segments_and_hard_edges(tmp_path, extension):
+    grids = [textured_grid(2, 4, 3), textured_grid(2, 3, 5)]
+    for number, grid in enumerate(grids):
+        [groups] = grid.surface.groups
+        hard = inner_edges(grid.faces) if number else None
+        labels = ("skin", f"cloth {number}")
+        surface = replace(grid.surface, groups=(replace(groups, labels=labels),), hard_edges=hard)
+        grids[number] = replace(grid, surface=surface)
+    meshreel.save(meshreel.concatenate(grids), tmp_path / f"a{extension}")
+    found = meshreel.load_segments(tmp_path / f"a{extension}")
+    expected = meshreel.concatenate(grids)
+    assert_data_as_of_single_segments(found, expected, tmp_path, f"a{extension}")

@@ -20,6 +20,9 @@ NORMALS, VELOCITIES = "N", ".velocities"
 COMPUTED = "meshreel:computed"
 """User property that marks normals computed by meshreel from faces and hard edges, not a track."""
 
+SEGMENT_ATTRIBUTES = "meshreel:attributes"
+"""User property with the names, joined by "/", of properties that change only with the faces."""
+
 NO_GROUP = ""
 """Label of faces without a group."""
 
@@ -54,6 +57,7 @@ def read_attributes(
     attributes: list[Attribute] = []
     groups: list[FaceGroups] = []
     changing, constants, unsupported = (list[str]() for _ in range(3))
+    marked = segment_attributes(geometry)
     for source in [*uvs, *other.values()]:
         param = GeometryParam(source, time_s)
         if source.header.name in animated:
@@ -62,7 +66,9 @@ def read_attributes(
             constants.append(param.name)
         elif (attribute := _attribute(param, mesh)) is not None:
             attributes.append(attribute)
-        elif (face_groups := _groups(param, mesh)) is not None:
+        elif (param.is_constant or source.header.name in marked) and (
+            face_groups := _groups(param, mesh)
+        ) is not None:
             groups.append(face_groups)
         else:
             (unsupported if param.is_constant else changing).append(param.name)
@@ -72,6 +78,13 @@ def read_attributes(
     note_kinds(notes, "values for a whole mesh", constants)
     note_kinds(notes, "properties that are neither numeric nor a text per face", unsupported)
     return Surface(attributes=tuple(attributes), groups=tuple(groups))
+
+
+def segment_attributes(geometry: Properties) -> frozenset[str]:
+    """Return the names of properties that change only with the faces, if meshreel wrote them."""
+    user = geometry.get(".userProperties")
+    found = user.properties.get(SEGMENT_ATTRIBUTES) if user is not None else None
+    return frozenset("".join(found.texts()[:1]).split("/")) if found is not None else frozenset()
 
 
 def read_normals(
@@ -117,6 +130,8 @@ def read_face_sets(
     overlapping = []
     for name, properties in face_sets.items():
         faces = _face_indices(properties, name, n_faces, time_s)
+        if not len(faces) and not properties[".faces"].is_constant:
+            continue  # a material of other segments
         if (materials[faces] >= 0).any():
             numbers = np.full(n_faces, -1, np.int32)
             numbers[faces] = 0
@@ -152,7 +167,7 @@ def domain_of(declared: Domain | None, n_values: int, mesh: PolygonMesh) -> Doma
 
 
 def _groups(param: GeometryParam, mesh: PolygonMesh) -> FaceGroups | None:
-    if not (param.is_text and param.is_constant and param.domain is Domain.FACE):
+    if not (param.is_text and param.domain is Domain.FACE):
         return None
     texts = param.texts()
     indices = param.indices(len(texts))

@@ -8,7 +8,14 @@ import numpy as np
 
 from meshreel.arrays import Values
 from meshreel.formats.alembic.archive import Property
-from meshreel.formats.alembic.attributes import COMPUTED, NORMALS, VELOCITIES, Properties, domain_of
+from meshreel.formats.alembic.attributes import (
+    COMPUTED,
+    NORMALS,
+    VELOCITIES,
+    Properties,
+    domain_of,
+    segment_attributes,
+)
 from meshreel.formats.alembic.params import GeometryParam
 from meshreel.formats.alembic.time_sampling import Times, bracketing_samples
 from meshreel.formats.alembic.winding import reversed_corners
@@ -183,7 +190,10 @@ class MeshTracks:
             self.geometry[".arbGeomParams"].properties if ".arbGeomParams" in self.geometry else {}
         )
         uvs = [self.geometry["uv"]] if "uv" in self.geometry else []
+        marked = segment_attributes(self.geometry)
         for source in [*uvs, *others.values()]:
+            if source.header.name in marked:
+                continue
             param = GeometryParam(source, 0.0)
             declared = param.metadata(TRACK_KIND)
             is_single = param.domain is None and source not in uvs

@@ -17,19 +17,20 @@ from meshreel.formats.alembic.library_arrays import library_array, library_vecto
 from meshreel.formats.alembic.names import IN_METADATA, IN_TEXTS, clean, object_paths, unique_name
 from meshreel.formats.alembic.winding import reversed_corners
 from meshreel.formats.alembic.write_attributes import (
+    AttributeWriter,
     is_texture,
+    mark_attributes,
     texture_sample,
-    write_attributes,
-    write_groups,
 )
 from meshreel.formats.alembic.write_tracks import (
     TrackWriter,
     mark_computed,
     normal_sample,
-    writable_tracks,
+    unwritable_tracks,
 )
 from meshreel.formats.extras import ALEMBIC
-from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.frames.segmented_stream import SegmentedStream, SegmentMesh
+from meshreel.formats.frames.shared_data import SharedData
 from meshreel.formats.notes import note_name
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts
@@ -106,11 +107,12 @@ class Rounding:
         )
 
 
-def write_alembic(path: Path, stream: FrameStream, options: WriteOptions) -> None:
+def write_alembic(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
     """Write an Alembic file (Ogawa) with one polygon mesh per part.
 
-    Float32 positions, polygons and attributes are lossless; notes name everything else. One
-    frame is in memory at a time.
+    Float32 positions, polygons and attributes are lossless; notes name everything else. If the
+    faces change, faces, attributes and groups are sampled in every frame. One frame is in memory
+    at a time.
 
     Raises
     ------
@@ -119,10 +121,12 @@ def write_alembic(path: Path, stream: FrameStream, options: WriteOptions) -> Non
     InvalidInputError
         If the disk is too small, or a position does not fit into float32.
     """
+    shared = SharedData.of(stream)
+    shared.note_others(".abc", stream.notes)
+    stream = stream.changed(shared.only)
     check_free_space(path, stream)
-    rounding = Rounding(stream.first)
     try:
-        _write_archive(path, stream, rounding)
+        rounding = _write_archive(path, stream, shared)
     except RuntimeError as error:  # from the Alembic library
         raise FormatError(
             f"the Alembic library cannot write {path.name}: {' '.join(str(error).split())}"
@@ -130,27 +134,47 @@ def write_alembic(path: Path, stream: FrameStream, options: WriteOptions) -> Non
     stream.notes.extend([note] if (note := rounding.describe()) else [])
 
 
-def _write_archive(path: Path, stream: FrameStream, rounding: Rounding) -> None:
+def _write_archive(path: Path, stream: SegmentedStream, shared: SharedData) -> Rounding:
     """Write a file, which is complete once the library's objects are destroyed."""
     archive = ALEMBIC.load("Abc").OArchive(str(path))
     sampling = archive.addTimeSampling(_time_sampling(stream))
-    parts = list(split_parts(stream.faces, stream.surface, stream.n_verts, stream.name))
-    for one in parts:
-        note_name("part", one.name, clean(one.name, IN_TEXTS), ".abc", stream.notes)
-    transforms = _Transforms(archive.getTop(), rounding.shift)
-    tracks = writable_tracks(stream)
-    writers = [
-        _PartWriter(part, transforms.above(place), place[-1], sampling, tracks, stream.notes)
-        for part, place in zip(parts, object_paths([one.name for one in parts]), strict=True)
-    ]
-    for index, frame in enumerate(stream.frames()):
-        rounded = rounding.add(frame)
-        values = {name: one.read(index, index + 1)[0] for name, one in tracks.items()}
-        for writer in writers:
-            writer.add(rounded, values)
+    left_out = unwritable_tracks(stream)
+    rounding: Rounding | None = None
+    writers: list[_PartWriter] = []
+    for segment in stream.segments():
+        tracks = {name: one for name, one in segment.tracks.items() if name not in left_out}
+        parts = list(split_parts(segment.faces, segment.surface, segment.n_verts, stream.name))
+        if rounding is None:
+            rounding = Rounding(segment.first)
+            transforms = _Transforms(archive.getTop(), rounding.shift)
+            for one in parts:
+                note_name("part", one.name, clean(one.name, IN_TEXTS), ".abc", stream.notes)
+            places = object_paths([one.name for one in parts])
+            changing = shared if stream.n_segments > 1 else None
+            writers = [
+                _PartWriter(
+                    part,
+                    transforms.above(place),
+                    place[-1],
+                    sampling,
+                    tracks,
+                    segment.notes,
+                    changing,
+                )
+                for part, place in zip(parts, places, strict=True)
+            ]
+        for writer, part in zip(writers, parts, strict=True):
+            writer.begin(part)
+        for index, frame in enumerate(segment.frames()):
+            rounded = rounding.add(frame)
+            values = {name: one.read(index, index + 1)[0] for name, one in tracks.items()}
+            for writer in writers:
+                writer.add(rounded, values)
+    assert rounding is not None  # there is at least one segment
+    return rounding
 
 
-def _time_sampling(stream: FrameStream) -> Any:
+def _time_sampling(stream: SegmentedStream) -> Any:
     core = ALEMBIC.load("AbcCoreAbstract")
     if stream.n_frames == 1 and not stream.fps:
         times = core.TimeVector()
@@ -195,12 +219,16 @@ class _PartWriter:
 
     Parameters
     ----------
+    part : PartMesh
+        The part in the first segment.
     parent : OXform
     sampling : int
         Index of the time sampling of its positions.
     tracks : mapping of str to TrackSource
     notes : list of str
         Gains a sentence for everything that the file cannot store exactly.
+    changing : SharedData, optional
+        Data of all segments, if there are several: then faces and attributes are sampled.
     """
 
     def __init__(
@@ -211,14 +239,31 @@ class _PartWriter:
         sampling: int,
         tracks: Mapping[str, TrackSource],
         notes: list[str],
+        changing: SharedData | None,
     ) -> None:
-        self._part, self._notes, self._has_faces = part, notes, False
+        self._notes = notes
         self._names = set[str]()
         self._tracks = TrackWriter(part, tracks, sampling, self._names, notes)
         self._schema = ALEMBIC.load("AbcGeom").OPolyMesh(parent, name, sampling).getSchema()
-        self._shading = None
         has_track = any(one.kind is TrackKind.NORMAL for one in tracks.values())
-        if part.surface.hard_edges is not None and not has_track:
+        has_hard_edges = part.surface.hard_edges is not None
+        if changing is not None:
+            has_hard_edges = changing.has_hard_edges
+        self._has_normals = has_hard_edges and not has_track
+        labels = changing.labels.get(("material",), ()) if changing is not None else ()
+        attribute_sampling = None if changing is None else sampling
+        self._attributes = AttributeWriter(
+            self._schema, attribute_sampling, labels, self._names, notes
+        )
+        self._n_samples = 0
+        self._has_indexed_texture = False
+
+    def begin(self, part: PartMesh) -> None:
+        """Begin a segment with the part in it."""
+        self._part, self._is_new = part, True
+        self._tracks.use(part)
+        self._shading = None
+        if self._has_normals:
             n_verts = part.verts.stop - part.verts.start
             hard_edges = part.surface.hard_edges
             self._shading = RowNormals(part.counts, part.corners, hard_edges, n_verts)
@@ -232,35 +277,44 @@ class _PartWriter:
             normals = self._shading.of_frames(frame[np.newaxis, self._part.verts])[0]
             of_corner = self._shading.rows.of_corner[reversed_corners(self._part.counts)]
             sample.setNormals(normal_sample(normals, of_corner))
-        if self._has_faces:  # the library repeats those of the first sample
+        if self._is_new:
+            self._write_faces(sample)
+        else:  # the library repeats the faces
             self._schema.set(sample)
-        else:
-            self._write_first(sample)
+            self._attributes.repeat()
         self._tracks.add_others(self._schema, values)
+        self._is_new = False
+        self._n_samples += 1
 
-    def _write_first(self, sample: Any) -> None:
+    def _write_faces(self, sample: Any) -> None:
+        """Write the first sample of a segment, with its faces and attributes."""
         counts, attributes = self._part.counts, self._part.surface.attributes
         corners = self._part.corners[reversed_corners(counts)]
         sample.setFaceCounts(library_array("Int32", counts))
         sample.setFaceIndices(library_array("Int32", corners))
+        is_first = self._n_samples == 0
         texture = next((one for one in attributes if is_texture(one)), None)
-        if texture is not None:
-            other_names = {one.name for one in attributes} - {texture.name}
-            name = unique_name(clean(texture.name, IN_METADATA), other_names)
-            note_name("attribute", texture.name, name, ".abc", self._notes)
-            self._schema.setUVSourceName(name)
-            sample.setUVs(texture_sample(texture, counts, self._notes))
-        self._tracks.begin(self._schema)
-        if self._shading is not None:
-            mark_computed(self._schema)
-        self._schema.set(sample)
         others = [one for one in attributes if one is not texture]
-        write_attributes(self._schema, others, counts, self._names, self._notes)
-        write_groups(self._schema, self._part.surface.groups, self._names, self._notes)
-        self._has_faces = True
+        if texture is not None:
+            if is_first:
+                name = unique_name(clean(texture.name, IN_METADATA), {one.name for one in others})
+                note_name("attribute", texture.name, name, ".abc", self._notes)
+                self._schema.setUVSourceName(name)
+                self._has_indexed_texture = texture.indices is not None
+            is_indexed = self._has_indexed_texture
+            sample.setUVs(texture_sample(texture, counts, self._notes, is_indexed=is_indexed))
+        if is_first:
+            self._tracks.begin(self._schema)
+            if self._shading is not None:
+                mark_computed(self._schema)
+        self._schema.set(sample)
+        self._attributes.write(others, self._part.surface.groups, counts)
+        if is_first and self._attributes.is_sampled:
+            names = [*self._attributes.names, *([] if texture is None else ["uv"])]
+            mark_attributes(self._schema, names)
 
 
-def check_free_space(path: Path, stream: FrameStream) -> None:
+def check_free_space(path: Path, stream: SegmentedStream) -> None:
     """Check that the disk has enough space: the library aborts the process on a full disk.
 
     The space is allocated once and freed, so that quotas and file size limits count too.
@@ -270,7 +324,7 @@ def check_free_space(path: Path, stream: FrameStream) -> None:
     InvalidInputError
         If there is less space than the file may need.
     """
-    needed = _max_file_bytes(stream)
+    needed = sum(map(_max_file_bytes, stream.meshes()))
     try:
         if hasattr(os, "posix_fallocate"):
             with tempfile.TemporaryFile(dir=path.parent) as trial:
@@ -285,14 +339,16 @@ def check_free_space(path: Path, stream: FrameStream) -> None:
         )
 
 
-def _max_file_bytes(stream: FrameStream) -> int:
-    """Return an upper bound on the size of the Alembic file of a stream."""
-    n_parts = max(1, len(stream.surface.parts))
-    n_corners = 3 * len(stream.faces)
-    once = 4 * (n_corners + len(stream.faces)) + 4 * stream.surface.size_bytes
-    n_numbers = sum(math.prod(one.shape[1:]) for one in stream.tracks.values())
-    n_arrays = n_parts * (1 + len(stream.tracks))
-    if stream.surface.hard_edges is not None:
+def _max_file_bytes(mesh: SegmentMesh) -> int:
+    """Return an upper bound on the size of a segment in an Alembic file."""
+    surface = mesh.surface
+    n_parts = max(1, len(surface.parts))
+    n_corners = 3 * len(mesh.faces)
+    once = 4 * (n_corners + len(mesh.faces)) + 4 * surface.size_bytes
+    n_numbers = sum(math.prod(one.shape[1:]) for one in mesh.tracks.values())
+    n_sampled = len(surface.attributes) + sum(1 + len(one.labels) for one in surface.groups)
+    n_arrays = n_parts * (1 + len(mesh.tracks) + n_sampled)
+    if surface.hard_edges is not None:
         n_numbers += 3 * n_corners
-    per_frame = 12 * stream.n_verts + 8 * n_numbers + SAMPLE_OVERHEAD_BYTES * n_arrays
-    return int(once + per_frame * stream.n_frames + PART_OVERHEAD_BYTES * n_arrays)
+    per_frame = 12 * mesh.n_verts + 8 * n_numbers + SAMPLE_OVERHEAD_BYTES * n_arrays
+    return int(once + per_frame * mesh.n_frames + PART_OVERHEAD_BYTES * n_arrays)

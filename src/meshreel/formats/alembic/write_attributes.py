@@ -1,11 +1,13 @@
 """Writing the attributes and face groups of a part to an Alembic mesh."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.formats.alembic.attributes import SEGMENT_ATTRIBUTES
 from meshreel.formats.alembic.library_arrays import library_array, text_array
 from meshreel.formats.alembic.names import IN_TEXTS, clean, clean_unique_name
 from meshreel.formats.alembic.winding import reversed_corners
@@ -28,91 +30,168 @@ def is_texture(attribute: Attribute) -> bool:
     return attribute.kind is Kind.UV and attribute.values.shape[1] == 2
 
 
-def texture_sample(attribute: Attribute, counts: Integers, notes: list[str]) -> Any:
-    """Return texture coordinates as the UV sample of the first frame of a mesh."""
+def texture_sample(
+    attribute: Attribute, counts: Integers, notes: list[str], *, is_indexed: bool
+) -> Any:
+    """Return texture coordinates as the UV sample of the first frame of a segment."""
+    attribute = _with_indices(attribute, is_indexed=is_indexed)
     return _sample("V2f", attribute, _converted(attribute, "V2f", notes), counts)
 
 
-def write_attributes(
-    schema: Any,
-    attributes: Sequence[Attribute],
-    counts: Integers,
-    names: set[str],
-    notes: list[str],
-) -> None:
-    """Write the attributes of a mesh as geometry parameters.
+class AttributeWriter:
+    """Writes the attributes and groups of a mesh as geometry parameters and face sets.
+
+    They have a sample per frame if the mesh has several segments, otherwise one.
 
     Parameters
     ----------
     schema : OPolyMeshSchema
-    attributes : sequence of Attribute
-    counts : integer array
-        Corners of each face.
+        With a first sample.
+    sampling : int or None
+        Index of the time sampling of the parameters; None for one sample.
+    labels : sequence of str
+        Labels of the materials in all segments.
     names : set of str
-        Names of the parameters so far; gains those of the attributes.
+        Names of the parameters so far; gains those of the attributes and groups.
     notes : list of str
         Gains a sentence for names and values that the file cannot store exactly.
-    """
-    geometry = ALEMBIC.load("AbcGeom")
-    for attribute in attributes:
-        names.add(name := clean_unique_name(attribute.name, names))
-        note_name("attribute", attribute.name, name, ".abc", notes)
-        kind, extent = _kind_of(attribute)
-        values = _converted(attribute, kind, notes)
-        param = getattr(geometry, f"O{kind}GeomParam")(
-            schema.getArbGeomParams(), name, attribute.indices is not None,
-            scope_of(attribute.domain), extent,
-        )  # fmt: skip
-        param.set(_sample(kind, attribute, values, counts))
 
-
-def write_groups(
-    schema: Any, groups: Sequence[FaceGroups], names: set[str], notes: list[str]
-) -> None:
-    """Write materials as face sets, and other groups as a text per face.
-
-    Parameters
+    Attributes
     ----------
-    schema : OPolyMeshSchema
-    groups : sequence of FaceGroups
-    names : set of str
-        Names of the parameters so far; gains those of the groups.
-    notes : list of str
-        Gains a sentence for names that the file cannot store exactly.
+    names : list of str
+        Names of the parameters.
     """
-    for one in groups:
-        if one.name == "material":
-            _write_face_sets(schema, one, notes)
-        else:
-            _write_texts(schema, one, names, notes)
+
+    def __init__(
+        self,
+        schema: Any,
+        sampling: int | None,
+        labels: Sequence[str],
+        names: set[str],
+        notes: list[str],
+    ) -> None:
+        self._schema, self._sampling, self._labels = schema, sampling, labels
+        self._names, self._notes = names, notes
+        self._params: list[Any] | None = None
+        self._text_params: list[Any] | None = None
+        self.names: list[str] = []
+        self._face_sets: dict[str, Any] = {}
+        self._face_set_names: set[str] = set()
+        self._face_samples: list[tuple[Any, Any]] = []
+
+    @property
+    def is_sampled(self) -> bool:
+        """Whether the parameters have a sample per frame."""
+        return self._sampling is not None
+
+    def write(
+        self, attributes: Sequence[Attribute], groups: Sequence[FaceGroups], counts: Integers
+    ) -> None:
+        """Write the sample of the first frame of a segment.
+
+        Parameters
+        ----------
+        attributes, groups
+            The same in number, kind and order in all segments.
+        counts : integer array
+            Corners of each face.
+        """
+        texts = [one for one in groups if one.name != "material"]
+        if self._params is None:
+            self._params = [self._param(one) for one in attributes]
+        for param, attribute in zip(self._params, attributes, strict=True):
+            indexed = _with_indices(attribute, is_indexed=param.isIndexed())
+            kind, _ = _kind_of(indexed)
+            param.set(_sample(kind, indexed, _converted(indexed, kind, self._notes), counts))
+        for one in groups:
+            if one.name == "material":
+                self._write_face_sets(one)
+        if self._text_params is None:
+            self._text_params = [self._text_param(one) for one in texts]
+        for param, one in zip(self._text_params, texts, strict=True):
+            param.set(self._text_sample(one))
+
+    def repeat(self) -> None:
+        """Repeat the last sample for a further frame of the segment."""
+        if self._sampling is not None:
+            for param in (*(self._params or ()), *(self._text_params or ())):
+                param.setFromPrevious()
+            for face_set, sample in self._face_samples:
+                face_set.set(sample)
+
+    def _param(self, attribute: Attribute) -> Any:
+        self._names.add(name := clean_unique_name(attribute.name, self._names))
+        note_name("attribute", attribute.name, name, ".abc", self._notes)
+        kind, extent = _kind_of(attribute)
+        self.names.append(name)
+        return self._create(
+            kind, name, attribute.domain, extent, is_indexed=attribute.indices is not None
+        )
+
+    def _text_param(self, groups: FaceGroups) -> Any:
+        self._names.add(name := clean_unique_name(groups.name, self._names))
+        note_name("group", groups.name, name, ".abc", self._notes)
+        self.names.append(name)
+        return self._create("String", name, Domain.FACE, 1, is_indexed=True)
+
+    def _create(
+        self, kind: str, name: str, domain: Domain, extent: int, *, is_indexed: bool
+    ) -> Any:
+        times = []
+        if self._sampling is not None:
+            times = [ALEMBIC.load("Abc").Argument(self._sampling)]
+        create = getattr(ALEMBIC.load("AbcGeom"), f"O{kind}GeomParam")
+        return create(
+            self._schema.getArbGeomParams(), name, is_indexed, scope_of(domain), extent, *times
+        )
+
+    def _text_sample(self, groups: FaceGroups) -> Any:
+        labels = [clean(label, IN_TEXTS) for label in groups.labels]
+        for label, written in zip(groups.labels, labels, strict=True):
+            note_name("label", label, written, ".abc", self._notes)
+        none = len(groups.labels)  # the index of the empty text at the end
+        numbers = np.where(groups.numbers < 0, none, groups.numbers)
+        sample = ALEMBIC.load("AbcGeom").OStringGeomParamSample()
+        sample.setVals(text_array([*labels, ""]))
+        sample.setIndices(library_array("Uint32", numbers))
+        sample.setScope(scope_of(Domain.FACE))
+        return sample
+
+    def _write_face_sets(self, groups: FaceGroups) -> None:
+        geometry = ALEMBIC.load("AbcGeom")
+        labels = groups.labels if self._sampling is None else self._labels
+        self._face_samples = []
+        for label in labels:
+            if label not in self._face_sets:
+                name = clean_unique_name(label, self._face_set_names)
+                self._face_set_names.add(name)
+                note_name("material", label, name, ".abc", self._notes)
+                created = self._face_sets[label] = self._schema.createFaceSet(name).getSchema()
+                if self._sampling is not None:
+                    created.setTimeSampling(self._sampling)
+            number = groups.labels.index(label) if label in groups.labels else -2
+            faces = np.flatnonzero(groups.numbers == number).astype(np.int32)
+            sample = geometry.OFaceSetSchemaSample()
+            sample.setFaces(library_array("Int32", faces))
+            self._face_sets[label].set(sample)
+            self._face_samples.append((self._face_sets[label], sample))
 
 
-def _write_face_sets(schema: Any, groups: FaceGroups, notes: list[str]) -> None:
-    geometry, names = ALEMBIC.load("AbcGeom"), set[str]()
-    for number, label in enumerate(groups.labels):
-        names.add(name := clean_unique_name(label, names))
-        note_name("material", label, name, ".abc", notes)
-        faces = np.flatnonzero(groups.numbers == number).astype(np.int32)
-        sample = geometry.OFaceSetSchemaSample()
-        sample.setFaces(library_array("Int32", faces))
-        schema.createFaceSet(name).getSchema().set(sample)
+def mark_attributes(schema: Any, names: Sequence[str]) -> None:
+    """Mark properties that change only with the faces, so that our reader makes no track of them.
+
+    Names of properties contain no "/".
+    """
+    mark = ALEMBIC.load("Abc").OStringProperty(schema.getUserProperties(), SEGMENT_ATTRIBUTES)
+    mark.setValue("/".join(names))
 
 
-def _write_texts(schema: Any, groups: FaceGroups, names: set[str], notes: list[str]) -> None:
-    geometry = ALEMBIC.load("AbcGeom")
-    names.add(name := clean_unique_name(groups.name, names))
-    note_name("group", groups.name, name, ".abc", notes)
-    labels = [clean(label, IN_TEXTS) for label in groups.labels]
-    for label, written in zip(groups.labels, labels, strict=True):
-        note_name("label", label, written, ".abc", notes)
-    none = len(groups.labels)  # the index of the empty text at the end
-    numbers = np.where(groups.numbers < 0, none, groups.numbers)
-    sample = geometry.OStringGeomParamSample()
-    sample.setVals(text_array([*labels, ""]))
-    sample.setIndices(library_array("Uint32", numbers))
-    sample.setScope(scope_of(Domain.FACE))
-    parent = schema.getArbGeomParams()
-    geometry.OStringGeomParam(parent, name, True, scope_of(Domain.FACE), 1).set(sample)
+def _with_indices(attribute: Attribute, *, is_indexed: bool) -> Attribute:
+    """Return an attribute with or without indices, and the same value of each item."""
+    if is_indexed == (attribute.indices is not None):
+        return attribute
+    indices = np.arange(len(attribute.values), dtype=np.int32) if is_indexed else None
+    return replace(attribute, values=attribute.per_item(), indices=indices)
 
 
 def _kind_of(attribute: Attribute) -> tuple[str, int]:

@@ -14,7 +14,7 @@ from meshreel.formats.alembic.track_reading import TRACK_KIND, UNIT
 from meshreel.formats.alembic.winding import reversed_corners
 from meshreel.formats.alembic.write_attributes import is_texture, scope_of
 from meshreel.formats.extras import ALEMBIC
-from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.frames.segmented_stream import SegmentedStream
 from meshreel.formats.notes import (
     note_name,
     note_track_name,
@@ -46,17 +46,18 @@ STANDARD_NAMES = {
 MAX_INT32 = np.iinfo(np.int32).max
 
 
-def writable_tracks(stream: FrameStream) -> dict[str, TrackSource]:
-    """Return the tracks that Alembic can store; notes of the stream name the others."""
-    too_large = [
-        name
-        for name, track in stream.tracks.items()
+def unwritable_tracks(stream: SegmentedStream) -> set[str]:
+    """Return the names of tracks that Alembic cannot store; notes of the stream name them."""
+    too_large = {
+        name: None
+        for mesh in stream.meshes()
+        for name, track in mesh.tracks.items()
         if track.dtype.str[1:] in ("i8", "u8") and not _fits_int32(track)
-    ]
+    }
     note_unwritten_tracks(
         too_large, ".abc", stream.notes, "integers beyond 32 bits (a limit of its library)"
     )
-    return {name: one for name, one in stream.tracks.items() if name not in too_large}
+    return set(too_large)
 
 
 def _fits_int32(track: TrackSource) -> bool:
@@ -86,8 +87,8 @@ class TrackWriter:
         names: set[str],
         notes: list[str],
     ) -> None:
-        self._part, self._sampling, self._names, self._notes = part, sampling, names, notes
-        self._corner_order = reversed_corners(part.counts)
+        self._sampling, self._names, self._notes = sampling, names, notes
+        self.use(part)
         available = set(STANDARD_NAMES.values())
         if any(map(is_texture, part.surface.attributes)):
             available.remove(UVS)
@@ -107,6 +108,11 @@ class TrackWriter:
         units = {name: track.unit for name, track in self._standard.values()}
         note_unwritten_units(units, ".abc", notes)
         self._params: dict[str, Any] = {}
+
+    def use(self, part: PartMesh) -> None:
+        """Write the values of a part of the next segment, which has the same tracks."""
+        self._part = part
+        self._corner_order = reversed_corners(part.counts)
 
     def begin(self, schema: Any) -> None:
         """Name the texture coordinates, which must precede the first sample of the mesh."""

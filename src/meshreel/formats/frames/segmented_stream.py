@@ -1,6 +1,7 @@
 """Frames streamed to a writer in segments, each of constant connectivity."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
@@ -64,6 +65,10 @@ def _all_tracks(tracks: Tracks, notes: list[str]) -> Tracks:
     return tracks
 
 
+def _unchanged(mesh: SegmentMesh) -> SegmentMesh:
+    return mesh
+
+
 class SegmentedStream:
     """A sequence in segments, whose positions are read in order, one segment at a time.
 
@@ -110,6 +115,7 @@ class SegmentedStream:
         self.image_folder = ""
         self.data_files: list[tuple[str, Path]] = []
         self._supported_tracks = supported_tracks
+        self._change: Callable[[SegmentMesh], SegmentMesh] = _unchanged
 
     @classmethod
     def of(cls, stream: FrameStream) -> "SegmentedStream":
@@ -123,6 +129,12 @@ class SegmentedStream:
             progress=stream.progress,
             notes=stream.notes if stream.wants_notes else None,
         )
+
+    def changed(self, change: Callable[[SegmentMesh], SegmentMesh]) -> "SegmentedStream":
+        """Return the stream with another surface and other tracks in each segment."""
+        changed, before = copy(self), self._change
+        changed._change = lambda mesh: change(before(mesh))
+        return changed
 
     def meshes(self) -> Iterator[SegmentMesh]:
         """Yield the mesh of each segment in order, before or after `segments`."""
@@ -146,14 +158,17 @@ class SegmentedStream:
             name: track if len(frames) == track.shape[0] else TrackPart(track, frames)
             for name, track in self._supported_tracks(source.tracks, notes).items()
         }
-        return SegmentMesh(
+        mesh = SegmentMesh(
             len(frames), source.n_verts, source.faces, source.dtype, source.surface, tracks
         )
+        return self._change(mesh)
 
     def _stream(self, number: int) -> FrameStream:
         segment, first = self._segments[number], self.starts[number]
         source = segment.open()
         if isinstance(source, FrameStream):
+            mesh = self._mesh(segment, [])
+            source.surface, source.tracks = mesh.surface, dict(mesh.tracks)
             source.image_folder, source.data_files = self.image_folder, self.data_files
             return source
         own_notes: list[str] = []

@@ -24,8 +24,12 @@ class SharedData:
     ----------
     attributes, groups, tracks : tuple of tuple
         Keys of the data of all segments, in the order of the first segment.
+    labels : dict of tuple to tuple of str
+        Labels of all segments, by key of the groups.
     parts : tuple of str
         Names of the parts, if they are the same in all segments.
+    has_hard_edges : bool
+        Whether a segment has hard edges.
     other_data, other_tracks : tuple of str
         Names of data that only some segments have.
     """
@@ -33,7 +37,9 @@ class SharedData:
     attributes: tuple[Key, ...]
     groups: tuple[Key, ...]
     tracks: tuple[Key, ...]
+    labels: Mapping[Key, tuple[str, ...]]
     parts: tuple[str, ...]
+    has_hard_edges: bool
     other_data: tuple[str, ...]
     other_tracks: tuple[str, ...]
 
@@ -42,23 +48,37 @@ class SharedData:
         """Compare the segments of a stream."""
         shared: list[dict[Key, None]] = []
         others: list[dict[str, None]] = [{}, {}, {}]
+        labels: dict[Key, dict[str, None]] = {}
         parts: tuple[str, ...] = ()
+        has_hard_edges = False
         for number, mesh in enumerate(stream.meshes()):
-            found = [dict.fromkeys(one) for one in _keys(mesh)]
+            found = [dict.fromkeys(keys) for keys in _keys(mesh)]
+            for key, one in _groups(mesh.surface).items():
+                labels.setdefault(key, {}).update(dict.fromkeys(one.labels))
+            has_hard_edges = has_hard_edges or mesh.surface.hard_edges is not None
             part_names = tuple(part.name for part in mesh.surface.parts)
             if number == 0:
                 shared, parts = found, part_names
                 continue
-            for names, one, other in zip(others, shared, found, strict=True):
-                names.update((str(key[0]), None) for key in sorted(one.keys() ^ other.keys()))
-                for key in one.keys() - other.keys():
-                    del one[key]
+            for names, known, own in zip(others, shared, found, strict=True):
+                names.update((str(key[0]), None) for key in sorted(known.keys() ^ own.keys()))
+                for key in known.keys() - own.keys():
+                    del known[key]
             if part_names != parts:
                 others[1]["the names of parts"] = None
                 parts = ()
         attributes, groups, tracks = map(tuple, shared)
         data = tuple(others[0] | others[1])
-        return cls(attributes, groups, tracks, parts, data, tuple(others[2]))
+        return cls(
+            attributes,
+            groups,
+            tracks,
+            {key: tuple(labels[key]) for key in groups},
+            parts,
+            has_hard_edges,
+            data,
+            tuple(others[2]),
+        )
 
     def attributes_of(self, surface: Surface) -> dict[Key, Attribute]:
         """Return the shared attributes of a segment."""
