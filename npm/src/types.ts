@@ -55,7 +55,10 @@ export interface FileInfo {
   readonly fps: number;
   /** Time of the first frame in seconds. */
   readonly startS: number;
-  /** Center of the bounding box of all frames, in model units. */
+  /**
+   * Center of the bounding box of all frames, in model units; of the first segment, if each segment
+   * has its own box.
+   */
   readonly center: readonly [number, number, number];
   /** Diagonal of that box. */
   readonly diagonal: number;

@@ -29,14 +29,14 @@ class Fixture {
         this.nActiveModes = nActiveModes;
       },
     };
-    const load = (number, signal) =>
+    const load = (_segment, number, signal) =>
       new Promise((resolve, reject) => {
         signal.addEventListener("abort", () => reject(signal.reason));
         this.requests.push({ number, signal, resolve, reject });
       });
-    this.player = new Playback({ name: "", fps: 10, blocks }, load, display, (event) =>
-      this.events.push(event),
-    );
+    const segments = [{ start: 0, nFrames: nFrames * nBlocks, blocks }];
+    const file = { name: "", fps: 10, segments, load };
+    this.player = new Playback(file, display, (event) => this.events.push(event));
   }
 
   get types() {

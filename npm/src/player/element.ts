@@ -2,7 +2,8 @@
 
 import { InvalidInputError } from "../errors.js";
 import { ReelMesh } from "../three/reel_mesh.js";
-import type { OpenReel } from "../types.js";
+import type { FrameRange } from "../three/playback.js";
+import type { OpenReel, OpenSegments } from "../types.js";
 import { PlayerAttributes } from "./attributes.js";
 import { Bar, type BarState } from "./bar.js";
 import { Legend } from "./legend.js";
@@ -28,8 +29,8 @@ interface Failure {
   readonly error: Error;
   /** Retries; null if a retry cannot help. */
   readonly retry: (() => void) | null;
-  /** Cleared when a frame of this block is shown. */
-  readonly block: number | null;
+  /** Cleared when one of these frames is shown. */
+  readonly frames: FrameRange | null;
   /** Cleared when the WebGL context is restored. */
   readonly isContextLoss: boolean;
 }
@@ -92,9 +93,14 @@ export class ReelPlayerElement extends PlayerAttributes {
     root.addEventListener("keydown", (event) => this.#handleKey(event as KeyboardEvent));
   }
 
-  /** The open file; null before the event `load`. */
+  /** The open file, or its segment that is shown; null before the event `load`. */
   get reel(): OpenReel | null {
     return this.#mesh?.reel ?? null;
+  }
+
+  /** The open file with all its segments; null before the event `load`. */
+  get file(): OpenSegments | null {
+    return this.#mesh?.file ?? null;
   }
 
   /** The three.js mesh; null before the event `load`. It uses the three.js inside this script. */
@@ -294,15 +300,16 @@ export class ReelPlayerElement extends PlayerAttributes {
     this.#updateUi();
     let mesh: ReelMesh;
     try {
-      const { reel, release } = await openShared(settings.src, signal);
+      const { file, release } = await openShared(settings.src, signal);
       if (signal.aborted) return release();
       this.#release = release;
       // Errors of frames are reported when they are shown.
-      const extents = await estimateHalfExtents(reel, settings.start, { signal }).catch(() => null);
+      const extents = await estimateHalfExtents(file, settings.start, { signal }).catch(() => null);
       if (signal.aborted) return;
-      const radius = reel.info.diagonal / 2;
+      const { center, diagonal } = file.info;
+      const radius = diagonal / 2;
       this.#extents = extents ?? [radius, radius, radius];
-      mesh = new ReelMesh(reel, { origin: reel.info.center });
+      mesh = new ReelMesh(file, { origin: center });
     } catch (error) {
       if (signal.aborted) return;
       this.#releaseReel();
@@ -375,9 +382,10 @@ export class ReelPlayerElement extends PlayerAttributes {
 
   #listen(mesh: ReelMesh): void {
     mesh.addEventListener("change", () => this.#ui?.view.invalidate());
+    mesh.addEventListener("segment", () => this.#ui?.view.setLights(mesh));
     mesh.addEventListener("frame", ({ frame }) => {
-      const { block = null } = this.#failure ?? {};
-      if (block !== null && blockOf(mesh, frame) === block) this.#clearError();
+      const { start, nFrames } = this.#failure?.frames ?? { start: 0, nFrames: 0 };
+      if (frame >= start && frame < start + nFrames) this.#clearError();
       this.#ui?.view.invalidate();
       this.#updateUi();
       this.dispatchEvent(new Event("timeupdate"));
@@ -394,11 +402,12 @@ export class ReelPlayerElement extends PlayerAttributes {
       this.#updateUi();
       this.dispatchEvent(new CustomEvent("warning", { detail: { message } }));
     });
-    mesh.addEventListener("error", ({ error, block, track }) => {
+    mesh.addEventListener("error", ({ error, block, frames, track }) => {
       if (block === null) return this.#reportError(error);
+      const { start, nFrames } = frames ?? mesh.reel.info.blocks[block];
       const retry = () => (track === undefined ? mesh.retry() : this.#retryAppearance(mesh));
-      const prefix = `${framesOf(mesh, block)} are missing: `;
-      this.#reportError(error, { prefix, retry, block: track === undefined ? block : null });
+      const prefix = `Frames ${start} to ${start + nFrames - 1} are missing: `;
+      this.#reportError(error, { prefix, retry, frames });
     });
   }
 
@@ -429,9 +438,9 @@ export class ReelPlayerElement extends PlayerAttributes {
    *   for errors of the source: others would recur.
    */
   #reportError(error: Error, details: Partial<Failure & { prefix: string }> = {}): void {
-    const { prefix = "", block = null, isContextLoss = false } = details;
+    const { prefix = "", frames = null, isContextLoss = false } = details;
     const retry = (error.name === "SourceError" && details.retry) || null;
-    this.#failure = { error, retry, block, isContextLoss };
+    this.#failure = { error, retry, frames, isContextLoss };
     this.#ui?.messages.showError(`${prefix}${error.message}`, !this.#mesh, retry !== null);
     this.#updateUi();
     const { message } = error;
@@ -533,15 +542,6 @@ export class ReelPlayerElement extends PlayerAttributes {
 function barState(mesh: ReelMesh, isPlaying: boolean): BarState {
   const { frame, nFrames, time, duration, video } = mesh;
   return { isPlaying, frame, nFrames, time, duration, isMuted: video?.muted ?? null };
-}
-
-function blockOf(mesh: ReelMesh, frame: number): number {
-  return mesh.reel.info.blocks.findLastIndex(({ start }) => start <= frame);
-}
-
-function framesOf(mesh: ReelMesh, block: number): string {
-  const { start, nFrames } = mesh.reel.info.blocks[block];
-  return `Frames ${start} to ${start + nFrames - 1}`;
 }
 
 function isEqual(one: unknown, other: unknown): boolean {

@@ -1,6 +1,6 @@
 // Estimates the bounding box of all frames from a few of them.
 
-import type { OpenReel } from "../types.js";
+import type { OpenReel, OpenSegments } from "../types.js";
 
 /** Limits of the sampled frames and positions, which keep the time below a tenth of a second. */
 const [MAX_FRAMES, MAX_POSITIONS] = [16, 2 ** 19];
@@ -10,7 +10,7 @@ export type HalfExtents = readonly [number, number, number];
 
 /**
  * Estimate the half extents of all frames about the center of the file, in model units, from frames
- * of one block. They are above 0, even for a degenerate mesh.
+ * of one block of a segment. They are above 0, even for a degenerate mesh.
  *
  * The sampled frames may miss extremes, but the diagonal of the box of all frames is known. In a
  * file of one block each side is extended as far as the diagonal allows, so that no frame is cut
@@ -21,11 +21,16 @@ export type HalfExtents = readonly [number, number, number];
  * @throws like `OpenReel.frame`
  */
 export async function estimateHalfExtents(
-  reel: OpenReel,
+  file: OpenSegments,
   start: number | { readonly frame: number },
   options?: { signal?: AbortSignal },
 ): Promise<HalfExtents> {
-  const { center, diagonal, blocks } = reel.info;
+  const { segments } = file;
+  const { center, diagonal, fps } = file.info;
+  const first = typeof start === "number" ? start * fps : start.frame;
+  const number = Math.max(0, segments.findLastIndex((one) => one.start <= first));
+  const reel = await file.segment(number, options);
+  const isWhole = segments.length === 1 && reel.info.blocks.length === 1;
   const extents: [number, number, number] = [0, 0, 0];
   const include = async (frame: number): Promise<void> => {
     const positions = await reel.frame(frame, undefined, options);
@@ -34,12 +39,12 @@ export async function estimateHalfExtents(
       if (distance > extents[i % 3]) extents[i % 3] = distance;
     }
   };
-  await Promise.all(Array.from(sampleFrames(reel, start), include));
+  await Promise.all(Array.from(sampleFrames(reel, first - segments[number].start), include));
   const [all, found] = [diagonal / 2, Math.hypot(...extents)];
   if (found === 0) return [all || 1, all || 1, all || 1];
   if (found >= all) return extents;
   const extend = (side: number): number =>
-    blocks.length > 1 ? (side * all) / found : Math.sqrt(side ** 2 + all ** 2 - found ** 2);
+    isWhole ? Math.sqrt(side ** 2 + all ** 2 - found ** 2) : (side * all) / found;
   return [extend(extents[0]), extend(extents[1]), extend(extents[2])];
 }
 
@@ -47,8 +52,7 @@ export async function estimateHalfExtents(
  * Select frames of a block at even distances, including the first and the last. They are returned
  * in descending order, since ascending requests would start prefetching the next block.
  */
-function sampleFrames({ info }: OpenReel, begin: number | { readonly frame: number }): Set<number> {
-  const frame = typeof begin === "number" ? begin * info.fps : begin.frame;
+function sampleFrames({ info }: OpenReel, frame: number): Set<number> {
   const block = info.blocks.findLast(({ start }) => start <= frame) ?? info.blocks[0];
   const { start, nFrames } = block;
   const maxFrames = Math.min(MAX_FRAMES, Math.floor(MAX_POSITIONS / info.nVerts));

@@ -1,9 +1,9 @@
 // Shares open files between the players of a page.
 
-import { ReelFile } from "../index.js";
+import { SegmentedReelFile } from "../index.js";
 
 interface Shared {
-  readonly opening: Promise<ReelFile>;
+  readonly opening: Promise<SegmentedReelFile>;
   readonly aborting: AbortController;
   nUsers: number;
 }
@@ -13,7 +13,7 @@ const shared = new Map<string, Shared>();
 
 /** An open file, and the function that releases it. */
 export interface SharedReel {
-  readonly reel: ReelFile;
+  readonly file: SegmentedReelFile;
   release(): void;
 }
 
@@ -21,7 +21,7 @@ export interface SharedReel {
  * Open a file, or return the one that other players have opened: they share its worker, its cached
  * bytes and its two decoded blocks. It is closed when its last user releases it.
  *
- * @throws like `ReelFile.open`, for all callers that wait for it; the next call tries again.
+ * @throws like `SegmentedReelFile.open`, for all callers that wait for it; the next call tries again.
  */
 export async function openShared(src: string, signal: AbortSignal): Promise<SharedReel> {
   const address = new URL(src, document.baseURI).href;
@@ -34,11 +34,11 @@ export async function openShared(src: string, signal: AbortSignal): Promise<Shar
     if (--found.nUsers > 0) return;
     if (shared.get(address) === found) shared.delete(address);
     found.aborting.abort();
-    found.opening.then((reel) => reel.close()).catch(() => {});
+    found.opening.then((file) => file.close()).catch(() => {});
   };
   signal.addEventListener("abort", release);
   try {
-    return { reel: await found.opening, release };
+    return { file: await found.opening, release };
   } catch (error) {
     if (shared.get(address) === found) shared.delete(address);
     release();
@@ -51,7 +51,7 @@ export async function openShared(src: string, signal: AbortSignal): Promise<Shar
 function startOpening(address: string): Shared {
   const aborting = new AbortController();
   const { signal } = aborting;
-  const opened = { opening: ReelFile.open(address, { signal }), aborting, nUsers: 0 };
+  const opened = { opening: SegmentedReelFile.open(address, { signal }), aborting, nUsers: 0 };
   opened.opening.catch(() => {}); // callers that wait for it handle the error
   shared.set(address, opened);
   return opened;

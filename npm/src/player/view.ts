@@ -98,13 +98,20 @@ export class View implements ContextHolder {
     return this.#isVisible;
   }
 
-  /** Add a mesh. Metals need an environment to reflect; others are lit by a hemisphere light. */
   add(mesh: Mesh): void {
+    this.setLights(mesh);
+    this.#scene.add(mesh);
+  }
+
+  /** Light a mesh: metals need an environment to reflect; others are lit by a hemisphere light. */
+  setLights(mesh: Mesh): void {
     const hasMetal = [mesh.material].flat().some((one) => "metalness" in one && one.metalness);
-    this.#scene.environment = hasMetal ? studioEnvironment() : null;
+    if (hasMetal !== (this.#scene.environment !== null)) {
+      this.#scene.environment?.dispose();
+      this.#scene.environment = hasMetal ? studioEnvironment() : null;
+    }
     this.#scene.environmentIntensity = MAX_RADIANCE;
     this.#sky.visible = !hasMetal;
-    this.#scene.add(mesh);
     this.invalidate();
   }
 

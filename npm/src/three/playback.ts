@@ -1,7 +1,7 @@
 // Playback: decides which picture is shown when, and dispatches events. Independent of rendering.
 
 import { InvalidInputError } from "../errors.js";
-import type { BlockFields, BlockInfo, ReelInfo } from "../types.js";
+import type { BlockFields, BlockInfo } from "../types.js";
 import { BlockCache, MAX_BLOCKS } from "./block_cache.js";
 import { Clock, type Loop } from "./clock.js";
 import type { LoadedBlock, Moment } from "./loaded_block.js";
@@ -9,7 +9,13 @@ import type { LoadedBlock, Moment } from "./loaded_block.js";
 /** Frames per second if the file does not define them. */
 export const DEFAULT_FPS = 24;
 
-/** Events of playback. */
+/** Consecutive frames, in the numbering of the file. */
+export interface FrameRange {
+  readonly start: number;
+  readonly nFrames: number;
+}
+
+/** Events of playback. Blocks are indices in `info.blocks` of their segment. */
 export interface PlaybackEvents {
   /** Another picture is shown: its frame, and the time in seconds. */
   frame: { frame: number; time: number };
@@ -25,10 +31,11 @@ export interface PlaybackEvents {
   /** Playback starts, or resumes after waiting. */
   playing: object;
   /**
-   * A block cannot be loaded, or a texture cannot be shown (then the block is null). `track` is the
-   * track that cannot be loaded; without it, the positions cannot.
+   * A block cannot be loaded, or a texture cannot be shown (then the block is null). `frames` are the
+   * frames that are missing. `track` is the track that cannot be loaded; without it, the positions
+   * cannot.
    */
-  error: { error: Error; block: number | null; track?: string };
+  error: { error: Error; block: number | null; frames?: FrameRange; track?: string };
   /** Playback differs from the request, such as when the video is longer than the mesh. */
   warning: { message: string };
   /**
@@ -43,10 +50,27 @@ export type PlaybackEvent = {
   [Type in keyof PlaybackEvents]: { type: Type } & PlaybackEvents[Type];
 }[keyof PlaybackEvents];
 
+/** What is played. */
+export interface PlayedFile {
+  readonly name: string;
+  readonly fps: number;
+  /** All segments; `blocks` is null until a segment is open. */
+  readonly segments: readonly (FrameRange & { readonly blocks: readonly BlockInfo[] | null })[];
+  /** Open a segment, and return its blocks, whose frames are counted from 0. */
+  open(segment: number, signal: AbortSignal): Promise<readonly BlockInfo[]>;
+  load(segment: number, block: number, signal: AbortSignal): Promise<BlockFields>;
+}
+
+/** A block in the order of playback, or a segment that is not open, whose block is null. */
+interface PlayedBlock extends FrameRange {
+  readonly segment: number;
+  readonly block: number | null;
+}
+
 /** Displays pictures. */
 export interface Display {
   /** Store the fields of a block, which pictures may use until it is released. */
-  upload(block: BlockFields): LoadedBlock | Promise<LoadedBlock>;
+  upload(block: BlockFields, segment: number): LoadedBlock | Promise<LoadedBlock>;
   release(block: LoadedBlock): void;
   show(moment: Moment): void;
 }
@@ -86,36 +110,34 @@ export class Playback {
   isPlaying = false;
   /** Whether the picture at the current time is not available yet. */
   isWaiting = true;
+  readonly #file: PlayedFile;
+  /** By the first frame of each block: that of a segment and of its first block are the same. */
   readonly #cache: BlockCache<LoadedBlock>;
-  readonly #blocks: readonly BlockInfo[];
+  /** In order; a segment is replaced by its blocks when it is opened. */
+  readonly #blocks: PlayedBlock[];
   #masterClock: MasterClock | null = null;
   #hasDisplay = false;
   #shown: { frame: number; fraction: number } | null = null;
 
   /** @throws InvalidInputError if the file has no frames. */
-  constructor(
-    info: ReelInfo,
-    load: (block: number, signal: AbortSignal) => Promise<BlockFields>,
-    display: Display,
-    send: (event: PlaybackEvent) => void,
-  ) {
+  constructor(file: PlayedFile, display: Display, send: (event: PlaybackEvent) => void) {
+    this.#file = file;
     this.#display = display;
     this.#send = send;
-    this.#blocks = info.blocks;
-    const end = info.blocks.at(-1);
-    if (!end) throw new InvalidInputError(`the file ${info.name} has no frames`);
+    this.#blocks = file.segments.flatMap(({ start, nFrames, blocks }, segment) =>
+      blocks ? playedBlocks(blocks, segment, start) : [{ start, nFrames, segment, block: null }],
+    );
+    const end = this.#blocks.at(-1);
+    if (!end) throw new InvalidInputError(`the file ${file.name} has no frames`);
     this.nFrames = end.start + end.nFrames;
-    this.clock = new Clock(this.nFrames, info.fps > 0 ? info.fps : DEFAULT_FPS);
+    this.clock = new Clock(this.nFrames, file.fps > 0 ? file.fps : DEFAULT_FPS);
     this.#cache = new BlockCache(
-      async (number, signal) => {
-        const block = await load(number, signal);
-        signal.throwIfAborted();
-        return display.upload(block);
-      },
+      (start, signal) => this.#load(start, signal),
       (block) => display.release(block),
       () => this.show(),
-      (block, error) => {
-        send({ type: "error", error, block });
+      (number, error) => {
+        const { start, nFrames, block } = this.#blocks[this.#indexAt(number)];
+        send({ type: "error", error, block: block ?? 0, frames: { start, nFrames } });
         this.show();
       },
     );
@@ -266,51 +288,71 @@ export class Playback {
   show(): void {
     if (!this.#hasDisplay) return this.#masterClock?.setBlocked(true);
     const { frame, fraction } = this.#currentPosition();
-    const number = this.#blockOf(frame);
-    const next = fraction > 0 ? this.#blockOf(frame + 1) : number;
-    const wanted = new Set([number, next, ...this.#nextBlocks(number, next)]);
-    this.#cache.request([...wanted].slice(0, MAX_BLOCKS));
-    if (this.#cache.isDamaged(number)) return this.#setWaiting(null);
-    const [block, nextBlock] = [this.#cache.get(number), this.#cache.get(next)];
-    if (!block || !nextBlock) return this.#setWaiting({ block: block ? next : number });
+    const index = this.#indexAt(frame);
+    const nextIndex = fraction > 0 ? this.#indexAt(frame + 1) : index;
+    const wanted = new Set([index, nextIndex, ...this.#nextBlocks(index, nextIndex)]);
+    const [current, next] = [this.#blocks[index], this.#blocks[nextIndex]];
+    this.#cache.request([...wanted].slice(0, MAX_BLOCKS).map((one) => this.#blocks[one].start));
+    if (this.#cache.isDamaged(current.start)) return this.#setWaiting(null);
+    const [block, nextBlock] = [this.#cache.get(current.start), this.#cache.get(next.start)];
+    if (!block || !nextBlock) return this.#setWaiting({ block: (block ? next : current).block ?? 0 });
     if (this.#masterClock?.picture === "pending") return this.#setWaiting({ block: null });
     this.#setWaiting(null);
     if (this.#masterClock?.picture === "unknown") return;
     const isNewPosition = this.#shown?.frame !== frame || this.#shown.fraction !== fraction;
     if (isNewPosition) {
       this.#shown = { frame, fraction };
-      const nextT = fraction > 0 ? frame + 1 - nextBlock.start : frame - block.start;
-      const [t, nActiveModes] = [frame - block.start, this.#nActiveModes];
+      const nextT = fraction > 0 ? frame + 1 - next.start : frame - current.start;
+      const [t, nActiveModes] = [frame - current.start, this.#nActiveModes];
       this.#display.show({ block, t, next: nextBlock, nextT, fraction, nActiveModes });
     }
     const isNewPicture = this.#masterClock?.show() ?? false;
     if (isNewPosition || isNewPicture) this.#send({ type: "frame", frame, time: this.clock.time });
   }
 
-  /** The current position; frames are not interpolated with those of a damaged block. */
+  /** The current position; a frame is not interpolated with a damaged one, or another segment. */
   #currentPosition(): { frame: number; fraction: number } {
     const { frame, fraction } = this.clock.current(this.isInterpolating);
-    const isNextDamaged = fraction > 0 && this.#cache.isDamaged(this.#blockOf(frame + 1));
-    return { frame, fraction: isNextDamaged ? 0 : fraction };
+    if (fraction === 0) return { frame, fraction };
+    const [current, next] = [frame, frame + 1].map((one) => this.#blocks[this.#indexAt(one)]);
+    const isApart = next.segment !== current.segment || this.#cache.isDamaged(next.start);
+    return { frame, fraction: isApart ? 0 : fraction };
   }
 
-  #blockOf(frame: number): number {
+  /** Index of the block that contains a frame. */
+  #indexAt(frame: number): number {
     return this.#blocks.findLastIndex((block) => block.start <= frame);
   }
 
-  /** The block that will be played after these, if any. */
-  #nextBlocks(number: number, next: number): number[] {
-    const count = this.#blocks.length;
+  /** Load the block that begins at a frame; opens its segment first. */
+  async #load(start: number, signal: AbortSignal): Promise<LoadedBlock> {
+    const { segment, block } = this.#blocks[this.#indexAt(start)];
+    if (block === null) {
+      const blocks = await this.#file.open(segment, signal);
+      signal.throwIfAborted();
+      this.#blocks.splice(this.#indexAt(start), 1, ...playedBlocks(blocks, segment, start));
+      this.show(); // the current frame may be in another block, which aborts this call
+      signal.throwIfAborted();
+    }
+    const fields = await this.#file.load(segment, block ?? 0, signal);
+    signal.throwIfAborted();
+    return this.#display.upload(fields, segment);
+  }
+
+  /** The index of the block that will be played after these, if any. */
+  #nextBlocks(index: number, next: number): number[] {
+    const blocks = this.#blocks;
+    const count = blocks.length;
     const step = this.clock.isForward ? 1 : -1;
-    let after = step > 0 ? next : number;
+    let after = step > 0 ? next : index;
     for (let i = 0; i < count; i++) {
       after += step;
       if (after < 0 || after >= count) {
         if (this.clock.loop === "once") return [];
         if (this.clock.loop === "repeat") after = (after + count) % count;
-        else return [step > 0 ? number - 1 : next + 1].filter((one) => one in this.#blocks);
+        else return [step > 0 ? index - 1 : next + 1].filter((one) => one in blocks);
       }
-      if (!this.#cache.isDamaged(after)) return [after];
+      if (!this.#cache.isDamaged(blocks[after].start)) return [after];
     }
     return [];
   }
@@ -322,6 +364,11 @@ export class Playback {
     if (missing && !wasWaiting) this.#send({ type: "waiting", ...missing });
     if (!missing && wasWaiting && this.isPlaying) this.#send({ type: "playing" });
   }
+}
+
+/** Number the blocks of a segment that begins at a frame. */
+function playedBlocks(blocks: readonly BlockInfo[], segment: number, first: number): PlayedBlock[] {
+  return blocks.map(({ start, nFrames }, block) => ({ start: first + start, nFrames, segment, block }));
 }
 
 /** @throws InvalidInputError if playback is backwards, which videos do not support. */

@@ -2,7 +2,7 @@
 
 import * as THREE from "three";
 
-import { ReelFile } from "../index.js";
+import { SegmentedReelFile } from "../index.js";
 import { ReelMesh, type ReelMeshOptions } from "./reel_mesh.js";
 
 /** Options of a `ReelLoader`, which are passed to its meshes. */
@@ -47,14 +47,14 @@ export class ReelLoader extends THREE.Loader<ReelMesh> {
   /**
    * Create the mesh of a file in memory.
    *
-   * @throws like `ReelFile.open`
+   * @throws like `SegmentedReelFile.open`
    */
   parse(data: ArrayBuffer): Promise<ReelMesh> {
     return this.#open(data);
   }
 
   async #open(source: string | ArrayBuffer): Promise<ReelMesh> {
-    const reel = await ReelFile.open(source, {
+    const reel = await SegmentedReelFile.open(source, {
       headers: this.requestHeader,
       credentials: this.withCredentials ? "include" : "same-origin",
     });

@@ -3,7 +3,8 @@
 import * as THREE from "three";
 
 import { InvalidInputError } from "../errors.js";
-import type { BlockFields, OpenReel, TrackValues } from "../types.js";
+import type { BlockFields, BlockInfo, OpenReel, OpenSegments, TrackValues } from "../types.js";
+import type { Backend } from "./backend.js";
 import type { Loop } from "./clock.js";
 import type {
   ColorAttribute,
@@ -11,20 +12,18 @@ import type {
   ColorOptions,
   TrackColors,
 } from "./color/track_colors.js";
-import { type Drawing, createDrawing } from "./drawing.js";
 import { canDecode, GpuBackend, type Renderer } from "./gpu/gpu_backend.js";
-import { meanPosition, composePicture, withoutFields } from "./loaded_block.js";
-import { Materials } from "./materials.js";
+import { type LoadedBlock, meanPosition, composePicture, withoutFields } from "./loaded_block.js";
+import { asSegments, MeshSegment } from "./mesh_segment.js";
 import { Playback, type PlaybackEvent, type PlaybackEvents } from "./playback.js";
-import type { MeshSetup, Backend } from "./backend.js";
 import type { TextureOptions, AppliedTexture } from "./texture/mesh_texture.js";
 import type { TextureSource } from "./texture/texture_source.js";
 
 /** Seek positions are rounded to 1 / this of a frame, so that the time of a frame selects it. */
 const SEEK_STEPS_PER_FRAME = 1e6;
 
-/** Assumed error of positions, in percent of the diagonal, if the file guarantees no bound. */
-const DEFAULT_ERROR_PERCENT = 10;
+/** Segments in memory: the current one, the next one, and the one before, whose shaders are shared. */
+const MAX_SEGMENTS = 3;
 
 const RESTORED = "webglcontextrestored";
 
@@ -35,13 +34,15 @@ export interface ReelMeshEventMap extends THREE.Object3DEventMap, PlaybackEvents
    * render on demand must render again.
    */
   change: object;
+  /** A picture of another segment is shown: `geometry`, `material` and `reel` have changed. */
+  segment: { segment: number };
 }
 
 /** Options of a `ReelMesh`. */
 export interface ReelMeshOptions {
   /**
    * A material, or one per label of the face groups "material" plus one for faces without a label.
-   * The mesh does not dispose of them. Default: the materials of the file.
+   * The mesh does not dispose of them. Default: the materials of each segment of the file.
    */
   material?: THREE.Material | THREE.Material[];
   /** Whether the default materials use flat shading. Default: false. */
@@ -72,6 +73,9 @@ export interface ReelMeshOptions {
  *
  * Meshes cannot be cloned: create another one of the same file.
  *
+ * In a file with several segments, each has its own geometry and materials, which are prepared
+ * before they are shown.
+ *
  * The page must call `update` before each redraw. At most two blocks of frames are in memory: the
  * current one and the next. During a damaged block the last picture stays; then playback continues.
  */
@@ -82,71 +86,79 @@ export class ReelMesh extends THREE.Mesh<
 > {
   override readonly type = "ReelMesh";
   readonly #send = (event: PlaybackEvent | { type: "change" }) => this.dispatchEvent(event);
-  #setup: MeshSetup;
+  /** The file, with one or more segments. */
+  readonly file: OpenSegments;
+  readonly #options: ReelMeshOptions;
+  /** Segments in memory, the one loaded last at the end. */
+  readonly #segments: Map<number, MeshSegment>;
+  /** The segment of the shown picture; before the first picture, the first segment. */
+  #current: MeshSegment;
   readonly #playback: Playback;
-  readonly #materials: Materials | undefined;
-  #backend: Backend | null = null;
+  /** Creates the backend of a segment; null until the renderer is set. */
+  #createBackend: ((segment: MeshSegment) => Backend) | null = null;
+  /** Segments of the loaded blocks. */
+  readonly #segmentOf = new Map<LoadedBlock, MeshSegment>();
   #cpuSwitch: Promise<void> | null = null;
   #isDisposed = false;
   #renderer: THREE.WebGLRenderer | null = null;
-  readonly #ownsReel: boolean | undefined;
   #texture: AppliedTexture | null = null;
   #appearanceRequest: AbortController | null = null;
   #colors: TrackColors | null = null;
   /** Fields of the coloring track, by block of the mesh that is being loaded. */
   readonly #pendingColors = new WeakMap<BlockFields, BlockFields>();
-  /** Domain by which the vertices of the geometry are split. */
-  #split: TrackColors["split"] = null;
   readonly #pickMesh = new THREE.Mesh();
   #isPickMeshStale = true;
   readonly #centroid = new THREE.Vector3();
 
-  /** @throws InvalidInputError if the file has no frames. */
-  constructor(
-    readonly reel: OpenReel,
-    options: ReelMeshOptions = {},
-  ) {
-    const { info, surface } = reel;
-    const drawing = createDrawing(surface, info.nVerts);
-    const origin = options.origin ?? [0, 0, 0];
-    const [x, y, z] = info.center;
-    const shift = [x - origin[0], y - origin[1], z - origin[2]] as const;
-    super(createGeometry(drawing));
-    this.name = info.name;
-    this.#setup = { info, triangles: surface.triangles, drawing, shift };
-    this.#setBounds();
-    this.#ownsReel = options.ownsReel;
-    if (options.material) this.material = options.material;
-    else {
-      this.#materials = new Materials(surface, drawing, options.flat, this.#send);
-      const { list } = this.#materials;
-      this.material = drawing.groups.length ? list : list[0];
-    }
+  /**
+   * @param reel - a `ReelFile`, or a `SegmentedReelFile`
+   * @throws InvalidInputError if the file has no frames.
+   */
+  constructor(reel: OpenReel | OpenSegments, options: ReelMeshOptions = {}) {
+    super();
+    const file = (this.file = asSegments(reel));
+    this.#options = options;
+    this.name = file.info.name;
+    this.#current = this.#createSegment(0, file.first);
+    this.#segments = new Map([[0, this.#current]]);
+    this.geometry = this.#current.geometry;
+    this.material = options.material ?? (this.#current.material as THREE.Material);
     this.#playback = new Playback(
-      info,
-      (block, signal) => this.#loadBlock(block, signal),
       {
-        upload: async (block) => {
+        ...file.info,
+        segments: file.segments.map(({ start, nFrames }, i) => {
+          return { start, nFrames, blocks: i ? null : file.first.info.blocks };
+        }),
+        open: (segment, signal) => this.#openSegment(segment, signal),
+        load: (segment, block, signal) => this.#loadBlock(segment, block, signal),
+      },
+      {
+        upload: async (block, number) => {
+          const segment = this.#segments.get(number) as MeshSegment;
           const colors = this.#pendingColors.get(block);
-          const canHold = (one: BlockFields) => this.#backend?.canHold(one);
+          const canHold = (one: BlockFields) => segment.backend?.canHold(one);
           if (!(canHold(block) && canHold(colors ?? block))) await this.#switchToCpu();
           const loaded = withoutFields(block);
-          this.#backend?.upload(block, loaded);
+          segment.backend?.upload(block, loaded);
           if (colors) this.#colors?.addBlock(colors, withoutFields(colors), loaded);
+          this.#segmentOf.set(loaded, segment);
           return loaded;
         },
         release: (block) => {
-          this.#backend?.release(block);
+          this.#segmentOf.get(block)?.backend?.release(block);
+          this.#segmentOf.delete(block);
           this.#colors?.removeBlock(block);
         },
         show: (moment) => {
+          const segment = this.#segmentOf.get(moment.block) as MeshSegment;
           const picture = composePicture(moment);
-          this.#backend?.show(picture);
+          segment.backend?.show(picture);
           const colorMoment = this.#colors?.toTrackMoment(moment);
           if (colorMoment) this.#colors?.show(composePicture(colorMoment));
           this.#isPickMeshStale = true;
           this.#centroid.set(...meanPosition(picture));
-          this.geometry.setDrawRange(0, Infinity);
+          segment.geometry.setDrawRange(0, Infinity);
+          if (segment !== this.#current) this.#showSegment(segment);
         },
       },
       this.#send,
@@ -155,15 +167,25 @@ export class ReelMesh extends THREE.Mesh<
     else if (options.renderer) this.setRenderer(options.renderer);
   }
 
+  /** The file; of several segments, the one that is shown. */
+  get reel(): OpenReel {
+    return this.#current.reel;
+  }
+
+  /** Index of the segment that is shown. */
+  get segment(): number {
+    return this.#current.number;
+  }
+
   // Deferred, since passes must not change the state of a renderer that is drawing.
   override onBeforeRender = (renderer: THREE.WebGLRenderer): void => {
-    if (!this.#backend) queueMicrotask(() => this.setRenderer(renderer));
+    if (!this.#createBackend) queueMicrotask(() => this.setRenderer(renderer));
   };
 
   /** Set the renderer, once; starts loading blocks. Later calls have no effect. */
   setRenderer(renderer: Renderer): void {
-    if (this.#backend || this.#cpuSwitch) return;
-    if (!canDecode(renderer, this.#setup)) return void this.#switchToCpu();
+    if (this.#createBackend || this.#cpuSwitch) return;
+    if (!canDecode(renderer, this.#current.setup)) return void this.#switchToCpu();
     this.#renderer = renderer;
     renderer.domElement.addEventListener(RESTORED, this.#switchToGpu);
     this.#switchToGpu();
@@ -171,7 +193,7 @@ export class ReelMesh extends THREE.Mesh<
 
   /** Whether positions are computed on the GPU; false until the renderer is set. */
   get isOnGpu(): boolean {
-    return this.#backend?.isOnGpu ?? false;
+    return this.#current.backend?.isOnGpu ?? false;
   }
 
   /**
@@ -179,7 +201,7 @@ export class ReelMesh extends THREE.Mesh<
    * hard edges.
    */
   get sources(): Uint32Array {
-    return this.#setup.drawing.sources;
+    return this.#current.setup.drawing.sources;
   }
 
   /**
@@ -304,7 +326,7 @@ export class ReelMesh extends THREE.Mesh<
    * @param target - receives the result and is returned
    */
   getCentroid(target: THREE.Vector3): THREE.Vector3 {
-    return target.set(...this.#setup.shift).add(this.#centroid);
+    return target.set(...this.#current.setup.shift).add(this.#centroid);
   }
 
   /**
@@ -330,16 +352,19 @@ export class ReelMesh extends THREE.Mesh<
     const { signal } = (this.#appearanceRequest = new AbortController());
     const { applyTexture } = await import("./texture/mesh_texture.js");
     signal.throwIfAborted();
-    const { material } = this;
+    const { materials, setup } = this.#current;
     const mesh = {
-      materials: Array.isArray(material) ? material : [material],
-      isDefault: (one: THREE.Material) => this.#materials?.isDefault(one) ?? false,
-      imagesReady: this.#materials?.imagesReady,
-      uvNames: this.#setup.drawing.uvNames,
+      materials: this.#allMaterials(),
+      isDefault: (one: THREE.Material) => this.#isDefault(one),
+      imagesReady: materials?.imagesReady,
+      uvNames: setup.drawing.uvNames,
       playback: this.#playback,
       send: this.#send,
     };
     this.#texture = await applyTexture(mesh, source, options, signal);
+    for (const segment of this.#segments.values()) {
+      if (segment !== this.#current) this.#applyTexture(segment);
+    }
   }
 
   /** The texture of `setTexture`, or null. */
@@ -370,7 +395,7 @@ export class ReelMesh extends THREE.Mesh<
    * @param name - name of the track
    * @returns The data of a legend; null without a track.
    * @throws InvalidInputError if there is no such track, or an option does not apply to it; if no
-   *   material has a map, or the file has four or more UV sets.
+   *   material has a map, or the file has four or more UV sets, or several segments.
    * @throws like `OpenTrack.frame`
    */
   async colorBy(name: string, options?: ColorOptions): Promise<ColorLegend>;
@@ -381,12 +406,15 @@ export class ReelMesh extends THREE.Mesh<
       await this.#setColors(null);
       return null;
     }
+    if (this.file.segments.length > 1) {
+      throw new InvalidInputError("a track cannot color a file with several segments");
+    }
     const { signal } = (this.#appearanceRequest = new AbortController());
     const track = this.reel.track(name);
     const { TrackColors } = await import("./color/track_colors.js");
     signal.throwIfAborted();
-    const { info, drawing } = this.#setup;
-    const materials = Array.isArray(this.material) ? this.material : [this.material];
+    const { info, drawing } = this.#current.setup;
+    const materials = [this.material].flat();
     const onError = (error: Error, block: number) =>
       this.#send({ type: "error", error, block, track: name });
     const mesh = { info, materials, uvNames: drawing.uvNames, onError };
@@ -406,7 +434,7 @@ export class ReelMesh extends THREE.Mesh<
    */
   colorAttribute(values: TrackValues): ColorAttribute {
     if (!this.#colors) throw new InvalidInputError("call colorBy first");
-    return this.#colors.colorAttribute(values, this.#setup.drawing.items);
+    return this.#colors.colorAttribute(values, this.#current.setup.drawing.items);
   }
 
   /**
@@ -414,11 +442,14 @@ export class ReelMesh extends THREE.Mesh<
    *
    * @throws like `OpenReel.frame`
    */
-  positionsAt(
+  async positionsAt(
     frame: number,
     options?: { signal?: AbortSignal },
   ): Promise<Float32Array | Float64Array> {
-    return this.reel.frame(frame, undefined, options);
+    const { segments } = this.file;
+    const number = Math.max(0, segments.findLastIndex(({ start }) => start <= frame));
+    const reel = await this.file.segment(number, options);
+    return reel.frame(frame - segments[number].start, undefined, options);
   }
 
   /**
@@ -434,7 +465,7 @@ export class ReelMesh extends THREE.Mesh<
     pickMesh.raycast(raycaster, hits);
     for (const hit of hits) {
       const faceIndex = hit.faceIndex as number;
-      const { order } = this.#setup.drawing;
+      const { order } = this.#current.setup.drawing;
       intersects.push({ ...hit, object: this, faceIndex: order ? order[faceIndex] : faceIndex });
     }
   }
@@ -453,97 +484,153 @@ export class ReelMesh extends THREE.Mesh<
     this.onBeforeRender = () => {};
     this.#playback.dispose();
     this.#renderer?.domElement.removeEventListener(RESTORED, this.#switchToGpu);
-    this.#backend?.dispose();
-    this.geometry.dispose();
-    this.#materials?.dispose();
-    if (this.#ownsReel) this.reel.close();
+    for (const segment of this.#segments.values()) segment.dispose();
+    if (this.#options.ownsReel) this.file.close();
   }
 
   /** Also called when a lost context is restored, without its data. */
   readonly #switchToGpu = (): void => {
-    this.#rebuildGeometry();
-    let backend: Backend;
+    const renderer = this.#renderer as THREE.WebGLRenderer;
     try {
-      const renderer = this.#renderer as THREE.WebGLRenderer;
-      backend = new GpuBackend(renderer, this.#setup, this.geometry);
+      this.#setBackend(({ number, setup, geometry }) => {
+        if (canDecode(renderer, setup)) return new GpuBackend(renderer, setup, geometry);
+        throw new InvalidInputError(`segment ${number} is too large for the GPU`);
+      });
     } catch {
-      return void this.#switchToCpu(); // the driver rejects a program
+      void this.#switchToCpu(); // the driver rejects a program
     }
-    this.#setBackend(backend);
   };
 
   /** Loaded on demand, since few pages need it. */
   #switchToCpu(): Promise<void> {
     this.#cpuSwitch ??= import("./cpu_backend.js").then(
-      ({ CpuBackend }) => {
-        this.#rebuildGeometry();
-        this.#setBackend(new CpuBackend(this.#setup, this.geometry));
-      },
+      ({ CpuBackend }) =>
+        this.#setBackend((segment) => new CpuBackend(segment.setup, segment.geometry)),
       (error: Error) => this.#send({ type: "error", error, block: null }),
     );
     return this.#cpuSwitch;
   }
 
-  #setBackend(backend: Backend): void {
+  /** Set the backend of all segments: the current one stays in memory, and others are loaded again. */
+  #setBackend(create: (segment: MeshSegment) => Backend): void {
     this.#cpuSwitch = null;
-    if (this.#isDisposed) return backend.dispose();
-    this.#backend?.dispose();
-    this.#backend = backend;
+    if (this.#isDisposed) return;
+    const current = this.#current;
+    for (const segment of this.#segments.values()) {
+      if (segment !== current) this.#removeSegment(segment);
+    }
+    if (current.rebuildGeometry(this.#colors?.split ?? null)) {
+      this.geometry = current.geometry;
+      this.#pickMesh.geometry = new THREE.BufferGeometry();
+    }
+    const backend = create(current);
+    this.#createBackend = create;
+    current.backend?.dispose();
+    current.backend = backend;
     this.#restart(backend);
   }
 
   #restart(backend: Backend): void {
-    this.#colors?.attach(backend, this.#setup.drawing.items);
+    this.#colors?.attach(backend, this.#current.setup.drawing.items);
     this.#playback.restart();
   }
 
-  async #loadBlock(number: number, signal: AbortSignal): Promise<BlockFields> {
-    const [block, colors] = await Promise.all([
-      this.reel.fields(number, { signal }),
-      this.#colors?.fields(number, signal),
+  #createSegment(number: number, reel: OpenReel): MeshSegment {
+    const { origin = [0, 0, 0], material, flat } = this.#options;
+    return new MeshSegment(number, reel, origin, !material, flat, (event) => this.#send(event));
+  }
+
+  async #openSegment(number: number, signal: AbortSignal): Promise<readonly BlockInfo[]> {
+    return (await this.file.segment(number, { signal })).info.blocks;
+  }
+
+  /** Load a block, and prepare its segment: the buffers and images that its pictures need. */
+  async #loadBlock(number: number, block: number, signal: AbortSignal): Promise<BlockFields> {
+    const reel = this.#segments.get(number)?.reel ?? (await this.file.segment(number, { signal }));
+    const [fields, colors] = await Promise.all([
+      reel.fields(block, { signal }),
+      this.#colors?.fields(block, signal),
+      this.#prepareSegment(number, reel, signal),
     ]);
-    if (colors) this.#pendingColors.set(block, colors);
-    return block;
+    if (colors) this.#pendingColors.set(fields, colors);
+    return fields;
+  }
+
+  async #prepareSegment(number: number, reel: OpenReel, signal: AbortSignal): Promise<void> {
+    if (this.#segments.has(number)) return;
+    const segment = this.#createSegment(number, reel);
+    try {
+      await segment.materials?.imagesReady;
+      signal.throwIfAborted();
+      segment.backend = this.#createBackend?.(segment) ?? null;
+    } catch (error) {
+      segment.dispose();
+      signal.throwIfAborted();
+      await this.#switchToCpu(); // loads all blocks again
+      signal.throwIfAborted();
+      throw error;
+    }
+    const used = new Set([this.#current, ...this.#segmentOf.values()]);
+    const unused = [...this.#segments.values()].find((one) => !used.has(one));
+    if (unused && this.#segments.size >= MAX_SEGMENTS) this.#removeSegment(unused);
+    this.#segments.set(number, segment);
+    this.#applyTexture(segment);
+    for (const value of segment.materials?.list.flatMap((one) => Object.values(one)) ?? []) {
+      if (value instanceof THREE.Texture) this.#renderer?.initTexture(value);
+    }
+  }
+
+  /** Show the texture of `setTexture` on another segment. */
+  #applyTexture({ number, setup, materials }: MeshSegment): void {
+    if (!this.#texture || !materials) return;
+    if (this.#texture.texture.channel < setup.drawing.uvNames.length) {
+      return this.#texture.add(materials.list);
+    }
+    const error = new InvalidInputError(`segment ${number} has no UVs, which the texture needs`);
+    this.#send({ type: "error", error, block: null });
+  }
+
+  #removeSegment(segment: MeshSegment): void {
+    this.#texture?.remove(segment.materials?.list ?? []);
+    this.#segments.delete(segment.number);
+    segment.dispose();
+  }
+
+  /** Show the geometry and the materials of another segment. */
+  #showSegment(segment: MeshSegment): void {
+    // The page may have replaced the material.
+    const isOwn = this.material === this.#current.material;
+    this.#current = segment;
+    this.geometry = segment.geometry;
+    if (isOwn) this.material = segment.material as THREE.Material;
+    this.#pickMesh.geometry = new THREE.BufferGeometry();
+    this.dispatchEvent({ type: "segment", segment: segment.number });
+  }
+
+  #allMaterials(): THREE.Material[] {
+    if (this.material !== this.#current.material) return [this.material].flat();
+    return [...this.#segments.values()].flatMap(({ materials }) => materials?.list ?? []);
+  }
+
+  #isDefault(material: THREE.Material): boolean {
+    return [...this.#segments.values()].some((one) => one.materials?.isDefault(material));
   }
 
   async #setColors(colors: TrackColors | null): Promise<void> {
     if (colors === this.#colors) return;
     this.#colors?.dispose();
     this.#colors = colors;
-    const backend = this.#backend;
+    const { backend, split } = this.#current;
     if (!backend) return;
-    if ((colors?.split ?? null) === this.#split) this.#restart(backend);
+    if ((colors?.split ?? null) === split) this.#restart(backend);
     else if (backend.isOnGpu) this.#switchToGpu();
     else await this.#switchToCpu();
   }
 
-  /** Prepare the geometry for a new backend and for the split that the colors need. */
-  #rebuildGeometry(): void {
-    this.geometry.dispose(); // also frees the buffers of attributes that will be replaced
-    const split = this.#colors?.split ?? null;
-    if (split === this.#split) return;
-    this.#split = split;
-    const { surface, info } = this.reel;
-    const drawing = createDrawing(surface, info.nVerts, split);
-    this.#setup = { ...this.#setup, drawing };
-    this.geometry = createGeometry(drawing);
-    this.#pickMesh.geometry = new THREE.BufferGeometry();
-    this.#setBounds();
-  }
-
   #removeTexture(): void {
     this.#appearanceRequest?.abort();
-    this.#texture?.remove();
+    this.#texture?.dispose();
     this.#texture = null;
-  }
-
-  /** Set bounds that contain all frames, including the coding error. */
-  #setBounds(): void {
-    const { info, shift } = this.#setup;
-    const radius = info.diagonal * (0.5 + (info.maxErrorPercent ?? DEFAULT_ERROR_PERCENT) / 100);
-    const sphere = new THREE.Sphere(new THREE.Vector3(...shift), radius);
-    this.geometry.boundingSphere = sphere;
-    this.geometry.boundingBox = sphere.getBoundingBox(new THREE.Box3());
   }
 
   /** Return a mesh with the current positions in memory. */
@@ -553,7 +640,7 @@ export class ReelMesh extends THREE.Mesh<
       const { index, groups, boundingSphere, attributes } = this.geometry;
       // Static attributes, which are in memory already.
       const others = Object.fromEntries(
-        this.#setup.drawing.attributes.map(({ name }) => [name, attributes[name]]),
+        this.#current.setup.drawing.attributes.map(({ name }) => [name, attributes[name]]),
       );
       const position = new THREE.BufferAttribute(new Float32Array(3 * this.sources.length), 3);
       Object.assign(geometry, {
@@ -564,25 +651,9 @@ export class ReelMesh extends THREE.Mesh<
       });
     }
     if (this.#isPickMeshStale) {
-      this.#backend?.read(geometry.attributes.position.array as Float32Array);
+      this.#current.backend?.read(geometry.attributes.position.array as Float32Array);
       this.#isPickMeshStale = false;
     }
     return this.#pickMesh;
   }
-}
-
-/** Create a geometry that draws nothing until there is a picture. */
-function createGeometry(drawing: Drawing): THREE.BufferGeometry {
-  const geometry = new THREE.BufferGeometry();
-  geometry.setIndex(new THREE.BufferAttribute(drawing.index, 1));
-  const none = { width: 3, values: new Float32Array(3) }; // until a backend replaces it
-  const [position, normal] = ["position", "normal"].map((name) => ({ name, ...none }));
-  for (const { name, width, values } of [position, normal, ...drawing.attributes]) {
-    geometry.setAttribute(name, new THREE.BufferAttribute(values, width));
-  }
-  for (const { start, count, materialIndex } of drawing.groups) {
-    geometry.addGroup(start, count, materialIndex);
-  }
-  geometry.setDrawRange(0, 0);
-  return geometry;
 }

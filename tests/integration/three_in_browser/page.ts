@@ -3,7 +3,7 @@
 import * as THREE from "three";
 import { WebGPURenderer } from "three/webgpu";
 
-import { ReelFile } from "../../../npm/src/index";
+import { SegmentedReelFile } from "../../../npm/src/index";
 import { ReelLoader, ReelMesh, type ReelMeshOptions } from "../../../npm/src/three/index";
 import type { ColorOptions } from "../../../npm/src/three/index";
 import { createItemLookup } from "../../../npm/src/three/corners";
@@ -449,10 +449,10 @@ const tests = {
   async events(damaged: number[]) {
     const stand = new Stand();
     const reel = await wavingGrid({ damaged });
-    const { open } = ReelFile;
-    Object.assign(ReelFile, { open: async () => reel });
+    const { open } = SegmentedReelFile;
+    Object.assign(SegmentedReelFile, { open: async () => reel });
     const mesh = await new ReelLoader().loadAsync("grid.reel");
-    Object.assign(ReelFile, { open });
+    Object.assign(SegmentedReelFile, { open });
     let isClosed = false;
     reel.close = () => {
       isClosed = true;

@@ -18,7 +18,8 @@ interface SavedState {
 /** Shows a texture on all materials that have a map. */
 export class MaterialOverride {
   readonly #texture: THREE.Texture;
-  readonly #materials: readonly MappedMaterial[];
+  #materials: readonly MappedMaterial[];
+  #isApplied = false;
   readonly #isDefault: (material: THREE.Material) => boolean;
   #saved: SavedState[] = [];
 
@@ -44,8 +45,26 @@ export class MaterialOverride {
 
   /** Apply the texture to the materials. */
   apply(): void {
-    if (this.#saved.length) return;
-    for (const material of this.#materials) {
+    if (this.#isApplied) return;
+    this.#isApplied = true;
+    this.#override(this.#materials);
+  }
+
+  /** Include further materials. */
+  add(materials: readonly THREE.Material[]): void {
+    const added = materials.filter(hasMap).filter((one) => !this.#materials.includes(one));
+    this.#materials = [...this.#materials, ...added];
+    if (this.#isApplied) this.#override(added);
+  }
+
+  /** Forget materials, without restoring them. */
+  remove(materials: readonly THREE.Material[]): void {
+    this.#materials = this.#materials.filter((one) => !materials.includes(one));
+    this.#saved = this.#saved.filter(({ material }) => !materials.includes(material));
+  }
+
+  #override(materials: readonly MappedMaterial[]): void {
+    for (const material of materials) {
       const { map, color, vertexColors } = material;
       this.#saved.push({ material, map, color: color?.clone(), vertexColors });
       material.map = this.#texture;
@@ -57,8 +76,8 @@ export class MaterialOverride {
     }
   }
 
-  /** Restore the materials. */
-  remove(): void {
+  /** Restore all materials. */
+  dispose(): void {
     for (const { material, map, color, vertexColors } of this.#saved) {
       material.map = map;
       material.vertexColors = vertexColors;
@@ -66,6 +85,7 @@ export class MaterialOverride {
       material.needsUpdate = true;
     }
     this.#saved = [];
+    this.#isApplied = false;
   }
 }
 

@@ -56,7 +56,12 @@ export interface TexturedMesh {
 export interface AppliedTexture {
   readonly texture: THREE.Texture;
   readonly video: HTMLVideoElement | null;
-  remove(): void;
+  /** Show it on further materials. */
+  add(materials: readonly THREE.Material[]): void;
+  /** Forget materials that are disposed of. */
+  remove(materials: readonly THREE.Material[]): void;
+  /** Restore all materials, and free its resources. */
+  dispose(): void;
 }
 
 /**
@@ -136,12 +141,12 @@ function applyImage(mesh: TexturedMesh, source: ImageSource, channel: number): A
   const previousChannel = texture.channel;
   texture.channel = channel;
   materialOverride.apply();
-  const remove = () => {
-    materialOverride.remove();
+  const dispose = () => {
+    materialOverride.dispose();
     if (isOwned) texture.dispose();
     else texture.channel = previousChannel;
   };
-  return { texture, video: null, remove };
+  return { texture, video: null, ...materialsOf(materialOverride), dispose };
 }
 
 /** Create a texture with the top edge at v = 1, as for images of the file. */
@@ -172,11 +177,18 @@ function applyVideo(
   const { playback, send } = mesh;
   const onShown = () => materialOverride.apply();
   const videoClock = new VideoClock({ video, picture, playback, offset, send, onShown });
-  const remove = () => {
+  const dispose = () => {
     videoClock.dispose();
-    materialOverride.remove();
+    materialOverride.dispose();
     picture.dispose();
     if (isOwned) closeVideo(video);
   };
-  return { texture, video, remove };
+  return { texture, video, ...materialsOf(materialOverride), dispose };
+}
+
+function materialsOf(override: MaterialOverride): Pick<AppliedTexture, "add" | "remove"> {
+  return {
+    add: (materials) => override.add(materials),
+    remove: (materials) => override.remove(materials),
+  };
 }
