@@ -1,4 +1,4 @@
-"""Commands on a glTF file that holds several animations."""
+"""Commands on a glTF file with several animations."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def last(path):
 
 
 @pytest.mark.parametrize("command", ["encode", "convert"])
-def test_command_takes_the_animation_that_is_named(man, tmp_path, command):
+def test_command_reads_the_named_animation(man, tmp_path, command):
     out = tmp_path / ("out.reel" if command == "encode" else "out.npz")
     figures = run_json(command, man, "-o", out)
     [note] = [one for one in figures["notes"] if "animation" in one]
@@ -47,7 +47,7 @@ def test_info_lists_the_animations(man):
     assert printed["meshes"][0]["n_frames"] == 3
 
 
-def test_compare_render_and_export_take_the_animation_of_the_original(man, tmp_path):
+def test_compare_render_and_export_read_the_named_animation_of_the_original(man, tmp_path):
     reel, chosen = tmp_path / "jump.reel", ("--animation", "jump")
     run_json("encode", man, "-o", reel, *chosen)
     assert run_json("compare", man, reel, *chosen)["max_error_percent"] <= 1
@@ -59,7 +59,7 @@ def test_compare_render_and_export_take_the_animation_of_the_original(man, tmp_p
 
 
 @pytest.mark.slow
-def test_batch_encodes_all_animations_when_told_to(man, tmp_path):
+def test_batch_encodes_all_animations_with_that_option(man, tmp_path):
     done = run_json("batch", man.parent, tmp_path / "out", "--animations", "all", "--workers", "1")
     assert (done["encoded"], done["failed"], done["notes"]) == (2, 0, [])
     assert last(tmp_path / "out" / "man.walk.reel")[:2] == pytest.approx([2, 0], abs=0.02)

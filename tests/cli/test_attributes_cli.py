@@ -26,26 +26,26 @@ def carried(path):
     ("names", "kept"), [("none", []), ("uv,material", ["st", "material"]), ("color", ["color"])]
 )
 @pytest.mark.parametrize("command", ["encode", "convert"])
-def test_only_what_is_named_is_written_when_names_are_given(sheets, tmp_path, command, names, kept):
+def test_only_named_attributes_are_written(sheets, tmp_path, command, names, kept):
     target = tmp_path / ("out.reel" if command == "encode" else "out.h5")
     done = run(command, sheets, "-o", target, "--attributes", names)
     assert done.returncode == 0, done.stderr
     assert carried(target) == kept
 
 
-def test_each_stretch_has_only_what_is_named_when_split(sheets, tmp_path):
+def test_each_split_stream_has_only_named_attributes(sheets, tmp_path):
     run("encode", sheets, "-o", tmp_path / "out.reel", "--split", "--attributes", "color")
     assert carried(tmp_path / "out.reel") == ["color"]
 
 
 @pytest.mark.parametrize("command", ["encode", "convert"])
-def test_names_are_listed_when_one_is_not_there(sheets, tmp_path, command):
+def test_error_lists_attributes_when_one_does_not_exist(sheets, tmp_path, command):
     target = tmp_path / "out.reel"
     done = run(command, sheets, "-o", target, "--attributes", "normals")
     assert_fails(done, "sheets.npz", "'normals'; it has 'st', 'color', 'material'")
 
 
-def test_encode_tells_the_error_when_coordinates_are_quantised(sheets, tmp_path):
+def test_encode_reports_the_error_of_quantized_uvs(sheets, tmp_path):
     figures = run_json("encode", sheets, "-o", tmp_path / "out.reel", "--uv-bits", "10")
     given, found = (
         meshreel.load(path).surface.of_kind(Kind.UV)[0].values.astype(float)
@@ -55,19 +55,19 @@ def test_encode_tells_the_error_when_coordinates_are_quantised(sheets, tmp_path)
     assert figures["uv_error_texels_4096"] == 4096 * figures["uv_error"]
 
 
-def test_encode_prints_the_error_in_texels_when_coordinates_are_quantised(sheets, tmp_path):
+def test_encode_prints_the_error_of_quantized_uvs_in_texels(sheets, tmp_path):
     done = run("encode", sheets, "-o", tmp_path / "out.reel", "--uv-bits", "10")
     assert "texels at width 4096" in " ".join(done.stdout.replace("\u2502", " ").split())
 
 
-def test_encode_fails_when_there_are_no_coordinates_to_quantise(tmp_path):
+def test_encode_rejects_uv_bits_when_there_are_no_uvs(tmp_path):
     meshreel.save(waving_grid(), tmp_path / "grid.npz")
     done = run("encode", tmp_path / "grid.npz", "-o", tmp_path / "out.reel", "--uv-bits", "10")
     assert_fails(done, "no texture coordinates to quantize; omit --uv-bits")
 
 
 @pytest.mark.slow
-def test_batch_notes_inputs_when_options_choose_nothing_in_them(sheets, tmp_path):
+def test_batch_notes_inputs_to_which_options_do_not_apply(sheets, tmp_path):
     meshreel.save(waving_grid(), tmp_path / "grid.npz")
     out = tmp_path / "out"
     done = run("batch", tmp_path, out, "--uv-bits", "10", "--attributes", "uv", "--workers", "1")

@@ -1,4 +1,4 @@
-"""`meshreel batch` as a user runs it, with worker processes."""
+"""`meshreel batch` with worker processes."""
 
 import json
 import os
@@ -18,7 +18,7 @@ PROGRAM = [sys.executable, "-c", "from meshreel.app.cli import main; main()", "b
 
 
 def run(*arguments, cwd=None):
-    """What `meshreel batch ARGUMENTS` says."""
+    """Run `meshreel batch ARGUMENTS`, and return the result."""
     return commands.run("batch", *arguments, cwd=cwd)
 
 
@@ -42,7 +42,7 @@ def states(out):
 
 
 @pytest.mark.slow
-def test_batch_writes_streams_and_says_what_it_did(inputs, out):
+def test_batch_writes_streams_and_prints_a_summary(inputs, out):
     done = run(inputs, out, "--quality", 60, "--order", "drop", "--workers", 2)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == "0 up to date, 2 encoded, 0 failed"
@@ -55,20 +55,20 @@ def test_batch_writes_streams_and_says_what_it_did(inputs, out):
 
 
 @pytest.mark.slow
-def test_batch_says_only_how_many_when_all_is_up_to_date(inputs, out):
+def test_batch_prints_only_the_summary_when_all_is_up_to_date(inputs, out):
     assert run(inputs, out).returncode == 0
     done = run(inputs, out)
     assert (done.returncode, done.stdout) == (0, "2 up to date, 0 encoded, 0 failed\n")
 
 
 @pytest.mark.slow
-def test_batch_takes_relative_folders(inputs, out):
+def test_batch_accepts_relative_folders(inputs, out):
     done = run("in", "out", cwd=inputs.parent)
     assert done.returncode == 0, done.stderr
     assert states(out) == {"walk.npz": "done", "a": "done"}
 
 
-def test_batch_ends_with_1_and_a_line_for_each_failure(inputs, out):
+def test_batch_exits_with_1_and_one_line_per_failure(inputs, out):
     (inputs / "bad.npz").write_bytes(b"no archive")
     done = run(inputs, out, "--workers", 1, "--fps", 25)
     assert done.returncode == 1
@@ -79,7 +79,7 @@ def test_batch_ends_with_1_and_a_line_for_each_failure(inputs, out):
 
 
 @pytest.mark.slow
-def test_batch_prints_all_inputs_when_asked_for_json(inputs, out):
+def test_batch_prints_all_inputs_as_json(inputs, out):
     assert run(inputs, out).returncode == 0
     (inputs / "bad.npz").write_bytes(b"no archive")
     done = run(inputs, out, "--json")
@@ -95,12 +95,12 @@ def test_batch_prints_all_inputs_when_asked_for_json(inputs, out):
     ("options", "words"),
     [
         (["--workers", 0], "--workers"),
-        (["--workers", 2, "--scheduler", "tcp://127.0.0.1:9"], "exclude each other"),
+        (["--workers", 2, "--scheduler", "tcp://127.0.0.1:9"], "cannot be combined"),
         (["--quality", 50, "--kg", 1], "give one"),
         (["--quality", 500], "quality"),
     ],
 )
-def test_batch_refuses_options_before_it_writes(inputs, out, options, words):
+def test_batch_rejects_invalid_options_before_writing(inputs, out, options, words):
     done = run(inputs, out, *options)
     assert_fails(done, words)
     assert not out.exists()
@@ -113,24 +113,23 @@ def test_batch_names_the_extra_when_dask_is_missing(inputs, out, monkeypatch):
 
 
 def wait_for(condition):
-    """The first true value of the condition, within a minute."""
+    """Return the first true value of the condition within a minute."""
     for _ in range(6000):
-        found = condition()
-        if found:
-            return found
+        if value := condition():
+            return value
         time.sleep(0.01)
-    raise AssertionError("it did not happen within a minute")
+    raise AssertionError("the condition did not hold within a minute")
 
 
-def a_stream_is_done(out):
+def has_finished_stream(out):
     return (out / "manifest.json").exists() and "done" in states(out).values()
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="ctrl-C goes to a group of processes")
-def test_ctrl_c_leaves_whole_files_and_no_process(inputs, out):
+def test_ctrl_c_leaves_complete_files_and_no_process(inputs, out):
     flag = meshreel.simulate_flag(100)
-    for number in range(4):  # each takes seconds, after two that take none
+    for number in range(4):  # each takes seconds, unlike the first two
         meshreel.save(flag, inputs / f"z{number}.npz")
     process = subprocess.Popen(
         [*PROGRAM, inputs, out, "--workers", "2", "--sted", "0.02", "--effort", "9"],
@@ -139,7 +138,7 @@ def test_ctrl_c_leaves_whole_files_and_no_process(inputs, out):
         text=True,
         start_new_session=True,
     )
-    wait_for(lambda: a_stream_is_done(out))
+    wait_for(lambda: has_finished_stream(out))
     os.killpg(process.pid, signal.SIGINT)
     _, errors = process.communicate(timeout=60)
     assert process.returncode not in (0, None)
@@ -147,9 +146,9 @@ def test_ctrl_c_leaves_whole_files_and_no_process(inputs, out):
     assert "Traceback" not in errors
     wait_for(lambda: group_is_gone(process.pid))
 
-    found = states(out)
-    assert set(found.values()) == {"done", "pending"}
-    done = {name for name, state in found.items() if state == "done"}
+    final_states = states(out)
+    assert set(final_states.values()) == {"done", "pending"}
+    done = {name for name, state in final_states.items() if state == "done"}
     files = {path.name for path in out.iterdir()}
     assert files == {"manifest.json", "report.html"} | {
         f"{name.split('.')[0]}.reel" for name in done

@@ -1,4 +1,4 @@
-"""The program as a user runs it."""
+"""Commands of the program: output, files and errors."""
 
 from dataclasses import replace
 
@@ -24,7 +24,7 @@ def reel(tmp_path):
     return path
 
 
-def test_encode_prints_sizes_that_match_the_file_when_asked_for_json(grid, tmp_path):
+def test_encode_prints_the_sizes_of_the_file_as_json(grid, tmp_path):
     figures = run_json("encode", grid, "-o", tmp_path / "a.reel")
     size = (tmp_path / "a.reel").stat().st_size
     assert figures["size_bytes"] == size
@@ -33,26 +33,26 @@ def test_encode_prints_sizes_that_match_the_file_when_asked_for_json(grid, tmp_p
     assert figures["ratio"] == pytest.approx(figures["raw_size_bytes"] / size)
 
 
-def test_encode_prints_a_table_when_not_asked_for_json(grid, tmp_path):
+def test_encode_prints_a_table_by_default(grid, tmp_path):
     done = run("encode", grid, "-o", tmp_path / "a.reel")
     assert done.returncode == 0
     for word in ("raw", "file", "ratio", "bits per vertex and frame", "12 frames, 99 vertices"):
         assert word in done.stdout
 
 
-@pytest.mark.parametrize(("aim", "limit"), [("kg", 0.3), ("sted", 0.02), ("max-error", 0.05),
+@pytest.mark.parametrize(("target", "limit"), [("kg", 0.3), ("sted", 0.02), ("max-error", 0.05),
                                             ("size", 800), ("bpvf", 5.5)])  # fmt: skip
-def test_encode_meets_its_target_when_one_is_given(grid, tmp_path, aim, limit):
-    printed = run_json("encode", grid, "-o", tmp_path / "a.reel", f"--{aim}", limit)
+def test_encode_meets_its_target(grid, tmp_path, target, limit):
+    printed = run_json("encode", grid, "-o", tmp_path / "a.reel", f"--{target}", limit)
     quality = run_json("compare", grid, tmp_path / "a.reel")
-    found = {
+    achieved = {
         "kg": quality["kg_error_percent"],
         "sted": quality["sted"],
         "max-error": quality["max_error_percent"],
         "size": (tmp_path / "a.reel").stat().st_size,
         "bpvf": printed["rate_bpvf"],
     }
-    assert found[aim] <= limit
+    assert achieved[target] <= limit
 
 
 @pytest.mark.parametrize(
@@ -63,19 +63,19 @@ def test_encode_meets_its_target_when_one_is_given(grid, tmp_path, aim, limit):
         (["--kg", 1, "--tune", "visual", "--effort", 2], {"kg": 1, "tune": "visual", "effort": 2}),
     ],
 )
-def test_encode_passes_targets_on_when_they_are_given(grid, tmp_path, options, keywords):
+def test_encode_uses_the_target_options(grid, tmp_path, options, keywords):
     run_json("encode", grid, "-o", tmp_path / "a.reel", *options)
     expected = meshreel.encode(meshreel.load(grid), **keywords)
     assert (tmp_path / "a.reel").read_bytes() == expected
 
 
-def test_encode_names_the_output_after_the_input_when_none_is_given(grid, tmp_path):
+def test_encode_names_the_output_after_the_input_by_default(grid, tmp_path):
     (tmp_path / "elsewhere").mkdir()
     assert run("encode", grid, cwd=tmp_path / "elsewhere").returncode == 0
     assert (tmp_path / "elsewhere" / "grid.reel").exists()
 
 
-def test_encode_passes_its_options_on_when_they_are_given(grid, tmp_path):
+def test_encode_uses_its_options(grid, tmp_path):
     options = ["--modes", 3, "--bits", "6,5,0", "--anchors", 0.1, "--laplacian", "combinatorial",
                "--order", "drop", "--block-frames", 6, "--fps", 12, "--method", "blocks",
                "--iterations", 3]  # fmt: skip
@@ -88,7 +88,7 @@ def test_encode_passes_its_options_on_when_they_are_given(grid, tmp_path):
 
 
 @pytest.mark.parametrize("extension", ["obj", "ply", "off"])
-def test_frames_come_back_through_files_when_encoded_from_a_folder(tmp_path, extension):
+def test_frame_files_round_trip_when_encoded_from_a_folder(tmp_path, extension):
     frames = tmp_path / "frames"
     frames.mkdir()
     meshreel.save(waving_grid(), frames / f"f_%d.{extension}")
@@ -117,7 +117,7 @@ def test_globs_and_lists_give_the_same_stream_as_the_folder(tmp_path):
 
 @pytest.mark.parametrize(("text", "frames"), [("2:5", slice(2, 5)), ("9:", slice(9, None)),
                                               (":1", slice(0, 1)), ("4", slice(4, 5))])  # fmt: skip
-def test_decode_writes_a_part_when_frames_are_chosen(reel, tmp_path, text, frames):
+def test_decode_writes_the_selected_frames(reel, tmp_path, text, frames):
     run_json("decode", reel, "-o", tmp_path / "part.npz", "--frames", text)
     expected = meshreel.decode(reel.read_bytes(), frames=frames)
     np.testing.assert_array_equal(meshreel.load(tmp_path / "part.npz").vertices, expected.vertices)
@@ -130,7 +130,7 @@ def test_decode_writes_a_part_when_frames_are_chosen(reel, tmp_path, text, frame
         ("decode", ["connectivity", "fields", "frames"]),
     ],
 )
-def test_profile_tells_seconds_by_stage_when_asked_for(grid, reel, tmp_path, command, expected):
+def test_profile_contains_seconds_by_stage(grid, reel, tmp_path, command, expected):
     arguments = [command, {"encode": grid, "decode": reel}[command], "--profile"]
     profile = run_json(
         *arguments, "-o", tmp_path / {"encode": "a.reel", "decode": "a.npz"}[command]
@@ -144,31 +144,31 @@ def test_profile_tells_seconds_by_stage_when_asked_for(grid, reel, tmp_path, com
         assert word in shown.stdout
 
 
-def test_profile_is_not_told_when_not_asked_for(grid, tmp_path):
+def test_profile_is_not_printed_by_default(grid, tmp_path):
     assert "profile" not in run_json("encode", grid, "-o", tmp_path / "a.reel")
     assert "seconds by stage" not in run("encode", grid, "-o", tmp_path / "b.reel").stdout
 
 
-def test_info_gives_the_budget_of_the_file_when_asked_for_json(reel):
+def test_info_prints_the_bytes_by_section_as_json(reel):
     figures = run_json("info", reel)
     assert sum(figures["budget_bytes"].values()) == reel.stat().st_size
     assert figures["method"] == "reel"
 
 
-def test_info_shows_every_section_when_not_asked_for_json(reel):
+def test_info_prints_every_section_by_default(reel):
     done = run("info", reel)
     assert done.returncode == 0
     for word in ("connectivity", "fields", "basis", "coefficients", "25 fps", "%"):
         assert word in done.stdout
 
 
-def test_compare_takes_a_reel_on_either_side(grid, reel):
+def test_compare_accepts_a_reel_as_either_input(grid, reel):
     there = run_json("compare", grid, reel)
     assert 0 < there["kg_error_percent"] < 2
     assert run_json("compare", reel, reel)["kg_error_percent"] == 0
 
 
-def test_compare_draws_a_plot_when_asked_for(grid, reel, tmp_path):
+def test_compare_draws_a_plot(grid, reel, tmp_path):
     from PIL import Image
 
     assert run("compare", grid, reel, "--plot", tmp_path / "a.png").returncode == 0
@@ -177,7 +177,7 @@ def test_compare_draws_a_plot_when_asked_for(grid, reel, tmp_path):
         assert len(image.convert("RGB").getcolors(1 << 20)) > 10
 
 
-def test_demo_writes_stream_and_picture_when_run(tmp_path):
+def test_demo_writes_stream_and_picture(tmp_path):
     figures = run_json("demo", "--out", tmp_path / "demo", "--frames", 4)
     assert {path.name for path in (tmp_path / "demo").iterdir()} == {
         "flag.npz", "flag.png", "flag.reel",
@@ -191,20 +191,20 @@ def test_demo_writes_stream_and_picture_when_run(tmp_path):
     assert figures["max_error_frame"] in figures["picture_frames"]
 
 
-def test_demo_keeps_earlier_results_when_not_forced(tmp_path):
+def test_demo_keeps_earlier_results_without_force(tmp_path):
     (tmp_path / "flag.reel").write_bytes(b"mine")
     assert_fails(run("demo", "--out", tmp_path, "--frames", 2), "flag.reel", "--force")
     assert (tmp_path / "flag.reel").read_bytes() == b"mine"
 
 
-def test_existing_output_is_kept_when_not_forced(grid, tmp_path):
+def test_existing_output_is_kept_without_force(grid, tmp_path):
     out = tmp_path / "a.reel"
     out.write_bytes(b"mine")
     assert_fails(run("encode", grid, "-o", out), "a.reel already exists", "--force")
     assert out.read_bytes() == b"mine"
 
 
-def test_existing_output_is_replaced_when_forced(grid, tmp_path):
+def test_existing_output_is_replaced_with_force(grid, tmp_path):
     out = tmp_path / "a.reel"
     out.write_bytes(b"mine")
     assert run("encode", grid, "-o", out, "--force").returncode == 0
@@ -252,7 +252,7 @@ def test_existing_output_is_replaced_when_forced(grid, tmp_path):
         (["unknown"], ["unknown"]),
     ],
 )
-def test_program_fails_with_one_line_when_the_input_is_bad(grid, reel, tmp_path, arguments, words):
+def test_program_fails_with_one_line_for_invalid_arguments(grid, reel, tmp_path, arguments, words):
     filled = [text.format(grid=grid, reel=reel) for text in arguments]
     assert_fails(run(*filled, cwd=tmp_path), *words)
 
@@ -261,20 +261,20 @@ def test_program_fails_with_one_line_when_the_input_is_bad(grid, reel, tmp_path,
     "arguments",
     [["info"], ["decode", "-o", "a.npz"], ["view"], ["export", "-o", "a.html"], ["compare", "b"]],
 )
-def test_missing_file_is_told_as_encode_tells_it_when_another_command_looks(tmp_path, arguments):
+def test_all_commands_print_the_same_error_when_a_file_is_missing(tmp_path, arguments):
     command, *others = arguments
     expected = run("encode", "nope.reel", cwd=tmp_path).stderr
     assert "there is no file or folder 'nope.reel'" in expected
     assert run(command, "nope.reel", *others, cwd=tmp_path).stderr == expected
 
 
-def test_nothing_is_left_behind_when_encoding_fails(tmp_path):
+def test_no_file_is_left_when_encoding_fails(tmp_path):
     (tmp_path / "bad.npz").write_bytes(b"PK\x03\x04 not really")
     assert_fails(run("encode", "bad.npz", "-o", "a.reel", cwd=tmp_path), "bad.npz")
     assert [path.name for path in tmp_path.iterdir()] == ["bad.npz"]
 
 
-def test_welded_corners_are_told_of_when_frames_are_stl(tmp_path):
+def test_encode_notes_welded_corners_of_stl_frames(tmp_path):
     meshreel.save(waving_grid(2), tmp_path / "f_%d.stl")
     done = run("encode", tmp_path / "f_*.stl", "-o", tmp_path / "f.reel")
     assert done.returncode == 0
@@ -282,13 +282,13 @@ def test_welded_corners_are_told_of_when_frames_are_stl(tmp_path):
 
 
 @pytest.mark.parametrize("command", [["info"], ["decode", "-o", "a.npz"], ["compare", "cut.reel"]])
-def test_truncated_stream_is_named_when_it_is_read(reel, tmp_path, command):
+def test_error_names_a_truncated_stream(reel, tmp_path, command):
     cut = tmp_path / "cut.reel"
     cut.write_bytes(reel.read_bytes()[:-40])
     assert_fails(run(*command, cut, cwd=tmp_path), "cut.reel: the file ends inside a section")
 
 
-def test_whole_blocks_come_back_when_the_end_of_a_stream_is_missing(reel, tmp_path):
+def test_complete_blocks_are_decoded_when_the_end_of_a_stream_is_missing(reel, tmp_path):
     cut = tmp_path / "cut.reel"
     cut.write_bytes(reel.read_bytes()[:-20])
     done = run("decode", cut, "-o", tmp_path / "a.npz")
@@ -300,32 +300,32 @@ def test_whole_blocks_come_back_when_the_end_of_a_stream_is_missing(reel, tmp_pa
     assert "truncated" in run("info", cut).stdout
 
 
-def test_frames_stay_in_their_files_when_memory_is_small(tmp_path):
+def test_encode_streams_frame_files_when_memory_is_small(tmp_path):
     sequence = meshreel.simulate_flag(12)
     meshreel.save(sequence, tmp_path / "flag_%03d.obj")
     done = run("encode", tmp_path / "flag_*.obj", "-o", tmp_path / "f.reel", "--memory", "117MB")
     assert done.returncode == 0, done.stderr
-    with meshreel.open(tmp_path / "f.reel") as found:
-        assert max(found.info().block_frames) < 12
+    with meshreel.open(tmp_path / "f.reel") as reel:
+        assert max(reel.info().block_frames) < 12
         expected = meshreel.encode(meshreel.load(str(tmp_path / "flag_*.obj")), memory="117MB")
-        np.testing.assert_array_equal(found[:], meshreel.decode(expected).vertices)
+        np.testing.assert_array_equal(reel[:], meshreel.decode(expected).vertices)
 
 
 @pytest.mark.parametrize(
     ("memory", "words"), [("20MB", "is too little for"), ("lots", "such as 100kB or 1GiB")]
 )
-def test_memory_is_refused_when_it_does_not_do(grid, tmp_path, memory, words):
+def test_memory_is_rejected_when_it_is_too_small_or_invalid(grid, tmp_path, memory, words):
     assert_fails(run("encode", grid, "-o", tmp_path / "a.reel", "--memory", memory), words)
 
 
 @pytest.mark.parametrize("command", ["encode", "decode", "info", "compare", "render", "demo"])
-def test_help_shows_examples_when_asked_for(command):
+def test_help_shows_examples(command):
     done = run(command, "--help")
     assert done.returncode == 0
     assert "meshreel " + command in done.stdout
 
 
-def test_version_is_that_of_the_package_when_asked_for():
+def test_version_is_that_of_the_package():
     assert run("--version").stdout.strip() == f"meshreel {meshreel.__version__}"
 
 
@@ -335,7 +335,7 @@ def test_help_is_shown_when_no_command_is_given():
     assert "encode" in done.stdout
 
 
-def test_compare_says_so_when_the_axes_were_turned(grid, tmp_path):
+def test_compare_notes_rotated_axes(grid, tmp_path):
     sequence = meshreel.load(grid)
     turned = sequence.vertices[..., [0, 2, 1]] * np.float32([1, -1, 1])
     meshreel.save(replace(sequence, vertices=turned), tmp_path / "turned.npz")

@@ -1,4 +1,4 @@
-"""Names in files reach the terminal with their control characters escaped."""
+"""Control characters in names are escaped on the terminal."""
 
 import io
 import json
@@ -33,16 +33,16 @@ HIDDEN = [
 ]
 HOSTILE = "\x1b[31m\x07\x00\x7f\x9b2J\u202e\u2066\u200f\u061c\u2028\u0085\r\nnote: forged\t[bold]b"
 WIDE = "600"
-"""Columns of a terminal that wraps no cell."""
+"""Number of columns at which no table cell wraps."""
 
-PATIENCE_S = 20
+TIMEOUT_S = 20
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """The current folder, with `a.npz` and `a.reel`, all of whose names are hostile."""
+    """The current folder, with files `a.npz` and `a.reel` that contain hostile names."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", WIDE)  # no cell is wrapped
+    monkeypatch.setenv("COLUMNS", WIDE)
     sheets = two_sheets()
     surface, hostile = sheets.surface, [f"{number}{HOSTILE}" for number in range(2)]
     names = zip(surface.attributes, hostile, strict=True)
@@ -73,7 +73,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def assert_harmless(text):
-    """Assert that text has no control characters and no line that a name begins."""
+    """Assert that the text has no control characters and no line that starts inside a name."""
     assert [one for one in HIDDEN if one in text and one != "\n"] == []
     assert not [line for line in text.split("\n") if line.startswith("note: forged")]
 
@@ -95,12 +95,12 @@ def test_escaped_shows_no_hidden_character(hidden):
     assert (shown[0], shown[1], shown[-1]) == ("a", "\\", "b")
 
 
-def test_escaped_is_in_the_notation_of_python():
+def test_escaped_uses_the_notation_of_python():
     assert escaped("\x1b\n\r\t\x9b\u202e\udc80") == r"\x1b\n\r\t\x9b\u202e\udc80"
 
 
 @pytest.mark.parametrize("text", ["", "a b", "gr\u00fcn", "\u6b69\u304f", r"C:\new", "\U0001f600"])
-def test_escaped_keeps_text_that_is_harmless(text):
+def test_escaped_keeps_harmless_text(text):
     assert escaped(text) == text
 
 
@@ -108,7 +108,7 @@ def test_escaped_keeps_text_that_is_harmless(text):
 def test_info_escapes_names(folder, file):
     done = run("info", file)
     assert_named(done, "shot", "/root/a", "/root/b", "0", "1", "heat")
-    # A list has a line for each item, and a name stays within its own.
+    # Each item of a list is on its own line.
     lines = [line for line in done.stdout.split("\n") if "/root/" in line]
     assert len(lines) == 2
     assert all(line.startswith("\u2502") for line in lines)
@@ -190,25 +190,25 @@ def test_file_name_is_escaped_in_titles(folder):
     assert escaped(name) == run("info", name).stdout.split("\n")[0]
 
 
-def test_program_prints_file_names_that_are_no_text(folder):
+def test_program_prints_file_names_that_are_not_unicode(folder):
     name = os.fsencode(folder) + b"/\xff\x1b.reel"
     try:
         os.rename("a.reel", name)
     except OSError:
-        pytest.skip("this file system takes names of Unicode alone")
+        pytest.skip("this file system requires Unicode names")
     done = finished(["meshreel", "info", name])
     assert done.returncode == 0, done.stderr
     assert r"/\udcff\x1b.reel" in done.stdout.split("\n")[0]
 
 
-def test_json_holds_the_names_themselves_in_plain_characters(folder):
+def test_json_contains_the_unescaped_names_in_ascii(folder):
     printed = run("info", "a.reel", "--json").stdout
     assert printed.isascii()
     assert_harmless(printed)
     assert "\x7f" not in printed
-    found = json.loads(printed)
-    assert found["name"] == f"shot{HOSTILE}"
-    assert [part.endswith(HOSTILE) for part in found["parts"]] == [True, True]
+    figures = json.loads(printed)
+    assert figures["name"] == f"shot{HOSTILE}"
+    assert [part.endswith(HOSTILE) for part in figures["parts"]] == [True, True]
     notes = run_json("convert", "a.npz", "-o", "b_%d.stl")["notes"]
     assert any(f"heat{HOSTILE}" in note for note in notes)
 
@@ -246,15 +246,15 @@ def test_every_printing_function_escapes(capsys, monkeypatch):
 
 
 def wait_for(text, stream):
-    ends = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while text not in stream.getvalue():
-        assert time.monotonic() < ends, f"no {text!r} in {PATIENCE_S} s"
+        assert time.monotonic() < deadline, f"no {text!r} in {TIMEOUT_S} s"
         time.sleep(0.005)
 
 
 def test_progress_lines_escape_the_stage():
     stream = io.StringIO()
-    with progress_lines(stream, first_after_s=0, every_s=0.001) as report:
+    with progress_lines(stream, first_line_s=0, interval_s=0.001) as report:
         report(f"reading {HOSTILE}\udc80", 0.5)
         wait_for(escaped(HOSTILE), stream)
     assert_harmless(stream.getvalue())

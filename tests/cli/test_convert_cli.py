@@ -1,4 +1,4 @@
-"""`convert`, `formats` and the options that have an effect on an input."""
+"""`meshreel convert`, `encode --split` and `formats`."""
 
 from pathlib import Path
 
@@ -28,27 +28,27 @@ def changing(tmp_path):
     return folder
 
 
-def test_convert_writes_what_load_reads_when_formats_differ(sheet, tmp_path):
+def test_convert_keeps_positions_across_formats(sheet, tmp_path):
     figures = run_json("convert", sheet, "-o", tmp_path / "sheet.npz")
-    found, expected = meshreel.load(tmp_path / "sheet.npz"), meshreel.load(sheet)
-    assert found.vertices.tobytes() == expected.vertices.tobytes()
+    written, expected = meshreel.load(tmp_path / "sheet.npz"), meshreel.load(sheet)
+    assert written.vertices.tobytes() == expected.vertices.tobytes()
     assert figures["outputs"] == [str(tmp_path / "sheet.npz")]
     assert figures["size_bytes"] == (tmp_path / "sheet.npz").stat().st_size
 
 
-def test_convert_takes_some_frames_when_asked_to(sheet, tmp_path):
+def test_convert_writes_the_selected_frames(sheet, tmp_path):
     run_json("convert", sheet, "-o", tmp_path / "f_%02d.ply", "--frames", "2:4")
-    found = meshreel.load(str(tmp_path / "f_*.ply"))
-    np.testing.assert_array_equal(found.vertices, meshreel.load(sheet).vertices[2:4])
+    written = meshreel.load(str(tmp_path / "f_*.ply"))
+    np.testing.assert_array_equal(written.vertices, meshreel.load(sheet).vertices[2:4])
 
 
-def test_convert_makes_a_stream_when_the_target_is_one(tmp_path):
+def test_convert_encodes_when_the_output_is_a_stream(tmp_path):
     meshreel.save(waving_grid(), tmp_path / "a.npz")
     run_json("convert", tmp_path / "a.npz", "-o", tmp_path / "a.reel")
     assert (tmp_path / "a.reel").read_bytes() == meshreel.encode(waving_grid())
 
 
-def test_convert_keeps_the_output_when_it_exists(sheet, tmp_path):
+def test_convert_keeps_an_existing_output(sheet, tmp_path):
     (tmp_path / "a.npz").write_bytes(b"mine")
     assert_fails(run("convert", sheet, "-o", tmp_path / "a.npz"), "exists", "--force")
     assert (tmp_path / "a.npz").read_bytes() == b"mine"
@@ -65,7 +65,7 @@ def test_encode_writes_segments_when_faces_change(changing, tmp_path):
     )
 
 
-def test_convert_names_the_way_out_when_a_format_has_constant_faces(changing, tmp_path):
+def test_convert_suggests_split_when_the_format_requires_constant_faces(changing, tmp_path):
     done = run("convert", changing, "-o", tmp_path / "a.mdd")
     assert_fails(done, "the faces change: 5 frames in 2 segments", "--split")
 
@@ -78,7 +78,7 @@ def test_encode_split_writes_a_stream_for_each_segment(changing, tmp_path):
     assert_same_surface(second.surface, meshreel.load(str(changing / "b_*.ply")).surface)
 
 
-def test_encode_keeps_what_is_there_when_a_segment_would_replace_it(changing, tmp_path):
+def test_encode_split_keeps_existing_files(changing, tmp_path):
     (tmp_path / "a_3-4.reel").write_bytes(b"mine")
     assert_fails(
         run("encode", changing, "-o", tmp_path / "a.reel", "--split"), "a_3-4.reel already exists"
@@ -86,25 +86,25 @@ def test_encode_keeps_what_is_there_when_a_segment_would_replace_it(changing, tm
     assert not (tmp_path / "a_0-2.reel").exists()
 
 
-def test_encode_writes_one_stream_when_faces_stay(tmp_path):
+def test_encode_split_writes_one_stream_when_faces_are_constant(tmp_path):
     meshreel.save(waving_grid(3), tmp_path / "a_%02d.ply")
     run_json("encode", tmp_path / "a_*.ply", "-o", tmp_path / "a.reel", "--split")
     assert meshreel.load(tmp_path / "a.reel").n_frames == 3
 
 
-def test_encode_says_what_goes_when_the_order_of_faces_does(tmp_path, sheet):
+def test_encode_notes_what_is_lost_with_the_order_of_faces(tmp_path, sheet):
     figures = run_json("encode", sheet, "-o", tmp_path / "b.reel", "--order", "drop")
     assert any("omitted, since the order of faces is not kept: polygons" in note
                for note in figures["notes"])  # fmt: skip
 
 
 @pytest.mark.parametrize("option", ["--object", "--topology", "--dataset"])
-def test_encode_refuses_an_option_when_the_format_has_no_use_for_it(changing, option, tmp_path):
+def test_encode_rejects_an_option_that_does_not_apply_to_the_format(changing, option, tmp_path):
     done = run("encode", changing, "-o", tmp_path / "a.reel", option, "x")
     assert_fails(done, f"{option} ", "has no effect on a .ply file")
 
 
-def test_formats_lists_every_ending_when_asked_for_json():
+def test_formats_lists_every_extension_as_json():
     listed = {one["extension"]: one for one in run_json("formats")["formats"]}
     assert {".reel", ".npz", ".obj", ".ply"} <= set(listed)
     assert all(one["is_installed"] == (one["extra"] is None) or one["extra"]
@@ -119,7 +119,7 @@ def dressed(tmp_path):
     return path
 
 
-def test_convert_says_what_becomes_of_images_when_they_lie_beside(dressed, tmp_path):
+def test_convert_prints_the_folder_of_separate_images(dressed, tmp_path):
     pytest.importorskip("pxr")
     done = run("convert", dressed, "-o", tmp_path / "x.usda")
     assert "images in x_textures" in " ".join((done.stdout + done.stderr).split())
@@ -128,13 +128,13 @@ def test_convert_says_what_becomes_of_images_when_they_lie_beside(dressed, tmp_p
     assert figures["outputs"][1:] == [str(folder / "shade.png"), str(folder / "photo.jpg")]
 
 
-def test_decode_says_so_when_the_format_has_no_images(dressed, tmp_path):
+def test_decode_notes_when_the_format_has_no_images(dressed, tmp_path):
     figures = run_json("decode", dressed, "-o", tmp_path / "x.npz")
     looks = "material properties (red, gr\u00fcn) and 2 texture images"
     assert figures["notes"] == [f"left out, as .npz files cannot store it: {looks}"]
 
 
-def test_info_lists_materials_and_images_when_a_stream_has_some(dressed):
+def test_info_lists_materials_and_images_of_a_stream(dressed):
     figures = run_json("info", dressed)
     assert figures["images"][0].startswith("0: 'shade', image/png, ")
     assert figures["materials"][1] == "gr\u00fcn: base color image 1"
@@ -143,7 +143,7 @@ def test_info_lists_materials_and_images_when_a_stream_has_some(dressed):
     assert "0: 'shade', image/png" in shown
 
 
-def test_frames_of_a_collection_are_counted_when_one_is_written(tmp_path):
+def test_convert_prints_the_frame_folder_of_a_collection(tmp_path):
     meshreel.save(waving_grid(3), tmp_path / "walk.npz")
     done = run("convert", "walk.npz", "-o", "walk.pvd", cwd=tmp_path)
     assert done.returncode == 0, done.stderr

@@ -1,4 +1,4 @@
-"""What must not be written is refused before any work is done."""
+"""Outputs that must not be written are rejected before any work."""
 
 import pytest
 
@@ -8,7 +8,7 @@ from samples.meshes import waving_grid
 
 
 @pytest.mark.parametrize("force", [(), ("--force",)])
-def test_encode_refuses_to_write_over_its_input(tmp_path, force):
+def test_encode_never_replaces_its_input(tmp_path, force):
     data = meshreel.encode(waving_grid(3))
     (tmp_path / "walk.reel").write_bytes(data)
     done = run("encode", "walk.reel", "-o", "walk.reel", *force, cwd=tmp_path)

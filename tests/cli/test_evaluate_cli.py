@@ -1,4 +1,4 @@
-"""`meshreel evaluate` as a user runs it."""
+"""`meshreel evaluate`: reports and errors."""
 
 import json
 import sys
@@ -14,7 +14,7 @@ from samples.commands import assert_fails
 
 
 def run(*arguments, cwd=None):
-    """What `meshreel evaluate ARGUMENTS` says."""
+    """Run `meshreel evaluate ARGUMENTS`, and return the result."""
     return commands.run("evaluate", *arguments, cwd=cwd)
 
 
@@ -24,7 +24,7 @@ def grid(tmp_path):
     return tmp_path / "grid.npz"
 
 
-def test_evaluate_writes_a_report_when_it_is_given_a_sequence(grid, tmp_path):
+def test_evaluate_writes_a_report(grid, tmp_path):
     rows = [",".join(COLUMNS), "flag,42,5,60,famc,q=1,60,10,2.3,0.5,0.01,1,1,0.005"]
     (tmp_path / "rd.csv").write_text("\n".join(rows))
     options = ("--methods", "v2v", "--peers", "draco,npz", "--quick", "--reference", "rd.csv")
@@ -42,7 +42,7 @@ def test_evaluate_writes_a_report_when_it_is_given_a_sequence(grid, tmp_path):
 
 
 @pytest.mark.slow
-def test_evaluate_takes_stored_runs_when_it_is_run_again(grid, tmp_path):
+def test_evaluate_reuses_stored_runs(grid, tmp_path):
     options = (grid, "--methods", "v2v", "--peers", "none", "--quick", "--out", tmp_path / "r")
     texts = []
     for _ in range(2):
@@ -70,13 +70,13 @@ def test_evaluate_names_the_extra_when_a_package_is_missing(grid, tmp_path, monk
         (("--reference", "missing.csv"), "missing.csv"),
     ],
 )
-def test_evaluate_says_what_is_wrong_in_a_line_when_an_option_is(grid, tmp_path, options, message):
+def test_evaluate_fails_with_one_line_when_an_option_is_invalid(grid, tmp_path, options, message):
     done = run(grid, *options, "--out", tmp_path / "r")
     assert_fails(done, message)
     assert not (tmp_path / "r").exists()
 
 
-def test_evaluate_keeps_the_report_of_another_command_when_it_is_given_its_folder(grid, tmp_path):
+def test_evaluate_keeps_the_report_of_another_command(grid, tmp_path):
     (tmp_path / "r").mkdir()
     (tmp_path / "r" / "meshreel-paper.json").write_text('{"made_by": "meshreel paper"}')
     done = run(grid, "--out", tmp_path / "r")
@@ -84,7 +84,7 @@ def test_evaluate_keeps_the_report_of_another_command_when_it_is_given_its_folde
     assert "no meshreel-evaluate.json of an earlier run" in done.stderr
 
 
-def test_help_shows_examples_when_asked_for():
+def test_help_shows_examples():
     done = run("--help")
     assert done.returncode == 0
     text = " ".join(done.stdout.split())
@@ -92,14 +92,14 @@ def test_help_shows_examples_when_asked_for():
 
 
 @pytest.fixture
-def warm(tmp_path):
+def with_track(tmp_path):
     grid = simulate_flag(5, n_rows=6, n_columns=7)
     tracks = {"height": meshreel.Track(grid.vertices[..., 1], unit="m")}
     meshreel.save(replace(grid, tracks=tracks), tmp_path / "warm.npz")
     return tmp_path / "warm.npz"
 
 
-def test_evaluate_measures_one_track_when_it_is_named(warm, tmp_path):
+def test_evaluate_measures_the_named_track(with_track, tmp_path):
     options = ("--track", "height", "--peers", "pco", "--quick")
     done = run("warm.npz", *options, "--out", "r", "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -114,14 +114,14 @@ def test_evaluate_measures_one_track_when_it_is_named(warm, tmp_path):
     ("options", "message"),
     [
         (("--track", "hight"), "there is no track 'hight'; did you mean 'height'?"),
-        (("--track", "height", "--methods", "reel"), "--methods is about positions"),
-        (("--track", "height", "--reference", "rd.csv"), "--reference is about positions"),
+        (("--track", "height", "--methods", "reel"), "--methods applies to positions"),
+        (("--track", "height", "--reference", "rd.csv"), "--reference applies to positions"),
         (("--track", "height", "--peers", "draco"), "peer 'draco' is unknown; choose from sz3"),
     ],
 )
-def test_evaluate_says_what_is_wrong_when_a_track_cannot_be_measured(
-    warm, tmp_path, options, message
+def test_evaluate_fails_with_one_line_when_a_track_cannot_be_measured(
+    with_track, tmp_path, options, message
 ):
-    done = run(warm, *options, "--out", tmp_path / "r")
+    done = run(with_track, *options, "--out", tmp_path / "r")
     assert_fails(done, message)
     assert not (tmp_path / "r").exists()

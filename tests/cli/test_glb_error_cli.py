@@ -1,4 +1,4 @@
-"""The error that glTF output states, including that of its stream."""
+"""Error bounds of glTF output, including the error of the stream."""
 
 import re
 
@@ -11,7 +11,7 @@ from samples.meshes import waving_grid
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A sequence, its stream that promises 0.05 %, and one that promises nothing."""
+    """A sequence, its stream with an error bound of 0.05 %, and one without a bound."""
     folder = tmp_path_factory.mktemp("budget")
     meshreel.save(waving_grid(), folder / "grid.npz")
     (folder / "kept.reel").write_bytes(meshreel.encode(waving_grid(), max_error=0.05))
@@ -21,7 +21,7 @@ def folder(tmp_path_factory):
 
 @pytest.mark.parametrize("command", ["decode", "convert"])
 @pytest.mark.parametrize("bound", [0.08, 0.3, None])
-def test_glb_is_within_the_error_that_is_stated_when_a_stream_promises_one(
+def test_glb_is_within_the_stated_error_when_the_stream_has_a_bound(
     folder, tmp_path, command, bound
 ):
     options = [] if bound is None else ["--max-error", bound]
@@ -34,15 +34,13 @@ def test_glb_is_within_the_error_that_is_stated_when_a_stream_promises_one(
 
 
 @pytest.mark.parametrize("command", ["decode", "convert"])
-def test_glb_is_refused_when_the_bound_is_below_the_promise(folder, tmp_path, command):
+def test_glb_is_rejected_when_its_bound_is_below_that_of_the_stream(folder, tmp_path, command):
     done = run(command, folder / "kept.reel", "-o", tmp_path / "a.glb", "--max-error", 0.04)
     assert_fails(done, "leaves nothing for morph targets", "itself has an error of up to 0.05")
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("command", ["decode", "convert"])
-def test_glb_says_what_its_error_is_measured_against_when_a_stream_promises_none(
-    folder, tmp_path, command
-):
+def test_glb_note_names_the_reference_when_the_stream_has_no_bound(folder, tmp_path, command):
     figures = run_json(command, folder / "plain.reel", "-o", tmp_path / "a.glb")
     assert "errors are measured against the decoded animation" in " ".join(figures["notes"])

@@ -1,4 +1,4 @@
-"""--lossless on the command line: every bit comes back, which is printed, and what is refused."""
+"""`--lossless` on the command line."""
 
 import json
 import shutil
@@ -28,7 +28,7 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(autouse=True)
-def there(folder, monkeypatch):
+def _current_folder(folder, monkeypatch):
     monkeypatch.chdir(folder)
 
 
@@ -36,36 +36,40 @@ def run(*words):
     return CliRunner().invoke(app, [*map(str, words)])
 
 
-def told_by(done):
-    """What is printed, with an error as the program prints it."""
+def output_of(done):
+    """Return the output, including an error, without table borders."""
     error = with_option_names(str(done.exception or ""))
     return " ".join(f"{done.output} {error}".replace("\u2502", " ").split())
 
 
-def assert_same_positions(found):
-    assert found.vertices.dtype == GRID.vertices.dtype
-    assert found.vertices.tobytes() == GRID.vertices.tobytes()
-    np.testing.assert_array_equal(found.faces, GRID.faces)
+def assert_same_positions(sequence):
+    assert sequence.vertices.dtype == GRID.vertices.dtype
+    assert sequence.vertices.tobytes() == GRID.vertices.tobytes()
+    np.testing.assert_array_equal(sequence.faces, GRID.faces)
 
 
 @pytest.mark.parametrize("command", ["encode", "convert"])
-def test_every_bit_comes_back_and_that_is_printed(command):
+def test_positions_round_trip_bit_for_bit_and_output_says_so(command):
     done = run(command, "walk.npz", "-o", f"{command}.reel", "--lossless")
     assert done.exit_code == 0, done.output
-    said = told_by(done)
-    assert "method lossless raw" in said
-    assert "lossless: positions are equal bit for bit" in said
-    assert "largest error 0.0000 % of the diagonal, 0 model units" in said
-    assert "track heat exact" in said
+    output = output_of(done)
+    assert "method lossless raw" in output
+    assert "lossless: positions are equal bit for bit" in output
+    assert "largest error 0.0000 % of the diagonal, 0 model units" in output
+    assert "track heat exact" in output
     decoded = meshreel.decode(f"{command}.reel")
     assert_same_positions(decoded)
     assert decoded.tracks["heat"].values.tobytes() == HEAT.tobytes()
 
 
-def test_figures_are_those_of_no_error():
+def test_figures_report_no_error():
     done = run("encode", "walk.npz", "-o", "json.reel", "--lossless", "--json")
-    found = json.loads(done.stdout)
-    assert (found["method"], found["n_modes"], found["max_error_percent"]) == ("lossless", [0], 0)
+    figures = json.loads(done.stdout)
+    assert (figures["method"], figures["n_modes"], figures["max_error_percent"]) == (
+        "lossless",
+        [0],
+        0,
+    )
     info = json.loads(run("info", "json.reel", "--json").stdout)
     assert info["is_lossless"] is True
     assert info["max_error_percent"] == 0
@@ -75,14 +79,14 @@ def test_figures_are_those_of_no_error():
     assert compared["tracks"]["heat"]["largest"] == 0
 
 
-def test_info_says_it():
-    said = told_by(run("info", "walk.reel"))
-    assert "method lossless" in said
-    assert "lossless: positions are equal bit for bit" in said
-    assert "heat: scalar of each vertex, float32 in K, exact" in said
+def test_info_shows_a_lossless_stream():
+    output = output_of(run("info", "walk.reel"))
+    assert "method lossless" in output
+    assert "lossless: positions are equal bit for bit" in output
+    assert "heat: scalar of each vertex, float32 in K, exact" in output
 
 
-def test_tracks_keep_bounds_that_are_asked_for():
+def test_tracks_keep_their_error_bounds():
     bound = ["--track", "heat=0.5K"]
     done = run("encode", "walk.npz", "-o", "bound.reel", "--lossless", *bound)
     assert "error bound 0.5 K" in done.output
@@ -93,7 +97,7 @@ def test_tracks_keep_bounds_that_are_asked_for():
     assert meshreel.decode("drop.reel").tracks == {}
 
 
-def test_frames_are_decoded_to_files():
+def test_lossless_stream_is_decoded_to_files():
     assert run("decode", "walk.reel", "-o", "back.npz").exit_code == 0
     assert_same_positions(meshreel.load("back.npz"))
     done = run("decode", "walk.reel", "-o", "back.glb", "--max-error", "0.1")
@@ -101,7 +105,7 @@ def test_frames_are_decoded_to_files():
 
 
 @pytest.mark.slow
-def test_batch_takes_it():
+def test_batch_encodes_losslessly():
     Path("in").mkdir()
     shutil.copy("walk.npz", "in")
     done = run("batch", "in", "out", "--lossless", "--workers", "1", "--json")
@@ -110,7 +114,7 @@ def test_batch_takes_it():
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (["encode", "walk.npz", "--lossless", "--quality", "80"], "--quality has no effect"),
         (["encode", "walk.npz", "--lossless", "--modes", "3"], "--modes has no effect"),
@@ -120,11 +124,14 @@ def test_batch_takes_it():
             "--max-error has no effect with --lossless; omit it",
         ),
         (["encode", "walk.npz", "--lossless", "--method", "v2v"], "v2v does not take --lossless"),
-        (["convert", "walk.npz", "-o", "a.glb", "--lossless"], "--lossless has no effect on a.glb"),
+        (
+            ["convert", "walk.npz", "-o", "a.glb", "--lossless"],
+            "--lossless applies to .reel outputs",
+        ),
         (["decode", "walk.reel", "-o", "a.npz", "--modes", "2"], "lossless has no modes"),
     ],
 )
-def test_what_has_no_effect_is_refused_in_words(words, told):
+def test_options_without_effect_are_rejected(words, message):
     done = run(*words)
     assert done.exit_code != 0
-    assert told in told_by(done)
+    assert message in output_of(done)

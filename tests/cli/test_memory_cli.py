@@ -1,4 +1,4 @@
-"""`--memory` of the commands that decode: what a `.reel` may take, and how to allow more."""
+"""`--memory` of the commands that decode."""
 
 import pytest
 from click.testing import CliRunner
@@ -20,8 +20,8 @@ def run(*words):
     return CliRunner().invoke(app, [*map(str, words)])
 
 
-def told_by(done):
-    """The error, as the program prints it."""
+def error_of(done):
+    """Return the error as the program prints it."""
     assert done.exit_code == 1
     return with_option_names(str(done.exception))
 
@@ -37,19 +37,19 @@ def told_by(done):
     ],
     ids=lambda words: words[0],
 )
-def test_a_stream_is_refused_by_every_command_that_decodes(stream, words):
-    given = [word.format(stream) for word in words]
-    error = told_by(run(*given, "--memory", "10kB"))
+def test_commands_reject_a_stream_that_exceeds_the_memory_limit(stream, words):
+    arguments = [word.format(stream) for word in words]
+    error = error_of(run(*arguments, "--memory", "10kB"))
     assert "a mesh of 20 vertices and 24 faces would take 13.3 kB of memory" in error
     assert "allow more with --memory" in error
 
 
-def test_a_stream_is_decoded_when_memory_allows_it(stream, tmp_path):
-    found = run("decode", stream, "-o", tmp_path / "waves.npz", "--memory", "2MB")
-    assert found.exit_code == 0, found.output
+def test_stream_is_decoded_within_the_memory_limit(stream, tmp_path):
+    done = run("decode", stream, "-o", tmp_path / "waves.npz", "--memory", "2MB")
+    assert done.exit_code == 0, done.output
     assert meshreel.load(tmp_path / "waves.npz").n_frames == 4
 
 
-def test_a_size_that_is_none_is_refused(stream):
-    found = run("info", stream, "--memory", "much")
-    assert told_by(found).startswith("--memory takes a size such as 100kB or 1GiB")
+def test_invalid_size_is_rejected(stream):
+    done = run("info", stream, "--memory", "much")
+    assert error_of(done).startswith("--memory takes a size such as 100kB or 1GiB")

@@ -1,4 +1,4 @@
-"""Outputs as a user names them: refused before any work where they must not be written."""
+"""Outputs of commands: names, numbers, and outputs that must not be written."""
 
 import os
 
@@ -11,8 +11,8 @@ from samples.meshes import waving_grid
 
 
 @pytest.fixture
-def made(tmp_path):
-    """A folder with walk.npz, its stream walk.reel, its frames, and other.npz."""
+def folder(tmp_path):
+    """A folder with walk.npz, other.npz, the stream walk.reel, and frames."""
     grid = waving_grid()
     meshreel.save(grid, tmp_path / "walk.npz")
     meshreel.save(grid, tmp_path / "other.npz")
@@ -27,12 +27,12 @@ def contents(folder):
 
 @pytest.mark.parametrize("output", ["keep.glb", "keep.mp4", "keep.npz", "keep", "keep.reel.bak"])
 @pytest.mark.parametrize("options", [[], ["--force"]])
-def test_encode_names_convert_when_the_output_is_no_stream(made, output, options):
-    (made / output).write_bytes(b"mine")
-    before = contents(made)
-    done = run("encode", "walk.npz", "-o", output, *options, cwd=made)
+def test_encode_suggests_convert_when_the_output_is_not_a_stream(folder, output, options):
+    (folder / output).write_bytes(b"mine")
+    before = contents(folder)
+    done = run("encode", "walk.npz", "-o", output, *options, cwd=folder)
     assert_fails(done, output, "must end in .reel", "meshreel convert")
-    assert contents(made) == before
+    assert contents(folder) == before
 
 
 @pytest.mark.parametrize(
@@ -59,30 +59,30 @@ def test_encode_names_convert_when_the_output_is_no_stream(made, output, options
     ],
     ids=lambda arguments: " ".join(arguments),
 )
-def test_input_is_kept_when_it_is_the_output_too(made, arguments):
-    (made / "linked.npz").symlink_to("walk.npz")
-    (made / "linked.png").symlink_to("walk.npz")
-    (made / "symbolic.obj").symlink_to("frames/f_0003.obj")
-    (made / "hard.npz").hardlink_to(made / "walk.reel")
-    before = contents(made)
-    done = run(*arguments, "--force", cwd=made)
+def test_input_is_kept_when_it_is_also_the_output(folder, arguments):
+    (folder / "linked.npz").symlink_to("walk.npz")
+    (folder / "linked.png").symlink_to("walk.npz")
+    (folder / "symbolic.obj").symlink_to("frames/f_0003.obj")
+    (folder / "hard.npz").hardlink_to(folder / "walk.reel")
+    before = contents(folder)
+    done = run(*arguments, "--force", cwd=folder)
     assert done.returncode == 1
-    assert contents(made) == before
+    assert contents(folder) == before
     if "page.html" not in arguments[1:] and "picture.png" not in arguments:
         assert_fails(done, "is the input", "never replaced")
 
 
-def test_frames_are_written_beside_the_input_when_their_numbers_are_others(made):
-    run_json("convert", "frames", "-o", "frames/f_%04d.obj", "--start-number", 12, cwd=made)
-    assert len(list((made / "frames").iterdir())) == 24
+def test_frames_are_written_next_to_the_input_when_their_numbers_differ(folder):
+    run_json("convert", "frames", "-o", "frames/f_%04d.obj", "--start-number", 12, cwd=folder)
+    assert len(list((folder / "frames").iterdir())) == 24
 
 
-def test_topology_is_kept_when_the_output_would_replace_it(made):
-    meshreel.save(waving_grid(), made / "cache.pc2")
-    before = contents(made)
-    done = run("convert", "cache.pc2", "-o", "cache.mdd", "--force", cwd=made)
+def test_topology_is_kept_when_the_output_would_replace_it(folder):
+    meshreel.save(waving_grid(), folder / "cache.pc2")
+    before = contents(folder)
+    done = run("convert", "cache.pc2", "-o", "cache.mdd", "--force", cwd=folder)
     assert_fails(done, "cache.obj is the input")
-    assert contents(made) == before
+    assert contents(folder) == before
 
 
 @pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="there is no such folder here")
@@ -103,8 +103,8 @@ def test_topology_is_kept_when_the_output_would_replace_it(made):
     ],
     ids=lambda arguments: arguments[0] + " " + arguments[-1],
 )
-def test_folder_is_named_when_nothing_can_be_written_into_it(made, arguments):
-    assert_fails(run(*arguments, cwd=made), "the folder /proc")
+def test_error_names_a_folder_that_cannot_be_written(folder, arguments):
+    assert_fails(run(*arguments, cwd=folder), "the folder /proc")
 
 
 @pytest.mark.parametrize(
@@ -112,7 +112,7 @@ def test_folder_is_named_when_nothing_can_be_written_into_it(made, arguments):
     [
         (["export", "walk.reel", "-o", "x.txt"], ["x.txt must end in .html", "meshreel render"]),
         (["compare", "walk.npz", "walk.reel", "--plot", "x.jpg"], ["must end in .png; got .jpg"]),
-        (["decode", "walk.reel", "-o", "x.reel"], ["coded anew", "meshreel convert"]),
+        (["decode", "walk.reel", "-o", "x.reel"], ["re-encoded", "meshreel convert"]),
         (["paper", "walk.npz", "--out", "."], ["walk.npz is in"]),
         (["evaluate", "walk.npz", "--out", "."], ["walk.npz is in"]),
         (["decode", "walk.reel", "-o", "x.npz", "--targets", "3"], ["--targets", ".npz", ".glb"]),
@@ -130,34 +130,34 @@ def test_folder_is_named_when_nothing_can_be_written_into_it(made, arguments):
     ],
     ids=lambda value: " ".join(value) if value[0].islower() else "",
 )
-def test_output_is_refused_by_name_when_it_makes_no_sense(made, arguments, words):
-    before = contents(made)
-    assert_fails(run(*arguments, cwd=made), *words)
-    assert contents(made) == before
+def test_error_names_the_invalid_output_or_option(folder, arguments, words):
+    before = contents(folder)
+    assert_fails(run(*arguments, cwd=folder), *words)
+    assert contents(folder) == before
 
 
 @pytest.mark.parametrize("options", [["--max-error", 0.1], ["--kg", 1, "--effort", 3], []])
-def test_convert_codes_as_encode_does_when_the_output_is_a_stream(made, options):
-    coded = run_json("encode", "walk.npz", "-o", "a.reel", *options, cwd=made)
-    converted = run_json("convert", "walk.npz", "-o", "b.reel", *options, cwd=made)
-    assert (made / "a.reel").read_bytes() == (made / "b.reel").read_bytes()
+def test_convert_writes_the_same_stream_as_encode(folder, options):
+    encoded = run_json("encode", "walk.npz", "-o", "a.reel", *options, cwd=folder)
+    converted = run_json("convert", "walk.npz", "-o", "b.reel", *options, cwd=folder)
+    assert (folder / "a.reel").read_bytes() == (folder / "b.reel").read_bytes()
     for name in ("max_error_percent", "kg_error_percent", "size_bytes", "n_modes"):
-        assert converted[name] == coded[name]
+        assert converted[name] == encoded[name]
 
 
-def test_convert_prints_the_error_and_the_promise_when_it_codes(made):
-    done = run("convert", "walk.npz", "-o", "b.reel", "--max-error", 0.1, cwd=made)
+def test_convert_prints_error_and_bound_of_a_stream(folder):
+    done = run("convert", "walk.npz", "-o", "b.reel", "--max-error", 0.1, cwd=folder)
     shown = " ".join(done.stdout.replace("│", " ").split())
     assert "largest error 0.0" in shown
     assert "error bound 0.1 %" in shown
 
 
-def test_convert_codes_some_frames_when_asked_to(made):
-    figures = run_json("convert", "walk.npz", "-o", "b.reel", "--frames", "2:7", cwd=made)
-    found = meshreel.load(made / "b.reel")
-    assert (figures["n_frames"], found.n_frames, found.start_s) == (5, 5, 2 / 25)
+def test_convert_encodes_the_selected_frames(folder):
+    figures = run_json("convert", "walk.npz", "-o", "b.reel", "--frames", "2:7", cwd=folder)
+    sequence = meshreel.load(folder / "b.reel")
+    assert (figures["n_frames"], sequence.n_frames, sequence.start_s) == (5, 5, 2 / 25)
     expected = meshreel.MeshSequence(waving_grid().vertices[2:7], waving_grid().faces)
-    assert meshreel.compare(expected, found).max_error_percent == pytest.approx(
+    assert meshreel.compare(expected, sequence).max_error_percent == pytest.approx(
         figures["max_error_percent"], rel=1e-3
     )
 
@@ -172,45 +172,41 @@ def test_convert_codes_some_frames_when_asked_to(made):
         (["--start-number", 0, "--frames", 3], [0]),
     ],
 )
-def test_files_are_numbered_as_their_frames_when_some_are_chosen(
-    made, command, source, options, numbers
-):
-    run_json(command, source, "-o", "new/er/f_%04d.ply", *options, cwd=made)
-    names = sorted(path.name for path in (made / "new" / "er").iterdir())
+def test_files_have_the_numbers_of_the_selected_frames(folder, command, source, options, numbers):
+    run_json(command, source, "-o", "new/er/f_%04d.ply", *options, cwd=folder)
+    names = sorted(path.name for path in (folder / "new" / "er").iterdir())
     assert names == [f"f_{number:04d}.ply" for number in numbers]
     first = 3 if len(numbers) == 1 else {5: 5, 10: 10, 1001: 5}[numbers[0]]
     np.testing.assert_array_equal(
-        meshreel.load(made / "new" / "er" / names[0]).vertices[0],
-        meshreel.load(made / source).vertices[first],
+        meshreel.load(folder / "new" / "er" / names[0]).vertices[0],
+        meshreel.load(folder / source).vertices[first],
     )
 
 
 @pytest.mark.parametrize(
-    ("arguments", "taken"),
+    ("arguments", "frames"),
     [
-        (["decode", "walk.reel", "-o", "x.npz", "--frames", "8:20"], "8:12 are taken"),
-        (["convert", "walk.npz", "-o", "x.npz", "--frames", "-20:3"], "0:3 are taken"),
-        (["convert", "walk.npz", "-o", "x.reel", "--frames", ":13"], "0:12 are taken"),
+        (["decode", "walk.reel", "-o", "x.npz", "--frames", "8:20"], "8:12"),
+        (["convert", "walk.npz", "-o", "x.npz", "--frames", "-20:3"], "0:3"),
+        (["convert", "walk.npz", "-o", "x.reel", "--frames", ":13"], "0:12"),
         (["render", "walk.npz", "-o", "x.png", "--frames", "9:13", "--size", "640x480"], "9:12"),
     ],
     ids=lambda value: value[0] if isinstance(value, list) else value,
 )
-def test_ranges_beyond_the_end_are_told_of_when_they_are_clamped(made, arguments, taken):
-    done = run(*arguments, cwd=made)
+def test_note_says_that_a_range_beyond_the_end_is_clamped(folder, arguments, frames):
+    done = run(*arguments, cwd=folder)
     assert done.returncode == 0
-    told = " ".join(done.stderr.split())
-    assert "goes beyond the ends: there are frames 0:12" in told
-    assert taken in told
+    assert f"exceeds the frames 0:12; using {frames}" in " ".join(done.stderr.split())
 
 
-def test_nothing_is_said_of_ranges_when_they_are_within(made):
-    done = run("decode", "walk.reel", "-o", "x.npz", "--frames", "-12:12", cwd=made)
+def test_ranges_within_the_frames_cause_no_note(folder):
+    done = run("decode", "walk.reel", "-o", "x.npz", "--frames", "-12:12", cwd=folder)
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_segments_number_files_as_frames_of_the_whole_when_faces_change(made):
-    meshreel.save(waving_grid(2, 3, 3), made / "frames" / "g_%d.obj")
-    run_json("convert", "frames", "-o", "out/f_%02d.ply", "--split", cwd=made)
-    names = sorted(path.name for path in (made / "out").iterdir())
+def test_files_of_segments_have_the_frame_numbers_of_the_sequence(folder):
+    meshreel.save(waving_grid(2, 3, 3), folder / "frames" / "g_%d.obj")
+    run_json("convert", "frames", "-o", "out/f_%02d.ply", "--split", cwd=folder)
+    names = sorted(path.name for path in (folder / "out").iterdir())
     assert names[0] == "f_00_0-11.ply"
     assert names[-2:] == ["f_12_12-13.ply", "f_13_12-13.ply"]

@@ -1,4 +1,4 @@
-"""Files that other files refer to are read from the same folder only, unless allowed otherwise."""
+"""Referenced files outside the folder are read only with `--allow-outside`."""
 
 import pytest
 
@@ -11,7 +11,7 @@ OUTPUTS = {"batch": ["out"], "encode": ["-o", "out.reel"], "render": ["-o", "out
 
 @pytest.fixture
 def collection(tmp_path):
-    """A collection of ParaView whose only file is outside its folder."""
+    """A ParaView collection whose only file is outside its folder."""
     folder = tmp_path / "in"
     folder.mkdir()
     meshreel.save(waving_grid(1), tmp_path / "frame.vtp")
@@ -21,8 +21,8 @@ def collection(tmp_path):
 
 
 @pytest.mark.parametrize("command", OUTPUTS)
-def test_file_outside_is_read_only_when_that_is_allowed(collection, tmp_path, command):
-    given = collection.parent if command == "batch" else collection
-    asked = (command, given, *OUTPUTS[command])
-    assert_fails(run(*asked, cwd=tmp_path), "outside its folder")
-    assert run(*asked, "--allow-outside", cwd=tmp_path).returncode == 0
+def test_file_outside_the_folder_is_read_only_with_allow_outside(collection, tmp_path, command):
+    source = collection.parent if command == "batch" else collection
+    arguments = (command, source, *OUTPUTS[command])
+    assert_fails(run(*arguments, cwd=tmp_path), "outside its folder")
+    assert run(*arguments, "--allow-outside", cwd=tmp_path).returncode == 0

@@ -1,4 +1,4 @@
-"""`meshreel paper` as a user runs it."""
+"""`meshreel paper`: reports and errors."""
 
 import json
 import sys
@@ -13,7 +13,7 @@ from samples.meshes import waving_grid
 
 
 def run(*arguments, cwd=None):
-    """What `meshreel paper ARGUMENTS` says."""
+    """Run `meshreel paper ARGUMENTS`, and return the result."""
     return commands.run("paper", *arguments, cwd=cwd)
 
 
@@ -29,21 +29,21 @@ def grid(tmp_path):
     return tmp_path / "grid.npz"
 
 
-def test_paper_writes_a_report_when_it_is_given_a_sequence(grid, tmp_path, coarse):
+def test_paper_writes_a_report(grid, tmp_path, coarse):
     done = run("grid.npz", "--methods", "v2v", "--quick", "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    made = json.loads(done.stdout)
-    (sequence,) = made["sequences"]
+    printed = json.loads(done.stdout)
+    (sequence,) = printed["sequences"]
     assert (sequence["name"], sequence["n_frames"]) == ("grid", 5)
     assert [variant["method"] for variant in sequence["variants"]] == ["v2v"]
     text = (tmp_path / "report" / "report.md").read_text()
     assert "meshreel paper grid.npz --out report --methods v2v --quick" in text
     assert all((tmp_path / name).stat().st_size > 1000 for name in sequence["figures"])
-    assert (tmp_path / made["report"]["html"]).is_file()
+    assert (tmp_path / printed["report"]["html"]).is_file()
 
 
 @pytest.mark.slow
-def test_paper_takes_the_flag_and_its_own_folder_again_when_run_twice(tmp_path, coarse):
+def test_paper_reuses_its_folder_when_run_twice_on_the_flag(tmp_path, coarse):
     options = ("--frames", 2, "--methods", "v2v", "--quick", "--out", tmp_path / "r")
     texts = []
     for _ in range(2):
@@ -54,7 +54,7 @@ def test_paper_takes_the_flag_and_its_own_folder_again_when_run_twice(tmp_path, 
     assert "Table I, flag" in texts[0]
 
 
-def test_paper_keeps_a_foreign_folder_and_names_it_when_it_is_given(tmp_path, grid):
+def test_paper_rejects_a_folder_with_other_files(tmp_path, grid):
     folder = tmp_path / "mine"
     folder.mkdir()
     (folder / "notes.txt").touch()
@@ -69,23 +69,23 @@ def test_paper_names_the_methods_when_one_is_unknown(tmp_path):
     assert not (tmp_path / "r").exists()
 
 
-def test_paper_names_the_extra_before_work_when_matplotlib_is_missing(tmp_path, monkeypatch):
+def test_paper_names_the_extra_before_any_work_when_matplotlib_is_missing(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     assert_fails(run("--out", tmp_path / "r"), "pip install 'meshreel[plot]'")
     assert not (tmp_path / "r").exists()
 
 
-def test_paper_makes_the_tables_with_the_given_modes_bits_and_anchors(grid, tmp_path, coarse):
+def test_tables_use_the_options_for_modes_bits_and_anchors(grid, tmp_path, coarse):
     options = ("--modes", 3, "--bits", 6, "--anchors", 0.2, "--choices", "anchor-bits=12")
     done = run("grid.npz", *options, "--methods", "v2v,pca-qp", "--quick", "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     (sequence,) = json.loads(done.stdout)["sequences"]
-    found = {one["label"]: one for one in sequence["variants"]}
-    assert set(found) == {"v2v", "pca-qp"}
-    assert {(one["n_modes"], one["bits"]) for one in found.values()} == {(3, 6)}
-    assert found["pca-qp"]["anchors"] == 0.2
-    assert found["pca-qp"]["shared"] == "anchor_bits=12"
-    assert found["v2v"]["shared"] == ""
+    variants = {one["label"]: one for one in sequence["variants"]}
+    assert set(variants) == {"v2v", "pca-qp"}
+    assert {(one["n_modes"], one["bits"]) for one in variants.values()} == {(3, 6)}
+    assert variants["pca-qp"]["anchors"] == 0.2
+    assert variants["pca-qp"]["shared"] == "anchor_bits=12"
+    assert variants["v2v"]["shared"] == ""
     text = (tmp_path / "report" / "report.md").read_text()
     assert "--modes 3 --bits 6 --anchors 0.2 --choices anchor-bits=12" in text
 
@@ -101,13 +101,13 @@ def test_paper_makes_the_tables_with_the_given_modes_bits_and_anchors(grid, tmp_
         (("--choices", "anchor-bits=9", "--methods", "v2v"), "has no effect on v2v"),
     ],
 )
-def test_paper_refuses_settings_of_the_tables_before_any_work(tmp_path, options, words):
+def test_paper_rejects_invalid_settings_before_any_work(tmp_path, options, words):
     done = run(*options, "--out", tmp_path / "r")
     assert_fails(done, words)
     assert not (tmp_path / "r").exists()
 
 
-def test_help_shows_examples_when_asked_for():
+def test_help_shows_examples():
     done = run("--help")
     assert done.returncode == 0
     assert "meshreel paper samba.npz jumping.npz --out report" in " ".join(done.stdout.split())

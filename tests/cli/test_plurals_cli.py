@@ -1,4 +1,4 @@
-"""One thing is never called by a plural."""
+"""Output uses the singular for one item."""
 
 import re
 
@@ -14,7 +14,7 @@ PLURAL_OF_ONE = re.compile(rf"(?<![\d.,])1 [a-z ]*?({NOUNS})\b")
 
 @pytest.fixture
 def triangle(tmp_path):
-    """A triangle in one frame, as an archive and as a stream."""
+    """A folder with one frame of a triangle in several formats."""
     sequence = meshreel.MeshSequence(np.eye(3, dtype=np.float32)[None], [[0, 1, 2]])
     meshreel.save(sequence, tmp_path / "one.npz")
     meshreel.save(sequence, tmp_path / "one.usda")
@@ -35,7 +35,7 @@ def triangle(tmp_path):
         ("convert one.npz -o b.usda", "1 frame, 3 vertices, 1 face"),
     ],
 )
-def test_output_says_one_thing_in_the_singular_when_there_is_one(triangle, command, expected):
+def test_output_uses_the_singular_for_one_item(triangle, command, expected):
     done = run(*command.split(), cwd=triangle)
     assert expected in done.stdout
     assert not PLURAL_OF_ONE.search(done.stdout + done.stderr)

@@ -1,4 +1,4 @@
-"""Long commands say how far they are where stderr is no terminal."""
+"""Progress lines of long commands without a terminal."""
 
 import io
 import re
@@ -18,25 +18,24 @@ PAPER = "paper walk.npz --quick --methods pca-qp --out report"
 EVALUATE = "evaluate walk.npz --quick --methods reel --peers none --out e"
 LINE = re.compile(r"meshreel: .+ \(\d+:\d\d so far\)")
 
-
-PATIENCE_S = 20
+TIMEOUT_S = 20
 
 
 @pytest.fixture
-def said(tmp_path, monkeypatch, capsys):
-    """A function that gives the lines of a command, each of whose stages lasts until a line."""
+def lines_of(tmp_path, monkeypatch, capsys):
+    """Function that runs a command and returns its lines on stderr; stages wait for their line."""
     written = io.StringIO()
 
     @contextmanager
     def patient_lines():
         stages = set()
-        with progress_lines(written, first_after_s=0.001, every_s=0.01) as report:
+        with progress_lines(written, first_line_s=0.001, interval_s=0.01) as report:
 
             def report_and_wait(stage, fraction):
                 report(stage, fraction)
-                ends = time.monotonic() + PATIENCE_S
+                deadline = time.monotonic() + TIMEOUT_S
                 while stage not in stages and stage not in written.getvalue():
-                    assert time.monotonic() < ends, f"no line of `{stage}` in {PATIENCE_S} s"
+                    assert time.monotonic() < deadline, f"no line of `{stage}` in {TIMEOUT_S} s"
                     time.sleep(0.005)
                 stages.add(stage)
 
@@ -78,9 +77,9 @@ def said(tmp_path, monkeypatch, capsys):
         pytest.param("demo --frames 20", ["simulating"], marks=pytest.mark.slow),
     ],
 )
-def test_command_says_how_far_it_is_when_it_takes_long(said, command, stages):
-    lines = said(*command.split())
+def test_command_prints_its_progress(lines_of, command, stages):
+    lines = lines_of(*command.split())
     for stage in stages:
         assert any(re.search(stage, line) for line in lines)
-    told = [line for line in lines if "so far" in line]
-    assert all(LINE.fullmatch(line) for line in told)
+    progress = [line for line in lines if "so far" in line]
+    assert all(LINE.fullmatch(line) for line in progress)

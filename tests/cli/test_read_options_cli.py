@@ -1,4 +1,4 @@
-"""`--skip-bad` and `--allow-outside`: what is read of a file that is not as it should be."""
+"""`--skip-bad` and `--allow-outside`."""
 
 import pytest
 
@@ -26,7 +26,7 @@ def half_bad(tmp_path):
 
 
 @pytest.mark.parametrize("command", ["encode", "convert"])
-def test_command_leaves_the_bad_mesh_out_when_told_to(half_bad, tmp_path, command):
+def test_command_skips_the_bad_mesh_with_skip_bad(half_bad, tmp_path, command):
     out = tmp_path / ("out.reel" if command == "encode" else "out.npz")
     assert_fails(run(command, half_bad, "-o", out, "--merge"), "uses vertex 9")
     figures = run_json(command, half_bad, "-o", out, "--skip-bad")
@@ -34,7 +34,7 @@ def test_command_leaves_the_bad_mesh_out_when_told_to(half_bad, tmp_path, comman
     assert meshreel.load(out).n_verts == 3
 
 
-def test_compare_and_export_and_render_leave_it_out_when_told_to(half_bad, tmp_path):
+def test_compare_export_and_render_skip_the_bad_mesh_with_skip_bad(half_bad, tmp_path):
     reel, page, png = tmp_path / "out.reel", tmp_path / "out.html", tmp_path / "out.png"
     run_json("encode", half_bad, "-o", reel, "--skip-bad")
     assert run_json("compare", half_bad, reel, "--skip-bad")["max_error_percent"] <= 0.1
@@ -45,14 +45,14 @@ def test_compare_and_export_and_render_leave_it_out_when_told_to(half_bad, tmp_p
 
 
 @pytest.mark.slow
-def test_batch_leaves_it_out_when_told_to(half_bad, tmp_path):
+def test_batch_skips_the_bad_mesh_with_skip_bad(half_bad, tmp_path):
     meshreel.save(waving_grid(2), half_bad.parent / "plain.npz")
     done = run_json("batch", half_bad.parent, tmp_path / "out", "--skip-bad", "--workers", "1")
     assert (done["encoded"], done["failed"]) == (2, 0)
 
 
 @pytest.mark.parametrize("command", ["encode", "convert"])
-def test_command_reads_a_layer_outside_of_the_folder_when_told_to(half_bad, tmp_path, command):
+def test_command_reads_an_outside_layer_with_allow_outside(half_bad, tmp_path, command):
     (tmp_path / "layer.usda").write_text(half_bad.read_text())
     half_bad.write_text("#usda 1.0\n(\nsubLayers = [@../layer.usda@]\n)\n")
     out = tmp_path / ("out.reel" if command == "encode" else "out.npz")
@@ -72,7 +72,7 @@ def test_command_reads_a_layer_outside_of_the_folder_when_told_to(half_bad, tmp_
         ("view", "--allow-outside"),
     ],
 )
-def test_command_refuses_it_when_it_chooses_nothing(tmp_path, command, flag):
+def test_command_rejects_the_option_when_it_does_not_apply(tmp_path, command, flag):
     folder = tmp_path / "in"
     folder.mkdir()
     meshreel.save(waving_grid(2), folder / "a.npz")

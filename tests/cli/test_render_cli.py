@@ -1,4 +1,4 @@
-"""`meshreel render` as a user runs it."""
+"""`meshreel render`: pictures, films, plots and errors."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from samples.commands import assert_fails, run, run_json
 from samples.meshes import waving_grid
 
 SMALL = ("--size", "800x450")
-"""Less to draw than by default."""
+"""Options for a small picture."""
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,7 @@ def inked(path):
 
 
 @pytest.mark.slow
-def test_render_draws_a_contact_sheet_when_nothing_more_is_asked(flag, tmp_path):
+def test_render_draws_a_contact_sheet_by_default(flag, tmp_path):
     made = run_json("render", flag / "flag.reel", "-o", tmp_path / "a.png")
     assert made["frames"] == [0, 2, 3, 5, 6, 8, 9, 11]
     picture = inked(tmp_path / "a.png")
@@ -39,7 +39,7 @@ def test_render_draws_a_contact_sheet_when_nothing_more_is_asked(flag, tmp_path)
     assert 0.3 < picture.mean() < 0.9
 
 
-def test_render_fills_the_picture_when_one_frame_is_asked(flag, tmp_path):
+def test_render_fills_the_picture_with_a_single_frame(flag, tmp_path):
     options = ["--frames", 7, "--size", "320x240", "--view", "front", "--background", "#ffffff"]
     made = run_json("render", flag / "flag.reel", "-o", tmp_path / "a.png", *options)
     assert (made["frames"], made["size_px"]) == ([7], [320, 240])
@@ -47,7 +47,7 @@ def test_render_fills_the_picture_when_one_frame_is_asked(flag, tmp_path):
 
 
 @pytest.mark.slow
-def test_render_draws_rows_with_heat_and_a_color_bar_when_given_the_original(flag, tmp_path):
+def test_render_draws_rows_with_heat_map_and_color_bar_with_an_original(flag, tmp_path):
     made = run_json(
         "render", flag / "flag.reel", "-o", tmp_path / "a.png",
         "--original", flag / "flag.npz", "--heatmap", "distance", "--frames", "3,-1",
@@ -61,7 +61,7 @@ def test_render_draws_rows_with_heat_and_a_color_bar_when_given_the_original(fla
     assert right.max() > 0.25
 
 
-def test_render_writes_a_film_of_the_turning_mesh_when_asked(flag, tmp_path):
+def test_render_writes_a_turntable_film(flag, tmp_path):
     options = ["--turntable", 0.5, "--frames", 4, "--size", "120x90", "--fps", 20]
     made = run_json("render", flag / "flag.npz", "-o", tmp_path / "a.gif", *options)
     assert (made["n_pictures"], made["fps"]) == (10, 20)
@@ -71,7 +71,7 @@ def test_render_writes_a_film_of_the_turning_mesh_when_asked(flag, tmp_path):
 
 
 @pytest.mark.slow
-def test_render_writes_a_film_at_the_rate_of_the_frames_when_asked(flag, tmp_path):
+def test_render_writes_a_film_at_the_frame_rate(flag, tmp_path):
     ffmpeg = pytest.importorskip("imageio_ffmpeg")
     made = run_json("render", flag / "flag.reel", "-o", tmp_path / "a.mp4", "--frames", "2:9")
     assert (made["n_pictures"], made["fps"]) == (7, 30)
@@ -81,14 +81,14 @@ def test_render_writes_a_film_at_the_rate_of_the_frames_when_asked(flag, tmp_pat
 
 
 @pytest.mark.slow
-def test_render_draws_the_same_picture_when_run_again(flag, tmp_path):
+def test_render_is_reproducible(flag, tmp_path):
     for name in ("a.png", "b.png"):
         assert run("render", flag / "flag.reel", "-o", tmp_path / name).returncode == 0
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
 @pytest.mark.slow
-def test_render_shows_what_was_drawn_when_not_asked_for_json(flag, tmp_path):
+def test_render_prints_a_table_by_default(flag, tmp_path):
     done = run("render", flag / "flag.reel", "-o", "a.png", "--frames", "0:4", cwd=tmp_path)
     assert done.returncode == 0
     for words in ("a.png", "pixels", "0, 1, 2, 3"):
@@ -96,7 +96,7 @@ def test_render_shows_what_was_drawn_when_not_asked_for_json(flag, tmp_path):
 
 
 @pytest.mark.slow
-def test_render_keeps_what_is_there_when_not_told_to_replace_it(flag, tmp_path):
+def test_render_keeps_an_existing_output_without_force(flag, tmp_path):
     path = tmp_path / "a.png"
     path.write_bytes(b"mine")
     assert_fails(run("render", flag / "flag.reel", "-o", path), "already exists", "--force")
@@ -128,14 +128,14 @@ def test_render_keeps_what_is_there_when_not_told_to_replace_it(flag, tmp_path):
         (["-o", "missing/a.png"], ["does not exist"]),
     ],
 )
-def test_render_says_what_is_allowed_when_an_option_is_wrong(flag, options, words):
+def test_error_says_what_is_allowed_when_an_option_is_invalid(flag, options, words):
     before = sorted(flag.iterdir())
     assert_fails(run("render", "flag.reel", *options, cwd=flag), *words)
     assert sorted(flag.iterdir()) == before
 
 
 @pytest.mark.slow
-def test_render_reads_frame_files_and_their_colours_when_there_are_any(tmp_path):
+def test_render_reads_colors_of_frame_files(tmp_path):
     grid = waving_grid(3)
     values = np.tile(np.array([[200, 40, 40]], np.uint8), (grid.n_verts, 1))
     color = meshreel.Attribute("color", meshreel.Kind.COLOR, meshreel.Domain.VERTEX, values)
@@ -152,7 +152,7 @@ def test_render_reads_frame_files_and_their_colours_when_there_are_any(tmp_path)
 
 @pytest.fixture(scope="module")
 def warm(flag):
-    """The folder with warm.npz and warm.reel, which carry a height and a velocity."""
+    """The folder with warm.npz and warm.reel, whose tracks are a height and a velocity."""
     plain = meshreel.load(flag / "flag.npz")
     velocity = np.gradient(plain.vertices, axis=0)
     tracks = {
@@ -165,7 +165,7 @@ def warm(flag):
     return flag
 
 
-def test_render_colours_the_mesh_by_a_track_when_it_is_named(warm, tmp_path):
+def test_render_colors_the_mesh_by_a_track(warm, tmp_path):
     options = ["--track", "speed", "--component", "y", "--range", "5%:95%", "--frames", 6, *SMALL]
     made = run_json("render", warm / "warm.reel", "-o", tmp_path / "a.png", *options)
     run_json("render", warm / "warm.reel", "-o", tmp_path / "plain.png", *SMALL, "--frames", 6)
@@ -180,7 +180,7 @@ def test_render_colours_the_mesh_by_a_track_when_it_is_named(warm, tmp_path):
 @pytest.mark.parametrize(
     ("colormap", "ends"), [(None, DIVERGING), ("diverging", DIVERGING), ("sequential", HEAT)]
 )
-def test_bar_beside_a_track_has_the_colours_of_its_map(warm, tmp_path, colormap, ends):
+def test_color_bar_has_the_colors_of_the_map(warm, tmp_path, colormap, ends):
     options = ["--track", "speed", "--component", "y", "--frames", 6, *SMALL]
     options += ["--colormap", colormap] if colormap else []
     run_json("render", warm / "warm.reel", "-o", tmp_path / "a.png", *options)
@@ -190,7 +190,7 @@ def test_bar_beside_a_track_has_the_colours_of_its_map(warm, tmp_path, colormap,
         assert (picture == color).all(axis=2).sum() > 10
 
 
-def test_render_shows_the_error_of_a_track_when_given_the_original(warm, tmp_path):
+def test_render_shows_the_error_of_a_track_with_an_original(warm, tmp_path):
     run_json(
         "render", warm / "warm.reel", "-o", tmp_path / "a.gif", "--frames", "2:4",
         "--original", warm / "warm.npz", "--track", "height", "--heatmap", "track", *SMALL,
@@ -199,7 +199,7 @@ def test_render_shows_the_error_of_a_track_when_given_the_original(warm, tmp_pat
         assert len(list(ImageSequence.Iterator(image))) == 2
 
 
-def test_render_plots_a_track_at_a_vertex_when_asked(warm, tmp_path):
+def test_render_plots_a_track_at_a_vertex(warm, tmp_path):
     options = ["--track", "speed", "--at", 5, "--original", warm / "warm.npz", "--frames", "2:9"]
     made = run_json("render", warm / "warm.reel", "-o", tmp_path / "a.png", *options)
     assert made["plotted_frames"] == 7
@@ -210,9 +210,9 @@ def test_render_plots_a_track_at_a_vertex_when_asked(warm, tmp_path):
     ("options", "message"),
     [
         (["--track", "hight"], "there is no track 'hight'; did you mean 'height'?"),
-        (["--component", "x"], "--component says how a track is shown; name it with --track"),
-        (["--range", "0:1"], "--range says how a track is shown; name it with --track"),
-        (["--colormap", "diverging"], "--colormap says how a track is shown; name it with"),
+        (["--component", "x"], "--component applies to a track; name it with --track"),
+        (["--range", "0:1"], "--range applies to a track; name it with --track"),
+        (["--colormap", "diverging"], "--colormap applies to a track; name it with"),
         (["--track", "height", "--colormap", "jet"], "is sequential or diverging; got 'jet'"),
         (
             ["--track", "height", "--at", 5, "--colormap", "diverging"],
@@ -223,7 +223,7 @@ def test_render_plots_a_track_at_a_vertex_when_asked(warm, tmp_path):
             ["--track", "speed", "--component", "w"],
             "--component is 0 to 2, x, y, z, magnitude",
         ),
-        (["--at", 5], "--at says how a track is shown; name it with --track"),
+        (["--at", 5], "--at applies to a track; name it with --track"),
         (["--track", "height", "--at", 320], "has values of vertex 0 to 319; got 320"),
         (["--track", "height", "--at", 5, "--size", "9x9"], "--size has no effect on a plot"),
         (["--track", "height", "--at", 5, "--view", "top"], "--view has no effect on a plot"),
@@ -232,7 +232,7 @@ def test_render_plots_a_track_at_a_vertex_when_asked(warm, tmp_path):
         (["--original", "warm.npz", "--heatmap", "track"], "shows the error of a track; name it"),
     ],
 )
-def test_render_says_what_is_wrong_when_a_track_cannot_be_shown(warm, tmp_path, options, message):
+def test_error_says_why_a_track_cannot_be_shown(warm, tmp_path, options, message):
     done = run("render", warm / "warm.reel", "-o", tmp_path / "a.png", *options, cwd=warm)
     assert_fails(done, message)
     assert not (tmp_path / "a.png").exists()

@@ -1,4 +1,4 @@
-"""`meshreel decode` and `convert` into folders of vertex animation textures."""
+"""Vertex animation textures written by `meshreel decode` and `convert`."""
 
 import pytest
 
@@ -9,20 +9,20 @@ from samples.meshes import waving_grid
 
 
 @pytest.mark.slow
-def test_decode_writes_the_folder_and_says_what_the_files_achieve(tmp_path):
+def test_decode_writes_the_folder_and_prints_the_achieved_error(tmp_path):
     stream = tmp_path / "walk.reel"
     meshreel.save(waving_grid(), stream, options=WriteOptions(max_error=0.05))
     done = run("decode", stream, "-o", f"{tmp_path}/walk.vat/", "--max-error", "0.2")
     assert done.returncode == 0
     names = {one.name for one in (tmp_path / "walk.vat").iterdir()}
     assert names == {"walk.glb", "walk_vat.exr", "walk-remap_info.json"}
-    for said in ("the largest error added is", "half-float EXR", "of video memory", "degrees"):
-        assert said in done.stderr
+    for text in ("the largest error added is", "half-float EXR", "of video memory", "degrees"):
+        assert text in done.stderr
     again = run("decode", stream, "-o", f"{tmp_path}/walk.vat/")
     assert_fails(again, "already exists")
 
 
-def test_convert_takes_layout_and_textures(tmp_path):
+def test_convert_uses_layout_and_textures(tmp_path):
     meshreel.save(waving_grid(), tmp_path / "walk.npz")
     figures = run_json(
         "convert", "walk.npz", "-o", "out.vat", "--layout", "labs-unity", "--textures", "png",
@@ -35,5 +35,5 @@ def test_convert_takes_layout_and_textures(tmp_path):
     ]
     files = (tmp_path / "out.vat").iterdir()
     assert figures["size_bytes"] == sum(one.stat().st_size for one in files)
-    refused = run("convert", "walk.npz", "-o", "out.glb", "--layout", "labs", cwd=tmp_path)
-    assert_fails(refused, "--layout", "has no effect on a .glb file", ".vat")
+    done = run("convert", "walk.npz", "-o", "out.glb", "--layout", "labs", cwd=tmp_path)
+    assert_fails(done, "--layout", "has no effect on a .glb file", ".vat")

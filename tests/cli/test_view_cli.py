@@ -336,6 +336,6 @@ def test_error_lists_the_tracks_when_one_does_not_exist(page, tracked, tmp_path,
     done = run_with(page, command, tracked, *more, "--track", "hight")
     assert_fails(done, "tracked.reel: the file has no track 'hight'; choose height")
     done = run_with(page, command, tracked, *more, "--range", "0:1")
-    assert_fails(done, "--range says how a track is shown; name it with --track")
+    assert_fails(done, "--range applies to a track; name it with --track")
     done = run_with(page, command, tracked, *more, "--track", "height", "--range", "1:0")
     assert_fails(done, "meshreel: a range is LOW:HIGH")

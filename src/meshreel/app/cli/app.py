@@ -1,4 +1,4 @@
-"""The `meshreel` program: how it starts, and how errors leave it."""
+"""The `meshreel` program: global options, and error messages with exit codes."""
 
 import sys
 from typing import Any
@@ -16,17 +16,17 @@ COMPLETION_VARIABLE = "_MESHREEL_COMPLETE"
 SHELLS = ("bash", "zsh", "fish")
 
 
-def _print_version(context: click.Context, _param: click.Parameter, is_wanted: bool) -> None:
-    if is_wanted:
+def _print_version(context: click.Context, _param: click.Parameter, is_set: bool) -> None:
+    if is_set:
         click.echo(f"{NAME} {__version__}")
         context.exit()
 
 
 def _print_completion(context: click.Context, _param: click.Parameter, shell: str | None) -> None:
     if shell is not None:
-        kind = get_completion_class(shell)
-        assert kind is not None  # the choices are Click's own
-        click.echo(kind(app, {}, NAME, COMPLETION_VARIABLE).source())
+        completion_class = get_completion_class(shell)
+        assert completion_class is not None  # Click supports all SHELLS
+        click.echo(completion_class(app, {}, NAME, COMPLETION_VARIABLE).source())
         context.exit()
 
 
@@ -45,8 +45,8 @@ def _print_completion(context: click.Context, _param: click.Parameter, shell: st
     is_eager=True,
     expose_value=False,
     callback=_print_completion,
-    help="Print the script by which a shell completes commands, options and files: bash runs it "
-    'with `eval "$(meshreel --show-completion bash)"` in ~/.bashrc.',
+    help="Print a shell script that completes commands, options and files; for bash, add "
+    '`eval "$(meshreel --show-completion bash)"` to ~/.bashrc.',
 )
 @click.pass_context
 def app(context: click.Context) -> None:
@@ -56,17 +56,19 @@ def app(context: click.Context) -> None:
 
 
 def main() -> None:
-    """Run the program: exit code 0, or 1 with an error message of one line on stderr."""
+    """Run the program; exit with 0, or with 1 and a one-line error message on stderr."""
     try:
         status = app(prog_name=NAME, standalone_mode=False)
     except click.ClickException as error:
-        _fail(_described(error))
+        _fail(_usage_message(error))
     except MeshReelError as error:
         _fail(str(error))
     except MemoryError:
-        _fail("not enough memory; a shorter --block-frames needs less")
+        _fail("not enough memory; encode with fewer --block-frames to need less")
     except FileNotFoundError as error:
-        _fail(_missing(error.filename) if error.filename else str(error))
+        # The message is the same as that of `find_files`.
+        path = error.filename
+        _fail(f"there is no file or folder {str(path)!r}; check it" if path else str(error))
     except OSError as error:
         _fail(f"{error.strerror or error}: {error.filename}" if error.filename else str(error))
     except (KeyboardInterrupt, click.Abort):
@@ -74,18 +76,13 @@ def main() -> None:
     sys.exit(status if isinstance(status, int) else 0)
 
 
-def _missing(path: str) -> str:
-    """Message for a missing input; the same as that of `find_files`."""
-    return f"there is no file or folder {str(path)!r}; check it"
-
-
-def _described(error: Any) -> str:
+def _usage_message(error: Any) -> str:
     context = getattr(error, "ctx", None)
     command = f"{context.info_name} " if context and context.parent else ""
     return f"{error.format_message()} (meshreel {command}--help shows what is allowed)"
 
 
 def _fail(message: str) -> None:
-    """End with code 1 and one line on stderr."""
+    """Print one line on stderr, and exit with 1."""
     print_error(message)
     sys.exit(1)

@@ -1,4 +1,4 @@
-"""`meshreel batch`: a folder of sequences in, a folder of streams out."""
+"""`meshreel batch`: encode all sequences in a folder."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from meshreel.app.batch.run import BatchReport
     from meshreel.formats.options import ReadOptions
 
-WHOLE = (
+SEQUENCE_EXTENSIONS = (
     ".npz .abc .usd .usda .usdc .usdz .glb .gltf .pc2 .mdd .h5 .hdf5 .hdf .vtkhdf .pvd .xdmf .xmf"
 )
-FRAMES = ".obj .ply .off .stl .vtu .vtp .vtk .drc"
-"""Inputs of `batch.discovery`, written out: help comes without importing every format."""
+FRAME_EXTENSIONS = ".obj .ply .off .stl .vtu .vtp .vtk .drc"
+"""Inputs of `batch.discovery`, repeated so that the help need not import every format."""
 
 WORKERS = "Where it runs (give one)"
 
@@ -32,27 +32,28 @@ WORKERS = "Where it runs (give one)"
 @argument(
     "input_dir",
     metavar="INPUT_DIR",
-    help=f"Every file under it that holds an animation ({WHOLE}) is a sequence, and every "
-    f"folder that holds frames ({FRAMES}). Or a remote folder (s3://, gs://), whose inputs "
-    "each worker downloads.",
+    help=f"Folder to search, with its sub-folders, for animation files ({SEQUENCE_EXTENSIONS}) and "
+    f"folders of frames ({FRAME_EXTENSIONS}). Or a remote folder (s3://, gs://), whose inputs the "
+    "workers download.",
 )
 @argument(
     "out_dir",
     metavar="OUT_DIR",
-    help="Gets a .reel for each, in the same sub-folders; made if missing. Or a remote folder.",
+    help="Folder for one .reel per input, in the same sub-folders; created if missing. Or a remote "
+    "folder.",
 )
 @option(
     "--workers",
     type=int,
     range=COUNT,
-    help="Processes on this machine; fewer take less memory. Default: one for each core.",
+    help="Number of processes on this machine; fewer need less memory. Default: one per core.",
     panel=WORKERS,
 )
 @option(
     "--scheduler",
     metavar="ADDRESS",
-    help="A Dask scheduler, whose workers see INPUT_DIR at the same path or address (needs "
-    "[dask]).",
+    help="Address of a Dask scheduler whose workers have INPUT_DIR at the same path or address "
+    "(needs [dask]).",
     panel=WORKERS,
 )
 @encode_options()
@@ -62,17 +63,17 @@ WORKERS = "Where it runs (give one)"
     "--animations",
     type=click.Choice(["first", "all"]),
     default="first",
-    help="Of a glTF file that holds several, encode the first that moves a mesh, or all, each "
-    "into a separate file: man.glb with run and jump becomes man.run.reel and man.jump.reel.",
+    help="Animations to encode of a glTF file with several: the first that moves a mesh, or all, "
+    "each as a separate file: man.glb with run and jump becomes man.run.reel and man.jump.reel.",
     panel=READING,
 )
 @option(
     "--force",
     "-f",
     is_flag=True,
-    help="Encode everything, and replace outputs that are in the way.",
+    help="Encode everything again, and replace existing outputs.",
 )
-@option("as_json", "--json", is_flag=True, help="Print what was done with each input as JSON.")
+@option("as_json", "--json", is_flag=True, help="Print the result of each input as JSON.")
 def batch_command(
     input_dir: str,
     out_dir: str,
@@ -87,10 +88,10 @@ def batch_command(
 ) -> None:
     """Compress every animated mesh under a folder, on all cores or on a Dask cluster.
 
-    OUT_DIR/manifest.json says what was done with each input, and at what size and error. A second
-    run encodes only what is new, changed or failed. An input that fails does not stop the others;
-    the exit code is then 1. With --block-frames or --memory, workers share long sequences by their
-    blocks where there are more workers than sequences (method reel); the bytes are the same.
+    OUT_DIR/manifest.json lists the result, size and error of each input. A second run encodes only
+    new, changed and failed inputs. A failed input does not stop the others, but the exit code is 1.
+    With --block-frames or --memory, and more workers than sequences, several workers encode the
+    blocks of one sequence (method reel); the bytes are the same.
 
     Examples:
 
@@ -111,9 +112,9 @@ def batch_command(
     from meshreel.model.surface_selection import listed_names
 
     if workers is not None and scheduler is not None:
-        raise click.UsageError("--workers and --scheduler exclude each other; give one")
+        raise click.UsageError("--workers and --scheduler cannot be combined; give one")
     config = EncoderConfig(**encoding)
-    listed_names(reading.attributes)  # refused now, before any work
+    listed_names(reading.attributes)  # raises before any work
     tracks = track_targets(track)
     options = EncodeOptions(config, reading, tracks)
     plan = plan_batch(
@@ -125,7 +126,8 @@ def batch_command(
     )
     print_notes(plan.notes)
     report = _run(plan, workers, scheduler)
-    print_notes([f"{name}: {note}" for name, one in report.encoded.items() for note in one.notes])
+    records = report.encoded.items()
+    print_notes([f"{name}: {note}" for name, record in records for note in record.notes])
     for name, record in report.failed.items():
         print_error(f"{name}: {record.error or ''}")
     if as_json:
@@ -144,7 +146,7 @@ def _run(plan: "Plan", workers: int | None, scheduler: str | None) -> "BatchRepo
 
     if not plan.to_encode:
         return run_batch(plan, None)
-    # No more than there are inputs, unless they work on one together: they share the cores.
+    # More workers than inputs are useful only if they share the blocks of an input.
     n_workers = None if scheduler else workers or n_cores()
     if n_workers and not plan.options.are_cut:
         n_workers = min(n_workers, len(plan.to_encode))
@@ -152,22 +154,22 @@ def _run(plan: "Plan", workers: int | None, scheduler: str | None) -> "BatchRepo
         with progress_bar() as progress, open_engine(n_workers, scheduler=scheduler) as engine:
             return run_batch(plan, engine, progress=progress)
     except KeyboardInterrupt:
-        print_error("stopped; what was finished is kept, a rerun does the rest")
+        print_error("stopped; finished streams are kept, and another run encodes the others")
         raise
 
 
-def _folder(given: str) -> Path | str:
-    """A path, or an address as it is."""
+def _folder(text: str) -> Path | str:
+    """A path, or an address."""
     from meshreel.runtime.stores.address import is_remote
 
-    return given.rstrip("/") if is_remote(given) else Path(given)
+    return text.rstrip("/") if is_remote(text) else Path(text)
 
 
 def _print_report(report: "BatchReport", out_dir: str) -> None:
     from meshreel.app.cli.console import print_columns
 
     if report.encoded:
-        headings = ("encoded", "raw", "file", "smaller", "KG error %", "largest error %", "s")
+        headings = ("encoded", "raw", "file", "ratio", "KG error %", "largest error %", "s")
         rows = [_row(name, record) for name, record in report.encoded.items()]
         print_columns(out_dir, headings, rows)
     print_line(report.summary)

@@ -22,55 +22,56 @@ COMMANDS = (
     "paper",
     "evaluate",
 )
-"""In the order of help; `encode` is the function `encode_command` of `meshreel.app.cli.encode`."""
+"""In the order of the help. Module `meshreel.app.cli.encode` defines `encode_command`."""
 
-TAKE_ADDRESSES = frozenset({"encode", "batch", "decode", "convert", "info", "compare"})
-"""Commands whose files may be remote."""
+WITH_ADDRESSES = frozenset({"encode", "batch", "decode", "convert", "info", "compare"})
+"""Commands that accept addresses of remote files."""
 
 
 class Command(click.Command):
-    """A command whose help is drawn in panels."""
+    """A command with help in panels."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Take its words; addresses only where they have an effect."""
+        """Parse arguments; reject addresses unless the command accepts them."""
         from meshreel.runtime.stores.address import refuse_address
 
-        if self.name not in TAKE_ADDRESSES:
-            for given in args:
-                refuse_address(given, f"what `meshreel {self.name}` reads and writes")
+        if self.name not in WITH_ADDRESSES:
+            for arg in args:
+                refuse_address(arg, f"every file of `meshreel {self.name}`")
         return super().parse_args(ctx, args)
 
     def get_help(self, ctx: click.Context) -> str:
-        """Its help, as wide as the terminal."""
+        """Help in panels, as wide as the terminal."""
         from meshreel.app.cli.help_panels import help_text
 
         return help_text(self, ctx)
 
 
 class Program(click.Group):
-    """The program: a group that imports a command when it is used."""
+    """The program: a group that imports commands on demand."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Their names."""
+        """Names of all commands."""
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """The command of a name."""
+        """The command, or None if there is no such command."""
         return command_named(cmd_name) if cmd_name in COMMANDS else None
 
     def get_help(self, ctx: click.Context) -> str:
-        """Its help, as wide as the terminal."""
+        """Help in panels, as wide as the terminal."""
         from meshreel.app.cli.help_panels import help_text
 
         return help_text(self, ctx)
 
 
 def command(function: Callable[..., Any]) -> click.Command:
-    """A decorator that makes a command of a function, whose docstring is its help."""
+    """Decorator: turn a function into a command; its docstring is the help."""
     return click.command(function.__name__.removesuffix("_command"), cls=Command)(function)
 
 
 def command_named(name: str) -> click.Command:
-    """One of `COMMANDS`."""
-    found: click.Command = getattr(import_module(f"meshreel.app.cli.{name}"), f"{name}_command")
-    return found
+    """Import a command of `COMMANDS`."""
+    module = import_module(f"meshreel.app.cli.{name}")
+    result: click.Command = getattr(module, f"{name}_command")
+    return result

@@ -1,4 +1,4 @@
-"""Shell completion: files that can be read or written, and names."""
+"""Shell completion of file names, extensions and option values."""
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -7,89 +7,87 @@ REEL = ".reel"
 
 
 def names_of(names: Iterable[str]) -> Callable[[str], list[str]]:
-    """A function from an incomplete name to those of the names that begin with it."""
-    every = list(names)
+    """A function that returns the names with a given beginning."""
+    choices = list(names)
 
-    def begun(incomplete: str) -> list[str]:
-        return [name for name in every if name.startswith(incomplete)]
+    def completions(incomplete: str) -> list[str]:
+        return [name for name in choices if name.startswith(incomplete)]
 
-    return begun
+    return completions
 
 
 def input_files(incomplete: str) -> list[str]:
-    """Files that hold an animation or a mesh, and folders."""
+    """Files of animations and meshes, and folders."""
     from meshreel.formats.registry import FORMATS
 
     return _files(incomplete, set(FORMATS))
 
 
 def reel_files(incomplete: str) -> list[str]:
-    """Streams, and folders."""
+    """Streams and folders."""
     return _files(incomplete, {REEL})
 
 
 def output_files(incomplete: str) -> list[str]:
-    """The incomplete name with every extension that can be written: "walk." gives "walk.abc"."""
+    """The name with each writable extension: "walk." gives "walk.abc"."""
     from meshreel.formats.registry import written_extensions
 
     return with_extensions(incomplete, written_extensions())
 
 
 def layout_names(incomplete: str) -> list[str]:
-    """Layouts of vertex animation textures that begin so."""
+    """Layouts of vertex animation textures."""
     from meshreel.formats.vat.layouts import LAYOUT_NAMES
 
     return names_of(LAYOUT_NAMES)(incomplete)
 
 
 def texture_kinds(incomplete: str) -> list[str]:
-    """Kinds of textures that begin so."""
+    """Kinds of textures."""
     from meshreel.formats.vat.folder import TEXEL_TYPES
 
     return names_of(TEXEL_TYPES)(incomplete)
 
 
 def pages(incomplete: str) -> list[str]:
-    """The incomplete name with the extension of a page."""
+    """The name with the extension of a page."""
     return with_extensions(incomplete, [".html"])
 
 
 def pictures(incomplete: str) -> list[str]:
-    """The incomplete name with the extensions of pictures and films."""
+    """The name with the extensions of pictures and films."""
     return with_extensions(incomplete, [".png", ".mp4", ".gif"])
 
 
 def streams(incomplete: str) -> list[str]:
-    """The incomplete name with the extension of a stream."""
+    """The name with the extension of a stream."""
     return with_extensions(incomplete, [REEL])
 
 
 def with_extensions(incomplete: str, extensions: Iterable[str]) -> list[str]:
-    """The incomplete name with each of the extensions; none while its stem is incomplete.
+    """The name with each matching extension; empty before the dot is typed.
 
-    Then, and where nothing fits, the shell uses its own completion.
+    Without a match, the shell completes names of files.
     """
-    stem, dot, begun = Path(incomplete).name.rpartition(".")
+    stem, dot, beginning = Path(incomplete).name.rpartition(".")
     if not dot or not stem:
         return []
-    start = incomplete[: len(incomplete) - len(begun) - 1]
-    return [
-        start + extension for extension in extensions if extension.startswith(f".{begun.lower()}")
-    ]
+    path = incomplete.removesuffix(f".{beginning}")
+    return [path + one for one in extensions if one.startswith(f".{beginning.lower()}")]
 
 
 def _files(incomplete: str, extensions: set[str]) -> list[str]:
-    """Files of these extensions that begin with the incomplete name, and folders if there are any.
+    """Matching files with these extensions, and matching folders; empty without such files.
 
-    Where only folders fit, the shell's own completion is better: it adds no space after them.
+    The shell completes folders better, because it adds no space after them.
     """
-    folder, slash, begun = incomplete.rpartition("/")
-    place = Path((folder or "/") if slash else ".")
+    folder, slash, beginning = incomplete.rpartition("/")
+    parent = Path((folder or "/") if slash else ".")
     try:
-        found = sorted(path for path in place.iterdir() if path.name.startswith(begun))
+        paths = sorted(path for path in parent.iterdir() if path.name.startswith(beginning))
     except OSError:
         return []
-    visible = [path for path in found if begun or not path.name.startswith(".")]
+    visible = [path for path in paths if beginning or not path.name.startswith(".")]
     files = [path.name for path in visible if path.suffix.lower() in extensions and path.is_file()]
     if not files:
         return []

@@ -1,6 +1,6 @@
-"""Output of the commands: progress on stderr, figures as tables or JSON on stdout.
+"""Output of commands: progress on stderr; figures on stdout, as tables or JSON.
 
-Control characters in text are escaped, and rich markup in it is not interpreted.
+Control characters in text are escaped, and rich markup is not interpreted.
 """
 
 import json
@@ -30,28 +30,25 @@ from meshreel.runtime.progress import Progress
 SHOW_AFTER_S = 1.0
 
 MIN_BAR, MAX_BAR = 8, 40
-"""Smallest and largest width of the longest bar in columns; without room there are no bars."""
+"""Limits of the width of the longest bar in columns; narrow terminals show no bars."""
 
 _BORDERS_AND_SHARE = "│  │  │ 100.0 % │  │"
 
 _EIGHTHS = " ▏▎▍▌▋▊▉█"
 
 Cell = str | list[str]
-"""Text of a cell of a table, or its lines."""
+"""Text of a table cell, or its lines."""
 
-FIRST_AFTER_S = 5.0
-
-EVERY_S = 10.0
-"""Seconds until the first line, and between lines."""
+FIRST_LINE_S, LINE_INTERVAL_S = 5.0, 10.0
+"""Time until the first progress line, and between lines."""
 
 
 @contextmanager
 def progress_bar() -> Iterator[Progress]:
     """A progress callback that reports on stderr.
 
-    On a terminal it shows a bar after a second, with the stage, the elapsed time and, for counted
-    items, their number, their rate and the remaining time of the stage. Elsewhere it writes a plain
-    line now and then: see `progress_lines`.
+    On a terminal, a bar appears after a second with the stage, the elapsed time and, for counted
+    items, their number, rate and remaining time. Otherwise see `progress_lines`.
     """
     console = Console(stderr=True)
     with _bar(console) if console.is_terminal else progress_lines() as report:
@@ -70,7 +67,7 @@ def _bar(console: Console) -> Iterator[Progress]:
         console=console,
         transient=True,
     )
-    # Several stages reach 1 in turn; rich stops its clock when a total is reached.
+    # Each stage reaches 1, but rich stops its clock when the total is reached.
     task = bar.add_task("", total=1 + 1e-9, words="")
     clock = PaceClock()
     timer = threading.Timer(SHOW_AFTER_S, bar.start)
@@ -92,7 +89,7 @@ def _bar(console: Console) -> Iterator[Progress]:
 def print_json(figures: Mapping[str, Any]) -> None:
     """Print figures as JSON on stdout; numbers that are not finite become null.
 
-    Messages under "notes" and "error" name options of the command line.
+    Messages in "notes" and "error" contain option names instead of keywords.
     """
     print(json.dumps(_plain(figures), indent=2))
 
@@ -100,7 +97,7 @@ def print_json(figures: Mapping[str, Any]) -> None:
 def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {
-            str(key): _worded(item) if key in ("notes", "error") else _plain(item)
+            str(key): _message(item) if key in ("notes", "error") else _plain(item)
             for key, item in value.items()
         }
     if isinstance(value, list | tuple):
@@ -110,7 +107,7 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _worded(value: Any) -> Any:
+def _message(value: Any) -> Any:
     if isinstance(value, str):
         return with_option_names(value)
     return all_with_option_names(value) if isinstance(value, list) else _plain(value)
@@ -137,52 +134,47 @@ def print_columns(title: str, headings: Sequence[str], rows: Iterable[Sequence[s
 
 
 def print_bars(title: str, sizes: Mapping[str, int]) -> None:
-    """Print sizes in bytes on stdout with shares and bars, within the width of the terminal."""
+    """Print sizes in bytes on stdout with shares and bars that fit the terminal."""
     console = Console()
     total = sum(sizes.values()) or 1
     table = Table(show_header=False)
     table.add_column(overflow="fold")
     names = max(_text(name).cell_len for name in sizes)
     texts = [f"{size} B" for size in sizes.values()]
-    for widest in (max(map(len, texts)), len("100.0 %")):
-        table.add_column(justify="right", no_wrap=True, min_width=widest)
+    for min_width in (max(map(len, texts)), len("100.0 %")):
+        table.add_column(justify="right", no_wrap=True, min_width=min_width)
     width = console.width - names - max(map(len, texts)) - len(_BORDERS_AND_SHARE)
     if width >= MIN_BAR:
         table.add_column(no_wrap=True)
     for (name, size), text in zip(sizes.items(), texts, strict=True):
-        bar = text_bar(
-            size / max(sizes.values()), min(width, MAX_BAR), ascii_only=_is_ascii(console)
-        )
+        share = size / max(sizes.values())
+        bar = text_bar(share, min(width, MAX_BAR), ascii_only=console.options.ascii_only)
         cells: list[Text | str] = [_text(name), text, f"{100 * size / total:.1f} %", bar]
         table.add_row(*cells[: len(table.columns)])
     _print_titled(console, title, table)
 
 
 def _print_titled(console: Console, title: str, table: Table) -> None:
-    """Print a table under its title, which is never wrapped, so that paths can be copied."""
+    """Print a table under its title, which is not wrapped so that paths can be copied."""
     console.print(_text(title), style="bold", soft_wrap=True)
     console.print(table)
 
 
-def _text(shown: Cell) -> Text:
-    """Return escaped text for rich, which interprets neither markup nor emoji codes in it."""
-    return Text("\n".join(map(escaped, [shown] if isinstance(shown, str) else shown)))
+def _text(cell: Cell) -> Text:
+    """Return escaped text for rich, without markup and emoji codes."""
+    return Text("\n".join(map(escaped, [cell] if isinstance(cell, str) else cell)))
 
 
 def text_bar(share: float, width: int, *, ascii_only: bool = False) -> str:
-    """A bar of characters over a share of a width in columns, in eighths where they can be shown.
+    """A bar over a share of a width in columns, in eighths of a column unless `ascii_only`.
 
-    Shares above 0 are never drawn as nothing.
+    Shares above 0 are always visible.
     """
     if ascii_only:
         return "#" * max(round(share * width), 1 if share > 0 else 0)
     eighths = max(round(8 * share * width), 1 if share > 0 else 0)
     whole, rest = divmod(eighths, 8)
     return _EIGHTHS[8] * whole + (_EIGHTHS[rest] if rest else "")
-
-
-def _is_ascii(console: Console) -> bool:
-    return console.options.ascii_only
 
 
 def print_notes(notes: list[str]) -> None:
@@ -194,35 +186,38 @@ def print_notes(notes: list[str]) -> None:
 
 @contextmanager
 def progress_lines(
-    stream: TextIO | None = None, *, first_after_s: float = FIRST_AFTER_S, every_s: float = EVERY_S
+    stream: TextIO | None = None,
+    *,
+    first_line_s: float = FIRST_LINE_S,
+    interval_s: float = LINE_INTERVAL_S,
 ) -> Iterator[Progress]:
-    """A progress callback that writes a plain line every few seconds, also between calls.
+    """A progress callback that writes a plain line every few seconds, even between calls.
 
-    Such as "meshreel: encoding, try 3: 12 of 175 frames, 8.4 frames/s, 0:19 left (0:42 so far)".
+    Example: "meshreel: encoding, try 3: 12 of 175 frames, 8.4 frames/s, 0:19 left (0:42 so far)".
 
     Parameters
     ----------
     stream : text file, optional
         Default: stderr.
-    first_after_s, every_s : float
-        Time until the first line, and between the others.
+    first_line_s, interval_s : float
+        Time until the first line, and between lines.
     """
     began_s, clock = time.monotonic(), PaceClock()
     latest: list[tuple[str, float]] = [("working", 0.0)]
     is_over = threading.Event()
 
     def report(stage: str, fraction: float) -> None:
-        clock.words(fraction)  # the pace is measured from here
+        clock.words(fraction)  # starts to measure the pace
         latest[0] = stage, fraction
 
     def write() -> None:
-        wait_s = first_after_s
+        wait_s = first_line_s
         while not is_over.wait(wait_s):
             elapsed = clock_text(time.monotonic() - began_s)
             with suppress(OSError, ValueError):  # the stream may be closed
                 line = f"meshreel: {escaped(_state(*latest[0], clock))} ({elapsed} so far)"
                 print(line, file=stream or sys.stderr, flush=True)
-            wait_s = every_s
+            wait_s = interval_s
 
     writer = threading.Thread(target=write, name="meshreel-progress", daemon=True)
     writer.start()
@@ -234,7 +229,7 @@ def progress_lines(
 
 
 def _state(stage: str, fraction: float, clock: PaceClock) -> str:
-    """The stage, and its progress if that is known."""
+    """The stage, and its progress if known."""
     words = clock.words(fraction)
     if not words and 0 < fraction < 1:
         words = f"{100 * fraction:.0f} %"

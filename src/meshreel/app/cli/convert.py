@@ -1,4 +1,4 @@
-"""`meshreel convert`: an animation in, the same in another format out."""
+"""`meshreel convert`: write an animation in another format."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,8 +26,8 @@ from meshreel.app.cli.write_options import (
 if TYPE_CHECKING:
     from meshreel.formats.options import ReadOptions
 
-OF_ALL_OUTPUTS = ("max_error", "unit")
-"""Options of encoding that have an effect on other outputs, too."""
+GENERAL_OPTIONS = ("max_error", "unit")
+"""Options for encoding that also apply to other outputs than .reel."""
 
 
 @command
@@ -37,8 +37,8 @@ OF_ALL_OUTPUTS = ("max_error", "unit")
     required=True,
     metavar="INPUT...",
     completion=input_files,
-    help="A file that holds an animation, a folder or a quoted glob of frames, or the "
-    "frame files. Or addresses (s3://, gs://, https://), which are downloaded.",
+    help="An animation file, a folder or a quoted glob of frames, or the frame files. Or "
+    "addresses (s3://, gs://, https://), which are downloaded.",
 )
 @output_option
 @frames_option
@@ -52,7 +52,7 @@ OF_ALL_OUTPUTS = ("max_error", "unit")
 @textures_option
 @encode_options(max_error=output_error_option)
 @force_option
-@option("as_json", "--json", is_flag=True, help="Print what was done as JSON.")
+@option("as_json", "--json", is_flag=True, help="Print the figures as JSON.")
 @click.pass_context
 def convert_command(
     context: click.Context,
@@ -71,10 +71,10 @@ def convert_command(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Write an animated mesh in another format; nothing is lost that the format can hold.
+    """Write an animated mesh in another format, without loss as far as the format allows.
 
-    A .reel is coded with the options of `meshreel encode`, which no other output takes, and the
-    error is printed. Files of a pattern are numbered as their frames are.
+    A .reel output is encoded with the options of `meshreel encode`, which only apply to .reel, and
+    its error is printed. Files of a pattern have the numbers of their frames.
 
     Examples:
 
@@ -113,14 +113,14 @@ def convert_command(
     from meshreel.formats.segments import find_segments
     from meshreel.formats.sources import files_of_source
 
-    own = {name: value for name, value in encoding.items() if name not in OF_ALL_OUTPUTS}
+    stream_options = {name: encoding[name] for name in encoding if name not in GENERAL_OPTIONS}
     bound = checked_bound(encoding["max_error"], encoding["unit"])
     chosen = frame_slice(frames)
     if split and chosen is not None:
-        raise click.UsageError("--split and --frames exclude each other; give one")
+        raise click.UsageError("--split and --frames cannot be combined; give one")
     if not is_stream(output):
-        refuse_stream_options(context, {*own, "track"}, output)
-    config = EncoderConfig(**(encoding if is_stream(output) else own))
+        refuse_stream_options(context, {*stream_options, "track"}, output)
+    config = EncoderConfig(**(encoding if is_stream(output) else stream_options))
     notes = reading.notes
     with ExitStack() as stack:
         target = stack.enter_context(uploaded(output, overwrite=force))
@@ -140,24 +140,23 @@ def convert_command(
             notes,
             track_targets(track),
         )
-        # What is known of the output is checked before the input is read, which may take long.
+        # Check the output before the input is read, which may take long.
         conversion.check(target.local, None if split else known_frames(files, chosen))
         if split:
             segments = find_segments(source, loading_for(config.memory_bytes, reading))
-            cut = len(segments) > 1
-            whole = Path(target.local)
-            pieces = [(one, one.path(whole) if cut else whole) for one in segments]
-            for one, path in pieces:
-                conversion.check(path, range(one.stop - one.start), first=one.start)
-            for one, path in pieces:
-                conversion.write(one.open(), path, first=one.start)
+            path = Path(target.local)
+            paths = [part.path(path) for part in segments] if len(segments) > 1 else [path]
+            for part, path in zip(segments, paths, strict=True):
+                conversion.check(path, range(part.stop - part.start), first=part.start)
+            for part, path in zip(segments, paths, strict=True):
+                conversion.write(part.open(), path, first=part.start)
         else:
             conversion.write(
                 open_for_encoding(source, config.memory_bytes, reading), target.local, chosen
             )
     print_notes(notes)
     if as_json:
-        done = conversion.figures
-        print_json({**({"outputs": done} if split else done[0]), "notes": notes})
+        outputs = conversion.figures
+        print_json({**({"outputs": outputs} if split else outputs[0]), "notes": notes})
         return
     conversion.show()

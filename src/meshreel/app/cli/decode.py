@@ -1,4 +1,4 @@
-"""`meshreel decode`: a .reel in, frames out."""
+"""`meshreel decode`: decode a .reel to another format."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     "source",
     metavar="FILE.reel",
     completion=reel_files,
-    help="The stream to decode, or its address (s3://, gs://, https://): with --frames "
-    "only the blocks that hold them are fetched.",
+    help="The stream to decode, or its address (s3://, gs://, https://). With --frames only the "
+    "blocks of those frames are downloaded.",
 )
 @output_option
 @frames_option
@@ -41,8 +41,8 @@ if TYPE_CHECKING:
 @option(
     "--modes",
     type=int,
-    help="Only this number of leading modes move; further ones, up to the 16th at least, "
-    "are held at their mean: a coarser animation, decoded faster. Default: all.",
+    help="Number of leading modes that move, for a coarser animation that decodes faster; further "
+    "modes keep their mean. Default: all.",
 )
 @segment_option
 @memory_option
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 @layout_option
 @textures_option
 @force_option
-@option("as_json", "--json", is_flag=True, help="Print what was done as JSON.")
+@option("as_json", "--json", is_flag=True, help="Print the figures as JSON.")
 @option("--profile", is_flag=True, help="Print seconds by stage.")
 def decode_command(
     source: str,
@@ -129,10 +129,10 @@ def decode_command(
             _open(stream, modes, segment, memory) as reel,
             errors_naming(source),
         ):
-            wanted = chosen_frames(chosen, reel.n_frames, notes)
+            numbers = chosen_frames(chosen, reel.n_frames, notes)
             written = save_part(
                 reel,
-                wanted,
+                numbers,
                 target.local,
                 overwrite=force,
                 start_number=start_number,
@@ -141,7 +141,7 @@ def decode_command(
                 progress=progress,
                 notes=notes,
             )
-            figures = written_figures(written, reel, len(wanted), target)
+            figures = written_figures(written, reel, len(numbers), target)
     if not reel.is_whole:
         notes.append(f"{source} is truncated: these are the frames of its complete blocks")
     print_notes(notes)
@@ -157,7 +157,7 @@ def decode_command(
 def _open(
     source: str | Path, modes: int | None, segment: int | None, memory: str | None
 ) -> "ReelFile | SegmentedReelFile":
-    """Open a segment of a stream, or all."""
+    """Open one segment of a stream, or the whole stream."""
     from meshreel.formats.reel.reading import open, open_segments
 
     if segment is not None:

@@ -1,11 +1,12 @@
-"""`meshreel demo`: encoding, decoding and comparing the embedded flag."""
+"""`meshreel demo`: encode, decode and compare the simulated flag."""
 
 from pathlib import Path
 
 from meshreel.app.cli.commands import command
 from meshreel.app.cli.parameters import option
 
-POSES = 3  # frames shown in the picture, that of the largest error among them
+N_POSES = 3
+"""Number of frames in the picture, including the one with the largest error."""
 
 
 @command
@@ -13,9 +14,9 @@ POSES = 3  # frames shown in the picture, that of the largest error among them
     "--out",
     type=Path,
     default=Path("meshreel-demo"),
-    help="Folder for the results; made if missing.",
+    help="Folder for the results; created if missing.",
 )
-@option("--frames", type=int, default=300, help="Frames to simulate, 1 or more.")
+@option("--frames", type=int, default=300, help="Number of frames, 1 or more.")
 @option("--force", "-f", is_flag=True, help="Replace results of an earlier run.")
 @option("as_json", "--json", is_flag=True, help="Print the figures as JSON.")
 def demo_command(
@@ -68,18 +69,18 @@ def demo_command(
             f"KG error {quality.kg_error_percent:.2f} %"
         )
         scene = Scene(decoded, sequence, "distance")
-        of_all = scene.scales(range(frames), progress).heat
-        assert of_all is not None  # the scene has a heat map
-        poses = sorted({*representative_frames(range(frames), POSES - 1), of_all.frame})
+        largest = scene.scales(range(frames), progress).heat
+        assert largest is not None  # the scene has a heat map
+        poses = sorted({*representative_frames(range(frames), N_POSES - 1), largest.frame})
         image = still(scene, poses, View(), caption=caption, progress=progress)
         save_png(image, picture, overwrite=force)
     if as_json:
         paths = {"original": str(raw), "stream": str(reel), "picture": str(picture)}
-        worst = {"max_error_frame": of_all.frame, "picture_frames": poses}
+        worst = {"max_error_frame": largest.frame, "picture_frames": poses}
         print_json({**paths, **size_figures(stream), **quality.as_dict(), **worst})
         return
     rows = {**size_rows(stream), **quality_rows(quality)}
-    rows["largest error"] += f", in frame {of_all.frame}"
+    rows["largest error"] += f", in frame {largest.frame}"
     print_table("The flag, compressed", rows)
     print_table("Written", {"original": str(raw), "stream": str(reel), "picture": str(picture)})
     print_line(f"To see it move: meshreel view {reel} --original {raw}")

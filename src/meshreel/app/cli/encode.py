@@ -1,4 +1,4 @@
-"""`meshreel encode`: frames in, one .reel out."""
+"""`meshreel encode`: encode an animation as a .reel."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,7 +20,7 @@ OTHER_OUTPUTS = (
     "`meshreel convert` writes other formats, `meshreel render` pictures and films, "
     "`meshreel export` pages"
 )
-"""Advice where the output of `encode` is to be something else."""
+"""Advice for outputs with other extensions."""
 
 
 @command
@@ -30,17 +30,16 @@ OTHER_OUTPUTS = (
     required=True,
     metavar="INPUT...",
     completion=input_files,
-    help="A file that holds an animation (.abc, .usd, .glb, .npz, ...: see `meshreel "
-    "formats`), a folder or a quoted glob of frames, or the frame files (.obj, .ply, "
-    ".off, .stl); put in natural order. Or addresses (s3://, gs://, https://), which are "
-    "downloaded.",
+    help="An animation file (.abc, .usd, .glb, .npz, ...: see `meshreel formats`), a folder or a "
+    "quoted glob of frames, or the frame files (.obj, .ply, .off, .stl), in natural order. Or "
+    "addresses (s3://, gs://, https://), which are downloaded.",
 )
 @option(
     "--output",
     "-o",
     completion=streams,
-    help="The .reel to write, or its address (s3://...). Default: the input's name, in "
-    "this folder.",
+    help="The .reel to write, or its address (s3://...). Default: named after the input, in the "
+    "current folder.",
 )
 @encode_options()
 @reading_options("fps", *MESHES, "topology", "dataset", "attributes")
@@ -62,8 +61,8 @@ def encode_command(
 ) -> None:
     """Compress an animated mesh into one .reel file.
 
-    It prints the measured errors, and the bytes of each part: positions, connectivity, surface
-    (attributes, groups, materials, images), each track, and the container around them.
+    Prints the measured errors, and the bytes of each part: positions, connectivity, surface
+    (attributes, groups, materials, images), tracks and container.
 
     Examples:
 
@@ -109,12 +108,12 @@ def encode_command(
     from meshreel.runtime.outputs.checks import check_extension, check_output_path
     from meshreel.runtime.profiling import profiled
 
-    given_output = output or f"{output_stem(inputs[0])}.reel"
-    check_extension(Path(given_output), (".reel",), OTHER_OUTPUTS)
+    output = output or f"{output_stem(inputs[0])}.reel"
+    check_extension(Path(output), (".reel",), OTHER_OUTPUTS)
     config, targets = EncoderConfig(**encoding), track_targets(track)
     notes = reading.notes
     with ExitStack() as stack:
-        target = stack.enter_context(uploaded(given_output, overwrite=force))
+        target = stack.enter_context(uploaded(output, overwrite=force))
         stream_path = Path(target.local)
         source = stack.enter_context(local_copy(source_of(inputs), notes))
         files = files_of_source(source, reading.topology)
@@ -124,11 +123,14 @@ def encode_command(
         pieces: list[tuple[Callable[[], AnySequence], Path]]
         if split:
             segments = find_segments(source, loading_for(config.memory_bytes, reading))
-            cut = len(segments) > 1
-            pieces = [(one.open, one.path(stream_path) if cut else stream_path) for one in segments]
+            has_several = len(segments) > 1
+            pieces = [
+                (part.open, part.path(stream_path) if has_several else stream_path)
+                for part in segments
+            ]
         else:
-            opened = partial(open_for_encoding, source, config.memory_bytes, reading)
-            pieces = [(opened, stream_path)]
+            open_input = partial(open_for_encoding, source, config.memory_bytes, reading)
+            pieces = [(open_input, stream_path)]
         for _, path in pieces:
             check_output_path(path, overwrite=force, inputs=files)
         results = [

@@ -1,4 +1,4 @@
-"""The options of encoding as options of commands, made from the fields of `EncoderConfig`."""
+"""Command-line options for encoding, derived from the fields of `EncoderConfig`."""
 
 from collections.abc import Callable, Sequence
 from functools import wraps
@@ -13,36 +13,36 @@ from meshreel.codec.config import all_options
 from meshreel.codec.option import Option
 
 Encoding = dict[str, Any]
-"""The options of encoding that a command was given, by their names in Python."""
+"""Values of the options for encoding, by field of `EncoderConfig`."""
 
 
-def encode_options(**instead: Decorator) -> Decorator:
-    """A decorator that gives a command all options of encoding.
+def encode_options(**replacements: Decorator) -> Decorator:
+    """Decorator: add all options for encoding to a command.
 
-    The command gets them as a dictionary, its parameter `encoding`.
+    The command receives them as a dictionary in its parameter `encoding`.
 
     Parameters
     ----------
-    **instead
-        By name, options that mean more in this command than in others.
+    **replacements
+        Options with another meaning in this command, by name.
     """
 
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
         @wraps(function)
-        def with_encoding(*context: click.Context, **given: Any) -> None:
-            encoding = {row.name: _value(row, given.pop(row.name)) for row in all_options()}
-            function(*context, **given, encoding=encoding)
+        def with_encoding(*context: click.Context, **values: Any) -> None:
+            encoding = {row.name: _value(row, values.pop(row.name)) for row in all_options()}
+            function(*context, **values, encoding=encoding)
 
         decorated: Callable[..., Any] = with_encoding
         for row in reversed(all_options()):
-            decorated = instead.get(row.name, encode_option(row))(decorated)
+            decorated = replacements.get(row.name, encode_option(row))(decorated)
         return decorated
 
     return decorate
 
 
 def encode_option(row: Option, panel: str | None = None) -> Decorator:
-    """An option of encoding as one of a command, by default in the panel of its group."""
+    """The command-line option of an encoding option, by default in the panel of its group."""
     help_text = row.help_naming(flag_of)
     if row.names and not row.metavar:
         help_text = help_text.replace(".", f": {', '.join(row.names)}.", 1)
@@ -65,21 +65,21 @@ def encode_option(row: Option, panel: str | None = None) -> Decorator:
     )
 
 
-def _value(row: Option, typed: Any) -> Any:
-    """The value of an option for Python."""
-    is_list = any(get_origin(one) is Sequence for one in row.types)
-    return _numbers(row, typed) if is_list and typed is not None else typed
+def _value(row: Option, value: Any) -> Any:
+    """The value of an option, with a list of numbers parsed."""
+    is_list = any(get_origin(kind) is Sequence for kind in row.types)
+    return _numbers(row, value) if is_list and value is not None else value
 
 
 def _numbers(row: Option, text: str) -> float | list[int]:
-    """One number, or several whole ones, from '8' or '8,8,6'."""
+    """The number in '8', or the whole numbers in '8,8,6'."""
     single = float if float in row.types else int
     try:
         if "," in text:
             return [int(number) for number in text.split(",") if number.strip()]
         return single(text)
     except ValueError:
-        one = "a number" if single is float else "a whole number"
+        noun = "a number" if single is float else "a whole number"
         raise click.UsageError(
-            f"{row.flag} takes {one}, or several whole ones as in 8,8,6; got {text!r}"
+            f"{row.flag} takes {noun}, or several whole numbers as in 8,8,6; got {text!r}"
         ) from None

@@ -1,4 +1,4 @@
-"""`meshreel export`: a .reel as a self-contained page."""
+"""`meshreel export`: write a .reel and its player as a web page."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -38,15 +38,15 @@ OTHER_OUTPUTS = "`meshreel decode` writes other formats, `meshreel render` pictu
 @option(
     "--split",
     is_flag=True,
-    help="Write script, stream, original and texture as files beside the page.",
+    help="Write script, stream, original and texture as separate files next to the page.",
 )
 @option(
     "--texture",
     type=Path,
     metavar="FILE",
-    help="An image, or a video that plays in step with the mesh, to show on it.",
+    help="Image to show on the mesh, or video that plays in sync with it.",
 )
-@option("as_json", "--json", is_flag=True, help="Print what was done as JSON.")
+@option("as_json", "--json", is_flag=True, help="Print the figures as JSON.")
 def export_command(
     source: Path,
     output: Path,
@@ -63,10 +63,9 @@ def export_command(
 ) -> None:
     """Write a .reel file and its player as one HTML file, to mail or to put on any web server.
 
-    The page holds the stream as it is. With --original it holds frames and tracks of the original
-    too, re-encoded: their error is at most a twentieth of the range of the heat map. With --split
-    the page has its parts beside it, which a server has to send: browsers fetch no files that lie
-    on a disk.
+    The page contains the unchanged stream. With --original it also contains the original,
+    re-encoded with an error of at most 1/20 of the range of the heat map. With --split the page
+    needs a web server, because browsers do not load separate files from disk.
 
     Examples:
 
@@ -120,5 +119,5 @@ def export_command(
         print_json({"output": str(output), "size_bytes": size_bytes, "parts": parts, **notes})
         return
     rows = {f"of which {part}": size_text(size) for part, size in parts.items()}
-    stream = {"the stream itself": size_text(source.stat().st_size)}
-    print_table(str(output), {"size": size_text(size_bytes), **rows, **stream})
+    rows["input .reel"] = size_text(source.stat().st_size)
+    print_table(str(output), {"size": size_text(size_bytes), **rows})

@@ -1,4 +1,4 @@
-"""`meshreel formats`: file formats that can be read and written."""
+"""`meshreel formats`: the supported file formats."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from meshreel.app.cli.parameters import option
 def formats_command(
     as_json: bool,
 ) -> None:
-    """List the file formats, and the extra that installs each missing one.
+    """List the file formats, and the extras that install missing ones.
 
     Example:
 
@@ -20,26 +20,28 @@ def formats_command(
     from meshreel.app.cli.console import print_columns, print_json
     from meshreel.formats.registry import described_formats
 
-    found = described_formats()
+    formats = described_formats()
     if as_json:
-        print_json({"formats": found})
+        print_json({"formats": formats})
         return
     rows = [
         (
-            one["extension"],
-            one["title"],
-            one["holds"],
-            "yes" if one["reads"] else "no",
-            _written(one),
-            "yes" if one["is_installed"] else f"pip install 'meshreel[{one['extra']}]'",
+            row["extension"],
+            row["title"],
+            row["holds"],
+            "yes" if row["reads"] else "no",
+            _write_text(row),
+            "yes" if row["is_installed"] else f"pip install 'meshreel[{row['extra']}]'",
         )
-        for one in found
+        for row in formats
     ]
-    print_columns("formats", ("extension", "format", "a file holds", "read", "write", "here"), rows)
+    print_columns(
+        "formats", ("extension", "format", "contents", "read", "write", "installed"), rows
+    )
 
 
-def _written(one: dict[str, Any]) -> str:
-    """Whether a format is written, and whether its faces may change."""
-    if not one["writes"]:
+def _write_text(row: dict[str, Any]) -> str:
+    """Whether a format can be written, and whether its faces may change."""
+    if not row["writes"]:
         return "no"
-    return "yes" if one["writes_changing_faces"] else "constant faces"
+    return "yes" if row["writes_changing_faces"] else "constant faces"

@@ -1,4 +1,4 @@
-"""The help of commands: usage, description, and a panel for each group of options."""
+"""Help of commands: usage, description, and a panel for each group of options."""
 
 import re
 from collections.abc import Iterable, Iterator
@@ -13,10 +13,10 @@ from rich.table import Table
 from rich.text import Text
 
 CODE = re.compile(r"`([^`]+)`")
-CODE_STYLE, NAME_STYLE, ASIDE_STYLE = "bold", "bold cyan", "dim"
+CODE_STYLE, NAME_STYLE, DIM_STYLE = "bold", "bold cyan", "dim"
 
 Row = tuple[Text, Text]
-"""Names, and what they mean."""
+"""Names and their meaning."""
 
 
 def help_text(command: click.Command, context: click.Context) -> str:
@@ -32,11 +32,11 @@ def _parts(command: click.Command, context: click.Context) -> Iterator[Renderabl
     yield Padding(Text(f"Usage: {usage}", "bold"), 1)
     yield Padding(Group(*_paragraphs(command.help or "")), (0, 1, 1, 1))
     for title, rows in _panels(command, context).items():
-        yield Panel(_table(rows), title=title, title_align="left", border_style=ASIDE_STYLE)
+        yield Panel(_table(rows), title=title, title_align="left", border_style=DIM_STYLE)
 
 
 def _paragraphs(text: str) -> Iterator[RenderableType]:
-    """The paragraphs of a docstring, and the items of its lists, which begin with "- "."""
+    """Paragraphs of a docstring and items of its lists, which begin with "- "."""
     was_item = False
     for number, paragraph in enumerate(text.split("\n\n")):
         line = " ".join(paragraph.split())
@@ -48,7 +48,7 @@ def _paragraphs(text: str) -> Iterator[RenderableType]:
 
 
 def _item(text: str) -> Table:
-    """An item of a list, whose further lines are indented as the first."""
+    """A list item with a hanging indent."""
     table = Table.grid(padding=(0, 1))
     table.add_row("-", _with_code(text))
     return table
@@ -73,25 +73,25 @@ def _panels(command: click.Command, context: click.Context) -> dict[str, list[Ro
 
 
 def _names(option: click.Option, context: click.Context) -> Text:
-    """Names of an option, and what its value is: "-o, --output TEXT"."""
+    """Names of an option and its metavar: "-o, --output TEXT"."""
     names = ", ".join(sorted(option.opts, key=len))
-    shown = Text(" / ".join([names, *option.secondary_opts]), NAME_STYLE)
+    text = Text(" / ".join([names, *option.secondary_opts]), NAME_STYLE)
     if not option.is_flag:
-        shown.append(f" {option.make_metavar(context)}", ASIDE_STYLE)
-    return shown
+        text.append(f" {option.make_metavar(context)}", DIM_STYLE)
+    return text
 
 
 def _meaning(param: Any) -> Text:
-    shown = _with_code(param.help or "")
-    if isinstance(param, click.Option) and (default := shown_default(param)):
-        shown.append(f" [default: {default}]", ASIDE_STYLE)
+    text = _with_code(param.help or "")
+    if isinstance(param, click.Option) and (default := default_text(param)):
+        text.append(f" [default: {default}]", DIM_STYLE)
     if param.required:
-        shown.append(" [required]", ASIDE_STYLE)
-    return shown
+        text.append(" [required]", DIM_STYLE)
+    return text
 
 
-def shown_default(option: click.Option) -> str:
-    """The default of an option in words; empty where its help says it, or it is a switch."""
+def default_text(option: click.Option) -> str:
+    """The default of an option as text; empty if its help states it, or it is a switch."""
     default = option.default
     is_shown = isinstance(default, str | int | float | Path) and not isinstance(default, bool)
     return str(default) if is_shown and option.show_default is not False else ""
@@ -102,11 +102,11 @@ def _summary(command: click.Command | None) -> str:
 
 
 def _with_code(text: str) -> Text:
-    """A text in which what is between backticks is highlighted."""
-    shown = Text()
+    """A text with highlighted code between backticks."""
+    highlighted = Text()
     for number, piece in enumerate(CODE.split(text)):
-        shown.append(piece, CODE_STYLE if number % 2 else None)
-    return shown
+        highlighted.append(piece, CODE_STYLE if number % 2 else None)
+    return highlighted
 
 
 def _table(rows: Iterable[Row]) -> Table:

@@ -1,4 +1,4 @@
-"""`meshreel info`: contents of a file, and of a .reel its bytes by section."""
+"""`meshreel info`: show the contents of a file."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     required=True,
     metavar="FILE...",
     completion=input_files,
-    help="A .reel, another file that holds an animation (see `meshreel formats`), a "
-    "folder or a quoted glob of frames, or the frame files. Or an address (s3://, gs://, "
-    "https://): of a .reel only its index and the heads of its sections are fetched.",
+    help="A .reel or another animation file (see `meshreel formats`), a folder or a quoted glob of "
+    "frames, or the frame files. Or an address (s3://, gs://, https://); of a .reel only its index "
+    "and section headers are downloaded.",
 )
 @reading_options("fps", *MESHES, "topology", "dataset", "memory")
 @segment_option
@@ -34,9 +34,9 @@ def info_command(
     segment: int | None,
     as_json: bool,
 ) -> None:
-    """Show the contents of a file: meshes, frames, extent and parts that are not read.
+    """Show the contents of a file: meshes, frames, bounding boxes, and contents that are ignored.
 
-    Of a .reel its header, its segments and its byte budget by section.
+    For a .reel: header, segments, and bytes by section.
 
     Examples:
 
@@ -53,13 +53,11 @@ def info_command(
 
     if len(inputs) == 1 and is_stream_file(inputs[0]):
         if replace(reading, memory=None) != ReadOptions():
-            raise click.UsageError(
-                "the options of inputs are not for a .reel, which is read as it is; leave them out"
-            )
+            raise click.UsageError("input options do not apply to a .reel; omit them")
         _show_stream(inputs[0], segment, reading.memory, as_json=as_json)
         return
     if segment is not None:
-        raise click.UsageError("--segment is for a .reel; give one, or leave the option out")
+        raise click.UsageError("--segment applies to a .reel only; omit it")
     _show_source(source_of(inputs), reading, as_json=as_json)
 
 
@@ -77,7 +75,7 @@ def _show_stream(
     print_table(path, info_rows(stream))
     if len(stream.segments) > 1:
         print_columns("segments", SEGMENT_HEADINGS, segment_columns(stream))
-        click.echo("decode all, or choose one with --segment")
+        click.echo("decode all, or select one with --segment")
     print_bars("bytes", stream.budget_bytes)
 
 
@@ -99,12 +97,12 @@ def _show_source(
 
     title = source if isinstance(source, str) else f"{source[0]} to {Path(source[-1]).name}"
     with progress_bar() as progress:
-        found = inspect_source(source, replace(options, progress=progress))
-    print_notes([note for note in found.notes if as_json or not note.startswith(LEFT_OUT)])
+        info = inspect_source(source, replace(options, progress=progress))
+    print_notes([note for note in info.notes if as_json or not note.startswith(LEFT_OUT)])
     if as_json:
-        print_json({"input": title, **found.as_dict()})
+        print_json({"input": title, **info.as_dict()})
         return
-    print_table(title, source_rows(found))
-    if len(found.meshes) > 1:
-        print_columns("meshes", HEADINGS, mesh_columns(found))
-        click.echo("choose one with --object, or take all as one with --merge")
+    print_table(title, source_rows(info))
+    if len(info.meshes) > 1:
+        print_columns("meshes", HEADINGS, mesh_columns(info))
+        click.echo("select one with --object, or read all as one with --merge")

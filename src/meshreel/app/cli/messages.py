@@ -20,25 +20,25 @@ _CONTROLS = re.compile(
     "[\x00-\x1f\x7f-\x9f"  # C0, DEL and C1
     "\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069"  # bidirectional
     "\u2028\u2029"  # line and paragraph separators
-    "\ud800-\udfff]"  # lone surrogates, which no encoding takes
+    "\ud800-\udfff]"  # lone surrogates, which cannot be encoded
 )
 _LINE_BREAK = re.compile(r"\s*\n\s*")
 
 
 def with_option_names(message: str) -> str:
-    """The message with options in place of keywords.
+    """The message with option names instead of keywords.
 
     "--force (overwrite=True)" and "overwrite=True" become "--force", "object=" becomes
     "--object", 'order="drop"' becomes "--order drop", and "max_error" "--max-error".
     """
     message = _BOTH.sub(r"\1", message)
-    message = _CHOICE.sub(lambda found: f"{flag_of(found[1])} {found[2]}", message)
-    message = _KEYWORD.sub(lambda found: flag_of(found[1]), message)
-    return _names().sub(lambda found: flag_of(found[1]), message)
+    message = _CHOICE.sub(lambda match: f"{flag_of(match[1])} {match[2]}", message)
+    message = _KEYWORD.sub(lambda match: flag_of(match[1]), message)
+    return _names().sub(lambda match: flag_of(match[1]), message)
 
 
 def all_with_option_names(notes: Iterable[str]) -> list[str]:
-    """Notes in the words of the command line, each only once."""
+    """Notes with option names instead of keywords, without duplicates."""
     return list(dict.fromkeys(map(with_option_names, notes)))
 
 
@@ -49,7 +49,7 @@ def flag_of(keyword: str) -> str:
 
 @cache
 def _flags() -> dict[str, str]:
-    """The options of encoding by their keywords, and `RENAMED`."""
+    """Options by keyword: those of encoding, and `RENAMED`."""
     from meshreel.codec.config import all_options
 
     return {**RENAMED, **{option.name: option.flag for option in all_options()}}
@@ -57,18 +57,17 @@ def _flags() -> dict[str, str]:
 
 @cache
 def _names() -> re.Pattern[str]:
-    """A pattern of keywords that cannot be English words, such as "n_modes"."""
+    """Pattern of keywords that are not English words, such as "n_modes"."""
     keywords = "|".join(name for name in _flags() if "_" in name)
     return re.compile(rf"(?<![\w./'\"=-])({keywords})(?![\w./'\"=-])")
 
 
 def escaped(text: str) -> str:
-    r"""Return the text with control characters as escapes, such as ``\n``, ``\x1b``, ``\u202e``.
+    r"""Return the text with control characters escaped as ``\n``, ``\x1b``, ``\u202e`` etc.
 
-    Names come from files that may be hostile: sequences of control characters recolor or clear a
-    terminal, and a line break would begin a line that looks like output of this program.
+    Names in hostile files could recolor or clear the terminal, or imitate lines of this program.
     """
-    return _CONTROLS.sub(lambda found: ascii(found[0])[1:-1], text)
+    return _CONTROLS.sub(lambda match: ascii(match[0])[1:-1], text)
 
 
 def print_line(text: str) -> None:
@@ -77,9 +76,6 @@ def print_line(text: str) -> None:
 
 
 def print_error(message: str) -> None:
-    """Print an error on stderr as one line, in the words of the command line.
-
-    Messages of other libraries may have several lines, which are joined.
-    """
+    """Print an error on stderr as one line, with option names instead of keywords."""
     line = _LINE_BREAK.sub(" ", with_option_names(message).strip())
     click.echo(f"meshreel: {escaped(line)}", err=True)

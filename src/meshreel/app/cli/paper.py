@@ -1,4 +1,4 @@
-"""`meshreel paper`: the paper's evaluation on any sequences."""
+"""`meshreel paper`: run the paper's evaluation on any sequences."""
 
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ from meshreel.codec.option import COUNT
 
 METHODS = "pca,pca-q,v2v,pca-qs,pca-qp,blocks,gft"
 PRESET_NAMES = ("usual", "printed")
-"""Of `evaluation.paper.settings`, written out: help comes without importing the evaluation."""
+"""Names of `paper.sweeps`, repeated so that the help need not import it."""
 
 
 @command
@@ -20,21 +20,21 @@ PRESET_NAMES = ("usual", "printed")
     required=False,
     metavar="INPUT...",
     completion=input_files,
-    help="Sequences: an .npz or .reel file, a folder or a quoted glob of frames, each. "
-    "Default: the embedded flag.",
+    help="Sequences: .npz or .reel files, or folders or quoted globs of frames. Default: the "
+    "simulated flag.",
 )
 @option(
     "--out",
     type=Path,
     default=Path("report"),
-    help="Folder for results, figures and report; made if missing.",
+    help="Folder for results, figures and report; created if missing.",
 )
-@option("--frames", type=int, default=300, help="Frames of the flag, where there is no INPUT.")
+@option("--frames", type=int, default=300, help="Number of frames of the flag, without INPUT.")
 @option("--methods", default=METHODS, metavar="A,B,...", help="Run only these methods.")
 @option(
     "--preset",
     default=PRESET_NAMES[0],
-    help="Modes and bits of the tables: usual (20 modes of 8 bits), or printed (8 of 4, "
+    help="Modes and bits in the tables: usual (20 modes, 8 bits), or printed (8 modes, 4 bits, "
     "close to the rates that the paper prints for Samba).",
     completion=names_of(PRESET_NAMES),
 )
@@ -42,23 +42,23 @@ PRESET_NAMES = ("usual", "printed")
     "--modes",
     type=int,
     range=COUNT,
-    help="Modes of each axis in the tables, the paper's k_l.",
+    help="Number of modes per axis in the tables, the paper's k_l.",
 )
 @option(
     "--block-modes",
     type=int,
     range=COUNT,
-    help="The same of each block of `blocks`.",
+    help="Number of modes per axis and block of method `blocks`.",
 )
-@option("--bits", type=int, help="Bits of quantized coefficients in the tables; pca keeps 16.")
-@option("--anchors", type=float, metavar="SHARE", help="Share of the vertices that are anchors.")
+@option("--bits", type=int, help="Bits of coefficients in the tables; pca always uses 16.")
+@option("--anchors", type=float, metavar="SHARE", help="Fraction of the vertices that are anchors.")
 @option(
     "--choices",
     default="",
     metavar="NAME=VALUE[,...]",
-    help="What the paper leaves open, as `encode --choices` takes it.",
+    help="Choices that the paper leaves open; see `meshreel encode --help`.",
 )
-@option("--quick", is_flag=True, help="Few points in the rate-distortion plots.")
+@option("--quick", is_flag=True, help="Run few points of the rate-distortion plots.")
 @option("as_json", "--json", is_flag=True, help="Print a summary as JSON.")
 def paper_command(
     inputs: tuple[str, ...],
@@ -76,8 +76,8 @@ def paper_command(
 ) -> None:
     """Run the variants of the paper, and write its tables and figures as a report.
 
-    Writes report.md, report.html, figures/ and results/ (each result as JSON beside its .reel).
-    Results that the folder has already are not computed again. Drawing needs the extra [plot].
+    Writes report.md, report.html, figures/ and results/ (each result as JSON and .reel). Existing
+    results are not computed again. Figures need the extra [plot].
 
     Examples:
 
@@ -93,17 +93,17 @@ def paper_command(
     """
     from dataclasses import replace
 
-    from meshreel.app.cli.reports import check_before_work, named, write_report
+    from meshreel.app.cli.reports import check_before_work, split_names, write_report
     from meshreel.evaluation.choices import checked_names
     from meshreel.paper.study.study import PaperStudy
     from meshreel.paper.sweeps import METHOD_NAMES, PRESETS, check_table
 
-    chosen = checked_names(named(methods), METHOD_NAMES, "method")
+    chosen = checked_names(split_names(methods), METHOD_NAMES, "method")
     (preset,) = checked_names([preset], PRESET_NAMES, "preset")
-    given = {"--modes": modes, "--block-modes": block_modes, "--bits": bits, "--anchors": anchors}
+    flags = {"--modes": modes, "--block-modes": block_modes, "--bits": bits, "--anchors": anchors}
     changes: dict[str, Any] = {
         flag.removeprefix("--").replace("-", "_"): value
-        for flag, value in given.items()
+        for flag, value in flags.items()
         if value is not None
     }
     if bits is not None:
@@ -122,7 +122,7 @@ def paper_command(
         options["--quick"] = None
     if preset != "usual":
         options["--preset"] = preset
-    options |= {flag: str(value) for flag, value in given.items() if value is not None}
+    options |= {flag: str(value) for flag, value in flags.items() if value is not None}
     if choices:
         options["--choices"] = choices
     study = PaperStudy(chosen, quick, table)

@@ -1,4 +1,4 @@
-"""Arguments and options of commands: Click's, with a panel of the help that shows them."""
+"""Arguments and options of commands: those of Click, with help panels and number ranges."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -13,14 +13,14 @@ from meshreel.errors import InvalidInputError
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 Completion = Callable[[str], list[str]]
-"""A function from an incomplete word to the words that complete it."""
+"""A function from an incomplete word to its completions."""
 
 FILE = "file"
-"""Type of a completion that the shell itself makes, of names of files."""
+"""Completion type that makes the shell complete file names."""
 
 
-class Number(click.ParamType):  # type: ignore[type-arg]  # older Click has it without
-    """A number, or a whole one, of a range.
+class Number(click.ParamType):  # type: ignore[type-arg]  # not generic in older Click
+    """A number or whole number within a range.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ class Number(click.ParamType):  # type: ignore[type-arg]  # older Click has it w
     allowed : Range, optional
         Default: all numbers.
     unit : str
-        Of the number, as it follows the range: "in percent".
+        Unit that follows the range in messages, such as "in percent".
     """
 
     def __init__(self, kind: Callable[[str], float], allowed: Range | None, unit: str) -> None:
@@ -45,29 +45,27 @@ class Number(click.ParamType):  # type: ignore[type-arg]  # older Click has it w
         if self._allowed is not None:
             self._allowed.check(value if number is None else number, param.opts[0], self._unit)
         if number is None:
-            words = "a number" if self._kind is float else "a whole number"
-            raise InvalidInputError(f"{param.opts[0]} must be {words}; got {value!r}")
+            noun = "a number" if self._kind is float else "a whole number"
+            raise InvalidInputError(f"{param.opts[0]} must be {noun}; got {value!r}")
         return number
 
 
 class Option(click.Option):
-    """An option, and the panel of the help that shows it.
+    """An option with its help panel.
 
     Parameters
     ----------
     names : sequence of str
-        Of the parameter of the function if it differs from the option, and of the option.
+        The option, after the name of the function's parameter if that differs.
     type : type
         str, int, float or Path.
     panel : str
-        Title; the first panel of options if empty.
+        Title of the help panel; the first panel of options if empty.
     completion : function, optional
-    range : Range, optional
-        Of numbers.
-    unit : str
-        Of numbers, as it follows the range.
+    range, unit : Range and str, optional
+        Range of numbers; see `Number`.
     **settings
-        Of `click.Option`.
+        Arguments of `click.Option`.
     """
 
     def __init__(
@@ -110,12 +108,12 @@ def _click_type(kind: Any) -> Any:
 
 
 def _completing(completion: Completion | None) -> Any:
-    """The completion as Click calls it; where it finds nothing, the shell completes files."""
+    """The completion as Click calls it; without a match the shell completes file names."""
     if completion is None:
         return None
 
     def complete(_context: Any, _param: Any, incomplete: str) -> list[CompletionItem]:
-        found = [CompletionItem(word) for word in completion(incomplete)]
-        return found or [CompletionItem(incomplete, type=FILE)]
+        items = [CompletionItem(word) for word in completion(incomplete)]
+        return items or [CompletionItem(incomplete, type=FILE)]
 
     return complete

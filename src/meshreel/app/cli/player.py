@@ -1,4 +1,4 @@
-"""Arguments and player data that `view` and `export` share."""
+"""Arguments and player data shared by `view` and `export`."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from meshreel.app.cli.completing import input_files, reel_files
 from meshreel.app.cli.parameters import argument, option
+from meshreel.app.cli.read_options import MESHES
 from meshreel.app.cli.track_options import COLORS
 
 if TYPE_CHECKING:
@@ -23,14 +24,13 @@ original_option = option(
     "--original",
     metavar="INPUT",
     completion=input_files,
-    help="The original of the stream, shown alongside with heat maps of the error: "
-    "any input of `encode`.",
+    help="The original (any input of `encode`), shown alongside with heat maps of the error.",
 )
 
 shown_track_option = option(
     "--track",
     metavar="NAME",
-    help="Open with the mesh coloured by a track, such as stress; tracks of colours as they are.",
+    help="Color the mesh initially by a track, such as stress; color tracks are shown directly.",
     panel=COLORS,
 )
 
@@ -42,22 +42,23 @@ def opened_player(
     reading: "ReadOptions",
     look: "TrackLook | None" = None,
 ) -> Iterator["Api"]:
-    """Interface of the player to a file, while the file is open."""
+    """Open a file and its original for the player."""
     from meshreel.app.cli.figures import measured_rows, player_rows
     from meshreel.app.viewer.api import Api
     from meshreel.app.viewer.playable import reencoding_text
     from meshreel.formats.file_errors import errors_naming
     from meshreel.formats.reel.reading import open
 
-    _check_original_is_there(original, reading)
+    _check_options_of_original(original, reading)
     _check_is_encoded(source)
     with open(source, memory=reading.memory) as reel:
         with errors_naming(source):
-            _ = reel.faces  # raises for damaged ones before the original is read
+            _ = reel.faces  # raises for damaged faces before the original is read
         comparison = _comparison(reel, original, reading) if original else None
         with errors_naming(source):
-            rows = player_rows, comparison, measured_rows
-            api = Api(reel, source.stem, *rows, reading.progress, look)
+            api = Api(
+                reel, source.stem, player_rows, comparison, measured_rows, reading.progress, look
+            )
         if api.is_reencoded:
             text = reencoding_text(api.method)
             reading.notes.append(f"{source} uses method {api.method}; the player shows it {text}")
@@ -65,7 +66,7 @@ def opened_player(
 
 
 def _check_is_encoded(source: Path) -> None:
-    """Refuse an input of `encode` where a stream has to be."""
+    """Reject an input of `encode` in place of a stream."""
     from shlex import quote
 
     from meshreel.app.cli.read_options import is_stream_file, output_stem
@@ -81,16 +82,14 @@ def _check_is_encoded(source: Path) -> None:
         )
 
 
-def _check_original_is_there(original: str | None, reading: "ReadOptions") -> None:
-    """Refuse options for reading the original if there is none."""
+def _check_options_of_original(original: str | None, reading: "ReadOptions") -> None:
+    """Reject options for reading the original if there is none."""
     from meshreel.errors import InvalidInputError
 
-    names = ("object", "merge", "skip_bad", "allow_outside", "animation")
-    asked = [name for name in names if getattr(reading, name)]
-    if asked and not original:
+    unused = [name for name in MESHES if getattr(reading, name)]
+    if unused and not original:
         raise InvalidInputError(
-            f"--{asked[0].replace('_', '-')} has an effect on the original; name that with "
-            "--original"
+            f"--{unused[0].replace('_', '-')} applies to the original; give it with --original"
         )
 
 

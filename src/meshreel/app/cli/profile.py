@@ -1,4 +1,4 @@
-"""Seconds by stage, as a table and as JSON."""
+"""Profile of the stages of a command, as a table and for JSON."""
 
 from typing import Any
 
@@ -8,12 +8,12 @@ from rich.table import Table
 from meshreel.runtime.profiling import Profile, StageTime
 
 NOTE = (
-    "Indented stages are parts of the stage above. Seconds of other threads overlap with the rest."
+    "Indented stages are parts of the stage above. Other threads run in parallel to these seconds."
 )
 
 
 def print_profile(profile: Profile) -> None:
-    """Print the table of stages on stdout."""
+    """Print the profile on stdout."""
     table = Table(title="seconds by stage", title_justify="left", title_style="bold")
     table.add_column("stage", no_wrap=True)
     for name in ("seconds", "share", "other threads", "calls"):

@@ -1,4 +1,4 @@
-"""Text beside a progress bar: number of items done, pace, remaining time."""
+"""Progress as text: number of finished items, pace, remaining time."""
 
 import time
 from collections.abc import Callable
@@ -6,12 +6,12 @@ from collections.abc import Callable
 from meshreel.runtime.counting import singular
 from meshreel.runtime.progress import Count
 
-SURE_AFTER_S = 2.0
-"""Elapsed time before a remaining time is shown: earlier estimates would jump."""
+MIN_ELAPSED_S = 2.0
+"""Elapsed time before the remaining time is shown, because early estimates are unstable."""
 
 
 class PaceClock:
-    """A clock of the pace of the current stage.
+    """Measures the pace of the current stage.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ class PaceClock:
     def words(self, fraction: float) -> str:
         """Text such as "12 of 175 frames, 8.4 frames/s, 0:19 left"; empty if nothing is counted.
 
-        Measuring the pace restarts when other items are counted, or the same from the beginning.
+        The pace is measured anew when the unit or total changes, or the count falls.
 
         Parameters
         ----------
@@ -42,13 +42,13 @@ class PaceClock:
             self._began_s, self._n_at_first = self._now_s(), fraction.done
         self._counted, self._n_last = counted, fraction.done
         unit = singular(fraction.unit) if fraction.total == 1 else fraction.unit
-        words = f"{fraction.done} of {fraction.total} {unit}"
+        text = f"{fraction.done} of {fraction.total} {unit}"
         elapsed_s, n_since = self._now_s() - self._began_s, fraction.done - self._n_at_first
-        if elapsed_s < SURE_AFTER_S or n_since == 0:
-            return words
+        if elapsed_s < MIN_ELAPSED_S or n_since == 0:
+            return text
         pace = n_since / elapsed_s
         left_s = (fraction.total - fraction.done) / pace
-        return f"{words}, {pace_text(pace, fraction.unit)}, {clock_text(left_s)} left"
+        return f"{text}, {pace_text(pace, fraction.unit)}, {clock_text(left_s)} left"
 
 
 def pace_text(per_second: float, unit: str) -> str:

@@ -15,16 +15,15 @@ READING = "Input"
 memory_option = option(
     "--memory",
     metavar="SIZE",
-    help="Of a .reel: the most memory that its mesh, a block, or the frames needed at once may "
-    "take, as in 500MB or 20GiB; what needs more is refused before it is decoded. "
-    "[default: 8GiB]",
+    help="Memory limit for decoding a .reel (its mesh, a block, or the frames needed at once), "
+    "such as 500MB or 20GiB; a larger file is rejected before decoding. [default: 8GiB]",
     panel=READING,
 )
 segment_option = option(
     "--segment",
     type=int,
     metavar="NUMBER",
-    help="One segment of a .reel with several, from 0, as `meshreel info` lists them.",
+    help="One segment of a .reel with several, from 0 (`meshreel info` lists them).",
     panel=READING,
 )
 split_option = option(
@@ -35,43 +34,43 @@ split_option = option(
 )
 
 MESHES = ("object", "merge", "skip_bad", "allow_outside", "animation")
-"""Options that choose meshes of a file, by their names in `ReadOptions`."""
+"""Options that select meshes of a file, by their names in `ReadOptions`."""
 
 _OPTIONS = {
     "fps": option(
-        "--fps", type=float, help="Frames per second. Default: what the input says.", panel=READING
+        "--fps", type=float, help="Frames per second. Default: that of the input.", panel=READING
     ),
     "object": option(
         "--object",
         metavar="PATH",
-        help="The one mesh to take of a file that holds several (all are listed if none is "
-        "chosen).",
+        help="The mesh to read from a file with several (without this option, the error lists "
+        "them).",
         panel=READING,
     ),
     "merge": option(
         "--merge",
         is_flag=True,
-        help="Take all meshes of a file as one; they are separated again on output.",
+        help="Read all meshes of a file as one; they are separated again on output.",
         panel=READING,
     ),
     "skip_bad": option(
         "--skip-bad",
         is_flag=True,
-        help="Leave out meshes of a file that cannot be read, and take the others.",
+        help="Skip meshes of a file that cannot be read.",
         panel=READING,
     ),
     "allow_outside": option(
         "--allow-outside",
         is_flag=True,
-        help="Read files that a file names outside of its folder: USD layers, glTF buffers, "
+        help="Read referenced files outside the folder of the input: USD layers, glTF buffers, "
         "files of a .pvd or .xdmf.",
         panel=READING,
     ),
     "animation": option(
         "--animation",
         metavar="NAME",
-        help="The animation to take of a glTF file that holds several, by its name or its number "
-        "from 0 (`meshreel info` lists them). Default: the first that moves a mesh.",
+        help="Animation to read from a glTF file with several: its name or its number from 0 "
+        "(`meshreel info` lists them). Default: the first that moves a mesh.",
         panel=READING,
     ),
     "memory": memory_option,
@@ -79,46 +78,46 @@ _OPTIONS = {
         "--topology",
         type=Path,
         metavar="MESH",
-        help="A mesh file with the faces of a point cache (.pc2, .mdd). Default: the mesh of the "
-        "same name in its folder.",
+        help="Mesh file with the faces of a point cache (.pc2, .mdd). Default: the mesh file of "
+        "the same name in its folder.",
         panel=READING,
     ),
     "dataset": option(
         "--dataset",
         metavar="NAME",
-        help="The dataset with the positions (.h5, .npz). Default: vertices.",
+        help="Dataset with the positions (.h5, .npz). Default: vertices.",
         panel=READING,
     ),
     "attributes": option(
         "--attributes",
         default="all",
         metavar="all|none|NAME,...",
-        help="Attributes and groups to take, by name or kind: uv, color, material, ... Polygons "
-        "and parts are always taken.",
+        help="Attributes and groups to read, by name or kind: uv, color, material, ... Polygons "
+        "and parts are always read.",
         panel=READING,
     ),
 }
-"""By the names of the fields of `ReadOptions`."""
+"""By name in `ReadOptions`."""
 
 
 def reading_options(*names: str) -> Decorator:
-    """A decorator that gives a command options of reading.
+    """Decorator: add options for reading to a command.
 
-    The command gets them as one `ReadOptions`, its parameter `reading`.
+    The command receives them as a `ReadOptions` in its parameter `reading`.
 
     Parameters
     ----------
     *names
-        Of fields of `ReadOptions`, in the order of the help.
+        Fields of `ReadOptions`, in the order of the help.
     """
 
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
         @wraps(function)
-        def with_reading(*context: click.Context, **given: Any) -> None:
+        def with_reading(*context: click.Context, **values: Any) -> None:
             from meshreel.formats.options import ReadOptions
 
-            reading = ReadOptions(**{name: given.pop(name) for name in names})
-            function(*context, **given, reading=reading)
+            reading = ReadOptions(**{name: values.pop(name) for name in names})
+            function(*context, **values, reading=reading)
 
         decorated: Callable[..., Any] = with_reading
         for name in reversed(names):
@@ -129,33 +128,33 @@ def reading_options(*names: str) -> Decorator:
 
 
 def source_of(inputs: Sequence[str]) -> "str | list[Path] | list[str]":
-    """The only input, or all of them in natural order."""
+    """The single input, or all inputs in natural order."""
     from meshreel.formats.sources import natural_order
 
     if len(inputs) == 1:
         return inputs[0]
     if not any(map(is_remote, inputs)):
         return natural_order(map(Path, inputs))
-    by_path = {Path(given): given for given in inputs}
+    by_path = {Path(address): address for address in inputs}
     return [by_path[path] for path in natural_order(by_path)]
 
 
 def output_stem(source: str) -> str:
-    """The name of the output for an input: the stem of a file, the folder name for a glob."""
+    """Stem of the default output for an input: that of a file, or the folder of a glob."""
     path = Path(name_of(source)) if is_remote(source) else Path(source).resolve()
     if any(mark in path.name for mark in "*?["):
         return Path(source).resolve().parent.name
     return path.name if path.is_dir() else path.stem
 
 
-def is_stream_file(given: str) -> bool:
-    """Whether a file is a .reel stream, by its name or its first bytes."""
+def is_stream_file(source: str) -> bool:
+    """Whether a file is a .reel stream, by its extension or its first bytes."""
     from meshreel.codec.bitstream.layout import MAGIC
 
-    path = Path(without_query(given))
+    path = Path(without_query(source))
     if path.suffix.lower() == ".reel":
         return True
-    if is_remote(given) or not path.is_file():
+    if is_remote(source) or not path.is_file():
         return False
     with path.open("rb") as file:
         return file.read(len(MAGIC)) == MAGIC

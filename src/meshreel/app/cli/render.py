@@ -1,4 +1,4 @@
-"""`meshreel render`: pictures and films of an animation, without a screen."""
+"""`meshreel render`: pictures and films of an animation."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 LOOK = "Look"
 EXTENSIONS = (".png", ".mp4", ".gif")
 SHEET_FRAMES, COMPARED_FRAMES = 8, 3
-"""Default numbers of frames on a contact sheet, and of rows of a comparison."""
+"""Default numbers of frames on a contact sheet, and in a comparison with the original."""
 MAX_TURN_S = 3600.0
 VIEW, BACKGROUND = "30,12", "white"
 
@@ -31,8 +31,8 @@ VIEW, BACKGROUND = "30,12", "white"
     "source",
     metavar="FILE",
     completion=input_files,
-    help="A .reel, another file that holds an animation (see `meshreel formats`), a "
-    "folder or a quoted glob of frames.",
+    help="A .reel or another animation file (see `meshreel formats`), or a folder or a quoted glob "
+    "of frames.",
 )
 @option(
     "--output",
@@ -52,14 +52,14 @@ VIEW, BACKGROUND = "30,12", "white"
     "--heatmap",
     metavar="distance|angle|sted|track",
     completion=names_of(["distance", "angle", "sted", "track"]),
-    help="Colour the decoded mesh by its error: vertex distance, angle between normals, "
-    "local STED, or that of the values of --track, in its unit.",
+    help="Color the decoded mesh by its error: vertex distance, angle between normals, local STED, "
+    "or error of --track in its unit.",
 )
 @option(
     "--track",
     metavar="NAME",
-    help="Colour the mesh by a track, such as stress, with the numbers beside; tracks of "
-    "colours as they are.",
+    help="Color the mesh by a track, such as stress, with a color bar; color tracks are shown "
+    "directly.",
     panel=COLORS,
 )
 @component_option
@@ -68,50 +68,50 @@ VIEW, BACKGROUND = "30,12", "white"
 @option(
     "--frames",
     metavar="A:B|N,N,...",
-    help="Only frames A to B - 1, or those listed. Of a range, a picture shows "
-    f"{SHEET_FRAMES} ({COMPARED_FRAMES} beside an original), evenly spaced.",
+    help="Only frames A to B - 1, or the listed ones. A picture shows "
+    f"{SHEET_FRAMES} frames of a range ({COMPARED_FRAMES} with an original), evenly spaced.",
 )
 @option(
     "--at",
     type=int,
     metavar="INDEX",
-    help="Plot it over time at this vertex (face, corner: where its values are) instead "
-    "of drawing the mesh; a .png, needs [plot].",
+    help="Plot the track over time at this vertex, face or corner instead of drawing the mesh; "
+    "writes a .png, needs [plot].",
     panel=COLORS,
 )
 @option(
-    "--turntable", type=float, metavar="SECONDS", help="Films: circle the mesh, once in this time."
+    "--turntable", type=float, metavar="SECONDS", help="Films: time of one turn around the mesh."
 )
 @option(
     "--view",
     default=VIEW,
     metavar="AZ,EL",
-    help="Direction of view: front, side, top, or degrees to the right and up.",
+    help="View direction: front, side, top, or degrees to the right and up.",
     panel=LOOK,
 )
 @option(
     "--up",
     metavar="x|y|z",
     completion=names_of(["x", "y", "z"]),
-    help="The axis that points up. Default: z for meshes that stand on z = 0, else y.",
+    help="The up axis. Default: z for meshes that stand on z = 0, else y.",
     panel=LOOK,
 )
 @option(
     "--follow/--no-follow",
     default=None,
-    help="Whether the camera follows the mesh. Default: if the mesh would be small.",
+    help="Whether the camera follows the mesh. Default: if the mesh would look small.",
     panel=LOOK,
 )
 @option(
     "--size",
     metavar="WxH",
-    help="Pixels of the whole picture. Default: as suits its content.",
+    help="Size of the whole picture in pixels. Default: depends on the content.",
     panel=LOOK,
 )
 @option("--background", default=BACKGROUND, metavar="COLOR", help="A name, or #rrggbb.", panel=LOOK)
 @reading_options("fps", *MESHES, "memory")
 @option("--force", "-f", is_flag=True, help="Replace the output if it exists.")
-@option("as_json", "--json", is_flag=True, help="Print what was done as JSON.")
+@option("as_json", "--json", is_flag=True, help="Print the figures as JSON.")
 def render_command(
     source: str,
     output: Path,
@@ -135,9 +135,9 @@ def render_command(
 ) -> None:
     """Draw an animation into a picture or a film.
 
-    A .png shows frames side by side with their numbers and times; one frame alone fills it. With
+    A .png shows frames side by side with their numbers and times, or a single frame. With
     --original, each frame has a row: original, decoded and, with --heatmap, the error. --track
-    colours the mesh by a quantity that it carries.
+    colors the mesh by one of its tracks.
 
     Examples:
 
@@ -160,9 +160,9 @@ def render_command(
     from meshreel.app.cli.console import print_json, print_notes, progress_bar
     from meshreel.app.cli.render_options import (
         check_plot,
-        color_named,
         frame_numbers,
         is_range,
+        parse_color,
         picture_size,
         track_look,
     )
@@ -176,19 +176,19 @@ def render_command(
 
     extension = _checked_extension(output)
     is_film = extension != ".png"
-    _check_together(original, heatmap, turntable, follow, is_film=is_film)
+    _check_combination(original, heatmap, turntable, follow, is_film=is_film)
     look = track_look(track, component, range, colormap, heatmap, at)
     if at is not None:
-        given = {
+        options = {
             "--range": range, "--colormap": colormap, "--heatmap": heatmap,
             "--turntable": turntable, "--up": up, "--follow": follow, "--size": size,
             "--view": view if view != VIEW else None,
             "--background": background if background != BACKGROUND else None,
         }  # fmt: skip
-        check_plot(given, is_film=is_film)
-    files = [file for given in (source, original) if given for file in files_of_source(given)]
+        check_plot(options, is_film=is_film)
+    files = [file for path in (source, original) if path for file in files_of_source(path)]
     check_output_path(output, overwrite=force, inputs=files)
-    wanted_size, color = picture_size(size), color_named(background)
+    size_px, color = picture_size(size), parse_color(background)
     parse_view(view, up or "y")
     check_supported([source, original] if original else [source], reading)
     notes = reading.notes
@@ -196,20 +196,22 @@ def render_command(
         reading = replace(reading, progress=progress)
         purpose = "meshreel render"
         shown = open_for_purpose(source, supported_only(reading, source), purpose)
-        beside = None
+        reference = None
         if original:
-            beside = open_for_purpose(original, supported_only(reading, original), purpose)
+            reference = open_for_purpose(original, supported_only(reading, original), purpose)
         numbers = frame_numbers(frames, shown.n_frames, notes)
         if look is not None and at is not None:
             numbers = sorted(set(numbers))
-            plot_track(output, look, at, shown, beside, numbers, overwrite=force, progress=progress)
+            plot_track(
+                output, look, at, shown, reference, numbers, overwrite=force, progress=progress
+            )
             figures: dict[str, Any] = {"plotted_frames": len(numbers)}
         else:
-            scene = Scene(shown, beside, heatmap, background=color, track=look)
-            seen = parse_view(view, up or guess_up(scene.framed.extent))
-            figures = _drawn(
-                scene, numbers, seen, output,
-                size=wanted_size, turn_s=turntable, follow=follow,
+            scene = Scene(shown, reference, heatmap, background=color, track=look)
+            parsed_view = parse_view(view, up or guess_up(scene.framed.extent))
+            figures = _draw(
+                scene, numbers, parsed_view, output,
+                size=size_px, turn_s=turntable, follow=follow,
                 is_range=is_range(frames), force=force, progress=progress,
             )  # fmt: skip
     print_notes(notes)
@@ -217,13 +219,13 @@ def render_command(
     if as_json:
         print_json({**figures, "notes": notes})
         return
-    _print_drawn(figures)
+    _print_figures(figures)
 
 
-def _drawn(
+def _draw(
     scene: "Scene",
     numbers: list[int],
-    seen: "View",
+    view: "View",
     output: Path,
     *,
     size: tuple[int, int] | None,
@@ -242,25 +244,26 @@ def _drawn(
 
     extension = output.suffix.lower()
     if extension != ".png":
-        made = film(
-            scene, numbers, seen,
+        pictures = film(
+            scene, numbers, view,
             turn_s=turn_s, size=size,
             max_size=GIF_PX if extension == ".gif" else FILM_PX,
             is_followed=follow, progress=progress,
         )  # fmt: skip
-        save_film(made, output, overwrite=force, progress=progress)
-        return {"size_px": list(made.size), "n_pictures": made.n_pictures, "fps": made.fps}
+        save_film(pictures, output, overwrite=force, progress=progress)
+        size_px, n_pictures = list(pictures.size), pictures.n_pictures
+        return {"size_px": size_px, "n_pictures": n_pictures, "fps": pictures.fps}
     if is_range and scene.original is not None:
         numbers = representative_frames(numbers, COMPARED_FRAMES)
     elif is_range:
         numbers = spread_frames(numbers, SHEET_FRAMES)
-    picture = still(scene, numbers, seen, size=size, is_followed=follow, progress=progress)
+    picture = still(scene, numbers, view, size=size, is_followed=follow, progress=progress)
     save_png(picture, output, overwrite=force)
     return {"size_px": list(picture.size), "frames": numbers}
 
 
 def _checked_extension(output: Path) -> str:
-    """The extension of the output in lower case; raises if a library that it needs is missing."""
+    """The extension of the output in lower case; raises if a required library is missing."""
     from meshreel.rendering.film_files import require_ffmpeg
     from meshreel.runtime.outputs.checks import check_extension
 
@@ -270,7 +273,7 @@ def _checked_extension(output: Path) -> str:
     return extension
 
 
-def _check_together(
+def _check_combination(
     original: str | None,
     heatmap: str | None,
     turntable: float | None,
@@ -284,23 +287,21 @@ def _check_together(
         raise click.UsageError(f"--heatmap takes {', '.join(HEAT_NAMES)}; got {heatmap!r}")
     if heatmap is not None and original is None:
         raise click.UsageError(
-            "--heatmap shows the error of FILE relative to its original; name that with --original"
+            "--heatmap shows the error of FILE relative to its original; give that with --original"
         )
     if turntable is not None and not is_film:
         raise click.UsageError(
-            "--turntable turns a film; write .mp4 or .gif, or turn a picture with --view"
+            "--turntable applies to films; write .mp4 or .gif, or turn a picture with --view"
         )
     if turntable is not None and follow is not None:
-        raise click.UsageError(
-            "--turntable circles the place where the mesh is; leave --follow and --no-follow out"
-        )
+        raise click.UsageError("--turntable always follows the mesh; omit --follow and --no-follow")
     if turntable is not None and not 0 < turntable <= MAX_TURN_S:
         raise click.UsageError(
             f"--turntable takes seconds above 0 and up to {MAX_TURN_S:g}; got {turntable:g}"
         )
 
 
-def _print_drawn(figures: dict[str, Any]) -> None:
+def _print_figures(figures: dict[str, Any]) -> None:
     from meshreel.app.cli.console import print_table
     from meshreel.runtime.counting import size_text
 

@@ -1,4 +1,4 @@
-"""Parsing of the options of `meshreel render`: frames, size, colour, track."""
+"""Parse the options of `meshreel render`: frames, size, color, track."""
 
 import re
 from collections.abc import Mapping
@@ -13,14 +13,14 @@ if TYPE_CHECKING:
 
 
 def is_range(text: str | None) -> bool:
-    """Whether frames are given as A:B, or not at all, rather than listed."""
+    """Whether --frames is A:B or absent, not a list."""
     return text is None or ":" in text
 
 
 def frame_numbers(text: str | None, n_frames: int, notes: list[str]) -> list[int]:
     """The frames of 'A:B' or 'N,N,...', where -1 is the last; all by default.
 
-    A note is added if 'A:B' goes beyond the ends.
+    Adds a note if 'A:B' exceeds the ends.
     """
     if is_range(text):
         return _range(text or ":", n_frames, notes)
@@ -45,7 +45,7 @@ def _range(text: str, n_frames: int, notes: list[str]) -> list[int]:
     numbers = range(n_frames)[start:stop]
     if not numbers:
         raise click.UsageError(
-            f"--frames {text} names no frame; there are frames 0 to {n_frames - 1}"
+            f"--frames {text} selects no frame; there are frames 0 to {n_frames - 1}"
         )
     if note := clamped_note(slice(start, stop), n_frames):
         notes.append(note)
@@ -56,14 +56,15 @@ def picture_size(text: str | None) -> tuple[int, int] | None:
     """Width and height of 'WxH'."""
     if text is None:
         return None
-    found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text.lower())
-    if not found:
-        raise click.UsageError(f"--size takes WIDTHxHEIGHT in pixels, as 1280x720; got {text!r}")
-    return int(found[1]), int(found[2])
+    match = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text.lower())
+    if not match:
+        message = f"--size takes WIDTHxHEIGHT in pixels, such as 1280x720; got {text!r}"
+        raise click.UsageError(message)
+    return int(match[1]), int(match[2])
 
 
-def color_named(text: str) -> tuple[int, int, int]:
-    """The colour of a CSS name or #rrggbb."""
+def parse_color(text: str) -> tuple[int, int, int]:
+    """The color of a CSS name or #rrggbb."""
     from PIL import ImageColor
 
     try:
@@ -82,20 +83,26 @@ def track_look(
     heatmap: str | None = None,
     at: int | None = None,
 ) -> "TrackLook | None":
-    """The appearance of a track; None without one."""
+    """The look of a track; None without a track.
+
+    Raises
+    ------
+    click.UsageError
+        If options for the look are set without a track.
+    """
     from meshreel.rendering.colormap import check_colormap
     from meshreel.rendering.scenes import TRACK_HEAT
     from meshreel.rendering.track_colors import TrackLook, parse_range
 
     if track is None:
-        given = {
+        options = {
             "--component": component, "--range": ends, "--colormap": colormap, "--at": at,
         }  # fmt: skip
-        without = next((name for name, value in given.items() if value is not None), None)
+        unused = next((name for name, value in options.items() if value is not None), None)
         if heatmap == TRACK_HEAT:
             raise click.UsageError("--heatmap track shows the error of a track; name it: --track")
-        if without:
-            raise click.UsageError(f"{without} says how a track is shown; name it with --track")
+        if unused:
+            raise click.UsageError(f"{unused} applies to a track; name it with --track")
         return None
     if ends is not None:
         parse_range(ends)
@@ -104,15 +111,20 @@ def track_look(
     return TrackLook(track, component, ends, colormap)
 
 
-def check_plot(given: Mapping[str, object], *, is_film: bool) -> None:
-    """Nothing if all that is given has a use for a plot over time, and it can be drawn."""
+def check_plot(unsupported: Mapping[str, object], *, is_film: bool) -> None:
+    """Raise if an option does not apply to a plot over time, or it cannot be drawn.
+
+    Parameters
+    ----------
+    unsupported : mapping
+        Values of the options that do not apply to plots; None if absent.
+    is_film : bool
+    """
     from meshreel.rendering.plots import require_matplotlib
 
-    without = next((name for name, value in given.items() if value is not None), None)
-    if without:
-        raise click.UsageError(
-            f"{without} has no effect on a plot over time (--at); leave one of the two out"
-        )
+    unused = next((name for name, value in unsupported.items() if value is not None), None)
+    if unused:
+        raise click.UsageError(f"{unused} cannot be combined with a plot over time (--at)")
     if is_film:
         raise click.UsageError("--at draws a plot over time; write a .png")
     require_matplotlib()

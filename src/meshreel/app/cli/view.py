@@ -1,4 +1,4 @@
-"""`meshreel view`: playback of a .reel in the browser."""
+"""`meshreel view`: play a .reel in the browser."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -31,12 +31,12 @@ if TYPE_CHECKING:
     type=int,
     range=Range(0, 65535, is_whole=True),
     default=0,
-    help="Port to listen on; 0 takes a free one.",
+    help="Port to listen on; 0 selects a free port.",
 )
 @option(
     "--host",
     default="127.0.0.1",
-    help="Address or name of this machine to listen on, so that others can watch.",
+    help="Address or name of this machine to listen on; others can watch if they can reach it.",
 )
 def view_command(
     source: Path,
@@ -50,10 +50,10 @@ def view_command(
     port: int,
     host: str,
 ) -> None:
-    """Play a .reel file in the browser, until ctrl-C.
+    """Play a .reel file in the browser until ctrl-C.
 
-    This program serves the page, by default to this machine only (see --host); nothing is loaded
-    from elsewhere.
+    This program serves the page, by default to this machine only (see --host). The page loads
+    nothing from other servers.
 
     Examples:
 
@@ -87,7 +87,7 @@ def view_command(
             stack.enter_context(closing(api.measuring)).start()
         print_line(f"{source} plays at {server.url} (ctrl-C stops it)")
         if not server.is_local:
-            click.echo("everyone who can reach this machine can see it")
+            click.echo("everyone who can reach this machine can watch")
         _serve(server, opens_browser=not no_open)
     click.echo("stopped")
 
@@ -99,7 +99,7 @@ def _serve(server: "ViewerServer", *, opens_browser: bool) -> None:
     from contextlib import suppress
 
     if opens_browser:
-        # In a thread: some browsers block their caller until the page is loaded.
+        # In a thread, because some browsers block the caller until the page is loaded.
         threading.Thread(target=webbrowser.open, args=(server.url,), daemon=True).start()
     with suppress(KeyboardInterrupt):
         server.serve_forever()

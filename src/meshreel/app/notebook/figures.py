@@ -1,4 +1,4 @@
-"""Figures of a sequence or a file, in words."""
+"""Figures of a sequence or a file as text."""
 
 from collections.abc import Mapping
 from html import escape
@@ -31,22 +31,24 @@ def stream_rows(info: StreamInfo) -> Rows:
         "rate": f"{info.rate_bpvf:.3f} bits per vertex and frame",
     }
     if info.is_lossless:
-        rows["promised"] = "every position as it was, bit for bit"
+        rows["error bound"] = "lossless: positions are equal bit for bit"
     elif info.max_error_percent:
-        rows["promised"] = f"no vertex is off by more than {info.max_error_percent:g} %"
+        rows["error bound"] = f"{info.max_error_percent:g} % of the diagonal, at every vertex"
     if not info.is_whole:
-        rows["end"] = "cut off; this is what the whole blocks hold"
+        rows["end"] = "truncated; the figures describe the complete blocks"
     return rows
 
 
-def rows_of(shown: MeshSequence | ReelFile) -> Rows:
-    """Figures of either."""
-    return stream_rows(shown.info()) if isinstance(shown, ReelFile) else sequence_rows(shown)
+def rows_of(animation: MeshSequence | ReelFile) -> Rows:
+    """Figures of a sequence or a file."""
+    if isinstance(animation, ReelFile):
+        return stream_rows(animation.info())
+    return sequence_rows(animation)
 
 
 def heading_and_rows(name: str, rows: Mapping[str, str]) -> str:
-    """HTML of a name and figures in a line that wraps."""
-    items = " · ".join(f"<b>{escape(word)}</b> {escape(text)}" for word, text in rows.items())
+    """HTML of a name and a line of figures."""
+    items = " · ".join(f"<b>{escape(row)}</b> {escape(text)}" for row, text in rows.items())
     heading = f"<b>{escape(name)}</b><br>" if name else ""
     return f'<div style="font: 13px/1.5 sans-serif; margin: 2px 0 6px">{heading}{items}</div>'
 

@@ -1,4 +1,4 @@
-"""HTML of a sequence or a file for a notebook: the player in a frame, or a picture."""
+"""HTML of a sequence or a file for notebooks: the player in a frame, or a picture."""
 
 from base64 import b64encode
 from contextlib import nullcontext
@@ -21,97 +21,97 @@ from meshreel.rendering.scenes import ChosenFrames, Scene
 from meshreel.rendering.shots import spread_frames
 from meshreel.rendering.views import View, guess_up
 
-MOST_PLAYED, MOST_ENCODED = 2_500_000, 300_000
-"""Positions in all frames of a file, and of a sequence, which is encoded first, that are played
-where nobody has asked: so many take a second or two."""
+MAX_PLAYED, MAX_ENCODED = 2_500_000, 300_000
+"""Limits of positions in all frames of a file, or of a sequence, which must be encoded first, to
+play it automatically: loading takes a second or two."""
 
-MOST_HTML_BYTES = 4_000_000
-"""Of a player in a notebook, which keeps all its output."""
+MAX_HTML_BYTES = 4_000_000
+"""Limit of an automatic player, because a notebook stores its output."""
 
-QUICK = 6
-"""How hard the player is deflated: the hardest takes twice the time for a few percent."""
+DEFLATE_LEVEL = 6
+"""Compression level of the player; level 9 doubles the time for a few percent."""
 
 HEIGHT_PX = 440
 
-POSES, MOST_FACES = 4, 400_000
-"""So many poses are drawn; of a mesh of more faces only one."""
+N_POSES, MAX_FACES = 4, 400_000
+"""Number of poses in the picture; a mesh with more faces has one pose."""
 
-MOST_DRAWN_FACES = 4_000_000
-"""A mesh of more is not drawn: it would take long."""
+MAX_DRAWN_FACES = 4_000_000
+"""Meshes with more faces are not drawn, because it takes too long."""
 
 PICTURE_HEIGHT_PX, PICTURE_WIDTHS_PX = 280, (120, 420)
 
 
-def html_of(shown: MeshSequence | ReelFile) -> str:
-    """HTML of a sequence or a file: figures over its player, or over a picture of it.
+def html_of(animation: MeshSequence | ReelFile) -> str:
+    """HTML of a sequence or a file: figures with a player, or with a picture.
 
-    It plays where that is quick and small: `MOST_PLAYED`, `MOST_ENCODED`, `MOST_HTML_BYTES`.
+    The player is used within `MAX_PLAYED`, `MAX_ENCODED` and `MAX_HTML_BYTES`.
     """
-    most = MOST_PLAYED if isinstance(shown, ReelFile) else MOST_ENCODED
-    frame = None
-    if shown.n_frames * shown.n_verts <= most:
-        frame = player_html(shown, MOST_HTML_BYTES)
-    return frame or _picture_and_figures(shown)
+    max_positions = MAX_PLAYED if isinstance(animation, ReelFile) else MAX_ENCODED
+    player = None
+    if animation.n_frames * animation.n_verts <= max_positions:
+        player = player_html(animation, MAX_HTML_BYTES)
+    return player or _picture_and_figures(animation)
 
 
-def player_html(shown: MeshSequence | ReelFile, most_bytes: float = float("inf")) -> str | None:
-    """HTML of the player in a frame; None if it is not built, cannot draw this, or is too large.
+def player_html(animation: MeshSequence | ReelFile, max_bytes: float = float("inf")) -> str | None:
+    """HTML of the player in a frame; None if it is not built, too large, or cannot draw the mesh.
 
-    A sequence is shown as `encode` makes it; a line says so.
+    A sequence is encoded with default options; a line says so.
     """
-    encoded = isinstance(shown, MeshSequence)
+    is_sequence = isinstance(animation, MeshSequence)
     try:
         page = built_page()
-        opened = (
-            ReelFile(BytesIO(encode(shown)), memory=OWN_STREAM)
-            if isinstance(shown, MeshSequence)
-            else shown
+        reel = (
+            ReelFile(BytesIO(encode(animation)), memory=OWN_STREAM)
+            if isinstance(animation, MeshSequence)
+            else animation
         )
-        with opened if encoded else nullcontext():
-            api = Api(opened, shown.name, stream_rows)
+        with reel if is_sequence else nullcontext():
+            api = Api(reel, animation.name, stream_rows)
             text = _page_text(api, page)
-    except InvalidInputError:  # not built, or of a size that nobody can draw
+    except InvalidInputError:  # the page is not built, or the model too large or small to draw
         return None
-    if len(text) > most_bytes:
+    if len(text) > max_bytes:
         return None
-    rows = rows_of(shown)
-    if encoded:
-        rows["shown"] = f"as encode() makes it by default, of {api.reel.size_bytes:,} bytes"
+    rows = rows_of(animation)
+    if is_sequence:
+        rows["shown"] = f"encoded with default options, {api.reel.size_bytes:,} bytes"
     frame = (
         f'<iframe srcdoc="{escape(text)}" sandbox="allow-scripts allow-downloads" '
         f'allow="fullscreen" style="width: 100%; height: {HEIGHT_PX}px; border: 0"></iframe>'
     )
-    return heading_and_rows(shown.name, rows) + frame
+    return heading_and_rows(animation.name, rows) + frame
 
 
 def _page_text(api: Api, page: Page) -> str:
     stream = {"base64": base64_of(api.reel.stored(0, api.reel.size_bytes))}
-    return page.whole({"facts": api.facts(), "stream": stream}, level=QUICK)
+    return page.whole({"facts": api.facts(), "stream": stream}, level=DEFLATE_LEVEL)
 
 
-def _picture_and_figures(shown: MeshSequence | ReelFile) -> str:
-    rows = rows_of(shown)
-    picture = _picture_html(shown)
+def _picture_and_figures(animation: MeshSequence | ReelFile) -> str:
+    rows = rows_of(animation)
+    picture = _picture_html(animation)
     if not picture:
-        rows["picture"] = "none, for so many faces"
+        rows["picture"] = "omitted: too many faces"
     rows["to play it"] = "show()"
-    return heading_and_rows(shown.name, rows) + picture
+    return heading_and_rows(animation.name, rows) + picture
 
 
-def _picture_html(shown: MeshSequence | ReelFile) -> str:
+def _picture_html(animation: MeshSequence | ReelFile) -> str:
     """HTML of a picture of some poses; empty for a mesh that takes too long to draw."""
-    if shown.n_faces > MOST_DRAWN_FACES:
+    if animation.n_faces > MAX_DRAWN_FACES:
         return ""
-    n_poses = POSES if shown.n_faces <= MOST_FACES else 1
-    numbers = spread_frames(range(shown.n_frames), n_poses)
-    frames = np.stack([shown.read(number, number + 1)[0] for number in numbers])
-    poses = MeshSequence(frames, shown.faces, surface=shown.surface)
+    n_poses = N_POSES if animation.n_faces <= MAX_FACES else 1
+    numbers = spread_frames(range(animation.n_frames), n_poses)
+    frames = np.stack([animation.read(number, number + 1)[0] for number in numbers])
+    poses = MeshSequence(frames, animation.faces, surface=animation.surface)
     picture = BytesIO()
     titles = [f"frame {number}" for number in numbers]
     side_by_side(_panels(poses), titles).save(picture, "PNG", optimize=True)
     data = b64encode(picture.getvalue()).decode()
-    words = ", ".join(titles)
-    return f'<img alt="{words}" style="max-width: 100%" src="data:image/png;base64,{data}">'
+    alt = ", ".join(titles)
+    return f'<img alt="{alt}" style="max-width: 100%" src="data:image/png;base64,{data}">'
 
 
 def _panels(poses: MeshSequence) -> list[np.ndarray]:

@@ -1,4 +1,4 @@
-"""The player of a sequence or a file: in the notebook, or in the browser."""
+"""Play a sequence or a file in the notebook or in the browser."""
 
 import sys
 import threading
@@ -19,18 +19,19 @@ from meshreel.codec.memory import OWN_STREAM
 from meshreel.codec.reel_file import ReelFile
 from meshreel.model.sequence import MeshSequence
 
-MOST_HTML_BYTES = 64_000_000
-"""Of a player in a notebook that was asked for."""
+MAX_HTML_BYTES = 64_000_000
+"""Limit of a player that `show` puts into a notebook."""
 
 
-def show(shown: MeshSequence | ReelFile, *, block: bool | None = None) -> None:
-    """Play a sequence or a file; parameters and errors are those of `showing.show`."""
+def show(animation: MeshSequence | ReelFile, *, block: bool | None = None) -> None:
+    """Play a sequence or a file; see `meshreel.model.showing.show`."""
     if _is_notebook():
         display = import_module("IPython.display")
-        display.display(display.HTML(player_html(shown, MOST_HTML_BYTES) or html_of(shown)))
+        html = player_html(animation, MAX_HTML_BYTES) or html_of(animation)
+        display.display(display.HTML(html))
         return
-    server = serve(shown)
-    print(f"{shown.name or 'the animation'} plays at {server.url}")
+    server = serve(animation)
+    print(f"{animation.name or 'the animation'} plays at {server.url}")
     threading.Thread(target=webbrowser.open, args=(server.url,), daemon=True).start()
     if _is_prompt() if block is None else not block:
         return
@@ -41,21 +42,21 @@ def show(shown: MeshSequence | ReelFile, *, block: bool | None = None) -> None:
     server.server_close()
 
 
-def serve(shown: MeshSequence | ReelFile) -> ViewerServer:
-    """A server that plays it in a thread of its own; a sequence stands beside what `encode` makes.
+def serve(animation: MeshSequence | ReelFile) -> ViewerServer:
+    """Start a server in a thread; it compares a sequence with its default encoding.
 
     Raises
     ------
     InvalidInputError
-        As `show`.
+        If the page of the player is not built, or the model is too large or too small to draw.
     """
     comparison = None
-    if isinstance(shown, ReelFile):
-        reel = shown
+    if isinstance(animation, ReelFile):
+        reel = animation
     else:
-        reel = ReelFile(BytesIO(encode(shown)), memory=OWN_STREAM)
-        comparison = Comparison(reel, Original(shown, reel))
-    server = ViewerServer(Api(reel, shown.name, stream_rows, comparison))
+        reel = ReelFile(BytesIO(encode(animation)), memory=OWN_STREAM)
+        comparison = Comparison(reel, Original(animation, reel))
+    server = ViewerServer(Api(reel, animation.name, stream_rows, comparison))
     if server.api.measuring is not None:
         server.api.measuring.start()
     threading.Thread(target=server.serve_forever, name="meshreel-show", daemon=True).start()
@@ -63,16 +64,16 @@ def serve(shown: MeshSequence | ReelFile) -> ViewerServer:
 
 
 def _is_notebook() -> bool:
-    """Whether output goes to a notebook, which shows HTML; a terminal does not."""
+    """Whether the output is a notebook, which shows HTML, and not a terminal."""
     return hasattr(_shell(), "kernel")
 
 
 def _is_prompt() -> bool:
-    """Whether somebody types the lines one by one."""
+    """Whether Python runs interactively."""
     return hasattr(sys, "ps1") or bool(sys.flags.interactive) or _shell() is not None
 
 
 def _shell() -> Any:
-    """The shell of IPython that this runs in, if any."""
+    """The current IPython shell, if any."""
     ipython = sys.modules.get("IPython")
     return None if ipython is None else ipython.get_ipython()

@@ -28,7 +28,7 @@ class Lines(io.StringIO):
 
 def test_lines_come_again_and_again_when_a_stage_says_nothing():
     stream = Lines()
-    with progress_lines(stream, first_after_s=0.01, every_s=0.01) as progress:
+    with progress_lines(stream, first_line_s=0.01, interval_s=0.01) as progress:
         progress("encoding, try 3", Count(12, 175, "frames"))
         lines = stream.wait_for(3)
     assert lines[-1] == "meshreel: encoding, try 3: 12 of 175 frames (0:00 so far)"
@@ -39,7 +39,7 @@ def test_lines_come_again_and_again_when_a_stage_says_nothing():
 )
 def test_line_tells_the_share_when_something_is_done_and_something_left(fraction, words):
     stream = Lines()
-    with progress_lines(stream, first_after_s=0.01, every_s=0.01) as progress:
+    with progress_lines(stream, first_line_s=0.01, interval_s=0.01) as progress:
         progress("comparing", fraction)
         stream.wait_for(2)
         lines = stream.wait_for(1)
@@ -48,7 +48,7 @@ def test_line_tells_the_share_when_something_is_done_and_something_left(fraction
 
 def test_nothing_is_written_when_work_is_short():
     stream = Lines()
-    with progress_lines(stream, first_after_s=60) as progress:
+    with progress_lines(stream, first_line_s=60) as progress:
         progress("reading", 0.5)
     assert stream.getvalue() == ""
 
@@ -56,13 +56,13 @@ def test_nothing_is_written_when_work_is_short():
 def test_work_goes_on_when_nobody_reads_the_lines():
     stream = Lines()
     stream.close()
-    with progress_lines(stream, first_after_s=0.001, every_s=0.001) as progress:
+    with progress_lines(stream, first_line_s=0.001, interval_s=0.001) as progress:
         progress("reading", 0.5)
         time.sleep(0.05)
 
 
 def test_work_does_not_wait_for_the_next_line_when_it_ends():
     began = time.monotonic()
-    with progress_lines(Lines(), first_after_s=30, every_s=30):
+    with progress_lines(Lines(), first_line_s=30, interval_s=30):
         pass
     assert time.monotonic() - began < 5

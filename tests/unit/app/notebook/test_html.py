@@ -1,4 +1,4 @@
-"""What a notebook shows of a sequence and of a file."""
+"""HTML of sequences and files in notebooks."""
 
 import base64
 import re
@@ -42,28 +42,28 @@ def picture_in(html):
 
 
 @pytest.mark.parametrize("kind", ["sequence", "file"])
-def test_player_in_a_frame_carries_the_animation_when_it_is_small(reel, kind):
-    shown = reel if kind == "file" else waving_grid(12)
-    html = shown._repr_html_()
+def test_framed_player_contains_the_animation_when_it_is_small(reel, kind):
+    animation = reel if kind == "file" else waving_grid(12)
+    html = animation._repr_html_()
     data = carried(framed_page(html))
     np.testing.assert_array_equal(decode(data["stream"]).vertices, reel[:])
     assert data["facts"]["name"] == "grid"
 
 
-def test_figures_of_a_file_stand_above_its_player(reel):
+def test_html_of_a_file_contains_its_figures(reel):
     html = reel._repr_html_()
     info = reel.info()
     assert f"{info.ratio:.0f} x smaller" in html
     assert f"{info.rate_bpvf:.3f} bits per vertex and frame" in html
 
 
-def test_sequence_says_that_it_is_shown_as_encoded_when_it_plays():
+def test_html_of_a_sequence_says_that_the_player_shows_its_encoding():
     size = len(encode(waving_grid(12)))
-    assert f"as encode() makes it by default, of {size:,} bytes" in waving_grid(12)._repr_html_()
+    assert f"encoded with default options, {size:,} bytes" in waving_grid(12)._repr_html_()
 
 
-@pytest.mark.parametrize("limit", slow_but(["MOST_HTML_BYTES"], ["MOST_PLAYED", "MOST_HTML_BYTES"]))
-def test_picture_and_figures_are_shown_when_the_player_would_be_large(reel, monkeypatch, limit):
+@pytest.mark.parametrize("limit", slow_but(["MAX_HTML_BYTES"], ["MAX_PLAYED", "MAX_HTML_BYTES"]))
+def test_picture_and_figures_are_shown_when_the_player_is_too_large(reel, monkeypatch, limit):
     monkeypatch.setattr(notebook, limit, 100)
     html = reel._repr_html_()
     assert "iframe" not in html
@@ -82,23 +82,23 @@ def test_picture_is_shown_when_the_page_is_not_built(monkeypatch):
 
 
 @pytest.mark.slow
-def test_picture_is_small_and_soon_there_when_the_mesh_is_large():
+def test_html_is_a_small_picture_when_the_mesh_is_large():
     large = waving_grid(40, 120, 120)
-    assert large.n_frames * large.n_verts > notebook.MOST_ENCODED
+    assert large.n_frames * large.n_verts > notebook.MAX_ENCODED
     html = large._repr_html_()
     assert "data:image/png" in html
     assert len(html) < 1_000_000
 
 
-def test_figures_alone_are_shown_when_there_are_too_many_faces_to_draw(monkeypatch):
-    monkeypatch.setattr(notebook, "MOST_DRAWN_FACES", 10)
-    monkeypatch.setattr(notebook, "MOST_ENCODED", 10)
+def test_html_has_no_picture_when_there_are_too_many_faces_to_draw(monkeypatch):
+    monkeypatch.setattr(notebook, "MAX_DRAWN_FACES", 10)
+    monkeypatch.setattr(notebook, "MAX_ENCODED", 10)
     html = waving_grid(2)._repr_html_()
-    assert "none, for so many faces" in html
+    assert "omitted: too many faces" in html
     assert "<img" not in html
 
 
-def test_name_cannot_break_out_when_it_holds_html():
+def test_name_is_escaped_when_it_contains_html():
     grid = waving_grid(3)
     named = MeshSequence(grid.vertices, grid.faces, name='</iframe><script>"boo"</script>')
     html = named._repr_html_()
@@ -106,8 +106,8 @@ def test_name_cannot_break_out_when_it_holds_html():
     assert "</iframe><" not in html.removesuffix("</iframe>")
 
 
-@pytest.mark.parametrize(("most", "n_poses"), [(160, 4), (159, 1)])
-def test_picture_has_one_pose_when_faces_are_many(monkeypatch, most, n_poses):
-    monkeypatch.setattr(notebook, "MOST_FACES", most)
-    [words] = re.findall(r'<img alt="([^"]*)"', notebook._picture_html(waving_grid(12)))
-    assert len(words.split(", ")) == n_poses
+@pytest.mark.parametrize(("max_faces", "n_poses"), [(160, 4), (159, 1)])
+def test_picture_has_one_pose_when_there_are_many_faces(monkeypatch, max_faces, n_poses):
+    monkeypatch.setattr(notebook, "MAX_FACES", max_faces)
+    [titles] = re.findall(r'<img alt="([^"]*)"', notebook._picture_html(waving_grid(12)))
+    assert len(titles.split(", ")) == n_poses

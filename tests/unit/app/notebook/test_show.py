@@ -1,4 +1,4 @@
-"""Playing a sequence or a file from Python."""
+"""`show()` of sequences and files."""
 
 import sys
 from io import BytesIO
@@ -15,7 +15,7 @@ from meshreel.codec.reel_file import ReelFile
 from samples.meshes import waving_grid
 from samples.players import PAGE
 
-PATIENCE_S = 20
+TIMEOUT_S = 20
 
 
 @pytest.fixture(autouse=True)
@@ -26,10 +26,10 @@ def _page(monkeypatch):
 
 @pytest.fixture
 def opened(monkeypatch):
-    """Addresses that a browser was asked to open, and the servers behind them."""
+    """Queue of the addresses that the browser opens; their servers stop after the test."""
     addresses, servers, serve = Queue(), [], showing.serve
     monkeypatch.setattr("webbrowser.open", addresses.put)
-    monkeypatch.setattr(showing, "serve", lambda shown: servers.append(serve(shown)) or servers[-1])
+    monkeypatch.setattr(showing, "serve", lambda one: servers.append(serve(one)) or servers[-1])
     yield addresses
     for server in servers:
         server.shutdown()
@@ -38,23 +38,23 @@ def opened(monkeypatch):
             server.api.measuring.close()
 
 
-def test_browser_plays_a_file_when_nobody_is_in_a_notebook(opened, capsys):
+def test_browser_plays_a_file_outside_notebooks(opened, capsys):
     with ReelFile(BytesIO(encode(waving_grid(4)))) as reel:
         reel.show(block=False)
-        address = opened.get(timeout=PATIENCE_S)
+        address = opened.get(timeout=TIMEOUT_S)
         assert address in capsys.readouterr().out
-        with urlopen(f"{address}stream.reel", timeout=PATIENCE_S) as answer:
+        with urlopen(f"{address}stream.reel", timeout=TIMEOUT_S) as answer:
             assert answer.read() == encode(waving_grid(4))
 
 
-def test_browser_compares_a_sequence_with_what_encode_makes_of_it(opened):
+def test_browser_compares_a_sequence_with_its_encoding(opened):
     waving_grid(4).show(block=False)
-    address = opened.get(timeout=PATIENCE_S)
-    with urlopen(f"{address}api/original/3", timeout=PATIENCE_S) as answer:
+    address = opened.get(timeout=TIMEOUT_S)
+    with urlopen(f"{address}api/original/3", timeout=TIMEOUT_S) as answer:
         assert answer.status == 200
 
 
-def test_output_of_the_cell_shows_the_player_when_it_is_a_notebook(opened, monkeypatch):
+def test_cell_output_contains_the_player_in_a_notebook(opened, monkeypatch):
     shown = []
     display = SimpleNamespace(HTML=lambda text: text, display=shown.append)
     shell = SimpleNamespace(get_ipython=lambda: SimpleNamespace(kernel=1), display=display)
@@ -66,14 +66,14 @@ def test_output_of_the_cell_shows_the_player_when_it_is_a_notebook(opened, monke
 
 
 @pytest.mark.parametrize(("attribute", "is_prompt"), [("ps1", True), ("other", False)])
-def test_prompt_is_known_by_its_sign(monkeypatch, attribute, is_prompt):
+def test_prompt_is_detected_by_ps1(monkeypatch, attribute, is_prompt):
     monkeypatch.delattr(sys, "ps1", raising=False)
     monkeypatch.setattr(sys, attribute, ">>> ", raising=False)
     assert showing._is_prompt() is is_prompt
 
 
 @pytest.mark.parametrize(("block", "n_waits"), [(True, 1), (False, 0)])
-def test_script_waits_for_ctrl_c_when_it_is_to_block(opened, monkeypatch, capsys, block, n_waits):
+def test_show_waits_for_ctrl_c_when_it_blocks(opened, monkeypatch, capsys, block, n_waits):
     waits = []
 
     class Interrupted:
