@@ -116,7 +116,7 @@ def test_render_keeps_an_existing_output_without_force(flag, tmp_path):
         (["-o", "a.png", "--turntable", "4"], [".mp4 or .gif"]),
         (["-o", "a.gif", "--turntable", "0"], ["seconds above 0"]),
         (["-o", "a.png", "--frames", "12"], ["frames 0 to 11"]),
-        (["-o", "a.png", "--frames", "9:9"], ["names no frame", "0 to 11"]),
+        (["-o", "a.png", "--frames", "9:9"], ["selects no frame", "0 to 11"]),
         (["-o", "a.png", "--frames", "1;2"], ["A:B", "0,10,20"]),
         (["-o", "a.png", "--frames", "1:9:2"], ["A:B"]),
         (["-o", "a.png", "--view", "behind"], ["front, side, top"]),
@@ -216,7 +216,7 @@ def test_render_plots_a_track_at_a_vertex(warm, tmp_path):
         (["--track", "height", "--colormap", "jet"], "is sequential or diverging; got 'jet'"),
         (
             ["--track", "height", "--at", 5, "--colormap", "diverging"],
-            "--colormap has no effect on a plot",
+            "--colormap cannot be combined with a plot",
         ),
         (["--track", "height", "--range", "1:0"], "a range is LOW:HIGH, low first"),
         (
@@ -225,10 +225,10 @@ def test_render_plots_a_track_at_a_vertex(warm, tmp_path):
         ),
         (["--at", 5], "--at applies to a track; name it with --track"),
         (["--track", "height", "--at", 320], "has values of vertex 0 to 319; got 320"),
-        (["--track", "height", "--at", 5, "--size", "9x9"], "--size has no effect on a plot"),
-        (["--track", "height", "--at", 5, "--view", "top"], "--view has no effect on a plot"),
+        (["--track", "height", "--at", 5, "--size", "9x9"], "--size cannot be combined with a plot"),
+        (["--track", "height", "--at", 5, "--view", "top"], "--view cannot be combined with a plot"),
         (["--track", "height", "--at", 5, "-o", "a.gif"], "--at draws a plot over time; write"),
-        (["--track", "height", "--heatmap", "track"], "name that with --original"),
+        (["--track", "height", "--heatmap", "track"], "give that with --original"),
         (["--original", "warm.npz", "--heatmap", "track"], "shows the error of a track; name it"),
     ],
 )
