@@ -24,7 +24,7 @@ from option_texts import options_tables
 
 import meshreel
 from meshreel.app.cli.commands import command_named
-from meshreel.app.cli.help_panels import shown_default
+from meshreel.app.cli.help_panels import default_text
 from meshreel.app.cli.parameters import Option
 
 ROOT = Path(__file__).parents[1]
@@ -124,7 +124,7 @@ def _panel(name: str, rows: list[str]) -> str:
 
 def _row(option: Option) -> str:
     names = ", ".join(f"`{name}`" for name in [*option.opts, *option.secondary_opts])
-    default = shown_default(option)
+    default = default_text(option)
     shown = f" Default: `{default}`." if default else ""
     meaning = " ".join((option.help or "").split()).replace("|", "\\|")
     return f"| {names} | {meaning}{shown} |"

@@ -8,7 +8,7 @@ import pytest
 
 import meshreel
 from meshreel.app.batch.discovery import WHOLE_SEQUENCES
-from meshreel.app.cli.batch import FRAMES, WHOLE
+from meshreel.app.cli.batch import FRAME_EXTENSIONS, SEQUENCE_EXTENSIONS
 from meshreel.app.cli.commands import COMMANDS as NAMES
 from meshreel.app.cli.commands import command_named
 from meshreel.errors import InvalidInputError
@@ -194,9 +194,9 @@ def test_readme_is_short():
     assert len(README.read_text(encoding="utf-8").splitlines()) <= 150
 
 
-@pytest.mark.parametrize("listed", [WHOLE, FRAMES])
+@pytest.mark.parametrize("listed", [SEQUENCE_EXTENSIONS, FRAME_EXTENSIONS])
 def test_guide_and_help_list_the_formats_of_batch(listed):
-    expected = WHOLE_SEQUENCES if listed is WHOLE else FRAME_FORMATS
+    expected = WHOLE_SEQUENCES if listed is SEQUENCE_EXTENSIONS else FRAME_FORMATS
     assert set(listed.split()) == set(expected)
     guide = (ROOT / "docs/guides/batch.md").read_text(encoding="utf-8")
     assert listed in " ".join(guide.split())
