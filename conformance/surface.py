@@ -115,27 +115,92 @@ class AlongFaces:
         return triples
 
 
-def read_references(payload, slots):
-    """Return the row of each item."""
+def read_references(payload, n_items):
+    """Return the row of each vertex or face."""
     payload = Payload(payload)
-    n_explicit, seen, is_first = payload.varint(), set(), []
-    for slot in slots:
-        is_first.append(slot not in seen)
-        seen.add(slot)
-    n_first = sum(is_first)
-    rows = integers(payload.rest(), [n_first, len(slots) - n_first, n_explicit])
-    first, later, explicit = iter(rows[0]), iter(rows[1]), accumulate(rows[2])
-    n_new, last, references = 0, {}, []
-    for slot, is_new in zip(slots, is_first, strict=True):
-        code = next(first if is_new else later)
-        need(code in (0, 1, 2))
+    n_explicit = payload.varint()
+    need(n_explicit <= n_items)
+    codes, differences = integers(payload.rest(), [n_items, n_explicit])
+    explicit, n_new, rows = accumulate(differences), 0, []
+    for code in codes:
+        need(code in (0, 1, 2) and (rows or code))
+        if code == 0:
+            rows.append(rows[-1])
+        elif code == 1:
+            rows.append(n_new)
+            n_new += 1
+        else:
+            rows.append(next(explicit, None))
+            need(rows[-1] is not None)
+    need(next(explicit, None) is None)
+    return rows
+
+
+SAME, OPEN, SEAM, NO_NEIGHBOR = range(4)
+
+
+class CornerReferences:
+    """The rows of corners, coded face by face."""
+
+    def __init__(self, payload, polygons):
+        payload = Payload(payload)
+        self.faces, self.items = polygons.triangles, polygons.fans()
+        self.twins = twins_of(self.faces)
+        counts = [payload.varint() for _ in range(9)]
+        n_first = polygons.n_corners - sum(counts[:8])
+        need(n_first >= 0 and counts[8] <= polygons.n_corners)
+        *codes, differences = integers(payload.rest(), [n_first, *counts])
+        self.codes, self.explicit = [iter(one) for one in codes], accumulate(differences)
+        self.rows, self.recent, self.n_new = [None] * polygons.n_corners, {}, 0
+
+    def read(self):
+        """Return the row of each corner."""
+        for face, items in enumerate(self.items):
+            for corner, item in enumerate(items):
+                if self.rows[item] is None:
+                    self.rows[item] = self.row_of(face, corner)
+        need(next(self.explicit, None) is None)
+        return self.rows
+
+    def row_of(self, face, corner):
+        recent = self.recent.setdefault(self.faces[face][corner], [])
+        sides = [
+            self.side(face, (corner + 2) % 3, corner, (corner + 2) % 3),
+            self.side(face, corner, corner, (corner + 1) % 3),
+        ]
+        sides.sort(key=lambda side: side[0])
+        candidates = [row for state, row in sides if state != NO_NEIGHBOR] + recent
+        candidates = list(dict.fromkeys(candidates))
+        context = 1 + sides[0][0] + 4 * (len(recent) > 1) if candidates else 0
+        code = next(self.codes[context], None)
+        need(code is not None)
         if code == 1:
-            last[slot], n_new = n_new, n_new + 1
+            row, self.n_new = self.n_new, self.n_new + 1
         elif code == 2:
-            last[slot] = next(explicit)
-        need(slot in last)
-        references.append(last[slot])
-    return references
+            row = next(self.explicit, None)
+        else:
+            number = max(0, code - 2)
+            need(code >= 0 and number < len(candidates))
+            row = candidates[number]
+        need(row is not None and row >= 0)
+        if row in recent:
+            recent.remove(row)
+        recent.insert(0, row)
+        del recent[8:]
+        return row
+
+    def side(self, face, side, corner, other):
+        """State of a side, and the row of the neighboring face at the vertex of the corner."""
+        twin = self.twins[3 * face + side]
+        if twin // 3 >= face:
+            return NO_NEIGHBOR, None
+        neighbor, start = divmod(twin, 3)
+        ends = [start, (start + 1) % 3]
+        if self.faces[neighbor][start] != self.faces[face][corner]:
+            ends.reverse()
+        row, there = (self.rows[self.items[neighbor][end]] for end in ends)
+        here = self.rows[self.items[face][other]]
+        return OPEN if here is None else SAME if here == there else SEAM, row
 
 
 def divisor(form):
@@ -157,7 +222,12 @@ def read_attribute(payload, polygons, n_verts, memory):
     if layout == EACH:
         need(n_rows == n_items and not references)
     else:
-        rows = read_references(references, vertices if domain == "corner" else [0] * n_items)
+        is_corner = domain == "corner"
+        rows = (
+            CornerReferences(references, polygons).read()
+            if is_corner
+            else read_references(references, n_items)
+        )
     need(predictor < (2 if domain == "face" else 3) and all(0 <= row < n_rows for row in rows))
     if predictor == 2:
         corners = polygons.triangles if domain == "vertex" else polygons.fans()

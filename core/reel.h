@@ -27,7 +27,7 @@
 extern "C" {
 #endif
 
-#define REEL_ABI 13 /* changes whenever a function or struct below changes */
+#define REEL_ABI 14 /* changes whenever a function or struct below changes */
 
 enum reel_code {
     REEL_OK = 0,
@@ -320,6 +320,24 @@ REEL_API int64_t reel_exact_decode(void *memory, size_t memory_size, const uint8
 REEL_API size_t reel_twins_memory(int64_t n_verts, int64_t n_faces);
 REEL_API int64_t reel_twins(void *memory, size_t memory_size, const int32_t *faces,
                             int64_t n_faces, int64_t n_verts, int32_t *twins);
+
+/* Codes of the rows that corners refer to (corner_rows.c). `triangles` are vertices 0..n_verts-1,
+   `twins` as above, and items[corner] of 0..n_items-1 is what has a row; NULL for the corner
+   itself. Sets for each item, in coding order, its number, its context and its code; returns their
+   number. Fails if a row is negative. */
+enum { REEL_CORNER_CONTEXTS = 9 };
+REEL_API size_t reel_corner_rows_memory(int64_t n_verts, int64_t n_items);
+REEL_API int64_t reel_corner_codes(void *memory, size_t memory_size, const int32_t *triangles,
+                                   const int32_t *twins, const int32_t *items, int64_t n_triangles,
+                                   int64_t n_verts, int64_t n_items, const int32_t *rows,
+                                   int32_t *order, uint8_t *contexts, int32_t *codes);
+/* Decode the rows, in 0..n_rows-1, from the n_codes[c] codes of each context c in turn, and the
+   differences of explicit rows. Returns n_items. */
+REEL_API int64_t reel_corner_rows(void *memory, size_t memory_size, const int32_t *triangles,
+                                  const int32_t *twins, const int32_t *items, int64_t n_triangles,
+                                  int64_t n_verts, int64_t n_items, int64_t n_rows,
+                                  const int32_t *codes, const int64_t *n_codes,
+                                  const int32_t *differences, int64_t n_explicit, int32_t *rows);
 
 /* The rows that predict each row of a table along the faces (row_predictors.c), as
    reel_patterns_encode takes them. `faces` are triples of rows 0..n_rows-1, and twins[side] is the

@@ -30,7 +30,7 @@ static int fill;
 static void (*const targets[])(void) = {
     fuzz_integers, fuzz_fields, fuzz_connectivity, fuzz_order,
     fuzz_patterns, fuzz_hierarchy, fuzz_frames, fuzz_basis_encode, fuzz_coordinates,
-    fuzz_exact, fuzz_streams,
+    fuzz_exact, fuzz_streams, fuzz_corner_rows,
 };
 #define N_TARGETS (sizeof targets / sizeof *targets)
 

@@ -87,7 +87,7 @@ static void put_text(stream *s, const char *text) {
 /* Write rows of integers with the core's coder. */
 static void put_rows(stream *s, int32_t *values, const int64_t *lengths, int64_t n_rows) {
     int64_t count = 0, capacity;
-    int32_t tables[8];
+    int32_t tables[REEL_CORNER_CONTEXTS + 1];
     for (int32_t i = 0; i < n_rows; i++) {
         count += lengths[i];
         tables[i] = i;
@@ -151,39 +151,43 @@ static int64_t count_items(const stream *s, int64_t domain) {
                                                        : s->mesh.n_faces + 2 * s->n_polygons;
 }
 
-/* Count the vertices used by faces. */
-static int64_t count_used(const stream *s) {
-    uint8_t *is_used = fuzz_allocate(s->mesh.n_verts, 1);
-    int64_t count = 0;
-    memset(is_used, 0, (size_t)s->mesh.n_verts);
-    for (int64_t i = 0; i < 3 * s->mesh.n_faces; i++) {
-        count += !is_used[s->mesh.faces[i]];
-        is_used[s->mesh.faces[i]] = 1;
-    }
-    return count;
-}
-
-/* Write references of items to rows; returns the number of rows they need. */
+/* Write references of vertices or faces to rows; returns the number of rows they need. */
 static int64_t put_references(stream *s, int64_t domain) {
-    int64_t n_items = count_items(s, domain), n_first = domain == 2 ? count_used(s) : 1;
-    int64_t n_rows = 0, n_explicit = 0, n = n_items > n_first ? n_items : n_first;
-    int32_t *values = fuzz_allocate(2 * n, sizeof *values),
-            *differences = fuzz_allocate(n, sizeof *values);
-    int32_t last = 0;
+    int64_t n = count_items(s, domain), n_rows = 0, n_explicit = 0;
+    int32_t *values = fuzz_allocate(2 * n, sizeof *values), last = 0;
     for (int64_t i = 0; i < n; i++) {
-        values[i] = i < n_first ? 1 : (int32_t)fuzz_below(3);
+        values[i] = i ? (int32_t)fuzz_below(3) : 1;
         n_rows += values[i] == 1;
         if (values[i] == 2) {
             int32_t row = (int32_t)fuzz_below(n_rows + fuzz_one_in(20));
-            differences[n_explicit++] = row - last;
+            values[n + n_explicit++] = row - last;
             last = row;
         }
     }
-    memcpy(values + n, differences, (size_t)n_explicit * sizeof *values);
-    const int64_t lengths[3] = {n_first, n - n_first, n_explicit};
+    const int64_t lengths[2] = {n, n_explicit};
     put_varint(s, (uint64_t)n_explicit);
-    put_rows(s, values, lengths, 3);
+    put_rows(s, values, lengths, 2);
     return n_rows;
+}
+
+/* Write codes of corners, mostly of one context and for new rows. */
+static int64_t put_corner_references(stream *s) {
+    int64_t n = count_items(s, 2), left = n, lengths[REEL_CORNER_CONTEXTS + 1] = {0};
+    int64_t capacity = 2 * n + 2 * REEL_CORNER_CONTEXTS;
+    int32_t *values = fuzz_allocate(capacity, sizeof *values);
+    for (int i = 1; i < REEL_CORNER_CONTEXTS; i++) {
+        lengths[i] = fuzz_below(left + (fuzz_one_in(30)));
+        left -= lengths[i] < left ? lengths[i] : left;
+        put_varint(s, (uint64_t)lengths[i]);
+    }
+    lengths[0] = left;
+    lengths[REEL_CORNER_CONTEXTS] = fuzz_below(n + 1);
+    put_varint(s, (uint64_t)lengths[REEL_CORNER_CONTEXTS]);
+    for (int64_t i = 0; i < capacity; i++) {
+        values[i] = fuzz_one_in(3) ? (int32_t)fuzz_below(5) : 1;
+    }
+    put_rows(s, values, lengths, REEL_CORNER_CONTEXTS + 1);
+    return n;
 }
 
 static void put_attribute(stream *s) {
@@ -192,7 +196,8 @@ static void put_attribute(stream *s) {
     size_t payload = s->size, begin = s->size;
     fuzz_bytes references = {NULL, 0};
     if (layout) {
-        n_rows = put_references(s, domain) + (fuzz_one_in(9) ? fuzz_below(9) : 0);
+        n_rows = domain == 2 ? put_corner_references(s) : put_references(s, domain);
+        n_rows += fuzz_one_in(9) ? fuzz_below(9) : 0;
         references = (fuzz_bytes){fuzz_copy(s->bytes + begin, (int64_t)(s->size - begin), 1),
                                   s->size - begin};
         s->size = begin;

@@ -1,5 +1,5 @@
-/* Fuzz targets: connectivity round trips and damage; hierarchies of arbitrary meshes, and fields on
-   them. */
+/* Fuzz targets: connectivity round trips and damage; references of corners; hierarchies of
+   arbitrary meshes, and fields on them. */
 
 #include "fuzz.h"
 
@@ -203,5 +203,86 @@ void fuzz_connectivity(void) {
         if (decode_faces(fuzz_mutate(bytes), &result) >= 0) {
             check_mesh(&result);
         }
+    }
+}
+
+/* ---- references of corners ---- */
+
+/* Merge triangles to fans at random; returns the number of their corners. */
+static int64_t find_fans(int64_t n_triangles, int32_t *items) {
+    int64_t n_items = 0;
+    for (int64_t i = 0; i < n_triangles; i++) {
+        bool is_first = !i || !fuzz_one_in(4);
+        int32_t *item = items + 3 * i;
+        item[0] = is_first ? (int32_t)n_items : item[-3];
+        item[1] = is_first ? (int32_t)n_items + 1 : item[-1];
+        n_items += is_first ? 3 : 1;
+        item[2] = (int32_t)n_items - 1;
+    }
+    return n_items;
+}
+
+typedef struct {
+    const fuzz_mesh *mesh;
+    const int32_t *items;
+    int64_t n_items, n_rows;
+} corners;
+
+static int32_t *decode_corners(const corners *all, const int32_t *codes, const int64_t *n_codes,
+                               const int32_t *differences, int64_t n_explicit, int64_t *result) {
+    const fuzz_mesh *mesh = all->mesh;
+    size_t size = reel_corner_rows_memory(mesh->n_verts, all->n_items);
+    int32_t *rows = fuzz_allocate(all->n_items, sizeof *rows);
+    *result = reel_corner_rows(fuzz_allocate((int64_t)size, 1), size, mesh->faces, mesh->twins,
+                               all->items, mesh->n_faces, mesh->n_verts, all->n_items, all->n_rows,
+                               codes, n_codes, differences, n_explicit, rows);
+    fuzz_check_code(*result);
+    for (int64_t i = 0; *result >= 0 && i < all->n_items; i++) {
+        FUZZ_CHECK(rows[i] >= 0 && rows[i] < all->n_rows);
+    }
+    return rows;
+}
+
+void fuzz_corner_rows(void) {
+    fuzz_mesh mesh = fuzz_make_mesh(30);
+    corners all = {.mesh = &mesh, .n_items = 3 * mesh.n_faces, .n_rows = 1 + fuzz_below(40)};
+    if (fuzz_one_in(2)) {
+        int32_t *items = fuzz_allocate(3 * mesh.n_faces, sizeof *items);
+        all.n_items = find_fans(mesh.n_faces, items);
+        all.items = items;
+    }
+    int64_t n = all.n_items, n_codes[REEL_CORNER_CONTEXTS] = {0}, n_explicit = 0, result;
+    int32_t *rows = fuzz_allocate(n, sizeof *rows), *order = fuzz_allocate(n, sizeof *order);
+    int32_t *codes = fuzz_allocate(n, sizeof *codes), *sorted = fuzz_allocate(n, sizeof *sorted);
+    int32_t *differences = fuzz_allocate(n, sizeof *differences), last = 0;
+    uint8_t *contexts = fuzz_allocate(n, 1);
+    for (int64_t i = 0; i < n; i++) {
+        rows[i] = (int32_t)fuzz_below(all.n_rows);
+    }
+    size_t size = reel_corner_rows_memory(mesh.n_verts, n);
+    FUZZ_CHECK(reel_corner_codes(fuzz_allocate((int64_t)size, 1), size, mesh.faces, mesh.twins,
+                                 all.items, mesh.n_faces, mesh.n_verts, n, rows, order, contexts,
+                                 codes) == n);
+    for (int64_t i = 0, context = 0; context < REEL_CORNER_CONTEXTS; context++) {
+        for (int64_t k = 0; k < n; k++) {
+            FUZZ_CHECK(contexts[k] < REEL_CORNER_CONTEXTS);
+            if (contexts[k] == context) {
+                sorted[i++] = codes[k];
+                n_codes[context]++;
+            }
+        }
+    }
+    for (int64_t k = 0; k < n; k++) {
+        if (codes[k] == 2) {
+            differences[n_explicit++] = rows[order[k]] - last;
+            last = rows[order[k]];
+        }
+    }
+    int32_t *decoded = decode_corners(&all, sorted, n_codes, differences, n_explicit, &result);
+    FUZZ_CHECK(result == n && !memcmp(decoded, rows, (size_t)n * sizeof *rows));
+    for (int i = 0; n && i < 3; i++) {
+        sorted[fuzz_below(n)] = fuzz_integer();
+        decoded = decode_corners(&all, sorted, n_codes, differences, n_explicit, &result);
+        fuzz_hash(decoded, result < 0 ? 0 : n, sizeof *decoded);
     }
 }

@@ -104,130 +104,129 @@ static int allocate_values(reel_call *call, reel_pool *pool, const value_layout 
 
 /* ---- references ---- */
 
-/* Groups of items that references are relative to: item i is in group of[i], or all are in group 0
-   if `of` is NULL. */
-typedef struct {
-    const int32_t *of;
-    int32_t *last; /* row of the last item of each group, or NONE */
-    uint64_t n, n_items;
-} item_groups;
-
-static void reset_last_rows(item_groups *groups) {
-    for (uint64_t i = 0; i < groups->n; i++) {
-        groups->last[i] = NONE;
-    }
-}
-
-/* Count the groups that have items. */
-static uint64_t count_used(item_groups *groups) {
-    uint64_t n_used = 0;
-    reset_last_rows(groups);
-    for (uint64_t i = 0; i < groups->n_items; i++) {
-        int32_t *last = &groups->last[groups->of ? groups->of[i] : 0];
-        n_used += *last == NONE;
-        *last = 0;
-    }
-    reset_last_rows(groups);
-    return n_used;
-}
-
-/* Find the groups: corners are grouped by vertex, all other items form one group. */
-static int find_groups(reel_call *call, const reel_faces *faces, const meshreel_attribute *result,
-                       item_groups *groups) {
-    const reel_outline *outline = faces->outline;
-    bool by_vertex = result->domain == MESHREEL_CORNERS;
-    *groups = (item_groups){.n = by_vertex ? outline->n_verts : 1, .n_items = result->n_items};
-    if (by_vertex) {
-        int32_t *vertices = reel_scratch(call, outline->n_corners, sizeof *vertices);
-        if (!vertices) {
-            return call->error.code;
-        }
-        reel_find_corner_vertices(outline, faces->triangles, faces->sizes, vertices);
-        groups->of = vertices;
-    }
-    groups->last = reel_scratch(call, groups->n, sizeof *groups->last);
-    return groups->last ? MESHREEL_OK : call->error.code;
-}
-
-/* Decoded references: codes of items that are the first of their group, and of the others;
-   differences of explicit rows. */
-typedef struct {
-    const int32_t *first, *later, *differences, *end;
-} reference_codes;
-
-static int decode_codes(reel_call *call, reel_range coded, item_groups *groups,
-                        reference_codes *codes) {
-    uint64_t at = coded.at, n_explicit;
-    int failed = reel_read_varint(call, &coded, &n_explicit);
-    if (failed) {
-        return failed;
-    }
-    if (n_explicit > groups->n_items) {
-        return reel_corrupt(call, at, "an attribute has more explicit references than items");
-    }
-    uint64_t n_first = count_used(groups);
-    int64_t lengths[] = {(int64_t)n_first, (int64_t)(groups->n_items - n_first),
-                         (int64_t)n_explicit};
-    int32_t tables[] = {0, 1, 2}, *values;
-    failed = reel_decode_rows(call, coded, lengths, tables, 3, 3, &values);
-    if (!failed) {
-        *codes = (reference_codes){values, values + n_first, values + groups->n_items,
-                                   values + groups->n_items + n_explicit};
-    }
-    return failed;
-}
-
-/* Find the row of each item; returns NULL, or an error message. */
-static const char *follow_references(reference_codes codes, const item_groups *groups,
+/* Find the rows of vertices or faces, in order; returns NULL, or an error message. */
+static const char *follow_references(const int32_t *codes, uint64_t n_items,
+                                     const int32_t *differences, const int32_t *end,
                                      int64_t n_rows, int32_t *rows) {
-    int64_t n_new = 0, last_explicit = 0;
-    for (uint64_t i = 0; i < groups->n_items; i++) {
-        int32_t *last = &groups->last[groups->of ? groups->of[i] : 0];
-        int32_t code = *last == NONE ? *codes.first++ : *codes.later++;
-        int64_t row = *last;
-        if (code == NEW) {
+    int64_t n_new = 0, last_explicit = 0, row = NONE;
+    for (uint64_t i = 0; i < n_items; i++) {
+        if (codes[i] == NEW) {
             row = n_new++;
-        } else if (code == EXPLICIT) {
-            if (codes.differences == codes.end) {
+        } else if (codes[i] == EXPLICIT) {
+            if (differences == end) {
                 return "an attribute has more explicit references than announced";
             }
-            row = last_explicit += *codes.differences++;
-        } else if (code != REPEAT) {
+            row = last_explicit += *differences++;
+        } else if (codes[i] != REPEAT) {
             return "a reference of an attribute is of an unknown kind";
-        } else if (row == NONE) {
-            return "the first reference of a vertex or item list repeats a row";
         }
         if (row < 0 || row >= n_rows) {
             return "an attribute refers to a row that does not exist";
         }
-        *last = rows[i] = (int32_t)row;
+        rows[i] = (int32_t)row;
     }
-    return codes.differences == codes.end
-               ? NULL
-               : "an attribute has fewer explicit references than announced";
+    return differences == end ? NULL : "an attribute has fewer explicit references than announced";
+}
+
+static int read_item_rows(reel_call *call, reel_range coded, const meshreel_attribute *result,
+                          int32_t *rows) {
+    uint64_t at = coded.at, n_items = result->n_items, n_explicit;
+    int failed = reel_read_varint(call, &coded, &n_explicit);
+    if (failed) {
+        return failed;
+    }
+    if (n_explicit > n_items) {
+        return reel_corrupt(call, at, "an attribute has more explicit references than items");
+    }
+    int64_t lengths[] = {(int64_t)n_items, (int64_t)n_explicit};
+    int32_t tables[] = {0, 1}, *values;
+    failed = reel_decode_rows(call, coded, lengths, tables, 2, 2, &values);
+    if (failed) {
+        return failed;
+    }
+    const int32_t *differences = values + n_items;
+    const char *message = follow_references(values, n_items, differences, differences + n_explicit,
+                                            result->n_rows, rows);
+    return message ? reel_corrupt(call, at, message) : MESHREEL_OK;
+}
+
+/* Read how many codes each context has, and how many rows are explicit. */
+static int read_corner_counts(reel_call *call, reel_range *left, uint64_t n_items,
+                              int64_t lengths[REEL_CORNER_CONTEXTS + 1]) {
+    uint64_t at = left->at, total = 0;
+    for (int i = 1; i <= REEL_CORNER_CONTEXTS; i++) {
+        uint64_t count;
+        int failed = reel_read_varint(call, left, &count);
+        if (failed) {
+            return failed;
+        }
+        if (count > n_items) {
+            return reel_corrupt(call, at, "an attribute has more references than corners");
+        }
+        lengths[i] = (int64_t)count;
+        total += i < REEL_CORNER_CONTEXTS ? count : 0;
+    }
+    if (total > n_items) {
+        return reel_corrupt(call, at, "an attribute has more references than corners");
+    }
+    lengths[0] = (int64_t)(n_items - total);
+    return MESHREEL_OK;
+}
+
+static int read_corner_rows(reel_call *call, const reel_faces *faces, reel_range coded,
+                            const meshreel_attribute *result, int32_t *rows) {
+    const reel_outline *outline = faces->outline;
+    uint64_t at = coded.at, n_items = result->n_items, n_sides = 3 * outline->n_faces;
+    int64_t lengths[REEL_CORNER_CONTEXTS + 1], n_faces = (int64_t)outline->n_faces;
+    int32_t tables[REEL_CORNER_CONTEXTS + 1], *values, *twins, *items = NULL;
+    for (int32_t i = 0; i <= REEL_CORNER_CONTEXTS; i++) {
+        tables[i] = i;
+    }
+    int failed = read_corner_counts(call, &coded, n_items, lengths);
+    failed = failed ? failed
+                    : reel_decode_rows(call, coded, lengths, tables, REEL_CORNER_CONTEXTS + 1,
+                                       REEL_CORNER_CONTEXTS + 1, &values);
+    const int32_t *triangles = (const int32_t *)faces->triangles;
+    failed = failed ? failed
+                    : reel_find_twins(call, triangles, outline->n_faces, outline->n_verts, &twins);
+    if (failed) {
+        return failed;
+    }
+    if (faces->sizes) {
+        items = reel_scratch(call, n_sides, sizeof *items);
+        if (!items) {
+            return call->error.code;
+        }
+        reel_find_fans(outline, faces->sizes, items);
+    }
+    size_t size = reel_corner_rows_memory((int64_t)outline->n_verts, (int64_t)n_items);
+    void *memory = reel_scratch(call, size, 1);
+    if (!memory) {
+        return call->error.code;
+    }
+    int64_t n_explicit = lengths[REEL_CORNER_CONTEXTS];
+    int64_t found = reel_corner_rows(memory, size, triangles, twins, items, n_faces,
+                                     (int64_t)outline->n_verts, (int64_t)n_items, result->n_rows,
+                                     values, lengths, values + n_items, n_explicit, rows);
+    return found < 0 ? reel_corrupt(call, at, "the references of corners do not match the faces")
+                     : MESHREEL_OK;
 }
 
 static int read_rows(reel_call *call, reel_pool *pool, const reel_faces *faces, reel_range coded,
                      meshreel_attribute *result) {
     const reel_chunk *mark = call->scratch.last;
-    item_groups groups;
-    reference_codes codes = {0};
-    int failed = find_groups(call, faces, result, &groups);
-    failed = failed ? failed : decode_codes(call, coded, &groups, &codes);
-    if (failed) {
-        return failed;
-    }
     int32_t *rows = reel_pool_allocate(call, pool, result->n_items, sizeof *rows);
     if (!rows) {
         return call->error.code;
     }
-    const char *message = follow_references(codes, &groups, result->n_rows, rows);
-    if (message) {
-        return reel_corrupt(call, coded.at, message);
+    int failed = result->domain == MESHREEL_CORNERS
+                     ? read_corner_rows(call, faces, coded, result, rows)
+                     : read_item_rows(call, coded, result, rows);
+    if (!failed) {
+        result->rows = rows;
+        reel_drop_scratch(call, mark);
     }
-    result->rows = rows;
-    reel_drop_scratch(call, mark);
-    return MESHREEL_OK;
+    return failed;
 }
 
 /* ---- row predictors ---- */

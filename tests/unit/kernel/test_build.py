@@ -114,7 +114,7 @@ def test_pages_call_functions_of_the_public_header_and_of_their_host(core):
 
 
 def test_one_line_says_what_to_do_when_the_library_is_missing(monkeypatch, tmp_path):
-    monkeypatch.setattr(library, "__file__", str(tmp_path / "library.py"))
+    monkeypatch.setattr(library, "FOLDER", tmp_path)
     library.library.cache_clear()
     with pytest.raises(ImportError, match=r"core/compile\.py") as told:
         library.library()

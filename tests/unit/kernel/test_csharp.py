@@ -304,8 +304,12 @@ def shown_corners(file, surface, mirrored):
         return vertices, vertices, None
     items = {"vertex": vertices, "corner": corners}[uv.domain]
     rows = items if uv.indices is None else uv.indices[items]
-    items = rows if uv.domain == "corner" else vertices
-    return vertices, items, uv.values[rows].astype(np.float32)
+    coordinates = uv.values[rows].astype(np.float32)
+    if uv.domain == "vertex":
+        return vertices, vertices, coordinates
+    if uv.indices is None:  # corners of a vertex with equal coordinates share a row
+        rows = np.unique(uv.values, axis=0, return_inverse=True)[1].ravel()[items]
+    return vertices, rows, coordinates
 
 
 @pytest.mark.parametrize("way", ["ahead", "direct", "backwards", "as it is"])

@@ -15,7 +15,7 @@ from meshreel.codec.connectivity.order import inverse_permutation, matching_corn
 from meshreel.codec.entropy.tables import encode_grid_table, encode_table
 from meshreel.codec.surface.codes import DOMAINS, KINDS
 from meshreel.codec.surface.materials import write_image, write_material
-from meshreel.codec.surface.references import encode_references
+from meshreel.codec.surface.references import encode_corner_references, encode_references
 from meshreel.codec.surface.rows import distinct_rows, places_of, predictor_along_faces
 from meshreel.codec.surface.uv_grid import is_quantized, uv_integers
 from meshreel.kernel.integers import encode_integers
@@ -159,7 +159,11 @@ def _write_values(
     places = places_of(domain, surface, faces, len(values if indices is None else indices))
 
     def encoded(layout: int, rows: Integers | None, table: npt.NDArray[Any]) -> bytes:
-        references = b"" if rows is None else encode_references(rows, places)
+        references = b""
+        if rows is not None and domain is Domain.CORNER:
+            references = encode_corner_references(rows, surface, faces)
+        elif rows is not None:
+            references = encode_references(rows)
         counts = write_varint(len(table)) + write_varint(len(references))
         predictor = predictor_along_faces(domain, rows, surface, faces)
         if bits is None:

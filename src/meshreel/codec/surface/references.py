@@ -1,47 +1,53 @@
-"""Coding of references into a table; most refer to the next new row, or repeat the last one."""
+"""Coding of references from items to rows of a table: new rows in turn, and rows of neighbors."""
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.bitstream.container import write_varint
+from meshreel.codec.connectivity.triangles import twin_sides
+from meshreel.kernel.corner_rows import N_CONTEXTS, corner_codes
 from meshreel.kernel.integers import encode_integers
+from meshreel.model.geometry.fans import fan_corners
+from meshreel.model.surface import Surface
 
 Integers = npt.NDArray[np.integer]
 
-AGAIN, NEW, ELSE = 0, 1, 2
-"""Kinds of references: the last row of the same place, the next new row, any other row."""
+REPEAT, NEW, EXPLICIT = 0, 1, 2
+"""Codes of items: the row of the item before, the next new row, any other row."""
 
 
-def encode_references(rows: npt.NDArray[np.integer], places: npt.NDArray[np.integer]) -> bytes:
-    """Encode the row that each item refers to.
+def encode_references(rows: Integers) -> bytes:
+    """Encode the row of each vertex or face; at least 0."""
+    rows = np.asarray(rows, np.int64)
+    repeats = np.diff(rows, prepend=-1) == 0
+    codes = np.where(repeats, REPEAT, np.where(_first_references(rows), NEW, EXPLICIT))
+    explicit = rows[codes == EXPLICIT]
+    return write_varint(len(explicit)) + encode_integers([codes, np.diff(explicit, prepend=0)])
+
+
+def encode_corner_references(
+    rows: Integers, surface: Surface, faces: npt.NDArray[np.int32]
+) -> bytes:
+    """Encode the row of each corner of the polygons of a surface.
+
+    A corner mostly has the row of a neighboring face at the same vertex; docs/format.md,
+    "References of corners".
 
     Parameters
     ----------
     rows : integer array of shape (N,)
         At least 0.
-    places : integer array of shape (N,)
-        The place of each item (its vertex, for instance), at least 0: items of one place often
-        refer to the same row. The reader needs the same places.
+    faces : int32 array of shape (M, 3)
+        The triangles of the polygons.
     """
-    rows = np.asarray(rows, np.int64)
-    last = _last_at_place(np.asarray(places, np.int64))
-    is_again = (last >= 0) & (rows[last] == rows)
-    is_new = _first_references(rows) & ~is_again
-    kinds = np.where(is_again, AGAIN, np.where(is_new, NEW, ELSE))
-    others = rows[kinds == ELSE]
-    differences = np.diff(others, prepend=0)
-    # Separate tables: the first item of a place is mostly new, the others are not.
-    rows_of_integers = [kinds[last < 0], kinds[last >= 0], differences]
-    return write_varint(len(others)) + encode_integers(rows_of_integers)
-
-
-def _last_at_place(places: Integers) -> Integers:
-    """Index of the last item before each at the same place; -1 if there is none."""
-    order = np.argsort(places, kind="stable")
-    last = np.full(len(places), -1, np.int64)
-    same = places[order[1:]] == places[order[:-1]]
-    last[order[1:][same]] = order[:-1][same]
-    return last
+    items = None if surface.face_sizes is None else fan_corners(surface.face_sizes)
+    n_verts = int(faces.max()) + 1
+    order, contexts, codes = corner_codes(faces, twin_sides(faces, n_verts), items, rows, n_verts)
+    by_context = [codes[contexts == number] for number in range(N_CONTEXTS)]
+    explicit = np.asarray(rows, np.int64)[order[codes == EXPLICIT]]
+    counts = [*map(len, by_context[1:]), len(explicit)]
+    differences = np.diff(explicit, prepend=0)
+    return b"".join(map(write_varint, counts)) + encode_integers([*by_context, differences])
 
 
 def _first_references(rows: Integers) -> npt.NDArray[np.bool_]:
