@@ -1,11 +1,15 @@
 """`meshreel info` on files of several formats."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 import meshreel
+from meshreel.model.tracks import Track
 from samples.commands import assert_fails, run, run_json
 from samples.materials import dressed_sheet
-from samples.meshes import two_sheets, waving_grid
+from samples.meshes import quad_sheet, two_sheets, waving_grid
 
 
 def test_info_prints_mesh_frame_rate_and_box_of_other_formats(tmp_path):
@@ -50,6 +54,61 @@ def test_info_detects_a_stream_with_another_extension(tmp_path):
 def test_info_rejects_input_options_for_a_stream(tmp_path, option):
     (tmp_path / "a.reel").write_bytes(meshreel.encode(waving_grid()))
     assert_fails(run("info", tmp_path / "a.reel", *option), "do not apply to a .reel")
+
+
+def in_one_line(shown):
+    """Return a printed table without borders and line breaks."""
+    return " ".join(shown.replace("│", " ").split())
+
+
+@pytest.fixture
+def flickering(tmp_path):
+    """Frames that alternate between two meshes: 15 segments, of two frames each except the last."""
+    for number in range(29):
+        rows = 5 if number // 2 % 2 else 6
+        meshreel.save(waving_grid(1, rows, 6), tmp_path / f"frames_{number:02d}.ply")
+    return str(tmp_path / "*.ply")
+
+
+def test_info_and_encode_describe_segments_and_distinct_meshes(flickering, tmp_path):
+    text = "29 frames in 15 segments with 2 distinct meshes, up to 36 vertices and 50 faces"
+    assert text in in_one_line(run("info", flickering).stdout)
+    assert text in in_one_line(run("encode", flickering, "-o", tmp_path / "a.reel").stdout)
+    [mesh] = run_json("info", flickering)["meshes"]
+    assert (mesh["n_segments"], mesh["n_meshes"]) == (15, 2)
+    assert mesh["raw_size_bytes"] == 12 * (15 * 36 + 14 * 30) + 12 * (8 * 50 + 7 * 40)
+    figures = run_json("encode", flickering, "-o", tmp_path / "b.reel")
+    assert (figures["n_segments"], figures["n_meshes"]) == (15, 2)
+
+
+def test_info_of_a_stream_lists_twelve_segments_and_json_all(flickering, tmp_path):
+    run("encode", flickering, "-o", tmp_path / "a.reel")
+    shown = run("info", tmp_path / "a.reel").stdout
+    assert "29 frames in 15 segments, up to 36 vertices and 50 faces" in in_one_line(shown)
+    assert "22 to 23" in shown
+    assert "24 to 25" not in shown
+    assert "and 3 more; --json lists all" in shown
+    assert len(run_json("info", tmp_path / "a.reel")["segments"]) == 15
+
+
+def test_info_lists_the_contents_of_several_segments_once(tmp_path):
+    heats = [np.random.default_rng(1).random((1, 99)), np.arange(30.0).reshape(1, 30)]
+    sheets = [waving_grid(1), quad_sheet(1), replace(quad_sheet(1), surface=waving_grid(1).surface)]
+    tracked = [
+        replace(one, fps=25.0, tracks={"heat": Track(heat, unit="K")})
+        for one, heat in zip(sheets, [*heats, heats[1]], strict=True)
+    ]
+    data = meshreel.encode(meshreel.concatenate(tracked), tracks={"heat": 0.01})
+    found, parts = meshreel.info(data), [meshreel.info(data, segment=one) for one in range(3)]
+    assert [one.tracks[0].is_exact for one in parts] == [False, True, True]
+    [track] = found.tracks
+    assert not track.is_exact
+    assert (track.name, track.unit, track.bound) == ("heat", "K", 0.01)
+    assert track.size_bytes == sum(one.tracks[0].size_bytes for one in parts)
+    assert track.raw_size_bytes == 8 * (99 + 30 + 30)
+    assert found.attributes == parts[1].attributes
+    (tmp_path / "a.reel").write_bytes(data)
+    assert run("info", tmp_path / "a.reel").stdout.count("heat: scalar") == 1
 
 
 def test_info_lists_materials_and_images_of_a_file(tmp_path):

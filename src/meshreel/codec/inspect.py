@@ -87,8 +87,9 @@ class SegmentInfo:
 class StreamInfo:
     """Header, modes and sizes of a stream, or of one of its segments.
 
-    For several segments, frames and bytes are sums, tuples are concatenated, and vertices, faces,
-    polygons, diagonal and error bound are the maxima.
+    For several segments, frames and bytes are sums, vertices, faces, polygons, diagonal and error
+    bounds are the maxima, tuples of blocks are concatenated, and attributes, parts, materials,
+    images and tracks that are alike in several segments are listed once.
 
     Attributes
     ----------
@@ -242,6 +243,9 @@ def _combined(file: OpenFile, segments: list[StreamInfo]) -> StreamInfo:
     def joined(name: str) -> Any:
         return tuple(item for one in segments for item in getattr(one, name))
 
+    def distinct(name: str) -> Any:
+        return tuple(dict.fromkeys(joined(name)))
+
     def named(name: str) -> Any:
         return ", ".join(dict.fromkeys(getattr(one, name) for one in segments))
 
@@ -259,8 +263,9 @@ def _combined(file: OpenFile, segments: list[StreamInfo]) -> StreamInfo:
         n_frames=file.info.n_frames,
         **{name: largest(name) for name in ("n_verts", "n_faces", "n_polygons", "diagonal")},
         **{name: named(name) for name in ("method", "laplacian", "order", "vertex_type")},
-        **{name: joined(name) for name in ("n_modes", "block_frames", "block_bytes", "tracks")},
-        **{name: joined(name) for name in ("attributes", "parts", "materials", "images")},
+        **{name: joined(name) for name in ("n_modes", "block_frames", "block_bytes")},
+        **{name: distinct(name) for name in ("attributes", "parts", "materials", "images")},
+        tracks=_combined_tracks(joined("tracks")),
         size_bytes=size_bytes,
         raw_size_bytes=sum(one.raw_size_bytes for one in segments),
         budget_bytes=dict(budget),
@@ -269,6 +274,24 @@ def _combined(file: OpenFile, segments: list[StreamInfo]) -> StreamInfo:
         is_lossless=all(one.is_lossless for one in segments),
         is_whole=file.info.is_whole,
         segments=joined("segments"),
+    )
+
+
+def _combined_tracks(tracks: Iterable[TrackInfo]) -> tuple[TrackInfo, ...]:
+    """Combine the descriptions of tracks that differ only in accuracy and bytes."""
+    alike: dict[TrackInfo, list[TrackInfo]] = {}
+    for one in tracks:
+        key = replace(one, is_exact=False, bound=0.0, size_bytes=0, raw_size_bytes=0)
+        alike.setdefault(key, []).append(one)
+    return tuple(
+        replace(
+            key,
+            is_exact=all(one.is_exact for one in several),
+            bound=max(one.bound for one in several),
+            size_bytes=sum(one.size_bytes for one in several),
+            raw_size_bytes=sum(one.raw_size_bytes for one in several),
+        )
+        for key, several in alike.items()
     )
 
 

@@ -8,7 +8,7 @@ from meshreel.codec.config import EncoderConfig
 from meshreel.codec.joining import join_streams
 from meshreel.codec.source import Source
 from meshreel.codec.subspace.trajectories import bounding_frame
-from meshreel.codec.surface.uv_grid import check_uvs
+from meshreel.codec.surface.uv_grid import check_uvs, has_uvs
 from meshreel.codec.track_bounds import Measure, TrackBound, TrackTargets, kept_bounds
 from meshreel.errors import InvalidInputError
 from meshreel.model.segments import SegmentedSequence, tracks_of_all
@@ -42,10 +42,11 @@ def encode_segments(
     _check_names(sequence, attributes, tracks or {})
     ranges: dict[str, float] = {}
     sources = []
-    for segment in sequence.segments:
-        surface = select(segment.surface, attributes, ignore_missing=True)
-        if config.uv_bits is not None:
+    surfaces = [select(one.surface, attributes, ignore_missing=True) for one in sequence.segments]
+    if config.uv_bits is not None:
+        for surface in list(filter(has_uvs, surfaces)) or surfaces:
             check_uvs(surface, config.uv_bits)
+    for segment, surface in zip(sequence.segments, surfaces, strict=True):
         targets = {name: one for name, one in (tracks or {}).items() if name in segment.tracks}
         bounds = kept_bounds(config, segment.tracks, targets)
         for name, bound in bounds.items():

@@ -19,7 +19,7 @@ from meshreel.formats.scenes.scene_source import selected_meshes
 from meshreel.formats.scenes.timing import frame_times
 from meshreel.formats.sources import Source, SourceFiles, find_files
 from meshreel.formats.supported_options import check_read_options
-from meshreel.model.segments import AnySequence, SegmentedSequence
+from meshreel.model.segments import AnySequence, SegmentedSequence, mesh_digest
 from meshreel.model.sequence import bounding_boxes, validate_finite
 from meshreel.model.surface_description import (
     describe_attributes,
@@ -60,6 +60,10 @@ class MeshInfo:
         Why it cannot be encoded; None if it can.
     n_segments : int
         Ranges of frames with the same faces; counts of vertices and faces are the largest of them.
+    n_meshes : int
+        Distinct meshes among the segments.
+    raw_size_bytes : int
+        Uncompressed bytes of the positions of all frames and the triangles of all segments.
     """
 
     name: str
@@ -79,22 +83,17 @@ class MeshInfo:
     tracks: tuple[str, ...] = ()
     problem: str | None = None
     n_segments: int = 1
+    n_meshes: int = 1
+    raw_size_bytes: int = 0
 
     @property
     def duration_s(self) -> float | None:
         """Duration of all frames in seconds; None if the frame rate is unknown."""
         return self.n_frames / self.fps if self.fps else None
 
-    @property
-    def raw_size_bytes(self) -> int:
-        """Uncompressed bytes of the positions of all frames and the triangles."""
-        width = np.dtype(self.vertex_type).itemsize
-        return self.n_frames * self.n_verts * 3 * width + 12 * self.n_faces
-
     def as_dict(self) -> dict[str, Any]:
         """Everything in plain types, for JSON."""
-        figures = {"duration_s": self.duration_s, "raw_size_bytes": self.raw_size_bytes}
-        return {**asdict(self), **figures}
+        return {**asdict(self), "duration_s": self.duration_s}
 
 
 @dataclass(frozen=True)
@@ -198,6 +197,10 @@ def _infos(found: SourceFiles, options: ReadOptions) -> Iterator[MeshInfo]:
 def _sequence_info(sequence: AnySequence) -> MeshInfo:
     if isinstance(sequence, SegmentedSequence):
         infos, extent = list(map(_sequence_info, sequence.segments)), sequence.extent
+        contents: dict[str, Any] = {
+            name: tuple(dict.fromkeys(text for one in infos for text in getattr(one, name)))
+            for name in ("attributes", "parts", "materials", "images", "tracks")
+        }
         largest = {
             name: max(getattr(one, name) for one in infos)
             for name in ("n_verts", "n_faces", "n_polygons")
@@ -207,9 +210,12 @@ def _sequence_info(sequence: AnySequence) -> MeshInfo:
             name=sequence.name,
             n_frames=sequence.n_frames,
             n_segments=sequence.n_segments,
+            n_meshes=sequence.n_meshes,
+            raw_size_bytes=sum(one.raw_size_bytes for one in infos),
             low=tuple(extent.low.tolist()),
             high=tuple(extent.high.tolist()),
             **largest,
+            **contents,
         )
     extent, n_faces = sequence.extent, len(sequence.faces)
     return MeshInfo(
@@ -228,7 +234,15 @@ def _sequence_info(sequence: AnySequence) -> MeshInfo:
         describe_materials(sequence.surface),
         describe_images(sequence.surface),
         _described_tracks(sequence.tracks),
+        raw_size_bytes=_raw_size_bytes(
+            sequence.n_frames * sequence.n_verts, sequence.dtype, n_faces
+        ),
     )
+
+
+def _raw_size_bytes(n_positions: int, dtype: np.dtype[np.floating], n_faces: int) -> int:
+    """Uncompressed bytes of positions and triangles."""
+    return 3 * n_positions * dtype.itemsize + 12 * n_faces
 
 
 def _described_tracks(tracks: Mapping[str, TrackSource]) -> tuple[str, ...]:
@@ -242,6 +256,8 @@ def _scene_mesh_info(mesh: SceneMesh, options: ReadOptions, number: int, n_meshe
     n_frames, segment = len(mesh.times_s), first
     n_verts, n_polygons = len(first.vertices), len(first.counts)
     n_faces = int((first.counts - 2).sum())
+    n_positions, n_stored_faces = 0, n_faces
+    digests = {mesh_digest(n_verts, first.counts, first.corners)}
     progress = _with_mesh_number(options.progress, number, n_meshes)
     for index in range(n_frames):
         frame = mesh.frame(index) if index else first
@@ -250,6 +266,9 @@ def _scene_mesh_info(mesh: SceneMesh, options: ReadOptions, number: int, n_meshe
             n_verts = max(n_verts, len(frame.vertices))
             n_polygons = max(n_polygons, len(frame.counts))
             n_faces = max(n_faces, int((frame.counts - 2).sum()))
+            n_stored_faces += int((frame.counts - 2).sum())
+            digests.add(mesh_digest(len(frame.vertices), frame.counts, frame.corners))
+        n_positions += len(frame.vertices)
         vertices = frame.vertices[np.newaxis]
         validate_finite(vertices, first_frame=index)
         dtype = np.promote_types(dtype, vertices.dtype)
@@ -273,6 +292,8 @@ def _scene_mesh_info(mesh: SceneMesh, options: ReadOptions, number: int, n_meshe
         images=describe_images(surface),
         tracks=_described_tracks(mesh.tracks(range(n_frames))) if n_segments == 1 else (),
         n_segments=n_segments,
+        n_meshes=len(digests),
+        raw_size_bytes=_raw_size_bytes(n_positions, dtype, n_stored_faces),
     )
 
 

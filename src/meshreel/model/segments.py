@@ -4,10 +4,12 @@ from bisect import bisect_right
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from hashlib import blake2b
 from itertools import pairwise
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
+import numpy.typing as npt
 
 from meshreel.errors import ConnectivityChangeError, InvalidInputError
 from meshreel.model.frame_choice import FrameChoice, chosen_frames, start_of
@@ -95,6 +97,15 @@ class SegmentedSequence:
     def n_segments(self) -> int:
         """Number of segments."""
         return len(self.segments)
+
+    @cached_property
+    def n_meshes(self) -> int:
+        """Number of distinct meshes: segments with the same vertices and faces share one."""
+        digests = {
+            mesh_digest(one.n_verts, one.faces, one.surface.sizes(len(one.faces)))
+            for one in self.segments
+        }
+        return len(digests)
 
     @property
     def fps(self) -> float:
@@ -206,6 +217,21 @@ class HasSegments(Protocol):
 
 AnySequence = FrameSource | SegmentedSequence
 """An animated mesh, with or without changes of its connectivity."""
+
+
+def mesh_digest(n_verts: int, *faces: npt.NDArray[np.signedinteger]) -> bytes:
+    """Return a digest that is equal for meshes with the same number of vertices and faces.
+
+    Parameters
+    ----------
+    faces : integer arrays
+        Arrays that describe the faces, such as vertex indices and face sizes.
+    """
+    digest = blake2b(n_verts.to_bytes(8, "little"), digest_size=16)
+    for array in faces:
+        digest.update(len(array).to_bytes(8, "little"))
+        digest.update(np.ascontiguousarray(array, np.int64).data)
+    return digest.digest()
 
 
 def tracks_of_all(sequence: AnySequence) -> dict[str, TrackSource]:

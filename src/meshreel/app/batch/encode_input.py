@@ -7,7 +7,6 @@ from typing import Any
 
 from meshreel import __version__
 from meshreel.codec.achieved import measure_stream
-from meshreel.codec.choices import Order
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.encoder import encode_with
 from meshreel.codec.inspect import info
@@ -17,14 +16,14 @@ from meshreel.codec.surface.uv_errors import measure_uvs
 from meshreel.codec.surface.uv_grid import has_uvs
 from meshreel.codec.track_bounds import without_units
 from meshreel.errors import InvalidInputError, WorkerDiedError
-from meshreel.formats.frames.selection import with_surface
+from meshreel.formats.frames.selection import with_surfaces
 from meshreel.formats.load import open_for_encoding
 from meshreel.formats.notes import note_unknown_rate
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.remote import local_copy
 from meshreel.formats.supported_options import supported_only
-from meshreel.model.segments import single_segment
-from meshreel.model.sequence import FrameSource
+from meshreel.model.segments import AnySequence, segments_of, tracks_of_all
+from meshreel.model.sequence import positions_size_bytes
 from meshreel.model.surface_selection import ALL, describe_missing, missing_names, select
 from meshreel.runtime.counting import counted
 from meshreel.runtime.engine.engine import Engine
@@ -120,8 +119,7 @@ def encode_input(
     reading = replace(supported_only(options.reading, source), attributes=ALL, notes=notes)
     with local_copy(source) as files:
         opened = open_for_encoding(files, _memory(options), reading)
-        sequence = single_segment(opened, "batch")
-        return _measured(sequence, options, notes, began, engine)
+        return _measured(opened, options, notes, began, engine)
 
 
 def _memory(options: EncodeOptions) -> float | None:
@@ -130,7 +128,7 @@ def _memory(options: EncodeOptions) -> float | None:
 
 
 def _measured(
-    opened: FrameSource,
+    opened: AnySequence,
     options: EncodeOptions,
     notes: list[str],
     began: float,
@@ -142,8 +140,8 @@ def _measured(
     data = encode_with(config, sequence, tracks=tracks, engine=engine)
     achieved = measure_stream(sequence, data, order=config.order, with_sted=config.sted is not None)
     stream = info(data)
-    if lost := order_loss_note(sequence.surface, Order[stream.order.upper()]):
-        notes.append(lost)
+    losses = (order_loss_note(one.surface, config.order_choice) for one in segments_of(sequence))
+    notes += dict.fromkeys(loss for loss in losses if loss)
     if state := solver_state_note(stream.tracks, tracks):
         notes.append(state)
     note_unknown_rate(notes, sequence.n_frames, sequence.fps)
@@ -167,16 +165,24 @@ def _measured(
 
 
 def _suited(
-    opened: FrameSource, options: EncodeOptions, notes: list[str]
-) -> tuple[FrameSource, EncoderConfig]:
+    opened: AnySequence, options: EncodeOptions, notes: list[str]
+) -> tuple[AnySequence, EncoderConfig]:
     """The input with its selected attributes, and the options that apply to it."""
-    config = options.config
-    if missing := missing_names(opened.surface, options.reading.attributes):
-        notes.append(describe_missing(opened.surface, missing))
-    sequence = with_surface(
-        opened, select(opened.surface, options.reading.attributes, ignore_missing=True)
+    config, names = options.config, options.reading.attributes
+    surfaces = [segment.surface for segment in segments_of(opened)]
+    missing = [
+        name
+        for name in missing_names(surfaces[0], names)
+        if all(name in missing_names(surface, names) for surface in surfaces)
+    ]
+    if missing:
+        notes.append(describe_missing(surfaces[0], missing))
+    sequence = with_surfaces(
+        opened, [select(surface, names, ignore_missing=True) for surface in surfaces]
     )
-    if config.uv_bits is not None and not has_uvs(sequence.surface):
+    if config.uv_bits is not None and not any(
+        has_uvs(segment.surface) for segment in segments_of(sequence)
+    ):
         notes.append("has no texture coordinates for uv_bits= to quantize")
         config = replace(config, uv_bits=None)
     if options.block_share < 1:
@@ -185,27 +191,28 @@ def _suited(
 
 
 def _with_smaller_blocks(
-    config: EncoderConfig, sequence: FrameSource, share: float, notes: list[str]
+    config: EncoderConfig, sequence: AnySequence, share: float, notes: list[str]
 ) -> EncoderConfig:
-    number_bytes = sequence.dtype.itemsize
-    n_together = config.frames_in_block(sequence.n_frames, sequence.n_verts, number_bytes)
+    largest = max(segments_of(sequence), key=positions_size_bytes)
+    number_bytes = largest.dtype.itemsize
+    n_together = config.frames_in_block(largest.n_frames, largest.n_verts, number_bytes)
     n_frames = max(1, int(share * n_together))
     notes.append(
         f"memory did not suffice for blocks of {counted(n_together, 'frame')}; coded in blocks of "
         f"{n_frames}, which take more bytes"
     )
-    return config.with_blocks_of(n_frames, sequence.n_verts, number_bytes)
+    return config.with_blocks_of(n_frames, largest.n_verts, number_bytes)
 
 
 def _present(
-    sequence: FrameSource, options: EncodeOptions, notes: list[str]
+    sequence: AnySequence, options: EncodeOptions, notes: list[str]
 ) -> dict[str, float | str]:
     """The error bounds of tracks that the input has."""
-    bounds = options.tracks or {}
-    if missing := [name for name in bounds if name not in sequence.tracks]:
+    bounds, tracks = options.tracks or {}, tracks_of_all(sequence)
+    if missing := [name for name in bounds if name not in tracks]:
         notes.append(f"has no track {', '.join(missing)}")
-    present = {name: bound for name, bound in bounds.items() if name in sequence.tracks}
-    return without_units(sequence.tracks, present, notes)
+    present = {name: bound for name, bound in bounds.items() if name in tracks}
+    return without_units(tracks, present, notes)
 
 
 def _finite(error: float | None) -> float | None:

@@ -17,12 +17,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class EncodedFile:
-    """A written stream and its errors."""
+    """A written stream and its errors.
+
+    Attributes
+    ----------
+    n_meshes : int
+        Number of distinct meshes among the segments.
+    """
 
     output: str
     stream: "StreamInfo"
     achieved: "Achieved"
     uv: "UvErrors | None" = None
+    n_meshes: int = 1
 
     def figures(self) -> dict[str, Any]:
         """Figures for JSON."""
@@ -30,7 +37,8 @@ class EncodedFile:
 
         tracks = {name: errors.as_dict() for name, errors in self.achieved.tracks.items()}
         achieved = {**vars(self.achieved), "tracks": tracks}
-        figures = {"output": self.output, **size_figures(self.stream), **achieved}
+        counts = {"n_segments": len(self.stream.segments), "n_meshes": self.n_meshes}
+        figures = {"output": self.output, **counts, **size_figures(self.stream), **achieved}
         return figures | uv_figures(self.uv)
 
     def show(self) -> None:
@@ -38,7 +46,10 @@ class EncodedFile:
         from meshreel.app.cli.console import print_bars, print_table
         from meshreel.app.cli.figures import achieved_rows, size_rows, uv_rows
 
-        rows = {**size_rows(self.stream), **achieved_rows(self.achieved, self.stream)}
+        rows = {
+            **size_rows(self.stream, self.n_meshes),
+            **achieved_rows(self.achieved, self.stream),
+        }
         rows |= uv_rows(self.uv)
         print_table(self.output, rows)
         print_bars("bytes", self.stream.part_bytes)
@@ -75,7 +86,7 @@ def encode_file(
     from meshreel.codec.surface.uv_errors import measure_uvs
     from meshreel.codec.track_bounds import without_units
     from meshreel.formats.notes import note_unknown_rate
-    from meshreel.model.segments import segments_of, tracks_of_all
+    from meshreel.model.segments import SegmentedSequence, segments_of, tracks_of_all
     from meshreel.runtime.outputs.atomic import replace_when_done
     from meshreel.runtime.profiling import stage
 
@@ -95,4 +106,5 @@ def encode_file(
         notes.append(state_note)
     note_unknown_rate(notes, sequence.n_frames, sequence.fps)
     uv = None if config.uv_bits is None else measure_uvs(sequence, data)
-    return EncodedFile(name, stream, achieved, uv)
+    n_meshes = sequence.n_meshes if isinstance(sequence, SegmentedSequence) else 1
+    return EncodedFile(name, stream, achieved, uv, n_meshes)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from meshreel.metrics.track_errors import TrackErrors
 
 SEGMENT_HEADINGS = ("segment", "frames", "vertices", "faces", "size")
-MAX_SEGMENTS = 200
+MAX_SEGMENTS = 12
 """Maximum number of segments in the table."""
 
 
@@ -32,10 +32,10 @@ def size_figures(stream: "StreamInfo") -> dict[str, Any]:
     }  # fmt: skip
 
 
-def size_rows(stream: "StreamInfo") -> dict[str, str]:
-    """Raw size, file size, ratio and rate."""
+def size_rows(stream: "StreamInfo", n_meshes: int | None = None) -> dict[str, str]:
+    """Raw size, file size, ratio and rate; parameters as in `mesh_text`."""
     return {
-        "sequence": mesh_text(stream),
+        "sequence": mesh_text(stream, len(stream.segments), n_meshes),
         "method": method_text(stream),
         "raw": size_text(stream.raw_size_bytes),
         "file": size_text(stream.size_bytes),
@@ -110,9 +110,7 @@ def info_rows(stream: "StreamInfo") -> "dict[str, Cell]":
         "order": stream.order,
     }
     rows |= surface_rows(stream)
-    if len(stream.segments) > 1:
-        rows["segments"] = f"{len(stream.segments)}; the largest mesh is shown above"
-    elif len(stream.block_frames) > 1:
+    if len(stream.segments) == 1 and len(stream.block_frames) > 1:
         rows["blocks"] = (
             f"{len(stream.block_frames)} of up to {counted(max(stream.block_frames), 'frame')}"
         )
@@ -141,7 +139,7 @@ def segment_columns(stream: "StreamInfo") -> list[Sequence[str]]:
         for number, segment in enumerate(stream.segments[:MAX_SEGMENTS])
     ]
     if (more := len(stream.segments) - MAX_SEGMENTS) > 0:
-        rows.append((f"and {more} more (--json lists all)", "", "", "", ""))
+        rows.append((f"and {more} more; --json lists all", "", "", "", ""))
     return rows
 
 
@@ -252,8 +250,23 @@ def measured_rows(measured: "Measured") -> dict[str, str]:
     }
 
 
-def mesh_text(info: "StreamInfo | MeshInfo") -> str:
-    """Numbers of frames, vertices and faces."""
+def mesh_text(
+    info: "StreamInfo | MeshInfo", n_segments: int = 1, n_meshes: int | None = None
+) -> str:
+    """Numbers of frames, segments, vertices and faces.
+
+    Parameters
+    ----------
+    n_meshes : int, optional
+        Number of distinct meshes, shown if segments share some.
+    """
+    if n_segments > 1:
+        is_shared = n_meshes is not None and n_meshes < n_segments
+        meshes = f" with {counted(n_meshes or 0, 'distinct mesh')}" if is_shared else ""
+        return (
+            f"{counted(info.n_frames, 'frame')} in {n_segments} segments{meshes}, up to "
+            f"{counted(info.n_verts, 'vertex')} and {counted(info.n_faces, 'face')}"
+        )
     return (
         f"{counted(info.n_frames, 'frame')}, {counted(info.n_verts, 'vertex')}, "
         f"{counted(info.n_faces, 'face')}"

@@ -64,7 +64,7 @@ def mesh_columns(source: "SourceInfo") -> list[Sequence[str]]:
 def _mesh_rows(mesh: "MeshInfo") -> "dict[str, Cell]":
     rows: dict[str, Cell] = {
         "name": mesh.name or "-",
-        "sequence": mesh_text(mesh),
+        "sequence": mesh_text(mesh, mesh.n_segments, mesh.n_meshes),
         "raw": size_text(mesh.raw_size_bytes),
         "frame rate": fps_text(mesh.fps),
         "duration": f"{mesh.duration_s:.4g} s" if mesh.duration_s else "unknown",

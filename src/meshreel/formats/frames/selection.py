@@ -1,10 +1,12 @@
 """Selection of the attributes of a sequence."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.stored_frames import StoredFrames
+from meshreel.model.segments import AnySequence, SegmentedSequence
 from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.model.surface import Surface
 from meshreel.model.surface_selection import Names, select
@@ -38,3 +40,13 @@ def with_surface(sequence: FrameSource, surface: Surface) -> FrameSource:
     if not isinstance(sequence, MeshSequence | StoredFrames):
         raise TypeError(f"cannot replace the surface of a {type(sequence).__name__}")
     return replace(sequence, surface=surface)
+
+
+def with_surfaces(sequence: AnySequence, surfaces: Sequence[Surface]) -> AnySequence:
+    """Return the sequence with other surfaces, one for each segment."""
+    if not isinstance(sequence, SegmentedSequence):
+        (surface,) = surfaces
+        return with_surface(sequence, surface)
+    pairs = zip(sequence.segments, surfaces, strict=True)
+    segments = [with_surface(segment, surface) for segment, surface in pairs]
+    return SegmentedSequence(segments, sequence.name, sequence.start_s)

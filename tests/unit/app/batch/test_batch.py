@@ -3,10 +3,11 @@
 import json
 import os
 import signal
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import meshreel
@@ -18,10 +19,11 @@ from meshreel.app.batch.run import _is_spread, run_batch
 from meshreel.codec.config import EncoderConfig
 from meshreel.errors import InvalidInputError, WorkerDiedError
 from meshreel.formats.options import ReadOptions
+from meshreel.model.tracks import Track
 from meshreel.runtime.engine.engine import Engine, open_engine
 from samples.clusters import local_cluster
 from samples.engines import InlineWorkers
-from samples.meshes import waving_grid
+from samples.meshes import quad_sheet, waving_grid
 from samples.tasks import encode_or_die, process_id
 
 OPTIONS = EncodeOptions(EncoderConfig(quality=60))
@@ -77,6 +79,47 @@ def test_manifest_holds_what_compare_and_info_measure(inputs, out):
     assert found["seconds"] > 0
     assert found["options"] == {"quality": 60}
     assert found["version"] == meshreel.__version__
+
+
+def test_input_whose_faces_change_becomes_segments(tmp_path, out):
+    folder = tmp_path / "in" / "scan"
+    folder.mkdir(parents=True)
+    heat = np.random.default_rng(2).random((3, 99)).astype(np.float32)
+    meshreel.save(replace(waving_grid(3), tracks={"heat": Track(heat)}), folder / "a_%d.ply")
+    meshreel.save(quad_sheet(2), folder / "b_%d.ply")
+    reading = ReadOptions(attributes=["uv", "none such"])
+    config = EncoderConfig(max_error=0.3)
+    options = EncodeOptions(config, reading, tracks={"heat": "1%", "cold": 1.0})
+    report = run(tmp_path / "in", out, options)
+    assert report.summary == "0 up to date, 1 encoded, 0 failed"
+    found = facts(out)["scan"]
+    decoded = meshreel.decode_segments(out / "scan.reel")
+    assert [one.n_frames for one in decoded.segments] == [3, 2]
+    assert [[a.name for a in one.surface.attributes] for one in decoded.segments] == [[], ["uv"]]
+    assert 0.1 < found["max_error_percent"] <= 0.3
+    assert found["size_bytes"] == (out / "scan.reel").stat().st_size
+    assert 0 < found["tracks"]["heat"]["largest"] <= 0.01
+    for note in (
+        "the faces change: 5 frames in 2 segments of constant connectivity",
+        "has no track cold",
+    ):
+        assert note in found["notes"]
+    [missing] = [note for note in found["notes"] if "no attribute or group" in note]
+    assert missing.startswith("has no attribute or group 'none such'; ")
+
+
+@pytest.mark.parametrize(("bits", "noted"), [("uv", False), ("none", True)])
+def test_texture_coordinates_of_some_segments_are_quantized(tmp_path, out, bits, noted):
+    folder = tmp_path / "in" / "scan"
+    folder.mkdir(parents=True)
+    meshreel.save(waving_grid(1), folder / "a.ply")
+    meshreel.save(quad_sheet(1), folder / "b.ply")
+    config = EncoderConfig(quality=60, uv_bits=8)
+    run(tmp_path / "in", out, EncodeOptions(config, ReadOptions(attributes=bits)))
+    found = facts(out)["scan"]
+    assert found["state"] == "done"
+    assert (found["uv_error"] is None) == noted
+    assert ("has no texture coordinates for uv_bits= to quantize" in found["notes"]) == noted
 
 
 def test_options_of_the_manifest_are_those_that_are_not_the_default(inputs, out):
