@@ -257,9 +257,14 @@ class VtkSteps:
             is_at_points = place == "PointData"
             starts = self._point_starts[:, 0] if is_at_points else self._cell_starts.sum(axis=1)
             starts = starts if found is None else read_integers(found).ravel()
-            if len(starts) != n_steps:
-                raise FormatError(f"{offsets_name} has {len(starts)} numbers; expected {n_steps}")
-            yield StepArray(name, dataset, starts)
+            # VTK appends the end of the last step; it skips steps without the array, unmarked.
+            if len(starts) not in (n_steps, n_steps + 1):
+                note_left_out(
+                    self._notes,
+                    f"arrays: {name}, with offsets for {len(starts)} of {counted(n_steps, 'step')}",
+                )
+                continue
+            yield StepArray(name, dataset, starts[:n_steps])
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,227 @@
+"""Files of VTK and XDMF whose cells change over time, written by VTK or by hand."""
+
+import numpy as np
+import pytest
+
+from meshreel.formats.load import load_segments
+from samples.meshes import grid_faces, waving_grid
+
+pytest.importorskip("vtkmodules")
+from vtkmodules.util.numpy_support import numpy_to_vtk
+from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
+from vtkmodules.vtkCommonDataModel import VTK_HEXAHEDRON
+from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline as Pipeline
+from vtkmodules.vtkIOHDF import vtkHDFWriter
+from vtkmodules.vtkIOLegacy import vtkPolyDataWriter, vtkUnstructuredGridWriter
+from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter, vtkXMLUnstructuredGridWriter
+
+from samples.vtk import grid, poly_data
+
+ROWS = (4, 4, 5, 5, 4, 6)
+"""Rows of the grid in each frame, which has six columns."""
+
+STARTS = (0, 2, 4, 5, 6)
+"""First frames of the segments, and the number of all frames."""
+
+N_LAYERS = (2, 2, 3, 3, 2, 4)
+"""Cubes in each frame of a stack."""
+
+STEP_S = 0.5
+
+
+def points_of(frame):
+    return waving_grid(len(ROWS), ROWS[frame], 6).vertices[frame]
+
+
+def faces_of(frame):
+    return grid_faces(ROWS[frame], 6)
+
+
+def heat_of(frame):
+    return np.float32(frame + 1) * points_of(frame)[:, 0]
+
+
+def load_of(frame):
+    return np.arange(len(faces_of(frame)), dtype=np.float64) + frame
+
+
+def with_array(data, name, values):
+    array = numpy_to_vtk(values, deep=True)
+    array.SetName(name)
+    data.AddArray(array)
+
+
+def sheet(frame):
+    """A vtkPolyData of triangles with an array at points and one at cells."""
+    mesh = poly_data(points_of(frame), faces_of(frame).tolist())
+    mesh.GetPointData().Initialize()
+    mesh.GetCellData().Initialize()
+    with_array(mesh.GetPointData(), "heat", heat_of(frame))
+    with_array(mesh.GetCellData(), "load", load_of(frame))
+    return mesh
+
+
+def stack(frame):
+    """A vtkUnstructuredGrid of cubes with an array at cells."""
+    n_layers = N_LAYERS[frame]
+    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    points = [[*corner, layer + 0.1 * frame] for layer in range(n_layers + 1) for corner in square]
+    cells = [(VTK_HEXAHEDRON, range(4 * layer, 4 * layer + 8)) for layer in range(n_layers)]
+    mesh = grid(np.array(points, np.float32), cells)
+    with_array(mesh.GetCellData(), "load", np.arange(n_layers) + 10.0 * frame)
+    return mesh
+
+
+class TimeSeries(VTKPythonAlgorithmBase):
+    """A VTK source with a mesh for each time step."""
+
+    def __init__(self, meshes):
+        kind = meshes[0].GetClassName()
+        super().__init__(nInputPorts=0, nOutputPorts=1, outputType=kind)
+        self.meshes = meshes
+
+    def RequestInformation(self, request, inputs, outputs):  # noqa: N802
+        times = [STEP_S * number for number in range(len(self.meshes))]
+        info = outputs.GetInformationObject(0)
+        info.Set(Pipeline.TIME_STEPS(), times, len(times))
+        info.Set(Pipeline.TIME_RANGE(), [times[0], times[-1]], 2)
+        return 1
+
+    def RequestData(self, request, inputs, outputs):  # noqa: N802
+        info = outputs.GetInformationObject(0)
+        time_s = info.Get(Pipeline.UPDATE_TIME_STEP()) or 0.0
+        mesh = self.meshes[round(time_s / STEP_S)]
+        found = self.GetOutputData(outputs, 0)
+        found.ShallowCopy(mesh)
+        found.GetInformation().Set(found.DATA_TIME_STEP(), time_s)
+        return 1
+
+
+def written(writer, mesh, path):
+    writer.SetFileName(str(path))
+    writer.SetInputData(mesh)
+    assert writer.Write()
+
+
+def write_frames(folder, meshes, *, legacy=False):
+    """Write one file per frame, and return the pattern of their names."""
+    is_sheet = meshes[0].IsA("vtkPolyData")
+    extension = ".vtk" if legacy else ".vtp" if is_sheet else ".vtu"
+    for number, mesh in enumerate(meshes):
+        if legacy:
+            writer = vtkPolyDataWriter() if is_sheet else vtkUnstructuredGridWriter()
+            writer.SetFileTypeToBinary()
+        else:
+            writer = vtkXMLPolyDataWriter() if is_sheet else vtkXMLUnstructuredGridWriter()
+        written(writer, mesh, folder / f"f_{number}{extension}")
+    return str(folder / f"*{extension}")
+
+
+def write_legacy_frames(folder, meshes):
+    return write_frames(folder, meshes, legacy=True)
+
+
+def write_pvd(folder, meshes):
+    write_frames(folder, meshes)
+    files = sorted(path for path in folder.iterdir() if path.suffix in (".vtp", ".vtu"))
+    rows = "".join(
+        f'<DataSet timestep="{STEP_S * number}" file="{path.name}"/>'
+        for number, path in enumerate(files)
+    )
+    text = f'<VTKFile type="Collection"><Collection>{rows}</Collection></VTKFile>'
+    (folder / "a.pvd").write_text(text)
+    return folder / "a.pvd"
+
+
+def write_vtkhdf(folder, meshes):
+    source, writer = TimeSeries(meshes), vtkHDFWriter()
+    writer.SetInputConnection(source.GetOutputPort())
+    writer.SetWriteAllTimeSteps(True)
+    writer.SetFileName(str(folder / "a.vtkhdf"))
+    assert writer.Write()
+    return folder / "a.vtkhdf"
+
+
+@pytest.mark.parametrize("write", [write_frames, write_legacy_frames, write_pvd, write_vtkhdf])
+def test_polygons_that_change_become_segments_with_their_arrays(tmp_path, write):
+    source = write(tmp_path, [sheet(frame) for frame in range(len(ROWS))])
+    assert_sheets(load_segments(source, fps=1 / STEP_S))
+
+
+@pytest.mark.parametrize("write", [write_frames, write_legacy_frames, write_pvd, write_vtkhdf])
+def test_boundaries_of_solid_cells_that_change_become_segments(tmp_path, write):
+    source = write(tmp_path, [stack(frame) for frame in range(len(N_LAYERS))])
+    found = load_segments(source, fps=1 / STEP_S)
+    assert found.starts == STARTS
+    for segment, start in zip(found.segments, STARTS, strict=False):
+        n_layers = N_LAYERS[start]
+        assert (segment.n_verts, len(segment.faces)) == (4 * (n_layers + 1), 2 * (4 * n_layers + 2))
+        for index, vertices in enumerate(segment.read(0, segment.n_frames)):
+            assert vertices[:, 2].min() == pytest.approx(0.1 * (start + index))
+            values = segment.tracks["load"].read(index, index + 1)[0, :, 0]
+            # The bottom and the top of the stack, and four sides of each cube.
+            expected = [*np.repeat(np.arange(n_layers), 4), 0, n_layers - 1]
+            assert sorted(values) == sorted(np.array(expected) + 10.0 * (start + index))
+
+
+def test_xdmf_grids_that_change_become_segments(tmp_path):
+    """Topologies are inline, or refer to that of an earlier time."""
+    grids = []
+    for frame in range(len(ROWS)):
+        faces, points = faces_of(frame), points_of(frame)
+        topology = (
+            f'<Topology TopologyType="Triangle" NumberOfElements="{len(faces)}">{item(faces)}'
+            "</Topology>"
+        )
+        if frame == 1:
+            place = "/Xdmf/Domain/Grid/Grid[1]/Topology"
+            topology = f'<Topology Reference="XML">{place}</Topology>'
+        arrays = "".join(
+            f'<Attribute Name="{name}" Center="{center}">{item(values)}</Attribute>'
+            for name, center, values in (
+                ("heat", "Node", heat_of(frame)), ("load", "Cell", load_of(frame))
+            )
+        )  # fmt: skip
+        grids.append(
+            f'<Grid Name="body"><Time Value="{STEP_S * frame}"/>{topology}'
+            f'<Geometry GeometryType="XYZ">{item(points)}</Geometry>{arrays}</Grid>'
+        )
+    text = '<Grid Name="walk" GridType="Collection" CollectionType="Temporal">'
+    (tmp_path / "a.xdmf").write_text(
+        f'<Xdmf Version="3.0"><Domain>{text}{"".join(grids)}</Grid></Domain></Xdmf>'
+    )
+    assert_sheets(load_segments(tmp_path / "a.xdmf"))
+
+
+def item(values):
+    """Return an XDMF item with the numbers inline."""
+    kind = "Int" if values.dtype.kind == "i" else "Float"
+    shape = " ".join(map(str, values.shape))
+    numbers = " ".join(map(repr, values.ravel().tolist()))
+    return (
+        f'<DataItem Format="XML" Dimensions="{shape}" NumberType="{kind}" '
+        f'Precision="{values.itemsize}">{numbers}</DataItem>'
+    )
+
+
+def test_array_that_only_later_steps_of_vtkhdf_have_is_left_out_with_a_note(tmp_path):
+    """VTK stores fewer offsets then, and not for which steps they are."""
+    meshes = [sheet(frame) for frame in range(len(ROWS))]
+    with_array(meshes[3].GetPointData(), "late", heat_of(3))
+    notes = []
+    found = load_segments(write_vtkhdf(tmp_path, meshes), notes=notes)
+    assert_sheets(found)
+    [note] = [note for note in notes if "late" in note]
+    assert note.startswith("left out: arrays: late, with offsets for ")
+
+
+def assert_sheets(found):
+    assert (found.starts, found.fps, found.n_meshes) == (STARTS, 1 / STEP_S, 3)
+    for number, (segment, start) in enumerate(zip(found.segments, STARTS, strict=False)):
+        assert segment.start_s == pytest.approx(STEP_S * start)
+        np.testing.assert_array_equal(segment.faces, faces_of(start))
+        for index, frame in enumerate(range(start, STARTS[number + 1])):
+            np.testing.assert_array_equal(segment.read(index, index + 1)[0], points_of(frame))
+            for name, values in (("heat", heat_of(frame)), ("load", load_of(frame))):
+                found_values = segment.tracks[name].read(index, index + 1)[0, :, 0]
+                np.testing.assert_array_equal(found_values, values)
