@@ -28,6 +28,14 @@ N_LAYERS = (2, 2, 3, 3, 2, 4)
 
 STEP_S = 0.5
 
+WRITERS = {
+    (False, False): vtkXMLUnstructuredGridWriter,
+    (False, True): vtkXMLPolyDataWriter,
+    (True, False): vtkUnstructuredGridWriter,
+    (True, True): vtkPolyDataWriter,
+}
+"""VTK's writer of frames: whether the format is the legacy one, and whether the mesh is a sheet."""
+
 
 def points_of(frame):
     return waving_grid(len(ROWS), ROWS[frame], 6).vertices[frame]
@@ -97,23 +105,17 @@ class TimeSeries(VTKPythonAlgorithmBase):
         return 1
 
 
-def written(writer, mesh, path):
-    writer.SetFileName(str(path))
-    writer.SetInputData(mesh)
-    assert writer.Write()
-
-
 def write_frames(folder, meshes, *, legacy=False):
     """Write one file per frame, and return the pattern of their names."""
     is_sheet = meshes[0].IsA("vtkPolyData")
     extension = ".vtk" if legacy else ".vtp" if is_sheet else ".vtu"
     for number, mesh in enumerate(meshes):
+        writer = WRITERS[legacy, bool(is_sheet)]()
         if legacy:
-            writer = vtkPolyDataWriter() if is_sheet else vtkUnstructuredGridWriter()
             writer.SetFileTypeToBinary()
-        else:
-            writer = vtkXMLPolyDataWriter() if is_sheet else vtkXMLUnstructuredGridWriter()
-        written(writer, mesh, folder / f"f_{number}{extension}")
+        writer.SetFileName(str(folder / f"f_{number}{extension}"))
+        writer.SetInputData(mesh)
+        assert writer.Write()
     return str(folder / f"*{extension}")
 
 
