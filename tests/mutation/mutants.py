@@ -9,6 +9,13 @@ from mutation.edits import Edit, c_edits, python_edits
 CORE, MODULES = "core", "modules"
 """Names for the C core, and for the modules outside of packages."""
 
+OWN_TESTS = {
+    CORE: ("unit/kernel/", "unit/codec/connectivity/", "unit/codec/entropy/", "conformance/"),
+    MODULES: ("unit/test_",),
+    "app": ("unit/app/", "cli/"),
+}
+"""Prefixes of the tests of a package, below tests/; by default unit/ and its name."""
+
 NOT_MUTATED = ("flag.py", "__main__.py")
 MIN_MUTANTS = 6
 """Smallest number of mutants of a package."""
@@ -62,6 +69,11 @@ def mutant_of(edit: Edit, package: str, file: str, source: bytes) -> Mutant:
     new = source[first : edit.start] + edit.new.encode() + source[edit.end : last]
     line = source.count(b"\n", 0, first) + 1
     return Mutant(package, file, line, edit.kind, source[first:last].decode(), new.decode())
+
+
+def own_prefixes(package: str) -> tuple[str, ...]:
+    """Return the prefixes of the paths of a package's tests."""
+    return tuple(f"tests/{one}" for one in OWN_TESTS.get(package, (f"unit/{package}/",)))
 
 
 def sources(root: Path) -> dict[str, list[Path]]:

@@ -27,22 +27,12 @@ from pathlib import Path
 
 from compile import FLAGS  # of core/
 
-from mutation.mutants import CORE, MODULES, Mutant, sample
+from mutation.mutants import CORE, Mutant, own_prefixes, sample
 from mutation.plugin import LINES, RECORD, SECONDS, SELECT
 
 ROOT = Path(__file__).resolve().parents[2]
 RECORDED = ("unit", "cli", "conformance", "corruption", "properties")
 """Recorded folders of tests; the others need browsers, Blender or real sequences."""
-
-OWN = {
-    CORE: (
-        *("unit/kernel", "unit/connectivity", "unit/entropy", "unit/geometry"),
-        "conformance/test_c_reader",
-    ),
-    MODULES: ("unit/test_",),
-    "cli": ("unit/cli", "cli"),
-}
-"""Prefixes of the tests of a package, below tests/; by default unit/ and its name."""
 
 OWN_S, OTHERS_S = 25.0, 12.0
 """Time limits of the tests of the package and of others; the fastest run first."""
@@ -182,7 +172,7 @@ class Bench:
     def _tests_of(self, mutant: Mutant) -> tuple[list[str], list[str]]:
         """Return the tests that execute the lines of a mutant: those of its package, and others."""
         found = list(self.seconds) if mutant.package == CORE else self._executing(mutant)
-        prefixes = _own_prefixes(mutant.package)
+        prefixes = own_prefixes(mutant.package)
         own = [name for name in found if name.startswith(prefixes)]
         if not own:  # lines are executed in other processes, or not at all
             own = [name for name in self.seconds if name.startswith(prefixes)]
@@ -205,7 +195,7 @@ class Bench:
         executing = {name.partition("::")[0] for name in self._tests_of(mutant)[0]}
         commit = (self.work / COMMIT).read_text().strip()
         changed = set(_git(self.clone, "diff", "--name-only", commit, "--", "tests").split())
-        prefixes = _own_prefixes(mutant.package)
+        prefixes = own_prefixes(mutant.package)
         tests = (file.relative_to(self.clone) for file in self.clone.glob("tests/**/test_*.py"))
         own = [file.as_posix() for file in tests if file.as_posix().startswith(prefixes)]
         return [file for file in own if file in executing | changed]
@@ -265,10 +255,6 @@ class Bench:
             return ""
         failed = re.search(r"^(?:FAILED|ERROR) (.*)$", output, re.MULTILINE)
         return failed[1][:200] if failed else f"exit status {process.returncode}"
-
-
-def _own_prefixes(package: str) -> tuple[str, ...]:
-    return tuple(f"tests/{one}" for one in OWN.get(package, (f"unit/{package}/",)))
 
 
 def _fastest(names: Iterable[str], seconds: dict[str, float], limit_s: float) -> list[str]:

@@ -1,11 +1,14 @@
-"""The edits that `mutation.run` puts into sources: wrong programs, but programs."""
+"""Faults that `mutation.run` puts into sources, and the tests of each package."""
 
 import ast
+from pathlib import Path
 
 import pytest
 
 from mutation.edits import c_edits, python_edits
-from mutation.mutants import mutant_of
+from mutation.mutants import mutant_of, own_prefixes, sources
+
+ROOT = Path(__file__).parents[2]
 
 PYTHON = '''"""A docstring with 1 < 2."""
 
@@ -70,3 +73,10 @@ def test_mutant_is_found_again_when_its_lines_have_moved():
     assert mutant.applied("x = 1\n" + PYTHON).endswith("    record(given)\n    return 0\n")
     with pytest.raises(ValueError, match="no longer contains 'return given"):
         mutant.applied(PYTHON.replace("* 2", "* 3"))
+
+
+@pytest.mark.parametrize("package", sources(ROOT))
+def test_every_package_has_tests_of_its_own(package):
+    paths = [path.relative_to(ROOT).as_posix() for path in ROOT.glob("tests/**/test_*.py")]
+    for prefix in own_prefixes(package):
+        assert any(path.startswith(prefix) for path in paths), prefix
