@@ -1,4 +1,4 @@
-"""Basis vectors to integers: what an encoder chooses, decoded again."""
+"""Quantization of basis vectors by the encoder, and their decoding."""
 
 import hypothesis.strategies as st
 import numpy as np
@@ -20,13 +20,13 @@ FAIR_PRICE = 2.0 * np.log(2.0) / 12.0
 
 
 def curves(n_modes, n_frames, size, seed):
-    """Random walks of shape (K, 3, T)."""
+    """Return random walks of shape (K, 3, T)."""
     steps = np.random.default_rng(seed).normal(size=(n_modes, 3, n_frames))
     return size * np.cumsum(steps, axis=2)
 
 
 def directions(values):
-    """Vectors of length 1 of shape (3, T, K)."""
+    """Return unit vectors of shape (3, T, K)."""
     lengths = np.sqrt(np.square(values).sum(axis=(1, 2), keepdims=True))
     return np.moveaxis(values / np.where(lengths > 0, lengths, 1.0), 0, 2)
 
@@ -34,25 +34,25 @@ def directions(values):
 @given(
     st.integers(1, 4), st.integers(1, 70), st.floats(1.0, 1e6), st.integers(0, 99), st.booleans()
 )
-def test_vectors_come_back_within_half_a_step_when_bits_are_worth_nothing(
+def test_vectors_round_trip_within_half_a_step_without_a_rate_weight(
     n, n_frames, size, seed, is_adaptive
 ):
-    wanted = curves(n, n_frames, size, seed)
+    targets = curves(n, n_frames, size, seed)
     coding = BasisCoding(is_adaptive=is_adaptive)
-    decoded = basis_vectors(encode_basis(wanted, 0.0, coding), coding)
-    length = np.sqrt(np.square(wanted).sum(axis=(1, 2)))
-    error = np.abs(decoded - directions(wanted)).max(axis=(0, 1))
+    decoded = basis_vectors(encode_basis(targets, 0.0, coding), coding)
+    length = np.sqrt(np.square(targets).sum(axis=(1, 2)))
+    error = np.abs(decoded - directions(targets)).max(axis=(0, 1))
     assert (error <= (0.5 + 0.5 * np.sqrt(3 * n_frames)) / np.maximum(length, 1e-9) + 1e-9).all()
 
 
-def test_integers_are_fewer_when_bits_have_a_price():
-    wanted = curves(3, 200, 0.3, 1)
-    plain, by_rate = encode_basis(wanted, 0.0), encode_basis(wanted, FAIR_PRICE)
+def test_integers_are_smaller_with_a_rate_weight():
+    targets = curves(3, 200, 0.3, 1)
+    plain, by_rate = encode_basis(targets, 0.0), encode_basis(targets, FAIR_PRICE)
     assert np.count_nonzero(by_rate) < 0.9 * np.count_nonzero(plain)
     np.testing.assert_array_equal(by_rate[:, :, ::4], plain[:, :, ::4])
 
 
-def test_rare_ones_become_zeros_that_common_ones_do_not():
+def test_rare_ones_become_zeros_with_a_rate_weight():
     rare, common = np.zeros((1, 3, 400)), np.zeros((1, 3, 400))
     rare[0, 0, 7] = 0.6
     common[0, 0, 1::2] = 0.6
@@ -60,7 +60,7 @@ def test_rare_ones_become_zeros_that_common_ones_do_not():
     assert np.count_nonzero(encode_basis(common, FAIR_PRICE)[0, 0]) > 100
 
 
-def test_smooth_curves_need_no_integers_between_the_coarsest_times():
+def test_smooth_curves_need_integers_at_the_coarsest_times_only():
     time = np.arange(101) / 10
     curve = np.broadcast_to(np.rint(time**2), (1, 3, 101))
     integers = encode_basis(1e3 * np.array(curve), 0.0)
@@ -78,13 +78,13 @@ def test_error_is_raised_when_an_integer_is_too_large(value):
 ADAPTIVE = BasisCoding(is_adaptive=True)
 
 
-def test_adaptive_times_of_noise_are_smaller_than_plain_ones():
+def test_adaptive_times_of_noise_take_fewer_bits_than_plain_ones():
     noise = 20.0 * np.random.default_rng(6).normal(size=(8, 3, 200))
     plain, adaptive = (encode_basis(noise, 0.0, one) for one in (BasisCoding(), ADAPTIVE))
     assert np.abs(adaptive).mean() < 0.85 * np.abs(plain).mean()
 
 
-def test_adaptive_times_start_again_behind_reused_modes():
+def test_adaptive_times_restart_after_reused_modes():
     coded = encode_basis(curves(4, 50, 3.0, 9), FAIR_PRICE, ADAPTIVE)
     whole = basis_vectors(coded, ADAPTIVE, np.ones(2))
     for part in (slice(0, 2), slice(2, 4)):
@@ -102,41 +102,41 @@ def test_adaptive_times_of_the_largest_integers_are_finite(sign):
 
 
 def resting(bits, *runs):
-    """The coding by times where some runs rest."""
+    """Return the coding by times in which some runs rest."""
     return BasisCoding(Rests(runs, bits))
 
 
 @pytest.mark.parametrize("rate_weight", [0.0, FAIR_PRICE])
-def test_equal_times_are_decoded_equal_when_they_rest(rate_weight):
-    wanted = curves(4, 60, 3.0, 2)
-    wanted[:, :, 21:33] = wanted[:, :, 20:21]
+def test_resting_times_are_decoded_equal(rate_weight):
+    targets = curves(4, 60, 3.0, 2)
+    targets[:, :, 21:33] = targets[:, :, 20:21]
     coding = resting(3, (21, 33))
-    coded = encode_basis(wanted, rate_weight, coding)
+    coded = encode_basis(targets, rate_weight, coding)
     assert not coded[:, :, 21:33].any()
     vectors = basis_vectors(coded, coding)
     np.testing.assert_array_equal(vectors[:, 21:33], np.broadcast_to(vectors[:, 20:21], (3, 12, 4)))
-    without = basis_vectors(encode_basis(wanted, rate_weight))
+    without = basis_vectors(encode_basis(targets, rate_weight))
     assert np.ptp(without[:, 20:33], axis=1).max() > 0.0
 
 
 @pytest.mark.parametrize("bits", [0, 3, MAX_REST_BITS])
-def test_resting_times_move_as_wanted_within_their_step(bits):
-    wanted = curves(2, 40, 5.0, 3)
-    wanted[:, :, 11:30] = wanted[:, :, 10:11] + 0.02 * np.arange(1, 20)
+def test_resting_times_are_within_half_a_step_of_the_target(bits):
+    targets = curves(2, 40, 5.0, 3)
+    targets[:, :, 11:30] = targets[:, :, 10:11] + 0.02 * np.arange(1, 20)
     coding = resting(bits, (11, 30), (39, 40))
-    decoded = values_of(encode_basis(wanted, 0.0, coding), coding)
-    error = decoded - wanted
+    decoded = values_of(encode_basis(targets, 0.0, coding), coding)
+    error = decoded - targets
     drift = np.abs(error[:, :, 11:30] - error[:, :, 10:11]).max()
     assert drift <= 0.5 / 2**bits + 1e-6
 
 
 def values_of(coded, coding):
-    """Values in steps: a reused field of length 1 divides its vector by 1."""
+    """Return values in steps, as a reused field of length 1 divides its vector by 1."""
     return np.moveaxis(basis_vectors(coded, coding, np.ones(len(coded))), 2, 0)
 
 
 @pytest.mark.parametrize(("runs", "bits"), [([(0, 1)], 0), ([(1, 2)], MAX_REST_BITS + 1)])
-def test_rests_are_refused_when_no_stream_can_hold_them(runs, bits):
+def test_rests_are_rejected_when_the_format_cannot_represent_them(runs, bits):
     coding = resting(bits, *runs)
     with pytest.raises(InvalidInputError):
         encode_basis(np.zeros((1, 3, 5)), 0.0, coding)
@@ -145,21 +145,21 @@ def test_rests_are_refused_when_no_stream_can_hold_them(runs, bits):
 
 
 def cosines(n_frames):
-    """The orthonormal DCT-II, of shape (frequencies, T)."""
-    found = np.cos(np.pi * np.outer(np.arange(n_frames), np.arange(n_frames) + 0.5) / n_frames)
-    found *= np.sqrt(2.0 / n_frames)
-    found[0] = np.sqrt(1.0 / n_frames)
-    return found
+    """Return the orthonormal DCT-II, of shape (frequencies, T)."""
+    matrix = np.cos(np.pi * np.outer(np.arange(n_frames), np.arange(n_frames) + 0.5) / n_frames)
+    matrix *= np.sqrt(2.0 / n_frames)
+    matrix[0] = np.sqrt(1.0 / n_frames)
+    return matrix
 
 
 every_count = pytest.mark.parametrize("n_frames", [1, 2, 3, 16, 47, MAX_COSINES])
 
 
 @every_count
-def test_coefficients_are_the_nearest_when_bits_are_worth_nothing(n_frames):
-    wanted = curves(2, n_frames, 100.0, 3)
-    found = encode_basis(wanted, 0.0, COSINES)
-    np.testing.assert_allclose(found, wanted @ cosines(n_frames).T, rtol=0, atol=0.5 + 1e-6)
+def test_coefficients_are_the_nearest_without_a_rate_weight(n_frames):
+    targets = curves(2, n_frames, 100.0, 3)
+    integers = encode_basis(targets, 0.0, COSINES)
+    np.testing.assert_allclose(integers, targets @ cosines(n_frames).T, rtol=0, atol=0.5 + 1e-6)
 
 
 @every_count
@@ -167,24 +167,24 @@ def test_vectors_are_sums_of_cosines(n_frames):
     coded = np.random.default_rng(4).integers(-(2**31) + 1, 2**31, (2, 3, n_frames))
     values = np.moveaxis(coded @ cosines(n_frames), 0, 2)
     largest = np.abs(values).max()
-    found = basis_vectors(coded, COSINES, np.ones(2))
-    np.testing.assert_allclose(found, values, rtol=0, atol=1e-13 * largest * n_frames)
+    vectors = basis_vectors(coded, COSINES, np.ones(2))
+    np.testing.assert_allclose(vectors, values, rtol=0, atol=1e-13 * largest * n_frames)
     lengths = np.sqrt(np.square(basis_vectors(coded, COSINES)).sum(axis=(0, 1)))
     np.testing.assert_allclose(lengths, 1.0, rtol=1e-12)
 
 
-def test_vectors_of_cosines_are_zero_when_all_coefficients_are():
+def test_vectors_of_zero_coefficients_are_zero():
     assert not basis_vectors(np.zeros((1, 3, 5), np.int32), COSINES).any()
 
 
-def test_coefficients_are_fewer_when_bits_have_a_price():
-    wanted = 0.6 * np.random.default_rng(5).normal(size=(3, 3, 200))
-    plain, by_rate = encode_basis(wanted, 0.0, COSINES), encode_basis(wanted, FAIR_PRICE, COSINES)
+def test_coefficients_are_fewer_with_a_rate_weight():
+    targets = 0.6 * np.random.default_rng(5).normal(size=(3, 3, 200))
+    plain, by_rate = encode_basis(targets, 0.0, COSINES), encode_basis(targets, FAIR_PRICE, COSINES)
     assert np.count_nonzero(by_rate) < 0.9 * np.count_nonzero(plain)
 
 
 @pytest.mark.parametrize("n_frames", [0, MAX_COSINES + 1])
-def test_cosines_are_refused_when_no_stream_can_hold_them(n_frames):
+def test_cosines_are_rejected_when_the_format_cannot_represent_them(n_frames):
     with pytest.raises(InvalidInputError):
         encode_basis(np.zeros((1, 3, n_frames)), 0.0, COSINES)
     with pytest.raises(InvalidInputError):

@@ -1,4 +1,4 @@
-"""How the core is compiled, and what is said where it cannot be."""
+"""Compilation of the core, and errors without a compiler or library."""
 
 import os
 import runpy
@@ -18,14 +18,14 @@ FUZZ = ROOT / "core" / "fuzz" / "run.py"
 
 @pytest.fixture
 def core(monkeypatch):
-    """`core/compile.py` on a machine without compilers, and without $CC."""
+    """`core/compile.py` on a machine without compilers and without $CC."""
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.setenv("PATH", "")
     monkeypatch.setitem(sys.modules, "ziglang", None)
-    found = runpy.run_path(str(COMPILE))
-    found["compiler"].__globals__["COMPILERS"] = ("cc", "clang", "gcc")
-    found["compiler"].__globals__["zig"] = lambda: None
-    return found
+    module = runpy.run_path(str(COMPILE))
+    module["compiler"].__globals__["COMPILERS"] = ("cc", "clang", "gcc")
+    module["compiler"].__globals__["zig"] = lambda: None
+    return module
 
 
 def install(folder, *names):
@@ -43,9 +43,7 @@ needs_shell = pytest.mark.skipif(sys.platform == "win32", reason="programs end i
     ("there", "chosen"),
     [(["gcc", "clang", "cc"], "cc"), (["gcc", "clang"], "clang"), (["gcc"], "gcc")],
 )
-def test_the_compiler_is_that_of_the_machine_when_there_is_one(
-    core, monkeypatch, tmp_path, there, chosen
-):
+def test_compiler_is_that_of_the_machine_if_available(core, monkeypatch, tmp_path, there, chosen):
     install(tmp_path, *there)
     monkeypatch.setenv("PATH", str(tmp_path))
     core["compiler"].__globals__["zig"] = lambda: ["zig"]
@@ -53,38 +51,34 @@ def test_the_compiler_is_that_of_the_machine_when_there_is_one(
 
 
 @needs_shell
-def test_the_compiler_is_what_cc_names_with_its_flags_when_it_is_set(core, monkeypatch, tmp_path):
+def test_compiler_and_flags_are_those_of_cc_when_it_is_set(core, monkeypatch, tmp_path):
     install(tmp_path, "cc")
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setenv("CC", "ccache 'my gcc' -m64")
     assert core["compiler"]() == ["ccache", "my gcc", "-m64"]
 
 
-def test_zig_compiles_for_every_processor_of_a_kind_when_there_is_no_other(core):
+def test_zig_compiles_for_the_baseline_processor_without_another_compiler(core):
     core["compiler"].__globals__["zig"] = lambda: ["python", "-m", "ziglang", "cc"]
     assert core["compiler"]() == ["python", "-m", "ziglang", "cc", "-mcpu=baseline"]
 
 
-def test_one_line_says_what_to_install_when_there_is_no_compiler(core, tmp_path):
-    with pytest.raises(RuntimeError) as told:
+def test_error_is_one_line_with_a_remedy_without_a_compiler(core, tmp_path):
+    with pytest.raises(RuntimeError) as caught:
         core["build"](tmp_path / "libreel.so")
-    assert str(told.value) == core["NO_COMPILER"]
+    assert str(caught.value) == core["NO_COMPILER"]
     assert "\n" not in core["NO_COMPILER"]
     assert not list(tmp_path.iterdir())
 
 
-def test_one_line_names_the_compiler_when_cc_names_one_that_is_not_there(
-    core, monkeypatch, tmp_path
-):
+def test_error_names_the_missing_compiler_of_cc(core, monkeypatch, tmp_path):
     monkeypatch.setenv("CC", "no-such-compiler")
     with pytest.raises(RuntimeError, match=r"^CC names the compiler 'no-such-compiler'.*$"):
         core["build"](tmp_path / "libreel.so")
 
 
 @needs_shell
-def test_what_the_compiler_says_is_told_and_nothing_stays_when_it_fails(
-    core, monkeypatch, tmp_path
-):
+def test_error_contains_compiler_output_and_no_file_remains(core, monkeypatch, tmp_path):
     program = tmp_path / "bad-cc"
     program.write_text("#!/bin/sh\necho what is wrong >&2\nexit 1\n")
     program.chmod(0o755)
@@ -95,7 +89,7 @@ def test_what_the_compiler_says_is_told_and_nothing_stays_when_it_fails(
     assert not list((tmp_path / "out").iterdir())
 
 
-def test_a_library_is_current_until_a_source_is_newer(core, tmp_path):
+def test_library_is_current_until_a_source_is_newer(core, tmp_path):
     built = tmp_path / "libreel.so"
     assert not core["is_current"](built)
     newest = max(file.stat().st_mtime for file in [*core["sources"](), COMPILE])
@@ -106,20 +100,20 @@ def test_a_library_is_current_until_a_source_is_newer(core, tmp_path):
     assert not core["is_current"](built)
 
 
-def test_pages_call_functions_of_the_public_header_and_of_their_host(core):
+def test_page_build_exports_the_public_header_and_imports_its_host(core):
     declared = (COMPILE.parent / "include" / "meshreel.h").read_text()
     declared += (COMPILE.parent / "reader" / "page.c").read_text()
     for name in core["PAGE_FUNCTIONS"]:
         assert f" {name}(" in declared or f"*{name}(" in declared, name
 
 
-def test_one_line_says_what_to_do_when_the_library_is_missing(monkeypatch, tmp_path):
+def test_error_is_one_line_with_a_remedy_without_the_library(monkeypatch, tmp_path):
     monkeypatch.setattr(library, "FOLDER", tmp_path)
     library.library.cache_clear()
-    with pytest.raises(ImportError, match=r"core/compile\.py") as told:
+    with pytest.raises(ImportError, match=r"core/compile\.py") as caught:
         library.library()
     library.library.cache_clear()
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.slow
@@ -127,8 +121,8 @@ def test_one_line_says_what_to_do_when_the_library_is_missing(monkeypatch, tmp_p
     not (shutil.which("clang") or shutil.which("gcc")) or sys.platform == "win32",
     reason="needs clang or gcc, with sanitizers",
 )
-def test_hostile_bytes_break_nothing():
-    """Some 5 s of what `core/fuzz` searches for hours."""
-    given = ["--seconds", "5", "--plain"]
-    done = subprocess.run([sys.executable, FUZZ, *given], capture_output=True, text=True)
+def test_fuzzer_finds_no_crash():
+    """A run of 5 s of the fuzzer, which is meant to run for hours."""
+    options = ["--seconds", "5", "--plain"]
+    done = subprocess.run([sys.executable, FUZZ, *options], capture_output=True, text=True)
     assert not done.returncode, done.stdout + done.stderr

@@ -1,4 +1,4 @@
-"""The library for C and C++: built, installed, found, linked, and run by other programs."""
+"""The C library: build, installation, and linking by other programs."""
 
 import os
 import re
@@ -30,7 +30,7 @@ def need(*programs):
 
 
 def run(*command, **environment):
-    """What a program prints; it must not fail."""
+    """Run a program, which must succeed, and return its output."""
     done = subprocess.run(
         list(map(str, command)),
         capture_output=True,
@@ -43,24 +43,24 @@ def run(*command, **environment):
 
 @pytest.fixture(scope="module", params=["gcc", "clang"])
 def installed(request, tmp_path_factory):
-    """Where the library is installed, and its compiler."""
+    """Prefix of the installed library, and its compiler."""
     need("cmake", request.param)
     build, prefix = tmp_path_factory.mktemp("build"), tmp_path_factory.mktemp("prefix")
-    given = f"-DCMAKE_C_COMPILER={request.param}", "-DCMAKE_BUILD_TYPE=Debug"
-    run("cmake", "-S", CORE, "-B", build, "-DCMAKE_INSTALL_LIBDIR=lib", *given)
+    settings = f"-DCMAKE_C_COMPILER={request.param}", "-DCMAKE_BUILD_TYPE=Debug"
+    run("cmake", "-S", CORE, "-B", build, "-DCMAKE_INSTALL_LIBDIR=lib", *settings)
     run("cmake", "--build", build, "--parallel", "2")
     run("cmake", "--install", build, "--prefix", prefix)
     return prefix, request.param
 
 
 @pytest.fixture(scope="module")
-def wanted():
-    """What it has to write."""
+def expected():
+    """Expected output of the program."""
     return np.ascontiguousarray(meshreel.decode(STREAM).vertices).tobytes()
 
 
 def flags_of(prefix, *names):
-    """What pkg-config says of packages."""
+    """Return the output of pkg-config for packages."""
     need("pkg-config")
     paths = os.pathsep.join(
         [str(prefix / "lib" / "pkgconfig"), os.environ.get("PKG_CONFIG_PATH", "")]
@@ -69,46 +69,44 @@ def flags_of(prefix, *names):
 
 
 def has_sdl():
-    """Whether the library that the example draws by is there."""
+    """Return whether the drawing library of the example is installed."""
     command = ["pkg-config", "--exists", "sdl2"]
     return bool(shutil.which("pkg-config")) and not subprocess.run(command, check=False).returncode
 
 
-def test_a_program_finds_the_library_by_pkg_config_and_decodes_the_same_bits(
-    installed, wanted, tmp_path
-):
+def test_program_links_with_pkg_config_and_decodes_the_same_bits(installed, expected, tmp_path):
     prefix, compiler = installed
     moved = tmp_path / "elsewhere"
     shutil.copytree(prefix, moved, symlinks=True)
     program = tmp_path / "program"
     at_run_time = f"-Wl,-rpath,{moved / 'lib'}"
     run(compiler, SOURCE, *flags_of(moved, "meshreel"), at_run_time, "-o", program)
-    assert run(program, STREAM) == wanted
+    assert run(program, STREAM) == expected
 
 
-def test_a_program_in_cpp_links_the_static_library(installed, wanted, tmp_path):
+def test_cpp_program_links_the_static_library(installed, expected, tmp_path):
     prefix, compiler = installed
     cpp = {"gcc": "g++", "clang": "clang++"}[compiler]
     need(cpp)
     program = tmp_path / "program"
     strict = "-std=c++11", "-Wall", "-Wextra", "-Wpedantic", "-Werror"
-    given = "-x", "c++", SOURCE, "-x", "none", prefix / "lib" / "libmeshreel.a"
-    run(cpp, *strict, f"-I{prefix / 'include'}", *given, "-o", program)
-    assert run(program, STREAM) == wanted
+    inputs = "-x", "c++", SOURCE, "-x", "none", prefix / "lib" / "libmeshreel.a"
+    run(cpp, *strict, f"-I{prefix / 'include'}", *inputs, "-o", program)
+    assert run(program, STREAM) == expected
 
 
 @pytest.mark.parametrize("installed", ["gcc"], indirect=True)
-def test_a_program_finds_the_libraries_by_cmake(installed, wanted, tmp_path):
+def test_program_links_with_cmake(installed, expected, tmp_path):
     prefix, compiler = installed
-    given = f"-DCMAKE_PREFIX_PATH={prefix}", f"-DCMAKE_C_COMPILER={compiler}"
-    run("cmake", "-S", SOURCE.parent, "-B", tmp_path, *given)
+    settings = f"-DCMAKE_PREFIX_PATH={prefix}", f"-DCMAKE_C_COMPILER={compiler}"
+    run("cmake", "-S", SOURCE.parent, "-B", tmp_path, *settings)
     run("cmake", "--build", tmp_path)
     for program in ("frames", "frames_alone"):
-        assert run(tmp_path / program, STREAM) == wanted
+        assert run(tmp_path / program, STREAM) == expected
 
 
 def threads_program(folder):
-    """The example in C++, which decodes on threads, built with the library of the package."""
+    """Build the C++ example, which decodes on threads, with the library of the package."""
     need("c++")
     program = folder / "program"
     flags = run(sys.executable, "-m", "meshreel", "core", "--cflags", "--libs").decode().split()
@@ -117,7 +115,7 @@ def threads_program(folder):
     return program
 
 
-def test_a_program_in_cpp_decodes_on_threads(tmp_path):
+def test_cpp_program_decodes_on_threads(tmp_path):
     program = threads_program(tmp_path)
     shown = run(program, STREAM.with_name("corners_in_rows.reel")).decode().splitlines()
     assert shown[0] == "29 triangles, 0 attributes"
@@ -132,25 +130,23 @@ def test_a_program_in_cpp_decodes_on_threads(tmp_path):
 
 
 @pytest.mark.parametrize("installed", ["gcc"], indirect=True)
-def test_the_example_with_threads_is_built_by_cmake(installed, tmp_path):
+def test_threaded_example_builds_with_cmake(installed, tmp_path):
     need("g++")
-    given = f"-DCMAKE_PREFIX_PATH={installed[0]}", "-DCMAKE_CXX_COMPILER=g++"
-    run("cmake", "-S", EXAMPLE / "threads", "-B", tmp_path, *given)
+    settings = f"-DCMAKE_PREFIX_PATH={installed[0]}", "-DCMAKE_CXX_COMPILER=g++"
+    run("cmake", "-S", EXAMPLE / "threads", "-B", tmp_path, *settings)
     run("cmake", "--build", tmp_path)
     assert run(tmp_path / "threads", STREAM)
 
 
-def test_a_program_links_the_library_of_the_package_as_the_command_says(wanted, tmp_path):
+def test_program_links_with_the_flags_of_meshreel_core(expected, tmp_path):
     need("cc")
     program = tmp_path / "program"
     flags = run(sys.executable, "-m", "meshreel", "core", "--cflags", "--libs").decode().split()
     run("cc", SOURCE, *flags, "-o", program)
-    assert run(program, STREAM) == wanted
+    assert run(program, STREAM) == expected
 
 
-def test_the_shared_library_offers_what_the_header_declares_and_needs_no_other(
-    installed, monkeypatch
-):
+def test_shared_library_exports_the_header_and_needs_no_other_library(installed, monkeypatch):
     monkeypatch.syspath_prepend(str(CORE))
     from abi import functions
     from binaries import read_binary
@@ -161,14 +157,14 @@ def test_the_shared_library_offers_what_the_header_declares_and_needs_no_other(
         pytest.skip("names of libraries differ")
     library = read_binary((prefix / "lib" / "libmeshreel.so").read_bytes())
     assert {name for name in library.exported if not name.startswith("_")} == set(functions())
-    checks = {"__stack_chk_fail"}  # which some systems have compilers add
+    checks = {"__stack_chk_fail"}  # added by the compilers of some systems
     assert library.imported <= MAY_IMPORT | checks
     number = re.search(r"MESHREEL_ABI (\d+)", (CORE / "include" / "meshreel.h").read_text())[1]
     assert (prefix / "lib" / f"libmeshreel.so.{number}").exists()
 
 
-def test_what_programs_rely_on_is_as_it_is_stored(monkeypatch):
-    """A line that differs breaks programs: raise MESHREEL_ABI, and see core/abi.py."""
+def test_abi_equals_the_stored_one(monkeypatch):
+    """A different line breaks programs: increase MESHREEL_ABI, and see core/abi.py."""
     monkeypatch.syspath_prepend(str(CORE))
     from abi import STORED, described
 
@@ -176,42 +172,42 @@ def test_what_programs_rely_on_is_as_it_is_stored(monkeypatch):
     assert described() == STORED.read_text()
 
 
-def test_the_example_plays_a_file_in_a_window(installed, tmp_path):
+def test_example_plays_a_file_in_a_window(installed, tmp_path):
     prefix, compiler = installed
     if not has_sdl():
         pytest.skip("needs SDL 2 (Debian: libsdl2-dev)")
     program = tmp_path / "play"
     warnings = "-Wall", "-Wextra", "-Werror"
-    found = flags_of(prefix, "meshreel", "sdl2")
+    flags = flags_of(prefix, "meshreel", "sdl2")
     at_run_time = f"-Wl,-rpath,{prefix / 'lib'}"
-    run(compiler, *warnings, EXAMPLE / "play.c", *found, at_run_time, "-o", program)
+    run(compiler, *warnings, EXAMPLE / "play.c", *flags, at_run_time, "-o", program)
     shown = run(program, STREAM, "3", SDL_VIDEODRIVER="dummy")  # without a screen
     assert shown == b"3 frames of 42 vertices\n"
 
 
 @pytest.mark.parametrize("installed", ["gcc"], indirect=True)
-def test_the_example_is_built_by_cmake(installed, tmp_path):
+def test_example_builds_with_cmake(installed, tmp_path):
     prefix, compiler = installed
     if not has_sdl():
         pytest.skip("needs SDL 2 (Debian: libsdl2-dev)")
-    given = f"-DCMAKE_PREFIX_PATH={prefix}", f"-DCMAKE_C_COMPILER={compiler}"
-    run("cmake", "-S", EXAMPLE, "-B", tmp_path, *given)
+    settings = f"-DCMAKE_PREFIX_PATH={prefix}", f"-DCMAKE_C_COMPILER={compiler}"
+    run("cmake", "-S", EXAMPLE, "-B", tmp_path, *settings)
     run("cmake", "--build", tmp_path)
     assert run(tmp_path / "play", STREAM, "1", SDL_VIDEODRIVER="dummy")
 
 
-def test_what_the_guide_shows_compiles(tmp_path):
+def test_code_of_the_guide_compiles(tmp_path):
     need("cc")
     page = (ROOT / "docs" / "guides" / "engines.md").read_text(encoding="utf-8")
     (shown,) = re.findall(r"^```c\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
     include, body = shown.split("\n", 1)
-    given = "void *bytes, size_t size, uint32_t frame, float *positions, float *normals"
+    parameters = "void *bytes, size_t size, uint32_t frame, float *positions, float *normals"
     callbacks = (
         "void *allocate(void *user, size_t size);\n"
         "void release(void *user, void *memory, size_t size);\n"
     )
     program = tmp_path / "shown.c"
-    program.write_text(f"{include}\n{callbacks}void play({given}) {{\n{body}}}\n")
+    program.write_text(f"{include}\n{callbacks}void play({parameters}) {{\n{body}}}\n")
     warnings = "-Wall", "-Wno-unused-variable", "-Werror"
     run("cc", "-fsyntax-only", *warnings, f"-I{CORE / 'include'}", program)
 

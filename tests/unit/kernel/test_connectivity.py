@@ -1,4 +1,4 @@
-"""Walks over generated surfaces: how many bytes they take, and what they make of defects."""
+"""Traversal of generated surfaces: size in bytes, and defects."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from samples.meshes import grid_faces, octahedron_faces
 
 
 def rolled_grid(rows, columns):
-    """A torus of rows x columns vertices."""
+    """Return a torus of rows x columns vertices."""
     index = np.arange(rows * columns).reshape(rows, columns)
     right, below = np.roll(index, -1, 1), np.roll(index, -1, 0)
     across = np.roll(right, -1, 0)
@@ -20,7 +20,7 @@ def rolled_grid(rows, columns):
 
 
 def subdivided(faces, times):
-    """Each face cut into four, `times` times."""
+    """Split each face into four, `times` times."""
     for _ in range(times):
         ends = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]))
         _, middles = np.unique(ends, axis=0, return_inverse=True)
@@ -31,7 +31,7 @@ def subdivided(faces, times):
 
 
 def wheel(n_spokes):
-    """Two hubs with as many neighbours, as a closed surface."""
+    """Return a closed surface with two hubs and their common neighbors."""
     rim = 2 + np.arange(n_spokes)
     following = np.roll(rim, -1)
     above = np.stack([np.zeros_like(rim), rim, following], axis=-1)
@@ -45,7 +45,7 @@ def moebius_strip(n_quads):
 
 
 def fan(n_pages):
-    """As many faces at one edge, like pages of a book, each second one the other way round."""
+    """Return faces at one edge, like pages of a book, with alternating orientation."""
     pages = np.stack([np.zeros(n_pages, int), np.ones(n_pages, int), 2 + np.arange(n_pages)], -1)
     pages[1::2, :2] = pages[1::2, 1::-1]
     return pages
@@ -67,21 +67,21 @@ def both_sides(faces):
 
 
 def sharing(faces, *pairs):
-    """The faces with the first vertex of each pair replaced with the second."""
+    """Replace the first vertex of each pair with the second."""
     for vertex, other in pairs:
         faces = np.where(faces == vertex, other, faces)
     return np.unique(faces, return_inverse=True)[1].reshape(-1, 3).astype(np.int32)
 
 
 def faces_or_nothing(read, *arguments):
-    """What a decoder finds, or None if it refuses the bytes."""
+    """Decode bytes; None if the decoder raises an error."""
     try:
         return [tuple(face) for face in np.array(read(*arguments)).tolist()]
     except (CorruptStreamError, DamagedError):
         return None
 
 
-# Bytes that each takes, and some more.
+# Measured bytes, and a margin.
 SURFACES = {
     "one face": ([[0, 1, 2]], 6),
     "sheet": (grid_faces(60, 60), 18),
@@ -101,7 +101,7 @@ SURFACES = {
 
 @pytest.fixture(params=SURFACES)
 def surface(request):
-    """Faces, the number of vertices, and the most bytes."""
+    """Faces, number of vertices, and maximum number of bytes."""
     faces, limit = SURFACES[request.param]
     faces = np.array(faces, np.int32)
     return faces, int(faces.max()) + 1, limit
@@ -112,49 +112,49 @@ def sorted_triangles(faces, n_verts):
     return lowest[sorted_order(lowest, n_verts)]
 
 
-def given_again(faces, n_verts):
-    """The faces in the internal order, as they are decoded, in given numbers."""
+def with_original_numbers(faces, n_verts):
+    """Return the faces in internal order, with the original vertex numbers."""
     payload, internal_to_given, internal = encode_faces(faces, n_verts, listed=False)
     np.testing.assert_array_equal(decode_faces(payload, n_verts, len(faces)), internal)
     return internal_to_given[internal], internal_to_given
 
 
-def test_walk_takes_few_bytes_when_surface_is_simple(surface):
+def test_traversal_of_a_simple_surface_takes_few_bytes(surface):
     faces, n_verts, limit = surface
     assert len(encode_faces(faces, n_verts, listed=False)[0]) <= limit
 
 
-def test_walk_gives_the_same_triangles_when_surface_is_simple(surface):
+def test_traversal_of_a_simple_surface_round_trips(surface):
     faces, n_verts, _ = surface
-    found, internal_to_given = given_again(faces, n_verts)
+    decoded, internal_to_given = with_original_numbers(faces, n_verts)
     np.testing.assert_array_equal(
-        sorted_triangles(found, n_verts), sorted_triangles(faces, n_verts)
+        sorted_triangles(decoded, n_verts), sorted_triangles(faces, n_verts)
     )
     np.testing.assert_array_equal(np.sort(internal_to_given), np.arange(n_verts))
 
 
 @pytest.mark.parametrize("name", ["sheet", "torus", "large sphere", "wheel"])
-def test_every_vertex_but_the_first_has_a_lower_neighbour_when_surface_is_one(name):
+def test_every_vertex_but_the_first_has_a_lower_neighbor_on_a_connected_surface(name):
     faces = np.array(SURFACES[name][0], np.int32)
     _, _, internal = encode_faces(faces, int(faces.max()) + 1, listed=False)
     ends = np.concatenate([internal[:, [0, 1]], internal[:, [1, 2]], internal[:, [2, 0]]])
     assert set(range(1, internal.max() + 1)) == set(ends.max(axis=1).tolist())
 
 
-def test_unused_vertices_are_numbered_last_when_there_are_some():
+def test_unused_vertices_are_numbered_last():
     faces = np.array([[1, 4, 6], [6, 4, 8]], np.int32)
-    found, internal_to_given = given_again(faces, 10)
+    decoded, internal_to_given = with_original_numbers(faces, 10)
     assert internal_to_given[4:].tolist() == [0, 2, 3, 5, 7, 9]
-    assert sorted(found[0]) != sorted(found[1])
+    assert sorted(decoded[0]) != sorted(decoded[1])
 
 
-def test_degenerate_faces_come_last_when_there_are_some():
+def test_degenerate_faces_come_last():
     faces = np.array([[0, 0, 1], [0, 1, 2], [1, 4, 1], [1, 2, 0], [2, 1, 3]], np.int32)
-    found, _ = given_again(faces, 5)
-    assert found[3:].tolist() == [[0, 0, 1], [1, 4, 1]]
+    decoded, _ = with_original_numbers(faces, 5)
+    assert decoded[3:].tolist() == [[0, 0, 1], [1, 4, 1]]
 
 
-def test_faces_stay_as_they_are_when_they_are_listed():
+def test_listed_faces_are_unchanged():
     faces = np.random.default_rng(4).integers(0, 50, (300, 3)).astype(np.int32)
     payload, internal_to_given, internal = encode_faces(faces, 50, listed=True)
     np.testing.assert_array_equal(internal, faces)
@@ -162,7 +162,7 @@ def test_faces_stay_as_they_are_when_they_are_listed():
     np.testing.assert_array_equal(decode_faces(payload, 50, 300), faces)
 
 
-def test_there_may_be_no_face():
+def test_connectivity_without_faces_round_trips():
     faces = np.zeros((0, 3), np.int32)
     payload, internal_to_given, _ = encode_faces(faces, 3, listed=False)
     assert internal_to_given.tolist() == [0, 1, 2]
@@ -170,18 +170,18 @@ def test_there_may_be_no_face():
 
 
 @pytest.mark.parametrize("corner", [-1, 4, 2**31 - 1])
-def test_faces_are_refused_when_a_corner_is_no_vertex(corner):
+def test_faces_are_rejected_when_a_corner_is_not_a_vertex(corner):
     with pytest.raises(InvalidInputError, match="number 1 "):
         encode_faces(np.array([[0, 1, 2], [0, corner, 2]], np.int32), 4, listed=False)
 
 
 @pytest.mark.parametrize("counts", [(MAX_ITEMS + 1, 1), (1, MAX_ITEMS + 1)])
-def test_bytes_are_refused_when_too_many_items_are_announced(counts):
+def test_bytes_are_rejected_when_they_announce_too_many_items(counts):
     with pytest.raises(CorruptStreamError, match="at most"):
         decode_faces(b"\xaa" * 30, *counts)
 
 
-def test_changed_bytes_give_faces_or_our_error(surface):
+def test_changed_bytes_decode_or_raise_our_error(surface):
     faces, n_verts, _ = surface
     rng = np.random.default_rng(2)
     payload = encode_faces(faces, n_verts, listed=False)[0]
@@ -190,10 +190,10 @@ def test_changed_bytes_give_faces_or_our_error(surface):
         for _ in range(rng.integers(1, 4)):
             changed[rng.integers(len(changed))] = rng.integers(256)
         try:
-            found = decode_faces(bytes(changed), n_verts, len(faces))
+            decoded = decode_faces(bytes(changed), n_verts, len(faces))
         except CorruptStreamError:
             continue
-        assert 0 <= found.min() <= found.max() < n_verts
+        assert 0 <= decoded.min() <= decoded.max() < n_verts
 
 
 @pytest.mark.parametrize(
@@ -207,7 +207,7 @@ def test_changed_bytes_give_faces_or_our_error(surface):
     ],
     ids=["octahedra", "triangles", "turned over", "holes", "cap"],
 )
-def test_plain_reader_agrees_when_any_bit_of_a_small_surface_is_changed(faces):
+def test_plain_reader_agrees_for_every_flipped_bit(faces):
     faces = np.array(faces, np.int32)
     shape = int(faces.max()) + 1, len(faces)
     payload, _, internal = encode_faces(faces, shape[0], listed=False)
@@ -215,13 +215,13 @@ def test_plain_reader_agrees_when_any_bit_of_a_small_surface_is_changed(faces):
     for bit in range(8 * len(payload)):
         changed = bytearray(payload)
         changed[bit // 8] ^= 1 << bit % 8
-        found = faces_or_nothing(decode_faces, bytes(changed), *shape)
-        assert found == faces_or_nothing(read_faces, bytes(changed), *shape)
+        decoded = faces_or_nothing(decode_faces, bytes(changed), *shape)
+        assert decoded == faces_or_nothing(read_faces, bytes(changed), *shape)
 
 
 @pytest.mark.parametrize(("position", "value"), [(5, 0b10010101), (6, 0b111100)])
-def test_a_copy_of_the_next_vertex_is_refused(position, value):
-    """There is none yet; `faces` have a vertex each in common with those before."""
+def test_copy_of_the_next_vertex_is_rejected(position, value):
+    """There is no such vertex yet; each of `faces` shares a vertex with earlier ones."""
     faces = np.array([[0, 1, 2], [2, 3, 4], [4, 5, 6]], np.int32)
     changed = bytearray(encode_faces(faces, 7, listed=False)[0])
     changed[position] ^= value

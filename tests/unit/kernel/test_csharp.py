@@ -1,4 +1,4 @@
-"""The binding for C#, `integrations/csharp`: compiled and run by Mono."""
+"""The C# binding, `integrations/csharp`, compiled and run by Mono."""
 
 import hashlib
 import re
@@ -48,7 +48,7 @@ UNITY = BINDING / "ReelPlayer.cs", TESTED / "UnityEngine.cs"
 
 
 def compiled(folder, name, *sources):
-    """A program of C# 7.2, beside the library that it loads."""
+    """Compile a C# 7.2 program next to the library that it loads."""
     shutil.copy(core()._name, folder / ("libmeshreel" + Path(NAME).suffix))
     program = folder / f"{name}.exe"
     strict = "-langversion:7.2", "-warn:4", "-warnaserror"
@@ -58,7 +58,7 @@ def compiled(folder, name, *sources):
 
 @pytest.fixture(scope="module")
 def describe(tmp_path_factory):
-    """A program that prints what files hold."""
+    """A program that prints the contents of files."""
     return compiled(tmp_path_factory.mktemp("describe"), "describe", TESTED / "Describe.cs")
 
 
@@ -67,7 +67,7 @@ def hashed(numbers):
 
 
 def described(path):
-    """What the program has to print of a file."""
+    """Return the expected output for a file."""
     try:
         yield from whole_lines(path.read_bytes())
     except RefusalError as error:
@@ -95,7 +95,7 @@ def whole_lines(data):
 
 
 def number(value):
-    """A number as C# prints it."""
+    """Format a number like C#."""
     return f"{value:.15g}"
 
 
@@ -133,26 +133,26 @@ def frame_lines(file, decoder):
 
 
 def modes_of(decoder):
-    """Numbers and arrays of the modes of a block, in the order of the header."""
-    found = CModes()
-    c_reader.call("modes_of", decoder.at, c_uint32(0), c_uint32(0), byref(found))
-    shape = found.n_frames, found.n_modes, found.n_columns, found.n_items
-    if not found.n_modes:
+    """Return numbers and arrays of the modes of a block, in the order of the header."""
+    modes = CModes()
+    c_reader.call("modes_of", decoder.at, c_uint32(0), c_uint32(0), byref(modes))
+    shape = modes.n_frames, modes.n_modes, modes.n_columns, modes.n_items
+    if not modes.n_modes:
         return np.array(shape, float)
     n_frames, n_modes, n_columns, n_items = shape
-    starts = found.correction_starts
+    starts = modes.correction_starts
     starts = c_reader.array_at(starts, n_frames + 1, np.int64) if starts else np.zeros(0)
     n_corrections = int(starts[-1]) if len(starts) else 0
     arrays = [
         shape,
-        (found.step, found.scale),
-        c_reader.array_at(found.origin, n_columns, float),
-        c_reader.array_at(found.values, n_items * n_modes, float),
-        c_reader.array_at(found.rows, n_items, np.int32),
-        c_reader.array_at(found.basis, n_columns * n_frames * n_modes, float),
+        (modes.step, modes.scale),
+        c_reader.array_at(modes.origin, n_columns, float),
+        c_reader.array_at(modes.values, n_items * n_modes, float),
+        c_reader.array_at(modes.rows, n_items, np.int32),
+        c_reader.array_at(modes.basis, n_columns * n_frames * n_modes, float),
         starts,
-        c_reader.array_at(found.corrected, n_corrections, np.int32),
-        c_reader.array_at(found.corrections, n_corrections * n_columns, float),
+        c_reader.array_at(modes.corrected, n_corrections, np.int32),
+        c_reader.array_at(modes.corrections, n_corrections * n_columns, float),
     ]
     return np.concatenate([np.asarray(array, float) for array in arrays])
 
@@ -199,19 +199,19 @@ def material_lines(m):
         yield f"texture {' '.join(map(str, numbers))} '{t.uv}' {moved}"
 
 
-def test_structures_are_laid_out_as_in_c(describe):
+def test_structures_have_the_layout_of_c(describe):
     stored = (ROOT / "core" / "reader" / "abi.txt").read_text().splitlines()
-    wanted = {line for line in stored if re.match(r"(size|offset) meshreel_(?!section\b)", line)}
-    assert set(run("mono", describe, "layouts").splitlines()) == wanted
+    expected = {line for line in stored if re.match(r"(size|offset) meshreel_(?!section\b)", line)}
+    assert set(run("mono", describe, "layouts").splitlines()) == expected
 
 
 @pytest.mark.parametrize("way", ["bytes", "path", "threads"])
-def test_it_decodes_what_python_decodes(describe, way):
-    wanted = [line for path in STREAMS + SEGMENTS for line in described(path)]
-    assert run("mono", describe, way, *STREAMS, *SEGMENTS).splitlines() == wanted
+def test_csharp_decodes_the_same_values_as_python(describe, way):
+    expected = [line for path in STREAMS + SEGMENTS for line in described(path)]
+    assert run("mono", describe, way, *STREAMS, *SEGMENTS).splitlines() == expected
 
 
-def test_what_is_damaged_is_refused_with_the_byte(describe, tmp_path):
+def test_error_names_the_byte_of_the_damage(describe, tmp_path):
     data = EVERYTHING.read_bytes()
     paths = []
     for at in range(40, len(data), 211):
@@ -221,21 +221,21 @@ def test_what_is_damaged_is_refused_with_the_byte(describe, tmp_path):
         paths += [cut, changed]
     empty = tmp_path / "empty.reel"
     empty.write_bytes(b"")
-    wanted = [line for path in [*paths, empty] for line in described(path)]
-    assert sum(line.startswith("failed") and "(byte " in line for line in wanted) > 40
+    expected = [line for path in [*paths, empty] for line in described(path)]
+    assert sum(line.startswith("failed") and "(byte " in line for line in expected) > 40
     for way in ("path", "bytes"):
-        assert run("mono", describe, way, *paths, empty).splitlines() == wanted
+        assert run("mono", describe, way, *paths, empty).splitlines() == expected
 
 
-def test_it_keeps_its_promises(tmp_path):
-    """Threads, streams that fail, memory, arguments that are wrong; the program says which."""
+def test_csharp_program_passes_its_own_checks(tmp_path):
+    """Threads, failing streams, memory, invalid arguments; the program prints failed checks."""
     program = compiled(tmp_path, "promises", TESTED / "Promises.cs")
     two_meshes = ROOT / "conformance" / "segments" / "two_meshes.reel"
     integers = EVERYTHING.with_name("exact_i2.reel")
     assert run("mono", program, EVERYTHING, two_meshes, integers) == "kept\n"
 
 
-def test_what_the_guide_shows_in_csharp_runs(tmp_path):
+def test_csharp_code_of_the_guide_runs(tmp_path):
     page = (ROOT / "docs" / "guides" / "engines.md").read_text(encoding="utf-8")
     shown = re.findall(r"^```csharp\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
     using, body = shown[0].split("\n\n", 1)
@@ -248,7 +248,7 @@ def test_what_the_guide_shows_in_csharp_runs(tmp_path):
     assert lines == [f"{name}: {size} numbers" for name, size in sizes.items()]
 
 
-def test_what_the_guide_shows_for_unity_compiles(tmp_path):
+def test_unity_code_of_the_guide_compiles(tmp_path):
     page = (ROOT / "docs" / "guides" / "engines.md").read_text(encoding="utf-8")
     _, shown = re.findall(r"^```csharp\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
     using, body = shown.split("\n\n", 1)
@@ -260,13 +260,13 @@ def test_what_the_guide_shows_for_unity_compiles(tmp_path):
 
 @pytest.fixture(scope="module")
 def play(tmp_path_factory):
-    """A program that plays files with the component for Unity, and prints what is shown."""
+    """A program that plays files with the Unity component, and prints the shown values."""
     folder = tmp_path_factory.mktemp("play")
     return compiled(folder, "play", *UNITY, TESTED / "Play.cs")
 
 
 def shown_frames(path, mirrored=True):
-    """What the component has to show of each frame, corner by corner."""
+    """Return the values that the component must show for each frame, by corner."""
     data = path.read_bytes()
     with File(data, mesh=False) as file:
         for number, segment in enumerate(file.segments):
@@ -282,7 +282,7 @@ def shown_frames(path, mirrored=True):
 
 
 def shown_corners(file, surface, mirrored):
-    """Vertices, rows of texture coordinates, and these coordinates, of the drawn triangles."""
+    """Return vertices, UV rows and UVs of the drawn triangles."""
     n_triangles, n_faces = file.info.n_triangles, file.info.n_faces
     sizes = np.full(n_faces, 3) if surface.face_sizes is None else surface.face_sizes
     starts = np.cumsum(sizes) - sizes
@@ -316,16 +316,16 @@ def shown_corners(file, surface, mirrored):
 @pytest.mark.parametrize(
     "name", ["everything", "blocks", "attributes_of_vertices", "two_meshes", "one_frame_each"]
 )
-def test_the_component_for_unity_shows_every_frame(play, name, way):
+def test_unity_component_shows_every_frame(play, name, way):
     (path,) = [path for path in STREAMS + SEGMENTS if path.stem == name]
     frames = list(shown_frames(path, mirrored=way != "as it is"))
     last = frames[0] if way == "backwards" else frames[-1]
     played = frames[::-1] if way == "backwards" else frames
-    wanted = played + played[:2] + [frames[-1], frames[0], frames[-2], last]  # loops, and seeks
-    assert run("mono", play, way, path).splitlines() == wanted
+    expected = played + played[:2] + [frames[-1], frames[0], frames[-2], last]  # loops, and seeks
+    assert run("mono", play, way, path).splitlines() == expected
 
 
-def test_the_component_for_unity_stops_at_damage(play, tmp_path):
+def test_unity_component_stops_at_damage(play, tmp_path):
     damaged = tmp_path / "damaged.reel"
     data = EVERYTHING.read_bytes()
     damaged.write_bytes(data[:6200] + bytes([data[6200] ^ 1]) + data[6201:])

@@ -1,4 +1,4 @@
-"""Numbers over time on a graph come back bit for bit, whatever they are."""
+"""Lossless coding of numbers over time on a graph."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ LATTICE_ROWS, LATTICE_COLUMNS = 9, 11
 
 
 def lattice():
-    """Neighbors of a sheet of triangles, and where its 99 vertices lie."""
+    """Return neighbors and positions of a triangle sheet with 99 vertices."""
     across, up = np.meshgrid(np.arange(LATTICE_COLUMNS), np.arange(LATTICE_ROWS))
     vertex = (up * LATTICE_COLUMNS + across)[:-1, :-1].ravel()
     right, above = vertex + 1, vertex + LATTICE_COLUMNS
@@ -22,12 +22,12 @@ def lattice():
     return neighbors(faces, across.size), np.stack([across.ravel(), up.ravel()], 1) / 10
 
 
-def no_neighbours(n_items):
+def no_neighbors(n_items):
     return Neighbors(np.zeros(n_items + 1, np.int32), np.zeros(0, np.int32))
 
 
 def waves(n_frames, dtype=np.float32):
-    """A sheet that waves, of shape (T, 99, 3)."""
+    """Return a waving sheet of shape (T, 99, 3)."""
     places = lattice()[1]
     time = np.arange(n_frames)[:, None] / 25
     height = np.sin(3 * time + 2 * places[:, 0]) * np.cos(time + 3 * places[:, 1])
@@ -35,14 +35,14 @@ def waves(n_frames, dtype=np.float32):
     return np.concatenate([flat + 0.05 * height[..., None], height[..., None]], 2).astype(dtype)
 
 
-def assert_comes_back(values, graph):
+def assert_round_trips(values, graph):
     before = values.tobytes()
     data = encode_exact(values, graph)
     assert values.tobytes() == before
-    found = decode_exact(data, values.shape, values.dtype, graph)
-    assert found.dtype == values.dtype.newbyteorder("=")
-    assert found.shape == values.shape
-    assert found.tobytes() == values.astype(found.dtype).tobytes()
+    decoded = decode_exact(data, values.shape, values.dtype, graph)
+    assert decoded.dtype == values.dtype.newbyteorder("=")
+    assert decoded.shape == values.shape
+    assert decoded.tobytes() == values.astype(decoded.dtype).tobytes()
     return data
 
 
@@ -53,48 +53,48 @@ def any_bits(shape, dtype, seed):
 
 @pytest.mark.parametrize("dtype", TYPES)
 @pytest.mark.parametrize("shape", [(1, 99, 1), (1, 99, 3), (2, 99, 2), (7, 99, 1), (13, 99, 4)])
-def test_any_bit_patterns_come_back_in_little_more_bytes(dtype, shape):
+def test_arbitrary_bit_patterns_round_trip_with_little_overhead(dtype, shape):
     values = any_bits(shape, dtype, 1)
-    assert len(assert_comes_back(values, lattice()[0])) <= values.nbytes + 16
+    assert len(assert_round_trips(values, lattice()[0])) <= values.nbytes + 16
 
 
 @pytest.mark.parametrize("dtype", TYPES)
-def test_smooth_numbers_of_every_type_come_back(dtype):
+def test_smooth_numbers_of_every_type_round_trip(dtype):
     scaled = waves(20, np.float64) * 50 + (60 if dtype[0] != "f" else 0)
     values = scaled.astype(dtype)
-    assert len(assert_comes_back(values, lattice()[0])) < 0.75 * values.nbytes
+    assert len(assert_round_trips(values, lattice()[0])) < 0.75 * values.nbytes
 
 
 @pytest.mark.parametrize("dtype", TYPES)
-def test_rows_that_stay_or_come_from_neighbours_come_back(dtype):
+def test_rows_predicted_from_time_or_neighbors_round_trip(dtype):
     random = np.random.default_rng(2)
     values = np.repeat(random.integers(0, 100, (1, 99, 2)), 30, axis=0)
     for frame, item in zip(random.integers(0, 30, 40), random.integers(1, 99, 40), strict=True):
         values[frame:, item] = values[frame, item - 1]
-    assert len(assert_comes_back(values.astype(dtype), lattice()[0])) < 1200
+    assert len(assert_round_trips(values.astype(dtype), lattice()[0])) < 1200
 
 
 @pytest.mark.parametrize("dtype", TYPES)
 @pytest.mark.parametrize("n_frames", [1, 2, 5])
 @pytest.mark.parametrize("n_items", [1, 3])
 @pytest.mark.parametrize("width", [1, 2])
-def test_few_frames_items_and_columns_come_back(dtype, n_frames, n_items, width):
+def test_few_frames_items_and_columns_round_trip(dtype, n_frames, n_items, width):
     shape = (n_frames, n_items, width)
-    assert_comes_back(any_bits(shape, dtype, 3), no_neighbours(n_items))
-    assert_comes_back(
-        np.arange(np.prod(shape)).reshape(shape).astype(dtype), no_neighbours(n_items)
+    assert_round_trips(any_bits(shape, dtype, 3), no_neighbors(n_items))
+    assert_round_trips(
+        np.arange(np.prod(shape)).reshape(shape).astype(dtype), no_neighbors(n_items)
     )
 
 
 @pytest.mark.parametrize("shape", [(0, 99, 3), (4, 99, 0)])
 def test_no_values_take_no_bytes(shape):
-    assert assert_comes_back(np.zeros(shape, np.float32), lattice()[0]) == b""
+    assert assert_round_trips(np.zeros(shape, np.float32), lattice()[0]) == b""
     with pytest.raises(CorruptStreamError, match="has no bytes"):
         decode_exact(b"1", shape, np.float32, lattice()[0])
 
 
 @pytest.mark.parametrize("dtype", ["f4", "f8"])
-def test_what_is_no_number_comes_back_with_its_bits(dtype):
+def test_nan_and_infinity_keep_their_bits(dtype):
     values = waves(16).astype(dtype)
     bits = values.view(f"u{values.itemsize}")
     plus, minus = np.array([np.nan, -np.nan], dtype).view(bits.dtype)
@@ -107,16 +107,16 @@ def test_what_is_no_number_comes_back_with_its_bits(dtype):
     values[6, 70] = np.finfo(dtype).tiny / 4
     values[7, 71] = np.finfo(dtype).max
     values[8, 72] = np.finfo(dtype).min
-    assert_comes_back(values, lattice()[0])
-    assert_comes_back(np.full((5, 99, 2), np.nan, dtype), lattice()[0])
+    assert_round_trips(values, lattice()[0])
+    assert_round_trips(np.full((5, 99, 2), np.nan, dtype), lattice()[0])
 
 
 @pytest.mark.parametrize("dtype", ["f4", "f8"])
 @pytest.mark.parametrize("scale", [1e-300, 1e-44, 1e-30, 1e-3, 1e9, 1e30, 1e300])
-def test_floats_of_any_scale_come_back(dtype, scale):
+def test_floats_of_any_scale_round_trip(dtype, scale):
     with np.errstate(over="ignore"):
         values = (waves(12, np.float64) * scale).astype(dtype)
-    assert_comes_back(values, lattice()[0])
+    assert_round_trips(values, lattice()[0])
 
 
 @pytest.mark.parametrize("digits", range(1, 8))
@@ -126,39 +126,39 @@ def test_decimal_floats_take_fewer_bytes_than_all_floats(dtype, digits):
     texts = [f"{value:.{digits}g}" for value in whole.ravel()]
     values = np.array(texts, np.float64).astype(dtype).reshape(whole.shape)
     values[3, 4] = -0.0
-    size = len(assert_comes_back(values, lattice()[0]))
+    size = len(assert_round_trips(values, lattice()[0]))
     if digits < 5:
-        assert size < 0.6 * len(assert_comes_back(whole.astype(dtype), lattice()[0]))
+        assert size < 0.6 * len(assert_round_trips(whole.astype(dtype), lattice()[0]))
 
 
 @pytest.mark.parametrize("places", [0, 2, 5, 9])
-def test_floats_of_fixed_places_come_back(places):
+def test_floats_with_fixed_decimals_round_trip(places):
     values = np.round(waves(12, np.float64) * 300, places)
-    size = len(assert_comes_back(values, lattice()[0]))
-    assert size < 0.7 * len(assert_comes_back(waves(12, np.float64) * 300, lattice()[0]))
+    size = len(assert_round_trips(values, lattice()[0]))
+    assert size < 0.7 * len(assert_round_trips(waves(12, np.float64) * 300, lattice()[0]))
 
 
-def test_single_floats_in_double_ones_take_little_more_bytes():
+def test_float32_values_stored_as_float64_take_little_more_bytes():
     values = waves(20)
     single, double = (
-        len(assert_comes_back(v, lattice()[0])) for v in (values, values.astype("f8"))
+        len(assert_round_trips(v, lattice()[0])) for v in (values, values.astype("f8"))
     )
     assert double < 1.02 * single
 
 
 @pytest.mark.parametrize("dtype", TYPES)
 def test_constant_values_take_next_to_nothing(dtype):
-    graph = no_neighbours(5000)
+    graph = no_neighbors(5000)
     values = np.full((100, 5000, 1), 7, dtype)
-    assert len(assert_comes_back(values, graph)) < 100
+    assert len(assert_round_trips(values, graph)) < 100
 
 
-def test_a_mask_that_hardly_changes_takes_next_to_nothing():
+def test_mask_that_hardly_changes_takes_next_to_nothing():
     graph = lattice()[0]
     values = np.zeros((200, 99, 1), np.bool_)
     values[:, :40] = True
     values[100:, 40:50] = True
-    assert len(assert_comes_back(values, graph)) < 60
+    assert len(assert_round_trips(values, graph)) < 60
 
 
 @pytest.mark.parametrize("dtype", TYPES)
@@ -166,37 +166,37 @@ def test_numbers_in_runs_of_the_items_take_next_to_nothing(dtype):
     graph = neighbors(np.random.default_rng(1).integers(0, 1000, (2000, 3)), 1000)
     runs = np.arange(1000).astype(dtype)[:, None] // np.array(100, dtype)
     values = np.broadcast_to(np.floor(runs), (8, 1000, 1)).astype(dtype)
-    assert len(assert_comes_back(values, graph)) < 100
+    assert len(assert_round_trips(values, graph)) < 100
 
 
 def test_smooth_motion_takes_a_third_of_its_bytes():
     values = waves(100)
-    assert len(assert_comes_back(values, lattice()[0])) < values.nbytes / 3
+    assert len(assert_round_trips(values, lattice()[0])) < values.nbytes / 3
 
 
-def test_a_motion_that_comes_again_takes_less_bytes():
+def test_repeated_motion_takes_fewer_bytes():
     random = np.random.default_rng(4)
     walk = 0.01 * np.cumsum(random.standard_normal((24, 99, 3)), axis=0)
     once = (waves(1) + walk).astype(np.float32)
     again = (once + 1e-5 * random.standard_normal(once.shape)).astype(np.float32)
     graph = lattice()[0]
-    one, two = (len(assert_comes_back(v, graph)) for v in (once, np.concatenate([once, again])))
+    one, two = (len(assert_round_trips(v, graph)) for v in (once, np.concatenate([once, again])))
     assert two < 1.8 * one
 
 
-def test_items_that_touch_everything_come_back():
+def test_items_with_many_neighbors_round_trip():
     hub = np.array([[0, i, i + 1] for i in range(1, 400)])
     values = any_bits((3, 401, 1), np.float32, 5)
-    assert_comes_back(values, neighbors(hub, 401))
-    assert_comes_back(np.cumsum(np.ones((6, 401, 2), np.int32), axis=0), neighbors(hub, 401))
+    assert_round_trips(values, neighbors(hub, 401))
+    assert_round_trips(np.cumsum(np.ones((6, 401, 2), np.int32), axis=0), neighbors(hub, 401))
 
 
-def test_values_in_any_memory_order_come_back():
+def test_values_in_any_memory_order_round_trip():
     values = np.asfortranarray(waves(6)).astype(">f4")
-    assert_comes_back(values[:, :, ::-1], lattice()[0])
+    assert_round_trips(values[:, :, ::-1], lattice()[0])
 
 
-def test_truth_values_that_are_neither_are_refused():
+def test_invalid_booleans_are_rejected():
     graph = lattice()[0]
     data = encode_exact(np.full((2, 99, 1), 2, np.uint8), graph)
     with pytest.raises(CorruptStreamError, match="booleans must be 0 or 1; got 2"):
@@ -212,7 +212,7 @@ def test_truth_values_that_are_neither_are_refused():
         (np.zeros((2, 98, 1), np.float32), "the neighbors have 99"),
     ],
 )
-def test_what_does_not_fit_is_refused(values, message):
+def test_unsupported_values_are_rejected(values, message):
     with pytest.raises(InvalidInputError, match=message):
         encode_exact(values, lattice()[0])
     with pytest.raises(InvalidInputError, match=message):
@@ -220,21 +220,21 @@ def test_what_does_not_fit_is_refused(values, message):
 
 
 @pytest.mark.parametrize(("starts", "near"), [([0, 1, 1], [2]), ([0, 1, 0], [1]), ([1, 1, 1], [])])
-def test_a_graph_of_other_items_is_refused(starts, near):
+def test_graph_of_other_items_is_rejected(starts, near):
     graph = Neighbors(np.array(starts, np.int32), np.array([*near, 0], np.int32))
     with pytest.raises(InvalidInputError, match="cannot be encoded"):
         encode_exact(np.zeros((2, 2, 1), np.float32), graph)
 
 
 @pytest.mark.parametrize("dtype", ["f4", "f8", "u1", "i8"])
-def test_damaged_bytes_are_refused_or_give_values(dtype):
+def test_damaged_bytes_decode_or_raise_our_error(dtype):
     random = np.random.default_rng(6)
     graph = lattice()[0]
     values = (waves(5) * 40).astype(dtype)
     if dtype[0] == "f":
         values[2, 3:8] = np.nan
     data = encode_exact(values, graph)
-    n_given = 0
+    n_decoded = 0
     for _ in range(draws(300)):
         damaged = bytearray(data[: random.integers(len(data)) if random.random() < 0.3 else None])
         for _ in range(random.integers(1, 4)):
@@ -242,14 +242,14 @@ def test_damaged_bytes_are_refused_or_give_values(dtype):
                 damaged[random.integers(len(damaged))] = random.integers(256)
         damaged += random.bytes(random.integers(0, 3))
         try:
-            found = decode_exact(bytes(damaged), values.shape, dtype, graph)
-            n_given += found.shape == values.shape
+            decoded = decode_exact(bytes(damaged), values.shape, dtype, graph)
+            n_decoded += decoded.shape == values.shape
         except CorruptStreamError:
             continue
-    assert n_given > 0
+    assert n_decoded > 0
 
 
-def test_bytes_behind_the_values_are_refused():
+def test_trailing_bytes_are_rejected():
     graph = lattice()[0]
     values = waves(3)
     with pytest.raises(CorruptStreamError):
@@ -257,6 +257,6 @@ def test_bytes_behind_the_values_are_refused():
 
 
 @pytest.mark.parametrize("shape", [(MAX_FRAMES + 1, 0, 1), (1, -1, 1), (1, 0)])
-def test_shapes_are_refused_when_they_are_not_of_frames_items_and_numbers(shape):
+def test_shapes_are_rejected_unless_they_are_frames_items_and_columns(shape):
     with pytest.raises(InvalidInputError, match=r"must have shape \(T, N, C\)"):
-        decode_exact(b"", shape, np.dtype("f4"), no_neighbours(0))
+        decode_exact(b"", shape, np.dtype("f4"), no_neighbors(0))

@@ -1,4 +1,4 @@
-"""Exact values are read alike by the core and by the plain reader, from `docs/format.md` alone."""
+"""Exact values decoded by the core and by the plain reader."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from meshreel.kernel.exact import TYPES, encode_exact
 from meshreel.kernel.mesh import neighbors
 
 LETTERS = dict(zip(TYPES, "BbHhIifQqd", strict=True))
-"""Number types as `struct` writes them."""
+"""Number types in the notation of `struct`."""
 
 N_ITEMS = 60
 FRAMES = np.arange(9)[:, None, None]
@@ -17,13 +17,13 @@ COLUMNS = np.arange(3)
 
 
 def tape():
-    """A strip of triangles, a fan around its first vertex, and lone vertices."""
+    """Return a triangle strip, a fan around its first vertex, and isolated vertices."""
     strip = [(i, i + 1, i + 2) for i in range(45)]
     return neighbors(np.array(strip + [(0, i, i + 1) for i in range(10, 46)]), N_ITEMS)
 
 
 def kinds_of_values():
-    """Values of every way of coding, as float64 of shape (9, 60, 3)."""
+    """Values that use every coding mode, float64 of shape (9, 60, 3)."""
     random = np.random.default_rng(9)
     waves = 40 * np.sin(FRAMES / 3 + ITEMS / 7 + COLUMNS) + 60
     noise = random.integers(0, 100, (9, N_ITEMS, 3))
@@ -48,23 +48,23 @@ def assert_read_alike(values):
     graph = tape()
     ends = zip(graph.starts[:-1], graph.starts[1:], strict=True)
     near = [graph.near[first:end].tolist() for first, end in ends]
-    found = read_exact(
+    decoded = read_exact(
         encode_exact(values, graph), values.shape, LETTERS[values.dtype.str[1:]], near
     )
-    assert found == values.view(f"u{values.itemsize}").tolist()
+    assert decoded == values.view(f"u{values.itemsize}").tolist()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("dtype", TYPES)
 @pytest.mark.parametrize("name", list(kinds_of_values()))
-def test_plain_reader_finds_the_same_values(name, dtype):
+def test_plain_reader_decodes_the_same_values(name, dtype):
     values = np.ascontiguousarray(kinds_of_values()[name]).astype(dtype)
     assert_read_alike(values)
     assert_read_alike(values[:1])
 
 
 @pytest.mark.parametrize("dtype", ["f4", "f8"])
-def test_plain_reader_finds_what_is_no_number(dtype):
+def test_plain_reader_decodes_nan_and_infinity(dtype):
     values = kinds_of_values()["waves"].astype(dtype)
     values[2:5, 10] = np.nan
     values[3, 20, 1] = -np.inf
@@ -75,7 +75,7 @@ def test_plain_reader_finds_what_is_no_number(dtype):
 
 
 @pytest.mark.parametrize("dtype", TYPES)
-def test_plain_reader_finds_any_bit_patterns(dtype):
+def test_plain_reader_decodes_arbitrary_bit_patterns(dtype):
     size = np.dtype(dtype).itemsize
     data = np.random.default_rng(3).integers(0, 256, 3 * N_ITEMS * 2 * size, np.uint8)
     assert_read_alike(data.view(dtype).reshape(3, N_ITEMS, 2))

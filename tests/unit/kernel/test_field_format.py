@@ -1,4 +1,4 @@
-"""Fields are read alike by the core and by the plain reader, written from `docs/format.md`."""
+"""Fields decoded by the core and by the plain reader."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from samples.passes import as_pass
 
 
 def grid_passes(side):
-    """Columns of a square grid: every fourth, every second, the rest; near are earlier ones."""
+    """Return passes of a grid (every fourth, every second, the rest) and earlier neighbors."""
     place = {(x, y): y * side + x for y in range(side) for x in range(side)}
     passes = []
     for is_here in (
@@ -28,7 +28,7 @@ def grid_passes(side):
 
 
 def lively_fields(scale, n_rows, n_columns=169):
-    """Of 16 rows in falling energy, some of them empty, the first ones."""
+    """Return the first of 16 rows of falling energy, some of them empty."""
     rng = np.random.default_rng(8)
     smooth = np.exp(np.sin(np.arange(n_columns) / 9)) * scale * 0.8 ** np.arange(16)[:, None]
     fields = np.rint(rng.laplace(scale=smooth) + smooth).astype(int)
@@ -41,15 +41,15 @@ def lively_fields(scale, n_rows, n_columns=169):
 def assert_read_alike(fields, passes):
     arrays = [as_pass(list(near), list(near.values())) for near in passes]
     reader = FieldReader(encode_fields(fields, arrays), passes)
-    for row, wanted in enumerate(fields.tolist()):
-        found = reader.read_row(row)
-        assert [found[i] for i in range(len(wanted))] == wanted
+    for row, expected in enumerate(fields.tolist()):
+        decoded = reader.read_row(row)
+        assert [decoded[i] for i in range(len(expected))] == expected
     reader.stream.end()
 
 
 @pytest.mark.parametrize("n_rows", [1, 4, 5, 16])
 @pytest.mark.parametrize("scale", [0.2, 3.0])
-def test_payload_is_read_alike_when_a_second_decoder_follows_the_format(scale, n_rows):
+def test_plain_reader_decodes_the_same_fields(scale, n_rows):
     passes = grid_passes(13)
     assert [len(near) for near in passes] == [16, 33, 0, 120]
     assert_read_alike(lively_fields(scale, n_rows), passes)
@@ -57,17 +57,17 @@ def test_payload_is_read_alike_when_a_second_decoder_follows_the_format(scale, n
 
 @pytest.mark.parametrize("n_rows", [1, 16])
 @pytest.mark.parametrize("scale", [0.2, 3.0])
-def test_payload_is_read_alike_when_there_is_a_single_pass(scale, n_rows):
+def test_plain_reader_decodes_the_same_fields_of_a_single_pass(scale, n_rows):
     assert_read_alike(lively_fields(scale, n_rows), [{i: [] for i in range(169)}])
 
 
-def test_payload_is_read_alike_when_neighbours_lie_in_the_same_pass():
+def test_plain_reader_decodes_the_same_fields_with_neighbors_in_the_same_pass():
     passes = [{i: list(range(max(0, i - 16), i, 1 + i % 3)) for i in range(169)}]
     assert_read_alike(lively_fields(1.0, 12), passes)
 
 
-def test_payload_is_read_alike_when_rows_are_long():
-    """Sums of a row that are halved, models that are as slow as they get, weights far away."""
+def test_plain_reader_decodes_the_same_long_rows():
+    """Covers halved sums, the slowest adaptation, and distant weights."""
     fields = np.zeros((6, 3000), int)
     for number, row in enumerate(fields):
         row[number :: 5 + 40 * (number % 2)] = 1 - 2 * (number % 3 == 0)
@@ -75,8 +75,8 @@ def test_payload_is_read_alike_when_rows_are_long():
     assert_read_alike(fields, [{i: [i - 1] * (i > 0) for i in range(3000)}])
 
 
-def test_payload_is_read_alike_when_magnitudes_jump():
-    """Steps of the weights as large as they get, magnitudes beyond what contexts know."""
+def test_plain_reader_decodes_the_same_fields_of_jumping_magnitudes():
+    """Covers the largest steps of weights, and magnitudes beyond the contexts."""
     rng = np.random.default_rng(3)
     jumps = rng.integers(0, 31, (12, 400)) * (rng.random((12, 400)) < 0.3)
     fields = np.where(jumps > 0, 2**jumps, 0) * rng.choice([-1, 1], (12, 400))

@@ -17,7 +17,7 @@ from samples.passes import as_pass, line_passes
 
 
 def active_places(n_rows=20, n_columns=3000):
-    """Rows of falling energy; in each the same smooth third of the columns is active."""
+    """Return rows of falling energy, all active in the same smooth third of the columns."""
     rng = np.random.default_rng(5)
     activity = np.exp(3 * np.sin(np.arange(n_columns) / 40) - 2)
     scale = activity * 0.85 ** np.arange(n_rows)[:, None]
@@ -33,23 +33,23 @@ SMALL = np.array(
     ]
 )
 LONG = np.concatenate([SMALL, SMALL[::-1, ::-1], -SMALL, [[0] * 8, [3, 0, 0, -1, 9, 0, 0, 1]]])
-"""More rows than are all refreshed at the end of each, some of them empty."""
+"""More rows than are refreshed at the end of each row, some of them empty."""
 
 
 @pytest.mark.parametrize("passes", [None, line_passes(3000)])
-def test_size_is_far_below_that_of_tables_when_activity_has_a_place(passes):
+def test_localized_activity_takes_far_fewer_bytes_than_tables(passes):
     fields = active_places()
     assert len(encode_fields(fields, passes)) < 0.88 * len(encode_integers(list(fields)))
 
 
-def test_signs_cost_little_when_neighbours_always_agree():
+def test_signs_take_few_bits_when_neighbors_always_agree():
     rng = np.random.default_rng(6)
     signs = np.repeat(rng.choice([-1, 1], (40, 50)), 20, axis=1)
     bits = 8 * len(encode_fields(signs, line_passes(1000)))
     assert bits < 0.3 * signs.size
 
 
-def test_signs_cost_little_when_neighbours_always_disagree():
+def test_signs_take_few_bits_when_neighbors_always_disagree():
     rng = np.random.default_rng(6)
     signs = np.repeat(rng.choice([-1, 1], (40, 50)), 20, axis=1)
     signs[:, ::2] *= -1
@@ -57,7 +57,7 @@ def test_signs_cost_little_when_neighbours_always_disagree():
     assert bits < 0.4 * signs.size
 
 
-def test_bytes_are_the_same_when_coded_twice():
+def test_encoding_is_deterministic():
     fields = active_places()
     assert encode_fields(fields, line_passes(3000)) == encode_fields(fields, line_passes(3000))
 
@@ -79,18 +79,18 @@ def test_bytes_are_the_same_when_coded_twice():
         active_places(20, 500)[::-1],
     ],
 )
-def test_fields_come_back_when_they_are_unusual(fields, passes):
+def test_unusual_fields_round_trip(fields, passes):
     data = encode_fields(fields, passes)
     np.testing.assert_array_equal(decode_fields(data, *fields.shape, passes=passes), fields)
 
 
 @pytest.mark.parametrize("shape", [(0, 0), (0, 4), (4, 0), (1, 1)])
-def test_fields_come_back_when_there_is_little_in_them(shape):
+def test_tiny_fields_round_trip(shape):
     data = encode_fields(np.zeros(shape, np.int8), None)
     assert decode_fields(data, *shape, passes=None).shape == shape
 
 
-def test_fields_come_back_when_some_passes_are_empty_and_others_are_not():
+def test_fields_with_empty_passes_round_trip():
     fields = active_places(20, 500)
     fields[::3, ::2] = 0
     fields[1::3, 1::2] = 0
@@ -98,15 +98,15 @@ def test_fields_come_back_when_some_passes_are_empty_and_others_are_not():
     np.testing.assert_array_equal(decode_fields(data, 20, 500, line_passes(500)), fields)
 
 
-def test_an_empty_row_costs_nearly_nothing_when_those_before_were_full():
+def test_empty_row_after_full_rows_takes_few_bits():
     fields = active_places(20, 3000)
     emptied = np.insert(fields, [10, 12, 14], 0, axis=0)
     passes = line_passes(3000)
     assert len(encode_fields(emptied, passes)) < 1.02 * len(encode_fields(fields, passes))
 
 
-def test_bytes_are_fewer_when_columns_of_different_magnitude_are_passes_of_their_own():
-    """A single row: only the pass gives a context."""
+def test_separate_passes_for_different_magnitudes_take_fewer_bytes():
+    """In a single row only the pass is a context."""
     rng = np.random.default_rng(12)
     large = rng.permutation(3000) < 300
     fields = np.rint(rng.laplace(scale=np.where(large, 60.0, 0.2))).astype(int)[None]
@@ -117,18 +117,18 @@ def test_bytes_are_fewer_when_columns_of_different_magnitude_are_passes_of_their
     assert len(encode_fields(fields, apart)) < 0.65 * len(encode_fields(fields))
 
 
-def test_bytes_are_fewer_when_neighbours_show_where_a_row_is_active():
-    """A single row: a third of the first pass is active, and the same third of the second."""
+def test_neighbors_that_predict_activity_save_bytes():
+    """A single row, active in the same third of both passes."""
     rng = np.random.default_rng(13)
     scale = np.where(np.arange(1500) < 500, 3.0, 0.01)
     fields = np.rint(rng.laplace(scale=np.tile(scale, 2))).astype(int)[None]
     first, second = rng.permutation(1500), 1500 + rng.permutation(1500)
     alone = [as_pass(columns, [[]] * 1500) for columns in (first, second)]
-    told = [alone[0], as_pass(second, [[column - 1500] for column in second])]
-    assert len(encode_fields(fields, told)) < 0.93 * len(encode_fields(fields, alone))
+    passes = [alone[0], as_pass(second, [[column - 1500] for column in second])]
+    assert len(encode_fields(fields, passes)) < 0.93 * len(encode_fields(fields, alone))
 
 
-def test_bytes_stay_the_same_when_passes_without_columns_are_named():
+def test_empty_passes_do_not_change_the_bytes():
     fields = active_places(6, 500)
     passes = line_passes(500)
     nothing = as_pass([], [])
@@ -142,22 +142,22 @@ def test_zeros_take_few_bytes():
 
 
 @pytest.mark.parametrize("data", [b"\0", encode_fields(SMALL, None) + b"\0"])
-def test_decoding_raises_when_a_zero_is_at_the_end(data):
+def test_decoding_raises_for_a_trailing_zero(data):
     with pytest.raises(CorruptStreamError, match="end before their section does"):
         decode_fields(data, *SMALL.shape)
 
 
-def test_encoding_refuses_when_an_integer_is_too_large():
+def test_encoding_raises_when_an_integer_is_too_large():
     with pytest.raises(InvalidInputError, match="magnitudes up to 2147483647"):
         encode_fields(np.array([[MAX_MAGNITUDE + 1]]), None)
 
 
-def test_encoding_refuses_when_there_are_not_two_axes():
+def test_encoding_raises_unless_there_are_two_axes():
     with pytest.raises(InvalidInputError, match=r"got shape \(8,\)"):
         encode_fields(SMALL[0], None)
 
 
-def test_decoding_raises_when_bytes_are_left_over():
+def test_decoding_raises_for_trailing_bytes():
     with pytest.raises(CorruptStreamError, match="fields are damaged"):
         decode_fields(encode_fields(SMALL) + bytes(8) + b"\1", *SMALL.shape)
 
@@ -179,14 +179,14 @@ def test_decoding_raises_when_bytes_are_left_over():
         [Pass(np.arange(8), np.array([0, 2, 1, 3, 3, 3, 3, 3, 3]), np.zeros(3, np.int64))],
     ],
 )
-def test_passes_are_refused_when_they_are_not_an_order_of_the_columns(passes):
+def test_passes_are_rejected_unless_they_permute_the_columns(passes):
     with pytest.raises(InvalidInputError, match=r"passes have|cannot be encoded"):
         encode_fields(SMALL, passes)
     with pytest.raises(InvalidInputError, match=r"passes have|cannot be encoded"):
         decode_fields(b"\1" * 100, *SMALL.shape, passes=passes)
 
 
-def test_neighbours_may_be_as_many_as_allowed_and_in_the_same_pass():
+def test_maximum_number_of_neighbors_in_the_same_pass_round_trips():
     fields = active_places(20, 60)
     near = [list(range(max(0, i - MAX_NEAR), i)) for i in range(60)]
     passes = [as_pass(range(60), near)]
@@ -195,19 +195,19 @@ def test_neighbours_may_be_as_many_as_allowed_and_in_the_same_pass():
     )
 
 
-def test_given_fields_stay_as_they_are_when_they_cannot_be_written():
+def test_encoding_accepts_read_only_fields():
     fields = np.frombuffer(active_places(5, 60).astype(np.int32).tobytes(), np.int32).reshape(5, 60)
     np.testing.assert_array_equal(decode_fields(encode_fields(fields), 5, 60), fields)
 
 
-def test_large_magnitudes_cost_their_lower_bits_and_little_more():
+def test_large_magnitudes_take_little_more_than_their_raw_bits():
     rng = np.random.default_rng(4)
     fields = rng.integers(-(2**20), 2**20, (40, 500))
     assert len(encode_fields(fields)) < 1.02 * fields.size * 21 / 8
 
 
 @pytest.mark.parametrize("n_wanted", [1, 3, 39])
-def test_first_rows_are_read_whatever_follows_when_only_these_are_wanted(n_wanted):
+def test_first_rows_are_decoded_without_the_others(n_wanted):
     fields = active_places(40, 600)
     coded = encode_fields(fields)
     first = decode_fields(coded, 40, 600, n_wanted=n_wanted)
@@ -234,15 +234,15 @@ STORED = {
         ("long", line_passes(8), LONG),
     ],
 )
-def test_bytes_stay_the_same_when_the_core_is_compiled_anew(name, passes, fields):
-    """What is read hangs on every rule of the contexts."""
+def test_bytes_equal_the_stored_ones(name, passes, fields):
+    """The decoded values depend on every rule of the contexts."""
     assert encode_fields(fields, passes).hex() == STORED[name]
     decoded = decode_fields(bytes.fromhex(STORED[name]), *fields.shape, passes=passes)
     np.testing.assert_array_equal(decoded, fields)
 
 
-def test_a_long_stream_stays_the_same_when_the_core_is_compiled_anew():
-    """Rules that only show after many integers: halved sums, weights far from the first."""
+def test_bytes_of_a_long_stream_equal_the_stored_ones():
+    """Covers rules that apply after many integers: halved sums, adapted weights."""
     index = np.arange(20_000)
     fields = np.stack([(index * factor % 1009 < 90) * (index % 7 - 3) for factor in range(1, 16)])
     stored = encode_fields(fields, line_passes(20_000))

@@ -1,4 +1,4 @@
-"""The core against the plain reader, which was written from docs/format.md alone."""
+"""Comparison of the core with the plain reader, an independent implementation."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from meshreel.kernel.patterns import encode_patterns, expected_along
 from samples.meshes import grid_faces, octahedron_faces
 
 
-def test_integers_are_read_as_the_format_says():
+def test_plain_reader_decodes_the_same_integers():
     rng = np.random.default_rng(3)
     rows = [
         rng.integers(-(1 << 30), 1 << 30, 50),
@@ -28,15 +28,15 @@ def test_integers_are_read_as_the_format_says():
 
 def meshes():
     rng = np.random.default_rng(4)
-    fan = np.array([[0, i, i + 1] for i in range(1, 30)])  # more than 16 neighbours
+    fan = np.array([[0, i, i + 1] for i in range(1, 30)])  # more than 16 neighbors
     grid = np.asarray(grid_faces(7, 8))
-    random = rng.integers(0, 25, (40, 3))  # degenerate, repeated, not manifold
+    random = rng.integers(0, 25, (40, 3))  # degenerate, duplicate, non-manifold
     return {"fan": fan, "grid": grid, "random": random, "octahedron": octahedron_faces()}
 
 
 @pytest.mark.parametrize("name", meshes())
 @pytest.mark.parametrize("is_mixed", [False, True])
-def test_orders_are_read_as_the_format_says(name, is_mixed):
+def test_plain_reader_computes_the_same_orders(name, is_mixed):
     faces, rng = meshes()[name], np.random.default_rng(5)
     n_verts, n_faces = int(faces.max()) + 2, len(faces)
     corners, sequence = 3 * np.arange(n_faces) + 1, np.arange(n_verts)[::-1]
@@ -47,9 +47,9 @@ def test_orders_are_read_as_the_format_says(name, is_mixed):
     assert read_vertices(alone, n_verts, faces.tolist()) == sequence.tolist()
     twins = twin_sides(faces, n_verts)
     both = NamedBits(BitStream(encode_order(faces, twins, corners, sequence)))
-    found = FaceOrder(both, n_faces, twins.tolist()).read()
-    assert found == corners.tolist()
-    listed = [[int(faces[c // 3, (c + k) % 3]) for k in range(3)] for c in found]
+    order = FaceOrder(both, n_faces, twins.tolist()).read()
+    assert order == corners.tolist()
+    listed = [[int(faces[c // 3, (c + k) % 3]) for k in range(3)] for c in order]
     names = list(dict.fromkeys(one for face in listed for one in face))
     names += [one for one in range(n_verts) if one not in names]
     renamed = [[names.index(one) for one in face] for face in listed]
@@ -58,7 +58,7 @@ def test_orders_are_read_as_the_format_says(name, is_mixed):
 
 
 @pytest.mark.parametrize("name", meshes())
-def test_numbers_along_faces_are_read_as_the_format_says(name):
+def test_plain_reader_decodes_the_same_numbers_of_faces(name):
     faces, rng = meshes()[name], np.random.default_rng(6)
     n_rows = int(faces.max()) + 3
     values = np.cumsum(rng.integers(-300, 900, (n_rows, 2)), axis=0).astype(np.int32)
@@ -67,5 +67,5 @@ def test_numbers_along_faces_are_read_as_the_format_says(name):
     twins = twin_sides(faces, n_rows)
     data = encode_patterns(values, expected_along(faces, twins, n_rows))
     expected = AlongFaces(faces.tolist(), n_rows).traverse()
-    found = b"".join(one for row in read_patterns(data, 2, "i", expected) for one in row)
-    assert found == values.astype("<i4").tobytes()
+    decoded = b"".join(one for row in read_patterns(data, 2, "i", expected) for one in row)
+    assert decoded == values.astype("<i4").tobytes()

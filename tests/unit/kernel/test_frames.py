@@ -1,4 +1,4 @@
-"""Frames and basis vectors to the last bit, in the order of operations of docs/format.md."""
+"""Frames and basis vectors, bit for bit as `docs/format.md` defines them."""
 
 import hypothesis.strategies as st
 import numpy as np
@@ -21,7 +21,7 @@ PLACEMENT = (3.7, 0.1, -2.0, 5e3)
 
 
 def sums_of_the_format(basis, fields, number=np.float64):
-    """Mode after mode, of shape (3, T, V)."""
+    """Return positions summed mode by mode, of shape (3, T, V)."""
     sums = np.zeros((*basis.shape[:2], fields.shape[1]), number)
     for mode, field in enumerate(fields.astype(number)):
         sums += basis[:, :, mode, None].astype(number) * field
@@ -47,21 +47,21 @@ numbers = st.sampled_from([np.float32, np.float64])
 
 
 @given(blocks, numbers, numbers)
-def test_positions_are_those_of_the_format_when_all_frames_are_wanted(made, dtype, summed):
-    basis, fields = made
+def test_positions_of_all_frames_follow_the_format(block, dtype, summed):
+    basis, fields = block
     is_single = summed is np.float32
     out = np.empty((basis.shape[1], fields.shape[1], 3), dtype)
     packed = packed_fields(fields, is_single=is_single)
     fill_values(out, basis, packed, range(len(out)), PLACEMENT)
     sums = sums_of_the_format(basis, fields, summed)
     np.testing.assert_array_equal(out, positions_of_the_format(sums, dtype))
-    found = frame_columns(basis, packed, range(len(out)))
-    np.testing.assert_array_equal(found, sums)
+    columns = frame_columns(basis, packed, range(len(out)))
+    np.testing.assert_array_equal(columns, sums)
 
 
 @given(blocks, st.data())
-def test_positions_are_the_same_when_frames_are_chosen_and_vertices_ordered(made, data):
-    basis, fields = made
+def test_positions_do_not_depend_on_selected_frames_and_vertex_order(block, data):
+    basis, fields = block
     frames = range(basis.shape[1])[data.draw(st.slices(basis.shape[1]))]
     order = np.random.default_rng(1).permutation(fields.shape[1])
     out = np.empty((len(frames), fields.shape[1], 3))
@@ -71,72 +71,70 @@ def test_positions_are_the_same_when_frames_are_chosen_and_vertices_ordered(made
 
 
 @given(blocks, st.floats(0, 1), st.integers(0, 2**32))
-def test_moves_are_added_before_positions_are_scaled(made, share, seed):
-    basis, fields = made
+def test_corrections_are_added_before_scaling(block, share, seed):
+    basis, fields = block
     rng = np.random.default_rng(seed)
     frames, vertices = np.nonzero(rng.random((basis.shape[1], fields.shape[1])) < share)
     moves = rng.normal(size=(len(frames), 3))
     starts = np.searchsorted(frames, np.arange(basis.shape[1] + 1))
-    found = Moves(starts, vertices.astype(np.int32), moves)
+    corrections = Moves(starts, vertices.astype(np.int32), moves)
     sums = sums_of_the_format(basis, fields)
     sums[:, frames, vertices] += moves.T
-    wanted = positions_of_the_format(sums, np.float32)
-    out = np.empty(wanted.shape, np.float32)
+    expected = positions_of_the_format(sums, np.float32)
+    out = np.empty(expected.shape, np.float32)
     packed = packed_fields(fields)
-    fill_values(out, basis, packed, range(len(out)), PLACEMENT, found)
-    np.testing.assert_array_equal(out, wanted)
+    fill_values(out, basis, packed, range(len(out)), PLACEMENT, corrections)
+    np.testing.assert_array_equal(out, expected)
     later = range(len(out) // 2, len(out))
-    fill_values(out[later.start :], basis, packed, later, PLACEMENT, found.of_frames(later))
-    np.testing.assert_array_equal(out, wanted)
+    fill_values(out[later.start :], basis, packed, later, PLACEMENT, corrections.of_frames(later))
+    np.testing.assert_array_equal(out, expected)
 
 
 @pytest.mark.parametrize("order", [[0, 1, 3], [0, -1, 2]])
-def test_error_is_raised_when_the_order_names_a_vertex_that_is_not_there(order):
+def test_order_is_rejected_when_a_vertex_does_not_exist(order):
     _, fields = block(2, 2, 3)
     with pytest.raises(InvalidInputError, match="fields cannot be encoded"):
         packed_fields(fields, order=np.array(order))
 
 
 @pytest.mark.parametrize("frames", [range(-1, 1), range(1, 3)])
-def test_error_is_raised_when_a_frame_is_not_there(frames):
+def test_frame_is_rejected_when_it_does_not_exist(frames):
     with pytest.raises(InvalidInputError, match="frames cannot be encoded"):
         frame_columns(block(2, 2, 3)[0], packed_fields(block(2, 2, 3)[1]), frames)
 
 
 @given(blocks, numbers, st.data())
-def test_packed_fields_are_the_same_when_modes_of_a_vertex_lie_together(made, summed, data):
-    _, fields = made
+def test_packed_fields_give_the_same_positions(block, summed, data):
+    _, fields = block
     is_single = summed is np.float32
     together = np.ascontiguousarray(fields.T).T
     step = data.draw(st.floats(1e-3, 1e3))
-    found = packed_fields(together, step=step, is_single=is_single)
+    result = packed_fields(together, step=step, is_single=is_single)
     expected = packed_fields(fields * step, is_single=is_single)
-    np.testing.assert_array_equal(found.data, expected.data)
+    np.testing.assert_array_equal(result.data, expected.data)
 
 
 @given(st.integers(1, 40), st.integers(1, 4), st.integers(0, 2**32), st.booleans())
-def test_basis_vectors_are_those_of_the_format_when_found_a_second_way(
-    n_frames, n_modes, seed, is_adaptive
-):
+def test_basis_vectors_equal_those_of_a_second_implementation(n_frames, n_modes, seed, is_adaptive):
     rng = np.random.default_rng(seed)
     coded = rng.integers(-(10 ** rng.integers(1, 8)), 10**4, (n_modes, 3, n_frames))
     coded *= rng.random((n_modes, 1, 1)) < 0.9
-    found = basis_vectors(coded, BasisCoding(is_adaptive=is_adaptive))
+    vectors = basis_vectors(coded, BasisCoding(is_adaptive=is_adaptive))
     rows, kind = coded.reshape(n_modes, -1).tolist(), "adaptive" if is_adaptive else ""
     expected = plain_basis_vectors(rows, n_frames, [None] * n_modes, kind=kind)
     for mode, vector in enumerate(expected):
-        assert found[:, :, mode].ravel().tolist() == vector
+        assert vectors[:, :, mode].ravel().tolist() == vector
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_rows_of_coordinates_are_those_of_places_less_the_origin(dtype):
+def test_coordinate_rows_are_positions_relative_to_the_origin(dtype):
     vertices = np.random.default_rng(2).normal(size=(5, 9, 3)).astype(dtype)
     order = np.random.default_rng(3).permutation(9).astype(np.int32)
     scale, *origin = PLACEMENT
-    found = coordinate_rows(vertices, order, slice(2, 8), PLACEMENT)
+    rows = coordinate_rows(vertices, order, slice(2, 8), PLACEMENT)
     placed = (vertices[:, order[2:8]].astype(np.float64) - origin) / scale
     expected = np.moveaxis(placed, 2, 0).reshape(15, 6)
-    np.testing.assert_allclose(found, expected, rtol=1e-14)
+    np.testing.assert_allclose(rows, expected, rtol=1e-14)
     signs, added = np.array([1.0, -1, 1, -1, -1, 1]), np.ones((15, 6))
     add_coordinate_rows(vertices, order, slice(2, 8), PLACEMENT, signs, added)
     np.testing.assert_allclose(added, 1 + signs * expected, rtol=1e-12)

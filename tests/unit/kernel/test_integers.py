@@ -14,7 +14,7 @@ INTEGERS = st.one_of(
 @given(
     st.lists(st.tuples(st.lists(INTEGERS, max_size=40), st.integers(0, 3)), max_size=6),
 )
-def test_rows_come_back_when_decoded(rows_and_tables):
+def test_rows_round_trip(rows_and_tables):
     rows = [np.array(row, np.int64) for row, _ in rows_and_tables]
     tables = [table for _, table in rows_and_tables]
     decoded = decode_integers(encode_integers(rows, tables), [len(row) for row in rows], tables)
@@ -22,22 +22,22 @@ def test_rows_come_back_when_decoded(rows_and_tables):
 
 
 @pytest.mark.parametrize("share", [0.5, 0.1, 0.01, 0.001])
-def test_size_is_near_the_entropy_when_bits_are_rare(share):
+def test_rare_bits_take_about_their_entropy(share):
     bits = (np.random.default_rng(7).random(200_000) < share).astype(int)
     entropy = -(share * np.log2(share) + (1 - share) * np.log2(1 - share)) * len(bits)
-    entropy += share * len(bits) * 0.02  # signs and lengths that never differ
+    entropy += share * len(bits) * 0.02  # constant signs and lengths
     assert 8 * len(encode_integers([bits], [0])) < 1.03 * entropy + 400
 
 
-def test_carries_run_through_the_stream_when_numbers_lie_at_the_upper_end():
-    # Unlikely zeros push the least number up to the edge; 4096 streams carry at many places.
+def test_carries_propagate_through_the_stream():
+    # Unlikely zeros push the lower end of the interval up; 4096 streams carry at many places.
     rng = np.random.default_rng(3)
     for _ in range(400):
         row = np.where(rng.random(60) < 0.05, rng.integers(-9, 9, 60), 1 << rng.integers(1, 30))
         assert decode_integers(encode_integers([row], [0]), [60], [0])[0].tolist() == row.tolist()
 
 
-def test_error_is_raised_when_bytes_are_left_over():
+def test_trailing_bytes_raise_an_error():
     coded = encode_integers([np.arange(50)], [0])
     with pytest.raises(CorruptStreamError, match="integers are damaged"):
         decode_integers(coded + bytes(8) + b"\1", [50], [0])
@@ -53,12 +53,12 @@ def entropy_bits(row):
     return -np.sum(counts * np.log2(counts / counts.sum()))
 
 
-def test_size_is_near_the_entropy_when_rows_are_laplacian():
+def test_laplacian_rows_take_about_their_entropy():
     rows = laplacian_rows()[:3]
     assert 8 * len(encode_integers(rows)) < 1.02 * sum(map(entropy_bits, rows)) + 1000
 
 
-def test_bytes_are_the_same_when_coded_twice():
+def test_encoding_is_deterministic():
     assert encode_integers(laplacian_rows()) == encode_integers(laplacian_rows())
 
 
@@ -73,12 +73,12 @@ def test_bytes_are_the_same_when_coded_twice():
         [np.full(100_000, -3)],
     ],
 )
-def test_rows_come_back_when_there_is_little_in_them(rows):
+def test_tiny_rows_round_trip(rows):
     decoded = decode_integers(encode_integers(rows), [len(row) for row in rows])
     assert [row.tolist() for row in decoded] == [row.tolist() for row in rows]
 
 
-def test_rows_come_back_when_they_share_tables():
+def test_rows_with_shared_tables_round_trip():
     rows = laplacian_rows()
     decoded = decode_integers(encode_integers(rows, [0, 1, 1, 0]), [4000] * 4, [0, 1, 1, 0])
     for row, back in zip(rows, decoded, strict=True):
@@ -93,25 +93,25 @@ def test_zeros_take_few_bytes():
 
 
 @pytest.mark.parametrize("more", [b"\0", b"\0" * 9, b"\1" * 9])
-def test_decoding_raises_when_bytes_are_left_over(more):
+def test_decoding_raises_for_trailing_bytes(more):
     with pytest.raises(CorruptStreamError):
         decode_integers(encode_integers(laplacian_rows()) + more, [4000] * 4)
 
 
-def test_integer_is_refused_when_it_is_too_large():
+def test_integer_is_rejected_when_it_is_too_large():
     for value in (1 << 31, -(1 << 31)):
         with pytest.raises(InvalidInputError, match="integers up to"):
             encode_integers([np.array([0, value])])
 
 
-def test_row_takes_little_when_it_is_short():
-    """Typical short rows: what has to be learned must not take more than what they hold."""
+def test_short_row_takes_few_bytes():
+    """For typical short rows, adaptation must not take more bytes than the contents."""
     rng = np.random.default_rng(5)
     row = np.rint(rng.laplace(scale=20, size=40)).astype(int)
     assert 8 * len(encode_integers([row])) < 40 * 6.8 + 80
 
 
-def test_row_takes_less_when_its_magnitudes_come_in_stretches():
+def test_clustered_magnitudes_take_fewer_bytes():
     rng = np.random.default_rng(6)
     scales = np.repeat([1, 100] * 10, 200)
     row = np.rint(rng.laplace(scale=scales)).astype(int)
@@ -119,8 +119,8 @@ def test_row_takes_less_when_its_magnitudes_come_in_stretches():
     assert len(encode_integers([row])) < 0.92 * len(encode_integers([shuffled]))
 
 
-def test_stored_bytes_still_decode_when_the_core_changes():
-    """The parse of stored streams hangs on every rule of the models."""
+def test_stored_bytes_are_decoded():
+    """Decoding of stored streams depends on every rule of the models."""
     stored = bytes.fromhex("91300d632ca0152b265cf9e8f5d401")
     first, second = decode_integers(stored, [30, 3])
     assert first.tolist() == [0, 1, -1, 0, 2, 0, 0, 40, -3, 0] * 3
@@ -130,12 +130,12 @@ def test_stored_bytes_still_decode_when_the_core_changes():
 @pytest.mark.parametrize("sign", [1, -1])
 def test_integers_are_coded_up_to_the_largest_and_no_larger(sign):
     largest = np.array([0, sign * MAX_MAGNITUDE])
-    (found,) = decode_integers(encode_integers([largest]), [2])
-    assert found.tolist() == largest.tolist()
+    (decoded,) = decode_integers(encode_integers([largest]), [2])
+    assert decoded.tolist() == largest.tolist()
     with pytest.raises(InvalidInputError, match=f"up to {MAX_MAGNITUDE} can be coded"):
         encode_integers([largest + sign])
 
 
-def test_nothing_takes_no_bytes():
+def test_empty_rows_take_no_bytes():
     assert encode_integers([]) == b""
     assert decode_integers(b"", []) == []

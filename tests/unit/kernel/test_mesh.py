@@ -15,51 +15,51 @@ from samples.meshes import grid_faces
 
 
 @given(st.lists(st.tuples(*[st.integers(0, 19)] * 3), max_size=60))
-def test_neighbours_are_those_of_the_faces_when_some_are_degenerate(faces):
+def test_neighbors_ignore_degenerate_faces(faces):
     faces = np.array(faces, np.int32).reshape(-1, 3)
-    found = neighbors(faces, 20)
-    rows = np.split(found.near, found.starts[1:-1])
-    wanted = edges_of(faces.tolist(), 20)
-    assert [row.tolist() for row in rows] == [sorted(wanted[v]) for v in range(20)]
+    graph = neighbors(faces, 20)
+    rows = np.split(graph.near, graph.starts[1:-1])
+    expected = edges_of(faces.tolist(), 20)
+    assert [row.tolist() for row in rows] == [sorted(expected[v]) for v in range(20)]
 
 
 @pytest.mark.parametrize("vertex", [-1, 4, 2**31 - 1])
-def test_error_is_raised_when_a_face_names_a_vertex_that_is_not_there(vertex):
+def test_face_is_rejected_when_a_vertex_does_not_exist(vertex):
     with pytest.raises(InvalidInputError, match="number 1 exceeds"):
         neighbors(np.array([[0, 1, 2], [1, vertex, 3]]), 4)
 
 
 @pytest.mark.parametrize("size", [-1, 0, MAX_STENCIL + 1])
-def test_error_is_raised_when_a_stencil_has_a_size_that_cannot_be(size):
+def test_stencil_of_invalid_size_is_rejected(size):
     with pytest.raises(InvalidInputError):
         hierarchy(neighbors(grid_faces(3, 3), 9), size)
 
 
-def test_hierarchy_is_one_level_when_there_is_no_edge():
-    found = hierarchy(neighbors(np.zeros((0, 3), np.int32), 3), 4)
-    assert (found.order.tolist(), found.level_starts.tolist()) == ([0, 1, 2], [0, 3])
-    assert (found.stencil == -1).all()
+def test_hierarchy_has_one_level_without_edges():
+    levels = hierarchy(neighbors(np.zeros((0, 3), np.int32), 3), 4)
+    assert (levels.order.tolist(), levels.level_starts.tolist()) == ([0, 1, 2], [0, 3])
+    assert (levels.stencil == -1).all()
 
 
 @pytest.mark.parametrize("n_rows", [2, 30, 70])
-def test_hierarchy_is_the_same_when_smooth_fields_are_found_apart(n_rows, monkeypatch):
-    found = neighbors(grid_faces(n_rows, 65), n_rows * 65)
+def test_hierarchy_is_the_same_with_separate_smooth_fields(n_rows, monkeypatch):
+    graph = neighbors(grid_faces(n_rows, 65), n_rows * 65)
     monkeypatch.setattr("meshreel.kernel.mesh.n_cores", lambda: 1)
-    together = hierarchy(found, 7)
+    together = hierarchy(graph, 7)
     monkeypatch.setattr("meshreel.kernel.mesh.n_cores", lambda: 2)
     monkeypatch.setattr("meshreel.kernel.mesh.MIN_PARALLEL_VERTICES", 0)
-    apart = hierarchy(found, 7)
+    apart = hierarchy(graph, 7)
     for name in ("order", "level_starts", "smooth_starts", "stencil", "hops", "contexts", "smooth"):
         np.testing.assert_array_equal(getattr(apart, name), getattr(together, name), name)
 
 
-def smooth_fields_of_the_format(found, time):
-    """exp(-t (1 - w)) of random signs as a Chebyshev series, in IEEE single, of shape (V, 16)."""
-    degrees = np.diff(found.starts)
+def smooth_fields_of_the_format(graph, time):
+    """Return exp(-t (1 - w)) of random signs as a float32 Chebyshev series, of shape (V, 16)."""
+    degrees = np.diff(graph.starts)
     n_verts, one = len(degrees), np.float32
-    columns = found.starts[:-1, None] + np.arange(degrees.max())
+    columns = graph.starts[:-1, None] + np.arange(degrees.max())
     is_near = np.arange(degrees.max()) < degrees[:, None]
-    near = np.where(is_near, found.near[np.where(is_near, columns, 0)], n_verts)
+    near = np.where(is_near, graph.near[np.where(is_near, columns, 0)], n_verts)
     signs = [[1 if scattered(16 * v + f) >> 63 else -1 for f in range(16)] for v in range(n_verts)]
     n_terms = {12: 19, 40: 27}[time]
     terms = [one((2 if k else 1) * ive(k, time)) for k in range(n_terms)]
@@ -76,32 +76,32 @@ def smooth_fields_of_the_format(found, time):
 
 @pytest.mark.every_case
 @pytest.mark.parametrize(("n_columns", "time"), [(64, 12), (65, 40)])
-def test_smooth_fields_are_those_of_the_format_on_small_and_large_graphs(n_columns, time):
-    found = neighbors(grid_faces(64, n_columns), 64 * n_columns)
-    made = hierarchy(found, 3)
-    finest = made.smooth[made.smooth_starts[-1] :]
-    np.testing.assert_array_equal(finest, smooth_fields_of_the_format(found, time)[made.order])
+def test_smooth_fields_follow_the_format(n_columns, time):
+    graph = neighbors(grid_faces(64, n_columns), 64 * n_columns)
+    levels = hierarchy(graph, 3)
+    finest = levels.smooth[levels.smooth_starts[-1] :]
+    np.testing.assert_array_equal(finest, smooth_fields_of_the_format(graph, time)[levels.order])
 
 
 @pytest.mark.parametrize("n_columns", [5, 64, 65])
 def test_finest_smooth_fields_are_the_same_when_computed_separately(n_columns):
-    found = neighbors(grid_faces(64, n_columns), 64 * n_columns)
-    made = hierarchy(found, 3)
+    graph = neighbors(grid_faces(64, n_columns), 64 * n_columns)
+    levels = hierarchy(graph, 3)
     separate = np.empty((64 * n_columns, 16), np.float32)
     call(
         "reel_finest_smooth",
-        found.starts,
-        found.near,
+        graph.starts,
+        graph.near,
         len(separate),
-        made.order,
+        levels.order,
         separate,
         what="stencils",
-        memory_of=("reel_finest_smooth_memory", len(separate), len(found.near)),
+        memory_of=("reel_finest_smooth_memory", len(separate), len(graph.near)),
     )
-    assert separate.tobytes() == made.smooth[made.smooth_starts[-1] :].tobytes()
+    assert separate.tobytes() == levels.smooth[levels.smooth_starts[-1] :].tobytes()
 
 
-def test_levels_are_as_many_as_the_core_may_fill():
+def test_number_of_levels_is_within_the_limit_of_the_core():
     text = (Path(__file__).parents[3] / "core/reel.h").read_text("utf-8")
     assert f"#define REEL_MAX_RESOLUTIONS {MAX_RESOLUTIONS} " in text
     assert re.search(r"#define REEL_MAX_LEVELS \(1 \+ 3 \* REEL_MAX_RESOLUTIONS\)", text)

@@ -18,22 +18,22 @@ SHAPES = st.tuples(st.integers(0, 30), st.integers(1, 4))
 
 
 def any_expected(n_rows, rng):
-    """Rows in any order, each expected from up to three triples, or one row, before it."""
+    """Return rows in any order, each predicted from up to three earlier triples or one row."""
     order = rng.permutation(n_rows).astype(np.int32)
     triples, starts = [], [0]
     for i in range(n_rows):
         count = int(rng.integers(0, 4)) if i else 0
-        found = order[rng.integers(0, max(i, 1), (count, 3))]
+        rows = order[rng.integers(0, max(i, 1), (count, 3))]
         if count == 1 and rng.random() < 0.5:
-            found[:, 2] = -1
-        triples.append(found)
+            rows[:, 2] = -1
+        triples.append(rows)
         starts.append(starts[-1] + count)
     every = np.concatenate([np.zeros((0, 3), np.int32), *triples]).astype(np.int32)
     return Expected(order, np.array(starts, np.int64), every)
 
 
 @pytest.mark.parametrize("dtype", TYPES)
-def test_numbers_come_back_bit_by_bit_whatever_is_expected(dtype):
+def test_numbers_round_trip_bit_for_bit_with_any_prediction(dtype):
     @given(arrays(dtype, SHAPES), st.integers(0, 1 << 30))
     def check(values, seed):
         expected = any_expected(len(values), np.random.default_rng(seed))
@@ -46,20 +46,20 @@ def test_numbers_come_back_bit_by_bit_whatever_is_expected(dtype):
 
 
 @pytest.mark.parametrize("dtype", TYPES)
-def test_any_bytes_give_a_table_or_our_error(dtype):
+def test_arbitrary_bytes_decode_or_raise_our_error(dtype):
     @given(st.binary(max_size=300), st.integers(0, 1 << 30))
     def check(data, seed):
         expected = any_expected(20, np.random.default_rng(seed))
         try:
-            found = decode_patterns(data, (20, 3), np.dtype(dtype), expected)
+            decoded = decode_patterns(data, (20, 3), np.dtype(dtype), expected)
         except MeshReelError:
             return
-        assert found.shape == (20, 3)
+        assert decoded.shape == (20, 3)
 
     check()
 
 
-def test_parallelogram_costs_almost_nothing_when_it_is_exact():
+def test_exact_parallelogram_predictions_take_few_bytes():
     rows, cols = np.divmod(np.arange(900, dtype=np.int32), 30)
     values = np.stack([3 * rows + 700 * cols, 11 * cols - rows], axis=1).astype(np.int32)
     inner = (rows > 0) & (cols > 0)
@@ -70,14 +70,14 @@ def test_parallelogram_costs_almost_nothing_when_it_is_exact():
     assert len(encode_patterns(values, expected)) < 200
 
 
-def test_rows_take_a_number_when_there_are_few_different_ones():
+def test_few_distinct_rows_are_coded_as_indices():
     rng = np.random.default_rng(4)
     palette = rng.integers(0, 256, (32, 4)).astype(np.uint8)
     values = palette[rng.integers(0, 32, 4000)]
     assert 8 * len(encode_patterns(values, nothing_expected(4000))) < 5.5 * 4000
 
 
-def test_motion_takes_less_when_its_step_is_expected():
+def test_motion_predicted_by_its_step_takes_fewer_bytes():
     values = np.cumsum(np.cumsum(np.random.default_rng(2).normal(size=(200, 9)), axis=0), axis=0)
     plain, moving = (
         len(encode_patterns(values, expected(200)))
@@ -86,7 +86,7 @@ def test_motion_takes_less_when_its_step_is_expected():
     assert moving < 0.97 * plain
 
 
-def test_mean_of_parallelograms_is_rounded_down_and_stays_in_range():
+def test_mean_of_parallelograms_is_rounded_down_within_range():
     expected = Expected(
         np.arange(4, dtype=np.int32),
         np.array([0, 0, 0, 0, 2]),
@@ -107,28 +107,28 @@ def test_mean_of_parallelograms_is_rounded_down_and_stays_in_range():
         )
     )
 )
-def test_rows_are_expected_from_rows_before_them_whatever_the_faces_are(case):
+def test_rows_are_predicted_from_earlier_rows_for_any_faces(case):
     n_rows, listed = case
     faces = np.array(listed, np.int32).reshape(-1, 3)
     twins = twin_sides(faces, n_rows) if len(faces) else np.zeros(0, np.int64)
-    found = expected_along(faces, twins, n_rows)
-    assert sorted(found.order) == list(range(n_rows))
-    place = np.argsort(found.order)
-    for i, (start, end) in enumerate(zip(found.starts[:-1], found.starts[1:], strict=True)):
-        triples = found.triples[start:end]
+    expected = expected_along(faces, twins, n_rows)
+    assert sorted(expected.order) == list(range(n_rows))
+    place = np.argsort(expected.order)
+    for i, (start, end) in enumerate(zip(expected.starts[:-1], expected.starts[1:], strict=True)):
+        triples = expected.triples[start:end]
         assert (place[triples[triples >= 0]] < i).all()
         assert end - start <= 1 or (triples >= 0).all()
 
 
-def test_rows_of_a_grid_are_expected_at_parallelograms():
+def test_rows_of_a_grid_are_predicted_by_parallelograms():
     n = 20
     index = np.arange(n * n).reshape(n, n)
     a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
     faces = np.concatenate(
         [np.stack([a, c, b], axis=-1).reshape(-1, 3), np.stack([b, c, d], axis=-1).reshape(-1, 3)]
     )
-    found = expected_along(faces, twin_sides(faces, n * n), n * n)
-    assert (found.triples[:, 2] < 0).sum() <= 3
+    expected = expected_along(faces, twin_sides(faces, n * n), n * n)
+    assert (expected.triples[:, 2] < 0).sum() <= 3
     rows, cols = np.divmod(np.arange(n * n, dtype=np.int32), n)
     values = np.stack([7 * rows + 100 * cols, rows - 3 * cols], axis=1).astype(np.int32)
-    assert len(encode_patterns(values, found)) < 60
+    assert len(encode_patterns(values, expected)) < 60

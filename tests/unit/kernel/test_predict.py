@@ -1,4 +1,4 @@
-"""Prediction by the core against the plain reader, which is written from `docs/format.md`."""
+"""Prediction by the core and by the plain reader."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ PLAIN = Choice(first_shaped=1 << 30, gain=0.0, rate_weight=0.0)
 
 
 def decode_slowly(sequence, size, residuals, n_learned, key=None):
-    """What the plain reader finds, as `decode_values` gives it."""
+    """Decode with the plain reader, in the layout of `decode_values`."""
     resolutions = resolutions_of(sequence.faces.tolist(), sequence.n_verts, size)
     order = [vertex.number for one in resolutions for vertex in one]
     known = [] if key is None else [dict(zip(order, one, strict=True)) for one in key.T.tolist()]
@@ -36,14 +36,14 @@ def sample(sequence, size=7, n_modes=6, seed=3):
 
 @pytest.mark.parametrize("size", [1, 7, 16])
 @pytest.mark.parametrize("sequence", [waving_grid(1, 8, 9), irregular_sequence(1)])
-def test_values_are_the_same_bits_when_a_second_decoder_follows_the_format(sequence, size):
+def test_plain_reader_predicts_the_same_bits(sequence, size):
     mesh, residuals = sample(sequence, size)
     expected = decode_slowly(sequence, size, residuals, 4)
     np.testing.assert_array_equal(decode_values(mesh, residuals, 4), expected)
 
 
 @pytest.mark.parametrize("n_learned", [0, 2, 9])
-def test_values_are_the_same_bits_when_weights_follow_a_key_block(n_learned):
+def test_plain_reader_predicts_the_same_bits_with_weights_of_a_key_block(n_learned):
     mesh, residuals = sample(waving_grid(1, 8, 9))
     key = decode_values(mesh, sample(waving_grid(1, 8, 9), seed=4)[1], 9)
     expected = decode_slowly(waving_grid(1, 8, 9), 7, residuals, n_learned, key)
@@ -52,29 +52,29 @@ def test_values_are_the_same_bits_when_weights_follow_a_key_block(n_learned):
 
 @pytest.mark.parametrize("scale", [1.0, 1e4, 1e7])
 @pytest.mark.parametrize("choice", [PLAIN, Choice(1, 0.6, 0.1)])
-def test_values_of_both_sides_are_the_same_bits_when_encoded(scale, choice):
+def test_encoder_and_decoder_predict_the_same_bits(scale, choice):
     mesh, _ = sample(irregular_sequence(1), 16)
-    wanted = scale * np.random.default_rng(2).normal(size=(mesh.n_verts, 9)).cumsum(axis=0)
-    residuals, values = encode_values(mesh, wanted, choice, 5)
+    targets = scale * np.random.default_rng(2).normal(size=(mesh.n_verts, 9)).cumsum(axis=0)
+    residuals, values = encode_values(mesh, targets, choice, 5)
     np.testing.assert_array_equal(decode_values(mesh, residuals, 5), values)
 
 
-def test_values_lie_within_half_a_step_when_bits_are_free():
+def test_values_are_within_half_a_step_without_a_rate_weight():
     mesh, _ = sample(waving_grid(1, 20, 31), 16)
-    wanted = 100 * np.random.default_rng(2).normal(size=(mesh.n_verts, 9)).cumsum(axis=0)
-    _, values = encode_values(mesh, wanted, PLAIN, 5)
-    assert np.abs(values - wanted).max() <= 0.5 + 1e-9
+    targets = 100 * np.random.default_rng(2).normal(size=(mesh.n_verts, 9)).cumsum(axis=0)
+    _, values = encode_values(mesh, targets, PLAIN, 5)
+    assert np.abs(values - targets).max() <= 0.5 + 1e-9
 
 
-def test_weights_stay_small_when_parts_of_a_mesh_move_apart():
-    """Two parts that begin alike: what no weights explain must not make them large."""
+def test_weights_stay_small_when_parts_separate():
+    """For two initially equal parts, unexplained motion must not enlarge the weights."""
     mesh, _ = sample(irregular_sequence(1), 16)
-    wanted = np.random.default_rng(5).normal(size=(mesh.n_verts, 8)) * 10.0 ** np.arange(8, 0, -1)
-    residuals, _ = encode_values(mesh, wanted, PLAIN, 8)
-    assert np.abs(residuals).max() < 100 * np.abs(wanted).max()
+    targets = np.random.default_rng(5).normal(size=(mesh.n_verts, 8)) * 10.0 ** np.arange(8, 0, -1)
+    residuals, _ = encode_values(mesh, targets, PLAIN, 8)
+    assert np.abs(residuals).max() < 100 * np.abs(targets).max()
 
 
-def test_values_do_not_depend_on_the_parts_of_a_level(monkeypatch):
+def test_values_do_not_depend_on_the_split_of_a_level(monkeypatch):
     mesh, residuals = sample(waving_grid(1, 20, 31), 16)
     whole = decode_values(mesh, residuals, 5)
     monkeypatch.setattr("meshreel.kernel.predict.MIN_VERTICES", 1)
@@ -83,7 +83,7 @@ def test_values_do_not_depend_on_the_parts_of_a_level(monkeypatch):
 
 @pytest.mark.parametrize("size", [7, 16])
 @pytest.mark.parametrize("has_key", [False, True])
-def test_values_are_the_same_bits_when_weights_are_prepared(size, has_key, monkeypatch):
+def test_prepared_weights_give_the_same_bits(size, has_key, monkeypatch):
     monkeypatch.setattr("meshreel.kernel.predict.CHUNK_VERTICES", 32)
     monkeypatch.setattr("meshreel.kernel.predict.MIN_VERTICES", 1)
     mesh, residuals = sample(waving_grid(1, 20, 31), size)
@@ -104,7 +104,7 @@ def test_values_are_the_same_bits_when_weights_are_prepared(size, has_key, monke
 
 @pytest.mark.parametrize("n_modes", [1, 2, 5, 8, 9, 19, 40])
 @pytest.mark.parametrize("n_learned", [0, 3, 16])
-def test_values_are_the_same_bits_when_many_modes_are_not_learned(n_modes, n_learned):
+def test_plain_reader_predicts_the_same_bits_of_many_modes(n_modes, n_learned):
     sequence = irregular_sequence(1)
     mesh, residuals = sample(sequence, 16, n_modes)
     expected = decode_slowly(sequence, 16, residuals, n_learned)
@@ -117,7 +117,7 @@ def test_values_are_the_same_bits_when_many_modes_are_not_learned(n_modes, n_lea
 @pytest.mark.parametrize("value", [1e10, -1e10, np.nan, np.inf])
 def test_error_is_raised_when_a_residual_is_too_large(value):
     mesh, _ = sample(waving_grid(1, 8, 9))
-    wanted = np.zeros((mesh.n_verts, 2))
-    wanted[40, 1] = value
+    targets = np.zeros((mesh.n_verts, 2))
+    targets[40, 1] = value
     with pytest.raises(InvalidInputError, match="fields cannot be encoded"):
-        encode_values(mesh, wanted, PLAIN, 2)
+        encode_values(mesh, targets, PLAIN, 2)

@@ -27,7 +27,7 @@ def frames(request):
 
 
 @pytest.mark.parametrize("number", [0, 3, -1, -9, np.int32(4), np.uint8(8), np.array(5)])
-def test_number_gives_the_positions_of_one_frame(frames, number):
+def test_integer_index_returns_the_positions_of_one_frame(frames, number):
     np.testing.assert_allclose(frames[number], WHOLE.vertices[number], atol=1e-6)
 
 
@@ -53,25 +53,25 @@ def test_number_gives_the_positions_of_one_frame(frames, number):
     ],
     ids=repr,
 )
-def test_choice_of_several_gives_what_numpy_gives(frames, chosen):
+def test_index_of_several_frames_equals_numpy_indexing(frames, chosen):
     by_numpy = (
         chosen if isinstance(chosen, slice) else np.asarray(chosen, None if len(chosen) else int)
     )
-    found, expected = frames[chosen], WHOLE.vertices[by_numpy]
-    assert found.dtype == expected.dtype
-    np.testing.assert_allclose(found, expected, atol=1e-6)
+    selected, expected = frames[chosen], WHOLE.vertices[by_numpy]
+    assert selected.dtype == expected.dtype
+    np.testing.assert_allclose(selected, expected, atol=1e-6)
 
 
 @pytest.mark.parametrize(
     "number", [9, -10, np.int64(9), 10**30, [0, 9], [-10], np.array([3, 200], np.uint8)], ids=repr
 )
-def test_frame_that_is_not_there_is_an_index_error_that_says_which_are(frames, number):
+def test_index_error_states_the_valid_frames(frames, number):
     with pytest.raises(IndexError, match=r"no frame (9|-10|200|10+); there are 9, from 0 to 8"):
         frames[number]
 
 
 @pytest.mark.parametrize("mask", [EVEN[:5], [True], np.ones(10, bool)], ids=len)
-def test_choice_of_each_must_be_of_all_frames(frames, mask):
+def test_mask_must_cover_all_frames(frames, mask):
     with pytest.raises(IndexError, match=f"{len(mask)} Booleans for 9 frames"):
         frames[mask]
 
@@ -81,24 +81,24 @@ def test_choice_of_each_must_be_of_all_frames(frames, mask):
     ["3", b"3", 1.0, None, True, np.True_, (1, 2), [1.5], [[1]], [[1], [2, 3]], np.float32(1), {1}],
     ids=repr,
 )
-def test_anything_else_is_a_type_error_that_says_what_may_be(frames, chosen):
+def test_type_error_states_the_valid_indices(frames, chosen):
     with pytest.raises(TypeError, match="must be a number, a slice, or a list or array"):
         frames[chosen]
 
 
-def test_length_iteration_and_reversal_go_over_the_frames(frames):
+def test_length_iteration_and_reversal_cover_the_frames(frames):
     assert len(frames) == 9
     np.testing.assert_allclose(np.stack(list(frames)), WHOLE.vertices, atol=1e-6)
     np.testing.assert_allclose(np.stack(list(reversed(frames))), WHOLE.vertices[::-1], atol=1e-6)
 
 
-def test_frames_of_a_sequence_cannot_be_written_to():
+def test_frames_of_a_sequence_are_read_only():
     for chosen in (0, slice(1, 3), [1, 2]):
         with pytest.raises(ValueError, match="read-only"):
             WHOLE[chosen][...] = 0
 
 
-def test_blocks_are_decoded_once_when_frames_are_chosen_in_any_order():
+def test_blocks_are_decoded_once_when_frames_are_selected_in_any_order():
     class File(BytesIO):
         def fetch(self, start, stop):
             fetched.append(start)
@@ -112,5 +112,5 @@ def test_blocks_are_decoded_once_when_frames_are_chosen_in_any_order():
     assert fetched == blocks
 
 
-def test_chosen_frames_of_a_slice_are_a_range():
+def test_chosen_frames_of_a_slice_is_a_range():
     assert chosen_frames(slice(None, None, -2), 5) == range(4, -1, -2)

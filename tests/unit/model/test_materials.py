@@ -8,32 +8,32 @@ from meshreel.model.materials import Filter, Material, Texture, select_materials
 from meshreel.model.surface import Surface
 from samples.materials import look, png
 
-SHOWN = Material("a", base_color_texture=Texture(0))
+TEXTURED = Material("a", base_color_texture=Texture(0))
 
 
 @pytest.mark.parametrize(
     ("material", "message"),
     [
-        (replace(SHOWN, base_color_texture=Texture(1)), "refers to image 1; there are 1"),
-        (replace(SHOWN, base_color_texture=Texture(0, channels="r")), "allowed are rgb, rgba"),
-        (replace(SHOWN, metallic_texture=Texture(0)), "allowed are r, g, b, a"),
-        (replace(SHOWN, base_color=(1.0, 1.0, 1.0)), "base_color of material 'a' must have 4"),
-        (replace(SHOWN, roughness=float("nan")), "roughness of material 'a' must be finite"),
-        (replace(SHOWN, roughness=None), "roughness of material 'a' must be finite; got None"),
-        (replace(SHOWN, alpha_mode="clear"), "must be one of opaque, mask, blend; got 'clear'"),
+        (replace(TEXTURED, base_color_texture=Texture(1)), "refers to image 1; there are 1"),
+        (replace(TEXTURED, base_color_texture=Texture(0, channels="r")), "allowed are rgb, rgba"),
+        (replace(TEXTURED, metallic_texture=Texture(0)), "allowed are r, g, b, a"),
+        (replace(TEXTURED, base_color=(1.0, 1.0, 1.0)), "base_color of material 'a' must have 4"),
+        (replace(TEXTURED, roughness=float("nan")), "roughness of material 'a' must be finite"),
+        (replace(TEXTURED, roughness=None), "roughness of material 'a' must be finite; got None"),
+        (replace(TEXTURED, alpha_mode="clear"), "must be one of opaque, mask, blend; got 'clear'"),
         (
-            replace(SHOWN, base_color_texture=Texture(0, magnified=Filter.LINEAR_MIPMAP_LINEAR)),
+            replace(TEXTURED, base_color_texture=Texture(0, magnified=Filter.LINEAR_MIPMAP_LINEAR)),
             "must be one of nearest, linear",
         ),
     ],
 )
-def test_surface_is_refused_when_a_material_is_wrong(material, message):
+def test_surface_is_rejected_when_a_material_is_invalid(material, message):
     with pytest.raises(InvalidInputError) as error:
         Surface(materials=(material,), images=(png(),)).validated(3, 1)
     assert message in str(error.value)
 
 
-def test_surface_is_refused_when_two_materials_have_one_name():
+def test_surface_is_rejected_when_two_materials_have_the_same_name():
     with pytest.raises(InvalidInputError, match="2 materials are named 'a'"):
         Surface(materials=(Material("a"), Material("a"))).validated(3, 1)
 
@@ -43,18 +43,18 @@ def test_materials_keep_every_value_when_validated():
     assert Surface(materials=materials, images=images).validated(3, 1).materials == materials
 
 
-def test_numbers_of_numpy_become_plain_when_validated():
-    given = Material("a", roughness=np.float32(0.5), alpha_mode="mask")
-    (found,) = Surface(materials=(given,)).validated(3, 1).materials
-    assert type(found.roughness) is float
-    assert found.alpha_mode.name == "MASK"
+def test_validated_converts_numpy_numbers():
+    numpy_material = Material("a", roughness=np.float32(0.5), alpha_mode="mask")
+    (material,) = Surface(materials=(numpy_material,)).validated(3, 1).materials
+    assert type(material.roughness) is float
+    assert material.alpha_mode.name == "MASK"
 
 
-def test_only_images_that_are_shown_stay_when_materials_are_chosen():
+def test_selected_materials_keep_only_their_images():
     materials, images = look()
-    (found,), (image,) = select_materials(["gr\u00fcn", "none"], materials, images)
-    assert found.name == "gr\u00fcn"
-    assert (found.base_color_texture.image, image) == (0, images[1])
+    (material,), (image,) = select_materials(["gr\u00fcn", "none"], materials, images)
+    assert material.name == "gr\u00fcn"
+    assert (material.base_color_texture.image, image) == (0, images[1])
 
 
 def test_size_counts_images_when_a_surface_has_some():
@@ -64,6 +64,6 @@ def test_size_counts_images_when_a_surface_has_some():
     )
 
 
-def test_nothing_of_the_look_is_left_when_materials_are_taken_away():
+def test_without_materials_removes_materials_and_images():
     materials, images = look()
     assert Surface(materials=materials, images=images).without_materials().is_plain

@@ -58,7 +58,7 @@ def test_segments_need_one_frame_rate():
         SegmentedSequence([])
 
 
-def test_slices_with_a_step_or_no_frame_are_refused():
+def test_slices_with_a_step_or_no_frame_are_rejected():
     sequence = concatenate([GRID, SHEET])
     for chosen in (slice(0, 7, 2), slice(5, 5)):
         with pytest.raises(InvalidInputError, match="at least one frame and has no step"):
@@ -67,7 +67,7 @@ def test_slices_with_a_step_or_no_frame_are_refused():
         sequence[7]
 
 
-def test_changing_faces_are_refused_where_they_must_not_change():
+def test_single_segment_rejects_changing_faces():
     with pytest.raises(meshreel.ConnectivityChangeError, match="7 frames in 2 segments; plotting"):
         single_segment(concatenate([GRID, SHEET]), "plotting")
     assert single_segment(concatenate([GRID]), "plotting") is GRID

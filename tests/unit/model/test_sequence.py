@@ -21,7 +21,7 @@ def test_sequence_is_read_only_when_built():
         sequence.vertices[0, 0, 0] = 1
 
 
-def test_sequence_leaves_the_callers_array_writable_when_built():
+def test_sequence_keeps_the_array_of_the_caller_writable():
     mine = VERTICES.copy()
     MeshSequence(mine, FACES)
     assert mine.flags.writeable
@@ -31,7 +31,7 @@ def test_raw_size_counts_positions_and_faces_when_float32():
     assert MeshSequence(VERTICES.astype(np.float32), FACES).raw_size_bytes == 2 * 3 * 3 * 4 + 12
 
 
-def test_raw_size_counts_tracks_and_the_surface_once_when_there_are_any():
+def test_raw_size_counts_tracks_and_the_surface_once():
     uv = Attribute("uv", Kind.UV, Domain.VERTEX, np.zeros((3, 2), np.float32))
     surface = Surface(attributes=(uv,))
     tracks = {"heat": np.zeros((2, 3)), "on": np.zeros((2, 1, 4), np.uint8)}
@@ -56,13 +56,13 @@ def test_raw_size_counts_tracks_and_the_surface_once_when_there_are_any():
         (VERTICES, FACES, float("nan"), "fps must be finite"),
     ],
 )
-def test_sequence_names_what_is_wrong_when_input_is_bad(vertices, faces, fps, message):
+def test_error_says_why_a_sequence_is_invalid(vertices, faces, fps, message):
     with pytest.raises(InvalidInputError, match=message):
         MeshSequence(vertices, np.asarray(faces), fps)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_sequence_names_frame_and_vertex_when_a_value_is_not_finite(bad):
+def test_error_names_frame_and_vertex_of_a_value_that_is_not_finite(bad):
     vertices = np.zeros((4, 3, 3))
     vertices[2, 1, 1] = bad
     with pytest.raises(InvalidInputError, match=f"vertex 1 of frame 2 has y = {bad}"):
@@ -70,7 +70,7 @@ def test_sequence_names_frame_and_vertex_when_a_value_is_not_finite(bad):
 
 
 @pytest.mark.parametrize("n_verts", [1, 127, 128, 1000])
-def test_extent_is_that_of_each_frame_alone_when_all_are_measured_at_once(n_verts):
+def test_extent_of_all_frames_combines_those_of_single_frames(n_verts):
     rng = np.random.default_rng(n_verts)
     vertices = rng.normal(size=(3, n_verts, 3)) * 10.0 ** rng.integers(-3, 3, (3, 1, 1))
     extent = extent_of(vertices)
@@ -80,7 +80,7 @@ def test_extent_is_that_of_each_frame_alone_when_all_are_measured_at_once(n_vert
     assert extent.mean_diagonal == pytest.approx(np.mean(diagonals), rel=1e-12)
 
 
-def test_extent_has_a_length_when_coordinates_are_huge():
+def test_extent_does_not_overflow_when_coordinates_are_huge():
     vertices = np.array([[[-1.5e308, 0.0, 0.0], [0.0, 0.0, 0.0]], [[-1e308, 0, 0], [1e308, 0, 0]]])
     assert extent_of(vertices[:1]).mean_diagonal == 1.5e308
     assert extent_of(vertices).mean_diagonal == 1.75e308
@@ -91,6 +91,6 @@ def test_positions_size_is_that_of_the_array_when_in_memory():
     assert positions_size_bytes(sequence) == sequence.vertices.nbytes
 
 
-def test_extent_has_a_length_when_coordinates_are_tiny():
+def test_extent_does_not_underflow_when_coordinates_are_tiny():
     vertices = np.array([[[0.0, 0.0, 0.0], [3e-200, 4e-200, 0.0]]])
     assert extent_of(vertices).mean_diagonal == pytest.approx(5e-200, rel=1e-12)

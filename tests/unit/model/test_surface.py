@@ -39,14 +39,14 @@ def test_validated_drops_face_sizes_when_all_are_triangles():
         (Surface(hard_edges=np.array([[3, 4], [5, 5]])), "has vertex 5 twice"),
     ],
 )
-def test_sequence_is_refused_when_the_surface_does_not_fit(surface, message):
+def test_sequence_is_rejected_when_the_surface_does_not_fit(surface, message):
     grid = waving_grid()
     with pytest.raises(InvalidInputError) as error:
         replace(grid, surface=surface)
     assert message in str(error.value)
 
 
-def test_hard_edges_are_sorted_and_each_once_when_validated():
+def test_validated_sorts_hard_edges_and_removes_duplicates():
     surface = Surface(hard_edges=np.array([[9, 2], [1, 0], [2, 9], [0, 1]])).validated(99, 160)
     assert surface.hard_edges.tolist() == [[0, 1], [2, 9]]
     assert not surface.hard_edges.flags.writeable
@@ -59,25 +59,25 @@ def test_surface_is_plain_when_no_edge_is_hard():
     assert Surface(hard_edges=np.empty((0, 2), int)).validated(99, 160).is_plain
 
 
-def test_surface_cannot_be_written_to_when_validated():
+def test_validated_surface_is_read_only():
     surface = quad_sheet().surface
     for array in (surface.face_sizes, surface.attributes[0].values, surface.groups[0].numbers):
         assert not array.flags.writeable
 
 
-def test_per_item_looks_values_up_when_there_are_indices():
+def test_per_item_resolves_indices():
     uv, color = quad_sheet().surface.attributes
     np.testing.assert_array_equal(uv.per_item()[5], uv.values[uv.indices[5]])
     assert color.per_item() is color.values
 
 
-def test_repr_names_what_is_carried_when_printed():
+def test_repr_lists_the_contents():
     assert "polygons" in repr(two_sheets().surface)
     assert "2 parts" in repr(two_sheets().surface)
     assert repr(Surface()) == "<Surface: plain>"
 
 
-def test_size_counts_every_array_when_asked_for():
+def test_size_counts_every_array():
     sequence = quad_sheet()
     sizes, (uv, color) = sequence.surface.face_sizes, sequence.surface.attributes
     arrays = [sizes, uv.values, uv.indices, color.values, sequence.surface.groups[0].numbers]

@@ -1,4 +1,4 @@
-"""Things and their number in words."""
+"""Counted nouns and sizes as text."""
 
 import pytest
 
@@ -17,12 +17,12 @@ NOUNS = ["frame", "vertex", "mesh", "morph target", "face", "entry"]
         (5, "morph target", "5 morph targets"),
     ],
 )
-def test_noun_stands_in_the_plural_when_there_is_not_one(number, noun, words):
+def test_noun_is_plural_unless_the_number_is_one(number, noun, words):
     assert counted(number, noun) == words
 
 
 @pytest.mark.parametrize("noun", NOUNS)
-def test_noun_comes_back_when_its_plural_is_undone(noun):
+def test_singular_inverts_plural(noun):
     assert singular(plural(noun)) == noun
 
 
@@ -31,5 +31,5 @@ def test_noun_comes_back_when_its_plural_is_undone(noun):
     [(0, "0 B"), (999, "999 B"), (1000, "1 kB"), (1234567, "1.23 MB"), (999_499, "999 kB"),
      (999_500, "1 MB"), (5.6e9, "5.6 GB"), (7e12, "7 TB")],
 )  # fmt: skip
-def test_sizes_have_the_unit_that_leaves_few_digits(size_bytes, text):
+def test_sizes_use_the_unit_with_the_fewest_digits(size_bytes, text):
     assert size_text(size_bytes) == text

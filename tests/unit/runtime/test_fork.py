@@ -1,6 +1,6 @@
-"""Processes that are forked from one that has encoded or decoded, or does so meanwhile.
+"""Child processes forked from a process that has encoded or decoded, or is doing so.
 
-Every wait has a limit; a child that hangs is killed.
+Every wait has a limit; a hanging child is killed.
 """
 
 import multiprocessing
@@ -47,8 +47,8 @@ def end_of(pid, what):
     """Return the exit status of a child; fail, and kill it, if it does not end."""
     end = time.monotonic() + LIMIT_S
     while time.monotonic() < end:
-        found, status = os.waitpid(pid, os.WNOHANG)
-        if found:
+        ended, status = os.waitpid(pid, os.WNOHANG)
+        if ended:
             return os.waitstatus_to_exitcode(status)
         time.sleep(0.02)
     os.kill(pid, signal.SIGKILL)
@@ -61,7 +61,7 @@ def forked(work):
     pid = os.fork()
     if pid:
         return pid
-    signal.alarm(int(2 * LIMIT_S))  # ends the child if the test fails before it waits for it
+    signal.alarm(int(2 * LIMIT_S))  # ends the child if the test fails early
     status = 1
     try:
         work()
@@ -88,7 +88,7 @@ WORK = {"encode": (encode, SEQUENCE), "decode": (meshreel.decode, DATA)}
 
 @contextmanager
 def held_elsewhere(context):
-    """Another thread stays within the context meanwhile."""
+    """Keep another thread inside the context."""
     entered, leave = threading.Event(), threading.Event()
 
     def hold():
@@ -115,7 +115,7 @@ def held_elsewhere(context):
         pytest.param("spawn", marks=pytest.mark.slow),
     ],
 )
-def test_pool_encodes_and_decodes_when_the_parent_has_coded(start, in_parent):
+def test_pool_encodes_and_decodes_after_the_parent_did(start, in_parent):
     function, argument = WORK[in_parent]
     function(argument)
     with multiprocessing.get_context(start).Pool(2) as pool:
@@ -126,13 +126,13 @@ def test_pool_encodes_and_decodes_when_the_parent_has_coded(start, in_parent):
             assert np.array_equal(sequence.vertices, FRAMES)
 
 
-def test_child_codes_when_its_parent_used_the_threads():
+def test_child_codes_after_its_parent_used_threads():
     in_threads(lambda piece: None, range(4))
     in_background(lambda: None).result(LIMIT_S)
     assert_succeeds_in_child(assert_codes)
 
 
-def test_child_of_a_child_codes_when_both_used_the_threads():
+def test_grandchild_codes_after_both_parents_used_threads():
     def code_and_fork():
         assert_codes()
         assert_succeeds_in_child(assert_codes)
@@ -140,7 +140,7 @@ def test_child_of_a_child_codes_when_both_used_the_threads():
     assert_succeeds_in_child(code_and_fork)
 
 
-def test_children_code_when_another_thread_encodes():
+def test_children_code_while_another_thread_of_the_parent_encodes():
     stop = threading.Event()
 
     def encode_on():
@@ -162,7 +162,7 @@ def blas_threads():
     return {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
 
 
-def test_child_removes_the_limit_of_blas_threads_when_another_thread_had_set_it():
+def test_child_lifts_the_blas_limit_of_another_thread():
     outside = blas_threads()
 
     def limit():
@@ -175,7 +175,7 @@ def test_child_removes_the_limit_of_blas_threads_when_another_thread_had_set_it(
     assert blas_threads() == outside
 
 
-def test_child_leaves_the_limit_of_blas_threads_when_it_was_forked_within():
+def test_child_forked_within_the_blas_limit_can_leave_it():
     def leave(context):
         context.__exit__(None, None, None)
         assert_codes()
@@ -193,7 +193,7 @@ def path(tmp_path):
     return path
 
 
-def test_four_children_read_all_frames_when_they_inherit_an_open_file(path):
+def test_children_read_all_frames_of_an_inherited_file(path):
     with meshreel.open(path) as reel:
 
         def read(first):
@@ -217,12 +217,12 @@ def test_four_children_read_all_frames_when_they_inherit_an_open_file(path):
     ],
     ids=["reading", "the mesh", "frames"],
 )
-def test_child_reads_an_inherited_file_when_another_thread_was_reading_it(path, lock_of):
+def test_child_reads_an_inherited_file_while_another_thread_reads_it(path, lock_of):
     with meshreel.open(path) as reel, held_elsewhere(lock_of(reel)):
         assert_succeeds_in_child(lambda: np.testing.assert_array_equal(reel[:], FRAMES))
 
 
-def test_child_goes_on_with_an_iteration_when_its_parent_had_begun_it(path):
+def test_child_continues_an_iteration_of_its_parent(path):
     with meshreel.open(path) as reel:
         frames = iter(reel)
         next(frames)
@@ -232,7 +232,7 @@ def test_child_goes_on_with_an_iteration_when_its_parent_had_begun_it(path):
         assert np.array_equal(np.stack(list(frames)), FRAMES[1:])
 
 
-def test_position_stays_when_a_child_reads_the_same_file(path):
+def test_position_is_unchanged_when_a_child_reads_the_same_file(path):
     with path.open("rb") as file:
         own = with_own_position(file)
         assert own.read(5) == DATA[:5]
@@ -247,12 +247,12 @@ def test_file_of_the_caller_stays_open_when_its_reader_is_deleted(path):
         assert not file.closed
 
 
-def test_file_in_memory_is_read_as_it_is():
+def test_file_in_memory_needs_no_own_position():
     file = BytesIO(DATA)
     assert with_own_position(file) is file
 
 
-def test_lock_is_free_in_a_child_when_another_thread_holds_it():
+def test_lock_of_another_thread_is_free_in_a_child():
     lock = fork_safe_lock()
 
     def acquire():
@@ -263,7 +263,7 @@ def test_lock_is_free_in_a_child_when_another_thread_holds_it():
         assert_succeeds_in_child(acquire)
 
 
-def test_lock_stays_held_in_a_child_when_the_forking_thread_holds_it():
+def test_lock_of_the_forking_thread_is_still_held_in_a_child():
     lock = fork_safe_lock()
 
     def release():
@@ -276,7 +276,7 @@ def test_lock_stays_held_in_a_child_when_the_forking_thread_holds_it():
     assert end_of(pid, "a child that holds the lock") == 0
 
 
-def test_cached_property_is_computed_in_a_child_when_another_thread_computes_it():
+def test_cached_property_is_computed_in_a_child_while_another_thread_computes_it():
     attributes = [one for one in vars(FieldMesh).values() if isinstance(one, cached_property)]
     own_lock = getattr(attributes[0], "lock", None)
     if own_lock is None:
@@ -285,7 +285,7 @@ def test_cached_property_is_computed_in_a_child_when_another_thread_computes_it(
         assert_succeeds_in_child(assert_codes)
 
 
-def test_child_adds_to_a_profile_when_another_thread_was_adding():
+def test_child_adds_to_a_profile_while_another_thread_adds():
     profile = Profile()
     with held_elsewhere(profile._lock):
         assert_succeeds_in_child(lambda: profile.add(("stage",), 1.0, 1))
@@ -303,7 +303,7 @@ class UntouchedWorkers:
         raise AssertionError("the child closed workers of its parent")
 
 
-def test_engine_is_refused_in_a_child_and_closes_nothing_of_its_parent():
+def test_engine_is_rejected_in_a_child_and_closes_nothing_of_its_parent():
     engine = Engine(UntouchedWorkers())
 
     def use():

@@ -1,4 +1,4 @@
-"""Seconds by stage, and whose they are."""
+"""Profiles: seconds and calls by stage and thread."""
 
 import threading
 import time
@@ -16,11 +16,11 @@ def pause():
 
 
 def stages_of(profile):
-    """Calls by path and by whether they went on beside."""
+    """Return the number of calls by path and by whether another thread made them."""
     return {(one.path, one.in_other_thread): one.n_calls for one in profile.stages}
 
 
-def test_seconds_are_those_of_the_stage_when_others_go_on_before_and_after():
+def test_seconds_exclude_time_outside_of_the_stage():
     with profiled() as profile:
         pause()
         with stage("work"):
@@ -32,7 +32,7 @@ def test_seconds_are_those_of_the_stage_when_others_go_on_before_and_after():
     assert profile.unnamed_s == pytest.approx(profile.wall_s - work.seconds)
 
 
-def test_calls_and_seconds_add_up_when_a_stage_comes_again():
+def test_calls_and_seconds_of_a_repeated_stage_add_up():
     with profiled() as profile:
         for _ in range(3):
             with stage("work"):
@@ -41,7 +41,7 @@ def test_calls_and_seconds_add_up_when_a_stage_comes_again():
     assert profile.stages[0].seconds >= 3 * PAUSE_S
 
 
-def test_stage_holds_its_parts_when_they_are_nested():
+def test_nested_stages_are_parts():
     with profiled() as profile:
         with stage("whole"):
             with stage("part"):
@@ -55,7 +55,7 @@ def test_stage_holds_its_parts_when_they_are_nested():
     assert profile.unnamed_s == pytest.approx(profile.wall_s - whole.seconds - alone.seconds)
 
 
-def test_parts_stand_behind_their_stage_when_it_comes_again_later():
+def test_parts_follow_their_stage_when_it_is_repeated():
     with profiled() as profile:
         for part in ("early", "late"):
             with stage("whole"), stage(part):
@@ -67,7 +67,7 @@ def test_parts_stand_behind_their_stage_when_it_comes_again_later():
     ]  # fmt: skip
 
 
-def test_stage_is_counted_once_when_it_stands_within_itself():
+def test_recursive_stage_is_counted_once():
     @staged("work")
     def countdown(n):
         return countdown(n - 1) if n else "done"
@@ -77,7 +77,7 @@ def test_stage_is_counted_once_when_it_stands_within_itself():
     assert stages_of(profile) == {(("work",), False): 1}
 
 
-def test_function_keeps_its_name_arguments_and_result_when_it_is_staged():
+def test_staged_function_keeps_its_name_arguments_and_result():
     @staged("sum")
     def add(a, *, b):
         """A sum."""
@@ -106,7 +106,7 @@ def test_seconds_are_kept_when_a_stage_fails():
     assert min(one.seconds for one in profile.stages[:2]) >= PAUSE_S
 
 
-def test_nothing_is_heard_when_nobody_listens():
+def test_stages_outside_of_a_profile_are_not_recorded():
     with profiled() as profile:
         pass
     with stage("after"):
@@ -114,7 +114,7 @@ def test_nothing_is_heard_when_nobody_listens():
     assert profile.stages == []
 
 
-def test_clock_stands_when_the_profile_has_ended():
+def test_clock_stops_when_the_profile_ends():
     with profiled() as profile:
         pause()
     ended_s = profile.wall_s
@@ -122,7 +122,7 @@ def test_clock_stands_when_the_profile_has_ended():
     assert profile.wall_s == ended_s >= PAUSE_S
 
 
-def test_work_in_the_background_is_told_apart_when_it_overlaps():
+def test_background_work_is_recorded_separately():
     def work():
         with stage("work"):
             pause()
@@ -139,7 +139,7 @@ def test_work_in_the_background_is_told_apart_when_it_overlaps():
     assert profile.unnamed_s >= 0
 
 
-def test_no_call_is_lost_when_many_threads_are_at_work():
+def test_calls_of_many_threads_are_all_counted():
     def work(_):
         for _ in range(50):
             with stage("work"):
@@ -150,7 +150,7 @@ def test_no_call_is_lost_when_many_threads_are_at_work():
     assert stages_of(profile) == {(("work",), True): 2000}
 
 
-def test_profiles_do_not_mix_when_two_threads_listen():
+def test_profiles_of_two_threads_are_separate():
     profiles = {}
 
     def listen(name):

@@ -1,4 +1,4 @@
-"""Pieces of work in threads."""
+"""Work in threads: pieces, background, prefetching, BLAS threads."""
 
 import subprocess
 import sys
@@ -46,22 +46,22 @@ importing.start()
 while importing.is_alive():
     _controller.__wrapped__()
 """
-"""Imports libraries in one thread, and looks for those of BLAS in another."""
+"""Imports libraries in one thread, while another searches for BLAS libraries."""
 
 
 def blas_threads():
     return [one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"]
 
 
-@pytest.mark.parametrize(("counted", "found"), [(7, 7), (None, 1)])
-def test_cores_are_those_of_the_machine_when_a_process_cannot_tell(monkeypatch, counted, found):
+@pytest.mark.parametrize(("cpu_count", "expected"), [(7, 7), (None, 1)])
+def test_cores_are_those_of_the_machine_without_affinity(monkeypatch, cpu_count, expected):
     monkeypatch.delattr("os.sched_getaffinity", raising=False)
-    monkeypatch.setattr("os.cpu_count", lambda: counted)
-    assert n_cores() == found
+    monkeypatch.setattr("os.cpu_count", lambda: cpu_count)
+    assert n_cores() == expected
 
 
 @pytest.mark.parametrize("n_pieces", COUNTS)
-def test_every_piece_is_done_once_whatever_their_number(n_pieces):
+def test_every_piece_is_done_once(n_pieces):
     done = []
     in_threads(done.append, range(n_pieces))
     assert sorted(done) == list(range(n_pieces))
@@ -86,17 +86,17 @@ def test_progress_counts_up_when_pieces_end_in_another_order(n_pieces):
 
 
 @pytest.mark.parametrize("n_pieces", [1, 9])
-def test_error_comes_out_when_a_piece_fails(n_pieces):
+def test_error_of_a_piece_is_raised(n_pieces):
     def work(piece):
         if piece == n_pieces // 2:
             raise LookupError(f"piece {piece}")
 
     with pytest.raises(LookupError, match=f"piece {n_pieces // 2}"):
         in_threads(work, range(n_pieces))
-    in_threads(work, range(n_pieces // 2))  # threads are there for what comes after
+    in_threads(work, range(n_pieces // 2))  # the threads still work
 
 
-def test_first_error_comes_out_when_several_pieces_fail():
+def test_first_error_is_raised_when_several_pieces_fail():
     def work(piece):
         if piece in (3, 4, 7):
             time.sleep(0.02 if piece == 3 else 0)
@@ -127,7 +127,7 @@ def test_errors_of_numpy_are_raised_when_the_caller_raises_them(n_pieces):
         in_threads(work, range(n_pieces))
 
 
-def test_what_a_piece_sets_for_numpy_stays_with_it():
+def test_numpy_settings_of_a_piece_are_local():
     def work(piece):
         assert np.geterr()["divide"] == "warn"
         np.seterr(divide="ignore")
@@ -138,8 +138,7 @@ def test_what_a_piece_sets_for_numpy_stays_with_it():
 
 
 @pytest.mark.parametrize("size", [1, 3, 64, 1000])
-def test_result_is_the_same_whatever_the_pieces(size):
-    """Bit by bit, where a piece is computed as it would be alone."""
+def test_result_does_not_depend_on_the_piece_size(size):
     values = np.random.default_rng(0).normal(size=(500, 20))
     result = np.empty_like(values)
 
@@ -151,14 +150,14 @@ def test_result_is_the_same_whatever_the_pieces(size):
 
 
 @pytest.mark.parametrize("n_pieces", [1, 6])
-def test_blas_has_one_thread_while_pieces_are_done_and_as_many_as_before_after(n_pieces):
-    before, found = blas_threads(), []
-    in_threads(lambda piece: found.append(blas_threads()), range(n_pieces))
-    assert found == [[1] * len(before)] * n_pieces
+def test_blas_has_one_thread_during_pieces_only(n_pieces):
+    before, inside = blas_threads(), []
+    in_threads(lambda piece: inside.append(blas_threads()), range(n_pieces))
+    assert inside == [[1] * len(before)] * n_pieces
     assert blas_threads() == before
 
 
-def test_pieces_of_pieces_are_done_when_all_threads_are_at_work():
+def test_nested_pieces_are_done_when_all_threads_are_busy():
     n_pieces, done = 3 * n_cores(), []
 
     def work(piece):
@@ -168,38 +167,38 @@ def test_pieces_of_pieces_are_done_when_all_threads_are_at_work():
     assert sorted(done) == [(piece, inner) for piece in range(n_pieces) for inner in range(5)]
 
 
-def test_blas_has_one_thread_wherever_that_is_asked_for():
-    before, found = blas_threads(), []
+def test_one_blas_thread_applies_in_every_thread():
+    before, inside = blas_threads(), []
 
     def ask():
         with one_blas_thread():
-            found.append(blas_threads())
+            inside.append(blas_threads())
 
     for _ in range(2):
         ask()
         asking = threading.Thread(target=ask)
         asking.start()
         asking.join()
-    assert found == [[1] * len(before)] * 4
+    assert inside == [[1] * len(before)] * 4
     assert blas_threads() == before
 
 
-def test_blas_has_as_many_threads_as_before_when_something_fails():
-    before, found = blas_threads(), []
+def test_blas_threads_are_restored_after_an_error():
+    before, inside = blas_threads(), []
 
     def fail():
         with one_blas_thread():
-            found.append(blas_threads())
+            inside.append(blas_threads())
             raise LookupError
 
     with pytest.raises(LookupError):
         fail()
-    assert found == [[1] * len(before)]
+    assert inside == [[1] * len(before)]
     assert blas_threads() == before
 
 
-def test_work_goes_on_beside_the_caller_when_it_is_in_the_background():
-    """Each waits for the other, which ends only if both are at work."""
+def test_background_work_runs_concurrently_with_the_caller():
+    """Each waits for the other, which requires both to run."""
     from_caller, from_work = threading.Event(), threading.Event()
 
     def work():
@@ -219,21 +218,21 @@ def test_libraries_of_blas_are_found_when_another_thread_imports_libraries(tmp_p
     subprocess.run([sys.executable, "-c", IMPORTING, tmp_path], check=True, timeout=60)
 
 
-def test_error_comes_out_with_the_result_when_work_in_the_background_fails():
+def test_error_of_background_work_is_raised_with_its_result():
     def fail():
         raise LookupError("in the background")
 
     future = in_background(fail)
     with pytest.raises(LookupError, match="in the background"):
         future.result(10)
-    assert in_background(lambda: 7).result(10) == 7  # the thread is there for what comes after
+    assert in_background(lambda: 7).result(10) == 7  # the thread still works
 
 
-def test_background_does_its_own_work_at_once_when_it_asks_for_more_itself():
+def test_background_work_started_in_the_background_runs_immediately():
     assert in_background(lambda: in_background(lambda: 7).result(10)).result(10) == 7
 
 
-def test_error_comes_out_with_the_result_when_the_background_asks_for_more():
+def test_error_of_nested_background_work_is_raised_with_its_result():
     def fail():
         raise LookupError("inner")
 
@@ -242,8 +241,8 @@ def test_error_comes_out_with_the_result_when_the_background_asks_for_more():
         future.result(10).result(10)
 
 
-def test_pieces_of_the_background_and_of_the_caller_are_all_done_when_both_use_threads():
-    """More pieces than there are threads: neither waits for a thread that the other holds."""
+def test_background_and_caller_can_both_use_threads():
+    """With more pieces than threads, neither waits for a thread of the other."""
     behind, before = [], []
     futures = [in_background(lambda: in_threads(behind.append, range(100))) for _ in range(3)]
     in_threads(before.append, range(100))
@@ -253,11 +252,11 @@ def test_pieces_of_the_background_and_of_the_caller_are_all_done_when_both_use_t
     assert sorted(before) == list(range(100))
 
 
-def test_background_has_what_the_caller_set_for_numpy_when_it_was_asked():
+def test_background_work_inherits_numpy_settings():
     def work():
-        found = np.geterr()["divide"]
+        setting = np.geterr()["divide"]
         np.seterr(divide="print")
-        return found
+        return setting
 
     with np.errstate(divide="ignore"):
         future = in_background(work)
@@ -268,9 +267,9 @@ def test_background_has_what_the_caller_set_for_numpy_when_it_was_asked():
 
 
 @pytest.mark.parametrize(("length", "size"), [(0, 3), (1, 3), (6, 3), (7, 3), (5, 100)])
-def test_chunks_cover_the_length_one_after_another(length, size):
+def test_chunks_cover_the_length_in_order(length, size):
     pieces = chunks(length, size)
-    covered = [place for piece in pieces for place in range(piece.start, piece.stop)]
+    covered = [index for piece in pieces for index in range(piece.start, piece.stop)]
     assert covered == list(range(length))
     assert all(1 <= piece.stop - piece.start <= size for piece in pieces)
 
@@ -279,31 +278,31 @@ def test_cores_are_at_least_one():
     assert n_cores() >= 1
 
 
-def test_items_come_in_order_when_they_are_made_ahead():
-    made, used = [], []
+def test_prefetch_keeps_the_order_and_is_one_item_ahead():
+    produced, used = [], []
 
     def items():
         for number in range(5):
-            made.append(number)
+            produced.append(number)
             yield number
 
     for number in prefetch(items()):
-        wanted = list(range(min(number + 2, 5)))
+        expected = list(range(min(number + 2, 5)))
         end = time.monotonic() + 20.0  # on busy cores the thread starts late
-        while len(made) < len(wanted) and time.monotonic() < end:
+        while len(produced) < len(expected) and time.monotonic() < end:
             time.sleep(0.001)
-        time.sleep(0.02)  # time to make more than one ahead
-        assert made == wanted
+        time.sleep(0.02)  # time to produce more than one item ahead
+        assert produced == expected
         used.append(number)
     assert used == list(range(5))
 
 
-def test_an_error_is_raised_when_an_item_made_ahead_fails():
+def test_prefetch_raises_the_error_of_an_item():
     def items():
         yield 1
         raise ValueError("no second item")
 
-    found = prefetch(items())
-    assert next(found) == 1
+    fetched = prefetch(items())
+    assert next(fetched) == 1
     with pytest.raises(ValueError, match="no second item"):
-        next(found)
+        next(fetched)

@@ -15,7 +15,7 @@ def test_edges_are_listed_once_when_two_faces_share_one():
     assert edges.tolist() == [[0, 1], [0, 2], [1, 2], [1, 3], [2, 3]]
 
 
-def test_edges_leave_out_loops_when_a_face_is_degenerate():
+def test_edges_exclude_loops_of_degenerate_faces():
     assert undirected_edges(np.array([[0, 0, 1], [2, 2, 2]], np.int32)).tolist() == [[0, 1]]
 
 
@@ -25,20 +25,20 @@ def test_adjacency_is_binary_when_faces_are_duplicated():
     np.testing.assert_array_equal(adjacency_matrix(faces, 3).toarray(), expected)
 
 
-def test_components_are_counted_with_isolated_vertices_when_there_are_any():
+def test_components_include_isolated_vertices():
     sequence = irregular_sequence()
     # Vertex 0, the grid, the octahedron, the last vertex.
     assert component_labels(sequence.faces, sequence.n_verts)[0] == 4
 
 
-def test_isolated_vertices_are_those_without_an_edge_when_a_face_names_one_vertex():
+def test_isolated_vertices_include_those_of_degenerate_faces():
     faces = np.array([[0, 1, 2], [4, 4, 4]], np.int32)
     assert isolated_vertices(faces, 6).tolist() == [3, 4, 5]
 
 
-def test_boundary_is_the_rim_when_the_mesh_is_a_grid():
+def test_boundary_of_a_grid_is_its_rim():
     assert len(boundary_edges(grid_faces(4, 5))) == 2 * (3 + 4)
 
 
-def test_boundary_is_empty_when_the_surface_is_closed():
+def test_boundary_of_a_closed_surface_is_empty():
     assert len(boundary_edges(octahedron_faces())) == 0

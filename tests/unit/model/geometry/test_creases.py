@@ -9,7 +9,7 @@ STRIP = np.array([[0, 1, 2], [2, 1, 3]], np.int32)
 
 
 def folded_strip(angle_deg):
-    """Two triangles that turn by an angle at the edge that they share."""
+    """Return two triangles with an angle at their common edge."""
     angle = np.radians(angle_deg)
     far = [1 + np.cos(angle), 0, np.sin(angle)]
     return np.array([[0, 0, 0], [1, -1, 0], [1, 1, 0], far])
@@ -20,11 +20,11 @@ def test_edge_is_a_crease_when_faces_turn_by_more_than_60_degrees(angle_deg, sha
     assert creased_share(folded_strip(angle_deg), STRIP) == share
 
 
-def test_share_is_of_lengths_when_a_cube_has_diagonals():
+def test_creased_share_is_weighted_by_edge_length():
     assert creased_share(CUBE, np.array(CUBE_FACES)) == pytest.approx(12 / (12 + 6 * 2**0.5))
 
 
-def test_share_is_0_when_a_sheet_waves():
+def test_creased_share_of_a_smooth_sheet_is_0():
     grid = waving_grid()
     assert creased_share(grid.vertices[3], grid.faces) == 0
 
@@ -32,5 +32,5 @@ def test_share_is_0_when_a_sheet_waves():
 @pytest.mark.parametrize(
     "faces", [[[0, 1, 2]], [[0, 1, 2], [0, 1, 2], [0, 1, 2]], [[0, 0, 1], [1, 0, 0]]]
 )
-def test_share_is_1_when_no_edge_is_between_two_faces_of_an_area(faces):
+def test_creased_share_is_1_without_edges_between_two_proper_faces(faces):
     assert creased_share(folded_strip(10), np.array(faces)) == 1

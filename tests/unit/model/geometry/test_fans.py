@@ -15,13 +15,13 @@ def test_triangulate_fans_keeps_face_order_when_sizes_are_mixed():
     assert triangulate_fans(counts, corners).tolist() == expected
 
 
-def test_join_fans_gives_the_polygons_back_when_they_were_cut():
+def test_join_fans_inverts_triangulate_fans():
     rng = np.random.default_rng(0)
     sizes = rng.integers(3, 9, 200)
     corners = rng.integers(0, 50, sizes.sum())
     assert join_fans(sizes, triangulate_fans(sizes, corners)).tolist() == corners.tolist()
 
 
-def test_fan_corners_name_the_corner_of_the_polygon_when_sizes_are_mixed():
+def test_fan_corners_are_polygon_corners_when_sizes_are_mixed():
     sizes, corners = np.array([3, 5, 4]), np.arange(100, 112)
     assert corners[fan_corners(sizes)].tolist() == triangulate_fans(sizes, corners).tolist()

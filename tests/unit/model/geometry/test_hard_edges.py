@@ -11,38 +11,38 @@ from samples.meshes import BOX_QUADS, hard_box, hard_sheet, quad_sheet, waving_g
 
 
 def test_shared_edges_are_in_the_order_of_their_first_sides():
-    # Two triangles at 1, 2, a third at 2, 3, and one that names a vertex twice.
+    # Two triangles share 1, 2, a third shares 2, 3, and one uses a vertex twice.
     corners = np.array([0, 1, 2, 2, 1, 3, 3, 2, 4, 5, 5, 0])
-    found = shared_edges(np.full(4, 3), corners)
-    assert found.ends.tolist() == [[1, 2], [2, 3], [0, 5]]
-    assert found.of_side.tolist() == [-1, 0, -1, 0, -1, 1, 1, -1, -1, -1, 2, 2]
+    edges = shared_edges(np.full(4, 3), corners)
+    assert edges.ends.tolist() == [[1, 2], [2, 3], [0, 5]]
+    assert edges.of_side.tolist() == [-1, 0, -1, 0, -1, 1, 1, -1, -1, -1, 2, 2]
 
 
-def test_normals_are_those_of_vertices_when_no_edge_is_hard():
+def test_corner_normals_are_vertex_normals_without_hard_edges():
     sheet = quad_sheet(2)
-    found = meshreel.corner_normals(sheet.vertices, sheet.faces, sheet.surface)
+    computed = meshreel.corner_normals(sheet.vertices, sheet.faces, sheet.surface)
     corners = join_fans(sheet.surface.face_sizes, sheet.faces)
-    for frame, normals in zip(sheet.vertices, found, strict=True):
+    for frame, normals in zip(sheet.vertices, computed, strict=True):
         expected = vertex_normals(frame, sheet.faces)[corners]
         np.testing.assert_allclose(normals, expected, atol=1e-12)
 
 
-def test_normals_are_those_of_faces_when_all_edges_of_a_box_are_hard():
+def test_corner_normals_are_face_normals_when_all_edges_are_hard():
     box = hard_box()
-    found = meshreel.corner_normals(box[2], box.faces, box.surface)
+    normals = meshreel.corner_normals(box[2], box.faces, box.surface)
     axes = [[0, 0, -1], [0, 0, 1], [0, -1, 0], [0, 1, 0], [-1, 0, 0], [1, 0, 0]]
-    np.testing.assert_allclose(found.reshape(6, 4, 3), np.repeat(np.array(axes)[:, None], 4, 1))
+    np.testing.assert_allclose(normals.reshape(6, 4, 3), np.repeat(np.array(axes)[:, None], 4, 1))
 
 
-def test_faces_share_a_normal_around_an_edge_that_ends_inside():
-    # One hard edge of a box: both ends have a single fan, which goes around it.
+def test_faces_share_a_normal_around_the_end_of_a_hard_edge():
+    # One hard edge of a box: both ends have a single fan around it.
     rows = normal_rows(np.full(6, 4), BOX_QUADS.ravel(), np.array([[0, 1]], np.int32), 8)
     np.testing.assert_array_equal(rows.of_corner, BOX_QUADS.ravel())
     np.testing.assert_array_equal(rows.vertices, np.arange(8))
 
 
-def test_vertices_have_a_row_for_each_fan_when_edges_split_them():
-    # The rim of the bottom: its corners are apart from those of the sides, which stay joined.
+def test_vertices_have_one_row_per_fan():
+    # The rim of the bottom separates its corners from those of the sides.
     rim = np.array([[0, 1], [1, 3], [2, 3], [0, 2]], np.int32)
     rows = normal_rows(np.full(6, 4), BOX_QUADS.ravel(), rim, 8)
     assert rows.of_corner[:4].tolist() == [0, 2, 3, 1]
@@ -52,19 +52,19 @@ def test_vertices_have_a_row_for_each_fan_when_edges_split_them():
     np.testing.assert_array_equal(rows.vertices[rows.of_corner], BOX_QUADS.ravel())
 
 
-def test_faces_that_meet_at_a_vertex_only_are_one_fan_unless_an_edge_is_hard_there():
+def test_faces_that_share_only_a_vertex_are_one_fan_without_hard_edges():
     corners = np.array([0, 1, 2, 0, 2, 3, 0, 4, 5, 0, 5, 6])
     counts = np.full(4, 3)
     assert len(normal_rows(counts, corners, np.array([[0, 2]]), 7).vertices) == 10
     assert len(normal_rows(counts, corners, None, 7).vertices) == 7
 
 
-def test_hard_edges_split_the_same_corners_as_fans_walked_one_by_one():
+def test_hard_edges_split_the_same_corners_as_a_traversal_of_fans():
     sheet = hard_sheet(1)
     counts, corners = sheet.surface.face_sizes, join_fans(sheet.surface.face_sizes, sheet.faces)
     rows = normal_rows(counts, corners, sheet.surface.hard_edges, sheet.n_verts).of_corner
     assert len(set(rows.tolist())) > sheet.n_verts
-    assert partition(rows) == partition(walked(counts, corners, sheet.surface.hard_edges))
+    assert partition(rows) == partition(merged_labels(counts, corners, sheet.surface.hard_edges))
 
 
 def partition(labels):
@@ -74,8 +74,8 @@ def partition(labels):
     return sorted(map(sorted, groups.values()))
 
 
-def walked(counts, corners, hard_edges):
-    """A label for each corner: joined corner by corner until nothing changes."""
+def merged_labels(counts, corners, hard_edges):
+    """Return a label per corner, merging neighbors until nothing changes."""
     starts = np.cumsum(counts) - counts
     sides = {}
     for start, size in zip(starts.tolist(), counts.tolist(), strict=True):
@@ -86,7 +86,7 @@ def walked(counts, corners, hard_edges):
     hard = {frozenset(edge.tolist()) for edge in hard_edges}
     split = {vertex for edge in hard for vertex in edge}
     labels = list(range(len(corners)))
-    joined = [pair for edge, found in sides.items() if edge not in hard for pair in pairs(found)]
+    joined = [pair for edge, near in sides.items() if edge not in hard for pair in pairs(near)]
     for vertex in set(corners.tolist()) - split:
         own = np.flatnonzero(corners == vertex).tolist()
         joined += [(own[0], other) for other in own]
@@ -96,13 +96,13 @@ def walked(counts, corners, hard_edges):
     return labels
 
 
-def pairs(found):
-    for side in found[1:]:
+def pairs(sides):
+    for side in sides[1:]:
         for vertex, corner in side.items():
-            yield found[0][vertex], corner
+            yield sides[0][vertex], corner
 
 
-def test_normals_are_refused_when_a_hard_edge_is_not_there():
+def test_hard_edge_is_rejected_when_the_mesh_has_no_such_edge():
     grid = waving_grid(1)
     surface = Surface(hard_edges=np.array([[0, 50]], np.int32))
     with pytest.raises(InvalidInputError, match="hard edge 0, 50 must have two or more faces"):

@@ -27,27 +27,27 @@ def test_laplacian_is_degree_minus_adjacency_when_the_mesh_is_a_triangle():
     np.testing.assert_array_equal(laplacian.toarray(), expected)
 
 
-def test_normalized_deltas_are_distances_to_the_neighbours_mean_when_computed_by_hand():
-    # Vertex 0 at 6, its neighbours at 0 and 3: 6 - 1.5 (Eq. 3).
+def test_normalized_deltas_are_differences_from_the_neighbor_mean():
+    # Vertex 0 is at 6, its neighbors at 0 and 3: 6 - 1.5 (Eq. 3).
     laplacian = uniform_laplacian(np.array([[0, 1, 2]], np.int32), 3, normalized=True)
     deltas = delta_coordinates(laplacian, np.array([[6.0], [0.0], [3.0]]))
     np.testing.assert_allclose(deltas.ravel(), [4.5, -4.5, 0.0])
 
 
-def test_deltas_do_not_change_when_the_mesh_is_moved():
+def test_deltas_are_invariant_to_translation():
     positions = np.random.default_rng(0).normal(size=(20, 3))
     laplacian = uniform_laplacian(grid_faces(4, 5), 20)
     moved = delta_coordinates(laplacian, positions + np.array([5.0, -3.0, 8.0]))
     np.testing.assert_allclose(moved, delta_coordinates(laplacian, positions), atol=1e-13)
 
 
-def test_deltas_refuse_when_vertex_counts_differ():
+def test_deltas_are_rejected_when_vertex_counts_differ():
     with pytest.raises(InvalidInputError, match="20 vertices; got 19 rows"):
         delta_coordinates(uniform_laplacian(grid_faces(4, 5), 20), np.zeros((19, 3)))
 
 
 def cotangent_weights(faces, shape):
-    """Half the sum of the cotangents opposite to each edge, limited, by angles; dense."""
+    """Return clamped half sums of the cotangents opposite to each edge, as a dense matrix."""
     weights, is_edge = np.zeros((2, len(shape), len(shape)))
     for face in faces:
         for k in range(3):
@@ -59,7 +59,7 @@ def cotangent_weights(faces, shape):
     return np.clip(weights, 0.05, 20) * is_edge
 
 
-def test_cotangent_weights_are_those_of_the_angles_within_limits():
+def test_cotangent_weights_are_clamped_cotangents_of_angles():
     rng = np.random.default_rng(6)
     faces, shape = grid_faces(5, 6), rng.normal(size=(31, 3))
     shape[7] = shape[8] + 1e-4 * rng.normal(size=3)  # angles near 0 and near 180 degrees
@@ -70,16 +70,16 @@ def test_cotangent_weights_are_those_of_the_angles_within_limits():
     sums = weights.sum(axis=1)
     assert sums[30] == 0  # a vertex without edges
     expected = np.diag(sums > 0) - weights / np.maximum(sums, 1e-300)[:, None]
-    found = cotangent_laplacian(faces, shape).toarray()
-    np.testing.assert_allclose(found, expected, atol=1e-12)
+    laplacian = cotangent_laplacian(faces, shape).toarray()
+    np.testing.assert_allclose(laplacian, expected, atol=1e-12)
 
 
 def rippled_fields(n_verts, n_fields):
     return np.random.default_rng(4).normal(size=(n_verts, n_fields)).cumsum(axis=0)
 
 
-def test_reproducing_weights_annihilate_the_fields_when_neighbours_are_enough():
-    """In the inside of a grid, six neighbours can reproduce three fields and a constant."""
+def test_reproducing_weights_annihilate_the_fields_with_enough_neighbors():
+    """Inside a grid, six neighbors can reproduce three fields and a constant."""
     adjacency = adjacency_matrix(grid_faces(8, 9), 72)
     fields = rippled_fields(72, 3)
     deltas = reproducing_laplacian(adjacency, fields, 0.0) @ fields
@@ -96,27 +96,27 @@ def test_reproducing_rows_sum_to_zero_when_the_mesh_is_irregular():
 
 
 @pytest.mark.parametrize("fields", [np.zeros((72, 0)), np.ones((72, 2))])
-def test_reproducing_weights_are_equal_when_the_fields_tell_nothing(fields):
+def test_reproducing_weights_are_uniform_without_information(fields):
     adjacency = adjacency_matrix(grid_faces(8, 9), 72)
     expected = uniform_laplacian(grid_faces(8, 9), 72, normalized=True)
     laplacian = reproducing_laplacian(adjacency, fields, 0.0)
     np.testing.assert_allclose(laplacian.toarray(), expected.toarray(), atol=1e-12)
 
 
-def test_weights_grow_equal_when_noise_hides_the_fields():
+def test_reproducing_weights_approach_uniform_ones_with_noise():
     adjacency = adjacency_matrix(grid_faces(8, 9), 72)
     laplacian = reproducing_laplacian(adjacency, rippled_fields(72, 3), 1e9)
     expected = uniform_laplacian(grid_faces(8, 9), 72, normalized=True)
     np.testing.assert_allclose(laplacian.toarray(), expected.toarray(), atol=1e-5)
 
 
-def test_reproducing_weights_are_found_when_a_hub_has_twenty_thousand_neighbours():
-    """A system as large as its neighbourhood would take gigabytes and hours."""
+def test_reproducing_weights_support_a_hub_of_twenty_thousand_neighbors():
+    """A system as large as this neighborhood would take gigabytes and hours."""
     rim = np.arange(20_000)
     faces = np.stack([np.full_like(rim, 20_000), rim, (rim + 1) % 20_000], axis=1)
     angle = 2 * np.pi * np.arange(20_001) / 20_000
     fields = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    fields[-1] = 0  # the hub, in the middle of its rim
+    fields[-1] = 0  # the hub, in the center of its rim
     laplacian = reproducing_laplacian(adjacency_matrix(faces, 20_001), fields, 1e-6)
     assert np.abs(laplacian.sum(axis=1)).max() < 1e-9
     assert np.abs(laplacian[[20_000]] @ fields).max() < 1e-6

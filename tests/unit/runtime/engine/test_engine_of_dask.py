@@ -1,4 +1,4 @@
-"""Calls on a Dask cluster of two workers on this machine, each a process that may die."""
+"""Calls on a local Dask cluster of two worker processes, which may die."""
 
 import _thread
 import os
@@ -29,7 +29,7 @@ distributed = pytest.importorskip("distributed", reason="the extra [dask] is not
 
 pytestmark = [
     pytest.mark.slow,
-    # What Dask itself leaves behind where workers and schedulers are killed.
+    # Dask leaves resources open when workers and schedulers are killed.
     pytest.mark.filterwarnings("ignore::ResourceWarning"),
     pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
 ]
@@ -37,14 +37,14 @@ pytestmark = [
 
 @pytest.fixture(scope="module")
 def cluster():
-    with local_cluster(2) as made:
-        yield made
+    with local_cluster(2) as running:
+        yield running
 
 
 @pytest.fixture
 def engine(cluster):
     with open_engine(scheduler=cluster.scheduler_address) as opened:
-        wait_until(lambda: opened.n_workers == 2, "the worker that a test killed to come back")
+        wait_until(lambda: opened.n_workers == 2, "the killed worker to restart")
         yield opened
 
 
@@ -57,10 +57,10 @@ def test_map_in_order_keeps_the_order_when_later_calls_end_first(engine):
     assert list(engine.map_in_order(slow_square, items)) == [n * n for n in range(10)]
 
 
-def test_calls_are_made_each_time_when_they_are_equal(engine):
-    found = [engine.submit(process_id) for _ in range(4)]
-    assert os.getpid() not in {outcome.result(60) for outcome in found}
-    assert len({id(outcome) for outcome in found}) == 4
+def test_equal_calls_run_separately(engine):
+    outcomes = [engine.submit(process_id) for _ in range(4)]
+    assert os.getpid() not in {outcome.result(60) for outcome in outcomes}
+    assert len({id(outcome) for outcome in outcomes}) == 4
 
 
 def test_submit_raises_the_error_of_the_call(engine):
@@ -68,7 +68,7 @@ def test_submit_raises_the_error_of_the_call(engine):
         engine.submit(fail, "no such thing").result(60)
 
 
-def test_workers_compute_in_as_many_cores_as_they_have_threads(engine):
+def test_workers_use_as_many_cores_as_they_have_threads(engine):
     cores, blas = engine.submit(cores_and_blas_threads).result(60)
     assert cores == 1
     assert set(blas) == {1}
@@ -89,21 +89,21 @@ def test_map_in_order_recovers_when_a_worker_is_killed_from_outside(engine):
     assert list(results) == [n * n for n in range(1, 20)]
 
 
-def test_call_is_given_up_when_it_kills_its_workers(engine):
+def test_call_is_abandoned_when_it_kills_its_workers(engine):
     with pytest.raises(WorkerDiedError, match="2 Dask workers died during this call"):
         engine.submit(die_always).result(120)
     assert engine.submit(square, 5).result(60) == 25
 
 
-def test_others_are_not_blamed_when_a_call_kills_its_workers(engine):
+def test_other_calls_succeed_when_a_call_kills_its_workers(engine):
     outcomes = dict(engine.as_completed(die_or_square, [(number, 4) for number in range(12)]))
     failed = [item for item, outcome in outcomes.items() if outcome.exception()]
     assert failed == [(4, 4)]
     assert isinstance(outcomes[4, 4].exception(), WorkerDiedError)
 
 
-def test_engine_is_left_at_once_when_calls_still_run_and_wait(cluster):
-    """Two calls run and two wait; which comes first is Dask's to choose, for it steals work."""
+def test_engine_closes_immediately_while_calls_run_and_wait(cluster):
+    """Two calls run and two wait; Dask chooses the order, because it steals work."""
 
     def interrupted():
         with open_engine(scheduler=cluster.scheduler_address) as engine:
@@ -117,19 +117,19 @@ def test_engine_is_left_at_once_when_calls_still_run_and_wait(cluster):
     assert time.monotonic() - began < 60
 
 
-def test_engine_is_refused_when_no_scheduler_answers(monkeypatch):
+def test_open_engine_fails_when_no_scheduler_answers(monkeypatch):
     monkeypatch.setattr("meshreel.runtime.engine.dask_cluster.CONNECT_TIMEOUT_S", 0.5)
     with pytest.raises(InvalidInputError, match="no Dask scheduler answers at 'tcp://127"):
         open_engine(scheduler="tcp://127.0.0.1:9")
 
 
-def test_engine_is_refused_with_the_remedy_when_dask_is_missing(monkeypatch):
+def test_error_names_the_extra_when_dask_is_missing(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(InvalidInputError, match=r"pip install 'meshreel\[dask\]'"):
         open_engine(scheduler="tcp://127.0.0.1:8786")
 
 
-def test_calls_fail_instead_of_hanging_when_the_scheduler_goes():
+def test_calls_fail_when_the_scheduler_stops():
     with (
         local_cluster(1) as cluster,
         open_engine(scheduler=cluster.scheduler_address) as engine,
@@ -142,8 +142,8 @@ def test_calls_fail_instead_of_hanging_when_the_scheduler_goes():
 
 
 @pytest.fixture
-def words(monkeypatch, caplog):
-    """What is logged while calls wait, which is soon and often here."""
+def log(monkeypatch, caplog):
+    """Log of the watch, which reports soon and often."""
     monkeypatch.setattr("meshreel.runtime.engine.worker_watch.POLL_S", 0.05)
     monkeypatch.setattr("meshreel.runtime.engine.worker_watch.FIRST_WARNING_S", 0.2)
     return caplog
@@ -155,18 +155,18 @@ def empty_cluster():
         yield made
 
 
-def test_calls_fail_in_words_when_there_are_no_workers_for_too_long(empty_cluster, words):
+def test_calls_fail_with_a_reason_without_workers_for_too_long(empty_cluster, log):
     with open_engine(scheduler=empty_cluster.scheduler_address, max_wait_s=1.0) as engine:
         outcomes = [engine.submit(square, number) for number in range(3)]
         for outcome in outcomes:
             with pytest.raises(WorkerDiedError, match="has had no workers for 1 s, and calls were"):
                 outcome.result(60)
-    waiting = [record.message for record in words.records if "3 calls wait" in record.message]
+    waiting = [record.message for record in log.records if "3 calls wait" in record.message]
     assert empty_cluster.scheduler_address in waiting[0]
     assert "Ctrl-C stops; after 1 s they are abandoned" in waiting[0]
 
 
-def test_further_calls_fail_at_once_when_waiting_was_given_up(empty_cluster, words):
+def test_new_calls_fail_immediately_after_the_wait_was_abandoned(empty_cluster, log):
     with open_engine(scheduler=empty_cluster.scheduler_address, max_wait_s=1.0) as engine:
         outcomes = dict(engine.as_completed(square, [(number,) for number in range(20)]))
         began = time.monotonic()
@@ -176,33 +176,33 @@ def test_further_calls_fail_at_once_when_waiting_was_given_up(empty_cluster, wor
     assert {type(outcome.exception()) for outcome in outcomes.values()} == {WorkerDiedError}
 
 
-def test_waiting_ends_when_the_engine_is_left_by_ctrl_c(empty_cluster, words):
+def test_ctrl_c_ends_the_wait_for_workers(empty_cluster, log):
     waiting = []
 
     def interrupted():
         with open_engine(scheduler=empty_cluster.scheduler_address) as engine:
             waiting.append(engine.submit(square, 2))
-            wait_until(lambda: "1 call waits" in words.text, "the word that a call waits")
+            wait_until(lambda: "1 call waits" in log.text, "the message that a call waits")
             raise KeyboardInterrupt
 
     with time_limit(60, "the engine to close"), pytest.raises(KeyboardInterrupt):
         interrupted()
 
 
-def test_calls_are_done_when_workers_come_while_they_wait(words):
+def test_waiting_calls_run_when_workers_start(log):
     with (
         local_cluster(0) as cluster,
         open_engine(scheduler=cluster.scheduler_address) as engine,
     ):
         assert engine.n_workers == 0
         outcome = engine.submit(square, 3)
-        wait_until(lambda: "1 call waits" in words.text, "the word that a call waits")
+        wait_until(lambda: "1 call waits" in log.text, "the message that a call waits")
         cluster.scale(1)
         assert outcome.result(60) == 9
-        wait_until(lambda: "has workers again" in words.text, "the word that there are workers")
+        wait_until(lambda: "has workers again" in log.text, "the message that there are workers")
 
 
-def test_calls_are_done_again_when_workers_come_after_they_were_given_up(words):
+def test_calls_run_when_workers_start_after_earlier_ones_were_abandoned(log):
     with (
         local_cluster(0) as cluster,
         open_engine(scheduler=cluster.scheduler_address, max_wait_s=0.5) as engine,
@@ -215,11 +215,11 @@ def test_calls_are_done_again_when_workers_come_after_they_were_given_up(words):
 
 
 @pytest.mark.parametrize("seconds", [0, -1, float("inf"), float("nan")])
-def test_engine_is_refused_when_the_longest_wait_is_no_time(seconds):
+def test_max_wait_is_rejected_when_it_is_not_positive_and_finite(seconds):
     with pytest.raises(InvalidInputError, match="max_wait_s must be finite and above 0"):
         open_engine(scheduler="tcp://127.0.0.1:9", max_wait_s=seconds)
 
 
-def test_engine_is_refused_when_a_longest_wait_is_given_without_a_scheduler():
+def test_max_wait_is_rejected_without_a_scheduler():
     with pytest.raises(InvalidInputError, match="max_wait_s needs a scheduler"):
         open_engine(2, max_wait_s=10)

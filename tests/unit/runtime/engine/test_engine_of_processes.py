@@ -1,4 +1,4 @@
-"""Calls on processes: order, bounds, errors, and processes that die."""
+"""Calls on worker processes: order, limits, errors, and processes that die."""
 
 import itertools
 import multiprocessing
@@ -35,8 +35,8 @@ def engine():
         yield opened
 
 
-def ended(process):
-    """Whether the process is gone, within five seconds."""
+def has_ended(process):
+    """Return whether the process ends within five seconds."""
     for _ in range(100):
         try:
             os.kill(process, 0)
@@ -46,17 +46,17 @@ def ended(process):
     return False
 
 
-def test_submit_gives_the_result_of_the_call(engine):
+def test_submit_returns_the_result_of_the_call(engine):
     assert engine.submit(square, 7).result(60) == 49
 
 
-def test_submit_calls_in_other_processes_of_the_number_asked_for(engine):
-    found = {outcome.result(60) for outcome in [engine.submit(process_id) for _ in range(20)]}
-    assert 1 <= len(found) <= 2
-    assert os.getpid() not in found
+def test_submit_uses_the_requested_number_of_processes(engine):
+    processes = {outcome.result(60) for outcome in [engine.submit(process_id) for _ in range(20)]}
+    assert 1 <= len(processes) <= 2
+    assert os.getpid() not in processes
 
 
-def test_submit_raises_the_error_of_the_call_with_where_it_was_raised(engine):
+def test_submit_raises_the_error_of_the_call_with_its_location(engine):
     with pytest.raises(ValueError, match="no such thing") as caught:
         engine.submit(fail, "no such thing").result(60)
     assert "tasks.py" in caught.value.__notes__[0]
@@ -78,35 +78,35 @@ def test_map_in_order_keeps_the_order_when_later_calls_end_first(engine):
     assert list(engine.map_in_order(slow_square, items)) == [n * n for n in range(12)]
 
 
-def test_map_in_order_takes_arguments_bound_to_the_function(engine):
+def test_map_in_order_accepts_bound_arguments(engine):
     assert list(engine.map_in_order(partial(pow, 2), [(3,), (4,)])) == [8, 16]
 
 
 @pytest.mark.parametrize("in_flight", [1, 3])
-def test_map_in_order_takes_no_more_items_than_may_be_in_flight(engine, in_flight):
-    taken = []
-    items = ((number,) for number in itertools.count() if not taken.append(number))
+def test_map_in_order_reads_at_most_in_flight_items_ahead(engine, in_flight):
+    read = []
+    items = ((number,) for number in itertools.count() if not read.append(number))
     results = engine.map_in_order(square, items, in_flight=in_flight)
     for n_done in range(1, 10):
         next(results)
-        assert len(taken) <= n_done - 1 + in_flight
+        assert len(read) <= n_done - 1 + in_flight
     results.close()
 
 
-def test_map_in_order_takes_two_items_for_each_worker_when_nothing_is_said(engine):
-    taken = []
-    items = ((number,) for number in itertools.count() if not taken.append(number))
+def test_map_in_order_reads_two_items_per_worker_by_default(engine):
+    read = []
+    items = ((number,) for number in itertools.count() if not read.append(number))
     results = engine.map_in_order(square, items)
     assert next(results) == 0
-    assert len(taken) == 4
+    assert len(read) == 4
     results.close()
 
 
-def test_map_in_order_gives_nothing_when_there_is_nothing_to_do(engine):
+def test_map_in_order_is_empty_without_items(engine):
     assert list(engine.map_in_order(square, [])) == []
 
 
-def test_map_in_order_raises_in_the_place_of_the_call_that_fails(engine):
+def test_map_in_order_raises_in_order(engine):
     results = engine.map_in_order(divmod, [(7, 2), (7, 0), (7, 3)])
     assert next(results) == (3, 1)
     with pytest.raises(ZeroDivisionError):
@@ -115,7 +115,7 @@ def test_map_in_order_raises_in_the_place_of_the_call_that_fails(engine):
 
 
 @pytest.mark.parametrize("in_flight", [0, -1])
-def test_map_in_order_refuses_when_nothing_may_be_in_flight(engine, in_flight):
+def test_map_in_order_rejects_in_flight_below_one(engine, in_flight):
     with pytest.raises(InvalidInputError, match="in_flight must be 1 or more"):
         next(engine.map_in_order(square, [(1,)], in_flight=in_flight))
 
@@ -128,30 +128,30 @@ def test_map_in_order_recovers_when_workers_are_killed_in_the_middle(engine, tmp
     assert len(list(tmp_path.iterdir())) == 3
 
 
-def test_as_completed_gives_each_item_its_own_outcome(engine):
-    found = {
+def test_as_completed_pairs_items_with_their_outcomes(engine):
+    results = {
         item: outcome.exception() or outcome.result()
         for item, outcome in engine.as_completed(divmod, [(7, 2), (7, 0), (9, 4)])
     }
-    assert found[7, 2] == (3, 1)
-    assert found[9, 4] == (2, 1)
-    assert isinstance(found[7, 0], ZeroDivisionError)
+    assert results[7, 2] == (3, 1)
+    assert results[9, 4] == (2, 1)
+    assert isinstance(results[7, 0], ZeroDivisionError)
 
 
-def test_as_completed_gives_the_first_that_ends_first(engine):
+def test_as_completed_yields_in_order_of_completion(engine):
     items = [(1, 0.5), (2, 0.0)]
     order = [item[0] for item, _ in engine.as_completed(slow_square, items)]
     assert order == [2, 1]
 
 
-def test_call_is_given_up_when_it_killed_two_workers(engine):
+def test_call_is_abandoned_when_it_killed_two_workers(engine):
     with pytest.raises(WorkerDiedError, match=r"2 worker processes died during this call.*SIGKILL"):
         engine.submit(die_always).result(60)
     assert engine.submit(square, 5).result(60) == 25
 
 
 @pytest.mark.slow
-def test_others_are_not_blamed_when_a_call_kills_its_workers(engine):
+def test_other_calls_succeed_when_a_call_kills_its_workers(engine):
     items = [(number, 4) for number in range(30)]
     outcomes = dict(engine.as_completed(die_or_square, items))
     failed = [item for item, outcome in outcomes.items() if outcome.exception()]
@@ -160,13 +160,13 @@ def test_others_are_not_blamed_when_a_call_kills_its_workers(engine):
 
 
 @pytest.mark.slow
-def test_call_is_given_up_when_the_worker_dies_in_its_reply(engine):
+def test_call_is_abandoned_when_the_worker_dies_during_its_reply(engine):
     with pytest.raises(WorkerDiedError):
         engine.submit(die_within_a_long_reply).result(60)
 
 
 @pytest.mark.slow
-def test_worker_that_died_idle_is_replaced_without_blame(tmp_path):
+def test_worker_that_died_idle_is_replaced(tmp_path):
     with open_engine(1) as engine:
         process = engine.submit(process_id).result(60)
         [child] = [child for child in multiprocessing.active_children() if child.pid == process]
@@ -196,25 +196,25 @@ def test_ctrl_c_does_not_end_a_worker(engine):
 def test_processes_end_when_the_engine_is_closed():
     with open_engine(1) as engine:
         process = engine.submit(process_id).result(60)
-    assert ended(process)
+    assert has_ended(process)
 
 
 @pytest.mark.slow
-def test_process_is_killed_when_it_does_not_end_by_itself(monkeypatch):
+def test_process_is_killed_when_it_does_not_exit(monkeypatch):
     monkeypatch.setattr("meshreel.runtime.engine.processes.EXIT_TIMEOUT_S", 0.2)
     with open_engine(1) as engine:
         process = engine.submit(process_id).result(60)
         os.kill(process, signal.SIGSTOP)
-    assert ended(process)
+    assert has_ended(process)
 
 
-def test_calls_under_way_are_finished_when_the_engine_is_closed():
+def test_running_calls_finish_when_the_engine_is_closed():
     with open_engine(1) as engine:
         outcomes = [engine.submit(slow_square, number, 0.1) for number in range(3)]
     assert [outcome.result(0) for outcome in outcomes] == [0, 1, 4]
 
 
-def interrupted_engine(left):
+def interrupted_engine(results):
     with open_engine(1) as engine:
         process = engine.submit(process_id).result(60)
         outcomes = [engine.submit(slow_square, 1, 600) for _ in range(3)]
@@ -222,38 +222,38 @@ def interrupted_engine(left):
         try:
             raise KeyboardInterrupt
         finally:
-            left.extend([process, outcomes])
+            results.extend([process, outcomes])
 
 
-def test_calls_under_way_are_stopped_when_the_engine_is_left_by_an_exception():
-    left = []
+def test_running_calls_stop_when_an_exception_leaves_the_engine():
+    results = []
     with pytest.raises(KeyboardInterrupt):
-        interrupted_engine(left)
-    process, outcomes = left
-    assert ended(process)
+        interrupted_engine(results)
+    process, outcomes = results
+    assert has_ended(process)
     assert all(outcome.done() for outcome in outcomes)
     assert isinstance(outcomes[0].exception(), WorkerDiedError)
     assert all(outcome.cancelled() for outcome in outcomes[1:])
 
 
 @pytest.mark.parametrize("n_workers", [0, -1])
-def test_engine_is_refused_when_it_has_no_workers(n_workers):
+def test_engine_is_rejected_without_workers(n_workers):
     with pytest.raises(InvalidInputError, match="workers must be 1 or more"):
         open_engine(n_workers)
 
 
-def test_engine_is_refused_when_workers_and_a_scheduler_are_named():
+def test_engine_is_rejected_with_workers_and_a_scheduler():
     with pytest.raises(InvalidInputError, match="cannot be combined"):
         open_engine(2, scheduler="tcp://127.0.0.1:8786")
 
 
-def test_engine_has_a_worker_for_each_core_when_none_are_named():
+def test_engine_has_one_worker_per_core_by_default():
     with open_engine() as engine:
         assert engine.n_workers == n_cores()
 
 
 @pytest.mark.slow
-def test_engine_takes_workers_of_any_kind():
+def test_engine_accepts_any_workers():
     engine = Engine(ProcessWorkers(1))
     assert list(engine.map_in_order(square, [(2,)])) == [4]
     engine.close()

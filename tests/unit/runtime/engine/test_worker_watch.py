@@ -1,4 +1,4 @@
-"""What is said while calls wait for a cluster without workers, and when the wait ends."""
+"""Log messages while calls wait for workers, and the end of the wait."""
 
 import pytest
 
@@ -9,12 +9,12 @@ ADDRESS = "tcp://10.0.0.5:8786"
 
 
 class Cluster:
-    """A cluster whose state a test sets, and the watch over it."""
+    """A cluster with a state set by tests, and its watch."""
 
     def __init__(self, max_wait_s=3600.0):
-        self.count, self.n_calls, self.given_up = WorkerCount(0), 4, []
+        self.count, self.n_calls, self.abandoned = WorkerCount(0), 4, []
         self.watch = WorkerWatch(
-            ADDRESS, lambda: self.count, lambda: self.n_calls, self.given_up.append, max_wait_s
+            ADDRESS, lambda: self.count, lambda: self.n_calls, self.abandoned.append, max_wait_s
         )
 
     def pass_time(self, start, stop):
@@ -23,71 +23,71 @@ class Cluster:
 
 
 @pytest.fixture
-def said(caplog):
+def messages(caplog):
     return lambda: [record.message for record in caplog.records]
 
 
-def test_nothing_is_said_when_workers_are_away_for_a_moment(said):
+def test_short_absence_of_workers_is_not_logged(messages):
     cluster = Cluster()
     cluster.pass_time(0, 15)
     cluster.count = WorkerCount(2)
     cluster.pass_time(15, 100)
-    assert said() == []
+    assert messages() == []
 
 
-def test_first_word_says_how_long_what_waits_and_what_to_do(said):
+def test_first_message_states_duration_waiting_calls_and_remedy(messages):
     Cluster().pass_time(100, 116)
-    [word] = said()
-    assert word == (
+    [message] = messages()
+    assert message == (
         f"the Dask cluster at {ADDRESS} has had no workers for 15 s; 4 calls wait. "
         f"'dask worker {ADDRESS}' starts a worker. Ctrl-C stops; after 60 minutes they are "
         "abandoned"
     )
 
 
-def test_words_come_less_and_less_often_but_at_least_every_five_minutes(said):
+def test_message_interval_grows_up_to_five_minutes(messages):
     Cluster().pass_time(0, 1300)
-    times = [word.partition(" for ")[2].partition(";")[0] for word in said()]
+    times = [text.partition(" for ")[2].partition(";")[0] for text in messages()]
     assert times == ["15 s", "30 s", "60 s", "2 minutes", "4 minutes", "8 minutes",
                      "13 minutes", "18 minutes"]  # fmt: skip
 
 
-def test_nothing_is_said_when_no_call_waits(said):
+def test_nothing_is_logged_when_no_call_waits(messages):
     cluster = Cluster()
     cluster.n_calls = 0
     cluster.pass_time(0, 5000)
-    assert said() == []
-    assert cluster.given_up == []
+    assert messages() == []
+    assert cluster.abandoned == []
 
 
-def test_wait_begins_anew_when_workers_were_there_meanwhile(said):
+def test_wait_restarts_after_workers_were_available(messages):
     cluster = Cluster(max_wait_s=100.0)
     cluster.pass_time(0, 90)
     cluster.count = WorkerCount(1)
     cluster.pass_time(90, 91)
     cluster.count = WorkerCount(0)
     cluster.pass_time(91, 180)
-    assert f"the Dask cluster at {ADDRESS} has workers again" in said()
-    assert cluster.given_up == []
+    assert f"the Dask cluster at {ADDRESS} has workers again" in messages()
+    assert cluster.abandoned == []
 
 
-def test_calls_are_given_up_once_when_the_longest_wait_is_over():
+def test_calls_are_abandoned_once_after_the_maximum_wait():
     cluster = Cluster(max_wait_s=60.0)
     cluster.pass_time(0, 60)
-    assert cluster.given_up == []
+    assert cluster.abandoned == []
     cluster.pass_time(60, 70)
-    [reason] = cluster.given_up
+    [reason] = cluster.abandoned
     assert reason.startswith(
         f"the Dask cluster at {ADDRESS} has had no workers for 60 s, and calls"
     )
 
 
-def test_further_calls_are_refused_until_there_are_workers():
+def test_new_calls_are_rejected_until_workers_are_available():
     cluster = Cluster(max_wait_s=60.0)
     cluster.pass_time(0, 61)
     cluster.n_calls = 0
     cluster.pass_time(61, 100)
-    assert cluster.watch.refusal() == cluster.given_up[0]
+    assert cluster.watch.refusal() == cluster.abandoned[0]
     cluster.count = WorkerCount(1)
     assert cluster.watch.refusal() is None
 
@@ -99,14 +99,14 @@ def test_further_calls_are_refused_until_there_are_workers():
         (WorkerCount(0, is_reachable=False), "has not answered for 15 s"),
     ],
 )  # fmt: skip
-def test_word_says_what_is_wrong_when_it_is_not_that_workers_are_missing(said, count, words):
+def test_message_states_other_reasons_than_missing_workers(messages, count, words):
     cluster = Cluster()
     cluster.count = count
     cluster.pass_time(0, 16)
-    assert words in said()[0]
+    assert words in messages()[0]
 
 
-def test_watch_looks_by_itself_until_it_is_closed(monkeypatch):
+def test_watch_polls_in_its_thread_until_closed(monkeypatch):
     monkeypatch.setattr(worker_watch, "POLL_S", 0.01)
     cluster = Cluster(max_wait_s=0.05)
     cluster.watch.start()
@@ -114,4 +114,4 @@ def test_watch_looks_by_itself_until_it_is_closed(monkeypatch):
     cluster.watch.close()
     cluster.watch._thread.join(10)
     assert not cluster.watch._thread.is_alive()
-    assert cluster.given_up
+    assert cluster.abandoned

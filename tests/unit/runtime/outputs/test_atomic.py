@@ -17,7 +17,7 @@ def test_replace_writes_the_file_when_the_block_succeeds(tmp_path):
     assert (tmp_path / "a.bin").read_bytes() == b"new"
 
 
-def test_replace_leaves_the_old_file_alone_when_the_block_fails(tmp_path):
+def test_replace_keeps_the_old_file_when_the_block_fails(tmp_path):
     path = tmp_path / "a.bin"
     path.write_bytes(b"old")
 
@@ -32,14 +32,14 @@ def test_replace_leaves_the_old_file_alone_when_the_block_fails(tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_replace_refuses_when_the_file_exists(tmp_path):
+def test_replace_raises_when_the_file_exists(tmp_path):
     path = tmp_path / "a.bin"
     path.write_bytes(b"old")
     with pytest.raises(InvalidInputError, match="already exists"), replace_when_done(path):
         pass
 
 
-def test_replace_refuses_when_the_folder_is_missing(tmp_path):
+def test_replace_raises_when_the_folder_is_missing(tmp_path):
     with (
         pytest.raises(InvalidInputError, match="does not exist"),
         replace_when_done(tmp_path / "no" / "a.bin"),
@@ -47,14 +47,14 @@ def test_replace_refuses_when_the_folder_is_missing(tmp_path):
         pass
 
 
-def test_replace_keeps_the_mode_that_new_files_get_when_the_block_succeeds(tmp_path):
+def test_replace_gives_the_file_the_default_mode(tmp_path):
     (tmp_path / "plain").touch()
     with replace_when_done(tmp_path / "a.bin") as temporary:
         temporary.touch()
     assert (tmp_path / "a.bin").stat().st_mode == (tmp_path / "plain").stat().st_mode
 
 
-def test_replace_keeps_a_file_that_came_meanwhile_when_it_may_not_replace_it(tmp_path):
+def test_replace_keeps_a_file_created_meanwhile_without_overwrite(tmp_path):
     path = tmp_path / "a.bin"
 
     def write_late():
@@ -69,7 +69,7 @@ def test_replace_keeps_a_file_that_came_meanwhile_when_it_may_not_replace_it(tmp
 
 
 @pytest.mark.parametrize("is_named", [False, True])
-def test_replace_names_the_output_when_the_system_refuses_to_write(tmp_path, is_named):
+def test_error_names_the_output_when_writing_fails(tmp_path, is_named):
     paths = [tmp_path / name for name in ("a.obj", "b.obj", "c.obj")]
 
     def write_some():
@@ -83,13 +83,13 @@ def test_replace_names_the_output_when_the_system_refuses_to_write(tmp_path, is_
     assert (caught.value.errno, caught.value.filename) == (errno.ENOSPC, str(paths[1]))
 
 
-def test_replace_leaves_the_name_alone_when_the_error_is_about_another_file(tmp_path):
+def test_error_keeps_the_name_of_another_file(tmp_path):
     with pytest.raises(FileNotFoundError) as caught, replace_when_done(tmp_path / "a.bin"):
         (tmp_path / "input.obj").read_bytes()
     assert caught.value.filename == str(tmp_path / "input.obj")
 
 
-def test_replace_makes_the_folder_when_the_block_succeeds(tmp_path):
+def test_replace_creates_the_folder_when_the_block_succeeds(tmp_path):
     path = tmp_path / "a" / "b" / "c.obj"
     with replace_all_when_done([path], makes_folder=True) as temporaries:
         temporaries[0].write_bytes(b"new")
@@ -106,8 +106,8 @@ def test_replace_leaves_no_folder_when_the_block_fails(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="nothing is removed here")
-def test_replace_removes_what_a_killed_process_left(tmp_path):
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="removal needs user ids")
+def test_replace_removes_files_left_by_a_killed_process(tmp_path):
     killed = (
         "import os, signal, sys; from pathlib import Path; "
         "from meshreel.runtime.outputs.atomic import replace_when_done\n"

@@ -1,4 +1,4 @@
-"""Stores on this machine; whatever a test waits for, it ends."""
+"""Stores on this machine, and a time limit of each test."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Files of every kind from and to stores: copied whole, said, and never over another unasked."""
+"""Files read from and written to stores."""
 
 import sys
 from pathlib import Path
@@ -16,7 +16,7 @@ from samples.meshes import waving_grid
 
 @pytest.fixture
 def memory():
-    """The store of this process; empty."""
+    """An empty store in the memory of this process."""
     store = fsspec.filesystem("memory")
     store.store.clear()
     yield store
@@ -32,29 +32,30 @@ def names(store):
     return sorted(store.store)
 
 
-def leftovers(monkeypatch, tmp_path):
+def temporary_files(monkeypatch, tmp_path):
+    """Return a function that lists temporary files."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     return lambda: sorted(path.name for path in tmp_path.iterdir())
 
 
-def test_what_is_saved_into_a_store_is_loaded_from_it(memory, walk, monkeypatch, tmp_path):
-    there = leftovers(monkeypatch, tmp_path)
+def test_sequence_round_trips_through_a_store(memory, walk, monkeypatch, tmp_path):
+    left_files = temporary_files(monkeypatch, tmp_path)
     assert meshreel.save(walk, "memory://bucket/walk.npz") == ["memory://bucket/walk.npz"]
     notes: list[str] = []
     loaded = meshreel.load("memory://bucket/walk.npz", notes=notes)
     assert np.array_equal(loaded.vertices, walk.vertices)
     assert any("downloaded memory://bucket/walk.npz" in note for note in notes)
-    assert there() == []
+    assert left_files() == []
 
 
-def test_encode_and_compare_take_addresses(memory, walk):
+def test_encode_and_compare_accept_addresses(memory, walk):
     meshreel.save(walk, "memory://bucket/walk.npz")
     data = meshreel.encode("memory://bucket/walk.npz", quality=60)
     assert data == meshreel.encode(walk, quality=60)
     assert meshreel.compare("memory://bucket/walk.npz", walk).max_error_percent == 0
 
 
-def test_output_in_a_store_is_kept_unless_it_may_be_replaced(memory, walk):
+def test_existing_output_in_a_store_is_replaced_only_with_overwrite(memory, walk):
     memory.pipe("/bucket/walk.npz", b"mine")
     with pytest.raises(
         meshreel.InvalidInputError, match=r"memory://bucket/walk\.npz already exists"
@@ -65,12 +66,12 @@ def test_output_in_a_store_is_kept_unless_it_may_be_replaced(memory, walk):
     assert meshreel.load("memory://bucket/walk.npz").n_frames == 6
 
 
-def test_output_that_comes_up_during_the_work_is_kept(memory, walk, monkeypatch):
-    uploading = transfer.upload_all
+def test_output_created_meanwhile_is_kept(memory, walk, monkeypatch):
+    upload_all = transfer.upload_all
 
     def late(files, *, overwrite):
         memory.pipe("/bucket/walk.npz", b"theirs")
-        uploading(files, overwrite=overwrite)
+        upload_all(files, overwrite=overwrite)
 
     monkeypatch.setattr("meshreel.formats.remote.upload_all", late)
     with pytest.raises(meshreel.InvalidInputError, match="exists"):
@@ -78,7 +79,7 @@ def test_output_that_comes_up_during_the_work_is_kept(memory, walk, monkeypatch)
     assert memory.cat("/bucket/walk.npz") == b"theirs"
 
 
-def test_frames_of_a_folder_come_in_natural_order(memory, walk):
+def test_frames_of_a_folder_are_loaded_in_natural_order(memory, walk):
     written = meshreel.save(walk, "memory://bucket/frames/f_%d.obj")
     assert names(memory) == [f"/bucket/frames/f_{number}.obj" for number in range(6)]
     assert written[0] == "memory://bucket/frames/f_0.obj"
@@ -94,46 +95,46 @@ def test_frames_are_uploaded_all_or_none(memory, walk):
     assert names(memory) == ["/bucket/f_3.obj"]
 
 
-def test_frames_that_came_before_a_failure_go_again(memory, walk, monkeypatch, tmp_path):
-    there = leftovers(monkeypatch, tmp_path)
-    putting = memory.put_file
+def test_uploaded_frames_are_removed_after_a_failure(memory, walk, monkeypatch, tmp_path):
+    left_files = temporary_files(monkeypatch, tmp_path)
+    put_file = memory.put_file
 
     def breaking(place, path, **options):
         if path.endswith("f_3.obj"):
-            raise ConnectionError("line is cut")
-        putting(place, path, **options)
+            raise ConnectionError("connection lost")
+        put_file(place, path, **options)
 
     monkeypatch.setattr(type(memory), "put_file", staticmethod(breaking))
-    with pytest.raises(meshreel.StoreError, match=r"line is cut.*is kept in") as failure:
+    with pytest.raises(meshreel.StoreError, match=r"connection lost.*is kept in") as failure:
         meshreel.save(walk, "memory://bucket/f_%d.obj")
     assert names(memory) == []
     kept = Path(str(failure.value).rpartition(" ")[2])
     assert len(list(kept.iterdir())) == 6
-    assert there() == [kept.name]
+    assert left_files() == [kept.name]
 
 
-def test_files_that_were_there_stay_when_an_upload_fails(memory, tmp_path, monkeypatch):
+def test_existing_files_remain_when_an_upload_fails(memory, tmp_path, monkeypatch):
     for name in ("a", "d"):
         memory.pipe(f"/bucket/{name}", b"old")
     files = {}
     for name in "abcd":
         (tmp_path / name).write_bytes(b"new")
         files[tmp_path / name] = f"memory://bucket/{name}"
-    putting = memory.put_file
+    put_file = memory.put_file
 
     def breaking(place, path, **options):
         if path.endswith("/c"):
-            raise ConnectionError("line is cut")
-        putting(place, path, **options)
+            raise ConnectionError("connection lost")
+        put_file(place, path, **options)
 
     monkeypatch.setattr(type(memory), "put_file", staticmethod(breaking))
-    with pytest.raises(meshreel.StoreError, match="line is cut"):
+    with pytest.raises(meshreel.StoreError, match="connection lost"):
         transfer.upload_all(files, overwrite=True)
     assert names(memory) == ["/bucket/a", "/bucket/d"]
     assert (memory.cat("/bucket/a"), memory.cat("/bucket/d")) == (b"new", b"old")
 
 
-def test_files_that_others_name_come_along(memory, tmp_path):
+def test_referenced_files_are_transferred_too(memory, tmp_path):
     meshreel.save(dressed_sheet(), "memory://bucket/walk.gltf")
     assert {"/bucket/walk.gltf", "/bucket/walk.bin"} & set(names(memory))
     local = tmp_path / "walk.gltf"
@@ -143,14 +144,14 @@ def test_files_that_others_name_come_along(memory, tmp_path):
     assert loaded.surface.images == expected.surface.images
 
 
-def test_mesh_beside_a_point_cache_comes_along(memory, walk):
+def test_mesh_of_a_point_cache_is_transferred_too(memory, walk):
     meshreel.save(walk, "memory://bucket/walk.pc2")
     assert names(memory) == ["/bucket/walk.obj", "/bucket/walk.pc2"]
     loaded = meshreel.load("memory://bucket/walk.pc2")
     assert np.array_equal(loaded.faces, walk.faces)
 
 
-def test_outputs_of_other_schemes_appear_under_their_names_at_the_end(walk, tmp_path):
+def test_outputs_of_other_schemes_get_their_names_at_the_end(walk, tmp_path):
     address = f"file://{tmp_path.as_posix()}/deep/walk.npz"
     assert meshreel.save(walk, address) == [address]
     assert [path.name for path in (tmp_path / "deep").iterdir()] == ["walk.npz"]
@@ -170,7 +171,7 @@ def test_no_hidden_file_is_left_when_it_cannot_be_renamed(monkeypatch, tmp_path)
     assert list(there.iterdir()) == []
 
 
-def test_web_server_takes_no_outputs(walk):
+def test_web_server_is_rejected_as_output(walk):
     with pytest.raises(meshreel.StoreError, match="takes no files"):
         meshreel.save(walk, "https://example.invalid/walk.npz")
 
@@ -189,16 +190,16 @@ def test_missing_library_of_a_scheme_is_named(monkeypatch):
         meshreel.open("s3://bucket/walk.reel")
 
 
-def test_unknown_scheme_is_refused():
+def test_unknown_scheme_is_rejected():
     with pytest.raises(meshreel.StoreError, match="nowhere"):
         meshreel.open("nowhere://bucket/walk.reel")
 
 
-def test_commands_take_addresses(memory, walk, tmp_path):
+def test_commands_accept_addresses(memory, walk, tmp_path):
     meshreel.save(walk, "memory://bucket/walk.npz")
-    made = run_json("encode", "memory://bucket/walk.npz", "-o", "memory://bucket/walk.reel")
-    assert made["output"] == "memory://bucket/walk.reel"
-    assert any("downloaded memory://bucket/walk.npz" in note for note in made["notes"])
+    encoded = run_json("encode", "memory://bucket/walk.npz", "-o", "memory://bucket/walk.reel")
+    assert encoded["output"] == "memory://bucket/walk.reel"
+    assert any("downloaded memory://bucket/walk.npz" in note for note in encoded["notes"])
     data = memory.cat("/bucket/walk.reel")
     assert data == meshreel.encode(walk)
     shown = run_json("info", "memory://bucket/walk.reel")
@@ -211,11 +212,11 @@ def test_commands_take_addresses(memory, walk, tmp_path):
     assert set(part["outputs"]) <= {f"memory:/{name}" for name in names(memory)}
     whole = run_json("decode", "memory://bucket/walk.reel", "-o", tmp_path / "back.npz")
     assert whole["n_frames"] == 6
-    made = run_json("convert", "memory://bucket/walk.npz", "-o", "memory://bucket/walk.mdd")
-    assert made["outputs"] == ["memory://bucket/walk.mdd", "memory://bucket/walk.obj"]
+    converted = run_json("convert", "memory://bucket/walk.npz", "-o", "memory://bucket/walk.mdd")
+    assert converted["outputs"] == ["memory://bucket/walk.mdd", "memory://bucket/walk.obj"]
 
 
-def test_commands_keep_what_is_there(memory, walk):
+def test_commands_keep_existing_outputs(memory, walk):
     meshreel.save(walk, "memory://bucket/walk.npz")
     memory.pipe("/bucket/walk.reel", b"mine")
     done = run("encode", "memory://bucket/walk.npz", "-o", "memory://bucket/walk.reel")
@@ -223,7 +224,7 @@ def test_commands_keep_what_is_there(memory, walk):
     assert memory.cat("/bucket/walk.reel") == b"mine"
 
 
-def test_live_recording_needs_a_file_of_this_machine(walk):
+def test_live_recording_needs_a_local_file(walk):
     with pytest.raises(meshreel.StoreError, match="must be on this machine"):
         meshreel.Encoder(walk.faces, "s3://bucket/live.reel")
 
@@ -236,12 +237,12 @@ def test_live_recording_needs_a_file_of_this_machine(walk):
         ("render", "s3://bucket/walk.reel", "-o", "page.png"),
     ],
 )
-def test_commands_that_need_files_of_this_machine_say_so(arguments, tmp_path):
+def test_commands_reject_addresses_when_they_need_local_files(arguments, tmp_path):
     (tmp_path / "in").mkdir()
     assert_fails(run(*arguments, cwd=tmp_path), "must be on this machine")
 
 
-def test_folder_of_textures_goes_into_a_store_and_mixes_with_no_other(memory):
+def test_texture_folder_in_a_store_is_not_mixed_with_other_files(memory):
     pytest.importorskip("imagecodecs", reason="the extra [textures] is not installed")
     written = meshreel.save(waving_grid(4), "memory://bucket/walk.vat/")
     assert set(written) == {f"memory:/{name}" for name in names(memory)}

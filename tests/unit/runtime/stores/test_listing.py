@@ -1,4 +1,4 @@
-"""Folders of a store: which files they hold, and whether one has changed."""
+"""Listing of folders in stores, and versions of files."""
 
 import fsspec
 import pytest
@@ -21,9 +21,9 @@ def memory():
 
 
 @pytest.mark.parametrize("extension", ["", "/"])
-def test_files_below_are_those_of_the_folder_and_of_folders_in_it(memory, extension):
-    found = files_below(f"memory://bucket/a{extension}")
-    assert sorted((one.name, one.address, one.size_bytes) for one in found) == [
+def test_files_below_lists_the_folder_recursively(memory, extension):
+    files = files_below(f"memory://bucket/a{extension}")
+    assert sorted((one.name, one.address, one.size_bytes) for one in files) == [
         ("1.obj", "memory:///bucket/a/1.obj", 1),
         ("b/22.obj", "memory:///bucket/a/b/22.obj", 2),
         ("b/3.ply", "memory:///bucket/a/b/3.ply", 3),
@@ -31,16 +31,16 @@ def test_files_below_are_those_of_the_folder_and_of_folders_in_it(memory, extens
 
 
 @pytest.mark.parametrize("folder", ["none", "a/1.obj"])
-def test_nothing_is_below_what_is_no_folder(memory, folder):
+def test_listing_is_empty_when_the_folder_does_not_exist(memory, folder):
     assert files_below(f"memory://bucket/{folder}") == []
     assert files_in(f"memory://bucket/{folder}") == []
 
 
-def test_files_in_a_folder_leave_out_those_further_below(memory):
+def test_files_in_lists_only_the_folder_itself(memory):
     assert files_in("memory://bucket/a") == ["memory:///bucket/a/1.obj"]
 
 
-def test_matches_are_those_of_the_pattern(memory):
+def test_matches_lists_the_files_of_a_pattern(memory):
     assert matches("memory://bucket/*/*.obj") == [
         "memory:///bucket/a/1.obj", "memory:///bucket/ab/4.obj",
     ]  # fmt: skip
@@ -48,11 +48,11 @@ def test_matches_are_those_of_the_pattern(memory):
 
 
 def version_of(name):
-    [found] = [one.version for one in files_below("memory://bucket/a") if one.name == name]
-    return found
+    [version] = [one.version for one in files_below("memory://bucket/a") if one.name == name]
+    return version
 
 
-def test_version_changes_with_the_file_alone(memory):
+def test_version_changes_only_with_its_file(memory):
     before = version_of("1.obj"), version_of("b/22.obj")
     memory.pipe("/bucket/a/1.obj", b"0")
     assert version_of("1.obj") not in ("", before[0])
@@ -68,7 +68,7 @@ def test_version_changes_with_the_file_alone(memory):
         ({}, ""),
     ],
 )
-def test_version_is_what_the_store_tells_first(memory, monkeypatch, facts, version):
+def test_version_is_the_first_available_property(memory, monkeypatch, facts, version):
     monkeypatch.setattr(
         type(memory), "find", lambda store, path, detail: {"/bucket/a/1.obj": facts}
     )

@@ -1,4 +1,4 @@
-"""Ranges of a remote file that are fetched, and how long they are kept."""
+"""Fetched and cached ranges of a remote file."""
 
 import os
 
@@ -21,7 +21,7 @@ def address():
 
 
 def requests_of(file, start, stop):
-    """How many requests it takes to read some bytes, which must be right."""
+    """Read and check some bytes; return the number of requests."""
     before = file.n_requests
     file.seek(start)
     assert file.read(stop - start) == DATA[start:stop]
@@ -35,7 +35,7 @@ def test_ends_are_fetched_when_a_file_is_opened(address):
     assert requests_of(file, len(DATA) - END_BYTES, len(DATA)) == 0
 
 
-def test_a_range_is_fetched_once_and_no_more_of_it_than_was_announced(address):
+def test_announced_range_is_fetched_once_and_exactly(address):
     file = RangedFile(address)
     file.fetch(*FIRST)
     file.fetch(*FIRST)
@@ -46,7 +46,7 @@ def test_a_range_is_fetched_once_and_no_more_of_it_than_was_announced(address):
     assert requests_of(file, FIRST[0] - 1, FIRST[0]) == 1
 
 
-def test_the_range_that_was_not_used_for_longest_is_forgotten_first(address, monkeypatch):
+def test_least_recently_used_range_is_discarded_first(address, monkeypatch):
     monkeypatch.setattr("meshreel.runtime.stores.ranged_file.CACHE_BYTES", 2 * END_BYTES + 20_000)
     file = RangedFile(address)
     file.fetch(*FIRST)
@@ -59,14 +59,14 @@ def test_the_range_that_was_not_used_for_longest_is_forgotten_first(address, mon
     assert requests_of(file, *SECOND) == 1
 
 
-def test_a_range_is_kept_when_it_is_larger_than_all_that_may_be_kept(address, monkeypatch):
+def test_range_larger_than_the_cache_is_kept(address, monkeypatch):
     monkeypatch.setattr("meshreel.runtime.stores.ranged_file.CACHE_BYTES", 100)
     file = RangedFile(address)
     assert requests_of(file, *FIRST) == 1
     assert requests_of(file, *FIRST) == 0
 
 
-def test_position_follows_what_is_sought_and_read(address):
+def test_position_follows_seek_and_read(address):
     file = RangedFile(address)
     assert file.seek(10) == 10
     assert file.seek(5, os.SEEK_CUR) == 15
@@ -78,7 +78,7 @@ def test_position_follows_what_is_sought_and_read(address):
     assert file.seek(-20) == 0
 
 
-def test_nothing_is_kept_open_when_a_file_is_closed(address, monkeypatch):
+def test_close_releases_the_remote_file(address, monkeypatch):
     closed = []
     file = RangedFile(address)
     monkeypatch.setattr(file._file, "close", lambda: closed.append(True))

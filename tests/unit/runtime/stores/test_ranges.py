@@ -1,4 +1,4 @@
-"""A remote `.reel`: only the bytes that are asked for travel."""
+"""Remote `.reel` files, of which only the needed bytes are fetched."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ N_FRAMES, BLOCK = 160, 8
 
 @pytest.fixture(scope="module")
 def reel_bytes():
-    """A stream of twenty blocks, each longer than what is fetched at once without being asked."""
+    """A stream of twenty blocks, each larger than the automatically fetched ends."""
     sequence = waving_grid(N_FRAMES, 30, 30)
     rng = np.random.default_rng(1)
     noisy = sequence.vertices + rng.normal(0, 0.01, sequence.vertices.shape).astype(np.float32)
@@ -50,7 +50,7 @@ def test_opening_fetches_the_ends_only(web, reel, groups):
     assert n_gets(web) <= 3
 
 
-def test_a_frame_fetches_its_block_with_one_request(web, reel, groups):
+def test_frame_needs_one_request_for_its_block(web, reel, groups):
     expected = meshreel.decode((web.folder / "walk.reel").read_bytes()).vertices[75]
     with meshreel.open(reel) as opened:
         assert groups[0][0][1] < END_BYTES, "the key block came with the beginning"
@@ -66,17 +66,17 @@ def test_a_frame_fetches_its_block_with_one_request(web, reel, groups):
         assert n_gets(web) == 0
 
 
-def test_a_value_of_a_track_fetches_its_group_and_that_of_the_key(web, reel, groups):
+def test_track_value_fetches_its_group_and_that_of_the_key_block(web, reel, groups):
     expected = meshreel.decode((web.folder / "walk.reel").read_bytes()).tracks["heat"].values[75]
     with meshreel.open(reel) as opened:
         web.forget()
         assert np.array_equal(opened.track("heat")[75], expected)
-    asked = set(web.ranges())
-    assert groups[75 // BLOCK][1] in asked
-    assert asked <= {groups[number][1] for number in (0, 75 // BLOCK)}
+    requested = set(web.ranges())
+    assert groups[75 // BLOCK][1] in requested
+    assert requested <= {groups[number][1] for number in (0, 75 // BLOCK)}
 
 
-def test_some_frames_are_decoded_from_their_blocks_only(web, reel, groups):
+def test_selected_frames_fetch_only_their_blocks(web, reel, groups):
     part = meshreel.decode(reel, frames=slice(150, 160))
     whole = meshreel.decode((web.folder / "walk.reel").read_bytes())
     assert np.array_equal(part.vertices, whole.vertices[150:160])
@@ -84,29 +84,29 @@ def test_some_frames_are_decoded_from_their_blocks_only(web, reel, groups):
     assert web.sent_bytes < (web.folder / "walk.reel").stat().st_size / 2
 
 
-def test_all_frames_are_decoded_from_one_answer(web, reel):
+def test_all_frames_need_one_request(web, reel):
     decoded = meshreel.decode(reel)
     assert decoded.n_frames == N_FRAMES
     assert n_gets(web) == 1
 
 
-def test_info_is_that_of_the_file_from_a_few_of_its_bytes(web, reel):
-    found = meshreel.info(reel)
-    assert found == meshreel.info((web.folder / "walk.reel").read_bytes())
+def test_info_fetches_few_bytes(web, reel):
+    info = meshreel.info(reel)
+    assert info == meshreel.info((web.folder / "walk.reel").read_bytes())
     size_bytes = (web.folder / "walk.reel").stat().st_size
     assert web.sent_bytes < 2 * END_BYTES + 2 * MIN_REQUEST_BYTES * (N_FRAMES // BLOCK) * 4
     assert web.sent_bytes < size_bytes / 3
 
 
-def test_info_of_a_file_that_is_cut_off_is_that_of_its_complete_blocks(web, reel, groups):
+def test_info_of_a_truncated_file_describes_its_complete_blocks(web, reel, groups):
     path = web.folder / "walk.reel"
     path.write_bytes(path.read_bytes()[: groups[3][-1][1] + 5])
-    found = meshreel.info(reel)
-    assert not found.is_whole
-    assert found.n_frames == 4 * BLOCK
+    info = meshreel.info(reel)
+    assert not info.is_whole
+    assert info.n_frames == 4 * BLOCK
 
 
-def test_a_damaged_block_is_found_when_it_is_asked_for(web, reel, groups):
+def test_damaged_block_is_detected_when_it_is_read(web, reel, groups):
     path = web.folder / "walk.reel"
     data = bytearray(path.read_bytes())
     data[sum(groups[5][0]) // 2] ^= 255
@@ -127,7 +127,7 @@ def test_a_damaged_block_is_found_when_it_is_asked_for(web, reel, groups):
         ("refuse", "credentials"),
     ],
 )
-def test_open_says_what_a_server_lacks(web, reel, fault, words):
+def test_open_names_the_deficiency_of_a_server(web, reel, fault, words):
     web.faults.add(fault)
     with pytest.raises(meshreel.StoreError, match=words) as failure:
         meshreel.open(reel)
@@ -135,36 +135,36 @@ def test_open_says_what_a_server_lacks(web, reel, fault, words):
     assert "\n" not in str(failure.value)
 
 
-def test_all_is_decoded_where_there_are_no_ranges(web, reel):
+def test_whole_stream_is_decoded_without_range_support(web, reel):
     web.faults.add("no ranges")
     assert meshreel.decode(reel).n_frames == N_FRAMES
 
 
-def test_answer_that_ends_in_the_middle_is_an_error(web, reel):
+def test_truncated_answer_is_an_error(web, reel):
     web.faults.add("cut")
     with pytest.raises(meshreel.StoreError, match="was cut short"):
         meshreel.decode(reel)
 
 
 @pytest.mark.parametrize("function", [meshreel.open, meshreel.decode, meshreel.info, meshreel.load])
-def test_file_that_is_not_there_is_said(web, function):
+def test_missing_file_is_named(web, function):
     with pytest.raises(meshreel.StoreError, match=r"there is no http://.*/none\.reel"):
         function(f"{web.address}/none.reel")
 
 
-def test_server_that_is_not_there_is_said(web):
+def test_unreachable_server_is_named(web):
     with pytest.raises(meshreel.StoreError, match="cannot be reached"):
         meshreel.open("http://127.0.0.1:9/walk.reel")
 
 
-def test_a_segment_of_many_is_found_with_one_request_for_the_index(web):
+def test_segment_of_many_needs_one_request_for_the_index(web):
     sheet = waving_grid(1, 20, 20)
     rng = np.random.default_rng(2)
     vertices = sheet.vertices + rng.normal(0, 0.1, sheet.vertices.shape).astype(np.float32)
     stream = meshreel.encode(meshreel.MeshSequence(vertices, sheet.faces), quality=70)
     (web.folder / "many.reel").write_bytes(join_streams([stream] * 4000))
     with meshreel.open(f"{web.address}/many.reel", segment=1234) as opened:
-        assert n_gets(web) <= 5  # of them one for the index, and one for the mesh of the segment
+        assert n_gets(web) <= 5  # including one for the index and one for the mesh of the segment
         web.forget()
         assert np.array_equal(opened[0], meshreel.decode(stream).vertices[0])
         assert n_gets(web) <= 2

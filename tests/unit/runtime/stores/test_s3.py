@@ -1,4 +1,4 @@
-"""The store of s3, as moto serves it on this machine, with the library that users have."""
+"""The S3 store, served by moto on this machine."""
 
 import gc
 import warnings
@@ -12,14 +12,14 @@ from samples.meshes import waving_grid
 
 pytestmark = [
     pytest.mark.slow,
-    # Of s3fs, aiobotocore and moto, and of what they leave to be collected.
+    # Warnings of s3fs, aiobotocore and moto, some during garbage collection.
     pytest.mark.filterwarnings("ignore"),
 ]
 
 
 @pytest.fixture(scope="module")
 def bucket():
-    """The address of an empty bucket; settings are those of the environment, as users give them."""
+    """Address of an empty bucket, configured by environment variables."""
     pytest.importorskip("s3fs", reason="the extra [remote] is not installed")
     server_of = pytest.importorskip("moto.server", reason="moto is not installed")
     server = server_of.ThreadedMotoServer(port=0, verbose=False)
@@ -43,7 +43,7 @@ def bucket():
     server.stop()
 
 
-def test_sequence_goes_to_s3_and_comes_back(bucket):
+def test_sequence_round_trips_through_s3(bucket):
     walk = waving_grid(40)
     assert meshreel.save(walk, f"{bucket}/walk.npz") == [f"{bucket}/walk.npz"]
     data = meshreel.encode(f"{bucket}/walk.npz", quality=60, block_frames=8)
@@ -57,7 +57,7 @@ def test_sequence_goes_to_s3_and_comes_back(bucket):
     assert np.array_equal(meshreel.decode(f"{bucket}/walk.reel").vertices, decoded.vertices)
 
 
-def test_frames_go_to_s3_and_come_back_in_order(bucket):
+def test_frames_round_trip_through_s3_in_order(bucket):
     walk = waving_grid(11)
     written = meshreel.save(walk, f"{bucket}/frames/f_%d.ply")
     assert written[10] == f"{bucket}/frames/f_10.ply"
@@ -65,7 +65,7 @@ def test_frames_go_to_s3_and_come_back_in_order(bucket):
         assert np.array_equal(meshreel.load(source).vertices, walk.vertices)
 
 
-def test_object_is_kept_unless_it_may_be_replaced(bucket):
+def test_existing_object_is_replaced_only_with_overwrite(bucket):
     walk = waving_grid(3)
     meshreel.save(walk, f"{bucket}/kept.npz")
     with pytest.raises(meshreel.InvalidInputError, match="exists"):
@@ -75,7 +75,7 @@ def test_object_is_kept_unless_it_may_be_replaced(bucket):
     assert meshreel.load(f"{bucket}/kept.npz").n_frames == 4
 
 
-def test_object_and_bucket_that_are_not_there_are_said(bucket):
+def test_missing_objects_and_buckets_are_named(bucket):
     for address in (f"{bucket}/none.reel", "s3://no-such-bucket/walk.reel"):
         with pytest.raises(meshreel.StoreError, match=f"there is no {address}"):
             meshreel.open(address)
@@ -83,7 +83,7 @@ def test_object_and_bucket_that_are_not_there_are_said(bucket):
         meshreel.save(waving_grid(2), "s3://no-such-bucket/walk.npz")
 
 
-def test_missing_credentials_are_said(bucket, monkeypatch):
+def test_missing_credentials_are_named(bucket, monkeypatch):
     monkeypatch.delenv("AWS_ACCESS_KEY_ID")
     monkeypatch.delenv("AWS_SECRET_ACCESS_KEY")
     type(fsspec.filesystem("s3")).clear_instance_cache()
@@ -92,7 +92,7 @@ def test_missing_credentials_are_said(bucket, monkeypatch):
     type(fsspec.filesystem("s3")).clear_instance_cache()
 
 
-def test_store_that_is_not_there_is_said(bucket, monkeypatch):
+def test_unreachable_store_is_named(bucket, monkeypatch):
     monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
     monkeypatch.setenv("AWS_MAX_ATTEMPTS", "1")
     type(fsspec.filesystem("s3")).clear_instance_cache()
