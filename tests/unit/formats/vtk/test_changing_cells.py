@@ -1,5 +1,7 @@
 """Files of VTK and XDMF whose cells change over time, written by VTK or by hand."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -28,7 +30,7 @@ N_LAYERS = (2, 2, 3, 3, 2, 4)
 
 STEP_S = 0.5
 
-WRITERS = {
+WRITERS: dict[tuple[bool, bool], Any] = {
     (False, False): vtkXMLUnstructuredGridWriter,
     (False, True): vtkXMLPolyDataWriter,
     (True, False): vtkUnstructuredGridWriter,
