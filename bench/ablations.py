@@ -75,7 +75,7 @@ VARIANTS: dict[str, list[Any]] = {
     "no smooth fields: first weights by distance": [
         constant(FieldMesh, "hierarchy", property(no_smooth_fields))
     ],
-    "rounding to the nearest": [choices(price=0.0)],
+    "rounding to the nearest": [choices(rate_weight=0.0)],
     "no noise shaping": [choices(feedback_gain=0.0)],
     "noise shaping on all resolutions": [choices(n_shaped_resolutions=99)],
     "one pass without context neighbors": [constant(FieldMesh, "coding_order", property(one_pass))],

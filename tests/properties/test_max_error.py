@@ -36,7 +36,7 @@ def assert_bound_holds(sequence, percent, **options):
     except InvalidInputError as error:
         event("refused")
         message = str(error)
-        assert "cannot be promised" in message
+        assert "cannot be guaranteed" in message
         assert percent < MAX_ROUNDING * spacing_percent(sequence) + 101 * FLOOR
         return
     decoded = decode(data)

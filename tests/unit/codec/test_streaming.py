@@ -260,5 +260,5 @@ def test_an_error_of_a_block_is_told_when_the_next_one_is_complete():
     for frame in far[:4]:
         encoder.push(frame)
     encoder.push(far[4])
-    with pytest.raises(InvalidInputError, match="cannot be promised"):
+    with pytest.raises(InvalidInputError, match="cannot be guaranteed"):
         encoder.close()

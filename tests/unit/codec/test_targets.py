@@ -11,8 +11,8 @@ import meshreel
 from meshreel.codec.choices import Tune
 from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.reel.encoding.effort import (
+    DEFAULT_QUALITY_STEP,
     EFFORTS,
-    USUAL_STEP,
     choices_for,
     quality_step,
     tune_named,
@@ -191,7 +191,7 @@ def test_error_is_refused_with_what_was_reached_when_it_is_too_small(kind, limit
 def test_maximum_error_is_refused_when_the_number_type_is_too_coarse():
     far = meshreel.MeshSequence(waving_grid().vertices + np.float32(1e5), waving_grid().faces)
     spacing = 100 * np.spacing(np.float32(1e5)) / np.linalg.norm(np.ptp(far.vertices, axis=(0, 1)))
-    with pytest.raises(InvalidInputError, match=r"cannot be promised.* float32 .*as float64"):
+    with pytest.raises(InvalidInputError, match=r"cannot be guaranteed.* float32 .*as float64"):
         meshreel.encode(far, max_error=0.5 * spacing)
     for percent in (4 * spacing, 40 * spacing):
         decoded = meshreel.decode(meshreel.encode(far, max_error=percent))
@@ -317,7 +317,7 @@ def test_modes_go_on_to_rise_when_the_promised_error_falls():
 
 
 def test_steps_of_quality_halve_with_twelve_points_and_end_at_the_finest():
-    assert quality_step(DEFAULT_QUALITY) == USUAL_STEP == 1e-4
+    assert quality_step(DEFAULT_QUALITY) == DEFAULT_QUALITY_STEP == 1e-4
     for quality in (88, 50, 13):
         assert quality_step(quality) == pytest.approx(2 * quality_step(quality + 12))
 

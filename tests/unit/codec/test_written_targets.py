@@ -55,7 +55,7 @@ def test_options_are_plain_numbers_when_they_were_written_as_text():
 
 
 def test_length_is_told_as_it_was_asked_for_when_it_cannot_be_promised():
-    words = r"1e-12 model units are .* % of the diagonal: max_error .* cannot be promised"
+    words = r"1e-12 model units are .* % of the diagonal: max_error .* cannot be guaranteed"
     with pytest.raises(InvalidInputError, match=words):
         meshreel.encode(waving_grid(), max_error="1e-12u")
 

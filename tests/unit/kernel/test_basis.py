@@ -16,7 +16,7 @@ from meshreel.kernel.basis import (
 )
 
 COSINES = BasisCoding(has_cosines=True)
-FAIR_PRICE = 2.0 * np.log(2.0) / 12.0
+LAGRANGE_MULTIPLIER = 2.0 * np.log(2.0) / 12.0
 
 
 def curves(n_modes, n_frames, size, seed):
@@ -47,7 +47,7 @@ def test_vectors_round_trip_within_half_a_step_without_a_rate_weight(
 
 def test_integers_are_smaller_with_a_rate_weight():
     targets = curves(3, 200, 0.3, 1)
-    plain, by_rate = encode_basis(targets, 0.0), encode_basis(targets, FAIR_PRICE)
+    plain, by_rate = encode_basis(targets, 0.0), encode_basis(targets, LAGRANGE_MULTIPLIER)
     assert np.count_nonzero(by_rate) < 0.9 * np.count_nonzero(plain)
     np.testing.assert_array_equal(by_rate[:, :, ::4], plain[:, :, ::4])
 
@@ -56,8 +56,8 @@ def test_rare_ones_become_zeros_with_a_rate_weight():
     rare, common = np.zeros((1, 3, 400)), np.zeros((1, 3, 400))
     rare[0, 0, 7] = 0.6
     common[0, 0, 1::2] = 0.6
-    assert encode_basis(rare, FAIR_PRICE)[0, 0, 7] == 0
-    assert np.count_nonzero(encode_basis(common, FAIR_PRICE)[0, 0]) > 100
+    assert encode_basis(rare, LAGRANGE_MULTIPLIER)[0, 0, 7] == 0
+    assert np.count_nonzero(encode_basis(common, LAGRANGE_MULTIPLIER)[0, 0]) > 100
 
 
 def test_smooth_curves_need_integers_at_the_coarsest_times_only():
@@ -72,7 +72,7 @@ def test_smooth_curves_need_integers_at_the_coarsest_times_only():
 @pytest.mark.parametrize("value", [1e12, np.inf, np.nan])
 def test_error_is_raised_when_an_integer_is_too_large(value):
     with pytest.raises(InvalidInputError, match="basis vectors cannot be encoded"):
-        encode_basis(np.full((1, 3, 5), value), FAIR_PRICE)
+        encode_basis(np.full((1, 3, 5), value), LAGRANGE_MULTIPLIER)
 
 
 ADAPTIVE = BasisCoding(is_adaptive=True)
@@ -85,7 +85,7 @@ def test_adaptive_times_of_noise_take_fewer_bits_than_plain_ones():
 
 
 def test_adaptive_times_restart_after_reused_modes():
-    coded = encode_basis(curves(4, 50, 3.0, 9), FAIR_PRICE, ADAPTIVE)
+    coded = encode_basis(curves(4, 50, 3.0, 9), LAGRANGE_MULTIPLIER, ADAPTIVE)
     whole = basis_vectors(coded, ADAPTIVE, np.ones(2))
     for part in (slice(0, 2), slice(2, 4)):
         alone = basis_vectors(coded[part], ADAPTIVE, np.ones(2)[part])
@@ -106,7 +106,7 @@ def resting(bits, *runs):
     return BasisCoding(Rests(runs, bits))
 
 
-@pytest.mark.parametrize("rate_weight", [0.0, FAIR_PRICE])
+@pytest.mark.parametrize("rate_weight", [0.0, LAGRANGE_MULTIPLIER])
 def test_resting_times_are_decoded_equal(rate_weight):
     targets = curves(4, 60, 3.0, 2)
     targets[:, :, 21:33] = targets[:, :, 20:21]
@@ -179,7 +179,10 @@ def test_vectors_of_zero_coefficients_are_zero():
 
 def test_coefficients_are_fewer_with_a_rate_weight():
     targets = 0.6 * np.random.default_rng(5).normal(size=(3, 3, 200))
-    plain, by_rate = encode_basis(targets, 0.0, COSINES), encode_basis(targets, FAIR_PRICE, COSINES)
+    plain, by_rate = (
+        encode_basis(targets, 0.0, COSINES),
+        encode_basis(targets, LAGRANGE_MULTIPLIER, COSINES),
+    )
     assert np.count_nonzero(by_rate) < 0.9 * np.count_nonzero(plain)
 
 
@@ -194,4 +197,4 @@ def test_cosines_are_rejected_when_the_format_cannot_represent_them(n_frames):
 @pytest.mark.parametrize("value", [1e12, np.inf, np.nan])
 def test_error_is_raised_when_a_coefficient_is_too_large(value):
     with pytest.raises(InvalidInputError):
-        encode_basis(np.full((1, 3, 5), value), FAIR_PRICE, COSINES)
+        encode_basis(np.full((1, 3, 5), value), LAGRANGE_MULTIPLIER, COSINES)

@@ -147,7 +147,7 @@ REFUSED = {
     "an angle such as 0.5deg, exact or drop; got '1%'": {"n": "1%"},
     "at most 30deg; got '40deg'": {"n": "40deg"},
     "'heat': .* got '8bit'": {"heat": "8bit"},
-    "cannot be promised, since its numbers of type float32 are rounded": {"heat": "1e-7%"},
+    "cannot be guaranteed, since its numbers of type float32 are rounded": {"heat": "1e-7%"},
 }
 
 

@@ -8,7 +8,7 @@ from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
-from meshreel.codec.reel.encoding.analysis import FieldChoices, analyse_fields
+from meshreel.codec.reel.encoding.analysis import FieldChoices, analyze_fields
 from meshreel.codec.reel.encoding.block_frames import BlockFrames
 from meshreel.codec.reel.normative.blocks import write_field_block
 from meshreel.codec.reel.normative.fields import decode_basis, decoded_values
@@ -35,11 +35,11 @@ def matrices_of(sequence):
     return to_matrices(sequence.vertices, bounding_frame(sequence.extent))
 
 
-def analysed(step=0.002, n_frames=12, sequence=None, **choices):
+def analyzed(step=0.002, n_frames=12, sequence=None, **choices):
     sequence = waving_grid(n_frames, 12, 13, np.float64) if sequence is None else sequence
     mesh, matrices = field_mesh(sequence), matrices_of(sequence)
     frames = BlockFrames(sequence.vertices, bounding_frame(sequence.extent))
-    block = analyse_fields(frames, mesh, FieldChoices(step, **choices)).block
+    block = analyze_fields(frames, mesh, FieldChoices(step, **choices)).block
     return matrices, mesh, block
 
 
@@ -79,27 +79,27 @@ def test_error_falls_with_the_step_when_it_is_made_finer():
 @pytest.mark.parametrize("step", [0.02, 0.002, 0.0001])
 def test_fields_lie_within_half_a_step_of_the_truth_when_bits_are_free(step):
     """Closed loop: what earlier levels and groups got wrong is in what later ones send."""
-    matrices, mesh, block = analysed(step, 30, price=0.0, feedback_gain=0.0)
+    matrices, mesh, block = analyzed(step, 30, rate_weight=0.0, feedback_gain=0.0)
     error = np.abs(decoded_fields(block, mesh) - wanted_fields(block, matrices))
     assert error.max() <= 0.5 * float(block.layout.step) * (1 + 1e-6)
 
 
-def test_fields_lie_within_a_step_of_the_truth_when_bits_have_a_price():
-    matrices, mesh, block = analysed(0.002, 30, feedback_gain=0.0)
+def test_fields_lie_within_a_step_of_the_truth_when_rate_has_a_weight():
+    matrices, mesh, block = analyzed(0.002, 30, feedback_gain=0.0)
     error = np.abs(decoded_fields(block, mesh) - wanted_fields(block, matrices))
     assert error.max() <= float(block.layout.step) * (1 + 1e-6)
 
 
-def test_first_level_is_rounded_to_the_nearest_when_bits_have_a_price():
+def test_first_level_is_rounded_to_the_nearest_when_rate_has_a_weight():
     """Few values, on which all others build."""
-    matrices, mesh, block = analysed(0.02, 30)
+    matrices, mesh, block = analyzed(0.02, 30)
     first = core_resolutions(mesh.hierarchy)[0].levels[0]
     error = np.abs(decoded_fields(block, mesh) - wanted_fields(block, matrices))[first]
     assert error.max() <= 0.5 * float(block.layout.step) * (1 + 1e-6)
 
 
 def test_time_vectors_lie_near_the_truth_when_their_step_is_fine():
-    matrices, _, block = analysed(1e-5, 30, basis_step=0.1)
+    matrices, _, block = analyzed(1e-5, 30, basis_step=0.1)
     vectors = flat_basis(block)
     stacked = matrices.reshape(-1, matrices.shape[2])
     left = stacked - vectors @ np.linalg.lstsq(vectors, stacked, rcond=None)[0]
@@ -107,7 +107,7 @@ def test_time_vectors_lie_near_the_truth_when_their_step_is_fine():
 
 
 def test_integers_come_back_from_the_sections_when_a_block_is_written():
-    _, mesh, block = analysed(0.0005, sequence=irregular_sequence(20))
+    _, mesh, block = analyzed(0.0005, sequence=irregular_sequence(20))
     sections = dict(write_field_block(block, mesh))
     assert read_layout(sections[Section.FIELDS]) == block.layout
     has_cosines = block.layout.has_cosines
@@ -119,7 +119,7 @@ def test_integers_come_back_from_the_sections_when_a_block_is_written():
 
 
 def test_frames_are_the_product_of_what_is_synthesised_when_the_step_is_fine():
-    matrices, mesh, block = analysed(1e-5)
+    matrices, mesh, block = analyzed(1e-5)
     basis, fields = decode_basis(block.basis, block.layout), decoded_fields(block, mesh)
     np.testing.assert_allclose(basis @ fields.T, matrices, atol=2e-4)
 
@@ -129,8 +129,8 @@ def test_integers_are_smaller_when_weights_follow_earlier_modes():
     sequence = noisy_grid(0.0, 40)
     bends = sequence.vertices * (1 + 0.3 * np.sin(9 * sequence.vertices[:1, :, :1]))
     sequence = MeshSequence(bends, sequence.faces)
-    _, _, learned = analysed(3e-4, sequence=sequence)
-    _, _, unlearned = analysed(3e-4, sequence=sequence, n_learned=0)
+    _, _, learned = analyzed(3e-4, sequence=sequence)
+    _, _, unlearned = analyzed(3e-4, sequence=sequence, n_learned=0)
     assert learned.n_modes == unlearned.n_modes > 4
     bits = [np.log2(1 + np.abs(block.fields[3:])).sum() for block in (learned, unlearned)]
     assert bits[0] < 0.9 * bits[1]
@@ -163,7 +163,7 @@ def test_modes_are_no_more_than_asked_for_when_the_step_is_fine():
 
 def test_modes_are_fewer_when_the_step_is_coarser():
     sequence = noisy_grid(0.01, 40)
-    counts = [analysed(step, sequence=sequence)[2].n_modes for step in (1e-4, 1e-2, 1e-1)]
+    counts = [analyzed(step, sequence=sequence)[2].n_modes for step in (1e-4, 1e-2, 1e-1)]
     assert counts[0] > counts[1] > counts[2] >= 1
 
 

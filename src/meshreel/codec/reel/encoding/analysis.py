@@ -27,8 +27,8 @@ from meshreel.runtime.threads import chunks, in_background, in_threads
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
-FAIR_PRICE = 2.0 * math.log(2.0) / 12.0
-"""Lagrange multiplier of fine rounding: the squared error, in steps, that one more bit saves."""
+LAGRANGE_MULTIPLIER = 2.0 * math.log(2.0) / 12.0
+"""Squared error, in squared steps, that one more bit saves at fine quantization."""
 
 MIN_SINGLE_STEP = 2.0**-16
 """Smallest step of positions, in diagonals, for single precision: its rounding, about 1e-7
@@ -37,7 +37,7 @@ diagonals, then adds less than 0.1 % to the squared error."""
 MIN_RESTING_SHARE = 0.02
 """Least share of vertices at rest throughout a block for which its means become modes."""
 
-MAX_OWN_RATIO = 0.25
+MAX_NEW_RATIO = 0.25
 """With at most this many new modes per mode of the key, coding without the key is not tried."""
 
 
@@ -53,16 +53,17 @@ class FieldChoices:
     n_modes : int or None
         Largest number of modes; None for all that quantization does not zero.
     basis_step : float
-        Step of the temporal basis by that of the fields, both as they act on positions.
+        Step of the temporal basis divided by that of the fields, both as they act on positions.
     least_rms : float
         A mode is kept if its field's root mean square exceeds this share of a step.
-    price : float
-        Squared steps that a bit is worth.
+    rate_weight : float
+        Lagrange multiplier: squared error, in squared steps, per bit; 0 rounds to the nearest.
     feedback_gain : float
         Gain of noise shaping: the share of the prediction error that the predicted value keeps
         instead of correcting it. Errors then vary smoothly over the mesh, which saves bits.
     n_shaped_resolutions : int
-        Resolutions, the finest ones, where noise is shaped: from coarser ones it would spread far.
+        Number of resolutions with shaped noise, starting with the finest: from coarser ones it
+        would spread far.
     stencil_size, n_learned
         As in `Layout`.
     """
@@ -71,7 +72,7 @@ class FieldChoices:
     n_modes: int | None = None
     basis_step: float = 3.0
     least_rms: float = 0.6
-    price: float = FAIR_PRICE
+    rate_weight: float = LAGRANGE_MULTIPLIER
     feedback_gain: float = 0.6
     n_shaped_resolutions: int = 2
     stencil_size: int = 16
@@ -79,7 +80,7 @@ class FieldChoices:
 
 
 @dataclass(frozen=True)
-class AnalysedFields:
+class AnalyzedFields:
     """A block of frames as integers.
 
     Attributes
@@ -87,19 +88,19 @@ class AnalysedFields:
     block : FieldBlock
     decoded : JointFrames
         The frames that they decode to, in internal order.
-    own : KeyFields
+    new_fields : KeyFields
         Fields that are not reused, for blocks that refer to this one.
-    wanted : float64 array of shape (V, K - n_reused)
-        The unquantized fields, in the order of `own`.
-    left : BlockFrames
+    target : float64 array of shape (V, K - n_reused)
+        The new fields before quantization, in the same order.
+    remainder : BlockFrames
         Residual frames after subtracting reused fields.
     """
 
     block: FieldBlock
     decoded: JointFrames
-    own: KeyFields
-    wanted: Floats
-    left: BlockFrames
+    new_fields: KeyFields
+    target: Floats
+    remainder: BlockFrames
 
     @property
     def squared_error(self) -> float:
@@ -108,15 +109,15 @@ class AnalysedFields:
         The unquantized fields are the projection on the decoded basis; its residual is orthogonal
         to the error of the fields, so no frames are needed.
         """
-        n_own = self.wanted.shape[1]
-        if not n_own:
-            return self.left.energy
-        vectors = self.decoded.basis[:, :, self.block.layout.n_reused :].reshape(-1, n_own)
+        n_new = self.target.shape[1]
+        if not n_new:
+            return self.remainder.energy
+        vectors = self.decoded.basis[:, :, self.block.layout.n_reused :].reshape(-1, n_new)
         gram = vectors.T @ vectors
-        projected = float(np.vdot(self.wanted.T @ self.wanted, gram))
-        error = self.wanted - self.own.values
+        projected = float(np.vdot(self.target.T @ self.target, gram))
+        error = self.target - self.new_fields.values
         coded = float(np.vdot(error.T @ error, gram))
-        return float(self.left.energy + self.decoded.step**2 * (coded - projected))
+        return float(self.remainder.energy + self.decoded.step**2 * (coded - projected))
 
     @cached_property
     def cost(self) -> float:
@@ -127,7 +128,7 @@ class AnalysedFields:
         block = self.block
         basis = block.basis.reshape(block.n_modes, -1)
         bits = _estimated_bits(basis) + _estimated_bits(block.fields)
-        return bits + self.squared_error / self.decoded.step**2 / FAIR_PRICE
+        return bits + self.squared_error / self.decoded.step**2 / LAGRANGE_MULTIPLIER
 
 
 def _estimated_bits(rows: npt.NDArray[np.int32]) -> float:
@@ -139,13 +140,13 @@ def _estimated_bits(rows: npt.NDArray[np.int32]) -> float:
     return float(np.sum(magnitudes + mean / (1.0 + mean)) * rows.shape[1])
 
 
-def analyse_fields(
+def analyze_fields(
     frames: BlockFrames,
     mesh: FieldMesh,
     choices: FieldChoices,
     key: KeyFields | None = None,
     reference: int = 0,
-) -> AnalysedFields:
+) -> AnalyzedFields:
     """Return a block of frames as integers.
 
     Parameters
@@ -161,31 +162,31 @@ def analyse_fields(
     """
     n_frames = frames.n_frames
     step = np.float32(choices.position_step * np.sqrt(n_frames))
-    is_trial = frames.is_analysed  # before, and not for the last time either
+    is_repeated = frames.is_analyzed
     # The first analysis also derives the hierarchy, in the background.
-    hierarchy = None if is_trial else in_background(lambda: mesh.hierarchy)
+    hierarchy = None if is_repeated else in_background(lambda: mesh.hierarchy)
     is_single = choices.position_step >= MIN_SINGLE_STEP
     layout = Layout(step, choices.stencil_size, choices.n_learned, reference, is_single)
     reused = None
     if key is not None:
-        reused = _reusing(frames, mesh, choices, key, layout)
-        n_own = 0 if reused is None else len(reused.block.fields)
-        if reused is not None and n_own <= MAX_OWN_RATIO * key.values.shape[1]:
+        reused = _analyze_reusing(frames, mesh, choices, key, layout)
+        n_new = 0 if reused is None else len(reused.block.fields)
+        if reused is not None and n_new <= MAX_NEW_RATIO * key.values.shape[1]:
             return reused
     basis, vectors, coding = _quantized_basis(frames, float(step), choices)
     layout = _with_coding(layout, coding)
     if hierarchy is not None:
         hierarchy.result()
-    prepared = mesh.prepared if key is None and is_trial else None
-    alone = _with_basis(frames, basis, vectors, layout, mesh, choices, key, prepared)
+    prepared = mesh.prepared if key is None and is_repeated else None
+    without_reuse = _encode_fields(frames, basis, vectors, layout, mesh, choices, key, prepared)
     if reused is None:
-        return alone
-    return min(alone, reused, key=lambda one: one.cost)
+        return without_reuse
+    return min(without_reuse, reused, key=lambda one: one.cost)
 
 
 @staged("fields")
-def _with_basis(
-    left: BlockFrames,
+def _encode_fields(
+    frames: BlockFrames,
     basis: npt.NDArray[np.int32],
     vectors: Floats,
     layout: Layout,
@@ -194,59 +195,60 @@ def _with_basis(
     key: KeyFields | None,
     prepared: Prepared | None = None,
     reused: npt.NDArray[np.int32] | None = None,
-) -> AnalysedFields:
-    """Return the integers of a block, given its basis and the vectors that this decodes to.
+) -> AnalyzedFields:
+    """Quantize the fields of frames, given the integers of the basis and their decoded vectors.
 
-    `reused` is the basis of the modes whose fields are reused from the key.
+    `reused` are the integers of the vectors of reused modes.
     """
     step = float(layout.step)
     if len(basis):
-        wanted = _projected(vectors.reshape(-1, len(basis)), left, mesh.number, step)
-        residuals, own = _quantized_fields(wanted, layout, mesh, choices, key, prepared)
+        target = _projected(vectors.reshape(-1, len(basis)), frames, mesh.number, step)
+        residuals, new_fields = _quantized_fields(target, layout, mesh, choices, key, prepared)
     else:
-        wanted = np.empty((left.n_verts, 0))
-        residuals, own = np.empty((0, left.n_verts), np.int32), KeyFields(wanted)
+        target = np.empty((frames.n_verts, 0))
+        residuals, new_fields = np.empty((0, frames.n_verts), np.int32), KeyFields(target)
     whole = basis
     if reused is not None:
         whole = np.concatenate([reused, basis])
         vectors = decode_basis(whole, layout, key)
-    values = own.values if reused is None else with_reused(own.values, layout.n_reused, key)
+    values = with_reused(new_fields.values, layout.n_reused, key)
     decoded = JointFrames(vectors, values, step, mesh.number, layout.is_single)
-    return AnalysedFields(FieldBlock(layout, whole, residuals), decoded, own, wanted, left)
+    return AnalyzedFields(FieldBlock(layout, whole, residuals), decoded, new_fields, target, frames)
 
 
-def _reusing(
+def _analyze_reusing(
     frames: BlockFrames, mesh: FieldMesh, choices: FieldChoices, key: KeyFields, layout: Layout
-) -> AnalysedFields | None:
+) -> AnalyzedFields | None:
     """Encode a block with reused fields of its key and modes of the residual, if possible."""
     if choices.n_modes is not None:  # a given number of modes excludes those of the key
         return None
     finer, step = np.float32(choices.basis_step), float(layout.step)
-    reused = reuse_fields(frames, key.values, mesh.number, step, float(finer), choices.price)
+    reused = reuse_fields(frames, key.values, mesh.number, step, float(finer), choices.rate_weight)
     if reused is None:
         return None
     coding = reused.coding
-    basis, vectors, _ = _quantized_basis(reused.left, step, choices, coding, may_be_none=True)
+    basis, vectors, _ = _quantized_basis(reused.remainder, step, choices, coding, may_be_none=True)
     n_reused = len(reused.integers)
     if n_reused + len(basis) > frames.n_columns * frames.n_frames:
         return None
     layout = replace(layout, n_reused=n_reused, finer=finer)
     layout = _with_coding(layout, coding)
-    left, integers = reused.left, reused.integers
-    return _with_basis(left, basis, vectors, layout, mesh, choices, key, None, integers)
+    return _encode_fields(
+        reused.remainder, basis, vectors, layout, mesh, choices, key, None, reused.integers
+    )
 
 
-def _projected(vectors: Floats, frames: BlockFrames, places: Integers, step: float) -> Floats:
+def _projected(vectors: Floats, frames: BlockFrames, rows: Integers, step: float) -> Floats:
     """Return fields of shape (V, K), in steps, whose product with the basis is nearest to frames.
 
-    `places` is the row of each vertex.
+    `rows` is the row of each vertex.
     """
     gram = vectors.T @ vectors  # rounding leaves the vectors not quite orthonormal
     inverse = np.linalg.pinv(gram, hermitian=True) @ vectors.T
     fields = np.empty((frames.n_verts, vectors.shape[1]))
 
     def fill(piece: slice) -> None:
-        fields[places[piece]] = (inverse @ frames.coordinates(piece)).T / step
+        fields[rows[piece]] = (inverse @ frames.coordinates(piece)).T / step
 
     in_threads(fill, chunks(len(fields), CHUNK_VERTICES))
     return fields
@@ -275,15 +277,15 @@ def _quantized_basis(
     # Decoded vectors are normalized, so the stream need not store a coarser step.
     scales = np.minimum(strengths / (choices.basis_step * step), LARGEST_INTEGER)
     shape = (-1, frames.n_columns, frames.n_frames)
-    wanted = (vectors * scales).T.reshape(shape)
+    target = (vectors * scales).T.reshape(shape)
     if coding is None:
-        coding = choose_coding(frames, wanted, step, choices.basis_step, choices.price)
-    coded, decoded = quantized_basis(wanted, choices.price, coding)
-    does_something = np.asarray(coded.any(axis=(1, 2)))
+        coding = choose_coding(frames, target, step, choices.basis_step, choices.rate_weight)
+    coded, decoded = quantized_basis(target, choices.rate_weight, coding)
+    is_used = np.asarray(coded.any(axis=(1, 2)))
     if not may_be_none:
-        does_something[0] = True
-    if not does_something.all():
-        coded = coded[does_something]
+        is_used[0] = True
+    if not is_used.all():
+        coded = coded[is_used]
         decoded = basis_vectors(coded, coding)
     return coded, decoded, coding
 
@@ -299,7 +301,7 @@ def has_resting_vertices(frames: BlockFrames, step: float) -> bool:
 
 
 def _quantized_fields(
-    wanted: Floats,
+    target: Floats,
     layout: Layout,
     mesh: FieldMesh,
     choices: FieldChoices,
@@ -310,17 +312,17 @@ def _quantized_fields(
 
     Parameters
     ----------
-    wanted : float64 array of shape (V, K)
+    target : float64 array of shape (V, K)
         Unquantized fields, in coding order and in steps.
     prepared : Prepared or None
         Initial weights, if known, without a key.
     """
-    choice = Choice(_first_shaped(mesh, choices), choices.feedback_gain, choices.price)
+    choice = Choice(_first_shaped(mesh, choices), choices.feedback_gain, choices.rate_weight)
     known = None
     if key is not None:
         known, prepared = key.values, key.prepared(mesh, layout.n_learned)
     residuals, values = encode_values(
-        mesh.hierarchy, wanted, choice, layout.n_learned, known, prepared
+        mesh.hierarchy, target, choice, layout.n_learned, known, prepared
     )
     return residuals, KeyFields(values)
 

@@ -1,4 +1,4 @@
-"""The method `reel`: a block of frames to the sections of a stream."""
+"""Encoder of blocks of the method `reel`."""
 
 import struct
 from collections.abc import Callable, Iterator
@@ -13,9 +13,9 @@ from meshreel.codec.bitstream.container import read_block_counts
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.corrections import Corrections
 from meshreel.codec.reel.encoding.analysis import (
-    AnalysedFields,
+    AnalyzedFields,
     FieldChoices,
-    analyse_fields,
+    analyze_fields,
 )
 from meshreel.codec.reel.encoding.block_frames import BlockFrames
 from meshreel.codec.reel.encoding.corrections import check_promise, corrections_of_block
@@ -34,20 +34,19 @@ Integers = npt.NDArray[np.int64]
 SectionsOf = Callable[[FieldBlock, FieldMesh, Corrections | None], Iterator[tuple[Section, bytes]]]
 
 DECODED_FRAMES = 64
-"""Frames that are decoded at once."""
+"""Number of frames decoded per task."""
 
 MAX_NEW_MODE_RATIO = 2.0
-"""A block with more new modes than this many times the modes of its key gains nothing from the key
-and becomes a key block itself."""
+"""A block with more new modes than this many times the modes of its key becomes a key block."""
 
-ROUNDING_BESIDE, ENERGY_BESIDE = 100.0, 1e-9
-"""Squared errors are told from fields if they are this many times the squared errors by rounding,
-and this share of all squared coordinates."""
+MIN_ROUNDING_RATIO, MIN_ENERGY_RATIO = 100.0, 1e-9
+"""Squared errors follow from fields if they exceed this many times the squared rounding errors, and
+this share of all squared coordinates."""
 
 
 @dataclass(frozen=True)
 class FieldBlockCoder:
-    """Codes blocks of frames; those that refer to a key block do not depend on any other.
+    """Codes blocks of frames; each depends on at most one other, its key block.
 
     Attributes
     ----------
@@ -55,11 +54,11 @@ class FieldBlockCoder:
     frame : BoundingFrame
     choices : FieldChoices
     bound : float or None
-        Largest error of a position, in diagonals of the frame; None promises nothing.
+        Largest error of a position, in diagonals of the frame; None guarantees nothing.
     sections_of : callable
-        Gives the sections of a block, its mesh and corrections: of positions or of another track.
+        Encodes a block of positions or of another track, given its mesh and corrections.
     each_column : bool, default False
-        Whether the bound is of each number by itself, and not of the length of all.
+        As in `find_corrections`.
     """
 
     mesh: FieldMesh
@@ -70,30 +69,27 @@ class FieldBlockCoder:
     each_column: bool = False
 
     def with_step(self, position_step: float, bound: float | None) -> "FieldBlockCoder":
-        """The same with another step, as `FieldChoices` has it, and bound."""
+        """Return the coder with another step, as in `FieldChoices`, and bound."""
         choices = replace(self.choices, position_step=position_step)
         return replace(self, choices=choices, bound=bound)
 
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
-        """The sections before the first block, behind the connectivity."""
+        """Yield the sections before the first block, after the connectivity."""
         if self.bound is not None:
             yield Section.PROMISE, write_promise(100.0 * self.bound)
 
     def frames(self, vertices: Vertices, order: Integers | None = None) -> "FieldFrames":
-        """A block of positions of shape (T_b, V, 3), or of (T_b, N, C) values, ready to be coded.
+        """Wrap a block of positions of shape (T_b, V, 3), or of values of shape (T_b, N, C).
 
-        They are in internal order, or `order` is the number of each internal vertex.
+        `order` is the given number of each internal vertex; None means internal order.
         """
         numbers = None if order is None else order.astype(np.int32)
-        given = np.ascontiguousarray(vertices)
-        return FieldFrames(BlockFrames(given, self.frame, numbers))
+        return FieldFrames(BlockFrames(np.ascontiguousarray(vertices), self.frame, numbers))
 
     def code(
         self, frames: "FieldFrames", key: "KeyBlock | None" = None, reference: int = 0
     ) -> "CodedFrames":
-        """Encode a block.
-
-        Sums do not depend on the number of cores, so the bytes do not either.
+        """Encode a block; the bytes do not depend on the number of cores.
 
         Parameters
         ----------
@@ -104,24 +100,27 @@ class FieldBlockCoder:
             How many blocks the key precedes this one by.
         """
         with one_blas_thread():
-            own_key = None if key is None else key.fields
-            found = analyse_fields(frames.block, self.mesh, self.choices, own_key, reference)
-            if key is not None and len(found.block.fields) > MAX_NEW_MODE_RATIO * key.block.n_modes:
-                found = analyse_fields(frames.block, self.mesh, self.choices)
+            key_fields = None if key is None else key.fields
+            analyzed = analyze_fields(frames.block, self.mesh, self.choices, key_fields, reference)
+            if (
+                key is not None
+                and len(analyzed.block.fields) > MAX_NEW_MODE_RATIO * key.block.n_modes
+            ):
+                analyzed = analyze_fields(frames.block, self.mesh, self.choices)
             corrections = None
             if self.bound is not None:
                 corrections = corrections_of_block(
                     frames.block,
-                    found.decoded,
+                    analyzed.decoded,
                     self.bound,
                     frames.rounding,
                     each_column=self.each_column,
                 )
         return CodedFrames(
-            sections=self.sections_of(found.block, self.mesh, corrections),
-            analysed=found,
-            key=KeyBlock(self.mesh, found.block, found.own),
-            is_key=not found.block.layout.reference,
+            sections=self.sections_of(analyzed.block, self.mesh, corrections),
+            analyzed=analyzed,
+            key=KeyBlock(self.mesh, analyzed.block, analyzed.new_fields),
+            is_key=not analyzed.block.layout.reference,
         )
 
     def code_piece(self, piece: Piece, key: "KeyBlock", reference: int) -> "CodedPiece":
@@ -134,14 +133,14 @@ class FieldBlockCoder:
 
 @dataclass(frozen=True)
 class CodedPiece:
-    """A block of frames as bytes.
+    """An encoded block, which can be sent to another process.
 
     Attributes
     ----------
     n_frames : int
     sections : list of (Section, bytes)
     key : KeyBlock or None
-        The block, where the following ones are to refer to it.
+        The block if it is a new key block, to which the following blocks refer.
     """
 
     n_frames: int
@@ -156,56 +155,55 @@ class CodedFrames:
     Attributes
     ----------
     sections : iterator of (Section, bytes)
-        Encoded when they are iterated, which is possible once.
-    analysed : AnalysedFields
+        Entropy coded while iterated, which is possible once.
+    analyzed : AnalyzedFields
         Fields, without corrections.
     key : KeyBlock
-        The block, for others to refer to it.
+        The block as a key block.
     is_key : bool
         Whether it refers to no block, so that others may refer to it.
     """
 
     sections: Iterator[tuple[Section, bytes]]
-    analysed: AnalysedFields
+    analyzed: AnalyzedFields
     key: "KeyBlock"
     is_key: bool
 
     def decoded(self, frames: "FieldFrames") -> Vertices:
-        """The positions that these frames decode to, without corrections."""
+        """Decode the positions of these frames, without corrections."""
         out = np.empty(frames.block.vertices.shape, frames.block.vertices.dtype)
         pieces = chunks(len(out), DECODED_FRAMES)
 
         def fill(piece: slice) -> None:
             numbers = range(piece.start, piece.stop)
-            self.analysed.decoded.fill(out[piece], numbers, frames.block.frame.placement)
+            self.analyzed.decoded.fill(out[piece], numbers, frames.block.frame.placement)
 
-        self.analysed.decoded.pack()
+        self.analyzed.decoded.pack()
         in_threads(fill, pieces)
         return out
 
     def squared_error(self, frames: "FieldFrames") -> float:
-        """Sum of the squared distances of decoded positions from these frames, in diagonals.
+        """Sum of squared distances of decoded positions from these frames, in diagonals.
 
-        Found from the fields, where that tells it exactly enough: rounding of positions only adds
-        what it does on average, and must be small beside the error; as must the last bits of the
-        energy.
+        Follows from the fields if this is accurate enough: rounding of positions is then included
+        as its average, which must be small relative to the error, like the precision of the energy.
         """
-        found = self.analysed.squared_error
+        squared_error = self.analyzed.squared_error
         n_positions = frames.block.n_frames * frames.block.n_verts
         by_rounding = float(frames.rounding**2) / 12.0 * n_positions
-        if found > max(ROUNDING_BESIDE * by_rounding, ENERGY_BESIDE * frames.block.energy):
-            return found + by_rounding
-        apart: Floats = self.decoded(frames).astype(np.float64) - frames.vertices
-        apart /= frames.block.frame.scale
-        return float(np.vdot(apart, apart))
+        least = max(MIN_ROUNDING_RATIO * by_rounding, MIN_ENERGY_RATIO * frames.block.energy)
+        if squared_error > least:
+            return squared_error + by_rounding
+        errors: Floats = self.decoded(frames).astype(np.float64) - frames.vertices
+        errors /= frames.block.frame.scale
+        return float(np.vdot(errors, errors))
 
 
 @dataclass(frozen=True)
 class KeyBlock:
     """A block that others refer to.
 
-    Only its sections are pickled: another process decodes them, and keeps the result for when
-    it is given the same again.
+    Only its sections are pickled: another process decodes them, and caches the result.
 
     Attributes
     ----------
@@ -241,7 +239,7 @@ def _decoded_key(
 
 @dataclass(frozen=True)
 class FieldFrames:
-    """A block of frames as `reel` takes it.
+    """A block of frames to encode.
 
     Attributes
     ----------
@@ -253,20 +251,20 @@ class FieldFrames:
     @property
     def vertices(self) -> Vertices:
         """Positions of shape (T_b, V, 3), in internal order."""
-        found, order = self.block.vertices, self.block.order
-        return found if order is None else found.take(order, axis=1)
+        vertices, order = self.block.vertices, self.block.order
+        return vertices if order is None else vertices.take(order, axis=1)
 
     @cached_property
     def rounding(self) -> float:
-        """Largest error, in diagonals, that the number type of the positions alone makes."""
-        found = self.block.vertices
-        return largest_rounding(found.min(), found.max(), found.dtype, self.block.frame)
+        """Largest rounding error of a position by its number type, in diagonals."""
+        vertices = self.block.vertices
+        return largest_rounding(vertices.min(), vertices.max(), vertices.dtype, self.block.frame)
 
 
 class KeyedBlocks:
-    """Blocks coded one after another, each of which refers to the last key block.
+    """Codes consecutive blocks; each refers to the last key block.
 
-    The first block is one, and so are those that the last one does not help with.
+    The first block is a key block, and so are those that gain nothing from the last one.
 
     Parameters
     ----------
@@ -276,19 +274,19 @@ class KeyedBlocks:
     def __init__(self, coder: FieldBlockCoder) -> None:
         self._coder = coder
         self._key: KeyBlock | None = None
-        self._n_behind = 0
+        self._reference = 0
 
     def code(self, frames: FieldFrames) -> CodedFrames:
-        """The next block, coded."""
-        coded = self._coder.code(frames, self._key, self._n_behind)
+        """Encode the next block."""
+        coded = self._coder.code(frames, self._key, self._reference)
         if coded.is_key:
-            self._key, self._n_behind = coded.key, 0
-        self._n_behind += 1
+            self._key, self._reference = coded.key, 0
+        self._reference += 1
         return coded
 
 
 def coder_of(mesh: CodedMesh, frame: BoundingFrame) -> FieldBlockCoder:
-    """The coder of a mesh with the choices that its options mean; its step is still to be set."""
+    """Return the coder of a mesh with its options; its step is still to be set."""
     choices = choices_of(mesh.config)
     field_mesh = FieldMesh(mesh.faces, mesh.n_verts, choices.stencil_size)
     return FieldBlockCoder(field_mesh, frame, choices)
@@ -297,18 +295,18 @@ def coder_of(mesh: CodedMesh, frame: BoundingFrame) -> FieldBlockCoder:
 def largest_rounding(
     low: float, high: float, dtype: np.dtype[np.floating], frame: BoundingFrame
 ) -> float:
-    """Largest error of a position between two coordinates, in diagonals, by its type alone."""
+    """Largest rounding error, in diagonals, of a position with coordinates between low and high."""
     spacing = float(np.spacing(np.maximum(abs(low), abs(high)).astype(dtype)))
     return float(np.sqrt(len(frame.origin)) * spacing / frame.scale)
 
 
 def checked_frames(coder: FieldBlockCoder, vertices: Vertices) -> FieldFrames:
-    """A block that is ready to be coded, and whose number type allows the promised bound.
+    """Wrap a block, and check that its number type allows the guaranteed bound.
 
     Raises
     ------
     InvalidInputError
-        If it does not.
+        If its number type is too coarse.
     """
     frames = coder.frames(vertices)
     if coder.bound is not None:

@@ -49,7 +49,7 @@ class BlockFrames:
         Vectors and fields, in internal order, whose product is subtracted.
     n_frames, n_verts, n_columns : int
         T, V and C.
-    is_analysed : bool
+    is_analyzed : bool
         Whether trajectories were computed before.
     """
 
@@ -61,7 +61,7 @@ class BlockFrames:
     n_frames: int = field(init=False)
     n_verts: int = field(init=False)
     n_columns: int = field(init=False)
-    is_analysed: bool = field(init=False, default=False)
+    is_analyzed: bool = field(init=False, default=False)
 
     def __post_init__(self) -> None:
         self.n_frames, self.n_verts, self.n_columns = map(int, self.vertices.shape)
@@ -190,7 +190,7 @@ class BlockFrames:
         if found is None or found[0] > least:
             find = self._trajectories_and_means if with_means else self._trajectories
             self._found[with_means] = found = (least, *find(least))
-            self.is_analysed = True
+            self.is_analyzed = True
         _, strengths, vectors = found
         n_kept = max(1, int(np.sum(strengths > least)))
         return strengths[:n_kept], vectors[:, :n_kept]

@@ -1,4 +1,4 @@
-"""Corrections that keep a promised largest error, and bounds that can be promised."""
+"""Corrections that guarantee an error bound, and the bounds that can be guaranteed."""
 
 from dataclasses import replace
 
@@ -16,43 +16,43 @@ Floats = npt.NDArray[np.float64]
 STEP_OF_BOUND = 1.1
 """Step of corrections, in bounds: half a step along each of three axes is 0.95 of the bound."""
 
-LARGEST_STEP = 1.0
+MAX_STEP = 1.0
 """Largest step, in diagonals: no vertex is farther than a diagonal from its true position."""
 
 FLOOR = 2.0**-48
-"""Part of a bound, in diagonals, that is reserved for rounding when a position is moved and scaled.
+"""Part of a bound, in diagonals, reserved for rounding when a position is corrected and scaled.
 Decoded frames are the same bits on every machine, so nothing else needs a reserve."""
 
 MAX_POSITIONS_PER_PASS = 1 << 21
-"""Positions whose corrections are found at once."""
+"""Number of positions that are decoded and corrected together."""
 
 
 def allowed_error(bound: float, rounding: float) -> float:
-    """Return the part of a bound that is left for errors of the codec, in diagonals."""
+    """Return the part of a bound that errors of the codec may use, in diagonals."""
     return bound - FLOOR - rounding
 
 
 def least_bound(rounding: float) -> float:
-    """Return the bound, in diagonals, that leaves nothing for errors of the codec."""
+    """Return the bound, in diagonals, below which no error of the codec is allowed."""
     return rounding + FLOOR
 
 
 def check_promise(bound: float, rounding: float, dtype: np.dtype[np.floating]) -> None:
-    """Check that a largest error can be promised in spite of the rounding of positions.
+    """Check that an error bound exceeds the rounding of positions.
 
     Raises
     ------
     InvalidInputError
-        If it cannot.
+        If the bound cannot be guaranteed.
     """
     least = least_bound(rounding)
     if bound > least:
         return
     remedy = "" if dtype == np.float64 else "give positions as float64, "
     raise InvalidInputError(
-        f"max_error {100 * bound:g} cannot be promised: positions of type {dtype} at these "
+        f"max_error {100 * bound:g} cannot be guaranteed: positions of type {dtype} at these "
         f"coordinates are rounded by up to {100 * rounding:.2g} percent of the diagonal; "
-        f"{remedy}ask for every bit (lossless), or for at least {101 * least:.2g}"
+        f"{remedy}encode losslessly, or set at least {101 * least:.2g}"
     )
 
 
@@ -78,10 +78,10 @@ def corrections_of_block(
     parts = []
     n_together = max(1, MAX_POSITIONS_PER_PASS // block.n_verts)
     for start in range(0, block.n_frames, n_together):
-        some = slice(start, min(start + n_together, block.n_frames))
-        errors = block.coordinates(slice(0, block.n_verts), some)
+        piece = slice(start, min(start + n_together, block.n_frames))
+        errors = block.coordinates(slice(0, block.n_verts), piece)
         errors = errors.reshape(block.n_columns, -1, block.n_verts)
-        errors -= decoded(some)
+        errors -= decoded(piece)
         part = find_corrections(errors, bound, rounding, each_column=each_column)
         parts.append(replace(part, frames=part.frames + start))
     if len(parts) == 1:
@@ -106,9 +106,9 @@ def find_corrections(
     bound : float
         Largest error, in diagonals.
     rounding : float
-        Largest error of a position that its number type alone causes.
+        Largest rounding error of a position by its number type, in diagonals.
     each_column : bool, default False
-        Whether the bound applies to each number, and not to the length of all columns.
+        Whether the bound applies to each column, rather than the length over all columns.
 
     Returns
     -------
@@ -116,7 +116,7 @@ def find_corrections(
     """
     allowed = allowed_error(bound, rounding)
     n_together = 1 if each_column else len(errors)
-    step = np.float32(min(STEP_OF_BOUND * np.sqrt(3.0 / n_together) * allowed, LARGEST_STEP))
+    step = np.float32(min(STEP_OF_BOUND * np.sqrt(3.0 / n_together) * allowed, MAX_STEP))
     if each_column:
         squared = np.square(np.abs(errors).max(axis=0))
     else:

@@ -1,4 +1,4 @@
-"""Efforts, tunes and qualities: the encoder's choices behind them."""
+"""Encoder parameters of efforts, tunes and qualities."""
 
 import math
 from dataclasses import dataclass
@@ -10,33 +10,33 @@ from meshreel.codec.reel.encoding.block_frames import LARGEST_INTEGER
 from meshreel.codec.targets import DEFAULT_QUALITY, Target, TargetKind
 from meshreel.errors import InvalidInputError
 
-USUAL_STEP = 1e-4
-"""Step of quality 80, in diagonals of the model's own bounding box, the mean of all frames.
+DEFAULT_QUALITY_STEP = 1e-4
+"""Step of quality 80, in mean diagonals of the bounding boxes of single frames.
 
-From here on, the nine sequences of `docs/codec.md` look like their originals at 1080p.
+At this step and below, the nine sequences of `docs/codec.md` look like their originals at 1080p.
 """
 
 POINTS_PER_HALVING = 12.0
 
 STEPS_OF_BOUND = 14.0
-"""Where the search for a largest error begins: rarer errors than this are cheaply corrected."""
+"""Ratio of an error bound to the first step tried: larger errors are rare, so cheap to correct."""
 
 
 def quality_step(quality: float) -> float:
-    """Step of a quality in 1..100, in diagonals of the model's own bounding box."""
-    return float(USUAL_STEP * 2.0 ** ((DEFAULT_QUALITY - quality) / POINTS_PER_HALVING))
+    """Return the step of a quality in 1..100, in diagonals as of `DEFAULT_QUALITY_STEP`."""
+    return float(DEFAULT_QUALITY_STEP * 2.0 ** ((DEFAULT_QUALITY - quality) / POINTS_PER_HALVING))
 
 
 @dataclass(frozen=True)
 class Effort:
-    """The choices behind an effort; the decoder's time grows with it too.
+    """Encoder parameters of an effort; decoding takes longer with higher efforts too.
 
     Attributes
     ----------
     stencil_size : int
-        Vertices that predict one.
+        Number of vertices that predict one.
     n_learned : int
-        Modes that predictor weights follow.
+        Number of modes that prediction weights adapt to.
     """
 
     stencil_size: int
@@ -44,11 +44,11 @@ class Effort:
 
 
 def tune_named(name: str | None, target: Target) -> Tune:
-    """The tune of this name; the one that serves the target where none is given."""
+    """Return the tune of this name; None selects the tune that suits the target."""
     if name is not None:
         return Tune(name)
-    serves_geometry = target.kind in (TargetKind.MAX_ERROR, TargetKind.KG)
-    return Tune.GEOMETRY if serves_geometry else Tune.VISUAL
+    is_geometric = target.kind in (TargetKind.MAX_ERROR, TargetKind.KG)
+    return Tune.GEOMETRY if is_geometric else Tune.VISUAL
 
 
 EFFORTS = {
@@ -65,14 +65,14 @@ EFFORTS = {
 
 
 def choices_of(config: EncoderConfig) -> FieldChoices:
-    """The encoder's choices that the options mean, at some step."""
+    """Return the encoder parameters of options; the step is still to be set."""
     effort = DEFAULT_EFFORT if config.effort is None else config.effort
     return choices_for(effort, tune_named(config.tune, config.target), config.n_modes)
 
 
 def choices_for(effort: int, tune: Tune, n_modes: int | None) -> FieldChoices:
-    """The encoder's choices for an effort and a tune, at some step."""
-    spent = EFFORTS[int(effort)]
+    """Return the encoder parameters of an effort and a tune; the step is still to be set."""
+    parameters = EFFORTS[int(effort)]
     is_visual = tune is Tune.VISUAL
     return FieldChoices(
         position_step=1.0,
@@ -81,29 +81,22 @@ def choices_for(effort: int, tune: Tune, n_modes: int | None) -> FieldChoices:
         least_rms=0.8 if is_visual else 0.5,
         feedback_gain=0.6 if is_visual else 0.5,
         n_shaped_resolutions=2 if is_visual else 1,
-        stencil_size=spent.stencil_size,
-        n_learned=spent.n_learned,
+        stencil_size=parameters.stencil_size,
+        n_learned=parameters.n_learned,
     )
 
 
 def finest_step(n_columns: int = 3) -> float:
-    """Steps below this would make integers of fields too large for the stream."""
-    # A field has at a vertex at most the length of its trajectory, and no coordinate exceeds half
+    """Return the finest step whose integers of fields still fit in a stream."""
+    # A field value is at most as long as the trajectory of its vertex; coordinates are at most half
     # a diagonal.
     return 0.5 * math.sqrt(n_columns) / LARGEST_INTEGER
 
 
 def checked_step(step: float, finest: float) -> float:
-    """The step itself.
-
-    Raises
-    ------
-    InvalidInputError
-        If it is too fine.
-    """
+    """Return the step; raise InvalidInputError if it is too fine."""
     if step < finest:
         raise InvalidInputError(
-            f"step {step:g} is finer than this sequence can be coded with; "
-            f"at least {finest:.2g} is allowed"
+            f"step {step:g} is too fine for this sequence; at least {finest:.2g} is allowed"
         )
     return step

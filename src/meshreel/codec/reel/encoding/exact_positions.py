@@ -118,7 +118,7 @@ def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
     Raises
     ------
     InvalidInputError
-        If the bound of a track cannot be promised.
+        If the bound of a track cannot be guaranteed.
     SolverError
         As `ExactPositionCoder.code`.
     """

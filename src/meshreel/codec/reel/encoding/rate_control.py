@@ -1,13 +1,13 @@
-"""Searches for the quantisation step of a target; they know neither meshes nor streams."""
+"""Searches for the quantization step of a target, independent of meshes and streams."""
 
 from collections.abc import Callable
 
 import numpy as np
 
 MAX_TRIALS = 16
-LARGEST_LEAP = np.log(64.0)
-FARTHEST = np.log(1e7)
-"""How far from the start the search goes, as a ratio of steps."""
+MAX_JUMP = np.log(64.0)
+MAX_SPAN = np.log(1e7)
+"""Largest logarithmic ratios of consecutive steps, and of any step and the first."""
 
 
 def meet_limit(
@@ -18,16 +18,15 @@ def meet_limit(
     rises: bool,
     tolerance: float = 0.01,
 ) -> float | None:
-    """The step whose measure comes nearest to a limit from below; None if none stays below it.
+    """Return the step whose measure is closest to a limit from below; None if all exceed it.
 
-    Measures are nearly powers of the step, so that the search goes along straight lines between
-    logarithms (regula falsi, with bisection where it stalls), and ends when the measure is within
-    the tolerance of the limit.
+    Measures are nearly powers of the step, so the search interpolates logarithms linearly (regula
+    falsi, with bisection if it stalls) until the measure is within the tolerance of the limit.
 
     Parameters
     ----------
     measure : callable
-        Measure of a step, not negative; called once for a step, with larger and smaller ones.
+        Non-negative measure of a step; called once per step.
     limit : float
         Above 0.
     start : float
@@ -35,22 +34,25 @@ def meet_limit(
     rises : bool
         Whether the measure grows with the step (an error) or falls (a size).
     tolerance : float, default 0.01
-        Share of the limit that may be left over.
+        Share of the limit that the measure may fall short by.
     """
     direction = 1.0 if rises else -1.0
     below: tuple[float, float] | None = None
     above: tuple[float, float] | None = None
     place = 0.0
     for trial in range(MAX_TRIALS):
-        found = measure(float(start * np.exp(direction * place)))
-        excess = float(np.log(max(found, 1e-300) / limit))
+        measured = measure(float(start * np.exp(direction * place)))
+        excess = float(np.log(max(measured, 1e-300) / limit))
         if excess <= 0.0:
             below = max(below or (place, excess), (place, excess))
             if excess >= np.log1p(-tolerance):
                 break
         else:
             above = min(above or (place, excess), (place, excess))
-        before, place = place, float(np.clip(_next_place(below, above, trial), -FARTHEST, FARTHEST))
+        before, place = (
+            place,
+            float(np.clip(_next_place(below, above, trial), -MAX_SPAN, MAX_SPAN)),
+        )
         if place == before:
             break
     return None if below is None else float(start * np.exp(direction * below[0]))
@@ -59,16 +61,16 @@ def meet_limit(
 def _next_place(
     below: tuple[float, float] | None, above: tuple[float, float] | None, trial: int
 ) -> float:
-    """Where to look next, for the places and excesses of the best on either side."""
+    """Next place to try, from place and excess of the best trials on both sides of the limit."""
     if below is None or above is None:
         place, excess = below or above or (0.0, 0.0)
-        # As if the measure were the step itself, and a little more with every trial.
-        leap = (1.0 + 0.3 * trial) * abs(excess) + 0.02 * 1.5**trial
-        return float(place + np.sign(-excess) * min(leap, LARGEST_LEAP))
+        # As if the measure were proportional to the step; farther with every trial.
+        jump = (1.0 + 0.3 * trial) * abs(excess) + 0.02 * 1.5**trial
+        return float(place + np.sign(-excess) * min(jump, MAX_JUMP))
     (low, short), (high, excess) = below, above
     if trial % 3 == 2:
         return 0.5 * (low + high)
-    # A little below where the line crosses the limit: measures below it are wanted.
+    # Slightly below the crossing, because the measure must not exceed the limit.
     aim = short + 0.98 * (0.0 - short)
     return low + (high - low) * (aim - short) / (excess - short)
 
@@ -76,17 +78,17 @@ def _next_place(
 def least_cost(
     cost: Callable[[float], float], start: float, *, n_trials: int = 6, ratio: float = 1.5
 ) -> float:
-    """A step of low cost, by descent over ratios of steps that grow finer.
+    """Return a step of low cost, found by descent with decreasing ratios of steps.
 
     Parameters
     ----------
     cost : callable
-        Of a step; called once for each.
+        Cost of a step; called once per step.
     start : float
     n_trials : int, default 6
-        How often the cost is asked for.
+        Maximum number of steps to try.
     ratio : float, default 1.5
-        Of the first two steps that are tried; above 1.
+        Ratio of the first two steps; above 1.
     """
     best, least = start, cost(start)
     tried = {start}
@@ -98,7 +100,7 @@ def least_cost(
             ratio = float(np.sqrt(ratio))
             step = best / ratio
         tried.add(step)
-        found = cost(step)
-        if found < least:
-            best, least = step, found
+        step_cost = cost(step)
+        if step_cost < least:
+            best, least = step, step_cost
     return best

@@ -1,4 +1,4 @@
-"""Fields of a key block that another block reuses, and what they leave of it."""
+"""Reuse of the fields of a key block in another block."""
 
 from dataclasses import dataclass
 
@@ -17,21 +17,21 @@ Integers = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class ReusedFields:
-    """How the fields of a key block move in another.
+    """Basis vectors with which a block reuses fields of its key block.
 
     Attributes
     ----------
     integers : int32 array of shape (R, C, T)
-        Residuals of their vectors over time.
+        Residuals of the basis vectors.
     coding : BasisCoding
-        Of the vectors of the block.
-    left : BlockFrames
-        What they leave of the frames.
+        Coding of all basis vectors of the block.
+    remainder : BlockFrames
+        The frames minus the reused modes.
     """
 
     integers: npt.NDArray[np.int32]
     coding: BasisCoding
-    left: BlockFrames
+    remainder: BlockFrames
 
 
 @staged("reused fields")
@@ -41,47 +41,46 @@ def reuse_fields(
     number: Integers,
     step: float,
     finer: float,
-    price: float,
+    rate_weight: float,
 ) -> ReusedFields | None:
-    """The fields of a key block that come nearest to frames; None if they do not serve.
+    """Fit frames by the fields of a key block; return None if these are not usable.
 
     Parameters
     ----------
     frames : BlockFrames
     values : float64 array of shape (V, K)
-        Of the key block, in coding order.
+        Fields of the key block, in coding order.
     number : integer array of shape (V,)
-        Place of each vertex in coding order.
+        Position of each vertex in coding order.
     step : float
-        By which the values are multiplied, in diagonals.
+        Step of the values, in diagonals.
     finer : float
         As in `Layout`.
-    price : float
-        Squared steps that a bit is worth.
+    rate_weight : float
+        As in `FieldChoices`.
     """
     n_reused = min(values.shape[1], frames.n_columns * frames.n_frames)
     fields = np.ascontiguousarray(values[number, :n_reused])
-    wanted = _nearest_vectors(frames, fields) / step
     lengths = lengths_of(values, n_reused, finer)
-    scaled = wanted * lengths
+    scaled = _fitted_vectors(frames, fields) / step * lengths
     if not np.abs(scaled).max() < LARGEST_INTEGER:
         return None
     scaled = scaled.T.reshape(n_reused, frames.n_columns, frames.n_frames)
-    coding = choose_coding(frames, scaled, step, finer, price)
-    integers = encode_basis(scaled, price, coding)
-    does_something = np.flatnonzero(integers.any(axis=(1, 2)))
-    if not len(does_something):
+    coding = choose_coding(frames, scaled, step, finer, rate_weight)
+    integers = encode_basis(scaled, rate_weight, coding)
+    used_modes = np.flatnonzero(integers.any(axis=(1, 2)))
+    if not len(used_modes):
         return None
-    n_reused = int(does_something[-1]) + 1
+    n_reused = int(used_modes[-1]) + 1
     integers = np.ascontiguousarray(integers[:n_reused])
     vectors = basis_vectors(integers, coding, lengths[:n_reused]) * step
     subtracted = vectors, np.ascontiguousarray(fields[:, :n_reused])
-    left = BlockFrames(frames.vertices, frames.frame, frames.order, subtracted)
-    return ReusedFields(integers, coding, left)
+    remainder = BlockFrames(frames.vertices, frames.frame, frames.order, subtracted)
+    return ReusedFields(integers, coding, remainder)
 
 
-def _nearest_vectors(frames: BlockFrames, fields: Floats) -> Floats:
-    """Vectors of shape (C T, R) whose product with fields of shape (V, R) is nearest to frames."""
+def _fitted_vectors(frames: BlockFrames, fields: Floats) -> Floats:
+    """Least-squares vectors, of shape (C T, R), of fields of shape (V, R) that fit frames."""
     pieces = chunks(frames.n_verts, CHUNK_VERTICES)
     parts: list[Floats] = [np.empty(0)] * len(pieces)
 

@@ -292,7 +292,7 @@ def track_coder(
     except InvalidInputError:
         least = 1.01 * rounding * frame.scale
         raise InvalidInputError(
-            f"track {name!r}: an error of {allowed:.3g} cannot be promised, since its numbers of "
+            f"track {name!r}: an error of {allowed:.3g} cannot be guaranteed, since its numbers of "
             f"type {track.dtype} are rounded by up to {least:.2g}; allow more, or ask for exact"
         ) from None
     effort = DEFAULT_EFFORT if mesh.config.effort is None else mesh.config.effort

@@ -55,7 +55,7 @@ def coded_tracks(source: Source, progress: Progress) -> list[CodedTrack]:
     Raises
     ------
     InvalidInputError
-        If a bound cannot be promised.
+        If a bound cannot be guaranteed.
     """
     found = []
     for number, (name, bound) in enumerate(source.bounds.items()):
@@ -109,7 +109,7 @@ def coded_track(
     Raises
     ------
     InvalidInputError
-        If the bound cannot be promised.
+        If the bound cannot be guaranteed.
     """
     if bound == EXACT:
         return coded_exactly(exact_coder(name, track, mesh), track, pieces)
@@ -175,7 +175,7 @@ def live_track(
     Raises
     ------
     InvalidInputError
-        If the bound cannot be promised.
+        If the bound cannot be guaranteed.
     """
     if bound == EXACT:
         return exact_coder(name, first, mesh)

@@ -1,4 +1,4 @@
-"""Positions of blocks as a reader will decode them, for tracks that follow from these."""
+"""Decoded positions of blocks just written, which predict tracks."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -26,17 +26,17 @@ from meshreel.runtime.threads import chunks, in_threads, n_cores
 Integers = npt.NDArray[np.int64]
 Values = npt.NDArray[Any]
 
-LEAST_FRAMES, MOST_FRAMES = 8, 256
-"""Frames that the core computes at a time."""
+MIN_FRAMES, MAX_FRAMES = 8, 256
+"""Limits of the number of frames decoded per task."""
 
 
 class WrittenBlocks:
-    """Decodes the positions of blocks in the order in which they are written.
+    """Decodes the positions of blocks in the order of writing.
 
     Parameters
     ----------
     mesh : FieldMesh
-        Of the coder of the blocks, in internal order.
+        Mesh of the block coder, in internal order.
     order : int64 array of shape (V,)
         Internal number of each output vertex.
     frame : BoundingFrame
@@ -55,32 +55,32 @@ class WrittenBlocks:
 
     def positions(self, sections: Iterable[tuple[Section, bytes]]) -> Values:
         """Positions of the next block, of shape (T_b, V, 3), in output order."""
-        own, mesh = dict(sections), self._mesh
-        stored = StoredBlock(0, *read_block_counts(own[Section.BLOCK]), own)
+        by_section, mesh = dict(sections), self._mesh
+        stored = StoredBlock(0, *read_block_counts(by_section[Section.BLOCK]), by_section)
         layout = layout_of(stored)
-        key = self._key if layout.reference else None  # the coder refers to the last key block
+        key = self._key if layout.reference else None  # the encoder refers to the last key block
         read = read_field_block(stored, layout, mesh, key)
         values = read.values(mesh, key)
         if key is None:
             self._key = KeyFields(values)
         basis = decode_basis(read.basis, layout, key)
         order = mesh.number[self._order]
-        found = JointFrames(basis, values, float(layout.step), order, layout.is_single)
-        return self._filled(found, stored)
+        frames = JointFrames(basis, values, float(layout.step), order, layout.is_single)
+        return self._corrected(frames, stored)
 
-    def _filled(self, found: JointFrames, stored: StoredBlock) -> Values:
-        n_frames, moves = stored.n_frames, None
+    def _corrected(self, joint: JointFrames, stored: StoredBlock) -> Values:
+        n_frames, offsets = stored.n_frames, None
         corrections = read_corrections(stored, self._mesh.n_verts)
         if corrections is not None:
-            moves = corrections_by_frame(corrections, n_frames, inverse_permutation(self._order))
+            offsets = corrections_by_frame(corrections, n_frames, inverse_permutation(self._order))
         out = np.empty((n_frames, len(self._order), POSITION_COLUMNS), self._dtype)
-        found.pack()
+        joint.pack()
 
         def fill(piece: slice) -> None:
             frames = range(piece.start, piece.stop)
-            own = None if moves is None else moves.of_frames(frames)
-            found.fill(out[piece], frames, self._frame.placement, own)
+            here = None if offsets is None else offsets.of_frames(frames)
+            joint.fill(out[piece], frames, self._frame.placement, here)
 
-        n_together = max(LEAST_FRAMES, min(-(-n_frames // n_cores()), MOST_FRAMES))
+        n_together = max(MIN_FRAMES, min(-(-n_frames // n_cores()), MAX_FRAMES))
         in_threads(fill, chunks(n_frames, n_together))
         return out

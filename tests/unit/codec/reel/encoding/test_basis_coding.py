@@ -19,7 +19,7 @@ from meshreel.kernel.basis import BY_TIMES, MAX_COSINES, BasisCoding, basis_vect
 from samples.meshes import waving_grid
 from samples.streams import Stream
 
-PRICE = 0.116
+RATE_WEIGHT = 0.116
 
 
 def periodic(n_frames=48, side=14, period=24):
@@ -62,21 +62,21 @@ def test_fields_are_reused_in_blocks_with_cosines():
 
 def test_sudden_motion_is_coded_by_times():
     steps = np.random.default_rng(2).normal(size=(4, 3, 80)) * (np.arange(80) % 9 == 0)
-    assert not cheapest_coding(40.0 * np.cumsum(steps, axis=2), PRICE).has_cosines
+    assert not cheapest_coding(40.0 * np.cumsum(steps, axis=2), RATE_WEIGHT).has_cosines
 
 
 @pytest.mark.parametrize(
-    ("wanted", "price"),
+    ("targets", "rate_weight"),
     [
-        (np.zeros((0, 3, 9)), PRICE),
-        (np.zeros((2, 3, 1)), PRICE),
-        (np.full((2, 3, 9), 2.0**28), PRICE),  # coefficients would be too large
-        (np.ones((2, 3, MAX_COSINES + 1)), PRICE),
+        (np.zeros((0, 3, 9)), RATE_WEIGHT),
+        (np.zeros((2, 3, 1)), RATE_WEIGHT),
+        (np.full((2, 3, 9), 2.0**28), RATE_WEIGHT),  # coefficients would be too large
+        (np.ones((2, 3, MAX_COSINES + 1)), RATE_WEIGHT),
         (np.zeros((2, 3, 9)), 0.0),
     ],
 )
-def test_times_are_kept_when_cosines_cannot_be_or_save_nothing(wanted, price):
-    assert cheapest_coding(wanted, price) == BY_TIMES
+def test_times_are_kept_when_cosines_cannot_be_or_save_nothing(targets, rate_weight):
+    assert cheapest_coding(targets, rate_weight) == BY_TIMES
 
 
 def test_block_is_refused_when_it_has_cosines_and_too_many_frames():
@@ -123,25 +123,25 @@ def test_fields_are_reused_in_blocks_with_adaptive_times(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "wanted",
+    "targets",
     [np.zeros((0, 3, 90)), np.zeros((2, 3, 90)), np.ones((2, 3, 1)), np.full((3, 3, 99), 2.0**29)],
 )
-def test_times_do_not_adapt_where_that_saves_nothing(wanted):
-    assert not cheapest_coding(wanted, PRICE).is_adaptive
+def test_times_do_not_adapt_where_that_saves_nothing(targets):
+    assert not cheapest_coding(targets, RATE_WEIGHT).is_adaptive
 
 
 def test_times_adapt_only_where_weights_can_learn():
     rng, frames = np.random.default_rng(7), 4 * MIN_ADAPTIVE_FRAMES
     noise = 20.0 * rng.normal(size=(8, 3, frames))
     few = noise[:, :, : MIN_ADAPTIVE_FRAMES - 1]
-    assert cheapest_coding(noise, PRICE, may_be_cosines=False).is_adaptive
-    assert not cheapest_coding(few, PRICE, may_be_cosines=False).is_adaptive
+    assert cheapest_coding(noise, RATE_WEIGHT, may_be_cosines=False).is_adaptive
+    assert not cheapest_coding(few, RATE_WEIGHT, may_be_cosines=False).is_adaptive
 
 
 def test_modes_of_zeros_may_be_dropped_when_times_are_adaptive():
     rng, coding = np.random.default_rng(8), BasisCoding(is_adaptive=True)
-    wanted = rng.normal(size=(6, 3, 60)) * np.array([9, 0.01, 5, 0.01, 0.01, 3])[:, None, None]
-    coded = encode_basis(wanted, PRICE, coding)
+    targets = rng.normal(size=(6, 3, 60)) * np.array([9, 0.01, 5, 0.01, 0.01, 3])[:, None, None]
+    coded = encode_basis(targets, RATE_WEIGHT, coding)
     is_kept = coded.any(axis=(1, 2))
     assert is_kept.tolist() == [True, False, True, False, False, True]
     whole = basis_vectors(coded, coding, np.ones(6))

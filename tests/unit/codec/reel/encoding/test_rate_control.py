@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from meshreel.codec.reel.encoding.rate_control import FARTHEST, MAX_TRIALS, least_cost, meet_limit
+from meshreel.codec.reel.encoding.rate_control import MAX_SPAN, MAX_TRIALS, least_cost, meet_limit
 
-FARTHEST_RATIO = float(np.exp(FARTHEST))
+MAX_RATIO = float(np.exp(MAX_SPAN))
 EXPONENTS = (0.5, 0.8, 1.0, 1.3, 2.0)
 
 
@@ -109,7 +109,7 @@ def test_a_step_far_away_is_given_when_the_measure_never_reaches_the_limit(rises
     step = meet_limit(measure, 1.0, 1.0, rises=rises)
     assert step is not None
     assert measure(step) == 0.5
-    assert max(step, 1 / step) <= FARTHEST_RATIO
+    assert max(step, 1 / step) <= MAX_RATIO
 
 
 @pytest.mark.parametrize("rises", [True, False])
@@ -118,7 +118,7 @@ def test_search_stays_within_reach_when_nothing_changes_the_measure(rises, value
     measured, asked = counted(lambda step: value)
     step = meet_limit(measured, 1.0, 1.0, rises=rises)
     assert step in asked if is_met else step is None
-    assert all(1 / FARTHEST_RATIO <= one <= FARTHEST_RATIO for one in asked)
+    assert all(1 / MAX_RATIO <= one <= MAX_RATIO for one in asked)
 
 
 def test_first_step_is_taken_when_it_meets_the_limit_already():
