@@ -21,7 +21,7 @@ import meshreel
 from meshreel.codec.config import config_of
 from meshreel.codec.connectivity.triangles import twin_sides
 from meshreel.codec.reel.encoding.shared_corners import shared_track
-from meshreel.codec.reel.encoding.tracks import MOST_TRIALS, block_ranges, coded_track
+from meshreel.codec.reel.encoding.tracks import MAX_TRIALS, block_ranges, encode_track
 from meshreel.codec.source import Source
 from meshreel.codec.track_bounds import kept_bounds
 from meshreel.model.geometry.normals import face_normals
@@ -94,8 +94,8 @@ def sizes(sequence: meshreel.MeshSequence, track: meshreel.Track) -> list[int]:
     shared = shared_track(track, source.mesh)
     assert shared is not None
     own_bytes, shared_bytes = (
-        coded_track(
-            "x", one, source.bounds["x"], source.mesh, block_ranges(source), MOST_TRIALS
+        encode_track(
+            "x", one, source.bounds["x"], source.mesh, block_ranges(source), MAX_TRIALS
         ).size_bytes
         for one in (track, shared)
     )

@@ -886,7 +886,9 @@ def normals_at_the_pole():
     layout, single = Layout(np.float32(0.01), 6, 2), np.dtype(np.float32)
     _, basis, fields, _ = random_block(rng, layout, 30, 4, 4)
     basis[:, 2] = 0
-    near = TrackHeader("near", "", "normal", Domain.VERTEX, single, 1.0, (0.0,) * 3, Coding.TURNS)
+    near = TrackHeader(
+        "near", "", "normal", Domain.VERTEX, single, 1.0, (0.0,) * 3, Coding.ROTATIONS
+    )
     further = [
         (track, [random_block(rng, layout, 30, 4, 4, n_columns=2)])
         for track in (near, replace(near, name="far", scale=1e154))

@@ -37,7 +37,7 @@ class Coding(IntEnum):
 
     MODES = 0
     EXACT = 1
-    TURNS = 2
+    ROTATIONS = 2
     BACKWARD = 3
     CENTRAL = 4
     FORWARD = 5
@@ -60,7 +60,7 @@ class Coding(IntEnum):
     @property
     def is_predicted(self) -> bool:
         """Whether residuals relative to decoded positions are coded, of velocities or normals."""
-        return self is Coding.TURNS or self.has_rate
+        return self is Coding.ROTATIONS or self.has_rate
 
     @property
     def is_exact(self) -> bool:
@@ -79,7 +79,7 @@ DIFFERENCES = Coding.BACKWARD, Coding.CENTRAL, Coding.FORWARD
 EXACT_DIFFERENCES = Coding.EXACT_BACKWARD, Coding.EXACT_CENTRAL, Coding.EXACT_FORWARD
 """The same, of lossless values."""
 
-TURN_COLUMNS = 2
+ROTATION_COLUMNS = 2
 """Numbers that rotate a surface normal to the normal of a track."""
 
 
@@ -141,7 +141,7 @@ class TrackHeader:
     @property
     def n_coded(self) -> int:
         """Number of coded columns."""
-        return TURN_COLUMNS if self.coding is Coding.TURNS else self.n_columns
+        return ROTATION_COLUMNS if self.coding is Coding.ROTATIONS else self.n_columns
 
     @property
     def placement(self) -> tuple[float, ...]:
@@ -162,7 +162,7 @@ def write_track(track: TrackHeader) -> bytes:
     numbers: tuple[float, ...] = ()
     if track.coding is Coding.MODES:
         numbers = track.bound, *track.placement
-    elif track.coding is Coding.TURNS:
+    elif track.coding is Coding.ROTATIONS:
         numbers = track.bound, track.scale
     elif track.coding.has_rate:
         numbers = (track.rate,) if track.is_exact else (track.bound, track.scale, track.rate)

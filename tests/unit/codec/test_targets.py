@@ -207,7 +207,9 @@ def test_maximum_error_is_kept_down_to_the_last_bits_when_positions_are_float64(
 
 def test_maximum_error_is_refused_when_the_last_bits_of_float64_reach_it():
     fine = meshreel.MeshSequence(waving_grid().vertices.astype(np.float64), waving_grid().faces)
-    with pytest.raises(InvalidInputError, match="percent of the diagonal; ask for") as refused:
+    with pytest.raises(
+        InvalidInputError, match="percent of the diagonal; encode losslessly"
+    ) as refused:
         meshreel.encode(fine, max_error=1e-14)
     least = float(str(refused.value).split("at least ")[1])
     decoded = meshreel.decode(meshreel.encode(fine, max_error=least))

@@ -72,7 +72,7 @@ def test_what_corners_share_comes_back_when_written(sharing, coding):
 
 
 def predicted(coding, **changed):
-    kind = "normal" if coding is Coding.TURNS else "velocity"
+    kind = "normal" if coding is Coding.ROTATIONS else "velocity"
     single, nowhere = np.dtype(np.float32), (0.0, 0.0, 0.0)
     numbers = (1.0, nowhere, coding, 0.0) if coding.is_exact else (2.5, nowhere, coding, 0.5)
     plain = TrackHeader("v", "", kind, Domain.VERTEX, single, *numbers)
@@ -83,13 +83,13 @@ def predicted(coding, **changed):
 def test_what_is_said_of_a_predicted_track_comes_back_when_written(coding):
     track = predicted(coding, rate=29.97 if coding.has_rate else 0.0)
     assert track_header(write_track(track)) == track
-    assert len(track.placement) == 1 + (2 if coding is Coding.TURNS else 3)
+    assert len(track.placement) == 1 + (2 if coding is Coding.ROTATIONS else 3)
 
 
 @pytest.mark.parametrize(
     ("coding", "changed"),
     [
-        (Coding.TURNS, {"kind": "velocity"}),
+        (Coding.ROTATIONS, {"kind": "velocity"}),
         (Coding.BACKWARD, {"kind": "vector"}),
         (Coding.CENTRAL, {"kind": "normal"}),
         (Coding.FORWARD, {"domain": Domain.CORNER}),

@@ -167,10 +167,10 @@ def test_a_track_is_refused_when_its_values_cannot_be_coded_within_a_bound():
     n_verts = sizes()[0]
     heat = smooth(n_verts, 1)
     heat[3, 5] = np.inf
-    with pytest.raises(InvalidInputError, match="'heat' has inf at vertex 5; no bound"):
+    with pytest.raises(InvalidInputError, match="'heat' has inf at vertex 5, which no error bound"):
         meshreel.encode(sheet(heat=heat))
     long = meshreel.Track(2 * unit(smooth(n_verts, 3)), kind="normal")
-    with pytest.raises(InvalidInputError, match="must have the length 1; that of vertex 0 has 2"):
+    with pytest.raises(InvalidInputError, match="must have length 1; vertex 0 has length 2"):
         meshreel.encode(sheet(n=long))
 
 

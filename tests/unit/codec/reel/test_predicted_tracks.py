@@ -177,7 +177,7 @@ def test_normals_are_turned_from_those_of_the_surface(domain, block_frames):
         sequence, max_error=0.001, block_frames=block_frames, tracks={"plain": np.radians(0.5)}
     )
     decoded = meshreel.decode(data).tracks["n"].values
-    assert headers(data)["n"].coding is Coding.TURNS
+    assert headers(data)["n"].coding is Coding.ROTATIONS
     assert bytes_of(data)["n"] < bytes_of(data)["plain"]
     assert angles(decoded, values).max() <= 0.5
     np.testing.assert_allclose(np.linalg.norm(decoded, axis=2), 1, atol=1e-6)
@@ -193,7 +193,7 @@ def test_a_vertex_without_a_normal_has_none_when_others_are_turned():
     )
     data = meshreel.encode(sequence, max_error=0.001)
     decoded = meshreel.decode(data).tracks["n"].values
-    assert headers(data)["n"].coding is Coding.TURNS
+    assert headers(data)["n"].coding is Coding.ROTATIONS
     assert np.all(decoded[:, -1] == 0)
     np.testing.assert_array_equal(np.isnan(decoded), np.isnan(values))
 
@@ -271,7 +271,7 @@ def with_normals(sheet):
 def test_positions_are_finer_than_asked_where_that_saves_bytes_of_tracks(target, monkeypatch):
     sequence = with_normals(quad_sheet(14))
     data = meshreel.encode(sequence, **target)
-    monkeypatch.setattr(following_tracks, "LEAST_TO_SAVE", np.inf)
+    monkeypatch.setattr(following_tracks, "MIN_TRACK_SHARE", np.inf)
     as_asked = meshreel.encode(sequence, **target)
     assert len(data) < len(as_asked)
     found, asked = (meshreel.compare(sequence, meshreel.decode(one)) for one in (data, as_asked))

@@ -53,7 +53,7 @@ def test_a_motion_that_comes_again_takes_fewer_bytes_when_fields_are_reused(monk
     assert first.n_reused == 0
     assert all(one.n_reused > 0 for one in others)
     error = meshreel.compare(LOOPED, meshreel.decode(data)).kg_error_percent
-    monkeypatch.setattr(analysis, "_reusing", lambda *_: None)
+    monkeypatch.setattr(analysis, "_analyze_reusing", lambda *_: None)
     alone = meshreel.encode(LOOPED, **OPTIONS)
     assert not any(one.n_reused for one in layouts(alone))
     assert len(data) < 0.85 * len(alone)

@@ -73,7 +73,7 @@ def decoded(data):
     [
         ("other", waves(SHEET.n_verts, 2), "0.1%", Coding.MODES),
         ("other", np.rint(waves(SHEET.n_verts)).astype(np.int32), "exact", Coding.EXACT),
-        ("normal", normals(), "0.5deg", Coding.TURNS),
+        ("normal", normals(), "0.5deg", Coding.ROTATIONS),
         ("velocity", 25 * np.gradient(SHEET.vertices, axis=0), "1%", Coding.CENTRAL),
     ],
 )
@@ -140,7 +140,7 @@ def test_normals_with_seams_are_turned_from_those_of_the_surface():
     values = normals()[:, VERTICES]
     values[:, SIDE, 1] *= -1
     data, header = coded(Track(values, "corner", "normal"), "0.5deg", max_error=1e-3)
-    assert (header.sharing, header.coding) == (Sharing.ROWS, Coding.TURNS)
+    assert (header.sharing, header.coding) == (Sharing.ROWS, Coding.ROTATIONS)
     cosines = np.einsum("tnc,tnc->tn", decoded(data).values.astype(float), values)
     assert np.degrees(np.arccos(np.clip(cosines, -1, 1))).max() <= 0.5
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.reel.encoding.following_tracks import FollowingTracks
-from meshreel.codec.reel.encoding.tracks import coded_tracks, live_tracks
+from meshreel.codec.reel.encoding.tracks import encode_tracks, live_track_coders
 from meshreel.codec.reel.normative.blocks import write_exact_positions
 from meshreel.codec.source import CodedMesh, Piece, Source
 from meshreel.codec.track_bounds import TrackTargets
@@ -122,7 +122,7 @@ def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
     SolverError
         As `ExactPositionCoder.code`.
     """
-    source = replace(source, tracks=coded_tracks(source, progress))
+    source = replace(source, tracks=encode_tracks(source, progress))
     coder = ExactPositionCoder(source.mesh.faces, source.mesh.n_verts)
     return stream_of(source, coder, progress, engine)
 
@@ -208,7 +208,7 @@ class LivePositionCoder:
     ) -> None:
         self._coder, self._mesh = coder, mesh
         positions = (lambda: self._in_output_order(first)) if coder.is_exact else None
-        self._tracks = live_tracks(mesh, tracks, targets, positions)
+        self._tracks = live_track_coders(mesh, tracks, targets, positions)
 
     def _in_output_order(self, vertices: Vertices) -> Vertices:
         """Reorder exact positions as a reader decodes them."""

@@ -1,4 +1,4 @@
-"""Tracks that follow from positions: what decoded positions leave of velocities and normals."""
+"""Velocities and normals coded as residuals of predictions from decoded positions."""
 
 import math
 from collections.abc import Iterable
@@ -12,7 +12,12 @@ from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.reel.encoding.shared_corners import SharedTrack
 from meshreel.codec.reel.encoding.track_coders import exact_coder, track_coder
 from meshreel.codec.reel.encoding.track_residuals import UnreachableError, moving_surface
-from meshreel.codec.reel.encoding.tracks import MOST_TRIALS, StepSearch, block_ranges, coded_exactly
+from meshreel.codec.reel.encoding.tracks import (
+    MAX_TRIALS,
+    StepSearch,
+    block_ranges,
+    encode_losslessly,
+)
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.source import CodedTrack, Source
 from meshreel.codec.track_bounds import EXACT
@@ -21,28 +26,27 @@ from meshreel.errors import SolverError
 from meshreel.model.tracks import TrackSource, value_range
 from meshreel.runtime.progress import Count, Progress
 
-CLEARLY_SMALLER = 1.15
-"""Where one of two ways takes so many times the bytes of the other with the first step that is
-tried, it is not tried with others."""
+CLEAR_RATIO = 1.15
+"""An alternative that takes this many times more bytes at its first step is not tried further."""
 
 FEW_TRIALS = 3
-"""Steps of a track that are tried to tell how much it takes beside positions of a step."""
+"""Number of steps tried to estimate the size of a track."""
 
-LEAST_TO_SAVE = 0.25
-"""Finer positions are tried where tracks that follow from them take more than this share of their
-bytes: half the step costs positions about as much."""
+MIN_TRACK_SHARE = 0.25
+"""Finer positions are tried if predicted tracks take more than this share of the bytes of
+positions, about as many as half the step costs."""
 
 SLACK = 1e-9
-"""Share by which an error may seem larger than it is, by the rounding of the measure."""
+"""Relative tolerance of measured errors, for rounding of the measure."""
 
 
 class FollowingTracks:
-    """Codes tracks as what decoded positions leave of them, where that takes fewer bytes.
+    """Predicts tracks from decoded positions, if that takes fewer bytes.
 
     Parameters
     ----------
     source : Source
-        Its tracks are those of `coded_tracks`.
+        Its tracks are from `encode_tracks`.
     progress : callable
     """
 
@@ -52,19 +56,14 @@ class FollowingTracks:
         self._steps: dict[str, float] = {}
 
     def stream(self, data: bytes) -> bytes:
-        """A stream of the source with tracks that follow from its positions.
-
-        Parameters
-        ----------
-        data : bytes
-            A stream of the source; its positions stay as they are.
+        """Return a stream of the source with its tracks predicted; its positions do not change.
 
         Raises
         ------
         SolverError
-            If a track is not within its bound.
+            If a track exceeds its bound.
         """
-        source, tracks = self._source, self._coded(data, MOST_TRIALS)
+        source, tracks = self._source, self._encoded(data, MAX_TRIALS)
         if tracks != source.tracks:
             source = replace(source, tracks=tracks)
             opened = whole_stream(data, UNLIMITED)
@@ -75,49 +74,44 @@ class FollowingTracks:
                 for number in range(opened.n_blocks)
             )
             data = source.stream(leading, blocks)
-        _check_kept(source, data)
+        _check_bounds(source, data)
         return data
 
     def size_bytes(self, data: bytes) -> int:
-        """About the bytes of `stream`; few steps of the tracks are tried."""
-        coded = self._coded(data, FEW_TRIALS)
-        return len(data) - _size_bytes(self._source.tracks) + _size_bytes(coded)
+        """Estimate the bytes of `stream`, with few trials per track."""
+        tracks = self._encoded(data, FEW_TRIALS)
+        return len(data) - _size_bytes(self._source.tracks) + _size_bytes(tracks)
 
-    def may_want_finer(self, data: bytes, size_bytes: int) -> bool:
-        """Whether finer positions might save more bytes of tracks than they take.
+    def may_gain_from_finer(self, data: bytes, size_bytes: int) -> bool:
+        """Return whether finer positions might save more bytes of tracks than they cost.
 
-        Parameters
-        ----------
-        data : bytes
-            A stream of the source.
-        size_bytes : int
-            As of the method.
+        `size_bytes` is the estimate for the stream.
         """
         tracks = self._source.tracks
         positions = len(data) - _size_bytes(tracks)
         others = _size_bytes(one for one in tracks if one.prediction is None)
-        return size_bytes - positions - others > LEAST_TO_SAVE * positions
+        return size_bytes - positions - others > MIN_TRACK_SHARE * positions
 
-    def _coded(self, data: bytes, n_trials: int) -> list[CodedTrack]:
-        tracks, found = list(self._source.tracks), []
+    def _encoded(self, data: bytes, n_trials: int) -> list[CodedTrack]:
+        tracks, results = list(self._source.tracks), []
         with ReelFile(BytesIO(data), memory=OWN_STREAM) as reel:
             for number, (coded, name) in enumerate(zip(tracks, self._source.bounds, strict=True)):
                 self._progress("predicting tracks", Count(number, len(tracks), "tracks"))
                 smaller = coded
                 if coded.prediction is not None and coded.values is not None:
-                    following = self._following(
+                    predicted = self._predicted(
                         name, coded.values, coded, coded.prediction, reel, n_trials
                     )
-                    smaller = min(coded, following, key=lambda one: one.size_bytes)
-                found.append(replace(smaller, prediction=None, values=None))
-        return found
+                    smaller = min(coded, predicted, key=lambda one: one.size_bytes)
+                results.append(replace(smaller, prediction=None, values=None))
+        return results
 
-    def _following(
+    def _predicted(
         self,
         name: str,
         track: TrackSource,
         coded: CodedTrack,
-        way: tuple[Coding, float],
+        prediction: tuple[Coding, float],
         reel: ReelFile,
         n_trials: int,
     ) -> CodedTrack:
@@ -126,41 +120,35 @@ class FollowingTracks:
         if isinstance(track, SharedTrack):
             surface = replace(surface, vertex_of_row=track.vertex_of_row)
         if bound == EXACT:
-            exact = exact_coder(name, track, mesh).predicted(*way, surface)
-            return coded_exactly(exact, track, pieces, reel.read)
+            exact = exact_coder(name, track, mesh).with_prediction(*prediction, surface)
+            return encode_losslessly(exact, track, pieces, reel.read)
         coder = track_coder(name, track, bound, mesh, value_range(track))
-        predicted = coder.predicted(*way, surface, bound)
-        search, found = StepSearch(predicted, track, pieces, reel.read), [coded]
+        predicted = coder.with_prediction(*prediction, surface, bound)
+        search, results = StepSearch(predicted, track, pieces, reel.read), [coded]
         start = self._steps.get(name)
         try:
-            once: float = search.best(1, start)[1].size_bytes
+            first_bytes: float = search.best(1, start)[1].size_bytes
         except UnreachableError:
-            once = math.inf
-        if once * CLEARLY_SMALLER > coded.size_bytes and n_trials == MOST_TRIALS:
-            found.append(StepSearch(coder, track, pieces).best()[1])
-        if once < CLEARLY_SMALLER * coded.size_bytes:
-            self._steps[name], following = search.best(n_trials, start)
-            found.append(following)
-        return min(found, key=lambda one: one.size_bytes)
+            first_bytes = math.inf
+        if first_bytes * CLEAR_RATIO > coded.size_bytes and n_trials == MAX_TRIALS:
+            results.append(StepSearch(coder, track, pieces).best()[1])
+        if first_bytes < CLEAR_RATIO * coded.size_bytes:
+            self._steps[name], best = search.best(n_trials, start)
+            results.append(best)
+        return min(results, key=lambda one: one.size_bytes)
 
 
 def _size_bytes(tracks: Iterable[CodedTrack]) -> int:
     return sum(one.size_bytes for one in tracks)
 
 
-def _check_kept(source: Source, data: bytes) -> None:
-    """Nothing if every track of a stream is within its bound.
-
-    Raises
-    ------
-    SolverError
-        If one is not.
-    """
+def _check_bounds(source: Source, data: bytes) -> None:
+    """Raise SolverError if a track of a stream exceeds its bound."""
     measured = measure_tracks(source.sequence, data, order=source.config.order)
     for track in whole_stream(data).tracks:
-        found = measured[track.name].largest
-        if found > track.bound * (1.0 + SLACK):
+        largest = measured[track.name].largest
+        if largest > track.bound * (1.0 + SLACK):
             raise SolverError(
-                f"track {track.name!r} decodes to errors of up to {found:g}, and {track.bound:g} "
-                "was promised; nothing is written; please report this sequence"
+                f"track {track.name!r} decodes to errors of up to {largest:g}, above its bound of "
+                f"{track.bound:g}; nothing is written; please report this sequence"
             )

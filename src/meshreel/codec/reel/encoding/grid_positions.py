@@ -15,7 +15,7 @@ from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.reel.encoding.block_coder import largest_rounding, write_promise
 from meshreel.codec.reel.encoding.exact_positions import PositionCoder, stream_of
 from meshreel.codec.reel.encoding.target_step import promised_bound
-from meshreel.codec.reel.encoding.tracks import coded_tracks
+from meshreel.codec.reel.encoding.tracks import encode_tracks
 from meshreel.codec.reel.normative.blocks import write_grid_positions
 from meshreel.codec.reel.normative.grid import MAX_COORDINATE, NO_GRID, Coordinates, PositionGrid
 from meshreel.codec.source import CodedMesh, Source
@@ -109,7 +109,7 @@ def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
     InvalidInputError
         If a bound cannot be guaranteed.
     """
-    return _encoded(replace(source, tracks=coded_tracks(source, progress)), progress, engine)
+    return _encoded(replace(source, tracks=encode_tracks(source, progress)), progress, engine)
 
 
 def may_use_grid(source: Source, size_bytes: int) -> bool:

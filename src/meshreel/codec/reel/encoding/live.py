@@ -20,7 +20,7 @@ from meshreel.codec.reel.encoding.block_coder import (
 from meshreel.codec.reel.encoding.effort import finest_step
 from meshreel.codec.reel.encoding.smoothness import sampled_frames, step_share
 from meshreel.codec.reel.encoding.target_step import step_for_target
-from meshreel.codec.reel.encoding.tracks import live_tracks
+from meshreel.codec.reel.encoding.tracks import live_track_coders
 from meshreel.codec.reel.encoding.written import WrittenBlocks
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame
@@ -127,7 +127,7 @@ class LiveCoder:
             coded = KeyedBlocks(self._coder).code(self._coder.frames(first))
             return self._written().positions(coded.sections)
 
-        self._tracks = live_tracks(mesh, tracks, targets, decoded)
+        self._tracks = live_track_coders(mesh, tracks, targets, decoded)
         is_predicted = any(one.header.coding.is_predicted for one in self._tracks.values())
         self._decoder = self._written() if is_predicted else None
 

@@ -1,4 +1,4 @@
-"""Tracks of corners whose values corners of a vertex share: as ones of vertices, or of rows."""
+"""Tracks of corners that share values, stored as tracks of vertices or of rows."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -27,25 +27,25 @@ Integers = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class SharedTrack(DerivedTrack):
-    """A track of corners by the values that corners share, a `TrackSource`.
+    """A track of corners with one value per vertex or row, a `TrackSource`.
 
     Attributes
     ----------
     whole : TrackSource
-        Of all N corners.
+        Values of all N corners.
     corners : integer array of shape (n,)
-        A corner that has each value.
+        A corner with each value.
     is_unused : bool array of shape (n,)
-        Whether a value is of no corner; it is that of the first, of normals 0.
+        Vertices without corners: they have the value of corner 0, or the normal 0.
     sharing : Sharing
     graph : ItemGraph
-        Of the n vertices or rows.
+        Graph of the n vertices or rows.
     order : int64 array of shape (n,), or None
-        As of `TrackCoder`.
+        As in `TrackCoder`.
     rows : bytes
-        What rows there are, as TRACK has it.
+        The rows, as in the section TRACK.
     vertex_of_row : integer array of shape (n,), or None
-        As it goes out, where values are of rows.
+        Decoded vertex of each row.
     """
 
     corners: Integers
@@ -58,23 +58,22 @@ class SharedTrack(DerivedTrack):
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Frames, vertices or rows, and numbers of each value: (T, n, C)."""
+        """Frames, vertices or rows, and columns: (T, n, C)."""
         n_frames, _, n_columns = self.whole.shape
         return n_frames, len(self.corners), n_columns
 
     def read(self, start: int, stop: int) -> Values:
-        """Values of frames start..stop - 1, of shape (stop - start, n, C)."""
-        found = self.whole.read(start, stop).take(self.corners, axis=1)
+        """Read values of frames start..stop - 1, of shape (stop - start, n, C)."""
+        values = self.whole.read(start, stop).take(self.corners, axis=1)
         if self.kind is TrackKind.NORMAL:
-            found[:, self.is_unused] = 0
-        return found
+            values[:, self.is_unused] = 0
+        return values
 
 
 def shared_track(track: TrackSource, mesh: CodedMesh) -> SharedTrack | None:
-    """A track of corners by the values that these share in all frames, bit for bit.
+    """Return the values that corners of a track share, bit by bit in all frames.
 
-    None if each corner has values of its own, or the track is not of corners that go out in their
-    order.
+    None if no corners share values, or the track is not one of corners in the given order.
     """
     if track.domain is not Domain.CORNER or mesh.order_kept is not Order.KEEP:
         return None
@@ -92,13 +91,9 @@ def shared_track(track: TrackSource, mesh: CodedMesh) -> SharedTrack | None:
 
 
 def equal_corners(track: TrackSource, vertices: Integers) -> Integers:
-    """Groups of corners of a vertex whose values are equal in all frames, numbered from 0 on.
+    """Number the groups of corners of a vertex that have equal values in all frames.
 
-    Parameters
-    ----------
-    track : TrackSource
-    vertices : integer array of shape (N,)
-        Of each corner.
+    Returns the group of each corner; `vertices` is the vertex of each corner, of shape (N,).
     """
     _, groups = np.unique(vertices, return_inverse=True)
     first = _first_of(groups)
@@ -106,24 +101,23 @@ def equal_corners(track: TrackSource, vertices: Integers) -> Integers:
         for frame in np.ascontiguousarray(values).view(f"u{values.itemsize}"):
             if len(first) == len(groups):
                 return groups
-            is_other = (frame != frame[first[groups]]).any(axis=1)
-            if is_other.any():
-                others = distinct_rows(frame[is_other], groups[is_other])[1]
-                groups[is_other] = len(first) + others
+            differs = (frame != frame[first[groups]]).any(axis=1)
+            if differs.any():
+                groups[differs] = len(first) + distinct_rows(frame[differs], groups[differs])[1]
                 first = _first_of(groups)
     return groups
 
 
 def _first_of(groups: Integers) -> Integers:
-    """The first corner of each group."""
+    """Return the first corner of each group."""
     return _first_corners(groups, int(groups.max(initial=-1)) + 1)[0]
 
 
-def _first_corners(places: Integers, n_places: int) -> tuple[Integers, npt.NDArray[np.bool_]]:
-    """The first corner at each place, and which places have none, for which it is corner 0."""
-    found = np.full(n_places, -1, np.int64)
-    found[places[::-1]] = np.arange(len(places))[::-1]
-    return np.maximum(found, 0), found < 0
+def _first_corners(items: Integers, n_items: int) -> tuple[Integers, npt.NDArray[np.bool_]]:
+    """Return the first corner of each item, or corner 0, and which items have no corner."""
+    corners = np.full(n_items, -1, np.int64)
+    corners[items[::-1]] = np.arange(len(items))[::-1]
+    return np.maximum(corners, 0), corners < 0
 
 
 def _by_rows(
@@ -143,17 +137,17 @@ def _by_rows(
 
 
 def _vertices_of_rows(rows: CornerRows, vertices: Integers, order: Integers) -> Integers:
-    """The vertex, as it goes out, of each row.
+    """Return the decoded vertex of each row.
 
     Parameters
     ----------
     rows : CornerRows
     vertices : integer array of shape (N,)
-        Of corners, as they go out.
+        Decoded vertex of each corner.
     order : integer array of shape (V,)
-        Internal number of each vertex that goes out.
+        Internal number of each decoded vertex.
     """
-    found = np.empty(rows.n_rows, np.int64)
-    found[: len(order)] = inverse_permutation(order)
-    found[rows.of_corners] = vertices
-    return found
+    vertex_of_row = np.empty(rows.n_rows, np.int64)
+    vertex_of_row[: len(order)] = inverse_permutation(order)
+    vertex_of_row[rows.of_corners] = vertices
+    return vertex_of_row

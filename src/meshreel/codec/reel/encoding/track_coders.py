@@ -1,4 +1,4 @@
-"""Coders of a track: of its blocks within a bound, or exactly."""
+"""Coders of the blocks of a track, within a bound or losslessly."""
 
 import math
 from collections.abc import Sequence
@@ -32,7 +32,7 @@ from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame, bounding_frame
 from meshreel.codec.track_bounds import Measure, TrackBound
-from meshreel.codec.tracks import TURN_COLUMNS, Coding, TrackHeader, write_track
+from meshreel.codec.tracks import ROTATION_COLUMNS, Coding, TrackHeader, write_track
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.mesh import Neighbors, neighbors
 from meshreel.model.sequence import Extent
@@ -44,26 +44,26 @@ Vertices = npt.NDArray[np.floating]
 Sections = list[tuple[Section, bytes]]
 Integers = npt.NDArray[np.int64]
 
-LARGEST_STEP = 0.1
-"""Coarsest step that is tried, in diagonals of the range: as of positions."""
+MAX_STEP = 0.1
+"""Largest step, in diagonals of the range, as for positions."""
 
 UNIT_LENGTH_TOLERANCE = 1e-3
-"""By how much the length of a normal may differ from 1; one of length 0 is none."""
+"""Allowed deviation of the length of a normal from 1; length 0 means that there is no normal."""
 
 
 @dataclass(frozen=True)
 class ExactTrackCoder:
-    """Codes blocks of a track whose values come back as they are.
+    """Codes blocks of a lossless track.
 
     Attributes
     ----------
     header : TrackHeader
     order : int64 array of shape (N,), or None
-        Number of the value of each vertex in internal order; None: they are in it.
+        Given number of each internal item; None means internal order.
     graph : Neighbors
-        Of its vertices, faces or corners.
+        Adjacency of its vertices, faces, corners or rows.
     surface, keeps_vertex_order
-        As of `TrackCoder`.
+        As in `TrackCoder`.
     """
 
     header: TrackHeader
@@ -73,11 +73,11 @@ class ExactTrackCoder:
     keeps_vertex_order: bool = True
 
     def leading_section(self) -> tuple[Section, bytes]:
-        """What is said of the track before the first block."""
+        """Return the section before the first block."""
         return Section.TRACK, write_track(self.header)
 
     def code(self, values: Values, positions: Vertices | None = None) -> Sections:
-        """The sections of the next block, of values of shape (T_b, N, C)."""
+        """Encode the next block of values, of shape (T_b, N, C)."""
         coded, order = values, self.order
         if self.surface is not None and positions is not None:
             if not self.keeps_vertex_order:
@@ -85,21 +85,23 @@ class ExactTrackCoder:
             coded = exact_residuals(self.header, self.surface, positions, coded)
         return list(write_exact_block(in_order(coded, order), self.graph))
 
-    def predicted(self, coding: Coding, rate: float, surface: MovingSurface) -> "ExactTrackCoder":
-        """The coder of the same track that codes what differences of positions leave of it."""
+    def with_prediction(
+        self, coding: Coding, rate: float, surface: MovingSurface
+    ) -> "ExactTrackCoder":
+        """Return the coder of residuals relative to differences of positions."""
         header = replace(self.header, coding=coding.as_exact, rate=rate)
         return replace(self, header=header, surface=surface)
 
 
 @dataclass(frozen=True)
 class PreparedValues:
-    """A block of values, ready to be coded with any step.
+    """A block of values, prepared for encoding with any step.
 
     Attributes
     ----------
     frames : FieldFrames
     missing : tuple of Section and bytes, or None
-        Which values are missing, if some are.
+        The section that marks missing values, if any.
     """
 
     frames: FieldFrames
@@ -114,16 +116,16 @@ class TrackCoder:
     ----------
     header : TrackHeader
     order : int64 array of shape (N,), or None
-        Number of the value of each vertex in internal order; None: they are in it.
+        Given number of each internal item; None means internal order.
     share : float
         The bound, in diagonals of the range.
     coder : FieldBlockCoder
     surface : MovingSurface or None
-        The mesh as it goes out, where the track is predicted from decoded positions.
+        The decoded mesh, if its positions predict the track.
     rounding : float, default 0
-        Largest error, in units of the track, that its number type alone makes.
+        Largest rounding error of the number type, in units of the track.
     keeps_vertex_order : bool, default True
-        Whether values go out in the order in which they are given, and not in internal order.
+        Whether decoded vertices are in the given order, and not in the internal one.
     """
 
     header: TrackHeader
@@ -139,27 +141,27 @@ class TrackCoder:
         return KeyedBlocks(self.coder)
 
     def leading_section(self) -> tuple[Section, bytes]:
-        """What is said of the track before the first block."""
+        """Return the section before the first block."""
         return Section.TRACK, write_track(self.header)
 
     def code(self, values: Values, positions: Vertices | None = None) -> Sections:
-        """The sections of the next block; raises as `prepared`.
+        """Encode the next block; raises as `prepare`.
 
         Parameters
         ----------
         values : float array of shape (T_b, N, C)
         positions : float array of shape (T_b, V, 3), optional
-            Decoded, as they go out; needed where the track is predicted from them.
+            Decoded positions in output order, if they predict the track.
         """
-        return self.coded(self.prepared(values, positions))
+        return self.code_prepared(self.prepare(values, positions))
 
-    def prepared(self, values: Values, positions: Vertices | None = None) -> PreparedValues:
-        """A block of values, as `code` has them, ready to be coded with any step.
+    def prepare(self, values: Values, positions: Vertices | None = None) -> PreparedValues:
+        """Prepare a block for encoding; parameters as in `code`.
 
         Raises
         ------
         InvalidInputError
-            If its numbers cannot be coded within the bound.
+            If values cannot be encoded within the bound.
         """
         check_values(self.header.name, values, self.header)
         is_missing, order = np.isnan(values), self.order
@@ -174,27 +176,18 @@ class TrackCoder:
         ordered = in_order(is_missing, self.order)
         return PreparedValues(frames, write_missing(ordered, self.coder.mesh.neighbors))
 
-    def coded(self, prepared: PreparedValues) -> Sections:
-        """The sections of the next block."""
-        begin, *sections = self._blocks.code(prepared.frames).sections
-        return [begin, *([prepared.missing] if prepared.missing else []), *sections]
+    def code_prepared(self, prepared: PreparedValues) -> Sections:
+        """Encode the next block."""
+        opening, *sections = self._blocks.code(prepared.frames).sections
+        return [opening, *([prepared.missing] if prepared.missing else []), *sections]
 
-    def predicted(
+    def with_prediction(
         self, coding: Coding, rate: float, surface: MovingSurface, bound: TrackBound
     ) -> "TrackCoder":
-        """The coder of the same track that codes what decoded positions leave of it.
-
-        Parameters
-        ----------
-        coding : Coding
-        rate : float
-        surface : MovingSurface
-            The mesh as it goes out.
-        bound : TrackBound
-        """
-        header, is_turned = self.header, coding is Coding.TURNS
-        origin = (0.0,) * (TURN_COLUMNS if is_turned else header.n_columns)
-        frame = BoundingFrame(origin, 1.0 if is_turned else header.scale)
+        """Return the coder of residuals relative to decoded positions of the surface."""
+        header, is_rotated = self.header, coding is Coding.ROTATIONS
+        origin = (0.0,) * (ROTATION_COLUMNS if is_rotated else header.n_columns)
+        frame = BoundingFrame(origin, 1.0 if is_rotated else header.scale)
         allowed = self.share * header.scale
         if bound.measure is Measure.ANGLE:
             allowed = math.radians(bound.amount) * (1.0 - UNIT_LENGTH_TOLERANCE)
@@ -209,60 +202,54 @@ class TrackCoder:
 
     @property
     def as_exact(self) -> ExactTrackCoder:
-        """The coder of the same track that changes nothing."""
+        """The lossless coder of the same track."""
         header = exact_header(self.header.name, self.header, self.header.n_columns)
         graph = self.coder.mesh.neighbors
         return ExactTrackCoder(header, self.order, graph)
 
     def with_step(self, step: float) -> "TrackCoder":
-        """The same with another step, from its first block on."""
-        coder = self.coder
-        finest = finest_step(self.header.n_coded)
-        fitting = max(finest, min(step, LARGEST_STEP))
-        return replace(self, coder=coder.with_step(fitting, self.share))
+        """Return a coder with the closest allowed step, for the first block."""
+        step = max(finest_step(self.header.n_coded), min(step, MAX_STEP))
+        return replace(self, coder=self.coder.with_step(step, self.share))
 
 
 def in_order(values: Values, order: Integers | None) -> Values:
-    """Values of shape (T_b, N, C) in an order, of the number of the value at each place."""
+    """Permute values of shape (T_b, N, C); None changes nothing."""
     return values if order is None else values.take(order, axis=1)
 
 
 def exact_coder(name: str, track: TrackSource, mesh: CodedMesh) -> ExactTrackCoder:
-    """The coder of a track whose values come back as they are."""
+    """Return the coder of a lossless track."""
     graph, order = _graph_of(name, track, mesh)
     header = exact_header(name, track, track.shape[2])
     return ExactTrackCoder(
-        header,
-        order,
-        neighbors(*graph),
-        keeps_vertex_order=mesh.keeps_vertex_order,
+        header, order, neighbors(*graph), keeps_vertex_order=mesh.keeps_vertex_order
     )
 
 
 def exact_header(name: str, track: TrackSource | TrackHeader, n_columns: int) -> TrackHeader:
-    """What is said of a track whose values come back as they are."""
-    what = name, track.unit, track.kind, track.domain, track.dtype
-    header = TrackHeader(*what, 1.0, (0.0,) * n_columns, Coding.EXACT)
+    """Return the header of a lossless track."""
+    description = name, track.unit, track.kind, track.domain, track.dtype
+    header = TrackHeader(*description, 1.0, (0.0,) * n_columns, Coding.EXACT)
     if isinstance(track, SharedTrack | TrackHeader):
         return replace(header, sharing=track.sharing, rows=track.rows)
     return header
 
 
 def filled(values: Values, is_missing: npt.NDArray[np.bool_], origin: Sequence[float]) -> Values:
-    """Values of shape (T_b, N, C) with something smooth where they are missing.
+    """Fill missing values of shape (T_b, N, C) by linear interpolation over time.
 
-    Each takes those before and after it in time, on a straight line between them; one that is
-    missing in all frames the origin of its column.
+    A value missing in all frames becomes the origin of its column.
     """
-    found = values.copy()
+    result = values.copy()
     times = np.arange(len(values))
     for item, column in np.argwhere(is_missing.any(axis=0)):
         here = is_missing[:, item, column]
-        known = found[~here, item, column]
-        found[here, item, column] = (
+        known = result[~here, item, column]
+        result[here, item, column] = (
             np.interp(times[here], times[~here], known) if len(known) else origin[column]
         )
-    return found
+    return result
 
 
 def track_coder(
@@ -272,16 +259,16 @@ def track_coder(
     mesh: CodedMesh,
     extent: tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]],
 ) -> TrackCoder:
-    """The coder of a track; its step is still to be set.
+    """Return the coder of a track; its step is still to be set.
 
     Parameters
     ----------
     name, track, bound, mesh
-        As of `coded_track`.
+        As in `encode_track`.
     extent : two arrays of shape (C,)
         Lowest and highest number of each column.
     """
-    low, high = np.nan_to_num(extent[0]), np.nan_to_num(extent[1])  # where all is missing
+    low, high = np.nan_to_num(extent[0]), np.nan_to_num(extent[1])  # NaN without any value
     frame = bounding_frame(Extent(low, high, 0.0))
     allowed = length_allowed(bound, frame)
     share = allowed / frame.scale
@@ -293,7 +280,7 @@ def track_coder(
         least = 1.01 * rounding * frame.scale
         raise InvalidInputError(
             f"track {name!r}: an error of {allowed:.3g} cannot be guaranteed, since its numbers of "
-            f"type {track.dtype} are rounded by up to {least:.2g}; allow more, or ask for exact"
+            f"type {track.dtype} are rounded by up to {least:.2g}; allow more, or use exact"
         ) from None
     effort = DEFAULT_EFFORT if mesh.config.effort is None else mesh.config.effort
     choices = choices_for(effort, Tune.GEOMETRY, None)
@@ -321,7 +308,7 @@ def track_coder(
 
 
 def length_allowed(bound: TrackBound, frame: BoundingFrame) -> float:
-    """Largest length of the difference of two values (or of each number) that a bound allows."""
+    """Return the length of the difference of two values, or numbers, that a bound allows."""
     if bound.measure is Measure.SHARE:
         return bound.amount / 100.0 * frame.scale
     if bound.measure is Measure.ANGLE:
@@ -330,29 +317,29 @@ def length_allowed(bound: TrackBound, frame: BoundingFrame) -> float:
 
 
 def check_values(name: str, values: Values, header: TrackHeader) -> None:
-    """Nothing if all values can be coded within a bound.
+    """Check that all values can be encoded within a bound.
 
     Raises
     ------
     InvalidInputError
-        Naming the first that is infinite, or, of normals, not of length 1 or 0.
+        If a value is infinite, or the length of a normal is not 1 or 0.
     """
     is_infinite = np.isinf(values)
     if is_infinite.any():
         frame, item, column = np.argwhere(is_infinite)[0]
         raise InvalidInputError(
-            f"track {name!r} has {values[frame, item, column]} at {header.domain} {item}; no bound "
-            "can be promised of that: ask for exact"
+            f"track {name!r} has {values[frame, item, column]} at {header.domain} {item}, which no "
+            "error bound allows; use exact"
         )
     if header.kind is not TrackKind.NORMAL:
         return
     lengths = np.linalg.norm(values.astype(np.float64), axis=2)
-    is_off = (np.abs(lengths - 1.0) > UNIT_LENGTH_TOLERANCE) & (lengths != 0)
-    if is_off.any():
-        frame, item = np.argwhere(is_off)[0]
+    is_invalid = (np.abs(lengths - 1.0) > UNIT_LENGTH_TOLERANCE) & (lengths != 0)
+    if is_invalid.any():
+        frame, item = np.argwhere(is_invalid)[0]
         raise InvalidInputError(
-            f"track {name!r} has normals, which must have the length 1; that of {header.domain} "
-            f"{item} has {lengths[frame, item]:.6g}: divide by it, or call the kind vector"
+            f"track {name!r} contains normals, which must have length 1; {header.domain} {item} "
+            f"has length {lengths[frame, item]:.6g}: normalize them, or set the kind to vector"
         )
 
 
@@ -363,7 +350,7 @@ def _graph_of(name: str, track: TrackSource, mesh: CodedMesh) -> tuple[ItemGraph
         return ItemGraph(mesh.faces, mesh.n_verts), mesh.order
     if mesh.order_kept is not Order.KEEP:
         raise InvalidInputError(
-            f"track {name!r} is of each {track.domain}, whose order would be lost; keep it "
+            f"track {name!r} has a value per {track.domain}, whose order would be lost; keep it "
             '(order="keep"), or drop the track'
         )
     graph = item_graph(track.domain, mesh.output_faces, mesh.surface, mesh.n_verts)

@@ -1,4 +1,4 @@
-"""Tracks beside the positions: how fine they have to be."""
+"""Encoding of tracks, with a search for their quantization steps."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -36,54 +36,58 @@ Values = npt.NDArray[Any]
 Vertices = npt.NDArray[np.floating]
 Integers = npt.NDArray[np.int64]
 
-RAW_SHARE = 8
-"""Where a track takes more than one of so many of its raw bytes, it is coded exactly too."""
+RAW_RATIO = 8
+"""A track compressed less than this many times is also tried losslessly."""
 
-MOST_TRIALS = 6
-"""Steps of a track that are tried."""
+MAX_TRIALS = 6
+"""Maximum number of steps tried per track."""
 
-SMALL_ROWS = 0.1
-"""Where to say which corners share values takes more than this share of the values' bytes, corners
-are tried with values of their own, too."""
+MAX_ROWS_SHARE = 0.1
+"""If the sharing of corners takes more than this share of the bytes of values, separate values of
+corners are tried too."""
 
 
-def coded_tracks(source: Source, progress: Progress) -> list[CodedTrack]:
-    """The tracks of a sequence that is all there, each within its bound.
+def encode_tracks(source: Source, progress: Progress) -> list[CodedTrack]:
+    """Encode the tracks of a sequence, each within its bound.
 
-    Those that positions may predict are coded once, for `FollowingTracks` finds their steps.
+    Tracks that positions may predict are encoded once; `FollowingTracks` searches for their steps.
 
     Raises
     ------
     InvalidInputError
         If a bound cannot be guaranteed.
     """
-    found = []
+    tracks = []
     for number, (name, bound) in enumerate(source.bounds.items()):
         progress("encoding tracks", Count(number, len(source.bounds), "tracks"))
-        track = _as_stored(name, source.sequence.tracks[name], bound, source)
-        way = _prediction(source, track, bound)
-        n_trials = MOST_TRIALS if way is None else 1
-        coded = coded_track(name, track, bound, source.mesh, block_ranges(source), n_trials)
-        found.append(coded if way is None else replace(coded, prediction=way, values=track))
-    return found
+        track = _with_shared_values(name, source.sequence.tracks[name], bound, source)
+        prediction = _prediction(source, track, bound)
+        n_trials = MAX_TRIALS if prediction is None else 1
+        coded = encode_track(name, track, bound, source.mesh, block_ranges(source), n_trials)
+        if prediction is not None:
+            coded = replace(coded, prediction=prediction, values=track)
+        tracks.append(coded)
+    return tracks
 
 
-def _as_stored(name: str, track: TrackSource, bound: TrackBound, source: Source) -> TrackSource:
-    """A track, or the one of the values that its corners share, where that takes fewer bytes."""
+def _with_shared_values(
+    name: str, track: TrackSource, bound: TrackBound, source: Source
+) -> TrackSource:
+    """Return the track of the values that corners share, if it takes fewer bytes than the track."""
 
     def values_bytes(one: TrackSource) -> int:
-        return coded_track(name, one, bound, source.mesh, block_ranges(source), 1).size_bytes
+        return encode_track(name, one, bound, source.mesh, block_ranges(source), 1).size_bytes
 
     shared = shared_track(track, source.mesh)
     if shared is None or shared.sharing is Sharing.VERTICES:
         return shared or track
     size_bytes = values_bytes(shared)
-    if len(shared.rows) <= SMALL_ROWS * size_bytes:
+    if len(shared.rows) <= MAX_ROWS_SHARE * size_bytes:
         return shared
     return shared if len(shared.rows) + size_bytes < values_bytes(track) else track
 
 
-def coded_track(
+def encode_track(
     name: str,
     track: TrackSource,
     bound: TrackBound,
@@ -91,9 +95,7 @@ def coded_track(
     pieces: Sequence[slice],
     n_trials: int,
 ) -> CodedTrack:
-    """A track of a sequence that is all there.
-
-    The step is the one of those tried that takes the fewest bytes, corrections included.
+    """Encode a track with the step that takes the fewest bytes, including corrections.
 
     Parameters
     ----------
@@ -104,7 +106,7 @@ def coded_track(
     pieces : sequence of slice
         Frames of each block.
     n_trials : int
-        Steps that are tried.
+        Number of steps to try.
 
     Raises
     ------
@@ -112,24 +114,24 @@ def coded_track(
         If the bound cannot be guaranteed.
     """
     if bound == EXACT:
-        return coded_exactly(exact_coder(name, track, mesh), track, pieces)
+        return encode_losslessly(exact_coder(name, track, mesh), track, pieces)
     coder = track_coder(name, track, bound, mesh, value_range(track))
-    _, fitted = StepSearch(coder, track, pieces).best(n_trials)
-    if fitted.size_bytes * RAW_SHARE < math.prod(track.shape) * track.dtype.itemsize:
-        return fitted
-    exact = coded_exactly(coder.as_exact, track, pieces)
-    return min(fitted, exact, key=lambda one: one.size_bytes)
+    _, lossy = StepSearch(coder, track, pieces).best(n_trials)
+    if lossy.size_bytes * RAW_RATIO < math.prod(track.shape) * track.dtype.itemsize:
+        return lossy
+    exact = encode_losslessly(coder.as_exact, track, pieces)
+    return min(lossy, exact, key=lambda one: one.size_bytes)
 
 
 def _prediction(
     source: Source, track: TrackSource, bound: TrackBound
 ) -> tuple[Coding, float] | None:
-    """How a track may follow from positions, and its rate.
+    """Return the coding of a track as residuals relative to positions, and its rate, if any.
 
-    Exact values do so only from positions that are exact.
+    Only lossless positions predict lossless values.
     """
     if track.kind is TrackKind.NORMAL and bound != EXACT:
-        return Coding.TURNS, 0.0
+        return Coding.ROTATIONS, 0.0
     if not _is_velocity(track):
         return None
     if bound == EXACT and not (source.config.method_row.is_lossless and track.dtype.kind == "f"):
@@ -141,7 +143,7 @@ def _prediction(
 
 
 def _is_velocity(track: TrackSource) -> bool:
-    """Whether it is one of vertices, which positions may tell."""
+    """Whether a track contains velocities of vertices, which positions may predict."""
     is_of_vertices = track.domain is Domain.VERTEX
     if isinstance(track, SharedTrack):
         is_of_vertices = track.sharing is Sharing.VERTICES
@@ -149,28 +151,28 @@ def _is_velocity(track: TrackSource) -> bool:
 
 
 def block_ranges(source: Source) -> list[slice]:
-    """Frames of each block."""
+    """Return the frames of each block."""
     return [slice(piece.start, piece.stop) for piece in source.pieces()]
 
 
-def live_track(
+def live_track_coder(
     name: str,
     first: TrackSource,
     bound: TrackBound,
     mesh: CodedMesh,
     positions: Callable[[], Vertices] | None,
 ) -> TrackCoder | ExactTrackCoder:
-    """The coder of a track of which the first block is known: that decides the step of all.
+    """Return the coder of a track with the best step for its first block.
 
-    Velocities are coded as what decoded positions leave of them where that is less; normals are
-    not, since a later one may be out of reach.
+    Velocities are predicted from decoded positions if that takes fewer bytes; normals are not,
+    because later ones may be unreachable.
 
     Parameters
     ----------
     name, first, bound, mesh
-        As of `coded_track`.
+        As in `encode_track`; only the first block is known.
     positions : callable or None
-        Gives the positions of the first block, decoded, as they go out; None: nothing is predicted.
+        Decodes the positions of the first block, in output order; None disables prediction.
 
     Raises
     ------
@@ -184,33 +186,37 @@ def live_track(
     step, coded = StepSearch(coder, first, [piece]).best()
     if positions is not None and _is_velocity(first):
         decoded, fit = positions(), DifferenceFit()
-        given = decoded if mesh.keeps_vertex_order else decoded[:, inverse_permutation(mesh.order)]
-        fit.add(first.read(piece.start, piece.stop), given)
-        way = fit.best()
-        if way is not None:
-            predicted = coder.predicted(*way, moving_surface(mesh), bound)
-            finer, left = StepSearch(predicted, first, [piece], lambda *_: decoded).best()
-            if left.size_bytes < coded.size_bytes:
-                return predicted.with_step(finer)
+        in_given_order = decoded
+        if not mesh.keeps_vertex_order:
+            in_given_order = decoded[:, inverse_permutation(mesh.order)]
+        fit.add(first.read(piece.start, piece.stop), in_given_order)
+        prediction = fit.best()
+        if prediction is not None:
+            predicted = coder.with_prediction(*prediction, moving_surface(mesh), bound)
+            predicted_step, residual = StepSearch(
+                predicted, first, [piece], lambda *_: decoded
+            ).best()
+            if residual.size_bytes < coded.size_bytes:
+                return predicted.with_step(predicted_step)
     return coder.with_step(step)
 
 
-def live_tracks(
+def live_track_coders(
     mesh: CodedMesh,
     first: Mapping[str, TrackSource],
     targets: TrackTargets | None,
     positions: Callable[[], Vertices] | None,
 ) -> dict[str, TrackCoder | ExactTrackCoder]:
-    """The coders of the tracks that are kept, by their names; raises as `live_track`."""
+    """Return the coders of tracks that are not dropped, by name; raises as `live_track_coder`."""
     bounds = kept_bounds(mesh.config, first, targets)
     return {
-        name: live_track(name, first[name], bound, mesh, positions)
+        name: live_track_coder(name, first[name], bound, mesh, positions)
         for name, bound in bounds.items()
     }
 
 
 class StepSearch:
-    """Looks for the step that takes the fewest bytes of a track, corrections included.
+    """Searches for the step with which a track takes the fewest bytes, including corrections.
 
     Parameters
     ----------
@@ -219,7 +225,7 @@ class StepSearch:
     pieces : sequence of slice
         Frames of each block.
     decoded : callable, optional
-        Gives decoded positions of a range of frames, as they go out, where the coder needs them.
+        Decodes positions of a range of frames, in output order, if the coder needs them.
     """
 
     def __init__(
@@ -234,11 +240,11 @@ class StepSearch:
         self._smallest: list[Sections] = []
 
     def best(
-        self, n_trials: int = MOST_TRIALS, start: float | None = None
+        self, n_trials: int = MAX_TRIALS, start: float | None = None
     ) -> tuple[float, CodedTrack]:
-        """The best of so many steps, and the track coded with it; those tried before count.
+        """Return the best of `n_trials` steps, or of earlier ones, and the track encoded with it.
 
-        The first is `start`, in diagonals of the range. Default: a share of the bound.
+        `start` is the first step, in diagonals of the range; it defaults to a share of the bound.
         """
         first = self._coder.share / STEPS_OF_BOUND if start is None else start
         step = least_cost(self._size_bytes, first, n_trials=n_trials)
@@ -246,8 +252,8 @@ class StepSearch:
 
     def _size_bytes(self, step: float) -> float:
         if step not in self._sizes:
-            tried = self._coder.with_step(step)
-            blocks = [tried.coded(one) for one in self._blocks()]
+            coder = self._coder.with_step(step)
+            blocks = [coder.code_prepared(one) for one in self._blocks()]
             size = float(sum(len(payload) for block in blocks for _, payload in block))
             if size < min(self._sizes.values(), default=math.inf):
                 self._smallest = blocks
@@ -255,26 +261,26 @@ class StepSearch:
         return self._sizes[step]
 
     def _blocks(self) -> Iterable[PreparedValues]:
-        """The blocks, ready to be coded; one that is all is kept."""
-        return [self._only] if len(self._pieces) == 1 else map(self._prepared, self._pieces)
+        """Return the prepared blocks; a single one is cached."""
+        return [self._single] if len(self._pieces) == 1 else map(self._prepare, self._pieces)
 
     @cached_property
-    def _only(self) -> PreparedValues:
-        return self._prepared(self._pieces[0])
+    def _single(self) -> PreparedValues:
+        return self._prepare(self._pieces[0])
 
-    def _prepared(self, piece: slice) -> PreparedValues:
+    def _prepare(self, piece: slice) -> PreparedValues:
         frames = piece.start, piece.stop
         positions = None if self._decoded is None else self._decoded(*frames)
-        return self._coder.prepared(self._track.read(*frames), positions)
+        return self._coder.prepare(self._track.read(*frames), positions)
 
 
-def coded_exactly(
+def encode_losslessly(
     coder: ExactTrackCoder,
     track: TrackSource,
     pieces: Sequence[slice],
     decoded: Callable[[int, int], Vertices] | None = None,
 ) -> CodedTrack:
-    """A track whose values come back as they are; parameters as of `StepSearch`."""
+    """Encode a track losslessly; parameters as in `StepSearch`."""
     blocks = []
     for piece in pieces:
         positions = None if decoded is None else decoded(piece.start, piece.stop)

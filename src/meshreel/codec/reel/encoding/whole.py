@@ -24,7 +24,7 @@ from meshreel.codec.reel.encoding.meters import KgMeter, Meter, StedMeter
 from meshreel.codec.reel.encoding.rate_control import least_cost
 from meshreel.codec.reel.encoding.smoothness import sampled_frames, step_share
 from meshreel.codec.reel.encoding.target_step import step_for_target
-from meshreel.codec.reel.encoding.tracks import coded_tracks
+from meshreel.codec.reel.encoding.tracks import encode_tracks
 from meshreel.codec.source import Source
 from meshreel.codec.targets import TargetKind
 from meshreel.errors import InvalidInputError, SolverError
@@ -60,7 +60,7 @@ def encode(
         If no stream meets the target.
     """
     if source.bounds:
-        source = replace(source, tracks=coded_tracks(source, progress))
+        source = replace(source, tracks=encode_tracks(source, progress))
     sequence = RateSearch(source, progress, engine)
     bound = None
     if step is None:
@@ -171,7 +171,7 @@ class RateSearch:
             return step
         coarsest = self.stream(step, bound)
         sizes = {step: following.size_bytes(coarsest)}
-        if not following.may_want_finer(coarsest, sizes[step]):
+        if not following.may_gain_from_finer(coarsest, sizes[step]):
             return step
 
         def cost(finer: float) -> float:

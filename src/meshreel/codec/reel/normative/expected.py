@@ -106,7 +106,7 @@ def expected_values(
     -------
     float64 array of shape (n, N, 3)
     """
-    if header.coding is Coding.TURNS:
+    if header.coding is Coding.ROTATIONS:
         return surface.normals(header.stored_domain, positions[frames])
     first = max(0, frames.start - 1)
     near = positions[first : frames.stop + 1]
