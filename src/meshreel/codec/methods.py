@@ -116,7 +116,7 @@ class Method(Protocol):
             Whether one block is the whole sequence, so that no other is read meanwhile.
         """
 
-    def most_modes(self, n_frames: int, n_verts: int) -> int:
+    def max_modes(self, n_frames: int, n_verts: int) -> int:
         """Return the largest number of modes of a block."""
 
     def encode(self, source: "Source", progress: "Progress", engine: "Engine | None") -> bytes:

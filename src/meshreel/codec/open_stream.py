@@ -215,7 +215,7 @@ class OpenStream:
             raise CorruptStreamError(
                 f"block {number} has {n_frames} frames; the index has {place.n_frames}"
             )
-        max_modes = self.method.most_modes(n_frames, self.n_verts)
+        max_modes = self.method.max_modes(n_frames, self.n_verts)
         if not 1 <= n_modes <= max_modes:
             raise CorruptStreamError(
                 f"a block of {n_frames} frames has {n_modes} modes; 1 to {max_modes} are allowed"

@@ -76,7 +76,7 @@ class PaperMethod:
         """Memory for encoding with blocks of this many frames, independent of the number type."""
         return PROCESS_BYTES + n_verts * (BYTES_PER_VERTEX + BYTES_PER_POSITION * block_frames)
 
-    def most_modes(self, n_frames: int, n_verts: int) -> int:
+    def max_modes(self, n_frames: int, n_verts: int) -> int:
         """Largest number of modes of a block of this many frames."""
         return n_verts if self.variant.basis is Basis.GRAPH else n_frames
 

@@ -1,4 +1,4 @@
-"""Our codec as a method of coding; encoder and decoder are imported when they are needed."""
+"""The methods `reel`, `lossless` and `grid`; encoders are imported when first used."""
 
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
@@ -26,33 +26,32 @@ if TYPE_CHECKING:
 
 Vertices = npt.NDArray[np.floating]
 
-MAX_EXACT_POSITIONS, LEAST_EXACT_FRAMES = 1 << 22, 64
-"""Of a block of `lossless`: some 2 s of decoding; but as many frames as let it learn motions."""
+MAX_EXACT_POSITIONS, MIN_EXACT_FRAMES = 1 << 22, 64
+"""Size of a block of `lossless`: at most about 2 s of decoding, but enough frames to adapt to."""
 
-MOST_FRAMES_UNCUT, MOST_POSITIONS_UNCUT = 1024, 1 << 23
-"""Sequences of more frames and more positions are cut by `reel`: of small meshes any frame is there
-soon anyway."""
+MAX_UNCUT_FRAMES, MAX_UNCUT_POSITIONS = 1024, 1 << 23
+"""`reel` cuts sequences that exceed both limits; small meshes decode quickly anyway."""
 
-FRAMES_OF_LONG = 512
-"""Most frames of a block of these."""
+MAX_CUT_FRAMES = 512
+"""Maximum number of frames of a block of a cut sequence."""
 
-PROCESS_BYTES, BYTES_OF_FRAME, BYTES_OF_PAIR = 110e6, 2e5, 200.0
-"""Memory of the program itself, of a frame (pieces of it in threads), and of two frames (their
-correlation). What these and the following come from: docs/benchmarks.md, "Large meshes"."""
+PROCESS_BYTES, BYTES_PER_FRAME, BYTES_PER_PAIR = 110e6, 2e5, 200.0
+"""Memory of the program, of a frame (its pieces in threads), and of a pair of frames (their
+correlation). Measured, like the following: docs/benchmarks.md, "Large meshes"."""
 
-BYTES_OF_VERTEX, BYTES_OF_MODE, BYTES_OF_COMPARED_MODE, MOST_MODES = 1500.0, 10.0, 50.0, 150
-"""Of what is known of a vertex, and of a mode at a vertex: more where a block is coded with and
-without reused modes. There may be more modes; a block of few frames has fewer."""
+BYTES_PER_VERTEX, BYTES_PER_MODE, BYTES_PER_COMPARED_MODE, MAX_MODES = 1500.0, 10.0, 50.0, 150
+"""Memory of a vertex, and of a mode at a vertex, which is more if a block is also tried with reused
+modes. MAX_MODES is the number assumed for long blocks."""
 
-BYTES_OF_KEPT, MOST_KEPT = 52.0, 2.8e6
-"""Of coordinates of a position, which are kept for so many, beside the position as it came."""
+BYTES_PER_CACHED, MAX_CACHED = 52.0, 2.8e6
+"""Memory of the cached coordinates of a position, in addition to the input, and their number."""
 
-LIVE_AIMS = (TargetKind.QUALITY, TargetKind.STEP, TargetKind.MAX_ERROR)
-"""Targets that can be met without knowing the frames to come."""
+LIVE_TARGETS = (TargetKind.QUALITY, TargetKind.STEP, TargetKind.MAX_ERROR)
+"""Targets that do not require later frames."""
 
 
 class ReelMethod:
-    """`reel`, as `codec.methods.Method` has it."""
+    """The method `reel`; see `codec.methods.Method`."""
 
     name = "reel"
     block_frames = None
@@ -61,65 +60,49 @@ class ReelMethod:
     is_lossless = False
 
     def check(self, config: EncoderConfig) -> None:
-        """Nothing if there is one target at most.
-
-        Raises
-        ------
-        InvalidInputError
-            If there are several.
-        """
+        """Raise InvalidInputError if there are several targets."""
         _ = config.target
 
     def check_live(self, config: EncoderConfig) -> None:
-        """Nothing if the target can be met without knowing the frames to come.
-
-        Raises
-        ------
-        InvalidInputError
-            If it cannot.
-        """
-        if config.target.kind not in LIVE_AIMS:
+        """Raise InvalidInputError if the target requires the whole sequence."""
+        if config.target.kind not in LIVE_TARGETS:
             raise InvalidInputError(
-                f"{config.target.kind.value} needs the whole sequence; for frames that come one by "
-                f"one give {', '.join(kind.value for kind in LIVE_AIMS)}"
+                f"{config.target.kind.value} needs the whole sequence; for frames added in order, "
+                f"set {', '.join(kind.value for kind in LIVE_TARGETS)}"
             )
 
     def longest_block(self, n_frames: int, n_verts: int) -> int:
-        """Frames coded together where no number of them is given, and memory allows it.
+        """Return the number of frames per block without an option or a memory limit.
 
-        As many as possible: every cut sends all fields again, but those that blocks reuse. Long
-        sequences are cut so that time and memory do not grow, and a frame is there soon.
+        Every cut repeats the fields that are not reused, so blocks are long. Long sequences are cut
+        to limit time, memory and latency.
         """
         n_blocks = -(-n_frames * n_verts // MAX_BLOCK_POSITIONS)
-        if n_frames > MOST_FRAMES_UNCUT and n_frames * n_verts > MOST_POSITIONS_UNCUT:
-            n_blocks = max(n_blocks, -(-n_frames // FRAMES_OF_LONG))
+        if n_frames > MAX_UNCUT_FRAMES and n_frames * n_verts > MAX_UNCUT_POSITIONS:
+            n_blocks = max(n_blocks, -(-n_frames // MAX_CUT_FRAMES))
         return -(-n_frames // n_blocks)
 
     def block_bytes(
         self, block_frames: int, n_verts: int, number_bytes: int, *, is_whole: bool
     ) -> float:
-        """Memory that encoding takes with blocks of so many frames.
-
-        `number_bytes` is the size of a coordinate; with a block that is the whole sequence no other
-        is read meanwhile.
-        """
-        n_positions, n_modes = block_frames * n_verts, min(3 * block_frames, MOST_MODES)
-        of_mode, n_blocks = (BYTES_OF_MODE, 1) if is_whole else (BYTES_OF_COMPARED_MODE, 2)
+        """Estimate the memory of encoding with blocks of this length."""
+        n_positions, n_modes = block_frames * n_verts, min(3 * block_frames, MAX_MODES)
+        mode_bytes, n_blocks = (BYTES_PER_MODE, 1) if is_whole else (BYTES_PER_COMPARED_MODE, 2)
         return (
             PROCESS_BYTES
-            + BYTES_OF_FRAME * block_frames
-            + BYTES_OF_PAIR * block_frames**2
-            + (BYTES_OF_VERTEX + of_mode * n_modes) * n_verts
-            + BYTES_OF_KEPT * min(n_positions, MOST_KEPT)
+            + BYTES_PER_FRAME * block_frames
+            + BYTES_PER_PAIR * block_frames**2
+            + (BYTES_PER_VERTEX + mode_bytes * n_modes) * n_verts
+            + BYTES_PER_CACHED * min(n_positions, MAX_CACHED)
             + 3 * number_bytes * n_blocks * n_positions
         )
 
-    def most_modes(self, n_frames: int, n_verts: int) -> int:
-        """Modes that a block of so many frames can have at most."""
+    def max_modes(self, n_frames: int, n_verts: int) -> int:
+        """Return the largest number of modes of a block."""
         return 3 * n_frames
 
     def encode(self, source: Source, progress: Progress, engine: Engine | None) -> bytes:
-        """The bytes of a stream of the source; raises as `whole.encode`."""
+        """Return a stream of the source; raises as `whole.encode`."""
         from meshreel.codec.reel.encoding import whole
 
         return whole.encode(source, progress, engine)
@@ -140,13 +123,13 @@ class ReelMethod:
         tracks: dict[str, Track],
         targets: TrackTargets | None,
     ) -> "BlockCoder":
-        """The coder of frames that are not all there yet; raises as `LiveCoder`."""
+        """Return the coder of frames added in order; raises as `LiveCoder`."""
         from meshreel.codec.reel.encoding.live import LiveCoder
 
         return LiveCoder(mesh, frame, first, tracks, targets)
 
     def frames(self, opened: OpenStream, n_modes: int | None) -> FrameDecoder:
-        """The decoder of a stream's frames.
+        """Return the decoder of frames.
 
         Raises
         ------
@@ -159,33 +142,33 @@ class ReelMethod:
 
 
 class LosslessMethod(ReelMethod):
-    """`lossless`: positions bit for bit, and tracks as in `reel`."""
+    """The method `lossless`; tracks are coded as in `reel`."""
 
     name = "lossless"
     is_lossless = True
 
     def check(self, config: EncoderConfig) -> None:
-        """Nothing: what it takes fits."""
+        """Accept all options."""
 
     def check_live(self, config: EncoderConfig) -> None:
-        """Nothing: every option can be used for frames that come one by one."""
+        """Accept all options."""
 
     def longest_block(self, n_frames: int, n_verts: int) -> int:
-        """Frames coded together where no number of them is given, and memory allows it.
+        """Return the number of frames per block without an option or a memory limit.
 
-        To show one frame its whole block is decoded, which takes longer than with modes; and cuts
-        cost less.
+        Showing a frame decodes its whole block, which takes longer than with modes, and cuts cost
+        fewer bytes.
         """
-        together = max(LEAST_EXACT_FRAMES, MAX_EXACT_POSITIONS // n_verts)
+        together = max(MIN_EXACT_FRAMES, MAX_EXACT_POSITIONS // n_verts)
         together = max(1, min(together, MAX_BLOCK_POSITIONS // n_verts))
         return -(-n_frames // -(-n_frames // together))
 
-    def most_modes(self, n_frames: int, n_verts: int) -> int:
-        """There are none."""
+    def max_modes(self, n_frames: int, n_verts: int) -> int:
+        """Return 0."""
         return 0
 
     def encode(self, source: Source, progress: Progress, engine: Engine | None) -> bytes:
-        """The bytes of a stream of the source; raises as `exact_positions.encode`."""
+        """Return a stream of the source; raises as `exact_positions.encode`."""
         from meshreel.codec.reel.encoding import exact_positions
 
         return exact_positions.encode(source, progress, engine)
@@ -198,7 +181,7 @@ class LosslessMethod(ReelMethod):
         tracks: dict[str, Track],
         targets: TrackTargets | None,
     ) -> "BlockCoder":
-        """The coder of frames that are not all there yet; raises as `LivePositionCoder`."""
+        """Return the coder of frames added in order; raises as `LivePositionCoder`."""
         from meshreel.codec.reel.encoding.exact_positions import LivePositionCoder
 
         return LivePositionCoder(
@@ -213,7 +196,7 @@ class LosslessMethod(ReelMethod):
         return ExactPositionCoder(mesh.faces, mesh.n_verts)
 
     def frames(self, opened: OpenStream, n_modes: int | None) -> FrameDecoder:
-        """The decoder of a stream's frames.
+        """Return the decoder of frames.
 
         Raises
         ------
@@ -221,35 +204,25 @@ class LosslessMethod(ReelMethod):
             If `n_modes` is given.
         """
         if n_modes is not None:
-            raise InvalidInputError(
-                f"a stream of method {self.name} has no modes, and every bit is decoded; leave "
-                "n_modes= out"
-            )
+            raise InvalidInputError(f"a stream of method {self.name} has no modes; omit n_modes=")
         return FrameDecoder(opened.file)
 
 
 class GridMethod(LosslessMethod):
-    """`grid`: positions rounded to a grid that keeps a promise, then bit for bit."""
+    """The method `grid`: positions rounded to a grid within an error bound, then lossless."""
 
     name = "grid"
     is_lossless = False
 
     def check(self, config: EncoderConfig) -> None:
-        """Nothing if there is a largest error.
-
-        Raises
-        ------
-        InvalidInputError
-            If there is none.
-        """
+        """Raise InvalidInputError without `max_error`."""
         if config.max_error is None:
             raise InvalidInputError(
-                f"method {self.name} rounds positions as far as a largest error allows; give "
-                "max_error="
+                f"method {self.name} rounds positions within an error bound; set max_error="
             )
 
     def encode(self, source: Source, progress: Progress, engine: Engine | None) -> bytes:
-        """The bytes of a stream of the source; raises as `grid_positions.encode`."""
+        """Return a stream of the source; raises as `grid_positions.encode`."""
         from meshreel.codec.reel.encoding import grid_positions
 
         return grid_positions.encode(source, progress, engine)

@@ -132,7 +132,7 @@ def test_frames_that_come_one_by_one_keep_the_promise_wherever_they_go():
 
 
 def test_a_grid_needs_a_largest_error():
-    with pytest.raises(InvalidInputError, match="a largest error allows; give max_error="):
+    with pytest.raises(InvalidInputError, match="within an error bound; set max_error="):
         meshreel.encode(waving_grid(2), "grid")
 
 
