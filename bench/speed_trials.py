@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 import meshreel
-from meshreel.codec.subspace.basis import expand, project
 from meshreel.codec.subspace.pca import autocorrelation
 from meshreel.codec.subspace.trajectories import bounding_frame, from_matrices, to_matrices
+from meshreel.paper.subspace.basis import expand, project
 from meshreel.runtime.threads import n_cores, one_blas_thread
 from speed_coders import Coder
 from speed_inputs import first_frames

@@ -29,7 +29,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from meshreel.codec.subspace.basis import expand, project
     from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
     from meshreel.codec.subspace.trajectories import (
         BoundingFrame,
@@ -52,6 +51,7 @@ if TYPE_CHECKING:
     )
     from meshreel.paper.reconstruction.system import ReconstructionSystem
     from meshreel.paper.stream import PaperBlock, PaperStream, read
+    from meshreel.paper.subspace.basis import expand, project
     from meshreel.paper.subspace.graph_fourier import graph_fourier_basis
     from meshreel.paper.subspace.orthogonal_iteration import (
         advance_basis,
@@ -101,7 +101,7 @@ _MODULES = {
     **dict.fromkeys(_ITERATIONS, "paper.subspace.orthogonal_iteration"),
     **dict.fromkeys(("PaperBlock", "PaperStream", "read"), "paper.stream"),
     **dict.fromkeys(("autocorrelation", "eigen_trajectories"), "codec.subspace.pca"),
-    **dict.fromkeys(("expand", "project"), "codec.subspace.basis"),
+    **dict.fromkeys(("expand", "project"), "paper.subspace.basis"),
     "METHODS": "paper.variants",
     "PaperChoices": "paper.choices",
     "ReconstructionSystem": "paper.reconstruction.system",

@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats, Integers
-from meshreel.codec.subspace.basis import expand
 from meshreel.codec.subspace.trajectories import BoundingFrame, from_matrices
 from meshreel.kernel.frames import PackedFields, frame_columns, packed_fields
+from meshreel.paper.subspace.basis import expand
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_threads
 

@@ -8,7 +8,6 @@ import numpy as np
 from meshreel.arrays import Floats, Integers
 from meshreel.codec.choices import Allocation
 from meshreel.codec.config import FINE_BITS, EncoderConfig
-from meshreel.codec.subspace.basis import expand, project
 from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.model.geometry.laplacian import delta_coordinates
 from meshreel.paper.decoded_block import FramesOf, product_frames
@@ -21,6 +20,7 @@ from meshreel.paper.quantization import (
     steps_for_each_row,
 )
 from meshreel.paper.settings import allocation_of, anchor_bits, bits_of, choices, energy_share
+from meshreel.paper.subspace.basis import expand, project
 from meshreel.paper.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
 from meshreel.paper.subspace.rank import modes_for_energy
 from meshreel.paper.variants import Basis, Decoding, Signal, Variant, variant_named

@@ -10,7 +10,6 @@ import numpy as np
 from meshreel.arrays import Floats
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
-from meshreel.codec.subspace.basis import project
 from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
 from meshreel.evaluation.runs.run import Outcome, Run
@@ -21,6 +20,7 @@ from meshreel.paper.decoder import coded_blocks
 from meshreel.paper.payloads import write_curves, write_rows
 from meshreel.paper.pipeline import Quantized
 from meshreel.paper.quantization import uniform_step
+from meshreel.paper.subspace.basis import project
 from meshreel.paper.subspace.rank import modes_for_energy
 from meshreel.paper.sweeps import BITS, BLOCK_MODES, TableSettings, equal_blocks
 from meshreel.runtime.progress import Progress

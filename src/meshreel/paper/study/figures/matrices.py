@@ -10,7 +10,6 @@ import numpy as np
 
 from meshreel.arrays import Floats
 from meshreel.codec.config import DEFAULT_ITERATIONS
-from meshreel.codec.subspace.basis import project
 from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
 from meshreel.model.geometry.laplacian import delta_coordinates, uniform_laplacian
@@ -20,6 +19,7 @@ from meshreel.paper.payloads import write_curves
 from meshreel.paper.pipeline import CodedBlock, Quantized
 from meshreel.paper.quantization import step_for_all_rows
 from meshreel.paper.study.figures.panels import Box, axes_in, blank_sheet, save_for_print, write_in
+from meshreel.paper.subspace.basis import project
 from meshreel.paper.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
 from meshreel.rendering.documents.parts import Picture
 from meshreel.rendering.plots import blank_figure
