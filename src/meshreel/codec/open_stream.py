@@ -1,6 +1,7 @@
 """An open stream and the parts that its blocks share: mesh, order, surface, time."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
 from operator import attrgetter
@@ -12,9 +13,8 @@ from meshreel.arrays import Integers
 from meshreel.codec.bitstream.container import read_block_counts
 from meshreel.codec.bitstream.layout import SURFACE_SECTIONS, Section
 from meshreel.codec.choices import Laplacian, Order
-from meshreel.codec.memory import DEFAULT_LIMIT, MemoryLimit
+from meshreel.codec.memory import DEFAULT_LIMIT, UNLIMITED, MemoryLimit
 from meshreel.codec.methods import method_of_code
-from meshreel.codec.stored_blocks import StoredBlock
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.codec.surface.decoded import decoded_surface
 from meshreel.errors import CorruptStreamError, InvalidInputError, UnsupportedVersionError
@@ -26,6 +26,26 @@ CodedChoice = TypeVar("CodedChoice", bound=IntEnum)
 
 MODE_BYTES = 48
 """Memory of a value of a mode of the paper's methods during decoding: three axes."""
+
+
+@dataclass(frozen=True)
+class StoredBlock:
+    """Sections of one track in a block, with the number of its first frame."""
+
+    start: int
+    n_frames: int
+    n_modes: int
+    sections: dict[Section, bytes]
+    limit: MemoryLimit = UNLIMITED
+
+    def payload(self, section: Section) -> bytes:
+        """Return the payload of a section; raises CorruptStreamError if it is missing."""
+        if section not in self.sections:
+            raise CorruptStreamError(
+                f"the block of frames {self.start}..{self.start + self.n_frames - 1} has no "
+                f"section {section.name}"
+            )
+        return self.sections[section]
 
 
 class OpenStream:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 
 from meshreel.codec.bitstream.container import write_block_counts
 from meshreel.codec.bitstream.layout import Section
-from meshreel.codec.stored_blocks import StoredBlock
+from meshreel.codec.open_stream import StoredBlock
 from meshreel.errors import CorruptStreamError
 from meshreel.paper import payloads
 from meshreel.paper.mesh_model import MeshModel

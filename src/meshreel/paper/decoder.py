@@ -10,8 +10,7 @@ import numpy.typing as npt
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.choices import Laplacian
 from meshreel.codec.entropy.exact import decode_exact
-from meshreel.codec.open_stream import OpenStream, whole_stream
-from meshreel.codec.stored_blocks import StoredBlock
+from meshreel.codec.open_stream import OpenStream, StoredBlock, whole_stream
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.integers import encode_integers
 from meshreel.paper.blocks import Dictionaries, read_coded_block

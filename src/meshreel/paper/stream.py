@@ -11,8 +11,8 @@ from scipy.sparse import csr_array
 
 from meshreel.arrays import Floats, Integers
 from meshreel.codec.connectivity.order import inverse_permutation
+from meshreel.codec.open_stream import StoredBlock
 from meshreel.codec.option import COUNT
-from meshreel.codec.stored_blocks import StoredBlock
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.model.sequence import Faces

@@ -3,7 +3,7 @@ import pytest
 
 from meshreel.codec.bitstream.container import write_varint
 from meshreel.codec.bitstream.layout import Section
-from meshreel.codec.stored_blocks import StoredBlock
+from meshreel.codec.open_stream import StoredBlock
 from meshreel.errors import CorruptStreamError, TruncatedStreamError
 from meshreel.kernel.integers import decode_integers, encode_integers
 from meshreel.paper import payloads

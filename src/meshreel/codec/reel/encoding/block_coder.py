@@ -12,6 +12,7 @@ import numpy.typing as npt
 from meshreel.codec.bitstream.container import read_block_counts
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.corrections import Corrections
+from meshreel.codec.open_stream import StoredBlock
 from meshreel.codec.reel.encoding.analysis import (
     AnalyzedFields,
     FieldChoices,
@@ -24,7 +25,6 @@ from meshreel.codec.reel.normative.blocks import layout_of, read_field_block, wr
 from meshreel.codec.reel.normative.fields import FieldBlock, KeyFields
 from meshreel.codec.reel.normative.mesh import Connectivity, FieldMesh, shared_field_mesh
 from meshreel.codec.source import CodedMesh, Piece
-from meshreel.codec.stored_blocks import StoredBlock
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.runtime.threads import chunks, in_threads, one_blas_thread
 

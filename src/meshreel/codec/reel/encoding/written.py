@@ -10,6 +10,7 @@ from meshreel.codec.bitstream.container import read_block_counts
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.corrections import corrections_by_frame
+from meshreel.codec.open_stream import StoredBlock
 from meshreel.codec.reel.normative.blocks import (
     POSITION_COLUMNS,
     layout_of,
@@ -18,7 +19,6 @@ from meshreel.codec.reel.normative.blocks import (
 )
 from meshreel.codec.reel.normative.fields import KeyFields, decode_basis
 from meshreel.codec.reel.normative.mesh import FieldMesh
-from meshreel.codec.stored_blocks import StoredBlock
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.kernel.frames import JointFrames
 from meshreel.runtime.threads import chunks, in_threads, n_cores

@@ -13,11 +13,11 @@ from meshreel.arrays import Floats
 from meshreel.codec.bitstream.container import write_block_counts, write_varint
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.corrections import Corrections
+from meshreel.codec.open_stream import StoredBlock
 from meshreel.codec.reel.normative import payloads
 from meshreel.codec.reel.normative.fields import FieldBlock, KeyFields, Layout, decoded_values
 from meshreel.codec.reel.normative.grid import write_step
 from meshreel.codec.reel.normative.mesh import FieldMesh
-from meshreel.codec.stored_blocks import StoredBlock
 from meshreel.errors import CorruptStreamError
 from meshreel.kernel.basis import MAX_COSINES
 from meshreel.kernel.exact import encode_exact

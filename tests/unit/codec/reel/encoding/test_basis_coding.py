@@ -5,6 +5,7 @@ import pytest
 
 import meshreel
 from meshreel.codec.bitstream.layout import Section
+from meshreel.codec.open_stream import StoredBlock
 from meshreel.codec.reel.encoding import basis_coding
 from meshreel.codec.reel.encoding.basis_coding import (
     MIN_ADAPTIVE_FRAMES,
@@ -13,7 +14,6 @@ from meshreel.codec.reel.encoding.basis_coding import (
 from meshreel.codec.reel.normative.blocks import layout_of
 from meshreel.codec.reel.normative.fields import Layout
 from meshreel.codec.reel.normative.payloads import read_layout, write_layout
-from meshreel.codec.stored_blocks import StoredBlock
 from meshreel.errors import CorruptStreamError
 from meshreel.kernel.basis import BY_TIMES, MAX_COSINES, BasisCoding, basis_vectors, encode_basis
 from samples.meshes import waving_grid
