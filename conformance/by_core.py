@@ -4,8 +4,7 @@ import numpy as np
 
 from conformance.container import Container, Header
 from conformance.reader import Reel
-from meshreel.codec.bitstream.layout import Section
-from meshreel.codec.choices import Laplacian
+from meshreel.codec.bitstream.layout import Laplacian, Section
 from meshreel.codec.decoder import decode
 from meshreel.codec.entropy.exact import decode_exact
 from meshreel.codec.methods import METHOD_NAMES

@@ -8,10 +8,11 @@ from bisect import bisect_right
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 from difflib import get_close_matches
+from enum import Enum
 from functools import cache, cached_property
 from typing import Annotated, Any
 
-from meshreel.codec.choices import Allocation, Laplacian, Order, Tune
+from meshreel.codec.bitstream.layout import Laplacian, Order
 from meshreel.codec.error_bounds import METERS, bound_of
 from meshreel.codec.memory import bytes_of
 from meshreel.codec.methods import METHOD_NAMES, Method, method_named
@@ -55,6 +56,20 @@ DEFAULT_ENERGY, DEFAULT_ANCHORS, DEFAULT_ITERATIONS = 0.99995, 0.01, 4
 
 MAX_BLOCK_POSITIONS = 1 << 28
 """Most positions of a block if `block_frames` is not given."""
+
+
+class Tune(Enum):
+    """Error measure that the encoder optimizes."""
+
+    VISUAL = "visual"
+    GEOMETRY = "geometry"
+
+
+class Allocation(Enum):
+    """Distribution of bits over the rows of coefficients."""
+
+    ENERGY = "energy"
+    CONSTANT = "constant"
 
 
 @dataclass(frozen=True)

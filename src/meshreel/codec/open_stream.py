@@ -11,8 +11,7 @@ import numpy as np
 
 from meshreel.arrays import Integers
 from meshreel.codec.bitstream.container import read_block_counts
-from meshreel.codec.bitstream.layout import SURFACE_SECTIONS, Section
-from meshreel.codec.choices import Laplacian, Order
+from meshreel.codec.bitstream.layout import SURFACE_SECTIONS, Laplacian, Order, Section
 from meshreel.codec.memory import DEFAULT_LIMIT, UNLIMITED, MemoryLimit
 from meshreel.codec.methods import method_of_code
 from meshreel.codec.subspace.trajectories import BoundingFrame

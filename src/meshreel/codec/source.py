@@ -11,8 +11,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Integers
 from meshreel.codec.bitstream.container import Header, Sections, whole_stream
-from meshreel.codec.bitstream.layout import Section, VertexType
-from meshreel.codec.choices import Order
+from meshreel.codec.bitstream.layout import Order, Section, VertexType
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.connectivity.coder import CodedConnectivity, encode_connectivity
 from meshreel.codec.connectivity.order import inverse_permutation

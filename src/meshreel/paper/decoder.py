@@ -7,8 +7,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.bitstream.layout import Section
-from meshreel.codec.choices import Laplacian
+from meshreel.codec.bitstream.layout import Laplacian, Section
 from meshreel.codec.entropy.exact import decode_exact
 from meshreel.codec.open_stream import OpenStream, StoredBlock, whole_stream
 from meshreel.errors import InvalidInputError

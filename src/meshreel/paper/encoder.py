@@ -8,8 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.bitstream.container import Sections
-from meshreel.codec.bitstream.layout import Section
-from meshreel.codec.choices import Laplacian
+from meshreel.codec.bitstream.layout import Laplacian, Section
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.entropy.exact import encode_exact

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from meshreel.arrays import Floats, Integers
-from meshreel.codec.choices import Laplacian
+from meshreel.codec.bitstream.layout import Laplacian
 from meshreel.model.geometry.connectivity import isolated_vertices
 from meshreel.model.geometry.laplacian import cotangent_laplacian, uniform_laplacian
 from meshreel.model.sequence import Faces

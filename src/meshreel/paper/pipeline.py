@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from meshreel.arrays import Floats, Integers
-from meshreel.codec.choices import Allocation
-from meshreel.codec.config import FINE_BITS, EncoderConfig
+from meshreel.codec.config import FINE_BITS, Allocation, EncoderConfig
 from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.model.geometry.laplacian import delta_coordinates
 from meshreel.paper.decoded_block import FramesOf, product_frames

@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 
-from meshreel.codec.choices import Allocation
 from meshreel.codec.config import (
     BITS_RANGE,
     DEFAULT_ANCHORS,
     DEFAULT_ENERGY,
     FINE_BITS,
+    Allocation,
     EncoderConfig,
 )
 from meshreel.errors import InvalidInputError

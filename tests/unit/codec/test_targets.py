@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.codec.choices import Tune
+from meshreel.codec.config import Tune
 from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.reel.encoding.effort import (
     DEFAULT_QUALITY_STEP,

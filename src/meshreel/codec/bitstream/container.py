@@ -120,9 +120,9 @@ class Header:
     method : int
         Code of the method (`codec.methods`).
     laplacian : int
-        Code of the Laplacian (`codec.choices`).
+        A `layout.Laplacian`.
     order : int
-        Code of the kept order of vertices and faces (`codec.choices`).
+        A `layout.Order`.
     origin : tuple of 3 floats
         Center of the model, in model units.
     scale : float

@@ -57,6 +57,22 @@ SURFACE_SECTIONS = (
 )
 
 
+class Laplacian(IntEnum):
+    """Laplacian matrix of the delta coordinates."""
+
+    NORMALIZED = 0
+    COMBINATORIAL = 1
+    COTANGENT = 2
+
+
+class Order(IntEnum):
+    """Which part of the given order of vertices and faces to keep."""
+
+    KEEP = 0
+    VERTICES = 1
+    DROP = 2
+
+
 class VertexType(IntEnum):
     """Number type of the positions, by its size in bytes."""
 

@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.bitstream.container import write_text, write_varint
-from meshreel.codec.bitstream.layout import Section
-from meshreel.codec.choices import Order
+from meshreel.codec.bitstream.layout import Order, Section
 from meshreel.codec.connectivity.order import inverse_permutation, matching_corners
 from meshreel.codec.entropy.tables import encode_grid_table, encode_table
 from meshreel.codec.surface.codes import DOMAINS, KINDS

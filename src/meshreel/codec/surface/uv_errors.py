@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshreel.codec.choices import Order
+from meshreel.codec.bitstream.layout import Order
 from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.open_stream import OpenStream, whole_stream
 from meshreel.codec.surface.payloads import surface_in_order

@@ -7,8 +7,7 @@ import meshreel
 from conformance.bits import DamagedError
 from conformance.surface import Polygons, read_hard_edges
 from meshreel.codec.bitstream.container import write_text, write_varint
-from meshreel.codec.bitstream.layout import SURFACE_SECTIONS, Section
-from meshreel.codec.choices import Order
+from meshreel.codec.bitstream.layout import SURFACE_SECTIONS, Order, Section
 from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.surface.materials import write_material
 from meshreel.codec.surface.payloads import (

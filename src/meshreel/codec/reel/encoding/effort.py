@@ -3,8 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from meshreel.codec.choices import Tune
-from meshreel.codec.config import DEFAULT_EFFORT, EncoderConfig
+from meshreel.codec.config import DEFAULT_EFFORT, EncoderConfig, Tune
 from meshreel.codec.reel.encoding.analysis import FieldChoices
 from meshreel.codec.reel.encoding.block_frames import LARGEST_INTEGER
 from meshreel.codec.targets import DEFAULT_QUALITY, Target, TargetKind

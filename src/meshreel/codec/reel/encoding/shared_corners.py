@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.choices import Order
+from meshreel.codec.bitstream.layout import Order
 from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.corner_rows import (
     CornerRows,

@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from meshreel.codec.choices import Order
+from meshreel.codec.bitstream.layout import Order
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.reel.encoding.corrections import check_promise
 from meshreel.codec.reel.encoding.effort import STEPS_OF_BOUND, checked_step, quality_step

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.bitstream.layout import Section
-from meshreel.codec.choices import Order, Tune
-from meshreel.codec.config import DEFAULT_EFFORT
+from meshreel.codec.bitstream.layout import Order, Section
+from meshreel.codec.config import DEFAULT_EFFORT, Tune
 from meshreel.codec.reel.encoding.block_coder import (
     FieldBlockCoder,
     FieldFrames,
