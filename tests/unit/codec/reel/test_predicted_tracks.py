@@ -312,7 +312,7 @@ def test_the_fit_is_the_same_when_vertices_are_taken_in_pieces(monkeypatch):
     velocities[2, 7] = np.nan
     found = []
     for at_once in (1 << 18, 40):
-        monkeypatch.setattr(track_residuals, "VALUES_AT_ONCE", at_once)
+        monkeypatch.setattr(track_residuals, "MAX_VALUES_PER_TASK", at_once)
         fit = track_residuals.DifferenceFit()
         fit.add(velocities, positions)
         found.append(fit.best())
