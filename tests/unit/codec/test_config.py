@@ -93,13 +93,13 @@ TARGETS = {
         ({"method": "gft", "allocation": "constant"}, "gft has one step"),
     ],
 )
-def test_config_says_what_is_allowed_when_an_option_is_wrong(options, message):
+def test_config_reports_allowed_values_of_an_option(options, message):
     with pytest.raises(InvalidInputError, match=message):
         EncoderConfig(**options)
 
 
 @pytest.mark.parametrize("n_frames", [1, 2, 1000, 1001])
-def test_reel_cuts_into_equal_blocks_within_memory_when_none_is_asked_for(n_frames):
+def test_reel_cuts_into_equal_blocks_within_memory_by_default(n_frames):
     n_verts = MAX_BLOCK_POSITIONS // 300
     size = EncoderConfig().frames_in_block(n_frames, n_verts, 4)
     assert size * n_verts <= MAX_BLOCK_POSITIONS

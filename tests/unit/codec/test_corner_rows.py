@@ -1,4 +1,4 @@
-"""Rows of corners that share values: numbered, written, and refused where they are damaged."""
+"""Numbering and coding of rows of corners that share values."""
 
 from dataclasses import replace
 
@@ -20,7 +20,7 @@ from samples.streams import Stream, parts_of, raw_stream, track_header
 VERTICES = np.array([2, 0, 2, 0, 2, 3, 2])
 GROUPS = np.array([0, 1, 2, 1, 0, 3, 2])
 ROWS = [2, 0, 4, 0, 2, 3, 4]
-"""Corners of vertices 0, 2 and 3 of four; those of vertex 2 are of two groups."""
+"""Corners of vertices 0, 2 and 3 of four; those of vertex 2 form two groups."""
 
 
 def test_first_corners_have_the_rows_of_their_vertices_and_others_follow():
@@ -29,7 +29,7 @@ def test_first_corners_have_the_rows_of_their_vertices_and_others_follow():
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_rows_come_back_when_written(seed):
+def test_rows_round_trip(seed):
     rng = np.random.default_rng(seed)
     n_verts = int(rng.integers(1, 40))
     vertices = rng.integers(0, n_verts, rng.integers(1, 300))
@@ -48,7 +48,7 @@ def coded(flags, codes, n_stored=None):
     return write_varint(n_stored) + encode_integers([np.array(flags), np.array(codes, int)])
 
 
-def test_codes_name_the_corner_that_has_the_row_before():
+def test_codes_refer_to_the_previous_corner_of_the_row():
     assert write_corner_rows(numbered_rows(GROUPS, VERTICES, 4), VERTICES, 4) == coded(
         [0, 0, 1, 0], [1, 2, 2]
     )
@@ -64,7 +64,7 @@ def test_rows_are_few_bytes_when_a_vertex_has_very_many_corners():
 
 @pytest.fixture(scope="module")
 def seam():
-    """A stream with a track of corners that has a seam: its parts, and the header of the track."""
+    """Parts of a stream with a track of corners with a seam, and the track's header."""
     grid = waving_grid(2, 3, 3)
     is_right = grid.faces.max(axis=1) == grid.faces.max()
     values = (grid.faces + 100.0 * is_right[:, None]).reshape(1, -1, 1).repeat(2, axis=0)
@@ -77,7 +77,7 @@ def seam():
 
 
 def other(numbers, place, number):
-    """The numbers with another one in a place."""
+    """Replace a number."""
     return [*numbers[:place], number, *numbers[place + 1 :]]
 
 

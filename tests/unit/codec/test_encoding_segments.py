@@ -49,7 +49,7 @@ def test_bound_is_relative_to_the_box_of_all_segments(sequence):
     assert meshreel.info(data).max_error_percent == pytest.approx(0.2)
 
 
-def test_lossless_keeps_every_bit_of_all_segments(sequence):
+def test_all_segments_are_lossless(sequence):
     for segment, segment_hat in decoded_pairs(sequence, meshreel.encode(sequence, lossless=True)):
         np.testing.assert_array_equal(segment_hat.vertices, segment.vertices)
 
@@ -59,7 +59,7 @@ def test_size_limits_the_bytes_of_all_segments(sequence):
     assert 0.9 * limit < len(meshreel.encode(sequence, size=limit)) <= limit
 
 
-def test_kg_error_limits_that_of_all_frames(sequence):
+def test_kg_error_of_all_frames_meets_the_target(sequence):
     pairs = decoded_pairs(sequence, meshreel.encode(sequence, kg=0.5))
     error = sum(np.square(two.vertices - one.vertices, dtype=float).sum() for one, two in pairs)
     spread = sum(
@@ -89,7 +89,7 @@ def test_bounds_of_tracks_are_shares_of_their_range_in_all_segments():
     assert pairs[2][1].tracks == {}
 
 
-def test_names_that_no_segment_has_are_refused(sequence):
+def test_unknown_names_of_tracks_are_refused(sequence):
     with pytest.raises(InvalidInputError, match="no attribute or group 'skin'"):
         meshreel.encode(sequence, attributes="skin")
     with pytest.raises(InvalidInputError, match="heat"):

@@ -1,4 +1,4 @@
-"""A largest error as people write it."""
+"""Parsing of error bounds."""
 
 import pytest
 
@@ -7,7 +7,7 @@ from meshreel.errors import InvalidInputError
 
 
 @pytest.mark.parametrize("given", [0.1, "0.1", "0.1%", " .1 % ", "1e-1"])
-def test_bound_is_percent_of_the_diagonal_when_no_unit_is_written(given):
+def test_bound_without_a_unit_is_percent_of_the_diagonal(given):
     assert bound_of(given) == ErrorBound(0.1)
     assert bound_of(given).percent(7.0) == 0.1
     assert bound_of(given).share(7.0) == 0.1 / 100
@@ -32,14 +32,14 @@ def test_bound_is_a_share_of_the_diagonal_when_it_is_in_model_units():
         ("1km", "m", 1000.0),
     ],
 )
-def test_length_is_in_model_units_when_the_unit_of_the_model_is_told(given, unit, in_units):
+def test_length_is_converted_when_the_unit_of_the_model_is_known(given, unit, in_units):
     bound = bound_of(given, unit)
     assert bound.is_length
     assert bound.amount == pytest.approx(in_units, rel=1e-15)
 
 
 @pytest.mark.parametrize("given", [0.1, "0.1%", "0.5u", "3e-7u"])
-def test_plain_form_means_the_same_when_it_is_read_again(given):
+def test_canonical_form_is_parsed_to_the_same_bound(given):
     assert bound_of(bound_of(given).plain) == bound_of(given)
 
 
@@ -61,6 +61,6 @@ def test_plain_form_means_the_same_when_it_is_read_again(given):
         (0.1, "mm", "unit= has no effect on 0.1"),
     ],
 )
-def test_bound_is_refused_when_it_says_nothing_definite(given, unit, message):
+def test_ambiguous_bound_is_refused(given, unit, message):
     with pytest.raises(InvalidInputError, match=message):
         bound_of(given, unit)

@@ -1,4 +1,4 @@
-"""Decoding that stops after some modes."""
+"""Decoding with a limited number of modes."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from meshreel.model.sequence import MeshSequence
 from samples.meshes import irregular_sequence, kg_error_percent, waving_grid
 
 AT_REST = 16
-"""Modes whose means over a block are part of every preview."""
+"""Number of modes whose means over a block every preview contains."""
 
 SEQUENCES = {"grid": waving_grid(20, dtype=np.float64), "irregular": irregular_sequence(20)}
 
@@ -22,7 +22,7 @@ def sequence(request):
 
 
 @pytest.mark.parametrize("more", [0, 1, 10**9])
-def test_all_modes_give_the_whole_stream_when_they_are_asked_for(sequence, more):
+def test_all_modes_decode_the_whole_stream(sequence, more):
     data = encode(sequence, step=3e-4)
     (n_modes,) = info(data).n_modes
     assert n_modes > 4
@@ -44,8 +44,8 @@ def test_error_falls_with_every_mode_when_the_step_is_fine(sequence):
 
 
 @pytest.mark.parametrize("n_modes", [1, 2, 3, 5])
-def test_error_is_at_most_what_so_many_modes_leave_out_when_others_rest(sequence, n_modes):
-    """The error is at most that of the leading singular vectors: the mean of the others is kept."""
+def test_error_is_at_most_that_of_the_truncated_basis(sequence, n_modes):
+    """The error is at most that of the leading singular vectors: means of others are kept."""
     data = encode(sequence, step=1e-6)
     decoded = decode(data, n_modes=n_modes).vertices
     low, high = (pick(sequence.vertices, axis=(0, 1)) for pick in (np.min, np.max))
@@ -77,7 +77,7 @@ def test_movement_is_of_one_rank_for_each_axis_when_one_mode_moves(sequence):
         assert strengths[1] <= 1e-5 * max(strengths[0], 1)
 
 
-def test_every_block_stops_after_so_many_modes_when_there_are_several():
+def test_every_block_is_limited_to_a_number_of_modes():
     sequence = waving_grid(20, dtype=np.float64)
     data = encode(sequence, step=1e-4, block_frames=7)
     assert len(info(data).n_modes) == 3
@@ -99,7 +99,7 @@ def test_part_equals_that_of_the_whole_when_modes_are_left_out(sequence, frames)
 
 
 @pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
-def test_vertices_come_out_as_of_the_whole_stream_whatever_the_order(order):
+def test_vertices_equal_those_of_the_whole_stream_in_every_order(order):
     grid = waving_grid(10, dtype=np.float64)
     shuffled = np.random.default_rng(1).permutation(grid.n_verts)
     sequence = MeshSequence(grid.vertices[:, np.argsort(shuffled)], shuffled[grid.faces])
@@ -127,7 +127,7 @@ def test_corrections_are_left_out_when_modes_are_counted():
 
 
 @pytest.mark.parametrize("n_modes", [0, -1, 2.5])
-def test_decoding_refuses_when_the_number_of_modes_is_none(n_modes):
+def test_decoding_refuses_an_invalid_number_of_modes(n_modes):
     with pytest.raises(InvalidInputError, match="n_modes must be a whole number of at least 1"):
         decode(encode(waving_grid(3)), n_modes=n_modes)
 

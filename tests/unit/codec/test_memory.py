@@ -1,4 +1,4 @@
-"""Sizes in bytes as people write them."""
+"""Parsing of sizes in bytes."""
 
 import pytest
 
@@ -20,12 +20,12 @@ from meshreel.errors import InvalidInputError
         ("12B", 12),
     ],
 )
-def test_bytes_are_what_a_size_says_when_it_is_one(given, expected):
+def test_sizes_are_parsed_to_bytes(given, expected):
     assert bytes_of(given, "size") == expected
 
 
 @pytest.mark.parametrize("given", ["", "kB", "100 apples", "-5kB", "1..2", "nan", "0x10", "10k"])
-def test_text_is_refused_when_it_is_no_size(given):
+def test_text_is_refused_when_it_is_not_a_size(given):
     with pytest.raises(InvalidInputError, match="size= takes a size such as 100kB or 1GiB"):
         bytes_of(given, "size")
 

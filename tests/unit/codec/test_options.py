@@ -1,4 +1,4 @@
-"""The table of options, and that what is made from it agrees with it."""
+"""The table of options agrees with everything derived from it."""
 
 import inspect
 import math
@@ -28,7 +28,7 @@ from samples.meshes import waving_grid
 
 OPTIONS = {option.name: option for option in all_options()}
 OTHERS = {"sequence", "attributes", "tracks", "progress", "engine"}
-"""Parameters of `encode` that are no options of coding."""
+"""Parameters of `encode` that are not encoding options."""
 
 IN_WORDS = {
     Range(0, is_open=True): "above 0",
@@ -50,7 +50,7 @@ NEVER: list[Any] = [math.nan, math.inf, -math.inf, "5", b"5", None, [5], {}]
 
 
 @pytest.mark.parametrize("allowed", ALLOWED, ids=str)
-def test_range_takes_what_is_inside_and_nothing_else(allowed):
+def test_range_accepts_only_values_inside(allowed):
     inside, outside = ALLOWED[allowed]
     for number in inside:
         allowed.check(number, "it")
@@ -65,7 +65,7 @@ def test_names_of_options_are_distinct_in_python_and_on_the_command_line():
 
 
 @pytest.mark.parametrize("name", OPTIONS)
-def test_option_takes_its_default_and_says_what_it_is(name):
+def test_option_accepts_its_default_and_describes_it(name):
     option = OPTIONS[name]
     option.check(option.default)
     assert option.help.endswith(".")
@@ -82,7 +82,7 @@ def test_config_refuses_what_the_table_does_not_allow(name):
 
 @pytest.mark.parametrize("name", OPTIONS)
 @pytest.mark.parametrize("method", METHOD_NAMES)
-def test_option_is_refused_by_methods_that_do_not_take_it(method, name):
+def test_option_is_refused_by_methods_without_it(method, name):
     option = OPTIONS[name]
     value = 0.5 if option.range is None else max(option.range.low, 1)
     given = next((one for one in option.names if one != option.default), value)
@@ -94,7 +94,7 @@ def test_option_is_refused_by_methods_that_do_not_take_it(method, name):
         EncoderConfig(method, **{name: given})
 
 
-def test_every_option_is_taken_by_some_method():
+def test_every_option_is_supported_by_a_method():
     assert all(set(option.methods) & set(METHOD_NAMES) for option in all_options())
     assert all(set(option.methods) <= set(METHOD_NAMES) for option in all_options())
 
@@ -119,7 +119,7 @@ def test_config_has_the_options_of_the_table():
 
 
 @pytest.mark.parametrize("name", OPTIONS)
-def test_encode_hands_every_option_on(name):
+def test_encode_passes_every_option_on(name):
     option = OPTIONS[name]
     with pytest.raises(InvalidInputError, match=rf"\b{name}\b"):
         encode(waving_grid(1), **{name: "none of them" if option.names else -1})
@@ -136,17 +136,17 @@ def test_unknown_option_is_refused_with_the_nearest(name, advice):
         assert advice in str(refused.value)
 
 
-def test_names_are_taken_when_they_are_known():
+def test_known_names_are_accepted():
     check_names(["kg", "order"], OPTIONS)
 
 
-def test_ranges_are_those_of_what_they_choose():
+def test_ranges_agree_with_the_enumerations():
     assert set(EFFORTS) == set(range(int(EFFORT_RANGE.low), int(EFFORT_RANGE.high) + 1))
     assert UV_BITS_RANGE.high == MAX_GRID_BITS
 
 
-def test_table_is_made_without_numerics():
-    """The command line shows its help before it needs any."""
+def test_table_is_built_without_importing_numpy():
+    """The command line shows its help without importing numerics."""
     code = (
         "import sys; from meshreel.codec.config import all_options; all_options(); "
         "print(*{'numpy', 'scipy', 'DracoPy'} & set(sys.modules))"
@@ -157,7 +157,7 @@ def test_table_is_made_without_numerics():
 
 @dataclass(frozen=True)
 class Baking:
-    """Options of a function that is not of this package."""
+    """Options of a function outside this package."""
 
     heat: Annotated[float | None, Option("How hot, see {grill_mode}.", unit="in kelvin")] = None
     grill_mode: Annotated[str, Option("Which.", names=("top", "all"), flag="--grill")] = "top"
@@ -207,5 +207,5 @@ def test_function_takes_fields_as_keywords_and_describes_them():
 
 
 @pytest.mark.parametrize("allowed", IN_WORDS, ids=repr)
-def test_range_says_what_it_allows(allowed):
+def test_range_describes_allowed_values(allowed):
     assert str(allowed) == IN_WORDS[allowed]

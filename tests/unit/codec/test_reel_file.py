@@ -1,4 +1,4 @@
-"""Frames of a file, one by one, in parts and in turn."""
+"""Random and sequential access to frames of a file."""
 
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -26,7 +26,7 @@ WHOLE = {method: decode(data) for method, data in STREAMS.items()}
 
 
 def assert_nearly_equal(found, expected):
-    """A product of other frames with it may round a frame otherwise in its last bits."""
+    """Decoding a frame together with others may round its last bits differently."""
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * np.abs(expected).max(initial=0))
 
 
@@ -41,7 +41,7 @@ def reel(method):
         yield opened
 
 
-def test_any_frame_is_that_of_the_whole_when_frames_are_asked_for_in_any_order(reel, method):
+def test_frames_in_any_order_equal_those_of_the_whole(reel, method):
     for number in (22, 0, 13, 13, 4, -1, 7):
         assert_nearly_equal(reel[number], WHOLE[method].vertices[number])
 
@@ -67,7 +67,7 @@ def test_facts_are_known_when_nothing_is_decoded(reel, method, monkeypatch):
     assert reel.info() == info(STREAMS[method])
 
 
-def test_only_blocks_that_are_needed_are_read_when_frames_are_asked_for():
+def test_only_needed_blocks_are_read():
     class File(BytesIO):
         def fetch(self, start, stop):
             fetched.append(start)
@@ -84,7 +84,7 @@ def test_only_blocks_that_are_needed_are_read_when_frames_are_asked_for():
         assert fetched == needed
 
 
-def test_frames_up_to_the_cut_are_there_when_the_file_is_cut(method):
+def test_frames_before_the_cut_of_a_file_are_decoded(method):
     for number, groups in enumerate(Stream(STREAMS[method]).groups[1:], start=1):
         with ReelFile(BytesIO(STREAMS[method][: groups[-1][1] - 1])) as reel:
             assert not reel.is_whole
@@ -92,20 +92,20 @@ def test_frames_up_to_the_cut_are_there_when_the_file_is_cut(method):
             assert_nearly_equal(reel[:], WHOLE[method].vertices[: 4 * number])
 
 
-def test_frames_are_refused_when_they_are_not_there(reel):
+def test_missing_frames_are_refused(reel):
     with pytest.raises(IndexError, match="no frame 23; there are 23"):
         reel[23]
     with pytest.raises(InvalidInputError, match="frames 3:24 are not in the file"):
         reel.read(3, 24)
 
 
-def test_a_coarser_animation_comes_when_modes_are_limited():
+def test_limited_modes_give_a_coarser_animation():
     data = encode(waving_grid(), step=0.001)
     with ReelFile(BytesIO(data), n_modes=1) as reel:
         np.testing.assert_array_equal(reel[:], decode(data, n_modes=1).vertices)
 
 
-def test_damage_is_told_when_a_damaged_block_is_asked_for(method):
+def test_damage_is_reported_when_a_damaged_block_is_read(method):
     data = bytearray(STREAMS[method])
     data[Stream(STREAMS[method]).groups[2][-1][1] - 1] ^= 1
     with ReelFile(BytesIO(bytes(data))) as reel:
@@ -131,7 +131,7 @@ def test_a_file_is_closed_when_it_was_used_in_a_with_statement(tmp_path):
 
 
 @pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
-def test_order_is_what_it_was_encoded_with_when_it_is_asked_for(order):
+def test_order_is_that_of_the_encoder(order):
     grid = waving_grid(2)
     faces = np.random.default_rng(1).permutation(grid.faces)
     shuffled = meshreel.MeshSequence(grid.vertices, faces)
@@ -140,13 +140,13 @@ def test_order_is_what_it_was_encoded_with_when_it_is_asked_for(order):
 
 
 @pytest.mark.parametrize("place", [0, 3, 6])
-def test_reading_gives_no_frames_when_none_are_asked_for(place):
+def test_empty_range_gives_no_frames(place):
     with ReelFile(BytesIO(encode(waving_grid(6), block_frames=3))) as reel:
         assert reel.read(place, place).shape == (0, 99, 3)
 
 
 class Paused(BytesIO):
-    """A file whose next seek, once it is armed, lets another thread read before it goes on."""
+    """A file whose next seek, once armed, waits for another thread to read."""
 
     armed = False
 
@@ -159,7 +159,7 @@ class Paused(BytesIO):
         if self.armed:
             self.armed = False
             self.is_paused.set()
-            self.may_go_on.wait(0.2)  # a reader that waits for this one cannot say so
+            self.may_go_on.wait(0.2)  # times out if the other reader waits for this one
         return found
 
 

@@ -1,4 +1,4 @@
-"""Encoding and decoding together: whole streams of small meshes."""
+"""Round trips of small meshes."""
 
 import numpy as np
 import pytest
@@ -12,10 +12,10 @@ from meshreel.model.sequence import MeshSequence
 from samples.meshes import irregular_sequence, kg_error_percent, waving_grid
 
 DEFAULT_KG = 0.5
-"""Percent that the default quality stays below here."""
+"""Upper limit, in percent, of errors of the default quality."""
 
 
-def test_sequence_comes_back_when_it_is_encoded_and_decoded():
+def test_sequence_round_trips():
     sequence = waving_grid()
     data = encode(sequence)
     assert info(data).method == "reel"
@@ -26,7 +26,7 @@ def test_sequence_comes_back_when_it_is_encoded_and_decoded():
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_number_type_comes_back_when_decoded(dtype):
+def test_number_type_round_trips(dtype):
     assert decode(encode(waving_grid(dtype=dtype))).vertices.dtype == dtype
 
 
@@ -35,13 +35,13 @@ def test_bytes_are_the_same_when_encoded_twice():
 
 
 @pytest.mark.parametrize("order", ["keep", "vertices"])
-def test_vertices_come_back_in_order_when_it_is_kept(order):
+def test_vertices_keep_their_order(order):
     sequence = irregular_sequence()
     decoded = decode(encode(sequence, step=1e-5, order=order))
     assert kg_error_percent(sequence.vertices, decoded.vertices) < 0.02
 
 
-def test_faces_come_back_exactly_when_the_order_is_kept():
+def test_faces_are_lossless_when_the_order_is_kept():
     sequence = irregular_sequence()
     np.testing.assert_array_equal(decode(encode(sequence)).faces, sequence.faces)
 
@@ -49,10 +49,10 @@ def test_faces_come_back_exactly_when_the_order_is_kept():
 def test_mesh_is_the_same_up_to_order_when_the_order_is_dropped():
     sequence = waving_grid(4, dtype=np.float64)
     decoded = decode(encode(sequence, step=1e-5, order="drop"))
-    centres, centres_hat = (
+    centers, centers_hat = (
         mesh.vertices[2][mesh.faces].mean(axis=1) for mesh in (sequence, decoded)
     )
-    distance, partner = cKDTree(centres_hat).query(centres)
+    distance, partner = cKDTree(centers_hat).query(centers)
     assert distance.max() < 1e-4
     assert sorted(partner) == list(range(sequence.n_faces))
 
@@ -77,7 +77,7 @@ def test_still_sequence_comes_back_when_nothing_moves():
     decoded = decode(encode(sequence))
     assert kg_error_percent(still, decoded.vertices) < DEFAULT_KG
     assert np.ptp(decoded.vertices, axis=0).max() < 1e-6
-    assert info(encode(sequence)).n_modes == (3,)  # one for each axis
+    assert info(encode(sequence)).n_modes == (3,)  # one per axis
     assert info(encode(sequence, "pca-qp")).n_modes == (1,)
 
 
@@ -96,7 +96,7 @@ def test_error_is_the_same_when_the_model_is_moved_or_scaled(offset, size):
 
 
 @pytest.mark.parametrize("block_frames", [1, 5, 12, 100])
-def test_blocks_join_when_frames_are_coded_apart(block_frames):
+def test_separately_coded_blocks_are_joined(block_frames):
     sequence = waving_grid(12)
     data = encode(sequence, block_frames=block_frames)
     assert sum(info(data).block_frames) == 12
@@ -118,13 +118,13 @@ def test_decoding_refuses_when_no_frame_or_a_step_is_named(frames):
         decode(encode(waving_grid(12)), frames=frames)
 
 
-def test_modes_are_those_asked_for_when_the_frames_allow():
+def test_number_of_modes_is_the_requested_one_when_frames_allow():
     sequence = waving_grid(12)
     assert info(encode(sequence, "pca-qp", n_modes=3)).n_modes == (3,)
     assert info(encode(sequence, "pca-qp", n_modes=40)).n_modes == (12,)
 
 
-def test_more_modes_are_kept_when_more_energy_is_asked_for():
+def test_number_of_modes_rises_with_the_requested_energy():
     sequence = waving_grid(12)
     counts = [
         info(encode(sequence, "pca-qp", energy=share)).n_modes[0]
@@ -134,8 +134,8 @@ def test_more_modes_are_kept_when_more_energy_is_asked_for():
     assert counts[0] < counts[-1]
 
 
-def test_laplacian_alone_decodes_when_no_anchors_are_asked_for():
-    """Eq. 11: one vertex for each component fixes its translation."""
+def test_stream_without_anchors_is_decoded():
+    """Eq. 11: one vertex per component determines its translation."""
     sequence = irregular_sequence()
     data = encode(sequence, "pca-qp", n_modes=8, bits=20, anchors=0)
     assert kg_error_percent(sequence.vertices, decode(data).vertices) < 0.2

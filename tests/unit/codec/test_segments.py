@@ -1,4 +1,4 @@
-"""Streams of several segments in the package: one is chosen, and none is taken for the whole."""
+"""Selection of a segment in streams with several."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ CHOOSE = "there are 3 segments with different meshes, 0 to 2; decode one with se
 
 @pytest.fixture
 def path(tmp_path):
-    """A file of three segments."""
+    """A file with three segments."""
     path = tmp_path / "three.reel"
     path.write_bytes(DATA)
     return path
@@ -41,7 +41,7 @@ def test_a_chosen_segment_is_decoded_as_the_stream_that_was_joined(path, number)
         assert reel.start_s == 2.0 + [0, 4, 9][number] / 25
 
 
-def test_several_segments_are_never_taken_for_one(path):
+def test_stream_of_several_segments_requires_a_choice(path):
     for act in (meshreel.decode, meshreel.open, meshreel.load):
         with pytest.raises(InvalidInputError, match="3 segments") as refused:
             act(path)
@@ -99,7 +99,7 @@ def test_a_cut_off_file_has_its_complete_segments(path):
         meshreel.decode(path, segment=0)
 
 
-def test_a_segment_becomes_a_stream_of_its_own():
+def test_segment_is_written_as_a_separate_stream():
     for number, stream in enumerate(STREAMS):
         found = separate_stream(whole_stream(DATA, segment=number))
         assert np.array_equal(meshreel.decode(found).vertices, meshreel.decode(stream).vertices)
@@ -107,7 +107,7 @@ def test_a_segment_becomes_a_stream_of_its_own():
     assert separate_stream(whole_stream(DATA, segment=0)) == STREAMS[0]
 
 
-def test_a_segment_is_served_as_a_stream_of_its_own(path):
+def test_segment_is_served_as_a_separate_stream(path):
     with meshreel.open(path, segment=1) as reel:
         served = reel.stored(0, reel.size_bytes)
         assert np.array_equal(meshreel.decode(served).vertices, reel[:])

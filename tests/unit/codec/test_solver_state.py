@@ -1,4 +1,4 @@
-"""Tracks of solver state are noted with their bytes, unless the user asked for them."""
+"""Notes about tracks of solver state."""
 
 import meshreel
 from meshreel.codec.solver_state import solver_state_note
@@ -22,6 +22,6 @@ def test_tracks_of_solver_state_are_noted_with_their_bytes():
     assert note.endswith("--track pprevious=drop --track oldP=drop")
 
 
-def test_tracks_that_the_user_asked_for_are_not_noted():
+def test_requested_tracks_are_not_noted():
     assert "oldP" not in solver_state_note(tracks_of(*NAMES), {"oldP"})
     assert solver_state_note(tracks_of("previous"), ()) is None

@@ -1,4 +1,4 @@
-"""Blocks that other processes code."""
+"""Encoding of blocks in other processes."""
 
 import pickle
 
@@ -20,7 +20,7 @@ from samples.waiting import TEST_S, time_limit
 
 
 class PicklingWorkers(InlineWorkers):
-    """Does every call with what another process would get, and gives back what it would send."""
+    """An engine that pickles arguments and results in this process."""
 
     def submit(self, function, /, *args):
         sent = pickle.loads(pickle.dumps((function, args)))
@@ -37,10 +37,10 @@ def test_bytes_are_the_same_when_workers_code_the_blocks(target):
     workers = PicklingWorkers()
     spread = encode(sequence, block_frames=5, engine=Engine(workers), **target)
     assert spread == encode(sequence, block_frames=5, **target)
-    assert len(workers.calls) >= 4  # all blocks but the first
+    assert len(workers.calls) >= 4  # all blocks except the first
 
 
-def test_an_error_is_measured_here_when_there_are_workers():
+def test_errors_are_measured_in_this_process():
     sequence = waving_grid(12)
     workers = PicklingWorkers()
     spread = encode(sequence, block_frames=5, engine=Engine(workers), kg=1.0)
@@ -68,7 +68,7 @@ def test_frames_are_read_by_the_worker_when_they_are_in_files(tmp_path):
 
 @pytest.mark.parametrize("extension", ["ply", "abc", "usdc", "h5", "vtkhdf", "mdd"])
 def test_piece_is_sent_with_its_frames_when_they_stay_in_files(tmp_path, extension):
-    """Files that are open here are not open in the other process."""
+    """Open files cannot be sent to another process."""
     sequence = waving_grid(40, 20, 20)
     source = tmp_path / f"grid.{extension}"
     save(sequence, tmp_path / "f_%02d.ply" if extension == "ply" else source)

@@ -1,4 +1,4 @@
-"""Frames that are pushed one by one."""
+"""Encoding of frames added in order."""
 
 import os
 import signal
@@ -24,7 +24,7 @@ SEQUENCE = waving_grid(43)
 
 
 def pushed(sequence, **options):
-    """The bytes of a stream whose frames were pushed."""
+    """Encode frames in chunks."""
     file = BytesIO()
     with Encoder(sequence.faces, file, fps=sequence.fps, **options) as encoder:
         for frame in sequence.vertices:
@@ -99,7 +99,7 @@ def test_file_opens_up_to_the_last_block_when_the_encoder_is_at_work(tmp_path):
 
 
 def assert_parts_sum(stream):
-    """The parts of a stream have bytes, which sum to its size."""
+    """The bytes of parts of a stream sum to its size."""
     assert min(stream.part_bytes.values()) > 0
     assert sum(stream.part_bytes.values()) == stream.size_bytes
 

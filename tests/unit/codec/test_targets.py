@@ -1,4 +1,4 @@
-"""Targets of `reel`, and whether streams meet them."""
+"""Streams of `reel` meet their targets."""
 
 import re
 from functools import cache
@@ -39,7 +39,7 @@ ERRORS = {
     "max_error": [0.002, 0.05, 1.0, 20.0],
 }
 SHARES = [0.5, 1.0, 1.7]
-"""Of the size of a stream of the default quality."""
+"""Shares of the size of a stream of the default quality."""
 
 
 @cache
@@ -48,7 +48,7 @@ def encoded(name, **options):
 
 
 def measured(name, data):
-    """Figures of a stream by each measure, computed independently."""
+    """Errors and size of a stream, computed independently."""
     sequence = SEQUENCES[name]
     quality = meshreel.compare(sequence, meshreel.decode(data))
     return {
@@ -64,25 +64,25 @@ def measured(name, data):
 @pytest.mark.parametrize(
     ("kind", "limit"), [(kind, limit) for kind, limits in ERRORS.items() for limit in limits]
 )
-def test_error_is_met_when_it_is_asked_for(name, kind, limit):
+def test_error_target_is_met(name, kind, limit):
     assert measured(name, encoded(name, **{kind: limit}))[kind] <= limit
 
 
 @pytest.mark.parametrize("name", slow_but(["irregular"], SEQUENCES))
 @pytest.mark.parametrize(("kind", "limit"), [("kg", 0.01), ("kg", 0.3), ("sted", 0.02)])
-def test_error_is_nearly_used_up_when_it_is_asked_for(name, kind, limit):
-    """Unused tolerance costs bytes."""
+def test_error_is_close_to_its_target(name, kind, limit):
+    """An error below its target costs bytes."""
     assert measured(name, encoded(name, **{kind: limit}))[kind] > 0.85 * limit
 
 
 @pytest.mark.parametrize("name", slow_but(["grid"], SEQUENCES))
 @pytest.mark.parametrize("kind", ["size", "bpvf"])
 @pytest.mark.parametrize("share", SHARES)
-def test_budget_is_met_when_it_is_asked_for(name, kind, share):
+def test_size_target_is_met(name, kind, share):
     limit = share * measured(name, encoded(name))[kind]
     try:
         data = encoded(name, **{kind: limit})
-    except InvalidInputError as error:  # connectivity alone takes more
+    except InvalidInputError as error:  # connectivity alone takes more bytes
         message = str(error)
         assert share < 1
         assert f"{kind} {limit:g} cannot be met" in message
@@ -91,7 +91,7 @@ def test_budget_is_met_when_it_is_asked_for(name, kind, share):
 
 
 @pytest.mark.parametrize("share", SHARES)
-def test_budget_is_nearly_used_up_when_there_is_something_to_gain(share):
+def test_size_is_close_to_its_target(share):
     limit = share * len(encoded("grid"))
     assert len(encoded("grid", size=limit)) > 0.95 * limit
 
@@ -124,12 +124,12 @@ def test_error_falls_by_half_when_quality_rises_by_twelve():
         assert 1.4 < coarse / fine < 2.8
 
 
-def test_stream_is_that_of_the_default_quality_when_nothing_is_asked_for():
+def test_default_quality_applies_without_a_target():
     assert encoded("grid") == encoded("grid", quality=DEFAULT_QUALITY)
 
 
 def test_quality_does_not_depend_on_the_travel_when_the_model_moves_away():
-    """A step is relative to the model's own size, and not to the box of all frames."""
+    """A step is relative to the size of the model, not to the box of all frames."""
     grid = waving_grid(12, dtype=np.float64)
     path = np.linspace(0, 50, 12)[:, None, None] * [1.0, 0.2, 0.0]
     travelling = meshreel.MeshSequence(grid.vertices + path, grid.faces)
@@ -148,13 +148,13 @@ def test_quality_does_not_depend_on_the_travel_when_the_model_moves_away():
     ),
     ids=str,
 )
-def test_bytes_are_the_same_when_a_target_is_pursued_twice(options):
+def test_search_for_a_target_is_deterministic(options):
     first = meshreel.encode(waving_grid(), **options)
     assert meshreel.encode(waving_grid(), **options) == first
 
 
 @pytest.mark.parametrize(("kind", "limit"), [("size", 50), ("bpvf", 0.01)])
-def test_budget_is_refused_with_what_was_reached_when_it_is_too_small(kind, limit):
+def test_too_small_size_is_refused_with_the_smallest_possible(kind, limit):
     with pytest.raises(InvalidInputError, match=f"{kind} {limit} cannot be met") as refused:
         encoded("grid", **{kind: limit})
     assert 'order="drop"' in str(refused.value)
@@ -164,7 +164,7 @@ def test_budget_is_refused_with_what_was_reached_when_it_is_too_small(kind, limi
     assert measured("grid", encoded("grid", **{kind: 1.03 * reached}))[kind] <= 1.03 * reached
 
 
-def test_smallest_size_that_an_error_names_can_be_met_and_no_smaller_one():
+def test_size_reported_as_smallest_is_the_smallest():
     with pytest.raises(InvalidInputError, match=r"order out \(order=") as refused:
         encoded("grid", size=10)
     [smallest] = map(int, re.findall(r"is (\d+) bytes", str(refused.value)))
@@ -179,7 +179,7 @@ def test_advice_on_a_size_is_not_to_drop_the_order_when_it_is_dropped():
 
 
 @pytest.mark.parametrize(("kind", "limit"), [("kg", 1e-12), ("sted", 1e-12)])
-def test_error_is_refused_with_what_was_reached_when_it_is_too_small(kind, limit):
+def test_too_small_error_is_refused_with_the_smallest_possible(kind, limit):
     with pytest.raises(InvalidInputError, match=f"{kind} {limit} cannot be met") as refused:
         encoded("grid", **{kind: limit})
     [reached] = map(
@@ -241,7 +241,7 @@ def test_error_is_met_when_vertices_are_reordered_or_frames_cut(options, kind, l
     assert found[kind] <= limit
 
 
-def test_promise_is_told_when_a_largest_error_was_asked_for():
+def test_info_reports_the_guaranteed_error():
     assert meshreel.info(encoded("grid", max_error=0.05)).max_error_percent == 0.05
     assert meshreel.info(encoded("grid", kg=0.3)).max_error_percent is None
 
@@ -253,19 +253,19 @@ def test_more_effort_takes_fewer_bytes_when_the_mesh_is_large_enough():
 
 
 @pytest.mark.parametrize("effort", slow_but([1, 9], EFFORTS))
-def test_error_is_met_whatever_the_effort(effort):
+def test_error_is_met_with_every_effort(effort):
     assert measured("grid", encoded("grid", kg=0.3, effort=effort))["kg"] <= 0.3
 
 
 @pytest.mark.parametrize("tune", [tune.value for tune in Tune])
-def test_error_is_met_whatever_the_tune(tune):
+def test_error_is_met_with_every_tune(tune):
     for kind, limits in ERRORS.items():
         data = encoded("grid", **{kind: limits[1]}, tune=tune)
         assert measured("grid", data)[kind] <= limits[1]
 
 
 @pytest.mark.parametrize("kind", TargetKind)
-def test_tune_serves_the_target_when_none_is_named(kind):
+def test_default_tune_suits_the_target(kind):
     serves_geometry = kind in (TargetKind.KG, TargetKind.MAX_ERROR)
     expected = Tune.GEOMETRY if serves_geometry else Tune.VISUAL
     target = Target(kind, 1.0)
@@ -273,7 +273,7 @@ def test_tune_serves_the_target_when_none_is_named(kind):
     assert [tune_named(tune.value, target) for tune in Tune] == list(Tune)
 
 
-def test_target_is_quality_when_none_has_a_number():
+def test_default_target_is_quality():
     assert target_of(kg=None, size=None) == Target(TargetKind.QUALITY, DEFAULT_QUALITY)
 
 
@@ -284,7 +284,7 @@ def test_target_is_the_one_that_has_a_number(kind):
     )
 
 
-def test_targets_are_all_named_when_several_have_a_number():
+def test_error_lists_all_targets_when_there_are_several():
     with pytest.raises(InvalidInputError, match="kg= and size= and step= exclude each other"):
         target_of(kg=1.0, sted=None, size=900, step=0.1)
 
@@ -297,12 +297,12 @@ def test_encoding_refuses_when_several_targets_are_given(one, other):
         meshreel.encode(waving_grid(2), **{one: 1.0, other: 1.0})
 
 
-def test_steps_are_taken_as_they_are_when_they_are_as_large_as_the_model():
+def test_steps_as_large_as_the_model_are_used_unchanged():
     sizes = [len(meshreel.encode(waving_grid(20, 12, 13), step=step)) for step in (0.1, 0.3)]
     assert sizes[1] < sizes[0]
 
 
-def test_modes_go_on_to_rise_when_the_promised_error_falls():
+def test_number_of_modes_rises_as_the_error_bound_falls():
     rng, time = np.random.default_rng(5), np.arange(30)[:, None, None]
     sheet = waving_grid(1)
     fields = rng.normal(size=(10, 1, *sheet.vertices.shape[1:])) * 10.0 ** -np.arange(10).reshape(
@@ -325,14 +325,14 @@ def test_steps_of_quality_halve_with_twelve_points_and_end_at_the_finest():
 
 
 @pytest.mark.parametrize("effort", EFFORTS)
-def test_choices_fit_into_the_format_whatever_the_effort(effort):
+def test_parameters_of_every_effort_fit_the_format(effort):
     for tune in Tune:
         choices = choices_for(effort, tune, None)
         assert 1 <= choices.stencil_size <= MAX_STENCIL
         assert 0 <= choices.n_learned <= MAX_LEARNED
 
 
-def test_modes_are_no_more_than_asked_for_when_a_target_is_pursued():
+def test_number_of_modes_is_limited_in_a_search():
     data = encoded("grid", size=2000, n_modes=3)
     assert meshreel.info(data).n_modes == (3,)
 
@@ -357,7 +357,7 @@ def test_stream_is_read_when_a_huge_error_is_allowed():
     meshreel.decode(encoded("grid", max_error=3e8))
 
 
-def test_maximum_error_is_met_or_refused_in_its_own_words_when_it_is_tiny():
+def test_tiny_maximum_error_is_met_or_refused_in_its_unit():
     try:
         data = meshreel.encode(waving_grid(dtype=np.float64), max_error=1e-8)
     except InvalidInputError as error:

@@ -1,4 +1,4 @@
-"""Bounds of tracks as people write them."""
+"""Parsing of error bounds of tracks."""
 
 import numpy as np
 import pytest
@@ -41,7 +41,7 @@ COUNTS = Track(np.zeros((1, 2), np.int32))
         (COLOR, "2%", Measure.SHARE, 2),
     ],
 )
-def test_bound_means_what_is_written(track, given, measure, amount):
+def test_bounds_are_parsed(track, given, measure, amount):
     found = bound_of_track(given, "x", track)
     assert found == TrackBound(measure, pytest.approx(amount, rel=1e-15))
 
@@ -74,7 +74,7 @@ def test_any_track_can_be_exact_or_dropped(track, given, bound):
         (COUNTS, "1%", "has integers, which are lossless"),
     ],
 )
-def test_bound_is_refused_when_it_is_not_for_the_track(track, given, message):
+def test_bound_is_refused_when_it_does_not_suit_the_track(track, given, message):
     with pytest.raises(InvalidInputError, match=f"track 'x'.*{message}"):
         bound_of_track(given, "x", track)
 
@@ -90,11 +90,11 @@ def test_bound_is_refused_when_it_is_not_for_the_track(track, given, message):
         (Track(np.zeros((1, 2, 3), np.uint8), kind="color"), EXACT),
     ],
 )
-def test_bound_is_that_of_the_kind_when_nothing_is_asked_for(track, bound):
+def test_default_bound_depends_on_the_kind(track, bound):
     assert default_bound(track) == bound
 
 
-def test_bounds_are_those_asked_for_and_else_the_default():
+def test_bounds_are_the_requested_ones_or_the_default():
     tracks = {"a": PRESSURE, "b": NORMAL, "c": COUNTS}
     found = track_bounds(tracks, {"a": "2Pa"})
     assert found == {"a": TrackBound(Measure.UNITS, 2.0), "b": default_bound(NORMAL), "c": EXACT}
@@ -118,8 +118,8 @@ def test_bounds_are_those_asked_for_and_else_the_default():
         (PLAIN, 500, 500),
     ],
 )
-def test_unit_of_a_bound_is_left_out_with_a_note_where_the_track_has_none(track, given, expected):
+def test_unit_of_a_bound_is_omitted_with_a_note_for_tracks_without_units(track, given, expected):
     notes = []
     assert without_units({"x": track}, {"x": given, "y": "1Pa"}, notes)["x"] == expected
-    said = f"track 'x' has no unit in the file; its bound {given} is read as {expected}"
-    assert notes == ([said] if given != expected else [])
+    note = f"track 'x' has no unit in the file; its bound {given} is read as {expected}"
+    assert notes == ([note] if given != expected else [])

@@ -1,4 +1,4 @@
-"""Tracks beside the positions: what is said of them, read, skipped and refused."""
+"""Headers and values of tracks: reading, skipping, and refusal of invalid ones."""
 
 from dataclasses import replace
 from io import BytesIO
@@ -50,7 +50,7 @@ def opened(track):
     return whole_stream(raw_stream(stream.header, parts))
 
 
-def test_what_is_said_of_a_track_comes_back_when_written():
+def test_header_of_a_track_round_trips():
     assert track_header(write_track(STRESS)) == STRESS
 
 
@@ -64,7 +64,7 @@ def test_a_track_is_refused_when_a_code_is_unknown(place):
 
 @pytest.mark.parametrize("sharing", list(Sharing))
 @pytest.mark.parametrize("coding", [Coding.MODES, Coding.EXACT])
-def test_what_corners_share_comes_back_when_written(sharing, coding):
+def test_sharing_of_corners_round_trips(sharing, coding):
     rows = b"some rows" if sharing is Sharing.ROWS else b""
     plain = TrackHeader("x", "", "other", Domain.CORNER, np.dtype("f4"), 1.0, (0.0,) * 2, coding)
     track = replace(plain, sharing=sharing, rows=rows)
@@ -80,7 +80,7 @@ def predicted(coding, **changed):
 
 
 @pytest.mark.parametrize("coding", [one for one in Coding if one.is_predicted])
-def test_what_is_said_of_a_predicted_track_comes_back_when_written(coding):
+def test_header_of_a_predicted_track_round_trips(coding):
     track = predicted(coding, rate=29.97 if coding.has_rate else 0.0)
     assert track_header(write_track(track)) == track
     assert len(track.placement) == 1 + (2 if coding is Coding.ROTATIONS else 3)
@@ -101,7 +101,7 @@ def test_a_track_is_refused_when_positions_do_not_predict_its_kind(coding, chang
         opened(write_track(predicted(coding, **changed)))
 
 
-def test_a_track_is_refused_when_its_rate_cannot_be():
+def test_a_track_is_refused_when_its_rate_is_invalid():
     with pytest.raises(CorruptStreamError, match="out of range"):
         opened(write_track(predicted(Coding.CENTRAL, rate=np.inf)))
 
@@ -123,13 +123,13 @@ def test_a_track_is_refused_when_it_has_no_columns_or_too_many(n_columns):
 
 
 @pytest.mark.parametrize("scale", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_track_is_refused_when_its_scale_cannot_be(scale):
+def test_a_track_is_refused_when_its_scale_is_invalid(scale):
     with pytest.raises(CorruptStreamError, match="out of range"):
         opened(write_track(replace(STRESS, scale=scale)))
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_values_have_the_shapes_that_are_said_when_tracks_are_decoded(name):
+def test_decoded_values_have_the_shapes_of_the_headers(name):
     opened = whole_stream(stored(name))
     n_items = {
         domain: opened.surface.n_items(domain, opened.n_verts, len(opened.faces))
@@ -171,14 +171,14 @@ def without_index(data):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_bytes_of_a_track_alone_are_read_when_the_index_is_there(name):
+def test_only_bytes_of_the_track_are_read_with_an_index(name):
     groups = Stream(stored(name)).groups
     n_tracks = 1 + len(track_headers(stored(name)))
     assert all(len(block) == n_tracks for block in groups)
     assert groups == Stream(without_index(stored(name))).groups
 
 
-def test_a_block_counts_only_when_all_its_tracks_are_there():
+def test_a_block_counts_only_when_all_its_tracks_are_complete():
     data = stored("tracks")
     *ends, whole = [end for _, end in Stream(data).groups[1]]
     assert [len(Stream(data[:end]).groups) for end in ends] == [1, 1, 1]
@@ -208,7 +208,7 @@ def test_a_track_is_refused_when_a_block_of_it_is_larger_than_memory_allows():
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_hostile_tracks_give_our_error_or_values_when_checksums_are_made_to_fit(name):
+def test_hostile_tracks_with_valid_checksums_give_values_or_a_typed_error(name):
     stream = Stream(stored(name))
     rng, n_decoded = np.random.default_rng(8), 0
     parts = parts_of(stream)
@@ -228,7 +228,7 @@ def test_hostile_tracks_give_our_error_or_values_when_checksums_are_made_to_fit(
     assert n_decoded
 
 
-def test_hostile_rows_give_our_error_or_values_when_checksums_are_made_to_fit():
+def test_hostile_rows_with_valid_checksums_give_values_or_a_typed_error():
     stream = Stream(stored("corners_in_rows"))
     header = next(one for one in track_headers(stored("corners_in_rows")) if one.rows)
     rng, n_decoded = np.random.default_rng(9), 0

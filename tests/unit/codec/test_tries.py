@@ -16,7 +16,7 @@ def heard(**target):
 
 @pytest.mark.parametrize("target", [{"kg": 0.5}, {"size": 1500}, {"max_error": 0.05}])
 @pytest.mark.parametrize("block_frames", [None, 4])
-def test_no_try_is_reported_as_done_when_another_may_follow(target, block_frames):
+def test_search_never_reports_completion_of_a_trial(target, block_frames):
     found = heard(**target, block_frames=block_frames)
     tries = {stage for stage, _ in found if stage.startswith("encoding, try")}
     assert len(tries) > 1
@@ -24,5 +24,5 @@ def test_no_try_is_reported_as_done_when_another_may_follow(target, block_frames
     assert all((stage, 0.0) in found for stage in tries)
 
 
-def test_the_only_try_is_told_to_be_all_done_when_it_is():
+def test_single_trial_reports_completion():
     assert heard(quality=60)[-1] == ("encoding", 1.0)

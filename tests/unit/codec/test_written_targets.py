@@ -1,4 +1,4 @@
-"""Targets that are written with their units: the same streams, and the promise kept."""
+"""Targets given as text with units: equal streams, and the guaranteed bound."""
 
 import io
 from dataclasses import asdict
@@ -29,7 +29,7 @@ def test_stream_is_the_same_when_a_size_is_written_as_text():
     ("max_error", "unit", "in_units"),
     [("0.002u", None, 0.002), ("2mm", "m", 0.002), ("0.02mm", "cm", 0.002)],
 )
-def test_every_vertex_is_within_a_length_when_it_is_promised(max_error, unit, in_units):
+def test_every_vertex_is_within_a_bound_in_length_units(max_error, unit, in_units):
     sequence = waving_grid()
     data = meshreel.encode(sequence, max_error=max_error, unit=unit)
     farthest = distances(sequence, meshreel.decode(data)).max()
@@ -39,7 +39,7 @@ def test_every_vertex_is_within_a_length_when_it_is_promised(max_error, unit, in
     assert promised == pytest.approx(in_units, rel=1e-12)
 
 
-def test_every_vertex_is_within_a_length_when_frames_come_one_by_one():
+def test_every_vertex_of_live_frames_is_within_a_bound_in_length_units():
     sequence, file = waving_grid(), io.BytesIO()
     with meshreel.Encoder(sequence.faces, file, block_frames=5, max_error="0.002u") as encoder:
         for frame in sequence.vertices:
@@ -48,18 +48,18 @@ def test_every_vertex_is_within_a_length_when_frames_come_one_by_one():
     assert distances(sequence, decoded).max() <= 0.002
 
 
-def test_options_are_plain_numbers_when_they_were_written_as_text():
+def test_options_are_numbers_when_given_as_text():
     config = EncoderConfig(max_error="0.5mm", unit="cm", memory="1kB")
     assert (config.max_error, config.unit, config.memory) == ("0.05u", None, 1000.0)
     assert EncoderConfig(**asdict(config)) == config
 
 
-def test_length_is_told_as_it_was_asked_for_when_it_cannot_be_promised():
+def test_refused_bound_is_reported_in_the_unit_of_the_request():
     words = r"1e-12 model units are .* % of the diagonal: max_error .* cannot be guaranteed"
     with pytest.raises(InvalidInputError, match=words):
         meshreel.encode(waving_grid(), max_error="1e-12u")
 
 
-def test_unit_is_refused_when_there_is_no_length():
+def test_unit_without_a_number_is_refused():
     with pytest.raises(InvalidInputError, match="unit= applies to a length in max_error="):
         EncoderConfig(unit="mm")

@@ -21,13 +21,13 @@ BEHIND = stream_of(HEADER)[len(write_header(HEADER)) :]
 
 
 def with_byte(position, value):
-    """A stream whose header has another byte, and the checksum that fits."""
+    """A stream with a changed byte in its header and a valid checksum."""
     header = bytearray(write_header(HEADER)[:-4])
     header[position] = value
     return bytes(header) + struct.pack("<I", zlib.crc32(header)) + BEHIND
 
 
-def test_header_comes_back_when_written():
+def test_header_round_trips():
     assert Stream(stream_of(HEADER)).header == HEADER
 
 
@@ -59,7 +59,7 @@ def test_reading_raises_when_the_file_is_of_another_program():
         (0, "format version is not 3; update meshreel"),
     ],
 )
-def test_reading_says_what_to_do_when_the_version_is_another(version, remedy):
+def test_reading_advises_an_upgrade_when_the_version_is_newer(version, remedy):
     with pytest.raises(UnsupportedVersionError, match=remedy):
         Stream(with_byte(8, version))
 
@@ -76,7 +76,7 @@ def test_reading_says_what_to_do_when_the_version_is_another(version, remedy):
         {"origin": (0.0, float("nan"), 0.0)},
     ],
 )
-def test_reading_raises_when_a_field_is_impossible(change):
+def test_reading_raises_when_a_field_is_invalid(change):
     with pytest.raises(CorruptStreamError):
         Stream(stream_of(replace(HEADER, **change)))
 

@@ -36,13 +36,13 @@ def section(number, payload):
 
 
 def ended(data, index):
-    """These bytes, an index and an end marker that points to it."""
+    """Append an index and its end marker."""
     position = INDEX_POSITION.pack(len(data))
     return data + section(Section.INDEX, index) + section(Section.END, position)
 
 
 def damage_of(data):
-    """Why a stream is not whole of which the first blocks can be read."""
+    """Reason why a stream with readable first blocks is incomplete."""
     return str(Stream(data).file.info.damage)
 
 
@@ -69,7 +69,7 @@ def test_blocks_come_back_in_any_order_when_there_is_an_index_or_none(data):
 
 
 @pytest.mark.parametrize("size", range(len(DATA)))
-def test_blocks_before_the_cut_are_there_when_a_stream_is_cut(size):
+def test_blocks_before_the_cut_of_a_stream_are_readable(size):
     n_whole = (size >= FIRST_END) + (size >= BLOCKS_END)
     if n_whole == 0:
         with pytest.raises(TruncatedStreamError):
@@ -87,7 +87,7 @@ def test_a_block_is_left_out_when_its_last_section_is_missing():
     assert Stream(cut).file.info.n_frames == 1
 
 
-def test_blocks_before_the_damage_are_there_when_the_index_and_a_later_block_are_damaged():
+def test_blocks_before_damage_are_readable_when_the_index_is_damaged_too():
     data = bytearray(DATA)
     data[SECOND_START + 3] ^= 1
     data[-1] ^= 1
@@ -104,7 +104,7 @@ def test_a_damaged_block_is_refused_when_it_is_read_through_the_index():
         stream.block(1)
 
 
-def test_a_block_is_refused_when_the_index_leads_to_nothing_that_is_known():
+def test_a_block_is_refused_when_the_index_points_to_an_unknown_section():
     before = write_header(HEADER) + section(*LEADING[0])
     unknown = unknown_section(OPTIONAL | 0x40)
     index = write_index([BlockPlace(2, len(before), (len(unknown),))])
@@ -114,7 +114,7 @@ def test_a_block_is_refused_when_the_index_leads_to_nothing_that_is_known():
         stream.file.group(0)
 
 
-def test_frames_are_counted_when_the_header_does_not_know_them():
+def test_frames_are_counted_when_the_header_has_no_number():
     assert Stream(whole_stream(UNCOUNTED, LEADING, BLOCKS)).file.info.n_frames == 2
 
 

@@ -5,7 +5,7 @@ from meshreel.errors import CorruptStreamError, TruncatedStreamError
 
 
 @pytest.mark.parametrize("value", [0, 1, 127, 128, 300, 2**32, 2**63 - 1])
-def test_value_comes_back_when_written(value):
+def test_varints_round_trip(value):
     data = b"x" + write_varint(value) + b"y"
     assert read_varint(data, 1) == (value, len(data) - 1)
 

@@ -1,4 +1,4 @@
-"""Meshes with every defect that a face list can have."""
+"""Meshes with all kinds of defects of face lists."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from samples.meshes import grid_faces, irregular_sequence, octahedron_faces
 
 
 def torus_faces(rows, columns):
-    """A closed surface of rows x columns vertices, quads split in two, listed side by side."""
+    """A torus of rows x columns vertices, whose triangles form quads listed row by row."""
     index = np.arange(rows * columns).reshape(rows, columns)
     right, below = np.roll(index, -1, 1), np.roll(index, -1, 0)
     across = np.roll(right, -1, 0)
@@ -24,7 +24,7 @@ def shuffled(faces, seed):
 
 
 def damaged(faces, seed):
-    """A tenth of the faces is gone, some are turned over, doubled or collapsed."""
+    """Remove a tenth of the faces; flip, duplicate or collapse others."""
     rng = np.random.default_rng(seed)
     faces = faces[rng.random(len(faces)) > 0.1].copy()
     pick = rng.permutation(len(faces))[:24]
@@ -35,7 +35,7 @@ def damaged(faces, seed):
 
 
 def crowded(seed=27):
-    """Faces at random among near vertices; rare valences, so that Draco tags their symbols."""
+    """Random faces among close vertices, with rare valences that make Draco tag symbols."""
     rng = np.random.default_rng(seed)
     return (rng.integers(0, 500, (2000, 1)) + rng.integers(0, 10, (2000, 3))) % 500
 
@@ -80,7 +80,7 @@ MESHES = make_meshes()
 
 @pytest.fixture(params=[*MESHES, "unused vertices"])
 def mesh(request):
-    """Faces of shape (M, 3) and the number of vertices."""
+    """A mesh: faces of shape (M, 3), and the number of vertices."""
     if request.param == "unused vertices":
         return MESHES["octahedron"][0] * 3 + 2, 25
     return MESHES[request.param]
@@ -88,5 +88,5 @@ def mesh(request):
 
 @pytest.fixture
 def meshes():
-    """The same by name."""
+    """A mesh with its name."""
     return MESHES

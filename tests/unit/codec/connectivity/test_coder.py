@@ -1,4 +1,4 @@
-"""The coder of connectivity: every face list is decoded exactly, damaged bytes are refused."""
+"""Connectivity coder: lossless for any face list, typed errors for damaged bytes."""
 
 import dataclasses
 from contextlib import suppress
@@ -69,7 +69,7 @@ def test_bytes_are_the_same_when_coded_twice(mesh):
     assert first.order_payload == second.order_payload
 
 
-def test_input_stays_as_it_was_when_coded(meshes):
+def test_input_is_unchanged_when_encoded(meshes):
     faces, n_verts = meshes["damaged torus"]
     before = faces.copy()
     faces.flags.writeable = False
@@ -84,11 +84,11 @@ def test_input_stays_as_it_was_when_coded(meshes):
         ("shuffled torus", "drop", 0.7),
         ("torus", "keep", 0.9),
         ("grid", "keep", 2.0),
-        ("shuffled torus", "vertices", 11.2),  # 10.2 bits are in the order
-        ("shuffled torus", "keep", 38.5),  # 35.7 bits are in both orders and the corners
+        ("shuffled torus", "vertices", 11.2),  # the order takes 10.2 bits
+        ("shuffled torus", "keep", 38.5),  # orders and corners take 35.7 bits
     ],
 )
-def test_size_is_near_what_the_order_holds_when_mesh_is_regular(
+def test_size_is_near_the_entropy_of_the_order_when_the_mesh_is_regular(
     meshes, name, order, bits_per_vertex
 ):
     coded = encode_connectivity(*meshes[name], order=order)
@@ -101,7 +101,7 @@ def test_encode_connectivity_refuses_when_order_is_unknown(meshes):
         encode_connectivity(*meshes["grid"], order="faces")
 
 
-def test_decode_connectivity_tells_when_counts_of_the_header_differ(meshes):
+def test_decode_connectivity_refuses_other_counts_than_the_header(meshes):
     faces, n_verts = meshes["damaged torus"]
     payload = encode_connectivity(faces, n_verts, order="drop").payload
     for wrong in [(0, 1), (0, -1), (1, 0), (-1, 0)]:
@@ -110,12 +110,12 @@ def test_decode_connectivity_tells_when_counts_of_the_header_differ(meshes):
 
 
 @pytest.mark.parametrize("payload", [b"", b"\x00", b"\xff" * 40, b"\x55" * 40])
-def test_decode_connectivity_tells_when_bytes_are_no_faces(payload):
+def test_decode_connectivity_refuses_bytes_that_are_not_faces(payload):
     with pytest.raises(CorruptStreamError):
         decode_connectivity(payload, 3, 100)
 
 
-def test_decoding_gives_other_faces_or_our_error_when_bytes_are_cut(mesh):
+def test_decoding_cut_bytes_gives_other_faces_or_a_typed_error(mesh):
     faces, n_verts = mesh
     coded = encode_connectivity(faces, n_verts)
     for size in range(0, len(coded.payload), 1 + len(coded.payload) // 80):
@@ -130,7 +130,7 @@ def test_decoding_gives_other_faces_or_our_error_when_bytes_are_cut(mesh):
             decode_order(coded.order_payload[:size], coded.internal_faces, n_verts)
 
 
-def test_decoding_tells_when_bytes_follow(mesh):
+def test_decoding_refuses_extra_bytes(mesh):
     faces, n_verts = mesh
     coded = encode_connectivity(faces, n_verts)
     with pytest.raises(CorruptStreamError):
@@ -140,7 +140,7 @@ def test_decoding_tells_when_bytes_follow(mesh):
             decode_order(coded.order_payload + b"\x00", coded.internal_faces, n_verts)
 
 
-def test_decoding_gives_a_valid_mesh_or_our_error_when_bytes_are_changed(mesh):
+def test_decoding_changed_bytes_gives_a_valid_mesh_or_a_typed_error(mesh):
     faces, n_verts = mesh
     rng = np.random.default_rng(8)
     coded = encode_connectivity(faces, n_verts)

@@ -13,7 +13,7 @@ from meshreel.errors import CorruptStreamError
 
 
 def in_other_order(faces, n_verts, seed=4):
-    """The same mesh with other names and another order: internal faces, and back."""
+    """Renumber and reorder a mesh; return internal faces and the permutations."""
     rng = np.random.default_rng(seed)
     internal_to_given = rng.permutation(n_verts)
     internal = inverse_permutation(internal_to_given)[faces][rng.permutation(len(faces))]
@@ -28,7 +28,7 @@ def size_bits(faces, n_verts, *, keep_faces=True, seed=4):
 
 @pytest.mark.parametrize("keep_faces", [True, False])
 @pytest.mark.parametrize("seed", [4, 5])
-def test_order_comes_back_exactly_when_internal_order_is_another(mesh, keep_faces, seed):
+def test_order_is_lossless_when_the_internal_order_differs(mesh, keep_faces, seed):
     faces, n_verts = mesh
     internal, internal_to_given = in_other_order(faces, n_verts, seed)
     payload = encode_order(faces, internal, internal_to_given, keep_faces)
@@ -46,7 +46,7 @@ def test_order_comes_back_exactly_when_internal_order_is_another(mesh, keep_face
     st.booleans(),
     st.integers(0, 1 << 30),
 )
-def test_order_comes_back_exactly_whatever_the_faces_are(mesh, keep_faces, seed):
+def test_order_is_lossless_for_any_faces(mesh, keep_faces, seed):
     n_verts, listed = mesh
     faces = np.array(listed, np.int32)
     internal, internal_to_given = in_other_order(faces, n_verts, seed)
@@ -93,7 +93,7 @@ def test_list_faces_takes_faces_from_their_corners_when_turned():
 @pytest.mark.parametrize(
     "change", [lambda payload: b"", lambda payload: b"\0" + payload[1:], lambda payload: b"\3"]
 )
-def test_decode_given_order_tells_when_the_start_is_damaged(meshes, change):
+def test_decode_given_order_refuses_a_damaged_start(meshes, change):
     faces, n_verts = meshes["octahedron"]
     internal, internal_to_given = in_other_order(faces, n_verts)
     payload = encode_order(faces, internal, internal_to_given, keep_faces=True)
@@ -102,7 +102,7 @@ def test_decode_given_order_tells_when_the_start_is_damaged(meshes, change):
 
 
 @pytest.mark.parametrize("keep_faces", [True, False])
-def test_any_bytes_give_an_order_or_our_error(mesh, keep_faces):
+def test_any_bytes_give_an_order_or_a_typed_error(mesh, keep_faces):
     faces, n_verts = mesh
     rng = np.random.default_rng(1)
     internal, internal_to_given = in_other_order(faces, n_verts)

@@ -41,7 +41,7 @@ def test_twin_sides_pair_sides_when_faces_are_inconsistently_oriented():
     assert twin_sides(np.array([[0, 1, 2], [1, 2, 3]]), 4)[1] == 3
 
 
-def test_twin_sides_lie_on_one_edge_and_point_back_when_mesh_is_anything(mesh):
+def test_twin_sides_lie_on_one_edge_and_point_back_on_any_mesh(mesh):
     faces, n_verts = mesh
     twins = twin_sides(faces, n_verts)
     ends = np.sort(np.stack([faces.ravel(), np.roll(faces, -1, axis=1).ravel()], 1), axis=1)

@@ -6,7 +6,7 @@ from meshreel.errors import CorruptStreamError, MeshReelError
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_values_come_back_bit_by_bit_when_coded(dtype):
+def test_values_are_lossless(dtype):
     values = np.random.default_rng(0).normal(size=(5, 4, 3)).astype(dtype)
     values[1, 2] = [-0.0, np.finfo(dtype).tiny, np.finfo(dtype).max]
     values[2:4, 1] = [np.nan, np.inf, -np.inf]
@@ -19,7 +19,7 @@ def test_size_is_small_when_nothing_moves():
     assert len(encode_exact(values)) < 340
 
 
-def test_size_is_near_what_changes_when_motion_is_smooth():
+def test_size_is_proportional_to_changes_when_motion_is_smooth():
     t = np.linspace(0, 6, 200)[:, None, None]
     phases = np.random.default_rng(1).random((1, 20, 3))
     values = np.sin(t + 6 * phases).astype(np.float32)
@@ -32,7 +32,7 @@ def test_decoding_raises_when_the_shape_does_not_fit(data):
         decode_exact(data, (1000, 2, 3), np.float64)
 
 
-def test_decoding_gives_our_error_or_values_when_bytes_are_changed():
+def test_decoding_returns_values_or_a_typed_error_when_bytes_are_changed():
     rng = np.random.default_rng(3)
     values = np.cumsum(rng.normal(size=(30, 2, 3)), axis=0)
     data = encode_exact(values)

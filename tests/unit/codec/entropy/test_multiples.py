@@ -1,4 +1,4 @@
-"""Floats that are integers by a common number."""
+"""Floats that are integer multiples of a common factor."""
 
 import numpy as np
 import pytest
@@ -36,5 +36,5 @@ def test_values_are_integers_by_the_coarsest_number(values, code, integers, dtyp
 
 
 @pytest.mark.parametrize("values", [[2.0**-25], [2.0 * MAX_INTEGER], [np.pi], [np.nan], [-0.0]])
-def test_values_are_left_alone_when_no_code_stands_for_their_number(values):
+def test_values_without_a_coded_factor_are_unchanged(values):
     assert list(as_multiples(np.array(values))) == []

@@ -14,9 +14,9 @@ SHAPES = st.tuples(st.integers(0, 12), st.integers(1, 4))
 
 
 def decoded(data, shape, dtype):
-    """The table whose form and way are the first two bytes."""
-    form, way = data[:2]
-    expected = (nothing_expected, row_before_expected)[way](shape[0])
+    """The table, with its form and coding in the first two bytes."""
+    form, coding = data[:2]
+    expected = (nothing_expected, row_before_expected)[coding](shape[0])
     if form == BIT_PATTERNS:
         return decode_numbers(data[2:], shape, dtype, expected)
     return values_of(decode_numbers(data[2:], shape, INTEGER, expected), form, dtype)
@@ -29,7 +29,7 @@ def assert_comes_back(values):
 
 
 @pytest.mark.parametrize("dtype", ["u1", "i4", "f4", "f8"])
-def test_table_comes_back_bit_by_bit_when_of_any_type(dtype):
+def test_tables_of_any_type_are_lossless(dtype):
     @given(arrays(dtype, SHAPES))
     def check(values):
         assert_comes_back(values)
@@ -64,7 +64,7 @@ def test_multiples_take_what_their_integers_do_when_they_are_of_any_form(code):
     st.integers(0, MAX_GRID_BITS),
     st.sampled_from(["f4", "f8"]),
 )
-def test_grid_comes_back_bit_by_bit_when_of_any_size(integers, bits, dtype):
+def test_grids_of_any_size_are_lossless(integers, bits, dtype):
     values = values_of(integers.astype(np.int32), GRID + bits, np.dtype(dtype))
     back = decoded(encode_grid_table(integers, bits), integers.shape, np.dtype(dtype))
     assert (back.dtype, back.tobytes()) == (values.dtype, values.tobytes())

@@ -1,4 +1,4 @@
-"""Tracks through a stream and back, each within its bound."""
+"""Round trips of tracks, each within its bound."""
 
 from io import BytesIO
 
@@ -22,7 +22,7 @@ def unit(vectors):
 
 
 def smooth(n_items, n_columns, n_frames=12, dtype=np.float32):
-    """Waves over items and time with a little noise."""
+    """Waves over items and time, with noise."""
     t, i, c = np.ogrid[:n_frames, :n_items, :n_columns]
     waves = np.sin(0.3 * t + 0.1 * i + c) + 0.01 * RNG.normal(size=(n_frames, n_items, n_columns))
     return (300 + 40 * waves).astype(dtype)
@@ -49,7 +49,7 @@ def largest(one, other):
 @pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("block_frames", [None, 5])
-def test_no_value_is_farther_off_than_the_bound(order, dtype, block_frames):
+def test_every_value_is_within_its_bound(order, dtype, block_frames):
     n_verts = sizes()[0]
     original = sheet(
         heat=meshreel.Track(smooth(n_verts, 1, dtype=dtype), unit="K"),
@@ -69,7 +69,7 @@ def test_no_value_is_farther_off_than_the_bound(order, dtype, block_frames):
         assert 0.2 * allowed[name] < np.linalg.norm(apart, axis=2).max() <= allowed[name]
 
 
-def test_values_of_faces_and_corners_come_back_within_their_bounds():
+def test_values_of_faces_and_corners_are_within_their_bounds():
     _, n_faces, n_corners = sizes()
     original = sheet(
         area=meshreel.Track(smooth(n_faces, 1), "face"),
@@ -80,10 +80,10 @@ def test_values_of_faces_and_corners_come_back_within_their_bounds():
     assert largest(original.tracks["shade"], decoded.tracks["shade"]) <= 0.4
 
 
-def test_normals_have_the_length_one_and_turn_by_no_more_than_the_bound():
+def test_normals_have_length_one_and_are_within_their_angle():
     n_verts = sizes()[0]
     normals = unit(smooth(n_verts, 3, dtype=np.float64) - 300)
-    normals[:, 4] = 0  # a vertex that has none
+    normals[:, 4] = 0  # a vertex without a normal
     original = sheet(n=meshreel.Track(normals, kind="normal"))
     found = meshreel.decode(meshreel.encode(original, tracks={"n": "2deg"})).tracks["n"].values
     assert np.all(found[:, 4] == 0)
@@ -95,13 +95,13 @@ def test_normals_have_the_length_one_and_turn_by_no_more_than_the_bound():
 
 
 @pytest.mark.parametrize("degrees", [0.01, 0.5, 30])
-def test_an_angle_is_kept_when_a_normal_is_a_little_shorter_than_one(degrees):
+def test_an_angle_is_kept_when_a_normal_is_slightly_too_short(degrees):
     box = BoundingFrame((0.0, 0.0, 0.0), 2.0)
     apart = length_allowed(TrackBound(Measure.ANGLE, degrees), box)
     assert np.degrees(np.arcsin(apart / (1 - UNIT_LENGTH_TOLERANCE))) <= degrees
 
 
-def test_colors_are_as_near_as_their_bits():
+def test_colors_are_as_accurate_as_their_bits():
     n_verts = sizes()[0]
     colors = np.clip(smooth(n_verts, 4) / 400, 0, 1)
     original = sheet(c=meshreel.Track(colors, kind="color"))
@@ -118,7 +118,7 @@ def test_a_file_is_the_same_when_tracks_are_dropped_or_not_there():
     assert len(alone) <= len(meshreel.encode(original))
 
 
-def test_a_track_alone_is_read_from_a_file_when_it_is_asked_for():
+def test_a_single_track_is_read_from_a_file():
     n_verts = sizes()[0]
     original = sheet(heat=meshreel.Track(smooth(n_verts, 1), unit="K"), flow=smooth(n_verts, 3))
     data = meshreel.encode(original, block_frames=5, tracks={"heat": 1})

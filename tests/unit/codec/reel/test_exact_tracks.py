@@ -1,4 +1,4 @@
-"""Tracks that come back bit for bit, and values that are missing."""
+"""Lossless tracks and missing values."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def assert_same_bits(found, expected):
 
 @pytest.mark.parametrize("dtype", TYPES)
 @pytest.mark.parametrize("domain", ["vertex", "face", "corner"])
-def test_every_bit_comes_back_when_a_track_is_exact(dtype, domain):
+def test_exact_tracks_are_lossless(dtype, domain):
     values = RNG.integers(0, 100, (12, n_items(domain), 2)).astype(dtype)
     if dtype[0] == "f":
         values[3, 1] = [np.nan, -np.inf]
@@ -37,13 +37,13 @@ def test_every_bit_comes_back_when_a_track_is_exact(dtype, domain):
     track = meshreel.Track(values, domain, "other")
     data = meshreel.encode(sheet(x=track), tracks={"x": "exact"}, block_frames=5)
     assert_same_bits(meshreel.decode(data).tracks["x"].values, values)
-    [said] = meshreel.info(data).tracks
-    assert (said.is_exact, said.bound) == (True, 0)
-    assert "exact" in str(said)
+    [track] = meshreel.info(data).tracks
+    assert (track.is_exact, track.bound) == (True, 0)
+    assert "exact" in str(track)
 
 
 @pytest.mark.parametrize("order", ["vertices", "drop"])
-def test_every_bit_comes_back_in_the_order_of_the_vertices(order):
+def test_exact_tracks_follow_the_order_of_vertices(order):
     ids = np.tile(np.arange(n_items("vertex"), dtype=np.int32), (12, 1))
     original = sheet(id=ids)
     decoded = meshreel.decode(meshreel.encode(original, order=order))
@@ -53,7 +53,7 @@ def test_every_bit_comes_back_in_the_order_of_the_vertices(order):
     assert np.abs(decoded.vertices - original.vertices[:, found]).max() < step
 
 
-def test_integers_are_exact_and_cost_next_to_nothing_where_they_stay():
+def test_constant_integers_are_lossless_and_cost_almost_nothing():
     ids = np.tile(np.arange(n_items("face")) // 7, (12, 1)).astype(np.int32)
     ids[6:, :3] += 1
     data = meshreel.encode(sheet(part=meshreel.Track(ids, "face")))
@@ -61,7 +61,7 @@ def test_integers_are_exact_and_cost_next_to_nothing_where_they_stay():
     assert meshreel.info(data).tracks[0].size_bytes < ids.nbytes / 12
 
 
-def test_values_that_are_missing_stay_so_and_others_keep_their_bound():
+def test_missing_values_stay_missing_and_others_keep_their_bound():
     n_verts = n_items("vertex")
     heat = (300 + 20 * np.sin(np.arange(12)[:, None] / 3 + np.arange(n_verts) / 9)).astype("f4")
     heat[2:5, :7] = np.nan
@@ -79,12 +79,12 @@ def test_values_that_are_missing_stay_so_and_others_keep_their_bound():
 def test_a_track_is_coded_exactly_when_that_is_smaller():
     noise = RNG.integers(0, 3, (12, n_items("vertex"))).astype(np.float64)
     data = meshreel.encode(sheet(noise=noise), tracks={"noise": 1e-9})
-    [said] = meshreel.info(data).tracks
-    assert said.is_exact
+    [track] = meshreel.info(data).tracks
+    assert track.is_exact
     np.testing.assert_array_equal(meshreel.decode(data).tracks["noise"].values[..., 0], noise)
 
 
-def test_live_tracks_come_back_bit_for_bit(tmp_path):
+def test_live_exact_tracks_are_lossless(tmp_path):
     moving = quad_sheet(12)
     ids = RNG.integers(0, 9, (12, moving.n_verts), np.int16)
     path = tmp_path / "live.reel"

@@ -1,4 +1,4 @@
-"""Positions on a grid: promises are kept, and no promise costs more than every bit."""
+"""Positions on a grid: error bounds, and sizes compared with lossless streams."""
 
 from io import BytesIO
 
@@ -33,7 +33,7 @@ SEQUENCES = {
 
 
 def noisy(n_frames=40):
-    """Waves with noise, which modes have to send twice."""
+    """Waves with noise, which modes code twice."""
     sheet, rng = waving_grid(n_frames), np.random.default_rng(6)
     noise = rng.normal(size=sheet.vertices.shape) * 1e-3
     return meshreel.MeshSequence((sheet.vertices + noise).astype(np.float32), sheet.faces)
@@ -49,7 +49,7 @@ def assert_kept(sequence, data, percent):
 
 @pytest.mark.parametrize("percent", [1.0, 0.01, 0.0001])
 @pytest.mark.parametrize("name", SEQUENCES)
-def test_the_promise_is_kept(name, percent):
+def test_every_position_is_within_the_bound(name, percent):
     sequence = SEQUENCES[name]
     data = meshreel.encode(sequence, "grid", max_error=percent, block_frames=4)
     assert_kept(sequence, data, percent)
@@ -60,20 +60,20 @@ def test_the_promise_is_kept(name, percent):
     assert not found.is_lossless
 
 
-def test_a_length_is_promised_too():
+def test_bound_may_be_a_length():
     sequence = waving_grid(5)
     data = meshreel.encode(sequence, "grid", max_error="0.5mm", unit="m")
     assert np.abs(meshreel.decode(data).vertices - sequence.vertices).max() <= 0.0005
     assert meshreel.ReelFile(BytesIO(data)).promised_error == pytest.approx(0.0005)
 
 
-def test_a_grid_finer_than_its_integers_leaves_positions_as_they_are():
+def test_positions_are_lossless_when_the_grid_is_too_fine():
     sequence = SEQUENCES["waves in doubles"]
     data = meshreel.encode(sequence, "grid", max_error=1e-9)
     assert (meshreel.decode(data).vertices == sequence.vertices).all()
 
 
-def test_a_largest_error_chooses_the_grid_where_it_takes_fewer_bytes():
+def test_max_error_selects_the_grid_when_it_takes_fewer_bytes():
     sequence = noisy()
     data = meshreel.encode(sequence, max_error=1e-4)
     assert meshreel.info(data).method == "grid"
@@ -83,23 +83,23 @@ def test_a_largest_error_chooses_the_grid_where_it_takes_fewer_bytes():
 
 
 @pytest.mark.parametrize("options", [{"effort": 5}, {"tune": "geometry"}, {"n_modes": 30}])
-def test_options_of_modes_ask_for_modes(options):
+def test_options_of_modes_exclude_the_grid(options):
     data = meshreel.encode(noisy(), max_error=1e-3, **options)
     assert meshreel.info(data).method == "reel"
 
 
-def test_a_largest_error_keeps_modes_where_they_take_fewer_bytes():
+def test_max_error_keeps_modes_when_they_take_fewer_bytes():
     assert meshreel.info(meshreel.encode(waving_grid(60), max_error=0.1)).method == "reel"
 
 
 @pytest.mark.parametrize("percent", [1e-3, 2e-5])
-def test_no_promise_takes_more_bytes_than_every_bit(percent):
+def test_grid_never_takes_more_bytes_than_lossless(percent):
     sequence = noisy()
     exact = len(meshreel.encode(sequence, lossless=True))
     assert len(meshreel.encode(sequence, max_error=percent)) <= exact + 40
 
 
-def test_tracks_and_attributes_stay_with_a_grid_that_is_chosen():
+def test_tracks_and_attributes_are_kept_with_the_grid():
     sequence = noisy(12)
     heat = meshreel.Track(np.random.default_rng(1).random((12, sequence.n_verts)), unit="K")
     both = meshreel.MeshSequence(sequence.vertices, sequence.faces, tracks={"heat": heat})
@@ -118,7 +118,7 @@ def test_workers_give_the_same_bytes():
     assert found == alone
 
 
-def test_frames_that_come_one_by_one_keep_the_promise_wherever_they_go():
+def test_live_frames_anywhere_are_within_the_bound():
     sequence, file = waving_grid(10), BytesIO()
     vertices = sequence.vertices * np.linspace(1, 40, 10, dtype=np.float32)[:, None, None]
     with meshreel.Encoder(
@@ -131,19 +131,19 @@ def test_frames_that_come_one_by_one_keep_the_promise_wherever_they_go():
     assert np.linalg.norm(found - vertices, axis=2).max() <= promised
 
 
-def test_a_grid_needs_a_largest_error():
+def test_grid_requires_max_error():
     with pytest.raises(InvalidInputError, match="within an error bound; set max_error="):
         meshreel.encode(waving_grid(2), "grid")
 
 
-def test_there_are_no_modes_to_ask_for():
+def test_grid_has_no_modes():
     data = meshreel.encode(waving_grid(2), "grid", max_error=0.1)
     with pytest.raises(InvalidInputError, match="a stream of method grid has no modes"):
         meshreel.ReelFile(BytesIO(data), n_modes=3)
 
 
 @pytest.mark.parametrize("step", [-0.1, 1.5, np.nan, np.inf])
-def test_a_step_that_is_none_is_refused(step):
+def test_invalid_step_is_refused(step):
     with pytest.raises(CorruptStreamError):
         meshreel.decode(with_values(lambda values: write_step(step) + values[8:]))
 
@@ -154,7 +154,7 @@ def test_values_without_a_step_are_refused():
 
 
 def with_values(change):
-    """A stream on a grid with other payloads of its values."""
+    """A stream on a grid with replaced payloads."""
     stream = Stream(meshreel.encode(waving_grid(2), "grid", max_error=0.1))
     parts = [
         (section, change(own) if section is Section.VALUES else own)
@@ -163,7 +163,7 @@ def with_values(change):
     return raw_stream(stream.header, parts)
 
 
-def test_places_beyond_the_number_type_are_refused():
+def test_positions_beyond_the_number_type_are_refused():
     far = PositionGrid(1.0, BoundingFrame((0.0, 0.0, 0.0), 1e35))
     with pytest.raises(CorruptStreamError, match="go beyond the numbers of type float32"):
         far.positions(np.full((1, 1, 3), 2**30, np.int32), np.float32)

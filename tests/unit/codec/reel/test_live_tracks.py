@@ -1,4 +1,4 @@
-"""Tracks of frames that come one by one."""
+"""Tracks of live frames."""
 
 from io import BytesIO
 
@@ -15,7 +15,7 @@ HEAT = (300 + 20 * np.sin(np.arange(11)[:, None] / 3 + np.arange(GRID.n_verts) /
 
 
 def recorded(frames, bounds=None, **options):
-    """The bytes of frames, given as positions and tracks."""
+    """Encode frames with tracks in chunks."""
     file = BytesIO()
     with meshreel.Encoder(GRID.faces, file, fps=25, tracks=bounds, **options) as encoder:
         for frame, tracks in frames:
@@ -38,7 +38,7 @@ def test_tracks_of_pushed_frames_are_within_their_bounds():
     np.testing.assert_array_equal(meshreel.decode(data).vertices, alone.vertices)
 
 
-def test_a_frame_is_refused_when_its_tracks_are_not_those_of_the_first():
+def test_a_frame_is_refused_when_its_tracks_differ_from_the_first():
     with meshreel.Encoder(GRID.faces, BytesIO()) as encoder:
         encoder.push(GRID[0], {"heat": HEAT[0]})
         with pytest.raises(InvalidInputError, match="frame 1 has the tracks none; the first has"):
@@ -51,7 +51,7 @@ def test_a_frame_is_refused_when_its_tracks_are_not_those_of_the_first():
         assert encoder.n_frames == 2
 
 
-def test_bounds_of_tracks_that_are_not_there_are_refused_with_the_first_frame():
+def test_bounds_of_unknown_tracks_are_refused_with_the_first_frame():
     encoder = meshreel.Encoder(GRID.faces, BytesIO(), tracks={"heap": 1})
     with pytest.raises(InvalidInputError, match="did you mean 'heat'"):
         encoder.push(GRID[0], {"heat": HEAT[0]})

@@ -1,4 +1,4 @@
-"""Sequences that come back bit for bit."""
+"""Lossless sequences."""
 
 from io import BytesIO
 
@@ -23,7 +23,7 @@ def assert_same_bits(found, expected):
 
 
 def any_bits(shape, dtype):
-    """Finite numbers of every size."""
+    """Finite numbers of all magnitudes."""
     size = np.dtype(dtype).itemsize
     numbers = np.frombuffer(RNG.bytes(size * int(np.prod(shape))), dtype).reshape(shape).copy()
     return np.where(np.isfinite(numbers), numbers, np.finfo(dtype).max)
@@ -72,7 +72,7 @@ SEQUENCES = sequences()
 
 @pytest.mark.parametrize("block_frames", [None, 1, 4])
 @pytest.mark.parametrize("name", SEQUENCES)
-def test_every_bit_comes_back(name, block_frames):
+def test_positions_are_lossless(name, block_frames):
     sequence = SEQUENCES[name]
     data = meshreel.encode(sequence, lossless=True, block_frames=block_frames)
     decoded = meshreel.decode(data)
@@ -86,7 +86,7 @@ def test_every_bit_comes_back(name, block_frames):
 
 
 @pytest.mark.parametrize("order", ["vertices", "drop"])
-def test_every_bit_comes_back_in_the_order_that_is_asked_for(order):
+def test_positions_are_lossless_in_every_order(order):
     sequence = SEQUENCES["vertices in any order"]
     data = meshreel.encode(sequence, lossless=True, order=order)
     decoded = meshreel.decode(data)
@@ -100,7 +100,7 @@ def test_every_bit_comes_back_in_the_order_that_is_asked_for(order):
     assert (measured.max_error_percent, measured.kg_error_percent) == (0, 0)
 
 
-def test_surface_and_times_come_back():
+def test_surface_and_times_round_trip():
     sheet = quad_sheet(6)
     sequence = meshreel.MeshSequence(
         sheet.vertices, sheet.faces, 23.976, "N\u00e4me", -1.5, sheet.surface
@@ -125,7 +125,7 @@ def with_tracks():
     )
 
 
-def test_tracks_are_exact_unless_something_else_is_asked_for():
+def test_tracks_are_lossless_by_default():
     sequence = with_tracks()
     data = meshreel.encode(sequence, lossless=True, block_frames=5)
     decoded = meshreel.decode(data)
@@ -133,7 +133,7 @@ def test_tracks_are_exact_unless_something_else_is_asked_for():
     for name, track in sequence.tracks.items():
         assert_same_bits(decoded.tracks[name].values, track.values)
     assert [track.is_exact for track in meshreel.info(data).tracks] == [True] * 3
-    # What is asked for by name is done, and said.
+    # A requested bound applies and is reported.
     data = meshreel.encode(sequence, lossless=True, tracks={"flow": 0.25, "id": "drop"})
     heat, flow = meshreel.info(data).tracks
     assert (heat.name, heat.is_exact, flow.is_exact, flow.bound) == ("heat", True, False, 0.25)
@@ -158,9 +158,9 @@ def test_velocities_within_a_bound_follow_from_the_exact_positions():
                 moving = meshreel.Track(values[None], kind="velocity", unit="m/s")
                 encoder.push(frame, {"velocity": moving})
         for stream in (data, file.getvalue()):
-            [said] = meshreel.info(stream).tracks
-            assert not said.is_exact
-            assert said.size_bytes < 200  # there is next to nothing left of them
+            [track] = meshreel.info(stream).tracks
+            assert not track.is_exact
+            assert track.size_bytes < 200  # residuals are almost 0
             measured = measure_stream(sequence, stream, order=order)
             assert measured.max_error_percent == 0
             assert measured.tracks["velocity"].largest <= 0.01
@@ -179,7 +179,7 @@ def test_frames_are_taken_out_of_their_blocks(tmp_path):
     assert_same_bits(part.vertices, sequence.vertices[4:6])
 
 
-def test_live_frames_come_back_bit_for_bit():
+def test_live_frames_are_lossless():
     sequence, file = with_tracks(), BytesIO()
     with meshreel.Encoder(
         sequence.faces, file, surface=sequence.surface, block_frames=5, lossless=True
@@ -230,19 +230,19 @@ def test_blocks_are_short_enough_to_take_single_frames_out():
         ({"tune": "visual"}, "tune="),
     ],
 )
-def test_options_that_have_no_effect_beside_it_are_refused(options, named):
+def test_options_without_effect_are_refused(options, named):
     with pytest.raises(InvalidInputError, match=named):
         meshreel.encode(waving_grid(2), lossless=True, **options)
 
 
-def test_other_methods_refuse_it():
+def test_other_methods_refuse_lossless():
     with pytest.raises(InvalidInputError, match="method v2v does not take lossless="):
         meshreel.encode(waving_grid(2), "v2v", lossless=True)
     with pytest.raises(InvalidInputError, match="lossless must be True or False; got 1"):
         meshreel.encode(waving_grid(2), lossless=1)
 
 
-def test_the_option_and_the_method_are_one_thing():
+def test_the_option_selects_the_method():
     sequence = waving_grid(3)
     data = meshreel.encode(sequence, lossless=True)
     assert meshreel.encode(sequence, "lossless") == data
@@ -256,7 +256,7 @@ def test_nothing_changes_for_streams_that_are_not_lossless():
         meshreel.encode(sequence, uv_bits=3)
 
 
-def test_nothing_is_written_when_a_bit_would_not_come_back(monkeypatch):
+def test_nothing_is_written_when_verification_fails(monkeypatch):
     monkeypatch.setattr(
         "meshreel.codec.reel.encoding.exact_positions.decode_exact",
         lambda data, shape, dtype, graph: np.zeros(shape, dtype),

@@ -1,4 +1,4 @@
-"""Velocities and normals that are coded as what decoded positions leave of them."""
+"""Velocities and normals predicted from decoded positions."""
 
 from io import BytesIO
 
@@ -22,7 +22,7 @@ FPS = 30.0
 
 
 def velocities(vertices, coding):
-    """Differences in units a second."""
+    """Velocities by differences over time."""
     steps = FPS * np.diff(vertices.astype(np.float64), axis=0)
     if coding is Coding.CENTRAL:
         return FPS * np.gradient(vertices.astype(np.float64), axis=0)
@@ -57,24 +57,24 @@ def angles(one, other):
 
 @pytest.mark.parametrize("coding", [Coding.BACKWARD, Coding.CENTRAL, Coding.FORWARD])
 @pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
-def test_velocities_are_predicted_by_the_differences_that_they_are(coding, order):
+def test_velocities_are_predicted_by_matching_differences(coding, order):
     sheet = quad_sheet(14)
     values = velocities(sheet.vertices, coding)
     sequence = with_tracks(
         sheet, v=Track(values.astype(np.float32), kind="velocity"), plain=values.astype(np.float32)
     )
     data = meshreel.encode(sequence, max_error=0.001, order=order)
-    said = headers(data)
-    assert (said["v"].coding, said["v"].rate) == (coding, FPS)
-    assert said["plain"].coding is Coding.MODES  # a vector that nobody calls a velocity
+    track_headers = headers(data)
+    assert (track_headers["v"].coding, track_headers["v"].rate) == (coding, FPS)
+    assert track_headers["plain"].coding is Coding.MODES  # a vector of another kind
     assert bytes_of(data)["v"] < 0.7 * bytes_of(data)["plain"]
     decoded = meshreel.decode(data)
     places = given_places(order, sheet.vertices, decoded.vertices)
     apart = np.linalg.norm(decoded.tracks["v"].values - values[:, places], axis=2)
-    assert apart.max() <= said["v"].bound
+    assert apart.max() <= track_headers["v"].bound
 
 
-def test_the_rate_is_found_when_time_has_another_unit():
+def test_rate_is_estimated_when_time_has_another_unit():
     sheet = quad_sheet(14)
     values = velocities(sheet.vertices, Coding.CENTRAL) / 7.5
     sequence = with_tracks(sheet, v=Track(values, kind="velocity"))
@@ -83,7 +83,7 @@ def test_the_rate_is_found_when_time_has_another_unit():
 
 
 @pytest.mark.parametrize("coding", [Coding.BACKWARD, Coding.CENTRAL, Coding.FORWARD])
-def test_the_rate_is_found_when_blocks_are_short(coding):
+def test_rate_is_estimated_when_blocks_are_short(coding):
     sheet = quad_sheet(14)
     values = velocities(sheet.vertices, coding)
     sequence = with_tracks(sheet, v=Track(values, kind="velocity"))
@@ -97,7 +97,7 @@ def test_the_rate_is_found_when_blocks_are_short(coding):
 @pytest.mark.parametrize("coding", [Coding.BACKWARD, Coding.CENTRAL, Coding.FORWARD])
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("order", ["keep", "drop"])
-def test_exact_velocities_cost_next_to_nothing_where_they_are_differences(coding, dtype, order):
+def test_lossless_velocities_cost_almost_nothing_when_they_are_differences(coding, dtype, order):
     sheet = quad_sheet(14)
     vertices = sheet.vertices.astype(dtype)
     values = velocities(vertices, coding).astype(dtype)
@@ -109,17 +109,17 @@ def test_exact_velocities_cost_next_to_nothing_where_they_are_differences(coding
         tracks={"v": Track(values, kind="velocity"), "plain": Track(values, kind="vector")},
     )
     data = meshreel.encode(sequence, lossless=True, order=order)
-    said = headers(data)["v"]
-    assert (said.coding, said.rate, said.is_exact) == (coding.as_exact, FPS, True)
+    header = headers(data)["v"]
+    assert (header.coding, header.rate, header.is_exact) == (coding.as_exact, FPS, True)
     assert bytes_of(data)["v"] < 0.1 * bytes_of(data)["plain"]
     decoded = meshreel.decode(data)
     places = given_places(order, vertices, decoded.vertices)
     assert decoded.tracks["v"].values.tobytes() == values[:, places].tobytes()
 
 
-def test_exact_velocities_come_back_when_they_are_near_to_differences_only():
+def test_velocities_near_differences_are_lossless():
     sheet = quad_sheet(14)
-    vertices = sheet.vertices * np.array(1e200)  # differences may be beyond all floats of 4 bytes
+    vertices = sheet.vertices * np.array(1e200)  # differences may overflow float32
     values = RNG.normal(size=vertices.shape) + velocities(sheet.vertices, Coding.CENTRAL)
     for scale, dtype in ((1.0, np.float32), (1e200, np.float64)):
         given = (values * scale).astype(dtype)
@@ -130,7 +130,7 @@ def test_exact_velocities_come_back_when_they_are_near_to_differences_only():
         assert meshreel.decode(data).tracks["v"].values.tobytes() == given.tobytes()
 
 
-def test_velocities_are_coded_alone_when_vertices_do_not_move_so():
+def test_unrelated_velocities_are_not_predicted():
     sheet = quad_sheet(14)
     t, v = np.ogrid[:14, : sheet.n_verts]
     wind = np.stack(np.broadcast_arrays(np.sin(t + 0 * v), np.cos(2 * t + v / 9), 0 * t + v), 2)
@@ -142,7 +142,7 @@ def test_velocities_are_coded_alone_when_vertices_do_not_move_so():
         assert headers(meshreel.encode(sequence))["wind"].coding is Coding.MODES
 
 
-def test_velocities_that_are_missing_stay_so_when_they_are_predicted():
+def test_missing_velocities_stay_missing_when_predicted():
     sheet = quad_sheet(14)
     values = velocities(sheet.vertices, Coding.BACKWARD)
     values[3:6, 5], values[:, 9], values[2, 4, 1] = np.nan, np.nan, np.nan
@@ -159,7 +159,7 @@ def test_velocities_that_are_missing_stay_so_when_they_are_predicted():
 
 @pytest.mark.parametrize("block_frames", [None, 5])
 @pytest.mark.parametrize("domain", list(Domain))
-def test_normals_are_turned_from_those_of_the_surface(domain, block_frames):
+def test_normals_are_coded_as_rotations_of_surface_normals(domain, block_frames):
     sheet = quad_sheet(12)
     of_vertices = normals_of(sheet)
     sizes = sheet.surface.sizes(sheet.n_faces)
@@ -183,7 +183,7 @@ def test_normals_are_turned_from_those_of_the_surface(domain, block_frames):
     np.testing.assert_allclose(np.linalg.norm(decoded, axis=2), 1, atol=1e-6)
 
 
-def test_a_vertex_without_a_normal_has_none_when_others_are_turned():
+def test_missing_normals_stay_missing_when_others_are_predicted():
     sheet = quad_sheet(12)
     vertices = np.concatenate([sheet.vertices, sheet.vertices[:, :1]], axis=1)
     values = np.concatenate([normals_of(sheet), np.zeros((12, 1, 3))], axis=1).astype(np.float32)
@@ -209,7 +209,7 @@ def spoilt(values, how):
 
 
 @pytest.mark.parametrize("how", ["none where the surface has one", "opposite", "missing in part"])
-def test_normals_are_coded_alone_when_one_cannot_be_reached(how):
+def test_unreachable_normals_disable_prediction(how):
     sheet = quad_sheet(12)
     values = spoilt(normals_of(sheet).astype(np.float32), how)
     sequence = with_tracks(sheet, n=Track(values, kind="normal"))
@@ -220,7 +220,7 @@ def test_normals_are_coded_alone_when_one_cannot_be_reached(how):
 
 
 @pytest.mark.parametrize("order", ["keep", "drop"])
-def test_velocities_are_predicted_when_frames_come_one_by_one(order):
+def test_velocities_of_live_frames_are_predicted(order):
     sheet = quad_sheet(20)
     values = velocities(sheet.vertices, Coding.BACKWARD).astype(np.float32)
     file = BytesIO()
@@ -236,7 +236,7 @@ def test_velocities_are_predicted_when_frames_come_one_by_one(order):
     assert apart.max() <= headers(data)["v"].bound
 
 
-def test_single_frames_are_those_of_the_whole_when_a_track_is_predicted():
+def test_single_frames_of_a_predicted_track_equal_the_whole():
     sheet = quad_sheet(14)
     values = velocities(sheet.vertices, Coding.CENTRAL).astype(np.float32)
     sequence = with_tracks(
@@ -255,7 +255,7 @@ def test_single_frames_are_those_of_the_whole_when_a_track_is_predicted():
                 )
 
 
-def test_a_budget_is_kept_when_tracks_are_predicted():
+def test_size_target_is_met_when_tracks_are_predicted():
     sheet = quad_sheet(14)
     values = velocities(sheet.vertices, Coding.CENTRAL).astype(np.float32)
     sequence = with_tracks(sheet, v=Track(values, kind="velocity"))
@@ -268,22 +268,22 @@ def with_normals(sheet):
 
 
 @pytest.mark.parametrize("target", [{"quality": 40}, {"max_error": 1.0}, {"kg": 0.5}])
-def test_positions_are_finer_than_asked_where_that_saves_bytes_of_tracks(target, monkeypatch):
+def test_positions_are_finer_when_that_saves_bytes_of_tracks(target, monkeypatch):
     sequence = with_normals(quad_sheet(14))
     data = meshreel.encode(sequence, **target)
     monkeypatch.setattr(following_tracks, "MIN_TRACK_SHARE", np.inf)
-    as_asked = meshreel.encode(sequence, **target)
-    assert len(data) < len(as_asked)
-    found, asked = (meshreel.compare(sequence, meshreel.decode(one)) for one in (data, as_asked))
-    assert found.max_error_percent < asked.max_error_percent
-    assert max(found.tracks["n"].largest, asked.tracks["n"].largest) <= 0.5
+    at_target = meshreel.encode(sequence, **target)
+    assert len(data) < len(at_target)
+    found, coarser = (meshreel.compare(sequence, meshreel.decode(one)) for one in (data, at_target))
+    assert found.max_error_percent < coarser.max_error_percent
+    assert max(found.tracks["n"].largest, coarser.tracks["n"].largest) <= 0.5
     alone = meshreel.encode(sequence, **target, tracks={"n": "drop"})
     np.testing.assert_array_equal(
-        meshreel.decode(as_asked).vertices, meshreel.decode(alone).vertices
+        meshreel.decode(at_target).vertices, meshreel.decode(alone).vertices
     )
 
 
-def test_positions_are_as_fine_as_a_step_that_is_asked_for():
+def test_requested_step_of_positions_is_kept():
     sequence = with_normals(quad_sheet(14))
     data, alone = (
         meshreel.decode(meshreel.encode(sequence, step=0.01, tracks=tracks))
@@ -293,19 +293,19 @@ def test_positions_are_as_fine_as_a_step_that_is_asked_for():
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_places_of_floats_are_in_their_order_and_lead_back(dtype):
+def test_ranks_of_floats_are_ordered_and_invertible(dtype):
     ends = np.array([-np.inf, -1e30, -1.0, -0.0, 0.0, 1e-30, 2.0, np.inf], dtype)
     places = places_of(ends)
     assert np.all(np.diff(places.astype(object)) > 0)
 
 
-def test_what_is_no_number_is_expected_to_be_0():
+def test_non_finite_expected_values_are_0():
     header = TrackHeader("v", "", "velocity", Domain.VERTEX, np.dtype(np.float32), 1.0, (0.0,) * 3)
     found = expected_places(header, np.array([1e39, -np.inf, np.nan, 0.0]))
     np.testing.assert_array_equal(found, 0)
 
 
-def test_the_fit_is_the_same_when_vertices_are_taken_in_pieces(monkeypatch):
+def test_fit_does_not_depend_on_pieces(monkeypatch):
     rng = np.random.default_rng(3)
     positions = rng.normal(size=(9, 50, 3))
     velocities = 24.0 * differences(Coding.CENTRAL, positions) + rng.normal(size=(9, 50, 3))

@@ -44,25 +44,25 @@ def analyzed(step=0.002, n_frames=12, sequence=None, **choices):
 
 
 def noisy_grid(noise, n_frames=12):
-    """A waving sheet whose vertices tremble, each by itself."""
+    """A waving sheet with noise of each vertex."""
     grid = waving_grid(n_frames, 12, 13, np.float64)
     tremble = noise * np.random.default_rng(6).normal(size=grid.vertices.shape)
     return MeshSequence(grid.vertices + tremble, grid.faces)
 
 
 def flat_basis(block):
-    """Of shape (3 T, K)."""
+    """Decoded basis of shape (3 T, K)."""
     return decode_basis(block.basis, block.layout).reshape(-1, block.n_modes)
 
 
 def wanted_fields(block, matrices):
-    """Fields of shape (V, K) whose product with the decoded time vectors is nearest."""
+    """Least-squares fields of shape (V, K) for the decoded basis."""
     stacked = matrices.reshape(-1, matrices.shape[2])
     return np.linalg.lstsq(flat_basis(block), stacked, rcond=None)[0].T
 
 
 def decoded_fields(block, mesh):
-    """Of shape (V, K), in internal order."""
+    """Decoded fields of shape (V, K), in internal order."""
     return float(block.layout.step) * decoded_values(block.fields, block.layout, mesh)[mesh.number]
 
 
@@ -77,28 +77,28 @@ def test_error_falls_with_the_step_when_it_is_made_finer():
 
 
 @pytest.mark.parametrize("step", [0.02, 0.002, 0.0001])
-def test_fields_lie_within_half_a_step_of_the_truth_when_bits_are_free(step):
-    """Closed loop: what earlier levels and groups got wrong is in what later ones send."""
+def test_fields_are_within_half_a_step_without_rate_weight(step):
+    """Closed loop: later residuals include the errors of earlier levels."""
     matrices, mesh, block = analyzed(step, 30, rate_weight=0.0, feedback_gain=0.0)
     error = np.abs(decoded_fields(block, mesh) - wanted_fields(block, matrices))
     assert error.max() <= 0.5 * float(block.layout.step) * (1 + 1e-6)
 
 
-def test_fields_lie_within_a_step_of_the_truth_when_rate_has_a_weight():
+def test_fields_are_within_a_step_with_rate_weight():
     matrices, mesh, block = analyzed(0.002, 30, feedback_gain=0.0)
     error = np.abs(decoded_fields(block, mesh) - wanted_fields(block, matrices))
     assert error.max() <= float(block.layout.step) * (1 + 1e-6)
 
 
-def test_first_level_is_rounded_to_the_nearest_when_rate_has_a_weight():
-    """Few values, on which all others build."""
+def test_first_level_is_rounded_to_the_nearest_with_rate_weight():
+    """It has few values, which predict all others."""
     matrices, mesh, block = analyzed(0.02, 30)
     first = core_resolutions(mesh.hierarchy)[0].levels[0]
     error = np.abs(decoded_fields(block, mesh) - wanted_fields(block, matrices))[first]
     assert error.max() <= 0.5 * float(block.layout.step) * (1 + 1e-6)
 
 
-def test_time_vectors_lie_near_the_truth_when_their_step_is_fine():
+def test_basis_vectors_are_accurate_when_their_step_is_fine():
     matrices, _, block = analyzed(1e-5, 30, basis_step=0.1)
     vectors = flat_basis(block)
     stacked = matrices.reshape(-1, matrices.shape[2])
@@ -106,7 +106,7 @@ def test_time_vectors_lie_near_the_truth_when_their_step_is_fine():
     assert np.abs(left).max() < 1e-4
 
 
-def test_integers_come_back_from_the_sections_when_a_block_is_written():
+def test_integers_of_a_block_round_trip():
     _, mesh, block = analyzed(0.0005, sequence=irregular_sequence(20))
     sections = dict(write_field_block(block, mesh))
     assert read_layout(sections[Section.FIELDS]) == block.layout
@@ -118,14 +118,14 @@ def test_integers_come_back_from_the_sections_when_a_block_is_written():
     np.testing.assert_array_equal(fields, block.fields)
 
 
-def test_frames_are_the_product_of_what_is_synthesised_when_the_step_is_fine():
+def test_frames_are_the_product_of_fields_and_basis():
     matrices, mesh, block = analyzed(1e-5)
     basis, fields = decode_basis(block.basis, block.layout), decoded_fields(block, mesh)
     np.testing.assert_allclose(basis @ fields.T, matrices, atol=2e-4)
 
 
 def test_integers_are_smaller_when_weights_follow_earlier_modes():
-    """The point of the method: a mode predicted by weights that saw those before it."""
+    """Weights that adapt to earlier modes predict better."""
     sequence = noisy_grid(0.0, 40)
     bends = sequence.vertices * (1 + 0.3 * np.sin(9 * sequence.vertices[:1, :, :1]))
     sequence = MeshSequence(bends, sequence.faces)
@@ -136,15 +136,15 @@ def test_integers_are_smaller_when_weights_follow_earlier_modes():
     assert bits[0] < 0.9 * bits[1]
 
 
-def test_passes_take_every_vertex_once_and_tell_of_it_by_earlier_ones_when_a_field_is_coded():
+def test_passes_code_every_vertex_once_with_earlier_ones_as_contexts():
     for sequence in (waving_grid(), irregular_sequence()):
         known = set()
         order = field_mesh(sequence).coding_order
         near = np.split(order.near, order.near_starts[1:-1])
-        for column, told in zip(order.columns.tolist(), near, strict=True):
+        for column, contexts in zip(order.columns.tolist(), near, strict=True):
             assert column not in known
-            assert set(told.tolist()) <= known
-            assert len(set(told.tolist())) == len(told) <= N_NEIGHBORS
+            assert set(contexts.tolist()) <= known
+            assert len(set(contexts.tolist())) == len(contexts) <= N_NEIGHBORS
             known.add(column)
         assert known == set(range(sequence.n_verts))
         assert order.pass_starts[0] == 0
@@ -168,7 +168,7 @@ def test_modes_are_fewer_when_the_step_is_coarser():
 
 
 @pytest.mark.parametrize("n_frames", [1, 2, 9, 300])
-def test_sequence_comes_back_whatever_its_length(n_frames):
+def test_sequences_of_any_length_round_trip(n_frames):
     sequence = waving_grid(n_frames)
     decoded = decode(encode(sequence, "reel", step=1e-5))
     assert kg_error_percent(sequence.vertices, decoded.vertices) < 0.1
@@ -222,13 +222,13 @@ def test_frames_are_summed_up_in_double_when_the_step_is_fine(step, is_single):
     assert error < 6 * step * np.linalg.norm(np.ptp(sequence.vertices, axis=(0, 1)))
 
 
-def test_blocks_of_the_papers_kind_are_refused_when_there_are_none():
+def test_reading_paper_blocks_of_reel_is_refused():
     with pytest.raises(InvalidInputError, match="method reel"):
         coded_blocks(encode(waving_grid(), "reel"))
 
 
 def growing_grid(growth=30.0, n_frames=12, side=20):
-    """A sheet whose vertices move farther by a factor at each resolution: weights are large."""
+    """A sheet whose motion grows by a factor at each resolution, so that weights are large."""
     faces = waving_grid(1, side, side).faces
     coded = encode_connectivity(faces, side**2)
     internal = MeshSequence(np.zeros((1, side**2, 3)), coded.internal_faces)

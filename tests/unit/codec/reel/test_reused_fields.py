@@ -1,4 +1,4 @@
-"""Blocks that move the fields of their key block, and new key blocks where these do not help."""
+"""Blocks that reuse fields of their key block, and new key blocks."""
 
 from dataclasses import replace
 from io import BytesIO
@@ -22,7 +22,7 @@ X, Y = PLACES.T
 
 
 def waves(times, *numbers):
-    """A sheet of shape (T, V, 3) on which waves of these numbers stand."""
+    """A sheet of shape (T, V, 3) with standing waves of these wave numbers."""
     heights = sum(
         0.1 * np.sin(number * np.pi * X) * np.cos((number - 1) * Y) * np.sin(number * times / 7)
         for number in numbers
@@ -40,14 +40,14 @@ OPTIONS = {"quality": 85, "block_frames": 12}
 
 
 def layouts(data):
-    """How the fields of each block are predicted."""
+    """Layout of each block."""
     stream = Stream(data)
     blocks = map(stream.block, range(len(stream.groups)))
     return [read_layout(block[Section.FIELDS]) for block in blocks]
 
 
 @pytest.mark.slow
-def test_a_motion_that_comes_again_takes_fewer_bytes_when_fields_are_reused(monkeypatch):
+def test_reused_fields_save_bytes_when_a_motion_repeats(monkeypatch):
     data = meshreel.encode(LOOPED, **OPTIONS)
     first, *others = layouts(data)
     assert first.n_reused == 0
@@ -60,7 +60,7 @@ def test_a_motion_that_comes_again_takes_fewer_bytes_when_fields_are_reused(monk
     assert error < 1.3 * meshreel.compare(LOOPED, meshreel.decode(alone)).kg_error_percent
 
 
-def test_every_frame_is_within_the_promise_when_fields_are_reused():
+def test_every_frame_is_within_the_bound_when_fields_are_reused():
     data = meshreel.encode(LOOPED, max_error=0.05, block_frames=12)
     assert any(one.n_reused for one in layouts(data))
     assert 0.01 < meshreel.compare(LOOPED, meshreel.decode(data)).max_error_percent <= 0.05
@@ -81,7 +81,7 @@ def test_any_block_decodes_by_itself_when_it_reuses_fields(tmp_path):
         np.testing.assert_array_equal(reel[13], together[13])
 
 
-def test_a_block_becomes_a_key_when_the_key_before_does_not_help():
+def test_a_block_becomes_a_key_block_when_the_previous_key_does_not_help():
     found = layouts(meshreel.encode(HELD_FIRST, **OPTIONS))
     assert [one.reference for one in found] == [0, 0, 1, 2, 3, 4]
     assert all(one.n_reused for one in found[2:])
@@ -108,7 +108,7 @@ def test_pushed_frames_reuse_fields_and_carry_tracks_when_a_block_becomes_a_key(
 
 
 @pytest.mark.parametrize("is_single", [False, True])
-def test_layout_comes_back_when_fields_are_reused(is_single):
+def test_layout_round_trips_when_fields_are_reused(is_single):
     known = Layout(np.float32(0.1), 16, 32, 300, is_single, 200, np.float32(2.5))
     payload = write_layout(known)
     assert read_layout(payload) == known

@@ -1,4 +1,4 @@
-"""Tracks of corners whose values corners of a vertex share."""
+"""Tracks of corners that share values."""
 
 from io import BytesIO
 
@@ -21,7 +21,7 @@ TYPES = ["u1", "i2", "u4", "i8", "f4", "f8"]
 
 
 def sheet(n_frames=10):
-    """A sheet of polygons with a vertex that no face has."""
+    """A sheet of polygons with an isolated vertex."""
     plain = quad_sheet(n_frames)
     vertices = np.concatenate([plain.vertices, plain.vertices[:, :1] + 1], axis=1)
     surface = Surface(face_sizes=plain.surface.face_sizes)
@@ -40,7 +40,7 @@ def waves(n_items, n_columns=1):
 
 
 def normals():
-    """Of vertices, near to those of the surface; 0 where there is none."""
+    """Normals of vertices, close to those of the surface; some are 0."""
     found = surface_normals(np.ascontiguousarray(SHEET.vertices), SHEET.faces)
     found[:, VERTICES] += [0.02, 0, -0.01]
     lengths = np.linalg.norm(found, axis=2, keepdims=True)
@@ -48,14 +48,14 @@ def normals():
 
 
 def with_seams(of_vertices):
-    """Values of corners, which differ from those of their vertices on one side."""
+    """Values of corners, with a seam."""
     found = of_vertices[:, VERTICES].copy()
     found[:, SIDE] += found[:, SIDE] + found.dtype.type(3)
     return found
 
 
 def coded(track, bound, **options):
-    """A file with a track, and what is said of it."""
+    """A file with a track, and the track's header."""
     whole = meshreel.MeshSequence(
         SHEET.vertices, SHEET.faces, 25, surface=SHEET.surface, tracks={"x": track}
     )
@@ -77,7 +77,7 @@ def decoded(data):
         ("velocity", 25 * np.gradient(SHEET.vertices, axis=0), "1%", Coding.CENTRAL),
     ],
 )
-def test_corners_without_seams_take_what_vertices_take(kind, values, bound, coding):
+def test_corners_without_seams_cost_as_much_as_vertices(kind, values, bound, coding):
     used = np.isin(np.arange(SHEET.n_verts), VERTICES)
     values = values.astype(np.float32) if values.dtype.kind == "f" else values
     values[:, ~used] = 0 if kind == "normal" else values[:, VERTICES[:1]]
@@ -90,7 +90,7 @@ def test_corners_without_seams_take_what_vertices_take(kind, values, bound, codi
     np.testing.assert_array_equal(decoded(data).values, decoded(of_vertices).values[:, VERTICES])
 
 
-def test_exact_velocities_of_corners_cost_next_to_nothing_when_they_are_differences():
+def test_lossless_velocities_of_corners_cost_almost_nothing_when_they_are_differences():
     values = (25 * np.gradient(SHEET.vertices, axis=0)).astype(np.float32)[:, VERTICES]
     track = Track(values, "corner", "velocity")
     data, header = coded(track, "exact", lossless=True)
@@ -101,7 +101,7 @@ def test_exact_velocities_of_corners_cost_next_to_nothing_when_they_are_differen
 
 @pytest.mark.parametrize("dtype", TYPES)
 @pytest.mark.parametrize("has_seams", [False, True])
-def test_every_bit_comes_back_when_corners_share_exact_values(dtype, has_seams):
+def test_shared_values_of_corners_are_lossless(dtype, has_seams):
     of_vertices = np.rint(waves(SHEET.n_verts, 2) / 7).astype(dtype)
     values = with_seams(of_vertices) if has_seams else of_vertices[:, VERTICES]
     if dtype[0] == "f":
@@ -136,7 +136,7 @@ def test_values_with_seams_are_within_their_bound_and_cost_less_than_those_of_co
     assert len(data) < len(other)
 
 
-def test_normals_with_seams_are_turned_from_those_of_the_surface():
+def test_normals_with_seams_are_predicted_from_the_surface():
     values = normals()[:, VERTICES]
     values[:, SIDE, 1] *= -1
     data, header = coded(Track(values, "corner", "normal"), "0.5deg", max_error=1e-3)
@@ -154,7 +154,7 @@ def test_a_frame_is_that_of_the_whole_when_a_file_is_read_in_pieces():
         assert reel.track("x").shape == (10, len(VERTICES), 1)
 
 
-def test_the_hierarchy_is_held_once_when_tracks_have_the_same_rows():
+def test_hierarchy_is_cached_for_tracks_with_the_same_rows():
     values = with_seams(waves(SHEET.n_verts))
     tracks = {"x": Track(values, "corner"), "y": Track(-values, "corner")}
     whole = meshreel.MeshSequence(
@@ -173,7 +173,7 @@ def test_the_hierarchy_is_held_once_when_tracks_have_the_same_rows():
     assert held_bytes("x", "y") - held_bytes("x") < (held_bytes("x") - held_bytes()) / 2
 
 
-def test_corners_have_values_of_their_own_when_all_of_them_differ():
+def test_corners_have_separate_values_when_all_differ():
     values = np.random.default_rng(2).random((10, len(VERTICES), 1)).astype(np.float32)
     for bound in (0.01, "exact"):
         data, header = coded(Track(values, "corner"), bound)
@@ -181,8 +181,8 @@ def test_corners_have_values_of_their_own_when_all_of_them_differ():
         assert np.abs(decoded(data).values - values).max() <= 0.01
 
 
-def test_corners_have_values_of_their_own_when_rows_of_them_take_more():
-    """Faces are either 0 or 1 by chance: rows say of each corner what one number says of a face."""
+def test_corners_have_separate_values_when_rows_take_more_bytes():
+    """Faces are randomly 0 or 1, so rows repeat per corner what one value tells per face."""
     grid = waving_grid(2, 20, 20)
     of_faces = np.random.default_rng(3).integers(0, 2, grid.n_faces).astype(np.uint8)
     values = np.repeat(np.tile(of_faces, (2, 1)), 3, axis=1)
@@ -193,7 +193,7 @@ def test_corners_have_values_of_their_own_when_rows_of_them_take_more():
     assert decoded(data).values.tobytes() == whole.tracks["x"].values.tobytes()
 
 
-def test_corners_are_told_apart_when_they_differ_in_a_late_frame():
+def test_corners_are_separated_when_a_late_frame_differs():
     values = np.zeros((9, 6, 2))
     values[3, 4], values[8, 1] = [0, 1], [1, 0]
     groups = equal_corners(Track(values, "corner"), np.array([7, 7, 5, 7, 7, 5]))
@@ -203,14 +203,14 @@ def test_corners_are_told_apart_when_they_differ_in_a_late_frame():
     np.testing.assert_array_equal(together, expected)
 
 
-def test_signs_of_zeros_and_bits_of_nan_tell_corners_apart():
+def test_signs_of_zeros_and_bits_of_nan_separate_corners():
     values = np.array([[0.0, -0.0, np.nan, -np.nan, np.nan, 0.0]])
     groups = equal_corners(Track(values, "corner"), np.zeros(6, np.int64))
     assert len(set(groups.tolist())) == 4
     assert (groups[0], groups[2]) == (groups[5], groups[4])
 
 
-def test_corners_have_values_of_their_own_when_frames_come_one_by_one():
+def test_corners_of_live_frames_have_separate_values():
     values = waves(SHEET.n_verts)[:, VERTICES]
     file = BytesIO()
     with meshreel.Encoder(SHEET.faces, file, surface=SHEET.surface, block_frames=4) as encoder:

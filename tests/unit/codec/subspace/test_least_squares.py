@@ -1,4 +1,4 @@
-"""Equations of least squares by their Gram matrix."""
+"""Least squares by Gram matrices."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def test_weights_are_those_of_least_squares():
 
 
 @pytest.mark.parametrize("more", [ROWS[:1], 0 * ROWS[:1], ROWS[:1] + 1e-9 * ROWS[1:2]])
-def test_weights_are_the_shortest_when_rows_depend_on_each_other(more):
+def test_weights_have_minimum_norm_when_rows_are_dependent(more):
     rows = np.concatenate([ROWS, more])
     weights = solution(rows)
     np.testing.assert_allclose(weights.T @ rows, solution(ROWS).T @ ROWS, atol=1e-6)

@@ -72,7 +72,7 @@ def test_joint_modes_are_as_many_as_the_rank_when_nothing_moves():
 
 
 @pytest.mark.parametrize("shape", [(30, 60), (40, 40)])
-def test_weak_modes_are_found_behind_strong_ones(shape):
+def test_weak_modes_are_found_after_strong_ones(shape):
     rng = np.random.default_rng(3)
     strengths = 10.0 ** -np.arange(0, 11, 0.5)
     left, right = (np.linalg.qr(rng.normal(size=(n, len(strengths))))[0] for n in shape)
@@ -86,13 +86,13 @@ def test_weak_modes_are_found_behind_strong_ones(shape):
     assert np.linalg.norm(matrix - vectors @ (vectors.T @ matrix)) < 2 * least
 
 
-def test_weak_modes_are_no_more_than_the_matrix_has():
+def test_number_of_weak_modes_is_at_most_the_rank():
     rng = np.random.default_rng(4)
     matrix = rng.normal(size=(12, 3)) @ rng.normal(size=(3, 50))
     values, _ = truncated_pca(lambda piece: matrix[:, piece], matrix @ matrix.T, 50, 1e-300)
     assert len(values) == 3
 
 
-def test_weak_modes_of_nothing_are_one():
+def test_zero_matrix_has_one_mode():
     values, _ = truncated_pca(lambda _: np.zeros((4, 9)), np.zeros((4, 4)), 9, 1e-9)
     assert values.tolist() == [0.0]

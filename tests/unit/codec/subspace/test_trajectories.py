@@ -19,7 +19,7 @@ def test_matrices_are_the_same_when_the_model_is_moved_and_scaled(offset, size):
     np.testing.assert_allclose(there, here, atol=4 * np.finfo(float).eps * (1 + abs(offset) / size))
 
 
-def test_positions_come_back_when_taken_from_matrices():
+def test_positions_are_restored_from_matrices():
     shape = np.random.default_rng(1).uniform(size=(4, 10, 3)) + 100
     frame = bounding_frame(extent_of(shape))
     back = from_matrices(to_matrices(shape, frame), frame, np.float64)

@@ -42,7 +42,7 @@ from samples.streams import Stream, parts_of, raw_stream
 @pytest.mark.parametrize(
     "make", [quad_sheet, hard_sheet, two_sheets, dressed_sheet, dressed_sheets]
 )
-def test_surface_comes_back_exactly_when_a_stream_is_decoded(make, method):
+def test_surface_is_lossless(make, method):
     sequence = make()
     decoded = meshreel.decode(meshreel.encode(sequence, method))
     assert_same_surface(decoded.surface, sequence.surface)
@@ -53,7 +53,7 @@ def test_surface_comes_back_exactly_when_a_stream_is_decoded(make, method):
 @pytest.mark.parametrize("dtype", ["u1", "i4", "f4", "f8"])
 @pytest.mark.parametrize("domain", list(Domain))
 @pytest.mark.parametrize("is_indexed", [False, True])
-def test_values_come_back_bit_by_bit_when_of_any_type_and_domain(dtype, domain, is_indexed):
+def test_values_of_any_type_and_domain_are_lossless(dtype, domain, is_indexed):
     sequence, rng = quad_sheet(2), np.random.default_rng(5)
     sizes = sequence.surface.face_sizes
     n_items = {"vertex": 30, "face": len(sizes), "corner": int(sizes.sum())}[domain]
@@ -75,11 +75,11 @@ def test_stream_of_a_surface_without_materials_has_no_sections_of_them():
     assert not sections & {Section.MATERIAL, Section.IMAGE}
 
 
-def test_material_takes_few_bytes_when_it_is_as_usual():
+def test_material_takes_few_bytes_when_it_is_the_default():
     assert len(write_material(Material("skin", roughness=0.5))) == len("skin") + 1 + 1 + 1 + 8 + 1
 
 
-def test_images_are_in_the_stream_as_they_are():
+def test_images_are_stored_unchanged():
     data = meshreel.encode(dressed_sheet())
     assert all(image.data in data for image in dressed_sheet().surface.images)
 
@@ -98,7 +98,7 @@ def test_info_counts_images_and_materials_when_a_stream_has_some():
 
 @pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
 @pytest.mark.parametrize("uv_bits", [None, 9])
-def test_values_along_the_faces_come_back_whatever_the_order(order, uv_bits):
+def test_values_along_the_faces_are_lossless_in_every_order(order, uv_bits):
     grid, rng = waving_grid(4, 14, 15), np.random.default_rng(2)
     mixed = rng.permutation(grid.n_verts)
     faces = mixed[grid.faces][rng.permutation(len(grid.faces))]
@@ -117,7 +117,7 @@ def test_values_along_the_faces_come_back_whatever_the_order(order, uv_bits):
 
 
 def sheet_with_uvs(n=30, *, is_shared):
-    """Triangles of a grid with a seam: exact UVs of two charts, at corners."""
+    """Triangles of a grid with a seam: exact UVs of two charts at corners."""
     grid = waving_grid(2, n, n)
     rows, cols = np.divmod(np.arange(n * n), n)
     inside = np.stack([cols / n + 0.02 * np.sin(rows / 3), rows / n], axis=1)
@@ -148,12 +148,12 @@ def test_uvs_take_little_when_they_are_smooth_along_the_faces(is_shared, bits):
 
 
 def with_parts(stream, payloads):
-    """The bytes of a stream with other payloads of some sections."""
+    """A stream with replaced payloads of some sections."""
     parts = [(section, payloads.get(section, own)) for section, own in parts_of(stream)]
     return raw_stream(stream.header, parts)
 
 
-def test_reading_gives_our_error_or_a_surface_when_bytes_are_changed():
+def test_reading_changed_bytes_gives_a_surface_or_a_typed_error():
     rng = np.random.default_rng(8)
     for is_shared in (False, True):
         stream = Stream(meshreel.encode(sheet_with_uvs(6, is_shared=is_shared)))
@@ -215,7 +215,7 @@ def test_start_follows_the_frames_when_only_some_are_decoded():
     assert decoded.start_s == pytest.approx((1001 + 5) / 24, abs=1e-12)
 
 
-def test_live_encoder_carries_surface_and_start_when_frames_come_one_by_one(tmp_path):
+def test_live_encoder_stores_surface_and_start(tmp_path):
     sequence = two_sheets()
     with meshreel.Encoder(
         sequence.faces, tmp_path / "a.reel", fps=24, start_s=2.5, surface=sequence.surface
@@ -227,7 +227,7 @@ def test_live_encoder_carries_surface_and_start_when_frames_come_one_by_one(tmp_
         assert reel.start_s == 2.5
 
 
-def test_info_says_what_is_carried_when_there_is_a_surface():
+def test_info_lists_the_parts_of_the_surface():
     info = meshreel.info(meshreel.encode(two_sheets()))
     assert info.parts == ("/root/a", "/root/b")
     assert info.n_polygons == len(two_sheets().surface.face_sizes)
@@ -257,13 +257,13 @@ def test_size_target_counts_the_surface_when_it_is_met():
         (Section.MATERIAL, b"\x01a"),
         (Section.MATERIAL, b"\x01a\x00\x00"),
         (Section.MATERIAL, b"\x01a\x03\x00\x00"),  # alpha mode 3
-        (Section.MATERIAL, b"\x01a\x10\x00\x00"),  # a flag that is not
+        (Section.MATERIAL, b"\x01a\x10\x00\x00"),  # an unknown flag
         (Section.MATERIAL, b"\x01a\x00\x80\x20\x00"),  # number 12
         (Section.MATERIAL, b"\x01a\x00\x01\x00\x00"),  # cut inside a number
         (Section.MATERIAL, b"\x01a\x00\x01" + np.float64(np.inf).tobytes() + b"\x00"),
         (Section.MATERIAL, b"\x01a\x00\x00\x40"),  # slot 6
         (Section.MATERIAL, b"\x01a\x00\x00\x00\x00"),  # one byte too many
-        (Section.MATERIAL, b"\x01a\x00\x00\x01\x00\x00\x07\x00\x00\x00"),  # image 0 of none
+        (Section.MATERIAL, b"\x01a\x00\x00\x01\x00\x00\x07\x00\x00\x00"),  # image 0 without images
         (Section.IMAGE, b""),
         (Section.IMAGE, b"\x05a"),
         (Section.IMAGE, b"\x01\xff\x00"),
@@ -271,7 +271,7 @@ def test_size_target_counts_the_surface_when_it_is_met():
         (Section.START, np.float64(np.nan).tobytes()),
     ],
 )
-def test_damaged_sections_are_told_when_their_checksums_fit(section, payload):
+def test_damaged_sections_with_valid_checksums_are_refused(section, payload):
     stream = Stream(meshreel.encode(waving_grid()))
     with pytest.raises(meshreel.MeshReelError):
         meshreel.decode(raw_stream(stream.header, [(section, payload), *parts_of(stream)]))
@@ -310,12 +310,12 @@ def damaged_material(payload):
         ),
     ],
 )
-def test_a_texture_is_refused_when_it_cannot_be(texture, message):
+def test_invalid_texture_is_refused(texture, message):
     with pytest.raises(CorruptStreamError, match=message):
         meshreel.decode(damaged_material(b"\x01a\x00\x00\x01" + texture))
 
 
-def test_a_texture_is_read_when_it_is_as_the_format_says():
+def test_texture_of_the_format_is_read():
     data = damaged_material(b"\x01a\x00\x00\x01\x00\x00\x07\x00\x00\x00")
     surface = meshreel.decode(data).surface
     assert surface.materials == (Material("a", base_color_texture=Texture(0, "")),)
@@ -325,7 +325,7 @@ def test_a_texture_is_read_when_it_is_as_the_format_says():
 @pytest.mark.parametrize(
     ("numbers", "is_read"), [([-1, 0, 1], True), ([0, 1, 2], False), ([0, -2, 0], False)]
 )
-def test_groups_are_refused_when_a_face_is_of_none_that_there_is(numbers, is_read):
+def test_groups_are_refused_when_the_group_of_a_face_is_missing(numbers, is_read):
     labels = write_varint(2) + write_text("a") + write_text("b")
     payload = write_text("material") + labels + encode_integers([np.diff(numbers, prepend=0)])
     fan = meshreel.MeshSequence(np.eye(5, 3)[None], [[0, 1, 2], [0, 2, 3], [0, 3, 4]])
@@ -339,7 +339,7 @@ def test_groups_are_refused_when_a_face_is_of_none_that_there_is(numbers, is_rea
 
 
 @pytest.mark.parametrize("order", ["vertices", "drop"])
-def test_hard_edges_come_back_when_the_order_of_faces_is_not_kept(order):
+def test_hard_edges_are_lossless_when_the_order_of_faces_is_dropped(order):
     given = hard_sheet()
     data = meshreel.encode(given, order=order)
     decoded = meshreel.decode(data)

@@ -15,7 +15,7 @@ ROWS = st.integers(0, 80).flatmap(lambda size: arrays(np.int32, size, elements=s
 
 
 @given(ROWS)
-def test_references_of_vertices_come_back(rows):
+def test_references_of_vertices_round_trip(rows):
     assert read_references(encode_references(rows), len(rows)) == rows.tolist()
 
 

@@ -12,7 +12,7 @@ from samples.meshes import two_sheets, waving_grid
 
 
 def grid_with_uvs(values):
-    """A grid of 99 vertices, each of which has texture coordinates."""
+    """A grid of 99 vertices with texture coordinates."""
     given = np.asarray(values)
     return replace(
         waving_grid(),
@@ -32,31 +32,31 @@ def decoded_uvs(sequence, **options):
 @pytest.mark.parametrize("bits", [4, 11, 12, 24])
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("tiles", [1, -7.5])
-def test_coordinates_are_off_by_half_a_step_at_most_when_quantised(bits, dtype, tiles):
+def test_quantized_coordinates_are_within_half_a_step(bits, dtype, tiles):
     given = random_uvs(dtype, tiles)
     found = decoded_uvs(grid_with_uvs(given), uv_bits=bits)
     assert found.values.dtype == dtype
     assert np.abs(found.values.astype(float) - given).max() <= 2.0 ** -(bits + 1)
 
 
-def test_borders_of_tiles_stay_when_coordinates_are_quantised():
+def test_borders_of_tiles_are_preserved_by_quantization():
     given = np.tile(np.array([[0, 1], [1, 3], [-2, 10.25]], np.float32), (33, 1))
     np.testing.assert_array_equal(decoded_uvs(grid_with_uvs(given), uv_bits=4).values, given)
 
 
-def test_quantising_changes_nothing_when_it_was_done_before():
+def test_quantization_is_idempotent():
     first = meshreel.encode(grid_with_uvs(random_uvs()), uv_bits=9)
     second = meshreel.encode(meshreel.decode(first), uv_bits=9)
     found, again = (meshreel.decode(data).surface.attributes[0].values for data in (first, second))
     np.testing.assert_array_equal(found, again)
 
 
-def test_seams_stay_when_coordinates_of_corners_are_quantised():
+def test_seams_are_preserved_by_quantization():
     given = two_sheets().surface.of_kind(Kind.UV)[0]
     np.testing.assert_array_equal(decoded_uvs(two_sheets(), uv_bits=8).indices, given.indices)
 
 
-def test_other_attributes_stay_exact_when_coordinates_are_quantised():
+def test_other_attributes_are_lossless():
     decoded = meshreel.decode(meshreel.encode(two_sheets(), uv_bits=4))
     found, given = (one.surface.of_kind(Kind.COLOR)[0].values for one in (decoded, two_sheets()))
     np.testing.assert_array_equal(found, given)
@@ -102,7 +102,7 @@ def test_encode_refuses_bits_when_a_coordinate_is_not_finite():
         meshreel.encode(grid_with_uvs(given), uv_bits=12)
 
 
-def test_live_encoder_quantises_coordinates_when_asked_to():
+def test_live_encoder_quantizes_coordinates():
     sequence, target = grid_with_uvs(random_uvs()), BytesIO()
     with meshreel.Encoder(sequence.faces, target, surface=sequence.surface, uv_bits=10) as encoder:
         for frame in sequence.vertices:
@@ -121,7 +121,7 @@ def test_live_encoder_refuses_bits_when_there_are_no_coordinates():
         encoder.push(sequence.vertices[0])
 
 
-def test_encode_leaves_out_attributes_when_names_are_given():
+def test_encode_keeps_only_selected_attributes():
     decoded = meshreel.decode(meshreel.encode(two_sheets(), attributes="color"))
     assert [one.name for one in decoded.surface.attributes] == ["color"]
     assert decoded.surface.groups == ()

@@ -1,4 +1,4 @@
-"""Which blocks have cosines over time or adaptive times, and what these save."""
+"""Choice and savings of cosines over time and of adaptive times."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def layouts(data):
 
 
 def by_times(monkeypatch, sequence, **options):
-    """The stream without cosines."""
+    """Encode without cosines."""
     with monkeypatch.context() as changed:
         changed.setattr(basis_coding, "MIN_COSINE_GAIN", 1.0)
         return meshreel.encode(sequence, **options)
@@ -88,7 +88,7 @@ def test_block_is_refused_when_it_has_cosines_and_too_many_frames():
 
 
 def shaking(n_frames=120, side=8):
-    """A sheet whose vertices shake: curves through the times around do not follow."""
+    """A shaking sheet: polynomials through adjacent times predict it badly."""
     sheet = waving_grid(1, side, side, np.float64)
     rng = np.random.default_rng(20)
     waves = rng.normal(size=(n_frames, 12)) / np.arange(1, 13)
@@ -126,11 +126,11 @@ def test_fields_are_reused_in_blocks_with_adaptive_times(monkeypatch):
     "targets",
     [np.zeros((0, 3, 90)), np.zeros((2, 3, 90)), np.ones((2, 3, 1)), np.full((3, 3, 99), 2.0**29)],
 )
-def test_times_do_not_adapt_where_that_saves_nothing(targets):
+def test_times_do_not_adapt_without_savings(targets):
     assert not cheapest_coding(targets, RATE_WEIGHT).is_adaptive
 
 
-def test_times_adapt_only_where_weights_can_learn():
+def test_times_adapt_only_in_blocks_long_enough():
     rng, frames = np.random.default_rng(7), 4 * MIN_ADAPTIVE_FRAMES
     noise = 20.0 * rng.normal(size=(8, 3, frames))
     few = noise[:, :, : MIN_ADAPTIVE_FRAMES - 1]

@@ -1,4 +1,4 @@
-"""Trajectories of large meshes, which are found from a sketch of their vertices."""
+"""Trajectories of large meshes, estimated from a sketch of their vertices."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ UNIT = BoundingFrame((0.0, 0.0, 0.0), 1.0)
 
 @pytest.fixture
 def frames():
-    """Twelve motions over all vertices, each half as strong as the one before, and noise."""
+    """Twelve motions over all vertices, each half as strong as the previous one, and noise."""
     rng = np.random.default_rng(3)
     motions = rng.standard_normal((3 * N_FRAMES, 12)) * 0.5 ** np.arange(12)
     matrix = motions @ rng.standard_normal((12, N_VERTS))
@@ -21,17 +21,17 @@ def frames():
 
 
 def rows_of(frames):
-    """The matrix of shape (3 T, V) whose trajectories are found."""
+    """The matrix of shape (3 T, V) of trajectories."""
     return frames.transpose(2, 0, 1).reshape(-1, frames.shape[1])
 
 
 def left_by(vectors, rows):
-    """Root of the energy that modes with these basis vectors leave."""
+    """Norm of the residual of modes with these basis vectors."""
     return np.linalg.norm(rows - vectors @ (vectors.T @ rows))
 
 
 @pytest.mark.parametrize("n_modes", [1, 4, 11])
-def test_modes_of_a_sketch_leave_little_more_than_the_best(frames, n_modes):
+def test_modes_of_a_sketch_are_nearly_optimal(frames, n_modes):
     rows = rows_of(frames)
     best = np.linalg.svd(rows, full_matrices=False)[0][:, :n_modes]
     _, vectors = BlockFrames(frames, UNIT).trajectories(0.0)
@@ -40,7 +40,7 @@ def test_modes_of_a_sketch_leave_little_more_than_the_best(frames, n_modes):
     assert left_by(best, rows) <= left_by(found, rows) < 1.01 * left_by(best, rows)
 
 
-def test_what_few_vertices_do_is_found_in_a_sketch(frames):
+def test_sketch_captures_motion_of_few_vertices(frames):
     rng = np.random.default_rng(4)
     frames[:, 5000:5003] += rng.standard_normal((N_FRAMES, 1, 3))
     rows = rows_of(frames)
@@ -59,6 +59,6 @@ def test_strengths_and_energy_are_those_of_all_vertices(frames):
     assert block.energy == pytest.approx(np.sum(rows**2), rel=1e-12)
 
 
-def test_a_sketch_is_the_same_each_time(frames):
+def test_sketch_is_deterministic(frames):
     one, other = (BlockFrames(frames, UNIT).trajectories(0.01) for _ in range(2))
     np.testing.assert_array_equal(one[1], other[1])

@@ -1,4 +1,4 @@
-"""Corrections keep every position within a bound, whatever was wrong."""
+"""Corrections bring every position within a bound."""
 
 import numpy as np
 import pytest
@@ -34,10 +34,10 @@ def left_over(errors, corrections):
     st.floats(0.0, 0.9),
     st.integers(0, 2**32 - 1),
 )
-def test_every_position_is_within_the_bound_whatever_the_errors(
+def test_every_position_is_within_the_bound_for_any_errors(
     n_frames, n_verts, size, bound, share, seed
 ):
-    """A share of the bound belongs to the rounding of the number type."""
+    """Part of the bound is reserved for rounding."""
     errors = some_errors(n_frames, n_verts, size * bound, seed)
     corrections = find_corrections(errors, bound, share * bound)
     lengths = np.linalg.norm(left_over(errors, corrections), axis=0)
@@ -45,36 +45,36 @@ def test_every_position_is_within_the_bound_whatever_the_errors(
 
 
 @given(st.lists(st.integers(-5, 5), min_size=3, max_size=3), st.sampled_from([-1, 0, 1]))
-def test_worst_places_of_a_cell_are_within_the_bound_when_corrected(cell, side):
-    """Halfway between two steps along each axis is the farthest from any correction."""
+def test_corners_of_a_cell_are_within_the_bound(cell, side):
+    """Errors half-way between two steps along each axis are the worst case."""
     step = float(find_corrections(np.zeros((3, 1, 1)), 1.0, 0.0).step)
     errors = (np.array(cell) + 0.5 + 1e-9 * side).reshape(3, 1, 1) * step
     left = left_over(errors, find_corrections(errors, 1.0, 0.0))
     assert np.linalg.norm(left, axis=0).max() <= 1.0 - FLOOR
 
 
-def test_floor_is_kept_free_when_the_bound_is_tiny():
+def test_floor_is_reserved_when_the_bound_is_tiny():
     errors, bound = np.zeros((3, 1, 3)), 10 * FLOOR
     errors[0, 0] = [bound - 1.1 * FLOOR, bound - 0.9 * FLOOR, bound]
     np.testing.assert_array_equal(find_corrections(errors, bound, 0.0).vertices, [1, 2])
 
 
 @pytest.mark.parametrize("rounding", [0.0, 1e-18, FLOOR, 1e-5, 1.0])
-def test_least_bound_leaves_nothing_and_more_leaves_something(rounding):
+def test_least_bound_allows_no_error(rounding):
     least = least_bound(rounding)
     assert allowed_error(least, rounding) == pytest.approx(0.0, abs=1e-15)
     assert allowed_error(1.01 * least, rounding) > 0
 
 
 @pytest.mark.parametrize("size", [0.0, 0.1, 0.5])
-def test_there_are_no_corrections_when_nothing_is_beyond_the_bound(size):
+def test_no_corrections_when_all_errors_are_within_the_bound(size):
     errors = size / np.sqrt(3) * np.ones((3, 4, 5))
     corrections = find_corrections(errors, 0.6, 0.01)
     assert corrections.vertices.shape == corrections.frames.shape == (0,)
     assert corrections.offsets.shape == (0, 3)
 
 
-def test_only_what_is_beyond_the_bound_is_corrected():
+def test_only_errors_beyond_the_bound_are_corrected():
     errors = some_errors()
     corrections = find_corrections(errors, 1.5, 0.0)
     is_far = np.linalg.norm(errors, axis=0) > allowed_error(1.5, 0.0)
@@ -90,21 +90,21 @@ def test_corrections_go_by_vertex_then_frame():
     assert np.all(np.diff(places) > 0)
 
 
-def test_steps_are_as_the_decoder_reads_them_when_corrections_are_found():
-    """The step is rounded to float32 before offsets are: both sides move by the same."""
+def test_corrections_use_the_step_as_decoded():
+    """The step is rounded to float32 before offsets are computed, as in the decoder."""
     corrections = find_corrections(some_errors(), 1 / 3, 0.0)
     assert corrections.step.dtype == np.float32
     back = payloads.read_corrections(payloads.write_corrections(corrections), 3, 7, 11)
     np.testing.assert_array_equal(back.displacements, corrections.displacements)
 
 
-def test_errors_stay_as_they_are_when_corrections_are_found():
+def test_errors_are_not_modified():
     errors = some_errors()
     find_corrections(errors, 0.1, 0.0)
     np.testing.assert_array_equal(errors, some_errors())
 
 
-def test_moves_are_whole_steps():
+def test_offsets_are_whole_steps():
     nothing = np.zeros(2, np.int64)
     corrections = Corrections(np.float32(0.25), nothing, nothing, np.array([[1, 0, -2], [4, 3, 0]]))
     np.testing.assert_array_equal(corrections.displacements, [[0.25, 0, -0.5], [1, 0.75, 0]])

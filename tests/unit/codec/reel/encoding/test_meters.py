@@ -1,4 +1,4 @@
-"""Errors that are found from fields are those of decoded frames."""
+"""Errors computed from fields equal those of decoded frames."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from samples.meshes import irregular_sequence, waving_grid
 
 
 def metered(sequence, step, block_frames=8):
-    """The error by the meter, and that of the decoded frames."""
+    """The error of the meter, and that of decoded frames."""
     source = Source(sequence, EncoderConfig(block_frames=block_frames))
     coder = coder_of(source.mesh, source.frame).with_step(step, None)
     blocks, meter, decoded = KeyedBlocks(coder), KgMeter(), []

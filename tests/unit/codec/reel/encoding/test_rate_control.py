@@ -1,4 +1,4 @@
-"""The search for a step, on measures that are known."""
+"""Searches for a step, with known measures."""
 
 import numpy as np
 import pytest
@@ -14,14 +14,14 @@ def power_law(exponent, factor=3.0):
 
 
 def counted(measure):
-    """The measure, and the list of steps that it was asked for."""
-    asked = []
+    """The measure, and the list of its arguments."""
+    steps = []
 
     def measured(step):
-        asked.append(step)
+        steps.append(step)
         return measure(step)
 
-    return measured, asked
+    return measured, steps
 
 
 @pytest.mark.parametrize("exponent", EXPONENTS)
@@ -29,11 +29,11 @@ def counted(measure):
 @pytest.mark.parametrize("distance", [1e-5, 1e-3, 0.4, 1.0, 3.0, 1e3, 1e5])
 def test_error_is_met_from_below_when_it_is_a_power_of_the_step(exponent, factor, distance):
     measure = power_law(exponent, factor)
-    measured, asked = counted(measure)
+    measured, steps = counted(measure)
     limit = measure(0.01 * distance)
     step = meet_limit(measured, limit, 0.01, rises=True)
     assert 0.99 * limit <= measure(step) <= limit
-    assert len(asked) == len(set(asked)) <= MAX_TRIALS
+    assert len(steps) == len(set(steps)) <= MAX_TRIALS
 
 
 @pytest.mark.parametrize("exponent", EXPONENTS)
@@ -45,8 +45,8 @@ def test_size_is_met_from_below_when_it_falls_with_the_step(exponent, distance):
     assert 0.99 * limit <= measure(step) <= limit
 
 
-def test_size_is_met_when_a_part_of_it_is_always_there():
-    """Connectivity and headers: no power of the step."""
+def test_size_is_met_when_a_part_is_constant():
+    """Connectivity and headers do not depend on the step."""
 
     def measure(step):
         return 5000 + 3 * step**-0.9
@@ -58,7 +58,7 @@ def test_size_is_met_when_a_part_of_it_is_always_there():
 @pytest.mark.parametrize("rises", [True, False])
 @pytest.mark.parametrize("seed", range(20))
 def test_limit_is_nearly_met_from_below_when_the_measure_is_noisy(rises, seed):
-    """The same step measures the same, but neighbours differ by some percent."""
+    """The measure is deterministic, but varies by some percent between close steps."""
     noises = {}
     rng = np.random.default_rng(seed)
 
@@ -73,7 +73,7 @@ def test_limit_is_nearly_met_from_below_when_the_measure_is_noisy(rises, seed):
 
 @pytest.mark.parametrize("rises", [True, False])
 def test_whole_numbers_are_met_when_the_measure_goes_in_steps(rises):
-    """Sizes are whole bytes, and few steps of rounding give different streams."""
+    """Sizes are whole bytes, and few steps give different streams."""
 
     def measure(step):
         return float(np.floor(100 * step ** (1 if rises else -1) / 7) * 7)
@@ -84,13 +84,13 @@ def test_whole_numbers_are_met_when_the_measure_goes_in_steps(rises):
 
 @pytest.mark.parametrize("rises", [True, False])
 @pytest.mark.parametrize("above", [1.001, 2.0, 1e6])
-def test_nothing_is_found_when_the_measure_has_a_floor_above_the_limit(rises, above):
+def test_search_returns_none_when_the_limit_is_below_the_floor(rises, above):
     def measure(step):
         return max(above, step if rises else 1 / step)
 
-    measured, asked = counted(measure)
+    measured, steps = counted(measure)
     assert meet_limit(measured, 1.0, 5.0, rises=rises) is None
-    assert len(asked) <= MAX_TRIALS
+    assert len(steps) <= MAX_TRIALS
 
 
 @pytest.mark.parametrize("rises", [True, False])
@@ -103,8 +103,8 @@ def test_limit_is_met_when_the_floor_is_just_below_it(rises):
 
 
 @pytest.mark.parametrize("rises", [True, False])
-def test_a_step_far_away_is_given_when_the_measure_never_reaches_the_limit(rises):
-    """A budget that all streams stay below: the best one found is given."""
+def test_search_returns_a_distant_step_when_the_limit_is_never_reached(rises):
+    """All streams are below the size: the search returns the best."""
     measure = (lambda step: min(step, 0.5)) if rises else (lambda step: min(1 / step, 0.5))
     step = meet_limit(measure, 1.0, 1.0, rises=rises)
     assert step is not None
@@ -114,21 +114,21 @@ def test_a_step_far_away_is_given_when_the_measure_never_reaches_the_limit(rises
 
 @pytest.mark.parametrize("rises", [True, False])
 @pytest.mark.parametrize(("value", "is_met"), [(0.0, True), (1e-9, True), (2.0, False)])
-def test_search_stays_within_reach_when_nothing_changes_the_measure(rises, value, is_met):
-    measured, asked = counted(lambda step: value)
+def test_search_is_bounded_when_the_measure_is_constant(rises, value, is_met):
+    measured, steps = counted(lambda step: value)
     step = meet_limit(measured, 1.0, 1.0, rises=rises)
-    assert step in asked if is_met else step is None
-    assert all(1 / MAX_RATIO <= one <= MAX_RATIO for one in asked)
+    assert step in steps if is_met else step is None
+    assert all(1 / MAX_RATIO <= one <= MAX_RATIO for one in steps)
 
 
-def test_first_step_is_taken_when_it_meets_the_limit_already():
-    measured, asked = counted(power_law(1.0, 1.0))
+def test_first_step_is_returned_when_it_meets_the_limit():
+    measured, steps = counted(power_law(1.0, 1.0))
     assert meet_limit(measured, 1.0, 0.995, rises=True) == pytest.approx(0.995)
-    assert len(asked) == 1
+    assert len(steps) == 1
 
 
 @pytest.mark.parametrize("tolerance", [0.2, 0.01, 1e-4])
-def test_less_is_left_over_when_the_tolerance_is_finer(tolerance):
+def test_measure_is_within_the_tolerance_of_the_limit(tolerance):
     measure = power_law(0.7)
     step = meet_limit(measure, 1.0, 1e-3, rises=True, tolerance=tolerance)
     assert 1 - tolerance <= measure(step) <= 1.0
@@ -146,11 +146,11 @@ def test_least_cost_is_nearly_found_when_the_cost_has_one_valley(lowest):
 @pytest.mark.parametrize("lowest", [0.01, 0.7, 1.0, 1.3, 50.0])
 @pytest.mark.parametrize("n_trials", [1, 2, 6, 9])
 def test_least_cost_is_that_of_the_cheapest_step_tried(lowest, n_trials):
-    measured, asked = counted(lambda step: abs(np.log(step / lowest)))
+    measured, steps = counted(lambda step: abs(np.log(step / lowest)))
     step = least_cost(measured, 1.0, n_trials=n_trials)
-    assert step in asked
-    assert len(asked) == len(set(asked)) == n_trials
-    assert abs(np.log(step / lowest)) == min(abs(np.log(one / lowest)) for one in asked)
+    assert step in steps
+    assert len(steps) == len(set(steps)) == n_trials
+    assert abs(np.log(step / lowest)) == min(abs(np.log(one / lowest)) for one in steps)
 
 
 def test_least_cost_is_the_start_when_all_cost_the_same():

@@ -1,4 +1,4 @@
-"""What rests in the original rests when it is decoded."""
+"""Resting vertices of the original rest in decoded frames."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ SIDE = 15
 
 
 def waving(n_frames=40):
-    """A sheet that waves, of shape (T, V, 3), and its faces."""
+    """A waving sheet, of shape (T, V, 3), and its faces."""
     sheet = waving_grid(n_frames, SIDE, SIDE, np.float64)
     tremble = 0.02 * np.random.default_rng(2).normal(size=(8, SIDE * SIDE, 3))
     curves = np.sin(np.arange(n_frames)[:, None] * np.linspace(0.1, 0.9, 8))
@@ -23,7 +23,7 @@ def waving(n_frames=40):
 
 
 def held(start=20, end=30, moving=0.0):
-    """A sheet that rests at some frames, where a tenth of its vertices still moves if told so."""
+    """A sheet at rest in some frames, where optionally a tenth of its vertices move."""
     vertices, faces = waving()
     before = vertices[start - 1]
     rest = np.repeat(before[None], end - start, axis=0)
@@ -34,7 +34,7 @@ def held(start=20, end=30, moving=0.0):
 
 
 def half_still():
-    """A sheet of which one half never moves."""
+    """A sheet with one half at rest."""
     vertices, faces = waving()
     share = np.clip(vertices[0, :, 0] / np.ptp(vertices[0, :, 0]) - 0.5, 0.0, 0.3)[:, None]
     return meshreel.MeshSequence((vertices[0] + share * (vertices - vertices[0])), faces)
@@ -47,7 +47,7 @@ def rests_of(data):
 
 
 def steps_percent(vertices):
-    """How far vertices move from frame to frame, in percent of the diagonal of the first frame."""
+    """Displacements of vertices between frames, in percent of the diagonal of the first."""
     found = np.asarray(vertices, np.float64)
     diagonal = np.linalg.norm(np.ptp(found[0], axis=0))
     return 100.0 * np.linalg.norm(np.diff(found, axis=0), axis=2) / diagonal

@@ -1,4 +1,4 @@
-"""Smooth surfaces are coded more finely, by how much their normals turn."""
+"""Finer quantization of smooth surfaces."""
 
 import numpy as np
 import pytest
@@ -11,23 +11,23 @@ FACES = np.array([[0, 1, 2], [2, 1, 3]], np.int32)
 
 
 def hinge(angle_deg):
-    """Two triangles whose normals are so far apart."""
+    """Two triangles whose normals have this angle."""
     turn = np.radians(angle_deg)
     return np.array([[-1, 0, 0], [0, 0, 0], [0, 1, 0], [np.cos(turn), 0.5, np.sin(turn)]], float)
 
 
 @pytest.mark.parametrize(("angle", "share"), [(0.0, 0.2), (4.0, 0.5**1.5), (8.0, 1.0), (90.0, 1.0)])
-def test_the_step_follows_the_turn_of_normals_when_a_surface_is_smooth(angle, share):
+def test_step_follows_the_angle_of_normals_of_a_smooth_surface(angle, share):
     assert step_share(FACES, 4, hinge(angle)[None]) == pytest.approx(share)
 
 
-def test_the_step_follows_the_mean_of_turns_when_frames_differ():
+def test_step_follows_the_mean_angle_over_frames():
     share = step_share(FACES, 4, np.stack([hinge(1.0), hinge(1.0), hinge(7.0)]))
     assert share == pytest.approx((3 / 8) ** 1.5)
 
 
-def test_edges_of_the_whole_surface_count_when_it_has_more_than_are_looked_at():
-    """A fold across each quad of a ribbon, of 1 degree in its first half and of 7 in the other."""
+def test_sampled_edges_cover_the_whole_surface():
+    """A ribbon with folds of 1 degree in its first half and 7 degrees in the other."""
     n_quads = 12_000
     ribbon = np.array([[-1, 0, 0], [0, 0, 0], [0, 1, 0], [1, 0.5, 0]])
     turn = np.radians(np.where(np.arange(n_quads) < n_quads // 2, 1.0, 7.0))
@@ -44,12 +44,12 @@ def test_a_face_without_area_does_not_count_when_others_have_one():
     assert step_share(faces, 5, vertices[None]) == pytest.approx(0.5**1.5)
 
 
-def test_a_face_that_is_turned_over_does_not_count_as_a_crease():
+def test_a_flipped_face_does_not_count_as_a_crease():
     turned = np.array([[0, 1, 2], [1, 2, 3]], np.int32)
     assert step_share(turned, 4, hinge(4.0)[None]) == step_share(FACES, 4, hinge(4.0)[None])
 
 
-def test_the_step_is_as_usual_when_there_is_no_turn_to_be_found():
+def test_step_is_unchanged_without_angles():
     flat = np.zeros((4, 3))
     assert step_share(FACES, 4, flat[None]) == 1.0
     assert step_share(FACES[:1], 4, hinge(4.0)[None]) == 1.0
@@ -58,13 +58,13 @@ def test_the_step_is_as_usual_when_there_is_no_turn_to_be_found():
 
 
 @pytest.mark.parametrize("n_frames", [1, 2, 3, 4, 5, 300])
-def test_frames_that_are_looked_at_exist(n_frames):
+def test_sampled_frames_exist(n_frames):
     numbers = sampled_frames(n_frames)
     assert set(numbers) <= set(range(n_frames))
     assert len(numbers) == min(n_frames, 4)
 
 
-def test_frames_that_are_looked_at_are_in_the_middle_of_quarters():
+def test_sampled_frames_are_the_middles_of_quarters():
     assert sampled_frames(80) == [10, 30, 50, 70]
 
 

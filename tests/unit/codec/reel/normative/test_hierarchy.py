@@ -1,4 +1,4 @@
-"""Resolutions and levels of vertices, checked against distances that SciPy finds."""
+"""Resolutions, levels and stencils of vertices, checked with SciPy and the plain reader."""
 
 from itertools import pairwise
 
@@ -23,7 +23,7 @@ from samples.meshes import grid_faces, octahedron_faces
 from samples.resolutions import core_resolutions
 
 SIZE = 7
-N_COLOURS, REACH, LARGEST_PASSAGE = 3, 3, 24
+N_COLORS, REACH, LARGEST_PASSAGE = 3, 3, 24
 
 
 def several_components():
@@ -33,7 +33,7 @@ def several_components():
 
 
 def fan(n_rim=40):
-    """One vertex is the neighbour of all."""
+    """A fan: one vertex is adjacent to all."""
     rim = np.arange(n_rim)
     return np.stack([np.full(n_rim, n_rim), rim, (rim + 1) % n_rim], axis=1), n_rim + 1
 
@@ -70,7 +70,7 @@ FIELD_MESHES = {
     name: FieldMesh(np.asarray(faces, np.int32), n_verts, SIZE)
     for name, (faces, n_verts) in MESHES.items()
 }
-SCALES = {name: core_resolutions(mesh.hierarchy) for name, mesh in FIELD_MESHES.items()}
+RESOLUTIONS = {name: core_resolutions(mesh.hierarchy) for name, mesh in FIELD_MESHES.items()}
 GRAPHS = {name: graphs_of(mesh) for name, mesh in FIELD_MESHES.items()}
 every_mesh = pytest.mark.parametrize("name", MESHES)
 
@@ -82,29 +82,29 @@ def place_of(resolution, vertices):
 
 
 def coarser_and_finer(name):
-    """Pairs of resolutions, with the graph of the finer one and that of the coarser."""
-    scales = zip(pairwise(SCALES[name]), pairwise(GRAPHS[name]), strict=True)
-    return [(*resolutions, *graphs[::-1]) for resolutions, graphs in scales]
+    """Consecutive resolutions, with the graphs of the finer and the coarser one."""
+    pairs = zip(pairwise(RESOLUTIONS[name]), pairwise(GRAPHS[name]), strict=True)
+    return [(*resolutions, *graphs[::-1]) for resolutions, graphs in pairs]
 
 
 @every_mesh
-def test_levels_hold_every_vertex_once_when_all_scales_are_taken_together(name):
-    levels = [level for resolution in SCALES[name] for level in resolution.levels]
+def test_levels_of_all_resolutions_contain_every_vertex_once(name):
+    levels = [level for resolution in RESOLUTIONS[name] for level in resolution.levels]
     assert sorted(np.concatenate(levels)) == list(range(MESHES[name][1]))
     assert all(np.all(np.diff(level) > 0) for level in levels)
 
 
 @every_mesh
-def test_members_are_those_of_the_coarser_scale_and_the_targets_when_a_scale_follows(name):
-    for coarser, resolution in pairwise(SCALES[name]):
+def test_members_are_those_of_the_coarser_resolution_and_the_added_vertices(name):
+    for coarser, resolution in pairwise(RESOLUTIONS[name]):
         together = np.concatenate([coarser.members, resolution.predicted])
         assert sorted(together) == resolution.members.tolist()
         assert len(resolution.predicted) > 0
 
 
 @every_mesh
-def test_finest_scale_is_the_mesh_when_the_coarsest_comes_first(name):
-    finest = SCALES[name][-1]
+def test_finest_resolution_is_the_mesh(name):
+    finest = RESOLUTIONS[name][-1]
     assert finest.members.tolist() == list(range(MESHES[name][1]))
     neighbors = FIELD_MESHES[name].neighbors
     found = np.zeros(GRAPHS[name][-1].shape, bool)
@@ -113,7 +113,7 @@ def test_finest_scale_is_the_mesh_when_the_coarsest_comes_first(name):
 
 
 @every_mesh
-def test_members_of_the_coarser_scale_are_independent_and_no_more_fit(name):
+def test_coarser_members_are_a_maximal_independent_set(name):
     for coarser, resolution, graph, _ in coarser_and_finer(name):
         kept, added = (
             place_of(resolution, coarser.members),
@@ -124,8 +124,8 @@ def test_members_of_the_coarser_scale_are_independent_and_no_more_fit(name):
 
 
 @every_mesh
-def test_coarser_neighbours_are_at_most_three_edges_apart_when_cells_touch(name):
-    """Cells have a radius of one edge; all who are two edges apart need not touch."""
+def test_coarser_neighbors_are_at_most_three_edges_apart(name):
+    """Cells have a radius of one edge; vertices two edges apart need not have adjacent cells."""
     for coarser, resolution, graph, near in coarser_and_finer(name):
         kept = place_of(resolution, coarser.members)
         distance = shortest_path(graph, unweighted=True)[np.ix_(kept, kept)]
@@ -133,26 +133,26 @@ def test_coarser_neighbours_are_at_most_three_edges_apart_when_cells_touch(name)
 
 
 @every_mesh
-def test_components_stay_what_they_were_when_scales_grow_coarser(name):
+def test_components_are_the_same_at_every_resolution(name):
     _, labels = component_labels(*MESHES[name])
-    for resolution, graph in zip(SCALES[name], GRAPHS[name], strict=True):
+    for resolution, graph in zip(RESOLUTIONS[name], GRAPHS[name], strict=True):
         n_here, here = connected_components(graph, directed=False)
         pairs = set(zip(here.tolist(), labels[resolution.members].tolist(), strict=True))
         assert len(pairs) == n_here == labels.max() + 1
 
 
 @pytest.mark.parametrize("name", ["components", "fan", "grid", "isolated"])
-def test_coarsest_scale_has_one_vertex_of_each_component_when_no_edge_is_left(name):
+def test_coarsest_resolution_has_one_vertex_per_component(name):
     _, labels = component_labels(*MESHES[name])
-    coarsest = SCALES[name][0]
+    coarsest = RESOLUTIONS[name][0]
     assert sorted(labels[coarsest.predicted]) == list(range(labels.max() + 1))
     assert (coarsest.stencil == -1).all()
     assert not coarsest.hops.any()
     assert len(coarsest.levels) == 1
 
 
-def test_scales_have_an_end_when_they_hardly_grow_coarser():
-    """A hub that is never kept: each resolution loses a vertex or two."""
+def test_number_of_resolutions_is_limited():
+    """A hub that is never kept: each resolution removes only a vertex or two."""
     faces, n_verts = book(400)
     mesh = FieldMesh(faces.astype(np.int32), n_verts, SIZE)
     resolutions = core_resolutions(mesh.hierarchy)
@@ -163,24 +163,24 @@ def test_scales_have_an_end_when_they_hardly_grow_coarser():
 
 
 @every_mesh
-def test_no_two_neighbours_share_a_level_when_it_is_not_the_last_colour(name):
-    for resolution, graph in zip(SCALES[name], GRAPHS[name], strict=True):
-        assert 1 <= len(resolution.levels) <= N_COLOURS
-        for level in resolution.levels[: N_COLOURS - 1]:
+def test_neighbors_never_share_a_level_before_the_last(name):
+    for resolution, graph in zip(RESOLUTIONS[name], GRAPHS[name], strict=True):
+        assert 1 <= len(resolution.levels) <= N_COLORS
+        for level in resolution.levels[: N_COLORS - 1]:
             places = place_of(resolution, level)
             assert not graph[np.ix_(places, places)].any()
 
 
 @every_mesh
-def test_each_level_takes_as_many_as_fit_when_others_come_later(name):
-    for resolution, graph in zip(SCALES[name], GRAPHS[name], strict=True):
+def test_each_level_is_a_maximal_independent_set(name):
+    for resolution, graph in zip(RESOLUTIONS[name], GRAPHS[name], strict=True):
         for number, level in enumerate(resolution.levels[:-1]):
             later = place_of(resolution, np.concatenate(resolution.levels[number + 1 :]))
             assert graph[np.ix_(later, place_of(resolution, level))].any(axis=1).all()
 
 
 def passable_distance(graph):
-    """Edges from each vertex to each on paths that pass through no hub."""
+    """Distances of all pairs of vertices, on paths that avoid hubs."""
     dense = graph.astype(float)
     is_hub = dense.sum(axis=1) > LARGEST_PASSAGE
     onward = dense.copy()
@@ -193,7 +193,7 @@ def passable_distance(graph):
 
 
 @every_mesh
-def test_stencils_are_the_nearest_of_earlier_levels_when_checked_by_distance(name):
+def test_stencils_are_the_nearest_vertices_of_earlier_levels(name):
     for coarser, resolution, graph, _ in coarser_and_finer(name):
         distance = passable_distance(graph)
         known, row = coarser.members, 0
@@ -214,9 +214,9 @@ def test_stencils_are_the_nearest_of_earlier_levels_when_checked_by_distance(nam
 
 
 @every_mesh
-def test_stencils_of_all_scales_only_name_vertices_that_are_known_when_levels_follow(name):
+def test_stencils_contain_only_known_vertices(name):
     known: set[int] = set()
-    for resolution in SCALES[name]:
+    for resolution in RESOLUTIONS[name]:
         row = 0
         for level in resolution.levels:
             used = set(resolution.stencil[row : row + len(level)].ravel().tolist()) - {-1}
@@ -225,44 +225,44 @@ def test_stencils_of_all_scales_only_name_vertices_that_are_known_when_levels_fo
             known |= set(level.tolist())
 
 
-def test_every_target_has_a_neighbour_that_is_known_when_scales_are_not_the_coarsest():
-    for resolutions in SCALES.values():
+def test_every_added_vertex_has_a_known_neighbor():
+    for resolutions in RESOLUTIONS.values():
         for resolution in resolutions[1:]:
             assert (resolution.hops[:, 0] == 1).all()
 
 
-def test_some_stencils_are_full_and_some_are_not_when_the_meshes_here_are_taken():
-    """That the claims above are about something."""
+def test_sample_meshes_have_full_and_short_stencils():
+    """The tests above are not vacuous."""
     counts = {
         int(count)
-        for resolutions in SCALES.values()
+        for resolutions in RESOLUTIONS.values()
         for resolution in resolutions[1:]
         for count in (resolution.stencil >= 0).sum(axis=1)
     }
     assert {1, SIZE} < counts
-    assert len(SCALES["components"]) > 3
+    assert len(RESOLUTIONS["components"]) > 3
 
 
-def test_scales_are_the_same_when_faces_come_in_another_order():
+def test_resolutions_do_not_depend_on_the_order_of_faces():
     faces, n_verts = MESHES["components"]
     turned = np.roll(faces[::-1], 1, axis=1).astype(np.int32)
     again = core_resolutions(FieldMesh(turned, n_verts, SIZE).hierarchy)
-    for one, other in zip(SCALES["components"], again, strict=True):
+    for one, other in zip(RESOLUTIONS["components"], again, strict=True):
         for name in ("members", "predicted", "stencil", "hops"):
             np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
 
 
-def test_stencils_begin_alike_when_they_may_be_longer():
+def test_longer_stencils_start_with_the_shorter_ones():
     faces, n_verts = MESHES["components"]
     mesh = FieldMesh(faces.astype(np.int32), n_verts, SIZE + 4)
     longer = core_resolutions(mesh.hierarchy)
-    for short, long in zip(SCALES["components"], longer, strict=True):
+    for short, long in zip(RESOLUTIONS["components"], longer, strict=True):
         np.testing.assert_array_equal(long.stencil[:, :SIZE], short.stencil)
 
 
-def test_the_vertex_of_the_highest_hash_is_kept_to_the_end_when_the_mesh_is_connected():
-    """No vertex outranks it in any resolution."""
-    (last,) = SCALES["grid"][0].members
+def test_the_vertex_with_the_highest_hash_is_the_coarsest():
+    """It has the highest priority at every resolution."""
+    (last,) = RESOLUTIONS["grid"][0].members
     assert last == max(range(180), key=scattered)
 
 
@@ -286,13 +286,13 @@ def contexts_of(order):
 
 
 @every_mesh
-def test_hierarchy_is_that_of_the_format_when_found_a_second_way(name):
+def test_hierarchy_equals_that_of_the_plain_reader(name):
     assert_follows_the_format(*MESHES[name])
 
 
 @st.composite
 def tangled_meshes(draw):
-    """Faces among few vertices, at random: hubs, components, degenerate and repeated faces."""
+    """Random faces among few vertices: hubs, components, degenerate and repeated faces."""
     n_verts = draw(st.integers(1, 120))
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     n_faces, spread = draw(st.integers(1, 200)), draw(st.integers(1, 120))
@@ -304,5 +304,5 @@ def tangled_meshes(draw):
 
 @given(tangled_meshes())
 @settings(max_examples=draws(60))
-def test_hierarchy_is_that_of_the_format_when_a_mesh_is_tangled(mesh):
+def test_hierarchy_of_random_meshes_equals_that_of_the_plain_reader(mesh):
     assert_follows_the_format(*mesh)

@@ -1,4 +1,4 @@
-"""The mesh as `reel` codes it: what it keeps for several blocks."""
+"""Cached weights of a mesh."""
 
 import numpy as np
 

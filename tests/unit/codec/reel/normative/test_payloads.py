@@ -16,20 +16,20 @@ from meshreel.kernel.mesh import MAX_STENCIL
 
 @pytest.mark.parametrize("n_columns", [1, 3, 7])
 @pytest.mark.parametrize("n_frames", [1, 2, 8, 9, 50])
-def test_times_come_back_when_written(n_columns, n_frames):
+def test_times_round_trip(n_columns, n_frames):
     times = np.random.default_rng(4).integers(-300, 300, (5, n_columns, n_frames)).cumsum(axis=2)
     back = payloads.read_basis(payloads.write_basis(times), 5, n_columns, n_frames)
     np.testing.assert_array_equal(back, times)
 
 
-def test_times_come_back_when_some_rest():
+def test_resting_times_round_trip():
     times = np.random.default_rng(4).integers(-300, 300, (5, 3, 20))
     rests = Rests(((3, 9), (19, 20)), 2)
     back = payloads.read_basis(payloads.write_basis(times, rests), 5, 3, 20, rests=rests)
     np.testing.assert_array_equal(back, times)
 
 
-def test_coefficients_come_back_when_written_as_cosines():
+def test_coefficients_of_cosines_round_trip():
     coded = np.random.default_rng(4).integers(-300, 300, (5, 3, 20))
     payload = payloads.write_basis(coded, has_cosines=True)
     np.testing.assert_array_equal(payloads.read_basis(payload, 5, 3, 20, has_cosines=True), coded)
@@ -56,7 +56,7 @@ REUSED = replace(RESTING, n_reused=2, finer=np.float32(4.0))
         replace(REUSED, is_adaptive=True),
     ],
 )
-def test_layout_comes_back_when_written(known):
+def test_layout_round_trips(known):
     back = payloads.read_layout(payloads.write_layout(known))
     assert back == known
     assert back.step.dtype == np.float32
@@ -74,7 +74,7 @@ def test_layout_is_refused_when_it_is_beyond_the_limits(step, size, n_learned):
 
 
 @pytest.mark.parametrize("rests", [Rests(((0, 1),)), Rests(((1, 1),)), Rests(((1, 2),), 9)])
-def test_layout_is_refused_when_it_has_rests_that_cannot_be(rests):
+def test_layout_is_refused_when_its_rests_are_invalid(rests):
     payload = payloads.write_layout(replace(layout(), rests=rests))
     with pytest.raises(CorruptStreamError, match="resting times"):
         payloads.read_layout(payload)
@@ -97,20 +97,20 @@ def test_layout_is_refused_when_bytes_are_missing_or_left_over(known):
 
 
 @pytest.mark.parametrize("number", [0, 6, 255])
-def test_layout_is_refused_as_that_of_another_build_when_its_number_differs(number):
+def test_layout_of_a_newer_build_is_refused(number):
     payload = payloads.write_layout(layout())
     with pytest.raises(UnsupportedVersionError, match=f"layout {number}; .*; upgrade meshreel$"):
         payloads.read_layout(bytes([number]) + payload[1:])
 
 
 @pytest.mark.parametrize("size", [0, 1, 2, 5, 6, 7])
-def test_layout_is_refused_as_cut_off_when_it_ends_in_its_first_fields(size):
+def test_truncated_layout_is_refused(size):
     with pytest.raises(TruncatedStreamError, match="cut off"):
         payloads.read_layout(payloads.write_layout(layout())[:size])
 
 
 def corrections(step=0.5):
-    """Of a block of 9 frames of 20 vertices."""
+    """Corrections of a block of 9 frames of 20 vertices."""
     vertices = np.array([3, 3, 3, 7, 19, 19])
     frames = np.array([0, 1, 5, 8, 2, 3])
     offsets = np.arange(18).reshape(6, 3) - 9
@@ -118,7 +118,7 @@ def corrections(step=0.5):
 
 
 def written_raw(step, n_corrected, columns):
-    """A payload of corrections as it should never be written."""
+    """Encode invalid corrections."""
     return b"".join(
         [
             struct.pack("<f", step),
@@ -129,7 +129,7 @@ def written_raw(step, n_corrected, columns):
     )
 
 
-def test_corrections_come_back_when_written():
+def test_corrections_round_trip():
     back = payloads.read_corrections(payloads.write_corrections(corrections()), 3, 9, 20)
     assert back.step == np.float32(0.5)
     np.testing.assert_array_equal(back.vertices, corrections().vertices)
@@ -144,7 +144,7 @@ def test_corrections_are_refused_when_the_block_is_smaller(n_frames, n_verts):
 
 
 @pytest.mark.parametrize("step", [0.0, -1.0, np.nan, np.inf, payloads.MAX_STEP])
-def test_corrections_are_refused_when_their_step_is_none(step):
+def test_corrections_are_refused_when_their_step_is_invalid(step):
     with pytest.raises(CorruptStreamError):
         payloads.read_corrections(payloads.write_corrections(corrections(step)), 3, 9, 20)
 
@@ -173,7 +173,7 @@ def test_corrections_are_refused_when_they_contradict_themselves(n_corrected, co
         payloads.read_corrections(written_raw(0.5, n_corrected, columns), 3, 9, 20)
 
 
-def test_corrections_are_refused_before_they_take_memory_when_too_many_are_announced():
+def test_corrections_are_refused_before_allocation_when_there_are_too_many():
     payload = struct.pack("<f", 0.5) + write_varint(1) + write_varint(2**60)
     with pytest.raises(CorruptStreamError, match="do not fit 9 frames of 20 vertices"):
         payloads.read_corrections(payload, 3, 9, 20)
