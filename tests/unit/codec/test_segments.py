@@ -114,9 +114,9 @@ def test_segment_is_served_as_a_separate_stream(path):
         assert reel.stored(3, 40) == served[3:40]
 
 
-def test_commands_list_segments_and_take_one(path, tmp_path):
+def test_commands_list_and_select_segments(path, tmp_path):
     shown = run("info", path).stdout
-    for words in ("10 frames", "4 to 8", "9 to 9", "choose one with --segment"):
+    for words in ("10 frames", "4 to 8", "9 to 9", "select one with --segment"):
         assert words in shown
     assert len(run_json("info", path)["segments"]) == 3
     assert run_json("info", path, "--segment", "1")["n_verts"] == 21

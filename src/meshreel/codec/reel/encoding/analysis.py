@@ -207,11 +207,11 @@ def _encode_fields(
     else:
         target = np.empty((frames.n_verts, 0))
         residuals, new_fields = np.empty((0, frames.n_verts), np.int32), KeyFields(target)
-    whole = basis
+    whole, values = basis, new_fields.values
     if reused is not None:
         whole = np.concatenate([reused, basis])
         vectors = decode_basis(whole, layout, key)
-    values = with_reused(new_fields.values, layout.n_reused, key)
+        values = with_reused(values, layout.n_reused, key)
     decoded = JointFrames(vectors, values, step, mesh.number, layout.is_single)
     return AnalyzedFields(FieldBlock(layout, whole, residuals), decoded, new_fields, target, frames)
 
