@@ -77,7 +77,7 @@ function timelineKeys(timeline: Timeline, reel: Reel): Actions {
     ShiftArrowLeft: () => timeline.skip(-10),
     ShiftArrowRight: () => timeline.skip(10),
     Home: () => timeline.seek(0),
-    End: () => timeline.seek(reel.file.info.nFrames - 1),
+    End: () => timeline.seek(reel.segments.info.nFrames - 1),
     "-": () => timeline.changeSpeed(-1),
     "+": () => timeline.changeSpeed(1),
     "=": () => timeline.changeSpeed(1),

@@ -1,6 +1,6 @@
 // Loads data: exported pages embed or reference them; otherwise the server provides them.
 
-import { ReelFile, type TrackValues } from "meshreel";
+import { ReelFile, SegmentedReelFile, type TrackValues } from "meshreel";
 
 import type { Facts, ErrorProgress, Reel } from "./facts";
 
@@ -34,8 +34,9 @@ export interface Originals {
 export async function openReel(): Promise<Reel> {
   const { MESHREEL: exported } = window;
   const facts = exported?.facts ?? ((await (await request("api/facts")).json()) as Facts);
-  const file = await ReelFile.open(exported ? fileSource(exported.stream) : "stream.reel");
-  return { ...facts, file };
+  const source = exported ? fileSource(exported.stream) : "stream.reel";
+  const segments = await SegmentedReelFile.open(source);
+  return { ...facts, segments, file: segments.first };
 }
 
 /** Load the errors of all frames, or the progress of measuring them. */

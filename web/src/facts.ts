@@ -1,6 +1,6 @@
 // Metadata from the server or the exported page, in addition to those of the file.
 
-import type { ReelFile } from "meshreel";
+import type { ReelFile, SegmentedReelFile } from "meshreel";
 
 import type { TrackSettings } from "./tracks/settings";
 
@@ -83,6 +83,9 @@ export interface Facts {
 
 /** An open file and its metadata. */
 export interface Reel extends Facts {
+  /** The file with all its segments. */
+  readonly segments: SegmentedReelFile;
+  /** The first segment; most files have only one. */
   readonly file: ReelFile;
 }
 

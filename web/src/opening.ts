@@ -21,12 +21,12 @@ export class Opening {
   }
 
   async begin(): Promise<void> {
-    const { original, file } = this.reel;
+    const { original, segments } = this.reel;
     if (original) {
       const [distance] = original.heats;
       await this.player.setHeat(distance.kind);
       await this.seekLargestError();
-    } else if (file.info.nFrames > 1 && !matchMedia("(prefers-reduced-motion: reduce)").matches) {
+    } else if (segments.info.nFrames > 1 && !matchMedia("(prefers-reduced-motion: reduce)").matches) {
       this.player.play();
     }
   }

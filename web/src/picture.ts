@@ -69,9 +69,13 @@ export class Picture {
     readonly look: Look,
     hasTexture: boolean,
   ) {
-    const { file } = reel;
+    const { file, segments } = reel;
     const { renderer } = stage;
-    this.mesh = new ReelMesh(file, { renderer, origin: file.info.center });
+    this.mesh = new ReelMesh(segments, { renderer, origin: segments.info.center });
+    this.mesh.addEventListener("segment", () => {
+      this.decoded.setFileMaterials(this.mesh.segmentMaterial);
+      this.rebuildAttributes();
+    });
     const { geometry, material, sources } = this.mesh;
     const { materials } = file.surface;
     this.hasFileMaterials = hasTexture || "color" in geometry.attributes || materials.length > 0;
@@ -94,6 +98,17 @@ export class Picture {
 
   /** Apply changes of `look`. */
   applyLook(): void {
+    const { stage, decoded, original } = this;
+    const { arrangement, background } = this.look;
+    this.applyAppearance();
+    if (!original || arrangement === "decoded") stage.setViews([[decoded.group]]);
+    else if (arrangement === "over") stage.setViews([[decoded.group, original.figure.group]]);
+    else stage.setViews([[decoded.group], [original.figure.group]]);
+    stage.setBackground(background);
+  }
+
+  /** Set the materials and lines of the meshes. */
+  private applyAppearance(): void {
     const { arrangement, background, wire, shading } = this.look;
     const usesOwn = this.hasFileMaterials && this.look.usesFileMaterials;
     const isSmooth = shading === "smooth";
@@ -101,7 +116,7 @@ export class Picture {
     const own = usesOwn ? "own" : "plain";
     this.decoded.setAppearance(this.hasHeat ? "plain" : this.hasTrackColors ? "track" : own, isSmooth);
     this.setLines(this.decoded, this.mesh, wire, ink, LINE_LIFT.wire);
-    const { stage, decoded, original } = this;
+    const { original } = this;
     if (original) {
       const isOver = arrangement === "over";
       original.mesh.visible = !isOver;
@@ -110,10 +125,6 @@ export class Picture {
         this.setLines(original.figure, original.mesh, true, [...ORIGINAL_INK, 0.4], LINE_LIFT.over);
       } else this.setLines(original.figure, original.mesh, wire, ink, LINE_LIFT.wire);
     }
-    if (!original || arrangement === "decoded") stage.setViews([[decoded.group]]);
-    else if (arrangement === "over") stage.setViews([[decoded.group, original.figure.group]]);
-    else stage.setViews([[decoded.group], [original.figure.group]]);
-    stage.setBackground(background);
   }
 
   get needsOriginal(): boolean {
@@ -201,7 +212,7 @@ export class Picture {
 
   /** Read the drawn positions (V, 3) back from the GPU, relative to the center of the file. */
   positions(): Float32Array {
-    const positions = new Float32Array(3 * this.reel.file.info.nVerts);
+    const positions = new Float32Array(3 * this.mesh.reel.info.nVerts);
     const point = new THREE.Vector3();
     this.mesh.sources.forEach((source, vertex) => {
       this.mesh.getVertexPosition(vertex, point).toArray(positions, 3 * source);
@@ -242,7 +253,7 @@ export class Picture {
     geometry.setAttribute("heat", this.heat.setUsage(THREE.DynamicDrawUsage));
     for (const figure of [this.decoded, this.original?.figure]) figure?.lines.geometry.setIndex(null);
     if (vertex !== null) this.markedVertex = null;
-    this.applyLook();
+    this.applyAppearance();
   }
 
   private centroid(): THREE.Vector3 {

@@ -59,7 +59,9 @@ export class Player {
     this.mesh.addEventListener("playing", () => this.onChange());
     this.mesh.addEventListener("ended", () => this.pause());
     this.mesh.addEventListener("warning", ({ message }) => this.onError(new Error(message)));
-    this.mesh.addEventListener("error", ({ error, block }) => this.reportError(error, block));
+    this.mesh.addEventListener("error", ({ error, block, frames }) =>
+      this.reportError(error, frames ?? (block === null ? null : this.mesh.reel.info.blocks[block])),
+    );
     requestAnimationFrame((now) => this.tick(now));
   }
 
@@ -114,7 +116,7 @@ export class Player {
 
   /** Show a frame with its heat map and original; resolves once it is drawn. */
   async seek(frame: number): Promise<void> {
-    const last = this.reel.file.info.nFrames - 1;
+    const last = this.reel.segments.info.nFrames - 1;
     this.mesh.seek({ frame: Math.min(Math.max(0, Math.round(frame)), last) });
     await this.show();
   }
@@ -280,10 +282,10 @@ export class Player {
   }
 
   /** Report an error; playback skips damaged blocks and stops for other errors. */
-  private reportError(error: Error, number: number | null): void {
-    if (number === null) return this.onError(error); // a material image or a texture
+  private reportError(error: Error, range: { start: number; nFrames: number } | null): void {
+    if (!range) return this.onError(error); // a material image or a texture
     if (!isDamageError(error)) return this.fail(error);
-    const { start, nFrames } = this.reel.file.info.blocks[number];
+    const { start, nFrames } = range;
     const frames = `Frames ${start} to ${start + nFrames - 1} are damaged and left out`;
     this.onError(new Error(`${frames}: ${error.message}`));
   }

@@ -15,7 +15,7 @@ export class Timeline {
     private readonly player: Player,
     private readonly reel: Reel,
   ) {
-    this.scrub.max = String(reel.file.info.nFrames - 1);
+    this.scrub.max = String(reel.segments.info.nFrames - 1);
     this.scrub.addEventListener("input", () => this.seek(Number(this.scrub.value)));
     this.play.addEventListener("click", () => this.toggle());
     byId("previous").addEventListener("click", () => this.skip(-1));
@@ -32,7 +32,7 @@ export class Timeline {
   /** Pause, and move by a number of frames; single steps wrap around if looping is on. */
   skip(count: number): void {
     this.player.pause();
-    const n = this.reel.file.info.nFrames;
+    const n = this.reel.segments.info.nFrames;
     const frame = this.player.frame + count;
     this.seek(this.player.isLooping && Math.abs(count) === 1 ? (frame + n) % n : frame);
   }
@@ -58,7 +58,7 @@ export class Timeline {
     const key = `${frame} ${playing} ${loop} ${buffering}`;
     if (key === this.shown) return;
     this.shown = key;
-    const last = this.reel.file.info.nFrames - 1;
+    const last = this.reel.segments.info.nFrames - 1;
     const [now, end] = [frameTime(this.reel, frame), frameTime(this.reel, last)];
     this.scrub.value = String(frame);
     this.scrub.setAttribute("aria-valuetext", `frame ${frame} of ${last}, ${now.toFixed(2)} s`);

@@ -122,7 +122,7 @@ export class ReelMesh extends THREE.Mesh<
     this.#current = this.#createSegment(0, file.first);
     this.#segments = new Map([[0, this.#current]]);
     this.geometry = this.#current.geometry;
-    this.material = options.material ?? (this.#current.material as THREE.Material);
+    this.material = this.segmentMaterial;
     this.#playback = new Playback(
       {
         ...file.info,
@@ -175,6 +175,11 @@ export class ReelMesh extends THREE.Mesh<
   /** Index of the segment that is shown. */
   get segment(): number {
     return this.#current.number;
+  }
+
+  /** The materials of the segment that is shown, even while the page uses others. */
+  get segmentMaterial(): THREE.Material | THREE.Material[] {
+    return this.#options.material ?? (this.#current.material as THREE.Material);
   }
 
   // Deferred, since passes must not change the state of a renderer that is drawing.
@@ -553,7 +558,8 @@ export class ReelMesh extends THREE.Mesh<
       this.#prepareSegment(number, reel, signal),
     ]);
     if (colors) this.#pendingColors.set(fields, colors);
-    return fields;
+    // Blocks of other methods have no modes that could be omitted.
+    return reel.info.method === "reel" ? fields : { ...fields, nBlockModes: 0 };
   }
 
   async #prepareSegment(number: number, reel: OpenReel, signal: AbortSignal): Promise<void> {
@@ -599,10 +605,10 @@ export class ReelMesh extends THREE.Mesh<
   /** Show the geometry and the materials of another segment. */
   #showSegment(segment: MeshSegment): void {
     // The page may have replaced the material.
-    const isOwn = this.material === this.#current.material;
+    const isOwn = this.material === this.segmentMaterial;
     this.#current = segment;
     this.geometry = segment.geometry;
-    if (isOwn) this.material = segment.material as THREE.Material;
+    if (isOwn) this.material = this.segmentMaterial;
     this.#pickMesh.geometry = new THREE.BufferGeometry();
     this.dispatchEvent({ type: "segment", segment: segment.number });
   }

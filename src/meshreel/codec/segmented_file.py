@@ -118,6 +118,15 @@ class SegmentedReelFile:
         return file_info(self._opened, limit=self._limit, is_remote=is_remote)
 
     @property
+    def size_bytes(self) -> int:
+        """Size of the file up to its end or last complete block."""
+        return self._opened.info.size_bytes
+
+    def stored(self, start: int, stop: int) -> bytes:
+        """Return stored bytes of the file with all its segments, for servers."""
+        return self._opened.bytes_at(start, max(0, min(stop, self.size_bytes) - start))
+
+    @property
     def files(self) -> tuple[Path, ...]:
         """The file that frames are read from, if it has a name."""
         name = getattr(self._file, "name", None)

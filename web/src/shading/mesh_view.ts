@@ -21,11 +21,17 @@ export class MeshView {
 
   constructor(
     private readonly mesh: THREE.Mesh,
-    private readonly own: FileMaterials,
+    private own: FileMaterials,
   ) {
     mesh.frustumCulled = false; // the camera may come arbitrarily close
-    for (const material of [own].flat()) Object.assign(material, POLYGON_OFFSET);
+    this.setFileMaterials(own);
     this.group.add(mesh, this.lines);
+  }
+
+  /** Set the materials of the file; call `setAppearance` afterwards. */
+  setFileMaterials(own: FileMaterials): void {
+    this.own = own;
+    for (const material of [own].flat()) Object.assign(material, POLYGON_OFFSET);
   }
 
   /** Use the materials of the file, the default one, or that of a track. */

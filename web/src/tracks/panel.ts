@@ -40,7 +40,8 @@ export class TrackPanel {
     private readonly player: Player,
   ) {
     this.probe = new Probe(reel, picture, player);
-    const { tracks } = reel.file.info;
+    const isSegmented = reel.segments.segments.length > 1; // tracks cannot color several segments
+    const tracks = isSegmented ? [] : reel.file.info.tracks;
     byId("tracks").hidden = tracks.length === 0;
     for (const { name, unit } of tracks) {
       this.track.append(new Option(unit ? `${name} (${unit})` : name, name));

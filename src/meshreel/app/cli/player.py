@@ -46,18 +46,26 @@ def opened_player(
     from meshreel.app.cli.figures import measured_rows, player_rows
     from meshreel.app.viewer.api import Api
     from meshreel.app.viewer.playable import reencoding_text
+    from meshreel.errors import ConnectivityChangeError
     from meshreel.formats.file_errors import errors_naming
-    from meshreel.formats.reel.reading import open
+    from meshreel.formats.reel.reading import open_segments
 
     _check_options_of_original(original, reading)
     _check_is_encoded(source)
-    with open(source, memory=reading.memory) as reel:
+    with open_segments(source, memory=reading.memory) as file:
+        first = file.segment(0)
         with errors_naming(source):
-            _ = reel.faces  # raises for damaged faces before the original is read
-        comparison = _comparison(reel, original, reading) if original else None
+            _ = first.faces  # raises for damaged faces before the original is read
+            if original and file.n_segments > 1:
+                raise ConnectivityChangeError(
+                    "the faces change; a comparison in the player needs the same faces in every "
+                    "frame: leave --original out"
+                )
+        comparison = _comparison(first, original, reading) if original else None
+        shown = file if file.n_segments > 1 else first
         with errors_naming(source):
             api = Api(
-                reel, source.stem, player_rows, comparison, measured_rows, reading.progress, look
+                shown, source.stem, player_rows, comparison, measured_rows, reading.progress, look
             )
         if api.is_reencoded:
             text = reencoding_text(api.method)

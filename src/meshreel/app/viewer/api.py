@@ -16,7 +16,8 @@ from meshreel.app.viewer.track_comparison import TrackComparison
 from meshreel.arrays import Floats
 from meshreel.codec.inspect import StreamInfo
 from meshreel.codec.reel_file import ReelFile
-from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.codec.segmented_file import SegmentedReelFile
+from meshreel.errors import ConnectivityChangeError, CorruptStreamError, InvalidInputError
 from meshreel.rendering.track_colors import TrackColors, TrackLook
 from meshreel.runtime.progress import Progress, silent
 
@@ -50,6 +51,8 @@ class Api:
 
     Parameters
     ----------
+    file : ReelFile or SegmentedReelFile
+        Files with several segments can neither be compared nor colored by a track.
     name : str
         Name to show if the stream has none.
     rows_of : callable
@@ -65,8 +68,10 @@ class Api:
 
     Attributes
     ----------
-    reel : ReelFile
+    file : ReelFile or SegmentedReelFile
         The stream that the page plays: see `meshreel.app.viewer.playable`.
+    reel : ReelFile
+        The same stream, or its first segment.
     method : str
         Method of the file.
     measuring : Measuring or None
@@ -76,6 +81,8 @@ class Api:
 
     Raises
     ------
+    ConnectivityChangeError
+        If a file with several segments is compared, or colored by a track.
     InvalidInputError
         If the model is too large or too small to draw, or the track of `look` does not exist or
         cannot be shown that way.
@@ -85,7 +92,7 @@ class Api:
 
     def __init__(
         self,
-        reel: ReelFile,
+        file: ReelFile | SegmentedReelFile,
         name: str,
         rows_of: Callable[[StreamInfo], Rows],
         comparison: Comparison | None = None,
@@ -93,6 +100,13 @@ class Api:
         progress: Progress = silent,
         look: TrackLook | None = None,
     ) -> None:
+        if isinstance(file, SegmentedReelFile) and (comparison or look):
+            what = "a comparison" if comparison else "coloring by a track"
+            raise ConnectivityChangeError(
+                f"the faces change: {file!r}; {what} in the player needs the same faces in every "
+                "frame"
+            )
+        reel = file.segment(0) if isinstance(file, SegmentedReelFile) else file
         if look is not None:
             TrackColors(look, reel.track(look.name))  # raises if the track cannot be shown
         self._look = look
@@ -104,12 +118,14 @@ class Api:
                 f"{SMALLEST_DIAGONAL:g} to {LARGEST_DIAGONAL:g}: scale the model before encoding"
             )
         self.method = reel.method
-        self.reel, self.comparison = playable(reel, progress), comparison
+        self.comparison = comparison
+        self.reel = reel if isinstance(file, SegmentedReelFile) else playable(reel, progress)
+        self.file = file if isinstance(file, SegmentedReelFile) else self.reel
         self._name, self._measured_rows = name, measured_rows
-        self._rows, self._budget = _figures(reel, rows_of)
+        self._rows, self._budget = _figures(file, rows_of)
         if self.is_reencoded:
             self._rows["shown"] = reencoding_text(self.method)
-        self._region = drawn_region(self.reel)
+        self._region = drawn_region(self.reel, is_part=self.file is not self.reel)
         self.measuring = None if comparison is None else Measuring(comparison)
 
     @property
@@ -148,13 +164,13 @@ class Api:
         """Facts about the file that its stream does not contain."""
         region = self._region
         return {
-            "name": self.reel.name or self._name,
+            "name": self.file.name or self._name,
             "low": region.low.tolist(),
             "high": region.high.tolist(),
             "swept": (region.extremes - np.array(self.reel.frame.origin)).tolist(),
             "up": "y",
-            "is_whole": self.reel.is_whole,
-            "n_modes": [_n_modes(self.reel, number) for number in range(len(self.reel.starts) - 1)],
+            "is_whole": self.file.is_whole,
+            "n_modes": _n_modes(self.file),
             "rows": [list(row) for row in self._rows.items()],
             "budget": [list(row) for row in self._budget.items()],
             "original": self._original(),
@@ -197,11 +213,11 @@ class Api:
 
 
 def _figures(
-    reel: ReelFile, rows_of: Callable[[StreamInfo], Rows]
+    file: ReelFile | SegmentedReelFile, rows_of: Callable[[StreamInfo], Rows]
 ) -> tuple[dict[str, str], dict[str, int]]:
     """Figures as text and bytes by kind of section; of a damaged file only the error."""
     try:
-        info = reel.info()
+        info = file.info()
     except CorruptStreamError as error:
         return {"damaged": str(error)}, {}
     return dict(rows_of(info)), dict(info.budget_bytes)
@@ -216,8 +232,22 @@ def _look_facts(look: TrackLook) -> dict[str, str | None]:
     }
 
 
-def _n_modes(reel: ReelFile, number: int) -> int:
-    """Number of modes of a block; 0 if it is damaged."""
+def _n_modes(file: ReelFile | SegmentedReelFile) -> list[int]:
+    """Number of modes of each block; 0 if it is damaged."""
+    if isinstance(file, SegmentedReelFile):
+        segments = (_segment_or_none(file, number) for number in range(file.n_segments))
+        return [n_modes for reel in segments if reel is not None for n_modes in _n_modes(reel)]
+    return [_n_modes_of(file, number) for number in range(len(file.starts) - 1)]
+
+
+def _segment_or_none(file: SegmentedReelFile, number: int) -> ReelFile | None:
+    try:
+        return file.segment(number)
+    except CorruptStreamError:
+        return None
+
+
+def _n_modes_of(reel: ReelFile, number: int) -> int:
     try:
         return reel.n_modes_of(number)
     except CorruptStreamError:
@@ -245,11 +275,12 @@ class DrawnRegion:
     extremes: Floats
 
 
-def drawn_region(reel: ReelFile) -> DrawnRegion:
+def drawn_region(reel: ReelFile, *, is_part: bool = False) -> DrawnRegion:
     """The region that all frames of a file cover.
 
-    Of several blocks only the first is decoded; its region is scaled about the center of the file
-    to the diagonal that the stream records. Frames may lie outside if they were encoded live.
+    Of several blocks, or if the file has further segments (`is_part`), only the first block is
+    decoded; its region is scaled about the center of the file to the diagonal that the stream
+    records. Frames may lie outside if they were encoded live.
 
     Raises
     ------
@@ -268,7 +299,7 @@ def drawn_region(reel: ReelFile) -> DrawnRegion:
         for number in searched.intersection(range(start, start + len(frames))):
             frame = frames[number - start][drawn].astype(np.float64)
             extremes = extreme_points(np.concatenate([extremes, extreme_points(frame)]))
-    if len(reel.starts) == 2:
+    if len(reel.starts) == 2 and not is_part:
         return DrawnRegion(low, high, extremes)
     origin = np.array(reel.frame.origin)
     half = np.maximum(np.abs(low - origin), np.abs(high - origin))

@@ -147,7 +147,7 @@ def export_page(
 def _parts(
     api: Api, stem: str, original: OriginalStream | None, texture: Texture | None
 ) -> list[Part]:
-    stream = api.reel.stored(0, api.reel.size_bytes)
+    stream = api.file.stored(0, api.file.size_bytes)
     parts = [Part("animation", f"{stem}.reel", stream)]
     if original is not None:
         parts.append(Part("original", f"{stem}-original.reel", original.data))

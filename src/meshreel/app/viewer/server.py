@@ -153,18 +153,18 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _send_stream(self) -> None:
         """Send the stream, or the requested range of it."""
-        reel = self.server.api.reel
-        size = reel.size_bytes
+        file = self.server.api.file
+        size = file.size_bytes
         validators = {"ETag": self.server.version, "Accept-Ranges": "bytes"}
         requested = self._requested_range(size)
         if requested is None:
-            answer = Answer(BINARY, reel.stored(0, size))
+            answer = Answer(BINARY, file.stored(0, size))
             self._send(HTTPStatus.OK, answer, validators)
         elif not requested:
             headers = {"Content-Range": f"bytes */{size}", **validators}
             self._send(HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE, Answer(TEXT, b""), headers)
         else:
-            answer = Answer(BINARY, reel.stored(requested.start, requested.stop))
+            answer = Answer(BINARY, file.stored(requested.start, requested.stop))
             part = f"bytes {requested.start}-{requested.stop - 1}/{size}"
             self._send(HTTPStatus.PARTIAL_CONTENT, answer, {"Content-Range": part, **validators})
 

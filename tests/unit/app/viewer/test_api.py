@@ -2,15 +2,19 @@
 
 import json
 from dataclasses import replace
+from io import BytesIO
 
 import numpy as np
 import pytest
 
 from meshreel.app.viewer import playable
+from meshreel.app.viewer.api import Api
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
-from meshreel.errors import InvalidInputError
+from meshreel.codec.segmented_file import SegmentedReelFile
+from meshreel.errors import ConnectivityChangeError, InvalidInputError
 from meshreel.metrics.heat import HEATS
+from meshreel.model.segments import concatenate
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.tracks import Track
 from meshreel.rendering.track_colors import TrackLook
@@ -252,3 +256,36 @@ def test_tracks_of_a_lossless_file_are_exact_when_it_is_reencoded(monkeypatch):
         assert api.is_reencoded
         for name, track in grid.tracks.items():
             np.testing.assert_array_equal(api.reel.track(name).read(0, 4), track.values)
+
+
+@pytest.fixture
+def segmented():
+    grid, sheet = replace(waving_grid(6), fps=24.0), quad_sheet(4)
+    data = encode(concatenate([grid, sheet]))
+    with SegmentedReelFile(BytesIO(data)) as file:
+        yield file, data
+
+
+def test_facts_describe_all_segments(segmented):
+    file, _ = segmented
+    facts = Api(file, "two", lambda info: {"frames": str(info.n_frames)}).facts()
+    assert list(facts) == KEYS
+    assert facts["rows"] == [["frames", "10"]]
+    assert facts["n_modes"] == list(file.info().n_modes)
+    diagonal = file.segment(0).frame.scale
+    box = np.array([facts["low"], facts["high"]])
+    assert np.linalg.norm(box[1] - box[0]) == pytest.approx(diagonal, rel=0.01)
+
+
+def test_the_stored_bytes_are_those_of_all_segments(segmented):
+    file, data = segmented
+    api = Api(file, "two", lambda _: {})
+    assert api.file.stored(0, api.file.size_bytes) == data
+    assert api.file.stored(5, 9) == data[5:9]
+    assert api.file.stored(len(data) - 2, len(data) + 7) == data[-2:]
+
+
+def test_several_segments_cannot_be_colored_by_a_track(segmented):
+    file, _ = segmented
+    with pytest.raises(ConnectivityChangeError, match="coloring by a track in the player needs"):
+        Api(file, "two", lambda _: {}, look=TrackLook("heat"))
