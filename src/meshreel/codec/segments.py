@@ -29,8 +29,8 @@ def encode_segments(
 ) -> bytes:
     """Return a stream of all segments; the options apply to the sequence as a whole.
 
-    Errors and steps are relative to the bounding box of all frames, and bounds in percent of the
-    range of a track to its values in all segments.
+    Errors and steps are relative to the bounding box of all frames, and percentage bounds of a
+    track to its range over all segments.
 
     Raises
     ------

@@ -135,7 +135,7 @@ class TrackHeader:
 
     @property
     def n_columns(self) -> int:
-        """C."""
+        """Number of columns, C."""
         return len(self.origin)
 
     @property

@@ -124,4 +124,4 @@ def test_commands_list_and_select_segments(path, tmp_path):
     assert_fails(run("decode", path, "-o", output), "10 frames in 3 segments", "decode --segment")
     assert run("decode", path, "-o", output, "--segment", "1").returncode == 0
     assert meshreel.load(output).n_verts == 21
-    assert_fails(run("info", output, "--segment", "0"), "--segment is for a .reel")
+    assert_fails(run("info", output, "--segment", "0"), "--segment applies to a .reel")

@@ -23,7 +23,7 @@ def row_before_expected(n_rows: int) -> Expected:
 
 
 def same_step_expected(n_rows: int) -> Expected:
-    """Rows in order, each predicted linearly from the two before; the second equals the first."""
+    """Rows in order, each predicted linearly from the previous two; the second equals the first."""
     expected = row_before_expected(n_rows)
     expected.triples[1:, 2] = expected.triples[:-1, 0]
     return expected
@@ -34,7 +34,7 @@ def _in_order(n_rows: int) -> npt.NDArray[np.int32]:
 
 
 EXPECTATIONS = (row_before_expected, same_step_expected)
-"""Predictions of a frame, by the first byte: the frame before, or the same motion again."""
+"""Predictions of a frame, by the first byte: the previous frame, or the previous motion."""
 
 
 def encode_exact(values: npt.NDArray[Any]) -> bytes:
@@ -76,7 +76,7 @@ def decode_numbers(
     Raises
     ------
     CorruptStreamError
-        If bytes are left over.
+        If there are extra bytes.
     """
     if data and not data[-1]:
         raise CorruptStreamError("the numbers end before their section does")

@@ -44,7 +44,7 @@ BYTES_PER_VERTEX, BYTES_PER_MODE, BYTES_PER_COMPARED_MODE, MAX_MODES = 1500.0, 1
 modes. MAX_MODES is the number assumed for long blocks."""
 
 BYTES_PER_CACHED, MAX_CACHED = 52.0, 2.8e6
-"""Memory of the cached coordinates of a position, in addition to the input, and their number."""
+"""Memory of the cached coordinates of a position, and the largest number of cached positions."""
 
 LIVE_TARGETS = (TargetKind.QUALITY, TargetKind.STEP, TargetKind.MAX_ERROR)
 """Targets that do not require later frames."""

@@ -13,7 +13,7 @@ from meshreel.model.surface import Surface
 Integers = npt.NDArray[np.integer]
 
 REPEAT, NEW, EXPLICIT = 0, 1, 2
-"""Codes of items: the row of the item before, the next new row, any other row."""
+"""Codes of items: the row of the previous item, the next new row, any other row."""
 
 
 def encode_references(rows: Integers) -> bytes:

@@ -35,8 +35,8 @@ SAMPLED_MODES = 48
 """Maximum number of modes tried in each coding: those in the middle."""
 
 ERROR_WEIGHT = 0.5
-"""Weight of errors in the estimated cost, in the bits that would remove them. With weight 1 the KG
-error improves, but STED gets worse where cosines take more bits and leave smaller errors."""
+"""Weight, in the estimated cost, of the bits that would remove errors. With weight 1 the KG error
+improves, but STED gets worse if cosines take more bits and have smaller errors."""
 
 MIN_COSINE_GAIN = 0.01
 """Share of the estimated cost that cosines must save; the difference of two estimates is correct
@@ -95,7 +95,7 @@ def cheapest_coding(
     first = max(0, (n_modes - SAMPLED_MODES) // 2)
     some = targets[first : first + SAMPLED_MODES]
     plain = _cost(some, rate_weight, BY_TIMES)
-    largest = math.sqrt(n_frames) * float(np.abs(targets).max(initial=0.0))  # of a coefficient
+    largest = math.sqrt(n_frames) * float(np.abs(targets).max(initial=0.0))  # possible coefficient
     if may_be_cosines and n_frames <= MAX_COSINES and largest < LARGEST_INTEGER:
         cosines = BasisCoding(has_cosines=True)
         if _cost(some, rate_weight, cosines) < (1.0 - MIN_COSINE_GAIN) * plain:

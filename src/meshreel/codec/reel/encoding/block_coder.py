@@ -40,8 +40,8 @@ MAX_NEW_MODE_RATIO = 2.0
 """A block with more new modes than this many times the modes of its key becomes a key block."""
 
 MIN_ROUNDING_RATIO, MIN_ENERGY_RATIO = 100.0, 1e-9
-"""Squared errors follow from fields if they exceed this many times the squared rounding errors, and
-this share of all squared coordinates."""
+"""Squared errors are computed from fields if they exceed this many times the squared rounding
+errors, and this share of all squared coordinates."""
 
 
 @dataclass(frozen=True)
@@ -185,8 +185,9 @@ class CodedFrames:
     def squared_error(self, frames: "FieldFrames") -> float:
         """Sum of squared distances of decoded positions from these frames, in diagonals.
 
-        Follows from the fields if this is accurate enough: rounding of positions is then included
-        as its average, which must be small relative to the error, like the precision of the energy.
+        Computed from the fields if this is accurate enough. It then includes the mean effect of
+        rounding positions, which must be small relative to the error, like the precision of the
+        energy.
         """
         squared_error = self.analyzed.squared_error
         n_positions = frames.block.n_frames * frames.block.n_verts

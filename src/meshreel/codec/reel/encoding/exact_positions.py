@@ -30,7 +30,7 @@ Vertices = npt.NDArray[np.floating]
 CodedBlock = tuple[int, list[tuple[Section, bytes]]]
 
 MAX_PARALLEL_BLOCKS = 4
-"""Blocks that are encoded in parallel without a memory limit."""
+"""Number of blocks encoded in parallel without a memory limit."""
 
 
 @dataclass(frozen=True)
@@ -49,10 +49,10 @@ class PositionCoder(ABC):
 
     @cached_property
     def graph(self) -> Neighbors:
-        """The vertices next to each vertex."""
+        """Adjacent vertices of each vertex."""
         return neighbors(self.faces, self.n_verts)
 
-    def __reduce__(self) -> tuple[Any, ...]:  # neighbors are found again where they are needed
+    def __reduce__(self) -> tuple[Any, ...]:  # without the neighbors, which are derived
         return type(self), tuple(getattr(self, each.name) for each in fields(self))
 
     @property
@@ -62,7 +62,7 @@ class PositionCoder(ABC):
 
     @abstractmethod
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
-        """The sections before the first block, behind those of the mesh."""
+        """Yield the sections between those of the mesh and the first block."""
 
     @abstractmethod
     def code(self, vertices: Vertices) -> list[tuple[Section, bytes]]:
@@ -80,11 +80,11 @@ class ExactPositionCoder(PositionCoder):
 
     @property
     def is_exact(self) -> bool:
-        """Always."""
+        """True."""
         return True
 
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
-        """There are none."""
+        """Yield nothing."""
         return iter(())
 
     def code(self, vertices: Vertices) -> list[tuple[Section, bytes]]:
@@ -215,7 +215,7 @@ class LivePositionCoder:
         return vertices.take(self._mesh.output_order, axis=1)
 
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
-        """The sections before the first block, behind those of the mesh."""
+        """Yield the sections between those of the mesh and the first block."""
         of_tracks = (track.leading_section() for track in self._tracks.values())
         return chain(self._coder.leading_sections(), of_tracks)
 

@@ -80,7 +80,7 @@ def reuse_fields(
 
 
 def _fitted_vectors(frames: BlockFrames, fields: Floats) -> Floats:
-    """Least-squares vectors, of shape (C T, R), of fields of shape (V, R) that fit frames."""
+    """Least-squares vectors, of shape (C T, R), that fit frames with fields of shape (V, R)."""
     pieces = chunks(frames.n_verts, CHUNK_VERTICES)
     parts: list[Floats] = [np.empty(0)] * len(pieces)
 
