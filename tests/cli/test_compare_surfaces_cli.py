@@ -15,7 +15,7 @@ from samples.meshes import waving_grid
 
 @pytest.fixture
 def files(tmp_path, monkeypatch):
-    """A sheet, the same one of half as many rows, and one with fewer frames."""
+    """Files of a sheet, of one with half as many rows, and of one with fewer frames."""
     monkeypatch.setattr(surface_distance, "GRID_LINES", 64)
     monkeypatch.setenv("COLUMNS", "100")
     sheets = waving_grid(3, 9, 11), waving_grid(3, 5, 11), waving_grid(2, 5, 11)

@@ -26,7 +26,7 @@ def inputs(tmp_path):
 
 
 def clips(path, *names):
-    """A file of the animations of these names, of which number N goes up to 7 N."""
+    """Save a file with these animations; number N moves up to 7 N."""
     file = moving_triangle()
     for number in range(1, len(names)):
         file.animate(0, "translation", [0, 1], [[0, 0, 0], [0, 7 * number, 0]], animation=number)
@@ -46,7 +46,7 @@ def outputs(inputs):
     return {path.name: decode(path.read_bytes()) for path in out.glob("*.reel")}
 
 
-def test_each_animation_becomes_a_file_of_its_own(inputs):
+def test_each_animation_is_a_separate_stream(inputs):
     clips(inputs / "man.glb", "walk", "jump")
     plan, report = run(inputs)
     assert (list(report.encoded), plan.notes) == (["man.glb#walk", "man.glb#jump"], [])
@@ -66,7 +66,7 @@ def test_animations_are_up_to_date_in_a_second_run(inputs):
     assert manifest["inputs"]["man.glb#jump"]["options"]["animation"] == "jump"
 
 
-def test_names_are_made_those_of_files_and_numbered_when_they_clash(inputs):
+def test_output_names_are_sanitized_and_numbered_when_they_clash(inputs):
     clips(inputs / "man.glb", "a/b", "A:b", "../up", "walk")
     plan, report = run(inputs)
     assert [one.output for one in report.encoded.values()] == [
@@ -79,7 +79,7 @@ def test_names_are_made_those_of_files_and_numbered_when_they_clash(inputs):
     ]
 
 
-def test_output_that_two_inputs_would_share_is_refused(inputs):
+def test_shared_output_of_two_inputs_is_rejected(inputs):
     clips(inputs / "man.glb", "walk", "jump")
     clips(inputs / "man.walk.glb", "only")
     _, report = run(inputs)
@@ -93,7 +93,7 @@ def test_file_of_one_animation_keeps_its_name(inputs):
     assert [one.output for one in report.encoded.values()] == ["man.reel"]
 
 
-def test_animations_that_cannot_be_encoded_are_left_out_and_named(inputs):
+def test_animations_that_cannot_be_encoded_are_skipped_with_a_note(inputs):
     file = moving_triangle()
     camera = file.node()
     for number, node in enumerate([0, camera, 0], 1):
@@ -109,14 +109,14 @@ def test_animations_that_cannot_be_encoded_are_left_out_and_named(inputs):
     ]
 
 
-def test_file_that_cannot_be_read_fails_alone(inputs):
+def test_unreadable_file_does_not_affect_the_others(inputs):
     clips(inputs / "man.glb", "walk", "jump")
     (inputs / "bad.glb").write_bytes(b"x")
     _, report = run(inputs)
     assert (len(report.encoded), list(report.failed)) == (2, ["bad.glb"])
 
 
-def test_animation_that_fails_is_named_without_the_path_of_its_file(inputs):
+def test_error_names_the_animation_without_the_path_of_its_file(inputs):
     file = moving_triangle()
     file.animate(0, "scale", [0, 1, 1e9], [[1, 1, 1]] * 3, animation=1)
     file.save(inputs / "man.glb")
@@ -124,7 +124,7 @@ def test_animation_that_fails_is_named_without_the_path_of_its_file(inputs):
     assert report.failed["man.glb#animation_1"].error.startswith("its animation takes 1e+09 s")
 
 
-def test_all_animations_are_refused_when_no_input_can_have_several(inputs):
+def test_all_animations_is_rejected_when_no_input_can_have_several(inputs):
     (inputs / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     with pytest.raises(InvalidInputError, match=r"there is no \.glb or \.gltf file among"):
         run(inputs)

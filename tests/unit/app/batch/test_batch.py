@@ -169,7 +169,7 @@ def mark_pending(inputs, out):
 @pytest.mark.parametrize(
     "change", [change_input, touch_input, remove_output, cut_output, mark_failed, mark_pending]
 )
-def test_second_run_does_what_changed(inputs, out, change):
+def test_second_run_encodes_changed_inputs_only(inputs, out, change):
     run(inputs, out)
     change(inputs, out)
     report = run(inputs, out)

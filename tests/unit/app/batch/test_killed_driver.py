@@ -1,4 +1,4 @@
-"""A batch whose driver is killed is taken up where it was, and its workers end with it."""
+"""When the driver of a batch is killed, its workers end, and another run completes it."""
 
 import json
 import os
@@ -59,7 +59,7 @@ if __name__ == "__main__":
 
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="processes are looked for in /proc")
-def test_worker_ends_in_the_middle_of_a_call_when_its_driver_is_killed(tmp_path):
+def test_worker_ends_during_a_call_when_its_driver_is_killed(tmp_path):
     program = tmp_path / "working.py"
     program.write_text(WORKING)
     with subprocess.Popen(

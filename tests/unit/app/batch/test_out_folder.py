@@ -1,4 +1,4 @@
-"""The folder of outputs of a batch."""
+"""Output folder of a batch."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from meshreel.app.batch.out_folder import LocalFolder
 from meshreel.errors import InvalidInputError
 
 
-def test_folders_of_a_file_are_made_when_it_is_written(tmp_path):
+def test_write_creates_the_folders_of_a_file(tmp_path):
     folder = LocalFolder(tmp_path / "out")
     folder.write("deep/er/x.reel", b"12", overwrite=False)
     assert (folder.has("deep/er"), folder.size_bytes("deep/er/x.reel")) == (True, 2)
@@ -17,7 +17,7 @@ def test_folders_of_a_file_are_made_when_it_is_written(tmp_path):
     assert [path.name for path in (tmp_path / "out/deep/er").iterdir()] == ["x.reel"]
 
 
-def test_a_file_is_replaced_only_when_it_may_be(tmp_path):
+def test_file_is_replaced_only_with_overwrite(tmp_path):
     folder = LocalFolder(tmp_path)
     folder.write("x.reel", b"old", overwrite=False)
     with pytest.raises(InvalidInputError, match="exists"):
@@ -27,7 +27,7 @@ def test_a_file_is_replaced_only_when_it_may_be(tmp_path):
     assert folder.read("x.reel") == b"new"
 
 
-def test_inputs_are_named_as_seen_from_the_folder(tmp_path):
+def test_input_paths_are_relative_to_the_folder(tmp_path):
     folder = LocalFolder(tmp_path / "out")
     assert folder.seen_to(tmp_path / "in" / "a") == "../in/a"
     assert folder.seen_to("s3://bucket/in") == "s3://bucket/in"

@@ -1,4 +1,4 @@
-"""A batch from a store into a store."""
+"""Batches with remote inputs and outputs."""
 
 import json
 
@@ -21,7 +21,7 @@ IN, OUT = "memory://bucket/in", "memory://bucket/out"
 
 @pytest.fixture
 def store():
-    """The store of this process, with a file, a point cache and a folder of frames."""
+    """A store in memory with a file, a point cache and a folder of frames."""
     store = fsspec.filesystem("memory")
     store.store.clear()
     meshreel.save(waving_grid(), f"{IN}/walk.npz")
@@ -37,14 +37,14 @@ def run(inputs=IN, out=OUT, **arguments):
     return run_batch(plan_batch(inputs, out, OPTIONS, **arguments), Engine(InlineWorkers()))
 
 
-def test_inputs_of_a_store_are_found_as_those_of_a_folder_are(store, tmp_path):
+def test_inputs_in_a_store_are_found_like_local_ones(store, tmp_path):
     store.get("/bucket/in", str(tmp_path / "in"), recursive=True)
     here, there = find_inputs(tmp_path / "in"), find_inputs(IN)
     assert {one.name: one.output for one in here} == {one.name: one.output for one in there}
     assert {one.name: one.size_bytes for one in here} == {one.name: one.size_bytes for one in there}
 
 
-def test_streams_and_manifest_go_into_the_store(store, tmp_path):
+def test_streams_and_manifest_are_written_to_the_store(store, tmp_path):
     report = run()
     assert report.summary == "0 up to date, 3 encoded, 0 failed"
     store.get("/bucket/in", str(tmp_path / "in"), recursive=True)
@@ -56,7 +56,7 @@ def test_streams_and_manifest_go_into_the_store(store, tmp_path):
     assert b"All encoded inputs" in store.cat("/bucket/out/report.html")
 
 
-def test_second_run_does_what_changed(store):
+def test_second_run_encodes_changed_inputs_only(store):
     run()
     assert run().summary == "3 up to date, 0 encoded, 0 failed"
     meshreel.save(waving_grid(7), f"{IN}/walk.npz", overwrite=True)
@@ -64,41 +64,39 @@ def test_second_run_does_what_changed(store):
     assert set(run().encoded) == {"walk.npz", "a/cloth"}
 
 
-def test_object_that_is_not_the_batchs_is_kept_unless_forced(store):
+def test_foreign_object_is_replaced_only_with_force(store):
     store.pipe("/bucket/out/walk.reel", b"mine")
     assert set(run().failed) == {"walk.npz"}
     assert store.cat("/bucket/out/walk.reel") == b"mine"
     assert set(run(force=True).failed) == set()
 
 
-def test_object_put_there_during_the_run_is_kept(store):
+def test_object_created_during_the_run_is_kept(store):
     plan = plan_batch(IN, OUT, OPTIONS)
     store.pipe("/bucket/out/walk.reel", b"mine")
     assert set(run_batch(plan, Engine(InlineWorkers())).failed) == {"walk.npz"}
     assert store.cat("/bucket/out/walk.reel") == b"mine"
 
 
-def test_error_names_a_file_within_the_folder_of_inputs(store):
+def test_error_names_the_file_relative_to_the_input_folder(store):
     store.pipe("/bucket/in/a/cloth/f_2.obj", b"v 1 2 no\n")
     [record] = run().failed.values()
     assert record.error.startswith("a/cloth/f_2.obj: ")
 
 
-def test_inputs_of_a_store_go_into_a_folder_here(store, tmp_path):
+def test_remote_inputs_can_be_written_to_a_local_folder(store, tmp_path):
     assert run(out=tmp_path / "out").summary == "0 up to date, 3 encoded, 0 failed"
     assert (tmp_path / "out" / "a" / "cloth.reel").is_file()
     assert run(out=tmp_path / "out").summary == "3 up to date, 0 encoded, 0 failed"
 
 
-def test_web_server_has_no_folder_of_inputs(tmp_path):
+def test_web_server_is_rejected_as_input_folder(tmp_path):
     with pytest.raises(meshreel.StoreError, match="lists no folders"):
         find_inputs("https://example.invalid/in")
 
 
 @pytest.mark.parametrize(("but_not", "is_left_out"), [(f"{IN}/a", True), (IN, False), (OUT, False)])
-def test_folder_of_outputs_is_left_out_when_it_is_within_that_of_inputs(
-    store, but_not, is_left_out
-):
+def test_output_folder_is_skipped_when_it_is_inside_the_input_folder(store, but_not, is_left_out):
     names = {one.name for one in find_inputs(IN, but_not=but_not)}
     assert ("a/cloth" in names) != is_left_out
     assert "walk.npz" in names

@@ -15,5 +15,5 @@ from meshreel.app.cli.batch import _row
         ),
     ],
 )  # fmt: skip
-def test_rows_have_a_dash_where_nothing_is_known(figures, words):
+def test_rows_have_a_dash_for_unknown_figures(figures, words):
     assert _row("walk", Record(DONE, "x.reel", True, "", {}, **figures)) == ("walk", *words)

@@ -9,19 +9,17 @@ SIZES = {"header": 77, "connectivity": 2786, "order": 33711, "coefficients": 264
     ("share", "width", "bar"),
     [(1.0, 4, "████"), (0.5, 4, "██"), (0.5, 1, "▌"), (1e-9, 4, "▏"), (0.0, 4, "")],
 )
-def test_text_bar_is_as_long_as_its_share_in_eighths(share, width, bar):
+def test_text_bar_has_a_resolution_of_one_eighth(share, width, bar):
     assert text_bar(share, width) == bar
 
 
 @pytest.mark.parametrize(("share", "bar"), [(1.0, "####"), (0.4, "##"), (1e-9, "#"), (0.0, "")])
-def test_text_bar_is_of_plain_letters_when_others_cannot_be_shown(share, bar):
+def test_text_bar_is_ascii_on_ascii_terminals(share, bar):
     assert text_bar(share, 4, ascii_only=True) == bar
 
 
 @pytest.mark.parametrize("columns", [120, 80, 60, 40])
-def test_bars_stand_in_line_with_all_figures_when_the_terminal_is_narrow(
-    monkeypatch, capsys, columns
-):
+def test_bars_are_aligned_and_complete_on_narrow_terminals(monkeypatch, capsys, columns):
     monkeypatch.setenv("COLUMNS", str(columns))
     print_bars("bytes", SIZES)
     lines = capsys.readouterr().out.splitlines()
@@ -38,7 +36,7 @@ def test_bars_stand_in_line_with_all_figures_when_the_terminal_is_narrow(
         assert n_blocks[3] == pytest.approx(n_blocks[2] * 26462 / 33711, abs=1)
 
 
-def test_note_stays_in_one_line_when_nobody_watches_a_terminal(capsys):
+def test_note_is_not_wrapped_without_a_terminal(capsys):
     note = "left out: " + ", ".join(f"field {number}" for number in range(40))
     print_notes([note, note])
     assert capsys.readouterr().err == f"note: {note}\n"

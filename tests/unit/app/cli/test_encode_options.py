@@ -1,4 +1,4 @@
-"""Commands that encode have the options of the table, each as the table has it."""
+"""Options for encoding on the command line."""
 
 import json
 import re
@@ -25,7 +25,7 @@ def params(command):
 
 @pytest.mark.parametrize("name", OPTIONS)
 @pytest.mark.parametrize("command", COMMANDS)
-def test_command_has_every_option_of_the_table(command, name):
+def test_command_has_every_encoding_option(command, name):
     option, param = OPTIONS[name], params(command)[name]
     assert param.opts == [option.flag]
     assert param.panel == option.group
@@ -35,15 +35,15 @@ def test_command_has_every_option_of_the_table(command, name):
 
 @pytest.mark.parametrize("name", [option.name for option in all_options() if option.names])
 @pytest.mark.parametrize("command", COMMANDS)
-def test_names_are_completed_when_they_are_begun(command, name):
+def test_names_are_completed(command, name):
     param = params(command)[name]
     assert param.shell_complete(None, "") != []
     begun = OPTIONS[name].names[-1]
     assert begun in [one.value for one in param.shell_complete(None, begun[:1])]
 
 
-def given_to(*arguments):
-    """What a command gets that was called so."""
+def received_by_command(*arguments):
+    """Return the values that a command receives for these arguments."""
 
     @click.command()
     @encode_options()
@@ -55,14 +55,14 @@ def given_to(*arguments):
     return json.loads(CliRunner().invoke(small, arguments, **settings).output)
 
 
-def test_command_gets_defaults_when_nothing_is_given():
+def test_command_receives_defaults():
     expected = {name: option.default for name, option in OPTIONS.items()}
-    assert given_to() == [expected, False]
+    assert received_by_command() == [expected, False]
 
 
-def test_command_gets_values_for_python_when_they_are_typed():
+def test_command_receives_parsed_values():
     typed = ("--modes", "5", "--kg", "0.5", "--size", "1kB", "--bits", "8,8,6", "--order", "drop")
-    encoding, twice = given_to(*typed, "--iterations", "2", "--twice")
+    encoding, twice = received_by_command(*typed, "--iterations", "2", "--twice")
     assert twice is True
     changed = {name: value for name, value in encoding.items() if value != OPTIONS[name].default}
     assert changed == {
@@ -71,13 +71,13 @@ def test_command_gets_values_for_python_when_they_are_typed():
     }  # fmt: skip
 
 
-def test_one_number_of_bits_is_no_list():
-    assert given_to("--bits", "8")[0]["bits"] == 8
+def test_single_number_of_bits_is_not_a_list():
+    assert received_by_command("--bits", "8")[0]["bits"] == 8
 
 
-def test_list_is_refused_when_one_of_its_numbers_is_none():
+def test_list_is_rejected_when_an_item_is_not_a_number():
     with pytest.raises(click.UsageError, match="--bits takes a whole number, or several"):
-        given_to("--bits", "8,x")
+        received_by_command("--bits", "8,x")
 
 
 @pytest.mark.parametrize(
@@ -89,17 +89,17 @@ def test_list_is_refused_when_one_of_its_numbers_is_none():
         ("--effort", "0", "--effort must be 1..9; got 0"),
     ],
 )
-def test_option_is_refused_when_it_is_no_number_of_its_range(flag, typed, message):
+def test_option_is_rejected_when_it_is_not_a_number_in_its_range(flag, typed, message):
     with pytest.raises(InvalidInputError, match=f"^{re.escape(message)}$"):
-        given_to(flag, typed)
+        received_by_command(flag, typed)
 
 
-def test_help_names_flags_in_place_of_keywords():
+def test_help_contains_flags_instead_of_keywords():
     assert "if --max-error is a length" in params("encode")["unit"].help
 
 
 @pytest.mark.parametrize("command", ["encode", "convert"])
-def test_streams_are_those_of_python_when_options_of_a_variant_are_given(command, tmp_path):
+def test_command_and_python_write_the_same_stream(command, tmp_path):
     given, written = tmp_path / "grid.npz", tmp_path / "grid.reel"
     meshreel.save(waving_grid(), given)
     typed = "--method pca-qp --modes 5 --bits 10 --anchors 0.02 --laplacian combinatorial"

@@ -1,4 +1,4 @@
-"""Every message of the library that names a keyword names an option on the command line."""
+"""Keywords in messages of the library become options on the command line."""
 
 import ast
 import re
@@ -21,7 +21,7 @@ KEYWORD_LEFT = re.compile(r"(?<![\w./'\"-])[a-z]\w*=(?:True|False|\"\w+\")?(?=[\
 
 
 def sentences(path):
-    """The strings of a module that are no docstrings; "fps" stands for what is filled in."""
+    """Yield the strings of a module except docstrings; "fps" replaces formatted values."""
     nodes = [*ast.walk(ast.parse(path.read_text(encoding="utf-8")))]
     pieces = {id(part) for node in nodes if isinstance(node, ast.JoinedStr)
               for part in ast.walk(node)}  # fmt: skip
@@ -41,7 +41,7 @@ def sentences(path):
 
 @pytest.fixture(scope="module")
 def messages():
-    """Those of the library that name keywords."""
+    """Messages of the library with keywords."""
     return {
         text
         for path in ROOT.rglob("*.py")
@@ -51,15 +51,15 @@ def messages():
     }
 
 
-def test_messages_that_name_keywords_are_found_in_the_library(messages):
+def test_library_has_messages_with_keywords(messages):
     assert len(messages) > 15
     assert any("overwrite=True" in text for text in messages)
 
 
-def test_messages_name_options_that_exist_when_the_command_line_says_them(messages):
-    said = [with_option_names(text) for text in sorted(messages)]
-    assert [text for text in said if KEYWORD_LEFT.search(text)] == []
-    named = [(text, set(re.findall(r"--[a-z][a-z-]*", text))) for text in said]
+def test_messages_name_existing_options_on_the_command_line(messages):
+    converted = [with_option_names(text) for text in sorted(messages)]
+    assert [text for text in converted if KEYWORD_LEFT.search(text)] == []
+    named = [(text, set(re.findall(r"--[a-z][a-z-]*", text))) for text in converted]
     assert [(text, names - OPTIONS) for text, names in named if names - OPTIONS] == []
 
 
@@ -78,9 +78,9 @@ def test_messages_name_options_that_exist_when_the_command_line_says_them(messag
         ("x=3 is too much", "x=3 is too much"),
     ],
 )
-def test_keywords_become_options_when_they_are_said_as_keywords(message, expected):
+def test_keywords_are_replaced_by_options(message, expected):
     assert with_option_names(message) == expected
 
 
-def test_notes_come_once_when_they_say_the_same_in_option_names():
+def test_notes_that_become_equal_are_merged():
     assert all_with_option_names(["give fps=", "give --fps (fps=)"]) == ["give --fps"]

@@ -1,4 +1,4 @@
-"""Lines in place of a bar, where nobody watches a terminal."""
+"""Progress lines without a terminal."""
 
 import io
 import threading
@@ -26,7 +26,7 @@ class Lines(io.StringIO):
         return self.getvalue().splitlines()
 
 
-def test_lines_come_again_and_again_when_a_stage_says_nothing():
+def test_lines_are_repeated_without_calls():
     stream = Lines()
     with progress_lines(stream, first_line_s=0.01, interval_s=0.01) as progress:
         progress("encoding, try 3", Count(12, 175, "frames"))
@@ -37,7 +37,7 @@ def test_lines_come_again_and_again_when_a_stage_says_nothing():
 @pytest.mark.parametrize(
     ("fraction", "words"), [(0.0, "comparing"), (0.5, "comparing: 50 %"), (1.0, "comparing")]
 )
-def test_line_tells_the_share_when_something_is_done_and_something_left(fraction, words):
+def test_line_contains_the_share_between_0_and_1(fraction, words):
     stream = Lines()
     with progress_lines(stream, first_line_s=0.01, interval_s=0.01) as progress:
         progress("comparing", fraction)
@@ -46,14 +46,14 @@ def test_line_tells_the_share_when_something_is_done_and_something_left(fraction
     assert lines[-1] == f"meshreel: {words} (0:00 so far)"
 
 
-def test_nothing_is_written_when_work_is_short():
+def test_short_work_writes_no_line():
     stream = Lines()
     with progress_lines(stream, first_line_s=60) as progress:
         progress("reading", 0.5)
     assert stream.getvalue() == ""
 
 
-def test_work_goes_on_when_nobody_reads_the_lines():
+def test_closed_stream_does_not_stop_the_work():
     stream = Lines()
     stream.close()
     with progress_lines(stream, first_line_s=0.001, interval_s=0.001) as progress:
@@ -61,7 +61,7 @@ def test_work_goes_on_when_nobody_reads_the_lines():
         time.sleep(0.05)
 
 
-def test_work_does_not_wait_for_the_next_line_when_it_ends():
+def test_end_does_not_wait_for_the_next_line():
     began = time.monotonic()
     with progress_lines(Lines(), first_line_s=30, interval_s=30):
         pass

@@ -12,7 +12,7 @@ class FakeTime:
         return self.now_s
 
 
-def test_words_tell_the_count_the_pace_and_the_time_left_when_some_are_done():
+def test_words_contain_count_pace_and_remaining_time():
     time = FakeTime()
     clock = PaceClock(time)
     assert clock.words(Count(5, 175, "frames")) == "5 of 175 frames"
@@ -20,7 +20,7 @@ def test_words_tell_the_count_the_pace_and_the_time_left_when_some_are_done():
     assert clock.words(Count(85, 175, "frames")) == "85 of 175 frames, 8 frames/s, 0:11 left"
 
 
-def test_words_tell_no_pace_when_it_is_too_early():
+def test_words_contain_no_pace_at_the_beginning():
     time = FakeTime()
     clock = PaceClock(time)
     clock.words(Count(0, 9, "inputs"))
@@ -28,7 +28,7 @@ def test_words_tell_no_pace_when_it_is_too_early():
     assert clock.words(Count(4, 9, "inputs")) == "4 of 9 inputs"
 
 
-def test_pace_begins_anew_when_other_things_are_counted_or_the_same_from_the_beginning():
+def test_pace_restarts_when_the_unit_or_total_changes_or_the_count_falls():
     time = FakeTime()
     clock = PaceClock(time)
     for count in (Count(0, 10, "frames"), Count(10, 10, "frames"), Count(1, 10, "frames")):
@@ -47,7 +47,7 @@ def test_words_are_empty_when_nothing_is_counted():
 @pytest.mark.parametrize(
     ("per_second", "text"), [(8.44, "8.44 frames/s"), (1.0, "1 frame/s"), (0.25, "4 s each")]
 )
-def test_pace_is_told_so_that_the_number_is_not_below_one(per_second, text):
+def test_pace_below_one_is_stated_per_item(per_second, text):
     assert pace_text(per_second, "frames") == text
 
 

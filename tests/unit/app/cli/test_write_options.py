@@ -1,4 +1,4 @@
-"""Panels of the help name the outputs that their options are for."""
+"""Help panels of options for certain outputs."""
 
 import pytest
 
@@ -11,7 +11,7 @@ PANELS = {
     frozenset({".glb", ".gltf", ".vat"}): GLTF_AND_TEXTURES,
     frozenset({".vat"}): TEXTURES,
 }
-"""By the extensions of outputs that an option has an effect on, beside .reel."""
+"""Panels by the extensions of outputs to which an option applies, except .reel."""
 
 
 @pytest.mark.parametrize(
@@ -21,14 +21,14 @@ PANELS = {
         *(("convert", name) for name in ("targets", "normals", "layout", "textures")),
     ],
 )
-def test_option_is_in_the_panel_of_the_outputs_it_is_for(command, name):
+def test_option_is_in_the_panel_of_its_outputs(command, name):
     panels = {param.name: getattr(param, "panel", "") for param in command_named(command).params}
     every = (*FORMATS.values(), *FOLDER_FORMATS.values())
     extensions = {one.extension for one in every if name in getattr(one, "writes", ())} - {".reel"}
     assert panels[name] == PANELS[frozenset(extensions)]
 
 
-def test_unit_is_beside_the_bound_that_it_is_for():
+def test_unit_is_in_the_panel_of_the_error_bound():
     for command in ("encode", "decode", "convert", "batch"):
         panels = {one.name: getattr(one, "panel", "") for one in command_named(command).params}
         assert panels["unit"] == panels["max_error"]
