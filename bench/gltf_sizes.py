@@ -22,6 +22,7 @@ import numpy.typing as npt
 import meshreel
 from meshreel.evaluation.runs.machine import machine_facts, machine_line
 from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.frames.segmented_stream import SegmentedStream
 from meshreel.formats.gltf.buffer_writer import BufferWriter
 from meshreel.formats.gltf.placement import place_frames
 from meshreel.formats.gltf.write import write_glb
@@ -99,7 +100,8 @@ def ours(
         [sequence.vertices], sequence.faces, n_frames=sequence.n_frames, fps=25.0, notes=notes
     )
     start_s = time.perf_counter()
-    write_glb(folder / "ours.glb", stream, WriteOptions(max_error=max_error, normals=normals))
+    options = WriteOptions(max_error=max_error, normals=normals)
+    write_glb(folder / "ours.glb", SegmentedStream.of(stream), options)
     words = next(note for note in notes if note.startswith("the largest error is")).split()
     n_morphs, error_percent = int(words[words.index("morph") - 1]), float(words[4])
     name = f"our .glb, at most {max_error:g} %{NORMALS[normals]}"

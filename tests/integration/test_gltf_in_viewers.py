@@ -132,6 +132,10 @@ def test_the_validator_accepts_written_files(tmp_path):
         for write, extension in ((write_glb, "glb"), (write_gltf, "gltf")):
             paths.append(tmp_path / f"{case}.{extension}")
             write(paths[-1], stream_of(make()), WriteOptions(**options))
+    paths.append(tmp_path / "segments.glb")
+    meshreel.save(
+        meshreel.concatenate([dressed(4), replace(flag(3), fps=24.0), dressed(1)]), paths[-1]
+    )
     for path, report in zip(paths, reports_of(*paths), strict=True):
         messages = [one for one in report["issues"]["messages"] if not is_harmless(one)]
         assert (messages, report["issues"]["truncated"]) == ([], False), path.name

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.frames.segmented_stream import SegmentedStream
 from meshreel.formats.gltf.write import write_glb
 from meshreel.formats.options import WriteOptions
 
@@ -16,7 +17,7 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 def stream_of(sequence, notes=None):
     """Return a stream of all frames of a sequence, one by one."""
-    return FrameStream(
+    frames = FrameStream(
         (sequence.read(index, index + 1) for index in range(sequence.n_frames)),
         sequence.faces,
         n_frames=sequence.n_frames,
@@ -26,6 +27,7 @@ def stream_of(sequence, notes=None):
         surface=sequence.surface,
         notes=notes,
     )
+    return SegmentedStream.of(frames)
 
 
 def written(folder, sequence, notes=None, **options):

@@ -4,12 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 import meshreel
 from meshreel.errors import ConnectivityChangeError
+from meshreel.formats.options import WriteOptions
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 from meshreel.model.tracks import Track
 from samples.datasets import positions_of
+from samples.glb import Glb
+from samples.materials import dressed_sheet
 from samples.meshes import assert_same_surface, quad_sheet, waving_grid
 from samples.tracks import assert_same_tracks
 
@@ -219,3 +223,79 @@ def test_materials_of_some_segments_and_hard_edges(tmp_path, extension):
     found = meshreel.load_segments(tmp_path / f"a{extension}")
     expected = meshreel.concatenate(grids)
     assert_data_as_of_single_segments(found, expected, tmp_path, f"a{extension}")
+
+
+@pytest.mark.parametrize("extension", [".glb", ".gltf"])
+def test_gltf_shows_the_mesh_of_each_segment(textured, tmp_path, extension):
+    notes = []
+    options = WriteOptions(max_error=0.01)
+    meshreel.save(textured, tmp_path / f"a{extension}", options=options, notes=notes)
+    found = meshreel.load_segments(tmp_path / f"a{extension}")
+    assert (found.starts, found.name) == (textured.starts, "mesh")
+    assert found.fps == pytest.approx(FPS)
+    diagonal = np.linalg.norm(textured.extent.high - textured.extent.low)
+    for one, other in zip(found, textured, strict=True):
+        distance, nearest = cKDTree(one.vertices).query(other.vertices)
+        assert distance.max() <= 1.01e-4 * diagonal
+        expected = np.sort(np.sort(nearest[other.faces], axis=1), axis=0)
+        np.testing.assert_array_equal(np.sort(np.sort(one.faces, axis=1), axis=0), expected)
+    assert any("the largest error is" in note for note in notes)
+    for segment in found.segments:
+        [groups] = segment.surface.groups
+        assert set(groups.labels) == {"skin", "cloth"}
+
+
+def test_gltf_scales_the_segments_of_other_frames_to_zero(textured, tmp_path):
+    meshreel.save(textured, tmp_path / "a.glb")
+    found = Glb.read((tmp_path / "a.glb").read_bytes())
+    nodes, [animation] = found.document["nodes"], found.document["animations"]
+    times = textured.start_s + np.arange(textured.n_frames) / FPS
+    n_segments = 0
+    for channel in animation["channels"]:
+        sampler = animation["samplers"][channel["sampler"]]
+        if channel["target"]["path"] != "scale":
+            continue
+        assert sampler["interpolation"] == "STEP"
+        keys, scales = found.array(sampler["input"])[:, 0], found.array(sampler["output"])
+        before = np.searchsorted(keys, times + 1e-4, side="right") - 1
+        segments = [textured.segment_of(number) for number in range(textured.n_frames)]
+        expected = np.equal(segments, n_segments)[:, np.newaxis]
+        np.testing.assert_array_equal(scales[before], np.repeat(expected, 3, axis=1))
+        assert nodes[channel["target"]["node"]].get("scale", [1, 1, 1])[0] == (n_segments == 0)
+        n_segments += 1
+    assert n_segments == 4
+
+
+def test_trimesh_reads_the_meshes_of_all_segments(textured, tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    meshreel.save(textured, tmp_path / "a.glb")
+    scene = trimesh.load(tmp_path / "a.glb", process=False)
+    n_faces = sum(len(one.faces) for one in scene.geometry.values())
+    assert n_faces == sum(len(one.faces) for one in textured.segments)
+
+
+def test_gltf_keeps_materials_of_each_segment(tmp_path):
+    sheets = [replace(dressed_sheet(n), fps=FPS) for n in (2, 1)]
+    materials = sheets[1].surface.materials
+    other = tuple(replace(one, roughness=0.125) for one in materials)
+    surface = replace(sheets[1].surface, materials=other)
+    sheets[1] = replace(sheets[1], surface=surface)
+    meshreel.save(meshreel.concatenate(sheets), tmp_path / "a.glb")
+    document = Glb.read((tmp_path / "a.glb").read_bytes()).document
+    names = [one["name"] for one in document["materials"] if "name" in one]
+    assert len(names) == len(set(names)) == 2 * len(materials)
+    assert len(document["images"]) == len(sheets[0].surface.images)
+
+
+def test_error_bound_of_gltf_holds_for_decoded_segments(changing, tmp_path):
+    data = meshreel.encode(changing, max_error=0.05)
+    (tmp_path / "a.reel").write_bytes(data)
+    notes = []
+    with meshreel.open_segments(tmp_path / "a.reel") as reel:
+        meshreel.save(reel, tmp_path / "a.glb", options=WriteOptions(max_error=0.1), notes=notes)
+    found = meshreel.load_segments(tmp_path / "a.glb")
+    diagonal = np.linalg.norm(changing.extent.high - changing.extent.low)
+    for one, other in zip(found, changing, strict=True):
+        distance, _ = cKDTree(one.vertices).query(other.vertices)
+        assert distance.max() <= 1.001e-3 * diagonal
+    assert any("against the original the largest error is at most 0.0" in one for one in notes)

@@ -136,6 +136,12 @@ class SegmentedStream:
         changed._change = lambda mesh: change(before(mesh))
         return changed
 
+    def quiet(self) -> "SegmentedStream":
+        """Return the stream without progress and notes, to read it twice."""
+        quiet = copy(self)
+        quiet.progress, quiet.notes = silent, []
+        return quiet
+
     def meshes(self) -> Iterator[SegmentMesh]:
         """Yield the mesh of each segment in order, before or after `segments`."""
         for segment in self._segments:

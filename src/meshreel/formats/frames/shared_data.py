@@ -7,6 +7,7 @@ from typing import Any
 
 from meshreel.formats.frames.segmented_stream import SegmentedStream, SegmentMesh
 from meshreel.formats.notes import listed, note_unwritten_tracks
+from meshreel.formats.scenes.merged_surfaces import MaterialTable
 from meshreel.model.surface import Attribute, FaceGroups, Surface
 from meshreel.model.tracks import TrackSource
 
@@ -109,6 +110,23 @@ class SharedData:
             notes.append(f"left out, as only some segments have it: {listed(self.other_data)}")
         which = "those of some segments only"
         note_unwritten_tracks(self.other_tracks, extension, notes, which)
+
+
+def sharing_materials(stream: SegmentedStream) -> SegmentedStream:
+    """Return the stream with the materials and images of all segments in each of them.
+
+    Different materials of the same name are told apart by numbers.
+    """
+    table = MaterialTable()
+    for mesh in stream.meshes():
+        table.add(mesh.surface)
+
+    def share(mesh: SegmentMesh) -> SegmentMesh:
+        surface = table.add(mesh.surface)
+        surface = replace(surface, materials=table.materials, images=table.images)
+        return replace(mesh, surface=surface)
+
+    return stream.changed(share) if stream.n_segments > 1 else stream
 
 
 def _keys(mesh: SegmentMesh) -> Iterable[Iterable[Key]]:

@@ -95,6 +95,11 @@ class BufferWriter:
         accessor = _accessor(self._add_view(column.tobytes(), {}), column, 0)
         return self._add_accessor(accessor | (_bounds(column) if are_times else {}))
 
+    def add_vectors(self, values: npt.NDArray[np.float32]) -> int:
+        """Append vectors of an animation, of shape (N, C), and return their accessor."""
+        data = values.astype("<f4")
+        return self._add_accessor(_accessor(self._add_view(data.tobytes(), {}), data, 0))
+
     def add_image(self, data: bytes) -> int:
         """Append the bytes of an image, and return the index of their buffer view."""
         return self._add_view(data, {})

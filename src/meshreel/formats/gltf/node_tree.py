@@ -7,6 +7,9 @@ from meshreel.formats.gltf.placement import IDENTITY, Placement
 Json = dict[str, Any]
 Path = tuple[str, ...]
 
+SEGMENT_START = "meshreelSegmentStart"
+"""Property of the extras of a node above the meshes of a segment: time of its first frame."""
+
 
 class NodeTree:
     """The nodes of a scene, with parents created on demand.
@@ -45,6 +48,12 @@ class NodeTree:
         if placement.scale != above.scale:
             node["scale"] = [placement.scale / above.scale] * 3
         return self._append(path, node, placement, parent)
+
+    def group(self, name: str) -> int:
+        """Return the index of a root node without a mesh, added if it is missing."""
+        parent = self._parent((name, ""))
+        assert parent is not None
+        return parent
 
     def _parent(self, path: Path) -> int | None:
         parent = None

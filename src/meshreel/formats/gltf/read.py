@@ -5,7 +5,7 @@ validate indices and sizes, and files may come from anywhere.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, partial
 from pathlib import Path
 
@@ -23,6 +23,7 @@ from meshreel.formats.gltf.instancing import note_instances
 from meshreel.formats.gltf.json_object import JsonObject
 from meshreel.formats.gltf.material_reading import MaterialReader, note_extensions
 from meshreel.formats.gltf.motion import Matrices, Motion
+from meshreel.formats.gltf.node_tree import SEGMENT_START
 from meshreel.formats.gltf.nodes import Nodes, read_nodes, unique_names
 from meshreel.formats.gltf.primitives import (
     count_targets,
@@ -40,6 +41,7 @@ from meshreel.formats.gltf.scene import (
 from meshreel.formats.gltf.skinning import Skin, transform_points
 from meshreel.formats.notes import listed, note_kinds, note_left_out
 from meshreel.formats.options import ReadOptions
+from meshreel.formats.scenes.merging import merge_meshes
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
 from meshreel.formats.surfaces.hard_edges import NormalNotes
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
@@ -110,10 +112,58 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         times = sampling if is_animated(placement) else sampling.first()
         return _scene_mesh(name, placement, motion, times, lambda: shape(placement), document)
 
-    return [
+    meshes = [
         read_or_defer_error(name, partial(scene_mesh, name, one))
         for name, one in zip(names, placements, strict=True)
     ]
+    starts = [_segment_start(document, nodes, one.node) for one in placements]
+    return _joined_segments(meshes, starts, sampling, options)
+
+
+def _segment_start(document: Document, nodes: Nodes, node: int) -> float | None:
+    """Return the time at which the segment of a node begins, if meshreel wrote it as one."""
+    for above in nodes.ancestors(node):
+        extras = document.lists["nodes"][above].values.get("extras")
+        if isinstance(extras, dict) and isinstance(extras.get(SEGMENT_START), int | float):
+            return float(extras[SEGMENT_START])
+    return None
+
+
+def _joined_segments(
+    meshes: list[SceneMesh],
+    starts: Sequence[float | None],
+    sampling: Sampling,
+    options: ReadOptions,
+) -> list[SceneMesh]:
+    """Return one mesh whose faces change, if all meshes are of segments; else the meshes."""
+    own = [one for one in starts if one is not None]
+    if len(own) < len(starts) or options.object is not None:
+        return meshes
+    firsts = sorted(set(own))
+    half_frame_s = 0.5 / sampling.fps if sampling.fps else 0.0
+    borders = np.array(firsts[1:]) - half_frame_s
+    segments = []
+    for first in firsts:
+        parts = [mesh for mesh, start in zip(meshes, starts, strict=True) if start == first]
+        names = ["/" + mesh.name.strip("/").partition("/")[2] for mesh in parts]
+        named = [replace(mesh, name=name) for mesh, name in zip(parts, names, strict=True)]
+        is_single = len(named) == 1
+        segments.append(named[0] if is_single else merge_meshes(named, "", options.notes))
+
+    def at(index: int) -> tuple[SceneMesh, int]:
+        time_s = sampling.times_s[index]
+        mesh = segments[int(np.searchsorted(borders, time_s, side="right"))]
+        return mesh, min(index, len(mesh.times_s) - 1)
+
+    def frame(index: int) -> PolygonMesh:
+        mesh, own_index = at(index)
+        return mesh.frame(own_index)
+
+    def surface(index: int) -> Surface:
+        mesh, own_index = at(index)
+        return mesh.surface(own_index)
+
+    return [SceneMesh(segments[0].name, sampling.times_s, frame, surface, sampling.fps or None)]
 
 
 def list_animations(path: Path, options: ReadOptions) -> list[AnimationInfo]:

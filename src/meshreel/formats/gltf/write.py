@@ -3,23 +3,25 @@
 import base64
 import json
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.codec.error_bounds import bound_of
 from meshreel.errors import InvalidInputError
-from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.frames.segmented_stream import SegmentedStream
+from meshreel.formats.frames.shared_data import sharing_materials
 from meshreel.formats.gltf.buffer_writer import BufferWriter, Json
 from meshreel.formats.gltf.container_writer import write_container
 from meshreel.formats.gltf.error_budget import ErrorBudget, share_budget
 from meshreel.formats.gltf.material_writer import Materials
 from meshreel.formats.gltf.mesh_writer import write_mesh
 from meshreel.formats.gltf.morph_mesh import MorphMesh, MorphOptions, ShadingMesh, fit_part
-from meshreel.formats.gltf.node_tree import NodeTree, path_of
+from meshreel.formats.gltf.node_tree import SEGMENT_START, NodeTree, path_of
 from meshreel.formats.gltf.normal_targets import NormalChoice
 from meshreel.formats.gltf.placement import check_range
 from meshreel.formats.gltf.seams import describe_losses, split_at_seams
@@ -60,6 +62,8 @@ class Scene:
     buffer : BufferWriter
     meshes : list of MorphMesh
         Meshes of the parts that have faces.
+    errors : float array of shape (T,)
+        Largest error of a vertex in each frame, in model units.
     n_isolated : int
         Number of vertices that no face uses, which are left out.
     has_hard_edges : bool
@@ -68,6 +72,7 @@ class Scene:
     document: Json
     buffer: BufferWriter
     meshes: list[MorphMesh]
+    errors: npt.NDArray[np.floating]
     n_isolated: int
     has_hard_edges: bool
 
@@ -77,10 +82,12 @@ class Scene:
         return sorted(len(one.morphs.targets) for one in self.meshes if one.morphs)
 
 
-def write_glb(path: Path, stream: FrameStream, options: WriteOptions) -> None:
+def write_glb(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
     """Write a self-contained ``.glb`` file.
 
-    All frames are loaded into memory. `stream.notes` gains the errors achieved.
+    All frames of a segment, and the file, are in memory. Each segment has its own meshes, below a
+    node whose scale is 1 in its frames and 0 in the others. `stream.notes` gains the errors
+    achieved.
 
     Raises
     ------
@@ -96,7 +103,7 @@ def write_glb(path: Path, stream: FrameStream, options: WriteOptions) -> None:
     _note_normals(stream.notes, scene, options)
 
 
-def write_gltf(path: Path, stream: FrameStream, options: WriteOptions) -> None:
+def write_gltf(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
     """Write a ``.gltf`` file with the buffer as base64, which is a third larger.
 
     Raises
@@ -133,16 +140,24 @@ class _Result:
     n_frames: int
 
 
-def _build_result(stream: FrameStream, options: WriteOptions) -> _Result:
+def _build_result(stream: SegmentedStream, options: WriteOptions) -> _Result:
     _check_options(options)
-    stream.notes.extend(describe_losses(stream.surface))
-    if fans := describe_fans(stream.surface.sizes(len(stream.faces))):
-        stream.notes.append(fans)
+    for segment_mesh in stream.meshes():
+        found = [*describe_losses(segment_mesh.surface)]
+        found.append(describe_fans(segment_mesh.surface.sizes(len(segment_mesh.faces))))
+        stream.notes.extend(one for one in found if one and one not in stream.notes)
     times_s = _times(stream)
-    sequence = stream.gather()
-    extent = sequence.extent
-    check_range(extent.low, extent.high)
-    diagonal = float(np.linalg.norm(extent.high - extent.low))
+    segments: Iterable[MeshSequence]
+    if stream.n_segments == 1:
+        [segments] = [[one.gather()] for one in stream.segments()]
+        extent = segments[0].extent
+        low, high = extent.low, extent.high
+    else:
+        low, high = _box(stream)
+        stream = sharing_materials(stream)
+        segments = (one.gather() for one in stream.segments())
+    check_range(low, high)
+    diagonal = float(np.linalg.norm(high - low))
     if options.max_error is not None:
         allowed = bound_of(options.max_error).percent(diagonal or 1.0)
     else:
@@ -150,10 +165,10 @@ def _build_result(stream: FrameStream, options: WriteOptions) -> _Result:
     budget = share_budget(allowed, diagonal, options.origin, is_total=options.max_error is not None)
     morph_options = MorphOptions(options.targets, budget.added, CHOICES[options.normals])
     stream.progress("morph targets", 0.0)
-    scene = build_scene(sequence, times_s, morph_options, stream.notes)
+    scene = build_scene(segments, stream.name, times_s, morph_options, stream.notes)
     if scene.n_isolated:
         stream.notes.append(f"left out {counted(scene.n_isolated, 'vertex')} that no face uses")
-    errors = np.max([one.errors for one in scene.meshes], axis=0)
+    errors = scene.errors
     result = _Result(scene, 100 * errors / (budget.diagonal or 1.0), budget, len(times_s))
     if budget.added and scene.n_targets and errors.max() > budget.added:
         remaining = budget.percent(budget.added)
@@ -164,6 +179,15 @@ def _build_result(stream: FrameStream, options: WriteOptions) -> _Result:
             f"{bound} allowed; use more targets, or allow a larger error (max_error)"
         )
     return result
+
+
+def _box(stream: SegmentedStream) -> tuple[Floats, Floats]:
+    """Return the corners of the bounding box of all frames, each of shape (3,)."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for segment in stream.quiet().segments():
+        for frame in segment.frames():
+            low, high = np.minimum(low, frame.min(axis=0)), np.maximum(high, frame.max(axis=0))
+    return low, high
 
 
 def _check_options(options: WriteOptions) -> None:
@@ -177,7 +201,7 @@ def _check_options(options: WriteOptions) -> None:
         bound_of(options.max_error)
 
 
-def _times(stream: FrameStream) -> Sequence[float]:
+def _times(stream: SegmentedStream) -> Sequence[float]:
     """Return the times of frames in seconds; glTF has no negative times."""
     if not stream.fps and stream.n_frames > 1:
         stream.notes.append(f"the frame rate is unknown; written as {DEFAULT_FPS:g} fps")
@@ -244,11 +268,32 @@ class _SceneWriter:
         self.materials = Materials(surface, self.buffer, notes)
         self.meshes: list[Json] = []
         self.morph_meshes: list[MorphMesh] = []
-        self.nodes: list[int] = []
         self.n_isolated = 0
+        self._nodes: list[tuple[int, slice]] = []
+        self._segments: list[tuple[int, slice]] = []
 
-    def add(self, part: PartMesh, sequence: MeshSequence, options: MorphOptions) -> None:
-        """Add a part; skip a part without faces."""
+    def begin_segment(self, number: int, name: str, frames: slice, start_s: float) -> str:
+        """Add a node above the meshes of a segment; return its path.
+
+        Parameters
+        ----------
+        frames : slice
+            Its frames.
+        start_s : float
+            Time of the first frame.
+        """
+        label = f"{name or 'segment'} {number}".replace("/", "_")
+        node = self.tree.group(label)
+        self.tree.nodes[node]["extras"] = {SEGMENT_START: start_s}
+        if number:  # without an animation, the first segment is shown
+            self.tree.nodes[node]["scale"] = [0.0, 0.0, 0.0]
+        self._segments.append((node, frames))
+        return f"/{label}"
+
+    def add(
+        self, part: PartMesh, sequence: MeshSequence, options: MorphOptions, frames: slice
+    ) -> None:
+        """Add a part of a segment with these frames; skip a part without faces."""
         hard_edges = part.surface.hard_edges
         if options.normals is NormalChoice.NONE:
             hard_edges = None  # only normals use them
@@ -270,54 +315,98 @@ class _SceneWriter:
             has_hard_edges=hard_edges is not None,
         )
         positions = sequence.vertices[:, part.verts]
-        frames = positions if used.all() else positions[:, used]
-        morph_mesh = fit_part(frames, faces, options, shading_mesh)
+        used_positions = positions if used.all() else positions[:, used]
+        morph_mesh = fit_part(used_positions, faces, options, shading_mesh)
         split = split.with_indices(of_vertices, of_rows)
         name = path_of(part.name)[-1]
-        self.nodes.append(self.tree.add(part.name, len(self.meshes), morph_mesh.placement))
+        node = self.tree.add(part.name, len(self.meshes), morph_mesh.placement)
+        self._nodes.append((node, frames))
         self.meshes.append(write_mesh(name, split, morph_mesh, self.buffer, self.materials))
         self.morph_meshes.append(morph_mesh)
 
     def animation(self, name: str, times_s: Sequence[float]) -> Json | None:
-        """Return the animation of all meshes with targets, or None without any."""
+        """Return the animation of all segments, and of meshes with targets; None without any."""
         samplers: list[Json] = []
         channels: list[Json] = []
         times = np.asarray(times_s, np.float32)
-        for node, morph_mesh in zip(self.nodes, self.morph_meshes, strict=True):
+        inputs: dict[tuple[int, int], int] = {}
+        for (node, frames), morph_mesh in zip(self._nodes, self.morph_meshes, strict=True):
             if morph_mesh.morphs is None:
                 continue
-            if not samplers:
-                shared = self.buffer.add_samples(times, are_times=True)
+            key = frames.start, frames.stop
+            if key not in inputs:
+                inputs[key] = self.buffer.add_samples(times[frames], are_times=True)
             values = self.buffer.add_samples(morph_mesh.morphs.weights, are_times=False)
-            target = {"node": node, "path": "weights"}
-            channels.append({"sampler": len(samplers), "target": target})
-            samplers.append({"input": shared, "output": values, "interpolation": "LINEAR"})
+            channels.append({"sampler": len(samplers), "target": {"node": node, "path": "weights"}})
+            samplers.append({"input": inputs[key], "output": values, "interpolation": "LINEAR"})
+        for node, frames in self._segments:
+            keys = _visibility_keys(frames, len(times))
+            shown = np.array([frames.start <= key < frames.stop for key in keys], np.float32)
+            sampled = self.buffer.add_samples(times[keys], are_times=True)
+            values = self.buffer.add_vectors(np.repeat(shown[:, np.newaxis], 3, axis=1))
+            channels.append({"sampler": len(samplers), "target": {"node": node, "path": "scale"}})
+            samplers.append({"input": sampled, "output": values, "interpolation": "STEP"})
         return {"name": name, "samplers": samplers, "channels": channels} if samplers else None
 
 
+def _visibility_keys(frames: slice, n_frames: int) -> list[int]:
+    """Return the frames at which the scale of a segment has keys.
+
+    The first segment has keys in all frames, so that readers find each of them even if no vertex
+    moves.
+    """
+    if frames.start == 0:
+        return [*range(n_frames)]
+    return sorted({0, frames.start, min(frames.stop, n_frames - 1)})
+
+
 def build_scene(
-    sequence: MeshSequence, times_s: Sequence[float], options: MorphOptions, notes: list[str]
+    segments: Iterable[MeshSequence],
+    name: str,
+    times_s: Sequence[float],
+    options: MorphOptions,
+    notes: list[str],
 ) -> Scene:
-    """Return the scene that plays a sequence.
+    """Return the scene that plays the segments of a sequence.
 
     Parameters
     ----------
-    sequence : MeshSequence
+    segments : iterable of MeshSequence
+        In order, at least one; all with the same materials.
+    name : str
+        Of the sequence.
     times_s : sequence of float
-        Times of the frames, not negative.
+        Times of the frames of all segments, not negative.
     options : MorphOptions
     notes : list of str
         Gains a sentence for every material property that glTF cannot store.
     """
-    writer = _SceneWriter(sequence.surface, notes)
-    parts = split_parts(sequence.faces, sequence.surface, sequence.n_verts, sequence.name)
-    for part in sorted(parts, key=lambda one: len(path_of(one.name))):
-        writer.add(part, sequence, options)
-    animation = writer.animation(sequence.name or "animation", times_s)
+    writer: _SceneWriter | None = None
+    errors: list[npt.NDArray[np.floating]] = []
+    has_hard_edges, first = False, 0
+    for number, segment in enumerate(segments):
+        writer = writer or _SceneWriter(segment.surface, notes)
+        frames = slice(first, first + segment.n_frames)
+        first = frames.stop
+        has_hard_edges = has_hard_edges or segment.surface.hard_edges is not None
+        above = ""
+        if segment.n_frames < len(times_s):
+            above = writer.begin_segment(number, name, frames, times_s[frames.start])
+        n_before = len(writer.morph_meshes)
+        parts = split_parts(segment.faces, segment.surface, segment.n_verts, name)
+        for part in sorted(parts, key=lambda one: len(path_of(one.name))):
+            placed = part
+            if above:
+                placed = replace(part, name="/".join([above, *path_of(part.name)]))
+            writer.add(placed, segment, options, frames)
+        own = [one.errors for one in writer.morph_meshes[n_before:]]
+        errors.append(np.max(own, axis=0) if own else np.zeros(segment.n_frames))
+    assert writer is not None
+    animation = writer.animation(name or "animation", times_s)
     document: Json = {
         "asset": {"version": "2.0", "generator": "meshreel"},
         "scene": 0,
-        "scenes": [{"name": sequence.name or "scene", "nodes": writer.tree.roots}],
+        "scenes": [{"name": name or "scene", "nodes": writer.tree.roots}],
         "nodes": writer.tree.nodes,
         "meshes": writer.meshes,
         **writer.materials.document(),
@@ -328,9 +417,16 @@ def build_scene(
     required = set(writer.materials.textures.required)
     if animation:
         document["animations"] = [animation]
+    if any(one.morphs is not None for one in writer.morph_meshes):
         required.add(QUANTIZATION)
-    has_hard_edges = sequence.surface.hard_edges is not None
     used = required | writer.materials.textures.used
     extensions = {"extensionsUsed": sorted(used), "extensionsRequired": sorted(required)}
     document |= {key: names for key, names in extensions.items() if names}
-    return Scene(document, writer.buffer, writer.morph_meshes, writer.n_isolated, has_hard_edges)
+    return Scene(
+        document,
+        writer.buffer,
+        writer.morph_meshes,
+        np.concatenate(errors),
+        writer.n_isolated,
+        has_hard_edges,
+    )

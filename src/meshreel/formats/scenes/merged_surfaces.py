@@ -172,26 +172,44 @@ def _merged_groups(
 def merge_materials(
     surfaces: Sequence[Surface],
 ) -> tuple[list[Surface], tuple[Material, ...], tuple[Image, ...]]:
-    """Return relabeled surfaces, and the materials and images of all of them.
+    """Return relabeled surfaces, and the materials and images of all, as `MaterialTable` does."""
+    table = MaterialTable()
+    relabelled = [table.add(surface) for surface in surfaces]
+    return relabelled, table.materials, table.images
+
+
+class MaterialTable:
+    """The materials and images of several surfaces.
 
     If two different materials share a name, the second one and the labels of its faces get a
     numbered name.
     """
-    images: dict[Image, int] = {}
-    materials: dict[str, Material] = {}
-    relabelled = []
-    for surface in surfaces:
+
+    def __init__(self) -> None:
+        self._images: dict[Image, int] = {}
+        self._materials: dict[str, Material] = {}
+
+    @property
+    def materials(self) -> tuple[Material, ...]:
+        """All materials added so far, with unique names."""
+        return tuple(self._materials.values())
+
+    @property
+    def images(self) -> tuple[Image, ...]:
+        """Their images."""
+        return tuple(self._images)
+
+    def add(self, surface: Surface) -> Surface:
+        """Add the materials of a surface; return it with the labels of its faces renamed."""
         numbers = {
-            number: images.setdefault(image, len(images))
+            number: self._images.setdefault(image, len(self._images))
             for number, image in enumerate(surface.images)
         }
         names = {
-            one.name: _add_material(renumbered(one, numbers), materials)
+            one.name: _add_material(renumbered(one, numbers), self._materials)
             for one in surface.materials
         }
-        groups = tuple(_rename_labels(one, names) for one in surface.groups)
-        relabelled.append(replace(surface, groups=groups))
-    return relabelled, tuple(materials.values()), tuple(images)
+        return replace(surface, groups=tuple(_rename_labels(one, names) for one in surface.groups))
 
 
 def _add_material(material: Material, materials: dict[str, Material]) -> str:
